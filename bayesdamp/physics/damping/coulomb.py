@@ -1,0 +1,29 @@
+"""Coulomb friction μ_c tanh(θ̇/ε) (paper, equation 3)."""
+
+import math
+
+from jax import Array
+from jax import numpy as jnp
+from jax.typing import ArrayLike
+
+from bayesdamp.physics.damping._term import DampingTerm
+
+
+class Coulomb(DampingTerm):
+    """F = μ_c tanh(θ̇/ε), μ_c in rad/s². With ε = 0 the sign itself, 0 at rest; sticking is the integrator's."""
+
+    name = "coulomb"
+    parameter = "mu_c"
+    unit = "rad/s²"
+    switches = True
+
+    def shape(self, velocity: ArrayLike, epsilon: ArrayLike) -> Array:
+        velocity = jnp.asarray(velocity)
+        smooth = jnp.tanh(velocity / jnp.where(epsilon == 0.0, 1.0, epsilon))
+        return jnp.where(epsilon == 0.0, jnp.sign(velocity), smooth)
+
+    def ratio_per_unit(self, amplitude: float, frequency: float) -> float:
+        return 2.0 / (math.pi * frequency**2 * amplitude)
+
+
+PLUGIN = Coulomb()

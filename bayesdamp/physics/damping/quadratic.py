@@ -1,0 +1,27 @@
+"""Quadratic damping μ_q θ̇|θ̇|, air drag (paper, equation 4)."""
+
+import math
+
+from jax import Array
+from jax import numpy as jnp
+from jax.typing import ArrayLike
+
+from bayesdamp.physics.damping._term import DampingTerm
+
+
+class Quadratic(DampingTerm):
+    """F = μ_q θ̇|θ̇|, μ_q in 1/rad."""
+
+    name = "quadratic"
+    parameter = "mu_q"
+    unit = "1/rad"
+
+    def shape(self, velocity: ArrayLike, epsilon: ArrayLike) -> Array:
+        velocity = jnp.asarray(velocity)
+        return velocity * jnp.abs(velocity)
+
+    def ratio_per_unit(self, amplitude: float, frequency: float) -> float:
+        return 4.0 * amplitude / (3.0 * math.pi)
+
+
+PLUGIN = Quadratic()

@@ -1,0 +1,24 @@
+"""Viscous damping 2ζθ̇ (paper, equation 2)."""
+
+from jax import Array
+from jax import numpy as jnp
+from jax.typing import ArrayLike
+
+from bayesdamp.physics.damping._term import DampingTerm
+
+
+class Viscous(DampingTerm):
+    """F = 2ζθ̇, ζ in 1/s: the paper's ζ, which is ω_n times the damping ratio of the standard form."""
+
+    name = "viscous"
+    parameter = "zeta"
+    unit = "1/s"
+
+    def shape(self, velocity: ArrayLike, epsilon: ArrayLike) -> Array:
+        return 2.0 * jnp.asarray(velocity)
+
+    def ratio_per_unit(self, amplitude: float, frequency: float) -> float:
+        return 1.0 / frequency
+
+
+PLUGIN = Viscous()

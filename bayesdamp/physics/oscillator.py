@@ -1,0 +1,80 @@
+"""An oscillator: a sum of damping terms and a restoring law."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import jax
+import numpy as np
+from jax import Array
+from jax import numpy as jnp
+from jax.typing import ArrayLike
+from scipy.optimize import brentq
+
+from bayesdamp.physics.damping import TERMS, DampingTerm
+from bayesdamp.physics.restoring import LAWS, RestoringLaw
+
+Parameters = Mapping[str, ArrayLike]
+
+
+@dataclass(frozen=True)
+class Oscillator:
+    """θ̈ + F_damp(θ̇) + F_rest(θ) = 0; parameters are a mapping of names to scalars (a pytree).
+
+    damping: names of the damping terms; restoring: name of the restoring law.
+    """
+
+    damping: tuple[str, ...]
+    restoring: str
+
+    @property
+    def terms(self) -> tuple[DampingTerm, ...]:
+        return tuple(TERMS.get(name) for name in self.damping)
+
+    @property
+    def law(self) -> RestoringLaw:
+        return LAWS.get(self.restoring)
+
+    @property
+    def coefficients(self) -> tuple[str, ...]:
+        """Names of the damping coefficients, in the order of the terms."""
+        return tuple(term.parameter for term in self.terms)
+
+    @property
+    def switches(self) -> bool:
+        """Whether ε matters: a term jumps with the sign of the velocity."""
+        return any(term.switches for term in self.terms)
+
+    @property
+    def parameters(self) -> tuple[str, ...]:
+        """Every parameter that a trajectory needs."""
+        epsilon = ("epsilon",) if self.switches else ()
+        return (*self.coefficients, *self.law.parameters, *epsilon, "theta0", "omega0")
+
+    def damping_force(self, omega: ArrayLike, p: Parameters) -> Array:
+        """F_damp(θ̇) in rad/s², of the shape of θ̇."""
+        epsilon = p.get("epsilon", 1.0)
+        return sum((p[t.parameter] * t.shape(omega, epsilon) for t in self.terms), jnp.zeros_like(omega))
+
+    def acceleration(self, theta: ArrayLike, omega: ArrayLike, p: Parameters) -> Array:
+        """θ̈ in rad/s²; θ and θ̇ of one shape."""
+        return -self.damping_force(omega, p) - self.law.force(theta, p)
+
+    def equilibrium(self, p: Parameters, near: float = 0.0) -> float:
+        """The stable rest position nearest to `near`, in rad.
+
+        Raises ValueError where the law has none within 10 rad.
+        """
+        grid = near + np.linspace(-10.0, 10.0, 4001)
+        force = np.asarray(self.law.force(grid, p))
+        rising = np.flatnonzero((force[:-1] <= 0) & (force[1:] > 0))
+        if rising.size == 0:
+            raise ValueError(f"{self.restoring} has no stable equilibrium within 10 rad of {near:.3g}")
+        i = rising[np.argmin(np.abs(grid[rising] - near))]
+        return float(brentq(lambda x: float(self.law.force(x, p)), grid[i], grid[i + 1], xtol=1e-14))
+
+    def natural_frequency(self, p: Parameters, near: float = 0.0) -> float:
+        """ω_n = √F′_rest at the equilibrium, rad/s."""
+        at = self.equilibrium(p, near)
+        return float(np.sqrt(jax.grad(lambda x: self.law.force(x, p))(at)))

@@ -1,0 +1,50 @@
+"""What a restoring law is."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from jax import Array
+from jax.typing import ArrayLike
+
+
+@dataclass(frozen=True)
+class LinearForm:
+    """F_rest(θ) = offset(θ) + columns(θ) @ coefficients, for regressions.
+
+    columns: shape (n, c); offset: shape (n,), the part that is known.
+    decode: coefficients, shape (c,), to the values of the free parameters.
+    """
+
+    columns: np.ndarray
+    offset: np.ndarray
+    decode: Callable[[np.ndarray], dict[str, float]]
+
+
+class RestoringLaw(ABC):
+    """F_rest(θ) with named parameters. Units for an angle in rad and a time in s."""
+
+    name: str
+    parameters: tuple[str, ...]
+    translates: bool = False
+    """Whether the law also describes a translation in metres."""
+
+    @abstractmethod
+    def force(self, theta: ArrayLike, p: Mapping[str, ArrayLike]) -> Array:
+        """Restoring force per inertia, rad/s²; θ of any shape, parameters broadcast against it."""
+
+    @abstractmethod
+    def start(self, frequency: float, rest: float, known: Mapping[str, float]) -> dict[str, float]:
+        """All parameters, the known ones as known, the others such that small motions about `rest` (rad)
+        have this angular frequency (rad/s), as far as what is known allows."""
+
+    @abstractmethod
+    def linear_form(self, theta: np.ndarray, known: Mapping[str, float]) -> LinearForm:
+        """The law as a linear regression on the parameters that are not in `known`; θ of shape (n,)."""
+
+    def unit(self, parameter: str) -> str:
+        """Unit of a parameter for an angle in rad."""
+        return {"stiffness": "1/s²", "gravity": "rad/s²", "cubic": "1/(rad² s²)"}.get(parameter, "rad")

@@ -1,0 +1,52 @@
+"""Duffing spring k(θ − θ_e) + β(θ − θ_e)³."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from jax import Array
+from jax import numpy as jnp
+from jax.typing import ArrayLike
+
+from bayesdamp.physics.restoring._law import LinearForm, RestoringLaw
+
+
+class Duffing(RestoringLaw):
+    """F = k x + β x³ with x = θ − θ_e; β may be negative, and then a trajectory can escape."""
+
+    name = "duffing"
+    parameters = ("stiffness", "rest_angle", "cubic")
+    translates = True
+
+    def force(self, theta: ArrayLike, p: Mapping[str, ArrayLike]) -> Array:
+        x = jnp.asarray(theta) - p["rest_angle"]
+        return p["stiffness"] * x + p["cubic"] * x**3
+
+    def start(self, frequency: float, rest: float, known: Mapping[str, float]) -> dict[str, float]:
+        return {"stiffness": frequency**2, "rest_angle": rest, "cubic": 0.0, **known}
+
+    def linear_form(self, theta: np.ndarray, known: Mapping[str, float]) -> LinearForm:
+        if "rest_angle" in known:
+            x = theta - known["rest_angle"]
+            free = [n for n in ("stiffness", "cubic") if n not in known]
+            powers = {"stiffness": x, "cubic": x**3}
+            offset = sum((known[n] * powers[n] for n in powers if n in known), np.zeros_like(x))
+            columns = np.column_stack([powers[n] for n in free]) if free else np.zeros((x.size, 0))
+            return LinearForm(columns, offset, lambda c: dict(zip(free, map(float, c))))
+
+        # θ_e free: the cubic in θ has one coefficient more than the law; θ_e is its real root nearest the mean.
+        centre = float(theta.mean())
+        x = theta - centre
+
+        def decode(c: np.ndarray) -> dict[str, float]:
+            roots = np.roots(c[::-1])
+            real = roots[np.abs(roots.imag) < 1e-9 * (1 + np.abs(roots))].real
+            x_e = float(real[np.argmin(np.abs(real))])
+            found = {"stiffness": float(c[1] + 2 * c[2] * x_e + 3 * c[3] * x_e**2), "cubic": float(c[3])}
+            return {"rest_angle": centre + x_e, **{n: v for n, v in found.items() if n not in known}}
+
+        return LinearForm(np.column_stack([x**0, x, x**2, x**3]), np.zeros_like(x), decode)
+
+
+PLUGIN = Duffing()

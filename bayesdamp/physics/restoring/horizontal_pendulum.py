@@ -1,0 +1,61 @@
+"""The paper's horizontal pendulum k(θ − θ_s) − γ cos θ (paper, equation 1, with θ_s = 0 and γ = 1)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+import numpy as np
+from jax import Array
+from jax import numpy as jnp
+from jax.typing import ArrayLike
+
+from bayesdamp.physics.restoring._law import LinearForm, RestoringLaw
+
+
+class HorizontalPendulum(RestoringLaw):
+    """F = k(θ − θ_s) − γ cos θ: an arm on a torsion spring; γ is signed and may be as large as k."""
+
+    name = "horizontal_pendulum"
+    parameters = ("stiffness", "gravity", "spring_angle")
+
+    def force(self, theta: ArrayLike, p: Mapping[str, ArrayLike]) -> Array:
+        theta = jnp.asarray(theta)
+        return p["stiffness"] * (theta - p["spring_angle"]) - p["gravity"] * jnp.cos(theta)
+
+    def start(self, frequency: float, rest: float, known: Mapping[str, float]) -> dict[str, float]:
+        gravity = known.get("gravity", 0.0)
+        stiffness = known.get("stiffness", frequency**2 - gravity * math.sin(rest))
+        spring = rest - gravity * math.cos(rest) / stiffness
+        return {"stiffness": stiffness, "gravity": gravity, "spring_angle": spring, **known}
+
+    def linear_form(self, theta: np.ndarray, known: Mapping[str, float]) -> LinearForm:
+        # F = kθ − kθ_s − γ cos θ: linear in (k, kθ_s, γ), or in (k, γ) where θ_s is known.
+        names, columns, offset = [], [], np.zeros_like(theta)
+        spring = known.get("spring_angle")
+        lever = theta if spring is None else theta - spring
+        if "stiffness" in known:
+            offset = offset + known["stiffness"] * lever
+        else:
+            names.append("stiffness")
+            columns.append(lever)
+        if "gravity" in known:
+            offset = offset - known["gravity"] * np.cos(theta)
+        else:
+            names.append("gravity")
+            columns.append(-np.cos(theta))
+        if spring is None:
+            names.append("torque")
+            columns.append(-np.ones_like(theta))
+
+        def decode(c: np.ndarray) -> dict[str, float]:
+            found = dict(zip(names, map(float, c)))
+            if spring is None:
+                torque = found.pop("torque")
+                found["spring_angle"] = torque / found.get("stiffness", known.get("stiffness", np.nan))
+            return found
+
+        return LinearForm(np.column_stack(columns) if columns else np.zeros((theta.size, 0)), offset, decode)
+
+
+PLUGIN = HorizontalPendulum()

@@ -1,0 +1,44 @@
+"""Linear spring k(θ − θ_e)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from jax import Array
+from jax import numpy as jnp
+from jax.typing import ArrayLike
+
+from bayesdamp.physics.restoring._law import LinearForm, RestoringLaw
+
+
+class Linear(RestoringLaw):
+    """F = k(θ − θ_e)."""
+
+    name = "linear"
+    parameters = ("stiffness", "rest_angle")
+    translates = True
+
+    def force(self, theta: ArrayLike, p: Mapping[str, ArrayLike]) -> Array:
+        return p["stiffness"] * (jnp.asarray(theta) - p["rest_angle"])
+
+    def start(self, frequency: float, rest: float, known: Mapping[str, float]) -> dict[str, float]:
+        return {"stiffness": frequency**2, "rest_angle": rest, **known}
+
+    def linear_form(self, theta: np.ndarray, known: Mapping[str, float]) -> LinearForm:
+        k, rest = known.get("stiffness"), known.get("rest_angle")
+        none, one = np.zeros((theta.size, 0)), np.ones_like(theta)
+        if k is not None and rest is not None:
+            return LinearForm(none, k * (theta - rest), lambda c: {})
+        if k is not None:
+            return LinearForm(-k * one[:, None], k * theta, lambda c: {"rest_angle": float(c[0])})
+        if rest is not None:
+            return LinearForm((theta - rest)[:, None], 0 * one, lambda c: {"stiffness": float(c[0])})
+        return LinearForm(
+            np.column_stack([theta, one]),
+            0 * one,
+            lambda c: {"stiffness": float(c[0]), "rest_angle": float(-c[1] / c[0])},
+        )
+
+
+PLUGIN = Linear()

@@ -1,0 +1,44 @@
+"""Gravity pendulum k sin(θ − θ_e)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+import numpy as np
+from jax import Array
+from jax import numpy as jnp
+from jax.typing import ArrayLike
+
+from bayesdamp.physics.restoring._law import LinearForm, RestoringLaw
+
+
+class Pendulum(RestoringLaw):
+    """F = k sin(θ − θ_e), θ_e the hanging position."""
+
+    name = "pendulum"
+    parameters = ("stiffness", "rest_angle")
+
+    def force(self, theta: ArrayLike, p: Mapping[str, ArrayLike]) -> Array:
+        return p["stiffness"] * jnp.sin(jnp.asarray(theta) - p["rest_angle"])
+
+    def start(self, frequency: float, rest: float, known: Mapping[str, float]) -> dict[str, float]:
+        return {"stiffness": frequency**2, "rest_angle": rest, **known}
+
+    def linear_form(self, theta: np.ndarray, known: Mapping[str, float]) -> LinearForm:
+        k, rest = known.get("stiffness"), known.get("rest_angle")
+        zero = np.zeros_like(theta)
+        if rest is not None:
+            wave = np.sin(theta - rest)
+            if k is not None:
+                return LinearForm(np.zeros((theta.size, 0)), k * wave, lambda c: {})
+            return LinearForm(wave[:, None], zero, lambda c: {"stiffness": float(c[0])})
+
+        def decode(c: np.ndarray) -> dict[str, float]:
+            found = {"rest_angle": math.atan2(-c[1], c[0])}
+            return found if k is not None else {"stiffness": float(np.hypot(*c)), **found}
+
+        return LinearForm(np.column_stack([np.sin(theta), np.cos(theta)]), zero, decode)
+
+
+PLUGIN = Pendulum()

@@ -1,0 +1,49 @@
+"""One way to find a plug-in by its name: the module of that name, imported only when it is asked for."""
+
+from __future__ import annotations
+
+import importlib
+import pkgutil
+from difflib import get_close_matches
+from typing import Generic, TypeVar
+
+from bayesdamp.types import InputError
+
+T = TypeVar("T")
+
+
+class Registry(Generic[T]):
+    """Plug-ins of one kind: each module of `package` holds one, bound to the name `PLUGIN`."""
+
+    def __init__(self, package: str, kind: str) -> None:
+        self.package = package
+        self.kind = kind
+        self._added: dict[str, T] = {}
+
+    def names(self) -> list[str]:
+        """All names, sorted; nothing is imported."""
+        path = importlib.import_module(self.package).__path__
+        found = {m.name for m in pkgutil.iter_modules(path) if not m.name.startswith("_")}
+        return sorted(found | set(self._added))
+
+    def add(self, name: str, plugin: T) -> None:
+        """Make a plug-in known that has no module in the package (a user's own)."""
+        self._added[name] = plugin
+
+    def remove(self, name: str) -> None:
+        """Forget a plug-in that `add` made known."""
+        self._added.pop(name, None)
+
+    def get(self, name: str) -> T:
+        """The plug-in of that name. Raises InputError with the nearest valid name."""
+        if name in self._added:
+            return self._added[name]
+        if name not in self.names():
+            raise InputError(f"unknown {self.kind} {name!r}{nearest(name, self.names())}")
+        return importlib.import_module(f"{self.package}.{name}").PLUGIN
+
+
+def nearest(name: str, valid: list[str]) -> str:
+    """A clause that names the nearest valid name, or all of them."""
+    close = get_close_matches(name, valid, n=1, cutoff=0.6)
+    return f"; did you mean {close[0]!r}?" if close else f"; valid are {', '.join(valid)}"

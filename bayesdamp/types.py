@@ -1,0 +1,121 @@
+"""The values that flow from one stage to the next. Frozen, with hardly any behaviour."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+OK = "ok"
+
+
+class BayesdampError(Exception):
+    """Base of the errors that a user can mend; its text is one clear line."""
+
+
+class InputError(BayesdampError):
+    """The input is wrong: the text says where, what, and what would be right (exit status 2)."""
+
+
+class Refusal(BayesdampError):
+    """A method cannot work on this record; the text is the sentence that the tables show."""
+
+
+@dataclass(frozen=True)
+class Signal:
+    """A record after cleaning, in SI units, without the truth.
+
+    t: times in s, shape (n,), strictly increasing, t[0] = 0 at the first kept sample.
+    y: the recorded quantity, shape (n,): rad or m, per s or per s² for velocity or acceleration.
+    quantity: "angle", "velocity" or "acceleration".
+    unit: "rad" or "m": the unit of the displacement itself.
+    step: the recording step (quantisation) in the unit of y, 0 where none is seen.
+    provenance: what was done to the record, in words, and the numbers that go into run.json.
+    """
+
+    t: np.ndarray
+    y: np.ndarray
+    quantity: str = "angle"
+    unit: str = "rad"
+    name: str = "signal"
+    step: float = 0.0
+    provenance: Mapping[str, object] = field(default_factory=dict)
+
+    @property
+    def uniform(self) -> bool:
+        """Whether the samples are equally spaced to a thousandth of the spacing."""
+        gaps = np.diff(self.t)
+        return bool(np.all(np.abs(gaps - gaps.mean()) <= 1e-3 * gaps.mean()))
+
+
+@dataclass(frozen=True)
+class System:
+    """What is known of the oscillator, never the truth of what is sought.
+
+    restoring: name of the restoring law.
+    known: parameter name to its known value (restoring parameters, theta0, omega0, epsilon, noise_sd, ...).
+    free: parameter name to a prior, or None for the default prior.
+    amplitude, frequency: the study's reference amplitude (unit of the displacement) and angular frequency (rad/s).
+    """
+
+    restoring: str
+    known: Mapping[str, float] = field(default_factory=dict)
+    free: Mapping[str, object | None] = field(default_factory=dict)
+    amplitude: float | None = None
+    frequency: float | None = None
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A point estimate of one method at one stage.
+
+    values: parameter name to value, only what the method itself computed (SI units).
+    stderr: parameter name to the method's own standard error, where it has one.
+    trace: named convergence curves, each an array.
+    """
+
+    estimator: str
+    stage: str
+    values: Mapping[str, float] = field(default_factory=dict)
+    stderr: Mapping[str, float] = field(default_factory=dict)
+    trace: Mapping[str, np.ndarray] = field(default_factory=dict)
+    evaluations: int = 0
+    seconds: float = 0.0
+    outcome: str = OK
+
+
+@dataclass(frozen=True)
+class Posterior:
+    """Draws of a posterior: draws[chain, draw, parameter] in natural units."""
+
+    sampler: str
+    names: tuple[str, ...]
+    draws: np.ndarray
+    log_likelihood: np.ndarray
+    stats: Mapping[str, np.ndarray] = field(default_factory=dict)
+    diagnostics: Mapping[str, object] = field(default_factory=dict)
+    seconds: float = 0.0
+    outcome: str = OK
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """Log marginal likelihood of one model by one method (nats), with its standard error and diagnostic."""
+
+    model: str
+    method: str
+    log_evidence: float = float("nan")
+    stderr: float = float("nan")
+    diagnostic: str = ""
+    evaluations: int = 0
+    seconds: float = 0.0
+    outcome: str = OK
+
+
+@dataclass(frozen=True)
+class Problem:
+    """What an estimator is asked: these damping terms, on what is known of the system."""
+
+    damping: tuple[str, ...]
+    system: System
