@@ -1,0 +1,1 @@
+"""Records: reading, cleaning, their plain features, and simulated ones."""

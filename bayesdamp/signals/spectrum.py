@@ -1,0 +1,58 @@
+"""The period of a decaying oscillation, coarsely: the local sinusoid that captures most of a record."""
+
+from __future__ import annotations
+
+import numpy as np
+
+MOST = 16384
+"""Samples that the search works on at most; longer records are averaged in blocks."""
+
+
+def on_grid(t: np.ndarray, y: np.ndarray, most: int = MOST) -> tuple[float, np.ndarray]:
+    """(spacing in s, y on equally spaced times), shapes (n,) in and (m ≤ most,) out, by linear interpolation."""
+    block = -(-t.size // most)
+    if block > 1:
+        m = t.size // block
+        t = t[: m * block].reshape(m, block).mean(1)
+        y = y[: m * block].reshape(m, block).mean(1)
+    spacing = float((t[-1] - t[0]) / (t.size - 1))
+    return spacing, np.interp(t[0] + spacing * np.arange(t.size), t, y)
+
+
+def captured(y: np.ndarray, samples: float) -> tuple[float, float]:
+    """How much of y (n,) sinusoids of a period of so many samples capture, in windows of two periods.
+
+    Returns the mean square captured beyond what white noise would give, and its share of all that is no
+    trend.
+    """
+    length = int(min(max(round(2 * samples), 7), y.size))
+    x = np.arange(length) - (length - 1) / 2
+    trend = [np.ones(length), x] if length < 14 else [np.ones(length), x, x**2]
+    angle = 2 * np.pi * x / samples
+    basis = np.linalg.qr(np.stack([*trend, np.cos(angle), np.sin(angle)], axis=1))[0]
+    windows = np.lib.stride_tricks.sliding_window_view(y, length)[:: max(1, length // 4)]
+    windows = windows - windows.mean(axis=1, keepdims=True)
+    power = (windows @ basis) ** 2
+    wave = power[:, -2:].sum(axis=1)
+    rest = np.maximum((windows**2).sum(axis=1) - power.sum(axis=1), 0.0)
+    free = length - basis.shape[1]
+    net = float(np.mean(wave - 2 * rest / free)) / length
+    whole = float(np.mean(wave + rest)) / length
+    return net, net / whole if whole > 0 else 0.0
+
+
+def coarse_period(t: np.ndarray, y: np.ndarray, longest: float | None = None) -> tuple[float, float]:
+    """(period in s to a few per cent, share 0..1 that the oscillation has in the record).
+
+    t, y: shape (n,), t increasing; longest: longest period looked for, default the record's length. Only the
+    average period is found where it changes with the amplitude. The share is near 0 for noise.
+    """
+    spacing, y = on_grid(t, y)
+    most = (y.size - 1) if longest is None else longest / spacing
+    grid = np.geomspace(4.0, max(most, 4.4), int(28 * np.log10(max(most, 4.4) / 4.0)) + 3)
+    scores = [captured(y, p)[0] for p in grid]
+    best = int(np.argmax(scores))
+    fine = np.geomspace(grid[max(best - 1, 0)], grid[min(best + 1, grid.size - 1)], 17)
+    results = [captured(y, p) for p in fine]
+    best = int(np.argmax([r[0] for r in results]))
+    return float(fine[best] * spacing), max(results[best][1], 0.0)
