@@ -64,9 +64,8 @@ def features(signal: Signal) -> Features:
     period = mean_period(crossings, sharp, turns.times)
     noise = noise_of(t, y, period)
     gaps = np.diff(turns.times)
-    ends = min((turns.times[0] - t[0]) / (2 * gaps[0]), 0.5) + min(
-        (t[-1] - turns.times[-1]) / (2 * gaps[-1]), 0.5
-    )
+    before = min((turns.times[0] - t[0]) / (2 * gaps[0]), 0.5)
+    after = min((t[-1] - turns.times[-1]) / (2 * gaps[-1]), 0.5)
     frequency = 2 * np.pi / period
     order = {"angle": 0, "velocity": 1, "acceleration": 2}[signal.quantity]
     return Features(
@@ -146,7 +145,7 @@ def crossing_times(
 
 
 def mean_period(crossings: np.ndarray, weights: np.ndarray, turning_times: np.ndarray) -> float:
-    """The period in s: a weighted line through crossings (k,), rising and falling ones with their own offset."""
+    """The period in s: a weighted line through crossings (k,), rising and falling ones offset."""
     if np.count_nonzero(weights) < 4:
         ready = crossings if crossings.size >= 3 else turning_times
         return float(2 * (ready[-1] - ready[0]) / (ready.size - 1))

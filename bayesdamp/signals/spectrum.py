@@ -9,7 +9,7 @@ MOST = 16384
 
 
 def on_grid(t: np.ndarray, y: np.ndarray, most: int = MOST) -> tuple[float, np.ndarray]:
-    """(spacing in s, y on equally spaced times), shapes (n,) in and (m ≤ most,) out, by linear interpolation."""
+    """(spacing in s, y on equally spaced times): shapes (n,) in, (m ≤ most,) out; linear interpolation."""
     block = -(-t.size // most)
     if block > 1:
         m = t.size // block

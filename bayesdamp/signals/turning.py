@@ -163,7 +163,7 @@ def turning_points(t: np.ndarray, y: np.ndarray, period: float, roughness: float
 
 
 def _half_width(period: float, spacing: float, amplitude: float, roughness: float) -> float:
-    """The narrowest window in which noise moves a turning value by less than a thousandth of the amplitude."""
+    """The narrowest window in which noise moves a turning value by less than 0.1 % of the amplitude."""
     for share in (1 / 12, 1 / 8, 1 / 6):
         samples = 2 * share * period / spacing
         if samples >= 12 and 2.5 * roughness <= 1e-3 * amplitude * np.sqrt(samples):
