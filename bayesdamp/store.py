@@ -1,4 +1,4 @@
-"""A run's folder: one atomic file a cell, the tables, provenance, a lock. What a cell computes it does not know."""
+"""A run's folder: one atomic file a cell, the tables, provenance, and a lock."""
 
 from __future__ import annotations
 
@@ -287,7 +287,8 @@ def provenance(inputs: Iterable[Path] = (), packages: Iterable[str] = ()) -> dic
 
     inputs: files whose SHA-256 is noted.
     packages: names of distributions; by default all that bayesdamp requires.
-    Returns versions {package: version}, revision, machine {system, processor, cpus, python}, inputs {path: sha}.
+    Returns versions {package: version}, revision, machine {system, processor, cpus, python} and
+    inputs {path: hash}.
     """
     return {
         "versions": _versions(packages),
