@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.ndimage import maximum_filter1d, minimum_filter1d
+from scipy.ndimage import maximum_filter1d, median_filter, minimum_filter1d
 
 PER_CYCLE = 48
 """Samples a cycle that suffice to find a turning point before it is refined on all samples."""
@@ -40,6 +40,8 @@ def thinned(t: np.ndarray, y: np.ndarray, period: float) -> tuple[np.ndarray, np
     grid = np.arange(t[0], t[-1] + gap / 2, gap)
     values = np.interp(grid, t, y)
     a_period = max(round(period / gap), 3)
+    if a_period >= 24:  # spikes must not count as turning points
+        values = median_filter(values, 5 if a_period >= 40 else 3, mode="nearest")
     half = a_period // 10
     if half:
         kernel = np.hanning(2 * half + 3)[1:-1]
