@@ -1,0 +1,103 @@
+"""Point estimates of damping: each method's own, and the trajectory fit that starts there."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+from pydantic import ValidationError
+
+from bayesdamp.estimators._protocol import Estimator, Options
+from bayesdamp.estimators.refine import refine
+from bayesdamp.plugins import Registry, nearest
+from bayesdamp.types import OK, Estimate, InputError, Problem, Refusal, Signal
+
+ESTIMATORS: Registry[Estimator] = Registry("bayesdamp.estimators.methods", "estimator")
+STAGES = ("initial", "refined")
+ELEVEN = (
+    "topological",
+    "least_squares",
+    "koopman",
+    "sindy",
+    "weak_sindy",
+    "pinn",
+    "neural_ode",
+    "rnn",
+    "symbolic_regression",
+    "envelope",
+    "genetic",
+)
+
+__all__ = ["ELEVEN", "ESTIMATORS", "STAGES", "Estimator", "Options", "names_for_all", "parse_options", "run"]
+
+
+def names_for_all() -> list[str]:
+    """What `use = "all"` means: those of the eleven that are there, in their order. Nothing is imported."""
+    there = set(ESTIMATORS.names())
+    return [name for name in ELEVEN if name in there]
+
+
+def parse_options(name: str, options: Mapping[str, object] | None) -> Options:
+    """The options of one estimator, checked.
+
+    Raises InputError with the nearest valid name for an unknown key, or with what a value should be.
+    """
+    model = ESTIMATORS.get(name).options
+    for key in options or {}:
+        if key not in model.model_fields:
+            valid = list(model.model_fields)
+            hint = nearest(str(key), valid) if valid else "; it has none"
+            raise InputError(f"[estimators.{name}] has no option {key!r}{hint}")
+    try:
+        return model.model_validate(dict(options or {}))
+    except ValidationError as error:
+        first = error.errors()[0]
+        key = ".".join(str(part) for part in first["loc"])
+        raise InputError(f"[estimators.{name}] {key} = {first['input']!r}: {first['msg']}") from None
+
+
+def run(
+    name: str,
+    signal: Signal,
+    problem: Problem,
+    *,
+    options: Mapping[str, object] | None = None,
+    stages: Sequence[str] = STAGES,
+    seed: int | Sequence[int] | np.random.SeedSequence,
+) -> list[Estimate]:
+    """One estimator on one record: an Estimate for each stage asked for, in the order of `STAGES`.
+
+    A method that cannot work on the record gives an Estimate without values whose outcome is its sentence;
+    every other exception propagates. seconds are those of the stage itself.
+    Raises InputError for an unknown estimator, option or stage.
+    """
+    for stage in stages:
+        if stage not in STAGES:
+            raise InputError(f"unknown stage {stage!r}{nearest(stage, list(STAGES))}")
+    estimator, parsed = ESTIMATORS.get(name), parse_options(name, options)
+    rng = np.random.default_rng(seed)
+    if sentence := estimator.refuses(problem.damping):
+        return [Estimate(name, stage, outcome=sentence) for stage in STAGES if stage in stages]
+
+    first = _timed(name, "initial", lambda: estimator.initial(signal, problem, parsed, rng))
+    found = [first] if "initial" in stages else []
+    if "refined" in stages:
+        if first.values:
+            found.append(_timed(name, "refined", lambda: refine(signal, problem, first)))
+        else:
+            found.append(Estimate(name, "refined", outcome=f"no initial estimate to refine: {first.outcome}"))
+    return found
+
+
+def _timed(name: str, stage: str, compute: Callable[[], Estimate]) -> Estimate:
+    start = time.perf_counter()
+    try:
+        estimate = compute()
+        bad = [key for key, value in estimate.values.items() if not np.isfinite(value)]
+        if bad and estimate.outcome == OK:
+            estimate = replace(estimate, values={}, outcome=f"the estimate of {', '.join(bad)} is not finite")
+    except Refusal as refusal:
+        estimate = Estimate(name, stage, outcome=str(refusal))
+    return replace(estimate, estimator=name, stage=stage, seconds=time.perf_counter() - start)

@@ -1,0 +1,39 @@
+"""What an estimator is."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict
+
+from bayesdamp.types import Estimate, Problem, Signal
+
+
+class Options(BaseModel):
+    """Options of one estimator: a frozen model with defaults that refuses what it does not know."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+
+class Estimator(ABC):
+    """A way to read damping coefficients off one record.
+
+    name: the module's name. options: the class of its options.
+    """
+
+    name: str
+    options: type[Options]
+
+    @abstractmethod
+    def refuses(self, damping: tuple[str, ...]) -> str | None:
+        """A sentence why this sum of damping terms cannot be estimated, or None."""
+
+    @abstractmethod
+    def initial(
+        self, signal: Signal, problem: Problem, options: Options, rng: np.random.Generator
+    ) -> Estimate:
+        """The method's own estimate from the record and what is known of the system.
+
+        Raises Refusal with a sentence where the method cannot work on the record.
+        """

@@ -1,0 +1,1 @@
+"""The estimators: one module each, found by name, bound to `PLUGIN`."""

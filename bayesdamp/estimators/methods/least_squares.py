@@ -1,0 +1,169 @@
+"""Linear regression of the equation of motion (paper, section 3.10, equation 23)."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import numpy as np
+
+from bayesdamp.estimators._protocol import Estimator, Options
+from bayesdamp.estimators.shared import (
+    Motion,
+    checked_features,
+    epsilon_of,
+    free_names,
+    known_restoring,
+    motion,
+    oscillator,
+)
+from bayesdamp.types import Estimate, Problem, Refusal, Signal
+
+ROUNDS = 50
+
+
+class LeastSquaresOptions(Options):
+    """variant: ordinary, weighted by the local scatter, iteratively reweighted (Huber), or total."""
+
+    variant: Literal["ols", "wls", "irls", "tls"] = "ols"
+
+
+class LeastSquares(Estimator):
+    """θ̈ + F_rest(θ) = −Σ coefficient · shape(θ̇), solved for whatever is not known.
+
+    A coefficient may come out negative: it is reported as it is.
+    """
+
+    name = "least_squares"
+    options = LeastSquaresOptions
+
+    def refuses(self, damping: tuple[str, ...]) -> str | None:
+        return None
+
+    def initial(
+        self, signal: Signal, problem: Problem, options: Options, rng: np.random.Generator
+    ) -> Estimate:
+        assert isinstance(options, LeastSquaresOptions)
+        seen = checked_features(signal)
+        moving = motion(signal, problem, seen)
+        osc, known = oscillator(problem), known_restoring(problem)
+        theta, omega, _ = moving.everywhere
+        epsilon = epsilon_of(problem, seen)
+
+        form = osc.law.linear_form(theta, known)
+        damping = [np.asarray(term.shape(omega, epsilon)) for term in osc.terms]
+        columns = [moving.project(x) for x in (*damping, *form.columns.T)]
+        target = -(moving.alpha + moving.project(form.offset))
+        # Guessed constants of integration shift the restoring force by a constant and a slope.
+        drift = [(moving.t - moving.t[0]) ** j for j in range(moving.integrated if len(known) else 0)]
+        a = np.column_stack([*columns, *drift])
+        if np.linalg.matrix_rank(a / np.linalg.norm(a, axis=0)) < a.shape[1]:
+            raise Refusal("the record does not tell the unknown parameters apart")
+
+        count = len(damping) + form.columns.shape[1]
+        if options.variant == "tls":
+            noise = _noise_of_columns(moving, osc, epsilon, form.columns.shape[1], len(drift))
+            x = _total(a, target, noise)
+            weight = np.ones(target.size)
+        else:
+            weight, x = _weighted(a, target, moving.t, seen.period, options.variant)
+        covariance = _covariance(a, target - a @ x, weight, moving.t, seen.period)[:count, :count]
+
+        names = osc.coefficients
+        values = dict(zip(names, map(float, x)))
+        stderr = dict(zip(names, np.sqrt(np.diag(covariance)).tolist()))
+        start, size = len(damping), form.columns.shape[1]
+        if size:
+            c, spread = x[start:count], covariance[start:count, start:count]
+            values |= form.decode(c)
+            stderr |= _decoded_stderr(form.decode, c, spread)
+        for name, value in (("theta0", moving.theta0), ("omega0", moving.omega0)):
+            if name in free_names(problem):
+                values[name] = value
+        return Estimate(self.name, "initial", values, stderr, evaluations=1)
+
+
+def _solve(a: np.ndarray, b: np.ndarray, weight: np.ndarray) -> np.ndarray:
+    root, scale = np.sqrt(weight), np.linalg.norm(a, axis=0)
+    return np.linalg.lstsq(a / scale * root[:, None], b * root, rcond=None)[0] / scale
+
+
+def _weighted(
+    a: np.ndarray, b: np.ndarray, t: np.ndarray, period: float, variant: str
+) -> tuple[np.ndarray, np.ndarray]:
+    """(weights, solution): weights 1 (ols), one over the scatter within a period (wls), Huber's (irls)."""
+    weight = np.ones(b.size)
+    x = _solve(a, b, weight)
+    if variant == "wls":
+        rest = (b - a @ x) ** 2
+        width = max(3, round(period / np.median(np.diff(t))))
+        padded = np.pad(rest, (width // 2, width - 1 - width // 2), mode="reflect" if rest.size > width else "edge")
+        local = np.convolve(padded, np.full(width, 1.0 / width), mode="valid")
+        weight = 1.0 / np.maximum(local, 1e-3 * local.mean() + 1e-300)
+        weight = weight / weight.mean()
+        x = _solve(a, b, weight)
+    elif variant == "irls":
+        for _ in range(ROUNDS):
+            rest = np.abs(b - a @ x)
+            limit = 1.345 * 1.4826 * float(np.median(rest))
+            weight = np.minimum(1.0, limit / np.maximum(rest, 1e-300)) if limit > 0 else weight
+            last, x = x, _solve(a, b, weight)
+            if np.allclose(x, last, rtol=1e-10, atol=0.0):
+                break
+    return weight, x
+
+
+def _total(a: np.ndarray, b: np.ndarray, noise: np.ndarray) -> np.ndarray:
+    """Total least squares: errors in the columns of a (n, c) and in b, of sizes `noise` (c + 1,).
+
+    Columns without error are eliminated first (mixed least and total least squares).
+    """
+    scaled = np.column_stack([a, b]) / noise
+    vector = np.linalg.svd(np.linalg.qr(scaled, mode="r"))[2][-1]
+    if abs(vector[-1]) < 1e-12:
+        raise Refusal("total least squares has no solution: the unknown parameters are not told apart")
+    return -vector[:-1] / vector[-1] * noise[-1] / noise[:-1]
+
+
+def _noise_of_columns(
+    moving: Motion, osc: object, epsilon: float, restoring: int, drift: int
+) -> np.ndarray:
+    """Relative size of the noise in each column and in the target: white noise within the bandwidth."""
+    band = moving.bandwidth
+    velocity = band / np.sqrt(3.0)
+    step = 1e-4 * float(np.abs(moving.omega).max())
+    slopes = []
+    for term in osc.terms:  # type: ignore[attr-defined]
+        rise = np.asarray(term.shape(moving.omega + step, epsilon) - term.shape(moving.omega - step, epsilon))
+        slopes.append(velocity * float(np.sqrt(np.mean((rise / (2 * step)) ** 2))))
+    return np.r_[slopes, np.ones(restoring), np.full(drift, 1e-6), band**2 / np.sqrt(5.0)]
+
+
+def _covariance(
+    a: np.ndarray, rest: np.ndarray, weight: np.ndarray, t: np.ndarray, period: float
+) -> np.ndarray:
+    """Covariance of the solution, for residuals that are correlated within half a period (Newey and West)."""
+    lags = min(rest.size // 4, max(1, round(0.5 * period / np.median(np.diff(t)))))
+    scale = np.linalg.norm(a, axis=0)
+    scores = a / scale * (weight * rest)[:, None]
+    middle = scores.T @ scores
+    for lag in range(1, lags + 1):
+        cross = scores[lag:].T @ scores[:-lag]
+        middle += (1.0 - lag / (lags + 1.0)) * (cross + cross.T)
+    bread = np.linalg.pinv((a / scale * weight[:, None]).T @ (a / scale))
+    return bread @ middle @ bread / np.outer(scale, scale)
+
+
+def _decoded_stderr(decode: object, c: np.ndarray, covariance: np.ndarray) -> dict[str, float]:
+    """Standard errors of decoded parameters, by the gradient of the decoding."""
+    at = decode(c)  # type: ignore[operator]
+    gradient: dict[str, np.ndarray] = {name: np.zeros(c.size) for name in at}
+    for j in range(c.size):
+        step = 1e-6 * (abs(c[j]) + np.sqrt(covariance[j, j])) + 1e-12
+        moved = c.copy()
+        moved[j] += step
+        for name, value in decode(moved).items():  # type: ignore[operator]
+            gradient[name][j] = (value - at[name]) / step
+    return {name: float(np.sqrt(max(g @ covariance @ g, 0.0))) for name, g in gradient.items()}
+
+
+PLUGIN = LeastSquares()

@@ -1,0 +1,266 @@
+"""Damping from the persistence of a record's sublevel sets (paper, section 3.2).
+
+A. D. Myers and F. A. Khasawneh, Damping parameter estimation using topological signal processing, Mechanical
+Systems and Signal Processing 174 (2022) 109042.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Literal
+
+import gudhi
+import numpy as np
+from pydantic import Field
+from scipy.optimize import brentq
+from scipy.special import erfcinv, erfinv, log_ndtr
+
+from bayesdamp.estimators._protocol import Estimator, Options
+from bayesdamp.estimators.shared import (
+    ORDER,
+    checked_features,
+    free_names,
+    known_restoring,
+    noise_level,
+    oscillator,
+    start_parameters,
+)
+from bayesdamp.signals.features import Features
+from bayesdamp.signals.turning import midpoints
+from bayesdamp.types import Estimate, Problem, Refusal, Signal
+
+OPTIMAL_RATIO = 0.3299
+"""L_n/L_0 that minimises the variance of the viscous estimate."""
+NOISE_OF_MEDIAN = 0.680
+"""Standard deviation of white noise over the median of its own lifetimes."""
+
+
+class TopologicalOptions(Options):
+    """variant: as first published, or equations (7) to (11) as the paper prints them.
+
+    significance: probability that noise alone exceeds the cutoff.
+    """
+
+    variant: Literal["published", "as_printed"] = "published"
+    significance: float = Field(default=0.001, gt=0.0, lt=1.0)
+
+
+@dataclass(frozen=True)
+class Pairs:
+    """Births v and deaths p of the components that are no noise, in time order, (k,), and the noise floor."""
+
+    v: np.ndarray
+    p: np.ndarray
+    floor: float
+
+    @property
+    def lifetimes(self) -> np.ndarray:
+        return self.p - self.v
+
+
+class Topological(Estimator):
+    """One damping coefficient from the lifetimes of a cycle's sublevel components."""
+
+    name = "topological"
+    options = TopologicalOptions
+
+    def refuses(self, damping: tuple[str, ...]) -> str | None:
+        if len(damping) > 1:
+            return "persistence lifetimes give one damping coefficient, not a sum of terms"
+        if damping[0] not in PUBLISHED:
+            return f"there is no formula that gives {damping[0]} damping from persistence lifetimes"
+        return None
+
+    def initial(
+        self, signal: Signal, problem: Problem, options: Options, rng: np.random.Generator
+    ) -> Estimate:
+        assert isinstance(options, TopologicalOptions)
+        seen = checked_features(signal)
+        value = self._value(signal, problem, options, seen)
+        values = {oscillator(problem).coefficients[0]: value}
+        free = free_names(problem)
+        if free:
+            start = start_parameters(signal, problem, seen)
+            values |= {name: start[name] for name in free}
+        return Estimate(self.name, "initial", values, evaluations=1)
+
+    def _value(
+        self, signal: Signal, problem: Problem, options: TopologicalOptions, seen: Features
+    ) -> float:
+        damping = problem.damping[0]
+        y = signal.y - seen.rest
+        omega = natural_frequency(problem, seen)
+        if options.variant == "as_printed":
+            pairs = printed_pairs(y, signal, seen, options.significance)
+            return AS_PRINTED[damping](pairs.lifetimes, pairs.floor, omega, seen)
+        pairs = published_pairs(y, signal, problem, seen, options.significance)
+        # Amplitudes of a velocity or an acceleration are those of the displacement times ω or ω².
+        unit = omega ** ORDER[signal.quantity]
+        return PUBLISHED[damping](Pairs(pairs.v / unit, pairs.p / unit, pairs.floor), omega)
+
+
+def natural_frequency(problem: Problem, seen: Features) -> float:
+    """ω_n in rad/s: of the restoring law where it is known, else the record's."""
+    osc, known = oscillator(problem), known_restoring(problem)
+    if len(known) == len(osc.law.parameters):
+        return osc.natural_frequency(known, seen.rest)
+    return seen.frequency
+
+
+def sublevel_pairs(y: np.ndarray, samples_per_cycle: float) -> tuple[np.ndarray, np.ndarray]:
+    """Births and deaths of the finite sublevel components of y (n,), in the order of their births' times.
+
+    On the values as they are: a repeated value is one plateau. A component that is born within a tenth of a
+    period of an end of the record is cut off there, and left out.
+    """
+    cells = gudhi.CubicalComplex(top_dimensional_cells=y)  # type: ignore[attr-defined]
+    cells.persistence(homology_coeff_field=2, min_persistence=0.0)
+    regular = cells.cofaces_of_persistence_pairs()[0]
+    if not regular or regular[0].size == 0:
+        return np.empty(0), np.empty(0)
+    births, deaths = regular[0][:, 0], regular[0][:, 1]
+    whole = np.minimum(births, y.size - 1 - births) > 0.1 * samples_per_cycle
+    births, deaths = births[whole], deaths[whole]
+    order = np.argsort(births, kind="stable")
+    return y[births[order]], y[deaths[order]]
+
+
+def published_pairs(
+    y: np.ndarray, signal: Signal, problem: Problem, seen: Features, significance: float
+) -> Pairs:
+    """The pairs above the cutoff, each shortened by the noise floor.
+
+    σ is the known noise, else the larger of the record's roughness and, where lifetimes are many more than
+    cycles, 0.680 of their median. Cutoff: C_α = 2^(3/2) σ erf⁻¹[2(1 − √α)^(1/N) − 1], N the number of samples.
+    Floor: twice the median by which white noise of that σ lifts the highest sample at a turning point.
+    """
+    v, p = sublevel_pairs(y, seen.samples_per_cycle)
+    lifetimes = p - v
+    known = problem.system.known.get("noise_sd")
+    if known is not None:
+        sigma = float(known)
+    else:
+        # The signal's slope suppresses lifetimes of weak noise, so their median is only a lower bound.
+        sigma = noise_level(signal)
+        if lifetimes.size > 4 * (seen.cycles + 1):
+            sigma = max(sigma, NOISE_OF_MEDIAN * float(np.median(lifetimes)))
+    share = (1.0 - math.sqrt(significance)) ** (1.0 / y.size)
+    cutoff = 2**1.5 * sigma * float(erfinv(2.0 * share - 1.0))
+    kept = lifetimes > max(cutoff, 1e-9 * float(np.ptp(y)))
+    v, p = v[kept], p[kept]
+    if v.size < 2:
+        raise Refusal(
+            f"{v.size} persistence lifetimes exceed the noise cutoff of {cutoff:.2g}, and at least 2 are needed"
+        )
+    floor = _floor(sigma, 0.5 * float(np.median(p - v)), seen)
+    return Pairs(v + floor / 2, p - floor / 2, floor)
+
+
+def _floor(sigma: float, amplitude: float, seen: Features) -> float:
+    """What noise adds to a lifetime: twice the median of the highest sample's lift at a turning point."""
+    if sigma < 1e-9 * amplitude:
+        return 0.0
+    phase = 2 * math.pi / seen.samples_per_cycle * np.arange(-int(seen.samples_per_cycle / 4), int(seen.samples_per_cycle / 4) + 1)
+    drop = amplitude * (1.0 - np.cos(phase))
+
+    def below(lift: float) -> float:
+        return float(np.sum(log_ndtr((lift + drop) / sigma))) - math.log(0.5)
+
+    return 2.0 * max(brentq(below, -6 * sigma, 10 * sigma), 0.0)  # type: ignore[arg-type]
+
+
+def spaced(lifetimes: np.ndarray) -> int:
+    """n, the index of the lifetime whose ratio to the first is nearest the optimal one, else the last."""
+    reached = np.flatnonzero(lifetimes / lifetimes[0] <= OPTIMAL_RATIO)
+    if reached.size == 0:
+        return lifetimes.size - 1
+    return max(1, int(np.argmin(np.abs(lifetimes / lifetimes[0] - OPTIMAL_RATIO))))
+
+
+def _viscous(pairs: Pairs, omega: float) -> float:
+    """The ratio [1 + (2πn/ln(L_0/L_n))²]^(−1/2), in the paper's unit: times ω_n."""
+    lengths = pairs.lifetimes
+    n = spaced(lengths)
+    decrement = math.log(lengths[0] / lengths[n])
+    return math.copysign(omega / math.sqrt(1.0 + (2 * math.pi * n / decrement) ** 2), decrement) if decrement else 0.0
+
+
+def _coulomb(pairs: Pairs, omega: float) -> float:
+    """A lifetime falls by 8μ_c/ω_n² a cycle."""
+    lengths = pairs.lifetimes
+    n = spaced(lengths)
+    return omega**2 * float(lengths[0] - lengths[n]) / (8 * n)
+
+
+def _quadratic(pairs: Pairs, omega: float) -> float:
+    """Exact over the swing from a minimum v_i to the next maximum p_{i+1} of a zero-mean linear oscillator.
+
+    p_{i+1} − v_i = ln[(2μ v_i − 1)/(2μ p_{i+1} − 1)]/(2μ), from u = θ̇², du/dθ = −2ω_n²θ − 2μu; μ is the median
+    over the first four swings. In this form the unit is μ_q's own, 1/rad. Each swing is taken about its own
+    midline, which makes the signal zero-mean where the restoring force is not odd. A swing whose maximum is
+    not below its minimum in size says zero.
+    """
+    turns = np.column_stack([pairs.p, pairs.v]).ravel()
+    turns = turns - midpoints(turns)
+    found = []
+    for v, p in list(zip(-turns[1:-1:2], turns[2::2]))[:4]:
+        if p >= v or p <= 0:
+            found.append(0.0)
+            continue
+
+        def excess(mu: float, v: float = v, p: float = p) -> float:
+            return (math.log1p(2 * mu * v) - math.log1p(-2 * mu * p)) / (2 * mu) - (p + v)
+
+        low, high = 1e-9 / v, 0.5 / p * (1 - 1e-12)
+        found.append(brentq(excess, low, high) if excess(low) < 0 < excess(high) else 0.0)
+    if not found:
+        raise Refusal("fewer than two persistence lifetimes give no swing from a minimum to a maximum")
+    return float(np.median(found))
+
+
+PUBLISHED: dict[str, Callable[[Pairs, float], float]] = {
+    "viscous": _viscous,
+    "coulomb": _coulomb,
+    "quadratic": _quadratic,
+}
+
+
+def printed_pairs(y: np.ndarray, signal: Signal, seen: Features, significance: float) -> Pairs:
+    """The pairs above equation (7)'s cutoff, and equation (8)'s floor; erfc⁻¹(2α/N) with N lifetimes."""
+    v, p = sublevel_pairs(y, seen.samples_per_cycle)
+    count = max(v.size, 2)
+    sigma = noise_level(signal)
+    cutoff = sigma * math.sqrt(2.0) * float(erfcinv(2 * significance / count))
+    floor = sigma * math.sqrt(2.0) * float(erfcinv(2 * significance / (count - 1)))
+    kept = p - v > max(cutoff, floor, 1e-9 * float(np.ptp(y)))
+    if kept.sum() < 2:
+        raise Refusal(f"{kept.sum()} persistence lifetimes exceed the noise cutoff, and at least 2 are needed")
+    return Pairs(v[kept], p[kept], floor)
+
+
+def _printed_viscous(lengths: np.ndarray, floor: float, omega: float, seen: Features) -> float:
+    """Equation (9), T being the n periods from L_0 to L_n."""
+    n = spaced(lengths)
+    return math.log((lengths[0] - floor) / (lengths[n] - floor)) / (omega * n * seen.period)
+
+
+def _printed_coulomb(lengths: np.ndarray, floor: float, omega: float, seen: Features) -> float:
+    """Equation (10)."""
+    n = spaced(lengths)
+    return float(lengths[0] - lengths[n]) / (n * seen.period)
+
+
+def _printed_quadratic(lengths: np.ndarray, floor: float, omega: float, seen: Features) -> float:
+    """Equation (11) at n = 1: it has no n, and A_0 is the amplitude about rest."""
+    return 2 * omega / seen.amplitude * float(1 / (lengths[1] - floor) - 1 / (lengths[0] - floor))
+
+
+AS_PRINTED: dict[str, Callable[[np.ndarray, float, float, Features], float]] = {
+    "viscous": _printed_viscous,
+    "coulomb": _printed_coulomb,
+    "quadratic": _printed_quadratic,
+}
+
+PLUGIN = Topological()

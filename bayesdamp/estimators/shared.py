@@ -1,0 +1,262 @@
+"""What several estimators need of a record: its motion with derivatives, and starting values."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.interpolate import BSpline, make_interp_spline, make_lsq_spline
+from scipy.optimize import nnls
+
+from bayesdamp.physics.oscillator import Oscillator
+from bayesdamp.signals.features import Features, features
+from bayesdamp.signals.turning import midpoints, turning_points
+from bayesdamp.types import Problem, Refusal, Signal
+
+DEGREE = 7
+"""Degree of the splines: derivatives from an interpolating one are good to a millionth of a per cent."""
+KNOTS_PER_PERIOD = 4.0
+"""Knots of the smoothing spline: it keeps the oscillation and its second harmonic."""
+EDGE = 1.5
+"""Knot spacings left out at each end of a smoothing spline, where its derivatives are poor."""
+LEAST_SAMPLES_PER_CYCLE = 6.0
+ORDER = {"angle": 0, "velocity": 1, "acceleration": 2}
+
+
+@dataclass(frozen=True)
+class Motion:
+    """Displacement, velocity and acceleration at m instants, all from one spline.
+
+    t (m,) in s; theta, omega, alpha (m,) in rad, rad/s, rad/s² (or m).
+    clean: whether the spline interpolates; else it smooths, and `project` does to a function of the motion
+    what the smoothing did to the record, so that an equation that holds for the motion holds for both sides
+    projected. project takes values at all samples (n,) to values at t (m,), as `samples` and its siblings are.
+    everywhere: theta, omega, alpha at all samples, each (n,).
+    bandwidth: the highest angular frequency that the spline follows, rad/s.
+    noise: sd of the record's noise as far as a spline of four samples a knot sees it, unit of the record.
+    theta0, omega0: displacement and velocity at the record's start.
+    integrated: how often the record was integrated to get the displacement with constants that are not known.
+    """
+
+    t: np.ndarray
+    theta: np.ndarray
+    omega: np.ndarray
+    alpha: np.ndarray
+    clean: bool
+    project: Callable[[np.ndarray], np.ndarray]
+    everywhere: tuple[np.ndarray, np.ndarray, np.ndarray]
+    bandwidth: float
+    noise: float
+    theta0: float
+    omega0: float
+    integrated: int
+
+
+def oscillator(problem: Problem) -> Oscillator:
+    """The oscillator that a problem speaks of."""
+    return Oscillator(damping=tuple(problem.damping), restoring=problem.system.restoring)
+
+
+def known_restoring(problem: Problem) -> dict[str, float]:
+    """The restoring parameters that are known."""
+    known = problem.system.known
+    return {name: float(known[name]) for name in oscillator(problem).law.parameters if name in known}
+
+
+def free_names(problem: Problem) -> list[str]:
+    """What is to be found besides the damping: restoring parameters, theta0, omega0, as far as not known."""
+    names = (*oscillator(problem).law.parameters, "theta0", "omega0")
+    return [name for name in names if name not in problem.system.known]
+
+
+def epsilon_of(problem: Problem, seen: Features) -> float:
+    """The width of friction's switch, rad/s: as known, else 2 % of the record's peak velocity."""
+    known = problem.system.known.get("epsilon")
+    return float(known) if known is not None else 0.02 * seen.amplitude * seen.frequency
+
+
+def start_parameters(signal: Signal, problem: Problem, seen: Features) -> dict[str, float]:
+    """Every parameter of a trajectory but the damping: as known, else read off the record.
+
+    Restoring parameters come from its frequency and midline, theta0 and omega0 from the smoothed record.
+    """
+    osc, known = oscillator(problem), problem.system.known
+    p = dict(osc.law.start(seen.frequency, seen.rest, known_restoring(problem)))
+    if osc.switches:
+        p["epsilon"] = epsilon_of(problem, seen)
+    if "theta0" not in known or "omega0" not in known:
+        seen_motion = motion(signal, problem, seen)
+        p |= {"theta0": seen_motion.theta0, "omega0": seen_motion.omega0}
+    return p | {name: float(known[name]) for name in ("theta0", "omega0") if name in known}
+
+
+def decay_start(problem: Problem, seen: Features) -> dict[str, float]:
+    """Damping coefficients from the energy that the record loses from one turning point to the next.
+
+    The logarithmic decrement at amplitude A is π times the sum of the terms' equivalent damping ratios at A;
+    solved by non-negative least squares, each swing weighted by its amplitude. Rough, but never far off.
+    """
+    osc = oscillator(problem)
+    # Half the distance of neighbouring turning points needs no midline.
+    sizes = np.abs(np.diff(seen.turning_values)) / 2
+    times = (seen.turning_times[1:] + seen.turning_times[:-1]) / 2
+    largest = max(float(sizes.max()), 1e-300)
+    sizes = sizes * (seen.amplitude / largest)
+    good = sizes > 3 * seen.roughness * seen.amplitude / largest
+    sizes, times = sizes[good], times[good]
+    if sizes.size < 2:
+        return {term.parameter: 0.01 / term.ratio_per_unit(seen.amplitude, seen.frequency) for term in osc.terms}
+    middle = np.sqrt(sizes[1:] * sizes[:-1])
+    rate = -np.diff(np.log(sizes)) / (seen.frequency * np.diff(times))
+    columns = np.column_stack(
+        [[term.ratio_per_unit(float(a), seen.frequency) for a in middle] for term in osc.terms]
+    )
+    scale = columns.max(axis=0)
+    found = nnls(columns / scale * middle[:, None], rate * middle)[0] / scale
+    return {term.parameter: float(value) for term, value in zip(osc.terms, found)}
+
+
+def checked_features(signal: Signal) -> Features:
+    """The record's features. Raises Refusal where it has no oscillation or too few samples in one."""
+    seen = features(signal)
+    if seen.samples_per_cycle < LEAST_SAMPLES_PER_CYCLE:
+        raise Refusal(
+            f"{seen.samples_per_cycle:.1f} samples in a period: at least {LEAST_SAMPLES_PER_CYCLE:.0f} are needed"
+        )
+    return seen
+
+
+def noise_level(signal: Signal) -> float:
+    """Standard deviation of the noise, unit of the record; rounding error where there is none.
+
+    From what a spline of degree 7 with a knot at every fourth sample leaves over (median absolute value, so
+    that the corners of Coulomb friction do not count); quantisation counts as step/√12.
+    """
+    t, y = signal.t, signal.y
+    if t.size < 40:
+        return max(float(np.std(np.diff(y, 6))) / np.sqrt(924.0), signal.step / np.sqrt(12.0))
+    spline = _least_squares(t, y, t[4:-4:4])
+    freedom = 1.0 - (spline.c.size / t.size)
+    sd = 1.4826 * float(np.median(np.abs(y - spline(t)))) / np.sqrt(freedom)
+    return max(sd, signal.step / np.sqrt(12.0))
+
+
+def motion(signal: Signal, problem: Problem, seen: Features) -> Motion:
+    """Displacement, velocity and acceleration from the record alone, on a uniform clock or not.
+
+    Where the noise of an interpolating spline's highest derivative, about 6σ/Δt² for an angle, is below a
+    thousandth of the record's own, the spline of degree 7 interpolates and twenty samples at each end are
+    left out. Otherwise a spline of degree 7 with four knots a period is fitted to the record by least squares
+    (samples further off than six robust standard deviations do not count) and one and a half knot
+    spacings at each end are left out.
+    A recorded velocity or acceleration is integrated; constants come from a known theta0 and omega0, else
+    from the midline of the turning points.
+    """
+    t, y = signal.t, signal.y
+    gap = (t[-1] - t[0]) / (t.size - 1)
+    order = ORDER[signal.quantity]
+    noise = noise_level(signal)
+    size = float(np.abs(seen.turning_amplitudes).max())
+    highest = 2 - order
+    amplified = noise * (2.5 / gap) ** highest / seen.frequency**highest
+    clean = amplified < 1e-3 * size and t.size >= 4 * DEGREE
+    if clean:
+        spline = make_interp_spline(t, y, k=DEGREE)
+        edge = min(20, t.size // 10)
+        rows = np.arange(edge, t.size - edge)
+        bandwidth = np.pi / gap
+        project: Callable[[np.ndarray], np.ndarray] = lambda x: x[rows]  # noqa: E731
+    else:
+        spacing = max(seen.period / KNOTS_PER_PERIOD, 2.2 * gap)
+        knots = _knots(t, spacing)
+        good = np.ones(t.size, dtype=bool)
+        spline = _least_squares(t, y, knots)
+        for _ in range(2):
+            left = np.abs(y - spline(t))
+            good = left <= 6 * 1.4826 * max(float(np.median(left)), 1e-300)
+            knots = _knots(t[good], spacing)
+            spline = _least_squares(t[good], y[good], knots)
+        inside = np.flatnonzero((t >= t[0] + EDGE * spacing) & (t <= t[-1] - EDGE * spacing))
+        rows = inside[:: max(1, int(spacing / (16 * gap)))]
+        bandwidth = np.pi / spacing
+        project = lambda x: _least_squares(t, x, knots)(t[rows])  # noqa: E731
+    curves, unknown = _integrated(spline, signal, problem, seen)
+    everywhere = tuple(curve(t) for curve in curves)
+    return Motion(
+        t[rows],
+        *(values[rows] for values in everywhere),
+        clean=bool(clean),
+        project=project,
+        everywhere=everywhere,  # type: ignore[arg-type]
+        bandwidth=float(bandwidth),
+        noise=noise,
+        theta0=float(curves[0](t[:1])[0]),
+        omega0=float(curves[1](t[:1])[0]),
+        integrated=unknown,
+    )
+
+
+def _knots(t: np.ndarray, spacing: float) -> np.ndarray:
+    """Inner knots about `spacing` apart with at least two samples between neighbours."""
+    wanted = np.linspace(t[0], t[-1], max(2, round((t[-1] - t[0]) / spacing) + 1))[1:-1]
+    at = np.searchsorted(t, wanted)
+    kept, last = [], 0
+    for knot, i in zip(wanted, at):
+        if i - last >= 2 and t.size - i >= 2:
+            kept.append(knot)
+            last = i
+    return np.asarray(kept)
+
+
+def _least_squares(t: np.ndarray, y: np.ndarray, inner: np.ndarray) -> BSpline:
+    knots = np.r_[(t[0],) * (DEGREE + 1), inner, (t[-1],) * (DEGREE + 1)]
+    try:
+        return make_lsq_spline(t, y, knots, k=DEGREE)
+    except (ValueError, np.linalg.LinAlgError):
+        raise Refusal("the samples are too few or too unevenly spaced for a smoothing spline") from None
+
+
+Curve = Callable[[np.ndarray], np.ndarray]
+
+
+def _integrated(
+    spline: BSpline, signal: Signal, problem: Problem, seen: Features
+) -> tuple[tuple[Curve, Curve, Curve], int]:
+    """Displacement, velocity, acceleration as functions of time, and how many constants were guessed."""
+    known, t, order = problem.system.known, signal.t, ORDER[signal.quantity]
+    if order == 0:
+        return (spline, spline.derivative(1), spline.derivative(2)), 0
+    guessed = 0
+    below = spline if order == 1 else spline.antiderivative(1)
+    shift = np.zeros(1)
+    if order == 2:
+        if "omega0" in known:
+            shift = np.array([known["omega0"] - float(below(t[0]))])
+        else:
+            shift, guessed = -_midline(t, below(t), seen.period, 0), 1
+    velocity: Curve = lambda x: below(x) + shift[0]  # noqa: E731
+    lowest = below.antiderivative(1)
+    raw: Curve = lambda x: lowest(x) + shift[0] * (x - t[0])  # noqa: E731
+    if "theta0" in known and not guessed:
+        line = np.array([known["theta0"] - float(raw(t[:1])[0]), 0.0])
+    else:
+        guessed += 1
+        middle = _midline(t, raw(t), seen.period, guessed - 1)
+        line = np.r_[_rest(problem), 0.0] - np.r_[middle, 0.0][:2]
+    angle: Curve = lambda x: raw(x) + line[0] + line[1] * (x - t[0])  # noqa: E731
+    return (angle, velocity, spline.derivative(1) if order == 1 else spline), guessed
+
+
+def _midline(t: np.ndarray, y: np.ndarray, period: float, degree: int) -> np.ndarray:
+    """Coefficients, lowest first, of a polynomial in t − t[0] through the midline of the turning points."""
+    turns = turning_points(t, y, period)
+    if turns.times.size < 4:
+        return np.r_[float(np.mean(y)), np.zeros(degree)]
+    return np.polynomial.polynomial.polyfit(turns.times - t[0], midpoints(turns.values), degree)
+
+
+def _rest(problem: Problem) -> float:
+    """The equilibrium where the restoring law is known, else 0."""
+    osc, known = oscillator(problem), known_restoring(problem)
+    return osc.equilibrium(known) if len(known) == len(osc.law.parameters) else 0.0
