@@ -1,0 +1,50 @@
+# Every target sets itself up: `make study` and `make test` work on a fresh clone.
+SHELL := /bin/bash
+VENV  := .venv
+BIN   := $(VENV)/bin
+READY := $(VENV)/.ready
+WORKERS ?= 2
+
+# One thread a test worker: the workers themselves use the cores.
+ONE_THREAD := OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 MKL_NUM_THREADS=1 \
+	XLA_FLAGS="--xla_cpu_multi_thread_eigen=false intra_op_parallelism_threads=1"
+
+.PHONY: study test lint bench validate lock clean
+.DEFAULT_GOAL := study
+
+study: $(READY)
+	$(BIN)/bayesdamp study studies/quickstart.toml
+
+test: $(READY)
+	$(ONE_THREAD) $(BIN)/python -m pytest -n $(WORKERS) $(ARGS)
+
+lint: $(READY)
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/pyright
+
+bench: $(READY)
+	$(BIN)/python -m pytest tests/benchmarks --override-ini addopts= -s -p no:xdist $(ARGS)
+
+# The slow checks alone.
+validate: $(READY)
+	$(ONE_THREAD) $(BIN)/python -m pytest -n $(WORKERS) -m slow $(ARGS)
+
+# What is installed now becomes the lock; the project itself is not part of it.
+lock: $(READY)
+	$(BIN)/python -m pip freeze --exclude-editable | sed -E 's/\+cpu$$//' | LC_ALL=C sort -f > constraints.txt.new
+	mv constraints.txt.new constraints.txt
+
+$(READY): pyproject.toml constraints.txt
+	@set -e; \
+	ok='import sys; sys.exit(sys.version_info < (3, 11))'; \
+	for python in python3.11 python3 python3.12 python3.13; do \
+	  "$$python" -c "$$ok" >/dev/null 2>&1 && break; python=; \
+	done; \
+	if [ -z "$$python" ]; then echo "Python 3.11 or later is needed; none was found" >&2; exit 1; fi; \
+	$(BIN)/python -m pip --version >/dev/null 2>&1 || "$$python" -m venv $(VENV); \
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e ".[dev]"; \
+	touch $@
+
+clean:
+	rm -rf $(VENV) build *.egg-info

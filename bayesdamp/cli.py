@@ -1,0 +1,266 @@
+"""The commands; an error becomes one clear line and an exit status."""
+
+from __future__ import annotations
+
+import os
+import re
+import sys
+import tempfile
+import traceback
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from bayesdamp.plugins import nearest
+from bayesdamp.types import BayesdampError, InputError
+
+if TYPE_CHECKING:
+    from bayesdamp.config import Study
+    from bayesdamp.types import Signal
+
+FAULT, WRONG_INPUT, INTERRUPTED = 1, 2, 130
+
+app = typer.Typer(
+    name="bayesdamp",
+    help="How large is the damping of a decaying oscillation, which damping is it, and how sure may one be?",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+)
+
+
+@app.command()
+def study(
+    file: Annotated[Path, typer.Argument(help="A study file (TOML).")],
+    out: Annotated[
+        Path | None, typer.Option(help="The run's folder; reports/NAME where it is not given.")
+    ] = None,
+    workers: Annotated[int, typer.Option(min=1, help="Cells that run at the same time.")] = 1,
+    scheduler: Annotated[str | None, typer.Option(help="Address of a Dask scheduler to run on.")] = None,
+    fresh: Annotated[bool, typer.Option("--fresh", help="Compute everything again.")] = False,
+) -> int:
+    """Run what a study still lacks, and write its report."""
+    from rich.console import Console
+
+    loaded = _load(file)
+    folder = out if out is not None else Path("reports") / loaded.name
+    if folder.exists() and not folder.is_dir():
+        raise InputError(f"--out {folder}: is a file; it must be a folder, or a new name")
+    from bayesdamp.study import run_study
+
+    status = run_study(
+        loaded, folder, workers=workers, scheduler=scheduler, fresh=fresh, console=Console(stderr=True)
+    )
+    report = folder / "report.html"
+    if report.is_file():
+        typer.echo(report)
+    return status
+
+
+@app.command()
+def check(file: Annotated[Path, typer.Argument(help="A study file (TOML).")]) -> int:
+    """Read a study, list its cells, say what is wrong; run nothing."""
+    from rich.console import Console
+    from rich.table import Table
+
+    loaded = _load(file)
+    from bayesdamp.study import cells
+
+    counts = Counter(re.split(r"[/:]", cell.name)[0] for cell in cells(loaded))
+    console = Console()
+    summary = Table("", "what the study asks for", title=f"{loaded.name}: {file}", title_justify="left")
+    for label, names in _asked(loaded):
+        summary.add_row(label, ", ".join(names) or "none")
+    console.print(summary)
+    table = Table("cells", "number")
+    for kind, number in counts.items():
+        table.add_row(kind, str(number))
+    table.add_row("all", str(sum(counts.values())), style="bold")
+    console.print(table)
+    typer.echo(f"{file}: ok")
+    return 0
+
+
+@app.command()
+def simulate(
+    out: Annotated[Path, typer.Option(help="The CSV file to write.")],
+    damping: Annotated[
+        list[str], typer.Option(help="Damping terms with coefficients: viscous=0.05,coulomb=0.03.")
+    ],
+    restoring: Annotated[str, typer.Option(help="The restoring law.")] = "horizontal_pendulum",
+    set_: Annotated[
+        list[str] | None, typer.Option("--set", help="A parameter: stiffness=20,theta0=0.3.")
+    ] = None,
+    duration: Annotated[float, typer.Option(help="Length of the record in s.")] = 10.0,
+    samples: Annotated[int, typer.Option(help="Number of samples.")] = 1001,
+    noise_sd: Annotated[float, typer.Option(help="Standard deviation of the noise, in rad.")] = 0.0,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the noise.")] = 0,
+) -> int:
+    """Write a simulated record to play with: a CSV of times in s and angles in rad."""
+    given: dict[str, object] = {**_pairs(damping, "--damping"), **_pairs(set_ or [], "--set")}
+    given |= {"duration": duration, "samples": samples, "noise_sd": noise_sd}
+    _write_csv(_simulated(given, restoring, seed), out)
+    typer.echo(out)
+    return 0
+
+
+@app.command()
+def report(folder: Annotated[Path, typer.Argument(help="A run's folder.")]) -> int:
+    """Render a run's folder again; nothing is computed."""
+    if not folder.is_dir():
+        raise InputError(f"{folder}: there is no such folder; give the folder of a run, such as reports/NAME")
+    from bayesdamp.report import render
+
+    typer.echo(render(folder))
+    return 0
+
+
+def _load(file: Path) -> Study:
+    """A study with the options of its estimators checked too."""
+    from bayesdamp.config import load_study
+
+    loaded = load_study(file)
+    for name in loaded.estimators.use:
+        if name in loaded.estimators.options:
+            loaded.estimator_options(name)
+    return loaded
+
+
+def _asked(loaded: Study) -> list[tuple[str, Sequence[str]]]:
+    use = loaded.estimators
+    return [
+        ("signals", [f"{s.name} (x{s.repeats})" if s.repeats > 1 else s.name for s in loaded.signals]),
+        ("models", loaded.models.compare),
+        ("estimators", use.use),
+        ("stages", use.stages),
+        ("samplers", loaded.posterior.samplers),
+        ("noise", [loaded.posterior.noise]),
+        ("evidence", loaded.evidence.methods),
+    ]
+
+
+def _pairs(texts: Sequence[str], option: str) -> dict[str, float]:
+    """`a=1,b=2` as a mapping. Raises InputError."""
+    found: dict[str, float] = {}
+    for part in ",".join(texts).split(","):
+        name, _, value = (piece.strip() for piece in part.partition("="))
+        if not part.strip():
+            continue
+        try:
+            number = float(value)
+        except ValueError:
+            raise InputError(f"{option} {part.strip()}: must be NAME=NUMBER, such as stiffness=20") from None
+        if name in found:
+            raise InputError(f"{option} {name}: is given twice; once is enough")
+        found[name] = number
+    return found
+
+
+def _simulated(given: dict[str, object], restoring: str, seed: int) -> Signal:
+    """The record of one simulation, checked as a study's own would be."""
+    from bayesdamp.config import Simulation
+    from bayesdamp.config.checks import StudyError
+    from bayesdamp.config.signals import resolve_signal
+
+    _all_set(given, restoring)
+    start = {"theta0": 0.3, "omega0": 0.0, "epsilon": 0.0}
+    entry = {"name": "simulated", "simulate": {**start, **given}, "system": {"restoring": restoring}}
+    try:
+        made = resolve_signal(entry, {}, Path(), "").source
+    except StudyError as error:
+        raise InputError(
+            f"simulate: {str(error).removeprefix('simulate.').removeprefix('simulate: ')}"
+        ) from None
+    assert isinstance(made, Simulation)
+
+    import numpy as np
+
+    from bayesdamp.physics.oscillator import Oscillator
+    from bayesdamp.signals.simulate import simulate_signal
+
+    return simulate_signal(
+        Oscillator(made.damping, restoring),
+        dict(made.truth),
+        duration=made.duration,
+        samples=made.samples,
+        noise_sd=made.truth["noise_sd"],
+        name="simulated",
+        rng=np.random.default_rng(seed),
+    )
+
+
+def _all_set(given: Mapping[str, object], restoring: str) -> None:
+    """Raises InputError for a restoring law that is unknown or lacks a parameter."""
+    from bayesdamp.physics.restoring import LAWS
+
+    if restoring not in LAWS.names():
+        raise InputError(f"--restoring {restoring}: unknown restoring law{nearest(restoring, LAWS.names())}")
+    missing = [name for name in LAWS.get(restoring).parameters if name not in given]
+    if missing:
+        raise InputError(f"--set: {restoring} needs {', '.join(f'{name}=NUMBER' for name in missing)} too")
+
+
+def _write_csv(signal: Signal, out: Path) -> None:
+    """The record as CSV, all of it or nothing. Raises InputError where it cannot be written."""
+    lines = ["t (s),angle (rad)", *(f"{float(t)!r},{float(y)!r}" for t, y in zip(signal.t, signal.y))]
+    try:
+        handle, temporary = tempfile.mkstemp(dir=out.parent, prefix=f".{out.name}.")
+        try:
+            with os.fdopen(handle, "w", encoding="utf-8") as stream:
+                stream.write("\n".join(lines) + "\n")
+            os.chmod(temporary, 0o644)
+            os.replace(temporary, out)
+        except BaseException:
+            Path(temporary).unlink(missing_ok=True)
+            raise
+    except OSError as error:
+        what = (error.strerror or str(error)).lower()
+        raise InputError(
+            f"--out {out}: cannot be written: {what}; give a file in an existing folder"
+        ) from None
+
+
+def _line(error: BaseException) -> str:
+    """An error's text as one line."""
+    return " ".join(str(error).split())
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run a command and return its exit status.
+
+    0 done, 1 a fault of the program, 2 the input is wrong, 3 done but with failed cells, 130 interrupted.
+    """
+    try:
+        status = app(args=list(sys.argv[1:] if arguments is None else arguments), standalone_mode=False)
+    except BayesdampError as error:
+        _trace()
+        print(_line(error), file=sys.stderr)
+        return WRONG_INPUT
+    except KeyboardInterrupt:
+        status = INTERRUPTED
+    except Exception as error:
+        usage = getattr(error, "format_message", None)
+        if usage is not None:
+            if usage():
+                print(f"{' '.join(usage().split())} Try: bayesdamp --help", file=sys.stderr)
+            return WRONG_INPUT
+        _trace()
+        what = f"{type(error).__name__}: {_line(error)}"
+        hint = "BAYESDAMP_DEBUG=1 shows where"
+        print(f"bayesdamp: a fault of the program: {what} ({hint})", file=sys.stderr)
+        return FAULT
+    if status == INTERRUPTED:
+        print("interrupted; the same command resumes what was done", file=sys.stderr)
+    return int(status or 0)
+
+
+def _trace() -> None:
+    if os.environ.get("BAYESDAMP_DEBUG") == "1":
+        traceback.print_exc()
+
+
+if __name__ == "__main__":
+    sys.exit(main())

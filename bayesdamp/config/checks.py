@@ -1,0 +1,143 @@
+"""Checks of a study file's tables; every fault is one line that names the key."""
+
+from __future__ import annotations
+
+import math
+import types
+from collections.abc import Iterable, Mapping
+from typing import Annotated, Any, TypeVar, Union, get_args, get_origin
+
+from pydantic import BaseModel, ValidationError
+
+from bayesdamp.plugins import Registry, nearest
+from bayesdamp.priors import Prior
+from bayesdamp.types import InputError
+
+Model = TypeVar("Model", bound=BaseModel)
+
+
+class StudyError(Exception):
+    """What is wrong at a key of the study file; `load_study` adds the file's name."""
+
+    def __init__(self, key: str, what: str) -> None:
+        super().__init__(f"{key}: {what}" if key else what)
+
+
+def shown(value: object) -> str:
+    """A value as the study file writes it, cut to a line's length."""
+    text = str(value).lower() if isinstance(value, bool) else repr(value)
+    return text if len(text) <= 60 else f"{text[:57]}..."
+
+
+def below(key: str, name: str) -> str:
+    """The key `name` of the table `key`."""
+    return f"{key}.{name}" if key else name
+
+
+def table(raw: object, key: str) -> dict[str, Any]:
+    """The raw value as a table. Raises StudyError."""
+    if not isinstance(raw, dict):
+        raise StudyError(key, f"is {shown(raw)}; it must be a table")
+    return raw
+
+
+def known_keys(raw: Iterable[str], valid: Iterable[str], key: str) -> None:
+    """Refuse an unknown key and name the nearest valid one. Raises StudyError."""
+    valid = list(valid)
+    for name in raw:
+        if name not in valid:
+            raise StudyError(below(key, name), f"unknown key{nearest(name, valid)}")
+
+
+def section(model: type[Model], raw: object, key: str) -> Model:
+    """A table as a frozen model; each field's description says what would be right. Raises StudyError."""
+    fields = {n: f for n, f in model.model_fields.items() if not f.exclude}
+    known_keys(table(raw, key), fields, key)
+    try:
+        return model.model_validate(raw, strict=True)
+    except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+        inner = first.get("ctx", {}).get("error")
+        if not first["loc"]:
+            raise StudyError(key, str(inner or first["msg"])) from None
+        name = str(first["loc"][0])
+        right = fields[name].description or _numeric_words(fields[name].annotation, fields[name].metadata)
+        must = f"it must be {right}" if right else first["msg"].lower()
+        if first["type"] == "missing":
+            raise StudyError(below(key, name), f"is missing; {must}") from None
+        given = raw.get(name) if isinstance(raw, dict) else None
+        raise StudyError(below(key, name), f"is {shown(given)}; {must}") from None
+
+
+def _numeric_words(annotation: object, metadata: Iterable[object]) -> str:
+    """What a field without a description takes, as far as its type says so."""
+    if get_origin(annotation) is Annotated:
+        annotation, *more = get_args(annotation)
+        metadata = [*metadata, *more]
+    if get_origin(annotation) in (Union, types.UnionType):
+        return ""
+    kind = {float: "number", int: "whole number", bool: "true or false", str: "string"}.get(annotation)  # type: ignore[arg-type]
+    if kind is None or kind == "true or false":
+        return kind or ""
+    bounds = [
+        f"{words} {bound:g}"
+        for rule in metadata
+        for attribute, words in (
+            ("gt", "above"),
+            ("ge", "of at least"),
+            ("lt", "below"),
+            ("le", "of at most"),
+        )
+        if (bound := getattr(rule, attribute, None)) is not None
+    ]
+    return " ".join([f"a {kind}", *[" and ".join(bounds)] * bool(bounds)])
+
+
+def number(raw: object, key: str, *, positive: bool = False, minimum: float | None = None) -> float:
+    """A finite number. Raises StudyError."""
+    right = "a positive number" if positive else "a number" if minimum is None else f"at least {minimum:g}"
+    value = float(raw) if isinstance(raw, int | float) and not isinstance(raw, bool) else math.nan
+    if not math.isfinite(value) or (positive and value <= 0) or (minimum is not None and value < minimum):
+        raise StudyError(key, f"is {shown(raw)}; it must be {right}")
+    return value
+
+
+_PRIORS: Mapping[str, type[BaseModel]] = {
+    kind.model_fields["prior"].default: kind for kind in get_args(get_args(Prior)[0])
+}
+
+
+def prior(raw: object, key: str) -> Any:
+    """A prior table as one of `bayesdamp.priors`. Raises StudyError."""
+    example = 'a table such as { prior = "normal", mean = 0.0, sd = 1.0 }'
+    if not isinstance(raw, dict):
+        raise StudyError(key, f"is {shown(raw)}; it must be {example}")
+    kind = raw.get("prior")
+    if kind is None:
+        raise StudyError(key, f"names no prior; it must be {example}")
+    if not isinstance(kind, str) or kind not in _PRIORS:
+        raise StudyError(
+            below(key, "prior"), f"unknown prior {shown(kind)}{nearest(str(kind), list(_PRIORS))}"
+        )
+    return section(_PRIORS[kind], raw, key)
+
+
+def plugin_name(registry: Registry[Any], name: str, key: str) -> str:
+    """A plug-in's name, checked without importing the plug-in. Raises StudyError."""
+    if name not in registry.names():
+        raise StudyError(key, f"unknown {registry.kind} {name!r}{nearest(name, registry.names())}")
+    return name
+
+
+def distinct(names: Iterable[str], key: str, what: str) -> None:
+    """Refuse a repeated name. Raises StudyError."""
+    seen: set[str] = set()
+    for name in names:
+        if name in seen:
+            raise StudyError(key, f"names {what} {name!r} twice; once is enough")
+        seen.add(name)
+
+
+def as_input_error(source: object, error: StudyError | InputError) -> InputError:
+    """The one line that a user reads."""
+    return InputError(f"{source}: {error}")

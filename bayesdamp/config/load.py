@@ -1,0 +1,237 @@
+"""The whole study file: reading it, and what comes out."""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import json
+import re
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from pydantic import BaseModel
+
+from bayesdamp.config.checks import (
+    StudyError,
+    as_input_error,
+    below,
+    distinct,
+    known_keys,
+    plugin_name,
+    prior,
+    section,
+    shown,
+    table,
+)
+from bayesdamp.config.sections import (
+    NAME,
+    EstimatorsTable,
+    EvidenceTable,
+    Header,
+    ModelsTable,
+    PosteriorTable,
+)
+from bayesdamp.config.signals import SignalSpec, canonical_model, check_base, damping_order, resolve_signal
+from bayesdamp.config.sweeps import expand
+from bayesdamp.types import InputError
+
+_TABLES = ("system", "signal", "sweep", "estimators", "models", "posterior", "evidence")
+
+
+@dataclass(frozen=True)
+class Estimators:
+    """use: estimators' names; stages: "initial", "refined"; options: a method's own table by its name."""
+
+    use: tuple[str, ...]
+    stages: tuple[str, ...]
+    options: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Models:
+    """compare: damping sums such as `viscous+coulomb`; prior: a prior by damping term, where one is given."""
+
+    compare: tuple[str, ...]
+    prior: Mapping[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Study:
+    """A checked study file. `source` is the file; nothing of it depends on the order of its tables."""
+
+    source: Path
+    name: str
+    signals: tuple[SignalSpec, ...]
+    estimators: Estimators
+    models: Models
+    posterior: PosteriorTable
+    evidence: EvidenceTable
+    seed: int = 0
+    description: str = ""
+    version: int = 1
+
+    def resolved(self) -> dict[str, Any]:
+        """All that the study says, defaults written out, as JSON takes it; no path of this machine."""
+        found = _plain(self)
+        del found["source"]
+        for signal in found["signals"]:
+            signal["source"].pop("path", None)
+        return found
+
+    def digest(self) -> str:
+        """SHA-256 of `resolved()`, in hexadecimal."""
+        return hashlib.sha256(json.dumps(self.resolved(), sort_keys=True).encode()).hexdigest()
+
+    def estimator_options(self, name: str) -> BaseModel:
+        """The options of an estimator, defaults filled in; imports the estimator.
+
+        Raises InputError for an option that it does not have or that has a wrong value.
+        """
+        from bayesdamp.estimators import parse_options
+
+        try:
+            return parse_options(name, self.estimators.options.get(name))
+        except InputError as error:
+            raise as_input_error(self.source, error) from None
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, BaseModel):
+        return value.model_dump(mode="json")
+    if dataclasses.is_dataclass(value):
+        return {f.name: _plain(getattr(value, f.name)) for f in dataclasses.fields(value)}
+    if isinstance(value, Mapping):
+        return {str(name): _plain(inner) for name, inner in value.items()}
+    if isinstance(value, tuple | list):
+        return [_plain(inner) for inner in value]
+    return str(value) if isinstance(value, Path) else value
+
+
+def _read(path: Path) -> dict[str, Any]:
+    try:
+        raw = tomllib.loads(path.read_text(encoding="utf-8-sig"))
+    except FileNotFoundError:
+        raise StudyError("", "there is no such file; give the path of a study file (TOML)") from None
+    except UnicodeDecodeError as error:
+        raise StudyError("", f"byte {error.start} is no UTF-8; a study file is UTF-8 text (TOML)") from None
+    except OSError as error:
+        raise StudyError(
+            "", f"cannot be read: {(error.strerror or str(error)).lower()}; give a study file (TOML)"
+        ) from None
+    except tomllib.TOMLDecodeError as error:
+        what, place = re.fullmatch(r"(.*?)(?: \(at (.*)\))?", str(error), re.DOTALL).groups()  # type: ignore[union-attr]
+        raise StudyError(
+            place or "", f"is not TOML: {what[:1].lower()}{what[1:]}; write key = value"
+        ) from None
+    if not raw:
+        raise StudyError("", "is empty; a study starts with version = 1 and has at least one [[signal]]")
+    return raw
+
+
+def _list_of_tables(raw: dict[str, Any], name: str) -> list[dict[str, Any]]:
+    entries = raw.get(name, [])
+    if not isinstance(entries, list) or not all(isinstance(e, dict) for e in entries):
+        raise StudyError(name, f"is {shown(entries)}; it must be tables that start with [[{name}]]")
+    return entries
+
+
+def _header(raw: dict[str, Any]) -> Header:
+    version = raw.get("version")
+    if version is None:
+        raise StudyError("version", "is missing; it must be 1")
+    if version != 1 or isinstance(version, bool):
+        raise StudyError("version", f"is {shown(version)}, which this program does not know; it must be 1")
+    names = list(Header.model_fields)
+    known_keys(raw, [*names, *_TABLES], "")
+    return section(Header, {n: v for n, v in raw.items() if n in names}, "")
+
+
+def _signals(raw: dict[str, Any], folder: Path) -> tuple[SignalSpec, ...]:
+    base = check_base(raw.get("system", {}))
+    written = _list_of_tables(raw, "signal")
+    if not written:
+        raise StudyError("signal", "is missing; a study has at least one [[signal]]")
+    signals = []
+    for place, entry in enumerate(expand(written, _list_of_tables(raw, "sweep")), start=1):
+        label = entry.get("name")
+        label = label if isinstance(label, str) and re.fullmatch(NAME, label) else str(place)
+        signals.append(resolve_signal(entry, base, folder, f"signal[{label}]"))
+    distinct((s.name for s in signals), "signal", "the signal")
+    return tuple(signals)
+
+
+def _estimators(raw: object) -> Estimators:
+    from bayesdamp.estimators import ESTIMATORS, names_for_all
+
+    given = table(raw, "estimators")
+    own = list(EstimatorsTable.model_fields)
+    known_keys(given, [*own, *ESTIMATORS.names()], "estimators")
+    checked = section(EstimatorsTable, {n: v for n, v in given.items() if n in own}, "estimators")
+    use = tuple(names_for_all()) if checked.use == "all" else checked.use
+    for name in use:
+        plugin_name(ESTIMATORS, name, "estimators.use")
+    distinct(use, "estimators.use", "the estimator")
+    distinct(checked.stages, "estimators.stages", "the stage")
+    options = {n: table(v, below("estimators", n)) for n, v in given.items() if n not in own}
+    return Estimators(use, checked.stages, options)
+
+
+def _models(raw: object) -> Models:
+    from bayesdamp.physics.damping import all_sums
+
+    checked = section(ModelsTable, raw, "models")
+    names = all_sums() if checked.compare == "all" else checked.compare
+    compare = tuple(canonical_model(name, "models.compare") for name in names)
+    distinct(compare, "models.compare", "the model")
+    known_keys(checked.prior, damping_order(), "models.prior")
+    return Models(compare, {n: prior(v, f"models.prior.{n}") for n, v in checked.prior.items()})
+
+
+def _posterior(raw: object) -> PosteriorTable:
+    from bayesdamp.inference.noise import NOISES
+    from bayesdamp.inference.samplers import SAMPLERS
+
+    checked = section(PosteriorTable, raw, "posterior")
+    for name in checked.samplers:
+        plugin_name(SAMPLERS, name, "posterior.samplers")
+    distinct(checked.samplers, "posterior.samplers", "the sampler")
+    plugin_name(NOISES, checked.noise, "posterior.noise")
+    return checked
+
+
+def _evidence(raw: object) -> EvidenceTable:
+    from bayesdamp.inference.evidence import EVIDENCES
+
+    checked = section(EvidenceTable, raw, "evidence")
+    for name in checked.methods:
+        plugin_name(EVIDENCES, name, "evidence.methods")
+    distinct(checked.methods, "evidence.methods", "the method")
+    return checked
+
+
+def load_study(path: str | Path) -> Study:
+    """Read and check a study file. Files of signals are looked for beside it.
+
+    Raises InputError: one line with the file, the key, what is wrong and what would be right.
+    """
+    path = Path(path)
+    try:
+        raw = _read(path)
+        header = _header(raw)
+        name = header.name if header.name is not None else re.sub(r"[^A-Za-z0-9_-]", "_", path.stem)
+        return Study(
+            source=path,
+            name=name,
+            signals=_signals(raw, path.parent),
+            estimators=_estimators(raw.get("estimators", {})),
+            models=_models(raw.get("models", {})),
+            posterior=_posterior(raw.get("posterior", {})),
+            evidence=_evidence(raw.get("evidence", {})),
+            seed=header.seed,
+            description=header.description,
+        )
+    except (StudyError, InputError) as error:
+        raise as_input_error(path, error) from None

@@ -1,0 +1,122 @@
+"""The sections of a study file that hold the same keys whatever the physics."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
+
+NAME = r"^[A-Za-z0-9_][A-Za-z0-9_-]*$"
+
+
+def _listed(value: object) -> object:
+    return tuple(value) if isinstance(value, list) else value
+
+
+Names = Annotated[tuple[str, ...], BeforeValidator(_listed)]
+_A_COUNT = "a whole number, 1 or more"
+
+
+class Section(BaseModel):
+    """A table of the study file: frozen, and no key but its own."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+
+class Header(Section):
+    """The top of the file; the tables are checked one by one after it."""
+
+    version: Literal[1] = Field(description="1, the version of this format")
+    name: str | None = Field(
+        None, pattern=NAME, max_length=64, description="at most 64 letters, digits, - and _"
+    )
+    seed: int = Field(0, ge=0, lt=2**63, description="a whole number, 0 or more")
+    description: str = Field("", description="a line of text in quotes")
+
+
+class SignalTable(Section):
+    """One [[signal]]: a record that is simulated or one that is read."""
+
+    name: str = Field(
+        pattern=NAME, max_length=64, description="a name in quotes: at most 64 letters, digits, - and _"
+    )
+    simulate: dict[str, Any] | None = Field(None, description="a table such as { viscous = 0.05, ... }")
+    system: dict[str, Any] = Field({}, description='a table such as { stiffness = "free" }')
+    file: str | None = Field(None, min_length=1, description="a file's path in quotes")
+    time: Annotated[int, Field(ge=1)] | Annotated[str, Field(min_length=1)] | None = Field(
+        None, description="a column's name or its number from 1"
+    )
+    angle: Annotated[int, Field(ge=1)] | Annotated[str, Field(min_length=1)] | None = Field(
+        None, description="the name of the recorded quantity's column or its number from 1"
+    )
+    unit: Literal["rad", "deg", "m", "mm"] = Field(
+        "rad", description='"rad", "deg", "m" or "mm" (of the displacement itself)'
+    )
+    quantity: Literal["angle", "velocity", "acceleration"] = Field(
+        "angle", description='"angle", "velocity" or "acceleration"'
+    )
+    rate: float | None = Field(None, gt=0, description="the sampling rate in Hz, a positive number")
+    clock: Literal["auto", "as_logged", "uniform"] = Field(
+        "auto", description='"auto", "as_logged" or "uniform"'
+    )
+    start: float | Literal["auto"] = Field("auto", description='a time in s, or "auto"')
+    stop: float | Literal["auto"] = Field("auto", description='a time in s, or "auto"')
+
+
+class SimulateTable(Section):
+    """How a record is made, besides the true values of the parameters."""
+
+    duration: float = Field(gt=0, description="the length of the record in s, a positive number")
+    samples: int = Field(ge=3, description="a whole number, 3 or more")
+    repeats: int = Field(1, ge=1, description=_A_COUNT)
+    noise: str = Field("gaussian", description="a noise model's name in quotes")
+    outliers: float = Field(0.0, ge=0, lt=1, description="the share of wild samples, from 0 to below 1")
+    gaps: float = Field(0.0, ge=0, lt=1, description="the share of missing samples, from 0 to below 1")
+    quantum: float = Field(0.0, ge=0, description="the recording step in the record's unit, 0 or more")
+    quantity: Literal["angle", "velocity", "acceleration"] = Field(
+        "angle", description='"angle", "velocity" or "acceleration"'
+    )
+
+
+class SweepTable(Section):
+    """One [[sweep]]: all signals that have the key, repeated over its values."""
+
+    key: str = Field(min_length=1, description='a key of a signal, such as "simulate.noise_sd"')
+    values: Annotated[tuple[Any, ...], BeforeValidator(_listed), Field(min_length=1)] = Field(
+        description="a list of one or more values"
+    )
+
+
+class EstimatorsTable(Section):
+    """[estimators] without the options of single methods."""
+
+    use: Literal["all"] | Names = Field("all", description='"all" or a list of names')
+    stages: Annotated[tuple[Literal["initial", "refined"], ...], BeforeValidator(_listed)] = Field(
+        ("initial", "refined"), description='a list of "initial" and "refined"'
+    )
+
+
+class ModelsTable(Section):
+    """[models]: the damping sums to compare, and the priors of their terms."""
+
+    compare: Literal["all"] | Annotated[Names, Field(min_length=1)] = Field(
+        ("viscous", "coulomb", "quadratic"), description='"all" or a list of one or more models'
+    )
+    prior: dict[str, Any] = Field({}, description="a table of priors by damping term")
+
+
+class PosteriorTable(Section):
+    """[posterior]: which samplers, under which noise, how long."""
+
+    samplers: Names = Field(("nuts", "emcee"), description="a list of samplers' names")
+    noise: str = Field("gaussian", description="a noise model's name in quotes")
+    chains: int = Field(4, ge=2, description="a whole number, 2 or more")
+    warmup: int = Field(500, ge=10, description="a whole number, 10 or more")
+    draws: int = Field(1000, ge=10, description="a whole number, 10 or more")
+
+
+class EvidenceTable(Section):
+    """[evidence]: which methods, and when nested sampling is called as a referee."""
+
+    methods: Names = Field(("importance",), description="a list of methods' names")
+    referee: Literal["auto", "always", "never"] = Field("auto", description='"auto", "always" or "never"')

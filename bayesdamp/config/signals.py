@@ -1,0 +1,258 @@
+"""What a study says of each record: where it comes from, and what is known of its system."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from bayesdamp.config.checks import (
+    StudyError,
+    below,
+    known_keys,
+    number,
+    plugin_name,
+    prior,
+    section,
+    shown,
+    table,
+)
+from bayesdamp.config.sections import SignalTable, SimulateTable
+from bayesdamp.inference.noise import NOISES
+from bayesdamp.physics.damping import PAPER_TERMS, TERMS
+from bayesdamp.physics.oscillator import Oscillator
+from bayesdamp.physics.restoring import LAWS, RestoringLaw
+from bayesdamp.plugins import nearest
+from bayesdamp.types import System
+
+START = ("theta0", "omega0")
+NOISE = ("noise_sd", "noise_time", "noise_dof")
+REFERENCE = ("amplitude", "frequency", "inertia")
+_MINIMUM = {"epsilon": 0.0, "noise_sd": 0.0}
+_POSITIVE = ("noise_time", "noise_dof", *REFERENCE)
+
+
+@dataclass(frozen=True)
+class Simulation:
+    """A record to make. Estimators and inference never see it.
+
+    damping: the true model's terms; truth: the parameters' true values by name (`zeta`, `stiffness`, ...).
+    duration in s, quantum in the unit of the quantity, outliers and gaps as shares of the samples.
+    """
+
+    damping: tuple[str, ...]
+    truth: Mapping[str, float]
+    duration: float
+    samples: int
+    repeats: int = 1
+    noise: str = "gaussian"
+    outliers: float = 0.0
+    gaps: float = 0.0
+    quantum: float = 0.0
+    quantity: str = "angle"
+
+
+@dataclass(frozen=True)
+class Recording:
+    """A record to read. `file` as written, `path` where it is; columns by name or by number from 1.
+
+    angle: the recorded quantity's column, whatever the quantity; None where the file has only that one.
+    rate in Hz; start and stop in s of the record's own clock, or "auto".
+    """
+
+    file: str
+    path: Path
+    angle: str | int | None = None
+    time: str | int | None = None
+    unit: str = "rad"
+    quantity: str = "angle"
+    rate: float | None = None
+    clock: str = "auto"
+    start: float | str = "auto"
+    stop: float | str = "auto"
+
+
+@dataclass(frozen=True)
+class SignalSpec:
+    """One record of the study, either simulated or read, and what is known of its system.
+
+    inertia: kg m² (kg for a translation), only for showing results in physical units.
+    """
+
+    name: str
+    system: System
+    source: Simulation | Recording
+    inertia: float | None = None
+
+    @property
+    def repeats(self) -> int:
+        """How many records are made of it; one where it is read."""
+        return self.source.repeats if isinstance(self.source, Simulation) else 1
+
+
+def _law(name: object, key: str) -> RestoringLaw:
+    if not isinstance(name, str):
+        raise StudyError(key, f"is {shown(name)}; it must be a restoring law: {', '.join(LAWS.names())}")
+    return LAWS.get(plugin_name(LAWS, name, key))
+
+
+def check_base(raw: object) -> dict[str, Any]:
+    """The study's [system], checked against its restoring law, or against all where it names none."""
+    base = table(raw, "system")
+    names = [base["restoring"]] if "restoring" in base else LAWS.names()
+    parameters = {p for name in names for p in _law(name, "system.restoring").parameters}
+    known_keys(base, _system_keys(sorted(parameters)), "system")
+    for name, value in base.items():
+        if name != "restoring":
+            _value(name, value, below("system", name))
+    return base
+
+
+def _system_keys(parameters: tuple[str, ...] | list[str]) -> list[str]:
+    return ["restoring", *parameters, *START, "epsilon", *NOISE, *REFERENCE]
+
+
+def _value(name: str, raw: object, key: str) -> object:
+    """A number, "free" or a prior table. Raises StudyError."""
+    if name in REFERENCE:
+        return number(raw, key, positive=True)
+    if raw == "free":
+        return None
+    if isinstance(raw, dict):
+        return prior(raw, key)
+    if isinstance(raw, str):
+        raise StudyError(key, f'is {shown(raw)}; it must be a number (known), "free" or a prior table')
+    return number(raw, key, positive=name in _POSITIVE, minimum=_MINIMUM.get(name))
+
+
+def _system(base: Mapping[str, Any], own: Mapping[str, Any], key: str) -> tuple[System, dict[str, float]]:
+    """The signal's system: its own keys over the study's. Also its reference numbers."""
+    restoring = own.get("restoring", base.get("restoring"))
+    if restoring is None:
+        raise StudyError("system.restoring", f"is missing; it must be one of {', '.join(LAWS.names())}")
+    law = _law(restoring, below(key, "system.restoring"))
+    valid = _system_keys(law.parameters)
+    known_keys(own, valid, below(key, "system"))
+    values = {
+        name: _value(name, raw, below("system", name)) for name, raw in base.items() if name in valid[1:]
+    }
+    values |= {
+        name: _value(name, raw, below(key, f"system.{name}"))
+        for name, raw in own.items()
+        if name != "restoring"
+    }
+    reference = {name: float(values.pop(name)) for name in REFERENCE if name in values}  # type: ignore[arg-type]
+    inferred = (*law.parameters, *START, "noise_sd")
+    ordered = {name: values.get(name) for name in (*inferred, *values)}
+    known = {name: value for name, value in ordered.items() if isinstance(value, float)}
+    free = {name: value for name, value in ordered.items() if name not in known}
+    system = System(law.name, known, free, reference.get("amplitude"), reference.get("frequency"))
+    return system, reference
+
+
+def _simulation(raw: object, system: System, key: str) -> Simulation:
+    law = LAWS.get(system.restoring)
+    numbers = (*law.parameters, *START, "epsilon", *NOISE)
+    options = SimulateTable.model_fields
+    given = table(raw, key)
+    known_keys(given, [*TERMS.names(), *numbers, *options], key)
+    settings = section(SimulateTable, {n: v for n, v in given.items() if n in options}, key)
+
+    terms = tuple(name for name in damping_order() if name in given)
+    if not terms:
+        valid = ", ".join(TERMS.names())
+        raise StudyError(
+            key, f"names no damping; give at least one of {valid} with its coefficient (0 for none)"
+        )
+    truth = {TERMS.get(t).parameter: number(given[t], below(key, t), minimum=0.0) for t in terms}
+    truth |= {n: system.known[n] for n in numbers if n in system.known}
+    truth |= {
+        n: number(given[n], below(key, n), positive=n in _POSITIVE, minimum=_MINIMUM.get(n))
+        for n in numbers
+        if n in given
+    }
+
+    noise = NOISES.get(plugin_name(NOISES, settings.noise, below(key, "noise")))
+    oscillator = Oscillator(terms, system.restoring)
+    needed = dict.fromkeys((*oscillator.parameters, "noise_sd", *noise.parameters))
+    missing = [name for name in needed if name not in truth]
+    if missing:
+        what = f"{', '.join(missing)} {'is' if len(missing) == 1 else 'are'} missing"
+        raise StudyError(key, f"{what}; a simulation needs the true value, here or as a number in [system]")
+    try:
+        oscillator.equilibrium(truth, near=truth["theta0"])
+    except ValueError as error:
+        raise StudyError(key, f"{error}; choose parameters that let it oscillate") from None
+    return Simulation(damping=terms, truth=truth, **settings.model_dump())
+
+
+def damping_order() -> list[str]:
+    """The damping terms in the order in which the names of sums show them: the paper's three first."""
+    return [*PAPER_TERMS, *(name for name in TERMS.names() if name not in PAPER_TERMS)]
+
+
+def _recording(entry: SignalTable, system: System, folder: Path, key: str) -> Recording:
+    assert entry.file is not None
+    path = folder / Path(entry.file).expanduser()
+    if not path.is_file():
+        raise StudyError(
+            below(key, "file"), f"{entry.file!r} is not there; paths start at the study's folder {folder}"
+        )
+    if entry.time is None and entry.rate is None:
+        raise StudyError(
+            key, "has neither time nor rate; give the column of time stamps or the sampling rate in Hz"
+        )
+    if entry.time is not None and entry.rate is not None:
+        raise StudyError(below(key, "rate"), "is given beside time; give one of the two")
+    if isinstance(entry.start, float) and isinstance(entry.stop, float) and entry.start >= entry.stop:
+        raise StudyError(
+            below(key, "stop"), f"is {entry.stop:g}; it must be later than start ({entry.start:g})"
+        )
+    if entry.unit in ("m", "mm") and not LAWS.get(system.restoring).translates:
+        laws = ", ".join(name for name in LAWS.names() if LAWS.get(name).translates)
+        raise StudyError(
+            below(key, "unit"),
+            f"is {entry.unit!r}, a translation, which {system.restoring} is not; restoring can be {laws}",
+        )
+    return Recording(
+        file=entry.file,
+        path=path.resolve(),
+        **entry.model_dump(include={"angle", "time", "unit", "quantity", "rate", "clock", "start", "stop"}),
+    )
+
+
+def resolve_signal(raw: object, base: Mapping[str, Any], folder: Path, key: str) -> SignalSpec:
+    """A [[signal]] table with the study's [system] as one record to make or to read. Raises StudyError."""
+    given = table(raw, key)
+    entry = section(SignalTable, given, key)
+    if (entry.simulate is None) == (entry.file is None):
+        both = "both simulate and file" if entry.file else "neither simulate nor file"
+        raise StudyError(key, f"has {both}; it must have one of the two")
+    system, reference = _system(base, entry.system, key)
+    if entry.simulate is None:
+        source: Simulation | Recording = _recording(entry, system, folder, key)
+    else:
+        stray = [n for n in given if n not in ("name", "simulate", "system")]
+        if stray:
+            inside = " inside simulate = { ... }" if stray[0] in SimulateTable.model_fields else ""
+            raise StudyError(
+                below(key, stray[0]),
+                f"belongs to a file{'; put it' + inside if inside else '; remove it here'}",
+            )
+        source = _simulation(entry.simulate, system, below(key, "simulate"))
+    return SignalSpec(entry.name, system, source, reference.get("inertia"))
+
+
+def canonical_model(name: object, key: str) -> str:
+    """A damping model with its terms in the one order that all tables use. Raises StudyError."""
+    valid = damping_order()
+    parts = [part.strip() for part in name.split("+")] if isinstance(name, str) else []
+    for part in parts:
+        if part and part not in valid:
+            raise StudyError(key, f"unknown damping term {part!r}{nearest(part, valid)}")
+    if not parts or not all(parts) or len(set(parts)) != len(parts):
+        raise StudyError(
+            key, f"is {shown(name)}; it must be a sum of different terms, such as viscous+coulomb"
+        )
+    return "+".join(term for term in valid if term in parts)

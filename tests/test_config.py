@@ -1,0 +1,508 @@
+"""The study file: what it means, and one clear line for everything that can be wrong in it."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from bayesdamp.config import Recording, Simulation, load_study
+from bayesdamp.config.sweeps import suffix
+from bayesdamp.priors import HalfNormal, Normal
+from bayesdamp.types import InputError
+
+STUDIES = Path(__file__).resolve().parents[1] / "studies"
+
+SYSTEM = """
+[system]
+restoring = "linear"
+stiffness = 20.0
+rest_angle = 0.0
+theta0 = 0.3
+omega0 = 0.0
+"""
+SIGNAL = """
+[[signal]]
+name = "one"
+simulate = { viscous = 0.05, duration = 10.0, samples = 100, noise_sd = 0.003 }
+"""
+FILE_SIGNAL = """
+[[signal]]
+name = "rig"
+file = "rig.csv"
+time = 1
+angle = "phi"
+"""
+GOOD = "version = 1\n" + SYSTEM + SIGNAL
+
+
+def write(folder: Path, text: str) -> Path:
+    (folder / "rig.csv").write_text("t,phi\n0,1\n")
+    path = folder / "study.toml"
+    path.write_text(text)
+    return path
+
+
+def fault(folder: Path, text: str) -> str:
+    """The one line of the error, without the file's name."""
+    path = write(folder, text)
+    with pytest.raises(InputError) as caught:
+        load_study(path)
+    line = str(caught.value)
+    assert "\n" not in line
+    assert line.startswith(f"{path}: ")
+    return line.removeprefix(f"{path}: ")
+
+
+def test_a_small_study_has_the_defaults(tmp_path: Path) -> None:
+    study = load_study(write(tmp_path, GOOD))
+    assert study.name == "study"
+    assert study.models.compare == ("viscous", "coulomb", "quadratic")
+    assert study.estimators.stages == ("initial", "refined")
+    assert study.posterior.samplers == ("nuts", "emcee")
+    assert (study.posterior.chains, study.posterior.warmup, study.posterior.draws) == (4, 500, 1000)
+    assert study.evidence.methods == ("importance",)
+    assert study.evidence.referee == "auto"
+    (one,) = study.signals
+    assert dict(one.system.known) == {"stiffness": 20.0, "rest_angle": 0.0, "theta0": 0.3, "omega0": 0.0}
+    assert dict(one.system.free) == {"noise_sd": None}
+    assert isinstance(one.source, Simulation)
+    assert one.source.damping == ("viscous",)
+    assert one.source.truth["zeta"] == 0.05
+    assert one.source.truth["noise_sd"] == 0.003
+
+
+@pytest.mark.parametrize("name", ["quickstart", "paper"])
+def test_the_studies_that_ship_load(name: str) -> None:
+    study = load_study(STUDIES / f"{name}.toml")
+    assert study.name == name
+    assert study.signals
+
+
+def test_a_study_is_frozen_and_writes_itself_as_json(tmp_path: Path) -> None:
+    path = write(tmp_path, GOOD + '[models]\nprior = { viscous = { prior = "halfnormal", scale = 0.2 } }\n')
+    study = load_study(path)
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        study.seed = 3  # type: ignore[misc]
+    resolved = json.loads(json.dumps(study.resolved()))
+    assert resolved["models"]["prior"]["viscous"] == {"prior": "halfnormal", "scale": 0.2}
+    assert str(tmp_path) not in json.dumps(resolved)
+    assert study.models.prior["viscous"] == HalfNormal(scale=0.2)
+
+
+def test_the_digest_is_that_of_the_meaning(tmp_path: Path) -> None:
+    digest = load_study(write(tmp_path, GOOD)).digest()
+    assert load_study(write(tmp_path, "# the same\n" + GOOD)).digest() == digest
+    assert load_study(write(tmp_path, GOOD.replace("0.05", "0.06"))).digest() != digest
+
+
+def test_system_values_are_known_free_or_with_a_prior(tmp_path: Path) -> None:
+    text = "version = 1\n" + SYSTEM.replace("omega0 = 0.0", 'omega0 = "free"') + FILE_SIGNAL
+    text += (
+        'system = { rest_angle = { prior = "normal", mean = 0.1, sd = 1 }, amplitude = 2.0, inertia = 3 }\n'
+    )
+    (rig,) = load_study(write(tmp_path, text)).signals
+    assert dict(rig.system.known) == {"stiffness": 20.0, "theta0": 0.3}
+    assert dict(rig.system.free) == {
+        "rest_angle": Normal(mean=0.1, sd=1),
+        "omega0": None,
+        "noise_sd": None,
+    }
+    assert (rig.system.amplitude, rig.system.frequency, rig.inertia) == (2.0, None, 3.0)
+
+
+def test_what_is_not_mentioned_is_free_for_a_file(tmp_path: Path) -> None:
+    text = 'version = 1\n[system]\nrestoring = "horizontal_pendulum"\n' + FILE_SIGNAL
+    (rig,) = load_study(write(tmp_path, text)).signals
+    assert not rig.system.known
+    assert set(rig.system.free) == {"stiffness", "gravity", "spring_angle", "theta0", "omega0", "noise_sd"}
+    assert isinstance(rig.source, Recording)
+    assert rig.source.path == (tmp_path / "rig.csv").resolve()
+
+
+def test_another_law_drops_the_study_s_parameters_that_it_does_not_have(tmp_path: Path) -> None:
+    text = GOOD.replace('"linear"', '"duffing"\ncubic = 1.0') + 'system = { restoring = "pendulum" }\n'
+    (one,) = load_study(write(tmp_path, text)).signals
+    assert one.system.restoring == "pendulum"
+    assert "cubic" not in one.system.known
+
+
+def test_truth_given_in_simulate_stays_free(tmp_path: Path) -> None:
+    text = GOOD.replace("theta0 = 0.3", 'theta0 = "free"').replace(
+        "viscous = 0.05", "viscous = 0.05, theta0 = 0.2"
+    )
+    (one,) = load_study(write(tmp_path, text)).signals
+    assert one.system.free["theta0"] is None
+    assert isinstance(one.source, Simulation)
+    assert one.source.truth["theta0"] == 0.2
+
+
+def test_a_sweep_repeats_the_signals_that_have_the_key(tmp_path: Path) -> None:
+    sweeps = """
+[[sweep]]
+key = "simulate.noise_sd"
+values = [0.0, 0.003]
+[[sweep]]
+key = "simulate.viscous"
+values = [0.1, 1e-5]
+"""
+    study = load_study(write(tmp_path, GOOD + FILE_SIGNAL + sweeps))
+    assert [s.name for s in study.signals] == [
+        "one-noise_sd-0-viscous-0p1",
+        "one-noise_sd-0-viscous-1e-05",
+        "one-noise_sd-0p003-viscous-0p1",
+        "one-noise_sd-0p003-viscous-1e-05",
+        "rig",
+    ]
+    truths = [s.source.truth for s in study.signals if isinstance(s.source, Simulation)]
+    assert [(t["noise_sd"], t["zeta"]) for t in truths] == [(0, 0.1), (0, 1e-5), (0.003, 0.1), (0.003, 1e-5)]
+
+
+def test_a_sweep_of_the_system_touches_known_and_truth(tmp_path: Path) -> None:
+    text = GOOD + '[[sweep]]\nkey = "system.rest_angle"\nvalues = [-0.1, 0.2]\n'
+    low, high = load_study(write(tmp_path, text)).signals
+    assert low.name == "one-rest_angle-m0p1"
+    assert high.system.known["rest_angle"] == 0.2
+    assert isinstance(high.source, Simulation)
+    assert high.source.truth["rest_angle"] == 0.2
+
+
+def test_names_of_swept_values() -> None:
+    assert suffix("system.restoring", "linear", ("linear",)) == "-restoring-linear"
+    assert suffix("start", -2, (-2,)) == "-start-m2"
+    assert suffix("system.gravity", {"prior": "normal"}, ("free", {"prior": "normal"})) == "-gravity-2"
+
+
+def test_models_have_one_spelling_and_all_is_seven(tmp_path: Path) -> None:
+    study = load_study(write(tmp_path, GOOD + '[models]\ncompare = ["coulomb + viscous"]\n'))
+    assert study.models.compare == ("viscous+coulomb",)
+    assert len(load_study(write(tmp_path, GOOD + '[models]\ncompare = "all"\n')).models.compare) == 7
+
+
+def test_an_empty_list_switches_a_stage_off(tmp_path: Path) -> None:
+    text = GOOD + "[estimators]\nuse = []\n[posterior]\nsamplers = []\n[evidence]\nmethods = []\n"
+    study = load_study(write(tmp_path, text))
+    assert (study.estimators.use, study.posterior.samplers, study.evidence.methods) == ((), (), ())
+
+
+def swap(old: str, new: str) -> str:
+    assert old in GOOD
+    return GOOD.replace(old, new)
+
+
+def rig(extra: str = "", old: str = "", new: str = "") -> str:
+    assert old in FILE_SIGNAL
+    return "version = 1\n" + SYSTEM + FILE_SIGNAL.replace(old, new) + extra
+
+
+FAULTS = {
+    # the file as a whole
+    "empty": ("", "is empty; a study starts with version = 1"),
+    "comment only": ("# nothing\n", "is empty"),
+    "syntax": ("version = 1\nname =\n", "line 2, column 7: is not TOML"),
+    "key twice": ("version = 1\nversion = 1\n", "line 2, column 12: is not TOML: cannot overwrite"),
+    "no version": (SYSTEM + SIGNAL, "version: is missing; it must be 1"),
+    "version 2": (swap("version = 1", "version = 2"), "version: is 2, which this program does not know"),
+    "version true": (swap("version = 1", "version = true"), "version: is true, which"),
+    "version text": (swap("version = 1", 'version = "1"'), "version: is '1', which"),
+    "top key": (swap("version = 1", "version = 1\nseeds = 3"), "seeds: unknown key; did you mean 'seed'?"),
+    "top table": (GOOD + "[posteriors]\n", "posteriors: unknown key; did you mean 'posterior'?"),
+    "seed": (swap("version = 1", "version = 1\nseed = -1"), "seed: is -1; it must be a whole number"),
+    "seed text": (swap("version = 1", 'version = 1\nseed = "x"'), "seed: is 'x'; it must be a whole"),
+    "name": (
+        swap("version = 1", 'version = 1\nname = "a/b"'),
+        "name: is 'a/b'; it must be at most 64 letters",
+    ),
+    "no signal": ("version = 1\n" + SYSTEM, "signal: is missing; a study has at least one [[signal]]"),
+    "signal table": ("version = 1\n[signal]\nname = 'x'\n", "signal: is {'name': 'x'}; it must be tables"),
+    "system list": ("version = 1\nsystem = 3\n" + SIGNAL, "system: is 3; it must be a table"),
+    # [system]
+    "no law": ("version = 1\n" + SIGNAL, "system.restoring: is missing; it must be one of duffing"),
+    "law": (
+        swap('"linear"', '"liner"'),
+        "system.restoring: unknown restoring law 'liner'; did you mean 'linear'?",
+    ),
+    "law number": (swap('"linear"', "3"), "system.restoring: is 3; it must be a restoring law"),
+    "system key": (swap("stiffness", "stifness"), "system.stifness: unknown key; did you mean 'stiffness'?"),
+    "other law's": (
+        swap("rest_angle = 0.0", "gravity = 1.0"),
+        "system.gravity: unknown key; valid are restoring",
+    ),
+    "system text": (
+        swap("20.0", '"fre"'),
+        "system.stiffness: is 'fre'; it must be a number (known), \"free\"",
+    ),
+    "system bool": (swap("20.0", "true"), "system.stiffness: is true; it must be a number"),
+    "system inf": (swap("20.0", "inf"), "system.stiffness: is inf; it must be a number"),
+    "epsilon": (swap("omega0", "epsilon = -1\nomega0"), "system.epsilon: is -1; it must be at least 0"),
+    "amplitude": (
+        swap("omega0", 'amplitude = "free"\nomega0'),
+        "system.amplitude: is 'free'; it must be a pos",
+    ),
+    "noise_dof": (
+        swap("omega0", "noise_dof = 0\nomega0"),
+        "system.noise_dof: is 0; it must be a positive number",
+    ),
+    # priors
+    "no prior": (
+        swap("20.0", "{ mean = 1 }"),
+        "system.stiffness: names no prior; it must be a table such as",
+    ),
+    "prior": (
+        swap("20.0", '{ prior = "norml" }'),
+        "stiffness.prior: unknown prior 'norml'; did you mean 'normal'?",
+    ),
+    "prior key": (
+        swap("20.0", '{ prior = "normal", mean = 1, sdd = 1 }'),
+        "system.stiffness.sdd: unknown key; did you mean 'sd'?",
+    ),
+    "prior inner": (
+        swap("20.0", '{ prior = "halfnormal", scale = 1, folded = false }'),
+        "system.stiffness.folded: unknown key; valid are prior, scale",
+    ),
+    "prior missing": (
+        swap("20.0", '{ prior = "normal", mean = 1 }'),
+        "stiffness.sd: is missing; it must be a num",
+    ),
+    "prior sd": (
+        swap("20.0", '{ prior = "normal", mean = 1, sd = 0 }'),
+        "system.stiffness.sd: is 0; it must be a number above 0",
+    ),
+    "prior text": (
+        swap("20.0", '{ prior = "normal", mean = "1", sd = 1 }'),
+        "system.stiffness.mean: is '1'; it must be a number",
+    ),
+    "prior order": (
+        swap("20.0", '{ prior = "uniform", low = 2, high = 1 }'),
+        "system.stiffness: low (2) must be below high (1)",
+    ),
+    # [[signal]]
+    "signal key": (GOOD + "fiel = 3\n", "signal[one].fiel: unknown key; did you mean 'file'?"),
+    "no name": (swap('name = "one"\n', ""), "signal[1].name: is missing; it must be a name in quotes"),
+    "bad name": (
+        swap('"one"', '"on e"'),
+        "signal[1].name: is 'on e'; it must be a name in quotes: at most 64",
+    ),
+    "long name": (swap('"one"', f'"{"a" * 65}"'), "it must be a name in quotes: at most 64 letters"),
+    "name twice": (GOOD + SIGNAL, "signal: names the signal 'one' twice; once is enough"),
+    "neither": (
+        "version = 1\n" + SYSTEM + '[[signal]]\nname = "x"\n',
+        "signal[x]: has neither simulate nor file",
+    ),
+    "both": (
+        GOOD + 'file = "rig.csv"\n',
+        "signal[one]: has both simulate and file; it must have one of the two",
+    ),
+    "own system": (GOOD + "system = { gravty = 3 }\n", "signal[one].system.gravty: unknown key"),
+    "own law": (
+        GOOD + 'system = { restoring = "x" }\n',
+        "signal[one].system.restoring: unknown restoring law 'x'",
+    ),
+    "stray": (GOOD + "rate = 3.0\n", "signal[one].rate: belongs to a file; remove it here"),
+    "stray quantity": (
+        GOOD + 'quantity = "velocity"\n',
+        "belongs to a file; put it inside simulate = { ... }",
+    ),
+    # simulate
+    "simulate": (
+        swap("duration", "durations"),
+        "signal[one].simulate.durations: unknown key; did you mean 'duration'?",
+    ),
+    "term": (swap("viscous", "viscuos"), "simulate.viscuos: unknown key; did you mean 'viscous'?"),
+    "no term": (swap("viscous = 0.05, ", ""), "signal[one].simulate: names no damping; give at least one of"),
+    "negative": (swap("0.05", "-0.05"), "signal[one].simulate.viscous: is -0.05; it must be at least 0"),
+    "no duration": (
+        swap("duration = 10.0, ", ""),
+        "simulate.duration: is missing; it must be the length of the record",
+    ),
+    "duration": (
+        swap("10.0", "0"),
+        "simulate.duration: is 0; it must be the length of the record in s, a positive",
+    ),
+    "samples": (swap("100", "100.0"), "simulate.samples: is 100.0; it must be a whole number, 3 or more"),
+    "few samples": (swap("100", "2"), "simulate.samples: is 2; it must be a whole number, 3 or more"),
+    "repeats": (
+        swap("samples = 100", "samples = 100, repeats = 0"),
+        "simulate.repeats: is 0; it must be a whole",
+    ),
+    "noise": (swap("samples", 'noise = "white", samples'), "simulate.noise: unknown noise model 'white'"),
+    "noise_sd": (swap("0.003", "-1"), "simulate.noise_sd: is -1; it must be at least 0"),
+    "no noise_sd": (
+        swap(", noise_sd = 0.003", ""),
+        "signal[one].simulate: noise_sd is missing; a simulation needs",
+    ),
+    "no noise_time": (
+        swap("samples", 'noise = "correlated", samples'),
+        "simulate: noise_time is missing; a simul",
+    ),
+    "free": (
+        swap("20.0", '"free"'),
+        "signal[one].simulate: stiffness is missing; a simulation needs the true value",
+    ),
+    "two free": (
+        swap("stiffness = 20.0\nrest_angle = 0.0\n", ""),
+        "signal[one].simulate: stiffness, rest_angle are missing; a simulation needs the true value",
+    ),
+    "no epsilon": (
+        swap("viscous", "coulomb"),
+        "signal[one].simulate: epsilon is missing; a simulation needs",
+    ),
+    "no rest": (
+        swap("20.0", "-20.0"),
+        "signal[one].simulate: linear has no stable equilibrium within 10 rad",
+    ),
+    # a file
+    "no file": (
+        rig(old='"rig.csv"', new='"rg.csv"'),
+        "signal[rig].file: 'rg.csv' is not there; paths start at",
+    ),
+    "angle": (rig(old='"phi"', new="0"), "signal[rig].angle: is 0; it must be the name of the recorded"),
+    "no clock": (rig(old="time = 1\n"), "signal[rig]: has neither time nor rate; give the column"),
+    "two clocks": (rig("rate = 3\n"), "signal[rig].rate: is given beside time; give one of the two"),
+    "rate": (rig("", "time = 1", "rate = -1"), "signal[rig].rate: is -1; it must be the sampling rate in Hz"),
+    "unit": (rig('unit = "degrees"\n'), 'signal[rig].unit: is \'degrees\'; it must be "rad", "deg"'),
+    "quantity": (rig('quantity = "speed"\n'), "signal[rig].quantity: is 'speed'; it must be \"angle\""),
+    "clock": (rig('clock = "unform"\n'), "signal[rig].clock: is 'unform'; it must be \"auto\""),
+    "start": (rig('start = "early"\n'), "signal[rig].start: is 'early'; it must be a time in s, or \"auto\""),
+    "stop": (rig("start = 3\nstop = 2.5\n"), "signal[rig].stop: is 2.5; it must be later than start (3)"),
+    "metres": (
+        rig('unit = "mm"\nsystem = { restoring = "pendulum" }\n'),
+        "signal[rig].unit: is 'mm', a translation, which pendulum is not; restoring can be duffing, linear",
+    ),
+    # [[sweep]]
+    "sweep key": (
+        GOOD + '[[sweep]]\nkey = "noise"\nvalues = [1]\n',
+        "sweep[1].key: is 'noise', which is no key of a signal; it must be like",
+    ),
+    "sweep inner": (
+        GOOD + '[[sweep]]\nkey = "simulate.nois_sd"\nvalues = [1]\n',
+        "simulate.nois_sd: unknown key; did you mean 'noise_sd'?",
+    ),
+    "sweep nothing": (
+        GOOD + '[[sweep]]\nkey = "start"\nvalues = [1]\n',
+        "sweep[1].key: is 'start', which no signal has",
+    ),
+    "sweep empty": (
+        GOOD + '[[sweep]]\nkey = "system.stiffness"\nvalues = []\n',
+        "sweep[1].values: is []; it must be a list of one or more values",
+    ),
+    "sweep twice": (
+        GOOD + '[[sweep]]\nkey = "system.stiffness"\nvalues = [1.0, 1]\n',
+        "sweep[1].values: holds a value twice",
+    ),
+    # the stages
+    "estimator": (
+        GOOD + '[estimators]\nuse = ["envelop"]\n',
+        "unknown estimator 'envelop'; did you mean 'envelope'?",
+    ),
+    "estimators": (
+        GOOD + '[estimators]\nuse = "envelope"\n',
+        "estimators.use: is 'envelope'; it must be \"all\" or",
+    ),
+    "estimator twice": (
+        GOOD + '[estimators]\nuse = ["envelope", "envelope"]\n',
+        "names the estimator 'envelope' twice",
+    ),
+    "stage": (
+        GOOD + '[estimators]\nstages = ["first"]\n',
+        "estimators.stages: is ['first']; it must be a list of",
+    ),
+    "options": (GOOD + "[estimators]\nenvelope = 3\n", "estimators.envelope: is 3; it must be a table"),
+    "option table": (
+        GOOD + "[estimators.envelop]\n",
+        "estimators.envelop: unknown key; did you mean 'envelope'?",
+    ),
+    "model": (
+        GOOD + '[models]\ncompare = ["coulom"]\n',
+        "unknown damping term 'coulom'; did you mean 'coulomb'?",
+    ),
+    "model sum": (
+        GOOD + '[models]\ncompare = ["viscous+viscous"]\n',
+        "models.compare: is 'viscous+viscous'; it must be a sum of different terms",
+    ),
+    "model twice": (
+        GOOD + '[models]\ncompare = ["viscous+coulomb", "coulomb+viscous"]\n',
+        "models.compare: names the model 'viscous+coulomb' twice",
+    ),
+    "no model": (
+        GOOD + "[models]\ncompare = []\n",
+        'models.compare: is []; it must be "all" or a list of one',
+    ),
+    "model prior": (
+        GOOD + "[models]\nprior = { zeta = 3 }\n",
+        "models.prior.zeta: unknown key; valid are viscous",
+    ),
+    "term prior": (
+        GOOD + "[models]\nprior = { viscous = 3 }\n",
+        "models.prior.viscous: is 3; it must be a table",
+    ),
+    "sampler": (GOOD + '[posterior]\nsamplers = ["nut"]\n', "unknown sampler 'nut'; did you mean 'nuts'?"),
+    "posterior noise": (
+        GOOD + '[posterior]\nnoise = "gausian"\n',
+        "unknown noise model 'gausian'; did you mean",
+    ),
+    "chains": (
+        GOOD + "[posterior]\nchains = 1\n",
+        "posterior.chains: is 1; it must be a whole number, 2 or more",
+    ),
+    "draws": (GOOD + "[posterior]\ndraws = 1e3\n", "posterior.draws: is 1000.0; it must be a whole number"),
+    "posterior key": (
+        GOOD + "[posterior]\nchain = 4\n",
+        "posterior.chain: unknown key; did you mean 'chains'?",
+    ),
+    "evidence": (GOOD + '[evidence]\nmethods = ["importanc"]\n', "evidence method 'importanc'; did you mean"),
+    "referee": (
+        GOOD + '[evidence]\nreferee = "often"\n',
+        "evidence.referee: is 'often'; it must be \"auto\"",
+    ),
+}
+
+
+@pytest.mark.parametrize(("text", "expected"), FAULTS.values(), ids=FAULTS)
+def test_every_fault_is_one_line_that_names_the_key(tmp_path: Path, text: str, expected: str) -> None:
+    assert expected in fault(tmp_path, text)
+
+
+def test_files_that_are_no_study(tmp_path: Path) -> None:
+    for path in (tmp_path / "none.toml", tmp_path):
+        with pytest.raises(InputError, match=r"^[^\n]*; give [^\n]*$"):
+            load_study(path)
+    latin = tmp_path / "latin.toml"
+    latin.write_bytes("name = 'Müller'".encode("latin-1"))
+    with pytest.raises(InputError, match="is no UTF-8"):
+        load_study(latin)
+
+
+def test_a_byte_order_mark_and_windows_line_ends_are_no_fault(tmp_path: Path) -> None:
+    path = tmp_path / "study.toml"
+    path.write_bytes(b"\xef\xbb\xbf" + GOOD.replace("\n", "\r\n").encode())
+    assert load_study(path).signals
+
+
+def test_options_of_an_estimator_are_checked_when_asked_for(tmp_path: Path) -> None:
+    study = load_study(write(tmp_path, GOOD + "[estimators.least_squares]\nvarant = 3\n"))
+    with pytest.raises(InputError, match=r"study\.toml: .*varant.*did you mean 'variant'"):
+        study.estimator_options("least_squares")
+    assert study.estimator_options("envelope") is not None
+
+
+LOADS = """
+import sys
+from bayesdamp.config import load_study
+study = load_study(sys.argv[1])
+study.estimator_options("least_squares")
+print(sorted({name.partition(".")[0] for name in sys.modules} & {"torch", "pysindy", "sklearn", "gudhi"}))
+"""
+
+
+@pytest.mark.parametrize(("extra", "loaded"), [("", "[]"), ("import torch\n", "['torch']")])
+def test_reading_a_study_imports_no_method_it_does_not_use(tmp_path: Path, extra: str, loaded: str) -> None:
+    path = write(tmp_path, GOOD + '[estimators]\nuse = ["least_squares"]\n')
+    run = subprocess.run(
+        [sys.executable, "-c", extra + LOADS, str(path)], capture_output=True, text=True, check=True
+    )
+    assert run.stdout.strip() == loaded
