@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import zipfile
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -56,14 +57,14 @@ def _pick(found: dict[str, np.ndarray], name: str | int, where: str) -> np.ndarr
     return found[key]
 
 
-def _add(found: dict[str, np.ndarray], path: str, item: object) -> None:
+def _add(found: dict[str, np.ndarray], path: str, item: Any) -> None:
     """Put every vector under item into found; a matrix gives its columns, numbered from 1."""
     if isinstance(item, dict):
         for key, below in item.items():
             if not str(key).startswith("__"):
                 _add(found, f"{path}.{key}" if path else str(key), below)
         return
-    array = np.asarray(item) if isinstance(item, np.ndarray | list) else np.empty(0)
+    array: Any = np.asarray(item) if isinstance(item, np.ndarray | list) else np.empty(0)
     if array.dtype.names:
         for key in array.dtype.names:
             _add(found, f"{path}.{key}" if path else str(key), array[key])

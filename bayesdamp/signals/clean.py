@@ -116,7 +116,8 @@ def _asked(t: np.ndarray, start: str | float, stop: str | float, name: str) -> t
             bounds.append(None)
         elif not np.isfinite(at) or not t[0] - 1e-9 <= at <= t[-1] + 1e-9:
             raise InputError(
-                f"{name}: {what} = {at:g} s lies outside the record, which goes from {t[0]:.8g} to {t[-1]:.8g} s"
+                f"{name}: {what} = {at:g} s lies outside the record, "
+                f"which goes from {t[0]:.8g} to {t[-1]:.8g} s"
             )
         else:
             bounds.append(float(at))

@@ -45,8 +45,8 @@ def clock_times(raw: RawRecord, clock: str, name: str) -> Clock:
     if np.any(gaps < 0):
         at = int(np.argmax(gaps < 0))
         raise InputError(
-            f"{name}, {_place(raw, at + 1)}: the time goes back from {raw.t[at]:.10g} to {raw.t[at + 1]:.10g} s; "
-            "sort the file, or name the right time column"
+            f"{name}, {_place(raw, at + 1)}: the time goes back from {raw.t[at]:.10g} to "
+            f"{raw.t[at + 1]:.10g} s; sort the file, or name the right time column"
         )
     if raw.t[-1] == raw.t[0]:
         raise InputError(
@@ -56,13 +56,13 @@ def clock_times(raw: RawRecord, clock: str, name: str) -> Clock:
     first = int(np.argmax(gaps == 0)) + 1
     if clock == "as_logged" and repeated:
         raise InputError(
-            f'{name}, {_place(raw, first)}: {_share(repeated)} of the times repeat, which clock = "as_logged" '
-            'cannot take; use "uniform"'
+            f"{name}, {_place(raw, first)}: {_share(repeated)} of the times repeat, which "
+            'clock = "as_logged" cannot take; use "uniform"'
         )
     if clock == "auto" and 0 < repeated < MANY:
         raise InputError(
-            f"{name}, {_place(raw, first)}: the time {raw.t[first]:.10g} s repeats, as {_share(repeated)} of the "
-            'times do, too few for bursts; mend the file, or use clock = "uniform"'
+            f"{name}, {_place(raw, first)}: the time {raw.t[first]:.10g} s repeats, as {_share(repeated)} of "
+            'the times do, too few for bursts; mend the file, or use clock = "uniform"'
         )
     if clock == "as_logged" or (clock == "auto" and not repeated):
         return Clock(raw.t, "as_logged", repeated, ())

@@ -44,6 +44,10 @@ def free_decay(
         )
     noise = roughness(t, y, period)
     turns = _main_run(turning_points(t, y, period, noise), max(STEPS * step, SIGMAS * noise))
+    if turns.times.size >= 3:  # the noise at rest says little of the noise in motion
+        a, b = np.searchsorted(t, (turns.times[0], turns.times[-1]))
+        noise = roughness(t[a : b + 1], y[a : b + 1], period)
+        turns = _main_run(turns, max(STEPS * step, SIGMAS * noise))
     if turns.times.size < 3:
         raise InputError(
             f"{name}: no oscillation: fewer than three turning points stand out of noise and rounding"
@@ -51,7 +55,7 @@ def free_decay(
     notes: list[str] = []
     first, last = 0, t.size - 1
     if seek_start:
-        first = _start(t, y, turns, noise, step, notes)
+        first = _start(t, y, turns, 2 * noise + step, notes)
     if seek_stop:
         last = _stop(t, turns, notes)
     return Window(first, last, tuple(notes))
@@ -65,7 +69,7 @@ def _main_run(turns: Turning, floor: float) -> Turning:
         return turns
     gaps = np.diff(turns.times)
     typical = np.array([np.median(gaps[max(i - 4, 0) : i + 5]) for i in range(gaps.size)])
-    good = (gaps > 0.55 * typical) & (gaps < 1.6 * typical) & (np.abs(np.diff(turns.values)) > 2 * floor)
+    good = (gaps > 0.7 * typical) & (gaps < 1.6 * typical) & (np.abs(np.diff(turns.values)) > 2 * floor)
     edges = np.flatnonzero(np.diff(np.concatenate([[0], good.astype(int), [0]])))
     if edges.size == 0:
         return turns.cut(0, 0)
@@ -79,67 +83,68 @@ def _main_run(turns: Turning, floor: float) -> Turning:
     return turns.cut(int(runs[low][0]), int(runs[high][1]) + 1)
 
 
-def _misfit(t: np.ndarray, y: np.ndarray, begin: float, end: float, half: float) -> float:
-    """Rms distance of the samples in [begin, end] from one sinusoid with overtone and slow changes (robust to
-    none).
+def _misfit(t: np.ndarray, y: np.ndarray, begin: float, end: float, half: float) -> tuple[float, float]:
+    """(rms, largest) distance of the samples in [begin, end] from a slowly changing sinusoid and overtone.
+
+    half: half a period in s.
     """
     a, b = np.searchsorted(t, (begin - 1e-12, end + 1e-12))
     if b - a < 3:
-        return 0.0
+        return 0.0, 0.0
     x = np.pi * (t[a:b] - (begin + end) / 2) / half
     c, s = np.cos(x), np.sin(x)
     columns = np.stack([np.ones_like(x), c, s, x, x * c, x * s, np.cos(2 * x), np.sin(2 * x)], axis=1)
     columns = columns[:, : max(min(8, (b - a) // 2), 1)]
     rest = y[a:b] - columns @ np.linalg.lstsq(columns, y[a:b], rcond=1e-8)[0]
-    return float(np.sqrt(np.sum(rest**2) / (b - a - columns.shape[1] or 1)))
+    return float(np.sqrt(np.sum(rest**2) / max(b - a - columns.shape[1], 1))), float(np.abs(rest).max())
 
 
-def _start(t: np.ndarray, y: np.ndarray, turns: Turning, noise: float, step: float, notes: list[str]) -> int:
-    """The first sample of the free decay: of the record if it begins in it, else at the first clean turning
-    point.
+def _start(t: np.ndarray, y: np.ndarray, turns: Turning, floor: float, notes: list[str]) -> int:
+    """The first sample of the free decay: the record's own, or that of the first clean turning point.
+
+    floor: what noise and rounding can do to one swing, in the unit of y.
     """
-    k = turns.times.size
     sizes = np.abs(turns.values - midpoints(turns.values))
+    ranges = np.log(np.abs(np.diff(turns.values[:24])))
     gaps = np.diff(turns.times)
-    floor = 2 * noise + step
-    swings = [_misfit(t, y, turns.times[i], turns.times[i + 1], gaps[i]) for i in range(min(k - 1, 24))]
-    most = min(12, (k - 1) // 3)
+    swings = np.array(
+        [_misfit(t, y, turns.times[i], turns.times[i + 1], gaps[i]) for i in range(min(gaps.size, 24))]
+    )
 
-    def clean(i: int) -> bool:
-        """Whether the swing from turning point i on looks like those after it."""
-        later = swings[i + 1 : i + 9]
-        if not later:
-            return True
-        if swings[i] > max(5 * float(np.median(later)), 0.01 * sizes[i]) and swings[i] > floor / 3:
-            return False
-        n = min(8, k - i - 2)
-        if n < 5:
-            return True
-        x = np.arange(1, n + 1)
-        ranges = np.abs(np.diff(turns.values[i : i + n + 2]))
-        curve = np.polynomial.Polynomial.fit(x, np.log(ranges[1:]), 2 if n >= 6 else 1)
-        scatter = float(np.std(np.log(ranges[1:]) - curve(x)))
-        back = abs(np.log(ranges[0]) - float(curve(0.0)))
-        return back < max(0.06, 6 * scatter, 4 * floor / ranges[0])
+    def shaped(misfit: tuple[float, float] | np.ndarray, i: int) -> bool:
+        """Whether a misfit is no more than those of the swings from i on."""
+        later = swings[i : i + 8]
+        usual = np.median(later, axis=0) if later.size else np.zeros(2)
+        limit = np.maximum(5 * usual, np.array([0.01 * sizes[0], 0.02 * sizes[0]]))
+        return bool(np.all(misfit <= np.maximum(limit, np.array([0.3, 0.6]) * floor)))
 
-    at = next((i for i in range(most + 1) if clean(i)), most)
-    if at == 0:
-        before = turns.times[0] - t[0]
-        whole = _misfit(t, y, t[0], turns.times[1], gaps[0])
-        usual = float(np.median(swings[1:9])) if len(swings) > 1 else swings[0]
-        begins = before <= 1.1 * gaps[0] and whole <= max(5 * usual, 0.01 * sizes[0], floor / 3)
-        if begins and _reaches(t, y, turns, sizes, floor):
+    def in_step(i: int) -> bool:
+        """Whether the amplitude falls in the period from turning point i on as the later ones foretell."""
+        falls = ranges[i + 2 : i + 9] - ranges[i : i + 7][: ranges[i + 2 : i + 9].size]
+        if falls.size < 5:
+            return True
+        x = np.arange(1, falls.size)
+        curve = np.polynomial.Polynomial.fit(x, falls[1:], 2 if x.size >= 5 else 1)
+        scatter = float(np.std(falls[1:] - curve(x)))
+        foretold = float(curve(0.0))
+        return abs(falls[0] - foretold) <= max(0.1 * abs(foretold), 5 * scatter, floor / np.exp(ranges[i]))
+
+    most = min(6, gaps.size // 4)
+    at = next((i for i in range(most + 1) if shaped(swings[i], i + 1) and in_step(i)), 0)
+    if at == 0 and turns.times[0] - t[0] <= 1.1 * gaps[0]:
+        opening = _misfit(t, y, float(t[0]), turns.times[1], gaps[0])
+        if shaped(opening, 1) and _reaches(t, y, turns, sizes, floor):
             return 0
     first = int(np.searchsorted(t, turns.times[at] - 1e-12))
     notes.append(
-        f"The start ({t[first]:.6g} s, sample {first}) is the {_ordinal(at + 1)} turning point: "
+        f"The start ({t[first]:.6g} s, sample {first} from 0) is the {_ordinal(at + 1)} turning point: "
         "before it the record is at rest, held, or disturbed by the release."
     )
     return first
 
 
 def _reaches(t: np.ndarray, y: np.ndarray, turns: Turning, sizes: np.ndarray, floor: float) -> bool:
-    """Whether what comes before the first turning point does not exceed the swing that it should belong to."""
+    """Whether what comes before the first turning point does not exceed the swing that it belongs to."""
     before = y[t < turns.times[0]]
     if before.size == 0:
         return True
@@ -154,8 +159,8 @@ def _stop(t: np.ndarray, turns: Turning, notes: list[str]) -> int:
         return t.size - 1
     last = int(np.searchsorted(t, turns.times[-1] + 1e-12)) - 1
     notes.append(
-        f"The stop ({t[last]:.6g} s, sample {last}) is the last turning point that stands out of noise and rounding; "
-        "after it the record is at rest or all but."
+        f"The stop ({t[last]:.6g} s, sample {last} from 0) is the last turning point that stands out "
+        "of noise and rounding; after it the record is at rest or all but."
     )
     return last
 
