@@ -1,0 +1,146 @@
+"""A record with every model's fit, residual and autocorrelation."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from bayesdamp.report import words
+from bayesdamp.report.style import FAINT, INK, QUIET, WIDTH, colour, dash
+
+_POINTS = 2000
+
+
+@dataclass(frozen=True)
+class Fit:
+    """One model at its mode. fit, residual: shape (n,), on the record's times; empty where not stored.
+
+    autocorrelation: shape (lags,), of the whitened residual, from lag 0.
+    """
+
+    model: str
+    fit: np.ndarray
+    residual: np.ndarray
+    autocorrelation: np.ndarray
+    rms: str
+
+
+def record(t: np.ndarray, y: np.ndarray, fits: Sequence[Fit], axis: str, period: float) -> Figure:
+    """t in s and y in the displayed unit, shape (n,); fits in the order of their rank; axis: label of y."""
+    rows = 2 + len(fits) if fits else 1
+    heights = [1.9, 1.9, *[1.05] * len(fits)] if fits else [2.2]
+    figure = Figure(figsize=(WIDTH, sum(heights) + 0.4))
+    grid = figure.add_gridspec(rows, 12, height_ratios=heights)
+    whole = figure.add_subplot(grid[0, :])
+    at, values = thinned(t, y)
+    whole.plot(at, values, color=FAINT if fits else INK, lw=1.6 if fits else 0.8, label="record")
+    if fits:
+        best = fits[0]
+        at, values = thinned(t, best.fit)
+        whole.plot(at, values, color=colour(best.model), lw=0.6, label=f"fit of {words.model(best.model)}")
+        whole.legend(loc="upper right", ncols=2, borderaxespad=0.1)
+    _finish(whole, axis, "Record" + (" and best fit" if fits else ""))
+    whole.set_xlabel("time / s")
+    whole.set_xlim(t[0], t[-1])
+    if not fits:
+        return figure
+    length = min(3.0 * period, 0.5 * (t[-1] - t[0]))
+    first = figure.add_subplot(grid[1, :6])
+    last = figure.add_subplot(grid[1, 6:])
+    _zoom(first, t, y, fits, t[0], t[0] + length)
+    _zoom(last, t, y, fits, t[-1] - length, t[-1])
+    _finish(first, axis, "The first cycles, all models")
+    _finish(last, "", "The last cycles, all models")
+    _residuals(figure, grid, t, fits, axis)
+    handles, labels = first.get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=min(len(labels), 5))
+    return figure
+
+
+def raw(t: np.ndarray, y: np.ndarray, start: float | None, stop: float | None, axis: str) -> Figure:
+    """The record as it was read; the part between start and stop (s on its own clock) was kept."""
+    figure = Figure(figsize=(WIDTH, 1.9))
+    ax = figure.add_subplot()
+    at, values = thinned(t, y)
+    ax.plot(at, values, color=INK, lw=0.6)
+    if start is not None and stop is not None:
+        ax.axvspan(start, stop, color="#0072B2", alpha=0.10, lw=0, label="kept")
+        ax.legend(loc="upper right")
+    _finish(ax, axis, "As read")
+    ax.set_xlabel("time / s")
+    ax.margins(x=0)
+    return figure
+
+
+def thinned(t: np.ndarray, y: np.ndarray, points: int = _POINTS) -> tuple[np.ndarray, np.ndarray]:
+    """At most about so many points, with every extreme kept."""
+    size = -(-len(t) // max(1, points // 2))
+    if size <= 2:
+        return t, y
+    edges = range(0, len(t), size)
+    blocks = [y[i : i + size] for i in edges]
+    kept = {i + int(at) for i, b in zip(edges, blocks) for at in (b.argmin(), b.argmax())}
+    chosen = np.array(sorted(kept | {0, len(t) - 1}))
+    return t[chosen], y[chosen]
+
+
+def _zoom(ax: Axes, t: np.ndarray, y: np.ndarray, fits: Sequence[Fit], start: float, stop: float) -> None:
+    inside = (t >= start) & (t <= stop)
+    if inside.sum() <= 400:
+        ax.plot(t[inside], y[inside], ".", color=QUIET, ms=3, label="record")
+    else:
+        ax.plot(t[inside], y[inside], color=FAINT, lw=2.2, label="record")
+    for i, fit in enumerate(fits):
+        ax.plot(
+            t[inside],
+            fit.fit[inside],
+            color=colour(fit.model),
+            ls=dash(fit.model),
+            lw=1.4 if i == 0 else 1.0,
+            zorder=3 - 0.01 * i,
+            label=words.model(fit.model),
+        )
+    ax.set_xlabel("time / s")
+    ax.margins(x=0)
+
+
+def _residuals(figure: Figure, grid, t: np.ndarray, fits: Sequence[Fit], axis: str) -> None:
+    lags = max((len(fit.autocorrelation) for fit in fits), default=0)
+    first_right: Axes | None = None
+    for i, fit in enumerate(fits):
+        left = figure.add_subplot(grid[2 + i, :8])
+        at, values = thinned(t, fit.residual)
+        left.plot(at, values, color=colour(fit.model), lw=0.5)
+        left.axhline(0.0, color=QUIET, lw=0.6)
+        reach = 1.15 * float(np.nanmax(np.abs(fit.residual), initial=0.0)) or 1.0
+        left.set_ylim(-reach, reach)
+        left.set_xlim(t[0], t[-1])
+        unit = axis.rpartition("/ ")[2]
+        _finish(left, unit, f"Residual of {words.model(fit.model)}, rms {fit.rms}")
+        right = figure.add_subplot(grid[2 + i, 8:])
+        if len(fit.autocorrelation):
+            right.axhspan(-2 / np.sqrt(len(t)), 2 / np.sqrt(len(t)), color=FAINT, lw=0)
+            right.vlines(np.arange(len(fit.autocorrelation)), 0, fit.autocorrelation, color=colour(fit.model))
+            right.axhline(0.0, color=QUIET, lw=0.6)
+            right.set_xlim(-0.5, lags - 0.5)
+            right.set_ylim(-1.05 if fit.autocorrelation.min() < -0.35 else -0.4, 1.08)
+        else:
+            right.set_axis_off()
+        _finish(right, "", "Autocorrelation, whitened" if first_right is None else "")
+        first_right = first_right or right
+        is_last = i == len(fits) - 1
+        left.tick_params(labelbottom=is_last)
+        right.tick_params(labelbottom=is_last)
+        if is_last:
+            left.set_xlabel("time / s")
+            right.set_xlabel("lag / samples")
+
+
+def _finish(ax: Axes, ylabel: str, title: str) -> None:
+    ax.set_title(title)
+    ax.set_ylabel(ylabel)
+    ax.locator_params(axis="y", nbins=5)

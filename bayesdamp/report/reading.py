@@ -1,0 +1,121 @@
+"""What the tables say, put into order and into words: no more than comparisons of their numbers."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from bayesdamp.report import words
+from bayesdamp.report.run import Row, Run, rows_of
+from bayesdamp.types import OK
+
+_FIRST = ("combined", "nested", "bridge", "importance")
+DAMPING = ("zeta", "mu_c", "mu_q")
+
+
+@dataclass(frozen=True)
+class Ranking:
+    """The models of one signal by one method, best first. others: methods that name another best."""
+
+    method: str
+    rows: list[Row]
+    others: dict[str, str]
+
+    @property
+    def best(self) -> Row:
+        return self.rows[0]
+
+
+def label(row: Row, run: Run) -> str:
+    """A model in words, with its restoring law where the run compares several."""
+    laws = {r["restoring"] for r in run.evidence if r["signal"] == row["signal"]}
+    suffix = f", {words.law(row['restoring'])}" if len(laws) > 1 else ""
+    return words.model(row["model"]) + suffix
+
+
+def ranking(run: Run, signal: str, repeat: int) -> Ranking | None:
+    """The ranking by the method that covers the most models; None where no evidence was computed.
+
+    Of several such methods the order is that of trust: a combination, nested sampling, bridge, importance.
+    """
+    rows = [
+        row
+        for row in rows_of(run.evidence, signal=signal, repeat=repeat)
+        if row["outcome"] == OK and math.isfinite(row["probability"])
+    ]
+    by_method: dict[str, list[Row]] = {}
+    for row in rows:
+        by_method.setdefault(row["method"], []).append(row)
+    if not by_method:
+        return None
+
+    def trust(name: str) -> tuple[int, int, str]:
+        place = _FIRST.index(name) if name in _FIRST else len(_FIRST)
+        return -len(by_method[name]), place, name
+
+    def sort(found: list[Row]) -> list[Row]:
+        return sorted(found, key=lambda row: (-row["probability"], -row["log_evidence"]))
+
+    chosen = min(by_method, key=trust)
+    ordered = sort(by_method[chosen])
+    best = (ordered[0]["model"], ordered[0]["restoring"])
+    others = {}
+    for name, found in by_method.items():
+        top = sort(found)[0]
+        if len(found) == len(ordered) and (top["model"], top["restoring"]) != best:
+            others[name] = label(top, run)
+    return Ranking(chosen, ordered, others)
+
+
+def models_by_rank(run: Run, signal: str, repeat: int) -> list[str]:
+    """All models of a signal, the most probable first, then in the study's order."""
+    found = ranking(run, signal, repeat)
+    ranked = [row["model"] for row in found.rows] if found else []
+    rows = (*run.estimates, *run.posteriors, *run.evidence, *run.fits)
+    seen = {r["model"] for r in rows if r["signal"] == signal} | {
+        cell.name.split("/")[3] for cell in run.cells("mode", signal, repeat)
+    }
+    order = [*ranked, *(m for m in run.models if m in seen), *sorted(seen)]
+    return list(dict.fromkeys(order))
+
+
+def summary_rows(run: Run, signal: str, repeat: int, model: str) -> tuple[str, list[Row]]:
+    """The sampler to quote (the first that is `ok`, else the first) and its rows of posteriors.csv."""
+    rows = rows_of(run.posteriors, signal=signal, repeat=repeat, model=model)
+    samplers = list(dict.fromkeys(row["sampler"] for row in rows))
+    if not samplers:
+        return "", []
+
+    def fine(sampler: str) -> bool:
+        found = rows_of(rows, sampler=sampler)
+        return all(r["outcome"] == OK for r in found) and any(math.isfinite(r["mean"]) for r in found)
+
+    samplers.sort(key=lambda s: (not fine(s), s != "nuts"))
+    return samplers[0], [r for r in rows_of(rows, sampler=samplers[0]) if math.isfinite(r["mean"])]
+
+
+def truth(run: Run, signal: str, parameter: str) -> float:
+    """The true value of a simulated signal's parameter, nan where none is known."""
+    if not run.simulated(signal):
+        return math.nan
+    for row in run.estimates:
+        if row["signal"] == signal and row["parameter"] == parameter and math.isfinite(row["truth"]):
+            return row["truth"]
+    return math.nan
+
+
+def coefficients(run: Run, model: str) -> list[str]:
+    """The damping coefficients of a model, by the parameters that its terms are known to have."""
+    own = {"viscous": "zeta", "coulomb": "mu_c", "quadratic": "mu_q"}
+    named = [own[term] for term in model.split("+") if term in own]
+    if len(named) == len(model.split("+")):
+        return named
+    # a term of the user's own: its parameter is the one that no other kind of parameter explains
+    seen = dict.fromkeys(r["parameter"] for r in (*run.posteriors, *run.estimates) if r["model"] == model)
+    return [p for p in seen if p in named or p not in _NOT_DAMPING]
+
+
+_NOT_DAMPING = frozenset({
+    "stiffness", "gravity", "spring_angle", "rest_angle", "cubic", "epsilon", "theta0", "omega0", "noise_sd",
+    "noise_time", "noise_dof", "natural_frequency", "equilibrium", *DAMPING,
+})  # fmt: skip

@@ -1,0 +1,120 @@
+"""A run's folder, read once, as the sections want it."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+from bayesdamp.report.drawing import Drawings
+from bayesdamp.store import TABLES, CellResult, Store, read_table
+from bayesdamp.types import OK, InputError
+
+Row = dict[str, Any]
+
+
+class Run:
+    """What a folder holds. Anything but run.json may be missing.
+
+    info: run.json. estimates, posteriors, evidence, fits: the rows of the tables, if any.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = Path(folder)
+        self.info = _read_info(self.folder)
+        self.estimates, self.posteriors, self.evidence, self.fits = (self._table(name) for name in TABLES)
+        self.drawings = Drawings(self.folder / "figures")
+        self._store = Store(self.folder)
+        self._names = self._store.names()
+        self._read: dict[str, CellResult | None] = {}
+
+    @property
+    def study(self) -> Row:
+        """The resolved study, as far as run.json has it."""
+        return self.info.get("study") or {}
+
+    @property
+    def signals(self) -> list[str]:
+        """Names of the signals, in the study's order."""
+        tables = (row["signal"] for rows in self._tables for row in rows)
+        cells = (name.split("/")[1] for name in self._names if name.startswith("signal/"))
+        return _unique([*(self.info.get("signals") or {}), *tables, *cells])
+
+    @property
+    def models(self) -> list[str]:
+        """Names of the damping models, in the study's order."""
+        return _unique([*(self.info.get("models") or []), *(r["model"] for t in self._tables for r in t)])
+
+    @property
+    def _tables(self) -> tuple[list[Row], ...]:
+        return self.estimates, self.posteriors, self.evidence, self.fits
+
+    def about(self, signal: str) -> Row:
+        """What run.json says of a signal: notes, unit, quantity, simulated, ..."""
+        return (self.info.get("signals") or {}).get(signal) or {}
+
+    def simulated(self, signal: str) -> bool:
+        """Whether the signal was made by the program, so that the truth is known."""
+        return bool(self.about(signal).get("simulated"))
+
+    def repeats(self, signal: str) -> list[int]:
+        """Numbers of a signal's repeats, at least one."""
+        tables = {row["repeat"] for rows in self._tables for row in rows if row["signal"] == signal}
+        cells = {n.split("/")[2] for n in self._names if n.split("/")[1:2] == [signal] and n.count("/") >= 2}
+        return sorted({r for r in tables if r is not None} | {int(c) for c in cells if c.isdigit()}) or [0]
+
+    def cell(self, *parts: object) -> CellResult | None:
+        """A stored cell by the parts of its name; None where there is none that can be read."""
+        name = "/".join(map(str, parts))
+        if name not in self._read:
+            try:
+                self._read[name] = self._store.read(name) if name in self._names else None
+            except KeyError:
+                self._read[name] = None
+        return self._read[name]
+
+    def cells(self, *parts: object) -> list[CellResult]:
+        """All readable cells below these parts of a name."""
+        below = "/".join(map(str, parts)) + "/"
+        found = (self.cell(name) for name in self._names if name.startswith(below))
+        return [cell for cell in found if cell is not None]
+
+    def not_ok(self) -> list[CellResult]:
+        """The readable cells that ended with a sentence."""
+        found = (self.cell(name) for name in self._names)
+        return [cell for cell in found if cell is not None and cell.outcome != OK]
+
+    def _table(self, name: str) -> list[Row]:
+        path = self.folder / name
+        if not path.is_file():
+            return []
+        rows = read_table(path)
+        missing = set(TABLES[name]) - set(rows[0]) if rows else set()
+        if missing:
+            raise InputError(
+                f"{path}: column {', '.join(sorted(missing))} is missing; was it written by a run?"
+            )
+        return rows
+
+
+def rows_of(rows: Iterable[Row], **wanted: object) -> list[Row]:
+    """The rows whose columns have these values."""
+    return [row for row in rows if all(row[column] == value for column, value in wanted.items())]
+
+
+def _read_info(folder: Path) -> Row:
+    path = folder / "run.json"
+    if not path.is_file():
+        raise InputError(f"{folder}: no run.json here; give the folder of a run, such as reports/<name>")
+    try:
+        info = json.loads(path.read_text(encoding="utf-8"))
+    except (ValueError, OSError) as fault:
+        raise InputError(f"{path}: cannot be read ({fault}); run the study again") from fault
+    if not isinstance(info, dict):
+        raise InputError(f"{path}: holds no description of a run; run the study again")
+    return info
+
+
+def _unique(items: Iterable[str]) -> list[str]:
+    return list(dict.fromkeys(items))

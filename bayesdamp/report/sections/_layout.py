@@ -1,0 +1,23 @@
+"""One signal after the other; many of them folded, so that the page stays short."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from markupsafe import Markup
+
+from bayesdamp.report.html import fill, folded
+from bayesdamp.report.run import Run
+
+_OPEN = 4
+
+
+def by_signal(run: Run, one: Callable[[str], Markup], wanted: list[str] | None = None) -> Markup:
+    """The content of each signal under its name; from the fifth on behind a line that unfolds it."""
+    signals = run.signals if wanted is None else wanted
+    parts: list[Markup] = []
+    for i, signal in enumerate(signals):
+        body = one(signal)
+        heading = Markup("<h3>{}</h3>").format(signal) if len(signals) > 1 else Markup("")
+        parts.append(heading + body if i < _OPEN else folded(signal, body))
+    return fill("stack.html", parts=parts)

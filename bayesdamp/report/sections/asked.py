@@ -1,0 +1,119 @@
+"""What was asked: the resolved study in words."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from typing import Any
+
+from markupsafe import Markup, escape
+
+from bayesdamp.report import words
+from bayesdamp.report.html import Line, Table, fill, folded
+from bayesdamp.report.run import Run
+from bayesdamp.report.sections._section import Section
+
+
+class Asked(Section):
+    """Signals, what is known and what is free, and the methods in use."""
+
+    order = 20
+    name = "asked"
+    title = "What was asked"
+
+    def applies(self, run: Run) -> bool:
+        return True
+
+    def render(self, run: Run) -> str:
+        study = run.study
+        text = json.dumps(study, indent=2, ensure_ascii=False)
+        details = folded("The resolved study, every setting", Markup("<pre>{}</pre>").format(escape(text)))
+        return fill("asked.html", sentences=_sentences(run, study), table=_signals(run), details=details)
+
+
+def _sentences(run: Run, study: Mapping[str, Any]) -> list[str]:
+    found = []
+    if run.models:
+        count = len(run.models)
+        found.append(
+            f"{'One damping model was' if count == 1 else f'{count} damping models were'} in play: "
+            f"{words.listing(words.model(m) for m in run.models)}."
+        )
+    system = study.get("system") or {}
+    if system.get("restoring"):
+        restoring = system["restoring"]
+        laws = [restoring] if isinstance(restoring, str) else restoring
+        found.append(f"Restoring force: {words.listing(map(words.law, laws))}. {_known(system)}")
+    found.extend(
+        sentence
+        for sentence in (
+            _used("Estimators", (study.get("estimators") or {}).get("use")),
+            _used("Posteriors", (study.get("posterior") or {}).get("samplers"), _noise(study)),
+            _used("Evidence", (study.get("evidence") or {}).get("methods")),
+        )
+        if sentence
+    )
+    if run.info.get("seed") is not None:
+        found.append(f"Every random number follows from the seed {run.info['seed']}.")
+    return found
+
+
+def _known(system: Mapping[str, Any]) -> str:
+    numbers = {**_leaves(system.get("known")), **_leaves(system)}
+    known = [f"{words.symbol(k).text} = {words.given(v)}" for k, v in numbers.items() if _is_number(v)]
+    free = [words.symbol(k).text for k, v in numbers.items() if v == "free" or isinstance(v, Mapping)]
+    free += [
+        words.symbol(k).text for k in (system.get("free") or {}) if isinstance(system.get("free"), Mapping)
+    ]
+    said = [f"Known: {words.listing(known)}."] if known else []
+    said += [f"To be found: {words.listing(dict.fromkeys(free))}."] if free else []
+    return " ".join(said)
+
+
+def _leaves(table: object) -> dict[str, Any]:
+    skipped = {"known", "free", "restoring"}
+    return {k: v for k, v in table.items() if k not in skipped} if isinstance(table, Mapping) else {}
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, (int, float)) and not isinstance(value, bool)
+
+
+def _noise(study: Mapping[str, Any]) -> str:
+    noise = (study.get("posterior") or {}).get("noise")
+    return f", with {words.method(noise)} noise" if isinstance(noise, str) else ""
+
+
+def _used(what: str, names: object, suffix: str = "") -> str:
+    if names is None:
+        return ""
+    if isinstance(names, str):
+        return f"{what}: {names}{suffix}."
+    chosen = [str(name) for name in names] if isinstance(names, (list, tuple)) else []
+    return (
+        f"{what}: {words.listing(map(words.method, chosen))}{suffix}." if chosen else f"{what}: switched off."
+    )
+
+
+def _signals(run: Run) -> Table | str:
+    lines = []
+    for signal in run.signals:
+        about = run.about(signal)
+        cell = run.cell("signal", signal, run.repeats(signal)[0])
+        t = cell.arrays.get("t") if cell else None
+        samples = f"{len(t):,}".replace(",", "\u202f") if t is not None else words.NONE
+        span = words.number(float(t[-1] - t[0]), 4) if t is not None and len(t) else words.NONE
+        kind = "simulated" if run.simulated(signal) else "measured"
+        quantity = f"{about.get('quantity', 'angle')} in {_unit(about)}"
+        lines.append(Line([signal, kind, quantity, str(len(run.repeats(signal))), samples, span]))
+    if not lines:
+        return ""
+    headers = ["signal", "origin", "recorded", "repeats", "samples used", "duration / s"]
+    return Table(headers, lines, frozenset({0, 1, 2}))
+
+
+def _unit(about: Mapping[str, Any]) -> str:
+    return words.quantity_unit(about.get("unit") or "rad", about.get("quantity") or "angle")
+
+
+PLUGIN = Asked()

@@ -1,0 +1,178 @@
+"""What to believe and what not: the first thing on the page."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from bayesdamp.report import words
+from bayesdamp.report.html import Line, Table, fill, folded
+from bayesdamp.report.reading import coefficients, label, models_by_rank, ranking, summary_rows, truth
+from bayesdamp.report.run import Run, rows_of
+from bayesdamp.report.sections._section import Section
+from bayesdamp.report.style import colour
+from bayesdamp.types import OK
+
+_CARDS = 4
+
+
+class Summary(Section):
+    """The verdict of each signal, the warnings, and the cells that ended with a sentence."""
+
+    order = 10
+    name = "summary"
+    title = "What to believe, and what not"
+
+    def applies(self, run: Run) -> bool:
+        return True
+
+    def render(self, run: Run) -> str:
+        signals = run.signals
+        cards = [_card(run, signal, run.repeats(signal)[0]) for signal in signals]
+        many = len(signals) > _CARDS or any(len(run.repeats(s)) > 1 for s in signals)
+        overview = _overview(run) if many else None
+        if len(cards) > _CARDS:
+            rest = fill("summary.html", cards=cards[_CARDS:], overview=None, failed=[])
+            overview = fill("stack.html", parts=[folded("The other signals, one by one", rest), overview])
+        return fill("summary.html", cards=cards[:_CARDS], overview=overview, failed=run.not_ok())
+
+
+def _card(run: Run, signal: str, repeat: int) -> dict[str, Any]:
+    found = ranking(run, signal, repeat)
+    ranked = models_by_rank(run, signal, repeat)
+    best = ranked[0] if ranked else None
+    believe: list[str] = []
+    doubt: list[str] = []
+    if found:
+        claim = f"Damping is {label(found.best, run)}"
+        if len(found.rows) > 1:
+            share = words.probability(found.best["probability"])
+            claim += f": probability {share} among {len(found.rows)} models."
+            _weigh(run, found, believe, doubt)
+        else:
+            claim += ": the only model that was studied."
+            doubt.append("that the damping is of this kind: no other model was compared.")
+    elif best and len(ranked) == 1:
+        claim = f"Damping was taken to be {words.model(best)}; no other model was compared."
+    elif best:
+        claim = "Which damping it is was not decided: no evidence was computed."
+        best = _only_posterior(run, signal, repeat, ranked)
+    else:
+        claim = "Nothing was computed for this signal."
+    sizes = _sizes(run, signal, repeat, best, believe, doubt) if best else []
+    if best:
+        _fit(run, signal, repeat, best, doubt)
+    about = run.about(signal)
+    kind = "simulated record" if run.simulated(signal) else "measured record" if about else "record"
+    repeats = run.repeats(signal)
+    return {
+        "signal": signal,
+        "kind": kind,
+        "repeat": repeats.index(repeat),
+        "repeats": len(repeats),
+        "claim": claim,
+        "sizes": sizes,
+        "fit": _verdict(run, signal, repeat, best),
+        "believe": believe,
+        "doubt": doubt,
+        "colour": colour(best) if best else None,
+    }
+
+
+def _weigh(run: Run, found, believe: list[str], doubt: list[str]) -> None:
+    second = found.rows[1]
+    gap = -second["log_bayes_factor"]
+    if second["probability"] < 0.01:
+        believe.append(
+            f"the order of the models: the next, {label(second, run)}, is {words.number(gap, 3)} nats behind "
+            f"({words.method(found.method)})."
+        )
+    else:
+        doubt.append(
+            f"that the question is settled: {label(second, run)} keeps a probability of "
+            f"{words.probability(second['probability'])}."
+        )
+    for other, name in found.others.items():
+        doubt.append(f"the order of the models: {words.method(other)} puts {name} first.")
+    for row in found.rows[:2]:
+        if "poor" in row["diagnostic"]:
+            doubt.append(f"the evidence of {label(row, run)} to the last digit: {row['diagnostic']}.")
+    for row in rows_of(run.evidence, signal=found.best["signal"], repeat=found.best["repeat"]):
+        if row["outcome"] != OK:
+            doubt.append(
+                f"that {label(row, run)} was weighed by {words.method(row['method'])}: {row['outcome']}"
+            )
+
+
+def _only_posterior(run: Run, signal: str, repeat: int, ranked: list[str]) -> str | None:
+    with_rows = [m for m in ranked if summary_rows(run, signal, repeat, m)[1]]
+    return with_rows[0] if len(with_rows) == 1 else None
+
+
+def _sizes(run: Run, signal: str, repeat: int, model: str, believe: list[str], doubt: list[str]) -> list[str]:
+    sampler, rows = summary_rows(run, signal, repeat, model)
+    sentences = []
+    for name in coefficients(run, model):
+        row = next((r for r in rows if r["parameter"] == name), None)
+        if row is None:
+            continue
+        unit = words.unit(row["unit"])
+        symbol = words.symbol(name)
+        text = f"{symbol.meaning[:1].upper()}{symbol.meaning[1:]} {symbol.text} = "
+        text += f"{words.with_error(row['mean'], row['sd'])} {unit}, 95 % credible interval "
+        text += f"{words.interval(row['q2.5'], row['q97.5'])}"
+        true = truth(run, signal, name)
+        if math.isfinite(true):
+            inside = row["q2.5"] <= true <= row["q97.5"]
+            text += f"; truth {words.given(true)}, {'inside' if inside else 'outside'}"
+        sentences.append(text)
+    outcomes = {r["outcome"] for r in rows_of(run.posteriors, signal=signal, repeat=repeat, model=model)}
+    doubt.extend(f"the posterior without a second look: {outcome}" for outcome in sorted(outcomes - {OK}))
+    if sentences and outcomes == {OK}:
+        believe.append(
+            f"the intervals, if the model and its noise are right: {words.method(sampler)} converged."
+        )
+    if not sentences:
+        doubt.append("any size of the damping from this table: no posterior was computed for this model.")
+    return sentences
+
+
+def _fit(run: Run, signal: str, repeat: int, model: str, doubt: list[str]) -> None:
+    for row in rows_of(run.fits, signal=signal, repeat=repeat, model=model)[:1]:
+        if math.isfinite(row["window_spread"]) and row["window_spread"] > 1:
+            doubt.append(
+                "the width of the intervals: with other parts of the record the coefficients move by "
+                f"{words.number(row['window_spread'], 2)} of their standard deviations."
+            )
+        if math.isfinite(row["predictive_p"]) and not 0.01 < row["predictive_p"] < 0.99:
+            doubt.append(
+                "that the model says all there is: records drawn from it look different "
+                f"(predictive p {words.number(row['predictive_p'], 2)})."
+            )
+
+
+def _verdict(run: Run, signal: str, repeat: int, model: str | None) -> str:
+    rows = rows_of(run.fits, signal=signal, repeat=repeat, model=model)
+    said = rows[0]["verdict"] if rows else ""
+    return f"The fit: {said}{'' if said.endswith('.') else '.'}" if said else ""
+
+
+def _overview(run: Run) -> Table:
+    lines = []
+    for signal in run.signals:
+        repeats = run.repeats(signal)
+        found = [r for r in (ranking(run, signal, repeat) for repeat in repeats) if r]
+        wins: dict[str, int] = {}
+        for one in found:
+            wins[one.best["model"]] = wins.get(one.best["model"], 0) + 1
+        order = sorted(wins, key=lambda m: -wins[m])
+        best = words.listing(f"{words.model(m)} ({wins[m]} of {len(found)})" for m in order)
+        if len(found) == 1:
+            best = words.model(order[0])
+        lowest = min((one.best["probability"] for one in found), default=math.nan)
+        lines.append(Line([signal, str(len(repeats)), best or "not decided", words.probability(lowest)]))
+    headers = ["signal", "repeats", "best model (in so many repeats)", "its probability, at least"]
+    return Table(headers, lines, frozenset({0, 2}), "All signals and repeats")
+
+
+PLUGIN = Summary()

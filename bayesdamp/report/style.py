@@ -1,0 +1,70 @@
+"""The look of every figure, and one colour a model (Okabe and Ito's palette for colour-blind readers)."""
+
+from __future__ import annotations
+
+from typing import Any
+
+INK = "#222222"
+QUIET = "#8a8a8a"
+FAINT = "#d9d9d9"
+
+WIDTH = 9.6
+"""Width of a full figure in inches; the report shows it at its natural size."""
+
+RC: dict[Any, Any] = {
+    "font.family": "sans-serif",
+    "font.sans-serif": ["DejaVu Sans"],
+    "font.size": 9.0,
+    "mathtext.fontset": "dejavusans",
+    "axes.titlesize": 9.5,
+    "axes.titlelocation": "left",
+    "axes.labelsize": 9.0,
+    "axes.labelcolor": INK,
+    "axes.edgecolor": QUIET,
+    "axes.linewidth": 0.7,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.formatter.useoffset": False,
+    "axes.unicode_minus": True,
+    "xtick.color": QUIET,
+    "ytick.color": QUIET,
+    "xtick.labelcolor": INK,
+    "ytick.labelcolor": INK,
+    "xtick.labelsize": 8.0,
+    "ytick.labelsize": 8.0,
+    "legend.fontsize": 8.5,
+    "legend.frameon": False,
+    "figure.constrained_layout.use": True,
+    "figure.facecolor": "white",
+    "savefig.facecolor": "white",
+    "lines.linewidth": 1.2,
+    "lines.solid_capstyle": "round",
+    "svg.fonttype": "path",
+    "svg.hashsalt": "bayesdamp",
+}
+
+_MODELS = {
+    frozenset({"viscous"}): ("#0072B2", "-"),
+    frozenset({"coulomb"}): ("#D55E00", "--"),
+    frozenset({"quadratic"}): ("#009E73", "-."),
+    frozenset({"viscous", "coulomb"}): ("#CC79A7", "-"),
+    frozenset({"viscous", "quadratic"}): ("#56B4E9", "--"),
+    frozenset({"coulomb", "quadratic"}): ("#E69F00", "-."),
+    frozenset({"viscous", "coulomb", "quadratic"}): ("#000000", "-"),
+}
+_OTHERS = ("#7F3C8D", "#80BA5A", "#A5AA99", "#8C564B")
+
+
+def colour(model: str) -> str:
+    """The colour of a model; models with terms that do not ship share four further colours."""
+    return _look(model)[0]
+
+
+def dash(model: str) -> str:
+    """The line style of a model, for readers without colour."""
+    return _look(model)[1]
+
+
+def _look(model: str) -> tuple[str, str]:
+    known = _MODELS.get(frozenset(model.split("+")))
+    return known or (_OTHERS[sum(model.encode()) % len(_OTHERS)], ":")

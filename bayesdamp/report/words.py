@@ -1,0 +1,196 @@
+"""Numbers, units and names as a reader wants them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+NONE = "–"
+
+
+@dataclass(frozen=True)
+class Symbol:
+    """text: for HTML; math: for figures; meaning: in words."""
+
+    text: str
+    math: str
+    meaning: str
+
+
+_SYMBOLS = {
+    "zeta": Symbol("ζ", r"$\zeta$", "viscous damping"),
+    "mu_c": Symbol("μc", r"$\mu_c$", "Coulomb friction"),
+    "mu_q": Symbol("μq", r"$\mu_q$", "quadratic damping"),
+    "stiffness": Symbol("stiffness k", r"stiffness $k$", "stiffness"),
+    "gravity": Symbol("gravity γ", r"gravity $\gamma$", "gravity term"),
+    "spring_angle": Symbol("spring angle θs", r"spring angle $\theta_s$", "angle of the relaxed spring"),
+    "rest_angle": Symbol("rest angle θe", r"rest angle $\theta_e$", "angle at rest"),
+    "cubic": Symbol("cubic β", r"cubic $\beta$", "cubic stiffness"),
+    "epsilon": Symbol("ε", r"$\epsilon$", "smoothing width of friction"),
+    "theta0": Symbol("θ₀", r"$\theta_0$", "angle at the start"),
+    "omega0": Symbol("θ̇₀", r"$\dot\theta_0$", "velocity at the start"),
+    "noise_sd": Symbol("noise sd", "noise sd", "standard deviation of the noise"),
+    "noise_time": Symbol("noise time", "noise time", "correlation time of the noise"),
+    "noise_dof": Symbol("noise dof", "noise dof", "degrees of freedom of the noise"),
+    "natural_frequency": Symbol("ωₙ", r"$\omega_n$", "natural frequency (derived)"),
+}
+
+
+def symbol(parameter: str) -> Symbol:
+    """How a parameter is written; an unknown one keeps its name."""
+    plain = parameter.replace("_", " ")
+    return _SYMBOLS.get(parameter, Symbol(plain, plain, plain))
+
+
+def axis(parameter: str, units: str) -> str:
+    """A figure's axis label: the symbol over its unit."""
+    shown = unit(units)
+    if not shown:
+        return symbol(parameter).math
+    return f"{symbol(parameter).math} / {f'({shown})' if '/' in shown else shown}"
+
+
+_PROPER = {"coulomb": "Coulomb", "duffing": "Duffing"}
+
+
+def model(name: str) -> str:
+    """A damping sum in words: `viscous+coulomb` is viscous + Coulomb."""
+    return " + ".join(_PROPER.get(term, term.replace("_", " ")) for term in name.split("+"))
+
+
+def law(name: str) -> str:
+    """A restoring law in words."""
+    return _PROPER.get(name, name.replace("_", " "))
+
+
+def method(name: str) -> str:
+    """A method in words."""
+    special = {"nuts": "NUTS", "pinn": "PINN", "rnn": "RNN", "sindy": "SINDy", "weak_sindy": "weak SINDy"}
+    special |= {"neural_ode": "neural ODE", "koopman": "Koopman", "student_t": "Student t"}
+    return special.get(name, name.replace("_", " "))
+
+
+def unit(text: str) -> str:
+    """A unit with its powers raised."""
+    return text.replace("^2", "²").replace("^3", "³").replace("s2", "s²").replace("**2", "²")
+
+
+def quantity_unit(displacement: str, quantity: str) -> str:
+    """Unit of what was recorded, from the unit of the displacement and the recorded quantity."""
+    return displacement + {"velocity": "/s", "acceleration": "/s²"}.get(quantity, "")
+
+
+def scale(displacement: str) -> float:
+    """Factor from SI (rad or m) to a unit of displacement."""
+    return {"deg": 180.0 / math.pi, "mm": 1000.0, "cm": 100.0}.get(displacement, 1.0)
+
+
+_RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+
+
+def number(value: float | None, digits: int = 4) -> str:
+    """A number to so many significant digits; a dash where there is none."""
+    if value is None or math.isnan(value):
+        return NONE
+    if math.isinf(value):
+        return "∞" if value > 0 else "−∞"
+    if value == 0:
+        return "0"
+    power = _power(value, digits)
+    if -4 <= power < 6:
+        return _signed(f"{value:.{max(0, digits - 1 - power)}f}")
+    return _scientific(value, power, digits - 1)
+
+
+def given(value: float) -> str:
+    """A number that somebody chose: without digits that were not given."""
+    return _signed(f"{value:.6g}") if 1e-4 <= abs(value) < 1e6 or value == 0 else number(value, 3)
+
+
+def with_error(value: float | None, error: float | None) -> str:
+    """value ± error, to two significant digits of the error; the value alone where there is none."""
+    if value is None or not math.isfinite(value) or error is None or not math.isfinite(error) or error <= 0:
+        return number(value)
+    decimals = 1 - _power(error, 2)
+    top = _power(value, 4) if value else _power(error, 2)
+    if -4 <= top < 6 and decimals <= 8:
+        places = max(0, decimals)
+        return f"{_signed(f'{value:.{places}f}')} ± {error:.{places}f}"
+    top = max(top, _power(error, 2))
+    places = max(0, top + decimals)
+    tens = 10.0**top
+    body = f"({value / tens:.{places}f} ± {error / tens:.{places}f})"
+    return f"{_signed(body)} × 10{str(top).translate(_RAISED)}"
+
+
+def like(value: float, error: float) -> str:
+    """The value alone, with the digits that its error allows."""
+    shown = with_error(value, error)
+    return number(value) if "×" in shown else shown.partition(" ±")[0]
+
+
+def interval(low: float | None, high: float | None) -> str:
+    """[low, high] to two significant digits of the width."""
+    if low is None or high is None or not (math.isfinite(low) and math.isfinite(high)):
+        return NONE
+    width = high - low
+    if width <= 0:
+        return f"[{number(low)}, {number(high)}]"
+    places = max(0, 1 - _power(width / 4, 2))
+    if places > 8 or max(abs(low), abs(high)) >= 1e6:
+        return f"[{number(low, 4)}, {number(high, 4)}]"
+    return f"[{_signed(f'{low:.{places}f}')}, {_signed(f'{high:.{places}f}')}]"
+
+
+def spread(low: float, high: float) -> str:
+    """low to high, to two significant digits of the difference, within three to five of the larger."""
+    if low == high:
+        return number(low)
+    digits = _power(max(abs(low), abs(high)), 3) - _power(high - low, 2) + 2
+    places = min(5, max(3, digits))
+    return f"{number(low, places)} to {number(high, places)}"
+
+
+def probability(value: float | None) -> str:
+    """A probability: three decimals, and a bound rather than 0 or 1."""
+    if value is None or math.isnan(value):
+        return NONE
+    if value > 0.9995:
+        return "> 0.999"
+    if value < 0.0005:
+        return "< 0.001"
+    return f"{value:.3f}"
+
+
+def duration(seconds: float | None) -> str:
+    """Seconds as a reader says them."""
+    if seconds is None or not math.isfinite(seconds):
+        return NONE
+    if seconds < 0.0995:
+        return f"{1000 * seconds:.0f} ms"
+    if seconds < 60:
+        return f"{seconds:.1f} s" if seconds < 9.95 else f"{seconds:.0f} s"
+    whole = round(seconds)
+    if whole < 3600:
+        return f"{whole // 60} min {whole % 60:02d} s"
+    return f"{whole // 3600} h {whole % 3600 // 60:02d} min"
+
+
+def listing(items: Iterable[str], last: str = "and") -> str:
+    """a, b and c."""
+    words = list(items)
+    return f"{', '.join(words[:-1])} {last} {words[-1]}" if len(words) > 1 else "".join(words)
+
+
+def _power(value: float, digits: int) -> int:
+    """Decimal exponent of a number once it is rounded to so many digits."""
+    return int(f"{value:.{digits - 1}e}".split("e")[1])
+
+
+def _signed(text: str) -> str:
+    return text.replace("-", "−")
+
+
+def _scientific(value: float, power: int, places: int) -> str:
+    return f"{_signed(f'{value / 10.0**power:.{places}f}')} × 10{str(power).translate(_RAISED)}"

@@ -1,0 +1,346 @@
+"""Folders of runs, made without running anything: one measured and one simulated signal."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from bayesdamp.store import TABLES, CellResult, Store, write_json, write_table
+
+MODELS = ("viscous", "coulomb", "quadratic", "viscous+coulomb")
+OWN = {"viscous": ("zeta", "1/s"), "coulomb": ("mu_c", "rad/s²"), "quadratic": ("mu_q", "1/rad")}
+SIZE = {
+    "bench": {"zeta": (0.1292, 0.0005), "mu_c": (0.1340, 0.003), "mu_q": (0.021, 0.0004)},
+    "sim": {"zeta": (0.0501, 0.0002), "mu_c": (0.031, 0.0006), "mu_q": (0.092, 0.002)},
+}
+SHARED = {
+    "bench": {
+        "stiffness": (491.2, 0.4, "1/s²"),
+        "gravity": (-243.1, 0.6, "rad/s²"),
+        "noise_sd": (0.0021, 2e-5, "rad"),
+    },
+    "sim": {"noise_sd": (0.0030, 3e-5, "rad")},
+}
+LOG_BAYES = {
+    "bench": {"viscous+coulomb": 0.0, "viscous": -801.3, "coulomb": -3056.2, "quadratic": -5210.0},
+    "sim": {"viscous": 0.0, "viscous+coulomb": -1.4, "coulomb": -912.0, "quadratic": -455.0},
+}
+TRUTH = {"zeta": 0.05, "mu_c": 0.0, "mu_q": 0.0}
+METHODS = (
+    "least_squares", "envelope", "topological", "koopman", "sindy", "weak_sindy", "pinn", "neural_ode", "rnn",
+    "symbolic_regression", "genetic",
+)  # fmt: skip
+
+
+def trajectory(signal: str, model: str, t: np.ndarray) -> np.ndarray:
+    """A decay that looks like this model's, in rad."""
+    rate, frequency = (0.13, 25.1) if signal == "bench" else (0.05, 4.47)
+    start = 0.5 if signal == "bench" else 0.3
+    envelopes = {
+        "viscous": np.exp(-1.06 * rate * t),
+        "coulomb": np.maximum(1 - 0.62 * rate * t, 0.0),
+        "quadratic": 1 / (1 + 1.7 * rate * t),
+        "viscous+coulomb": np.maximum(np.exp(-rate * t) - 0.02 * t / t[-1], 0.0),
+    }
+    return start * envelopes[model] * np.cos(frequency * t)
+
+
+def _number(value: float) -> float:
+    return value if math.isfinite(value) else math.nan
+
+
+class RunMaker:
+    """Writes the folder of a run; `cells`, `tables` and `signals` say what of it."""
+
+    def __init__(self, folder: Path, signals=("bench", "sim"), repeats=None, models=MODELS) -> None:
+        self.folder = folder
+        self.store = Store(folder)
+        self.signals = list(signals)
+        self.repeats = repeats or {"bench": 1, "sim": 3}
+        self.models = models
+        self.rng = np.random.default_rng(7)
+        self.tables: dict[str, list[dict]] = {name: [] for name in TABLES}
+
+    def kind(self, signal: str) -> str:
+        return "bench" if signal.startswith("bench") else "sim"
+
+    def make(self) -> Path:
+        for signal in self.signals:
+            for repeat in range(self.repeats.get(signal, 1)):
+                t, y = self.signal(signal, repeat)
+                for model in self.models:
+                    self.mode(signal, repeat, model, t, y)
+                    self.estimates(signal, repeat, model)
+                    self.posterior(signal, repeat, model)
+                    self.evidence(signal, repeat, model)
+        for name, rows in self.tables.items():
+            write_table(self.folder / name, TABLES[name], rows)
+        write_json(self.folder / "run.json", self.info())
+        return self.folder
+
+    def put(self, name: str, meta: dict, arrays: dict, outcome: str = "ok") -> None:
+        self.store.write(CellResult(name, "key", meta, arrays, outcome, float(self.rng.exponential(2.0))))
+
+    def signal(self, signal: str, repeat: int) -> tuple[np.ndarray, np.ndarray]:
+        kind = self.kind(signal)
+        t = np.arange(5000) / 260.0 if kind == "bench" else np.linspace(0, 10, 1000)
+        best = "viscous+coulomb" if kind == "bench" else "viscous"
+        noise = np.convolve(self.rng.normal(0, 1.0, t.size + 40), np.exp(-np.arange(41) / 12), "valid")
+        y = trajectory(kind, best, t)
+        y = y + (0.0006 * noise if kind == "bench" else self.rng.normal(0, 0.003, t.size))
+        arrays = {"t": t, "y": y}
+        meta: dict = {"features": {"period": 0.25 if kind == "bench" else 1.405}}
+        if kind == "bench":
+            before, after = np.full(520, y[0]), np.full(1300, 0.0088)
+            raw = np.concatenate([before, y, after])
+            arrays |= {"raw_t": np.arange(raw.size) / 260.0, "raw_y": raw}
+            meta["provenance"] = {"start": 2.0, "stop": 21.23}
+        self.put(f"signal/{signal}/{repeat}", meta, arrays)
+        return t, y
+
+    def mode(self, signal: str, repeat: int, model: str, t: np.ndarray, y: np.ndarray) -> None:
+        kind = self.kind(signal)
+        fit = trajectory(kind, model, t)
+        residual = y - fit
+        size = {n: SIZE[kind][n] for n, _ in (OWN[term] for term in model.split("+"))}
+        lags = np.arange(26)
+        rho = 0.94 if kind == "bench" else 0.0
+        autocorrelation = np.where(lags == 0, 1.0, 0.25 * rho**lags + self.rng.normal(0, 0.02, lags.size))
+        windows = [
+            {
+                "label": label,
+                "start": start * t[-1],
+                "stop": stop * t[-1],
+                "values": {n: v + (0 if i == 0 else self.rng.normal(0, 3 * s)) for n, (v, s) in size.items()},
+                "sd": {n: s * (1 + 0.4 * i) for n, (_, s) in size.items()},
+            }
+            for i, (label, start, stop) in enumerate(
+                [("whole", 0, 1), ("first half", 0, 0.5), ("second half", 0.5, 1), ("middle", 0.25, 0.75)]
+            )
+        ]
+        meta = {
+            "values": {n: v for n, (v, _) in size.items()},
+            "sd": {n: s for n, (_, s) in size.items()},
+            "log_posterior": 1234.5,
+            "error_budget": {"step_error": 2e-8, "log_likelihood_change": 0.0021},
+            "windows": windows,
+        }
+        arrays = {"t": t, "fit": fit, "residual": residual, "whitened": residual / residual.std()}
+        self.put(f"mode/{signal}/{repeat}/{model}", meta, {**arrays, "autocorrelation": autocorrelation})
+        factor, unit = (180 / math.pi, "deg") if kind == "bench" else (1.0, "rad")
+        best = LOG_BAYES[kind][model] > -2
+        self.tables["fits.csv"].append(
+            {
+                "signal": signal,
+                "repeat": repeat,
+                "model": model,
+                "restoring": "horizontal_pendulum",
+                "rms": residual.std() * factor,
+                "rms_unit": unit,
+                "residual_autocorrelation": float(autocorrelation[1]),
+                "window_spread": 4.1 if kind == "bench" else 0.6,
+                "predictive_p": (0.003 if kind == "bench" else 0.41) if best else 0.0,
+                "verdict": "the residual is as small as the noise"
+                if best
+                else "the residual is far above the noise",
+            }
+        )
+
+    def estimates(self, signal: str, repeat: int, model: str) -> None:
+        kind = self.kind(signal)
+        for i, method in enumerate(METHODS):
+            common = {"signal": signal, "repeat": repeat, "model": model, "estimator": method}
+            if method == "envelope" and "+" in model:
+                outcome = "refuses: the envelope of a sum of dampings has no closed form here"
+                self.tables["estimates.csv"].append(
+                    {**common, "stage": "initial", "outcome": outcome, "seconds": 0.0}
+                )
+                continue
+            for stage in ("initial", "refined"):
+                rough = [30, 8, 400, 12, 25, 3, 60, 150, 90, 45, 5][i] if stage == "initial" else 0.2
+                for term in model.split("+"):
+                    name, unit = OWN[term]
+                    value, sd = SIZE[kind][name]
+                    value += sd * rough * self.rng.normal()
+                    true = TRUTH[name] if kind == "sim" else math.nan
+                    self.tables["estimates.csv"].append(
+                        {
+                            **common,
+                            "stage": stage,
+                            "parameter": name,
+                            "unit": unit,
+                            "value": value,
+                            "stderr": sd if stage == "refined" else math.nan,
+                            "truth": true,
+                            "error_pct": 100 * (value / true - 1) if true else math.nan,
+                            "evaluations": 300 * (i + 1),
+                            "seconds": 0.3 * (i + 1),
+                            "outcome": "ok",
+                        }
+                    )
+            steps = np.arange(200)
+            trace = (
+                {"initial/loss": np.exp(-steps / 40) + 1e-4} if method in ("pinn", "genetic", "rnn") else {}
+            )
+            self.put(
+                f"estimate/{signal}/{repeat}/{model}/{method}", {"stages": ["initial", "refined"]}, trace
+            )
+
+    def posterior(self, signal: str, repeat: int, model: str) -> None:
+        kind = self.kind(signal)
+        size = [(*OWN[term], *SIZE[kind][OWN[term][0]]) for term in model.split("+")]
+        size += [(n, u, v, s) for n, (v, s, u) in SHARED[kind].items()]
+        names, units = [s[0] for s in size], [s[1] for s in size]
+        mean, sd = np.array([s[2] for s in size]), np.array([s[3] for s in size])
+        if kind == "sim" and "coulomb" in model:
+            mean[names.index("mu_c")] = 0.0
+        for sampler in ("nuts", "emcee"):
+            draws = mean + sd * self.rng.normal(size=(4, 1000, len(names)))
+            if "+" in model:
+                draws[..., 1] = (
+                    mean[1]
+                    - 0.9 * sd[1] / sd[0] * (draws[..., 0] - mean[0])
+                    + 0.44 * (draws[..., 1] - mean[1])
+                )
+            own = [n in TRUTH for n in names]
+            draws[..., own] = np.abs(draws[..., own])
+            slow = sampler == "emcee" and model == "quadratic"
+            outcome = "not converged: R̂ of stiffness is 1.034, above 1.01" if slow else "ok"
+            self.put(
+                f"posterior/{signal}/{repeat}/{model}/{sampler}",
+                {"names": names, "units": dict(zip(names, units)), "diagnostics": {}},
+                {"draws": draws},
+                outcome,
+            )
+            flat = draws.reshape(-1, len(names))
+            derived = [("natural_frequency", "rad/s", np.sqrt(20 + 0.001 * self.rng.normal(size=len(flat))))]
+            columns = [*((n, u, flat[:, i]) for i, (n, u) in enumerate(zip(names, units))), *derived]
+            for name, unit, x in columns:
+                q = dict(
+                    zip(
+                        ("q2.5", "q25", "median", "q75", "q97.5"),
+                        np.quantile(x, [0.025, 0.25, 0.5, 0.75, 0.975]),
+                    )
+                )
+                self.tables["posteriors.csv"].append(
+                    {
+                        "signal": signal,
+                        "repeat": repeat,
+                        "model": model,
+                        "sampler": sampler,
+                        "parameter": name,
+                        "unit": unit,
+                        "mean": x.mean(),
+                        "sd": x.std(),
+                        **q,
+                        "hdi_low": q["q2.5"],
+                        "hdi_high": q["q97.5"],
+                        "ess_bulk": 3900.0 if sampler == "nuts" else 1200.0,
+                        "ess_tail": 2800.0,
+                        "rhat": 1.034 if slow and name == "stiffness" else 1.001,
+                        "divergences": 0 if sampler == "nuts" else None,
+                        "seconds": 4.0,
+                        "outcome": outcome,
+                    }
+                )
+
+    def evidence(self, signal: str, repeat: int, model: str) -> None:
+        kind = self.kind(signal)
+        found = {m: LOG_BAYES[kind][m] for m in self.models}
+        total = sum(math.exp(v) for v in found.values())
+        for method in ("importance", "bridge"):
+            poor = method == "importance" and model == "viscous+coulomb" and kind == "sim"
+            row = {
+                "signal": signal,
+                "repeat": repeat,
+                "model": model,
+                "restoring": "horizontal_pendulum",
+                "method": method,
+                "log_evidence": 29362.41 + found[model] + (0.02 if method == "bridge" else 0.0),
+                "stderr": 0.008,
+                "log_bayes_factor": found[model] - max(found.values()),
+                "probability": math.exp(found[model]) / total,
+                "diagnostic": "Pareto k 0.81: poor"
+                if poor
+                else "Pareto k 0.21"
+                if method == "importance"
+                else "",
+                "outcome": "ok",
+            }
+            self.tables["evidence.csv"].append(row)
+            self.put(f"evidence/{signal}/{repeat}/{model}/{method}", {}, {})
+
+    def info(self) -> dict:
+        about = {
+            "bench": {
+                "notes": [
+                    "94 % of the time stamps repeat: the clock was rebuilt as index × mean step (260.0 Hz).",
+                    "The first 2.00 s, before the release, and all after 21.23 s, at rest, were cut off.",
+                    "Recording step 0.088 deg.",
+                ],
+                "unit": "deg",
+                "quantity": "angle",
+                "simulated": False,
+                "epsilon_note": "ε was not given: 2 % of the peak velocity, 0.25 rad/s.",
+            },
+            "sim": {"notes": ["Simulated."], "unit": "rad", "quantity": "angle", "simulated": True},
+        }
+        priors = {
+            model: {
+                **{OWN[term][0]: "halfnormal(scale 0.45)" for term in model.split("+")},
+                "stiffness": "lognormal(median 630, sigma 0.5)",
+                "noise_sd": "lognormal(median 0.0021, sigma 1)",
+            }
+            for model in self.models
+        }
+        seconds = {name: self.store.read(name).seconds for name in self.store.names()}
+        return {
+            "name": "two pendulums",
+            "description": "One measured and one simulated decay",
+            "study": {
+                "version": 1,
+                "name": "two pendulums",
+                "seed": 20260101,
+                "system": {
+                    "restoring": "horizontal_pendulum",
+                    "stiffness": 20.0,
+                    "epsilon": 0.1,
+                    "noise_sd": "free",
+                },
+                "signal": [{"name": name} for name in self.signals],
+                "estimators": {"use": list(METHODS), "stages": ["initial", "refined"]},
+                "models": {"compare": list(self.models)},
+                "posterior": {"samplers": ["nuts", "emcee"], "noise": "correlated"},
+                "evidence": {"methods": ["importance", "bridge"], "referee": "auto"},
+            },
+            "seed": 20260101,
+            "versions": {"numpy": "2.1.0", "jax": "0.5.0"},
+            "revision": "0123456789abcdef",
+            "machine": {"system": "Linux", "processor": "a processor", "cpus": 2, "python": "3.11.9"},
+            "inputs": {"bench.txt": "ab" * 32},
+            "seconds": seconds,
+            "signals": {name: about[self.kind(name)] for name in self.signals},
+            "priors": {name: priors for name in self.signals},
+            "models": list(self.models),
+            "error_budget": {
+                name: {model: {"step_error": 2e-8, "log_likelihood_change": 0.0021} for model in self.models}
+                for name in self.signals
+            },
+        }
+
+
+@pytest.fixture(scope="session")
+def whole_run(tmp_path_factory) -> Path:
+    """A run in which everything is there. Not to be changed by a test."""
+    return RunMaker(tmp_path_factory.mktemp("whole")).make()
+
+
+@pytest.fixture
+def maker(tmp_path):
+    """A small run, for a test to spoil."""
+    return RunMaker(
+        tmp_path / "run", signals=("sim",), repeats={"sim": 1}, models=("viscous", "viscous+coulomb")
+    )
