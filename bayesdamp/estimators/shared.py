@@ -106,7 +106,9 @@ def decay_start(problem: Problem, seen: Features) -> dict[str, float]:
     good = sizes > 3 * seen.roughness * seen.amplitude / largest
     sizes, times = sizes[good], times[good]
     if sizes.size < 2:
-        return {term.parameter: 0.01 / term.ratio_per_unit(seen.amplitude, seen.frequency) for term in osc.terms}
+        return {
+            term.parameter: 0.01 / term.ratio_per_unit(seen.amplitude, seen.frequency) for term in osc.terms
+        }
     middle = np.sqrt(sizes[1:] * sizes[:-1])
     rate = -np.diff(np.log(sizes)) / (seen.frequency * np.diff(times))
     columns = np.column_stack(

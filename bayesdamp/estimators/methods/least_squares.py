@@ -96,7 +96,9 @@ def _weighted(
     if variant == "wls":
         rest = (b - a @ x) ** 2
         width = max(3, round(period / np.median(np.diff(t))))
-        padded = np.pad(rest, (width // 2, width - 1 - width // 2), mode="reflect" if rest.size > width else "edge")
+        padded = np.pad(
+            rest, (width // 2, width - 1 - width // 2), mode="reflect" if rest.size > width else "edge"
+        )
         local = np.convolve(padded, np.full(width, 1.0 / width), mode="valid")
         weight = 1.0 / np.maximum(local, 1e-3 * local.mean() + 1e-300)
         weight = weight / weight.mean()
@@ -124,9 +126,7 @@ def _total(a: np.ndarray, b: np.ndarray, noise: np.ndarray) -> np.ndarray:
     return -vector[:-1] / vector[-1] * noise[-1] / noise[:-1]
 
 
-def _noise_of_columns(
-    moving: Motion, osc: object, epsilon: float, restoring: int, drift: int
-) -> np.ndarray:
+def _noise_of_columns(moving: Motion, osc: object, epsilon: float, restoring: int, drift: int) -> np.ndarray:
     """Relative size of the noise in each column and in the target: white noise within the bandwidth."""
     band = moving.bandwidth
     velocity = band / np.sqrt(3.0)

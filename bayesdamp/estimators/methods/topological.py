@@ -86,9 +86,7 @@ class Topological(Estimator):
             values |= {name: start[name] for name in free}
         return Estimate(self.name, "initial", values, evaluations=1)
 
-    def _value(
-        self, signal: Signal, problem: Problem, options: TopologicalOptions, seen: Features
-    ) -> float:
+    def _value(self, signal: Signal, problem: Problem, options: TopologicalOptions, seen: Features) -> float:
         damping = problem.damping[0]
         y = signal.y - seen.rest
         omega = natural_frequency(problem, seen)
@@ -162,7 +160,12 @@ def _floor(sigma: float, amplitude: float, seen: Features) -> float:
     """What noise adds to a lifetime: twice the median of the highest sample's lift at a turning point."""
     if sigma < 1e-9 * amplitude:
         return 0.0
-    phase = 2 * math.pi / seen.samples_per_cycle * np.arange(-int(seen.samples_per_cycle / 4), int(seen.samples_per_cycle / 4) + 1)
+    phase = (
+        2
+        * math.pi
+        / seen.samples_per_cycle
+        * np.arange(-int(seen.samples_per_cycle / 4), int(seen.samples_per_cycle / 4) + 1)
+    )
     drop = amplitude * (1.0 - np.cos(phase))
 
     def below(lift: float) -> float:
@@ -184,7 +187,11 @@ def _viscous(pairs: Pairs, omega: float) -> float:
     lengths = pairs.lifetimes
     n = spaced(lengths)
     decrement = math.log(lengths[0] / lengths[n])
-    return math.copysign(omega / math.sqrt(1.0 + (2 * math.pi * n / decrement) ** 2), decrement) if decrement else 0.0
+    return (
+        math.copysign(omega / math.sqrt(1.0 + (2 * math.pi * n / decrement) ** 2), decrement)
+        if decrement
+        else 0.0
+    )
 
 
 def _coulomb(pairs: Pairs, omega: float) -> float:
@@ -236,7 +243,9 @@ def printed_pairs(y: np.ndarray, signal: Signal, seen: Features, significance: f
     floor = sigma * math.sqrt(2.0) * float(erfcinv(2 * significance / (count - 1)))
     kept = p - v > max(cutoff, floor, 1e-9 * float(np.ptp(y)))
     if kept.sum() < 2:
-        raise Refusal(f"{kept.sum()} persistence lifetimes exceed the noise cutoff, and at least 2 are needed")
+        raise Refusal(
+            f"{kept.sum()} persistence lifetimes exceed the noise cutoff, and at least 2 are needed"
+        )
     return Pairs(v[kept], p[kept], floor)
 
 

@@ -1,0 +1,158 @@
+"""Matching the Hilbert envelope of a record to those of trajectories (paper, section 3.3, equation 15)."""
+
+from __future__ import annotations
+
+import numpy as np
+from pydantic import Field
+from scipy.interpolate import make_interp_spline
+from scipy.optimize import least_squares
+from scipy.signal import hilbert, savgol_filter
+
+from bayesdamp.estimators._protocol import Estimator, Options
+from bayesdamp.estimators.search import brent
+from bayesdamp.estimators.shared import (
+    checked_features,
+    decay_start,
+    free_names,
+    noise_level,
+    oscillator,
+    start_parameters,
+)
+from bayesdamp.physics.integrate import compiled_record, make_plan
+from bayesdamp.signals.features import Features
+from bayesdamp.types import Estimate, Problem, Refusal, Signal
+
+LEAST_CYCLES = 3.0
+
+
+class EnvelopeOptions(Options):
+    """window: length of the Savitzky–Golay window in periods; above: part of the record that counts, where its
+    envelope is more than so many times the noise.
+    """
+
+    window: float = Field(default=1.0, gt=0.1, le=4.0)
+    above: float = Field(default=6.0, ge=1.0)
+
+
+class Envelope(Estimator):
+    """Σ (ln A_observed − ln A_simulated)² least over the damping coefficients.
+
+    Restoring parameters that are not known are set from the record's frequency and midline, and the start from
+    the smoothed record; its amplitude is then matched along with the damping.
+    """
+
+    name = "envelope"
+    options = EnvelopeOptions
+
+    def refuses(self, damping: tuple[str, ...]) -> str | None:
+        return None
+
+    def initial(
+        self, signal: Signal, problem: Problem, options: Options, rng: np.random.Generator
+    ) -> Estimate:
+        assert isinstance(options, EnvelopeOptions)
+        seen = checked_features(signal)
+        if seen.cycles < LEAST_CYCLES:
+            raise Refusal(f"{seen.cycles:.1f} cycles: an envelope needs at least {LEAST_CYCLES:.0f}")
+        match = _Match(signal, problem, options, seen)
+        osc, free = match.osc, free_names(problem)
+        guess = decay_start(problem, seen)
+        units = np.array([1e-5 / term.ratio_per_unit(seen.amplitude, seen.frequency) for term in osc.terms])
+        x = np.maximum([guess[name] for name in osc.coefficients], units)
+        scaled = "theta0" in free or "omega0" in free
+
+        trace: list[float] = []
+        for _ in range(2):  # the second time with steps planned for what the first found
+            match.plan(x)
+            if x.size == 1 and not scaled:
+                found = brent(lambda c: float(np.mean(match.difference(np.array([c])) ** 2)), x[0], units[0])
+                x, scale = found.x, 1.0
+                trace.extend(found.costs)
+            else:
+                x, scale = _several(match, x, scaled)
+                trace.append(float(np.mean(match.difference(x, scale) ** 2)))
+        if not np.all(np.isfinite(match.difference(x, scale))):
+            raise Refusal("the trajectory escapes from every start that was tried")
+        start = match.parameters(x, scale)
+        values = {name: float(start[name]) for name in (*osc.coefficients, *free)}
+        return Estimate(
+            self.name,
+            "initial",
+            values,
+            trace={"log_mismatch": np.sqrt(trace)},
+            evaluations=match.evaluations,
+        )
+
+
+def _several(match: _Match, x: np.ndarray, scaled: bool) -> tuple[np.ndarray, float]:
+    """(coefficients, scale of the start) by bounded least squares."""
+    unit = np.maximum(x, x.max() * 1e-3 if x.size == 1 else 1e-12)
+    start = np.r_[np.ones(x.size), np.ones(int(scaled))]
+    result = least_squares(
+        lambda u: np.clip(
+            np.nan_to_num(match.difference(u[: x.size] * unit, u[-1] if scaled else 1.0), nan=10.0), -10, 10
+        ),
+        start,
+        bounds=(np.zeros(start.size), np.inf),
+        x_scale="jac",
+        diff_step=1e-5,
+        xtol=1e-11,
+        ftol=1e-13,
+        gtol=1e-13,
+        max_nfev=60,
+    )
+    return result.x[: x.size] * unit, float(result.x[-1]) if scaled else 1.0
+
+
+class _Match:
+    """The record's log envelope, and that of trajectories treated in the same way."""
+
+    def __init__(self, signal: Signal, problem: Problem, options: EnvelopeOptions, seen: Features) -> None:
+        self.osc = oscillator(problem)
+        self.quantity = signal.quantity
+        self.base = start_parameters(signal, problem, seen)
+        self.seen = seen
+        self.evaluations = 0
+        self.times = signal.t if signal.uniform else np.linspace(signal.t[0], signal.t[-1], signal.t.size)
+        y = signal.y if signal.uniform else make_interp_spline(signal.t, signal.y, k=3)(self.times)
+        gap = self.times[1] - self.times[0]
+        self.width = max(5, 2 * int(options.window * seen.period / (2 * gap)) + 1)
+        observed = self.envelope(y)
+        inside = (self.times > self.times[0] + seen.period / 2) & (
+            self.times < self.times[-1] - seen.period / 2
+        )
+        loud = observed > options.above * noise_level(signal)
+        quiet = np.flatnonzero(inside & ~loud)
+        self.rows = np.flatnonzero(inside & (self.times < (self.times[quiet[0]] if quiet.size else np.inf)))
+        if self.rows.size * gap < seen.period:
+            raise Refusal("the envelope stands out of the noise for less than a period")
+        self.target = np.log(observed[self.rows])
+
+    def envelope(self, y: np.ndarray) -> np.ndarray:
+        """Smoothed envelope of y (n,) about the record's midline, (n,)."""
+        raw = np.abs(hilbert(y - self.seen.rest))
+        width = min(self.width, 2 * ((y.size - 1) // 2) - 1)
+        return np.maximum(savgol_filter(raw, width, 3), 1e-300)
+
+    def parameters(self, x: np.ndarray, scale: float = 1.0) -> dict[str, float]:
+        """All parameters; the start is scaled about the midline."""
+        p = {**self.base, **dict(zip(self.osc.coefficients, map(float, x)))}
+        rest = self.seen.rest if self.quantity == "angle" else 0.0
+        return p | {"theta0": rest + scale * (p["theta0"] - rest), "omega0": scale * p["omega0"]}
+
+    def plan(self, x: np.ndarray) -> None:
+        """Plan the solver's steps for coefficients x (k,)."""
+        size = float(np.abs(self.seen.turning_amplitudes).max())
+        self._plan = make_plan(self.osc, self.parameters(x), self.times, self.quantity, 1e-7 * size)
+
+    def difference(self, x: np.ndarray, scale: float = 1.0) -> np.ndarray:
+        """ln A_simulated − ln A_observed over the rows; 10 where the trajectory escapes."""
+        self.evaluations += 1
+        p = self.parameters(x, scale)
+        y = np.asarray(compiled_record(self.osc)(self._plan, {name: p[name] for name in self.osc.parameters}))
+        if not np.all(np.isfinite(y)):
+            return np.full(self.rows.size, 10.0)
+        return np.log(self.envelope(y)[self.rows]) - self.target
+
+
+PLUGIN = Envelope()

@@ -1,0 +1,221 @@
+"""The second stage of every estimator: the trajectory that fits the record best, from where the first ended."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import jax
+import numpy as np
+from jax import numpy as jnp
+
+from bayesdamp.estimators.search import brent, levenberg
+from bayesdamp.estimators.shared import (
+    checked_features,
+    free_names,
+    noise_level,
+    oscillator,
+    start_parameters,
+)
+from bayesdamp.physics.integrate import compiled_record, make_plan, record
+from bayesdamp.physics.oscillator import Oscillator
+from bayesdamp.signals.features import Features
+from bayesdamp.types import OK, Estimate, Problem, Refusal, Signal
+
+MISFIT = 2.0
+"""A residual of more than this many times the record's noise is reported."""
+SMALLEST = 1e-5
+"""... if it is also more than this share of the amplitude: the error budget of a trajectory is far below."""
+
+
+@lru_cache(maxsize=64)
+def _with_jacobian(osc: Oscillator):
+    """Compiled once per shape of plan: samples (n,) and their derivatives by every parameter but ε (n, k)."""
+    names = tuple(name for name in osc.parameters if name != "epsilon")
+
+    def samples(x, plan, rest):
+        return record(osc, plan, {**rest, **{name: x[i] for i, name in enumerate(names)}})
+
+    @jax.jit
+    def both(x, plan, rest):
+        value, push = jax.linearize(lambda x: samples(x, plan, rest), x)
+        return value, jax.vmap(push)(jnp.eye(len(names))).T
+
+    return names, both
+
+
+@dataclass
+class _Fit:
+    """The residuals of one record as a function of what is not known."""
+
+    signal: Signal
+    osc: Oscillator
+    names: tuple[str, ...]
+    base: dict[str, float]
+    tolerance: float
+    plan: object = None
+
+    def parameters(self, x: np.ndarray) -> dict[str, float]:
+        return {**self.base, **dict(zip(self.names, map(float, x)))}
+
+    def replan(self, x: np.ndarray) -> None:
+        self.plan = make_plan(
+            self.osc, self.parameters(x), self.signal.t, self.signal.quantity, self.tolerance
+        )
+
+    def residuals(self, x: np.ndarray) -> np.ndarray:
+        """(n,), in the unit of the record."""
+        p = {name: jnp.asarray(value) for name, value in self.parameters(x).items()}
+        values = compiled_record(self.osc)(self.plan, {name: p[name] for name in self.osc.parameters})
+        return np.asarray(values) - self.signal.y
+
+    def evaluate(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Residuals (n,) and their Jacobian by the unknown parameters (n, k)."""
+        every, both = _with_jacobian(self.osc)
+        p = self.parameters(x)
+        rest = {name: jnp.asarray(p[name]) for name in self.osc.parameters if name not in every}
+        values, jacobian = both(jnp.array([p[name] for name in every]), self.plan, rest)
+        columns = [every.index(name) for name in self.names]
+        return np.asarray(values) - self.signal.y, np.asarray(jacobian)[:, columns]
+
+
+def refine(signal: Signal, problem: Problem, first: Estimate) -> Estimate:
+    """Least squares of the trajectory, started at `first`.
+
+    Unknown are the damping coefficients (never below zero) and whatever of the restoring parameters, theta0 and
+    omega0 is not known; what `first` does not give starts from the record's features. One unknown: bounded
+    Brent in a bracket from the estimate that widens by itself; several: Levenberg–Marquardt. Where the fit
+    misses the record, it starts anew over two cycles and doubles the window until it holds all of it, since a
+    frequency that is a little off loses step over many cycles. stderr is that of white residuals.
+    Values stay in the result where the outcome says that the fit is poor.
+    Raises Refusal where the trajectory escapes.
+    """
+    seen = checked_features(signal)
+    osc = oscillator(problem)
+    base = start_parameters(signal, problem, seen)
+    names = (*osc.coefficients, *free_names(problem))
+    size = float(np.abs(seen.turning_amplitudes).max())
+    noise = max(noise_level(signal), seen.roughness)
+    fit = _Fit(signal, osc, names, base, float(np.clip(1e-3 * noise, 1e-7 * size, 1e-6 * size)))
+    units = np.array([1e-5 / term.ratio_per_unit(seen.amplitude, seen.frequency) for term in osc.terms])
+    floor = np.r_[np.zeros(units.size), np.full(len(names) - units.size, -np.inf)]
+    x = _start(fit, first, seen, units)
+
+    fit.replan(x)
+    evaluations, traces = 0, []
+    if len(names) == 1:
+        one = brent(lambda c: _mean_square(fit.residuals(np.array([c])), size), float(x[0]), float(units[0]))
+        x, evaluations = one.x, one.evaluations
+        traces.append(np.sqrt(one.costs))
+        fit.replan(x)
+    found = levenberg(fit.evaluate, x, floor)
+    if not _rms(found.costs[-1], signal) < 0.2 * size:
+        better = _growing(fit, x, floor, seen)
+        found = better if better.costs[-1] < found.costs[-1] else found
+    for _ in range(3):
+        evaluations += found.evaluations
+        traces.append(np.sqrt(found.costs / signal.t.size))
+        fit.replan(found.x)
+        last, found = found.x, levenberg(fit.evaluate, found.x, floor)
+        if np.all(np.abs(found.x - last) <= 1e-7 * np.abs(last)):
+            break
+    evaluations += found.evaluations
+    residual, jacobian = fit.evaluate(found.x)
+    if not np.all(np.isfinite(residual)):
+        raise Refusal("the trajectory escapes from every start that was tried")
+
+    rms = float(np.sqrt(np.mean(residual**2)))
+    return Estimate(
+        first.estimator,
+        "refined",
+        dict(zip(names, map(float, found.x))),
+        _stderr(names, found.x, floor, residual, jacobian),
+        {"rms": np.concatenate([*traces, [rms]])},
+        evaluations,
+        outcome=_outcome(found.converged, rms, noise, size, signal, found.x, units, osc),
+    )
+
+
+def _start(fit: _Fit, first: Estimate, seen: Features, units: np.ndarray) -> np.ndarray:
+    """Where to start: the first stage's values, or the record's own restoring law where that fits better."""
+    own = {**fit.base, **first.values}
+    damping = {name: max(own[name], unit) for name, unit in zip(fit.osc.coefficients, units)}
+    free = [name for name in fit.names if name not in damping]
+    candidates = [
+        np.array([{**start, **damping}[name] for name in fit.names]) for start in (own, {**own, **fit.base})
+    ]
+    if not any(name in first.values for name in free):
+        return candidates[0]
+    early = fit.signal.t <= 3 * seen.period
+    costs = []
+    for x in candidates:
+        fit.replan(x)
+        costs.append(_mean_square(fit.residuals(x)[early], np.inf))
+    return candidates[int(np.argmin(costs))]
+
+
+def _growing(fit: _Fit, x: np.ndarray, floor: np.ndarray, seen: Features):
+    """Levenberg–Marquardt over two cycles, then twice as many, until the window holds the whole record."""
+    t, window = fit.signal.t, 2.0 * seen.period
+    fit.replan(x)
+    while window < t[-1]:
+        early = t <= window
+
+        def part(x: np.ndarray, early: np.ndarray = early) -> tuple[np.ndarray, np.ndarray]:
+            r, jacobian = fit.evaluate(x)
+            return r[early], jacobian[early]
+
+        x = levenberg(part, x, floor).x
+        fit.replan(x)
+        window *= 2
+    return levenberg(fit.evaluate, x, floor)
+
+
+def _mean_square(r: np.ndarray, size: float) -> float:
+    """Mean square, or that of a residual ten times the record's size where the trajectory escapes."""
+    value = float(np.mean(r**2)) if np.all(np.isfinite(r)) else np.inf
+    return value if np.isfinite(value) else 100.0 * size**2
+
+
+def _rms(cost: float, signal: Signal) -> float:
+    return float(np.sqrt(cost / signal.t.size))
+
+
+def _stderr(
+    names: tuple[str, ...], x: np.ndarray, floor: np.ndarray, r: np.ndarray, jacobian: np.ndarray
+) -> dict[str, float]:
+    """Standard errors for white residuals; a parameter at its floor has none."""
+    moving = x > floor
+    j = jacobian[:, moving]
+    freedom = max(r.size - j.shape[1], 1)
+    scale = np.linalg.norm(j, axis=0)
+    scale = np.where(scale > 0, scale, 1.0)
+    covariance = np.linalg.pinv((j / scale).T @ (j / scale)) / np.outer(scale, scale) * (r @ r) / freedom
+    inside = [name for name, free in zip(names, moving) if free]
+    return dict(zip(inside, np.sqrt(np.maximum(np.diag(covariance), 0.0)).tolist()))
+
+
+def _outcome(
+    converged: bool,
+    rms: float,
+    noise: float,
+    size: float,
+    signal: Signal,
+    x: np.ndarray,
+    units: np.ndarray,
+    osc: Oscillator,
+) -> str:
+    """ok, or what is wrong with the fit in a sentence."""
+    said = []
+    if not converged:
+        said.append("the trajectory fit did not converge")
+    zero = [name for name, value, unit in zip(osc.coefficients, x, units) if value < 1e-3 * unit]
+    if zero:
+        said.append(f"the best {' and '.join(zero)} is at its bound 0")
+    if rms > max(MISFIT * noise, SMALLEST * size):
+        unit = signal.unit + {"angle": "", "velocity": "/s", "acceleration": "/s²"}[signal.quantity]
+        times = f", {rms / noise:.2g} times the record's noise" if noise > 1e-9 * size else ""
+        said.append(
+            f"the best fit leaves {rms:.2g} {unit}{times}: this model does not describe the whole record"
+        )
+    return "; ".join(said) or OK
