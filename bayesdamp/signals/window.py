@@ -138,7 +138,7 @@ def _start(t: np.ndarray, y: np.ndarray, turns: Turning, floor: float, notes: li
     first = int(np.searchsorted(t, turns.times[at] - 1e-12))
     notes.append(
         f"The start ({t[first]:.6g} s, sample {first} from 0) is the {_ordinal(at + 1)} turning point: "
-        "before it the record is at rest, held, or disturbed by the release."
+        "what is before it is rest, a hand, a disturbed release, or a swing quite unlike the later ones."
     )
     return first
 

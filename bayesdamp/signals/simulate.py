@@ -1,0 +1,148 @@
+"""Simulated records, with the faults that measured ones have."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from bayesdamp.physics.integrate import simulate
+from bayesdamp.physics.oscillator import Oscillator
+from bayesdamp.types import InputError, Signal
+
+GAP = 0.02
+"""Length of one gap, as a share of the record."""
+
+
+def simulate_signal(
+    osc: Oscillator,
+    p: Mapping[str, float],
+    *,
+    duration: float,
+    samples: int,
+    noise_sd: float = 0.0,
+    noise: str = "gaussian",
+    noise_time: float | None = None,
+    noise_dof: float | None = None,
+    outliers: float = 0,
+    gaps: float = 0,
+    quantum: float = 0.0,
+    quantity: str = "angle",
+    unit: str = "rad",
+    name: str = "simulated",
+    rng: np.random.Generator,
+) -> Signal:
+    """A record of the oscillator `osc` with the parameters p, samples equally spaced from 0 to duration (s), both kept.
+
+    noise_sd: standard deviation of the noise in the unit of the recorded quantity; for noise = "student_t" its scale,
+    with noise_dof degrees of freedom; for "correlated" its stationary value, the correlation falling as
+    exp(−Δt/noise_time), noise_time in s. "gaussian" is white.
+    outliers: how many samples are spikes, or below 1 which share of them; a spike is 0.3 to 1 times the record's
+    half range, up or down. gaps: below 1 the share of samples that are missing, in stretches of about a fiftieth of
+    the record; else how many such stretches; never at the ends.
+    quantum: recording step that values are rounded to. unit: "rad" or "m", that of the displacement.
+    The provenance holds nothing of the truth. Raises InputError, one line, where an option makes no sense.
+    """
+    _check(duration, samples, noise_sd, noise, noise_time, noise_dof, outliers, gaps, quantum, unit, name)
+    t = np.linspace(0.0, duration, samples)
+    clean = np.asarray(simulate(osc, dict(p), t, quantity=quantity), float)
+    if not np.all(np.isfinite(clean)):
+        raise InputError(f"{name}: the simulated oscillator does not stay finite; change its parameters")
+    y = clean + noise_sd * _noise(noise, t, noise_time, noise_dof, rng)
+    notes = [f"Simulated: {samples} samples in {duration:g} s."]
+    spikes = round(outliers * samples) if outliers < 1 else int(outliers)
+    if spikes:
+        at = rng.choice(samples, spikes, replace=False)
+        half = float(np.ptp(clean)) / 2
+        y[at] += rng.choice([-1.0, 1.0], spikes) * rng.uniform(0.3, 1.0, spikes) * half
+    if quantum:
+        y = np.round(y / quantum) * quantum
+        notes.append(f"The values lie on steps of {quantum:.4g}.")
+    keep = _kept(samples, *_stretches(samples, gaps), rng)
+    if not keep.all():
+        notes.append(f"{int((~keep).sum())} samples are missing.")
+    provenance: dict[str, object] = {
+        "simulated": True,
+        "sampling_rate": (samples - 1) / duration,
+        "samples": int(keep.sum()),
+        "start": 0.0,
+        "stop": float(t[keep][-1]),
+        "notes": notes,
+    }
+    return Signal(t[keep], y[keep], quantity, unit, name, float(quantum), provenance)
+
+
+def _noise(
+    kind: str, t: np.ndarray, time: float | None, dof: float | None, rng: np.random.Generator
+) -> np.ndarray:
+    """Noise of unit scale at the times t (n,)."""
+    if kind == "student_t":
+        return rng.standard_t(dof or 1.0, t.size)
+    white = rng.standard_normal(t.size)
+    if kind == "gaussian" or time is None:
+        return white
+    rho = np.exp(-np.diff(t) / time)
+    out = white.copy()
+    for i in range(1, t.size):
+        out[i] = rho[i - 1] * out[i - 1] + np.sqrt(1 - rho[i - 1] ** 2) * white[i]
+    return out
+
+
+def _stretches(samples: int, gaps: float) -> tuple[int, int]:
+    """(number, length) of the stretches that are missing."""
+    usual = max(int(GAP * samples), 1)
+    if gaps >= 1 or gaps == 0:
+        return int(gaps), usual
+    missing = max(round(gaps * samples), 1)
+    count = -(-missing // usual)
+    return count, -(-missing // count)
+
+
+def _kept(samples: int, gaps: int, length: int, rng: np.random.Generator) -> np.ndarray:
+    """Which samples are there, shape (samples,): `gaps` stretches that do not touch are not."""
+    keep = np.ones(samples, bool)
+    if gaps:
+        free = samples - gaps * (length + 1) - 2
+        starts = np.sort(rng.integers(0, free + 1, gaps)) + 1 + np.arange(gaps) * (length + 1)
+        for start in starts:
+            keep[start : start + length] = False
+    return keep
+
+
+def _check(
+    duration: float,
+    samples: int,
+    noise_sd: float,
+    noise: str,
+    noise_time: float | None,
+    noise_dof: float | None,
+    outliers: float,
+    gaps: float,
+    quantum: float,
+    unit: str,
+    name: str,
+) -> None:
+    """Raises InputError for the first option that makes no sense."""
+    wrong = None
+    if not duration > 0:
+        wrong = f"duration must be positive, not {duration:g}"
+    elif samples < 10:
+        wrong = f"samples must be at least 10, not {samples}"
+    elif not noise_sd >= 0:
+        wrong = f"noise_sd must not be negative, it is {noise_sd:g}"
+    elif noise not in ("gaussian", "correlated", "student_t"):
+        wrong = f"unknown noise {noise!r}; valid are gaussian, correlated, student_t"
+    elif noise == "correlated" and not (noise_time or 0) > 0:
+        wrong = 'noise = "correlated" needs noise_time, a positive time in s'
+    elif noise == "student_t" and not (noise_dof or 0) > 0:
+        wrong = 'noise = "student_t" needs noise_dof, a positive number'
+    elif not 0 <= outliers <= samples:
+        wrong = f"outliers must be a number of samples or a share below 1, not {outliers:g}"
+    elif not gaps >= 0 or np.prod(_stretches(samples, gaps)) > samples / 2:
+        wrong = f"gaps must leave half of the record, {gaps:g} do not"
+    elif not quantum >= 0:
+        wrong = f"quantum must not be negative, it is {quantum:g}"
+    elif unit not in ("rad", "m"):
+        wrong = f"unit must be rad or m, not {unit!r}"
+    if wrong:
+        raise InputError(f"{name}: {wrong}")
