@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import re
 import sys
-import tempfile
 import traceback
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -34,7 +33,7 @@ app = typer.Typer(
 
 @app.command()
 def study(
-    file: Annotated[Path, typer.Argument(help="A study file (TOML).")],
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="A study file (TOML).")],
     out: Annotated[
         Path | None, typer.Option(help="The run's folder; reports/NAME where it is not given.")
     ] = None,
@@ -61,7 +60,7 @@ def study(
 
 
 @app.command()
-def check(file: Annotated[Path, typer.Argument(help="A study file (TOML).")]) -> int:
+def check(file: Annotated[Path, typer.Argument(metavar="FILE", help="A study file (TOML).")]) -> int:
     """Read a study, list its cells, say what is wrong; run nothing."""
     from rich.console import Console
     from rich.table import Table
@@ -108,7 +107,7 @@ def simulate(
 
 
 @app.command()
-def report(folder: Annotated[Path, typer.Argument(help="A run's folder.")]) -> int:
+def report(folder: Annotated[Path, typer.Argument(metavar="DIR", help="A run's folder.")]) -> int:
     """Render a run's folder again; nothing is computed."""
     if not folder.is_dir():
         raise InputError(f"{folder}: there is no such folder; give the folder of a run, such as reports/NAME")
@@ -205,22 +204,14 @@ def _all_set(given: Mapping[str, object], restoring: str) -> None:
 
 def _write_csv(signal: Signal, out: Path) -> None:
     """The record as CSV, all of it or nothing. Raises InputError where it cannot be written."""
+    from bayesdamp.store import write_bytes
+
     lines = ["t (s),angle (rad)", *(f"{float(t)!r},{float(y)!r}" for t, y in zip(signal.t, signal.y))]
     try:
-        handle, temporary = tempfile.mkstemp(dir=out.parent, prefix=f".{out.name}.")
-        try:
-            with os.fdopen(handle, "w", encoding="utf-8") as stream:
-                stream.write("\n".join(lines) + "\n")
-            os.chmod(temporary, 0o644)
-            os.replace(temporary, out)
-        except BaseException:
-            Path(temporary).unlink(missing_ok=True)
-            raise
+        write_bytes(out, ("\n".join(lines) + "\n").encode())
     except OSError as error:
         what = (error.strerror or str(error)).lower()
-        raise InputError(
-            f"--out {out}: cannot be written: {what}; give a file in an existing folder"
-        ) from None
+        raise InputError(f"--out {out}: cannot be written: {what}; give a new file's name") from None
 
 
 def _line(error: BaseException) -> str:

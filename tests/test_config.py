@@ -323,11 +323,23 @@ FAULTS = {
         swap("10.0", "0"),
         "simulate.duration: is 0; it must be the length of the record in s, a positive",
     ),
-    "samples": (swap("100", "100.0"), "simulate.samples: is 100.0; it must be a whole number, 3 or more"),
-    "few samples": (swap("100", "2"), "simulate.samples: is 2; it must be a whole number, 3 or more"),
+    "samples": (swap("100", "100.0"), "simulate.samples: is 100.0; it must be a whole number, 10 or more"),
+    "few samples": (swap("100", "9"), "simulate.samples: is 9; it must be a whole number, 10 or more"),
     "repeats": (
         swap("samples = 100", "samples = 100, repeats = 0"),
         "simulate.repeats: is 0; it must be a whole",
+    ),
+    "outliers": (
+        swap("samples = 100", "samples = 100, outliers = 101"),
+        "outliers: is 101; it must be at most samples",
+    ),
+    "gaps": (
+        swap("samples = 100", "samples = 100, gaps = 0.1"),
+        "gaps: is 0.1; it must be a whole number from 0 to 20",
+    ),
+    "simulated metres": (
+        swap("samples = 100", 'samples = 100, unit = "m"').replace('"linear"', '"pendulum"'),
+        "signal[one].simulate.unit: is 'm', a translation, which pendulum is not",
     ),
     "noise": (swap("samples", 'noise = "white", samples'), "simulate.noise: unknown noise model 'white'"),
     "noise_sd": (swap("0.003", "-1"), "simulate.noise_sd: is -1; it must be at least 0"),
@@ -506,3 +518,11 @@ def test_reading_a_study_imports_no_method_it_does_not_use(tmp_path: Path, extra
         [sys.executable, "-c", extra + LOADS, str(path)], capture_output=True, text=True, check=True
     )
     assert run.stdout.strip() == loaded
+
+
+def test_the_example_of_the_readme_loads(tmp_path: Path) -> None:
+    readme = (STUDIES.parent / "README.md").read_text(encoding="utf-8")
+    example = readme.split("```toml\n")[1].split("```")[0]
+    study = load_study(write(tmp_path, example))
+    assert study.name == "rig"
+    assert study.posterior.noise == "correlated"

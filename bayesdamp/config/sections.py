@@ -67,15 +67,16 @@ class SimulateTable(Section):
     """How a record is made, besides the true values of the parameters."""
 
     duration: float = Field(gt=0, description="the length of the record in s, a positive number")
-    samples: int = Field(ge=3, description="a whole number, 3 or more")
+    samples: int = Field(ge=10, description="a whole number, 10 or more")
     repeats: int = Field(1, ge=1, description=_A_COUNT)
     noise: str = Field("gaussian", description="a noise model's name in quotes")
-    outliers: float = Field(0.0, ge=0, lt=1, description="the share of wild samples, from 0 to below 1")
-    gaps: float = Field(0.0, ge=0, lt=1, description="the share of missing samples, from 0 to below 1")
+    outliers: float = Field(0.0, ge=0, description="a number of samples, or their share below 1")
+    gaps: int = Field(0, ge=0, le=20, description="a whole number from 0 to 20")
     quantum: float = Field(0.0, ge=0, description="the recording step in the record's unit, 0 or more")
     quantity: Literal["angle", "velocity", "acceleration"] = Field(
         "angle", description='"angle", "velocity" or "acceleration"'
     )
+    unit: Literal["rad", "m"] = Field("rad", description='"rad", or "m" for a translation')
 
 
 class SweepTable(Section):

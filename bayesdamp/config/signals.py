@@ -38,7 +38,8 @@ class Simulation:
     """A record to make. Estimators and inference never see it.
 
     damping: the true model's terms; truth: the parameters' true values by name (`zeta`, `stiffness`, ...).
-    duration in s, quantum in the unit of the quantity, outliers and gaps as shares of the samples.
+    duration in s, quantum in the unit of the quantity; outliers: a number of samples or their share below 1;
+    gaps: stretches without samples; unit: "rad" or "m", that of the displacement.
     """
 
     damping: tuple[str, ...]
@@ -48,9 +49,10 @@ class Simulation:
     repeats: int = 1
     noise: str = "gaussian"
     outliers: float = 0.0
-    gaps: float = 0.0
+    gaps: int = 0
     quantum: float = 0.0
     quantity: str = "angle"
+    unit: str = "rad"
 
 
 @dataclass(frozen=True)
@@ -159,6 +161,11 @@ def _simulation(raw: object, system: System, key: str) -> Simulation:
     known_keys(given, [*TERMS.names(), *numbers, *options], key)
     settings = section(SimulateTable, {n: v for n, v in given.items() if n in options}, key)
 
+    _check_translation(settings.unit, system, below(key, "unit"))
+    if settings.outliers > settings.samples:
+        right = f"it must be at most samples ({settings.samples}), or their share below 1"
+        raise StudyError(below(key, "outliers"), f"is {settings.outliers:g}; {right}")
+
     terms = tuple(name for name in damping_order() if name in given)
     if not terms:
         valid = ", ".join(TERMS.names())
@@ -209,17 +216,19 @@ def _recording(entry: SignalTable, system: System, folder: Path, key: str) -> Re
         raise StudyError(
             below(key, "stop"), f"is {entry.stop:g}; it must be later than start ({entry.start:g})"
         )
-    if entry.unit in ("m", "mm") and not LAWS.get(system.restoring).translates:
-        laws = ", ".join(name for name in LAWS.names() if LAWS.get(name).translates)
-        raise StudyError(
-            below(key, "unit"),
-            f"is {entry.unit!r}, a translation, which {system.restoring} is not; restoring can be {laws}",
-        )
+    _check_translation(entry.unit, system, below(key, "unit"))
     return Recording(
         file=entry.file,
         path=path.resolve(),
         **entry.model_dump(include={"angle", "time", "unit", "quantity", "rate", "clock", "start", "stop"}),
     )
+
+
+def _check_translation(unit: str, system: System, key: str) -> None:
+    if unit in ("m", "mm") and not LAWS.get(system.restoring).translates:
+        laws = ", ".join(name for name in LAWS.names() if LAWS.get(name).translates)
+        what = f"is {unit!r}, a translation, which {system.restoring} is not"
+        raise StudyError(key, f"{what}; restoring can be {laws}")
 
 
 def resolve_signal(raw: object, base: Mapping[str, Any], folder: Path, key: str) -> SignalSpec:
