@@ -452,6 +452,14 @@ FAULTS = {
         GOOD + "[models]\nprior = { viscous = 3 }\n",
         "models.prior.viscous: is 3; it must be a table",
     ),
+    "negative term": (
+        GOOD + '[models]\nprior = { viscous = { prior = "normal", mean = 1, sd = 1 } }\n',
+        "models.prior.viscous: is normal(mean 1, sd 1), which allows values below zero; it must be a halfnormal",
+    ),
+    "negative noise": (
+        swap("omega0", 'noise_sd = { prior = "uniform", low = -1, high = 1 }\nomega0'),
+        "system.noise_sd: is uniform(low -1, high 1), which allows values below zero",
+    ),
     "sampler": (GOOD + '[posterior]\nsamplers = ["nut"]\n', "unknown sampler 'nut'; did you mean 'nuts'?"),
     "posterior noise": (
         GOOD + '[posterior]\nnoise = "gausian"\n',

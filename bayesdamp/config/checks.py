@@ -10,7 +10,7 @@ from typing import Annotated, Any, TypeVar, Union, get_args, get_origin
 from pydantic import BaseModel, ValidationError
 
 from bayesdamp.plugins import Registry, nearest
-from bayesdamp.priors import Prior
+from bayesdamp.priors import Normal, Prior, Uniform
 from bayesdamp.types import InputError
 
 Model = TypeVar("Model", bound=BaseModel)
@@ -107,8 +107,18 @@ _PRIORS: Mapping[str, type[BaseModel]] = {
 }
 
 
-def prior(raw: object, key: str) -> Any:
-    """A prior table as one of `bayesdamp.priors`. Raises StudyError."""
+def prior(raw: object, key: str, *, negative: bool = True) -> Any:
+    """A prior table as one of `bayesdamp.priors`, with or without values below zero. Raises StudyError."""
+    found = _prior(raw, key)
+    if not negative and (isinstance(found, Normal) or (isinstance(found, Uniform) and found.low < 0)):
+        what = f"is {found.describe()}, which allows values below zero"
+        raise StudyError(
+            key, f"{what}; it must be a halfnormal, lognormal, loguniform, or a uniform from 0 up"
+        )
+    return found
+
+
+def _prior(raw: object, key: str) -> Any:
     example = 'a table such as { prior = "normal", mean = 0.0, sd = 1.0 }'
     if not isinstance(raw, dict):
         raise StudyError(key, f"is {shown(raw)}; it must be {example}")

@@ -187,7 +187,9 @@ def _models(raw: object) -> Models:
     compare = tuple(canonical_model(name, "models.compare") for name in names)
     distinct(compare, "models.compare", "the model")
     known_keys(checked.prior, damping_order(), "models.prior")
-    return Models(compare, {n: prior(v, f"models.prior.{n}") for n, v in checked.prior.items()})
+    return Models(
+        compare, {n: prior(v, f"models.prior.{n}", negative=False) for n, v in checked.prior.items()}
+    )
 
 
 def _posterior(raw: object) -> PosteriorTable:

@@ -122,7 +122,7 @@ def _value(name: str, raw: object, key: str) -> object:
     if raw == "free":
         return None
     if isinstance(raw, dict):
-        return prior(raw, key)
+        return prior(raw, key, negative=name not in ("epsilon", *NOISE))
     if isinstance(raw, str):
         raise StudyError(key, f'is {shown(raw)}; it must be a number (known), "free" or a prior table')
     return number(raw, key, positive=name in _POSITIVE, minimum=_MINIMUM.get(name))
