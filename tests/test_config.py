@@ -454,7 +454,7 @@ FAULTS = {
     ),
     "negative term": (
         GOOD + '[models]\nprior = { viscous = { prior = "normal", mean = 1, sd = 1 } }\n',
-        "models.prior.viscous: is normal(mean 1, sd 1), which allows values below zero; it must be a halfnormal",
+        "models.prior.viscous: is normal(mean 1, sd 1), which allows values below zero; it must be",
     ),
     "negative noise": (
         swap("omega0", 'noise_sd = { prior = "uniform", low = -1, high = 1 }\nomega0'),
