@@ -92,7 +92,9 @@ def regular(turns: Turning, noise: float) -> Turning:
     ranges = np.abs(np.diff(turns.values))
     typical = np.array([np.median(gaps[max(i - 4, 0) : i + 5]) for i in range(gaps.size)])
     seen = ranges > 4 * noise * np.hypot(turns.gain[:-1], turns.gain[1:])
-    good = (gaps > 0.6 * typical) & (gaps < 1.5 * typical) & seen
+    least = np.full(gaps.size, 0.7)
+    least[[0, -1]] = 0.85  # noise likes to turn at the very end of a record
+    good = (gaps > least * typical) & (gaps < 1.5 * typical) & seen
     edges = np.flatnonzero(np.diff(np.concatenate([[0], good.astype(int), [0]])))
     if edges.size == 0:
         return turns.cut(0, 0)

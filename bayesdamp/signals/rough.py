@@ -38,8 +38,18 @@ def residuals(t: np.ndarray, y: np.ndarray, period: float) -> tuple[np.ndarray, 
             continue
         x = 2 * np.pi * (t[a:b] - (t[a] + t[b - 1]) / 2) / period
         columns, values = _columns(x, (b - a) // 2), y[a:b]
-        good = np.ones(b - a, bool)
-        rest = values
+        rest, scale = values, 0.0
+        weights = np.ones(b - a)
+        for _ in range(6):  # towards least absolute distances, for a start that spikes do not pull along
+            coefficients = np.linalg.lstsq(columns * weights[:, None], values * weights, rcond=1e-10)[0]
+            rest = values - columns @ coefficients
+            scale = 1.4826 * float(np.median(np.abs(rest))) + 1e-300
+            if np.abs(rest).max() <= 4 * scale:
+                break
+            weights = 1 / np.sqrt(np.maximum(np.abs(rest) / scale, 1.0))
+        good = np.abs(rest) <= 5 * scale * np.sqrt((b - a) / (b - a - columns.shape[1]))
+        if good.sum() < columns.shape[1] + 3:
+            good = np.ones(b - a, bool)
         for _ in range(3):
             rest = values - columns @ np.linalg.lstsq(columns[good], values[good], rcond=1e-10)[0]
             scale = 1.4826 * float(np.median(np.abs(rest)))

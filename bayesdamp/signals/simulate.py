@@ -32,15 +32,16 @@ def simulate_signal(
     name: str = "simulated",
     rng: np.random.Generator,
 ) -> Signal:
-    """A record of the oscillator `osc` with the parameters p, samples equally spaced from 0 to duration (s), both kept.
+    """A record of the oscillator `osc` with the parameters p, equally spaced from 0 to duration (s),
+    both kept.
 
-    noise_sd: standard deviation of the noise in the unit of the recorded quantity; for noise = "student_t" its scale,
-    with noise_dof degrees of freedom; for "correlated" its stationary value, the correlation falling as
-    exp(−Δt/noise_time), noise_time in s. "gaussian" is white.
-    outliers: how many samples are spikes, or below 1 which share of them; a spike is 0.3 to 1 times the record's
-    half range, up or down. gaps: below 1 the share of samples that are missing, in stretches of about a fiftieth of
-    the record; else how many such stretches; never at the ends.
-    quantum: recording step that values are rounded to. unit: "rad" or "m", that of the displacement.
+    noise_sd: standard deviation of the noise in the unit of the recorded quantity; for noise =
+    "student_t" its scale, with noise_dof degrees of freedom; for "correlated" its stationary value, the
+    correlation falling as exp(−Δt/noise_time), noise_time in s. "gaussian" is white. outliers: how many
+    samples are spikes, or below 1 which share of them; a spike is 0.3 to 1 times half of the record's
+    range, up or down. gaps: below 1 the share of samples that are missing, in stretches of a fiftieth
+    of the record or a little less; else how many such stretches; never at the ends. quantum: recording
+    step that values are rounded to. unit: "rad" or "m", that of the displacement.
     The provenance holds nothing of the truth. Raises InputError, one line, where an option makes no sense.
     """
     _check(duration, samples, noise_sd, noise, noise_time, noise_dof, outliers, gaps, quantum, unit, name)

@@ -94,19 +94,24 @@ def find_layout(lines: list[str]) -> Layout | None:
     first = _first_row(lines, separator, decimal, columns)
     if first is None:
         return None
-    heads = [split(line, separator) for line in lines[:first] if line.strip()]
-    if separator == "," and columns == 2 and any(len(head) == 1 and _named(head[0]) for head in heads):
+    top = [line.strip().lstrip("#% ") for line in lines[:first] if line.strip()]
+    heads = [split(line, separator) for line in top]
+    if (
+        separator == ","
+        and columns == 2
+        and any(_named(cell) for h in heads for cell in h)
+        and all(len(h) == 1 for h in heads)
+    ):
         separator, decimal, columns = BLANKS, ",", 1
         first = _first_row(lines, separator, decimal, columns) or first
-        heads = [[line.strip()] for line in lines[:first] if line.strip()]
     names = next(
         (h for h in heads if len(h) == columns and sum(map(_named, h)) >= max(1, columns // 2)), None
     )
     if columns == 1:
-        single = (line.strip().strip('"') for line in lines[:first])
+        single = (line.strip('"') for line in top)
         names = next(([line] for line in single if _named(line) and not re.search("[,;\\t]", line)), None)
     elif names is None and separator == BLANKS:
-        wide = [[c.strip() for c in re.split(r"\t|\s{2,}", line.strip())] for line in lines[:first]]
+        wide = [[c.strip() for c in re.split(r"\t|\s{2,}", line)] for line in top]
         names = next((h for h in wide if len(h) == columns and all(map(_named, h))), None)
     return Layout(separator, decimal, columns, first, tuple(names or [""] * columns))
 

@@ -129,8 +129,19 @@ def _start(t: np.ndarray, y: np.ndarray, turns: Turning, floor: float, notes: li
         foretold = float(curve(0.0))
         return abs(falls[0] - foretold) <= max(0.1 * abs(foretold), 5 * scatter, floor / np.exp(ranges[i]))
 
+    def in_time(i: int) -> bool:
+        """Whether swing i lasts as long as the later ones foretell: a hand lets go when it likes."""
+        later = gaps[i + 1 : i + 6]
+        if later.size < 2:
+            return True
+        x = np.arange(1, later.size + 1)
+        line = np.polynomial.Polynomial.fit(x, later, 1 if later.size > 2 else 0)
+        scatter = float(np.std(later - line(x)))
+        return abs(gaps[i] - float(line(0.0))) <= max(0.05 * float(np.median(later)), 5 * scatter)
+
     most = min(6, gaps.size // 4)
-    at = next((i for i in range(most + 1) if shaped(swings[i], i + 1) and in_step(i)), 0)
+    clean = (i for i in range(most + 1) if in_time(i) and shaped(swings[i], i + 1) and in_step(i))
+    at = next(clean, 0)
     if at == 0 and turns.times[0] - t[0] <= 1.1 * gaps[0]:
         opening = _misfit(t, y, float(t[0]), turns.times[1], gaps[0])
         if shaped(opening, 1) and _reaches(t, y, turns, sizes, floor):
