@@ -11,6 +11,7 @@ from pathlib import Path
 import matplotlib as mpl
 from markupsafe import Markup, escape
 from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 
 from bayesdamp.report.style import RC
@@ -32,11 +33,7 @@ class Drawings:
         name = re.sub(r"[^A-Za-z0-9_.=+-]+", "-", name)
         with mpl.rc_context(RC):
             figure = draw()
-            FigureCanvasAgg(figure)
-            # lay out once, not at every save
-            figure.draw_without_rendering()
-            figure.set_layout_engine("none")
-            svg, png = _saved(figure, "svg"), _saved(figure, "png")
+            svg, png = _saved(figure)
         write_bytes(self.folder / f"{name}.svg", svg)
         write_bytes(self.folder / f"{name}.png", png)
         self.names.append(name)
@@ -49,8 +46,20 @@ class Drawings:
         )
 
 
-def _saved(figure: Figure, kind: str) -> bytes:
-    buffer = io.BytesIO()
-    metadata = {"Date": None, "Creator": "bayesdamp"} if kind == "svg" else {"Software": "bayesdamp"}
-    figure.savefig(buffer, format=kind, dpi=150, metadata=metadata)
-    return buffer.getvalue()
+def _saved(figure: Figure) -> tuple[bytes, bytes]:
+    """SVG and PNG. Laid out once and printed directly: `savefig` would draw and lay out anew for each."""
+    figure.set_dpi(150)
+    FigureCanvasAgg(figure)
+    figure.draw_without_rendering()
+    figure.set_layout_engine("none")
+    svg, png = io.BytesIO(), io.BytesIO()
+    FigureCanvasAgg(figure).print_png(png, metadata={"Software": "bayesdamp"})
+    FigureCanvasSVG(figure).print_svg(svg, metadata={"Date": None, "Creator": "bayesdamp"})
+    return _renamed(svg.getvalue().decode()).encode(), png.getvalue()
+
+
+def _renamed(svg: str) -> str:
+    """Number the marks that matplotlib names after memory addresses, so that a report is reproducible."""
+    marks = dict.fromkeys(re.findall(r'id="([a-z][0-9a-f]{10})"', svg))
+    names = {mark: f"mark{i}" for i, mark in enumerate(marks)}
+    return re.sub(r"\b[a-z][0-9a-f]{10}\b", lambda found: names.get(found[0], found[0]), svg)

@@ -103,6 +103,11 @@ def number(value: float | None, digits: int = 4) -> str:
     return _scientific(value, power, digits - 1)
 
 
+def fixed(value: float, places: int) -> str:
+    """A number to so many decimals."""
+    return _signed(f"{round(value, places) + 0.0:.{places}f}") if math.isfinite(value) else number(value)
+
+
 def given(value: float) -> str:
     """A number that somebody chose: without digits that were not given."""
     return _signed(f"{value:.6g}") if 1e-4 <= abs(value) < 1e6 or value == 0 else number(value, 3)
@@ -124,10 +129,15 @@ def with_error(value: float | None, error: float | None) -> str:
     return f"{_signed(body)} × 10{str(top).translate(_RAISED)}"
 
 
-def like(value: float, error: float) -> str:
-    """The value alone, with the digits that its error allows."""
-    shown = with_error(value, error)
-    return number(value) if "×" in shown else shown.partition(" ±")[0]
+def nats(value: float | None, error: float = math.nan) -> str:
+    """A logarithm of probability: never finer than a hundredth, for nothing hangs on that."""
+    if value is None or not math.isfinite(value):
+        return number(value)
+    places = 2 if abs(value) < 100 or error < 0.5 else 1 if abs(value) < 1000 else 0
+    shown = _signed(f"{value:.{places}f}")
+    if not math.isfinite(error):
+        return shown
+    return f"{shown} ± {error:.2f}" if error >= 0.005 else f"{shown} ± < 0.01"
 
 
 def interval(low: float | None, high: float | None) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 from pathlib import Path
 
@@ -48,10 +49,6 @@ def trajectory(signal: str, model: str, t: np.ndarray) -> np.ndarray:
     return start * envelopes[model] * np.cos(frequency * t)
 
 
-def _number(value: float) -> float:
-    return value if math.isfinite(value) else math.nan
-
-
 class RunMaker:
     """Writes the folder of a run; `cells`, `tables` and `signals` say what of it."""
 
@@ -59,7 +56,7 @@ class RunMaker:
         self.folder = folder
         self.store = Store(folder)
         self.signals = list(signals)
-        self.repeats = repeats or {"bench": 1, "sim": 3}
+        self.repeats = repeats or {"bench": 1, "sim": 2}
         self.models = models
         self.rng = np.random.default_rng(7)
         self.tables: dict[str, list[dict]] = {name: [] for name in TABLES}
@@ -164,6 +161,7 @@ class RunMaker:
                 for term in model.split("+"):
                     name, unit = OWN[term]
                     value, sd = SIZE[kind][name]
+                    value = 0.0 if kind == "sim" and name == "mu_c" and "+" in model else value
                     value += sd * rough * self.rng.normal()
                     true = TRUTH[name] if kind == "sim" else math.nan
                     self.tables["estimates.csv"].append(
@@ -182,9 +180,7 @@ class RunMaker:
                         }
                     )
             steps = np.arange(200)
-            trace = (
-                {"initial/loss": np.exp(-steps / 40) + 1e-4} if method in ("pinn", "genetic", "rnn") else {}
-            )
+            trace = {"initial/loss": np.exp(-steps / 40) + 1e-4} if method == "pinn" else {}
             self.put(
                 f"estimate/{signal}/{repeat}/{model}/{method}", {"stages": ["initial", "refined"]}, trace
             )
@@ -199,12 +195,9 @@ class RunMaker:
             mean[names.index("mu_c")] = 0.0
         for sampler in ("nuts", "emcee"):
             draws = mean + sd * self.rng.normal(size=(4, 1000, len(names)))
-            if "+" in model:
-                draws[..., 1] = (
-                    mean[1]
-                    - 0.9 * sd[1] / sd[0] * (draws[..., 0] - mean[0])
-                    + 0.44 * (draws[..., 1] - mean[1])
-                )
+            if "+" in model and mean[1]:
+                tilt = 0.9 * sd[1] / sd[0] * (draws[..., 0] - mean[0])
+                draws[..., 1] = mean[1] - tilt + 0.44 * (draws[..., 1] - mean[1])
             own = [n in TRUTH for n in names]
             draws[..., own] = np.abs(draws[..., own])
             slow = sampler == "emcee" and model == "quadratic"
@@ -310,7 +303,7 @@ class RunMaker:
                     "epsilon": 0.1,
                     "noise_sd": "free",
                 },
-                "signal": [{"name": name} for name in self.signals],
+                "signal": [{"name": name, "system": {"stiffness": "free"}} for name in self.signals],
                 "estimators": {"use": list(METHODS), "stages": ["initial", "refined"]},
                 "models": {"compare": list(self.models)},
                 "posterior": {"samplers": ["nuts", "emcee"], "noise": "correlated"},
@@ -339,8 +332,23 @@ def whole_run(tmp_path_factory) -> Path:
 
 
 @pytest.fixture
-def maker(tmp_path):
+def maker_type():
+    return RunMaker
+
+
+@pytest.fixture
+def sketchy(monkeypatch):
+    """Figures are composed but not drawn, for tests of the text."""
+    monkeypatch.setattr("bayesdamp.report.drawing._saved", lambda _: (b"<svg/>", b"png"))
+
+
+@pytest.fixture
+def maker_of(tmp_path, sketchy):
+    """Makers of other runs in the test's own folder; their figures are not drawn."""
+    return functools.partial(RunMaker, tmp_path / "run")
+
+
+@pytest.fixture
+def maker(maker_of):
     """A small run, for a test to spoil."""
-    return RunMaker(
-        tmp_path / "run", signals=("sim",), repeats={"sim": 1}, models=("viscous", "viscous+coulomb")
-    )
+    return maker_of(signals=("sim",), repeats={"sim": 1}, models=("viscous", "viscous+coulomb"))

@@ -28,16 +28,26 @@ def outline(draws: np.ndarray, folded: bool = False) -> tuple[np.ndarray, np.nda
     return 0.5 * (edges[1:] + edges[:-1]), height / (height.max() or 1.0)
 
 
-def contours(x: np.ndarray, y: np.ndarray, masses: tuple[float, ...] = (0.9, 0.5)):
-    """Grids of x and y, the smooth joint density, and its levels that enclose these masses (ascending)."""
+def contours(
+    x: np.ndarray,
+    y: np.ndarray,
+    folded: tuple[bool, bool] = (False, False),
+    masses: tuple[float, float] = (0.9, 0.5),
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[float]]:
+    """Grids of x and y, their smooth joint density (y, x), and its levels that enclose these masses.
+
+    folded: whether x and y cannot be negative, as in `outline`.
+    """
     x, y = np.ravel(x), np.ravel(y)
-    edges = []
-    for values in (x, y):
+    edges, modes = [], []
+    for values, positive in zip((x, y), folded):
         low, high = np.quantile(values, [0.001, 0.999])
         pad = 0.2 * (high - low) or 1e-12
-        edges.append(np.linspace(low - pad, high + pad, 81))
+        reflect = positive and low - pad < 0
+        edges.append(np.linspace(0.0 if reflect else low - pad, high + pad, 81))
+        modes.append("reflect" if reflect else "constant")
     counts, *_ = np.histogram2d(x, y, bins=edges)
-    smooth = gaussian_filter(counts, 2.6)
+    smooth = gaussian_filter(counts, 2.6, mode=modes)  # pyright: ignore[reportArgumentType]
     order = np.sort(smooth.ravel())[::-1]
     mass = np.cumsum(order) / order.sum()
     levels = [float(order[np.searchsorted(mass, m)]) for m in masses]

@@ -31,8 +31,8 @@ def bars(found: Sequence[Bar]) -> Figure:
     colours = [colour(bar.model) for bar in found]
     behind = [max(0.0, -bar.log_bayes_factor) for bar in found]
     left.barh(places, behind, color=colours, height=0.62)
-    for place, bar, length in zip(places, found, behind):
-        text = "best" if length == 0 else words.with_error(-length, bar.stderr)
+    for place, length in zip(places, behind):
+        text = "best" if length == 0 else words.nats(-length)
         left.annotate(
             text, (length, place), xytext=(5, 0), textcoords="offset points", va="center", fontsize=8
         )

@@ -23,9 +23,9 @@ def marginals(
 ) -> Figure:
     """draws: sampler to parameter to draws of any shape; truth: parameter to value, where known."""
     names = list(dict.fromkeys(name for found in draws.values() for name in found))
-    columns = min(4, max(2, len(names)))
-    rows = -(-len(names) // columns)
-    figure = Figure(figsize=(WIDTH * min(1.0, 0.26 * columns), 1.65 * rows + 0.45))
+    rows = -(-len(names) // 4)
+    columns = max(2, -(-len(names) // rows))
+    figure = Figure(figsize=(WIDTH * (1.0 if rows > 1 else min(1.0, 0.26 * columns)), 1.65 * rows + 0.45))
     for i, name in enumerate(names):
         ax = figure.add_subplot(rows, columns, i + 1)
         for sampler, found in draws.items():
@@ -68,7 +68,9 @@ def pairs(
                     if fill:
                         ax.fill_between(grid, height, color=fill, alpha=0.22, lw=0)
                     continue
-                x, y, smooth, levels = contours(found[across], found[below])
+                x, y, smooth, levels = contours(
+                    found[across], found[below], (across in _POSITIVE, below in _POSITIVE)
+                )
                 if fill:
                     ax.contourf(x, y, smooth, [*levels, smooth.max() * 1.01], colors=[fill, fill], alpha=0.25)
                 ax.contour(

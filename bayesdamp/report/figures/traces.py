@@ -6,6 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.ticker import NullFormatter
 
 from bayesdamp.report.style import INK, WIDTH
 
@@ -21,6 +22,7 @@ def traces(found: Mapping[str, np.ndarray]) -> Figure:
         finite = curve[np.isfinite(curve)]
         if finite.size and finite.min() > 0 and finite.max() > 100 * finite.min():
             ax.set_yscale("log")
+            ax.yaxis.set_minor_formatter(NullFormatter())
         ax.set_title(title, fontsize=8)
         ax.set_xlabel("iteration")
     return figure

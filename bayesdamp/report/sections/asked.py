@@ -44,6 +44,10 @@ def _sentences(run: Run, study: Mapping[str, Any]) -> list[str]:
         restoring = system["restoring"]
         laws = [restoring] if isinstance(restoring, str) else restoring
         found.append(f"Restoring force: {words.listing(map(words.law, laws))}. {_known(system)}")
+    for table in study.get("signal") or []:
+        own = _known(table.get("system") or {}) if isinstance(table, Mapping) else ""
+        if own:
+            found.append(f"For {table.get('name', 'a signal')} instead: {own}")
     found.extend(
         sentence
         for sentence in (

@@ -65,7 +65,7 @@ def _table(run: Run, signal: str, repeats: list[int]) -> Table:
                         *lead,
                         name,
                         f"{words.number(r['rms'], 3)} {r['rms_unit']}",
-                        words.number(r["residual_autocorrelation"], 3),
+                        words.fixed(r["residual_autocorrelation"], 2),
                         words.number(r["window_spread"], 2),
                         words.number(r["predictive_p"], 2),
                         r["verdict"] or words.NONE,
@@ -88,8 +88,8 @@ def _windows(run: Run, signal: str, repeat: int, model: str) -> Markup | None:
         return None
     units = {r["parameter"]: r["unit"] for r in (*run.posteriors, *run.estimates) if r["model"] == model}
     caption = (
-        f"{signal}, {words.model(model)}: damping coefficients from parts of the record. Where they scatter by "
-        "more than their bars, the model is not the whole truth and the posterior is too narrow."
+        f"{signal}, {words.model(model)}: damping coefficients from parts of the record. Where they "
+        "scatter by more than their bars, the model is not the whole truth and the posterior is too narrow."
     )
     drawing = run.drawings.add(
         f"windows-{signal}-{model}", caption, lambda: windows(model, names, found, units)

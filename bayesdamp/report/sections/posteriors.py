@@ -103,7 +103,14 @@ def _tables(run: Run, signal: str, repeat: int, model: str) -> list[Table | Mark
         headers += ["truth"] if simulated else []
         headers += ["R̂", "ESS bulk", "ESS tail", "divergences"]
         lines = [_line(run, signal, row, simulated) for row in _by_parameter(good)]
-        parts.append(Table(headers, lines, frozenset({0, 1, 2}), "Limits: R̂ ≤ 1.01, ESS ≥ 400."))
+        parts.append(
+            Table(
+                headers,
+                lines,
+                frozenset({0, 1, 2}),
+                "To be trusted: R̂ ≤ 1.01 and effective sample sizes (ESS) of 400 and more.",
+            )
+        )
     parts += [
         Markup('<p class="quiet">{}: {}</p>').format(words.method(sampler), outcome)
         for sampler, outcome in sorted(sentences)

@@ -84,7 +84,7 @@ def _weigh(run: Run, found, believe: list[str], doubt: list[str]) -> None:
     gap = -second["log_bayes_factor"]
     if second["probability"] < 0.01:
         believe.append(
-            f"the order of the models: the next, {label(second, run)}, is {words.number(gap, 3)} nats behind "
+            f"the order of the models: the next, {label(second, run)}, is {words.nats(gap)} nats behind "
             f"({words.method(found.method)})."
         )
     else:

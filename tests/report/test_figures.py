@@ -1,0 +1,82 @@
+"""What the figures rest on: thinning that keeps extremes, densities that respect zero."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+
+from bayesdamp.report.drawing import Drawings
+from bayesdamp.report.figures.density import contours, outline
+from bayesdamp.report.figures.record import thinned
+from bayesdamp.report.style import colour, dash
+
+
+def test_thinning_keeps_the_extremes():
+    t = np.linspace(0, 100, 100_001)
+    y = np.sin(40 * t)
+    y[50_123] = 7.0
+    at, kept = thinned(t, y, 2000)
+    assert len(at) <= 2100
+    assert kept.max() == 7.0
+    assert (at[0], at[-1]) == (t[0], t[-1])
+    assert np.all(np.diff(at) > 0)
+
+
+def test_plain_decimation_would_lose_them():
+    """Negative control: every fiftieth sample misses the spike."""
+    y = np.zeros(100_001)
+    y[50_123] = 7.0
+    assert y[::50].max() == 0.0
+
+
+def test_a_folded_density_is_highest_at_zero():
+    draws = np.abs(np.random.default_rng(3).normal(size=20_000))
+    grid, height = outline(draws, folded=True)
+    assert grid[0] > 0
+    assert height[0] > 0.93
+    smeared, low = outline(draws, folded=False)
+    assert smeared[0] < 0
+    assert low[0] < 0.3
+
+
+def test_contours_enclose_their_mass():
+    """20,000 normal pairs: the share within a level's smooth contour is within 0.03 of it."""
+    x, y = np.random.default_rng(4).normal(size=(2, 20_000))
+    gx, gy, smooth, levels = contours(x, y)
+    assert levels[0] < levels[1]
+    inside = smooth[np.searchsorted(gy, y).clip(0, 79), np.searchsorted(gx, x).clip(0, 79)]
+    for level, mass in zip(levels, (0.9, 0.5), strict=True):
+        assert np.mean(inside >= level) == pytest.approx(mass, abs=0.03)
+
+
+def test_every_shipped_sum_has_its_own_colour():
+    sums = [
+        "viscous", "coulomb", "quadratic", "viscous+coulomb", "viscous+quadratic", "coulomb+quadratic",
+        "viscous+coulomb+quadratic",
+    ]  # fmt: skip
+    assert len({colour(s) for s in sums}) == 7
+    assert colour("coulomb+viscous") == colour("viscous+coulomb")
+    assert colour("cubic") not in {colour(s) for s in sums}
+    assert dash("cubic")
+
+
+def _draw() -> Figure:
+    figure = Figure(figsize=(3, 2))
+    figure.add_subplot().plot([0, 1], [0, 1])
+    return figure
+
+
+def test_a_figure_is_the_same_in_every_report(tmp_path):
+    first = Drawings(tmp_path / "a").add("x", "a < b", _draw)
+    second = Drawings(tmp_path / "b").add("x", "a < b", _draw)
+    assert first == second
+    assert "a &lt; b" in first
+    for kind in ("svg", "png"):
+        assert (tmp_path / "a" / f"x.{kind}").read_bytes() == (tmp_path / "b" / f"x.{kind}").read_bytes()
+    assert 'width="216pt"' in (tmp_path / "a" / "x.svg").read_text()
+
+
+def test_a_figures_name_cannot_leave_the_folder(tmp_path):
+    Drawings(tmp_path / "figures").add("../up/x", "caption", _draw)
+    assert {p.parent.name for p in tmp_path.rglob("*.svg")} == {"figures"}
