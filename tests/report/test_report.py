@@ -258,12 +258,21 @@ def test_text_of_the_user_is_escaped(maker):
 
 def test_many_signals_fold(maker_of):
     names = [f"sim-{i}" for i in range(6)]
-    folder = maker_of(signals=names, models=("viscous",)).make()
+    folder = maker_of(signals=names, models=("viscous", "coulomb")).make()
     html = render(folder).read_text()
     assert "The other signals, one by one" in html
     assert "All signals and repeats" in html
     assert html.count("<summary>sim-5</summary>") >= 3
+    assert "only the best model of each is drawn" in html
+    drawn = {p.stem for p in (folder / "figures").glob("*.svg")}
+    assert "marginals-sim-5-viscous" in drawn
+    assert "marginals-sim-5-coulomb" not in drawn
+
+
+def test_one_model_is_no_comparison(maker_of):
+    html = render(maker_of(signals=["sim"], models=("viscous",)).make()).read_text()
     assert "no other model was compared" in html
+    assert "only the best model of each is drawn" not in html
 
 
 def test_a_user_s_own_term_is_a_damping_coefficient(maker):

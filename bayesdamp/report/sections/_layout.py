@@ -12,6 +12,11 @@ from bayesdamp.report.run import Run
 _OPEN = 4
 
 
+def drawn(run: Run, place: int) -> bool:
+    """Whether to draw the model at this place of a signal's ranking: all of few signals, the best of many."""
+    return place == 0 or len(run.signals) <= _OPEN
+
+
 def by_signal(run: Run, one: Callable[[str], Markup], wanted: list[str] | None = None) -> Markup:
     """The content of each signal under its name; from the fifth on behind a line that unfolds it."""
     signals = run.signals if wanted is None else wanted
@@ -20,4 +25,6 @@ def by_signal(run: Run, one: Callable[[str], Markup], wanted: list[str] | None =
         body = one(signal)
         heading = Markup("<h3>{}</h3>").format(signal) if len(signals) > 1 else Markup("")
         parts.append(heading + body if i < _OPEN else folded(signal, body))
-    return fill("stack.html", parts=parts)
+    said = "With so many signals only the best model of each is drawn; the tables have all."
+    note = Markup('<p class="small">{}</p>').format(said) if len(run.signals) > _OPEN else Markup("")
+    return fill("stack.html", parts=[note, *parts])

@@ -47,7 +47,7 @@ def _sentences(run: Run, study: Mapping[str, Any]) -> list[str]:
     for table in study.get("signal") or []:
         own = _known(table.get("system") or {}) if isinstance(table, Mapping) else ""
         if own:
-            found.append(f"For {table.get('name', 'a signal')} instead: {own}")
+            found.append(f"Signal {table.get('name', '')} differs. {own}")
     found.extend(
         sentence
         for sentence in (

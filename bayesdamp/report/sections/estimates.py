@@ -14,7 +14,7 @@ from bayesdamp.report.figures.traces import traces
 from bayesdamp.report.html import Line, Table, fill, folded
 from bayesdamp.report.reading import coefficients, models_by_rank, truth
 from bayesdamp.report.run import Row, Run, rows_of
-from bayesdamp.report.sections._layout import by_signal
+from bayesdamp.report.sections._layout import by_signal, drawn
 from bayesdamp.report.sections._section import Section
 from bayesdamp.types import OK
 
@@ -39,16 +39,17 @@ class Estimates(Section):
 def _one(run: Run, signal: str) -> Markup:
     repeats = run.repeats(signal)
     parts: list[Markup] = []
-    for model in models_by_rank(run, signal, repeats[0]):
+    for place, model in enumerate(models_by_rank(run, signal, repeats[0])):
         rows = rows_of(run.estimates, signal=signal, model=model)
         if not rows:
             continue
-        content = [_figure(run, signal, model, rows), _table(run, signal, model, rows, repeats)]
+        content: list[object] = [_figure(run, signal, model, rows)] if drawn(run, place) else []
+        content.append(_table(run, signal, model, rows, repeats))
         others = [r for r in rows if r["repeat"] == repeats[0] and r["outcome"] == OK]
         others = [r for r in others if r["parameter"] not in coefficients(run, model)]
         if others:
             content.append(folded("The other parameters", _others(others)))
-        curves = _traces(run, signal, repeats[0], model)
+        curves = _traces(run, signal, repeats[0], model) if drawn(run, place) else None
         if curves:
             content.append(folded("How the iterative methods converged", curves))
         if not parts:

@@ -11,7 +11,7 @@ from bayesdamp.report.figures.windows import windows
 from bayesdamp.report.html import Line, Table, fill, folded
 from bayesdamp.report.reading import coefficients, models_by_rank
 from bayesdamp.report.run import Run, rows_of
-from bayesdamp.report.sections._layout import by_signal
+from bayesdamp.report.sections._layout import by_signal, drawn
 from bayesdamp.report.sections._section import Section
 
 
@@ -41,7 +41,9 @@ def _one(run: Run, signal: str) -> Markup:
         if len(repeats) > 1:
             parts.append(folded(f"All {len(repeats)} repeats", _table(run, signal, repeats)))
     shown = 0
-    for model in ranked:
+    for place, model in enumerate(ranked):
+        if not drawn(run, place):
+            continue
         content = _windows(run, signal, repeat, model)
         if content is None:
             continue

@@ -13,7 +13,7 @@ from bayesdamp.report.figures.posterior import marginals, pairs
 from bayesdamp.report.html import Line, Table, fill, folded
 from bayesdamp.report.reading import coefficients, models_by_rank, truth
 from bayesdamp.report.run import Row, Run, rows_of
-from bayesdamp.report.sections._layout import by_signal
+from bayesdamp.report.sections._layout import by_signal, drawn
 from bayesdamp.report.sections._section import Section
 from bayesdamp.types import OK
 
@@ -38,8 +38,11 @@ def _one(run: Run, signal: str) -> Markup:
     repeats = run.repeats(signal)
     repeat = repeats[0]
     parts: list[Markup] = []
-    for model in models_by_rank(run, signal, repeat):
-        content = [*_figures(run, signal, repeat, model), *_tables(run, signal, repeat, model)]
+    for place, model in enumerate(models_by_rank(run, signal, repeat)):
+        content: list[object] = []
+        if drawn(run, place):
+            content += _figures(run, signal, repeat, model)
+        content += _tables(run, signal, repeat, model)
         if not content:
             continue
         if len(repeats) > 1:
