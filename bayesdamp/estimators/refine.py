@@ -1,4 +1,4 @@
-"""The second stage of every estimator: the trajectory that fits the record best, from where the first ended."""
+"""The second stage of every estimator: the trajectory that fits the record best, from where the first is."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from jax import numpy as jnp
 from bayesdamp.estimators.search import brent, levenberg
 from bayesdamp.estimators.shared import (
     checked_features,
+    decay_start,
     free_names,
     noise_level,
     oscillator,
@@ -22,10 +23,13 @@ from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.signals.features import Features
 from bayesdamp.types import OK, Estimate, Problem, Refusal, Signal
 
-MISFIT = 2.0
-"""A residual of more than this many times the record's noise is reported."""
+MISFIT = 1.1
+"""A residual of more than this many times the record's roughness, and five standard errors more, is told."""
+TOLERANCE = 1e-6
+"""Largest error of a trajectory, as a share of the amplitude; a tenth of it for each further damping term,
+since terms that share the damping amplify errors."""
 SMALLEST = 1e-5
-"""... if it is also more than this share of the amplitude: the error budget of a trajectory is far below."""
+"""... if it is also more than this share of the amplitude: a trajectory's error is far below."""
 
 
 @lru_cache(maxsize=64)
@@ -53,6 +57,7 @@ class _Fit:
     names: tuple[str, ...]
     base: dict[str, float]
     tolerance: float
+    units: np.ndarray
     plan: object = None
 
     def parameters(self, x: np.ndarray) -> dict[str, float]:
@@ -71,6 +76,10 @@ class _Fit:
 
     def evaluate(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Residuals (n,) and their Jacobian by the unknown parameters (n, k)."""
+        if x.size == 1:  # differences of samples need no second compilation
+            h = 1e-4 * max(float(x[0]), 10 * self.units[0])
+            slope = (self.residuals(x + h) - self.residuals(x - h)) / (2 * h)
+            return self.residuals(x), slope[:, None]
         every, both = _with_jacobian(self.osc)
         p = self.parameters(x)
         rest = {name: jnp.asarray(p[name]) for name in self.osc.parameters if name not in every}
@@ -82,12 +91,12 @@ class _Fit:
 def refine(signal: Signal, problem: Problem, first: Estimate) -> Estimate:
     """Least squares of the trajectory, started at `first`.
 
-    Unknown are the damping coefficients (never below zero) and whatever of the restoring parameters, theta0 and
-    omega0 is not known; what `first` does not give starts from the record's features. One unknown: bounded
-    Brent in a bracket from the estimate that widens by itself; several: Levenberg–Marquardt. Where the fit
-    misses the record, it starts anew over two cycles and doubles the window until it holds all of it, since a
-    frequency that is a little off loses step over many cycles. stderr is that of white residuals.
-    Values stay in the result where the outcome says that the fit is poor.
+    Unknown are the damping coefficients (never below zero) and whatever of the restoring parameters, theta0
+    and omega0 is not known; what `first` does not give starts from the record's features. One unknown:
+    bounded Brent in a bracket from the estimate that widens by itself; several: Levenberg–Marquardt.
+    Where the fit misses the record, it starts anew over two cycles and doubles the window until it holds all
+    of it, since a frequency that is a little off loses step over many cycles. stderr is that of white
+    residuals. Values stay in the result where the outcome says that the fit is poor.
     Raises Refusal where the trajectory escapes.
     """
     seen = checked_features(signal)
@@ -96,10 +105,10 @@ def refine(signal: Signal, problem: Problem, first: Estimate) -> Estimate:
     names = (*osc.coefficients, *free_names(problem))
     size = float(np.abs(seen.turning_amplitudes).max())
     noise = max(noise_level(signal), seen.roughness)
-    fit = _Fit(signal, osc, names, base, float(np.clip(1e-3 * noise, 1e-7 * size, 1e-6 * size)))
     units = np.array([1e-5 / term.ratio_per_unit(seen.amplitude, seen.frequency) for term in osc.terms])
+    fit = _Fit(signal, osc, names, base, TOLERANCE * 0.1 ** (len(osc.terms) - 1) * size, units)
     floor = np.r_[np.zeros(units.size), np.full(len(names) - units.size, -np.inf)]
-    x = _start(fit, first, seen, units)
+    x = _start(fit, first, seen)
 
     fit.replan(x)
     evaluations, traces = 0, []
@@ -109,9 +118,11 @@ def refine(signal: Signal, problem: Problem, first: Estimate) -> Estimate:
         traces.append(np.sqrt(one.costs))
         fit.replan(x)
     found = levenberg(fit.evaluate, x, floor)
-    if not _rms(found.costs[-1], signal) < 0.2 * size:
-        better = _growing(fit, x, floor, seen)
-        found = better if better.costs[-1] < found.costs[-1] else found
+    lost = 0.3 * float(np.std(signal.y))
+    for start in (x, np.array([{**base, **decay_start(problem, seen)}[name] for name in names])):
+        if not _rms(found.costs[-1], signal) < lost:
+            other = _growing(fit, start, floor, seen)
+            found = other if other.costs[-1] < found.costs[-1] else found
     for _ in range(3):
         evaluations += found.evaluations
         traces.append(np.sqrt(found.costs / signal.t.size))
@@ -136,10 +147,10 @@ def refine(signal: Signal, problem: Problem, first: Estimate) -> Estimate:
     )
 
 
-def _start(fit: _Fit, first: Estimate, seen: Features, units: np.ndarray) -> np.ndarray:
+def _start(fit: _Fit, first: Estimate, seen: Features) -> np.ndarray:
     """Where to start: the first stage's values, or the record's own restoring law where that fits better."""
     own = {**fit.base, **first.values}
-    damping = {name: max(own[name], unit) for name, unit in zip(fit.osc.coefficients, units)}
+    damping = {name: max(own[name], unit) for name, unit in zip(fit.osc.coefficients, fit.units)}
     free = [name for name in fit.names if name not in damping]
     candidates = [
         np.array([{**start, **damping}[name] for name in fit.names]) for start in (own, {**own, **fit.base})
@@ -212,10 +223,11 @@ def _outcome(
     zero = [name for name, value, unit in zip(osc.coefficients, x, units) if value < 1e-3 * unit]
     if zero:
         said.append(f"the best {' and '.join(zero)} is at its bound 0")
-    if rms > max(MISFIT * noise, SMALLEST * size):
+    limit = MISFIT + 5 / np.sqrt(2 * signal.t.size)
+    if rms > max(limit * noise, SMALLEST * size):
         unit = signal.unit + {"angle": "", "velocity": "/s", "acceleration": "/s²"}[signal.quantity]
-        times = f", {rms / noise:.2g} times the record's noise" if noise > 1e-9 * size else ""
+        times = f", {rms / noise:.3g} times the record's roughness" if noise > 1e-6 * size else ""
         said.append(
-            f"the best fit leaves {rms:.2g} {unit}{times}: this model does not describe the whole record"
+            f"the best fit leaves {rms:.2g} {unit}{times}: the model is not all of it, or the noise is correlated"
         )
     return "; ".join(said) or OK

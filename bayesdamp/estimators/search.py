@@ -22,8 +22,8 @@ class Found:
 def brent(cost: Callable[[float], float], guess: float, unit: float, factor: float = 3.0) -> Found:
     """The minimum of `cost` over x ≥ 0 (paper, section 3.3: Brent's method with bounded search).
 
-    The bracket is [guess/factor, guess·factor] and moves on where the minimum is at its end. unit: a value of x
-    that is small but matters; the search starts no lower, and 1e-9 of it counts as zero.
+    The bracket is [guess/factor, guess·factor] and moves on where the minimum is at its end. unit: a value of
+    x that is small but matters; the search starts no lower.
     """
     costs: list[float] = []
 
@@ -38,14 +38,14 @@ def brent(cost: Callable[[float], float], guess: float, unit: float, factor: flo
         result = minimize_scalar(
             counted, bounds=(low, high), method="bounded", options={"xatol": 1e-9 * max(centre, unit)}
         )
-        x = float(result.x)
+        x = float(result.x)  # pyright: ignore[reportAttributeAccessIssue]
         margin = 1e-3 * (high - low)
         if x > high - margin:
             low, high = x / factor, high * factor**2
         elif x < low + margin and low > 0.0:
             low, high = (low / factor**3 if low > unit / factor else 0.0), x * factor
         else:
-            converged = bool(result.success)
+            converged = bool(result.success)  # pyright: ignore[reportAttributeAccessIssue]
             break
         centre = max(x, unit)
     if low == 0.0 and counted(0.0) <= counted(x):

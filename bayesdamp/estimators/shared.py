@@ -31,7 +31,7 @@ class Motion:
     t (m,) in s; theta, omega, alpha (m,) in rad, rad/s, rad/s² (or m).
     clean: whether the spline interpolates; else it smooths, and `project` does to a function of the motion
     what the smoothing did to the record, so that an equation that holds for the motion holds for both sides
-    projected. project takes values at all samples (n,) to values at t (m,), as `samples` and its siblings are.
+    projected. project takes values at all samples (n,) to values at t (m,).
     everywhere: theta, omega, alpha at all samples, each (n,).
     bandwidth: the highest angular frequency that the spline follows, rad/s.
     noise: sd of the record's noise as far as a spline of four samples a knot sees it, unit of the record.
@@ -124,7 +124,8 @@ def checked_features(signal: Signal) -> Features:
     seen = features(signal)
     if seen.samples_per_cycle < LEAST_SAMPLES_PER_CYCLE:
         raise Refusal(
-            f"{seen.samples_per_cycle:.1f} samples in a period: at least {LEAST_SAMPLES_PER_CYCLE:.0f} are needed"
+            f"{seen.samples_per_cycle:.1f} samples in a period, and at least "
+            f"{LEAST_SAMPLES_PER_CYCLE:.0f} are needed"
         )
     return seen
 
@@ -245,7 +246,7 @@ def _integrated(
     else:
         guessed += 1
         middle = _midline(t, raw(t), seen.period, guessed - 1)
-        line = np.r_[_rest(problem), 0.0] - np.r_[middle, 0.0][:2]
+        line = np.r_[_rest(problem, seen), 0.0] - np.r_[middle, 0.0][:2]
     angle: Curve = lambda x: raw(x) + line[0] + line[1] * (x - t[0])  # noqa: E731
     return (angle, velocity, spline.derivative(1) if order == 1 else spline), guessed
 
@@ -258,7 +259,10 @@ def _midline(t: np.ndarray, y: np.ndarray, period: float, degree: int) -> np.nda
     return np.polynomial.polynomial.polyfit(turns.times - t[0], midpoints(turns.values), degree)
 
 
-def _rest(problem: Problem) -> float:
-    """The equilibrium where the restoring law is known, else 0."""
-    osc, known = oscillator(problem), known_restoring(problem)
-    return osc.equilibrium(known) if len(known) == len(osc.law.parameters) else 0.0
+def _rest(problem: Problem, seen: Features) -> float:
+    """The equilibrium of the restoring law, as far as it is known, the rest from the record's frequency."""
+    osc = oscillator(problem)
+    try:
+        return osc.equilibrium(osc.law.start(seen.frequency, seen.rest, known_restoring(problem)))
+    except ValueError:
+        return 0.0

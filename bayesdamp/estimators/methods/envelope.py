@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from jax import numpy as jnp
 from pydantic import Field
 from scipy.interpolate import make_interp_spline
 from scipy.optimize import least_squares
@@ -26,8 +27,9 @@ LEAST_CYCLES = 3.0
 
 
 class EnvelopeOptions(Options):
-    """window: length of the Savitzky–Golay window in periods; above: part of the record that counts, where its
-    envelope is more than so many times the noise.
+    """window: length of the Savitzky–Golay window in periods.
+
+    above: the part of the record counts whose envelope is more than so many times the noise.
     """
 
     window: float = Field(default=1.0, gt=0.1, le=4.0)
@@ -37,8 +39,8 @@ class EnvelopeOptions(Options):
 class Envelope(Estimator):
     """Σ (ln A_observed − ln A_simulated)² least over the damping coefficients.
 
-    Restoring parameters that are not known are set from the record's frequency and midline, and the start from
-    the smoothed record; its amplitude is then matched along with the damping.
+    Restoring parameters that are not known are set from the record's frequency and midline, and the start
+    from the smoothed record; its amplitude is then matched along with the damping.
     """
 
     name = "envelope"
@@ -62,11 +64,12 @@ class Envelope(Estimator):
         scaled = "theta0" in free or "omega0" in free
 
         trace: list[float] = []
+        scale = 1.0
         for _ in range(2):  # the second time with steps planned for what the first found
             match.plan(x)
             if x.size == 1 and not scaled:
                 found = brent(lambda c: float(np.mean(match.difference(np.array([c])) ** 2)), x[0], units[0])
-                x, scale = found.x, 1.0
+                x = found.x
                 trace.extend(found.costs)
             else:
                 x, scale = _several(match, x, scaled)
@@ -130,9 +133,9 @@ class _Match:
 
     def envelope(self, y: np.ndarray) -> np.ndarray:
         """Smoothed envelope of y (n,) about the record's midline, (n,)."""
-        raw = np.abs(hilbert(y - self.seen.rest))
+        raw = np.abs(np.asarray(hilbert(y - self.seen.rest)))
         width = min(self.width, 2 * ((y.size - 1) // 2) - 1)
-        return np.maximum(savgol_filter(raw, width, 3), 1e-300)
+        return np.maximum(np.asarray(savgol_filter(raw, width, 3)), 1e-300)
 
     def parameters(self, x: np.ndarray, scale: float = 1.0) -> dict[str, float]:
         """All parameters; the start is scaled about the midline."""
@@ -143,13 +146,14 @@ class _Match:
     def plan(self, x: np.ndarray) -> None:
         """Plan the solver's steps for coefficients x (k,)."""
         size = float(np.abs(self.seen.turning_amplitudes).max())
-        self._plan = make_plan(self.osc, self.parameters(x), self.times, self.quantity, 1e-7 * size)
+        self._plan = make_plan(self.osc, self.parameters(x), self.times, self.quantity, 1e-6 * size)
 
     def difference(self, x: np.ndarray, scale: float = 1.0) -> np.ndarray:
         """ln A_simulated − ln A_observed over the rows; 10 where the trajectory escapes."""
         self.evaluations += 1
         p = self.parameters(x, scale)
-        y = np.asarray(compiled_record(self.osc)(self._plan, {name: p[name] for name in self.osc.parameters}))
+        given = {name: jnp.asarray(float(p[name])) for name in self.osc.parameters}
+        y = np.asarray(compiled_record(self.osc)(self._plan, given))
         if not np.all(np.isfinite(y)):
             return np.full(self.rows.size, 10.0)
         return np.log(self.envelope(y)[self.rows]) - self.target

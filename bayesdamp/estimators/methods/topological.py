@@ -67,7 +67,7 @@ class Topological(Estimator):
     options = TopologicalOptions
 
     def refuses(self, damping: tuple[str, ...]) -> str | None:
-        if len(damping) > 1:
+        if len(damping) != 1:
             return "persistence lifetimes give one damping coefficient, not a sum of terms"
         if damping[0] not in PUBLISHED:
             return f"there is no formula that gives {damping[0]} damping from persistence lifetimes"
@@ -114,11 +114,12 @@ def sublevel_pairs(y: np.ndarray, samples_per_cycle: float) -> tuple[np.ndarray,
     period of an end of the record is cut off there, and left out.
     """
     cells = gudhi.CubicalComplex(top_dimensional_cells=y)  # type: ignore[attr-defined]
-    cells.persistence(homology_coeff_field=2, min_persistence=0.0)
+    cells.persistence(homology_coeff_field=2, min_persistence=0)
     regular = cells.cofaces_of_persistence_pairs()[0]
-    if not regular or regular[0].size == 0:
+    if len(regular) == 0 or np.asarray(regular[0]).size == 0:
         return np.empty(0), np.empty(0)
-    births, deaths = regular[0][:, 0], regular[0][:, 1]
+    first = np.asarray(regular[0])
+    births, deaths = first[:, 0], first[:, 1]
     whole = np.minimum(births, y.size - 1 - births) > 0.1 * samples_per_cycle
     births, deaths = births[whole], deaths[whole]
     order = np.argsort(births, kind="stable")
@@ -131,7 +132,8 @@ def published_pairs(
     """The pairs above the cutoff, each shortened by the noise floor.
 
     σ is the known noise, else the larger of the record's roughness and, where lifetimes are many more than
-    cycles, 0.680 of their median. Cutoff: C_α = 2^(3/2) σ erf⁻¹[2(1 − √α)^(1/N) − 1], N the number of samples.
+    cycles, 0.680 of their median.
+    Cutoff: C_α = 2^(3/2) σ erf⁻¹[2(1 − √α)^(1/N) − 1], N the number of samples.
     Floor: twice the median by which white noise of that σ lifts the highest sample at a turning point.
     """
     v, p = sublevel_pairs(y, seen.samples_per_cycle)
@@ -150,7 +152,7 @@ def published_pairs(
     v, p = v[kept], p[kept]
     if v.size < 2:
         raise Refusal(
-            f"{v.size} persistence lifetimes exceed the noise cutoff of {cutoff:.2g}, and at least 2 are needed"
+            f"{v.size} persistence lifetimes exceed the noise cutoff of {cutoff:.2g}; at least 2 are needed"
         )
     floor = _floor(sigma, 0.5 * float(np.median(p - v)), seen)
     return Pairs(v + floor / 2, p - floor / 2, floor)
@@ -204,10 +206,10 @@ def _coulomb(pairs: Pairs, omega: float) -> float:
 def _quadratic(pairs: Pairs, omega: float) -> float:
     """Exact over the swing from a minimum v_i to the next maximum p_{i+1} of a zero-mean linear oscillator.
 
-    p_{i+1} − v_i = ln[(2μ v_i − 1)/(2μ p_{i+1} − 1)]/(2μ), from u = θ̇², du/dθ = −2ω_n²θ − 2μu; μ is the median
-    over the first four swings. In this form the unit is μ_q's own, 1/rad. Each swing is taken about its own
-    midline, which makes the signal zero-mean where the restoring force is not odd. A swing whose maximum is
-    not below its minimum in size says zero.
+    p_{i+1} − v_i = ln[(2μ v_i − 1)/(2μ p_{i+1} − 1)]/(2μ), from u = θ̇², du/dθ = −2ω_n²θ − 2μu; μ is the
+    median over the first four swings. In this form the unit is μ_q's own, 1/rad. Each swing is taken
+    about its own midline, which makes the signal zero-mean where the restoring force is not odd. A
+    swing whose maximum is not below its minimum in size says zero.
     """
     turns = np.column_stack([pairs.p, pairs.v]).ravel()
     turns = turns - midpoints(turns)
