@@ -9,12 +9,12 @@ import jax
 import numpy as np
 from jax import numpy as jnp
 
+from bayesdamp.estimators.misfit import misfit
 from bayesdamp.estimators.search import brent, levenberg
 from bayesdamp.estimators.shared import (
     checked_features,
     decay_start,
     free_names,
-    noise_level,
     oscillator,
     start_parameters,
 )
@@ -23,13 +23,9 @@ from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.signals.features import Features
 from bayesdamp.types import OK, Estimate, Problem, Refusal, Signal
 
-MISFIT = 1.1
-"""A residual of more than this many times the record's roughness, and five standard errors more, is told."""
 TOLERANCE = 1e-6
 """Largest error of a trajectory, as a share of the amplitude; a tenth of it for each further damping term,
 since terms that share the damping amplify errors."""
-SMALLEST = 1e-5
-"""... if it is also more than this share of the amplitude: a trajectory's error is far below."""
 
 
 @lru_cache(maxsize=64)
@@ -104,7 +100,6 @@ def refine(signal: Signal, problem: Problem, first: Estimate) -> Estimate:
     base = start_parameters(signal, problem, seen)
     names = (*osc.coefficients, *free_names(problem))
     size = float(np.abs(seen.turning_amplitudes).max())
-    noise = max(noise_level(signal), seen.roughness)
     units = np.array([1e-5 / term.ratio_per_unit(seen.amplitude, seen.frequency) for term in osc.terms])
     fit = _Fit(signal, osc, names, base, TOLERANCE * 0.1 ** (len(osc.terms) - 1) * size, units)
     floor = np.r_[np.zeros(units.size), np.full(len(names) - units.size, -np.inf)]
@@ -143,7 +138,7 @@ def refine(signal: Signal, problem: Problem, first: Estimate) -> Estimate:
         _stderr(names, found.x, floor, residual, jacobian),
         {"rms": np.concatenate([*traces, [rms]])},
         evaluations,
-        outcome=_outcome(found.converged, rms, noise, size, signal, found.x, units, osc),
+        outcome=_outcome(found.converged, found.x, fit, misfit(residual, signal, seen)),
     )
 
 
@@ -206,28 +201,10 @@ def _stderr(
     return dict(zip(inside, np.sqrt(np.maximum(np.diag(covariance), 0.0)).tolist()))
 
 
-def _outcome(
-    converged: bool,
-    rms: float,
-    noise: float,
-    size: float,
-    signal: Signal,
-    x: np.ndarray,
-    units: np.ndarray,
-    osc: Oscillator,
-) -> str:
+def _outcome(converged: bool, x: np.ndarray, fit: _Fit, misfits: str | None) -> str:
     """ok, or what is wrong with the fit in a sentence."""
-    said = []
-    if not converged:
-        said.append("the trajectory fit did not converge")
-    zero = [name for name, value, unit in zip(osc.coefficients, x, units) if value < 1e-3 * unit]
+    said = [] if converged else ["the trajectory fit did not converge"]
+    zero = [name for name, value, unit in zip(fit.osc.coefficients, x, fit.units) if value < 1e-3 * unit]
     if zero:
         said.append(f"the best {' and '.join(zero)} is at its bound 0")
-    limit = MISFIT + 5 / np.sqrt(2 * signal.t.size)
-    if rms > max(limit * noise, SMALLEST * size):
-        unit = signal.unit + {"angle": "", "velocity": "/s", "acceleration": "/s²"}[signal.quantity]
-        times = f", {rms / noise:.3g} times the record's roughness" if noise > 1e-6 * size else ""
-        said.append(
-            f"the best fit leaves {rms:.2g} {unit}{times}: the model is not all of it, or the noise is correlated"
-        )
-    return "; ".join(said) or OK
+    return "; ".join(said + ([misfits] if misfits else [])) or OK

@@ -1,0 +1,180 @@
+"""What every estimator keeps to, also those that are added later."""
+
+from __future__ import annotations
+
+import dataclasses
+import inspect
+
+import numpy as np
+import pytest
+
+from bayesdamp.estimators import ELEVEN, ESTIMATORS, Estimator, Options, names_for_all, parse_options, run
+from bayesdamp.types import Estimate, InputError, Refusal, Signal
+
+from .truths import pendulum
+
+NAMES = ["least_squares", "envelope", "topological"]
+
+
+@pytest.fixture(scope="module")
+def noisy():
+    return pendulum({"zeta": 0.05}, noise=0.003, samples=1000, free=("stiffness",))
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_shape_of_a_plugin(name):
+    estimator = ESTIMATORS.get(name)
+    assert isinstance(estimator, Estimator)
+    assert estimator.name == name
+    assert issubclass(estimator.options, Options)
+    assert estimator.options() == parse_options(name, None)
+    assert not inspect.isabstract(type(estimator))
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_the_same_seed_gives_the_same_estimates(name, noisy):
+    first, second = (run(name, *noisy, seed=[7, 1]) for _ in range(2))
+    for a, b in zip(first, second, strict=True):
+        assert a.values == b.values
+        assert a.stderr == b.stderr
+        assert a.outcome == b.outcome
+    # Negative control: another record gives another value.
+    other = run(
+        name, *pendulum({"zeta": 0.05}, noise=0.003, samples=1000, free=("stiffness",), seed=9), seed=[7, 1]
+    )
+    assert other[0].values != first[0].values
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_values_are_finite_named_and_timed(name, noisy):
+    for estimate, stage in zip(run(name, *noisy, seed=1), ("initial", "refined"), strict=True):
+        assert isinstance(estimate, Estimate)
+        assert (estimate.estimator, estimate.stage) == (name, stage)
+        assert set(estimate.values) <= {"zeta", "stiffness"}
+        assert "zeta" in estimate.values
+        assert all(type(v) is float and np.isfinite(v) for v in estimate.values.values())
+        assert set(estimate.stderr) <= set(estimate.values)
+        assert all(np.isfinite(v) and v >= 0 for v in estimate.stderr.values())
+        assert estimate.seconds > 0
+        assert estimate.evaluations > 0
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_nothing_but_the_record_and_what_is_known_is_read(name, noisy):
+    """A record's name and provenance, where a truth could hide, change nothing."""
+    signal, problem = noisy
+    marked = dataclasses.replace(signal, name="zeta=9", provenance={"truth": {"zeta": 9.0}})
+    assert run(name, marked, problem, seed=1)[0].values == run(name, signal, problem, seed=1)[0].values
+
+
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize(
+    "y",
+    [
+        np.zeros(500),
+        np.linspace(0.3, 0.0, 500),
+        np.cos(2 * np.pi * np.linspace(0, 160, 500)),
+        np.random.default_rng(0).normal(size=500),
+        np.array([0.3, 0.1, -0.2]),
+    ],
+    ids=["constant", "ramp", "three samples a period", "noise", "three samples"],
+)
+def test_an_impossible_record_is_refused_in_a_sentence(name, y):
+    signal = Signal(np.linspace(0.0, 10.0, y.size), y)
+    for estimate in run(name, signal, pendulum({"zeta": 0.05}, samples=10)[1], seed=1):
+        assert len(estimate.outcome.split()) > 3
+        assert estimate.values == {}
+
+
+def test_topological_refuses_sums():
+    signal, problem = pendulum({"zeta": 0.05, "mu_c": 0.03}, samples=500)
+    outcomes = {e.outcome for e in run("topological", signal, problem, seed=1)}
+    assert outcomes == {"persistence lifetimes give one damping coefficient, not a sum of terms"}
+
+
+def test_only_the_stages_asked_for(noisy):
+    (estimate,) = run("least_squares", *noisy, stages=["refined"], seed=1)
+    assert estimate.stage == "refined"
+    assert run("least_squares", *noisy, stages=[], seed=1) == []
+
+
+@pytest.mark.parametrize(
+    ("options", "hint"),
+    [({"varient": "wls"}, "did you mean 'variant'"), ({"variant": "wsl"}, "'ols', 'wls', 'irls' or 'tls'")],
+)
+def test_a_wrong_option_is_refused_with_what_would_be_right(noisy, options, hint):
+    with pytest.raises(InputError, match=hint) as raised:
+        run("least_squares", *noisy, options=options, seed=1)
+    assert "[estimators.least_squares]" in str(raised.value)
+
+
+def test_unknown_names_are_refused(noisy):
+    with pytest.raises(InputError, match="did you mean 'envelope'"):
+        run("envelop", *noisy, seed=1)
+    with pytest.raises(InputError, match="did you mean 'refined'"):
+        run("envelope", *noisy, stages=["refine"], seed=1)
+
+
+def test_all_means_those_of_the_eleven_that_are_there():
+    names = names_for_all()
+    assert set(NAMES) <= set(names) <= set(ELEVEN)
+    assert names == [name for name in ELEVEN if name in names]
+
+
+class Stub(Estimator):
+    """An estimator in a few lines: all that a new one needs."""
+
+    name = "stub"
+    options = Options
+
+    def __init__(self, error: Exception | None = None, value: float = 0.06) -> None:
+        self.error, self.value = error, value
+
+    def refuses(self, damping):
+        return None
+
+    def initial(self, signal, problem, options, rng):
+        if self.error:
+            raise self.error
+        return Estimate(self.name, "initial", {"zeta": self.value})
+
+
+@pytest.fixture
+def stub():
+    def add(*args, **kwargs):
+        ESTIMATORS.add("stub", Stub(*args, **kwargs))
+
+    yield add
+    ESTIMATORS.remove("stub")
+
+
+def test_a_new_estimator_is_one_class(stub, noisy):
+    stub()
+    initial, refined = run("stub", *noisy, seed=1)
+    assert initial.values == {"zeta": 0.06}
+    assert refined.values["zeta"] == pytest.approx(0.05, rel=0.02)
+
+
+def test_a_refusal_is_an_outcome_and_any_other_error_is_not(stub, noisy):
+    stub(Refusal("the net did not converge at all"))
+    initial, refined = run("stub", *noisy, seed=1)
+    assert initial.outcome == "the net did not converge at all"
+    assert refined.outcome == "no initial estimate to refine: the net did not converge at all"
+    stub(KeyError("a fault"))
+    with pytest.raises(KeyError):
+        run("stub", *noisy, seed=1)
+
+
+def test_a_value_that_is_not_finite_becomes_an_outcome(stub, noisy):
+    stub(value=float("nan"))
+    initial, refined = run("stub", *noisy, seed=1)
+    assert "not finite" in initial.outcome
+    assert initial.values == refined.values == {}
+
+
+@pytest.mark.parametrize("start", [1e-6, 5.0])
+def test_refinement_finds_its_way_from_far(stub, noisy, start):
+    stub(value=start)
+    refined = run("stub", *noisy, seed=1)[1]
+    assert refined.values["zeta"] == pytest.approx(0.05, rel=0.02)
+    assert refined.outcome == "ok"

@@ -1,0 +1,60 @@
+"""The topological method: the paper's equations as printed, the published ones, and its cutoff."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from bayesdamp.estimators import run
+from bayesdamp.estimators.methods.topological import sublevel_pairs
+
+from .truths import PAPER, error, pendulum
+
+PRINTED = {"zeta": (0.011167, 77.67), "mu_c": (0.0085, 71.7), "mu_q": (2.40, 4700.0)}
+
+
+def value(damping, variant, **record):
+    signal, problem = pendulum(damping, **record)
+    (estimate,) = run(
+        "topological", signal, problem, options={"variant": variant}, stages=["initial"], seed=1
+    )
+    return next(iter(estimate.values.values()))
+
+
+@pytest.mark.parametrize("damping", PAPER, ids=lambda d: next(iter(d)))
+def test_as_printed_gives_what_the_printed_equations_give(damping):
+    ((parameter, truth),) = damping.items()
+    expected, off = PRINTED[parameter]
+    found = value(damping, "as_printed")
+    assert found == pytest.approx(expected, rel=0.01)
+    assert error(found, truth) == pytest.approx(off, rel=0.01)
+    # Negative control: the published formulae are not off like that.
+    assert error(value(damping, "published"), truth) < 1.0
+
+
+def test_the_printed_viscous_error_is_a_unit():
+    """77.6 % is 1 − 1/√k: times ω_n the printed equation is right."""
+    for k in (15.0, 40.0):
+        assert value({"zeta": 0.05}, "as_printed", k=k) * np.sqrt(k) == pytest.approx(0.05, rel=3e-3)
+
+
+def test_repeated_values_are_one_plateau():
+    signal, problem = pendulum({"zeta": 0.05})
+    step = 0.002
+    quantised = type(signal)(signal.t, step * np.round(signal.y / step), step=step)
+    (estimate,) = run("topological", quantised, problem, stages=["initial"], seed=1)
+    assert error(estimate.values["zeta"], 0.05) < 5.0
+
+
+def test_pairs_of_a_decaying_cosine_are_its_cycles():
+    t = np.linspace(0.0, 10.0, 2001)
+    v, p = sublevel_pairs(np.exp(-0.1 * t) * np.cos(2 * np.pi * t), 200.0)
+    assert v.size == p.size == 9  # the first minimum is the component that never dies
+    assert (p - v) == pytest.approx(np.exp(-0.1 * np.arange(1, 10)) * (1 + np.exp(-0.05)), rel=1e-3)
+
+
+def test_noise_above_the_decay_is_refused():
+    signal, problem = pendulum({"zeta": 0.5}, noise=0.05, samples=1000)
+    for estimate in run("topological", signal, problem, seed=1):
+        assert estimate.values == {}
+        assert estimate.outcome != "ok"
