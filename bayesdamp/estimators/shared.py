@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 from scipy.interpolate import BSpline, make_interp_spline, make_lsq_spline
@@ -32,7 +33,7 @@ class Motion:
     clean: whether the spline interpolates; else it smooths, and `project` does to a function of the motion
     what the smoothing did to the record, so that an equation that holds for the motion holds for both sides
     projected. project takes values at all samples (n,) to values at t (m,).
-    everywhere: theta, omega, alpha at all samples, each (n,).
+    everywhere: theta, omega, alpha at all samples that are used, each (n,).
     bandwidth: the highest angular frequency that the spline follows, rad/s.
     noise: sd of the record's noise as far as a spline of four samples a knot sees it, unit of the record.
     theta0, omega0: displacement and velocity at the record's start.
@@ -154,12 +155,52 @@ def motion(signal: Signal, problem: Problem, seen: Features) -> Motion:
     (samples further off than six robust standard deviations do not count) and one and a half knot
     spacings at each end are left out.
     A recorded velocity or acceleration is integrated; constants come from a known theta0 and omega0, else
-    from the midline of the turning points.
+    from the midline of the turning points. Runs between gaps are treated each by itself; of a velocity or an
+    acceleration, which cannot be integrated across a gap, only the first counts.
     """
+    noise = noise_level(signal)
+    pieces = [replace(signal, t=signal.t[run], y=signal.y[run]) for run in runs(signal.t, seen.period)]
+    parts = [
+        _run(piece, problem, seen, noise) for piece in (pieces if signal.quantity == "angle" else pieces[:1])
+    ]
+    if len(parts) == 1:
+        return parts[0]
+    ends = np.cumsum([part.everywhere[0].size for part in parts])[:-1]
+
+    def project(x: np.ndarray) -> np.ndarray:
+        return np.concatenate([part.project(piece) for part, piece in zip(parts, np.split(x, ends))])
+
+    def joined(of: Callable[[Motion], np.ndarray]) -> np.ndarray:
+        return np.concatenate([of(part) for part in parts])
+
+    return replace(
+        parts[0],
+        t=joined(lambda part: part.t),
+        theta=joined(lambda part: part.theta),
+        omega=joined(lambda part: part.omega),
+        alpha=joined(lambda part: part.alpha),
+        project=project,
+        everywhere=tuple(joined(lambda part, i=i: part.everywhere[i]) for i in range(3)),
+    )
+
+
+def runs(t: np.ndarray, period: float) -> list[slice]:
+    """The runs of samples of times t (n,) between gaps, those of at least a period and the first.
+
+    A gap is longer than three sampling intervals and a tenth of the period (s).
+    """
+    steps = np.diff(t)
+    breaks = np.flatnonzero(steps > max(3 * float(np.median(steps)), 0.1 * period)) + 1
+    bounds = [0, *breaks.tolist(), t.size]
+    found = [slice(a, b) for a, b in pairwise(bounds)]
+    return [run for i, run in enumerate(found) if i == 0 or t[run][-1] - t[run][0] >= period]
+
+
+def _run(signal: Signal, problem: Problem, seen: Features, noise: float) -> Motion:
+    """The motion over a run of samples without a gap."""
     t, y = signal.t, signal.y
     gap = (t[-1] - t[0]) / (t.size - 1)
     order = ORDER[signal.quantity]
-    noise = noise_level(signal)
     size = float(np.abs(seen.turning_amplitudes).max())
     highest = 2 - order
     amplified = noise * (2.5 / gap) ** highest / seen.frequency**highest

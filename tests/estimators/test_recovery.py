@@ -107,6 +107,15 @@ def test_a_jittered_clock_is_no_obstacle():
         assert error(refined.values["zeta"], 0.05) < 0.01, name
 
 
+@pytest.mark.parametrize("name", NAMES)
+def test_a_gap_is_bridged(name):
+    signal, problem = pendulum({"mu_c": 0.03}, samples=3000, noise=0.001)
+    kept = (signal.t < 3.0) | (signal.t > 4.2)
+    initial, refined = both(name, type(signal)(signal.t[kept], signal.y[kept]), problem)
+    assert error(initial.values["mu_c"], 0.03) < 10.0
+    assert error(refined.values["mu_c"], 0.03) < 1.0  # five standard errors
+
+
 def test_negative_control_a_wrong_restoring_law_is_not_recovered():
     """The same checks fail where the stiffness that is called known is wrong by 2 %."""
     signal, problem = pendulum({"zeta": 0.05})

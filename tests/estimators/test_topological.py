@@ -48,8 +48,9 @@ def test_repeated_values_are_one_plateau():
 
 def test_pairs_of_a_decaying_cosine_are_its_cycles():
     t = np.linspace(0.0, 10.0, 2001)
-    v, p = sublevel_pairs(np.exp(-0.1 * t) * np.cos(2 * np.pi * t), 200.0)
+    v, p, born = sublevel_pairs(t, np.exp(-0.1 * t) * np.cos(2 * np.pi * t), 1.0)
     assert v.size == p.size == 9  # the first minimum is the component that never dies
+    assert np.diff(born) == pytest.approx(np.ones(8), abs=0.01)
     assert (p - v) == pytest.approx(np.exp(-0.1 * np.arange(1, 10)) * (1 + np.exp(-0.05)), rel=1e-3)
 
 

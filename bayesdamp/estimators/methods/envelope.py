@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 from jax import numpy as jnp
 from pydantic import Field
-from scipy.interpolate import make_interp_spline
 from scipy.optimize import least_squares
 from scipy.signal import hilbert, savgol_filter
 
@@ -40,7 +39,8 @@ class Envelope(Estimator):
     """Σ (ln A_observed − ln A_simulated)² least over the damping coefficients.
 
     Restoring parameters that are not known are set from the record's frequency and midline, and the start
-    from the smoothed record; its amplitude is then matched along with the damping.
+    from the smoothed record; its amplitude is then matched along with the damping. On an uneven clock record
+    and trajectories are both read at the record's times and interpolated to an even one.
     """
 
     name = "envelope"
@@ -117,19 +117,27 @@ class _Match:
         self.seen = seen
         self.evaluations = 0
         self.times = signal.t if signal.uniform else np.linspace(signal.t[0], signal.t[-1], signal.t.size)
-        y = signal.y if signal.uniform else make_interp_spline(signal.t, signal.y, k=3)(self.times)
+        self.sampled = signal.t
+        y = self.resampled(signal.y)
         gap = self.times[1] - self.times[0]
         self.width = max(5, 2 * int(options.window * seen.period / (2 * gap)) + 1)
         observed = self.envelope(y)
         inside = (self.times > self.times[0] + seen.period / 2) & (
             self.times < self.times[-1] - seen.period / 2
         )
+        for start, stop in zip(signal.t, signal.t[1:]) if not signal.uniform else ():
+            if stop - start > max(3 * gap, 0.1 * seen.period):  # the envelope there is nothing but a guess
+                inside &= (self.times < start - seen.period / 2) | (self.times > stop + seen.period / 2)
         loud = observed > options.above * noise_level(signal)
         quiet = np.flatnonzero(inside & ~loud)
         self.rows = np.flatnonzero(inside & (self.times < (self.times[quiet[0]] if quiet.size else np.inf)))
         if self.rows.size * gap < seen.period:
             raise Refusal("the envelope stands out of the noise for less than a period")
         self.target = np.log(observed[self.rows])
+
+    def resampled(self, y: np.ndarray) -> np.ndarray:
+        """The record's samples (n,), or a trajectory at its times, on the uniform clock."""
+        return y if self.times is self.sampled else np.interp(self.times, self.sampled, y)
 
     def envelope(self, y: np.ndarray) -> np.ndarray:
         """Smoothed envelope of y (n,) about the record's midline, (n,)."""
@@ -146,7 +154,7 @@ class _Match:
     def plan(self, x: np.ndarray) -> None:
         """Plan the solver's steps for coefficients x (k,)."""
         size = float(np.abs(self.seen.turning_amplitudes).max())
-        self._plan = make_plan(self.osc, self.parameters(x), self.times, self.quantity, 1e-6 * size)
+        self._plan = make_plan(self.osc, self.parameters(x), self.sampled, self.quantity, 1e-6 * size)
 
     def difference(self, x: np.ndarray, scale: float = 1.0) -> np.ndarray:
         """ln A_simulated − ln A_observed over the rows; 10 where the trajectory escapes."""
@@ -156,7 +164,7 @@ class _Match:
         y = np.asarray(compiled_record(self.osc)(self._plan, given))
         if not np.all(np.isfinite(y)):
             return np.full(self.rows.size, 10.0)
-        return np.log(self.envelope(y)[self.rows]) - self.target
+        return np.log(self.envelope(self.resampled(y))[self.rows]) - self.target
 
 
 PLUGIN = Envelope()

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import gudhi
@@ -49,10 +49,14 @@ class TopologicalOptions(Options):
 
 @dataclass(frozen=True)
 class Pairs:
-    """Births v and deaths p of the components that are no noise, in time order, (k,), and the noise floor."""
+    """Births v and deaths p of the components that are no noise, in time order, (k,), and the noise floor.
+
+    cycle (k,): how many periods after the first each is born; a component lost in a gap is counted.
+    """
 
     v: np.ndarray
     p: np.ndarray
+    cycle: np.ndarray
     floor: float
 
     @property
@@ -92,11 +96,11 @@ class Topological(Estimator):
         omega = natural_frequency(problem, seen)
         if options.variant == "as_printed":
             pairs = printed_pairs(y, signal, seen, options.significance)
-            return AS_PRINTED[damping](pairs.lifetimes, pairs.floor, omega, seen)
+            return AS_PRINTED[damping](pairs, omega, seen)
         pairs = published_pairs(y, signal, problem, seen, options.significance)
         # Amplitudes of a velocity or an acceleration are those of the displacement times ω or ω².
         unit = omega ** ORDER[signal.quantity]
-        return PUBLISHED[damping](Pairs(pairs.v / unit, pairs.p / unit, pairs.floor), omega)
+        return PUBLISHED[damping](replace(pairs, v=pairs.v / unit, p=pairs.p / unit), omega)
 
 
 def natural_frequency(problem: Problem, seen: Features) -> float:
@@ -107,23 +111,29 @@ def natural_frequency(problem: Problem, seen: Features) -> float:
     return seen.frequency
 
 
-def sublevel_pairs(y: np.ndarray, samples_per_cycle: float) -> tuple[np.ndarray, np.ndarray]:
-    """Births and deaths of the finite sublevel components of y (n,), in the order of their births' times.
+def sublevel_pairs(t: np.ndarray, y: np.ndarray, period: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Births, deaths and times of birth of the finite sublevel components of y (n,), in order of time.
 
     On the values as they are: a repeated value is one plateau. A component that is born within a tenth of a
-    period of an end of the record is cut off there, and left out.
+    period of an end of the record, or of a gap in it, is cut off there and left out.
     """
     cells = gudhi.CubicalComplex(top_dimensional_cells=y)  # type: ignore[attr-defined]
     cells.persistence(homology_coeff_field=2, min_persistence=0)
     regular = cells.cofaces_of_persistence_pairs()[0]
     if len(regular) == 0 or np.asarray(regular[0]).size == 0:
-        return np.empty(0), np.empty(0)
+        return np.empty(0), np.empty(0), np.empty(0)
     first = np.asarray(regular[0])
     births, deaths = first[:, 0], first[:, 1]
-    whole = np.minimum(births, y.size - 1 - births) > 0.1 * samples_per_cycle
-    births, deaths = births[whole], deaths[whole]
+    between = np.diff(t)
+    gaps = np.flatnonzero(between > max(3 * float(np.median(between)), 0.1 * period))
+    edges = t[np.unique(np.r_[0, gaps, gaps + 1, t.size - 1])]
+    cut = np.min(np.abs(t[births, None] - edges), axis=1) < 0.1 * period
+    if gaps.size:
+        cut |= np.min(np.abs(t[deaths, None] - edges[1:-1]), axis=1) < 0.1 * period
+    births, deaths = births[~cut], deaths[~cut]
     order = np.argsort(births, kind="stable")
-    return y[births[order]], y[deaths[order]]
+    births, deaths = births[order], deaths[order]
+    return y[births], y[deaths], t[births]
 
 
 def published_pairs(
@@ -136,7 +146,7 @@ def published_pairs(
     Cutoff: C_α = 2^(3/2) σ erf⁻¹[2(1 − √α)^(1/N) − 1], N the number of samples.
     Floor: twice the median by which white noise of that σ lifts the highest sample at a turning point.
     """
-    v, p = sublevel_pairs(y, seen.samples_per_cycle)
+    v, p, born = sublevel_pairs(signal.t, y, seen.period)
     lifetimes = p - v
     known = problem.system.known.get("noise_sd")
     if known is not None:
@@ -149,13 +159,17 @@ def published_pairs(
     share = (1.0 - math.sqrt(significance)) ** (1.0 / y.size)
     cutoff = 2**1.5 * sigma * float(erfinv(2.0 * share - 1.0))
     kept = lifetimes > max(cutoff, 1e-9 * float(np.ptp(y)))
-    v, p = v[kept], p[kept]
+    v, p, born = v[kept], p[kept], born[kept]
     if v.size < 2:
         raise Refusal(
             f"{v.size} persistence lifetimes exceed the noise cutoff of {cutoff:.2g}; at least 2 are needed"
         )
     floor = _floor(sigma, 0.5 * float(np.median(p - v)), seen)
-    return Pairs(v + floor / 2, p - floor / 2, floor)
+    return Pairs(v + floor / 2, p - floor / 2, _cycles(born, seen), floor)
+
+
+def _cycles(born: np.ndarray, seen: Features) -> np.ndarray:
+    return np.round((born - born[0]) / seen.period).astype(int)
 
 
 def _floor(sigma: float, amplitude: float, seen: Features) -> float:
@@ -176,19 +190,18 @@ def _floor(sigma: float, amplitude: float, seen: Features) -> float:
     return 2.0 * max(brentq(below, -6 * sigma, 10 * sigma), 0.0)  # type: ignore[arg-type]
 
 
-def spaced(lifetimes: np.ndarray) -> int:
-    """n, the index of the lifetime whose ratio to the first is nearest the optimal one, else the last."""
-    reached = np.flatnonzero(lifetimes / lifetimes[0] <= OPTIMAL_RATIO)
-    if reached.size == 0:
-        return lifetimes.size - 1
-    return max(1, int(np.argmin(np.abs(lifetimes / lifetimes[0] - OPTIMAL_RATIO))))
+def spaced(pairs: Pairs) -> tuple[float, float, int]:
+    """L_0, L_n and n: L_n the lifetime whose ratio to the first is nearest the optimal one, else the last."""
+    ratio = pairs.lifetimes / pairs.lifetimes[0]
+    i = int(np.argmin(np.abs(ratio - OPTIMAL_RATIO))) if np.any(ratio <= OPTIMAL_RATIO) else ratio.size - 1
+    i = max(i, 1)
+    return float(pairs.lifetimes[0]), float(pairs.lifetimes[i]), max(int(pairs.cycle[i]), 1)
 
 
 def _viscous(pairs: Pairs, omega: float) -> float:
     """The ratio [1 + (2πn/ln(L_0/L_n))²]^(−1/2), in the paper's unit: times ω_n."""
-    lengths = pairs.lifetimes
-    n = spaced(lengths)
-    decrement = math.log(lengths[0] / lengths[n])
+    longest, shorter, n = spaced(pairs)
+    decrement = math.log(longest / shorter)
     return (
         math.copysign(omega / math.sqrt(1.0 + (2 * math.pi * n / decrement) ** 2), decrement)
         if decrement
@@ -198,9 +211,8 @@ def _viscous(pairs: Pairs, omega: float) -> float:
 
 def _coulomb(pairs: Pairs, omega: float) -> float:
     """A lifetime falls by 8μ_c/ω_n² a cycle."""
-    lengths = pairs.lifetimes
-    n = spaced(lengths)
-    return omega**2 * float(lengths[0] - lengths[n]) / (8 * n)
+    longest, shorter, n = spaced(pairs)
+    return omega**2 * (longest - shorter) / (8 * n)
 
 
 def _quadratic(pairs: Pairs, omega: float) -> float:
@@ -214,7 +226,8 @@ def _quadratic(pairs: Pairs, omega: float) -> float:
     turns = np.column_stack([pairs.p, pairs.v]).ravel()
     turns = turns - midpoints(turns)
     found = []
-    for v, p in list(zip(-turns[1:-1:2], turns[2::2]))[:4]:
+    next_cycle = np.diff(pairs.cycle) == 1
+    for v, p in np.column_stack([-turns[1:-1:2], turns[2::2]])[next_cycle][:4].tolist():
         if p >= v or p <= 0:
             found.append(0.0)
             continue
@@ -238,7 +251,7 @@ PUBLISHED: dict[str, Callable[[Pairs, float], float]] = {
 
 def printed_pairs(y: np.ndarray, signal: Signal, seen: Features, significance: float) -> Pairs:
     """The pairs above equation (7)'s cutoff, and equation (8)'s floor; erfc⁻¹(2α/N) with N lifetimes."""
-    v, p = sublevel_pairs(y, seen.samples_per_cycle)
+    v, p, born = sublevel_pairs(signal.t, y, seen.period)
     count = max(v.size, 2)
     sigma = noise_level(signal)
     cutoff = sigma * math.sqrt(2.0) * float(erfcinv(2 * significance / count))
@@ -248,27 +261,28 @@ def printed_pairs(y: np.ndarray, signal: Signal, seen: Features, significance: f
         raise Refusal(
             f"{kept.sum()} persistence lifetimes exceed the noise cutoff, and at least 2 are needed"
         )
-    return Pairs(v[kept], p[kept], floor)
+    return Pairs(v[kept], p[kept], _cycles(born[kept], seen), floor)
 
 
-def _printed_viscous(lengths: np.ndarray, floor: float, omega: float, seen: Features) -> float:
+def _printed_viscous(pairs: Pairs, omega: float, seen: Features) -> float:
     """Equation (9), T being the n periods from L_0 to L_n."""
-    n = spaced(lengths)
-    return math.log((lengths[0] - floor) / (lengths[n] - floor)) / (omega * n * seen.period)
+    longest, shorter, n = spaced(pairs)
+    return math.log((longest - pairs.floor) / (shorter - pairs.floor)) / (omega * n * seen.period)
 
 
-def _printed_coulomb(lengths: np.ndarray, floor: float, omega: float, seen: Features) -> float:
+def _printed_coulomb(pairs: Pairs, omega: float, seen: Features) -> float:
     """Equation (10)."""
-    n = spaced(lengths)
-    return float(lengths[0] - lengths[n]) / (n * seen.period)
+    longest, shorter, n = spaced(pairs)
+    return (longest - shorter) / (n * seen.period)
 
 
-def _printed_quadratic(lengths: np.ndarray, floor: float, omega: float, seen: Features) -> float:
+def _printed_quadratic(pairs: Pairs, omega: float, seen: Features) -> float:
     """Equation (11) at n = 1: it has no n, and A_0 is the amplitude about rest."""
-    return 2 * omega / seen.amplitude * float(1 / (lengths[1] - floor) - 1 / (lengths[0] - floor))
+    longest, shorter = (pairs.lifetimes[:2] - pairs.floor).tolist()
+    return 2 * omega / seen.amplitude * (1 / shorter - 1 / longest)
 
 
-AS_PRINTED: dict[str, Callable[[np.ndarray, float, float, Features], float]] = {
+AS_PRINTED: dict[str, Callable[[Pairs, float, Features], float]] = {
     "viscous": _printed_viscous,
     "coulomb": _printed_coulomb,
     "quadratic": _printed_quadratic,
