@@ -21,9 +21,19 @@ class _Prior(BaseModel):
 
     folded: bool = Field(default=False, exclude=True, init=False, repr=False)
 
+    @property
+    def numbers(self) -> tuple[float, ...]:
+        """What distinguishes this prior from others of its kind, in the order of `transform`."""
+        return tuple(v for k, v in self.model_dump().items() if k != "prior")
+
+    @staticmethod
+    def transform(z: ArrayLike, *numbers: ArrayLike) -> Array:
+        """The parameter at the normal score z (any shape) for a prior with these numbers."""
+        raise NotImplementedError
+
     def value(self, z: ArrayLike) -> Array:
         """The parameter at the normal score z (any shape)."""
-        raise NotImplementedError
+        return self.transform(z, *self.numbers)
 
     def score(self, x: ArrayLike) -> Array:
         """A normal score of the value x, the non-negative one where the prior is folded."""
@@ -49,8 +59,9 @@ class Normal(_Prior):
     mean: float
     sd: PositiveFloat
 
-    def value(self, z: ArrayLike) -> Array:
-        return self.mean + self.sd * jnp.asarray(z)
+    @staticmethod
+    def transform(z: ArrayLike, mean: ArrayLike, sd: ArrayLike) -> Array:
+        return mean + sd * jnp.asarray(z)
 
     def score(self, x: ArrayLike) -> Array:
         return (jnp.asarray(x) - self.mean) / self.sd
@@ -66,8 +77,9 @@ class HalfNormal(_Prior):
     scale: PositiveFloat
     folded: bool = Field(default=True, exclude=True, init=False, repr=False)
 
-    def value(self, z: ArrayLike) -> Array:
-        return self.scale * jnp.abs(jnp.asarray(z))
+    @staticmethod
+    def transform(z: ArrayLike, scale: ArrayLike) -> Array:
+        return scale * jnp.abs(jnp.asarray(z))
 
     def score(self, x: ArrayLike) -> Array:
         return jnp.abs(jnp.asarray(x)) / self.scale
@@ -85,8 +97,9 @@ class LogNormal(_Prior):
     median: PositiveFloat
     sigma: PositiveFloat
 
-    def value(self, z: ArrayLike) -> Array:
-        return self.median * jnp.exp(self.sigma * jnp.asarray(z))
+    @staticmethod
+    def transform(z: ArrayLike, median: ArrayLike, sigma: ArrayLike) -> Array:
+        return median * jnp.exp(sigma * jnp.asarray(z))
 
     def score(self, x: ArrayLike) -> Array:
         return jnp.log(jnp.asarray(x) / self.median) / self.sigma
@@ -111,8 +124,9 @@ class Uniform(_Prior):
             raise ValueError(f"low ({self.low:g}) must be below high ({self.high:g})")
         return self
 
-    def value(self, z: ArrayLike) -> Array:
-        return self.low + (self.high - self.low) * ndtr(jnp.asarray(z))
+    @staticmethod
+    def transform(z: ArrayLike, low: ArrayLike, high: ArrayLike) -> Array:
+        return low + (high - low) * ndtr(jnp.asarray(z))
 
     def score(self, x: ArrayLike) -> Array:
         share = (jnp.asarray(x) - self.low) / (self.high - self.low)
@@ -136,8 +150,9 @@ class LogUniform(_Prior):
             raise ValueError(f"low ({self.low:g}) must be below high ({self.high:g})")
         return self
 
-    def value(self, z: ArrayLike) -> Array:
-        return self.low * jnp.exp(math.log(self.high / self.low) * ndtr(jnp.asarray(z)))
+    @staticmethod
+    def transform(z: ArrayLike, low: ArrayLike, high: ArrayLike) -> Array:
+        return low * jnp.exp(jnp.log(high / low) * ndtr(jnp.asarray(z)))
 
     def score(self, x: ArrayLike) -> Array:
         share = jnp.log(jnp.asarray(x) / self.low) / math.log(self.high / self.low)

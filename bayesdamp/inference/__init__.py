@@ -1,0 +1,1 @@
+"""From a record and seeds to posteriors and evidence."""

@@ -1,0 +1,45 @@
+"""A target from what a study knows: which parameters are inferred, with which priors."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from bayesdamp.inference.defaults import EPSILON_SHARE, Reference, default_prior
+from bayesdamp.inference.noise import NOISES
+from bayesdamp.inference.target import Target
+from bayesdamp.physics.oscillator import Oscillator
+from bayesdamp.priors import Prior
+from bayesdamp.signals.features import Features
+from bayesdamp.types import Signal, System
+
+
+def build_target(
+    signal: Signal,
+    damping: tuple[str, ...],
+    system: System,
+    features: Features,
+    reference: Reference,
+    *,
+    noise: str = "gaussian",
+    term_priors: Mapping[str, Prior] | None = None,
+) -> Target:
+    """The target of one damping model on one record.
+
+    term_priors: prior of a damping term's coefficient by the term's name; the others have the default.
+    Raises ValueError where a parameter has neither a value nor a prior.
+    """
+    osc = Oscillator(damping, system.restoring)
+    by_term = {t.parameter: (term_priors or {}).get(t.name) for t in osc.terms}
+    given: dict[str, object] = {**system.free, **{k: v for k, v in by_term.items() if v is not None}}
+    known = dict(system.known)
+    if osc.switches and "epsilon" not in known and "epsilon" not in system.free:
+        known["epsilon"] = EPSILON_SHARE * reference.peak_velocity
+    wanted = (*osc.coefficients, *(n for n in osc.parameters if n not in osc.coefficients))
+    wanted = (*wanted, *NOISES.get(noise).parameters)
+    priors: dict[str, Prior] = {}
+    for name in wanted:
+        if name in known and name not in osc.coefficients:
+            continue
+        prior = given.get(name)
+        priors[name] = prior if prior is not None else default_prior(name, osc, noise, reference, features)  # type: ignore[assignment]
+    return Target(signal, osc, noise, priors, {k: v for k, v in known.items() if k not in priors})

@@ -1,0 +1,171 @@
+"""Whether a model fits: residuals, windows, and a predictive check."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import lru_cache
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from bayesdamp.inference.mode import Mode, climb
+from bayesdamp.inference.target import Context, Layout, Target, parameters, residual
+from bayesdamp.physics.friction import TurningPlan
+from bayesdamp.physics.integrate import MeshPlan
+
+DRAWS = 200
+P_LIMIT = 0.01
+WINDOW_LIMIT = 4.0
+"""Shift of a coefficient between a window and the record, in standard deviations of that shift."""
+
+
+@dataclass(frozen=True)
+class Window:
+    """The mode on a part of the record: start and stop in s, values and Laplace sds of the parameters."""
+
+    label: str
+    start: float
+    stop: float
+    values: dict[str, float]
+    sd: dict[str, float]
+
+
+@dataclass(frozen=True)
+class Fit:
+    """What is left of a record at the mode.
+
+    fit, residual: in the unit of the record, shape (n,); whitened: scores, shape (n,); autocorrelation of the
+    residuals by lag, shape (l,). window_spread: largest shift of a damping coefficient between a window and the
+    whole record, in posterior sds; window_z: the same in sds of the shift itself.
+    """
+
+    fit: np.ndarray
+    residual: np.ndarray
+    whitened: np.ndarray
+    autocorrelation: np.ndarray
+    rms: float
+    residual_autocorrelation: float
+    predictive_p: float
+    windows: tuple[Window, ...]
+    window_spread: float
+    window_z: float
+    verdict: str
+
+
+@lru_cache(maxsize=64)
+def _views(layout: Layout):
+    def view(context: Context, z):
+        r = residual(layout, context, z)
+        return r, layout.noise.whiten(r, context.gaps, parameters(layout, context, z))
+
+    return jax.jit(view), jax.jit(jax.vmap(view, in_axes=(None, 0)))
+
+
+def autocorrelation(x: np.ndarray, lags: int) -> np.ndarray:
+    """Autocorrelation of x, shape (..., n), at lags 0 to `lags`, shape (..., lags + 1)."""
+    x = x - x.mean(axis=-1, keepdims=True)
+    size = 2 ** int(np.ceil(np.log2(2 * x.shape[-1])))
+    power = np.abs(np.fft.rfft(x, size, axis=-1)) ** 2
+    raw = np.fft.irfft(power, size, axis=-1)[..., : lags + 1]
+    return raw / np.maximum(raw[..., :1], 1e-300)
+
+
+def portmanteau(scores: np.ndarray, lags: int) -> np.ndarray:
+    """n Σ ρ_l² over lags 1 to `lags` of whitened residuals, shape (..., n): large where structure is left."""
+    return scores.shape[-1] * np.sum(autocorrelation(scores, lags)[..., 1:] ** 2, axis=-1)
+
+
+def laplace_draws(target: Target, mode: Mode, count: int, seed: int) -> np.ndarray:
+    """Draws of the scores from the Laplace approximation, folded, shape (count, d)."""
+    normal = np.random.default_rng(seed).standard_normal((count, mode.z.size))
+    z = mode.z + normal @ mode.factor.T
+    return np.where(np.asarray(target.layout.folded), np.abs(z), z)
+
+
+def check_fit(target: Target, mode: Mode, period: float, seed: int) -> Fit:
+    """All checks of a model at its mode. period: of the oscillation in s, sets how far structure is looked for."""
+    layout, n = target.layout, target.signal.t.size
+    one, many = _views(layout)
+    r, white = map(np.asarray, one(mode.context, jnp.asarray(mode.z)))
+    lags = int(np.clip(period / np.median(np.diff(target.signal.t)), 4, max(n // 5, 4)))
+    draws = laplace_draws(target, mode, DRAWS, seed)
+    observed = np.concatenate(
+        [portmanteau(np.asarray(many(mode.context, jnp.asarray(d))[1]), lags) for d in np.split(draws, 4)]
+    )
+    noise = np.random.default_rng(seed + 1)
+    replicated = np.array([portmanteau(noise.standard_normal(n), lags) for _ in range(DRAWS)])
+    # Not-a-number (a draw that escapes) counts as a misfit.
+    p = float((1 + np.sum(replicated >= np.nan_to_num(observed, nan=np.inf))) / (DRAWS + 1))
+    windows, spread, z = _windows(target, mode)
+    lag_one = float(autocorrelation(white, 1)[1])
+    return Fit(
+        fit=target.signal.y - r,
+        residual=r,
+        whitened=white,
+        autocorrelation=autocorrelation(r, min(3 * lags, n // 2)),
+        rms=float(np.sqrt(np.mean(r**2))),
+        residual_autocorrelation=lag_one,
+        predictive_p=p,
+        windows=windows,
+        window_spread=spread,
+        window_z=z,
+        verdict=_verdict(target.noise, p, z),
+    )
+
+
+def _verdict(noise: str, p: float, z: float) -> str:
+    if p < P_LIMIT:
+        also = "" if noise == "correlated" else " with independent noise"
+        return f"does not fit: structure is left in the residuals{also}"
+    if z > WINDOW_LIMIT:
+        return "does not fit: the coefficients change from one part of the record to another"
+    return "fits, with correlated noise" if noise == "correlated" else "fits"
+
+
+def _cut(plan: MeshPlan | TurningPlan, part: slice) -> MeshPlan | TurningPlan:
+    if isinstance(plan, TurningPlan):
+        return replace(plan, times=plan.times[part])
+    return replace(plan, interval=plan.interval[part], weights=plan.weights[part])
+
+
+def _windows(target: Target, mode: Mode) -> tuple[tuple[Window, ...], float, float]:
+    """The mode on the first, the middle and the last half of the record, from the same start of the motion."""
+    t, n = target.signal.t, target.signal.t.size
+    half = n // 2
+    whole = _window(target, "whole record", mode.z, mode.information, float(t[0]), float(t[-1]))
+    windows, spread, largest = [whole], 0.0, 0.0
+    for label, first in (("first half", 0), ("middle half", (n - half) // 2), ("last half", n - half)):
+        part = slice(first, first + half)
+        context = replace(
+            mode.context,
+            plan=_cut(mode.context.plan, part),
+            y=mode.context.y[part],
+            gaps=mode.context.gaps[first : first + half - 1],
+        )
+        z, value, information, _, _ = climb(target.layout, context, mode.z)
+        if not np.isfinite(value):
+            continue
+        w = _window(target, label, z, information, float(t[first]), float(t[first + half - 1]))
+        windows.append(w)
+        for name in target.oscillator.coefficients:
+            shift = abs(w.values[name] - whole.values[name])
+            spread = max(spread, shift / whole.sd[name])
+            # The part is contained in the whole: the variance of the shift is the difference (Hausman 1978).
+            variance = max(w.sd[name] ** 2 - whole.sd[name] ** 2, 0.25 * whole.sd[name] ** 2)
+            largest = max(largest, shift / variance**0.5)
+    return tuple(windows), spread, largest
+
+
+def _window(
+    target: Target, label: str, z: np.ndarray, information: np.ndarray, start: float, stop: float
+) -> Window:
+    covariance = np.linalg.inv(information)
+    values = {n: float(v) for n, v in target.values(z).items()}
+    return Window(label, start, stop, values, value_sds(target, z, covariance))
+
+
+def value_sds(target: Target, z: np.ndarray, covariance: np.ndarray) -> dict[str, float]:
+    """Laplace sds of the parameters in natural units from the covariance of the scores, shape (d, d)."""
+    slopes = {n: float(jax.grad(lambda s, p=p: p.value(s))(float(z[i]) or 1e-12)) for i, (n, p) in enumerate(target.priors.items())}
+    return {n: abs(s) * float(np.sqrt(covariance[i, i])) for i, (n, s) in enumerate(slopes.items())}

@@ -1,0 +1,88 @@
+"""The one place that talks to ArviZ: convergence diagnostics, intervals, Pareto smoothing, files."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+
+from bayesdamp.types import OK, Posterior
+
+with warnings.catch_warnings():
+    warnings.simplefilter("ignore")  # ArviZ announces its next major version at import
+    import arviz as az
+
+RHAT_LIMIT = 1.01
+ESS_LIMIT = 400.0
+
+
+def summarise(draws: np.ndarray, ensembles: int | None = None) -> dict[str, float]:
+    """Summary of one parameter's draws, shape (chain, draw).
+
+    ensembles: number of independent groups of chains where the chains of a group share their moves (emcee's
+    walkers): R̂ is then taken between groups, while the effective sample size uses each walker's own series.
+    """
+    chains = draws if ensembles is None else _grouped(draws, ensembles)
+    flat = draws.reshape(-1)
+    quantiles = np.quantile(flat, [0.025, 0.25, 0.5, 0.75, 0.975])
+    low, high = az.hdi(flat, hdi_prob=0.95)
+    return {
+        "mean": float(flat.mean()),
+        "sd": float(flat.std(ddof=1)),
+        "median": float(quantiles[2]),
+        "q2.5": float(quantiles[0]),
+        "q25": float(quantiles[1]),
+        "q75": float(quantiles[3]),
+        "q97.5": float(quantiles[4]),
+        "hdi_low": float(low),
+        "hdi_high": float(high),
+        "ess_bulk": float(az.ess(draws, method="bulk")),
+        "ess_tail": float(az.ess(draws, method="tail")),
+        "rhat": float(az.rhat(chains)),
+    }
+
+
+def _grouped(draws: np.ndarray, ensembles: int) -> np.ndarray:
+    """Draws (walker, step) as (ensemble, step · walker), in the order of time."""
+    steps = draws.shape[1]
+    return draws.reshape(ensembles, -1, steps).swapaxes(1, 2).reshape(ensembles, -1)
+
+
+def verdict(summaries: Mapping[str, Mapping[str, float]]) -> str:
+    """`ok`, or a sentence that names the first parameter whose draws are not to be trusted."""
+    for name, s in summaries.items():
+        if not s["rhat"] <= RHAT_LIMIT:
+            return f"not converged: R-hat of {name} is {s['rhat']:.3f}, above {RHAT_LIMIT}"
+        for kind in ("bulk", "tail"):
+            if not s[f"ess_{kind}"] >= ESS_LIMIT:
+                size = s[f"ess_{kind}"]
+                return f"too few draws: {kind} effective sample size of {name} is {size:.0f}, below {ESS_LIMIT:.0f}"
+    return OK
+
+
+def effective(draws: np.ndarray) -> float:
+    """The smaller of bulk and tail effective sample sizes of draws, shape (chain, draw)."""
+    return float(min(az.ess(draws, method="bulk"), az.ess(draws, method="tail")))
+
+
+def monte_carlo_error(draws: np.ndarray) -> float:
+    """Standard error of the mean of draws, shape (chain, draw)."""
+    return float(az.mcse(draws, method="mean"))
+
+
+def pareto_k(log_weights: np.ndarray) -> float:
+    """Shape of the generalised Pareto fitted to the upper tail of importance weights, shape (n,)."""
+    return float(az.psislw(log_weights.copy())[1])
+
+
+def save(posterior: Posterior, path: Path) -> None:
+    """Write draws, log likelihood and sample statistics as ArviZ reads them (netCDF)."""
+    groups = {n: posterior.draws[:, :, i] for i, n in enumerate(posterior.names)}
+    data = az.from_dict(
+        posterior=groups,
+        sample_stats={k: np.asarray(v) for k, v in posterior.stats.items()},
+        log_likelihood={"record": posterior.log_likelihood[:, :, None]},
+    )
+    data.to_netcdf(str(path), engine="h5netcdf")

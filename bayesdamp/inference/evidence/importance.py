@@ -1,0 +1,133 @@
+"""Importance sampling from a heavy-tailed fit to the posterior."""
+
+from __future__ import annotations
+
+import time
+from itertools import product
+
+import jax.numpy as jnp
+import numpy as np
+from scipy.special import gammaln, logsumexp
+
+from bayesdamp.inference import diagnostics
+from bayesdamp.inference.evidence._method import EvidenceMethod
+from bayesdamp.inference.mode import Mode
+from bayesdamp.inference.target import Target, compiled
+from bayesdamp.types import OK, Evidence
+
+CHUNK = 250
+PILOT = 1000
+FINAL = 4000
+ROUNDS = 5
+K_GOOD = 0.5
+K_LIMIT = 0.7
+DEGREES = 7.0
+
+
+class FoldedT:
+    """A multivariate Student t, folded onto the non-negative side of some directions.
+
+    centre: (d,); factor: Cholesky factor of the scale, (d, d); folded: (d,) of bool.
+    """
+
+    def __init__(self, centre: np.ndarray, factor: np.ndarray, folded: np.ndarray) -> None:
+        self.centre, self.factor, self.folded = centre, factor, folded
+        d = centre.size
+        self._constant = (
+            gammaln(0.5 * (DEGREES + d))
+            - gammaln(0.5 * DEGREES)
+            - 0.5 * d * np.log(DEGREES * np.pi)
+            - np.sum(np.log(np.diag(factor)))
+        )
+        index = np.flatnonzero(folded)
+        self._signs = np.ones((2**index.size, d))
+        for row, signs in zip(self._signs, product((1.0, -1.0), repeat=index.size)):
+            row[index] = signs
+
+    def draw(self, rng: np.random.Generator, n: int) -> np.ndarray:
+        """Draws, shape (n, d)."""
+        normal = rng.standard_normal((n, self.centre.size))
+        scale = np.sqrt(DEGREES / rng.chisquare(DEGREES, n))[:, None]
+        z = self.centre + (normal * scale) @ self.factor.T
+        return np.where(self.folded, np.abs(z), z)
+
+    def log_density(self, y: np.ndarray) -> np.ndarray:
+        """Log density at folded points y, shape (n, d): the sum over all mirror images."""
+        d = self.centre.size
+        images = (y[None] * self._signs[:, None] - self.centre).reshape(-1, d)
+        white = np.linalg.solve(self.factor, images.T)
+        kernel = -0.5 * (DEGREES + d) * np.log1p(np.sum(white**2, axis=0) / DEGREES)
+        return self._constant + logsumexp(kernel.reshape(len(self._signs), -1), axis=0)
+
+
+class Importance(EvidenceMethod):
+    """Evidence as the mean importance weight, from a Laplace-centred Student t (7 degrees of freedom).
+
+    A coefficient that may touch zero is a folded score; its posterior has mirror modes, so proposal and target
+    are both folded: nothing is lost at zero, and weights are judged on the coefficient itself. Where the Pareto
+    shape of the pilot weights is above 0.5 the fit is moved to the weighted pilot draws and tried again; the
+    reported draws are fresh ones. (Vehtari et al., JMLR 25, 2024, for the diagnostic.)
+    """
+
+    name = "importance"
+
+    def evidence(self, model: str, target: Target, mode: Mode, seed: int) -> Evidence:
+        began = time.perf_counter()
+        rng = np.random.default_rng(seed)
+        folded = np.asarray(target.layout.folded)
+        proposal = FoldedT(np.where(folded, np.abs(mode.z), mode.z), mode.factor, folded)
+        evaluations = 0
+        for _ in range(ROUNDS):
+            y, log_weights = self._weights(target, mode, proposal, rng, PILOT)
+            evaluations += PILOT
+            # On a pilot of this size the fitted shape scatters by about 0.1.
+            if diagnostics.pareto_k(log_weights) < K_GOOD - 0.1 and _share(log_weights) > 0.2:
+                break
+            proposal = self._refit(y, log_weights, folded)
+        y, log_weights = self._weights(target, mode, proposal, rng, FINAL)
+        evaluations += FINAL
+        k, share = diagnostics.pareto_k(log_weights), _share(log_weights)
+        log_evidence = float(logsumexp(log_weights) - np.log(FINAL))
+        relative = np.exp(log_weights - log_evidence)
+        outcome = OK if k < K_LIMIT else f"not to be trusted: Pareto shape of the weights is {k:.2f}, above {K_LIMIT}"
+        return Evidence(
+            model=model,
+            method=self.name,
+            log_evidence=log_evidence,
+            stderr=float(np.std(relative, ddof=1) / np.sqrt(FINAL)),
+            diagnostic=f"Pareto k {k:.2f}, effective share {share:.2f}",
+            evaluations=evaluations,
+            seconds=time.perf_counter() - began,
+            outcome=outcome,
+        )
+
+    @staticmethod
+    def _weights(
+        target: Target, mode: Mode, proposal: FoldedT, rng: np.random.Generator, n: int
+    ) -> tuple[np.ndarray, np.ndarray]:
+        y = proposal.draw(rng, n)
+        batch = compiled(target.layout).batch
+        parts = [np.asarray(batch(mode.context, jnp.asarray(c))) for c in np.split(y, n // CHUNK)]  # type: ignore[operator]
+        density = np.concatenate(parts) + np.sum(proposal.folded) * np.log(2.0)
+        return y, np.where(np.isfinite(density), density, -np.inf) - proposal.log_density(y)
+
+    @staticmethod
+    def _refit(y: np.ndarray, log_weights: np.ndarray, folded: np.ndarray) -> FoldedT:
+        # Truncated weights keep one lucky draw from becoming the whole fit.
+        w = np.exp(log_weights - logsumexp(log_weights))
+        w = np.minimum(w, 50.0 / w.size)
+        w /= w.sum()
+        centre = w @ y
+        spread = (y - centre) * np.sqrt(w)[:, None]
+        covariance = spread.T @ spread * (DEGREES - 2) / DEGREES * 1.2
+        covariance += 1e-10 * np.trace(covariance) / centre.size * np.eye(centre.size)
+        return FoldedT(centre, np.linalg.cholesky(covariance), folded)
+
+
+def _share(log_weights: np.ndarray) -> float:
+    """Effective share of the draws, 1 where all weights are equal."""
+    w = np.exp(log_weights - log_weights.max())
+    return float(w.sum() ** 2 / (w**2).sum() / w.size)
+
+
+PLUGIN = Importance()

@@ -1,0 +1,149 @@
+"""The posterior mode, from seeds, and the shape of the posterior there."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import jax.numpy as jnp
+import numpy as np
+
+from bayesdamp.inference.target import Context, Layout, Target, compiled
+from bayesdamp.physics.integrate import compiled_record
+from bayesdamp.types import Refusal
+
+BUDGET = 0.01
+"""Largest change of the log likelihood (nats) that halving the solver's steps may make."""
+
+
+@dataclass(frozen=True)
+class Climb:
+    """One seed's way to a mode: where it started and ended (log posterior), and what it cost."""
+
+    seed: str
+    start: float
+    end: float
+    evaluations: int
+    z: np.ndarray
+    converged: bool
+
+
+@dataclass(frozen=True)
+class Mode:
+    """A posterior mode in scores.
+
+    z: shape (d,); information: Gauss–Newton Hessian of −log posterior there, (d, d); factor: its inverse's
+    Cholesky factor, (d, d), which whitens; step_error: what halving the solver's steps changes, in the unit of
+    the record and in nats.
+    """
+
+    z: np.ndarray
+    log_posterior: float
+    information: np.ndarray
+    factor: np.ndarray
+    context: Context
+    climbs: tuple[Climb, ...]
+    step_error: float
+    likelihood_error: float
+
+    def sd(self) -> np.ndarray:
+        """Laplace standard deviations of the scores, shape (d,)."""
+        return np.sqrt(np.sum(self.factor**2, axis=1))
+
+
+def climb(layout: Layout, context: Context, z: np.ndarray, *, limit: int = 60) -> tuple[np.ndarray, float, np.ndarray, int, bool]:
+    """Levenberg–Marquardt on the log posterior: z, its value, the information, evaluations, converged."""
+    functions = compiled(layout)
+    value, gradient, information = map(np.asarray, functions.curvature(context, jnp.asarray(z)))  # type: ignore[operator]
+    damping, evaluations = 1e-3, 1
+    folded = np.asarray(layout.folded)
+    for _ in range(limit):
+        if not np.isfinite(value) or not np.all(np.isfinite(information)):
+            return z, -np.inf, np.eye(z.size), evaluations, False
+        move = np.linalg.solve(information + damping * np.diag(np.diag(information)), gradient)
+        move *= min(1.0, 3.0 / max(np.abs(move).max(), 1e-300))
+        # A folded score at zero cannot improve by crossing to its mirror image: it stays on its side.
+        trial = z + move
+        trial = np.where(folded, np.abs(trial) * np.where(trial < 0, 1e-3, 1.0), trial)
+        new = tuple(map(np.asarray, functions.curvature(context, jnp.asarray(trial))))  # type: ignore[operator]
+        evaluations += 1
+        gain = float(new[0] - value) if np.isfinite(new[0]) else -np.inf
+        if gain >= 0:
+            step = np.sqrt(max(float(move @ information @ move), 0.0))
+            z, (value, gradient, information) = trial, new
+            damping = max(damping / 5, 1e-12)
+            if gain < 1e-9 * max(1.0, abs(float(value)) * 1e-3) and step < 1e-3:
+                return z, float(value), information, evaluations, True
+        else:
+            expected = float(move @ gradient)
+            if expected < 1e-7 or damping > 1e12:
+                return z, float(value), information, evaluations, True
+            damping = max(damping, 1e-9) * 6
+    return z, float(value), information, evaluations, False
+
+
+def _with_noise(target: Target, z: np.ndarray, context: Context) -> np.ndarray:
+    """Scores with the noise parameters read from the residuals of this trajectory."""
+    layout = target.layout
+    values = {n: jnp.asarray(v) for n, v in target.all_values(z).items()}
+    fit = np.asarray(compiled_record(target.oscillator)(context.plan, {n: values[n] for n in target.oscillator.parameters}))
+    r = target.signal.y - fit
+    if not np.all(np.isfinite(r)):
+        return z
+    start = target.scores(layout.noise.start(r, np.diff(target.signal.t)))
+    return np.asarray([start[i] if n in layout.noise.parameters else z[i] for i, n in enumerate(target.names)])
+
+
+def find_mode(target: Target, seeds: Mapping[str, Mapping[str, float]], *, noise_level: float) -> Mode:
+    """The highest mode that the seeds reach.
+
+    seeds: name of a seed to parameter values in natural units. noise_level: the record's roughness, which sets
+    how well trajectories are first computed. Raises Refusal where no seed reaches a finite posterior.
+    """
+    layout = target.layout
+    n = target.signal.t.size
+    tolerance = 0.05 * noise_level / np.sqrt(n)
+    climbs: list[Climb] = []
+    best: tuple[float, np.ndarray] | None = None
+    for name, z0 in _distinct(target, seeds):
+        plan, _ = target.plan(z0, tolerance)
+        context = target.context(plan)
+        z0 = _with_noise(target, z0, context)
+        start = float(compiled(layout).log_posterior(context, jnp.asarray(z0)))  # type: ignore[operator]
+        z, value, information, count, done = climb(layout, context, z0)
+        climbs.append(Climb(name, start, value, count, z, done))
+        if np.isfinite(value) and (best is None or value > best[0]):
+            best = (value, z)
+    if best is None:
+        raise Refusal("no seed leads to a trajectory with a finite likelihood")
+    return _settle(target, best[1], tolerance, tuple(climbs))
+
+
+def _distinct(target: Target, seeds: Mapping[str, Mapping[str, float]]) -> Sequence[tuple[str, np.ndarray]]:
+    """Seeds as scores; refined estimates that agree are climbed once."""
+    found: list[tuple[str, np.ndarray]] = []
+    for name, values in seeds.items():
+        z = target.scores(values)
+        if all(np.max(np.abs(z - other)) > 1e-6 for _, other in found):
+            found.append((name, z))
+    return found
+
+
+def _settle(target: Target, z: np.ndarray, tolerance: float, climbs: tuple[Climb, ...]) -> Mode:
+    """Plan the solver at the mode itself until halving its steps changes the likelihood by less than the budget."""
+    layout = target.layout
+    for _ in range(6):
+        plan, error = target.plan(z, tolerance)
+        context = target.context(plan)
+        z, value, information, _, _ = climb(layout, context, z)
+        finer, _ = target.plan(z, max(error, 1e-15) / 40)
+        run = compiled(layout).log_posterior
+        change = abs(float(run(context, jnp.asarray(z)) - run(target.context(finer), jnp.asarray(z))))  # type: ignore[operator]
+        if change < BUDGET:
+            break
+        tolerance = min(tolerance, error) * min(0.5, BUDGET / change) * 0.5
+    if not np.isfinite(value):
+        raise Refusal("the posterior is not finite at its mode")
+    covariance = np.linalg.inv(information)
+    factor = np.linalg.cholesky(0.5 * (covariance + covariance.T))
+    return Mode(z, value, information, factor, context, climbs, error, change)

@@ -1,0 +1,42 @@
+"""What a noise model is."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+
+import numpy as np
+from jax import Array
+
+from bayesdamp.priors import Prior
+from bayesdamp.signals.features import Features
+
+
+class NoiseModel(ABC):
+    """How residuals (record minus trajectory) are distributed.
+
+    r: residuals in the unit of the record, shape (n,); gaps: times between samples in s, shape (n − 1,).
+    """
+
+    name: str
+    parameters: tuple[str, ...]
+
+    @abstractmethod
+    def priors(self, features: Features) -> dict[str, Prior]:
+        """Default priors, from the record's features alone: the same for every damping."""
+
+    @abstractmethod
+    def start(self, r: np.ndarray, gaps: np.ndarray) -> dict[str, float]:
+        """Parameters read from residuals, to start a search at."""
+
+    @abstractmethod
+    def log_likelihood(self, r: Array, gaps: Array, p: Mapping[str, Array]) -> Array:
+        """Log density of the residuals in nats, shape ()."""
+
+    @abstractmethod
+    def whiten(self, r: Array, gaps: Array, p: Mapping[str, Array]) -> Array:
+        """Residuals as independent standard scores, shape (n,): what is left to see once the model holds."""
+
+    @abstractmethod
+    def information_root(self, v: Array, gaps: Array, p: Mapping[str, Array]) -> Array:
+        """R v with RᵀR the Fisher information about a shift of the record by v, shape (n,)."""

@@ -1,0 +1,42 @@
+"""Independent normal noise."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+import numpy as np
+from jax import Array
+from jax import numpy as jnp
+
+from bayesdamp.inference.noise._noise import NoiseModel
+from bayesdamp.priors import LogNormal, Prior
+from bayesdamp.signals.features import Features
+
+LOG_2PI = math.log(2 * math.pi)
+
+
+class Gaussian(NoiseModel):
+    """r_i ~ N(0, noise_sd²), independent."""
+
+    name = "gaussian"
+    parameters = ("noise_sd",)
+
+    def priors(self, features: Features) -> dict[str, Prior]:
+        return {"noise_sd": LogNormal(median=features.roughness, sigma=1.0)}
+
+    def start(self, r: np.ndarray, gaps: np.ndarray) -> dict[str, float]:
+        return {"noise_sd": float(np.sqrt(np.mean(r**2)))}
+
+    def log_likelihood(self, r: Array, gaps: Array, p: Mapping[str, Array]) -> Array:
+        sd = p["noise_sd"]
+        return -0.5 * jnp.sum((r / sd) ** 2) - r.size * (jnp.log(sd) + 0.5 * LOG_2PI)
+
+    def whiten(self, r: Array, gaps: Array, p: Mapping[str, Array]) -> Array:
+        return r / p["noise_sd"]
+
+    def information_root(self, v: Array, gaps: Array, p: Mapping[str, Array]) -> Array:
+        return v / p["noise_sd"]
+
+
+PLUGIN = Gaussian()

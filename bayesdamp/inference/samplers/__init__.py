@@ -1,0 +1,8 @@
+"""Samplers of a posterior: one class in one module each, found by name."""
+
+from bayesdamp.inference.samplers._sampler import Sampler, Settings
+from bayesdamp.plugins import Registry
+
+SAMPLERS: Registry[Sampler] = Registry("bayesdamp.inference.samplers", "sampler")
+
+__all__ = ["SAMPLERS", "Sampler", "Settings"]

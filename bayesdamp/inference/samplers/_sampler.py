@@ -1,0 +1,37 @@
+"""What a sampler is."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+
+import numpy as np
+
+from bayesdamp.inference.mode import Mode
+from bayesdamp.inference.target import Target
+from bayesdamp.types import Posterior
+
+
+@dataclass(frozen=True)
+class Settings:
+    """How long to sample: chains, draws to warm up and to keep in each, and the seed of every random number."""
+
+    chains: int = 4
+    warmup: int = 500
+    draws: int = 1000
+    seed: int = 0
+
+
+class Sampler(ABC):
+    """Draws from the posterior of a target, started and whitened at its mode."""
+
+    name: str
+
+    @abstractmethod
+    def sample(self, target: Target, mode: Mode, settings: Settings) -> Posterior:
+        """Draws in natural units with their diagnostics; the outcome says where they are not to be trusted."""
+
+
+def starts(mode: Mode, count: int, seed: int, spread: float = 2.0) -> np.ndarray:
+    """Over-dispersed whitened starts about the mode, shape (count, d), of a finite posterior's scale."""
+    return spread * np.random.default_rng(seed).standard_normal((count, mode.z.size))

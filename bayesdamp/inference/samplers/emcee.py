@@ -1,0 +1,106 @@
+"""The affine-invariant ensemble sampler emcee, in independent ensembles, run until it is resolved."""
+
+from __future__ import annotations
+
+import time
+
+import emcee
+import jax.numpy as jnp
+import numpy as np
+
+from bayesdamp.inference import diagnostics
+from bayesdamp.inference.mode import Mode
+from bayesdamp.inference.samplers._sampler import Sampler, Settings, starts
+from bayesdamp.inference.target import Target, compiled
+from bayesdamp.types import OK, Posterior
+
+LONGEST = 25
+"""Blocks of sampling after which an ensemble that is not resolved says so."""
+
+
+class Emcee(Sampler):
+    """Goodman and Weare's ensembles with differential-evolution moves; likelihoods in batches.
+
+    Runs `chains` independent ensembles until each parameter has 1,000 effective draws and the series is fifty
+    autocorrelation times long, or says that it did not get there.
+    """
+
+    name = "emcee"
+
+    def sample(self, target: Target, mode: Mode, settings: Settings) -> Posterior:
+        began = time.perf_counter()
+        d = mode.z.size
+        walkers = 2 * max(d + 2, 8)
+        batch = compiled(target.layout).batch
+
+        def log_probability(u: np.ndarray) -> np.ndarray:
+            z = mode.z + u @ mode.factor.T
+            padded = np.concatenate([z, np.repeat(mode.z[None], walkers - len(z), axis=0)])[:walkers]
+            values = np.asarray(batch(mode.context, jnp.asarray(padded)))[: len(z)]  # type: ignore[operator]
+            return np.where(np.isfinite(values), values, -np.inf)
+
+        moves = [
+            (emcee.moves.DEMove(), 0.6),
+            (emcee.moves.DESnookerMove(), 0.1),
+            (emcee.moves.StretchMove(), 0.3),
+        ]
+        ensembles = []
+        for k in range(settings.chains):
+            sampler = emcee.EnsembleSampler(walkers, d, log_probability, vectorize=True, moves=moves)
+            sampler.random_state = np.random.RandomState((settings.seed + k) % 2**32).get_state()
+            state = self._settled(sampler, starts(mode, walkers, settings.seed + 7919 * k), settings.warmup)
+            ensembles.append((sampler, state))
+
+        resolved, draws = False, np.empty(0)
+        for _ in range(LONGEST):
+            ensembles = [(s, s.run_mcmc(state, settings.draws // 2)) for s, state in ensembles]
+            draws = np.concatenate([s.get_chain().swapaxes(0, 1) for s, _ in ensembles])
+            if self._resolved(target, mode, draws):
+                resolved = True
+                break
+        thin = max(1, draws.shape[0] * draws.shape[1] // 40_000)
+        energy = np.concatenate([s.get_log_prob().T for s, _ in ensembles])[:, ::thin]
+        z = mode.z + draws[:, ::thin] @ mode.factor.T
+        values = target.values(z)
+        full = target.values(mode.z + draws @ mode.factor.T)
+        summaries = {n: diagnostics.summarise(v, ensembles=settings.chains) for n, v in full.items()}
+        outcome = diagnostics.verdict(summaries)
+        if outcome == OK and not resolved:
+            outcome = f"not resolved after {draws.shape[1]} steps: fewer than 50 autocorrelation times or 1,000 draws"
+        return Posterior(
+            sampler=self.name,
+            names=target.names,
+            draws=np.stack(list(values.values()), axis=-1),
+            log_likelihood=energy + 0.5 * np.sum(z**2, axis=-1) + 0.5 * d * np.log(2 * np.pi),
+            stats={"acceptance_rate": np.concatenate([s.acceptance_fraction for s, _ in ensembles])[:, None]
+                   * np.ones(z.shape[1])},
+            diagnostics={
+                "summary": summaries,
+                "divergences": 0,
+                "likelihoods": int(settings.chains * walkers * (draws.shape[1] + settings.warmup)),
+                "walkers": walkers,
+                "ensembles": settings.chains,
+                "thinned_by": thin,
+            },
+            seconds=time.perf_counter() - began,
+            outcome=outcome,
+        )
+
+    @staticmethod
+    def _settled(sampler: emcee.EnsembleSampler, start: np.ndarray, warmup: int):
+        state = sampler.run_mcmc(start, warmup)
+        sampler.reset()
+        return state
+
+    @staticmethod
+    def _resolved(target: Target, mode: Mode, draws: np.ndarray) -> bool:
+        values = target.values(mode.z + draws @ mode.factor.T)
+        total, length = draws.shape[0] * draws.shape[1], draws.shape[1]
+        for v in values.values():
+            effective = diagnostics.effective(v)
+            if effective < 1100 or length < 50 * total / effective:
+                return False
+        return True
+
+
+PLUGIN = Emcee()

@@ -1,0 +1,98 @@
+"""The no-U-turn sampler (NumPyro's), whitened at the mode and compiled once for all records of a shape."""
+
+from __future__ import annotations
+
+import time
+from functools import lru_cache
+
+import jax
+import numpy as np
+from jax import Array
+from jax import numpy as jnp
+from numpyro.infer.hmc import hmc
+
+from bayesdamp.inference import diagnostics
+from bayesdamp.inference.mode import Mode
+from bayesdamp.inference.samplers._sampler import Sampler, Settings, starts
+from bayesdamp.inference.target import Context, Layout, Target, log_posterior, log_prior, value_and_gradient
+from bayesdamp.types import Posterior
+
+
+@lru_cache(maxsize=32)
+def _chains(layout: Layout, warmup: int, draws: int):
+    """Compiled: all chains of one layout; (context, mode, factor, starts, keys) to draws and statistics."""
+
+    def potential_of(context: Context, z: Array, factor: Array):
+        # The trajectory's tangents go forward; the sampler asks for reverse mode and gets them through this rule.
+        @jax.custom_vjp
+        def potential(u: Array) -> Array:
+            return -log_posterior(layout, context, z + factor @ u)
+
+        def forward(u: Array):
+            value, gradient = value_and_gradient(layout, context, z + factor @ u)
+            return -value, -(factor.T @ gradient)
+
+        def backward(gradient: Array, cotangent: Array):
+            return (cotangent * gradient,)
+
+        potential.defvjp(forward, backward)
+        return potential
+
+    def chain(context: Context, z: Array, factor: Array, start: Array, key: Array):
+        init, sample = hmc(potential_fn_gen=potential_of, algo="NUTS")
+        arguments = (context, z, factor)
+        state = init(start, warmup, adapt_mass_matrix=False, model_args=arguments, rng_key=key, step_size=0.7)
+
+        def advance(state, _):
+            state = sample(state, model_args=arguments)
+            kept = (state.z, state.potential_energy, state.diverging, state.num_steps, state.accept_prob)
+            return state, kept
+
+        state, _ = jax.lax.scan(lambda s, _: (sample(s, model_args=arguments), None), state, None, length=warmup)
+        return jax.lax.scan(advance, state, None, length=draws)[1]
+
+    return jax.jit(jax.vmap(chain, in_axes=(None, None, None, 0, 0)))
+
+
+class Nuts(Sampler):
+    """Hoffman and Gelman's NUTS (JMLR 15, 2014) on scores whitened by the Gauss–Newton Hessian at the mode."""
+
+    name = "nuts"
+
+    def sample(self, target: Target, mode: Mode, settings: Settings) -> Posterior:
+        began = time.perf_counter()
+        keys = jax.random.split(jax.random.PRNGKey(settings.seed), settings.chains)
+        start = starts(mode, settings.chains, settings.seed, spread=1.5)
+        run = _chains(target.layout, settings.warmup, settings.draws)
+        u, energy, diverging, steps, accept = run(
+            mode.context, jnp.asarray(mode.z), jnp.asarray(mode.factor), jnp.asarray(start), keys
+        )
+        z = mode.z + np.asarray(u) @ mode.factor.T
+        values = target.values(z)
+        summaries = {n: diagnostics.summarise(v) for n, v in values.items()}
+        prior = np.asarray(jax.vmap(jax.vmap(log_prior))(jnp.asarray(z)))
+        divergences = int(np.sum(np.asarray(diverging)))
+        outcome = diagnostics.verdict(summaries)
+        if outcome == "ok" and divergences > 0.01 * diverging.size:
+            outcome = f"{divergences} of {diverging.size} transitions diverged"
+        return Posterior(
+            sampler=self.name,
+            names=target.names,
+            draws=np.stack(list(values.values()), axis=-1),
+            log_likelihood=-np.asarray(energy) - prior,
+            stats={
+                "diverging": np.asarray(diverging),
+                "n_steps": np.asarray(steps),
+                "acceptance_rate": np.asarray(accept),
+            },
+            diagnostics={
+                "summary": summaries,
+                "divergences": divergences,
+                "likelihoods": int(np.sum(np.asarray(steps))),
+            },
+            seconds=time.perf_counter() - began,
+            outcome=outcome,
+        )
+
+
+PLUGIN = Nuts()

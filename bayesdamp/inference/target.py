@@ -1,0 +1,219 @@
+"""The posterior of one damping model on one record, as a function of normal scores.
+
+A `Layout` is what compiled code depends on (structure); a `Context` is what it gets (numbers). Everything is a
+function of (layout; context, z), z the scores of the inferred parameters, shape (d,): the prior is N(0, 1) in each.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import lru_cache, partial
+
+import jax
+import numpy as np
+from jax import Array
+from jax import numpy as jnp
+
+from bayesdamp.inference.noise import NOISES, NoiseModel
+from bayesdamp.physics.integrate import Plan, is_exact, plan_with_error, record
+from bayesdamp.physics.oscillator import Oscillator
+from bayesdamp.priors import Prior
+from bayesdamp.types import Signal
+
+LOG_2PI = float(np.log(2 * np.pi))
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Oscillator, noise model, names of the inferred parameters and the kinds of their priors."""
+
+    oscillator: Oscillator
+    noise_name: str
+    names: tuple[str, ...]
+    kinds: tuple[type, ...]
+    folded: tuple[bool, ...]
+
+    @property
+    def noise(self) -> NoiseModel:
+        return NOISES.get(self.noise_name)
+
+
+@partial(
+    jax.tree_util.register_dataclass, data_fields=["plan", "y", "gaps", "known", "numbers"], meta_fields=[]
+)
+@dataclass(frozen=True)
+class Context:
+    """The record y, shape (n,), its gaps (s, shape (n − 1,)), the plan of the solver, what is known, the priors."""
+
+    plan: Plan
+    y: Array
+    gaps: Array
+    known: Mapping[str, Array]
+    numbers: tuple[tuple[Array, ...], ...]
+
+
+@dataclass(frozen=True)
+class Target:
+    """Prior, trajectory and noise over one record: what is inferred, and from what.
+
+    priors: name to prior, of every inferred parameter, in order; known: name to value of the others.
+    """
+
+    signal: Signal
+    oscillator: Oscillator
+    noise: str
+    priors: Mapping[str, Prior]
+    known: Mapping[str, float]
+
+    def __post_init__(self) -> None:
+        needed = {*self.oscillator.parameters, *NOISES.get(self.noise).parameters}
+        missing = needed - set(self.priors) - set(self.known)
+        if missing:
+            raise ValueError(f"neither known nor inferred: {', '.join(sorted(missing))}")
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        return tuple(self.priors)
+
+    @property
+    def layout(self) -> Layout:
+        kinds = tuple(type(p) for p in self.priors.values())
+        folded = tuple(p.folded for p in self.priors.values())
+        return Layout(self.oscillator, self.noise, self.names, kinds, folded)
+
+    def context(self, plan: Plan) -> Context:
+        """The numbers of this target with a plan made near the parameters of interest."""
+        needed = {*self.oscillator.parameters, *NOISES.get(self.noise).parameters}
+        return Context(
+            plan,
+            jnp.asarray(self.signal.y),
+            jnp.asarray(np.diff(self.signal.t)),
+            {name: jnp.asarray(float(v)) for name, v in sorted(self.known.items()) if name in needed},
+            tuple(tuple(jnp.asarray(float(x)) for x in p.numbers) for p in self.priors.values()),
+        )
+
+    def scores(self, values: Mapping[str, float]) -> np.ndarray:
+        """Scores of parameter values, shape (d,); what is not given is at its prior's centre, kept within ±6."""
+        z = [float(p.score(values[n])) if n in values else 0.5 * p.folded for n, p in self.priors.items()]
+        return np.clip(np.nan_to_num(np.asarray(z), nan=0.0, posinf=6.0, neginf=-6.0), -6.0, 6.0)
+
+    def values(self, z: np.ndarray) -> dict[str, np.ndarray]:
+        """Inferred parameters at scores z, shape (..., d): name to array of shape (...)."""
+        return {n: np.asarray(p.value(z[..., i])) for i, (n, p) in enumerate(self.priors.items())}
+
+    def all_values(self, z: np.ndarray) -> dict[str, float]:
+        """Every parameter, known and inferred, at one set of scores."""
+        return {**{k: float(v) for k, v in self.known.items()}, **{k: float(v) for k, v in self.values(z).items()}}
+
+    def plan(self, z: np.ndarray, tolerance: float) -> tuple[Plan, float]:
+        """A plan of the solver near the scores z, within `tolerance` (unit of the record), and its error."""
+        values = self.all_values(z)
+        return plan_with_error(self.oscillator, values, self.signal.t, self.signal.quantity, tolerance)
+
+    @property
+    def exact_friction(self) -> bool:
+        """Whether ε is known to be 0."""
+        return "epsilon" not in self.priors and is_exact(self.oscillator, {"epsilon": 1.0, **self.known})
+
+
+def parameters(layout: Layout, context: Context, z: Array) -> dict[str, Array]:
+    """Every parameter at the scores z."""
+    inferred = {
+        name: kind.transform(z[i], *context.numbers[i])
+        for i, (name, kind) in enumerate(zip(layout.names, layout.kinds, strict=True))
+    }
+    return {**context.known, **inferred}
+
+
+def residual(layout: Layout, context: Context, z: Array) -> Array:
+    """Record minus trajectory, shape (n,)."""
+    return context.y - record(layout.oscillator, context.plan, parameters(layout, context, z))
+
+
+def _log_noise(layout: Layout, context: Context, r: Array, z: Array) -> Array:
+    density = layout.noise.log_likelihood(r, context.gaps, parameters(layout, context, z))
+    return jnp.where(jnp.isfinite(density), density, -jnp.inf)
+
+
+def log_likelihood(layout: Layout, context: Context, z: Array) -> Array:
+    """Log density of the record in nats, shape (); −∞ where the trajectory escapes."""
+    return _log_noise(layout, context, residual(layout, context, z), z)
+
+
+def log_prior(z: Array) -> Array:
+    """Normalised log density of the scores, shape ()."""
+    return -0.5 * jnp.sum(z**2) - 0.5 * z.size * LOG_2PI
+
+
+def log_posterior(layout: Layout, context: Context, z: Array) -> Array:
+    """Log prior plus log likelihood (not normalised), shape ()."""
+    return log_prior(z) + log_likelihood(layout, context, z)
+
+
+def _moving(layout: Layout) -> list[int]:
+    """Indices of the scores that move the trajectory; the others are the noise's."""
+    return [i for i, name in enumerate(layout.names) if name in layout.oscillator.parameters]
+
+
+def _residual_and_tangents(layout: Layout, context: Context, z: Array) -> tuple[Array, Array]:
+    """Residual (n,) and its tangents by the scores that move the trajectory, shape (k, n), by forward mode."""
+    directions = jnp.eye(z.size)[jnp.asarray(_moving(layout), int)]
+    fun = partial(residual, layout, context)
+    push = jax.vmap(lambda v: jax.jvp(fun, (z,), (v,)), out_axes=(None, 0))
+    return push(directions)
+
+
+def value_and_gradient(layout: Layout, context: Context, z: Array) -> tuple[Array, Array]:
+    """Log posterior and its gradient by z; the trajectory's part by forward tangents."""
+    r, tangents = _residual_and_tangents(layout, context, z)
+    noise_part = jax.value_and_grad(partial(_log_noise, layout, context), argnums=(0, 1))
+    value, (by_r, by_z) = noise_part(r, z)
+    gradient = (by_z - z).at[jnp.asarray(_moving(layout), int)].add(tangents @ by_r)
+    return value + log_prior(z), gradient
+
+
+def curvature(layout: Layout, context: Context, z: Array) -> tuple[Array, Array, Array]:
+    """Log posterior, gradient (d,) and the Gauss–Newton information (d, d), the prior's identity included."""
+    r, tangents = _residual_and_tangents(layout, context, z)
+    p = parameters(layout, context, z)
+    noise_fun = partial(_log_noise, layout, context)
+    value, (by_r, by_z) = jax.value_and_grad(noise_fun, argnums=(0, 1))(r, z)
+    moving = jnp.asarray(_moving(layout), int)
+    gradient = (by_z - z).at[moving].add(tangents @ by_r)
+    roots = jax.vmap(lambda v: layout.noise.information_root(v, context.gaps, p))(tangents)
+    # The noise parameters enter through few scalars: their exact curvature at fixed residuals is cheap.
+    still = [i for i in range(z.size) if i not in _moving(layout)]
+    information = jnp.zeros((z.size, z.size)).at[jnp.ix_(moving, moving)].set(roots @ roots.T)
+    if still:
+        index = jnp.asarray(still, int)
+        hessian = -jax.hessian(lambda zn: noise_fun(r, z.at[index].set(zn)))(z[index])
+        lowest, vectors = jnp.linalg.eigh(0.5 * (hessian + hessian.T))
+        positive = (vectors * jnp.maximum(lowest, 0.0)) @ vectors.T
+        information = information.at[jnp.ix_(index, index)].set(positive)
+    return value + log_prior(z), gradient, information + jnp.eye(z.size)
+
+
+@dataclass(frozen=True)
+class Compiled:
+    """The functions of one layout, compiled once for all records of a shape."""
+
+    log_posterior: object
+    curvature: object
+    batch: object
+    batch_parts: object
+
+
+@lru_cache(maxsize=64)
+def compiled(layout: Layout) -> Compiled:
+    """Compiled functions of a layout: (context, z) or, for batches, (context, z of shape (b, d))."""
+
+    def parts(context: Context, z: Array) -> tuple[Array, Array]:
+        return log_likelihood(layout, context, z), log_prior(z)
+
+    return Compiled(
+        log_posterior=jax.jit(partial(log_posterior, layout)),
+        curvature=jax.jit(partial(curvature, layout)),
+        batch=jax.jit(jax.vmap(partial(log_posterior, layout), in_axes=(None, 0))),
+        batch_parts=jax.jit(jax.vmap(parts, in_axes=(None, 0))),
+    )
