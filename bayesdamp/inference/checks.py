@@ -167,5 +167,8 @@ def _window(
 
 def value_sds(target: Target, z: np.ndarray, covariance: np.ndarray) -> dict[str, float]:
     """Laplace sds of the parameters in natural units from the covariance of the scores, shape (d, d)."""
-    slopes = {n: float(jax.grad(lambda s, p=p: p.value(s))(float(z[i]) or 1e-12)) for i, (n, p) in enumerate(target.priors.items())}
+    slopes = {
+        n: float(jax.grad(lambda s, p=p: p.value(s))(float(z[i]) or 1e-12))
+        for i, (n, p) in enumerate(target.priors.items())
+    }
     return {n: abs(s) * float(np.sqrt(covariance[i, i])) for i, (n, s) in enumerate(slopes.items())}

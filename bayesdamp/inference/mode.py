@@ -51,7 +51,9 @@ class Mode:
         return np.sqrt(np.sum(self.factor**2, axis=1))
 
 
-def climb(layout: Layout, context: Context, z: np.ndarray, *, limit: int = 60) -> tuple[np.ndarray, float, np.ndarray, int, bool]:
+def climb(
+    layout: Layout, context: Context, z: np.ndarray, *, limit: int = 60
+) -> tuple[np.ndarray, float, np.ndarray, int, bool]:
     """Levenberg–Marquardt on the log posterior: z, its value, the information, evaluations, converged."""
     functions = compiled(layout)
     value, gradient, information = map(np.asarray, functions.curvature(context, jnp.asarray(z)))  # type: ignore[operator]
@@ -86,12 +88,16 @@ def _with_noise(target: Target, z: np.ndarray, context: Context) -> np.ndarray:
     """Scores with the noise parameters read from the residuals of this trajectory."""
     layout = target.layout
     values = {n: jnp.asarray(v) for n, v in target.all_values(z).items()}
-    fit = np.asarray(compiled_record(target.oscillator)(context.plan, {n: values[n] for n in target.oscillator.parameters}))
+    fit = np.asarray(
+        compiled_record(target.oscillator)(context.plan, {n: values[n] for n in target.oscillator.parameters})
+    )
     r = target.signal.y - fit
     if not np.all(np.isfinite(r)):
         return z
     start = target.scores(layout.noise.start(r, np.diff(target.signal.t)))
-    return np.asarray([start[i] if n in layout.noise.parameters else z[i] for i, n in enumerate(target.names)])
+    return np.asarray(
+        [start[i] if n in layout.noise.parameters else z[i] for i, n in enumerate(target.names)]
+    )
 
 
 def find_mode(target: Target, seeds: Mapping[str, Mapping[str, float]], *, noise_level: float) -> Mode:

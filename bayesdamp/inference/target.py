@@ -104,7 +104,10 @@ class Target:
 
     def all_values(self, z: np.ndarray) -> dict[str, float]:
         """Every parameter, known and inferred, at one set of scores."""
-        return {**{k: float(v) for k, v in self.known.items()}, **{k: float(v) for k, v in self.values(z).items()}}
+        return {
+            **{k: float(v) for k, v in self.known.items()},
+            **{k: float(v) for k, v in self.values(z).items()},
+        }
 
     def plan(self, z: np.ndarray, tolerance: float) -> tuple[Plan, float]:
         """A plan of the solver near the scores z, within `tolerance` (unit of the record), and its error."""
@@ -162,6 +165,36 @@ def _residual_and_tangents(layout: Layout, context: Context, z: Array) -> tuple[
     fun = partial(residual, layout, context)
     push = jax.vmap(lambda v: jax.jvp(fun, (z,), (v,)), out_axes=(None, 0))
     return push(directions)
+
+
+def moving_values(layout: Layout, context: Context, z: Array) -> Array:
+    """Values of the inferred parameters that move the trajectory, shape (k,)."""
+    p = parameters(layout, context, z)
+    return jnp.stack([p[layout.names[i]] for i in _moving(layout)])
+
+
+def linearise(layout: Layout, context: Context, z: Array) -> tuple[Array, Array, Array]:
+    """Residual (n,), its derivatives (k, n) by the parameters that move the trajectory, and their values (k,)."""
+    names = [layout.names[i] for i in _moving(layout)]
+    p = parameters(layout, context, z)
+
+    def fun(x: Array) -> Array:
+        moved = {**p, **dict(zip(names, x, strict=True))}
+        return context.y - record(layout.oscillator, context.plan, moved)
+
+    x = moving_values(layout, context, z)
+    push = jax.vmap(lambda v: jax.jvp(fun, (x,), (v,)), out_axes=(None, 0))
+    r, slopes = push(jnp.eye(x.size))
+    return r, slopes, x
+
+
+def linearised_log_posterior(
+    layout: Layout, context: Context, line: tuple[Array, Array, Array], z: Array
+) -> Array:
+    """Log posterior with the trajectory replaced by its linearisation; priors and noise are exact."""
+    r, slopes, x = line
+    moved = r + (moving_values(layout, context, z) - x) @ slopes
+    return log_prior(z) + layout.noise.log_likelihood(moved, context.gaps, parameters(layout, context, z))
 
 
 def value_and_gradient(layout: Layout, context: Context, z: Array) -> tuple[Array, Array]:

@@ -20,12 +20,11 @@ from bayesdamp.physics.mesh import frozen_mesh
 from bayesdamp.physics.oscillator import Oscillator, Parameters
 from bayesdamp.physics.stepper import step
 
+FIRST_RESOLUTION = 0.6
 QUANTITIES = ("angle", "velocity", "acceleration")
 
 
-@partial(
-    jax.tree_util.register_dataclass, data_fields=["steps", "interval", "weights"], meta_fields=[]
-)
+@partial(jax.tree_util.register_dataclass, data_fields=["steps", "interval", "weights"], meta_fields=[])
 @dataclass(frozen=True)
 class MeshPlan:
     """Steps in s, shape (m,); the step of each sample and its dense-output weights, shapes (n,), (n, 6)."""
@@ -42,7 +41,9 @@ def _mesh_plan(nodes: np.ndarray, times: np.ndarray, quantity: str) -> MeshPlan:
     interval = np.clip(np.searchsorted(nodes, times, side="right") - 1, 0, nodes.size - 2)
     h = np.diff(nodes)
     weights = basis(
-        jnp.asarray((times - nodes[interval]) / h[interval]), jnp.asarray(h[interval]), QUANTITIES.index(quantity)
+        jnp.asarray((times - nodes[interval]) / h[interval]),
+        jnp.asarray(h[interval]),
+        QUANTITIES.index(quantity),
     )
     return MeshPlan(jnp.asarray(h), jnp.asarray(interval), weights)
 
@@ -113,7 +114,7 @@ def plan_with_error(
     times = np.asarray(times, float) - float(times[0])
     p = {name: jnp.asarray(float(p[name])) for name in osc.parameters}  # type: ignore[arg-type]
     run = compiled_record(osc)
-    resolution, best = 1.0, None
+    resolution, best = FIRST_RESOLUTION, None
     for _ in range(6):
         coarse, fine = _pair(osc, p, times, quantity, resolution)
         change = float(jnp.max(jnp.abs(run(coarse, p) - run(fine, p))))
@@ -127,7 +128,9 @@ def plan_with_error(
     return best
 
 
-def _pair(osc: Oscillator, p: Parameters, times: np.ndarray, quantity: str, resolution: float) -> tuple[Plan, Plan]:
+def _pair(
+    osc: Oscillator, p: Parameters, times: np.ndarray, quantity: str, resolution: float
+) -> tuple[Plan, Plan]:
     if is_exact(osc, p):
         make = partial(friction.turning_plan, osc, p, times, quantity)
         return make(resolution), make(2 * resolution)

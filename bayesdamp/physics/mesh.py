@@ -70,9 +70,7 @@ def _marcher(osc: Oscillator, chunk: int):
             k2 = slope(shifted(0.5, k1), p, longest, layer)
             k3 = slope(shifted(0.5, k2), p, longest, layer)
             k4 = slope(shifted(1.0, k3), p, longest, layer)
-            new = tuple(
-                x + (a + 2 * b + 2 * c + d) / 6 for x, a, b, c, d in zip(state, k1, k2, k3, k4)
-            )
+            new = tuple(x + (a + 2 * b + 2 * c + d) / 6 for x, a, b, c, d in zip(state, k1, k2, k3, k4))
             return new, new
 
         return jax.lax.scan(one, state, None, length=chunk)
@@ -117,5 +115,3 @@ def _regular(t: np.ndarray, omega: np.ndarray, duration: float) -> np.ndarray:
     nearest -= (turning - nodes[nearest - 1] < nodes[nearest] - turning) & (nearest > 1)
     nodes[nearest] = turning
     return nodes if np.all(np.diff(nodes) > 0) else np.sort(nodes)
-
-

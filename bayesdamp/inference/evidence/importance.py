@@ -89,7 +89,11 @@ class Importance(EvidenceMethod):
         k, share = diagnostics.pareto_k(log_weights), _share(log_weights)
         log_evidence = float(logsumexp(log_weights) - np.log(FINAL))
         relative = np.exp(log_weights - log_evidence)
-        outcome = OK if k < K_LIMIT else f"not to be trusted: Pareto shape of the weights is {k:.2f}, above {K_LIMIT}"
+        outcome = (
+            OK
+            if k < K_LIMIT
+            else f"not to be trusted: Pareto shape of the weights is {k:.2f}, above {K_LIMIT}"
+        )
         return Evidence(
             model=model,
             method=self.name,

@@ -31,7 +31,10 @@ class Correlated(NoiseModel):
 
     def start(self, r: np.ndarray, gaps: np.ndarray) -> dict[str, float]:
         rho = float(np.clip(np.sum(r[1:] * r[:-1]) / np.sum(r**2), 0.01, 0.9999))
-        return {"noise_sd": float(np.sqrt(np.mean(r**2))), "noise_time": float(-np.median(gaps) / np.log(rho))}
+        return {
+            "noise_sd": float(np.sqrt(np.mean(r**2))),
+            "noise_time": float(-np.median(gaps) / np.log(rho)),
+        }
 
     def whiten(self, r: Array, gaps: Array, p: Mapping[str, Array]) -> Array:
         sd, exponent = p["noise_sd"], -gaps / p["noise_time"]

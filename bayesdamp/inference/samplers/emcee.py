@@ -14,14 +14,15 @@ from bayesdamp.inference.samplers._sampler import Sampler, Settings, starts
 from bayesdamp.inference.target import Target, compiled
 from bayesdamp.types import OK, Posterior
 
-LONGEST = 25
+ENSEMBLES = 2
+LONGEST = 40
 """Blocks of sampling after which an ensemble that is not resolved says so."""
 
 
 class Emcee(Sampler):
     """Goodman and Weare's ensembles with differential-evolution moves; likelihoods in batches.
 
-    Runs `chains` independent ensembles until each parameter has 1,000 effective draws and the series is fifty
+    Runs two independent ensembles, each of `chains` or more walkers, until each parameter has 1,000 effective draws and the series is fifty
     autocorrelation times long, or says that it did not get there.
     """
 
@@ -30,7 +31,7 @@ class Emcee(Sampler):
     def sample(self, target: Target, mode: Mode, settings: Settings) -> Posterior:
         began = time.perf_counter()
         d = mode.z.size
-        walkers = 2 * max(d + 2, 8)
+        walkers = 2 * max(d + 2, 8, settings.chains)
         batch = compiled(target.layout).batch
 
         def log_probability(u: np.ndarray) -> np.ndarray:
@@ -45,7 +46,7 @@ class Emcee(Sampler):
             (emcee.moves.StretchMove(), 0.3),
         ]
         ensembles = []
-        for k in range(settings.chains):
+        for k in range(ENSEMBLES):
             sampler = emcee.EnsembleSampler(walkers, d, log_probability, vectorize=True, moves=moves)
             sampler.random_state = np.random.RandomState((settings.seed + k) % 2**32).get_state()
             state = self._settled(sampler, starts(mode, walkers, settings.seed + 7919 * k), settings.warmup)
@@ -63,7 +64,7 @@ class Emcee(Sampler):
         z = mode.z + draws[:, ::thin] @ mode.factor.T
         values = target.values(z)
         full = target.values(mode.z + draws @ mode.factor.T)
-        summaries = {n: diagnostics.summarise(v, ensembles=settings.chains) for n, v in full.items()}
+        summaries = {n: diagnostics.summarise(v, ensembles=ENSEMBLES) for n, v in full.items()}
         outcome = diagnostics.verdict(summaries)
         if outcome == OK and not resolved:
             outcome = f"not resolved after {draws.shape[1]} steps: fewer than 50 autocorrelation times or 1,000 draws"
@@ -72,14 +73,16 @@ class Emcee(Sampler):
             names=target.names,
             draws=np.stack(list(values.values()), axis=-1),
             log_likelihood=energy + 0.5 * np.sum(z**2, axis=-1) + 0.5 * d * np.log(2 * np.pi),
-            stats={"acceptance_rate": np.concatenate([s.acceptance_fraction for s, _ in ensembles])[:, None]
-                   * np.ones(z.shape[1])},
+            stats={
+                "acceptance_rate": np.concatenate([s.acceptance_fraction for s, _ in ensembles])[:, None]
+                * np.ones(z.shape[1])
+            },
             diagnostics={
                 "summary": summaries,
                 "divergences": 0,
-                "likelihoods": int(settings.chains * walkers * (draws.shape[1] + settings.warmup)),
+                "likelihoods": int(ENSEMBLES * walkers * (draws.shape[1] + settings.warmup)),
                 "walkers": walkers,
-                "ensembles": settings.chains,
+                "ensembles": ENSEMBLES,
                 "thinned_by": thin,
             },
             seconds=time.perf_counter() - began,

@@ -7,6 +7,7 @@ from jax import numpy as jnp
 from jax.typing import ArrayLike
 
 from bayesdamp.physics.damping._term import DampingTerm
+from bayesdamp.physics.smooth_sign import smooth_sign
 
 
 class Coulomb(DampingTerm):
@@ -19,7 +20,7 @@ class Coulomb(DampingTerm):
 
     def shape(self, velocity: ArrayLike, epsilon: ArrayLike) -> Array:
         velocity = jnp.asarray(velocity)
-        smooth = jnp.tanh(velocity / jnp.where(epsilon == 0.0, 1.0, epsilon))
+        smooth = smooth_sign(velocity / jnp.where(epsilon == 0.0, 1.0, epsilon))
         return jnp.where(epsilon == 0.0, jnp.sign(velocity), smooth)
 
     def ratio_per_unit(self, amplitude: float, frequency: float) -> float:
