@@ -1,13 +1,15 @@
 """Priors of one parameter, as a study file writes them.
 
-Every prior is a monotone map of a standard normal score z (a half-normal is the folded one, x = scale·|z|), so that
-any model's prior in the scores is N(0, 1) in each direction and its density is normalised without further ado.
+Every prior is a monotone map of a standard normal score z (a half-normal is the folded one, x = scale·|z|),
+so that any model's prior in the scores is N(0, 1) in each direction and its density is normalised without
+further ado.
 """
 
 from __future__ import annotations
 
 import math
-from typing import Annotated, Literal
+from collections.abc import Callable
+from typing import Annotated, ClassVar, Literal
 
 import jax.numpy as jnp
 from jax import Array
@@ -15,21 +17,21 @@ from jax.scipy.special import ndtr, ndtri
 from jax.typing import ArrayLike
 from pydantic import BaseModel, ConfigDict, Field, PositiveFloat, model_validator
 
+Scalar = float | Array
+
 
 class _Prior(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
     folded: bool = Field(default=False, exclude=True, init=False, repr=False)
 
+    transform: ClassVar[Callable[..., Array]]
+    """(z, *numbers): the parameter at the normal score z (any shape) for a prior with these numbers."""
+
     @property
     def numbers(self) -> tuple[float, ...]:
         """What distinguishes this prior from others of its kind, in the order of `transform`."""
         return tuple(v for k, v in self.model_dump().items() if k != "prior")
-
-    @staticmethod
-    def transform(z: ArrayLike, *numbers: ArrayLike) -> Array:
-        """The parameter at the normal score z (any shape) for a prior with these numbers."""
-        raise NotImplementedError
 
     def value(self, z: ArrayLike) -> Array:
         """The parameter at the normal score z (any shape)."""
@@ -60,7 +62,7 @@ class Normal(_Prior):
     sd: PositiveFloat
 
     @staticmethod
-    def transform(z: ArrayLike, mean: ArrayLike, sd: ArrayLike) -> Array:
+    def transform(z: ArrayLike, mean: Scalar, sd: Scalar) -> Array:
         return mean + sd * jnp.asarray(z)
 
     def score(self, x: ArrayLike) -> Array:
@@ -78,7 +80,7 @@ class HalfNormal(_Prior):
     folded: bool = Field(default=True, exclude=True, init=False, repr=False)
 
     @staticmethod
-    def transform(z: ArrayLike, scale: ArrayLike) -> Array:
+    def transform(z: ArrayLike, scale: Scalar) -> Array:
         return scale * jnp.abs(jnp.asarray(z))
 
     def score(self, x: ArrayLike) -> Array:
@@ -98,7 +100,7 @@ class LogNormal(_Prior):
     sigma: PositiveFloat
 
     @staticmethod
-    def transform(z: ArrayLike, median: ArrayLike, sigma: ArrayLike) -> Array:
+    def transform(z: ArrayLike, median: Scalar, sigma: Scalar) -> Array:
         return median * jnp.exp(sigma * jnp.asarray(z))
 
     def score(self, x: ArrayLike) -> Array:
@@ -125,7 +127,7 @@ class Uniform(_Prior):
         return self
 
     @staticmethod
-    def transform(z: ArrayLike, low: ArrayLike, high: ArrayLike) -> Array:
+    def transform(z: ArrayLike, low: Scalar, high: Scalar) -> Array:
         return low + (high - low) * ndtr(jnp.asarray(z))
 
     def score(self, x: ArrayLike) -> Array:
@@ -151,7 +153,7 @@ class LogUniform(_Prior):
         return self
 
     @staticmethod
-    def transform(z: ArrayLike, low: ArrayLike, high: ArrayLike) -> Array:
+    def transform(z: ArrayLike, low: Scalar, high: Scalar) -> Array:
         return low * jnp.exp(jnp.log(high / low) * ndtr(jnp.asarray(z)))
 
     def score(self, x: ArrayLike) -> Array:

@@ -18,7 +18,7 @@ class InputError(BayesdampError):
     """The input is wrong: the text says where, what, and what would be right (exit status 2)."""
 
 
-class Refusal(BayesdampError):
+class Refusal(BayesdampError):  # noqa: N818 - a method's answer, not an error
     """A method cannot work on this record; the text is the sentence that the tables show."""
 
 
@@ -56,7 +56,7 @@ class System:
     restoring: name of the restoring law.
     known: parameter name to its known value (restoring parameters, theta0, omega0, epsilon, noise_sd, ...).
     free: parameter name to a prior, or None for the default prior.
-    amplitude, frequency: the study's reference amplitude (unit of the displacement) and angular frequency (rad/s).
+    amplitude, frequency: the study's reference amplitude (unit of displacement) and frequency (rad/s).
     """
 
     restoring: str

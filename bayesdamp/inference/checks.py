@@ -35,9 +35,9 @@ class Window:
 class Fit:
     """What is left of a record at the mode.
 
-    fit, residual: in the unit of the record, shape (n,); whitened: scores, shape (n,); autocorrelation of the
-    residuals by lag, shape (l,). window_spread: largest shift of a damping coefficient between a window and the
-    whole record, in posterior sds; window_z: the same in sds of the shift itself.
+    fit, residual: in the unit of the record, shape (n,); whitened: scores, shape (n,); autocorrelation of
+    the residuals by lag, shape (l,). window_spread: largest shift of a damping coefficient between a window
+    and the whole record, in posterior sds; window_z: the same in sds of the shift itself.
     """
 
     fit: np.ndarray
@@ -84,7 +84,7 @@ def laplace_draws(target: Target, mode: Mode, count: int, seed: int) -> np.ndarr
 
 
 def check_fit(target: Target, mode: Mode, period: float, seed: int) -> Fit:
-    """All checks of a model at its mode. period: of the oscillation in s, sets how far structure is looked for."""
+    """All checks of a model at its mode. period: of the oscillation in s: how far structure is looked for."""
     layout, n = target.layout, target.signal.t.size
     one, many = _views(layout)
     r, white = map(np.asarray, one(mode.context, jnp.asarray(mode.z)))
@@ -130,7 +130,7 @@ def _cut(plan: MeshPlan | TurningPlan, part: slice) -> MeshPlan | TurningPlan:
 
 
 def _windows(target: Target, mode: Mode) -> tuple[tuple[Window, ...], float, float]:
-    """The mode on the first, the middle and the last half of the record, from the same start of the motion."""
+    """The mode on the first, the middle and the last half of the record; the motion starts where it did."""
     t, n = target.signal.t, target.signal.t.size
     half = n // 2
     whole = _window(target, "whole record", mode.z, mode.information, float(t[0]), float(t[-1]))

@@ -20,7 +20,7 @@ EPSILON_RANGE = (0.0005, 0.05)
 
 @dataclass(frozen=True)
 class Reference:
-    """Reference amplitude (rad or m) and angular frequency (rad/s) of a study: what prior widths scale with."""
+    """Reference amplitude (rad or m) and angular frequency (rad/s) of a study: prior widths scale with it."""
 
     amplitude: float
     frequency: float
@@ -33,8 +33,8 @@ class Reference:
 def default_prior(name: str, osc: Oscillator, noise: str, reference: Reference, features: Features) -> Prior:
     """The default prior of a parameter. Raises KeyError for a name without one.
 
-    Angles are wide against the record's amplitude and centred on its midline; gravity may have either sign and
-    be as large as the stiffness.
+    Angles are wide against the record's amplitude and centred on its midline; gravity may have either sign
+    and be as large as the stiffness.
     """
     a, w = reference.amplitude, reference.frequency
     for term in osc.terms:

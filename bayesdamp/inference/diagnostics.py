@@ -58,7 +58,8 @@ def verdict(summaries: Mapping[str, Mapping[str, float]]) -> str:
         for kind in ("bulk", "tail"):
             if not s[f"ess_{kind}"] >= ESS_LIMIT:
                 size = s[f"ess_{kind}"]
-                return f"too few draws: {kind} effective sample size of {name} is {size:.0f}, below {ESS_LIMIT:.0f}"
+                what = f"{kind} effective sample size of {name}"
+                return f"too few draws: {what} is {size:.0f}, below {ESS_LIMIT:.0f}"
     return OK
 
 

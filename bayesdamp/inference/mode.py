@@ -33,8 +33,8 @@ class Mode:
     """A posterior mode in scores.
 
     z: shape (d,); information: Gauss–Newton Hessian of −log posterior there, (d, d); factor: its inverse's
-    Cholesky factor, (d, d), which whitens; step_error: what halving the solver's steps changes, in the unit of
-    the record and in nats.
+    Cholesky factor, (d, d), which whitens; step_error: what halving the solver's steps changes, in the unit
+    of the record and in nats.
     """
 
     z: np.ndarray
@@ -45,6 +45,7 @@ class Mode:
     climbs: tuple[Climb, ...]
     step_error: float
     likelihood_error: float
+    tolerance: float
 
     def sd(self) -> np.ndarray:
         """Laplace standard deviations of the scores, shape (d,)."""
@@ -56,7 +57,7 @@ def climb(
 ) -> tuple[np.ndarray, float, np.ndarray, int, bool]:
     """Levenberg–Marquardt on the log posterior: z, its value, the information, evaluations, converged."""
     functions = compiled(layout)
-    value, gradient, information = map(np.asarray, functions.curvature(context, jnp.asarray(z)))  # type: ignore[operator]
+    value, gradient, information = map(np.asarray, functions.curvature(context, jnp.asarray(z)))
     damping, evaluations = 1e-3, 1
     folded = np.asarray(layout.folded)
     for _ in range(limit):
@@ -67,7 +68,7 @@ def climb(
         # A folded score at zero cannot improve by crossing to its mirror image: it stays on its side.
         trial = z + move
         trial = np.where(folded, np.abs(trial) * np.where(trial < 0, 1e-3, 1.0), trial)
-        new = tuple(map(np.asarray, functions.curvature(context, jnp.asarray(trial))))  # type: ignore[operator]
+        new = tuple(map(np.asarray, functions.curvature(context, jnp.asarray(trial))))
         evaluations += 1
         gain = float(new[0] - value) if np.isfinite(new[0]) else -np.inf
         if gain >= 0:
@@ -103,8 +104,8 @@ def _with_noise(target: Target, z: np.ndarray, context: Context) -> np.ndarray:
 def find_mode(target: Target, seeds: Mapping[str, Mapping[str, float]], *, noise_level: float) -> Mode:
     """The highest mode that the seeds reach.
 
-    seeds: name of a seed to parameter values in natural units. noise_level: the record's roughness, which sets
-    how well trajectories are first computed. Raises Refusal where no seed reaches a finite posterior.
+    seeds: name of a seed to parameter values in natural units. noise_level: the record's roughness, which
+    sets how well trajectories are first computed. Raises Refusal where no seed reaches a finite posterior.
     """
     layout = target.layout
     n = target.signal.t.size
@@ -115,8 +116,8 @@ def find_mode(target: Target, seeds: Mapping[str, Mapping[str, float]], *, noise
         plan, _ = target.plan(z0, tolerance)
         context = target.context(plan)
         z0 = _with_noise(target, z0, context)
-        start = float(compiled(layout).log_posterior(context, jnp.asarray(z0)))  # type: ignore[operator]
-        z, value, information, count, done = climb(layout, context, z0)
+        start = float(compiled(layout).log_posterior(context, jnp.asarray(z0)))
+        z, value, _, count, done = climb(layout, context, z0)
         climbs.append(Climb(name, start, value, count, z, done))
         if np.isfinite(value) and (best is None or value > best[0]):
             best = (value, z)
@@ -136,20 +137,44 @@ def _distinct(target: Target, seeds: Mapping[str, Mapping[str, float]]) -> Seque
 
 
 def _settle(target: Target, z: np.ndarray, tolerance: float, climbs: tuple[Climb, ...]) -> Mode:
-    """Plan the solver at the mode itself until halving its steps changes the likelihood by less than the budget."""
+    """Plan the solver at the mode until halving its steps changes the likelihood by less than the budget."""
     layout = target.layout
-    for _ in range(6):
+    attempts = 0
+    while True:
+        attempts += 1
         plan, error = target.plan(z, tolerance)
         context = target.context(plan)
         z, value, information, _, _ = climb(layout, context, z)
         finer, _ = target.plan(z, max(error, 1e-15) / 40)
         run = compiled(layout).log_posterior
-        change = abs(float(run(context, jnp.asarray(z)) - run(target.context(finer), jnp.asarray(z))))  # type: ignore[operator]
-        if change < BUDGET:
+        change = abs(float(run(context, jnp.asarray(z)) - run(target.context(finer), jnp.asarray(z))))
+        if change < BUDGET or attempts == 6:
             break
         tolerance = min(tolerance, error) * min(0.5, BUDGET / change) * 0.5
     if not np.isfinite(value):
         raise Refusal("the posterior is not finite at its mode")
+    return Mode(z, value, information, whitening(information), context, climbs, error, change, tolerance)
+
+
+def whitening(information: np.ndarray) -> np.ndarray:
+    """Cholesky factor of the inverse of the information, (d, d)."""
     covariance = np.linalg.inv(information)
-    factor = np.linalg.cholesky(0.5 * (covariance + covariance.T))
-    return Mode(z, value, information, factor, context, climbs, error, change)
+    return np.linalg.cholesky(0.5 * (covariance + covariance.T))
+
+
+def restore_mode(
+    target: Target, z: np.ndarray, log_posterior: float, information: np.ndarray, tolerance: float
+) -> Mode:
+    """A mode from what was stored of it: the plan of the solver is made anew at z."""
+    plan, error = target.plan(z, tolerance)
+    return Mode(
+        z,
+        log_posterior,
+        information,
+        whitening(information),
+        target.context(plan),
+        (),
+        error,
+        np.nan,
+        tolerance,
+    )

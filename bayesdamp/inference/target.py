@@ -1,12 +1,13 @@
 """The posterior of one damping model on one record, as a function of normal scores.
 
-A `Layout` is what compiled code depends on (structure); a `Context` is what it gets (numbers). Everything is a
-function of (layout; context, z), z the scores of the inferred parameters, shape (d,): the prior is N(0, 1) in each.
+A `Layout` is what compiled code depends on (structure); a `Context` is what it gets (numbers). Everything is
+a function of (layout; context, z), z the scores of the inferred parameters, shape (d,): the prior is N(0, 1)
+in each.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import lru_cache, partial
 
@@ -44,7 +45,7 @@ class Layout:
 )
 @dataclass(frozen=True)
 class Context:
-    """The record y, shape (n,), its gaps (s, shape (n − 1,)), the plan of the solver, what is known, the priors."""
+    """The record y, shape (n,), its gaps (s, (n − 1,)), the plan of the solver, what is known, the priors."""
 
     plan: Plan
     y: Array
@@ -94,7 +95,7 @@ class Target:
         )
 
     def scores(self, values: Mapping[str, float]) -> np.ndarray:
-        """Scores of parameter values, shape (d,); what is not given is at its prior's centre, kept within ±6."""
+        """Scores of parameter values, shape (d,), within ±6; what is not given is at its prior's centre."""
         z = [float(p.score(values[n])) if n in values else 0.5 * p.folded for n, p in self.priors.items()]
         return np.clip(np.nan_to_num(np.asarray(z), nan=0.0, posinf=6.0, neginf=-6.0), -6.0, 6.0)
 
@@ -160,7 +161,7 @@ def _moving(layout: Layout) -> list[int]:
 
 
 def _residual_and_tangents(layout: Layout, context: Context, z: Array) -> tuple[Array, Array]:
-    """Residual (n,) and its tangents by the scores that move the trajectory, shape (k, n), by forward mode."""
+    """Residual (n,) and its forward tangents by the scores that move the trajectory, shape (k, n)."""
     directions = jnp.eye(z.size)[jnp.asarray(_moving(layout), int)]
     fun = partial(residual, layout, context)
     push = jax.vmap(lambda v: jax.jvp(fun, (z,), (v,)), out_axes=(None, 0))
@@ -174,7 +175,7 @@ def moving_values(layout: Layout, context: Context, z: Array) -> Array:
 
 
 def linearise(layout: Layout, context: Context, z: Array) -> tuple[Array, Array, Array]:
-    """Residual (n,), its derivatives (k, n) by the parameters that move the trajectory, and their values (k,)."""
+    """Residual (n,), its derivatives (k, n) by what moves the trajectory, and the values of that (k,)."""
     names = [layout.names[i] for i in _moving(layout)]
     p = parameters(layout, context, z)
 
@@ -231,10 +232,10 @@ def curvature(layout: Layout, context: Context, z: Array) -> tuple[Array, Array,
 class Compiled:
     """The functions of one layout, compiled once for all records of a shape."""
 
-    log_posterior: object
-    curvature: object
-    batch: object
-    batch_parts: object
+    log_posterior: Callable[[Context, Array], Array]
+    curvature: Callable[[Context, Array], tuple[Array, Array, Array]]
+    batch: Callable[[Context, Array], Array]
+    batch_parts: Callable[[Context, Array], tuple[Array, Array]]
 
 
 @lru_cache(maxsize=64)

@@ -1,8 +1,9 @@
 """Exact dry friction (ε = 0): from turning point to turning point, with sticking.
 
-Between two turning points the sign of the velocity is constant and the equation is smooth. Each half-cycle takes a
-fixed number of steps whose length belongs to the reference trajectory, then one step in the velocity lands on θ̇ = 0.
-There the sign flips, or, where the restoring force is no greater than the friction, the motion ends.
+Between two turning points the sign of the velocity is constant and the equation is smooth. Each half-cycle
+takes a fixed number of steps whose length belongs to the reference trajectory, then one step in the velocity
+lands on θ̇ = 0. There the sign flips, or, where the restoring force is no greater than the friction, the
+motion ends.
 """
 
 from __future__ import annotations
@@ -120,7 +121,7 @@ def _to_turn(osc: Oscillator, count: int):
         sign = jnp.where(omega == 0.0, jnp.sign(force), jnp.sign(omega))
 
         def going(state):
-            i, _, om, t = state
+            i, _, om, _ = state
             return (i < count) & ((i == 0) | (om * sign > 0)) & ~stuck
 
         def advance(state):

@@ -1,7 +1,8 @@
 """Trajectories read off at the times of a record.
 
-The solver's steps and the samples are two grids: a `Plan` holds the steps, frozen at reference parameters, and where
-each sample lies in them. `record` is a pure function of plan and parameters: jit, vmap and forward tangents work on it.
+The solver's steps and the samples are two grids: a `Plan` holds the steps, frozen at reference parameters,
+and where each sample lies in them. `record` is a pure function of plan and parameters: jit, vmap and forward
+tangents work on it.
 """
 
 from __future__ import annotations
@@ -85,7 +86,7 @@ def compiled_record(osc: Oscillator):
 
 def is_exact(osc: Oscillator, p: Parameters) -> bool:
     """Whether friction is the sign itself: ε = 0 and a term that switches."""
-    return osc.switches and float(p["epsilon"]) == 0.0  # type: ignore[arg-type]
+    return osc.switches and float(p["epsilon"]) == 0.0
 
 
 def make_plan(
@@ -112,7 +113,7 @@ def plan_with_error(
 ) -> tuple[Plan, float]:
     """`make_plan`, and the largest difference that halving its steps makes at `p`, shape ()."""
     times = np.asarray(times, float) - float(times[0])
-    p = {name: jnp.asarray(float(p[name])) for name in osc.parameters}  # type: ignore[arg-type]
+    p = {name: jnp.asarray(float(p[name])) for name in osc.parameters}
     run = compiled_record(osc)
     resolution, best = FIRST_RESOLUTION, None
     for _ in range(6):
@@ -157,4 +158,4 @@ def simulate(
     if quantity not in QUANTITIES:
         raise ValueError(f"quantity {quantity!r} is none of {', '.join(QUANTITIES)}")
     plan = make_plan(osc, p, times, quantity, tolerance)
-    return np.asarray(compiled_record(osc)(plan, {n: jnp.asarray(float(p[n])) for n in osc.parameters}))  # type: ignore[arg-type]
+    return np.asarray(compiled_record(osc)(plan, {n: jnp.asarray(float(p[n])) for n in osc.parameters}))

@@ -1,10 +1,10 @@
 """Where the solver's steps lie: chosen from the dynamics, then frozen.
 
-The steps follow the oscillation (a share of the fastest local period) and, where a term switches with the sign of the
-velocity within ε, become shorter near the turning points as the distance to the nearest singularity of tanh(θ̇/ε)
-does: the number of steps grows with log(1/ε), not 1/ε. Nodes are moved onto the turning points, where |θ̇|θ̇ has its
-kink. A mesh belongs to a reference trajectory and is then kept, so that the likelihood is a smooth function of the
-parameters and one compiled program serves all of them.
+The steps follow the oscillation (a share of the fastest local period) and, where a term switches with the
+sign of the velocity within ε, become shorter near the turning points as the distance to the nearest
+singularity of tanh(θ̇/ε) does: the number of steps grows with log(1/ε), not 1/ε. Nodes are moved onto the
+turning points, where |θ̇|θ̇ has its kink. A mesh belongs to a reference trajectory and is then kept, so that
+the likelihood is a smooth function of the parameters and one compiled program serves all of them.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ LAYER = 0.45
 
 def fastest_rate(osc: Oscillator, p: Parameters) -> float:
     """Largest local angular frequency √|F′_rest| (rad/s) over the angles that the motion can reach."""
-    theta0, omega0 = float(p["theta0"]), float(p["omega0"])  # type: ignore[arg-type]
+    theta0, omega0 = float(p["theta0"]), float(p["omega0"])
     try:
         rest = osc.equilibrium(p, theta0)
         base = osc.natural_frequency(p, theta0)
@@ -102,7 +102,7 @@ def frozen_mesh(osc: Oscillator, p: Parameters, duration: float, resolution: flo
 
 
 def _regular(t: np.ndarray, omega: np.ndarray, duration: float) -> np.ndarray:
-    """The same grading with a number of steps from the list, ending at `duration`, nodes on turning points."""
+    """The same grading with a number of steps from the list, up to `duration`, nodes on turning points."""
     last = int(np.searchsorted(t, duration))
     count = last - 1 + (duration - t[last - 1]) / (t[last] - t[last - 1])
     steps = _bucket(count)

@@ -13,9 +13,9 @@ from jax.typing import ArrayLike
 from scipy.optimize import brentq
 
 from bayesdamp.physics.damping import TERMS, DampingTerm
-from bayesdamp.physics.restoring import LAWS, RestoringLaw
+from bayesdamp.physics.restoring import LAWS, RestoringLaw, Scalar
 
-Parameters = Mapping[str, ArrayLike]
+Parameters = Mapping[str, Scalar]
 
 
 @dataclass(frozen=True)
@@ -72,7 +72,8 @@ class Oscillator:
         if rising.size == 0:
             raise ValueError(f"{self.restoring} has no stable equilibrium within 10 rad of {near:.3g}")
         i = rising[np.argmin(np.abs(grid[rising] - near))]
-        return float(brentq(lambda x: float(self.law.force(x, p)), grid[i], grid[i + 1], xtol=1e-14))
+        root = brentq(lambda x: float(self.law.force(x, p)), grid[i], grid[i + 1], xtol=1e-14)
+        return float(root)  # type: ignore[arg-type]
 
     def natural_frequency(self, p: Parameters, near: float = 0.0) -> float:
         """ω_n = √F′_rest at the equilibrium, rad/s."""

@@ -1,7 +1,7 @@
 """tanh out of additions and multiplications alone.
 
-The compiler's own exp, tanh and division each end a fused loop; a step has seven stages and would fall into dozens of
-small loops. In batches this form is about twice as fast, at an absolute error below 2e-13.
+The compiler's own exp, tanh and division each end a fused loop; a step has seven stages and would fall into
+dozens of small loops. In batches this form is about twice as fast, at an absolute error below 2e-13.
 """
 
 from __future__ import annotations

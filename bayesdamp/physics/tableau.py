@@ -1,4 +1,4 @@
-"""Luther's explicit Runge–Kutta method of order six with seven stages (Mathematics of Computation 22, 1968)."""
+"""Luther's explicit Runge–Kutta method of order six, seven stages (Mathematics of Computation 22, 1968)."""
 
 import math
 

@@ -63,10 +63,10 @@ class FoldedT:
 class Importance(EvidenceMethod):
     """Evidence as the mean importance weight, from a Laplace-centred Student t (7 degrees of freedom).
 
-    A coefficient that may touch zero is a folded score; its posterior has mirror modes, so proposal and target
-    are both folded: nothing is lost at zero, and weights are judged on the coefficient itself. Where the Pareto
-    shape of the pilot weights is above 0.5 the fit is moved to the weighted pilot draws and tried again; the
-    reported draws are fresh ones. (Vehtari et al., JMLR 25, 2024, for the diagnostic.)
+    A coefficient that may touch zero is a folded score; its posterior has mirror modes, so proposal and
+    target are both folded: nothing is lost at zero, and weights are judged on the coefficient itself. Where
+    the Pareto shape of the pilot weights is above 0.5 the fit is moved to the weighted pilot draws and tried
+    again; the reported draws are fresh ones. (Vehtari et al., JMLR 25, 2024, for the diagnostic.)
     """
 
     name = "importance"
@@ -111,7 +111,7 @@ class Importance(EvidenceMethod):
     ) -> tuple[np.ndarray, np.ndarray]:
         y = proposal.draw(rng, n)
         batch = compiled(target.layout).batch
-        parts = [np.asarray(batch(mode.context, jnp.asarray(c))) for c in np.split(y, n // CHUNK)]  # type: ignore[operator]
+        parts = [np.asarray(batch(mode.context, jnp.asarray(c))) for c in np.split(y, n // CHUNK)]
         density = np.concatenate(parts) + np.sum(proposal.folded) * np.log(2.0)
         return y, np.where(np.isfinite(density), density, -np.inf) - proposal.log_density(y)
 

@@ -14,7 +14,7 @@ from bayesdamp.types import Posterior
 
 @dataclass(frozen=True)
 class Settings:
-    """How long to sample: chains, draws to warm up and to keep in each, and the seed of every random number."""
+    """How long to sample: chains, draws to warm up and to keep in each; the seed of all random numbers."""
 
     chains: int = 4
     warmup: int = 500
@@ -29,7 +29,7 @@ class Sampler(ABC):
 
     @abstractmethod
     def sample(self, target: Target, mode: Mode, settings: Settings) -> Posterior:
-        """Draws in natural units with their diagnostics; the outcome says where they are not to be trusted."""
+        """Draws in natural units with their diagnostics; the outcome says where not to trust them."""
 
 
 def starts(mode: Mode, count: int, seed: int, spread: float = 2.0) -> np.ndarray:

@@ -22,8 +22,8 @@ LONGEST = 40
 class Emcee(Sampler):
     """Goodman and Weare's ensembles with differential-evolution moves; likelihoods in batches.
 
-    Runs two independent ensembles, each of `chains` or more walkers, until each parameter has 1,000 effective draws and the series is fifty
-    autocorrelation times long, or says that it did not get there.
+    Runs two independent ensembles, each of `chains` or more walkers, until each parameter has 1,000
+    effective draws and the series is fifty autocorrelation times long, or says that it did not get there.
     """
 
     name = "emcee"
@@ -37,7 +37,7 @@ class Emcee(Sampler):
         def log_probability(u: np.ndarray) -> np.ndarray:
             z = mode.z + u @ mode.factor.T
             padded = np.concatenate([z, np.repeat(mode.z[None], walkers - len(z), axis=0)])[:walkers]
-            values = np.asarray(batch(mode.context, jnp.asarray(padded)))[: len(z)]  # type: ignore[operator]
+            values = np.asarray(batch(mode.context, jnp.asarray(padded)))[: len(z)]
             return np.where(np.isfinite(values), values, -np.inf)
 
         moves = [
@@ -52,7 +52,7 @@ class Emcee(Sampler):
             state = self._settled(sampler, starts(mode, walkers, settings.seed + 7919 * k), settings.warmup)
             ensembles.append((sampler, state))
 
-        resolved, draws = False, np.empty(0)
+        resolved, draws = False, np.empty((0, 0, 0))
         for _ in range(LONGEST):
             ensembles = [(s, s.run_mcmc(state, settings.draws // 2)) for s, state in ensembles]
             draws = np.concatenate([s.get_chain().swapaxes(0, 1) for s, _ in ensembles])
@@ -67,7 +67,8 @@ class Emcee(Sampler):
         summaries = {n: diagnostics.summarise(v, ensembles=ENSEMBLES) for n, v in full.items()}
         outcome = diagnostics.verdict(summaries)
         if outcome == OK and not resolved:
-            outcome = f"not resolved after {draws.shape[1]} steps: fewer than 50 autocorrelation times or 1,000 draws"
+            short = "fewer than 50 autocorrelation times or 1,000 effective draws"
+            outcome = f"not resolved after {draws.shape[1]} steps: {short}"
         return Posterior(
             sampler=self.name,
             names=target.names,

@@ -30,7 +30,7 @@ from bayesdamp.types import OK, Posterior
 
 @lru_cache(maxsize=32)
 def _chains(layout: Layout, warmup: int, draws: int, exact: bool):
-    """Compiled: all chains of one layout; (context, line, mode, factor, starts, keys) to draws and statistics."""
+    """Compiled, all chains of one layout: (context, line, mode, factor, starts, keys) to draws and so on."""
 
     def potential_of(context: Context, line, z: Array, factor: Array):
         def surrogate(u: Array) -> Array:
@@ -73,9 +73,10 @@ def _chains(layout: Layout, warmup: int, draws: int, exact: bool):
 class Nuts(Sampler):
     """Hoffman and Gelman's NUTS (JMLR 15, 2014) on scores whitened by the Gauss–Newton Hessian at the mode.
 
-    Energies, which decide on acceptance, are exact. The force that moves a proposal may be any function of the
-    position (leapfrog steps stay reversible and keep volume), so it is that of the linearised trajectory, which
-    costs no tangents; where the draws are then not good enough they are taken again with the exact gradient.
+    Energies, which decide on acceptance, are exact. The force that moves a proposal may be any function of
+    the position (leapfrog steps stay reversible and keep volume), so it is that of the linearised
+    trajectory, which costs no tangents; where the draws are then not good enough they are taken again with
+    the exact gradient.
     """
 
     name = "nuts"

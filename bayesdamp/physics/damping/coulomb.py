@@ -11,7 +11,7 @@ from bayesdamp.physics.smooth_sign import smooth_sign
 
 
 class Coulomb(DampingTerm):
-    """F = μ_c tanh(θ̇/ε), μ_c in rad/s². With ε = 0 the sign itself, 0 at rest; sticking is the integrator's."""
+    """F = μ_c tanh(θ̇/ε), μ_c in rad/s². With ε = 0 the sign, 0 at rest; sticking is the integrator's."""
 
     name = "coulomb"
     parameter = "mu_c"

@@ -10,6 +10,9 @@ import numpy as np
 from jax import Array
 from jax.typing import ArrayLike
 
+Scalar = float | Array
+"""A parameter: a number, or an array that broadcasts against the angles."""
+
 
 @dataclass(frozen=True)
 class LinearForm:
@@ -33,7 +36,7 @@ class RestoringLaw(ABC):
     """Whether the law also describes a translation in metres."""
 
     @abstractmethod
-    def force(self, theta: ArrayLike, p: Mapping[str, ArrayLike]) -> Array:
+    def force(self, theta: ArrayLike, p: Mapping[str, Scalar]) -> Array:
         """Restoring force per inertia, rad/s²; θ of any shape, parameters broadcast against it."""
 
     @abstractmethod

@@ -9,7 +9,7 @@ from jax import Array
 from jax import numpy as jnp
 from jax.typing import ArrayLike
 
-from bayesdamp.physics.restoring._law import LinearForm, RestoringLaw
+from bayesdamp.physics.restoring._law import LinearForm, RestoringLaw, Scalar
 
 
 class Duffing(RestoringLaw):
@@ -19,7 +19,7 @@ class Duffing(RestoringLaw):
     parameters = ("stiffness", "rest_angle", "cubic")
     translates = True
 
-    def force(self, theta: ArrayLike, p: Mapping[str, ArrayLike]) -> Array:
+    def force(self, theta: ArrayLike, p: Mapping[str, Scalar]) -> Array:
         x = jnp.asarray(theta) - p["rest_angle"]
         return p["stiffness"] * x + p["cubic"] * x**3
 
@@ -35,7 +35,7 @@ class Duffing(RestoringLaw):
             columns = np.column_stack([powers[n] for n in free]) if free else np.zeros((x.size, 0))
             return LinearForm(columns, offset, lambda c: dict(zip(free, map(float, c))))
 
-        # θ_e free: the cubic in θ has one coefficient more than the law; θ_e is its real root nearest the mean.
+        # θ_e free: the cubic has one coefficient more than the law; θ_e is its real root nearest the mean.
         centre = float(theta.mean())
         x = theta - centre
 

@@ -10,7 +10,7 @@ from jax import Array
 from jax import numpy as jnp
 from jax.typing import ArrayLike
 
-from bayesdamp.physics.restoring._law import LinearForm, RestoringLaw
+from bayesdamp.physics.restoring._law import LinearForm, RestoringLaw, Scalar
 
 
 class HorizontalPendulum(RestoringLaw):
@@ -19,7 +19,7 @@ class HorizontalPendulum(RestoringLaw):
     name = "horizontal_pendulum"
     parameters = ("stiffness", "gravity", "spring_angle")
 
-    def force(self, theta: ArrayLike, p: Mapping[str, ArrayLike]) -> Array:
+    def force(self, theta: ArrayLike, p: Mapping[str, Scalar]) -> Array:
         theta = jnp.asarray(theta)
         return p["stiffness"] * (theta - p["spring_angle"]) - p["gravity"] * jnp.cos(theta)
 

@@ -10,7 +10,7 @@ from jax import Array
 from jax import numpy as jnp
 from jax.typing import ArrayLike
 
-from bayesdamp.physics.restoring._law import LinearForm, RestoringLaw
+from bayesdamp.physics.restoring._law import LinearForm, RestoringLaw, Scalar
 
 
 class Pendulum(RestoringLaw):
@@ -19,7 +19,7 @@ class Pendulum(RestoringLaw):
     name = "pendulum"
     parameters = ("stiffness", "rest_angle")
 
-    def force(self, theta: ArrayLike, p: Mapping[str, ArrayLike]) -> Array:
+    def force(self, theta: ArrayLike, p: Mapping[str, Scalar]) -> Array:
         return p["stiffness"] * jnp.sin(jnp.asarray(theta) - p["rest_angle"])
 
     def start(self, frequency: float, rest: float, known: Mapping[str, float]) -> dict[str, float]:

@@ -1,0 +1,351 @@
+"""What each kind of cell of a study computes; each reads what it needs from the store and writes one result."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import time
+import zlib
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from bayesdamp import __version__
+from bayesdamp.config import Recording, SignalSpec, Simulation, Study
+from bayesdamp.estimators import run as run_estimator
+from bayesdamp.estimators.shared import noise_level
+from bayesdamp.inference import diagnostics
+from bayesdamp.inference.build import build_target
+from bayesdamp.inference.checks import check_fit, value_sds
+from bayesdamp.inference.defaults import EPSILON_SHARE, Reference
+from bayesdamp.inference.derived import natural_frequency
+from bayesdamp.inference.evidence import EVIDENCES
+from bayesdamp.inference.mode import Mode, find_mode, restore_mode
+from bayesdamp.inference.samplers import SAMPLERS, Settings
+from bayesdamp.inference.target import Target
+from bayesdamp.physics.damping import parse_model
+from bayesdamp.physics.oscillator import Oscillator
+from bayesdamp.physics.restoring import LAWS
+from bayesdamp.signals.clean import clean
+from bayesdamp.signals.features import Features, features
+from bayesdamp.signals.read import read_record
+from bayesdamp.signals.simulate import simulate_signal
+from bayesdamp.store import CellResult, Store, sha256
+from bayesdamp.types import OK, InputError, Problem, Refusal, Signal, System
+from bayesdamp.units import parameter_unit
+
+NO_NOISE = 1e-6
+"""Noise below this share of the amplitude is none: a likelihood has nothing to weigh by."""
+NOT_APPLICABLE = "not applicable: the record has no noise, so there is no posterior"
+RAW_POINTS = 20_000
+
+
+def digest(*parts: object) -> str:
+    """A key for what a result depends on."""
+    return hashlib.sha256(json.dumps([__version__, *parts], sort_keys=True, default=str).encode()).hexdigest()
+
+
+def cell_seed(study: Study, name: str) -> int:
+    """The seed of one cell: a function of the study's seed and the cell's name."""
+    return int(np.random.SeedSequence([study.seed, zlib.crc32(name.encode())]).generate_state(1)[0])
+
+
+def plain_seconds(began: float) -> float:
+    return time.perf_counter() - began
+
+
+class SignalCell:
+    """One record: read or simulated, cleaned, with its features and what is known of its system."""
+
+    def __init__(self, study: Study, spec: SignalSpec, repeat: int, store: Store) -> None:
+        self.study, self.spec, self.repeat, self.store = study, spec, repeat, store
+        self.name = f"signal/{spec.name}/{repeat}"
+
+    @cached_property
+    def key(self) -> str:
+        source = self.spec.source
+        content = sha256(source.path) if isinstance(source, Recording) else ""
+        shown = next(s for s in self.study.resolved()["signals"] if s["name"] == self.spec.name)
+        return digest("signal", self.study.seed, shown, self.repeat, content)
+
+    def compute(self) -> None:
+        began = time.perf_counter()
+        source, arrays = self.spec.source, {}
+        if isinstance(source, Simulation):
+            signal = self._simulated(source)
+        else:
+            raw = read_record(source.path, time=source.time, value=source.angle, rate=source.rate)
+            try:
+                signal = clean(
+                    raw,
+                    name=self.spec.name,
+                    unit=source.unit,
+                    quantity=source.quantity,
+                    clock=source.clock,
+                    start=source.start,
+                    stop=source.stop,
+                )
+            except InputError as error:
+                raise InputError(f"{source.file}: {error}") from None
+            arrays = _raw(raw.t, raw.y, source)
+        meta = {
+            "provenance": dict(signal.provenance),
+            "unit": signal.unit,
+            "quantity": signal.quantity,
+            "step": signal.step,
+            "name": signal.name,
+            **self._known(signal),
+        }
+        arrays |= {"t": signal.t, "y": signal.y}
+        self.store.write(CellResult(self.name, self.key, meta, arrays, OK, plain_seconds(began)))
+
+    def _simulated(self, source: Simulation) -> Signal:
+        truth = dict(source.truth)
+        law = self.spec.system.restoring
+        quiet = {k: truth.get(k) for k in ("noise_time", "noise_dof") if k in truth}
+        return simulate_signal(
+            Oscillator(source.damping, law),
+            truth,
+            duration=source.duration,
+            samples=source.samples,
+            noise_sd=truth.get("noise_sd", 0.0),
+            noise=source.noise,
+            outliers=source.outliers,
+            gaps=source.gaps,
+            quantum=source.quantum,
+            quantity=source.quantity,
+            unit=source.unit,
+            name=self.spec.name,
+            rng=np.random.default_rng(cell_seed(self.study, self.name)),
+            **quiet,
+        )
+
+    def _known(self, signal: Signal) -> dict[str, Any]:
+        """Features, the reference of the priors, ε where it was not given, and whether there is noise."""
+        try:
+            seen = features(signal)
+        except Refusal as refusal:
+            raise InputError(f"signal {self.spec.name}: {refusal}") from None
+        reference = _reference(self.spec.system, seen)
+        known, note = dict(self.spec.system.known), ""
+        if "epsilon" not in known and "epsilon" not in self.spec.system.free:
+            known["epsilon"] = EPSILON_SHARE * reference.peak_velocity
+            note = f"ε was not given: 2 % of the peak velocity, {known['epsilon']:.3g} {signal.unit}/s."
+        shown = {k: v for k, v in asdict(seen).items() if not isinstance(v, np.ndarray)}
+        size = float(np.abs(seen.turning_amplitudes).max())
+        return {
+            "features": shown,
+            "reference": asdict(reference),
+            "known": known,
+            "epsilon_note": note,
+            "noisy": bool(noise_level(signal) > NO_NOISE * size),
+        }
+
+
+def _reference(system: System, seen: Features) -> Reference:
+    """Amplitude and frequency that prior widths scale with: given, else from the system, else the record's."""
+    amplitude, frequency = system.amplitude, system.frequency
+    law = LAWS.get(system.restoring)
+    if all(n in system.known for n in law.parameters):
+        osc = Oscillator(("viscous",), system.restoring)
+        if frequency is None:
+            frequency = osc.natural_frequency(system.known, seen.rest)
+        if amplitude is None and "theta0" in system.known:
+            amplitude = abs(system.known["theta0"] - osc.equilibrium(system.known, seen.rest)) or None
+    rounded = {"amplitude": float(f"{seen.amplitude:.1e}"), "frequency": float(f"{seen.frequency:.1e}")}
+    return Reference(amplitude or rounded["amplitude"], frequency or rounded["frequency"])
+
+
+def _raw(t: np.ndarray | None, y: np.ndarray, source: Recording) -> dict[str, np.ndarray]:
+    """The record as it was, thinned for the picture: times of the file, values in SI."""
+    times = np.arange(y.size) / source.rate if t is None and source.rate else t
+    every = max(1, y.size // RAW_POINTS)
+    scale = {"deg": np.pi / 180, "mm": 1e-3}.get(source.unit, 1.0)
+    return {} if times is None else {"raw_t": np.asarray(times)[::every], "raw_y": y[::every] * scale}
+
+
+class Branch:
+    """One damping model on one record: its estimates, mode, posteriors and evidence, each a cell."""
+
+    def __init__(self, study: Study, spec: SignalSpec, repeat: int, model: str, store: Store) -> None:
+        self.study, self.spec, self.repeat, self.model, self.store = study, spec, repeat, model, store
+        self.terms = parse_model(model)
+        self.parent = SignalCell(study, spec, repeat, store)
+        self.path = f"{spec.name}/{repeat}/{model}"
+
+    def cells(self) -> dict[str, tuple[str, Callable[[str, str], None]]]:
+        """Name of each cell to its key and what computes it, in an order in which they can run."""
+        found: dict[str, tuple[str, Callable[[str, str], None]]] = {}
+        use = self.study.estimators
+        chosen = {n: dict(use.options.get(n, {})) for n in use.use}
+        for name, options in chosen.items():
+            key = digest("estimate", self.parent.key, self.model, name, use.stages, options)
+            found[f"estimate/{self.path}/{name}"] = (key, self.estimate)
+        if not (self.study.posterior.samplers or self.study.evidence.methods):
+            return found
+        priors = {t: str(self.study.models.prior.get(t)) for t in self.terms}
+        noise = self.study.posterior.noise
+        mode_key = digest("mode", self.parent.key, self.model, noise, priors, use.stages, chosen)
+        found[f"mode/{self.path}"] = (mode_key, self.mode)
+        settings = self.study.posterior
+        for name in settings.samplers:
+            key = digest("posterior", mode_key, name, settings.chains, settings.warmup, settings.draws)
+            found[f"posterior/{self.path}/{name}"] = (key, self.posterior)
+        for name in self.study.evidence.methods:
+            found[f"evidence/{self.path}/{name}"] = (digest("evidence", mode_key, name), self.evidence)
+        return found
+
+    @cached_property
+    def _parent_result(self) -> CellResult:
+        return self.store.read(self.parent.name)
+
+    @cached_property
+    def signal(self) -> Signal:
+        r = self._parent_result
+        m = r.meta
+        return Signal(
+            r.arrays["t"], r.arrays["y"], m["quantity"], m["unit"], m["name"], m["step"], m["provenance"]
+        )
+
+    @cached_property
+    def seen(self) -> Features:
+        return features(self.signal)
+
+    @cached_property
+    def system(self) -> System:
+        return replace(self.spec.system, known=self._parent_result.meta["known"])
+
+    @cached_property
+    def target(self) -> Target:
+        priors = {t: p for t, p in self.study.models.prior.items() if t in self.terms}
+        return build_target(
+            self.signal,
+            self.terms,
+            self.system,
+            self.seen,
+            Reference(**self._parent_result.meta["reference"]),
+            noise=self.study.posterior.noise,
+            term_priors=priors,
+        )
+
+    @cached_property
+    def _mode(self) -> Mode:
+        found = self.store.read(f"mode/{self.path}")
+        if found.outcome != OK:
+            raise Refusal(found.outcome)
+        m = found.meta
+        return restore_mode(
+            self.target, found.arrays["z"], m["log_posterior"], found.arrays["information"], m["tolerance"]
+        )
+
+    def estimate(self, name: str, key: str) -> None:
+        began = time.perf_counter()
+        method, use = name.rsplit("/", 1)[1], self.study.estimators
+        found = run_estimator(
+            method,
+            self.signal,
+            Problem(self.terms, self.system),
+            options=use.options.get(method),
+            stages=use.stages,
+            seed=cell_seed(self.study, name),
+        )
+        stages = [{k: v for k, v in asdict(e).items() if k not in ("trace", "estimator")} for e in found]
+        trace = {f"{e.stage}/{n}": np.asarray(v) for e in found for n, v in e.trace.items()}
+        self.store.write(CellResult(name, key, {"stages": stages}, trace, OK, plain_seconds(began)))
+
+    def _seeds(self) -> dict[str, Mapping[str, float]]:
+        """The last stage of every estimator that has values; with none in the study, least squares'."""
+        seeds: dict[str, Mapping[str, float]] = {}
+        for method in self.study.estimators.use:
+            for stage in self.store.read(f"estimate/{self.path}/{method}").meta.get("stages", []):
+                if stage["values"]:
+                    seeds[method] = stage["values"]
+        if not seeds:
+            for e in run_estimator("least_squares", self.signal, Problem(self.terms, self.system), seed=0):
+                if e.values:
+                    seeds["least_squares"] = e.values
+        if not seeds:
+            raise Refusal("no estimator found a place to start from")
+        return seeds
+
+    def mode(self, name: str, key: str) -> None:
+        began = time.perf_counter()
+        if not self._parent_result.meta["noisy"]:
+            self.store.write(CellResult(name, key, outcome=NOT_APPLICABLE))
+            return
+        try:
+            mode = find_mode(self.target, self._seeds(), noise_level=self.seen.roughness)
+        except Refusal as refusal:
+            self.store.write(CellResult(name, key, outcome=str(refusal), seconds=plain_seconds(began)))
+            return
+        fit = check_fit(self.target, mode, self.seen.period, cell_seed(self.study, name))
+        checks = ("fit", "residual", "whitened", "autocorrelation")
+        meta = {
+            "values": {n: float(v) for n, v in self.target.values(mode.z).items()},
+            "sd": value_sds(self.target, mode.z, np.linalg.inv(mode.information)),
+            "known": dict(self.target.known),
+            "priors": {n: p.describe() for n, p in self.target.priors.items()},
+            "log_posterior": mode.log_posterior,
+            "tolerance": mode.tolerance,
+            "error_budget": {
+                "step_error": mode.step_error,
+                "log_likelihood_change": mode.likelihood_error,
+            },
+            "climbs": [{k: v for k, v in asdict(c).items() if k != "z"} for c in mode.climbs],
+            "windows": [asdict(w) for w in fit.windows],
+            **{k: v for k, v in asdict(fit).items() if k not in (*checks, "windows")},
+        }
+        arrays = {"t": self.signal.t, "z": mode.z, "information": mode.information}
+        arrays |= {k: getattr(fit, k) for k in checks}
+        self.store.write(CellResult(name, key, meta, arrays, OK, plain_seconds(began)))
+
+    def posterior(self, name: str, key: str) -> None:
+        sampler, s = name.rsplit("/", 1)[1], self.study.posterior
+        try:
+            mode = self._mode
+        except Refusal as refusal:
+            self.store.write(CellResult(name, key, outcome=str(refusal)))
+            return
+        settings = Settings(s.chains, s.warmup, s.draws, cell_seed(self.study, name) % 2**31)
+        found = SAMPLERS.get(sampler).sample(self.target, mode, settings)
+        file = self.store.folder / "posterior" / f"{self.path.replace('/', '.')}.{sampler}.nc"
+        _save_whole(found, file)
+        summary = dict(found.diagnostics["summary"])  # type: ignore[call-overload]
+        draws, names = found.draws, list(found.names)
+        if set(self.target.oscillator.law.parameters) & set(names):
+            values = {**self.target.known, **{n: draws[..., i] for i, n in enumerate(names)}}
+            frequency = natural_frequency(self.target.oscillator, values, self.seen.rest)
+            if np.all(np.isfinite(frequency)):
+                groups = found.diagnostics.get("ensembles")
+                summary["natural_frequency"] = diagnostics.summarise(frequency, groups)  # type: ignore[arg-type]
+        sig = self.signal
+        meta = {
+            "names": names,
+            "units": {n: parameter_unit(n, self.system.restoring, sig.unit, sig.quantity) for n in summary},
+            "summary": summary,
+            "diagnostics": {k: v for k, v in found.diagnostics.items() if k != "summary"},
+            "file": file.relative_to(self.store.folder).as_posix(),
+        }
+        self.store.write(CellResult(name, key, meta, {"draws": draws}, found.outcome, found.seconds))
+
+    def evidence(self, name: str, key: str) -> None:
+        try:
+            mode = self._mode
+        except Refusal as refusal:
+            self.store.write(CellResult(name, key, outcome=str(refusal)))
+            return
+        method = EVIDENCES.get(name.rsplit("/", 1)[1])
+        found = method.evidence(self.model, self.target, mode, cell_seed(self.study, name))
+        self.store.write(CellResult(name, key, asdict(found), {}, found.outcome, found.seconds))
+
+
+def _save_whole(posterior: Any, file: Path) -> None:
+    """Write the netCDF beside its place and move it there, so that a kill leaves no part of it."""
+    file.parent.mkdir(parents=True, exist_ok=True)
+    partial = file.with_name(f".{file.name}.tmp")
+    diagnostics.save(posterior, partial)
+    partial.replace(file)

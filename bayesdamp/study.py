@@ -1,0 +1,225 @@
+"""The whole pipeline: a study as a graph of independent, named cells, run and resumed."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+from collections.abc import Callable, Iterator
+from concurrent.futures import Executor, ProcessPoolExecutor, as_completed
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+import jax
+from platformdirs import user_cache_dir
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
+from bayesdamp.cells import Branch, SignalCell
+from bayesdamp.config import Recording, SignalSpec, Study
+from bayesdamp.report import render
+from bayesdamp.store import CellResult, Store
+from bayesdamp.tables import write_tables
+from bayesdamp.types import InputError
+
+DONE, WRONG_CELLS = 0, 3
+
+
+@dataclass(frozen=True)
+class Cell:
+    """One unit of work, by its name, such as `posterior/bench/0/viscous/nuts`."""
+
+    name: str
+
+
+@dataclass(frozen=True)
+class Job:
+    """What one worker does in a row: a record itself (model None), or one model's branch on it."""
+
+    signal: str
+    repeat: int
+    model: str | None = None
+
+
+def cells(study: Study) -> list[Cell]:
+    """Every cell of a study, in an order in which they could run. Nothing is computed."""
+    store = Store(Path("."))
+    found: list[Cell] = []
+    for job in _jobs(study):
+        found += [Cell(name) for name in _work(study, store, job)]
+    return found
+
+
+def run_study(
+    study: Study,
+    out: Path,
+    workers: int = 1,
+    scheduler: str | None = None,
+    fresh: bool = False,
+    console: Console | None = None,
+) -> int:
+    """Run what `out` does not hold yet, write tables and report; the exit status (0, or 3 with failed cells).
+
+    workers: processes on this machine; scheduler: address of a Dask scheduler in their place.
+    Raises InputError where the input is wrong; every record is read before anything is written.
+    """
+    console = console or Console(stderr=True)
+    _read_inputs(study)
+    store = Store(out)
+    with store.lock():
+        if fresh:
+            store.clear()
+        jobs = _jobs(study)
+        with _progress(console) as progress:
+            names = [name for job in jobs for name in _work(study, store, job)]
+            bar = progress.add_task(study.name, total=len(names))
+
+            def advance(done: list[str]) -> None:
+                progress.update(bar, advance=len(done), description=done[-1] if done else study.name)
+
+            _run_jobs(study, store, jobs, workers, scheduler, advance)
+            progress.update(bar, description="report")
+            write_tables(study, store)
+            render(out)
+        failed = [(n, c.outcome) for n, c in _results(store, names) if c.outcome.startswith("failed: ")]
+        for name, outcome in failed:
+            console.print(f"{name}: {outcome}", style="red", highlight=False)
+        return WRONG_CELLS if failed else DONE
+
+
+def _jobs(study: Study) -> list[Job]:
+    records = [(s.name, r) for s in study.signals for r in range(s.repeats)]
+    first = [Job(name, r) for name, r in records]
+    return first + [Job(name, r, m) for name, r in records for m in study.models.compare]
+
+
+def _spec(study: Study, name: str) -> SignalSpec:
+    return next(s for s in study.signals if s.name == name)
+
+
+def _work(study: Study, store: Store, job: Job) -> dict[str, tuple[str, Callable[[str, str], None]]]:
+    """The cells of a job: name to key and what computes it."""
+    spec = _spec(study, job.signal)
+    if job.model is None:
+        cell = SignalCell(study, spec, job.repeat, store)
+        return {cell.name: (cell.key, lambda *_: cell.compute())}
+    return Branch(study, spec, job.repeat, job.model, store).cells()
+
+
+def _read_inputs(study: Study) -> None:
+    """Read every file once, so that a wrong one is told before anything is written."""
+    from bayesdamp.signals.clean import clean
+    from bayesdamp.signals.read import read_record
+
+    for spec in study.signals:
+        source = spec.source
+        if not isinstance(source, Recording):
+            continue
+        try:
+            raw = read_record(source.path, time=source.time, value=source.angle, rate=source.rate)
+            options = {k: getattr(source, k) for k in ("unit", "quantity", "clock", "start", "stop")}
+            clean(raw, name=spec.name, **options)
+        except InputError as error:
+            text = str(error)
+            where = "" if source.file in text or str(source.path) in text else f"{source.file}: "
+            raise InputError(f"{where}{text}") from None
+
+
+def _run_job(study: Study, folder: Path, job: Job) -> list[str]:
+    """Compute the cells of a job that the folder lacks; a cell that fails is stored with what went wrong."""
+    _cache_compilations()
+    store = Store(folder)
+    done = []
+    for name, (key, compute) in _work(study, store, job).items():
+        if not store.has(name, key):
+            try:
+                compute(name, key)
+            except (InputError, KeyboardInterrupt):
+                raise
+            except Exception as fault:
+                if os.environ.get("BAYESDAMP_DEBUG"):
+                    raise
+                first = str(fault).strip().splitlines()
+                text = f"failed: {type(fault).__name__}: {first[0] if first else ''}"
+                store.write(CellResult(name, key, outcome=text))
+        done.append(name)
+    return done
+
+
+def _run_jobs(
+    study: Study,
+    store: Store,
+    jobs: list[Job],
+    workers: int,
+    scheduler: str | None,
+    advance: Callable[[list[str]], None],
+) -> None:
+    if workers == 1 and scheduler is None:
+        for job in jobs:
+            advance(_run_job(study, store.folder, job))
+        return
+    with _executor(workers, scheduler) as pool:
+        # Records first: every branch reads its record from the store.
+        for stage in ([j for j in jobs if j.model is None], [j for j in jobs if j.model is not None]):
+            futures = [pool.submit(_run_job, study, store.folder.resolve(), job) for job in stage]
+            try:
+                for future in as_completed(futures):
+                    advance(future.result())
+            except BaseException:
+                for future in futures:
+                    future.cancel()
+                raise
+
+
+@contextmanager
+def _executor(workers: int, scheduler: str | None) -> Iterator[Executor]:
+    if scheduler is not None:
+        try:
+            from distributed import Client
+        except ImportError:
+            raise InputError(
+                "--scheduler needs dask.distributed: install bayesdamp[cluster], or use --workers"
+            ) from None
+        try:
+            client = Client(scheduler, timeout=10)
+        except (OSError, ValueError) as error:
+            raise InputError(f"--scheduler {scheduler}: no Dask scheduler answers there ({error})") from None
+        with client, client.get_executor() as pool:
+            yield pool
+        return
+    # Spawned, not forked (JAX has started), and one thread each: the processes share the cores.
+    before = dict(os.environ)
+    os.environ["OMP_NUM_THREADS"] = "1"
+    os.environ["XLA_FLAGS"] = f"{before.get('XLA_FLAGS', '')} --xla_cpu_multi_thread_eigen=false".strip()
+    pool = ProcessPoolExecutor(workers, mp_context=multiprocessing.get_context("spawn"))
+    try:
+        yield pool
+    finally:
+        pool.shutdown(wait=True, cancel_futures=True)
+        os.environ.clear()
+        os.environ.update(before)
+
+
+def _results(store: Store, names: list[str]) -> Iterator[tuple[str, CellResult]]:
+    for name in names:
+        try:
+            yield name, store.read(name)
+        except KeyError:
+            continue
+
+
+def _progress(console: Console) -> Progress:
+    return Progress(
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeElapsedColumn(),
+        console=console,
+    )
+
+
+def _cache_compilations() -> None:
+    """Keep compiled programs in the user's cache folder, shared by all runs."""
+    jax.config.update("jax_compilation_cache_dir", user_cache_dir("bayesdamp"))
+    jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.2)
+    jax.config.update("jax_persistent_cache_min_entry_size_bytes", -1)

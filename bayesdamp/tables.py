@@ -1,0 +1,212 @@
+"""The four tables and run.json, from a run's cells."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from bayesdamp.config import Recording, SignalSpec, Simulation, Study
+from bayesdamp.physics.oscillator import Oscillator
+from bayesdamp.store import TABLES, CellResult, Store, provenance, write_json, write_table
+from bayesdamp.types import OK
+from bayesdamp.units import parameter_unit, quantity_unit
+
+Row = dict[str, Any]
+
+
+def write_tables(study: Study, store: Store) -> None:
+    """All tables of a run and its run.json; rows in the order of signals, repeats and models."""
+    for name, rows in (
+        ("estimates.csv", _estimates(study, store)),
+        ("posteriors.csv", _posteriors(study, store)),
+        ("evidence.csv", _evidence(study, store)),
+        ("fits.csv", _fits(study, store)),
+    ):
+        write_table(store.folder / name, TABLES[name], rows)
+    write_json(store.folder / "run.json", _run(study, store))
+
+
+def _records(study: Study) -> Iterator[tuple[SignalSpec, int]]:
+    for spec in study.signals:
+        for repeat in range(spec.repeats):
+            yield spec, repeat
+
+
+def _branches(study: Study) -> Iterator[tuple[SignalSpec, int, str, Row]]:
+    for spec, repeat in _records(study):
+        for model in study.models.compare:
+            yield spec, repeat, model, {"signal": spec.name, "repeat": repeat, "model": model}
+
+
+def _read(store: Store, name: str) -> CellResult | None:
+    try:
+        return store.read(name)
+    except KeyError:
+        return None
+
+
+def _unit(spec: SignalSpec, name: str) -> str:
+    unit = {"deg": "rad", "mm": "m"}.get(spec.source.unit, spec.source.unit)
+    return parameter_unit(name, spec.system.restoring, unit, spec.source.quantity)
+
+
+def _truth(spec: SignalSpec, name: str) -> float:
+    """The true value of a simulated record's parameter; an absent damping term's is 0."""
+    if not isinstance(spec.source, Simulation):
+        return math.nan
+    truth = {**spec.system.known, **spec.source.truth}
+    return float(truth.get(name, 0.0 if name.startswith(("zeta", "mu_")) else math.nan))
+
+
+def _estimates(study: Study, store: Store) -> Iterator[Row]:
+    for spec, repeat, model, head in _branches(study):
+        for method in study.estimators.use:
+            cell = _read(store, f"estimate/{spec.name}/{repeat}/{model}/{method}")
+            if cell is None:
+                continue
+            if cell.outcome != OK:
+                yield {**head, "estimator": method, "outcome": cell.outcome}
+            for stage in cell.meta.get("stages", []):
+                common = {**head, "estimator": method, "stage": stage["stage"], "outcome": stage["outcome"]}
+                common |= {"evaluations": stage["evaluations"], "seconds": stage["seconds"]}
+                if not stage["values"]:
+                    yield common
+                for name, value in stage["values"].items():
+                    truth = _truth(spec, name)
+                    error = 100 * abs(value - truth) / abs(truth) if truth else math.nan
+                    yield {
+                        **common,
+                        "parameter": name,
+                        "unit": _unit(spec, name),
+                        "value": value,
+                        "stderr": stage["stderr"].get(name, math.nan),
+                        "truth": truth,
+                        "error_pct": error,
+                    }
+
+
+def _posteriors(study: Study, store: Store) -> Iterator[Row]:
+    for spec, repeat, model, head in _branches(study):
+        for sampler in study.posterior.samplers:
+            cell = _read(store, f"posterior/{spec.name}/{repeat}/{model}/{sampler}")
+            if cell is None:
+                continue
+            common = {**head, "sampler": sampler, "seconds": cell.seconds, "outcome": cell.outcome}
+            summary = cell.meta.get("summary", {})
+            if not summary:
+                yield common
+            common["divergences"] = cell.meta.get("diagnostics", {}).get("divergences")
+            for name, s in summary.items():
+                yield {**common, "parameter": name, "unit": cell.meta["units"][name], **s}
+
+
+def _evidence(study: Study, store: Store) -> Iterator[Row]:
+    for spec, repeat in _records(study):
+        for method in study.evidence.methods:
+            cells = {
+                m: _read(store, f"evidence/{spec.name}/{repeat}/{m}/{method}") for m in study.models.compare
+            }
+            logs = {m: c.meta["log_evidence"] for m, c in cells.items() if c and "log_evidence" in c.meta}
+            finite = [v for v in logs.values() if np.isfinite(v)]
+            best = max(finite, default=math.nan)
+            total = sum(math.exp(v - best) for v in finite)
+            for model, cell in cells.items():
+                if cell is None:
+                    continue
+                found = logs.get(model, math.nan)
+                yield {
+                    "signal": spec.name,
+                    "repeat": repeat,
+                    "model": model,
+                    "restoring": spec.system.restoring,
+                    "method": method,
+                    "log_evidence": found,
+                    "stderr": cell.meta.get("stderr", math.nan),
+                    "log_bayes_factor": found - best,
+                    # every model of the comparison must have its evidence before it has a share
+                    "probability": math.exp(found - best) / total if len(finite) == len(cells) else math.nan,
+                    "diagnostic": cell.meta.get("diagnostic", ""),
+                    "outcome": cell.outcome,
+                }
+
+
+def _fits(study: Study, store: Store) -> Iterator[Row]:
+    for spec, repeat, model, head in _branches(study):
+        cell = _read(store, f"mode/{spec.name}/{repeat}/{model}")
+        if cell is None:
+            continue
+        row = {**head, "restoring": spec.system.restoring}
+        if cell.outcome != OK:
+            yield {**row, "verdict": cell.outcome}
+            continue
+        factor = {"deg": 180 / math.pi, "mm": 1e3}.get(spec.source.unit, 1.0)
+        yield {
+            **row,
+            "rms": cell.meta["rms"] * factor,
+            "rms_unit": quantity_unit(spec.source.unit, spec.source.quantity),
+            **{
+                k: cell.meta[k]
+                for k in ("residual_autocorrelation", "window_spread", "predictive_p", "verdict")
+            },
+        }
+
+
+def _run(study: Study, store: Store) -> Row:
+    files = [s.source.path for s in study.signals if isinstance(s.source, Recording)]
+    about, seconds, priors, budget = {}, {}, {}, {}
+    for name in store.names():
+        cell = _read(store, name)
+        if cell:
+            seconds[name] = cell.seconds
+    for spec in study.signals:
+        cell = _read(store, f"signal/{spec.name}/0")
+        if cell is None:
+            continue
+        done = cell.meta["provenance"]
+        about[spec.name] = {
+            **done,
+            "unit": quantity_unit(spec.source.unit, spec.source.quantity),
+            "quantity": spec.source.quantity,
+            "simulated": isinstance(spec.source, Simulation),
+            "epsilon_note": cell.meta["epsilon_note"],
+            "reference": cell.meta["reference"],
+            "features": cell.meta["features"],
+        }
+        modes = {m: _read(store, f"mode/{spec.name}/0/{m}") for m in study.models.compare}
+        priors[spec.name] = {m: c.meta.get("priors", {}) for m, c in modes.items() if c}
+        budget[spec.name] = {m: c.meta.get("error_budget", {}) for m, c in modes.items() if c}
+    found = provenance(files)
+    found["inputs"] = {
+        s.source.file: found["inputs"][str(s.source.path)]
+        for s in study.signals
+        if isinstance(s.source, Recording)
+    }
+    return {
+        "name": study.name,
+        "description": study.description,
+        "seed": study.seed,
+        "study": study.resolved(),
+        **found,
+        "seconds": seconds,
+        "signals": about,
+        "priors": priors,
+        "models": list(study.models.compare),
+        "error_budget": budget,
+        "equilibrium": {s.name: _equilibrium(s, store) for s in study.signals},
+    }
+
+
+def _equilibrium(spec: SignalSpec, store: Store) -> Row:
+    """The derived equilibrium and natural frequency, where the whole restoring law is known."""
+    cell = _read(store, f"signal/{spec.name}/0")
+    law = Oscillator(("viscous",), spec.system.restoring)
+    if cell is None or not all(n in spec.system.known for n in law.law.parameters):
+        return {}
+    near = cell.meta["features"]["rest"]
+    return {
+        "equilibrium": law.equilibrium(spec.system.known, near),
+        "natural_frequency": law.natural_frequency(spec.system.known, near),
+    }

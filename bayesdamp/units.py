@@ -1,0 +1,26 @@
+"""Units of parameters, for an angle in rad or a displacement in m."""
+
+from __future__ import annotations
+
+from bayesdamp.physics.damping import TERMS
+from bayesdamp.physics.restoring import LAWS
+
+_PER = {"angle": "", "velocity": "/s", "acceleration": "/s²"}
+
+
+def quantity_unit(unit: str, quantity: str) -> str:
+    """Unit of the recorded quantity where the displacement has this unit."""
+    return unit + _PER[quantity]
+
+
+def parameter_unit(name: str, restoring: str, unit: str = "rad", quantity: str = "angle") -> str:
+    """Unit of a parameter of an oscillator with this restoring law, recorded as this quantity."""
+    if name == "noise_sd":
+        return quantity_unit(unit, quantity)
+    fixed = {"theta0": "rad", "omega0": "rad/s", "epsilon": "rad/s", "noise_time": "s", "noise_dof": "1"}
+    if name == "natural_frequency":
+        return "rad/s"
+    for term in map(TERMS.get, TERMS.names()):
+        fixed[term.parameter] = term.unit
+    found = fixed.get(name) or LAWS.get(restoring).unit(name)
+    return found.replace("rad", unit)
