@@ -20,6 +20,7 @@ from bayesdamp.physics.hermite import basis
 from bayesdamp.physics.mesh import frozen_mesh
 from bayesdamp.physics.oscillator import Oscillator, Parameters
 from bayesdamp.physics.stepper import step
+from bayesdamp.physics.tableau import ORDER
 
 FIRST_RESOLUTION = 0.6
 QUANTITIES = ("angle", "velocity", "acceleration")
@@ -116,6 +117,7 @@ def plan_with_error(
     p = {name: jnp.asarray(float(p[name])) for name in osc.parameters}
     run = compiled_record(osc)
     resolution, best = FIRST_RESOLUTION, None
+    order = ORDER - QUANTITIES.index(quantity)  # each derivative of the dense output costs one
     for _ in range(6):
         coarse, fine = _pair(osc, p, times, quantity, resolution)
         change = float(jnp.max(jnp.abs(run(coarse, p) - run(fine, p))))
@@ -123,8 +125,9 @@ def plan_with_error(
             return coarse, change
         if best is not None and change > 0.5 * best[1]:
             break  # rounding has been reached
-        best = (fine, change / 32) if best is None or change / 32 < best[1] else best
-        resolution *= min(max(1.1 * (change / tolerance) ** (1 / 6), 1.15), 4.0)
+        finer = change / 2 ** (order - 1)
+        best = (fine, finer) if best is None or finer < best[1] else best
+        resolution *= min(max(1.1 * (change / tolerance) ** (1 / order), 1.15), 4.0)
     assert best is not None
     return best
 
