@@ -37,7 +37,9 @@ def study(
     out: Annotated[
         Path | None, typer.Option(help="The run's folder; reports/NAME where it is not given.")
     ] = None,
-    workers: Annotated[int, typer.Option(min=1, help="Cells that run at the same time.")] = 1,
+    workers: Annotated[
+        int | None, typer.Option(min=1, help="Processes; as many as there are cores where it is not given.")
+    ] = None,
     scheduler: Annotated[str | None, typer.Option(help="Address of a Dask scheduler to run on.")] = None,
     fresh: Annotated[bool, typer.Option("--fresh", help="Compute everything again.")] = False,
 ) -> int:

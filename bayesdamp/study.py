@@ -53,14 +53,14 @@ def cells(study: Study) -> list[Cell]:
 def run_study(
     study: Study,
     out: Path,
-    workers: int = 1,
+    workers: int | None = None,
     scheduler: str | None = None,
     fresh: bool = False,
     console: Console | None = None,
 ) -> int:
     """Run what `out` does not hold yet, write tables and report; the exit status (0, or 3 with failed cells).
 
-    workers: processes on this machine; scheduler: address of a Dask scheduler in their place.
+    workers: processes on this machine, None for as many as cores and branches; scheduler: address of a Dask scheduler in their place.
     Raises InputError where the input is wrong; every record is read before anything is written.
     """
     console = console or Console(stderr=True)
@@ -70,6 +70,8 @@ def run_study(
         if fresh:
             store.clear()
         jobs = _jobs(study)
+        branches = sum(job.model is not None for job in jobs)
+        workers = workers or max(1, min(len(os.sched_getaffinity(0)), branches))
         with _progress(console) as progress:
             names = [name for job in jobs for name in _work(study, store, job)]
             bar = progress.add_task(study.name, total=len(names))
@@ -131,7 +133,7 @@ def _run_job(study: Study, folder: Path, job: Job) -> list[str]:
     store = Store(folder)
     done = []
     for name, (key, compute) in _work(study, store, job).items():
-        if not store.has(name, key):
+        if not _done(store, name, key):
             try:
                 compute(name, key)
             except (InputError, KeyboardInterrupt):
@@ -144,6 +146,15 @@ def _run_job(study: Study, folder: Path, job: Job) -> list[str]:
                 store.write(CellResult(name, key, outcome=text))
         done.append(name)
     return done
+
+
+def _done(store: Store, name: str, key: str) -> bool:
+    """Whether a cell has its result; one that failed is tried again."""
+    try:
+        found = store.read(name)
+    except KeyError:
+        return False
+    return found.key == key and not found.outcome.startswith("failed: ")
 
 
 def _run_jobs(

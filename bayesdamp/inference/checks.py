@@ -98,12 +98,12 @@ def check_fit(target: Target, mode: Mode, period: float, seed: int) -> Fit:
     # Not-a-number (a draw that escapes) counts as a misfit.
     p = float((1 + np.sum(replicated >= np.nan_to_num(observed, nan=np.inf))) / (DRAWS + 1))
     windows, spread, z = _windows(target, mode)
-    lag_one = float(autocorrelation(white, 1)[1])
+    lag_one = float(autocorrelation(r, 1)[1])
     return Fit(
         fit=target.signal.y - r,
         residual=r,
         whitened=white,
-        autocorrelation=autocorrelation(r, min(3 * lags, n // 2)),
+        autocorrelation=autocorrelation(white, min(3 * lags, n // 2)),
         rms=float(np.sqrt(np.mean(r**2))),
         residual_autocorrelation=lag_one,
         predictive_p=p,

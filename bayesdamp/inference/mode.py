@@ -109,7 +109,8 @@ def find_mode(target: Target, seeds: Mapping[str, Mapping[str, float]], *, noise
     """
     layout = target.layout
     n = target.signal.t.size
-    tolerance = 0.05 * noise_level / np.sqrt(n)
+    # A first guess; `_settle` measures what the steps do to the likelihood and shortens them where they must be.
+    tolerance = 0.5 * noise_level / np.sqrt(n)
     climbs: list[Climb] = []
     best: tuple[float, np.ndarray] | None = None
     for name, z0 in _distinct(target, seeds):

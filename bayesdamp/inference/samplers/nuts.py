@@ -70,6 +70,10 @@ def _chains(layout: Layout, warmup: int, draws: int, exact: bool):
     return lines, jax.jit(jax.vmap(chain, in_axes=(None, None, None, None, 0, 0)))
 
 
+POOR = 0.6
+"""Mean acceptance below which the linearised force is no good (the step size aims at 0.8)."""
+
+
 class Nuts(Sampler):
     """Hoffman and Gelman's NUTS (JMLR 15, 2014) on scores whitened by the Gauss–Newton Hessian at the mode.
 
@@ -84,8 +88,11 @@ class Nuts(Sampler):
     def sample(self, target: Target, mode: Mode, settings: Settings) -> Posterior:
         began = time.perf_counter()
         found = self._sample(target, mode, settings, exact=False)
-        if found.outcome != OK:
+        if float(np.mean(found.stats["acceptance_rate"])) < POOR or int(np.sum(found.stats["diverging"])) > 0:
             found = self._sample(target, mode, settings, exact=True)
+        if found.outcome != OK and found.diagnostics["divergences"] == 0:
+            longer = replace(settings, draws=3 * settings.draws, seed=settings.seed + 1)
+            found = self._sample(target, mode, longer, exact=bool(found.diagnostics["exact_force"]))
         return replace(found, seconds=time.perf_counter() - began)
 
     def _sample(self, target: Target, mode: Mode, settings: Settings, *, exact: bool) -> Posterior:

@@ -7,7 +7,7 @@ from jax import numpy as jnp
 from jax.typing import ArrayLike
 
 from bayesdamp.physics.damping._term import DampingTerm
-from bayesdamp.physics.smooth_sign import smooth_sign
+from bayesdamp.physics.elementary import smooth_sign
 
 
 class Coulomb(DampingTerm):

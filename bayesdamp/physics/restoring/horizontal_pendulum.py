@@ -10,6 +10,7 @@ from jax import Array
 from jax import numpy as jnp
 from jax.typing import ArrayLike
 
+from bayesdamp.physics.elementary import cosine
 from bayesdamp.physics.restoring._law import LinearForm, RestoringLaw, Scalar
 
 
@@ -21,7 +22,7 @@ class HorizontalPendulum(RestoringLaw):
 
     def force(self, theta: ArrayLike, p: Mapping[str, Scalar]) -> Array:
         theta = jnp.asarray(theta)
-        return p["stiffness"] * (theta - p["spring_angle"]) - p["gravity"] * jnp.cos(theta)
+        return p["stiffness"] * (theta - p["spring_angle"]) - p["gravity"] * cosine(theta)
 
     def start(self, frequency: float, rest: float, known: Mapping[str, float]) -> dict[str, float]:
         gravity = known.get("gravity", 0.0)

@@ -10,6 +10,7 @@ from jax import Array
 from jax import numpy as jnp
 from jax.typing import ArrayLike
 
+from bayesdamp.physics.elementary import sine
 from bayesdamp.physics.restoring._law import LinearForm, RestoringLaw, Scalar
 
 
@@ -20,7 +21,7 @@ class Pendulum(RestoringLaw):
     parameters = ("stiffness", "rest_angle")
 
     def force(self, theta: ArrayLike, p: Mapping[str, Scalar]) -> Array:
-        return p["stiffness"] * jnp.sin(jnp.asarray(theta) - p["rest_angle"])
+        return p["stiffness"] * sine(jnp.asarray(theta) - p["rest_angle"])
 
     def start(self, frequency: float, rest: float, known: Mapping[str, float]) -> dict[str, float]:
         return {"stiffness": frequency**2, "rest_angle": rest, **known}

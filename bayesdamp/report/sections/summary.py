@@ -137,9 +137,13 @@ def _sizes(run: Run, signal: str, repeat: int, model: str, believe: list[str], d
     return sentences
 
 
+WINDOW_SPREAD = 3.0
+"""Half a record has one and a half to three times the whole record's standard deviation: it may move that far."""
+
+
 def _fit(run: Run, signal: str, repeat: int, model: str, doubt: list[str]) -> None:
     for row in rows_of(run.fits, signal=signal, repeat=repeat, model=model)[:1]:
-        if math.isfinite(row["window_spread"]) and row["window_spread"] > 1:
+        if math.isfinite(row["window_spread"]) and row["window_spread"] > WINDOW_SPREAD:
             doubt.append(
                 "the width of the intervals: with other parts of the record the coefficients move by "
                 f"{words.number(row['window_spread'], 2)} of their standard deviations."
