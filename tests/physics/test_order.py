@@ -39,7 +39,7 @@ def stepped(count: int) -> float:
 
 def measured_order_of_step() -> float:
     truth = trajectory("pendulum", PENDULUM, np.asarray([0.0, DURATION]), longest=0.005)[-1, 0]
-    counts = [96, 128, 192, 256]
+    counts = [192, 256, 384]
     return slope(counts, [abs(stepped(n) - truth) for n in counts])
 
 
