@@ -12,10 +12,10 @@ import pytest
 from scipy.integrate import quad
 
 from bayesdamp.physics.damping import TERMS, DampingTerm, all_sums, model_name, parse_model
+from bayesdamp.physics.elementary import cosine, sine, smooth_sign
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.physics.restoring import LAWS as LAW_PLUGINS
 from bayesdamp.physics.restoring import RestoringLaw
-from bayesdamp.physics.elementary import smooth_sign
 from bayesdamp.types import InputError
 
 from .independent import LAWS, drag, restoring
@@ -73,6 +73,19 @@ def test_smooth_sign():
     np.testing.assert_allclose(np.asarray(smooth_sign(jnp.asarray(x))), np.tanh(x), atol=2e-13, rtol=0)
     slope = np.asarray(jax.vmap(jax.grad(smooth_sign))(jnp.asarray(x)))
     np.testing.assert_allclose(slope, 1 - np.tanh(x) ** 2, atol=5e-13)
+
+
+@pytest.mark.parametrize(
+    ("ours", "theirs", "slope"), [(cosine, np.cos, lambda x: -np.sin(x)), (sine, np.sin, np.cos)]
+)
+def test_sine_and_cosine(ours, theirs, slope):
+    """Within 1e-14 over a few turns, 2e-13 at a thousand radians; so are the tangents."""
+    for reach, limit in ((12.0, 1e-14), (1e3, 2e-13)):
+        x = np.linspace(-reach, reach, 4801)
+        np.testing.assert_allclose(np.asarray(ours(jnp.asarray(x))), theirs(x), atol=limit, rtol=0)
+        tangents = np.asarray(jax.vmap(jax.grad(ours))(jnp.asarray(x)))
+        np.testing.assert_allclose(tangents, slope(x), atol=limit, rtol=0)
+    assert not np.any(np.isfinite(np.asarray(ours(jnp.asarray([np.inf, np.nan])))))
 
 
 def test_names_of_models():
