@@ -1,7 +1,37 @@
-"""bayesdamp: how large is the damping of a decaying oscillation, which is it, and how sure may one be?"""
+"""bayesdamp: how large is the damping of a decaying oscillation, which is it, and how sure may one be?
+
+The public interface, each name loaded when it is first used:
+
+- `load_study(path)`, `run_study(study, out)`: a study file, and its run (`bayesdamp study`).
+- `read_record(path)`, `clean(raw, name=...)`: a measured record, and the free decay in it as a `Signal`.
+- `Oscillator(damping, restoring)`, `simulate(oscillator, parameters, times)`: a trajectory.
+- `features(signal)`: period, amplitude and roughness of a record.
+"""
+
+from importlib import import_module
 
 import jax
 
+# Before any array is made: double precision everywhere.
 jax.config.update("jax_enable_x64", True)
 
 __version__ = "0.1.0"
+
+_HOME = {
+    "load_study": "bayesdamp.config",
+    "run_study": "bayesdamp.study",
+    "read_record": "bayesdamp.signals.read",
+    "clean": "bayesdamp.signals.clean",
+    "features": "bayesdamp.signals.features",
+    "Signal": "bayesdamp.types",
+    "Oscillator": "bayesdamp.physics.oscillator",
+    "simulate": "bayesdamp.physics.integrate",
+}
+
+__all__ = ["__version__", *_HOME]
+
+
+def __getattr__(name: str) -> object:
+    if name not in _HOME:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(import_module(_HOME[name]), name)

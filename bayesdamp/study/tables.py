@@ -10,9 +10,9 @@ import numpy as np
 
 from bayesdamp.config import Recording, SignalSpec, Simulation, Study
 from bayesdamp.physics.oscillator import Oscillator
+from bayesdamp.physics.units import parameter_unit, quantity_unit
 from bayesdamp.store import TABLES, CellResult, Store, provenance, write_json, write_table
 from bayesdamp.types import OK
-from bayesdamp.units import parameter_unit, quantity_unit
 
 Row = dict[str, Any]
 

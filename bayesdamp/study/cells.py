@@ -30,13 +30,13 @@ from bayesdamp.inference.target import Target
 from bayesdamp.physics.damping import parse_model
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.physics.restoring import LAWS
+from bayesdamp.physics.units import parameter_unit
 from bayesdamp.signals.clean import clean
 from bayesdamp.signals.features import Features, features
 from bayesdamp.signals.read import read_record
 from bayesdamp.signals.simulate import simulate_signal
 from bayesdamp.store import CellResult, Store, sha256
 from bayesdamp.types import OK, InputError, Problem, Refusal, Signal, System
-from bayesdamp.units import parameter_unit
 
 NO_NOISE = 1e-6
 """Noise below this share of the amplitude is none: a likelihood has nothing to weigh by."""
@@ -314,8 +314,8 @@ class Branch:
         found = SAMPLERS.get(sampler).sample(self.target, mode, settings)
         file = self.store.folder / "posterior" / f"{self.path.replace('/', '.')}.{sampler}.nc"
         _save_whole(found, file)
-        summary = dict(found.diagnostics["summary"])  # type: ignore[call-overload]
-        draws, names = found.draws, list(found.names)
+        summary: dict[str, Any] = dict(found.diagnostics["summary"])  # type: ignore[call-overload]
+        draws, names = found.draws, [str(n) for n in found.names]
         if set(self.target.oscillator.law.parameters) & set(names):
             values = {**self.target.known, **{n: draws[..., i] for i, n in enumerate(names)}}
             frequency = natural_frequency(self.target.oscillator, values, self.seen.rest)

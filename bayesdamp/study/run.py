@@ -1,4 +1,4 @@
-"""The whole pipeline: a study as a graph of independent, named cells, run and resumed."""
+"""Running a study: its cells on one or several processes, resumed where they were cut off."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from platformdirs import user_cache_dir
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
-from bayesdamp.cells import Branch, SignalCell
 from bayesdamp.config import Recording, SignalSpec, Study
 from bayesdamp.report import render
 from bayesdamp.store import CellResult, Store
-from bayesdamp.tables import write_tables
+from bayesdamp.study.cells import Branch, SignalCell
+from bayesdamp.study.tables import write_tables
 from bayesdamp.types import InputError
 
 DONE, WRONG_CELLS = 0, 3
@@ -60,7 +60,8 @@ def run_study(
 ) -> int:
     """Run what `out` does not hold yet, write tables and report; the exit status (0, or 3 with failed cells).
 
-    workers: processes on this machine, None for as many as cores and branches; scheduler: address of a Dask scheduler in their place.
+    workers: processes on this machine, None for as many as there are cores; scheduler: address of a Dask
+    scheduler in their place.
     Raises InputError where the input is wrong; every record is read before anything is written.
     """
     console = console or Console(stderr=True)
@@ -186,7 +187,7 @@ def _run_jobs(
 def _executor(workers: int, scheduler: str | None) -> Iterator[Executor]:
     if scheduler is not None:
         try:
-            from distributed import Client
+            from distributed import Client  # pyright: ignore[reportMissingImports]
         except ImportError:
             raise InputError(
                 "--scheduler needs dask.distributed: install bayesdamp[cluster], or use --workers"
