@@ -1,0 +1,32 @@
+"""Times as ratios: both sides in one run, in turns, the best of several."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+
+
+def seconds(run: Callable[[], object], least: float = 0.02) -> float:
+    """Seconds a call, from as many calls as fill `least` seconds."""
+    began = time.perf_counter()
+    calls = 0
+    while (spent := time.perf_counter() - began) < least:
+        run()
+        calls += 1
+    return spent / calls
+
+
+def in_turns(*runs: Callable[[], object], rounds: int = 15) -> list[float]:
+    """Best seconds a call of each, measured in turns so that a busy machine hits all of them."""
+    for run in runs:
+        run()
+    measured = [[seconds(run) for run in runs] for _ in range(rounds)]
+    return [min(column) for column in zip(*measured, strict=True)]
+
+
+def table(title: str, header: list[str], rows: list[list[str]]) -> None:
+    """Print a table that is aligned."""
+    widths = [max(map(len, column)) for column in zip(header, *rows, strict=True)]
+    print(f"\n{title}")
+    for row in (header, ["-" * w for w in widths], *rows):
+        print("  ".join(cell.rjust(w) for cell, w in zip(row, widths, strict=True)))
