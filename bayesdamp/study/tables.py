@@ -168,7 +168,7 @@ def _run(study: Study, store: Store) -> Row:
         done = cell.meta["provenance"]
         about[spec.name] = {
             **done,
-            "unit": quantity_unit(spec.source.unit, spec.source.quantity),
+            "unit": spec.source.unit,
             "quantity": spec.source.quantity,
             "simulated": isinstance(spec.source, Simulation),
             "epsilon_note": cell.meta["epsilon_note"],

@@ -297,13 +297,17 @@ class RunMaker:
                 "version": 1,
                 "name": "two pendulums",
                 "seed": 20260101,
-                "system": {
-                    "restoring": "horizontal_pendulum",
-                    "stiffness": 20.0,
-                    "epsilon": 0.1,
-                    "noise_sd": "free",
-                },
-                "signal": [{"name": name, "system": {"stiffness": "free"}} for name in self.signals],
+                "signals": [
+                    {
+                        "name": name,
+                        "system": {
+                            "restoring": "horizontal_pendulum",
+                            "known": {"stiffness": 20.0, "epsilon": 0.1},
+                            "free": {"noise_sd": None},
+                        },
+                    }
+                    for name in self.signals
+                ],
                 "estimators": {"use": list(METHODS), "stages": ["initial", "refined"]},
                 "models": {"compare": list(self.models)},
                 "posterior": {"samplers": ["nuts", "emcee"], "noise": "correlated"},

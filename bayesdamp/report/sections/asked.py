@@ -39,15 +39,7 @@ def _sentences(run: Run, study: Mapping[str, Any]) -> list[str]:
             f"{'One damping model was' if count == 1 else f'{count} damping models were'} in play: "
             f"{words.listing(words.model(m) for m in run.models)}."
         )
-    system = study.get("system") or {}
-    if system.get("restoring"):
-        restoring = system["restoring"]
-        laws = [restoring] if isinstance(restoring, str) else restoring
-        found.append(f"Restoring force: {words.listing(map(words.law, laws))}. {_known(system)}")
-    for table in study.get("signal") or []:
-        own = _known(table.get("system") or {}) if isinstance(table, Mapping) else ""
-        if own:
-            found.append(f"Signal {table.get('name', '')} differs. {own}")
+    found.extend(_systems(run, study))
     found.extend(
         sentence
         for sentence in (
@@ -62,21 +54,35 @@ def _sentences(run: Run, study: Mapping[str, Any]) -> list[str]:
     return found
 
 
+def _systems(run: Run, study: Mapping[str, Any]) -> list[str]:
+    """What is known of each signal's oscillator; signals of which the same is known share a sentence."""
+    named: dict[str, list[str]] = {}
+    for table in study.get("signals") or []:
+        system, name = table.get("system") or {}, str(table.get("name", ""))
+        text = f"Restoring force: {words.law(system['restoring'])}. " if system.get("restoring") else ""
+        named.setdefault(f"{text}{_known(system)}{_rest(run, name)}", []).append(name)
+    if len(named) == 1:
+        return list(named)
+    return [f"{words.listing(names)}: {text}" for text, names in named.items()]
+
+
 def _known(system: Mapping[str, Any]) -> str:
-    numbers = {**_leaves(system.get("known")), **_leaves(system)}
+    numbers = system.get("known") or {}
     known = [f"{words.symbol(k).text} = {words.given(v)}" for k, v in numbers.items() if _is_number(v)]
-    free = [words.symbol(k).text for k, v in numbers.items() if v == "free" or isinstance(v, Mapping)]
-    free += [
-        words.symbol(k).text for k in (system.get("free") or {}) if isinstance(system.get("free"), Mapping)
-    ]
+    free = [words.symbol(k).text for k in system.get("free") or {}]
     said = [f"Known: {words.listing(known)}."] if known else []
-    said += [f"To be found: {words.listing(dict.fromkeys(free))}."] if free else []
+    said += [f"To be found: {words.listing(free)}."] if free else []
     return " ".join(said)
 
 
-def _leaves(table: object) -> dict[str, Any]:
-    skipped = {"known", "free", "restoring"}
-    return {k: v for k, v in table.items() if k not in skipped} if isinstance(table, Mapping) else {}
+def _rest(run: Run, signal: str) -> str:
+    """The derived equilibrium and natural frequency, where the whole restoring law is known."""
+    derived = (run.info.get("equilibrium") or {}).get(signal) or {}
+    if "natural_frequency" not in derived:
+        return ""
+    unit = str(run.about(signal).get("unit") or "rad").replace("deg", "rad").replace("mm", "m")
+    at, rate = words.number(derived["equilibrium"], 4), words.number(derived["natural_frequency"], 4)
+    return f" From this follow the rest position {at} {unit} and the natural frequency {rate} rad/s."
 
 
 def _is_number(value: object) -> bool:
