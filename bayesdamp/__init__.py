@@ -9,6 +9,7 @@ The public interface, each name loaded when it is first used:
 """
 
 from importlib import import_module
+from typing import TYPE_CHECKING
 
 import jax
 
@@ -28,7 +29,28 @@ _HOME = {
     "simulate": "bayesdamp.physics.integrate",
 }
 
-__all__ = ["__version__", *_HOME]
+__all__ = [
+    "Oscillator",
+    "Signal",
+    "__version__",
+    "clean",
+    "features",
+    "load_study",
+    "read_record",
+    "run_study",
+    "simulate",
+]
+
+
+if TYPE_CHECKING:
+    from bayesdamp.config import load_study
+    from bayesdamp.physics.integrate import simulate
+    from bayesdamp.physics.oscillator import Oscillator
+    from bayesdamp.signals.clean import clean
+    from bayesdamp.signals.features import features
+    from bayesdamp.signals.read import read_record
+    from bayesdamp.study import run_study
+    from bayesdamp.types import Signal
 
 
 def __getattr__(name: str) -> object:

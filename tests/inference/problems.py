@@ -6,12 +6,13 @@ import json
 from functools import lru_cache
 from pathlib import Path
 
+import jax.numpy as jnp
 import numpy as np
 from pydantic import TypeAdapter
 
 from bayesdamp.inference.mode import Mode, find_mode
 from bayesdamp.inference.samplers import SAMPLERS, Settings
-from bayesdamp.inference.target import Target
+from bayesdamp.inference.target import Target, compiled
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.priors import Prior
 from bayesdamp.signals.features import Features
@@ -44,7 +45,7 @@ def reference(name: str) -> dict:
 
 
 @lru_cache
-def target(name: str, **changed: float) -> Target:
+def target(name: str) -> Target:
     """The target of a reference problem."""
     made = reference(name)
     problem = made["problem"]
@@ -60,6 +61,11 @@ def mode(name: str) -> Mode:
     made = reference(name)
     seed = {n: 1.1 * v for n, v in made["truth"].items()}
     return find_mode(target(name), {"near the truth": seed}, noise_level=made["truth"]["noise_sd"])
+
+
+def log_likelihoods(target: Target, mode: Mode, z: np.ndarray) -> np.ndarray:
+    """Log likelihoods at scores z, shape (m, d), on the mode's plan."""
+    return np.asarray(compiled(target.layout).batch_parts(mode.context, jnp.asarray(z))[0])
 
 
 SETTINGS = Settings(chains=4, warmup=500, draws=1000, seed=4)

@@ -72,7 +72,7 @@ def _chains(layout: Layout, warmup: int, draws: int, exact: bool):
             step_size=layout_size**-0.25,
             adapt_step_size=exact,
             adapt_mass_matrix=False,
-            max_tree_depth=(5, 10),
+            max_tree_depth=(5, 10),  # type: ignore[arg-type]
             model_args=arguments,
             rng_key=key,
         )
