@@ -9,28 +9,29 @@ import jax.numpy as jnp
 import numpy as np
 
 from bayesdamp.inference import diagnostics
+from bayesdamp.inference.folded import FoldedT
 from bayesdamp.inference.mode import Mode
 from bayesdamp.inference.samplers._sampler import Sampler, Settings, starts
 from bayesdamp.inference.target import Target, compiled
 from bayesdamp.types import OK, Posterior
 
 ENSEMBLES = 2
-DEGREES = 5.0
 BLOCK = 200
+NOWHERE = -1e300
+"""Log density outside the support: emcee subtracts them, and infinities would not cancel."""
 LONGEST = 40
 """Blocks of sampling after which an ensemble that is not resolved says so."""
 
 
-def _log_t(u: np.ndarray) -> np.ndarray:
-    """Log density, but for a constant, of a Student t with DEGREES degrees of freedom at u, shape (n, d)."""
-    return -0.5 * (DEGREES + u.shape[1]) * np.log1p(np.sum(u**2, axis=1) / DEGREES)
-
-
-def _independent(u: np.ndarray, rng: np.random.RandomState) -> tuple[np.ndarray, np.ndarray]:
+def _independent(proposal: FoldedT, mode: Mode):
     """Proposals drawn anew from the heavy-tailed Laplace fit, with their Metropolis–Hastings factors."""
-    scale = np.sqrt(DEGREES / rng.chisquare(DEGREES, len(u)))[:, None]
-    new = scale * rng.standard_normal(u.shape)
-    return new, _log_t(u) - _log_t(new)
+
+    def propose(u: np.ndarray, rng: np.random.RandomState) -> tuple[np.ndarray, np.ndarray]:
+        old, new = mode.z + u @ mode.factor.T, proposal.draw(rng, len(u))
+        moved = np.linalg.solve(mode.factor, (new - mode.z).T).T
+        return moved, proposal.log_density(old) - proposal.log_density(new)
+
+    return propose
 
 
 class Emcee(Sampler):
@@ -51,12 +52,23 @@ class Emcee(Sampler):
         walkers = 4 * max(d + 2, 8, settings.chains)
         batch = compiled(target.layout).batch
 
+        folded = np.asarray(target.layout.folded)
+        proposal = FoldedT(np.where(folded, np.abs(mode.z), mode.z), mode.factor, folded)
+
+        # Folded scores are kept on their non-negative side: walkers do not get caught in mirror modes.
         def log_probability(u: np.ndarray) -> np.ndarray:
-            values = np.asarray(batch(mode.context, jnp.asarray(mode.z + u @ mode.factor.T)))
-            return np.where(np.isfinite(values), values, -np.inf)
+            z = mode.z + u @ mode.factor.T
+            values = np.asarray(batch(mode.context, jnp.asarray(z)))
+            inside = np.isfinite(values) & np.all((z >= -1e-9) | ~folded, axis=1)
+            return np.where(inside, values, NOWHERE)
+
+        def start(seed: int) -> np.ndarray:
+            z = mode.z + starts(mode, walkers, seed) @ mode.factor.T
+            z = np.where(folded, np.abs(z), z)
+            return np.linalg.solve(mode.factor, (z - mode.z).T).T
 
         moves = [
-            (emcee.moves.MHMove(_independent), 0.5),
+            (emcee.moves.MHMove(_independent(proposal, mode)), 0.5),
             (emcee.moves.DEMove(), 0.3),
             (emcee.moves.DESnookerMove(), 0.05),
             (emcee.moves.StretchMove(), 0.15),

@@ -72,7 +72,7 @@ def _chains(layout: Layout, warmup: int, draws: int, exact: bool):
             step_size=layout_size**-0.25,
             adapt_step_size=exact,
             adapt_mass_matrix=False,
-            max_tree_depth=(5, 10),  # type: ignore[arg-type]
+            max_tree_depth=(5, 7),  # type: ignore[arg-type]
             model_args=arguments,
             rng_key=key,
         )
@@ -128,6 +128,16 @@ def whole_curvature(target: Target, mode: Mode, h: float = 0.3) -> tuple[np.ndar
     return lacking, replace(mode, factor=factor)
 
 
+def touches_zero(target: Target, mode: Mode) -> bool:
+    """Whether a folded score is within four sds of zero, where the posterior has a kink and no curvature."""
+    return bool(np.any(np.asarray(target.layout.folded) & (np.abs(mode.z) < 4 * mode.sd())))
+
+
+def _poor(found: Posterior) -> bool:
+    """Whether the force was not good enough: refusals or divergences."""
+    return float(np.mean(found.stats["acceptance_rate"])) < POOR or int(np.sum(found.stats["diverging"])) > 0
+
+
 class Nuts(Sampler):
     """Hoffman and Gelman's NUTS (JMLR 15, 2014) on scores whitened by the Gauss–Newton Hessian at the mode.
 
@@ -141,10 +151,14 @@ class Nuts(Sampler):
 
     def sample(self, target: Target, mode: Mode, settings: Settings) -> Posterior:
         began = time.perf_counter()
-        lacking, mode = whole_curvature(target, mode)
-        found = self._sample(target, mode, settings, lacking, exact=False)
-        exact = float(np.mean(found.stats["acceptance_rate"])) < POOR or found.diagnostics["divergences"] > 0  # type: ignore[operator]
+        laplace, none = mode, np.zeros((mode.z.size, mode.z.size))
+        exact = touches_zero(target, mode)
+        if not exact:
+            lacking, mode = whole_curvature(target, laplace)
+            found = self._sample(target, mode, settings, lacking, exact=False)
+            exact = _poor(found)
         if exact:
+            lacking, mode = none, laplace
             found = self._sample(target, mode, settings, lacking, exact=True)
         if found.outcome != OK and found.diagnostics["divergences"] == 0:
             longer = replace(settings, draws=3 * settings.draws, seed=settings.seed + 1)

@@ -1,0 +1,118 @@
+"""Does the model fit? Calibrated where it is true, small where it is not."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import numpy as np
+import pytest
+
+from bayesdamp.inference.checks import Fit, autocorrelation, check_fit, laplace_draws, portmanteau
+from bayesdamp.inference.mode import find_mode
+from bayesdamp.inference.target import Target
+from bayesdamp.physics.integrate import simulate
+from bayesdamp.physics.oscillator import Oscillator
+from bayesdamp.priors import HalfNormal, LogNormal, Normal
+from bayesdamp.types import Signal
+
+TIMES = np.linspace(0.0, 8.0, 240)
+NOISE = 0.004
+PERIOD = 1.405
+TRUTHS = {"viscous": ("zeta", 0.08), "quadratic": ("mu_q", 0.3)}
+RECORDS = 40
+
+
+@lru_cache
+def clean(damping: str) -> np.ndarray:
+    name, value = TRUTHS[damping]
+    p = {name: value, "stiffness": 20.0, "rest_angle": 0.0, "theta0": 0.3, "omega0": 0.0}
+    return simulate(Oscillator((damping,), "linear"), p, TIMES)
+
+
+def fit(truth: str, model: str, seed: int) -> tuple[Target, Fit]:
+    """The checks of a model on a record of another (or the same): coefficient, start and noise unknown."""
+    y = clean(truth) + NOISE * np.random.default_rng(seed).standard_normal(TIMES.size)
+    name, value = TRUTHS[model]
+    priors = {
+        name: HalfNormal(scale=10 * value),
+        "theta0": Normal(mean=0.0, sd=0.6),
+        "omega0": Normal(mean=0.0, sd=2.7),
+        "noise_sd": LogNormal(median=NOISE, sigma=1.0),
+    }
+    known = {"stiffness": 20.0, "rest_angle": 0.0}
+    target = Target(Signal(TIMES, y), Oscillator((model,), "linear"), "gaussian", priors, known)
+    mode = find_mode(target, {"s": {name: value, "theta0": 0.3, "omega0": 0.0}}, noise_level=NOISE)
+    return target, check_fit(target, mode, PERIOD, seed)
+
+
+@lru_cache
+def calibration() -> list[Fit]:
+    return [fit("viscous", "viscous", seed)[1] for seed in range(RECORDS)]
+
+
+def test_predictive_p_is_calibrated():
+    """Forty records of the model itself.
+
+    At most 7 of 40 below 0.05 (a binomial says 8 or more with 8e-4), none to speak of below the limit of 0.01 (3 or
+    more with 8e-3), and the small half is not empty (fewer than 8 below 0.5: 2e-5).
+    """
+    p = np.array([f.predictive_p for f in calibration()])
+    assert np.sum(p < 0.05) <= 7
+    assert np.sum(p < 0.01) <= 2
+    assert np.sum(p < 0.5) >= 8
+
+
+def test_true_models_fit():
+    """The verdict is `fits` but for a few; residuals are the noise."""
+    fits = calibration()
+    assert sum(f.verdict == "fits" for f in fits) >= RECORDS - 3
+    assert np.mean([f.rms for f in fits]) == pytest.approx(NOISE, rel=0.03)
+    assert abs(np.mean([f.residual_autocorrelation for f in fits])) < 0.05
+
+
+def test_windows_of_true_models():
+    """Shifts between windows and the whole are of the order of their own sd: the largest of three shifts has a
+    median near 1.2, and above 4 there is next to none."""
+    z = np.array([f.window_z for f in calibration()])
+    assert 0.6 < np.median(z) < 1.9
+    assert np.sum(z > 4) <= 1
+    labels = [w.label for w in calibration()[0].windows]
+    assert labels == ["whole record", "first half", "middle half", "last half"]
+
+
+def test_wrong_damping_is_seen():
+    """Negative control: a viscous model of a quadratic record leaves structure and drifts with the window."""
+    target, found = fit("quadratic", "viscous", 1)
+    assert found.predictive_p < 0.01
+    assert found.verdict.startswith("does not fit")
+    assert found.window_z > 4
+    assert found.window_spread > 4
+    assert found.fit == pytest.approx(target.signal.y - found.residual)
+
+
+def test_autocorrelation_by_definition():
+    x = np.random.default_rng(0).standard_normal((3, 100)).cumsum(axis=1)
+    found = autocorrelation(x, 5)
+    centred = x - x.mean(axis=1, keepdims=True)
+    for lag in range(6):
+        expected = np.sum(centred[:, lag:] * centred[:, : 100 - lag], axis=1) / np.sum(centred**2, axis=1)
+        np.testing.assert_allclose(found[:, lag], expected, atol=1e-12)
+
+
+def test_portmanteau_of_white_noise_is_chi_square():
+    """Mean over 400 series of 500: about the number of lags, within 5 standard errors; far above for a walk."""
+    rng = np.random.default_rng(1)
+    values = portmanteau(rng.standard_normal((400, 500)), 20)
+    assert values.mean() == pytest.approx(20, abs=5 * np.sqrt(40 / 400) + 0.6)
+    assert portmanteau(rng.standard_normal(500).cumsum(), 20) > 1000
+
+
+def test_laplace_draws_have_the_covariance():
+    y = clean("viscous") + NOISE * np.random.default_rng(3).standard_normal(TIMES.size)
+    priors = {"zeta": HalfNormal(scale=0.8), "theta0": Normal(mean=0.0, sd=0.6)}
+    known = {"stiffness": 20.0, "rest_angle": 0.0, "omega0": 0.0, "noise_sd": NOISE}
+    target = Target(Signal(TIMES, y), Oscillator(("viscous",), "linear"), "gaussian", priors, known)
+    mode = find_mode(target, {"s": {"zeta": 0.08, "theta0": 0.3}}, noise_level=NOISE)
+    draws = laplace_draws(target, mode, 20_000, 1)
+    np.testing.assert_allclose(np.cov(draws.T), np.linalg.inv(mode.information), rtol=0.05)
+    assert np.all(draws[:, 0] >= 0)
