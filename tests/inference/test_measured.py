@@ -12,7 +12,7 @@ import pytest
 from bayesdamp.inference.build import build_target
 from bayesdamp.inference.defaults import Reference
 from bayesdamp.inference.mode import Mode, find_mode
-from bayesdamp.inference.target import Target, compiled
+from bayesdamp.inference.target import Target, compiled, residual
 from bayesdamp.signals.features import features
 from bayesdamp.signals.read import read_record
 from bayesdamp.types import Signal, System
@@ -96,7 +96,5 @@ def test_viscous_alone_is_more_correlated():
 def test_residual():
     """At most 0.13° (the notes: 0.115° where the noise is white)."""
     target, mode = fitted("viscous", "coulomb")
-    from bayesdamp.inference.target import residual
-
     r = np.asarray(residual(target.layout, mode.context, jnp.asarray(mode.z)))
     assert np.degrees(np.sqrt(np.mean(r**2))) < 0.13
