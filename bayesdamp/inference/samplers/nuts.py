@@ -151,18 +151,16 @@ class Nuts(Sampler):
 
     def sample(self, target: Target, mode: Mode, settings: Settings) -> Posterior:
         began = time.perf_counter()
-        laplace, none = mode, np.zeros((mode.z.size, mode.z.size))
-        exact = touches_zero(target, mode)
-        if not exact:
-            lacking, mode = whole_curvature(target, laplace)
-            found = self._sample(target, mode, settings, lacking, exact=False)
-            exact = _poor(found)
-        if exact:
-            lacking, mode = none, laplace
+        none = np.zeros((mode.z.size, mode.z.size))
+        lacking, whitened = (none, mode) if touches_zero(target, mode) else whole_curvature(target, mode)
+        exact = whitened is mode
+        found = self._sample(target, whitened, settings, lacking, exact=exact)
+        if not exact and _poor(found):
+            lacking, whitened, exact = none, mode, True
             found = self._sample(target, mode, settings, lacking, exact=True)
         if found.outcome != OK and found.diagnostics["divergences"] == 0:
             longer = replace(settings, draws=3 * settings.draws, seed=settings.seed + 1)
-            found = self._sample(target, mode, longer, lacking, exact=exact)
+            found = self._sample(target, whitened, longer, lacking, exact=exact)
         return replace(found, seconds=time.perf_counter() - began)
 
     def _sample(
