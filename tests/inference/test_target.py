@@ -82,8 +82,9 @@ def test_gradient_is_that_of_differences(noise):
 
 
 def test_information_is_the_curvature_at_the_mode():
-    """Gauss–Newton against differences of the gradient; they differ by what the residuals contribute."""
-    target, mode = problems.target("viscous_coulomb"), problems.mode("viscous_coulomb")
+    """Gauss–Newton against differences of the gradient; they differ by what the residuals contribute. (Where a
+    coefficient touches zero the posterior has a kink in its score, and no curvature.)"""
+    target, mode = problems.target("coulomb_correlated"), problems.mode("coulomb_correlated")
     run = jax.jit(partial(value_and_gradient, target.layout))
     d, n = 1e-5, mode.z.size
     hessian = np.empty((n, n))
