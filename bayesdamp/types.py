@@ -73,6 +73,8 @@ class Estimate:
     values: parameter name to value, only what the method itself computed (SI units).
     stderr: parameter name to the method's own standard error, where it has one.
     trace: named convergence curves, each an array.
+    details: what else the method says of its answer (the terms it selected, eigenvalues, a Pareto front, a
+    learnt force), as strings, numbers and lists of these.
     """
 
     estimator: str
@@ -80,6 +82,7 @@ class Estimate:
     values: Mapping[str, float] = field(default_factory=dict)
     stderr: Mapping[str, float] = field(default_factory=dict)
     trace: Mapping[str, np.ndarray] = field(default_factory=dict)
+    details: Mapping[str, object] = field(default_factory=dict)
     evaluations: int = 0
     seconds: float = 0.0
     outcome: str = OK

@@ -11,9 +11,9 @@ import pytest
 from bayesdamp.estimators import ELEVEN, ESTIMATORS, Estimator, Options, names_for_all, parse_options, run
 from bayesdamp.types import Estimate, InputError, Refusal, Signal
 
-from .truths import pendulum
+from .truths import QUICK, pendulum
 
-NAMES = ["least_squares", "envelope", "topological"]
+NAMES = QUICK
 
 
 @pytest.fixture(scope="module")
