@@ -1,19 +1,23 @@
-"""The no-U-turn sampler (NumPyro's), whitened at the mode and compiled once for all records of a shape."""
+"""The no-U-turn sampler (BlackJAX's), whitened at the mode and compiled once for all records of a shape."""
 
 from __future__ import annotations
 
 import time
 from dataclasses import replace
 from functools import lru_cache, partial
+from typing import Any
 
 import jax
 import numpy as np
+from blackjax.mcmc import nuts
+from blackjax.mcmc.hmc import HMCState
 from jax import Array
 from jax import numpy as jnp
-from numpyro.infer.hmc import hmc
 
 from bayesdamp.inference import diagnostics
+from bayesdamp.inference.frame import CHUNK, Frame, frame
 from bayesdamp.inference.mode import Mode
+from bayesdamp.inference.samplers._reflect import reflecting_leapfrog
 from bayesdamp.inference.samplers._sampler import Sampler, Settings, starts
 from bayesdamp.inference.target import (
     Context,
@@ -28,109 +32,55 @@ from bayesdamp.inference.target import (
 )
 from bayesdamp.types import OK, Posterior
 
+DOUBLINGS = 7
+"""A trajectory has at most 2⁷ steps."""
+
 
 @lru_cache(maxsize=32)
 def _chains(layout: Layout, warmup: int, draws: int, exact: bool):
-    """Compiled, all chains of one layout: (context, force, mode, factor, starts, keys) to draws and so on.
+    """Compiled, all chains of one layout: (context, force, centre, factor, step, starts, keys) to draws and so on.
 
-    force: the linearised trajectory, and what its curvature lacks at the mode, (d, d).
+    force: the linearised trajectory, and what its curvature lacks at the centre, (d, d).
     """
+    walls = np.flatnonzero(layout.folded)
 
-    def potential_of(context: Context, force, z: Array, factor: Array):
+    def chain(context: Context, force, centre: Array, factor: Array, size: Any, start: Array, key: Array):
         line, lacking = force
+
+        def value(u: Array) -> Array:
+            return log_posterior(layout, context, centre + factor @ u)
 
         def surrogate(u: Array) -> Array:
             away = factor @ u
-            return linearised_log_posterior(layout, context, line, z + away) - 0.5 * away @ lacking @ away
+            there = linearised_log_posterior(layout, context, line, centre + away)
+            return there - 0.5 * away @ lacking @ away
 
-        @jax.custom_vjp
-        def potential(u: Array) -> Array:
-            return -log_posterior(layout, context, z + factor @ u)
+        def gradient(u: Array) -> Array:
+            return factor.T @ value_and_gradient(layout, context, centre + factor @ u)[1]
 
-        def forward(u: Array):
-            if exact:
-                value, gradient = value_and_gradient(layout, context, z + factor @ u)
-                return -value, -(factor.T @ gradient)
-            return potential(u), -jax.grad(surrogate)(u)
+        slope = gradient if exact else jax.grad(surrogate)
+        kernel = nuts.build_kernel(reflecting_leapfrog(value, slope, factor[walls], centre[walls]))
+        whole = jnp.ones(centre.size)
 
-        def backward(gradient: Array, cotangent: Array):
-            return (cotangent * gradient,)
-
-        potential.defvjp(forward, backward)
-        return potential
-
-    layout_size = len(layout.names)
-
-    def chain(context: Context, force, z: Array, factor: Array, start: Array, key: Array):
-        init, sample = hmc(potential_fn_gen=potential_of, algo="NUTS")
-        arguments = (context, force, z, factor)
-        # With the whole curvature known the step is too: 1/d^(1/4) of the whitened unit. An adaptation would answer
-        # refusals that come from the approximate force with ever shorter steps, which do not mend them.
-        state = init(
-            start,
-            warmup,
-            step_size=layout_size**-0.25,
-            adapt_step_size=exact,
-            adapt_mass_matrix=False,
-            max_tree_depth=(5, 7),  # type: ignore[arg-type]
-            model_args=arguments,
-            rng_key=key,
-        )
-
-        def advance(state, _):
-            state = sample(state, model_args=arguments)
-            kept = (state.z, state.potential_energy, state.diverging, state.num_steps, state.accept_prob)
-            return state, kept
+        def advance(state: HMCState, key: Array):
+            state, info = kernel(key, state, value, size, whole, DOUBLINGS)
+            steps, accepted = info.num_integration_steps, info.acceptance_rate
+            return state, (state.position, state.logdensity, info.is_divergent, steps, accepted)
 
         # One scan, the warm-up's draws dropped after it: the transition is compiled once.
-        kept = jax.lax.scan(advance, state, None, length=warmup + draws)[1]
+        height: Any = value(start)
+        state = HMCState(start, height, slope(start))
+        kept = jax.lax.scan(advance, state, jax.random.split(key, warmup + draws))[1]
         return jax.tree.map(lambda x: x[warmup:], kept)
 
     lines = jax.jit(partial(linearise, layout))
-    return lines, jax.jit(jax.vmap(chain, in_axes=(None, None, None, None, 0, 0)))
+    return lines, jax.jit(jax.vmap(chain, in_axes=(None,) * 5 + (0, 0)))
 
 
-CHUNK = 250
 POOR = 0.5
 """Mean acceptance below which the force is no good."""
-
-
-def whole_curvature(target: Target, mode: Mode, h: float = 0.3) -> tuple[np.ndarray, Mode]:
-    """What the linearised trajectory's curvature lacks at the mode, (d, d), and the mode whitened by the whole.
-
-    By second differences of the log posterior over h whitened units, all in one batch.
-    """
-    layout, d = target.layout, mode.z.size
-    pairs = [(i, j) for i in range(d) for j in range(i, d)]
-    corners = np.array(
-        [[a * np.eye(d)[i] + b * np.eye(d)[j] for a in (1, -1) for b in (1, -1)] for i, j in pairs]
-    )
-    points = mode.z + h * corners.reshape(-1, d) @ mode.factor.T
-    padded = np.concatenate([points, np.repeat(mode.z[None], -len(points) % CHUNK, axis=0)])
-    line = jax.jit(partial(linearise, layout))(mode.context, jnp.asarray(mode.z))
-    linear = jax.jit(jax.vmap(partial(linearised_log_posterior, layout, mode.context, line)))
-
-    def hessian(chunks: list[np.ndarray]) -> np.ndarray:
-        f = np.concatenate(chunks)[: len(points)].reshape(-1, 4)
-        found = np.zeros((d, d))
-        for (i, j), v in zip(pairs, -(f[:, 0] - f[:, 1] - f[:, 2] + f[:, 3]) / (4 * h * h), strict=True):
-            found[i, j] = found[j, i] = v
-        return found
-
-    parts = [jnp.asarray(c) for c in np.split(padded, len(padded) // CHUNK)]
-    whole = hessian([np.asarray(compiled(layout).batch(mode.context, c)) for c in parts])
-    inverse = np.linalg.inv(mode.factor)
-    if not np.all(np.isfinite(whole)):
-        return np.zeros((d, d)), mode
-    lacking = inverse.T @ (whole - hessian([np.asarray(linear(c)) for c in parts])) @ inverse
-    values, vectors = np.linalg.eigh(whole)
-    factor = mode.factor @ (vectors / np.sqrt(np.clip(values, 0.1, None)))
-    return lacking, replace(mode, factor=factor)
-
-
-def touches_zero(target: Target, mode: Mode) -> bool:
-    """Whether a folded score is within four sds of zero, where the posterior has a kink and no curvature."""
-    return bool(np.any(np.asarray(target.layout.folded) & (np.abs(mode.z) < 4 * mode.sd())))
+SHORTEST = 1 / 8
+"""Least share of the usual step that is tried."""
 
 
 def _poor(found: Posterior) -> bool:
@@ -138,43 +88,52 @@ def _poor(found: Posterior) -> bool:
     return float(np.mean(found.stats["acceptance_rate"])) < POOR or int(np.sum(found.stats["diverging"])) > 0
 
 
+def _starts(target: Target, mode: Mode, at: Frame, settings: Settings) -> np.ndarray:
+    """Over-dispersed starts (chains, d) within the walls, of a posterior density that is not out of reach."""
+    u = starts(mode, CHUNK, settings.seed, spread=1.5)
+    u[-1] = 0.0
+    z = at.centre + u @ at.factor.T
+    height = np.asarray(compiled(target.layout).batch(mode.context, jnp.asarray(z)))
+    inside = np.all((z > 0) | ~np.asarray(target.layout.folded), axis=1)
+    good = np.flatnonzero(inside & (height > height[-1] - 5.0 * mode.z.size))
+    return u[np.resize(good, settings.chains)]
+
+
 class Nuts(Sampler):
-    """Hoffman and Gelman's NUTS (JMLR 15, 2014) on scores whitened by the Gauss–Newton Hessian at the mode.
+    """Hoffman and Gelman's NUTS (JMLR 15, 2014) in whitened coordinates that end where a damping is zero.
 
     Energies, which decide on acceptance, are exact. The force that moves a proposal may be any function of
     the position (leapfrog steps stay reversible and keep volume), so it is that of the linearised
     trajectory, which costs no tangents; where the draws are then not good enough they are taken again with
-    the exact gradient.
+    the exact gradient, and with shorter steps. With the whole curvature known the step is too: 1/d^(1/4).
     """
 
     name = "nuts"
 
     def sample(self, target: Target, mode: Mode, settings: Settings) -> Posterior:
         began = time.perf_counter()
-        none = np.zeros((mode.z.size, mode.z.size))
-        lacking, whitened = (none, mode) if touches_zero(target, mode) else whole_curvature(target, mode)
-        exact = whitened is mode
-        found = self._sample(target, whitened, settings, lacking, exact=exact)
-        if not exact and _poor(found):
-            lacking, whitened, exact = none, mode, True
-            found = self._sample(target, mode, settings, lacking, exact=True)
-        if found.outcome != OK and found.diagnostics["divergences"] == 0:
+        at = frame(target, mode)
+        exact, shorter = not at.good, 1.0
+        found = self._sample(target, mode, at, settings, exact, shorter)
+        while _poor(found) and shorter > SHORTEST:
+            exact, shorter = True, shorter * (0.5 if exact else 1.0)
+            found = self._sample(target, mode, at, settings, exact, shorter)
+        if found.outcome != OK and not _poor(found):
             longer = replace(settings, draws=3 * settings.draws, seed=settings.seed + 1)
-            found = self._sample(target, whitened, longer, lacking, exact=exact)
+            found = self._sample(target, mode, at, longer, exact, shorter)
         return replace(found, seconds=time.perf_counter() - began)
 
     def _sample(
-        self, target: Target, mode: Mode, settings: Settings, lacking: np.ndarray, *, exact: bool
+        self, target: Target, mode: Mode, at: Frame, settings: Settings, exact: bool, shorter: float
     ) -> Posterior:
         keys = jax.random.split(jax.random.PRNGKey(settings.seed), settings.chains)
-        start = starts(mode, settings.chains, settings.seed, spread=1.5)
         lines, run = _chains(target.layout, settings.warmup, settings.draws, exact)
-        at = jnp.asarray(mode.z)
-        force = (lines(mode.context, at), jnp.asarray(lacking))
-        u, energy, diverging, steps, accept = run(
-            mode.context, force, at, jnp.asarray(mode.factor), jnp.asarray(start), keys
-        )
-        z = mode.z + np.asarray(u) @ mode.factor.T
+        centre, factor = jnp.asarray(at.centre), jnp.asarray(at.factor)
+        force = (lines(mode.context, centre), jnp.asarray(at.lacking))
+        step = jnp.asarray(shorter * at.centre.size**-0.25)
+        start = jnp.asarray(_starts(target, mode, at, settings))
+        u, height, diverging, steps, accept = run(mode.context, force, centre, factor, step, start, keys)
+        z = at.centre + np.asarray(u) @ at.factor.T
         values = target.values(z)
         summaries = {n: diagnostics.summarise(v) for n, v in values.items()}
         prior = np.asarray(jax.vmap(jax.vmap(log_prior))(jnp.asarray(z)))
@@ -186,7 +145,7 @@ class Nuts(Sampler):
             sampler=self.name,
             names=target.names,
             draws=np.stack(list(values.values()), axis=-1),
-            log_likelihood=-np.asarray(energy) - prior,
+            log_likelihood=np.asarray(height) - prior,
             stats={
                 "diverging": np.asarray(diverging),
                 "n_steps": np.asarray(steps),
@@ -196,6 +155,7 @@ class Nuts(Sampler):
                 "summary": summaries,
                 "divergences": divergences,
                 "exact_force": exact,
+                "step": float(step),
                 "likelihoods": int(np.sum(np.asarray(steps))),
             },
             outcome=outcome,

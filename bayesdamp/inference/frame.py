@@ -1,0 +1,129 @@
+"""Coordinates in which a posterior is round, also one that ends at zero."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import partial
+
+import jax
+import numpy as np
+from jax import numpy as jnp
+from scipy.special import log_ndtr, ndtri_exp
+
+from bayesdamp.inference.mode import Mode
+from bayesdamp.inference.target import Layout, Target, compiled, linearise, linearised_log_posterior
+
+H = 0.3
+"""Whitened units over which second differences are taken: they reach 0.6 sds from the centre, and the mean of
+a distribution that is cut off is an sd or more from the wall."""
+FLATTEST = 0.1
+"""Least curvature that is believed, in units of the Gauss–Newton one."""
+CHUNK = 250
+
+
+@dataclass(frozen=True)
+class Frame:
+    """Scores are centre + factor @ u; u has mean about 0 and covariance about the identity.
+
+    centre: (d,); factor: (d, d); lacking: what the curvature of the linearised trajectory lacks at the
+    centre, (d, d); good: whether it could be measured.
+    """
+
+    centre: np.ndarray
+    factor: np.ndarray
+    lacking: np.ndarray
+    good: bool
+
+
+def frame(target: Target, mode: Mode) -> Frame:
+    """The frame of a posterior from its mode, and the gradient and the whole curvature beside it."""
+    layout, d = target.layout, mode.z.size
+    folded = np.flatnonzero(layout.folded)
+    at = np.where(layout.folded, np.maximum(np.abs(mode.z), 1e-12), mode.z)
+
+    def slope(at: np.ndarray) -> np.ndarray:
+        return np.asarray(compiled(layout).curvature(mode.context, jnp.asarray(at))[1])
+
+    centre, factor = _moments(mode.information, slope(at), at, folded)
+    whole, linear = _curvatures(target, mode, centre, factor)
+    if not (np.all(np.isfinite(whole)) and np.all(np.isfinite(linear))):
+        return Frame(centre, factor, np.zeros((d, d)), False)
+    values, vectors = np.linalg.eigh(whole)
+    inverse = np.linalg.inv(factor)
+    believed = inverse.T @ (vectors * np.maximum(values, FLATTEST)) @ vectors.T @ inverse
+    factor = _moments(believed, slope(centre), centre, folded)[1]
+    return Frame(centre, factor, inverse.T @ (whole - linear) @ inverse, True)
+
+
+def _moments(
+    information: np.ndarray, gradient: np.ndarray, at: np.ndarray, folded: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Mean and covariance's factor of the normal distribution with this information and, at `at`, this
+    gradient, cut off at zero in the folded scores."""
+    covariance = np.linalg.inv(information)
+    covariance = 0.5 * (covariance + covariance.T)
+    mean = at + covariance @ gradient
+    if folded.size:
+        inner = covariance[np.ix_(folded, folded)]
+        inside = _cut_off(mean[folded], inner)
+        # The other scores follow the folded ones linearly.
+        follow = covariance[:, folded] @ np.linalg.inv(inner)
+        mean = mean + follow @ (inside.mean(axis=0) - mean[folded])
+        covariance = covariance + follow @ (np.cov(inside.T, ddof=1).reshape(inner.shape) - inner) @ follow.T
+    return mean, np.linalg.cholesky(0.5 * (covariance + covariance.T))
+
+
+def _cut_off(mean: np.ndarray, covariance: np.ndarray, chains: int = 1000, sweeps: int = 300) -> np.ndarray:
+    """Draws of a normal distribution of mean (k,) and covariance (k, k) where all is ≥ 0, (4 chains, k).
+
+    Gibbs sampling from many starts; a seed of its own, since it only shapes coordinates.
+    """
+    rng = np.random.default_rng(0)
+    precision = np.linalg.inv(covariance)
+    sd = 1.0 / np.sqrt(np.diag(precision))
+    x = np.maximum(mean, sd) + np.zeros((chains, 1))
+    kept = []
+    for sweep in range(sweeps):
+        for i in range(mean.size):
+            pull = (x - mean) @ precision[i] - (x[:, i] - mean[i]) * precision[i, i]
+            low = (pull / precision[i, i] - mean[i]) / sd[i]  # where zero is, in conditional sds
+            tail = np.log(rng.uniform(1e-12, 1.0, chains)) + log_ndtr(-low)
+            x[:, i] = np.maximum(-ndtri_exp(tail) - low, 0.0) * sd[i]
+        if sweep >= sweeps // 2 and sweep % (sweeps // 8) == 0:
+            kept.append(x.copy())
+    return np.concatenate(kept)
+
+
+def _curvatures(
+    target: Target, mode: Mode, at: np.ndarray, factor: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """−∂² of the log posterior and of that with the trajectory linearised, in units of factor, both (d, d).
+
+    By second differences, all in batches of one size.
+    """
+    layout, d = target.layout, at.size
+    pairs = [(i, j) for i in range(d) for j in range(i, d)]
+    corners = np.array(
+        [[a * np.eye(d)[i] + b * np.eye(d)[j] for a in (1, -1) for b in (1, -1)] for i, j in pairs]
+    )
+    points = at + H * corners.reshape(-1, d) @ factor.T
+    padded = np.concatenate([points, np.repeat(at[None], -len(points) % CHUNK, axis=0)])
+    parts = [jnp.asarray(c) for c in np.split(padded, len(padded) // CHUNK)]
+    lines, batch = _linear(layout)
+    line = lines(mode.context, jnp.asarray(at))
+
+    def hessian(chunks: list[np.ndarray]) -> np.ndarray:
+        f = np.concatenate(chunks)[: len(points)].reshape(-1, 4)
+        found = np.zeros((d, d))
+        for (i, j), v in zip(pairs, -(f[:, 0] - f[:, 1] - f[:, 2] + f[:, 3]) / (4 * H * H), strict=True):
+            found[i, j] = found[j, i] = v
+        return found
+
+    whole = hessian([np.asarray(compiled(layout).batch(mode.context, c)) for c in parts])
+    return whole, hessian([np.asarray(batch(mode.context, line, c)) for c in parts])
+
+
+def _linear(layout: Layout):
+    lines = jax.jit(partial(linearise, layout))
+    batch = jax.jit(jax.vmap(partial(linearised_log_posterior, layout), in_axes=(None, None, 0)))
+    return lines, batch
