@@ -19,7 +19,7 @@ from bayesdamp.signals.features import Features
 from bayesdamp.types import Posterior, Signal
 
 REFERENCES = Path(__file__).resolve().parents[1] / "reference"
-NAMES = ("viscous_coulomb", "coulomb_correlated")
+NAMES = ("viscous_coulomb", "coulomb_correlated", "touching_zero")
 
 FEATURES = Features(
     rest=0.05,

@@ -38,7 +38,8 @@ class Emcee(Sampler):
     """Goodman and Weare's ensembles with a mix of moves; likelihoods in batches.
 
     Half of the moves propose from a Student t about the mode, which in whitened scores is close to the posterior
-    wherever that is regular; differential evolution, snooker and stretch moves serve where it is not.
+    wherever that is regular; differential evolution and stretch moves serve where it is not. (emcee's snooker move, up
+    to its release 3.1.6, does not leave the posterior as it is: alone it makes a normal's sd a fifth too small.)
 
     Runs two independent ensembles, each of `chains` or more walkers, until each parameter has 1,000
     effective draws and the series is fifty autocorrelation times long, or says that it did not get there.
@@ -70,8 +71,7 @@ class Emcee(Sampler):
         moves = [
             (emcee.moves.MHMove(_independent(proposal, mode)), 0.5),
             (emcee.moves.DEMove(), 0.3),
-            (emcee.moves.DESnookerMove(), 0.05),
-            (emcee.moves.StretchMove(), 0.15),
+            (emcee.moves.StretchMove(), 0.2),
         ]
         ensembles = []
         for k in range(ENSEMBLES):
