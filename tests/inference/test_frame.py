@@ -18,6 +18,7 @@ from . import problems
 
 WALLS = np.array([[1.0, 0.2, 0.0], [-0.7, 1.0, 0.3], [0.1, -0.5, 1.0]])
 OFFSETS = np.array([0.5, 0.4, 0.3])
+WITHIN = (jnp.asarray(WALLS), jnp.asarray(OFFSETS))
 INSIDE = np.array([0.1, 0.2, 0.3])
 
 
@@ -27,17 +28,17 @@ def flights(seed: int, count: int = 50) -> list[np.ndarray]:
 
 def test_a_flight_stays_within_the_walls_and_runs_backwards():
     for p in flights(0):
-        u, v = drift(jnp.asarray(INSIDE), jnp.asarray(p), jnp.asarray(1.5), WALLS, OFFSETS)
+        u, v = drift(jnp.asarray(INSIDE), jnp.asarray(p), jnp.asarray(1.5), *WITHIN)
         assert np.all(WALLS @ u + OFFSETS > -1e-12)
         assert np.linalg.norm(v) == pytest.approx(np.linalg.norm(p), rel=1e-12)
-        back, was = drift(u, v, jnp.asarray(-1.5), WALLS, OFFSETS)
+        back, was = drift(u, v, jnp.asarray(-1.5), *WITHIN)
         np.testing.assert_allclose(back, INSIDE, atol=1e-10)
         np.testing.assert_allclose(was, p, atol=1e-10)
 
 
 def test_a_flight_keeps_volume():
     def both(x: jax.Array) -> jax.Array:
-        return jnp.concatenate(drift(x[:3], x[3:], jnp.asarray(1.5), WALLS, OFFSETS))
+        return jnp.concatenate(drift(x[:3], x[3:], jnp.asarray(1.5), *WITHIN))
 
     jacobian = jax.jit(jax.jacfwd(both))
     for p in flights(1, 20):
@@ -49,7 +50,7 @@ def test_a_flight_keeps_volume():
 
 
 def test_no_walls_no_bounces():
-    u, p = drift(jnp.zeros(3), jnp.ones(3), jnp.asarray(2.0), np.empty((0, 3)), np.empty(0))
+    u, p = drift(jnp.zeros(3), jnp.ones(3), jnp.asarray(2.0), jnp.empty((0, 3)), jnp.empty(0))
     np.testing.assert_array_equal(u, 2 * np.ones(3))
     np.testing.assert_array_equal(p, np.ones(3))
 
