@@ -534,3 +534,32 @@ def test_the_example_of_the_readme_loads(tmp_path: Path) -> None:
     study = load_study(write(tmp_path, example))
     assert study.name == "rig"
     assert study.posterior.noise == "correlated"
+
+
+def test_a_signal_has_models_of_its_own(tmp_path: Path) -> None:
+    other = SIGNAL.replace('"one"', '"two"')
+    own = SIGNAL + 'compare = ["quadratic+viscous", "coulomb"]\nestimate = ["coulomb"]\n'
+    study = load_study(write(tmp_path, "version = 1\n" + SYSTEM + own + other))
+    first, second = study.signals
+    assert study.compare(first) == ("viscous+quadratic", "coulomb")
+    assert study.estimate(first) == ("coulomb",)
+    assert study.compare(second) == study.estimate(second) == ("viscous", "coulomb", "quadratic")
+
+
+@pytest.mark.parametrize(
+    ("line", "expected"),
+    [
+        (
+            'compare = ["viscuos"]',
+            "signal[one].compare: unknown damping term 'viscuos'; did you mean 'viscous'?",
+        ),
+        ("compare = []", "signal[one].compare"),
+        (
+            'estimate = ["viscous+coulomb"]',
+            "signal[one].estimate: names viscous+coulomb, which this signal does",
+        ),
+        ('compare = ["coulomb", "coulomb"]', "signal[one].compare"),
+    ],
+)
+def test_wrong_models_of_a_signal(tmp_path: Path, line: str, expected: str) -> None:
+    assert fault(tmp_path, f"version = 1\n{SYSTEM}{SIGNAL}{line}\n").startswith(expected)

@@ -34,7 +34,7 @@ from bayesdamp.config.sections import (
     ModelsTable,
     PosteriorTable,
 )
-from bayesdamp.config.signals import SignalSpec, canonical_model, check_base, damping_order, resolve_signal
+from bayesdamp.config.signals import SignalSpec, canonical_models, check_base, damping_order, resolve_signal
 from bayesdamp.config.sweeps import expand
 from bayesdamp.types import InputError
 
@@ -72,6 +72,15 @@ class Study:
     seed: int = 0
     description: str = ""
     version: int = 1
+
+    def compare(self, spec: SignalSpec) -> tuple[str, ...]:
+        """The damping models that one of the signals is compared under."""
+        return self.models.compare if spec.compare is None else spec.compare
+
+    def estimate(self, spec: SignalSpec) -> tuple[str, ...]:
+        """Those of them under which estimators run."""
+        compared = self.compare(spec)
+        return compared if spec.estimate is None else tuple(m for m in compared if m in spec.estimate)
 
     def resolved(self) -> dict[str, Any]:
         """All that the study says, defaults written out, as JSON takes it; no path of this machine."""
@@ -184,8 +193,7 @@ def _models(raw: object) -> Models:
 
     checked = section(ModelsTable, raw, "models")
     names = all_sums() if checked.compare == "all" else checked.compare
-    compare = tuple(canonical_model(name, "models.compare") for name in names)
-    distinct(compare, "models.compare", "the model")
+    compare = canonical_models(tuple(names), "models.compare")
     known_keys(checked.prior, damping_order(), "models.prior")
     return Models(
         compare, {n: prior(v, f"models.prior.{n}", negative=False) for n, v in checked.prior.items()}
@@ -224,7 +232,7 @@ def load_study(path: str | Path) -> Study:
         raw = _read(path)
         header = _header(raw)
         name = header.name if header.name is not None else re.sub(r"[^A-Za-z0-9_-]", "_", path.stem)
-        return Study(
+        study = Study(
             source=path,
             name=name,
             signals=_signals(raw, path.parent),
@@ -235,5 +243,11 @@ def load_study(path: str | Path) -> Study:
             seed=header.seed,
             description=header.description,
         )
+        for spec in study.signals:
+            for model in spec.estimate or ():
+                if model not in study.compare(spec):
+                    what = f"names {model}, which this signal does not compare"
+                    raise StudyError(f"signal[{spec.name}].estimate", f"{what}; it must be one of its models")
+        return study
     except (StudyError, InputError) as error:
         raise as_input_error(path, error) from None

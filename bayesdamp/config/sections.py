@@ -42,6 +42,13 @@ class SignalTable(Section):
     )
     simulate: dict[str, Any] | None = Field(None, description="a table such as { viscous = 0.05, ... }")
     system: dict[str, Any] = Field({}, description='a table such as { stiffness = "free" }')
+    compare: Annotated[Names, Field(min_length=1)] | None = Field(
+        None, description="a list of one or more models for this signal, in place of [models]'s"
+    )
+    estimate: Names | None = Field(
+        None,
+        description="a list of the models under which estimators run on this signal; all that it compares",
+    )
     file: str | None = Field(None, min_length=1, description="a file's path in quotes")
     time: Annotated[int, Field(ge=1)] | Annotated[str, Field(min_length=1)] | None = Field(
         None, description="a column's name or its number from 1"

@@ -10,6 +10,7 @@ from typing import Any
 from bayesdamp.config.checks import (
     StudyError,
     below,
+    distinct,
     known_keys,
     number,
     plugin_name,
@@ -80,12 +81,16 @@ class SignalSpec:
     """One record of the study, either simulated or read, and what is known of its system.
 
     inertia: kg m² (kg for a translation), only for showing results in physical units.
+    compare: its own damping models, None for the study's; estimate: those under which estimators run, None for
+    all that it compares.
     """
 
     name: str
     system: System
     source: Simulation | Recording
     inertia: float | None = None
+    compare: tuple[str, ...] | None = None
+    estimate: tuple[str, ...] | None = None
 
     @property
     def repeats(self) -> int:
@@ -242,7 +247,7 @@ def resolve_signal(raw: object, base: Mapping[str, Any], folder: Path, key: str)
     if entry.simulate is None:
         source: Simulation | Recording = _recording(entry, system, folder, key)
     else:
-        stray = [n for n in given if n not in ("name", "simulate", "system")]
+        stray = [n for n in given if n not in ("name", "simulate", "system", "compare", "estimate")]
         if stray:
             inside = " inside simulate = { ... }" if stray[0] in SimulateTable.model_fields else ""
             raise StudyError(
@@ -250,7 +255,11 @@ def resolve_signal(raw: object, base: Mapping[str, Any], folder: Path, key: str)
                 f"belongs to a file{'; put it' + inside if inside else '; remove it here'}",
             )
         source = _simulation(entry.simulate, system, below(key, "simulate"))
-    return SignalSpec(entry.name, system, source, reference.get("inertia"))
+    own = {
+        name: None if models is None else canonical_models(models, below(key, name))
+        for name, models in (("compare", entry.compare), ("estimate", entry.estimate))
+    }
+    return SignalSpec(entry.name, system, source, reference.get("inertia"), **own)
 
 
 def canonical_model(name: object, key: str) -> str:
@@ -265,3 +274,10 @@ def canonical_model(name: object, key: str) -> str:
             key, f"is {shown(name)}; it must be a sum of different terms, such as viscous+coulomb"
         )
     return "+".join(term for term in valid if term in parts)
+
+
+def canonical_models(names: tuple[str, ...], key: str) -> tuple[str, ...]:
+    """Damping models, each once. Raises StudyError."""
+    found = tuple(canonical_model(name, key) for name in names)
+    distinct(found, key, "the model")
+    return found

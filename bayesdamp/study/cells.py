@@ -70,6 +70,7 @@ class SignalCell:
         source = self.spec.source
         content = sha256(source.path) if isinstance(source, Recording) else ""
         shown = next(s for s in self.study.resolved()["signals"] if s["name"] == self.spec.name)
+        shown = {k: v for k, v in shown.items() if k not in ("compare", "estimate")}
         return digest("signal", self.study.seed, shown, self.repeat, content)
 
     def compute(self) -> None:
@@ -177,11 +178,15 @@ class Branch:
         self.parent = SignalCell(study, spec, repeat, store)
         self.path = f"{spec.name}/{repeat}/{model}"
 
+    @property
+    def _methods(self) -> tuple[str, ...]:
+        return self.study.estimators.use if self.model in self.study.estimate(self.spec) else ()
+
     def cells(self) -> dict[str, tuple[str, Callable[[str, str], None]]]:
         """Name of each cell to its key and what computes it, in an order in which they can run."""
         found: dict[str, tuple[str, Callable[[str, str], None]]] = {}
         use = self.study.estimators
-        chosen = {n: dict(use.options.get(n, {})) for n in use.use}
+        chosen = {n: dict(use.options.get(n, {})) for n in self._methods}
         for name, options in chosen.items():
             key = digest("estimate", self.parent.key, self.model, name, use.stages, options)
             found[f"estimate/{self.path}/{name}"] = (key, self.estimate)
@@ -260,7 +265,7 @@ class Branch:
     def _seeds(self) -> dict[str, Mapping[str, float]]:
         """The last stage of every estimator that has values; with none in the study, least squares'."""
         seeds: dict[str, Mapping[str, float]] = {}
-        for method in self.study.estimators.use:
+        for method in self._methods:
             for stage in self.store.read(f"estimate/{self.path}/{method}").meta.get("stages", []):
                 if stage["values"]:
                     seeds[method] = stage["values"]

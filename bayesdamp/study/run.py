@@ -94,9 +94,9 @@ def run_study(
 
 
 def _jobs(study: Study) -> list[Job]:
-    records = [(s.name, r) for s in study.signals for r in range(s.repeats)]
-    first = [Job(name, r) for name, r in records]
-    return first + [Job(name, r, m) for name, r in records for m in study.models.compare]
+    records = [(s, r) for s in study.signals for r in range(s.repeats)]
+    first = [Job(s.name, r) for s, r in records]
+    return first + [Job(s.name, r, m) for s, r in records for m in study.compare(s)]
 
 
 def _spec(study: Study, name: str) -> SignalSpec:

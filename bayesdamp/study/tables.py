@@ -37,7 +37,7 @@ def _records(study: Study) -> Iterator[tuple[SignalSpec, int]]:
 
 def _branches(study: Study) -> Iterator[tuple[SignalSpec, int, str, Row]]:
     for spec, repeat in _records(study):
-        for model in study.models.compare:
+        for model in study.compare(spec):
             yield spec, repeat, model, {"signal": spec.name, "repeat": repeat, "model": model}
 
 
@@ -107,7 +107,7 @@ def _evidence(study: Study, store: Store) -> Iterator[Row]:
     for spec, repeat in _records(study):
         for method in study.evidence.methods:
             cells = {
-                m: _read(store, f"evidence/{spec.name}/{repeat}/{m}/{method}") for m in study.models.compare
+                m: _read(store, f"evidence/{spec.name}/{repeat}/{m}/{method}") for m in study.compare(spec)
             }
             logs = {m: c.meta["log_evidence"] for m, c in cells.items() if c and "log_evidence" in c.meta}
             finite = [v for v in logs.values() if np.isfinite(v)]
@@ -175,7 +175,7 @@ def _run(study: Study, store: Store) -> Row:
             "reference": cell.meta["reference"],
             "features": cell.meta["features"],
         }
-        modes = {m: _read(store, f"mode/{spec.name}/0/{m}") for m in study.models.compare}
+        modes = {m: _read(store, f"mode/{spec.name}/0/{m}") for m in study.compare(spec)}
         priors[spec.name] = {m: c.meta.get("priors", {}) for m, c in modes.items() if c}
         budget[spec.name] = {m: c.meta.get("error_budget", {}) for m, c in modes.items() if c}
     found = provenance(files)
@@ -193,7 +193,9 @@ def _run(study: Study, store: Store) -> Row:
         "seconds": seconds,
         "signals": about,
         "priors": priors,
-        "models": list(study.models.compare),
+        "models": list(
+            dict.fromkeys([*study.models.compare, *(m for s in study.signals for m in study.compare(s))])
+        ),
         "error_budget": budget,
         "equilibrium": {s.name: _equilibrium(s, store) for s in study.signals},
     }
