@@ -26,6 +26,7 @@ from bayesdamp.config.checks import (
     shown,
     table,
 )
+from bayesdamp.config.published import Published, read_published
 from bayesdamp.config.sections import (
     NAME,
     EstimatorsTable,
@@ -60,7 +61,10 @@ class Models:
 
 @dataclass(frozen=True)
 class Study:
-    """A checked study file. `source` is the file; nothing of it depends on the order of its tables."""
+    """A checked study file. `source` is the file; nothing of it depends on the order of its tables.
+
+    published: figures from elsewhere that the report shows beside the study's own.
+    """
 
     source: Path
     name: str
@@ -71,6 +75,7 @@ class Study:
     evidence: EvidenceTable
     seed: int = 0
     description: str = ""
+    published: tuple[Published, ...] = ()
     version: int = 1
 
     def compare(self, spec: SignalSpec) -> tuple[str, ...]:
@@ -188,6 +193,14 @@ def _estimators(raw: object) -> Estimators:
     return Estimators(use, checked.stages, options)
 
 
+def _published(file: str | None, folder: Path, signals: tuple[SignalSpec, ...]) -> tuple[Published, ...]:
+    from bayesdamp.estimators import ESTIMATORS
+
+    if file is None:
+        return ()
+    return read_published(folder / file, [s.name for s in signals], ESTIMATORS.names())
+
+
 def _models(raw: object) -> Models:
     from bayesdamp.physics.damping import all_sums
 
@@ -232,16 +245,18 @@ def load_study(path: str | Path) -> Study:
         raw = _read(path)
         header = _header(raw)
         name = header.name if header.name is not None else re.sub(r"[^A-Za-z0-9_-]", "_", path.stem)
+        signals = _signals(raw, path.parent)
         study = Study(
             source=path,
             name=name,
-            signals=_signals(raw, path.parent),
+            signals=signals,
             estimators=_estimators(raw.get("estimators", {})),
             models=_models(raw.get("models", {})),
             posterior=_posterior(raw.get("posterior", {})),
             evidence=_evidence(raw.get("evidence", {})),
             seed=header.seed,
             description=header.description,
+            published=_published(header.published, path.parent, signals),
         )
         for spec in study.signals:
             for model in spec.estimate or ():

@@ -32,6 +32,9 @@ class Header(Section):
     )
     seed: int = Field(0, ge=0, lt=2**63, description="a whole number, 0 or more")
     description: str = Field("", description="a line of text in quotes")
+    published: str | None = Field(
+        None, min_length=1, description="a CSV file's path in quotes: estimator, signal, error_pct, time"
+    )
 
 
 class SignalTable(Section):

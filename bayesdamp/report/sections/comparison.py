@@ -1,0 +1,150 @@
+"""Every estimator beside the others and beside what was published."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from markupsafe import Markup
+
+from bayesdamp.report import words
+from bayesdamp.report.comparing import STAGES, Comparison, category, compared, true_models
+from bayesdamp.report.figures.convergence import convergence
+from bayesdamp.report.figures.finals import finals
+from bayesdamp.report.figures.heatmap import heatmap
+from bayesdamp.report.figures.ranking import categories, ranking, responses
+from bayesdamp.report.html import Line, Table, fill, folded
+from bayesdamp.report.reading import truth
+from bayesdamp.report.run import Run
+from bayesdamp.report.sections._section import Section
+from bayesdamp.types import OK
+
+_COEFFICIENT = {"viscous": "zeta", "coulomb": "mu_c", "quadratic": "mu_q"}
+
+
+class ComparisonSection(Section):
+    """Errors and times of all methods under the model that made each record."""
+
+    order = 35
+    name = "comparison"
+    title = "The estimators compared"
+
+    def applies(self, run: Run) -> bool:
+        if run.study.get("published"):
+            return True
+        found = compared(run)
+        return len(found.methods) > 1 and len(found.signals) > 1 and bool(found.errors)
+
+    def render(self, run: Run) -> str:
+        found = compared(run)
+        if not found.errors:
+            return Markup("<p>No estimator has an error to compare in this study.</p>")
+        known = true_models(run)
+        parts: list[object] = [_errors(found)]
+        figures = run.drawings
+        caption = "Mean error of every method over the signals, at both stages"
+        said = caption + (", and the published mean." if found.published else ".")
+        parts.append(figures.add("ranking", f"{said} Dashed: 0.1 %.", lambda: ranking(found)))
+        parts.append(
+            figures.add("heatmap", "Errors in per cent, on a logarithmic scale.", lambda: heatmap(found))
+        )
+        said = "Errors by category; each point is one method, the line a category's median. Dashed: 0.1 %."
+        parts.append(figures.add("categories", said, lambda: categories(found)))
+        parts.append(_times(found))
+        singles = {s: known[s] for s in found.signals if known[s] in _COEFFICIENT}
+        truths = {s: truth(run, s, _COEFFICIENT[m]) for s, m in singles.items()}
+        truths = {s: v for s, v in truths.items() if math.isfinite(v) and v}
+        if truths:
+            parts.append(_finals(run, found, truths, singles))
+            course = _convergence(run, truths, singles)
+            if course is not None:
+                parts.append(course)
+        parts.append(_responses(run, found, known))
+        return fill("stack.html", parts=parts)
+
+
+def _errors(found: Comparison) -> Table:
+    with_printed = bool(found.published)
+    headers = ["method", "category"]
+    for signal in found.signals:
+        headers += [f"{signal}: initial", "refined"] + (["published"] if with_printed else [])
+    lines = []
+    for method in found.methods:
+        cells = [words.method(method), category(method)]
+        for signal in found.signals:
+            for stage in STAGES:
+                error = found.errors.get((method, signal, stage), math.nan)
+                outcome = found.outcomes.get((method, signal, stage), OK)
+                cells.append(words.number(error, 2) + ("*" if outcome != OK and math.isfinite(error) else ""))
+            if with_printed:
+                cells.append(found.published.get((method, signal), words.NONE))
+        lines.append(Line(cells))
+    starred = any(o != OK for o in found.outcomes.values())
+    note = (
+        " *: the method itself doubts this answer; its sentence stands in the next section."
+        if starred
+        else ""
+    )
+    return Table(
+        headers, lines, frozenset({0, 1}), f"Errors in per cent of the truth (the paper's Table 2).{note}"
+    )
+
+
+def _times(found: Comparison) -> Table:
+    lines = []
+    for method in found.methods:
+        seconds = [found.seconds.get((method, stage), math.nan) for stage in STAGES]
+        printed = [found.times.get(method, words.NONE)] if found.times else []
+        lines.append(Line([words.method(method), *map(words.duration, seconds), *printed]))
+    headers = ["method", "initial", "refined", *(["published"] if found.times else [])]
+    many = f"{len(found.signals)} signals" if len(found.signals) > 1 else "the signal"
+    said = f"Time for {many} together, compilation included where it fell due (the paper's Table 3)."
+    return Table(headers, lines, frozenset({0}), said)
+
+
+def _finals(run: Run, found: Comparison, truths: dict[str, float], models: dict[str, str]) -> Markup:
+    values, labels = {}, {}
+    for row in run.estimates:
+        signal = row["signal"]
+        if signal not in truths or row["model"] != models[signal] or row["repeat"] != run.repeats(signal)[0]:
+            continue
+        if row["parameter"] == _COEFFICIENT[models[signal]]:
+            values[row["estimator"], signal, row["stage"]] = row["value"]
+            labels[signal] = words.axis(row["parameter"], row["unit"])
+    ordered = {k: values[k] for m in found.methods for k in values if k[0] == m}
+    shown = {s: v for s, v in truths.items() if s in labels}
+    said = "What every method found, by itself and refined. Triangles point to values off the axis."
+    return run.drawings.add("finals", said, lambda: finals(ordered, shown, labels, models))
+
+
+def _convergence(run: Run, truths: dict[str, float], models: dict[str, str]) -> Markup | None:
+    courses: dict[tuple[str, str], np.ndarray] = {}
+    for signal in truths:
+        parameter = _COEFFICIENT[models[signal]]
+        for cell in run.cells("estimate", signal, run.repeats(signal)[0], models[signal]):
+            course = cell.arrays.get(f"initial/{parameter}")
+            if course is not None and course.ndim == 1 and course.size > 2:
+                courses[cell.name.split("/")[4], signal] = course
+    if not courses:
+        return None
+    courses = dict(sorted(courses.items(), key=lambda item: item[0][0]))
+    said = "The coefficient after each iteration. Dashed: the truth; grey: 1 % about it."
+    names = {s: _COEFFICIENT[models[s]] for s in truths}
+    return run.drawings.add("convergence", said, lambda: convergence(courses, truths, names, models))
+
+
+def _responses(run: Run, found: Comparison, models: dict[str, str]) -> Markup:
+    records = {}
+    for signal in found.signals[:6]:
+        cell = run.cell("signal", signal, run.repeats(signal)[0])
+        if cell is not None and "t" in cell.arrays:
+            records[signal] = (cell.arrays["t"], cell.arrays["y"])
+    if not records:
+        return Markup("")
+    drawing = run.drawings.add(
+        "responses", "The records.", lambda: responses(records, models, "record / (rad or m, SI)")
+    )
+    return folded("The records themselves", drawing)
+
+
+PLUGIN = ComparisonSection()
