@@ -19,13 +19,15 @@ WRITTEN = {"viscous": "2θ̇", "coulomb": "tanh(θ̇/ε)", "quadratic": "θ̇|θ
 class Candidate:
     """One function of displacement and velocity, both (n,), in a library.
 
-    damping: name of the damping term whose shape it is. restoring: whether it depends on θ alone.
+    damping: name of the damping term whose shape it is, a function of velocity alone. restoring: whether it
+    depends on θ alone. jumps: whether it jumps where the velocity changes sign.
     """
 
     name: str
     function: Callable[[np.ndarray, np.ndarray], np.ndarray]
     damping: str | None = None
     restoring: bool = False
+    jumps: bool = False
 
 
 def candidates(problem: Problem, epsilon: float, unit: str) -> list[Candidate]:
@@ -38,7 +40,7 @@ def candidates(problem: Problem, epsilon: float, unit: str) -> list[Candidate]:
         term = TERMS.get(name)
         written = "sign(θ̇)" if name == "coulomb" and epsilon == 0.0 else WRITTEN.get(name, name)
         shape = lambda x, v, term=term: np.asarray(term.shape(v, epsilon))  # noqa: E731
-        found.append(Candidate(written, shape, damping=name))
+        found.append(Candidate(written, shape, damping=name, jumps=term.switches and epsilon == 0.0))
     only: list[tuple[str, Callable[[np.ndarray], np.ndarray]]] = [
         ("1", np.ones_like),
         ("θ", lambda x: x),

@@ -105,6 +105,7 @@ class Sindy(Estimator):
         floor = FLOOR * float(np.sqrt(np.mean(moving.alpha**2)))
         dissipates = np.array([one.damping is not None for one in library])
         blocks = held_out_blocks(moving.t, seen.period)
+        unknown = len(known_restoring(problem)) < len(oscillator(problem).law.parameters)
         path, best = sparse_path(columns, target, dissipates, blocks, floor)
 
         names = [one.name for one in library]
@@ -112,15 +113,16 @@ class Sindy(Estimator):
         own = np.array([one.damping in problem.damping for one in library])
         missing = [one.name for one, of, kept in zip(library, own, best.support) if of and not kept]
         support = best.support
-        if missing:  # the model is given: its terms stay, and no other damping may stand in for them
-            support = (best.support & ~dissipates) | own
+        if missing:  # the model is given: its terms stay, and nothing may stand in for them
+            of_law = np.array([one.restoring for one in library]) & unknown
+            support = (best.support & of_law) | own
         x, spread = refit(columns, target, support, rows)
         index = {one.damping: i for i, one in enumerate(library) if one.damping}
         values, stderr = {}, {}
         for term in oscillator(problem).terms:
             values[term.parameter] = float(x[index[term.name]])
             stderr[term.parameter] = float(spread[index[term.name]])
-        if any(name in free_names(problem) for name in oscillator(problem).law.parameters):
+        if unknown:
             of_theta = np.array([one.restoring for one in library])
             force = evaluated(library, theta, omega)[:, of_theta] @ x[of_theta]
             values |= restoring_values(problem, theta, force)
@@ -235,7 +237,8 @@ def sparse_path(
     path = list(found.values())
     admitted = [one for one in path if _physical(one.x * scale, dissipates, size)]
     if not admitted:
-        raise Refusal("no sparse solution has damping that takes energy out: the record is too noisy")
+        nothing = np.zeros(scale.size)
+        return path, Sparse(nothing != 0.0, nothing, np.inf, 0.0, size**2 / weight)
     weight /= weight.sum()
     best = min(admitted, key=lambda one: float(weight @ one.squares))
 

@@ -37,7 +37,9 @@ WIDTHS = (0.75, 1.0, 1.5, 2.0)
 """Widths of the test functions in periods that are tried."""
 FLOOR = 1e-6
 """A part of the inertia smaller than this share of it is no evidence for a term."""
-ROUNDS = 4
+ROUNDS = 3
+NOISELESS = 1e-7
+"""Noise below this share of the inertia, both in units of noise, biases nothing."""
 SUBDIVIDED = 15
 """Points between neighbouring samples at which a jumping function is averaged."""
 
@@ -70,11 +72,16 @@ class Rows:
 
 @dataclass(frozen=True)
 class White:
-    """Rows with independent errors of unit variance (times that of a sample)."""
+    """Rows whose errors are independent and have the variance of a sample's noise, rotated onto the columns.
+
+    inertia (p + 1,), columns (p + 1, p); count: rows before the rotation.
+    moments (p + 1, p + 1): traces tr(C⁻¹B_k B_lᵀ) of the noise maps of all columns and, last, the inertia.
+    """
 
     inertia: np.ndarray
     columns: np.ndarray
-    map: np.ndarray
+    count: int
+    moments: np.ndarray
 
 
 class WeakSindy(Estimator):
@@ -101,56 +108,64 @@ class WeakSindy(Estimator):
         seen = checked_features(signal)
         sigma = noise_level(signal)
         library = candidates(problem, epsilon_of(problem, seen), signal.unit)
+        # Products of θ and θ̇ multiply noise with noise, and no law has them.
+        library = [one for one in library if one.damping is not None or one.restoring]
         stretches = prepared(signal, problem, seen, sigma)
         own = np.array([one.damping in problem.damping for one in library])
         dissipates = np.array([one.damping is not None for one in library])
         known = known_restoring(problem)
         all_known = len(known) == len(oscillator(problem).law.parameters)
 
+        base = own | (np.array([one.restoring for one in library]) & (not all_known))
+        few, first = [one for one, kept in zip(library, base) if kept], np.zeros(int(base.sum()))
+        if not all_known:  # the stiffness belongs to how noise passes
+            first[[one.name for one in few].index("θ")] = seen.frequency**2
         tried = []
         for width in (options.width,) if options.width else WIDTHS:
-            rows = assembled(stretches, library, problem, seen, width * seen.period)
+            rows = assembled(stretches, few, problem, seen, width * seen.period)
             if rows is None or rows.inertia.size < len(library) + 4:
                 continue
-            first = np.zeros(len(library))
-            if not all_known:  # the stiffness belongs to how noise passes
-                first[[one.name for one in library].index("θ")] = seen.frequency**2
-            support = own | (np.array([one.restoring for one in library]) & (not all_known))
-            white = whitened(rows, first)
-            for _ in range(2):
-                x, spread = solved(rows, white, support, sigma)
-                white = whitened(rows, x)
-            x, spread = solved(rows, white, support, sigma)
+            guess = solved(whitened(rows, first, sigma), first == first, sigma)
+            guess = solved(whitened(rows, guess.x, sigma), first == first, sigma)
             units = [
-                term.ratio_per_unit(seen.amplitude, seen.frequency)
-                * spread[[one.damping for one in library].index(term.name)]
-                for term in oscillator(problem).terms
+                oscillator(problem).terms[problem.damping.index(one.damping)].ratio_per_unit(
+                    seen.amplitude, seen.frequency
+                )
+                * spread
+                for one, spread in zip(few, guess.stderr)
+                if one.damping
             ]
-            tried.append((float(np.linalg.norm(units)), width, rows, white))
+            tried.append((float(np.linalg.norm(units)), width, guess.x))
         if not tried:
             raise Refusal("the record is too short for test functions")
-        _, width, rows, white = min(tried, key=lambda one: one[0])
+        _, width, near = min(tried, key=lambda one: one[0])
+        rows = assembled(stretches, library, problem, seen, width * seen.period)
+        assert rows is not None
+        x = np.zeros(len(library))
+        x[base] = near
+        white = whitened(rows, x, sigma)
 
-        path = sparse_path(white, dissipates)
-        best = min(path, key=lambda one: one[1])
-        support, names = best[0], [one.name for one in library]
+        path, names = sparse_path(white, dissipates, sigma), [one.name for one in library]
+        nothing = Sparse(np.zeros(own.size, bool), solved(white, own, sigma), np.inf, np.inf)
+        best = min(path, key=lambda one: one.score, default=nothing)
+        support = best.support
         selected = [name for name, kept in zip(names, support) if kept]
         missing = [name for name, of, kept in zip(names, own, support) if of and not kept]
-        if missing:  # the model is given: its terms stay, and no other damping may stand in for them
-            support = (support & ~dissipates) | own
-        trace = []
+        if missing:  # the model is given: its terms stay, and nothing may stand in for them
+            support = (support & base) | own
+        trace, found = [], best.solution
         for _ in range(ROUNDS):
-            x, spread = solved(rows, white, support, sigma)
-            white = whitened(rows, x)
-            trace.append(float(x[own][0]))
+            found = solved(white, support, sigma)
+            white = whitened(rows, found.x, sigma, support)
+            trace.append(float(found.x[own][0]))
 
         index = {one.damping: i for i, one in enumerate(library) if one.damping}
-        values = {term.parameter: float(x[index[term.name]]) for term in oscillator(problem).terms}
-        stderr = {term.parameter: float(spread[index[term.name]]) for term in oscillator(problem).terms}
+        values = {term.parameter: float(found.x[index[term.name]]) for term in oscillator(problem).terms}
+        stderr = {term.parameter: float(found.stderr[index[term.name]]) for term in oscillator(problem).terms}
         if not all_known:
             theta = np.concatenate([one.theta for one in stretches])
             omega = np.concatenate([one.omega for one in stretches])
-            parts = [c * one.function(theta, omega) for one, c in zip(library, x) if one.restoring]
+            parts = [c * one.function(theta, omega) for one, c in zip(library, found.x) if one.restoring]
             values |= restoring_values(problem, theta, np.sum(parts, axis=0))
         if free_names(problem):
             moving = motion(signal, problem, seen)
@@ -164,14 +179,14 @@ class WeakSindy(Estimator):
             {"coefficient": np.array(trace)},
             {
                 "selected": selected,
-                "coefficients": [float(c) for c in best[2][best[0]]],
+                "coefficients": [float(c) for c in best.solution.x[best.support]],
                 "library": names,
-                "threshold": best[3],
+                "threshold": best.threshold,
                 "width_in_periods": width,
                 "test_functions": int(rows.inertia.size),
-                "path_threshold": [one[3] for one in path],
-                "path_terms": [int(one[0].sum()) for one in path],
-                "path_score": [one[1] for one in path],
+                "path_threshold": [one.threshold for one in path],
+                "path_terms": [int(one.support.sum()) for one in path],
+                "path_score": [one.score for one in path],
             },
             evaluations=len(path) + ROUNDS,
             outcome=told(selected, missing) if missing else OK,
@@ -238,18 +253,16 @@ def _column(
     if candidate.damping == "viscous" and one.order < 2:
         linear = 2.0 * weights(n, one.h, width, 1 - one.order)
         return linear @ one.y, linear
-    values = f(one.theta, one.omega)
-    jump = 1e-3 * seen.amplitude * seen.frequency
-    if np.any(np.abs(f(one.theta[:1], np.array([jump])) - f(one.theta[:1], np.array([-jump]))) > 1.0):
-        values = _between(f, one)
+    values = _between(f, one) if candidate.jumps else f(one.theta, one.omega)
     if one.order:
         return phi @ values, sparse.csr_matrix(phi.shape)
-    d = 1e-3 * seen.amplitude
-    by_theta = (f(one.theta + d, one.omega) - f(one.theta - d, one.omega)) / (2 * d)
-    d *= 10 * seen.frequency
-    by_omega = (f(one.theta, one.omega + d) - f(one.theta, one.omega - d)) / (2 * d)
-    through = phi @ sparse.diags(by_theta)
-    if np.any(by_omega):
+    d, through = 1e-3 * seen.amplitude, sparse.csr_matrix(phi.shape)
+    if candidate.damping is None:
+        by_theta = (f(one.theta + d, one.omega) - f(one.theta - d, one.omega)) / (2 * d)
+        through = phi @ sparse.diags(by_theta)
+    if not candidate.restoring:
+        d *= 10 * seen.frequency
+        by_omega = (f(one.theta, one.omega + d) - f(one.theta, one.omega - d)) / (2 * d)
         through = through + phi @ sparse.diags(by_omega) @ one.velocity
     return phi @ values, sparse.csr_matrix(through)
 
@@ -263,78 +276,105 @@ def _between(f, one: Stretch) -> np.ndarray:
     return f(theta.ravel(), omega.ravel()).reshape(at.shape).mean(axis=1)
 
 
-def whitened(rows: Rows, x: np.ndarray) -> White:
-    """Rows with independent errors, if the coefficients are x (p,)."""
+def whitened(rows: Rows, x: np.ndarray, sigma: float, wanted: np.ndarray | None = None) -> White:
+    """Rows with independent errors, if the coefficients are x (p,).
+
+    wanted (p,): the columns whose noise is to be known, all by default; none where there is no noise.
+    """
     turn = whitener(rows.residual_noise(x))
-    return White(turn @ rows.inertia, turn @ rows.columns, turn)
+    metric, start = turn.T @ turn, 0
+    moments = np.zeros((x.size + 1, x.size + 1))
+    of = np.r_[np.flatnonzero(np.ones(x.size, bool) if wanted is None else wanted), x.size]
+    if sigma <= NOISELESS * float(np.linalg.norm(rows.inertia) / np.sqrt(max(np.trace(metric), 1e-300))):
+        of = of[:0]
+    for first, maps in rows.noise:
+        part = slice(start, start + first.shape[0])
+        start += first.shape[0]
+        every = [*maps, first]
+        for place, i in enumerate(of):
+            image = every[i].T @ metric[part, part]
+            for j in of[: place + 1]:
+                moments[i, j] += every[j].T.multiply(image).sum()
+    moments = np.tril(moments) + np.tril(moments, -1).T
+    small = np.linalg.qr(np.column_stack([turn @ rows.columns, turn @ rows.inertia]), mode="r")
+    return White(small[:, -1], small[:, :-1], turn.shape[0], moments)
 
 
-def solved(rows: Rows, white: White, support: np.ndarray, sigma: float) -> tuple[np.ndarray, np.ndarray]:
-    """Coefficients (p,) of the terms in `support`, freed of the bias of noise in their columns; and stderr.
+@dataclass(frozen=True)
+class Solution:
+    """Coefficients (p,) and their standard errors (p,).
 
-    Residual r = b + Gx with noise (A₀ + Σ x_l B_l) n makes GᵀC⁻¹r have the mean
+    left: the residual's sum of squares; expected: what the noise of inertia and columns would make of it.
+    sound: whether the noise lets the terms be told apart; else its bias is still in the coefficients.
+    """
+
+    x: np.ndarray
+    stderr: np.ndarray
+    left: float
+    expected: float
+    sound: bool
+
+
+def solved(white: White, support: np.ndarray, sigma: float) -> Solution:
+    """The terms in `support`, freed of the bias that noise in their columns brings.
+
+    A residual b + Gx with noise (A₀ + Σ x_l B_l) n, of covariance C, makes GᵀC⁻¹r have the mean
     σ² [tr(C⁻¹B_k A₀ᵀ) + Σ_l x_l tr(C⁻¹B_k B_lᵀ)], which is set against it.
     """
-    a, b = white.columns[:, support], white.inertia
-    scale = np.linalg.norm(a, axis=0)
-    a = a / scale
     kept = np.flatnonzero(support)
-    own, mixed = np.zeros((kept.size, kept.size)), np.zeros(kept.size)
-    start = 0
-    for first, maps in rows.noise:
-        turn = white.map[:, start : start + first.shape[0]]
-        start += first.shape[0]
-        images = [(maps[k].T @ turn.T / s).ravel() for k, s in zip(kept, scale)]
-        inertia = (first.T @ turn.T).ravel()
-        own += np.array([[u @ v for v in images] for u in images])
-        mixed += np.array([u @ inertia for u in images])
+    scale = np.linalg.norm(white.columns[:, kept], axis=0)
+    a, b = white.columns[:, kept] / scale, white.inertia
+    own = sigma**2 * white.moments[np.ix_(kept, kept)] / np.outer(scale, scale)
+    mixed = sigma**2 * white.moments[kept, -1] / scale
     gram = a.T @ a
-    x, spread = np.zeros(support.size), np.zeros(support.size)
-    plain = np.linalg.lstsq(a, -b, rcond=1e-12)[0]
-    corrected = gram - sigma**2 * own
-    better = plain
-    if np.linalg.eigvalsh(corrected)[0] > 0.5 * np.linalg.eigvalsh(gram)[0]:
-        # A step from the plain solution, so that nothing is lost where there is no noise.
-        better = plain + np.linalg.solve(corrected, sigma**2 * (mixed + own @ plain))
-    left = b + a @ plain
-    sd = np.sqrt(left @ left / max(b.size - kept.size, 1))
-    x[kept] = better / scale
-    spread[kept] = sd * np.sqrt(np.maximum(np.diag(np.linalg.pinv(gram, rcond=1e-14)), 0.0)) / scale
-    return x, spread
+    inverse = np.linalg.pinv(a, rcond=1e-12)
+    plain = -inverse @ b
+    free = gram - own
+    sound = bool(np.linalg.eigvalsh(free)[0] > 0.5 * np.linalg.eigvalsh(gram)[0]) if kept.size else True
+    # A step from the plain solution, so that nothing is lost where there is no noise.
+    x = plain + (np.linalg.solve(free, mixed + own @ plain) if sound else 0.0)
+    left = float(np.sum((b + a @ x) ** 2))
+    sd = np.sqrt(left / max(white.count - kept.size, 1))
+    full, stderr = np.zeros(support.size), np.zeros(support.size)
+    full[kept], stderr[kept] = x / scale, sd * np.sqrt(np.sum(inverse**2, axis=1)) / scale
+    one = np.r_[full, 1.0]
+    return Solution(full, stderr, left, sigma**2 * float(one @ white.moments @ one), sound)
 
 
-def sparse_path(white: White, dissipates: np.ndarray) -> list[tuple[np.ndarray, float, np.ndarray, float]]:
-    """(terms, score, coefficients, threshold) of the sparse solutions that lose no energy backwards.
+@dataclass(frozen=True)
+class Sparse:
+    """A sparse solution: its terms (p,) of bool, what solves for them, its score, and its least t-value."""
 
-    For every set of damping terms the others fall in the order of their t-values. score: the Bayesian
-    information criterion; threshold: the least t-value that is left.
+    support: np.ndarray
+    solution: Solution
+    score: float
+    threshold: float
+
+
+def sparse_path(white: White, dissipates: np.ndarray, sigma: float) -> list[Sparse]:
+    """Sparse solutions: for every set of damping terms the others fall in the order of their t-values.
+
+    score: the Bayesian information criterion for errors of known size. Solutions with negative damping are
+    not admitted, nor those whose terms the noise does not tell apart.
     """
-    a, b = white.columns, -white.inertia
-    scale, n = np.linalg.norm(a, axis=0), b.size
-    small = np.linalg.qr(np.column_stack([a / scale, b]), mode="r")
-    a, b = small[:, :-1], small[:, -1]
-    floor = FLOOR * float(np.linalg.norm(b)) / np.sqrt(n)
+    floor = FLOOR * float(np.linalg.norm(white.inertia)) / np.sqrt(white.count)
     damping = np.flatnonzero(dissipates)
     found = []
     for chosen in product([False, True], repeat=damping.size):
         mask = ~dissipates
         mask[damping] = chosen
         while mask.any():
-            inverse = np.linalg.pinv(a[:, mask], rcond=1e-12)
-            x = inverse @ b
-            error = float(np.sum((b - a[:, mask] @ x) ** 2)) / n + floor**2
-            t = np.abs(x) / np.sqrt(np.sum(inverse**2, axis=1) * error * n / max(n - mask.sum(), 1))
-            full = np.zeros(mask.size)
-            full[mask] = x / scale[mask]
-            if np.all(full[dissipates] >= 0):
-                score = n * np.log(error) + mask.sum() * np.log(n)
-                found.append((mask.copy(), float(score), full, float(t.min())))
+            one = solved(white, mask, sigma)
+            t = np.where(mask, np.abs(one.x) / np.maximum(one.stderr, 1e-300), np.inf)
+            if one.sound and np.all(one.x[dissipates] >= 0):
+                variance = one.expected / white.count + floor**2
+                score = one.left / variance + white.count * np.log(variance)
+                score += mask.sum() * np.log(white.count)
+                found.append(Sparse(mask.copy(), one, float(score), float(t.min())))
             others = np.flatnonzero(mask & ~dissipates)
             if others.size == 0:
                 break
-            mask[others[np.argmin(t[np.searchsorted(np.flatnonzero(mask), others)])]] = False
-    if not found:
-        raise Refusal("no sparse solution has damping that takes energy out: the record is too noisy")
+            mask[others[np.argmin(t[others])]] = False
     return found
 
 
