@@ -30,10 +30,11 @@ class Candidate:
     jumps: bool = False
 
 
-def candidates(problem: Problem, epsilon: float, unit: str) -> list[Candidate]:
-    """The library: damping shapes (the paper's and the problem's own), then functions of θ, then mixed ones.
+def candidates(problem: Problem, epsilon: float, unit: str, mixed: bool = False) -> list[Candidate]:
+    """The library: damping shapes (the paper's and the problem's own), then functions of θ.
 
     epsilon: width of friction's switch in rad/s, 0 for the sign. A record in metres has no cos θ and sin θ.
+    mixed: also θ̇² and θθ̇, which multiply noise with noise.
     """
     found = []
     for name in dict.fromkeys((*PAPER_TERMS, *problem.damping)):
@@ -52,8 +53,9 @@ def candidates(problem: Problem, epsilon: float, unit: str) -> list[Candidate]:
     for name, f in only:
         if unit == "rad" or name not in ("cos θ", "sin θ"):
             found.append(Candidate(name, lambda x, v, f=f: f(x), restoring=True))
-    found.append(Candidate("θ̇²", lambda x, v: v**2))
-    found.append(Candidate("θθ̇", lambda x, v: x * v))
+    if mixed:
+        found.append(Candidate("θ̇²", lambda x, v: v**2))
+        found.append(Candidate("θθ̇", lambda x, v: x * v))
     return found
 
 

@@ -245,7 +245,7 @@ def sparse_path(
     def ties(one: Sparse) -> bool:
         above = one.squares - best.squares
         mean = float(weight @ above)
-        return mean <= float(np.sqrt(np.sum(weight**2 * (above - mean) ** 2))) + floor**2
+        return mean <= 2 * float(np.sqrt(np.sum(weight**2 * (above - mean) ** 2))) + floor**2
 
     tied = [one for one in admitted if ties(one)]
     return path, min(tied, key=lambda one: (int(one.support.sum()), float(weight @ one.squares)))

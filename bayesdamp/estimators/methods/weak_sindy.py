@@ -108,8 +108,6 @@ class WeakSindy(Estimator):
         seen = checked_features(signal)
         sigma = noise_level(signal)
         library = candidates(problem, epsilon_of(problem, seen), signal.unit)
-        # Products of θ and θ̇ multiply noise with noise, and no law has them.
-        library = [one for one in library if one.damping is not None or one.restoring]
         stretches = prepared(signal, problem, seen, sigma)
         own = np.array([one.damping in problem.damping for one in library])
         dissipates = np.array([one.damping is not None for one in library])
