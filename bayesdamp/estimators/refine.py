@@ -137,7 +137,7 @@ def refine(signal: Signal, problem: Problem, first: Estimate) -> Estimate:
         dict(zip(names, map(float, found.x))),
         _stderr(names, found.x, floor, residual, jacobian),
         {"rms": np.concatenate([*traces, [rms]])},
-        evaluations,
+        evaluations=evaluations,
         outcome=_outcome(found.converged, found.x, fit, misfit(residual, signal, seen)),
     )
 

@@ -9,7 +9,7 @@ from pydantic import Field
 from scipy.linalg import logm
 
 from bayesdamp.estimators._protocol import Estimator, Options
-from bayesdamp.estimators.methods._library import Candidate, candidates, restoring_values
+from bayesdamp.estimators.methods._library import Candidate, candidates
 from bayesdamp.estimators.methods._weak import derivatives, uniform
 from bayesdamp.estimators.shared import (
     checked_features,
@@ -42,10 +42,15 @@ class KoopmanOptions(Options):
 
 @dataclass(frozen=True)
 class Observed:
-    """Observables at times a lag apart: before, after (m, p), and the lag in s."""
+    """Observables at times a lag apart: before, after (m, p), and the lag in s.
+
+    columns (m, c), offset (m,): the restoring law's linear form at the times of `before`, filtered alike.
+    """
 
     before: np.ndarray
     after: np.ndarray
+    columns: np.ndarray
+    offset: np.ndarray
     lag: float
 
 
@@ -87,27 +92,22 @@ class Koopman(Estimator):
         speed = next((i for i, one in enumerate(library) if one.damping == "viscous"), None)
         assert speed is not None
         moving = motion(signal, problem, seen)
-        observed, theta, omega = observables(signal, problem, library, seen, options.lag)
+        observed = observables(signal, problem, library, seen, options.lag)
         operator = decomposed(observed, CLEAN_RANK if moving.clean else NOISY_RANK)
 
         # Twice θ̇ is the observable: half its row is θ̈ as a sum over the dictionary.
         row = 0.5 * operator.back.T[speed] @ operator.generator @ operator.directions.T
         row = row.real
-        g = np.column_stack([one.function(theta, omega) for one in library])
+        g = observed.before
         damps = np.array([one.damping is not None for one in library])
-        force = -(g[:, damps] @ row[damps])
-        epsilon = epsilon_of(problem, seen)
-        shapes = np.column_stack(
-            [np.asarray(term.shape(omega, epsilon)) for term in oscillator(problem).terms]
-        )
-        scale = np.linalg.norm(shapes, axis=0)
-        x = np.linalg.lstsq(shapes / scale, force, rcond=None)[0] / scale
+        index = {one.damping: i for i, one in enumerate(library) if one.damping}
+        shapes = g[:, [index[name] for name in problem.damping]]
+        x = _projected(shapes, -(g[:, damps] @ row[damps]))
         values = {name: float(c) for name, c in zip(oscillator(problem).coefficients, x)}
-        law, known = oscillator(problem).law, known_restoring(problem)
-        if len(known) < len(law.parameters):
-            of_theta = np.array([one.restoring for one in library])
-            rest = -(g[:, of_theta] @ row[of_theta]) - law.linear_form(theta, known).offset
-            values |= restoring_values(problem, theta, rest)
+        if observed.columns.shape[1]:
+            rest = -(g[:, ~damps] @ row[~damps]) - observed.offset
+            form = oscillator(problem).law.linear_form(moving.everywhere[0], known_restoring(problem))
+            values |= form.decode(_projected(observed.columns, rest))
         for name, value in (("theta0", moving.theta0), ("omega0", moving.omega0)):
             if name in free_names(problem):
                 values[name] = value
@@ -134,8 +134,8 @@ class Koopman(Estimator):
 
 def observables(
     signal: Signal, problem: Problem, library: list[Candidate], seen: Features, lag: float
-) -> tuple[Observed, np.ndarray, np.ndarray]:
-    """Pairs of the dictionary's values a lag apart, and the states (n,) they were taken of.
+) -> Observed:
+    """Pairs of the dictionary's values a lag apart.
 
     The state is a spline's (see `shared.motion`); on an uneven clock it is put on an even one. Of a noisy
     record every observable is filtered by one smooth compact kernel, θ and θ̇ from the record itself.
@@ -145,13 +145,15 @@ def observables(
     if signal.quantity != "angle":
         pieces = pieces[:1]
     ends = np.cumsum([signal.t[run].size for run in pieces])[:-1]
-    before, after, states = [], [], []
-    tau = 0.0
-    split = [np.split(x, ends) for x in moving.everywhere[:2]]
-    for run, theta, omega in zip(pieces, *split):
-        t, y, theta, omega = uniform(signal.t[run], signal.y[run], theta, omega)
+    law, known = oscillator(problem).law, known_restoring(problem)
+    middle = law.linear_form(moving.everywhere[0], known)  # where it is expanded belongs to all pieces alike
+    lawful = np.column_stack([middle.columns, middle.offset])
+    before, after, forms, p, tau = [], [], [], len(library), 0.0
+    split = [np.split(x, ends) for x in (*moving.everywhere[:2], lawful)]
+    for run, theta, omega, form in zip(pieces, *split):
+        t, y, theta, omega, *form = uniform(signal.t[run], signal.y[run], theta, omega, *form.T)
         h = float(t[1] - t[0])
-        g = np.column_stack([one.function(theta, omega) for one in library])
+        g = np.column_stack([*(one.function(theta, omega) for one in library), *form])
         share = lag or (STEP if moving.clean else NOISY_STEP)
         step = max(1, round(share * seen.period / h))
         tau = step * h
@@ -162,13 +164,19 @@ def observables(
             g = _filtered(g, y if signal.quantity == "angle" else None, library, h, FILTER * seen.period)
         if g.shape[0] <= step + 4 * len(library):
             continue
-        before.append(g[:-step])
-        after.append(g[step:])
-        states.append((theta, omega))
+        before.append(g[:-step, :p])
+        after.append(g[step:, :p])
+        forms.append(g[:-step, p:])
     if not before:
         raise Refusal("the record is too short for pairs of states a lag apart")
-    theta, omega = (np.concatenate(x) for x in zip(*states))
-    return Observed(np.vstack(before), np.vstack(after), tau), theta, omega
+    law_at = np.vstack(forms)
+    return Observed(np.vstack(before), np.vstack(after), law_at[:, :-1], law_at[:, -1], tau)
+
+
+def _projected(columns: np.ndarray, force: np.ndarray) -> np.ndarray:
+    """Coefficients (c,) of the columns (m, c) nearest to a force (m,)."""
+    scale = np.linalg.norm(columns, axis=0)
+    return np.linalg.lstsq(columns / scale, force, rcond=1e-12)[0] / scale
 
 
 def _filtered(
