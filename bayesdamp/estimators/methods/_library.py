@@ -1,0 +1,78 @@
+"""The candidate terms of the paper's sections 3.4 and 3.12, and how a model's parameters are read off them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from bayesdamp.estimators.shared import known_restoring, oscillator
+from bayesdamp.physics.damping import PAPER_TERMS, TERMS
+from bayesdamp.types import Problem
+
+WRITTEN = {"viscous": "2θ̇", "coulomb": "tanh(θ̇/ε)", "quadratic": "θ̇|θ̇|"}
+"""How a damping term's shape is written; another term by its name."""
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """One function of displacement and velocity, both (n,), in a library.
+
+    damping: name of the damping term whose shape it is, a function of velocity alone. restoring: whether it
+    depends on θ alone. jumps: whether it jumps where the velocity changes sign.
+    """
+
+    name: str
+    function: Callable[[np.ndarray, np.ndarray], np.ndarray]
+    damping: str | None = None
+    restoring: bool = False
+    jumps: bool = False
+
+
+def candidates(problem: Problem, epsilon: float, unit: str, mixed: bool = False) -> list[Candidate]:
+    """The library: damping shapes (the paper's and the problem's own), then functions of θ.
+
+    epsilon: width of friction's switch in rad/s, 0 for the sign. A record in metres has no cos θ and sin θ.
+    mixed: also θ̇² and θθ̇, which multiply noise with noise.
+    """
+    found = []
+    for name in dict.fromkeys((*PAPER_TERMS, *problem.damping)):
+        term = TERMS.get(name)
+        written = "sign(θ̇)" if name == "coulomb" and epsilon == 0.0 else WRITTEN.get(name, name)
+        shape = lambda x, v, term=term: np.asarray(term.shape(v, epsilon))  # noqa: E731
+        found.append(Candidate(written, shape, damping=name, jumps=term.switches and epsilon == 0.0))
+    only: list[tuple[str, Callable[[np.ndarray], np.ndarray]]] = [
+        ("1", np.ones_like),
+        ("θ", lambda x: x),
+        ("cos θ", np.cos),
+        ("sin θ", np.sin),
+        ("θ²", lambda x: x**2),
+        ("θ³", lambda x: x**3),
+    ]
+    for name, f in only:
+        if unit == "rad" or name not in ("cos θ", "sin θ"):
+            found.append(Candidate(name, lambda x, v, f=f: f(x), restoring=True))
+    if mixed:
+        found.append(Candidate("θ̇²", lambda x, v: v**2))
+        found.append(Candidate("θθ̇", lambda x, v: x * v))
+    return found
+
+
+def restoring_values(problem: Problem, theta: np.ndarray, force: np.ndarray) -> dict[str, float]:
+    """The free restoring parameters whose law is nearest to a found force beyond what is known of it.
+
+    theta, force: displacements and the found force there less the known part, each (n,).
+    """
+    form = oscillator(problem).law.linear_form(theta, known_restoring(problem))
+    if form.columns.shape[1] == 0:
+        return {}
+    scale = np.linalg.norm(form.columns, axis=0)
+    c = np.linalg.lstsq(form.columns / scale, force, rcond=1e-12)[0] / scale
+    return form.decode(c)
+
+
+def told(selected: list[str], missing: list[str]) -> str:
+    """The sentence for a sparse regression that leaves out a damping term of the model."""
+    kept = ", ".join(selected) if selected else "nothing"
+    return f"the sparse regression selects {kept} and leaves out the model's {' and '.join(missing)}"

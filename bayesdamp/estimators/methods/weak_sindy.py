@@ -1,0 +1,379 @@
+"""Weak SINDy: the equation of motion against test functions (paper, section 3.9, equation 22)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from itertools import product
+
+import numpy as np
+from pydantic import Field
+from scipy import sparse
+
+from bayesdamp.estimators._protocol import Estimator, Options
+from bayesdamp.estimators.methods._library import Candidate, candidates, restoring_values, told
+from bayesdamp.estimators.methods._weak import (
+    Stretch,
+    kernel_half_width,
+    uniform,
+    velocity_map,
+    weights,
+    whitener,
+)
+from bayesdamp.estimators.shared import (
+    ORDER,
+    checked_features,
+    epsilon_of,
+    free_names,
+    known_restoring,
+    motion,
+    noise_level,
+    oscillator,
+    runs,
+)
+from bayesdamp.signals.features import Features
+from bayesdamp.types import OK, Estimate, Problem, Refusal, Signal
+
+WIDTHS = (0.75, 1.0, 1.5, 2.0)
+"""Widths of the test functions in periods that are tried."""
+FLOOR = 1e-6
+"""A part of the inertia smaller than this share of it is no evidence for a term."""
+ROUNDS = 3
+NOISELESS = 1e-7
+"""Noise below this share of the inertia, both in units of noise, biases nothing."""
+SUBDIVIDED = 15
+"""Points between neighbouring samples at which a jumping function is averaged."""
+
+
+class WeakSindyOptions(Options):
+    """width: width of the test functions in periods, or 0 to choose it by the predicted standard error."""
+
+    width: float = Field(default=0.0, ge=0.0, le=10.0)
+
+
+@dataclass(frozen=True)
+class Rows:
+    """The weak form: inertia + columns x = noise, over m test functions.
+
+    inertia (m,), columns (m, p); noise: per stretch the map of the samples' noise into inertia, and into each
+    column, all (m_i, n_i).
+    """
+
+    inertia: np.ndarray
+    columns: np.ndarray
+    noise: list[tuple[sparse.csr_matrix, list[sparse.csr_matrix]]]
+
+    def residual_noise(self, x: np.ndarray) -> list[sparse.csr_matrix]:
+        """The map of the samples' noise into the residual at coefficients x (p,)."""
+        return [
+            sparse.csr_matrix(sum((c * b for c, b in zip(x, maps) if c != 0.0), first))
+            for first, maps in self.noise
+        ]
+
+
+@dataclass(frozen=True)
+class White:
+    """Rows whose errors are independent and have the variance of a sample's noise, rotated onto the columns.
+
+    inertia (p + 1,), columns (p + 1, p); count: rows before the rotation.
+    moments (p + 1, p + 1): traces tr(C⁻¹B_k B_lᵀ) of the noise maps of all columns and, last, the inertia.
+    """
+
+    inertia: np.ndarray
+    columns: np.ndarray
+    count: int
+    moments: np.ndarray
+
+
+class WeakSindy(Estimator):
+    """∫φ″θ + ∫φ F_rest(θ) + Σ ξ ∫φ f(θ, θ̇) = 0 with few terms, no derivative of the record being taken.
+
+    The inertia is integrated by parts twice and viscous damping once. Terms that are not linear in θ̇ take it
+    from the record's convolution with −ψ′, ψ smooth and compact, as wide as balances noise against bias. The
+    rows' errors are correlated as the record's noise passes through φ″ + φ F′ and the columns: generalised
+    least squares, renewed with the coefficients. Noise in the columns biases the normal equations by a known
+    amount, which is subtracted.
+    Terms fall from the library by their t-value; the number kept has the least Bayesian information criterion.
+    """
+
+    name = "weak_sindy"
+    options = WeakSindyOptions
+
+    def refuses(self, damping: tuple[str, ...]) -> str | None:
+        return None
+
+    def initial(
+        self, signal: Signal, problem: Problem, options: Options, rng: np.random.Generator
+    ) -> Estimate:
+        assert isinstance(options, WeakSindyOptions)
+        seen = checked_features(signal)
+        sigma = noise_level(signal)
+        library = candidates(problem, epsilon_of(problem, seen), signal.unit)
+        stretches = prepared(signal, problem, seen, sigma)
+        own = np.array([one.damping in problem.damping for one in library])
+        dissipates = np.array([one.damping is not None for one in library])
+        known = known_restoring(problem)
+        all_known = len(known) == len(oscillator(problem).law.parameters)
+
+        base = own | (np.array([one.restoring for one in library]) & (not all_known))
+        few, first = [one for one, kept in zip(library, base) if kept], np.zeros(int(base.sum()))
+        if not all_known:  # the stiffness belongs to how noise passes
+            first[[one.name for one in few].index("θ")] = seen.frequency**2
+        tried = []
+        for width in (options.width,) if options.width else WIDTHS:
+            rows = assembled(stretches, few, problem, seen, width * seen.period)
+            if rows is None or rows.inertia.size < len(library) + 4:
+                continue
+            guess = solved(whitened(rows, first, sigma), first == first, sigma)
+            guess = solved(whitened(rows, guess.x, sigma), first == first, sigma)
+            units = [
+                oscillator(problem).terms[problem.damping.index(one.damping)].ratio_per_unit(
+                    seen.amplitude, seen.frequency
+                )
+                * spread
+                for one, spread in zip(few, guess.stderr)
+                if one.damping
+            ]
+            tried.append((float(np.linalg.norm(units)), width, guess.x))
+        if not tried:
+            raise Refusal("the record is too short for test functions")
+        _, width, near = min(tried, key=lambda one: one[0])
+        rows = assembled(stretches, library, problem, seen, width * seen.period)
+        assert rows is not None
+        x = np.zeros(len(library))
+        x[base] = near
+        white = whitened(rows, x, sigma)
+
+        path, names = sparse_path(white, dissipates, sigma), [one.name for one in library]
+        nothing = Sparse(np.zeros(own.size, bool), solved(white, own, sigma), np.inf, np.inf)
+        best = min(path, key=lambda one: one.score, default=nothing)
+        support = best.support
+        selected = [name for name, kept in zip(names, support) if kept]
+        missing = [name for name, of, kept in zip(names, own, support) if of and not kept]
+        if missing:  # the model is given: its terms stay, and nothing may stand in for them
+            support = (support & base) | own
+        trace, found = [], best.solution
+        for _ in range(ROUNDS):
+            found = solved(white, support, sigma)
+            white = whitened(rows, found.x, sigma, support)
+            trace.append(float(found.x[own][0]))
+
+        index = {one.damping: i for i, one in enumerate(library) if one.damping}
+        values = {term.parameter: float(found.x[index[term.name]]) for term in oscillator(problem).terms}
+        stderr = {term.parameter: float(found.stderr[index[term.name]]) for term in oscillator(problem).terms}
+        if not all_known:
+            theta = np.concatenate([one.theta for one in stretches])
+            omega = np.concatenate([one.omega for one in stretches])
+            parts = [c * one.function(theta, omega) for one, c in zip(library, found.x) if one.restoring]
+            values |= restoring_values(problem, theta, np.sum(parts, axis=0))
+        if free_names(problem):
+            moving = motion(signal, problem, seen)
+            start = {"theta0": moving.theta0, "omega0": moving.omega0}
+            values |= {name: value for name, value in start.items() if name in free_names(problem)}
+        return Estimate(
+            self.name,
+            "initial",
+            values,
+            stderr,
+            {"coefficient": np.array(trace)},
+            {
+                "selected": selected,
+                "coefficients": [float(c) for c in best.solution.x[best.support]],
+                "library": names,
+                "threshold": best.threshold,
+                "width_in_periods": width,
+                "test_functions": int(rows.inertia.size),
+                "path_threshold": [one.threshold for one in path],
+                "path_terms": [int(one.support.sum()) for one in path],
+                "path_score": [one.score for one in path],
+            },
+            evaluations=len(path) + ROUNDS,
+            outcome=told(selected, missing) if missing else OK,
+        )
+
+
+def prepared(signal: Signal, problem: Problem, seen: Features, sigma: float) -> list[Stretch]:
+    """The record in runs between gaps, each on a uniform clock with the velocity beside it."""
+    order = ORDER[signal.quantity]
+    pieces = [replace(signal, t=signal.t[run], y=signal.y[run]) for run in runs(signal.t, seen.period)]
+    if order:
+        moving = motion(signal, problem, seen)
+        t, y = pieces[0].t, pieces[0].y
+        t, y, theta, omega = uniform(t, y, moving.everywhere[0], moving.everywhere[1])
+        return [Stretch(t[1] - t[0], t, y, theta, omega, sparse.csr_matrix((t.size, t.size)), order)]
+    found = []
+    for piece in pieces:
+        t, y = uniform(piece.t, piece.y)
+        h = float(t[1] - t[0])
+        most = int(0.5 * seen.period / h)
+        half = kernel_half_width(h, seen.frequency, seen.amplitude * seen.frequency, sigma, most)
+        velocity = velocity_map(t.size, h, half)
+        found.append(Stretch(h, t, y, y, velocity @ y, velocity, 0))
+    return found
+
+
+def assembled(
+    stretches: list[Stretch], library: list[Candidate], problem: Problem, seen: Features, width: float
+) -> Rows | None:
+    """The weak form of the library on test functions `width` s wide; None where none fits in."""
+    law, known = oscillator(problem).law, known_restoring(problem)
+    inertia, columns, noise = [], [], []
+    nudge = 1e-4 * seen.amplitude
+    for one in stretches:
+        n = one.t.size
+        if n * one.h <= width:
+            continue
+        phi = weights(n, one.h, width, 0)
+        first = weights(n, one.h, width, 2 - one.order)
+        offset = law.linear_form(one.theta, known).offset
+        through = first
+        if one.order == 0:
+            up, down = (law.linear_form(one.theta + d, known).offset for d in (nudge, -nudge))
+            through = first + phi @ sparse.diags((up - down) / (2 * nudge))
+        values, maps = [], []
+        for candidate in library:
+            value, noise_map = _column(candidate, one, phi, width, seen)
+            values.append(value)
+            maps.append(noise_map)
+        inertia.append(first @ one.y + phi @ offset)
+        columns.append(np.column_stack(values))
+        noise.append((sparse.csr_matrix(through), maps))
+    if not inertia:
+        return None
+    a, b = np.vstack(columns), np.concatenate(inertia)
+    return Rows(b, a, noise)
+
+
+def _column(
+    candidate: Candidate, one: Stretch, phi: sparse.csr_matrix, width: float, seen: Features
+) -> tuple[np.ndarray, sparse.csr_matrix]:
+    """∫φ f for one candidate, (m,), and the map of the samples' noise into it, (m, n)."""
+    n, f = one.t.size, candidate.function
+    if candidate.damping == "viscous" and one.order < 2:
+        linear = 2.0 * weights(n, one.h, width, 1 - one.order)
+        return linear @ one.y, linear
+    values = _between(f, one) if candidate.jumps else f(one.theta, one.omega)
+    if one.order:
+        return phi @ values, sparse.csr_matrix(phi.shape)
+    d, through = 1e-3 * seen.amplitude, sparse.csr_matrix(phi.shape)
+    if candidate.damping is None:
+        by_theta = (f(one.theta + d, one.omega) - f(one.theta - d, one.omega)) / (2 * d)
+        through = phi @ sparse.diags(by_theta)
+    if not candidate.restoring:
+        d *= 10 * seen.frequency
+        by_omega = (f(one.theta, one.omega + d) - f(one.theta, one.omega - d)) / (2 * d)
+        through = through + phi @ sparse.diags(by_omega) @ one.velocity
+    return phi @ values, sparse.csr_matrix(through)
+
+
+def _between(f, one: Stretch) -> np.ndarray:
+    """Means of f over the cells around the samples, (n,): a jump counts where it is."""
+    part = (np.arange(SUBDIVIDED) + 0.5) / SUBDIVIDED - 0.5
+    at = np.clip(np.arange(one.t.size)[:, None] + part, 0, one.t.size - 1)
+    base = np.arange(one.t.size)
+    theta, omega = np.interp(at, base, one.theta), np.interp(at, base, one.omega)
+    return f(theta.ravel(), omega.ravel()).reshape(at.shape).mean(axis=1)
+
+
+def whitened(rows: Rows, x: np.ndarray, sigma: float, wanted: np.ndarray | None = None) -> White:
+    """Rows with independent errors, if the coefficients are x (p,).
+
+    wanted (p,): the columns whose noise is to be known, all by default; none where there is no noise.
+    """
+    turn = whitener(rows.residual_noise(x))
+    metric, start = turn.T @ turn, 0
+    moments = np.zeros((x.size + 1, x.size + 1))
+    of = np.r_[np.flatnonzero(np.ones(x.size, bool) if wanted is None else wanted), x.size]
+    if sigma <= NOISELESS * float(np.linalg.norm(rows.inertia) / np.sqrt(max(np.trace(metric), 1e-300))):
+        of = of[:0]
+    for first, maps in rows.noise:
+        part = slice(start, start + first.shape[0])
+        start += first.shape[0]
+        every = [*maps, first]
+        for place, i in enumerate(of):
+            image = every[i].T @ metric[part, part]
+            for j in of[: place + 1]:
+                moments[i, j] += every[j].T.multiply(image).sum()
+    moments = np.tril(moments) + np.tril(moments, -1).T
+    small = np.linalg.qr(np.column_stack([turn @ rows.columns, turn @ rows.inertia]), mode="r")
+    return White(small[:, -1], small[:, :-1], turn.shape[0], moments)
+
+
+@dataclass(frozen=True)
+class Solution:
+    """Coefficients (p,) and their standard errors (p,).
+
+    left: the residual's sum of squares; expected: what the noise of inertia and columns would make of it.
+    sound: whether the noise lets the terms be told apart; else its bias is still in the coefficients.
+    """
+
+    x: np.ndarray
+    stderr: np.ndarray
+    left: float
+    expected: float
+    sound: bool
+
+
+def solved(white: White, support: np.ndarray, sigma: float) -> Solution:
+    """The terms in `support`, freed of the bias that noise in their columns brings.
+
+    A residual b + Gx with noise (A₀ + Σ x_l B_l) n, of covariance C, makes GᵀC⁻¹r have the mean
+    σ² [tr(C⁻¹B_k A₀ᵀ) + Σ_l x_l tr(C⁻¹B_k B_lᵀ)], which is set against it.
+    """
+    kept = np.flatnonzero(support)
+    scale = np.linalg.norm(white.columns[:, kept], axis=0)
+    a, b = white.columns[:, kept] / scale, white.inertia
+    own = sigma**2 * white.moments[np.ix_(kept, kept)] / np.outer(scale, scale)
+    mixed = sigma**2 * white.moments[kept, -1] / scale
+    gram = a.T @ a
+    inverse = np.linalg.pinv(a, rcond=1e-12)
+    plain = -inverse @ b
+    free = gram - own
+    sound = bool(np.linalg.eigvalsh(free)[0] > 0.5 * np.linalg.eigvalsh(gram)[0]) if kept.size else True
+    # A step from the plain solution, so that nothing is lost where there is no noise.
+    x = plain + (np.linalg.solve(free, mixed + own @ plain) if sound else 0.0)
+    left = float(np.sum((b + a @ x) ** 2))
+    sd = np.sqrt(left / max(white.count - kept.size, 1))
+    full, stderr = np.zeros(support.size), np.zeros(support.size)
+    full[kept], stderr[kept] = x / scale, sd * np.sqrt(np.sum(inverse**2, axis=1)) / scale
+    one = np.r_[full, 1.0]
+    return Solution(full, stderr, left, sigma**2 * float(one @ white.moments @ one), sound)
+
+
+@dataclass(frozen=True)
+class Sparse:
+    """A sparse solution: its terms (p,) of bool, what solves for them, its score, and its least t-value."""
+
+    support: np.ndarray
+    solution: Solution
+    score: float
+    threshold: float
+
+
+def sparse_path(white: White, dissipates: np.ndarray, sigma: float) -> list[Sparse]:
+    """Sparse solutions: for every set of damping terms the others fall in the order of their t-values.
+
+    score: the Bayesian information criterion for errors of known size. Solutions with negative damping are
+    not admitted, nor those whose terms the noise does not tell apart.
+    """
+    floor = FLOOR * float(np.linalg.norm(white.inertia)) / np.sqrt(white.count)
+    damping = np.flatnonzero(dissipates)
+    found = []
+    for chosen in product([False, True], repeat=damping.size):
+        mask = ~dissipates
+        mask[damping] = chosen
+        while mask.any():
+            one = solved(white, mask, sigma)
+            t = np.where(mask, np.abs(one.x) / np.maximum(one.stderr, 1e-300), np.inf)
+            if one.sound and np.all(one.x[dissipates] >= 0):
+                variance = one.expected / white.count + floor**2
+                score = one.left / variance + white.count * np.log(variance)
+                score += mask.sum() * np.log(white.count)
+                found.append(Sparse(mask.copy(), one, float(score), float(t.min())))
+            others = np.flatnonzero(mask & ~dissipates)
+            if others.size == 0:
+                break
+            mask[others[np.argmin(t[others])]] = False
+    return found
+
+
+PLUGIN = WeakSindy()
