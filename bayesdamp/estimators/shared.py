@@ -146,12 +146,14 @@ def noise_level(signal: Signal) -> float:
     return max(sd, signal.step / np.sqrt(12.0))
 
 
-def motion(signal: Signal, problem: Problem, seen: Features) -> Motion:
+def motion(
+    signal: Signal, problem: Problem, seen: Features, knots_per_period: float = KNOTS_PER_PERIOD
+) -> Motion:
     """Displacement, velocity and acceleration from the record alone, on a uniform clock or not.
 
     Where the noise of an interpolating spline's highest derivative, about 6σ/Δt² for an angle, is below a
     thousandth of the record's own, the spline of degree 7 interpolates and twenty samples at each end are
-    left out. Otherwise a spline of degree 7 with four knots a period is fitted to the record by least squares
+    left out. Otherwise a spline of degree 7 with `knots_per_period` is fitted to the record by least squares
     (samples further off than six robust standard deviations do not count) and one and a half knot
     spacings at each end are left out.
     A recorded velocity or acceleration is integrated; constants come from a known theta0 and omega0, else
@@ -161,7 +163,8 @@ def motion(signal: Signal, problem: Problem, seen: Features) -> Motion:
     noise = noise_level(signal)
     pieces = [replace(signal, t=signal.t[run], y=signal.y[run]) for run in runs(signal.t, seen.period)]
     parts = [
-        _run(piece, problem, seen, noise) for piece in (pieces if signal.quantity == "angle" else pieces[:1])
+        _run(piece, problem, seen, noise, knots_per_period)
+        for piece in (pieces if signal.quantity == "angle" else pieces[:1])
     ]
     if len(parts) == 1:
         return parts[0]
@@ -196,7 +199,7 @@ def runs(t: np.ndarray, period: float) -> list[slice]:
     return [run for i, run in enumerate(found) if i == 0 or t[run][-1] - t[run][0] >= period]
 
 
-def _run(signal: Signal, problem: Problem, seen: Features, noise: float) -> Motion:
+def _run(signal: Signal, problem: Problem, seen: Features, noise: float, knots_per_period: float) -> Motion:
     """The motion over a run of samples without a gap."""
     t, y = signal.t, signal.y
     gap = (t[-1] - t[0]) / (t.size - 1)
@@ -212,7 +215,7 @@ def _run(signal: Signal, problem: Problem, seen: Features, noise: float) -> Moti
         bandwidth = np.pi / gap
         project: Callable[[np.ndarray], np.ndarray] = lambda x: x[rows]  # noqa: E731
     else:
-        spacing = max(seen.period / KNOTS_PER_PERIOD, 2.2 * gap)
+        spacing = max(seen.period / knots_per_period, 2.2 * gap)
         knots = _knots(t, spacing)
         good = np.ones(t.size, dtype=bool)
         spline = _least_squares(t, y, knots)
