@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
-import pyoperon as op
+import pyoperon
 
 from bayesdamp.estimators.methods._expressions import Expression
+
+op: Any = pyoperon  # compiled, and without stubs
 
 FUNCTIONS = ("Add", "Sub", "Mul", "Tanh", "Abs", "Constant", "Variable")
 DEPTH = 8

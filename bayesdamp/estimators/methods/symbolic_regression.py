@@ -48,8 +48,8 @@ class SymbolicRegression(Estimator):
     (with the smoothing of the record applied to both sides), and it is written as a sum of products.
     Where that sum is the damping law itself, with a width ε of its own in tanh(θ̇/ε) if it is close to the
     known one, its constants are the coefficients; else the law is sought that does the same work over the
-    record's motion, or, if it is a sum, the one that is nearest to the expression there. Of restoring parameters that are not known, a regression with an arbitrary
-    function of θ̇ takes the force off first.
+    record's motion, or, if it is a sum, the one that is nearest to the expression there. Of restoring
+    parameters that are not known, a regression with an arbitrary function of θ̇ takes the force off first.
     """
 
     name = "symbolic_regression"
