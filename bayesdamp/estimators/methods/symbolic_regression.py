@@ -43,12 +43,13 @@ class SymbolicRegressionOptions(Options):
 class SymbolicRegression(Estimator):
     """An expression f(θ̇) for −(θ̈ + F_rest(θ)), bred from +, −, ×, tanh and |·|; the damping is read from it.
 
-    Two objectives, error and length, give a Pareto front. Of it the expression with the least
-    n ln(error) + penalty · length · ln(n) is chosen, its constants are fitted once more in double precision
-    (with the smoothing of the record applied to both sides), and it is written as a sum of products.
-    Where that sum is the damping law itself, with a width ε of its own in tanh(θ̇/ε) if it is close to the
+    Two objectives, error and length, give a Pareto front. Each expression there is written as a sum of
+    products and its constants are fitted once more in double precision, with the smoothing of the record
+    applied to both sides; the one with the least n ln(error) + penalty · length · ln(n) is chosen.
+    Where it is the damping law itself, with a width ε of its own in tanh(θ̇/ε) if it is close to the
     known one, its constants are the coefficients; else the law is sought that does the same work over the
-    record's motion, or, if it is a sum, the one that is nearest to the expression there. Of restoring
+    record's motion (an expression with a free factor does the work of the measured force itself), or, if it
+    is a sum, the one that is nearest to the expression there. Of restoring
     parameters that are not known, a regression with an arbitrary function of θ̇ takes the force off first.
     """
 
@@ -85,7 +86,7 @@ class SymbolicRegression(Estimator):
             (one, one.expression.stretched(fastest).scaled(scale).without_the_negligible(force.omega, KEPT))
             for one in _pareto(found)
         ]
-        best = [(one, expression) for one, expression in best if expression.terms]
+        best = [(one, _polished(force, expression)) for one, expression in best if expression.terms]
         if not best:
             raise Refusal("no expression says more of the damping force than a constant")
         errors = np.array([force.error(expression) for _, expression in best])
@@ -94,7 +95,7 @@ class SymbolicRegression(Estimator):
             [one.length for one, _ in best]
         )
         chosen = int(np.argmin(np.where(np.isfinite(scores), scores, np.inf)))
-        expression = _polished(force, best[chosen][1]).without_the_negligible(force.omega, KEPT)
+        expression = best[chosen][1].without_the_negligible(force.omega, KEPT)
         values, width, how = _read(force, expression, problem, epsilon_of(problem, seen))
         law = force.restoring(expression)
         start = {"theta0": force.theta0, "omega0": force.omega0}
@@ -140,7 +141,7 @@ def _polished(force: Force, expression: Expression) -> Expression:
         xtol=1e-13,
         ftol=1e-13,
         gtol=1e-13,
-        max_nfev=30,
+        max_nfev=8,
     )
     better = expression.with_constants(misfit.x * unit)
     return better if force.error(better) < force.error(expression) else expression
