@@ -29,7 +29,7 @@ since terms that share the damping amplify errors."""
 
 
 @lru_cache(maxsize=64)
-def _with_jacobian(osc: Oscillator):
+def with_jacobian(osc: Oscillator):
     """Compiled once per shape of plan: samples (n,) and their derivatives by every parameter but ε (n, k)."""
     names = tuple(name for name in osc.parameters if name != "epsilon")
 
@@ -76,7 +76,7 @@ class _Fit:
             h = 1e-4 * max(float(x[0]), 10 * self.units[0])
             slope = (self.residuals(x + h) - self.residuals(x - h)) / (2 * h)
             return self.residuals(x), slope[:, None]
-        every, both = _with_jacobian(self.osc)
+        every, both = with_jacobian(self.osc)
         p = self.parameters(x)
         rest = {name: jnp.asarray(p[name]) for name in self.osc.parameters if name not in every}
         values, jacobian = both(jnp.array([p[name] for name in every]), self.plan, rest)

@@ -153,7 +153,7 @@ def motion(
 
     Where the noise of an interpolating spline's highest derivative, about 6σ/Δt² for an angle, is below a
     thousandth of the record's own, the spline of degree 7 interpolates and twenty samples at each end are
-    left out. Otherwise a spline of degree 7 with so many knots a period is fitted to the record by least squares
+    left out. Otherwise a spline of degree 7 with `knots_per_period` is fitted to the record by least squares
     (samples further off than six robust standard deviations do not count) and one and a half knot
     spacings at each end are left out.
     A recorded velocity or acceleration is integrated; constants come from a known theta0 and omega0, else
@@ -199,9 +199,7 @@ def runs(t: np.ndarray, period: float) -> list[slice]:
     return [run for i, run in enumerate(found) if i == 0 or t[run][-1] - t[run][0] >= period]
 
 
-def _run(
-    signal: Signal, problem: Problem, seen: Features, noise: float, knots_per_period: float
-) -> Motion:
+def _run(signal: Signal, problem: Problem, seen: Features, noise: float, knots_per_period: float) -> Motion:
     """The motion over a run of samples without a gap."""
     t, y = signal.t, signal.y
     gap = (t[-1] - t[0]) / (t.size - 1)

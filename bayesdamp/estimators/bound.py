@@ -1,0 +1,80 @@
+"""What no unbiased estimator can beat: the Cramér–Rao bound."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from jax import numpy as jnp
+
+from bayesdamp.estimators.refine import with_jacobian
+from bayesdamp.estimators.shared import free_names, oscillator
+from bayesdamp.physics.integrate import QUANTITIES, make_plan
+from bayesdamp.physics.oscillator import Oscillator
+from bayesdamp.types import Problem
+
+TOLERANCE = 1e-6
+"""Largest error of the trajectory, as a share of the amplitude."""
+SINGULAR = 1e-10
+"""Directions of the scaled parameters whose information is below this share squared are not determined."""
+
+
+def cramer_rao(
+    problem: Problem,
+    parameters: Mapping[str, float],
+    times: np.ndarray,
+    noise_sd: float,
+    quantity: str = "angle",
+) -> dict[str, float]:
+    """Least standard deviation of each unknown parameter, by name, in the parameter's unit.
+
+    The Fisher information of samples with independent normal noise is JᵀJ/σ², J (n, k) the derivatives of the
+    samples by the unknowns: the damping coefficients and what of the restoring parameters, theta0 and omega0
+    is not in `problem.system.known`. What is known, and ε, is taken as exact. inf where the record says
+    nothing of a parameter.
+
+    parameters: the true value of every parameter of the oscillator. times: of the samples, s, shape (n,),
+    not decreasing; the motion starts at times[0]. noise_sd: unit of the quantity.
+    Raises ValueError where a parameter is missing, the noise is not positive, the quantity is unknown or the
+    trajectory escapes.
+    """
+    osc = oscillator(problem)
+    missing = [name for name in osc.parameters if name not in parameters]
+    if missing:
+        raise ValueError(f"parameter {missing[0]!r} is missing; needed are {', '.join(osc.parameters)}")
+    if not noise_sd > 0:
+        raise ValueError(f"noise_sd = {noise_sd!r} must be positive: without noise there is no bound")
+    if quantity not in QUANTITIES:
+        raise ValueError(f"quantity {quantity!r} is none of {', '.join(QUANTITIES)}")
+    p = {name: float(parameters[name]) for name in osc.parameters}
+    times = np.asarray(times, float)
+    every, both = with_jacobian(osc)
+    x = jnp.array([p[name] for name in every])
+    rest = {name: jnp.asarray(p[name]) for name in osc.parameters if name not in every}
+    plan = make_plan(osc, p, times, quantity, TOLERANCE * _size(osc, p, quantity))
+    jacobian = np.asarray(both(x, plan, rest)[1])
+    if not np.all(np.isfinite(jacobian)):
+        raise ValueError("the trajectory escapes: it has no bound")
+
+    names = (*osc.coefficients, *free_names(problem))
+    j = jacobian[:, [every.index(name) for name in names]] / noise_sd
+    scale = np.linalg.norm(j, axis=0)
+    seen = scale > 0
+    _, singular, v = np.linalg.svd(j[:, seen] / scale[seen], full_matrices=False)
+    lost = singular <= SINGULAR * singular.max(initial=0.0)
+    inverse = np.where(lost, 0.0, 1 / np.where(lost, 1.0, singular))
+    variance = np.full(len(names), np.inf)
+    variance[seen] = np.sum((v.T * inverse) ** 2, axis=1) / scale[seen] ** 2
+    undetermined = np.any(np.abs(v.T[:, lost]) > 1e-6, axis=1)
+    variance[np.flatnonzero(seen)[undetermined]] = np.inf
+    return dict(zip(names, np.sqrt(variance).tolist()))
+
+
+def _size(osc: Oscillator, p: Mapping[str, float], quantity: str) -> float:
+    """The amplitude of small motions with this start, in the unit of the quantity."""
+    try:
+        rest, frequency = osc.equilibrium(p, p["theta0"]), osc.natural_frequency(p, p["theta0"])
+    except ValueError:
+        return 1.0
+    amplitude = float(np.hypot(p["theta0"] - rest, p["omega0"] / frequency))
+    return max(amplitude, 1e-12) * frequency ** QUANTITIES.index(quantity)

@@ -1,0 +1,109 @@
+"""The Cramér–Rao bound: published values, a closed form, and what a fit scatters by."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from bayesdamp.estimators.bound import cramer_rao
+from bayesdamp.types import Problem, System
+
+PENDULUM = {
+    "stiffness": 20.0,
+    "gravity": 1.0,
+    "spring_angle": 0.0,
+    "epsilon": 0.1,
+    "theta0": 0.3,
+    "omega0": 0.0,
+}
+TERM = {"zeta": ("viscous", 0.05), "mu_c": ("coulomb", 0.03), "mu_q": ("quadratic", 0.05)}
+
+
+def per_cent(parameter: str, samples: int, free: tuple[str, ...] = (), **more: object) -> float:
+    term, truth = TERM[parameter]
+    known = {name: value for name, value in PENDULUM.items() if name not in free}
+    problem = Problem((term,), System("horizontal_pendulum", known, dict.fromkeys(free)))
+    times = np.linspace(0.0, 10.0, samples)
+    bound = cramer_rao(problem, {**PENDULUM, parameter: truth}, times, 0.003, **more)  # type: ignore[arg-type]
+    assert set(bound) == {parameter, *free}
+    return 100 * bound[parameter] / truth
+
+
+@pytest.mark.parametrize(
+    ("parameter", "samples", "known", "unknown"),
+    [
+        ("zeta", 1000, 0.264, 0.471),
+        ("mu_c", 1000, 0.538, 1.075),
+        ("mu_q", 1000, 0.529, 0.957),
+        ("mu_c", 5000, 0.240, 0.481),
+    ],
+)
+def test_bounds_of_the_papers_pendulum(parameter, samples, known, unknown):
+    """Values found independently, to the digits they were written with."""
+    assert per_cent(parameter, samples) == pytest.approx(known, abs=6e-4)
+    free = ("stiffness", "theta0", "omega0")
+    assert per_cent(parameter, samples, free) == pytest.approx(unknown, abs=6e-4)
+
+
+def cosine(t: np.ndarray, zeta: float, theta0: float, k: float = 25.0) -> np.ndarray:
+    w = math.sqrt(k - zeta**2)
+    return theta0 * np.exp(-zeta * t) * (np.cos(w * t) + zeta / w * np.sin(w * t))
+
+
+def test_a_viscous_oscillator_in_closed_form():
+    t, zeta, theta0, sd = np.linspace(0.0, 8.0, 700), 0.08, 0.4, 0.01
+    h = 1e-5
+    columns = np.stack(
+        [
+            (cosine(t, zeta + h, theta0) - cosine(t, zeta - h, theta0)) / (2 * h),
+            (cosine(t, zeta, theta0 + h) - cosine(t, zeta, theta0 - h)) / (2 * h),
+        ]
+    )
+    expected = sd * np.sqrt(np.diag(np.linalg.inv(columns @ columns.T)))
+    known = {"stiffness": 25.0, "rest_angle": 0.0, "omega0": 0.0}
+    problem = Problem(("viscous",), System("linear", known, {"theta0": None}))
+    bound = cramer_rao(problem, {**known, "zeta": zeta, "theta0": theta0}, t, sd)
+    assert list(bound) == ["zeta", "theta0"]
+    assert list(bound.values()) == pytest.approx(expected.tolist(), rel=1e-5)
+    # Negative control: with another damping it is another bound.
+    other = cramer_rao(problem, {**known, "zeta": 2 * zeta, "theta0": theta0}, t, sd)
+    assert other["zeta"] != pytest.approx(bound["zeta"], rel=0.05)
+
+
+def test_it_scales_with_the_noise_and_the_number_of_samples():
+    known = {"stiffness": 25.0, "rest_angle": 0.0, "theta0": 0.4, "omega0": 0.0}
+    problem = Problem(("viscous",), System("linear", known))
+    p = {**known, "zeta": 0.08}
+    times = np.linspace(0.0, 8.0, 1000)
+    one = cramer_rao(problem, p, times, 0.01)["zeta"]
+    assert cramer_rao(problem, p, times, 0.02)["zeta"] == pytest.approx(2 * one, rel=1e-12)
+    repeated = np.repeat(times, 4)
+    assert cramer_rao(problem, p, repeated, 0.01)["zeta"] == pytest.approx(one / 2, rel=1e-6)
+
+
+def test_what_the_record_does_not_tell_has_no_bound():
+    """The velocity of a linear oscillator does not know where it is."""
+    known = {"stiffness": 25.0, "omega0": 0.0}
+    problem = Problem(("viscous",), System("linear", known, {"rest_angle": None, "theta0": None}))
+    p = {**known, "zeta": 0.08, "rest_angle": 0.1, "theta0": 0.4}
+    bound = cramer_rao(problem, p, np.linspace(0.0, 8.0, 300), 0.01, "velocity")
+    assert bound["rest_angle"] == bound["theta0"] == math.inf
+    assert 0 < bound["zeta"] < 0.01
+    assert all(math.isfinite(b) for b in cramer_rao(problem, p, np.linspace(0.0, 8.0, 300), 0.01).values())
+
+
+@pytest.mark.parametrize(
+    ("change", "noise", "quantity", "says"),
+    [
+        ({}, 0.0, "angle", "must be positive"),
+        ({}, 0.01, "jerk", "is none of"),
+        ({"theta0": None}, 0.01, "angle", "'theta0' is missing"),
+    ],
+)
+def test_misuse_raises(change, noise, quantity, says):
+    known = {"stiffness": 25.0, "rest_angle": 0.0, "theta0": 0.4, "omega0": 0.0}
+    p = {name: value for name, value in {**known, "zeta": 0.08, **change}.items() if value is not None}
+    with pytest.raises(ValueError, match=says):
+        cramer_rao(Problem(("viscous",), System("linear", known)), p, np.linspace(0, 8, 100), noise, quantity)

@@ -1,0 +1,104 @@
+"""The genetic search: its range, its generations, and several unknowns at once. Seeds are fixed."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from bayesdamp.estimators import run
+from bayesdamp.estimators.methods import genetic
+from bayesdamp.estimators.methods._genes import Genes, alone
+from bayesdamp.estimators.shared import checked_features, oscillator
+
+from .truths import EVERYTHING, damped_cosine, dry_friction, error, pendulum
+
+
+def initial(signal, problem, **options):
+    return run("genetic", signal, problem, options=options, stages=["initial"], seed=1)[0]
+
+
+@pytest.fixture(scope="module")
+def viscous():
+    signal, problem = pendulum({"zeta": 0.05}, samples=1000)
+    return signal, problem, initial(signal, problem)
+
+
+def test_it_converges_in_the_generations_that_the_paper_names(viscous):
+    _, _, found = viscous
+    assert found.details["generations"] <= 40
+    assert error(found.values["zeta"], 0.05) < 0.01
+    best, mean = found.trace["best_misfit"], found.trace["mean_misfit"]
+    assert best.size == mean.size == found.trace["zeta"].size == found.details["generations"] + 1
+    assert np.all(best <= mean)
+    # The elite is kept; the solver's steps change at most once in a while, by a few 10⁻⁶ rad.
+    assert np.all(np.diff(best) < 1e-5)
+    assert best[0] > 100 * best[-1]
+    # Negative control: two generations of eight are no search.
+    poor = initial(*viscous[:2], population=8, generations=1)
+    assert error(poor.values["zeta"], 0.05) > 1.0
+
+
+def test_a_generation_is_one_batch(viscous, monkeypatch):
+    signal, problem, found = viscous
+    batches = []
+    original = genetic._misfits
+
+    def counted(osc):
+        def call(plan, y, p):
+            batches.append(p["zeta"].shape)
+            return original(osc)(plan, y, p)
+
+        return call
+
+    monkeypatch.setattr(genetic, "_misfits", counted)
+    again = initial(signal, problem)
+    assert batches == [(40,)] * (found.details["generations"] + 1)
+    assert again.evaluations == found.evaluations == 40 * len(batches)
+
+
+def test_the_range_is_the_records_own():
+    """From 0 to four times what would make the decay alone, whatever the truth is."""
+    for zeta in (0.02, 0.1):
+        signal, problem = damped_cosine(zeta)
+        seen = checked_features(signal)
+        genes = Genes(signal, problem, seen)
+        assert genes.low[0] == 0.0
+        assert genes.high[0] == pytest.approx(4 * zeta, rel=0.1)
+    signal, problem = dry_friction()
+    (term,) = oscillator(problem).terms
+    assert alone(term, checked_features(signal)) == pytest.approx(0.2, rel=0.1)
+
+
+def test_a_frequency_and_a_midline_become_a_stiffness_and_an_angle():
+    signal, problem = pendulum({"zeta": 0.05}, free=("stiffness", "spring_angle"), samples=1000)
+    genes = Genes(signal, problem, checked_features(signal))
+    assert genes.labels == ["zeta", "frequency", "midline"]
+    p = genes.decode(np.full((3, 3), 0.5))
+    assert p["stiffness"] == pytest.approx(np.full(3, 20.0), rel=0.01)
+    assert p["spring_angle"] == pytest.approx(np.zeros(3), abs=0.005)
+    # Negative control: another frequency is another stiffness.
+    assert abs(genes.decode(np.array([[0.5, 1.0, 0.5]]))["stiffness"][0] - 20.0) > 1.0
+
+
+def test_six_unknowns():
+    signal, problem = pendulum({"mu_q": 0.05}, free=EVERYTHING, samples=1000)
+    found = initial(signal, problem)
+    truth = {"mu_q": 0.05, "stiffness": 20.0, "gravity": 1.0, "theta0": 0.3}
+    assert set(found.values) == {"mu_q", *EVERYTHING}
+    for name, value in truth.items():
+        assert error(found.values[name], value) < 1.0
+
+
+def test_a_long_record_is_thinned_and_a_short_one_is_not(viscous):
+    signal, problem, _ = viscous
+    genes = Genes(signal, problem, checked_features(signal))
+    assert genetic._Fitness(signal, genes, 0.3, 6250).t.size == signal.t.size
+    thinned = genetic._Fitness(signal, genes, 0.3, 300)
+    assert thinned.t.size == 300
+    assert (thinned.t[0], thinned.t[-1]) == (signal.t[0], signal.t[-1])
+
+
+def test_another_damping_is_no_good_fit():
+    signal, problem = pendulum({"mu_c": 0.06}, samples=1000, model=("viscous",))
+    refined = run("genetic", signal, problem, stages=["refined"], seed=1)[0]
+    assert "the model is not all of it" in refined.outcome
