@@ -80,11 +80,11 @@ class Pinn(Estimator):
         seen = checked_features(signal)
         with single_thread():
             loss = _Loss(signal, problem, options, seen, rng)
-            trained = gauss_newton(loss.residuals, loss.linearised, loss.start, options.rounds, loss.steady)
+            trained = gauss_newton(loss.residuals, loss.linearised, loss.start, options.rounds, loss.sought)
         if not np.all(np.isfinite(trained.losses)):
             raise Refusal("the network's training came to numbers that are not finite")
         names = (*loss.coefficients, *loss.restoring)
-        watched = trained.watched * loss.units.numpy()
+        watched = trained.watched * loss.units.numpy()[: len(loss.coefficients)]
         found = dict(zip(names, map(float, loss.physical(trained.x))))
         for name, value in zip(("theta0", "omega0"), loss.beginning(trained.x)):
             if name in free_names(problem):
@@ -93,7 +93,7 @@ class Pinn(Estimator):
             self.name,
             "initial",
             found,
-            trace={"loss": trained.losses, **dict(zip(names, watched.T))},
+            trace={"loss": trained.losses, **dict(zip(loss.coefficients, watched.T))},
             details={
                 "start": options.start,
                 "started_from": [float(value) for value in watched[0]],
@@ -175,8 +175,9 @@ class _Loss:
         """Damping coefficients and free restoring parameters, in SI units."""
         return (x[self.count :] * self.units).numpy()
 
-    def steady(self, x: Tensor) -> np.ndarray:
-        return x[self.count :].numpy()
+    def sought(self, x: Tensor) -> np.ndarray:
+        """Damping coefficients in units."""
+        return x[self.count : self.count + len(self.coefficients)].numpy()
 
     def beginning(self, x: Tensor) -> tuple[float, float]:
         """The network's θ(0) and θ̇(0)."""
