@@ -81,7 +81,7 @@ def gauss_newton(
 
     linearised: x to residuals and their Jacobian (n, k). watch: x to the numbers (m,) that are sought, in units in
     which they are about 1. It has converged when these have stayed within `steady` of their size for `window`
-    rounds, while the loss did not halve, or where no step lowers the loss any more.
+    rounds, while the loss did not fall to a tenth, or where no step lowers the loss any more.
     """
     losses, watched, evaluations, damping, converged = [], [], 0, 1e-3, False
     unit = torch.eye(x.numel(), dtype=REAL)

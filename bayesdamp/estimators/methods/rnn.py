@@ -23,7 +23,13 @@ from bayesdamp.estimators._protocol import Estimator, Options
 from bayesdamp.estimators.methods._demodulated import Simulator, Stretches
 from bayesdamp.estimators.methods._record import thinned
 from bayesdamp.estimators.methods._training import REAL, generator, single_thread
-from bayesdamp.estimators.shared import checked_features, free_names, noise_level, oscillator, start_parameters
+from bayesdamp.estimators.shared import (
+    checked_features,
+    free_names,
+    noise_level,
+    oscillator,
+    start_parameters,
+)
 from bayesdamp.signals.features import Features
 from bayesdamp.types import Estimate, Problem, Refusal, Signal
 
@@ -47,8 +53,8 @@ class RnnOptions(Options):
 
     cell: Literal["lstm", "gru"] = "lstm"
     units: int = Field(default=24, ge=2, le=256)
-    records: int = Field(default=1024, ge=64, le=100_000)
-    epochs: int = Field(default=40, ge=1, le=10_000)
+    records: int = Field(default=512, ge=64, le=100_000)
+    epochs: int = Field(default=30, ge=1, le=10_000)
 
 
 class Rnn(Estimator):
@@ -119,7 +125,7 @@ class _Drawn:
         self.size = float(np.abs(seen.turning_amplitudes).max())
         self.sd = noise_level(signal) * np.sqrt(t.size / signal.t.size) / self.size
         self.stretches = Stretches(signal, seen, t, MOST_STRETCHES)
-        self.record = self.stretches.quadratures(y[None] / self.size)
+        self.record = self.stretches.quadratures(y[None]) / self.size
         decay = max(float(np.log(seen.amplitude / seen.final_amplitude)), LEAST_DECAY)
         middle = float(np.sqrt(seen.amplitude * seen.final_amplitude))
         ratio = decay / (seen.frequency * float(signal.t[-1]))
@@ -133,7 +139,9 @@ class _Drawn:
     def quadratures(self, log_coefficient: np.ndarray) -> np.ndarray:
         """(a, b) of simulated records without noise, (m, count, 2), for logarithms of the coefficient (m,)."""
         m, rng, seen = log_coefficient.size, self.rng, self.seen
-        given = {name: np.full(m, float(self.base[name])) for name in self.osc.parameters if name in self.base}
+        given = {
+            name: np.full(m, float(self.base[name])) for name in self.osc.parameters if name in self.base
+        }
         given[self.parameter] = np.exp(log_coefficient)
         free = [name for name in self.osc.law.parameters if name not in self.known]
         # A frequency further off would lose step with the record's phase within a stretch.
@@ -145,8 +153,7 @@ class _Drawn:
             if name not in self.known:
                 given[name] = rest + louder * (given[name] - rest)
         self.simulated += m
-        y = self.simulator(given)[:, self.drop :] / self.size
-        return self.stretches.quadratures(y)
+        return self.stretches.quadratures(self.simulator(given)[:, self.drop :]) / self.size
 
     def noise(self, records: int) -> np.ndarray:
         """Noise in (a, b), (records, count, 2), of sizes within a factor of two of the record's."""
