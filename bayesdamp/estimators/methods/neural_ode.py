@@ -1,0 +1,107 @@
+"""Neural ordinary differential equation (paper, section 3.6, equation 20).
+
+ẏ = (θ̇, −F_rest(θ) − f(θ̇)) with the restoring law that is known and a network for the damping force f, an odd
+function of the velocity. It is trained through the solver by multiple shooting: the record is cut into segments of
+about half a cycle that are integrated as one batch, and that they join is part of the loss. The sensitivities of a
+trajectory to the weights and to its start are integrated along with it (forward, not adjoint: the network is small),
+so that each training step is a Levenberg–Marquardt step.
+
+The coefficients are the projection of the learnt force on the law: the law that takes the same power out of the
+motion, segment by segment, as the learnt force does over the velocities of the record.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+import torch
+from pydantic import Field
+from torch import Tensor
+
+from bayesdamp.estimators._protocol import Estimator, Options
+from bayesdamp.estimators.methods._shooting import Shooting
+from bayesdamp.estimators.methods._training import gauss_newton, generator, single_thread
+from bayesdamp.estimators.shared import checked_features, free_names
+from bayesdamp.types import OK, Estimate, Problem, Refusal, Signal
+
+GRID = 41
+
+
+class NeuralOdeOptions(Options):
+    """width: units in each of the two hidden layers of the force's network.
+
+    steps: of the solver in a cycle. continuity_weight: of the gaps between segments in the loss, against the misfit of
+    the record; both in amplitudes. rounds: training steps at most.
+    """
+
+    width: int = Field(default=8, ge=2, le=64)
+    steps: int = Field(default=48, ge=12, le=1000)
+    continuity_weight: float = Field(default=30.0, gt=0.0)
+    rounds: int = Field(default=150, ge=1, le=5000)
+
+
+class NeuralOde(Estimator):
+    """The damping force as a network, and its projection on the law.
+
+    A coefficient may come out negative: it is reported as it is. details: the learnt force (`force`, rad/s²) on a grid
+    of velocities (`velocity`, rad/s) beside that of the law with the coefficients found (`law`).
+    """
+
+    name = "neural_ode"
+    options = NeuralOdeOptions
+
+    def refuses(self, damping: tuple[str, ...]) -> str | None:
+        return None
+
+    def initial(
+        self, signal: Signal, problem: Problem, options: Options, rng: np.random.Generator
+    ) -> Estimate:
+        assert isinstance(options, NeuralOdeOptions)
+        seen = checked_features(signal)
+        with single_thread(), torch.no_grad():
+            shooting = Shooting(
+                signal,
+                problem,
+                seen,
+                width=options.width,
+                steps=options.steps,
+                continuity=options.continuity_weight,
+                random=generator(rng),
+            )
+            trained = gauss_newton(
+                shooting.residuals,
+                shooting.linearised,
+                shooting.start,
+                options.rounds,
+                shooting.projected,
+                steady=1e-3,
+            )
+            if not np.all(np.isfinite(trained.watched)):
+                raise Refusal("the training came to trajectories that are not finite")
+            coefficients = trained.watched * shooting.units
+            values = dict(zip(shooting.coefficients, map(float, coefficients[-1])))
+            free = shooting.found(trained.x)
+            details = _learnt(shooting, trained.x, coefficients[-1])
+        values |= {name: free[name] for name in free_names(problem)}
+        return Estimate(
+            self.name,
+            "initial",
+            values,
+            trace={"loss": trained.losses, **dict(zip(shooting.coefficients, coefficients.T))},
+            details=details,
+            evaluations=trained.evaluations,
+            outcome=OK if trained.converged else f"training had not converged after {options.rounds} rounds",
+        )
+
+
+def _learnt(shooting: Shooting, x: Tensor, coefficients: np.ndarray) -> Mapping[str, object]:
+    velocity = np.linspace(-shooting.peak, shooting.peak, GRID)
+    return {
+        "velocity": velocity.tolist(),
+        "force": shooting.force(x, velocity).tolist(),
+        "law": (shooting.forces.shapes(velocity)[0] @ coefficients).tolist(),
+    }
+
+
+PLUGIN = NeuralOde()
