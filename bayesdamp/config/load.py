@@ -44,11 +44,17 @@ _TABLES = ("system", "signal", "sweep", "estimators", "models", "posterior", "ev
 
 @dataclass(frozen=True)
 class Estimators:
-    """use: estimators' names; stages: "initial", "refined"; options: a method's own table by its name."""
+    """use: estimators' names; stages: "initial", "refined"; options: a method's own table by its name; repeats: on
+    how many repeats of a signal a method runs at most, where not on all."""
 
     use: tuple[str, ...]
     stages: tuple[str, ...]
     options: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    repeats: Mapping[str, int] = field(default_factory=dict)
+
+    def on(self, repeat: int) -> tuple[str, ...]:
+        """The methods that run on a repeat, numbered from 0."""
+        return tuple(name for name in self.use if repeat < self.repeats.get(name, repeat + 1))
 
 
 @dataclass(frozen=True)
@@ -189,8 +195,9 @@ def _estimators(raw: object) -> Estimators:
         plugin_name(ESTIMATORS, name, "estimators.use")
     distinct(use, "estimators.use", "the estimator")
     distinct(checked.stages, "estimators.stages", "the stage")
+    known_keys(checked.repeats, list(use), "estimators.repeats")
     options = {n: table(v, below("estimators", n)) for n, v in given.items() if n not in own}
-    return Estimators(use, checked.stages, options)
+    return Estimators(use, checked.stages, options, checked.repeats)
 
 
 def _published(file: str | None, folder: Path, signals: tuple[SignalSpec, ...]) -> tuple[Published, ...]:

@@ -105,6 +105,9 @@ class EstimatorsTable(Section):
     stages: Annotated[tuple[Literal["initial", "refined"], ...], BeforeValidator(_listed)] = Field(
         ("initial", "refined"), description='a list of "initial" and "refined"'
     )
+    repeats: dict[str, Annotated[int, Field(ge=1)]] = Field(
+        {}, description="a table of whole numbers: on how many repeats of a signal a method runs at most"
+    )
 
 
 class ModelsTable(Section):

@@ -17,6 +17,7 @@ import numpy as np
 from bayesdamp import __version__
 from bayesdamp.config import Recording, SignalSpec, Simulation, Study
 from bayesdamp.estimators import run as run_estimator
+from bayesdamp.estimators.bound import cramer_rao
 from bayesdamp.estimators.shared import noise_level
 from bayesdamp.inference import diagnostics
 from bayesdamp.inference.build import build_target
@@ -144,7 +145,19 @@ class SignalCell:
             "known": known,
             "epsilon_note": note,
             "noisy": bool(noise_level(signal) > NO_NOISE * size),
+            "bound": self._bound(signal),
         }
+
+    def _bound(self, signal: Signal) -> dict[str, float]:
+        """The Cramér–Rao bound of a simulated record with white noise: sd by parameter; else nothing."""
+        source = self.spec.source
+        if not isinstance(source, Simulation) or source.noise != "gaussian":
+            return {}
+        truth = {**self.spec.system.known, **source.truth}
+        if not truth.get("noise_sd") or (truth.get("epsilon") == 0.0 and "coulomb" in source.damping):
+            return {}
+        problem = Problem(source.damping, self.spec.system)
+        return cramer_rao(problem, truth, signal.t, truth["noise_sd"], signal.quantity)
 
 
 def _reference(system: System, seen: Features) -> Reference:
@@ -180,7 +193,8 @@ class Branch:
 
     @property
     def _methods(self) -> tuple[str, ...]:
-        return self.study.estimators.use if self.model in self.study.estimate(self.spec) else ()
+        on = self.study.estimators.on(self.repeat)
+        return on if self.model in self.study.estimate(self.spec) else ()
 
     def cells(self) -> dict[str, tuple[str, Callable[[str, str], None]]]:
         """Name of each cell to its key and what computes it, in an order in which they can run."""

@@ -174,6 +174,7 @@ def _run(study: Study, store: Store) -> Row:
             "epsilon_note": cell.meta["epsilon_note"],
             "reference": cell.meta["reference"],
             "features": cell.meta["features"],
+            "bound": cell.meta.get("bound", {}),
         }
         modes = {m: _read(store, f"mode/{spec.name}/0/{m}") for m in study.compare(spec)}
         priors[spec.name] = {m: c.meta.get("priors", {}) for m, c in modes.items() if c}
