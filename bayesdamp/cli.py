@@ -204,6 +204,30 @@ def _all_set(given: Mapping[str, object], restoring: str) -> None:
         raise InputError(f"--set: {restoring} needs {', '.join(f'{name}=NUMBER' for name in missing)} too")
 
 
+@app.command()
+def claims(
+    paper: Annotated[Path | None, typer.Option(help="Folder of a run of studies/paper.toml.")] = None,
+    noise: Annotated[Path | None, typer.Option(help="Folder of a run of studies/noise.toml.")] = None,
+    out: Annotated[Path, typer.Option(help="The page to write (Markdown).")] = Path("reports/claims.md"),
+) -> None:
+    """Measure each claim of the paper, and say whether it holds."""
+    from bayesdamp.claims import CLAIMS, judged, written
+    from bayesdamp.claims.judge import Runs
+    from bayesdamp.store import write_bytes
+
+    for option, folder in (("--paper", paper), ("--noise", noise)):
+        if folder is not None and not (folder / "run.json").is_file():
+            raise InputError(f"{option} {folder}: holds no run; give the folder that bayesdamp study wrote")
+    page = written(judged(CLAIMS, Runs(paper, noise)))
+    try:
+        out.parent.mkdir(parents=True, exist_ok=True)
+        write_bytes(out, page.encode())
+    except OSError as error:
+        what = (error.strerror or str(error)).lower()
+        raise InputError(f"--out {out}: cannot be written: {what}; give a new file's name") from None
+    typer.echo(out)
+
+
 def _write_csv(signal: Signal, out: Path) -> None:
     """The record as CSV, all of it or nothing. Raises InputError where it cannot be written."""
     from bayesdamp.store import write_bytes
