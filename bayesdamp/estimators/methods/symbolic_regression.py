@@ -33,10 +33,10 @@ class SymbolicRegressionOptions(Options):
 
     population: int = Field(default=500, ge=20, le=100_000)
     generations: int = Field(default=40, ge=1, le=10_000)
-    searches: int = Field(default=2, ge=1, le=100)
+    searches: int = Field(default=1, ge=1, le=100)
     length: int = Field(default=16, ge=3, le=100)
     polish: int = Field(default=8, ge=0, le=100)
-    samples: int = Field(default=400, ge=50)
+    samples: int = Field(default=300, ge=50)
     penalty: float = Field(default=1.0, ge=0.0)
 
 
