@@ -33,6 +33,11 @@ class Expression:
     def variable(cls, weight: float) -> Expression:
         return cls((((Atom("v"),), float(weight)),))
 
+    @property
+    def depends(self) -> bool:
+        """Whether it is more than a constant."""
+        return any(atoms for atoms, _ in self.terms)
+
     def __add__(self, other: Expression) -> Expression:
         return _collected([*self.terms, *other.terms])
 

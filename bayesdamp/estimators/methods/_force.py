@@ -63,9 +63,12 @@ class Force:
         return (np.linalg.lstsq(a / scale, self.target, rcond=1e-10)[0] / scale)[:count]
 
     def thinned(self, samples: int) -> tuple[np.ndarray, np.ndarray]:
-        """Velocities and forces at evenly spread samples, each (m,)."""
-        rows = np.linspace(0, self._shown.size - 1, min(samples, self._shown.size)).round().astype(int)
-        return self.motion.omega[rows], self._shown[rows]
+        """Velocities and forces at evenly spread samples, each (m,), and as many mirrored: a force that
+        resists motion is odd, and nothing else is to be learnt from noise."""
+        count = min(samples // 2, self._shown.size)
+        rows = np.linspace(0, self._shown.size - 1, count).round().astype(int)
+        x, y = self.motion.omega[rows], self._shown[rows]
+        return np.r_[x, -x], np.r_[y, -y]
 
     def _left(self, expression: Expression) -> np.ndarray:
         left = self.target - self.motion.project(expression(self.omega))

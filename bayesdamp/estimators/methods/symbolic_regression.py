@@ -27,16 +27,17 @@ class SymbolicRegressionOptions(Options):
     """population, generations: of each of `searches` independent searches, whose fronts are joined.
 
     length: the most nodes of an expression. polish: steps of Levenberg–Marquardt for the constants of each.
-    samples: of the record, evenly spread, on which expressions are compared while they are bred.
+    samples: of the record, evenly spread, half of them mirrored, on which expressions are compared while
+    they are bred.
     penalty: what a node costs, in units of ln(n) of Schwarz's criterion, n the independent samples.
     """
 
     population: int = Field(default=500, ge=20, le=100_000)
     generations: int = Field(default=40, ge=1, le=10_000)
-    searches: int = Field(default=2, ge=1, le=100)
+    searches: int = Field(default=1, ge=1, le=100)
     length: int = Field(default=16, ge=3, le=100)
     polish: int = Field(default=8, ge=0, le=100)
-    samples: int = Field(default=400, ge=50)
+    samples: int = Field(default=300, ge=50)
     penalty: float = Field(default=1.0, ge=0.0)
 
 
@@ -84,9 +85,9 @@ class SymbolicRegression(Estimator):
             found, models = found + more, models + count
         best = [
             (one, one.expression.stretched(fastest).scaled(scale).without_the_negligible(force.omega, KEPT))
-            for one in _pareto(found)
+            for one in _pareto([one for one in found if one.expression.depends])
         ]
-        best = [(one, _polished(force, expression)) for one, expression in best if expression.terms]
+        best = [(one, _polished(force, expression)) for one, expression in best if expression.depends]
         if not best:
             raise Refusal("no expression says more of the damping force than a constant")
         errors = np.array([force.error(expression) for _, expression in best])
