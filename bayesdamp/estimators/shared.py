@@ -199,9 +199,7 @@ def runs(t: np.ndarray, period: float) -> list[slice]:
     return [run for i, run in enumerate(found) if i == 0 or t[run][-1] - t[run][0] >= period]
 
 
-def _run(
-    signal: Signal, problem: Problem, seen: Features, noise: float, knots_per_period: float
-) -> Motion:
+def _run(signal: Signal, problem: Problem, seen: Features, noise: float, knots_per_period: float) -> Motion:
     """The motion over a run of samples without a gap."""
     t, y = signal.t, signal.y
     gap = (t[-1] - t[0]) / (t.size - 1)

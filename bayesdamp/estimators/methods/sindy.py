@@ -53,7 +53,6 @@ class Sparse:
     squares: mean square error of each stretch as predicted from all others, (rad/s²)².
     """
 
-
     support: np.ndarray
     x: np.ndarray
     threshold: float

@@ -126,9 +126,9 @@ class WeakSindy(Estimator):
             guess = solved(whitened(rows, first, sigma), first == first, sigma)
             guess = solved(whitened(rows, guess.x, sigma), first == first, sigma)
             units = [
-                oscillator(problem).terms[problem.damping.index(one.damping)].ratio_per_unit(
-                    seen.amplitude, seen.frequency
-                )
+                oscillator(problem)
+                .terms[problem.damping.index(one.damping)]
+                .ratio_per_unit(seen.amplitude, seen.frequency)
                 * spread
                 for one, spread in zip(few, guess.stderr)
                 if one.damping
