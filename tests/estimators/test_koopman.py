@@ -59,5 +59,5 @@ def test_the_lag_is_an_option():
 
 
 def test_another_damping_is_no_good_fit():
-    signal, problem = pendulum({"mu_c": 0.06}, noise=0.003, samples=1000, model=("viscous",))
+    signal, problem = pendulum({"mu_c": 0.06}, model=("viscous",))
     assert run("koopman", signal, problem, stages=["refined"], seed=1)[0].outcome != "ok"

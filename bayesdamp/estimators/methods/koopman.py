@@ -17,7 +17,6 @@ from bayesdamp.estimators.shared import (
     free_names,
     known_restoring,
     motion,
-    noise_level,
     oscillator,
     runs,
 )
