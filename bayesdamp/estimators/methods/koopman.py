@@ -17,7 +17,6 @@ from bayesdamp.estimators.shared import (
     free_names,
     known_restoring,
     motion,
-    noise_level,
     oscillator,
     runs,
 )
@@ -28,9 +27,9 @@ STEP = 1.0 / 1000.0
 """The lag of a clean record, in periods; no less than one sample."""
 NOISY_STEP = 1.0 / 24.0
 """The lag of a record with noise, in periods."""
-FILTER = 0.6
+FILTER = 1.2
 """Width of the filter on a record with noise, in periods."""
-CLEAN_RANK, NOISY_RANK = 1e-9, 1e-4
+CLEAN_RANK, NOISY_RANK = 1e-9, 1e-3
 """Directions of the dictionary below this share of the largest are cut off."""
 
 
@@ -70,8 +69,8 @@ class Operator:
 class Koopman(Estimator):
     """g(x(t + τ)) ≈ K g(x(t)) for the paper's dictionary g; the damping is read off log(K)/τ.
 
-    The row of the generator that belongs to θ̇ is the equation of motion: its part along the functions of θ̇
-    is the damping force, and what is sought of the damping law is the force's projection on it.
+    The row of the generator that belongs to θ̇ is the equation of motion: the acceleration that it gives along
+    the record, less the known force, is projected on what is sought of the damping and restoring laws.
     Noise on the observables, and a dictionary that is not closed, bend log K alike forwards and backwards in
     time; half the difference of log K of both directions is free of it to first order. Noisy observables are
     filtered alike (a linear relation among them outlives a linear filter), and the lag is many samples.
@@ -99,15 +98,15 @@ class Koopman(Estimator):
         row = 0.5 * operator.back.T[speed] @ operator.generator @ operator.directions.T
         row = row.real
         g = observed.before
-        damps = np.array([one.damping is not None for one in library])
         index = {one.damping: i for i, one in enumerate(library) if one.damping}
         shapes = g[:, [index[name] for name in problem.damping]]
-        x = _projected(shapes, -(g[:, damps] @ row[damps]))
+        columns = np.column_stack([shapes, observed.columns])
+        scale = np.linalg.norm(columns, axis=0)
+        x = np.linalg.lstsq(columns / scale, -(g @ row) - observed.offset, rcond=1e-12)[0] / scale
         values = {name: float(c) for name, c in zip(oscillator(problem).coefficients, x)}
         if observed.columns.shape[1]:
-            rest = -(g[:, ~damps] @ row[~damps]) - observed.offset
             form = oscillator(problem).law.linear_form(moving.everywhere[0], known_restoring(problem))
-            values |= form.decode(_projected(observed.columns, rest))
+            values |= form.decode(x[shapes.shape[1] :])
         for name, value in (("theta0", moving.theta0), ("omega0", moving.omega0)):
             if name in free_names(problem):
                 values[name] = value
@@ -171,12 +170,6 @@ def observables(
         raise Refusal("the record is too short for pairs of states a lag apart")
     law_at = np.vstack(forms)
     return Observed(np.vstack(before), np.vstack(after), law_at[:, :-1], law_at[:, -1], tau)
-
-
-def _projected(columns: np.ndarray, force: np.ndarray) -> np.ndarray:
-    """Coefficients (c,) of the columns (m, c) nearest to a force (m,)."""
-    scale = np.linalg.norm(columns, axis=0)
-    return np.linalg.lstsq(columns / scale, force, rcond=1e-12)[0] / scale
 
 
 def _filtered(

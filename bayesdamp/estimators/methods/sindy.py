@@ -208,10 +208,11 @@ def sparse_path(
 ) -> tuple[list[Sparse], Sparse]:
     """Sparse solutions for every threshold at which a term falls, and for several ridges; and the one chosen.
 
-    dissipates (p,): which terms are damping. blocks: the rows of each stretch that is held out in turn. Chosen is, of the sparsest solutions whose mean
-    square held-out error is no further above the least than the standard error of the difference (and
-    floor²), the one with the least; solutions with negative damping, or whose terms all but cancel, are not
-    admitted. Rows are first rotated onto the columns: the same regression, fewer rows.
+    dissipates (p,): which terms are damping. blocks: the rows of each stretch that is held out in turn.
+    Of the solutions whose mean square held-out error is above the least by no more than two standard errors
+    of the difference (and floor²), the sparsest is chosen, and of several the one with the least error.
+    Solutions with negative damping, or whose terms all but cancel, are not admitted.
+    Rows are first rotated onto the columns: the same regression, fewer rows.
     """
     scale, size = np.linalg.norm(columns, axis=0), float(np.linalg.norm(target))
     if size == 0.0:

@@ -1,0 +1,63 @@
+"""Koopman: eigenvalues of the generator, the lag, records with noise."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from bayesdamp.estimators import run
+from bayesdamp.estimators.methods.koopman import Observed, decomposed
+
+from .truths import PAPER, damped_cosine, error, pendulum
+
+
+def initial(signal, problem, **options):
+    (estimate,) = run("koopman", signal, problem, options=options, stages=["initial"], seed=1)
+    return estimate
+
+
+def nearest(estimate, value: complex) -> complex:
+    details = estimate.details
+    found = np.array(details["generator_eigenvalues_re"]) + 1j * np.array(details["generator_eigenvalues_im"])
+    return found[np.argmin(np.abs(found - value))]
+
+
+def test_the_generator_has_the_oscillators_eigenvalues():
+    """−ζ ± i√(k − ζ²) of a linear oscillator with k = 25 and ζ = 0.08."""
+    estimate = initial(*damped_cosine())
+    there = -0.08 + 1j * np.sqrt(25.0 - 0.08**2)
+    assert abs(nearest(estimate, there) - there) < 0.02
+    # Negative control: another damping is not there.
+    assert abs(nearest(estimate, -0.3 + 1j * 5.0) - (-0.3 + 1j * 5.0)) > 0.1
+
+
+def test_a_linear_map_comes_back():
+    rng = np.random.default_rng(2)
+    generator = np.array([[-0.1, 2.0], [-2.0, -0.3]])
+    values, vectors = np.linalg.eig(0.05 * generator)
+    step = (vectors @ np.diag(np.exp(values)) @ np.linalg.inv(vectors)).real
+    before = rng.normal(size=(50, 2))
+    found = decomposed(Observed(before, before @ step.T, np.empty((50, 0)), np.empty(50), 0.05), 1e-9)
+    back = (found.directions @ found.generator.T @ found.back).T
+    assert back == pytest.approx(generator, abs=1e-10)
+
+
+@pytest.mark.parametrize("damping", PAPER, ids=lambda d: next(iter(d)))
+def test_papers_pendulum_clean_and_noisy(damping):
+    ((parameter, truth),) = damping.items()
+    assert error(initial(*pendulum(damping)).values[parameter], truth) < 0.05
+    estimate = initial(*pendulum(damping, noise=0.003, samples=1000, seed=3))
+    assert error(estimate.values[parameter], truth) < 7.0  # five standard deviations
+    assert estimate.details["rank"] < len(estimate.details["dictionary"])
+
+
+def test_the_lag_is_an_option():
+    signal, problem = pendulum({"zeta": 0.05}, samples=1000)
+    short, long = (initial(signal, problem, lag=lag) for lag in (0.01, 0.04))
+    assert long.details["lag"] > 3 * short.details["lag"]
+    assert error(long.values["zeta"], 0.05) < 1.0
+
+
+def test_another_damping_is_no_good_fit():
+    signal, problem = pendulum({"mu_c": 0.06}, model=("viscous",))
+    assert run("koopman", signal, problem, stages=["refined"], seed=1)[0].outcome != "ok"
