@@ -56,8 +56,8 @@ class PinnOptions(Options):
     width: int = Field(default=20, ge=4, le=64)
     harmonics: int = Field(default=3, ge=1, le=10)
     collocation: int = Field(default=500, ge=50, le=5000)
-    physics_weight: float = Field(default=100.0, gt=0.0)
-    start_weight: float = Field(default=100.0, ge=0.0)
+    physics_weight: float = Field(default=10.0, gt=0.0)
+    start_weight: float = Field(default=10.0, ge=0.0)
     rounds: int = Field(default=300, ge=1, le=5000)
 
 
