@@ -26,6 +26,8 @@ from bayesdamp.types import OK, Estimate, Problem, Refusal, Signal
 TOLERANCE = 1e-6
 """Largest error of a trajectory, as a share of the amplitude; a tenth of it for each further damping term,
 since terms that share the damping amplify errors."""
+FINER = 1e-3
+"""So much smaller where a fit leaves no more than the trajectory's own error."""
 
 
 @lru_cache(maxsize=64)
@@ -121,6 +123,8 @@ def refine(signal: Signal, problem: Problem, first: Estimate) -> Estimate:
     for _ in range(3):
         evaluations += found.evaluations
         traces.append(np.sqrt(found.costs / signal.t.size))
+        if _rms(found.costs[-1], signal) < 10 * fit.tolerance:
+            fit.tolerance *= FINER  # the record has no noise: what is left over is the solver's
         fit.replan(found.x)
         last, found = found.x, levenberg(fit.evaluate, found.x, floor)
         if np.all(np.abs(found.x - last) <= 1e-7 * np.abs(last)):

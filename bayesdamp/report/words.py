@@ -103,6 +103,13 @@ def number(value: float | None, digits: int = 4) -> str:
     return _scientific(value, power, digits - 1)
 
 
+def short(error: float) -> str:
+    """An error where there is little room: two digits, below a ten-thousandth one and a power."""
+    if not math.isfinite(error) or error == 0 or abs(error) >= 1e-4:
+        return number(error, 2)
+    return f"{error:.0e}".replace("e-0", "e-").replace("-", "−")
+
+
 def fixed(value: float, places: int) -> str:
     """A number to so many decimals."""
     return _signed(f"{round(value, places) + 0.0:.{places}f}") if math.isfinite(value) else number(value)

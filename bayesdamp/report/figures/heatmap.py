@@ -30,7 +30,7 @@ def heatmap(found: Comparison) -> Figure:
             # Dark on the pale middle of the scale, white on its ends.
             place = float(norm(np.clip(error, LOW, HIGH))) if np.isfinite(error) else 0.5
             shade = "white" if abs(place - 0.5) > 0.36 else INK if np.isfinite(error) else QUIET
-            text = _short(error) if np.isfinite(error) else words.NONE
+            text = words.short(error) if np.isfinite(error) else words.NONE
             ax.text(j, i, text, ha="center", va="center", fontsize=7.5, color=shade)
         ax.set_xticks(range(len(found.signals)), found.signals)
         ax.set_title(stage)
@@ -41,7 +41,3 @@ def heatmap(found: Comparison) -> Figure:
     if image is not None:
         figure.colorbar(image, ax=list(axes), label="error / %", fraction=0.03, pad=0.015)
     return figure
-
-
-def _short(error: float) -> str:
-    return words.number(error, 2) if error >= 1e-4 else f"{error:.0e}".replace("e-0", "e-").replace("-", "−")

@@ -8,7 +8,7 @@ import numpy as np
 from markupsafe import Markup
 
 from bayesdamp.report import words
-from bayesdamp.report.comparing import STAGES, Comparison, category, compared, true_models
+from bayesdamp.report.comparing import STAGES, Comparison, compared, true_models
 from bayesdamp.report.figures.convergence import convergence
 from bayesdamp.report.figures.finals import finals
 from bayesdamp.report.figures.heatmap import heatmap
@@ -65,17 +65,17 @@ class ComparisonSection(Section):
 
 def _errors(found: Comparison) -> Table:
     with_printed = bool(found.published)
-    headers = ["method", "category"]
+    headers = ["method"]
     for signal in found.signals:
-        headers += [f"{signal}: initial", "refined"] + (["published"] if with_printed else [])
+        headers += [signal, "refined"] + (["printed"] if with_printed else [])
     lines = []
     for method in found.methods:
-        cells = [words.method(method), category(method)]
+        cells = [words.method(method)]
         for signal in found.signals:
             for stage in STAGES:
                 error = found.errors.get((method, signal, stage), math.nan)
                 outcome = found.outcomes.get((method, signal, stage), OK)
-                cells.append(words.number(error, 2) + ("*" if outcome != OK and math.isfinite(error) else ""))
+                cells.append(words.short(error) + ("*" if outcome != OK and math.isfinite(error) else ""))
             if with_printed:
                 cells.append(found.published.get((method, signal), words.NONE))
         lines.append(Line(cells))
@@ -85,9 +85,7 @@ def _errors(found: Comparison) -> Table:
         if starred
         else ""
     )
-    return Table(
-        headers, lines, frozenset({0, 1}), f"Errors in per cent of the truth (the paper's Table 2).{note}"
-    )
+    return Table(headers, lines, frozenset({0}), said + note)
 
 
 def _times(found: Comparison) -> Table:
