@@ -85,6 +85,8 @@ def _errors(found: Comparison) -> Table:
         if starred
         else ""
     )
+    said = "Errors in per cent of the truth: the initial stage under the signal's name, the refined one"
+    said += ", and as published (the paper's Table 2)." if with_printed else "."
     return Table(headers, lines, frozenset({0}), said + note)
 
 
