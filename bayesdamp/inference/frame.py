@@ -34,6 +34,14 @@ class Frame:
     lacking: np.ndarray
     good: bool
 
+    def scores(self, u: np.ndarray) -> np.ndarray:
+        """Scores at coordinates u, both (..., d)."""
+        return self.centre + u @ self.factor.T
+
+    def whitened(self, z: np.ndarray) -> np.ndarray:
+        """Coordinates of scores z, both (m, d)."""
+        return np.linalg.solve(self.factor, (z - self.centre).T).T
+
 
 def frame(target: Target, mode: Mode) -> Frame:
     """The frame of a posterior from its mode, and the gradient and the whole curvature beside it."""

@@ -10,6 +10,7 @@ import numpy as np
 
 from bayesdamp.inference import diagnostics
 from bayesdamp.inference.folded import FoldedT
+from bayesdamp.inference.frame import Frame, frame
 from bayesdamp.inference.mode import Mode
 from bayesdamp.inference.samplers._sampler import Sampler, Settings, starts
 from bayesdamp.inference.target import Target, compiled
@@ -23,12 +24,12 @@ LONGEST = 40
 """Blocks of sampling after which an ensemble that is not resolved says so."""
 
 
-def _independent(proposal: FoldedT, mode: Mode):
+def _independent(proposal: FoldedT, at: Frame):
     """Proposals drawn anew from the heavy-tailed Laplace fit, with their Metropolis–Hastings factors."""
 
     def propose(u: np.ndarray, rng: np.random.RandomState) -> tuple[np.ndarray, np.ndarray]:
-        old, new = mode.z + u @ mode.factor.T, proposal.draw(rng, len(u))
-        moved = np.linalg.solve(mode.factor, (new - mode.z).T).T
+        old, new = at.scores(u), proposal.draw(rng, len(u))
+        moved = at.whitened(new)
         return moved, proposal.log_density(old) - proposal.log_density(new)
 
     return propose
@@ -54,22 +55,22 @@ class Emcee(Sampler):
         batch = compiled(target.layout).batch
 
         folded = np.asarray(target.layout.folded)
-        proposal = FoldedT(np.where(folded, np.abs(mode.z), mode.z), mode.factor, folded)
+        at = frame(target, mode)
+        proposal = FoldedT(at.centre, at.factor, folded)
 
         # Folded scores are kept on their non-negative side: walkers do not get caught in mirror modes.
         def log_probability(u: np.ndarray) -> np.ndarray:
-            z = mode.z + u @ mode.factor.T
+            z = at.scores(u)
             values = np.asarray(batch(mode.context, jnp.asarray(z)))
             inside = np.isfinite(values) & np.all((z >= -1e-9) | ~folded, axis=1)
             return np.where(inside, values, NOWHERE)
 
         def start(seed: int) -> np.ndarray:
-            z = mode.z + starts(mode, walkers, seed) @ mode.factor.T
-            z = np.where(folded, np.abs(z), z)
-            return np.linalg.solve(mode.factor, (z - mode.z).T).T
+            z = at.scores(starts(mode, walkers, seed))
+            return at.whitened(np.where(folded, np.abs(z), z))
 
         moves = [
-            (emcee.moves.MHMove(_independent(proposal, mode)), 0.5),
+            (emcee.moves.MHMove(_independent(proposal, at)), 0.5),
             (emcee.moves.DEMove(), 0.3),
             (emcee.moves.StretchMove(), 0.2),
         ]
@@ -77,23 +78,21 @@ class Emcee(Sampler):
         for k in range(ENSEMBLES):
             sampler = emcee.EnsembleSampler(walkers, d, log_probability, vectorize=True, moves=moves)
             sampler.random_state = np.random.RandomState((settings.seed + k) % 2**32).get_state()
-            state = self._settled(
-                sampler, starts(mode, walkers, settings.seed + 7919 * k), settings.warmup // 2
-            )
+            state = self._settled(sampler, start(settings.seed + 7919 * k), settings.warmup // 2)
             ensembles.append((sampler, state))
 
         resolved, draws = False, np.empty((0, 0, 0))
         for _ in range(LONGEST):
             ensembles = [(s, s.run_mcmc(state, BLOCK)) for s, state in ensembles]
             draws = np.concatenate([s.get_chain().swapaxes(0, 1) for s, _ in ensembles])
-            if self._resolved(target, mode, draws):
+            if self._resolved(target, at, draws):
                 resolved = True
                 break
         thin = max(1, draws.shape[0] * draws.shape[1] // 40_000)
         energy = np.concatenate([s.get_log_prob().T for s, _ in ensembles])[:, ::thin]
-        z = mode.z + draws[:, ::thin] @ mode.factor.T
+        z = at.scores(draws[:, ::thin])
         values = target.values(z)
-        full = target.values(mode.z + draws @ mode.factor.T)
+        full = target.values(at.scores(draws))
         summaries = {n: diagnostics.summarise(v, ensembles=ENSEMBLES) for n, v in full.items()}
         outcome = diagnostics.verdict(summaries)
         if outcome == OK and not resolved:
@@ -127,8 +126,8 @@ class Emcee(Sampler):
         return state
 
     @staticmethod
-    def _resolved(target: Target, mode: Mode, draws: np.ndarray) -> bool:
-        values = target.values(mode.z + draws @ mode.factor.T)
+    def _resolved(target: Target, at: Frame, draws: np.ndarray) -> bool:
+        values = target.values(at.scores(draws))
         total, length = draws.shape[0] * draws.shape[1], draws.shape[1]
         for v in values.values():
             effective = diagnostics.effective(v)

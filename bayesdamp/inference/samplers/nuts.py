@@ -92,7 +92,7 @@ def _starts(target: Target, mode: Mode, at: Frame, settings: Settings) -> np.nda
     """Over-dispersed starts (chains, d) within the walls, of a posterior density that is not out of reach."""
     u = starts(mode, CHUNK, settings.seed, spread=1.5)
     u[-1] = 0.0
-    z = at.centre + u @ at.factor.T
+    z = at.scores(u)
     height = np.asarray(compiled(target.layout).batch(mode.context, jnp.asarray(z)))
     inside = np.all((z > 0) | ~np.asarray(target.layout.folded), axis=1)
     good = np.flatnonzero(inside & (height > height[-1] - 5.0 * mode.z.size))
@@ -133,7 +133,7 @@ class Nuts(Sampler):
         step = jnp.asarray(shorter * at.centre.size**-0.25)
         start = jnp.asarray(_starts(target, mode, at, settings))
         u, height, diverging, steps, accept = run(mode.context, force, centre, factor, step, start, keys)
-        z = at.centre + np.asarray(u) @ at.factor.T
+        z = at.scores(np.asarray(u))
         values = target.values(z)
         summaries = {n: diagnostics.summarise(v) for n, v in values.items()}
         prior = np.asarray(jax.vmap(jax.vmap(log_prior))(jnp.asarray(z)))
