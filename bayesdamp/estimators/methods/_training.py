@@ -83,7 +83,8 @@ def gauss_newton(
     which they are about 1. It has converged when these have stayed within `steady` of their size for `window`
     rounds, while the loss did not fall to a tenth, or where no step lowers the loss any more.
     """
-    losses, watched, evaluations, damping, converged = [], [], 0, 1e-3, False
+    losses, watched, evaluations, damping, converged = [], [], 1, 1e-3, False
+    r = residuals(x)
     unit = torch.eye(x.numel(), dtype=REAL)
     for _ in range(rounds):
         r, jacobian = linearised(x)
@@ -116,4 +117,7 @@ def gauss_newton(
             break
         x = there
         damping = max(damping / 5.0, 1e-14) if trials == 1 else damping
+    else:
+        losses.append(float(r @ r))
+        watched.append(watch(x))
     return Trained(x, np.array(losses), np.array(watched), evaluations, converged)

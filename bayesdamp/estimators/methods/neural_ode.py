@@ -37,7 +37,7 @@ class NeuralOdeOptions(Options):
 
     width: int = Field(default=8, ge=2, le=64)
     steps: int = Field(default=48, ge=12, le=1000)
-    continuity_weight: float = Field(default=30.0, gt=0.0)
+    continuity_weight: float = Field(default=1.0, gt=0.0)
     rounds: int = Field(default=150, ge=1, le=5000)
 
 

@@ -78,8 +78,8 @@ class Rnn(Estimator):
         seen = checked_features(signal)
         drawn = _Drawn(signal, problem, seen, rng)
         with single_thread():
-            network = _Network(options, drawn, generator(rng), rng)
-            centre, half = drawn.centre, WIDEST
+            network = _Network(options, drawn, generator(rng))
+            centre, half, inside = drawn.centre, WIDEST, False
             answers, errors, losses = [], [], []
             for _ in range(MOST_ROUNDS):
                 answer, error, loss = network.trained(centre, half)
@@ -181,9 +181,7 @@ class _Scale:
 class _Network:
     """A recurrent layer and a linear one, trained further in every range."""
 
-    def __init__(
-        self, options: RnnOptions, drawn: _Drawn, random: torch.Generator, rng: np.random.Generator
-    ) -> None:
+    def __init__(self, options: RnnOptions, drawn: _Drawn, random: torch.Generator) -> None:
         self.options, self.drawn, self.random = options, drawn, random
         layer = torch.nn.LSTM if options.cell == "lstm" else torch.nn.GRU
         # The layers draw their own first weights from the process's random numbers: put these back.
