@@ -218,8 +218,8 @@ def sparse_path(
     if size == 0.0:
         raise Refusal("nothing is left of the acceleration once the known force is taken away")
     rows = np.column_stack([columns / scale, target / size])
-    folds = [np.linalg.qr(rows[block], mode="r") for block in blocks]
-    small = np.linalg.qr(np.vstack(folds), mode="r")
+    folds = [np.asarray(np.linalg.qr(rows[block], mode="r")) for block in blocks]
+    small = np.asarray(np.linalg.qr(np.vstack(folds), mode="r"))
     a, b = small[:, :-1], small[:, -1]
     weight = np.array([block.size for block in blocks], float)
     unit = size / np.sqrt(weight)
