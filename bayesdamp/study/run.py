@@ -94,7 +94,9 @@ def run_study(
 
 
 def _jobs(study: Study) -> list[Job]:
-    records = [(s, r) for s in study.signals for r in range(s.repeats)]
+    # Repeat by repeat over all signals, so that a run which is cut off has a little of everything.
+    most = max(s.repeats for s in study.signals)
+    records = [(s, r) for r in range(most) for s in study.signals if r < s.repeats]
     first = [Job(s.name, r) for s, r in records]
     return first + [Job(s.name, r, m) for s, r in records for m in study.compare(s)]
 
