@@ -30,7 +30,7 @@ def _unit(runs: Runs) -> Judgement:
     spring = initial_error("topological", "viscous", AS_PRINTED, restoring="linear")
     measured = (
         f"The printed formula misses by {pendulum:.2f} % on the pendulum and by {spring:.2f} % on a linear spring of "
-        f"the same stiffness, where nothing is nonlinear. 1 − 1/ω_n is {unit:.2f} %: it gives a damping ratio where the "
+        f"the same stiffness, where nothing is nonlinear. 1 − 1/ω_n is {unit:.2f} %: it gives a ratio where the "
         "equation's ζ is a rate."
     )
     blamed = spring < 0.1 * pendulum
