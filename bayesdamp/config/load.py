@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import dataclasses
 import hashlib
 import json
 import re
 import tomllib
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +19,7 @@ from bayesdamp.config.checks import (
     below,
     distinct,
     known_keys,
+    plain,
     plugin_name,
     prior,
     section,
@@ -95,11 +95,9 @@ class Study:
 
     def resolved(self) -> dict[str, Any]:
         """All that the study says, defaults written out, as JSON takes it; no path of this machine."""
-        found = _plain(self)
+        found = plain(replace(self, signals=()))
         del found["source"]
-        for signal in found["signals"]:
-            signal["source"].pop("path", None)
-        return found
+        return {**found, "signals": [s.resolved() for s in self.signals]}
 
     def digest(self) -> str:
         """SHA-256 of `resolved()`, in hexadecimal."""
@@ -116,18 +114,6 @@ class Study:
             return parse_options(name, self.estimators.options.get(name))
         except InputError as error:
             raise as_input_error(self.source, error) from None
-
-
-def _plain(value: Any) -> Any:
-    if isinstance(value, BaseModel):
-        return value.model_dump(mode="json")
-    if dataclasses.is_dataclass(value):
-        return {f.name: _plain(getattr(value, f.name)) for f in dataclasses.fields(value)}
-    if isinstance(value, Mapping):
-        return {str(name): _plain(inner) for name, inner in value.items()}
-    if isinstance(value, tuple | list):
-        return [_plain(inner) for inner in value]
-    return str(value) if isinstance(value, Path) else value
 
 
 def _read(path: Path) -> dict[str, Any]:

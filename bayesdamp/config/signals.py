@@ -13,6 +13,7 @@ from bayesdamp.config.checks import (
     distinct,
     known_keys,
     number,
+    plain,
     plugin_name,
     prior,
     section,
@@ -91,6 +92,12 @@ class SignalSpec:
     inertia: float | None = None
     compare: tuple[str, ...] | None = None
     estimate: tuple[str, ...] | None = None
+
+    def resolved(self) -> dict[str, Any]:
+        """All that the study says of the record, as JSON takes it; no path of this machine."""
+        found = plain(self)
+        found["source"].pop("path", None)
+        return found
 
     @property
     def repeats(self) -> int:

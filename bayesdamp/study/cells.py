@@ -70,8 +70,7 @@ class SignalCell:
     def key(self) -> str:
         source = self.spec.source
         content = sha256(source.path) if isinstance(source, Recording) else ""
-        shown = next(s for s in self.study.resolved()["signals"] if s["name"] == self.spec.name)
-        shown = {k: v for k, v in shown.items() if k not in ("compare", "estimate")}
+        shown = {k: v for k, v in self.spec.resolved().items() if k not in ("compare", "estimate")}
         return digest("signal", self.study.seed, shown, self.repeat, content)
 
     def compute(self) -> None:
