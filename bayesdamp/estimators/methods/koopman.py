@@ -12,6 +12,7 @@ from bayesdamp.estimators._protocol import Estimator, Options
 from bayesdamp.estimators.methods._library import Candidate, candidates
 from bayesdamp.estimators.methods._weak import derivatives, uniform
 from bayesdamp.estimators.shared import (
+    Motion,
     checked_features,
     epsilon_of,
     free_names,
@@ -91,7 +92,7 @@ class Koopman(Estimator):
         speed = next((i for i, one in enumerate(library) if one.damping == "viscous"), None)
         assert speed is not None
         moving = motion(signal, problem, seen)
-        observed = observables(signal, problem, library, seen, options.lag)
+        observed = observables(signal, moving, problem, library, seen, options.lag)
         operator = decomposed(observed, CLEAN_RANK if moving.clean else NOISY_RANK)
 
         # Twice θ̇ is the observable: half its row is θ̈ as a sum over the dictionary.
@@ -132,14 +133,18 @@ class Koopman(Estimator):
 
 
 def observables(
-    signal: Signal, problem: Problem, library: list[Candidate], seen: Features, lag: float
+    signal: Signal,
+    moving: Motion,
+    problem: Problem,
+    library: list[Candidate],
+    seen: Features,
+    lag: float,
 ) -> Observed:
     """Pairs of the dictionary's values a lag apart.
 
     The state is a spline's (see `shared.motion`); on an uneven clock it is put on an even one. Of a noisy
     record every observable is filtered by one smooth compact kernel, θ and θ̇ from the record itself.
     """
-    moving = motion(signal, problem, seen)
     pieces = runs(signal.t, seen.period)
     if signal.quantity != "angle":
         pieces = pieces[:1]
