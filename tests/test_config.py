@@ -563,3 +563,40 @@ def test_a_signal_has_models_of_its_own(tmp_path: Path) -> None:
 )
 def test_wrong_models_of_a_signal(tmp_path: Path, line: str, expected: str) -> None:
     assert fault(tmp_path, f"version = 1\n{SYSTEM}{SIGNAL}{line}\n").startswith(expected)
+
+
+def test_published_figures_are_read(tmp_path: Path) -> None:
+    (tmp_path / "printed.csv").write_text("estimator,signal,error_pct,time\nenvelope,one,~0,2–5 s\n")
+    study = load_study(write(tmp_path, GOOD.replace("version = 1", 'version = 1\npublished = "printed.csv"')))
+    (row,) = study.published
+    assert (row.estimator, row.signal, row.error_pct, row.time) == ("envelope", "one", "~0", "2–5 s")
+
+
+@pytest.mark.parametrize(
+    ("content", "expected"),
+    [
+        (None, "published: is 'printed.csv', which cannot be read"),
+        ("estimator,signal\nenvelope,one\n", "published: is 'printed.csv', which has no column error_pct"),
+        (
+            "estimator,signal,error_pct,time\nenvelop,one,1,\n",
+            "published: line 2 of printed.csv: unknown estimator",
+        ),
+        (
+            "estimator,signal,error_pct,time\nenvelope,two,1,\n",
+            "published: line 2 of printed.csv: unknown signal",
+        ),
+    ],
+)
+def test_wrong_published_figures(tmp_path: Path, content: str | None, expected: str) -> None:
+    if content is not None:
+        (tmp_path / "printed.csv").write_text(content)
+    text = GOOD.replace("version = 1", 'version = 1\npublished = "printed.csv"')
+    assert fault(tmp_path, text).startswith(expected)
+
+
+def test_a_method_runs_on_so_many_repeats_at_most(tmp_path: Path) -> None:
+    text = GOOD + '[estimators]\nuse = ["envelope", "least_squares"]\nrepeats = { envelope = 2 }\n'
+    use = load_study(write(tmp_path, text)).estimators
+    assert [use.on(r) for r in (0, 1, 2)] == [("envelope", "least_squares")] * 2 + [("least_squares",)]
+    wrong = text.replace("envelope = 2", "envelop = 2")
+    assert fault(tmp_path, wrong).startswith("estimators.repeats.envelop: unknown key; did you mean 'envelope'?")

@@ -148,9 +148,10 @@ class SignalCell:
         }
 
     def _bound(self, signal: Signal) -> dict[str, float]:
-        """The Cramér–Rao bound of a simulated record with white noise: sd by parameter; else nothing."""
+        """The Cramér–Rao bound of a simulated record with white noise: sd by parameter; else nothing.
+        Repeats share it: it stands with the first."""
         source = self.spec.source
-        if not isinstance(source, Simulation) or source.noise != "gaussian":
+        if self.repeat or not isinstance(source, Simulation) or source.noise != "gaussian":
             return {}
         truth = {**self.spec.system.known, **source.truth}
         if not truth.get("noise_sd") or (truth.get("epsilon") == 0.0 and "coulomb" in source.damping):

@@ -1,0 +1,109 @@
+"""Estimators beside each other and along a factor, from tables that are written out here."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import pytest
+
+from bayesdamp.report import render
+from bayesdamp.report.comparing import CATEGORIES, category, compared, true_models, value
+from bayesdamp.report.run import Run
+from bayesdamp.report.sweeping import series
+from bayesdamp.store import TABLES, write_json, write_table
+
+ERRORS = {"least_squares": (1.0, 0.01), "genetic": (4.0, 0.01), "topological": (90.0, 0.01)}
+"""Method to its error in per cent at 1 % noise, initial and refined; at other noise in proportion."""
+TRUTHS = {"viscous": ("zeta", 0.05), "coulomb": ("mu_c", 0.03)}
+LEVELS = (0.0, 0.5, 1.0, 2.0)
+NAMES = {0.0: "clean", 0.5: "half", 1.0: "base", 2.0: "twice"}
+
+
+def source(damping: str, level: float, samples: int = 701) -> dict:
+    truth = {TRUTHS[damping][0]: TRUTHS[damping][1], "theta0": 0.3, "noise_sd": 0.003 * level}
+    return {"damping": [damping], "truth": truth, "duration": 9.8, "samples": samples}
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    rows, signals, about, rest = [], [], {}, {}
+    for damping, (parameter, truth) in TRUTHS.items():
+        for level in LEVELS:
+            name = f"{damping}-{NAMES[level]}"
+            signals.append({"name": name, "source": source(damping, level)})
+            bound = {parameter: 0.002 * level * truth} if level else {}
+            about[name] = {"simulated": True, "unit": "rad", "reference": {"amplitude": 0.3}, "bound": bound}
+            rest[name] = {"equilibrium": 0.05, "natural_frequency": 4.478}
+            for repeat in (0, 1):
+                for method, errors in ERRORS.items():
+                    for stage, error in zip(("initial", "refined"), errors):
+                        off = error * level * (1 if repeat else -1)
+                        common = {"signal": name, "repeat": repeat, "model": damping, "estimator": method}
+                        rows.append({
+                            **common, "stage": stage, "parameter": parameter, "unit": "1/s",
+                            "value": truth * (1 + off / 100), "truth": truth, "error_pct": abs(off),
+                            "evaluations": 1, "seconds": 0.5, "outcome": "ok",
+                        })  # fmt: skip
+                        # What another model says of the record is no error of the method.
+                        rows.append({**rows[-1], "model": "quadratic", "parameter": "mu_q", "error_pct": 1e6})
+    for name, columns in TABLES.items():
+        write_table(tmp_path / name, columns, rows if name == "estimates.csv" else [])
+    printed = {"estimator": "genetic", "signal": "viscous-base", "error_pct": "~0", "time": "2–5 min"}
+    info = {
+        "name": "made up", "models": ["viscous", "coulomb", "quadratic"], "signals": about, "equilibrium": rest,
+        "study": {"signals": signals, "published": [printed, {**printed, "signal": "coulomb-base"}]},
+    }  # fmt: skip
+    write_json(tmp_path / "run.json", info)
+    return tmp_path
+
+
+def test_errors_are_those_under_the_model_of_the_truth(folder):
+    found = compared(Run(folder))
+    assert found.signals == ["viscous-base", "coulomb-base"]
+    assert found.methods == ["topological", "least_squares", "genetic"]
+    assert found.errors["genetic", "viscous-base", "initial"] == pytest.approx(4.0)
+    assert found.mean("genetic", "refined") == pytest.approx(0.01)
+    assert found.seconds["genetic", "initial"] == pytest.approx(2.0)  # two signals, two repeats
+    assert found.mean_published("genetic") == 0.0
+    assert math.isnan(found.mean_published("topological"))
+    assert found.times == {"genetic": "2–5 min"}
+    assert true_models(Run(folder))["coulomb-half"] == "coulomb"
+
+
+@pytest.mark.parametrize(
+    ("printed", "number"), [("~0", 0.0), ("77.6", 77.6), ("0.0004", 0.0004), ("", math.nan)]
+)
+def test_printed_errors(printed, number):
+    assert value(printed) == pytest.approx(number, nan_ok=True)
+
+
+def test_categories_are_the_papers():
+    assert [len(v) for v in CATEGORIES.values()] == [3, 6, 2]
+    assert category("koopman") == "classical"
+    assert category("mine") == "others"
+
+
+def test_series_follow_one_factor(folder):
+    found = series(Run(folder))
+    assert [(s.model, s.factor) for s in found] == [("viscous", "noise"), ("coulomb", "noise")]
+    assert found[0].values == list(LEVELS)
+    assert found[0].errors["genetic", "initial"] == pytest.approx([0.0, 2.0, 4.0, 8.0])
+    assert found[0].answers["genetic", "initial"] == [(2, 2)] * 4
+    assert math.isnan(found[0].bounds[0])
+    assert found[0].bounds[1:] == pytest.approx([0.1, 0.2, 0.4])
+    # Negative control: a signal that differs in its sampling too is in no series.
+    run = Run(folder)
+    for signal in run.study["signals"][1:3]:
+        signal["source"]["samples"] = 71
+    assert [(s.model, s.factor) for s in series(run)] == [("coulomb", "noise")]
+
+
+def test_both_sections_are_in_the_report(folder):
+    page = render(folder).read_text(encoding="utf-8")
+    assert "The estimators compared" in page
+    assert "Errors against noise" in page
+    assert {"ranking.svg", "heatmap.svg", "categories.svg", "finals.svg", "sweep-viscous-noise.svg"} <= {
+        p.name for p in (folder / "figures").iterdir()
+    }
+    assert "77.6" not in page  # nothing is printed beside a method that the study's table does not name
