@@ -599,4 +599,6 @@ def test_a_method_runs_on_so_many_repeats_at_most(tmp_path: Path) -> None:
     use = load_study(write(tmp_path, text)).estimators
     assert [use.on(r) for r in (0, 1, 2)] == [("envelope", "least_squares")] * 2 + [("least_squares",)]
     wrong = text.replace("envelope = 2", "envelop = 2")
-    assert fault(tmp_path, wrong).startswith("estimators.repeats.envelop: unknown key; did you mean 'envelope'?")
+    assert fault(tmp_path, wrong).startswith(
+        "estimators.repeats.envelop: unknown key; did you mean 'envelope'?"
+    )

@@ -9,7 +9,7 @@ import numpy as np
 
 from bayesdamp.estimators.shared import known_restoring, oscillator
 from bayesdamp.physics.damping import PAPER_TERMS, TERMS
-from bayesdamp.types import Problem
+from bayesdamp.types import OK, Problem
 
 WRITTEN = {"viscous": "2θ̇", "coulomb": "tanh(θ̇/ε)", "quadratic": "θ̇|θ̇|"}
 """How a damping term's shape is written; another term by its name."""
@@ -72,7 +72,15 @@ def restoring_values(problem: Problem, theta: np.ndarray, force: np.ndarray) -> 
     return form.decode(c)
 
 
-def told(selected: list[str], missing: list[str]) -> str:
-    """The sentence for a sparse regression that leaves out a damping term of the model."""
-    kept = ", ".join(selected) if selected else "nothing"
-    return f"the sparse regression selects {kept} and leaves out the model's {' and '.join(missing)}"
+def judged(library: list[Candidate], selected: np.ndarray, model: np.ndarray) -> str:
+    """ok where a sparse regression selects the model's damping terms and nothing that the model does not have, or
+    a sentence. selected: (p,) of bool; model: what it may select, (p,) of bool."""
+    names = [one.name for one in library]
+    kept = ", ".join(n for n, s in zip(names, selected) if s) or "nothing"
+    missing = [n for n, one, m, s in zip(names, library, model, selected) if one.damping and m and not s]
+    strange = [n for n, m, s in zip(names, model, selected) if s and not m]
+    said = [f"leaves out the model's {' and '.join(missing)}"] if missing else []
+    said += [f"the model has no {' or '.join(strange)}"] if strange else []
+    return (
+        f"the sparse regression selects {kept}: it {'; '.join(said)}".replace("it the", "the") if said else OK
+    )

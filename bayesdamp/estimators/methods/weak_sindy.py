@@ -9,7 +9,7 @@ from pydantic import Field
 from scipy import sparse
 
 from bayesdamp.estimators._protocol import Estimator, Options
-from bayesdamp.estimators.methods._library import Candidate, candidates, restoring_values, told
+from bayesdamp.estimators.methods._library import Candidate, candidates, judged, restoring_values
 from bayesdamp.estimators.methods._weak import (
     Stretch,
     kernel_half_width,
@@ -30,7 +30,7 @@ from bayesdamp.estimators.shared import (
     runs,
 )
 from bayesdamp.signals.features import Features
-from bayesdamp.types import OK, Estimate, Problem, Refusal, Signal
+from bayesdamp.types import Estimate, Problem, Refusal, Signal
 
 WIDTHS = (0.75, 1.0, 1.5, 2.0)
 """Widths of the test functions in periods that are tried."""
@@ -109,9 +109,8 @@ class WeakSindy(Estimator):
         best = min(path, key=lambda one: one.score, default=nothing)
         support = best.support
         selected = [name for name, kept in zip(names, support) if kept]
-        missing = [name for name, of, kept in zip(names, own, support) if of and not kept]
-        if missing:  # the model is given: its terms stay, and nothing may stand in for them
-            support = (support & base) | own
+        # The model is given: its terms stay, and nothing may stand in for them or beside them.
+        support = (support & base) | own
         trace, found = [], best.solution
         for _ in range(ROUNDS):
             found = solved(white, support, sigma)
@@ -148,7 +147,7 @@ class WeakSindy(Estimator):
                 "path_score": [one.score for one in path],
             },
             evaluations=len(path) + ROUNDS,
-            outcome=told(selected, missing) if missing else OK,
+            outcome=judged(library, best.support, base),
         )
 
 
