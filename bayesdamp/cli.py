@@ -207,7 +207,9 @@ def _all_set(given: Mapping[str, object], restoring: str) -> None:
 @app.command()
 def claims(
     paper: Annotated[Path | None, typer.Option(help="Folder of a run of studies/paper.toml.")] = None,
-    noise: Annotated[Path | None, typer.Option(help="Folder of a run of studies/noise.toml.")] = None,
+    noise: Annotated[
+        list[Path] | None, typer.Option(help="Folder of a run of studies/noise*.toml; may be given again.")
+    ] = None,
     out: Annotated[Path, typer.Option(help="The page to write (Markdown).")] = Path("reports/claims.md"),
 ) -> None:
     """Measure each claim of the paper, and say whether it holds."""
@@ -215,10 +217,10 @@ def claims(
     from bayesdamp.claims.judge import Runs
     from bayesdamp.store import write_bytes
 
-    for option, folder in (("--paper", paper), ("--noise", noise)):
+    for option, folder in (("--paper", paper), *(("--noise", folder) for folder in noise or ())):
         if folder is not None and not (folder / "run.json").is_file():
             raise InputError(f"{option} {folder}: holds no run; give the folder that bayesdamp study wrote")
-    page = written(judged(CLAIMS, Runs(paper, noise)))
+    page = written(judged(CLAIMS, Runs(paper, tuple(noise or ()))))
     try:
         out.parent.mkdir(parents=True, exist_ok=True)
         write_bytes(out, page.encode())

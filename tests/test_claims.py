@@ -13,7 +13,7 @@ from bayesdamp.claims.judge import Runs
 from bayesdamp.claims.times import PRINTED, seconds
 from bayesdamp.claims.topology import _fails, _unit
 
-NONE = Runs(None, None)
+NONE = Runs()
 
 
 def test_every_claim_is_said_once_and_has_a_place():

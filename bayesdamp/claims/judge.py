@@ -25,10 +25,10 @@ class Judgement:
 
 @dataclass(frozen=True)
 class Runs:
-    """The runs that claims are judged by: folders of `paper` and `noise`; None where there is none."""
+    """The runs that claims are judged by: the folder of `paper`, None where there is none, those of `noise`."""
 
-    paper: Path | None
-    noise: Path | None
+    paper: Path | None = None
+    noise: tuple[Path, ...] = ()
 
     @cached_property
     def compared(self) -> Comparison | None:
@@ -38,7 +38,7 @@ class Runs:
     @cached_property
     def series(self) -> list[Series]:
         """Errors along noise, sampling and length."""
-        return series(Run(self.noise)) if self.noise else []
+        return [found for folder in self.noise for found in series(Run(folder))]
 
 
 @dataclass(frozen=True)
