@@ -95,7 +95,7 @@ def test_the_verdict_comes_first_and_warns(page):
     words = Page(page).words
     verdict = words.index("Damping is viscous + Coulomb: probability > 0.999 among 4 models.")
     assert verdict < words.index("What was asked")
-    assert "Damping is viscous: probability 0.802 among 4 models." in words
+    assert "Damping is most likely viscous: probability 0.802 among 4 models." in words
     assert "viscous + Coulomb keeps a probability of 0.198" in words
     assert "move by 4.1 of their standard deviations" in words
     assert "predictive p 0.0030" in words
@@ -188,7 +188,7 @@ def without(folder: Path, *kinds: str) -> None:
         (["fits.csv"], ["mode"], "No model was fitted in this study."),
         ([], ["signal"], "The record is not in this folder."),
         ([], ["mode"], "No fit of viscous + Coulomb is stored."),
-        ([], ["posterior", "estimate", "evidence", "mode", "signal"], "Damping is viscous"),
+        ([], ["posterior", "estimate", "evidence", "mode", "signal"], "Damping is most likely viscous"),
         (
             ["estimates.csv", "posteriors.csv", "evidence.csv", "fits.csv"],
             ["posterior", "estimate", "evidence", "mode"],

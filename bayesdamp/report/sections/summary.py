@@ -16,6 +16,10 @@ from bayesdamp.types import OK
 _CARDS = 4
 
 
+SURE = 0.95
+"""Probability from which a model is named without reservation."""
+
+
 class Summary(Section):
     """The verdict of each signal, the warnings, and the cells that ended with a sentence."""
 
@@ -44,7 +48,8 @@ def _card(run: Run, signal: str, repeat: int) -> dict[str, Any]:
     believe: list[str] = []
     doubt: list[str] = []
     if found:
-        claim = f"Damping is {label(found.best, run)}"
+        sure = found.best["probability"] >= SURE or len(found.rows) == 1
+        claim = f"Damping is {'' if sure else 'most likely '}{label(found.best, run)}"
         if len(found.rows) > 1:
             share = words.probability(found.best["probability"])
             claim += f": probability {share} among {len(found.rows)} models."
