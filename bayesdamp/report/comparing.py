@@ -70,7 +70,8 @@ def true_models(run: Run) -> dict[str, str]:
     """Simulated signals and the damping that they were made with."""
     found = {}
     for signal in run.study.get("signals") or []:
-        damping = (signal.get("source") or {}).get("damping")
+        source = signal.get("source") if isinstance(signal, dict) else None
+        damping = (source or {}).get("damping")
         if damping:
             found[signal["name"]] = "+".join(damping)
     return found

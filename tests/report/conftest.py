@@ -36,6 +36,24 @@ METHODS = (
 )  # fmt: skip
 
 
+DETAILS = {
+    "sindy": {"selected": ["2θ̇", "θ"], "coefficients": [0.0502, 20.1], "knots_per_period": 4.4},
+    "symbolic_regression": {
+        "chosen": "f(v) = 0.1·v",
+        "pareto_length": [1, 3],
+        "pareto_error": [0.2, 1e-3],
+        "pareto_expression": ["v", "0.1·v"],
+    },
+    "koopman": {"generator_eigenvalues_re": [-0.05, -0.05], "generator_eigenvalues_im": [4.48, -4.48]},
+    "neural_ode": {"velocity": [-1.0, 0.0, 1.0], "force": [-0.11, 0.0, 0.1], "law": [-0.1, 0.0, 0.1]},
+}
+"""What some methods say besides their estimates."""
+
+
+def stages(method: str) -> list[dict]:
+    return [{"stage": "initial", "details": DETAILS.get(method, {})}, {"stage": "refined", "details": {}}]
+
+
 def trajectory(signal: str, model: str, t: np.ndarray) -> np.ndarray:
     """A decay that looks like this model's, in rad."""
     rate, frequency = (0.13, 25.1) if signal == "bench" else (0.05, 4.47)
@@ -181,9 +199,7 @@ class RunMaker:
                     )
             steps = np.arange(200)
             trace = {"initial/loss": np.exp(-steps / 40) + 1e-4} if method == "pinn" else {}
-            self.put(
-                f"estimate/{signal}/{repeat}/{model}/{method}", {"stages": ["initial", "refined"]}, trace
-            )
+            self.put(f"estimate/{signal}/{repeat}/{model}/{method}", {"stages": stages(method)}, trace)
 
     def posterior(self, signal: str, repeat: int, model: str) -> None:
         kind = self.kind(signal)

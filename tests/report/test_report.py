@@ -86,7 +86,7 @@ def test_the_check_for_foreign_loads_sees_them(html):
 def test_every_section_is_there_in_order(page):
     ids = [i for i in Page(page).ids if i in SECTIONS.names()]
     assert ids == [
-        "summary", "asked", "record", "estimates", "posteriors", "evidence", "fit_quality", "priors",
+        "summary", "asked", "record", "estimates", "findings", "posteriors", "evidence", "fit_quality", "priors",
         "provenance",
     ]  # fmt: skip
 
@@ -106,7 +106,7 @@ def test_the_verdict_comes_first_and_warns(page):
 
 def test_measured_signals_have_no_truth(page):
     """Error columns: ζ of the simulated signal, under the two models that have it, none for μ = 0."""
-    section = page[page.index('id="estimates"') : page.index('id="posteriors"')]
+    section = page[page.index('id="estimates"') : page.index('id="findings"')]
     bench, sim = section.split("<h3>sim</h3>")
     assert bench.count("error / %") == 0
     assert sim.count("error / %") == 2
@@ -312,3 +312,14 @@ def test_a_table_of_another_program(maker):
     (folder / "fits.csv").write_text("a,b\n1,2\n")
     with pytest.raises(InputError, match=r"fits\.csv: column model, predictive_p"):
         render(folder)
+
+
+def test_what_methods_found_besides(maker):
+    folder = maker.make()
+    words = Page(render(folder).read_text()).words
+    assert "What the methods found besides" in words
+    assert "0.05020·2θ̇ + 20.10·θ" in words
+    assert "f(v) = 0.1·v" in words
+    figures = {p.name for p in (folder / "figures").iterdir()}
+    assert any(name.startswith("force-neural_ode-sim") for name in figures)
+    assert any(name.startswith("eigenvalues-koopman-sim") for name in figures)

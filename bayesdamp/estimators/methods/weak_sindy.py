@@ -109,8 +109,12 @@ class WeakSindy(Estimator):
         best = min(path, key=lambda one: one.score, default=nothing)
         support = best.support
         selected = [name for name, kept in zip(names, support) if kept]
-        # The model is given: its terms stay, and nothing may stand in for them or beside them.
-        support = (support & base) | own
+        # The model is given: its terms stay, and nothing may stand in for them or beside them but a force of θ that
+        # makes up for a displacement whose constants of integration were guessed.
+        of_theta = np.array([one.restoring for one in library])
+        guessed = ORDER[signal.quantity] > 0 and not {"theta0", "omega0"} <= set(problem.system.known)
+        allowed = base | (of_theta & guessed)
+        support = (support & allowed) | own
         trace, found = [], best.solution
         for _ in range(ROUNDS):
             found = solved(white, support, sigma)
@@ -147,7 +151,7 @@ class WeakSindy(Estimator):
                 "path_score": [one.score for one in path],
             },
             evaluations=len(path) + ROUNDS,
-            outcome=judged(library, best.support, base),
+            outcome=judged(library, best.support, allowed),
         )
 
 

@@ -45,7 +45,7 @@ def _one(run: Run, signal: str) -> Markup:
             continue
         content: list[object] = [_figure(run, signal, model, rows)] if drawn(run, place) else []
         content.append(_table(run, signal, model, rows, repeats))
-        others = [r for r in rows if r["repeat"] == repeats[0] and r["outcome"] == OK]
+        others = [r for r in rows if r["repeat"] == repeats[0] and math.isfinite(r["value"])]
         others = [r for r in others if r["parameter"] not in coefficients(run, model)]
         if others:
             content.append(folded("The other parameters", _others(others)))
@@ -114,7 +114,7 @@ def _table(run: Run, signal: str, model: str, rows: Sequence[Row], repeats: Sequ
         own = rows_of(rows, estimator=estimator, stage=stage)
         cells = [words.method(estimator), stage]
         for name in names:
-            found = [r for r in own if r["parameter"] == name and r["outcome"] == OK]
+            found = [r for r in own if r["parameter"] == name and math.isfinite(r["value"])]
             cells.append(_value(found))
             if known[name] and math.isfinite(known[name]):
                 cells.append(_error(found))
@@ -126,7 +126,9 @@ def _table(run: Run, signal: str, model: str, rows: Sequence[Row], repeats: Sequ
             f"{max(counts):,}".replace(",", "\u202f") if counts else words.NONE,
             words.duration(max(seconds)),
         ]
-        lines.append(Line([*cells, outcome], "quiet" if bad and len(bad) == len(own) else ""))
+        lines.append(
+            Line([*cells, outcome], "quiet" if not any(math.isfinite(r["value"]) for r in own) else "")
+        )
     caption = "Truth: " + words.listing(
         f"{words.symbol(n).text} = {words.given(v)} {units.get(n, '')}"
         for n, v in known.items()
