@@ -192,7 +192,7 @@ def make(name: str) -> dict:
     ]
     chains, accepted = [], []
     for ensemble in range(ENSEMBLES):
-        start = centre + 0.02 * np.maximum(np.abs(centre), 0.1) * rng.standard_normal((WALKERS, len(names)))
+        start = centre + 0.002 * np.maximum(np.abs(centre), 0.1) * rng.standard_normal((WALKERS, len(names)))
         start = np.where(wall, np.abs(start), start)
         sampler = emcee.EnsembleSampler(WALKERS, len(names), density, moves=moves)
         sampler.random_state = np.random.RandomState(problem["seed"] + 100 + ensemble).get_state()
