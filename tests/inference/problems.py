@@ -68,7 +68,7 @@ def log_likelihoods(target: Target, mode: Mode, z: np.ndarray) -> np.ndarray:
     return np.asarray(compiled(target.layout).batch_parts(mode.context, jnp.asarray(z))[0])
 
 
-SETTINGS = Settings(chains=4, warmup=500, draws=1000, seed=4)
+SETTINGS = Settings(chains=4, warmup=500, draws=2500, seed=4)
 
 
 @lru_cache

@@ -64,9 +64,11 @@ def test_against_the_reference(sampler, name):
     for parameter, s in posterior.diagnostics["summary"].items():  # type: ignore[union-attr]
         assert s["rhat"] <= 1.01
         assert min(s["ess_bulk"], s["ess_tail"]) >= 400
-        quantiles = problems.reference(name)["posterior"][parameter]
-        for q, label in zip(quantiles["quantiles"], ("q2.5", "q25", "median", "q75", "q97.5")):
-            assert abs(s[label] - q) < 0.15 * quantiles["sd"], (parameter, label)
+        expected = problems.reference(name)["posterior"][parameter]
+        # With ESS of 2,000 and more on both sides the outer quantiles are uncertain by 0.06 sd, the inner by 0.03.
+        for q, label in zip(expected["quantiles"], ("q2.5", "q25", "median", "q75", "q97.5")):
+            allowed = 0.25 if label in ("q2.5", "q97.5") else 0.15
+            assert abs(s[label] - q) < allowed * expected["sd"], (parameter, label)
 
 
 @PROBLEM
