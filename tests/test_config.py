@@ -510,6 +510,36 @@ def test_options_of_an_estimator_are_checked_when_asked_for(tmp_path: Path) -> N
     assert study.estimator_options("envelope") is not None
 
 
+VARIANT = '[estimators]\nuse = ["sindy", "by_sign"]\n[estimators.by_sign]\nvariant_of = "sindy"\nswitch = "sign"\n'
+
+
+def test_an_estimator_runs_under_a_second_name_with_other_options(tmp_path: Path) -> None:
+    study = load_study(write(tmp_path, GOOD + VARIANT))
+    assert study.estimators.use == ("sindy", "by_sign")
+    assert [study.estimators.method(name) for name in study.estimators.use] == ["sindy", "sindy"]
+    switches = [study.estimator_options(name).model_dump()["switch"] for name in study.estimators.use]
+    assert switches == ["tanh", "sign"]
+
+
+@pytest.mark.parametrize(
+    ("line", "changed", "expected"),
+    [
+        ('"sindy"\nswitch', '"sindi"\nswitch', "estimators.by_sign.variant_of: unknown estimator 'sindi'"),
+        ('"sindy"\nswitch', "3\nswitch", "estimators.by_sign.variant_of: is 3; it must be an estimator's name"),
+        ("[estimators.by_sign]", "[estimators.koopman]", "estimators.koopman: is an estimator's own name"),
+        ('variant_of = "sindy"\n', "", "by_sign"),
+    ],
+)
+def test_wrong_variants(tmp_path: Path, line: str, changed: str, expected: str) -> None:
+    assert expected in fault(tmp_path, GOOD + VARIANT.replace(line, changed))
+
+
+def test_a_variant_s_wrong_option_is_told_under_its_own_name(tmp_path: Path) -> None:
+    study = load_study(write(tmp_path, GOOD + VARIANT.replace('"sign"', '"sgn"')))
+    with pytest.raises(InputError, match=r"\[estimators\.by_sign\] switch = 'sgn'"):
+        study.estimator_options("by_sign")
+
+
 LOADS = """
 import sys
 from bayesdamp.config import load_study

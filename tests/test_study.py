@@ -221,3 +221,44 @@ def test_a_fault_in_one_cell_is_named_and_the_rest_goes_on(tmp_path, monkeypatch
         in capsys.readouterr().err.replace("\n", " ")
     )
     assert read_table(tmp_path / "out" / "fits.csv")
+
+
+def test_a_simulated_record_without_an_oscillation_is_refused_and_the_rest_goes_on(tmp_path):
+    text = SMALL.replace('name = "clean"', 'name = "short"').replace(
+        "duration = 10.0, samples = 400, noise_sd = 0.0 }", "duration = 0.3, samples = 400, noise_sd = 0.003 }"
+    )
+    text = text.replace("warmup = 200\ndraws = 500", 'samplers = ["emcee"]\nwarmup = 20\ndraws = 50')
+    assert run_study(load_study(write(tmp_path, text)), tmp_path / "out", workers=1) == 0
+    for table in ("estimates.csv", "posteriors.csv", "evidence.csv"):
+        rows = read_table(tmp_path / "out" / table)
+        refused = [r for r in rows if r["signal"] == "short"]
+        assert refused
+        assert all("no oscillation" in str(r["outcome"]) for r in refused), table
+        # negative control: the other record has its rows, with numbers
+        assert any(r["signal"] == "noisy" and r["outcome"] == "ok" for r in rows), table
+    assert "short" in (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+
+
+IMPORTS = """
+import sys
+from pathlib import Path
+from bayesdamp.config import load_study
+from bayesdamp.study import run_study
+assert run_study(load_study(sys.argv[1]), Path(sys.argv[2]), workers=1) == 0
+print(sorted({name.partition(".")[0] for name in sys.modules} & {"torch", "pysindy", "pyoperon", "gudhi", "optax"}))
+"""
+
+
+@pytest.mark.parametrize(
+    ("use", "loaded"), [('"least_squares", "envelope"', "[]"), ('"least_squares", "sindy"', "['pysindy']")]
+)
+def test_a_study_imports_what_its_methods_need_and_no_more(tmp_path, use, loaded):
+    text = SMALL.partition("[posterior]")[0].replace('"least_squares"', use)
+    file = write(tmp_path, text + "[posterior]\nsamplers = []\n[evidence]\nmethods = []\n")
+    done = subprocess.run(
+        [sys.executable, "-c", IMPORTS, str(file), str(tmp_path / "out")],
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert done.stdout.strip() == loaded

@@ -45,12 +45,18 @@ _TABLES = ("system", "signal", "sweep", "estimators", "models", "posterior", "ev
 @dataclass(frozen=True)
 class Estimators:
     """use: estimators' names; stages: "initial", "refined"; options: a method's own table by its name; repeats: on
-    how many repeats of a signal a method runs at most, where not on all."""
+    how many repeats of a signal a method runs at most, where not on all; variants: the estimator behind a name
+    that the study gives to one with other options."""
 
     use: tuple[str, ...]
     stages: tuple[str, ...]
     options: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     repeats: Mapping[str, int] = field(default_factory=dict)
+    variants: Mapping[str, str] = field(default_factory=dict)
+
+    def method(self, name: str) -> str:
+        """The estimator that runs under a name of `use`."""
+        return self.variants.get(name, name)
 
     def on(self, repeat: int) -> tuple[str, ...]:
         """The methods that run on a repeat, numbered from 0."""
@@ -111,7 +117,7 @@ class Study:
         from bayesdamp.estimators import parse_options
 
         try:
-            return parse_options(name, self.estimators.options.get(name))
+            return parse_options(self.estimators.method(name), self.estimators.options.get(name), name)
         except InputError as error:
             raise as_input_error(self.source, error) from None
 
@@ -174,24 +180,49 @@ def _estimators(raw: object) -> Estimators:
 
     given = table(raw, "estimators")
     own = list(EstimatorsTable.model_fields)
-    known_keys(given, [*own, *ESTIMATORS.names()], "estimators")
+    variants = {
+        name: _variant(name, options["variant_of"])
+        for name, options in given.items()
+        if isinstance(options, dict) and "variant_of" in options and name not in own
+    }
+    known_keys(given, [*own, *ESTIMATORS.names(), *variants], "estimators")
     checked = section(EstimatorsTable, {n: v for n, v in given.items() if n in own}, "estimators")
     use = tuple(names_for_all()) if checked.use == "all" else checked.use
     for name in use:
-        plugin_name(ESTIMATORS, name, "estimators.use")
+        if name not in variants:
+            plugin_name(ESTIMATORS, name, "estimators.use")
     distinct(use, "estimators.use", "the estimator")
     distinct(checked.stages, "estimators.stages", "the stage")
     known_keys(checked.repeats, list(use), "estimators.repeats")
     options = {n: table(v, below("estimators", n)) for n, v in given.items() if n not in own}
-    return Estimators(use, checked.stages, options, checked.repeats)
+    options = {n: {k: v for k, v in o.items() if k != "variant_of"} for n, o in options.items()}
+    return Estimators(use, checked.stages, options, checked.repeats, variants)
 
 
-def _published(file: str | None, folder: Path, signals: tuple[SignalSpec, ...]) -> tuple[Published, ...]:
+def _variant(name: str, method: object) -> str:
+    """The estimator that a study runs under a name of its own, checked."""
+    from bayesdamp.estimators import ESTIMATORS
+
+    key = below("estimators", name)
+    if name in ESTIMATORS.names():
+        raise StudyError(key, "is an estimator's own name; a variant needs another, such as sindy_sign")
+    if not re.fullmatch(NAME, name):
+        raise StudyError(key, "is no name of a variant; it must be letters, digits, - and _")
+    if not isinstance(method, str):
+        raise StudyError(below(key, "variant_of"), f"is {shown(method)}; it must be an estimator's name in quotes")
+    plugin_name(ESTIMATORS, method, below(key, "variant_of"))
+    return method
+
+
+def _published(
+    file: str | None, folder: Path, signals: tuple[SignalSpec, ...], estimators: Estimators
+) -> tuple[Published, ...]:
     from bayesdamp.estimators import ESTIMATORS
 
     if file is None:
         return ()
-    return read_published(folder / file, [s.name for s in signals], ESTIMATORS.names())
+    known = [*ESTIMATORS.names(), *estimators.variants]
+    return read_published(folder / file, [s.name for s in signals], known)
 
 
 def _models(raw: object) -> Models:
@@ -239,17 +270,18 @@ def load_study(path: str | Path) -> Study:
         header = _header(raw)
         name = header.name if header.name is not None else re.sub(r"[^A-Za-z0-9_-]", "_", path.stem)
         signals = _signals(raw, path.parent)
+        estimators = _estimators(raw.get("estimators", {}))
         study = Study(
             source=path,
             name=name,
             signals=signals,
-            estimators=_estimators(raw.get("estimators", {})),
+            estimators=estimators,
             models=_models(raw.get("models", {})),
             posterior=_posterior(raw.get("posterior", {})),
             evidence=_evidence(raw.get("evidence", {})),
             seed=header.seed,
             description=header.description,
-            published=_published(header.published, path.parent, signals),
+            published=_published(header.published, path.parent, signals, estimators),
         )
         for spec in study.signals:
             for model in spec.estimate or ():

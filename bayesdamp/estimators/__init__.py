@@ -39,23 +39,24 @@ def names_for_all() -> list[str]:
     return [name for name in ELEVEN if name in there]
 
 
-def parse_options(name: str, options: Mapping[str, object] | None) -> Options:
-    """The options of one estimator, checked.
+def parse_options(name: str, options: Mapping[str, object] | None, shown: str | None = None) -> Options:
+    """The options of one estimator, checked. shown: the name that a study gave it, if another.
 
     Raises InputError with the nearest valid name for an unknown key, or with what a value should be.
     """
+    shown = shown or name
     model = ESTIMATORS.get(name).options
     for key in options or {}:
         if key not in model.model_fields:
             valid = list(model.model_fields)
             hint = nearest(str(key), valid) if valid else "; it has none"
-            raise InputError(f"[estimators.{name}] has no option {key!r}{hint}")
+            raise InputError(f"[estimators.{shown}] has no option {key!r}{hint}")
     try:
         return model.model_validate(dict(options or {}))
     except ValidationError as error:
         first = error.errors()[0]
         key = ".".join(str(part) for part in first["loc"])
-        raise InputError(f"[estimators.{name}] {key} = {first['input']!r}: {first['msg']}") from None
+        raise InputError(f"[estimators.{shown}] {key} = {first['input']!r}: {first['msg']}") from None
 
 
 def run(

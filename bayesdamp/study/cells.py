@@ -6,7 +6,7 @@ import hashlib
 import json
 import time
 import zlib
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import asdict, replace
 from functools import cached_property
 from pathlib import Path
@@ -99,10 +99,15 @@ class SignalCell:
             "quantity": signal.quantity,
             "step": signal.step,
             "name": signal.name,
-            **self._known(signal),
         }
         arrays |= {"t": signal.t, "y": signal.y}
-        self.store.write(CellResult(self.name, self.key, meta, arrays, OK, plain_seconds(began)))
+        try:
+            meta, outcome = meta | self._known(signal), OK
+        except Refusal as refusal:
+            if isinstance(source, Recording):
+                raise InputError(f"signal {self.spec.name}: {refusal}") from None
+            outcome = str(refusal)  # of one simulated record in a series; the others go on
+        self.store.write(CellResult(self.name, self.key, meta, arrays, outcome, plain_seconds(began)))
 
     def _simulated(self, source: Simulation) -> Signal:
         truth = dict(source.truth)
@@ -126,11 +131,11 @@ class SignalCell:
         )
 
     def _known(self, signal: Signal) -> dict[str, Any]:
-        """Features, the reference of the priors, ε where it was not given, and whether there is noise."""
-        try:
-            seen = features(signal)
-        except Refusal as refusal:
-            raise InputError(f"signal {self.spec.name}: {refusal}") from None
+        """Features, the reference of the priors, ε where it was not given, and whether there is noise.
+
+        Raises Refusal where the record shows no oscillation.
+        """
+        seen = features(signal)
         reference = _reference(self.spec.system, seen)
         known, note = dict(self.spec.system.known), ""
         if "epsilon" not in known and "epsilon" not in self.spec.system.free:
@@ -196,27 +201,35 @@ class Branch:
         on = self.study.estimators.on(self.repeat)
         return on if self.model in self.study.estimate(self.spec) else ()
 
-    def cells(self) -> dict[str, tuple[str, Callable[[str, str], None]]]:
-        """Name of each cell to its key and what computes it, in an order in which they can run."""
-        found: dict[str, tuple[str, Callable[[str, str], None]]] = {}
+    def cells(self) -> dict[str, str]:
+        """Name of each cell to its key, in an order in which they can run."""
+        found: dict[str, str] = {}
         use = self.study.estimators
         chosen = {n: dict(use.options.get(n, {})) for n in self._methods}
         for name, options in chosen.items():
-            key = digest("estimate", self.parent.key, self.model, name, use.stages, options)
-            found[f"estimate/{self.path}/{name}"] = (key, self.estimate)
+            key = digest("estimate", self.parent.key, self.model, use.method(name), use.stages, options)
+            found[f"estimate/{self.path}/{name}"] = key
         if not (self.study.posterior.samplers or self.study.evidence.methods):
             return found
         priors = {t: str(self.study.models.prior.get(t)) for t in self.terms}
         noise = self.study.posterior.noise
         mode_key = digest("mode", self.parent.key, self.model, noise, priors, use.stages, chosen)
-        found[f"mode/{self.path}"] = (mode_key, self.mode)
+        found[f"mode/{self.path}"] = mode_key
         settings = self.study.posterior
         for name in settings.samplers:
             key = digest("posterior", mode_key, name, settings.chains, settings.warmup, settings.draws)
-            found[f"posterior/{self.path}/{name}"] = (key, self.posterior)
+            found[f"posterior/{self.path}/{name}"] = key
         for name in self.study.evidence.methods:
-            found[f"evidence/{self.path}/{name}"] = (digest("evidence", mode_key, name), self.evidence)
+            found[f"evidence/{self.path}/{name}"] = digest("evidence", mode_key, name)
         return found
+
+    def compute(self, name: str, key: str) -> None:
+        """Compute one cell; where its record shows no oscillation, the cell says so."""
+        if self._parent_result.outcome != OK:
+            self.store.write(CellResult(name, key, outcome=self._parent_result.outcome))
+            return
+        kinds = {"estimate": self.estimate, "mode": self.mode, "posterior": self.posterior}
+        {**kinds, "evidence": self.evidence}[name.partition("/")[0]](name, key)
 
     @cached_property
     def _parent_result(self) -> CellResult:
@@ -265,7 +278,7 @@ class Branch:
         began = time.perf_counter()
         method, use = name.rsplit("/", 1)[1], self.study.estimators
         found = run_estimator(
-            method,
+            use.method(method),
             self.signal,
             Problem(self.terms, self.system),
             options=use.options.get(method),

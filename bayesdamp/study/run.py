@@ -111,7 +111,8 @@ def _work(study: Study, store: Store, job: Job) -> dict[str, tuple[str, Callable
     if job.model is None:
         cell = SignalCell(study, spec, job.repeat, store)
         return {cell.name: (cell.key, lambda *_: cell.compute())}
-    return Branch(study, spec, job.repeat, job.model, store).cells()
+    branch = Branch(study, spec, job.repeat, job.model, store)
+    return {name: (key, branch.compute) for name, key in branch.cells().items()}
 
 
 def _read_inputs(study: Study) -> None:

@@ -171,10 +171,8 @@ def _run(study: Study, store: Store) -> Row:
             "unit": spec.source.unit,
             "quantity": spec.source.quantity,
             "simulated": isinstance(spec.source, Simulation),
-            "epsilon_note": cell.meta["epsilon_note"],
-            "reference": cell.meta["reference"],
-            "features": cell.meta["features"],
-            "bound": cell.meta.get("bound", {}),
+            "outcome": cell.outcome,
+            **{k: cell.meta[k] for k in ("epsilon_note", "reference", "features", "bound") if k in cell.meta},
         }
         modes = {m: _read(store, f"mode/{spec.name}/0/{m}") for m in study.compare(spec)}
         priors[spec.name] = {m: c.meta.get("priors", {}) for m, c in modes.items() if c}
@@ -206,7 +204,7 @@ def _equilibrium(spec: SignalSpec, store: Store) -> Row:
     """The derived equilibrium and natural frequency, where the whole restoring law is known."""
     cell = _read(store, f"signal/{spec.name}/0")
     law = Oscillator(("viscous",), spec.system.restoring)
-    if cell is None or not all(n in spec.system.known for n in law.law.parameters):
+    if cell is None or cell.outcome != OK or not all(n in spec.system.known for n in law.law.parameters):
         return {}
     near = cell.meta["features"]["rest"]
     return {

@@ -15,6 +15,7 @@ from bayesdamp.report.reading import models_by_rank
 from bayesdamp.report.run import Run
 from bayesdamp.report.sections._layout import by_signal
 from bayesdamp.report.sections._section import Section
+from bayesdamp.types import OK
 
 
 class Record(Section):
@@ -39,6 +40,8 @@ def _one(run: Run, signal: str) -> Markup:
     said = [str(note) for note in about.get("notes") or []]
     if about.get("epsilon_note"):
         said.append(str(about["epsilon_note"]))
+    if about.get("outcome", OK) != OK:
+        said.append(str(about["outcome"]))
     if cell is None or "t" not in cell.arrays:
         why = cell.outcome if cell else "The record is not in this folder."
         return fill("record.html", notes=said, figures=[], missing=[why], repeats=len(repeats))

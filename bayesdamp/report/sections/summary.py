@@ -63,7 +63,8 @@ def _card(run: Run, signal: str, repeat: int) -> dict[str, Any]:
         claim = "Which damping it is was not decided: no evidence was computed."
         best = _only_posterior(run, signal, repeat, ranked)
     else:
-        claim = "Nothing was computed for this signal."
+        outcome = str(run.about(signal).get("outcome", OK))
+        claim = "Nothing was computed for this signal" + (f": {outcome}." if outcome != OK else ".")
     sizes = _sizes(run, signal, repeat, best, believe, doubt) if best else []
     if best:
         _fit(run, signal, repeat, best, doubt)
