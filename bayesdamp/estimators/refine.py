@@ -27,7 +27,7 @@ TOLERANCE = 1e-6
 """Largest error of a trajectory, as a share of the amplitude; a tenth of it for each further damping term,
 since terms that share the damping amplify errors."""
 FINER = 1e-3
-"""So much smaller where a fit leaves no more than the trajectory's own error."""
+"""So much smaller, once, where a fit leaves no more than the trajectory's own error."""
 
 
 @lru_cache(maxsize=64)
@@ -103,7 +103,8 @@ def refine(signal: Signal, problem: Problem, first: Estimate) -> Estimate:
     names = (*osc.coefficients, *free_names(problem))
     size = float(np.abs(seen.turning_amplitudes).max())
     units = np.array([1e-5 / term.ratio_per_unit(seen.amplitude, seen.frequency) for term in osc.terms])
-    fit = _Fit(signal, osc, names, base, TOLERANCE * 0.1 ** (len(osc.terms) - 1) * size, units)
+    tolerance = TOLERANCE * 0.1 ** (len(osc.terms) - 1) * size
+    fit = _Fit(signal, osc, names, base, tolerance, units)
     floor = np.r_[np.zeros(units.size), np.full(len(names) - units.size, -np.inf)]
     x = _start(fit, first, seen)
 
@@ -123,7 +124,7 @@ def refine(signal: Signal, problem: Problem, first: Estimate) -> Estimate:
     for _ in range(3):
         evaluations += found.evaluations
         traces.append(np.sqrt(found.costs / signal.t.size))
-        if _rms(found.costs[-1], signal) < 10 * fit.tolerance:
+        if _rms(found.costs[-1], signal) < 10 * fit.tolerance and fit.tolerance == tolerance:
             fit.tolerance *= FINER  # the record has no noise: what is left over is the solver's
         fit.replan(found.x)
         last, found = found.x, levenberg(fit.evaluate, found.x, floor)

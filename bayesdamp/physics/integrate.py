@@ -7,6 +7,7 @@ tangents work on it.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import lru_cache, partial
 
@@ -26,12 +27,19 @@ FIRST_RESOLUTION = 0.6
 QUANTITIES = ("angle", "velocity", "acceleration")
 
 
-@partial(jax.tree_util.register_dataclass, data_fields=["steps", "interval", "weights"], meta_fields=[])
+LEAST_ROOM = 1024
+
+
+@partial(jax.tree_util.register_dataclass, data_fields=["steps", "count", "interval", "weights"], meta_fields=[])
 @dataclass(frozen=True)
 class MeshPlan:
-    """Steps in s, shape (m,); the step of each sample and its dense-output weights, shapes (n,), (n, 6)."""
+    """Steps in s, the first `count` of an array (room,); each sample's step and dense-output weights, (n,), (n, 6).
+
+    The room is a power of four: meshes of many sizes share one compiled program.
+    """
 
     steps: Array
+    count: Array
     interval: Array
     weights: Array
 
@@ -39,7 +47,7 @@ class MeshPlan:
 Plan = MeshPlan | friction.TurningPlan
 
 
-def _mesh_plan(nodes: np.ndarray, times: np.ndarray, quantity: str) -> MeshPlan:
+def _mesh_plan(nodes: np.ndarray, times: np.ndarray, quantity: str, room: int) -> MeshPlan:
     interval = np.clip(np.searchsorted(nodes, times, side="right") - 1, 0, nodes.size - 2)
     h = np.diff(nodes)
     weights = basis(
@@ -47,24 +55,26 @@ def _mesh_plan(nodes: np.ndarray, times: np.ndarray, quantity: str) -> MeshPlan:
         jnp.asarray(h[interval]),
         QUANTITIES.index(quantity),
     )
-    return MeshPlan(jnp.asarray(h), jnp.asarray(interval), weights)
+    steps = np.zeros(room)
+    steps[: h.size] = h
+    return MeshPlan(jnp.asarray(steps), jnp.asarray(h.size), jnp.asarray(interval), weights)
 
 
 def nodes(osc: Oscillator, plan: MeshPlan, p: Parameters) -> Array:
-    """θ, θ̇, θ̈ at the nodes, shape (m + 1, 3)."""
+    """θ, θ̇, θ̈ at the nodes, shape (room + 1, 3), zero behind the last. Forward tangents work, reverse ones do not."""
 
     def acceleration(theta: Array, omega: Array) -> Array:
         return osc.acceleration(theta, omega, p)
 
-    def advance(state, h):
-        theta, omega = state
-        new_theta, new_omega, before = step(acceleration, h, theta, omega)
-        return (new_theta, new_omega), (theta, omega, before)
+    def advance(i, carry):
+        theta, omega, found = carry
+        new_theta, new_omega, before = step(acceleration, plan.steps[i], theta, omega)
+        return new_theta, new_omega, found.at[i].set(jnp.stack([theta, omega, before]))
 
     start = (jnp.asarray(p["theta0"], float), jnp.asarray(p["omega0"], float))
-    (theta, omega), inner = jax.lax.scan(advance, start, plan.steps)
-    last = jnp.stack([theta, omega, acceleration(theta, omega)])
-    return jnp.concatenate([jnp.stack(inner, axis=1), last[None]])
+    empty = jnp.zeros((plan.steps.size + 1, 3))
+    theta, omega, found = jax.lax.fori_loop(0, plan.count, advance, (*start, empty))
+    return found.at[plan.count].set(jnp.stack([theta, omega, acceleration(theta, omega)]))
 
 
 def record(osc: Oscillator, plan: Plan, p: Parameters) -> Array:
@@ -75,8 +85,8 @@ def record(osc: Oscillator, plan: Plan, p: Parameters) -> Array:
     if isinstance(plan, friction.TurningPlan):
         return friction.record(osc, plan, p)
     state = nodes(osc, plan, p)
-    pair = jnp.concatenate([state[:-1], state[1:]], axis=1)
-    return jnp.sum(pair[plan.interval] * plan.weights, axis=1)
+    pair = jnp.concatenate([state[plan.interval], state[plan.interval + 1]], axis=1)
+    return jnp.sum(pair * plan.weights, axis=1)
 
 
 @lru_cache(maxsize=128)
@@ -141,7 +151,8 @@ def _pair(
     mesh = frozen_mesh(osc, p, max(float(times[-1]), 1e-300), resolution)
     halved = np.empty(2 * mesh.size - 1)
     halved[::2], halved[1::2] = mesh, 0.5 * (mesh[:-1] + mesh[1:])
-    return _mesh_plan(mesh, times, quantity), _mesh_plan(halved, times, quantity)
+    room = max(LEAST_ROOM, 4 ** math.ceil(math.log(halved.size, 4)))
+    return _mesh_plan(mesh, times, quantity, room), _mesh_plan(halved, times, quantity, room)
 
 
 def simulate(

@@ -37,16 +37,6 @@ def fastest_rate(osc: Oscillator, p: Parameters) -> float:
     return max(math.sqrt(float(jnp.max(jnp.abs(slope(grid))))), base, 1e-12)
 
 
-def _bucket(count: float) -> int:
-    """The next number of steps of a coarse list, so that meshes of nearly one size share a compilation."""
-    exponent = math.floor(math.log2(max(count, 16.0)))
-    for quarter in (4, 5, 6, 7, 8):
-        size = quarter * 2 ** (exponent - 2)
-        if size >= count:
-            return size
-    return 2 ** (exponent + 1)
-
-
 @lru_cache(maxsize=64)
 def _marcher(osc: Oscillator, chunk: int):
     """Compiled: `chunk` classical Runge–Kutta steps in the mesh's own variable, dt/ds = local step."""
@@ -95,17 +85,17 @@ def frozen_mesh(osc: Oscillator, p: Parameters, duration: float, resolution: flo
         t, omega = np.asarray(t), np.asarray(omega)
         stuck = not np.all(np.isfinite(t)) or t[-1] <= times[-1][-1]
         if stuck or sum(map(len, times)) > limit:  # escaped: a plain mesh, the trajectory is refused later
-            return np.linspace(0.0, duration, _bucket(duration / longest) + 1)
+            return np.linspace(0.0, duration, max(16, math.ceil(duration / longest)) + 1)
         times.append(t)
         velocities.append(omega)
     return _regular(np.concatenate(times), np.concatenate(velocities), duration)
 
 
 def _regular(t: np.ndarray, omega: np.ndarray, duration: float) -> np.ndarray:
-    """The same grading with a number of steps from the list, up to `duration`, nodes on turning points."""
+    """The same grading with a whole number of steps up to `duration`, nodes on turning points."""
     last = int(np.searchsorted(t, duration))
     count = last - 1 + (duration - t[last - 1]) / (t[last] - t[last - 1])
-    steps = _bucket(count)
+    steps = max(16, math.ceil(count))
     nodes = np.interp(np.linspace(0.0, count, steps + 1), np.arange(t.size), t)
     nodes[-1] = duration
     i = np.flatnonzero(omega[:-1] * omega[1:] < 0)

@@ -79,7 +79,7 @@ def measured(model: str) -> dict[str, float]:
         "batch_error": float(batch_error),
         "single": odeint_s / single_s,
         "batch": odeint_s / (batch_s / SIZE),
-        "steps": float(plan.steps.size),
+        "steps": float(plan.count),
     }
 
 
