@@ -38,7 +38,15 @@ class Summary(Section):
         if len(cards) > _CARDS:
             rest = fill("summary.html", cards=cards[_CARDS:], overview=None, failed=[])
             overview = fill("stack.html", parts=[folded("The other signals, one by one", rest), overview])
-        return fill("summary.html", cards=cards[:_CARDS], overview=overview, failed=run.not_ok())
+        return fill("summary.html", cards=cards[:_CARDS], overview=overview, failed=_by_sentence(run))
+
+
+def _by_sentence(run: Run) -> list[tuple[str, list[str]]]:
+    """The sentences that cells ended with, each with the names of its cells."""
+    found: dict[str, list[str]] = {}
+    for cell in run.not_ok():
+        found.setdefault(cell.outcome, []).append(cell.name)
+    return list(found.items())
 
 
 def _card(run: Run, signal: str, repeat: int) -> dict[str, Any]:
@@ -133,6 +141,8 @@ def _sizes(run: Run, signal: str, repeat: int, model: str, believe: list[str], d
             text += f"; truth {words.given(true)}, {'inside' if inside else 'outside'}"
         sentences.append(text)
     outcomes = {r["outcome"] for r in rows_of(run.posteriors, signal=signal, repeat=repeat, model=model)}
+    if not sentences and (estimated := _estimated(run, signal, repeat, model)):
+        return estimated
     doubt.extend(f"the posterior without a second look: {outcome}" for outcome in sorted(outcomes - {OK}))
     if sentences and outcomes == {OK}:
         believe.append(
@@ -140,6 +150,31 @@ def _sizes(run: Run, signal: str, repeat: int, model: str, believe: list[str], d
         )
     if not sentences:
         doubt.append("any size of the damping from this table: no posterior was computed for this model.")
+    return sentences
+
+
+AGREE = 1e-6
+"""Estimates whose spread is below this share of them are one value."""
+
+
+def _estimated(run: Run, signal: str, repeat: int, model: str) -> list[str]:
+    """What the refined estimates say of each coefficient, where there is no posterior to say more."""
+    sentences = []
+    for name in coefficients(run, model):
+        rows = rows_of(run.estimates, signal=signal, repeat=repeat, model=model, stage="refined", parameter=name)
+        values = [r["value"] for r in rows if r["outcome"] == OK]
+        if not values:
+            continue
+        low, high, unit = min(values), max(values), words.unit(rows[0]["unit"])
+        count = f"{len(values)} refined estimate{'s' if len(values) > 1 else ''}"
+        symbol = words.symbol(name).text
+        if high - low <= AGREE * abs(high):
+            text = f"{symbol} = {words.number(high, 6)} {unit} by {count}, which agree"
+        else:
+            text = f"{symbol} from {words.number(low, 6)} to {words.number(high, 6)} {unit} by {count}"
+        text = text.removesuffix(", which agree") if len(values) == 1 else text
+        true = truth(run, signal, name)
+        sentences.append(text + (f"; truth {words.given(true)}" if math.isfinite(true) else ""))
     return sentences
 
 
