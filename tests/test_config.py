@@ -510,7 +510,9 @@ def test_options_of_an_estimator_are_checked_when_asked_for(tmp_path: Path) -> N
     assert study.estimator_options("envelope") is not None
 
 
-VARIANT = '[estimators]\nuse = ["sindy", "by_sign"]\n[estimators.by_sign]\nvariant_of = "sindy"\nswitch = "sign"\n'
+VARIANT = (
+    '[estimators]\nuse = ["sindy", "by_sign"]\n[estimators.by_sign]\nvariant_of = "sindy"\nswitch = "sign"\n'
+)
 
 
 def test_an_estimator_runs_under_a_second_name_with_other_options(tmp_path: Path) -> None:
@@ -525,7 +527,11 @@ def test_an_estimator_runs_under_a_second_name_with_other_options(tmp_path: Path
     ("line", "changed", "expected"),
     [
         ('"sindy"\nswitch', '"sindi"\nswitch', "estimators.by_sign.variant_of: unknown estimator 'sindi'"),
-        ('"sindy"\nswitch', "3\nswitch", "estimators.by_sign.variant_of: is 3; it must be an estimator's name"),
+        (
+            '"sindy"\nswitch',
+            "3\nswitch",
+            "estimators.by_sign.variant_of: is 3; it must be an estimator's name",
+        ),
         ("[estimators.by_sign]", "[estimators.koopman]", "estimators.koopman: is an estimator's own name"),
         ('variant_of = "sindy"\n', "", "by_sign"),
     ],

@@ -225,7 +225,8 @@ def test_a_fault_in_one_cell_is_named_and_the_rest_goes_on(tmp_path, monkeypatch
 
 def test_a_simulated_record_without_an_oscillation_is_refused_and_the_rest_goes_on(tmp_path):
     text = SMALL.replace('name = "clean"', 'name = "short"').replace(
-        "duration = 10.0, samples = 400, noise_sd = 0.0 }", "duration = 0.3, samples = 400, noise_sd = 0.003 }"
+        "duration = 10.0, samples = 400, noise_sd = 0.0 }",
+        "duration = 0.3, samples = 400, noise_sd = 0.003 }",
     )
     text = text.replace("warmup = 200\ndraws = 500", 'samplers = ["emcee"]\nwarmup = 20\ndraws = 50')
     assert run_study(load_study(write(tmp_path, text)), tmp_path / "out", workers=1) == 0

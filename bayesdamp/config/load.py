@@ -209,7 +209,9 @@ def _variant(name: str, method: object) -> str:
     if not re.fullmatch(NAME, name):
         raise StudyError(key, "is no name of a variant; it must be letters, digits, - and _")
     if not isinstance(method, str):
-        raise StudyError(below(key, "variant_of"), f"is {shown(method)}; it must be an estimator's name in quotes")
+        raise StudyError(
+            below(key, "variant_of"), f"is {shown(method)}; it must be an estimator's name in quotes"
+        )
     plugin_name(ESTIMATORS, method, below(key, "variant_of"))
     return method
 

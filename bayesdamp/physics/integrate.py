@@ -30,7 +30,9 @@ QUANTITIES = ("angle", "velocity", "acceleration")
 LEAST_ROOM = 1024
 
 
-@partial(jax.tree_util.register_dataclass, data_fields=["steps", "count", "interval", "weights"], meta_fields=[])
+@partial(
+    jax.tree_util.register_dataclass, data_fields=["steps", "count", "interval", "weights"], meta_fields=[]
+)
 @dataclass(frozen=True)
 class MeshPlan:
     """Steps in s, the first `count` of an array (room,); each sample's step and dense-output weights, (n,), (n, 6).

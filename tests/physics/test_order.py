@@ -107,6 +107,8 @@ def test_order_of_a_record():
         interval = np.clip(np.searchsorted(nodes, times, side="right") - 1, 0, n - 1)
         h = np.diff(nodes)
         weights = basis(jnp.asarray((times - nodes[interval]) / h[interval]), jnp.asarray(h[interval]))
-        y = np.asarray(record(osc, MeshPlan(jnp.asarray(h), jnp.asarray(n), jnp.asarray(interval), weights), p))
+        y = np.asarray(
+            record(osc, MeshPlan(jnp.asarray(h), jnp.asarray(n), jnp.asarray(interval), weights), p)
+        )
         errors.append(float(np.max(np.abs(y - truth))))
     assert slope(counts, errors) == pytest.approx(6, abs=0.5)

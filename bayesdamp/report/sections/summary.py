@@ -161,7 +161,9 @@ def _estimated(run: Run, signal: str, repeat: int, model: str) -> list[str]:
     """What the refined estimates say of each coefficient, where there is no posterior to say more."""
     sentences = []
     for name in coefficients(run, model):
-        rows = rows_of(run.estimates, signal=signal, repeat=repeat, model=model, stage="refined", parameter=name)
+        rows = rows_of(
+            run.estimates, signal=signal, repeat=repeat, model=model, stage="refined", parameter=name
+        )
         values = [r["value"] for r in rows if r["outcome"] == OK]
         if not values:
             continue
