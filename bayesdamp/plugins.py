@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib
 import pkgutil
 from difflib import get_close_matches
+from functools import cached_property
 from typing import Generic, TypeVar
 
 from bayesdamp.types import InputError
@@ -22,9 +23,12 @@ class Registry(Generic[T]):
 
     def names(self) -> list[str]:
         """All names, sorted; nothing is imported."""
+        return sorted(self._modules | set(self._added))
+
+    @cached_property
+    def _modules(self) -> set[str]:
         path = importlib.import_module(self.package).__path__
-        found = {m.name for m in pkgutil.iter_modules(path) if not m.name.startswith("_")}
-        return sorted(found | set(self._added))
+        return {m.name for m in pkgutil.iter_modules(path) if not m.name.startswith("_")}
 
     def add(self, name: str, plugin: T) -> None:
         """Make a plug-in known that has no module in the package (a user's own)."""

@@ -5,6 +5,9 @@ With θ, θ̇ and θ̈ at both ends of a step of length h the error is of order 
 
 from __future__ import annotations
 
+from functools import partial
+
+import jax
 import jax.numpy as jnp
 from jax import Array
 
@@ -20,6 +23,7 @@ _C = (
 )
 
 
+@partial(jax.jit, static_argnums=2)
 def basis(fraction: Array, step: Array, derivative: int = 0) -> Array:
     """Weights of (θ_l, θ̇_l, θ̈_l, θ_r, θ̇_r, θ̈_r), shape (..., 6).
 

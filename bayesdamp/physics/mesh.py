@@ -16,7 +16,7 @@ import jax
 import numpy as np
 from jax import numpy as jnp
 
-from bayesdamp.physics.oscillator import Oscillator, Parameters
+from bayesdamp.physics.oscillator import Oscillator, Parameters, restoring_force
 
 STEPS_PER_PERIOD = 28.0
 LAYER = 0.45
@@ -31,10 +31,10 @@ def fastest_rate(osc: Oscillator, p: Parameters) -> float:
         base = osc.natural_frequency(p, theta0)
     except ValueError:
         rest, base = 0.0, 0.0
-    slope = jax.vmap(jax.grad(lambda x: osc.law.force(x, p)))
     reach = abs(theta0 - rest) + (abs(omega0) / base if base > 0 else 0.0) + 1e-12
-    grid = jnp.linspace(rest - reach, rest + reach, 65)
-    return max(math.sqrt(float(jnp.max(jnp.abs(slope(grid))))), base, 1e-12)
+    grid = np.linspace(rest - reach, rest + reach, 65)
+    slope = restoring_force(osc.restoring)(grid, {n: float(p[n]) for n in osc.law.parameters})[1]
+    return max(math.sqrt(float(jnp.max(jnp.abs(slope)))), base, 1e-12)
 
 
 @lru_cache(maxsize=64)

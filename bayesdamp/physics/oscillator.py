@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 
 import jax
 import numpy as np
@@ -67,15 +68,36 @@ class Oscillator:
         Raises ValueError where the law has none within 10 rad.
         """
         grid = near + np.linspace(-10.0, 10.0, 4001)
-        force = np.asarray(self.law.force(grid, p))
+        p = {name: float(p[name]) for name in self.law.parameters}
+        force_at = restoring_force(self.restoring)
+        force = np.asarray(force_at(grid, p)[0])
         rising = np.flatnonzero((force[:-1] <= 0) & (force[1:] > 0))
         if rising.size == 0:
             raise ValueError(f"{self.restoring} has no stable equilibrium within 10 rad of {near:.3g}")
         i = rising[np.argmin(np.abs(grid[rising] - near))]
-        root = brentq(lambda x: float(self.law.force(x, p)), grid[i], grid[i + 1], xtol=1e-14)
+        inside = grid[i : i + 2].copy()
+
+        def force_of(x: float) -> float:
+            inside[0] = x
+            return float(force_at(inside, p)[0][0])
+
+        root = brentq(force_of, grid[i], grid[i + 1], xtol=1e-14)
         return float(root)  # type: ignore[arg-type]
 
     def natural_frequency(self, p: Parameters, near: float = 0.0) -> float:
         """ω_n = √F′_rest at the equilibrium, rad/s."""
         at = self.equilibrium(p, near)
-        return float(np.sqrt(jax.grad(lambda x: self.law.force(x, p))(at)))
+        known = {name: float(p[name]) for name in self.law.parameters}
+        return float(np.sqrt(restoring_force(self.restoring)(np.array([at, at]), known)[1][0]))
+
+
+@lru_cache(maxsize=64)
+def restoring_force(restoring: str):
+    """Compiled: F_rest and F′_rest at angles (n,), each (n,), by a law's name: (angles, parameters) -> both."""
+    law = LAWS.get(restoring)
+
+    @jax.jit
+    def both(theta: Array, p: Parameters) -> tuple[Array, Array]:
+        return jax.vmap(jax.value_and_grad(lambda x: law.force(x, p)))(theta)
+
+    return both
