@@ -6,7 +6,6 @@ Trainings are short where accuracy does not matter. Records with noise have fixe
 from __future__ import annotations
 
 import dataclasses
-import inspect
 from itertools import pairwise
 
 import numpy as np
@@ -14,20 +13,14 @@ import pytest
 import torch
 from torch.func import jacrev
 
-from bayesdamp.estimators import ESTIMATORS, Estimator, Options, parse_options, run
+from bayesdamp.estimators import run
 from bayesdamp.estimators.methods._jets import jets, slopes
 from bayesdamp.estimators.methods._shooting import Shooting
 from bayesdamp.estimators.methods._training import gauss_newton, generator, layers
 from bayesdamp.estimators.shared import checked_features
 from bayesdamp.types import Signal
 
-from .truths import EVERYTHING, INITIAL, NETS, PAPER, damped_cosine, dry_friction, error, pendulum
-
-SHORT = {
-    "pinn": {"rounds": 25, "width": 10, "collocation": 200},
-    "neural_ode": {"rounds": 5, "width": 4, "steps": 24},
-    "rnn": {"records": 128, "epochs": 4, "units": 8},
-}
+from .truths import EVERYTHING, INITIAL, NETS, PAPER, SHORT, damped_cosine, dry_friction, error, pendulum
 
 
 def initial(name, signal, problem, seed=1, **options):
@@ -41,63 +34,19 @@ def noisy():
 
 
 @pytest.mark.parametrize("name", NETS)
-def test_shape_of_a_plugin(name):
-    estimator = ESTIMATORS.get(name)
-    assert isinstance(estimator, Estimator)
-    assert estimator.name == name
-    assert issubclass(estimator.options, Options)
-    assert estimator.options() == parse_options(name, None)
-    assert not inspect.isabstract(type(estimator))
-
-
-@pytest.mark.parametrize("name", NETS)
-def test_seed_record_and_what_is_known_decide_and_nothing_else(name, noisy):
+def test_the_seed_is_all_the_chance_there_is(name, noisy):
+    """torch's own random numbers and settings are neither used nor moved."""
     signal, problem = noisy
     first = initial(name, signal, problem, **SHORT[name])
-    torch.manual_seed(99)  # the process's own random numbers are not used,
+    torch.manual_seed(99)
     before = torch.get_rng_state(), torch.get_num_threads(), torch.get_default_dtype()
-    marked = dataclasses.replace(signal, name="zeta=9", provenance={"truth": {"zeta": 9.0}})
-    second = initial(name, marked, problem, **SHORT[name])
-    assert first.values == second.values
-    assert first.stderr == second.stderr
-    assert first.details == second.details
+    assert initial(name, signal, problem, **SHORT[name]).values == first.values
     after = torch.get_rng_state(), torch.get_num_threads(), torch.get_default_dtype()
-    assert torch.equal(before[0], after[0])  # nor moved
+    assert torch.equal(before[0], after[0])
     assert before[1:] == after[1:]
+    assert {"loss", "zeta"} <= set(first.trace)
     # Negative control: another seed is another network.
     assert initial(name, signal, problem, seed=2, **SHORT[name]).values != first.values
-
-
-@pytest.mark.parametrize("name", NETS)
-def test_values_are_finite_and_named_and_the_trajectory_fit_starts_there(name, noisy):
-    first, refined = run(name, *noisy, options=SHORT[name], seed=1)
-    assert set(first.values) == {"zeta", "stiffness"}
-    assert all(type(v) is float and np.isfinite(v) for v in first.values.values())
-    assert set(first.stderr) <= set(first.values)
-    assert first.evaluations > 0
-    assert all(np.all(np.isfinite(curve)) for curve in first.trace.values())
-    assert {"loss", "zeta"} <= set(first.trace)
-    assert error(refined.values["zeta"], 0.05) < 2.4  # five times the Cramér–Rao bound
-    assert refined.outcome == "ok"
-
-
-@pytest.mark.parametrize("name", NETS)
-@pytest.mark.parametrize(
-    "y",
-    [
-        np.zeros(500),
-        np.linspace(0.3, 0.0, 500),
-        np.cos(2 * np.pi * np.linspace(0, 160, 500)),
-        np.random.default_rng(0).normal(size=500),
-        np.array([0.3, 0.1, -0.2]),
-    ],
-    ids=["constant", "ramp", "three samples a period", "noise", "three samples"],
-)
-def test_an_impossible_record_is_refused_in_a_sentence(name, y):
-    signal = Signal(np.linspace(0.0, 10.0, y.size), y)
-    for estimate in run(name, signal, pendulum({"zeta": 0.05}, samples=10)[1], options=SHORT[name], seed=1):
-        assert len(estimate.outcome.split()) > 3
-        assert estimate.values == {}
 
 
 @pytest.mark.parametrize("name", NETS)

@@ -15,6 +15,12 @@ TERM = {"zeta": "viscous", "mu_c": "coulomb", "mu_q": "quadratic"}
 PAPER = ({"zeta": 0.05}, {"mu_c": 0.03}, {"mu_q": 0.05})
 NETS = ("pinn", "neural_ode", "rnn")
 """They train for seconds on each record: their tests are in a file of their own."""
+SHORT = {
+    "pinn": {"rounds": 25, "width": 10, "collocation": 200},
+    "neural_ode": {"rounds": 5, "width": 4, "steps": 24},
+    "rnn": {"records": 128, "epochs": 4, "units": 8},
+}
+"""Options of a short training, for what does not depend on accuracy; the other methods need none."""
 QUICK = [name for name in names_for_all() if name not in NETS]
 INITIAL = {"envelope": 5.0, "topological": 5.0, "pinn": 2.0, "neural_ode": 5.0, "rnn": 5.0}
 """Largest error of an initial estimate on a clean record, per cent; 1 for the others."""
