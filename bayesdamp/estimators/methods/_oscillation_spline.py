@@ -43,7 +43,8 @@ class OscillationSpline:
         penalty = sparse.block_diag([_penalty(k, 2 * np.pi / period) for k in self.knots])
         duration = sum(float(t[-1] - t[0]) for t in pieces)
         self._penalty = _band(sparse.csr_matrix(penalty) * (y.size / duration))
-        self._weight = np.ones(y.size)
+        self.coefficients, self.freedom, self.log_penalty = np.zeros(0), 0.0, 0.0
+        self._weight, self._factor = np.ones(y.size), np.zeros((0, 0))
         self._probes = np.random.default_rng(0).choice([-1.0, 1.0], (y.size, PROBES))
         self._choose(y)
         for _ in range(2):
@@ -117,7 +118,8 @@ def _design(knots: np.ndarray, x: np.ndarray, order: int) -> sparse.csr_matrix:
     for d in range(order):
         degree, inner = DEGREE - d, knots[d : knots.size - d]
         gaps = inner[degree + 1 : -1] - inner[1 : -degree - 1]
-        step = sparse.diags([-degree / gaps, degree / gaps], [0, 1], shape=(gaps.size, gaps.size + 1))
+        step = sparse.diags(degree / gaps) @ sparse.eye(gaps.size, gaps.size + 1, 1)
+        step = step - sparse.diags(degree / gaps) @ sparse.eye(gaps.size, gaps.size + 1)
         down = sparse.csr_matrix(step @ down)
     inner = knots[order : knots.size - order]
     return sparse.csr_matrix(BSpline.design_matrix(x, inner, DEGREE - order) @ down)
@@ -130,9 +132,8 @@ def _penalty(knots: np.ndarray, frequency: float) -> sparse.csr_matrix:
     half = np.diff(ends)[:, None] / 2
     x = ((ends[:-1, None] + ends[1:, None]) / 2 + half * nodes).ravel()
     w = (half * weights).ravel()
-    rough = sum(
-        share * frequency**-order * _design(knots, x, order) for order, share in ((1, 1.0), (3, 2.0), (5, 1.0))
-    )
+    first, third, fifth = (_design(knots, x, d) / frequency**d for d in (1, 3, 5))
+    rough = first + 2.0 * third + fifth
     return sparse.csr_matrix(rough.T @ sparse.diags(w) @ rough)
 
 

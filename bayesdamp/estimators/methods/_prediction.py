@@ -10,7 +10,7 @@ from scipy.interpolate import CubicHermiteSpline
 
 from bayesdamp.estimators.methods._library import Candidate
 
-STEPS = 60
+STEPS = 100
 """Steps of Runge and Kutta's method in a period."""
 TABLE = 4001
 """Entries of the tables of forces, over twice what the record shows of θ and θ̇."""
@@ -41,7 +41,7 @@ def left_over(
 
     The start of each, and those of its coefficients that are not zero, move by one step of Gauss and Newton: an
     error of the regression is not an error of the model. unit (p,): coefficients that make a noticeable force.
-    floor: a sd below which nothing is told apart.
+    floor: a sd below which nothing is told apart; it stands for what is less.
     """
     size = np.array([np.ptp(record.theta) / 2, np.abs(record.omega).max()])
     start = np.array([record.theta[0], record.omega[0]])
@@ -65,7 +65,7 @@ def left_over(
         left = record.y - curves[:, i]
         left = left - by / scale @ np.linalg.lstsq(by / scale, left, rcond=1e-10)[0]
         found[i] = float(left @ left)
-    return found + record.t.size * floor**2
+    return np.maximum(found, record.t.size * floor**2)
 
 
 def predicted(record: Record, library: list[Candidate], x: np.ndarray, start: np.ndarray) -> np.ndarray:

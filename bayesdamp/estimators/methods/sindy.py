@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 from typing import Literal
 
@@ -137,7 +137,8 @@ class Sindy(Estimator):
         dissipates = np.array([one.damping is not None for one in library])
         own = np.array([one.damping in problem.damping for one in library])
         path = sparse_paths(columns, target, dissipates, seen.freedom)
-        path = scored(path, record, library, columns, target, FLOOR * features.amplitude * features.frequency**record.order)
+        floor = FLOOR * features.amplitude * features.frequency**record.order
+        path = scored(path, record, library, columns, target, floor)
         best = min((one for one in path if one.sound), key=lambda one: one.score)
         # The model is given: nothing may stand in for its damping or beside it.
         of_model = [one for one in path if np.array_equal(one.support & dissipates, own)]
@@ -288,20 +289,20 @@ def scored(
 ) -> list[Sparse]:  # fmt: skip
     """The solutions with their scores n ln(s²) + k ln(n) + 2 ln(number of sets of k terms).
 
-    s²: mean square of what the prediction leaves of the record's n samples; k: the number of terms.
+    s²: mean square of what the prediction leaves of the record's n samples; k: the number of terms. Solutions that
+    are not sound are not scored.
     """
     unit = np.linalg.norm(target) / np.linalg.norm(columns, axis=0)
-    left = left_over(record, library, np.array([one.x for one in path]), unit, floor)
+    sound = [one for one in path if one.sound]
+    left = left_over(record, library, np.array([one.x for one in sound]), unit, floor)
     n, p = record.t.size, len(library)
-    scores = []
-    for one, square in zip(path, left):
+    found = [one for one in path if not one.sound]
+    for one, square in zip(sound, left):
         k = int(one.support.sum())
         sets = float(gammaln(p + 1) - gammaln(k + 1) - gammaln(p - k + 1))
-        scores.append(n * float(np.log(square / n)) + k * float(np.log(n)) + 2 * sets)
-    return [
-        Sparse(one.support, one.x, one.threshold, one.ridge, one.sound, score)
-        for one, score in zip(path, scores)
-    ]
+        score = n * float(np.log(square / n)) + k * float(np.log(n)) + 2 * sets
+        found.append(replace(one, score=score))
+    return found
 
 
 def standard_errors(
