@@ -228,7 +228,7 @@ def _run(signal: Signal, problem: Problem, seen: Features, noise: float, knots_p
         rows = inside[:: max(1, int(spacing / (16 * gap)))]
         bandwidth = np.pi / spacing
         project = lambda x: _least_squares(t, x, knots)(t[rows])  # noqa: E731
-    curves, unknown = _integrated(spline, signal, problem, seen)
+    curves, unknown = integrated(spline, signal, problem, seen)
     everywhere = tuple(curve(t) for curve in curves)
     return Motion(
         t[rows],
@@ -267,7 +267,7 @@ def _least_squares(t: np.ndarray, y: np.ndarray, inner: np.ndarray) -> BSpline:
 Curve = Callable[[np.ndarray], np.ndarray]
 
 
-def _integrated(
+def integrated(
     spline: BSpline, signal: Signal, problem: Problem, seen: Features
 ) -> tuple[tuple[Curve, Curve, Curve], int]:
     """Displacement, velocity, acceleration as functions of time, and how many constants were guessed."""

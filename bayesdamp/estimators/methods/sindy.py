@@ -3,19 +3,25 @@
 from __future__ import annotations
 
 import warnings
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from itertools import product
 from typing import Literal
 
 import numpy as np
+from scipy.special import gammaln
+from sklearn import config_context
 
 from bayesdamp.estimators._protocol import Estimator, Options
 from bayesdamp.estimators.methods._library import Candidate, candidates, judged, restoring_values
+from bayesdamp.estimators.methods._oscillation_spline import OscillationSpline
+from bayesdamp.estimators.methods._prediction import Record, left_over
 from bayesdamp.estimators.shared import (
     ORDER,
-    Motion,
     checked_features,
     epsilon_of,
     free_names,
+    integrated,
     known_restoring,
     motion,
     oscillator,
@@ -28,15 +34,14 @@ with warnings.catch_warnings():
     warnings.simplefilter("ignore")
     from pysindy import STLSQ, CustomLibrary
 
-SMOOTHINGS = (3.0, 3.6, 4.4, 5.4, 6.6, 8.0, 10.0, 12.0)
-"""Knots a period that are tried; what suits the record best is kept. (Once the library has been thinned down to the
-model's one term, the regression is least squares'; the derivatives that it sees are this method's own.)"""
-RIDGES = (1e-10, 1e-7, 1e-4, 1e-2)
+RIDGES = (1e-8, 1e-3)
 """Ridge parameters, for columns and target of unit norm, along which the path of thresholds is walked."""
-FLOOR = 1e-6
-"""A part of the acceleration smaller than this share of it is no evidence for a term."""
-
-
+FEW = 2
+"""Sparse solutions with functions of θ that are put to the test for each set of damping terms."""
+FLOOR = 1e-4
+"""Predictions that differ by less than this share of the amplitude are not told apart."""
+END = 0.5
+"""Periods at each end of a smoothed run that the regression leaves out, where a spline is one-sided."""
 CANCELLING = 10.0
 """Terms may cancel down to one part in so many; more is two of them fitting noise against each other."""
 
@@ -48,30 +53,55 @@ class SindyOptions(Options):
 
 
 @dataclass(frozen=True)
+class Seen:
+    """State and acceleration as the record shows them.
+
+    rows (m,): samples at which the equation is regressed. theta, omega, alpha (n,) at all samples.
+    t, y (n,): the samples. project: values (n,) to what the smoothing of the record made of them (m,).
+    spline: what smoothed a recorded angle, None for others. freedom: how many rows count as independent.
+    """
+
+    rows: np.ndarray
+    t: np.ndarray
+    y: np.ndarray
+    theta: np.ndarray
+    omega: np.ndarray
+    alpha: np.ndarray
+    project: Callable[[np.ndarray], np.ndarray]
+    integrated: int
+    freedom: float
+    smoothing: float
+    spline: OscillationSpline | None = None
+
+
+@dataclass(frozen=True)
 class Sparse:
     """One sparse solution: its terms (p,) of bool, the coefficients (p,), and where it lies on the path.
 
-    squares: mean square error of each stretch as predicted from all others, (rad/s²)².
+    sound: whether its damping takes energy out and its terms do not cancel. score: see `scored`.
     """
 
     support: np.ndarray
     x: np.ndarray
     threshold: float
     ridge: float
-    squares: np.ndarray
-
-    @property
-    def error(self) -> float:
-        """Root mean square of the errors of the stretches, each predicted from all others."""
-        return float(np.sqrt(np.mean(self.squares)))
+    sound: bool
+    score: float = np.inf
 
 
 class Sindy(Estimator):
     """θ̈ + known force = Θ(θ, θ̇) ξ with few terms, by sequentially thresholded least squares of pysindy.
 
-    State and acceleration come from a spline whose knots are chosen by generalised cross-validation; the
-    library's columns are smoothed as the acceleration was. What is known of the restoring force is taken from
-    the acceleration, and every term of the library remains a candidate.
+    State and acceleration come from a smoothing spline that penalises what is no slowly changing oscillation;
+    the library's columns are smoothed as the acceleration was. A record without noise is interpolated. What is
+    known of the restoring force is taken from the acceleration, and every term of the library remains a candidate.
+
+    For every set of damping terms functions of θ are thresholded away one by one. Of all sparse solutions found
+    the one is selected whose prediction of the record, started once and integrated, has the least extended
+    Bayesian information criterion (the prediction test of Mangan, Kutz, Brunton and Proctor, Proceedings of the
+    Royal Society A 473, 2017, 20170009, with the criterion of Chen and Chen, Biometrika 95, 2008, 759).
+    The damping is read off that solution; where its damping is not the model's, off the best of those whose
+    damping is the model's, and the outcome says so.
     """
 
     name = "sindy"
@@ -84,94 +114,109 @@ class Sindy(Estimator):
         self, signal: Signal, problem: Problem, options: Options, rng: np.random.Generator
     ) -> Estimate:
         assert isinstance(options, SindyOptions)
-        seen = checked_features(signal)
-        moving, knots = smoothest(signal, problem, seen)
-        theta, omega, _ = moving.everywhere
-        epsilon = 0.0 if options.switch == "sign" else epsilon_of(problem, seen)
+        features = checked_features(signal)
+        seen = differentiated(signal, problem, features)
+        epsilon = 0.0 if options.switch == "sign" else epsilon_of(problem, features)
         library = candidates(problem, epsilon, signal.unit)
-        offset = oscillator(problem).law.linear_form(theta, known_restoring(problem)).offset
-        target = -(moving.alpha + moving.project(offset))
-        columns = np.column_stack([moving.project(column) for column in evaluated(library, theta, omega).T])
-        drift = [
-            (moving.t - moving.t[0]) ** j
-            for j in range(moving.integrated if len(known_restoring(problem)) else 0)
-        ]
+        law, known = oscillator(problem).law, known_restoring(problem)
+
+        def force(theta: np.ndarray) -> np.ndarray:
+            return law.linear_form(theta, known).offset
+
+        target = -(seen.alpha[seen.rows] + seen.project(force(seen.theta)))
+        columns = np.column_stack(
+            [seen.project(column) for column in evaluated(library, seen.theta, seen.omega).T]
+        )
+        drift = [(seen.t[seen.rows] - seen.t[0]) ** j for j in range(seen.integrated if len(known) else 0)]
         if drift:  # guessed constants of integration shift the force by a constant and a slope
             basis = np.linalg.qr(np.column_stack(drift))[0]
             columns, target = columns - basis @ (basis.T @ columns), target - basis @ (basis.T @ target)
-        rows = target.size
-        if not moving.clean:
-            rows = min(rows, int((moving.t[-1] - moving.t[0]) * moving.bandwidth / np.pi) + 1)
-        floor = FLOOR * float(np.sqrt(np.mean(moving.alpha**2)))
+        record = Record(
+            seen.t, seen.y, ORDER[signal.quantity], seen.theta, seen.omega, force, features.period
+        )
         dissipates = np.array([one.damping is not None for one in library])
-        blocks = held_out_blocks(moving.t, seen.period)
-        unknown = len(known_restoring(problem)) < len(oscillator(problem).law.parameters)
-        path, best = sparse_path(columns, target, dissipates, blocks, floor)
-
-        names = [one.name for one in library]
-        selected = [name for name, kept in zip(names, best.support) if kept]
         own = np.array([one.damping in problem.damping for one in library])
-        # The model is given: its terms stay, and nothing may stand in for them or beside them.
+        path = sparse_paths(columns, target, dissipates, seen.freedom)
+        floor = FLOOR * features.amplitude * features.frequency**record.order
+        path = scored(path, record, library, columns, target, floor)
+        best = min((one for one in path if one.sound), key=lambda one: one.score)
+        # The model is given: nothing may stand in for its damping or beside it.
+        of_model = [one for one in path if np.array_equal(one.support & dissipates, own)]
+        read = min(of_model, key=lambda one: (not one.sound, one.score))
+        unknown = len(known) < len(law.parameters)
         of_law = np.array([one.restoring for one in library]) & unknown
-        support = (best.support & of_law) | own
-        x, spread = refit(columns, target, support, rows)
+
+        spread = standard_errors(seen, library, columns, target, read, force)
         index = {one.damping: i for i, one in enumerate(library) if one.damping}
         values, stderr = {}, {}
         for term in oscillator(problem).terms:
-            values[term.parameter] = float(x[index[term.name]])
+            values[term.parameter] = float(read.x[index[term.name]])
             stderr[term.parameter] = float(spread[index[term.name]])
         if unknown:
             of_theta = np.array([one.restoring for one in library])
-            force = evaluated(library, theta, omega)[:, of_theta] @ x[of_theta]
-            values |= restoring_values(problem, theta, force)
-        for name, value in (("theta0", moving.theta0), ("omega0", moving.omega0)):
+            found = evaluated(library, seen.theta, seen.omega)[:, of_theta] @ read.x[of_theta]
+            values |= restoring_values(problem, seen.theta, found)
+        for name, value in (("theta0", float(seen.theta[0])), ("omega0", float(seen.omega[0]))):
             if name in free_names(problem):
                 values[name] = value
+        names = [one.name for one in library]
         return Estimate(
             self.name,
             "initial",
             values,
             stderr,
-            {"error": np.array([one.error for one in path])},
+            {"score": np.array([one.score for one in path])},
             {
-                "selected": selected,
+                "selected": [name for name, kept in zip(names, best.support) if kept],
                 "coefficients": [float(c) for c in best.x[best.support]],
+                "read_from": [name for name, kept in zip(names, read.support) if kept],
                 "library": names,
                 "threshold": best.threshold,
                 "ridge": best.ridge,
-                "knots_per_period": knots,
+                "log_penalty": seen.smoothing,
                 "path_threshold": [one.threshold for one in path],
                 "path_terms": [int(one.support.sum()) for one in path],
-                "path_error": [one.error for one in path],
+                "path_score": [one.score for one in path],
             },
             evaluations=len(path),
             outcome=judged(library, best.support, own | of_law),
         )
 
 
-def smoothest(signal: Signal, problem: Problem, seen: Features) -> tuple[Motion, float]:
-    """The motion with the knots a period for which generalised cross-validation is least; 0 if interpolated."""
+def differentiated(signal: Signal, problem: Problem, features: Features) -> Seen:
+    """State and acceleration: interpolated where the record has no noise, else from an oscillation spline."""
     order = ORDER[signal.quantity]
-    pieces = runs(signal.t, seen.period)
-    y = np.concatenate([signal.y[run] for run in (pieces if order == 0 else pieces[:1])])
-    best: tuple[float, Motion, float] | None = None
-    for knots in SMOOTHINGS:
-        if 4 * knots > seen.samples_per_cycle and best is not None:
-            break
-        try:
-            moving = motion(signal, problem, seen, knots)
-        except Refusal:
-            continue
-        if moving.clean:
-            return moving, 0.0
-        count = y.size * knots / seen.samples_per_cycle + 8
-        left = float(np.mean((y - moving.everywhere[order]) ** 2))
-        score = left / max(1.0 - count / y.size, 1e-3) ** 2
-        if best is None or score < best[0]:
-            best = score, moving, knots
-    if best is None:
-        raise Refusal("the samples are too few or too unevenly spaced for a smoothing spline")
-    return best[1], best[2]
+    pieces = runs(signal.t, features.period)
+    pieces = pieces if order == 0 else pieces[:1]
+    t, y = (np.concatenate([x[run] for run in pieces]) for x in (signal.t, signal.y))
+    plain = motion(signal, problem, features)
+    if plain.clean:
+        rows = np.flatnonzero(np.isin(t, plain.t))
+        return Seen(rows, t, y, *plain.everywhere, plain.project, plain.integrated, float(rows.size), 0.0)
+    spline = OscillationSpline([signal.t[run] for run in pieces], y, features.period)
+    inside = []
+    for run in pieces:
+        piece = signal.t[run]
+        end = min(END * features.period, 0.15 * float(piece[-1] - piece[0]))
+        inside.append((piece >= piece[0] + end) & (piece <= piece[-1] - end))
+    rows = np.flatnonzero(np.concatenate(inside))
+    first = signal if order == 0 else type(signal)(t, y, signal.quantity, signal.unit)
+    if order == 0:
+        curves, constants = tuple(spline(d) for d in range(3)), 0
+    else:
+        functions, constants = integrated(spline.curve(), first, problem, features)
+        curves = tuple(np.asarray(function(t)) for function in functions)
+    return Seen(
+        rows,
+        t,
+        y,
+        *curves,
+        project=lambda x: spline.smoothed(x)[rows],
+        integrated=constants,
+        freedom=max(spline.freedom, 4.0),
+        smoothing=spline.log_penalty,
+        spline=spline if order == 0 else None,
+    )
 
 
 def evaluated(library: list[Candidate], theta: np.ndarray, omega: np.ndarray) -> np.ndarray:
@@ -189,88 +234,120 @@ def _of_two(one: Candidate):
     return function
 
 
-def refit(columns: np.ndarray, target: np.ndarray, support: np.ndarray, rows: int):
-    """Coefficients (p,) of the terms in `support` and their standard errors (p,); `rows` count as independent."""
-    a = columns[:, support]
-    scale = np.linalg.norm(a, axis=0)
-    x, spread = np.zeros(support.size), np.zeros(support.size)
-    inverse = np.linalg.pinv(a / scale, rcond=1e-12)
-    x[support] = inverse @ target / scale
-    left = target - columns @ x
-    sd = np.sqrt(left @ left / max(rows - support.sum(), 1))
-    spread[support] = sd * np.sqrt(np.sum(inverse**2, axis=1)) / scale
-    return x, spread
+def sparse_paths(
+    columns: np.ndarray, target: np.ndarray, dissipates: np.ndarray, freedom: float
+) -> list[Sparse]:
+    """Sparse solutions: for every set of damping terms, itself and the best few with functions of θ.
 
-
-def sparse_path(
-    columns: np.ndarray, target: np.ndarray, dissipates: np.ndarray, blocks: list[np.ndarray], floor: float
-) -> tuple[list[Sparse], Sparse]:
-    """Sparse solutions for every threshold at which a term falls, and for several ridges; and the one chosen.
-
-    dissipates (p,): which terms are damping. blocks: the rows of each stretch that is held out in turn.
-    Of the solutions whose mean square held-out error is above the least by no more than two standard errors
-    of the difference (and floor²), the sparsest is chosen, and of several the one with the least error.
-    Solutions with negative damping, or whose terms all but cancel, are not admitted.
-    Rows are first rotated onto the columns: the same regression, fewer rows.
+    Beside a set of damping terms the others pass every threshold at which one of them falls, for several ridges.
+    Of these the FEW with the least Bayesian criterion of the regression are kept, `freedom` rows being independent.
+    dissipates (p,): which terms are damping. Rows are first rotated onto the columns: the same regression.
     """
     scale, size = np.linalg.norm(columns, axis=0), float(np.linalg.norm(target))
     if size == 0.0:
         raise Refusal("nothing is left of the acceleration once the known force is taken away")
-    rows = np.column_stack([columns / scale, target / size])
-    folds = [np.asarray(np.linalg.qr(rows[block], mode="r")) for block in blocks]
-    small = np.asarray(np.linalg.qr(np.vstack(folds), mode="r"))
+    small = np.asarray(np.linalg.qr(np.column_stack([columns / scale, target / size]), mode="r"))
     a, b = small[:, :-1], small[:, -1]
-    weight = np.array([block.size for block in blocks], float)
-    unit = size / np.sqrt(weight)
-    found: dict[tuple[bool, ...], Sparse] = {}
-    for ridge in RIDGES:
-        threshold = 0.0
-        while (survivors := _thresholded(a, b, threshold, ridge)) is not None:
-            mask, least = survivors
-            if (key := tuple(mask.tolist())) not in found:
-                held_out = unit * np.array([_held_out(folds, i, mask) for i in range(len(folds))])
-                x = np.zeros(mask.size)
-                x[mask] = np.linalg.lstsq(a[:, mask], b, rcond=1e-12)[0] * size / scale[mask]
-                found[key] = Sparse(mask, x, threshold, ridge, held_out**2)
-            threshold = max(least, threshold) * (1 + 1e-9) + 1e-300
-    path = list(found.values())
-    admitted = [one for one in path if _physical(one.x * scale, dissipates, size)]
-    if not admitted:
-        nothing = np.zeros(scale.size)
-        return path, Sparse(nothing != 0.0, nothing, np.inf, 0.0, size**2 / weight)
-    weight /= weight.sum()
-    best = min(admitted, key=lambda one: float(weight @ one.squares))
-
-    def ties(one: Sparse) -> bool:
-        above = one.squares - best.squares
-        mean = float(weight @ above)
-        return mean <= 2 * float(np.sqrt(np.sum(weight**2 * (above - mean) ** 2))) + floor**2
-
-    tied = [one for one in admitted if ties(one)]
-    return path, min(tied, key=lambda one: (int(one.support.sum()), float(weight @ one.squares)))
+    damping, others = np.flatnonzero(dissipates), np.flatnonzero(~dissipates)
+    found = []
+    for chosen in product([False, True], repeat=damping.size):
+        base = np.zeros(dissipates.size, bool)
+        base[damping] = chosen
+        basis = np.linalg.qr(a[:, base])[0]
+        free, rest = (x - basis @ (basis.T @ x) for x in (a[:, others], b))
+        beside: dict[bytes, tuple[float, Sparse]] = {}
+        for ridge in RIDGES:
+            threshold = 0.0
+            while (survivors := _thresholded(free, rest, threshold, ridge)) is not None:
+                mask, least = base.copy(), survivors[1]
+                mask[others] = survivors[0]
+                if mask.tobytes() not in beside:
+                    one, left = _solution(a, b, mask, scale / size, dissipates, threshold, ridge)
+                    score = freedom * np.log(left + 1e-300) + np.log(freedom) * mask.sum()
+                    beside[mask.tobytes()] = score, one
+                threshold = max(least, threshold) * (1 + 1e-9) + 1e-300
+        ranked = sorted(beside.values(), key=lambda pair: (not pair[1].sound, pair[0]))
+        found += [_solution(a, b, base, scale / size, dissipates, np.inf, 0.0)[0]]
+        found += [one for _, one in ranked[:FEW]]
+    return found
 
 
-def _physical(parts: np.ndarray, dissipates: np.ndarray, size: float) -> bool:
-    """Whether damping takes energy out, and terms of norms `parts` (p,) do not cancel to a target of norm size."""
-    return bool(np.all(parts[dissipates] >= 0) and np.abs(parts).sum() <= CANCELLING * size)
+def _solution(
+    a: np.ndarray, b: np.ndarray, mask: np.ndarray, scale: np.ndarray, dissipates: np.ndarray,
+    threshold: float, ridge: float,
+) -> tuple[Sparse, float]:  # fmt: skip
+    """The unregularised solution with the terms in `mask`, and its sum of squares."""
+    x = np.zeros(mask.size)
+    x[mask] = np.linalg.lstsq(a[:, mask], b, rcond=1e-12)[0]
+    sound = bool(np.all(x[dissipates] >= 0) and np.abs(x).sum() <= CANCELLING)
+    return Sparse(mask, x / scale, threshold, ridge, sound), float(np.sum((b - a @ x) ** 2))
 
 
-def _held_out(folds: list[np.ndarray], i: int, mask: np.ndarray) -> float:
-    """Norm of the error in fold i of the solution from all others."""
-    others = np.vstack([fold for j, fold in enumerate(folds) if j != i])
-    x = np.linalg.lstsq(others[:, :-1][:, mask], others[:, -1], rcond=1e-12)[0]
-    return float(np.linalg.norm(folds[i][:, -1] - folds[i][:, :-1][:, mask] @ x))
+def scored(
+    path: list[Sparse], record: Record, library: list[Candidate], columns: np.ndarray, target: np.ndarray,
+    floor: float,
+) -> list[Sparse]:  # fmt: skip
+    """The solutions with their scores n ln(s²) + k ln(n) + 2 ln(number of sets of k terms).
+
+    s²: mean square of what the prediction leaves of the record's n samples; k: the number of terms. Solutions that
+    are not sound are not scored.
+    """
+    unit = np.linalg.norm(target) / np.linalg.norm(columns, axis=0)
+    sound = [one for one in path if one.sound]
+    left = left_over(record, library, np.array([one.x for one in sound]), unit, floor)
+    n, p = record.t.size, len(library)
+    found = [one for one in path if not one.sound]
+    for one, square in zip(sound, left):
+        k = int(one.support.sum())
+        sets = float(gammaln(p + 1) - gammaln(k + 1) - gammaln(p - k + 1))
+        score = n * float(np.log(square / n)) + k * float(np.log(n)) + 2 * sets
+        found.append(replace(one, score=score))
+    return found
 
 
-def held_out_blocks(t: np.ndarray, period: float) -> list[np.ndarray]:
-    """Row numbers of stretches of about a period, four to ten of them, of times t (n,)."""
-    count = int(np.clip(round((t[-1] - t[0]) / period), 4, 10))
-    return [part for part in np.array_split(np.arange(t.size), count) if part.size]
+def standard_errors(
+    seen: Seen, library: list[Candidate], columns: np.ndarray, target: np.ndarray, one: Sparse,
+    force: Callable[[np.ndarray], np.ndarray],
+) -> np.ndarray:  # fmt: skip
+    """Standard errors (p,) of a solution's coefficients.
+
+    Of a smoothed angle, from the noise of the samples as it passes through θ̈, θ and θ̇ into the regression, to
+    first order; else from the residual, `freedom` rows being independent.
+    """
+    a, spread = columns[:, one.support], np.zeros(one.support.size)
+    scale = np.linalg.norm(a, axis=0)
+    inverse = np.linalg.pinv(a / scale, rcond=1e-12) / scale[:, None]
+    if seen.spline is None:
+        left = target - columns @ one.x
+        sd = np.sqrt(left @ left / max(min(seen.freedom, left.size) - one.support.sum(), 1.0))
+        spread[one.support] = sd * np.sqrt(np.sum(inverse**2, axis=1))
+        return spread
+    left = seen.y - seen.spline(0)
+    good = np.abs(left) <= 6 * 1.4826 * np.median(np.abs(left))
+    sd = np.sqrt(np.sum(left[good] ** 2) / max(good.sum() - seen.freedom, 1.0))
+    theta, omega = seen.theta, seen.omega
+    d, e = 1e-4 * float(np.ptp(theta)), 1e-4 * float(np.ptp(omega))
+    used = [(c, f.function) for c, f in zip(one.x, library) if c != 0.0]
+    by_theta = (force(theta + d) - force(theta - d)) / (2 * d)
+    by_theta = by_theta + sum(c * (f(theta + d, omega) - f(theta - d, omega)) / (2 * d) for c, f in used)
+    by_omega = sum((c * (f(theta, omega + e) - f(theta, omega - e)) / (2 * e) for c, f in used), 0 * omega)
+    noise = []
+    for row in inverse:
+        weights = np.zeros(theta.size)
+        weights[seen.rows] = row
+        through = seen.spline.adjoint(weights, 0)
+        noise.append(
+            seen.spline.adjoint(weights, 2)
+            + seen.spline.adjoint(through * by_theta, 0)
+            + seen.spline.adjoint(through * by_omega, 1)
+        )
+    spread[one.support] = sd * np.linalg.norm(np.array(noise), axis=1)
+    return spread
 
 
 def _thresholded(a: np.ndarray, b: np.ndarray, threshold: float, ridge: float):
     """Terms (p,) of bool that survive a threshold, and the smallest ridge coefficient; None if none does."""
-    with warnings.catch_warnings():
+    with warnings.catch_warnings(), config_context(skip_parameter_validation=True, assume_finite=True):
         warnings.simplefilter("ignore")  # that all terms fell, which ends the path
         fit = STLSQ(threshold=threshold, alpha=ridge, max_iter=50, unbias=False).fit(a, b)
     weights = np.abs(np.asarray(fit.coef_)[0])

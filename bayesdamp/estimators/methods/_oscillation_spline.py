@@ -1,0 +1,142 @@
+"""A smoothing spline for oscillations: rough is only what changes amplitude and phase faster than linearly."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy import sparse
+from scipy.interpolate import BSpline
+from scipy.linalg import LinAlgError, cho_solve_banded, cholesky_banded
+from scipy.optimize import minimize_scalar
+
+from bayesdamp.types import Refusal
+
+DEGREE = 7
+KNOTS_PER_PERIOD = 16.0
+"""Many more than the record tells: the penalty smooths, not the knots."""
+DECADES = np.arange(-8.0, 6.0)
+"""Logarithms to base ten of the penalties that are tried first."""
+PROBES = 32
+"""Random vectors for the trace of the smoother."""
+OUTLIER = 6.0
+"""Samples further off than this many robust standard deviations do not count."""
+
+
+class OscillationSpline:
+    """min Σ(y − x)² + λ ∫(Lx)², L = D(D² + ω²)², λ by generalised cross-validation.
+
+    L is zero for a constant and for oscillations at ω whose amplitude and phase are linear in time (splines for
+    a differential operator: Heckman and Ramsay, Canadian Journal of Statistics 28, 2000, 241). Derivatives are
+    the spline's. On runs of samples between gaps, their clocks uniform or not, one λ serves all.
+
+    t (n,): times of all runs; coefficients: of all runs' B-splines; log_penalty; freedom: trace of the smoother.
+    """
+
+    def __init__(self, pieces: Sequence[np.ndarray], y: np.ndarray, period: float) -> None:
+        """pieces: times of each run in s, n in all; y (n,): what was recorded; period in s."""
+        self.knots = [_knots(t, period) for t in pieces]
+        self._designs = [
+            sparse.csr_matrix(sparse.block_diag([_design(k, t, d) for k, t in zip(self.knots, pieces)]))
+            for d in range(3)
+        ]
+        penalty = sparse.block_diag([_penalty(k, 2 * np.pi / period) for k in self.knots])
+        duration = sum(float(t[-1] - t[0]) for t in pieces)
+        self._penalty = _band(sparse.csr_matrix(penalty) * (y.size / duration))
+        self.coefficients, self.freedom, self.log_penalty = np.zeros(0), 0.0, 0.0
+        self._weight, self._factor = np.ones(y.size), np.zeros((0, 0))
+        self._probes = np.random.default_rng(0).choice([-1.0, 1.0], (y.size, PROBES))
+        self._choose(y)
+        for _ in range(2):
+            left = np.abs(y - self(0))
+            good = left <= OUTLIER * 1.4826 * max(float(np.median(left)), 1e-300)
+            if np.array_equal(good, self._weight > 0):
+                break
+            self._weight = good.astype(float)
+            self._choose(y)
+
+    def __call__(self, order: int) -> np.ndarray:
+        """The order-th derivative of the smoothed record at all samples, (n,); order 0 to 2."""
+        return self._designs[order] @ self.coefficients
+
+    def curve(self, i: int = 0) -> BSpline:
+        """The spline of run i."""
+        start = sum(k.size - DEGREE - 1 for k in self.knots[:i])
+        knots = self.knots[i]
+        return BSpline(knots, self.coefficients[start : start + knots.size - DEGREE - 1], DEGREE)
+
+    def smoothed(self, x: np.ndarray) -> np.ndarray:
+        """What the smoothing makes of other values at the same samples, (n,) to (n,)."""
+        return self._designs[0] @ self._solved(self._designs[0].T @ (self._weight * x))
+
+    def adjoint(self, weights: np.ndarray, order: int) -> np.ndarray:
+        """g (n,) with g·y = weights·(order-th derivative of the smoothed y), weights (n,)."""
+        return self._weight * (self._designs[0] @ self._solved(self._designs[order].T @ weights))
+
+    def _solved(self, right: np.ndarray) -> np.ndarray:
+        return cho_solve_banded((self._factor, True), right)
+
+    def _choose(self, y: np.ndarray) -> None:
+        b, count = self._designs[0], float(self._weight.sum())
+        gram = _band(sparse.csr_matrix(b.T @ sparse.diags(self._weight) @ b))
+        right, probes = b.T @ (self._weight * y), b.T @ (self._weight[:, None] * self._probes)
+
+        def score(decade: float) -> float:
+            try:
+                self._factor = cholesky_banded(gram + 10.0**decade * self._penalty, lower=True)
+            except LinAlgError:
+                return np.inf
+            self.coefficients = self._solved(right)
+            self.freedom = float(np.sum(self._solved(probes) * probes)) / PROBES
+            left = self._weight * (y - b @ self.coefficients)
+            return float(left @ left) / max(1.0 - self.freedom / count, 1e-3) ** 2
+
+        scores = [score(decade) for decade in DECADES]
+        if not np.any(np.isfinite(scores)):
+            raise Refusal("the samples are too few or too unevenly spaced for a smoothing spline")
+        near = float(DECADES[int(np.argmin(scores))])
+        best = minimize_scalar(
+            score, bounds=(near - 1, near + 1), method="bounded", options={"xatol": 0.02, "maxiter": 20}
+        )
+        at = float(best.x)  # pyright: ignore[reportAttributeAccessIssue]
+        self.log_penalty = at if score(at) <= min(scores) else near
+        score(self.log_penalty)
+
+
+def _knots(t: np.ndarray, period: float) -> np.ndarray:
+    """Uniform knots over a run, no more than one for two samples."""
+    duration = float(t[-1] - t[0])
+    spacing = max(period / KNOTS_PER_PERIOD, 2.2 * duration / (t.size - 1))
+    inner = np.linspace(t[0], t[-1], max(2, round(duration / spacing)) + 1)
+    return np.r_[(t[0],) * DEGREE, inner, (t[-1],) * DEGREE]
+
+
+def _design(knots: np.ndarray, x: np.ndarray, order: int) -> sparse.csr_matrix:
+    """Coefficients to the order-th derivative at x (n,), (n, coefficients)."""
+    size = knots.size - DEGREE - 1
+    down = sparse.identity(size, format="csr")
+    for d in range(order):
+        degree, inner = DEGREE - d, knots[d : knots.size - d]
+        gaps = inner[degree + 1 : -1] - inner[1 : -degree - 1]
+        step = sparse.diags(degree / gaps) @ sparse.eye(gaps.size, gaps.size + 1, 1)
+        step = step - sparse.diags(degree / gaps) @ sparse.eye(gaps.size, gaps.size + 1)
+        down = sparse.csr_matrix(step @ down)
+    inner = knots[order : knots.size - order]
+    return sparse.csr_matrix(BSpline.design_matrix(x, inner, DEGREE - order) @ down)
+
+
+def _penalty(knots: np.ndarray, frequency: float) -> sparse.csr_matrix:
+    """∫(Lx)² as a quadratic form of the coefficients, L in units of frequency⁵."""
+    nodes, weights = np.polynomial.legendre.leggauss(DEGREE + 1)
+    ends = knots[DEGREE : knots.size - DEGREE]
+    half = np.diff(ends)[:, None] / 2
+    x = ((ends[:-1, None] + ends[1:, None]) / 2 + half * nodes).ravel()
+    w = (half * weights).ravel()
+    first, third, fifth = (_design(knots, x, d) / frequency**d for d in (1, 3, 5))
+    rough = first + 2.0 * third + fifth
+    return sparse.csr_matrix(rough.T @ sparse.diags(w) @ rough)
+
+
+def _band(matrix: sparse.csr_matrix) -> np.ndarray:
+    """The lower band of a symmetric matrix as LAPACK has it, (DEGREE + 1, size)."""
+    return np.array([np.r_[matrix.diagonal(-k), np.zeros(k)] for k in range(DEGREE + 1)])
