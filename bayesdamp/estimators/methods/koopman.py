@@ -216,12 +216,12 @@ def _log(matrix: np.ndarray) -> np.ndarray:
     if np.any((np.abs(values.imag) <= 1e-12 * np.abs(values).max()) & (values.real <= 0)):
         raise Refusal("the one-step matrix has no logarithm: its eigenvalues reach zero or below")
     # scipy estimates norms inside with numpy's global random numbers: fixed here, and left as they were.
-    before = np.random.get_state()  # noqa: NPY002
-    np.random.seed(0)  # noqa: NPY002
+    before = np.random.get_state()
+    np.random.seed(0)
     try:
         return np.real(np.asarray(logm(matrix)))
     finally:
-        np.random.set_state(before)  # noqa: NPY002
+        np.random.set_state(before)
 
 
 PLUGIN = Koopman()
