@@ -16,8 +16,10 @@ import numpy as np
 from jax import Array
 from jax import numpy as jnp
 
-from bayesdamp.inference.noise import NOISES, NoiseModel
-from bayesdamp.physics.integrate import Plan, is_exact, plan_with_error, record
+from bayesdamp.inference import condensed as condensing
+from bayesdamp.inference.condensed import Condensed, condense
+from bayesdamp.inference.noise import NOISES, NoiseModel, NormalNoise
+from bayesdamp.physics.integrate import MeshPlan, Plan, is_exact, node_pairs, plan_with_error, record
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.priors import Prior
 from bayesdamp.types import Signal
@@ -41,17 +43,23 @@ class Layout:
 
 
 @partial(
-    jax.tree_util.register_dataclass, data_fields=["plan", "y", "gaps", "known", "numbers"], meta_fields=[]
+    jax.tree_util.register_dataclass,
+    data_fields=["plan", "y", "gaps", "known", "numbers", "condensed"],
+    meta_fields=[],
 )
 @dataclass(frozen=True)
 class Context:
-    """The record y, shape (n,), its gaps (s, (n − 1,)), the plan of the solver, what is known, the priors."""
+    """The record y, shape (n,), its gaps (s, (n − 1,)), the plan of the solver, what is known, the priors.
+
+    condensed: the record as the likelihood reads it where samples are many; else it reads all of them.
+    """
 
     plan: Plan
     y: Array
     gaps: Array
     known: Mapping[str, Array]
     numbers: tuple[tuple[Array, ...], ...]
+    condensed: Condensed | None
 
 
 @dataclass(frozen=True)
@@ -83,15 +91,17 @@ class Target:
         folded = tuple(p.folded for p in self.priors.values())
         return Layout(self.oscillator, self.noise, self.names, kinds, folded)
 
-    def context(self, plan: Plan) -> Context:
-        """The numbers of this target with a plan made near the parameters of interest."""
+    def context(self, plan: Plan, part: slice = slice(None)) -> Context:
+        """The numbers of this target with a plan made near the parameters of interest, for a part of its samples."""
+        t, y = self.signal.t[part], self.signal.y[part]
         needed = {*self.oscillator.parameters, *NOISES.get(self.noise).parameters}
         return Context(
             plan,
-            jnp.asarray(self.signal.y),
-            jnp.asarray(np.diff(self.signal.t)),
+            jnp.asarray(y),
+            jnp.asarray(np.diff(t)),
             {name: jnp.asarray(float(v)) for name, v in sorted(self.known.items()) if name in needed},
             tuple(tuple(jnp.asarray(float(x)) for x in p.numbers) for p in self.priors.values()),
+            condense(self.layout.noise, plan, t, y),
         )
 
     def scores(self, values: Mapping[str, float]) -> np.ndarray:
@@ -135,14 +145,35 @@ def residual(layout: Layout, context: Context, z: Array) -> Array:
     return context.y - record(layout.oscillator, context.plan, parameters(layout, context, z))
 
 
-def _log_noise(layout: Layout, context: Context, r: Array, z: Array) -> Array:
-    density = layout.noise.log_likelihood(r, context.gaps, parameters(layout, context, z))
+def misfit(layout: Layout, context: Context, p: Mapping[str, Array]) -> Array:
+    """What the likelihood is a function of, shape (c,): the residuals or, condensed, what has their sums of squares."""
+    if context.condensed is None or not isinstance(context.plan, MeshPlan):
+        return context.y - record(layout.oscillator, context.plan, p)
+    return context.condensed.misfit(node_pairs(layout.oscillator, context.plan, p))
+
+
+def _noise(layout: Layout, context: Context) -> tuple[Callable[..., Array], Callable[..., Array]]:
+    """Log density and root of the information, both of a misfit (c,) and the parameters."""
+    noise, condensed = layout.noise, context.condensed
+    if condensed is not None and isinstance(noise, NormalNoise):
+        return partial(condensing.log_likelihood, noise, condensed), partial(
+            condensing.information_root, noise, condensed
+        )
+    return (
+        lambda e, p: noise.log_likelihood(e, context.gaps, p),
+        lambda v, p: noise.information_root(v, context.gaps, p),
+    )
+
+
+def _log_noise(layout: Layout, context: Context, e: Array, z: Array) -> Array:
+    """Log density of the record from its misfit, shape ()."""
+    density = _noise(layout, context)[0](e, parameters(layout, context, z))
     return jnp.where(jnp.isfinite(density), density, -jnp.inf)
 
 
 def log_likelihood(layout: Layout, context: Context, z: Array) -> Array:
     """Log density of the record in nats, shape (); −∞ where the trajectory escapes."""
-    return _log_noise(layout, context, residual(layout, context, z), z)
+    return _log_noise(layout, context, misfit(layout, context, parameters(layout, context, z)), z)
 
 
 def log_prior(z: Array) -> Array:
@@ -160,10 +191,13 @@ def _moving(layout: Layout) -> list[int]:
     return [i for i, name in enumerate(layout.names) if name in layout.oscillator.parameters]
 
 
-def _residual_and_tangents(layout: Layout, context: Context, z: Array) -> tuple[Array, Array]:
-    """Residual (n,) and its forward tangents by the scores that move the trajectory, shape (k, n)."""
+def _misfit_and_tangents(layout: Layout, context: Context, z: Array) -> tuple[Array, Array]:
+    """Misfit (c,) and its forward tangents by the scores that move the trajectory, shape (k, c)."""
     directions = jnp.eye(z.size)[jnp.asarray(_moving(layout), int)]
-    fun = partial(residual, layout, context)
+
+    def fun(z: Array) -> Array:
+        return misfit(layout, context, parameters(layout, context, z))
+
     push = jax.vmap(lambda v: jax.jvp(fun, (z,), (v,)), out_axes=(None, 0))
     return push(directions)
 
@@ -175,53 +209,53 @@ def moving_values(layout: Layout, context: Context, z: Array) -> Array:
 
 
 def linearise(layout: Layout, context: Context, z: Array) -> tuple[Array, Array, Array]:
-    """Residual (n,), its derivatives (k, n) by what moves the trajectory, and the values of that (k,)."""
+    """Misfit (c,), its derivatives (k, c) by what moves the trajectory, and the values of that (k,)."""
     names = [layout.names[i] for i in _moving(layout)]
     p = parameters(layout, context, z)
 
     def fun(x: Array) -> Array:
-        moved = {**p, **dict(zip(names, x, strict=True))}
-        return context.y - record(layout.oscillator, context.plan, moved)
+        return misfit(layout, context, {**p, **dict(zip(names, x, strict=True))})
 
     x = moving_values(layout, context, z)
     push = jax.vmap(lambda v: jax.jvp(fun, (x,), (v,)), out_axes=(None, 0))
-    r, slopes = push(jnp.eye(x.size))
-    return r, slopes, x
+    e, slopes = push(jnp.eye(x.size))
+    return e, slopes, x
 
 
 def linearised_log_posterior(
     layout: Layout, context: Context, line: tuple[Array, Array, Array], z: Array
 ) -> Array:
     """Log posterior with the trajectory replaced by its linearisation; priors and noise are exact."""
-    r, slopes, x = line
-    moved = r + (moving_values(layout, context, z) - x) @ slopes
-    return log_prior(z) + layout.noise.log_likelihood(moved, context.gaps, parameters(layout, context, z))
+    e, slopes, x = line
+    moved = e + (moving_values(layout, context, z) - x) @ slopes
+    return log_prior(z) + _noise(layout, context)[0](moved, parameters(layout, context, z))
 
 
 def value_and_gradient(layout: Layout, context: Context, z: Array) -> tuple[Array, Array]:
     """Log posterior and its gradient by z; the trajectory's part by forward tangents."""
-    r, tangents = _residual_and_tangents(layout, context, z)
+    e, tangents = _misfit_and_tangents(layout, context, z)
     noise_part = jax.value_and_grad(partial(_log_noise, layout, context), argnums=(0, 1))
-    value, (by_r, by_z) = noise_part(r, z)
-    gradient = (by_z - z).at[jnp.asarray(_moving(layout), int)].add(tangents @ by_r)
+    value, (by_e, by_z) = noise_part(e, z)
+    gradient = (by_z - z).at[jnp.asarray(_moving(layout), int)].add(tangents @ by_e)
     return value + log_prior(z), gradient
 
 
 def curvature(layout: Layout, context: Context, z: Array) -> tuple[Array, Array, Array]:
     """Log posterior, gradient (d,) and the Gauss–Newton information (d, d), the prior's identity included."""
-    r, tangents = _residual_and_tangents(layout, context, z)
+    e, tangents = _misfit_and_tangents(layout, context, z)
     p = parameters(layout, context, z)
     noise_fun = partial(_log_noise, layout, context)
-    value, (by_r, by_z) = jax.value_and_grad(noise_fun, argnums=(0, 1))(r, z)
+    value, (by_e, by_z) = jax.value_and_grad(noise_fun, argnums=(0, 1))(e, z)
     moving = jnp.asarray(_moving(layout), int)
-    gradient = (by_z - z).at[moving].add(tangents @ by_r)
-    roots = jax.vmap(lambda v: layout.noise.information_root(v, context.gaps, p))(tangents)
-    # The noise parameters enter through few scalars: their exact curvature at fixed residuals is cheap.
+    gradient = (by_z - z).at[moving].add(tangents @ by_e)
+    root = _noise(layout, context)[1]
+    roots = jax.vmap(lambda v: root(v, p))(tangents)
+    # The noise parameters enter through few scalars: their exact curvature at a fixed misfit is cheap.
     still = [i for i in range(z.size) if i not in _moving(layout)]
     information = jnp.zeros((z.size, z.size)).at[jnp.ix_(moving, moving)].set(roots @ roots.T)
     if still:
         index = jnp.asarray(still, int)
-        hessian = -jax.hessian(lambda zn: noise_fun(r, z.at[index].set(zn)))(z[index])
+        hessian = -jax.hessian(lambda zn: noise_fun(e, z.at[index].set(zn)))(z[index])
         lowest, vectors = jnp.linalg.eigh(0.5 * (hessian + hessian.T))
         positive = (vectors * jnp.maximum(lowest, 0.0)) @ vectors.T
         information = information.at[jnp.ix_(index, index)].set(positive)

@@ -79,6 +79,12 @@ def nodes(osc: Oscillator, plan: MeshPlan, p: Parameters) -> Array:
     return found.at[plan.count].set(jnp.stack([theta, omega, acceleration(theta, omega)]))
 
 
+def node_pairs(osc: Oscillator, plan: MeshPlan, p: Parameters) -> Array:
+    """θ, θ̇, θ̈ at the left and at the right end of each step, shape (m, 6)."""
+    state = nodes(osc, plan, p)
+    return jnp.concatenate([state[:-1], state[1:]], axis=1)
+
+
 def record(osc: Oscillator, plan: Plan, p: Parameters) -> Array:
     """The planned quantity at the samples, shape (n,), in rad, rad/s or rad/s².
 

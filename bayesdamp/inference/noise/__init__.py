@@ -1,8 +1,8 @@
 """Noise models: one class in one module each, found by name."""
 
-from bayesdamp.inference.noise._noise import NoiseModel
+from bayesdamp.inference.noise._noise import NoiseModel, NormalNoise
 from bayesdamp.plugins import Registry
 
 NOISES: Registry[NoiseModel] = Registry("bayesdamp.inference.noise", "noise model")
 
-__all__ = ["NOISES", "NoiseModel"]
+__all__ = ["NOISES", "NoiseModel", "NormalNoise"]

@@ -40,3 +40,20 @@ class NoiseModel(ABC):
     @abstractmethod
     def information_root(self, v: Array, gaps: Array, p: Mapping[str, Array]) -> Array:
         """R v with RᵀR the Fisher information about a shift of the record by v, shape (n,)."""
+
+
+class NormalNoise(NoiseModel):
+    """Noise whose log likelihood is linear in a few sums of squares of residuals, so that a record can be condensed.
+
+    sums: their names: "squares" Σ r_i², "differences" Σ (r_{i+1} − r_i)², "ends" r_1² + r_n². uniform_clock:
+    whether they suffice on a uniform clock only.
+    """
+
+    sums: tuple[str, ...]
+    uniform_clock: bool
+
+    @abstractmethod
+    def log_likelihood_of_sums(
+        self, sums: Mapping[str, Array], count: Array, gap: Array, p: Mapping[str, Array]
+    ) -> Array:
+        """`log_likelihood` of count residuals with these sums of squares, gap (s) apart on average, shape ()."""

@@ -8,13 +8,13 @@ import numpy as np
 from jax import Array
 from jax import numpy as jnp
 
-from bayesdamp.inference.noise._noise import NoiseModel
+from bayesdamp.inference.noise._noise import NormalNoise
 from bayesdamp.inference.noise.gaussian import LOG_2PI
 from bayesdamp.priors import LogNormal, Prior
 from bayesdamp.signals.features import Features
 
 
-class Correlated(NoiseModel):
+class Correlated(NormalNoise):
     """cov(r_i, r_j) = noise_sd² exp(−|t_i − t_j| / noise_time), the first sample stationary.
 
     AR(1) with ρ = exp(−Δt / noise_time) on a uniform clock, and right under jitter and gaps.
@@ -22,6 +22,8 @@ class Correlated(NoiseModel):
 
     name = "correlated"
     parameters = ("noise_sd", "noise_time")
+    sums = ("squares", "differences", "ends")
+    uniform_clock = True
 
     def priors(self, features: Features) -> dict[str, Prior]:
         return {
@@ -46,6 +48,16 @@ class Correlated(NoiseModel):
         innovations = jnp.log(-jnp.expm1(-2 * gaps / p["noise_time"]))
         log_scale = r.size * (jnp.log(p["noise_sd"]) + 0.5 * LOG_2PI) + 0.5 * jnp.sum(innovations)
         return -0.5 * jnp.sum(self.whiten(r, gaps, p) ** 2) - log_scale
+
+    def log_likelihood_of_sums(
+        self, sums: Mapping[str, Array], count: Array, gap: Array, p: Mapping[str, Array]
+    ) -> Array:
+        # r_1² + Σ (r_{i+1} − ρ r_i)²/(1 − ρ²), ordered by 1 − ρ so that no two large terms are subtracted.
+        sd, exponent = p["noise_sd"], -gap / p["noise_time"]
+        rho, lost = jnp.exp(exponent), -jnp.expm1(exponent)
+        square = (rho / lost * sums["differences"] + lost * sums["squares"] + rho * sums["ends"]) / (1 + rho)
+        innovations = (count - 1) * jnp.log(-jnp.expm1(2 * exponent))
+        return -0.5 * square / sd**2 - count * (jnp.log(sd) + 0.5 * LOG_2PI) - 0.5 * innovations
 
     def information_root(self, v: Array, gaps: Array, p: Mapping[str, Array]) -> Array:
         return self.whiten(v, gaps, p)

@@ -9,18 +9,20 @@ import numpy as np
 from jax import Array
 from jax import numpy as jnp
 
-from bayesdamp.inference.noise._noise import NoiseModel
+from bayesdamp.inference.noise._noise import NormalNoise
 from bayesdamp.priors import LogNormal, Prior
 from bayesdamp.signals.features import Features
 
 LOG_2PI = math.log(2 * math.pi)
 
 
-class Gaussian(NoiseModel):
+class Gaussian(NormalNoise):
     """r_i ~ N(0, noise_sd²), independent."""
 
     name = "gaussian"
     parameters = ("noise_sd",)
+    sums = ("squares",)
+    uniform_clock = False
 
     def priors(self, features: Features) -> dict[str, Prior]:
         return {"noise_sd": LogNormal(median=features.roughness, sigma=1.0)}
@@ -31,6 +33,12 @@ class Gaussian(NoiseModel):
     def log_likelihood(self, r: Array, gaps: Array, p: Mapping[str, Array]) -> Array:
         sd = p["noise_sd"]
         return -0.5 * jnp.sum((r / sd) ** 2) - r.size * (jnp.log(sd) + 0.5 * LOG_2PI)
+
+    def log_likelihood_of_sums(
+        self, sums: Mapping[str, Array], count: Array, gap: Array, p: Mapping[str, Array]
+    ) -> Array:
+        sd = p["noise_sd"]
+        return -0.5 * sums["squares"] / sd**2 - count * (jnp.log(sd) + 0.5 * LOG_2PI)
 
     def whiten(self, r: Array, gaps: Array, p: Mapping[str, Array]) -> Array:
         return r / p["noise_sd"]

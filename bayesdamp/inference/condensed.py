@@ -1,0 +1,173 @@
+"""A long record condensed, in one pass, to a few numbers a solver step: the likelihood's cost loses the samples.
+
+Between two nodes the dense output is linear in the node values x (θ, θ̇, θ̈ at both ends), so the residuals of
+the samples in a step are y − W x. The triangle of [W | y] = Q [R | b; 0 | c] gives their sum of squares for
+every x: |b − R x|² + c², with R (6, 6) and b (6,). These are square roots of moments: b − R x is as small as the
+residuals are, nothing cancels, and no reference trajectory is needed. Neighbouring residuals' differences
+are condensed in the same way, but for the pairs that straddle a node, which are kept as they are.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import partial
+
+import jax
+import numpy as np
+from jax import Array
+from jax import numpy as jnp
+
+from bayesdamp.inference.noise import NoiseModel, NormalNoise
+from bayesdamp.physics.integrate import MeshPlan, Plan
+
+CROWDED = 8.0
+"""Samples a step from which condensing pays: a step becomes six or thirteen numbers."""
+EVEN = 1e-8
+"""Departure of a gap from the mean one, as a share, up to which a clock is uniform: rounding, no jitter. In a log
+likelihood ten sds from its mode it shows as about 14 times that (nats)."""
+CHUNK = 2**18
+"""Samples triangulated at a time."""
+
+
+@partial(jax.tree_util.register_dataclass, data_fields=["root", "value", "rest"], meta_fields=[])
+@dataclass(frozen=True)
+class Triangles:
+    """Sums of squares by step: root R (m, 6, 6), value b (m, 6), and the root of what no x can remove, (1,)."""
+
+    root: Array
+    value: Array
+    rest: Array
+
+    def misfit(self, pairs: Array) -> Array:
+        """b − R x of all steps and the rest, shape (6m + 1,), at the steps' node values, (m, 6)."""
+        left = self.value - jnp.sum(self.root * pairs[:, None, :], axis=2)
+        return jnp.concatenate([left.ravel(), self.rest])
+
+
+@partial(
+    jax.tree_util.register_dataclass,
+    data_fields=["step", "weights", "before", "weights_before", "value"],
+    meta_fields=[],
+)
+@dataclass(frozen=True)
+class Singles:
+    """Residuals, or differences of two, one by one: their steps (k,), dense-output weights (k, 6), values (k,)."""
+
+    step: Array
+    weights: Array
+    before: Array
+    weights_before: Array
+    value: Array
+
+    def misfit(self, pairs: Array) -> Array:
+        """Value minus that of the trajectory, shape (k,)."""
+        after = jnp.sum(pairs[self.step] * self.weights, axis=1)
+        return self.value - (after - jnp.sum(pairs[self.before] * self.weights_before, axis=1))
+
+
+@partial(jax.tree_util.register_dataclass, data_fields=["sums", "count", "gap"], meta_fields=[])
+@dataclass(frozen=True)
+class Condensed:
+    """What the sums of squares of `NormalNoise` are made of, by name; the samples' number and mean gap (s)."""
+
+    sums: Mapping[str, tuple[Triangles | Singles, ...]]
+    count: Array
+    gap: Array
+
+    def misfit(self, pairs: Array) -> Array:
+        """One vector, shape (c,), whose parts have the sums as their squares, at node values (m, 6)."""
+        return jnp.concatenate([s.misfit(pairs) for name in sorted(self.sums) for s in self.sums[name]])
+
+    def split(self, misfit: Array) -> dict[str, Array]:
+        """The parts of such a vector by the name of their sum."""
+        names = sorted(self.sums)
+        sizes = [sum(s.value.size + isinstance(s, Triangles) for s in self.sums[n]) for n in names]
+        return dict(zip(names, jnp.split(misfit, np.cumsum(sizes)[:-1]), strict=True))
+
+
+def log_likelihood(noise: NormalNoise, condensed: Condensed, misfit: Array, p: Mapping[str, Array]) -> Array:
+    """Log density of the record in nats, shape (), from the vector (c,) that `Condensed.misfit` gives."""
+    sums = {name: jnp.sum(part**2) for name, part in condensed.split(misfit).items()}
+    return noise.log_likelihood_of_sums(sums, condensed.count, condensed.gap, p)
+
+
+def information_root(noise: NormalNoise, condensed: Condensed, v: Array, p: Mapping[str, Array]) -> Array:
+    """R v with RᵀR the Fisher information about a shift of the misfit by v, shape (c,)."""
+
+    def density(sums: Mapping[str, Array]) -> Array:
+        return noise.log_likelihood_of_sums(sums, condensed.count, condensed.gap, p)
+
+    parts = condensed.split(v)
+    slopes = jax.grad(density)({name: jnp.zeros(()) for name in parts})
+    return jnp.concatenate([jnp.sqrt(-2.0 * slopes[name]) * part for name, part in parts.items()])
+
+
+def condense(noise: NoiseModel, plan: Plan, t: np.ndarray, y: np.ndarray) -> Condensed | None:
+    """A record's times (s, (n,)) and values (n,) for this noise and plan; None where the plain sum is to be taken:
+
+    few samples a step, steps that belong to the parameters (exact friction), noise whose likelihood is not
+    made of sums of squares, correlated noise on a clock that is not uniform.
+    """
+    if not isinstance(noise, NormalNoise) or not isinstance(plan, MeshPlan):
+        return None
+    if t.size < CROWDED * plan.steps.size or (noise.uniform_clock and not _even(t)):
+        return None
+    sums = {name: _SUMS[name](plan, np.asarray(y, float)) for name in noise.sums}
+    return Condensed(sums, jnp.asarray(float(t.size)), jnp.asarray((t[-1] - t[0]) / (t.size - 1)))
+
+
+def _even(t: np.ndarray) -> bool:
+    gaps = np.diff(t)
+    return bool(np.max(np.abs(gaps / gaps.mean() - 1.0)) <= EVEN)
+
+
+def _squares(plan: MeshPlan, y: np.ndarray) -> tuple[Triangles]:
+    rows = np.column_stack([np.asarray(plan.weights), y])
+    return (_triangles(np.asarray(plan.interval), rows, plan.steps.size),)
+
+
+def _differences(plan: MeshPlan, y: np.ndarray) -> tuple[Triangles, Singles]:
+    interval, weights = np.asarray(plan.interval), np.asarray(plan.weights)
+    rows = np.diff(np.column_stack([weights, y]), axis=0)
+    within = interval[1:] == interval[:-1]
+    inside = _triangles(interval[1:][within], rows[within], plan.steps.size)
+    # A pair for each step that it leaves; a step without samples, and the last, leave none: zeros.
+    last = np.flatnonzero(~within)
+    step, before = np.zeros((2, plan.steps.size), int)
+    after_weights, before_weights = np.zeros((2, plan.steps.size, 6))
+    value = np.zeros(plan.steps.size)
+    leaves = interval[last]
+    step[leaves], before[leaves] = interval[last + 1], leaves
+    after_weights[leaves], before_weights[leaves] = weights[last + 1], weights[last]
+    value[leaves] = y[last + 1] - y[last]
+    return inside, Singles(*map(jnp.asarray, (step, after_weights, before, before_weights, value)))
+
+
+def _ends(plan: MeshPlan, y: np.ndarray) -> tuple[Singles]:
+    at = np.array([0, -1])
+    step, weights = np.asarray(plan.interval)[at], np.asarray(plan.weights)[at]
+    return (Singles(*map(jnp.asarray, (step, weights, step, np.zeros_like(weights), y[at]))),)
+
+
+_SUMS = {"squares": _squares, "differences": _differences, "ends": _ends}
+
+
+def _triangles(step: np.ndarray, rows: np.ndarray, count: int) -> Triangles:
+    """Triangles of the rows [weights | value], shape (n, 7), of each step; step: (n,), not decreasing.
+
+    Steps with about as many rows are stacked, filled up with zeros, which change no triangle.
+    """
+    first = np.searchsorted(step, np.arange(count))
+    sizes = np.diff(np.append(first, step.size))
+    found = np.zeros((count, 7, 7))
+    lengths = 2 ** np.ceil(np.log2(np.maximum(sizes, 8))).astype(int)
+    for length in np.unique(lengths):
+        same = np.flatnonzero(lengths == length)
+        for part in np.array_split(same, int(np.ceil(same.size * length / CHUNK))):
+            offset = np.arange(length)
+            held = offset < sizes[part][:, None]
+            index = np.where(held, first[part][:, None] + offset, 0)
+            found[part] = np.linalg.qr(np.where(held[..., None], rows[index], 0.0), mode="r")
+    rest = np.sqrt(np.sum(found[:, 6, 6] ** 2))
+    return Triangles(jnp.asarray(found[:, :6, :6]), jnp.asarray(found[:, :6, 6]), jnp.asarray(rest[None]))
