@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import lru_cache
 
 import jax
@@ -11,10 +11,11 @@ import numpy as np
 
 from bayesdamp.inference.mode import Mode, climb
 from bayesdamp.inference.target import Context, Layout, Target, parameters, residual
-from bayesdamp.physics.friction import TurningPlan
-from bayesdamp.physics.integrate import MeshPlan
+from bayesdamp.physics.integrate import part_of
 
 DRAWS = 200
+TOGETHER = 2_000_000
+"""Residuals that are held at a time."""
 P_LIMIT = 0.01
 WINDOW_LIMIT = 4.0
 """Shift of a coefficient between a window and the record, in standard deviations of that shift."""
@@ -90,8 +91,9 @@ def check_fit(target: Target, mode: Mode, period: float, seed: int) -> Fit:
     r, white = map(np.asarray, one(mode.context, jnp.asarray(mode.z)))
     lags = int(np.clip(period / np.median(np.diff(target.signal.t)), 4, max(n // 5, 4)))
     draws = laplace_draws(target, mode, DRAWS, seed)
+    batches = np.array_split(draws, max(4, DRAWS * n // TOGETHER))
     observed = np.concatenate(
-        [portmanteau(np.asarray(many(mode.context, jnp.asarray(d))[1]), lags) for d in np.split(draws, 4)]
+        [portmanteau(np.asarray(many(mode.context, jnp.asarray(d))[1]), lags) for d in batches]
     )
     noise = np.random.default_rng(seed + 1)
     replicated = np.array([portmanteau(noise.standard_normal(n), lags) for _ in range(DRAWS)])
@@ -123,12 +125,6 @@ def _verdict(noise: str, p: float, z: float) -> str:
     return "fits, with correlated noise" if noise == "correlated" else "fits"
 
 
-def _cut(plan: MeshPlan | TurningPlan, part: slice) -> MeshPlan | TurningPlan:
-    if isinstance(plan, TurningPlan):
-        return replace(plan, times=plan.times[part])
-    return replace(plan, interval=plan.interval[part], weights=plan.weights[part])
-
-
 def _windows(target: Target, mode: Mode) -> tuple[tuple[Window, ...], float, float]:
     """The mode on the first, the middle and the last half of the record; the motion starts where it did."""
     t, n = target.signal.t, target.signal.t.size
@@ -137,12 +133,7 @@ def _windows(target: Target, mode: Mode) -> tuple[tuple[Window, ...], float, flo
     windows, spread, largest = [whole], 0.0, 0.0
     for label, first in (("first half", 0), ("middle half", (n - half) // 2), ("last half", n - half)):
         part = slice(first, first + half)
-        context = replace(
-            mode.context,
-            plan=_cut(mode.context.plan, part),
-            y=mode.context.y[part],
-            gaps=mode.context.gaps[first : first + half - 1],
-        )
+        context = target.context(part_of(mode.context.plan, part), part)
         z, value, information, _, _ = climb(target.layout, context, mode.z)
         if not np.isfinite(value):
             continue

@@ -2,9 +2,10 @@
 
 Between two nodes the dense output is linear in the node values x (θ, θ̇, θ̈ at both ends), so the residuals of
 the samples in a step are y − W x. The triangle of [W | y] = Q [R | b; 0 | c] gives their sum of squares for
-every x: |b − R x|² + c², with R (6, 6) and b (6,). These are square roots of moments: b − R x is as small as the
-residuals are, nothing cancels, and no reference trajectory is needed. Neighbouring residuals' differences
-are condensed in the same way, but for the pairs that straddle a node, which are kept as they are.
+every x: |b − R x|² + c², with R (6, 6) and b (6,). These are square roots of moments: b − R x is as small as
+the residuals are, and nothing cancels. Taken against the trajectory at which the plan is anchored, R's own
+rounding does not count either. Neighbouring residuals' differences are condensed in the same way, but for
+the pairs that straddle a node, which are kept as they are.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from jax import Array
 from jax import numpy as jnp
 
 from bayesdamp.inference.noise import NoiseModel, NormalNoise
-from bayesdamp.physics.integrate import MeshPlan, Plan
+from bayesdamp.physics.integrate import MeshPlan, Plan, between
 
 CROWDED = 8.0
 """Samples a step from which condensing pays: a step becomes six or thirteen numbers."""
@@ -66,18 +67,27 @@ class Singles:
         return self.value - (after - jnp.sum(pairs[self.before] * self.weights_before, axis=1))
 
 
-@partial(jax.tree_util.register_dataclass, data_fields=["sums", "count", "gap"], meta_fields=[])
+@partial(jax.tree_util.register_dataclass, data_fields=["sums", "near", "count", "gap"], meta_fields=[])
 @dataclass(frozen=True)
 class Condensed:
-    """What the sums of squares of `NormalNoise` are made of, by name; the samples' number and mean gap (s)."""
+    """What the sums of squares of `NormalNoise` are made of, by name; the samples' number and mean gap (s).
+
+    near: values at the nodes from which the sums are counted, (m + 1, 3).
+    """
 
     sums: Mapping[str, tuple[Triangles | Singles, ...]]
+    near: Array
     count: Array
     gap: Array
 
-    def misfit(self, pairs: Array) -> Array:
-        """One vector, shape (c,), whose parts have the sums as their squares, at node values (m, 6)."""
-        return jnp.concatenate([s.misfit(pairs) for name in sorted(self.sums) for s in self.sums[name]])
+    def misfit(self, nodes: Array) -> Array:
+        """One vector, shape (c,), whose parts have the sums as their squares, at values at the nodes, (m' + 1, 3).
+
+        m' may be larger than the m of the sums: they hold all steps with samples.
+        """
+        apart = nodes[: self.near.shape[0]] - self.near
+        away = jnp.concatenate([apart[:-1], apart[1:]], axis=1)
+        return jnp.concatenate([s.misfit(away) for name in sorted(self.sums) for s in self.sums[name]])
 
     def split(self, misfit: Array) -> dict[str, Array]:
         """The parts of such a vector by the name of their sum."""
@@ -111,10 +121,17 @@ def condense(noise: NoiseModel, plan: Plan, t: np.ndarray, y: np.ndarray) -> Con
     """
     if not isinstance(noise, NormalNoise) or not isinstance(plan, MeshPlan):
         return None
-    if t.size < CROWDED * plan.steps.size or (noise.uniform_clock and not _even(t)):
+    count = int(plan.count)
+    if t.size < CROWDED * count or (noise.uniform_clock and not _even(t)):
         return None
-    sums = {name: _SUMS[name](plan, np.asarray(y, float)) for name in noise.sums}
-    return Condensed(sums, jnp.asarray(float(t.size)), jnp.asarray((t[-1] - t[0]) / (t.size - 1)))
+    size = min(2 ** int(np.ceil(np.log2(count))), plan.steps.size)  # so that few sizes are compiled
+    near, left = np.zeros((size + 1, 3)), np.asarray(y, float)
+    if plan.anchor is not None:
+        near = np.asarray(plan.anchor.nodes)[: size + 1]
+        left = left - np.asarray(plan.anchor.defect) - between(plan, near)
+    sums = {name: _SUMS[name](plan, left, size) for name in noise.sums}
+    gap = (t[-1] - t[0]) / (t.size - 1)
+    return Condensed(sums, jnp.asarray(near), jnp.asarray(float(t.size)), jnp.asarray(gap))
 
 
 def _even(t: np.ndarray) -> bool:
@@ -122,21 +139,21 @@ def _even(t: np.ndarray) -> bool:
     return bool(np.max(np.abs(gaps / gaps.mean() - 1.0)) <= EVEN)
 
 
-def _squares(plan: MeshPlan, y: np.ndarray) -> tuple[Triangles]:
+def _squares(plan: MeshPlan, y: np.ndarray, size: int) -> tuple[Triangles]:
     rows = np.column_stack([np.asarray(plan.weights), y])
-    return (_triangles(np.asarray(plan.interval), rows, plan.steps.size),)
+    return (_triangles(np.asarray(plan.interval), rows, size),)
 
 
-def _differences(plan: MeshPlan, y: np.ndarray) -> tuple[Triangles, Singles]:
+def _differences(plan: MeshPlan, y: np.ndarray, size: int) -> tuple[Triangles, Singles]:
     interval, weights = np.asarray(plan.interval), np.asarray(plan.weights)
     rows = np.diff(np.column_stack([weights, y]), axis=0)
     within = interval[1:] == interval[:-1]
-    inside = _triangles(interval[1:][within], rows[within], plan.steps.size)
+    inside = _triangles(interval[1:][within], rows[within], size)
     # A pair for each step that it leaves; a step without samples, and the last, leave none: zeros.
     last = np.flatnonzero(~within)
-    step, before = np.zeros((2, plan.steps.size), int)
-    after_weights, before_weights = np.zeros((2, plan.steps.size, 6))
-    value = np.zeros(plan.steps.size)
+    step, before = np.zeros((2, size), int)
+    after_weights, before_weights = np.zeros((2, size, 6))
+    value = np.zeros(size)
     leaves = interval[last]
     step[leaves], before[leaves] = interval[last + 1], leaves
     after_weights[leaves], before_weights[leaves] = weights[last + 1], weights[last]
@@ -144,7 +161,7 @@ def _differences(plan: MeshPlan, y: np.ndarray) -> tuple[Triangles, Singles]:
     return inside, Singles(*map(jnp.asarray, (step, after_weights, before, before_weights, value)))
 
 
-def _ends(plan: MeshPlan, y: np.ndarray) -> tuple[Singles]:
+def _ends(plan: MeshPlan, y: np.ndarray, size: int) -> tuple[Singles]:
     at = np.array([0, -1])
     step, weights = np.asarray(plan.interval)[at], np.asarray(plan.weights)[at]
     return (Singles(*map(jnp.asarray, (step, weights, step, np.zeros_like(weights), y[at]))),)

@@ -4,16 +4,27 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import jax.numpy as jnp
 import numpy as np
 
 from bayesdamp.inference.target import Context, Layout, Target, compiled
-from bayesdamp.physics.integrate import compiled_record
+from bayesdamp.physics.integrate import Plan, anchored, at_samples, divided
 from bayesdamp.types import Refusal
 
 BUDGET = 0.01
-"""Largest change of the log likelihood (nats) that halving the solver's steps may make."""
+"""Largest change of the log likelihood (nats) that finer steps of the solver may make within NEAR sds of the mode;
+farther down than there it may grow with the depth."""
+NEAR = 3.0
+"""Posterior sds from the mode."""
+COARSEST = 0.05
+"""Error of the solver's steps at the mode, in units of the noise, with which one begins: plans are set right there, and
+around it only a share of this remains."""
+FINER = 5
+"""Parts of a step on which its error is measured and set right; a method of order six leaves 6e-5 of it."""
+ANCHORS = 4
+"""Plans that one seed's climb may take."""
 
 
 @dataclass(frozen=True)
@@ -33,8 +44,8 @@ class Mode:
     """A posterior mode in scores.
 
     z: shape (d,); information: Gauss–Newton Hessian of −log posterior there, (d, d); factor: its inverse's
-    Cholesky factor, (d, d), which whitens; step_error: what halving the solver's steps changes, in the unit
-    of the record and in nats.
+    Cholesky factor, (d, d), which whitens; step_error, likelihood_error: what finer steps of the solver change
+    within three sds of the mode, in the unit of the record and in nats.
     """
 
     z: np.ndarray
@@ -88,11 +99,7 @@ def climb(
 def _with_noise(target: Target, z: np.ndarray, context: Context) -> np.ndarray:
     """Scores with the noise parameters read from the residuals of this trajectory."""
     layout = target.layout
-    values = {n: jnp.asarray(v) for n, v in target.all_values(z).items()}
-    fit = np.asarray(
-        compiled_record(target.oscillator)(context.plan, {n: values[n] for n in target.oscillator.parameters})
-    )
-    r = target.signal.y - fit
+    r = target.signal.y - at_samples(target.oscillator, context.plan, target.all_values(z))
     if not np.all(np.isfinite(r)):
         return z
     start = target.scores(layout.noise.start(r, np.diff(target.signal.t)))
@@ -108,23 +115,40 @@ def find_mode(target: Target, seeds: Mapping[str, Mapping[str, float]], *, noise
     sets how well trajectories are first computed. Raises Refusal where no seed reaches a finite posterior.
     """
     layout = target.layout
-    n = target.signal.t.size
     # A first guess; `_settle` measures what the steps do to the likelihood and shortens them where they must be.
-    tolerance = 0.5 * noise_level / np.sqrt(n)
+    tolerance = COARSEST * noise_level
+    if target.exact_friction:  # its plans cannot be anchored
+        tolerance = 0.5 * noise_level / np.sqrt(target.signal.t.size)
     climbs: list[Climb] = []
     best: tuple[float, np.ndarray] | None = None
     for name, z0 in _distinct(target, seeds):
-        plan, _ = target.plan(z0, tolerance)
-        context = target.context(plan)
+        context = target.context(_plans(target, z0, tolerance)[0])
         z0 = _with_noise(target, z0, context)
         start = float(compiled(layout).log_posterior(context, jnp.asarray(z0)))
-        z, value, _, count, done = climb(layout, context, z0)
+        z, value, count, done = _ascend(target, context, z0, tolerance)
         climbs.append(Climb(name, start, value, count, z, done))
         if np.isfinite(value) and (best is None or value > best[0]):
             best = (value, z)
     if best is None:
         raise Refusal("no seed leads to a trajectory with a finite likelihood")
     return _settle(target, best[1], tolerance, tuple(climbs))
+
+
+def _ascend(
+    target: Target, context: Context, z: np.ndarray, tolerance: float
+) -> tuple[np.ndarray, float, int, bool]:
+    """`climb`, and again with a plan made where it ended while that is far from where it began: so are all modes
+    compared on plans that are right at them. The scores, their log posterior, evaluations, converged."""
+    evaluations, attempts = 0, 0
+    while True:
+        attempts += 1
+        before = z
+        z, value, information, count, done = climb(target.layout, context, before)
+        evaluations += count
+        near = (z - before) @ information @ (z - before) < NEAR**2
+        if near or not np.isfinite(value) or attempts == ANCHORS:
+            return z, value, evaluations, done
+        context = target.context(_plans(target, z, tolerance)[0])
 
 
 def _distinct(target: Target, seeds: Mapping[str, Mapping[str, float]]) -> Sequence[tuple[str, np.ndarray]]:
@@ -138,23 +162,46 @@ def _distinct(target: Target, seeds: Mapping[str, Mapping[str, float]]) -> Seque
 
 
 def _settle(target: Target, z: np.ndarray, tolerance: float, climbs: tuple[Climb, ...]) -> Mode:
-    """Plan the solver at the mode until halving its steps changes the likelihood by less than the budget."""
-    layout = target.layout
+    """Plan the solver at the mode until finer steps change the likelihood by less than the budget."""
     attempts = 0
     while True:
         attempts += 1
-        plan, error = target.plan(z, tolerance)
+        plan, finer, error = _plans(target, z, tolerance)
         context = target.context(plan)
-        z, value, information, _, _ = climb(layout, context, z)
-        finer, _ = target.plan(z, max(error, 1e-15) / 40)
-        run = compiled(layout).log_posterior
-        change = abs(float(run(context, jnp.asarray(z)) - run(target.context(finer), jnp.asarray(z))))
+        z, value, information, _, _ = climb(target.layout, context, z)
+        if not np.isfinite(value):
+            raise Refusal("the posterior is not finite at its mode")
+        factor = whitening(information)
+        moved, change = _step_errors(target, context, target.context(finer), z, factor)
         if change < BUDGET or attempts == 6:
             break
-        tolerance = min(tolerance, error) * min(0.5, BUDGET / change) * 0.5
-    if not np.isfinite(value):
-        raise Refusal("the posterior is not finite at its mode")
-    return Mode(z, value, information, whitening(information), context, climbs, error, change, tolerance)
+        tolerance = min(tolerance, error) * np.clip(BUDGET / change, 1e-3, 0.5) * 0.5
+    return Mode(z, value, information, factor, context, climbs, moved, change, tolerance)
+
+
+def _plans(target: Target, z: np.ndarray, tolerance: float) -> tuple[Plan, Plan, float]:
+    """A plan within `tolerance` at z, set right there by a much finer one; that one; the error it was set right by."""
+    plan, error = target.plan(z, tolerance)
+    finer = divided(plan, FINER, target.signal.t, target.signal.quantity)
+    return anchored(target.oscillator, plan, finer, target.all_values(z)), finer, error
+
+
+def _step_errors(
+    target: Target, context: Context, finer: Context, z: np.ndarray, factor: np.ndarray
+) -> tuple[float, float]:
+    """What finer steps change (unit of the record, nats) at z and three sds from it in each whitened direction."""
+    run, fit = compiled(target.layout).log_posterior, partial(at_samples, target.oscillator)
+    top = float(run(finer, jnp.asarray(z)))
+    moved = change = 0.0
+    for offset in (np.zeros_like(z), *(NEAR * factor.T), *(-NEAR * factor.T)):
+        at = jnp.asarray(z + offset)
+        coarse, fine = float(run(context, at)), float(run(finer, at))
+        if not (np.isfinite(coarse) or np.isfinite(fine)):
+            continue
+        change = max(change, abs(coarse - fine) * min(1.0, 0.5 * NEAR**2 / max(top - fine, 1e-300)))
+        p = target.all_values(z + offset)
+        moved = max(moved, float(np.max(np.abs(fit(context.plan, p) - fit(finer.plan, p)))))
+    return moved, change
 
 
 def whitening(information: np.ndarray) -> np.ndarray:
@@ -167,15 +214,5 @@ def restore_mode(
     target: Target, z: np.ndarray, log_posterior: float, information: np.ndarray, tolerance: float
 ) -> Mode:
     """A mode from what was stored of it: the plan of the solver is made anew at z."""
-    plan, error = target.plan(z, tolerance)
-    return Mode(
-        z,
-        log_posterior,
-        information,
-        whitening(information),
-        target.context(plan),
-        (),
-        error,
-        np.nan,
-        tolerance,
-    )
+    context = target.context(_plans(target, z, tolerance)[0])
+    return Mode(z, log_posterior, information, whitening(information), context, (), np.nan, np.nan, tolerance)

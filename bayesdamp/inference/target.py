@@ -19,7 +19,7 @@ from jax import numpy as jnp
 from bayesdamp.inference import condensed as condensing
 from bayesdamp.inference.condensed import Condensed, condense
 from bayesdamp.inference.noise import NOISES, NoiseModel, NormalNoise
-from bayesdamp.physics.integrate import MeshPlan, Plan, is_exact, node_pairs, plan_with_error, record
+from bayesdamp.physics.integrate import MeshPlan, Plan, is_exact, nodes, plan_with_error, record
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.priors import Prior
 from bayesdamp.types import Signal
@@ -149,7 +149,7 @@ def misfit(layout: Layout, context: Context, p: Mapping[str, Array]) -> Array:
     """What the likelihood is a function of, shape (c,): the residuals or, condensed, what has their sums of squares."""
     if context.condensed is None or not isinstance(context.plan, MeshPlan):
         return context.y - record(layout.oscillator, context.plan, p)
-    return context.condensed.misfit(node_pairs(layout.oscillator, context.plan, p))
+    return context.condensed.misfit(nodes(layout.oscillator, context.plan.steps, context.plan.count, p))
 
 
 def _noise(layout: Layout, context: Context) -> tuple[Callable[..., Array], Callable[..., Array]]:

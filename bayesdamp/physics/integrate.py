@@ -8,7 +8,7 @@ tangents work on it.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache, partial
 
 import jax
@@ -24,14 +24,28 @@ from bayesdamp.physics.stepper import step
 from bayesdamp.physics.tableau import ORDER
 
 FIRST_RESOLUTION = 0.6
+ENOUGH = 20_000
+"""Samples at which the error of a plan is looked at; of more, that many spread over the record."""
 QUANTITIES = ("angle", "velocity", "acceleration")
 
 
 LEAST_ROOM = 1024
 
 
+@partial(jax.tree_util.register_dataclass, data_fields=["nodes", "defect"], meta_fields=[])
+@dataclass(frozen=True)
+class Anchor:
+    """What a plan knows of one trajectory: its values at the nodes, (room + 1, 3), and what the samples lack there
+    by the length of the steps, (n,)."""
+
+    nodes: Array
+    defect: Array
+
+
 @partial(
-    jax.tree_util.register_dataclass, data_fields=["steps", "count", "interval", "weights"], meta_fields=[]
+    jax.tree_util.register_dataclass,
+    data_fields=["steps", "count", "interval", "weights", "anchor"],
+    meta_fields=[],
 )
 @dataclass(frozen=True)
 class MeshPlan:
@@ -44,12 +58,14 @@ class MeshPlan:
     count: Array
     interval: Array
     weights: Array
+    anchor: Anchor | None = None
 
 
 Plan = MeshPlan | friction.TurningPlan
 
 
-def _mesh_plan(nodes: np.ndarray, times: np.ndarray, quantity: str, room: int) -> MeshPlan:
+def _mesh_plan(nodes: np.ndarray, times: np.ndarray, quantity: str, parts: int = 1) -> MeshPlan:
+    """parts: into how many its steps will be divided in the same room."""
     interval = np.clip(np.searchsorted(nodes, times, side="right") - 1, 0, nodes.size - 2)
     h = np.diff(nodes)
     weights = basis(
@@ -57,12 +73,12 @@ def _mesh_plan(nodes: np.ndarray, times: np.ndarray, quantity: str, room: int) -
         jnp.asarray(h[interval]),
         QUANTITIES.index(quantity),
     )
-    steps = np.zeros(room)
+    steps = np.zeros(max(LEAST_ROOM, 4 ** math.ceil(math.log(parts * h.size, 4))))
     steps[: h.size] = h
     return MeshPlan(jnp.asarray(steps), jnp.asarray(h.size), jnp.asarray(interval), weights)
 
 
-def nodes(osc: Oscillator, plan: MeshPlan, p: Parameters) -> Array:
+def nodes(osc: Oscillator, steps: Array, count: Array, p: Parameters) -> Array:
     """θ, θ̇, θ̈ at the nodes, shape (room + 1, 3), zero behind the last. Forward tangents work, reverse ones do not."""
 
     def acceleration(theta: Array, omega: Array) -> Array:
@@ -70,19 +86,13 @@ def nodes(osc: Oscillator, plan: MeshPlan, p: Parameters) -> Array:
 
     def advance(i, carry):
         theta, omega, found = carry
-        new_theta, new_omega, before = step(acceleration, plan.steps[i], theta, omega)
+        new_theta, new_omega, before = step(acceleration, steps[i], theta, omega)
         return new_theta, new_omega, found.at[i].set(jnp.stack([theta, omega, before]))
 
     start = (jnp.asarray(p["theta0"], float), jnp.asarray(p["omega0"], float))
-    empty = jnp.zeros((plan.steps.size + 1, 3))
-    theta, omega, found = jax.lax.fori_loop(0, plan.count, advance, (*start, empty))
-    return found.at[plan.count].set(jnp.stack([theta, omega, acceleration(theta, omega)]))
-
-
-def node_pairs(osc: Oscillator, plan: MeshPlan, p: Parameters) -> Array:
-    """θ, θ̇, θ̈ at the left and at the right end of each step, shape (m, 6)."""
-    state = nodes(osc, plan, p)
-    return jnp.concatenate([state[:-1], state[1:]], axis=1)
+    empty = jnp.zeros((steps.size + 1, 3))
+    theta, omega, found = jax.lax.fori_loop(0, count, advance, (*start, empty))
+    return found.at[count].set(jnp.stack([theta, omega, acceleration(theta, omega)]))
 
 
 def record(osc: Oscillator, plan: Plan, p: Parameters) -> Array:
@@ -92,15 +102,78 @@ def record(osc: Oscillator, plan: Plan, p: Parameters) -> Array:
     """
     if isinstance(plan, friction.TurningPlan):
         return friction.record(osc, plan, p)
-    state = nodes(osc, plan, p)
+    state = nodes(osc, plan.steps, plan.count, p)
     pair = jnp.concatenate([state[plan.interval], state[plan.interval + 1]], axis=1)
-    return jnp.sum(pair * plan.weights, axis=1)
+    between = jnp.sum(pair * plan.weights, axis=1)
+    return between if plan.anchor is None else between + plan.anchor.defect
 
 
 @lru_cache(maxsize=128)
 def compiled_record(osc: Oscillator):
     """`record` of one oscillator, compiled once per shape of plan: (plan, parameters) -> samples."""
     return jax.jit(partial(record, osc))
+
+
+@lru_cache(maxsize=128)
+def _compiled_nodes(osc: Oscillator):
+    return jax.jit(partial(nodes, osc))
+
+
+def _node_values(osc: Oscillator, plan: MeshPlan, p: Parameters) -> np.ndarray:
+    values = {name: jnp.asarray(float(p[name])) for name in osc.parameters}
+    return np.asarray(_compiled_nodes(osc)(plan.steps, plan.count, values))
+
+
+def between(plan: MeshPlan, state: np.ndarray) -> np.ndarray:
+    """The dense output at the samples, shape (n,), of values at the nodes, (m + 1, 3), anchor or no."""
+    interval = np.asarray(plan.interval)
+    pair = np.concatenate([state[interval], state[interval + 1]], axis=1)
+    return np.einsum("ij,ij->i", pair, np.asarray(plan.weights))
+
+
+def at_samples(osc: Oscillator, plan: Plan, p: Parameters) -> np.ndarray:
+    """`record` in numbers, shape (n,), compiled once for a room of steps, whatever the number of samples."""
+    if not isinstance(plan, MeshPlan):
+        values = {name: jnp.asarray(float(p[name])) for name in osc.parameters}
+        return np.asarray(compiled_record(osc)(plan, values))
+    found = between(plan, _node_values(osc, plan, p))
+    return found if plan.anchor is None else found + np.asarray(plan.anchor.defect)
+
+
+def anchored(osc: Oscillator, plan: Plan, finer: Plan, p: Parameters) -> Plan:
+    """The plan with its samples set right at `p`: there its trajectory is that of the finer plan.
+
+    Near there the error is a share of the distance to that trajectory, however many samples ask for how
+    little: the steps need not be shorter for a longer record. Exact friction keeps its plan.
+    """
+    if not (isinstance(plan, MeshPlan) and isinstance(finer, MeshPlan)):
+        return plan
+    state = _node_values(osc, plan, p)
+    defect = at_samples(osc, finer, p) - between(plan, state)
+    return replace(plan, anchor=Anchor(jnp.asarray(state), jnp.asarray(defect)))
+
+
+def divided(plan: Plan, parts: int, times: np.ndarray, quantity: str) -> Plan:
+    """The plan with each step divided into equal parts, for the same samples (s, (n,))."""
+    if not isinstance(plan, MeshPlan):
+        return replace(plan, steps=plan.steps / parts, per_half_cycle=parts * plan.per_half_cycle)
+    return _mesh_plan(_times(np.repeat(_steps(plan) / parts, parts)), times - times[0], quantity)
+
+
+def _steps(plan: MeshPlan) -> np.ndarray:
+    return np.asarray(plan.steps)[: int(plan.count)]
+
+
+def _times(steps: np.ndarray) -> np.ndarray:
+    return np.concatenate([[0.0], np.cumsum(steps)])
+
+
+def part_of(plan: Plan, part: slice) -> Plan:
+    """The plan of some of its samples; the motion starts where it did."""
+    if not isinstance(plan, MeshPlan):
+        return replace(plan, times=plan.times[part])
+    anchor = plan.anchor and replace(plan.anchor, defect=plan.anchor.defect[part])
+    return replace(plan, interval=plan.interval[part], weights=plan.weights[part], anchor=anchor)
 
 
 def is_exact(osc: Oscillator, p: Parameters) -> bool:
@@ -132,13 +205,16 @@ def plan_with_error(
 ) -> tuple[Plan, float]:
     """`make_plan`, and the largest difference that halving its steps makes at `p`, shape ()."""
     times = np.asarray(times, float) - float(times[0])
+    if times.size > ENOUGH:
+        some = times[np.linspace(0, times.size - 1, ENOUGH).astype(int)]
+        plan, error = plan_with_error(osc, p, some, quantity, tolerance)
+        return _at(plan, times, quantity), error
     p = {name: jnp.asarray(float(p[name])) for name in osc.parameters}
-    run = compiled_record(osc)
     resolution, best = FIRST_RESOLUTION, None
     order = ORDER - QUANTITIES.index(quantity)  # each derivative of the dense output costs one
     for _ in range(6):
         coarse, fine = _pair(osc, p, times, quantity, resolution)
-        change = float(jnp.max(jnp.abs(run(coarse, p) - run(fine, p))))
+        change = float(np.max(np.abs(at_samples(osc, coarse, p) - at_samples(osc, fine, p))))
         if not np.isfinite(change) or change <= tolerance:
             return coarse, change
         if best is not None and change > 0.5 * best[1]:
@@ -150,6 +226,13 @@ def plan_with_error(
     return best
 
 
+def _at(plan: Plan, times: np.ndarray, quantity: str) -> Plan:
+    """The same steps for other samples."""
+    if not isinstance(plan, MeshPlan):
+        return replace(plan, times=jnp.asarray(times))
+    return _mesh_plan(_times(_steps(plan)), times, quantity)
+
+
 def _pair(
     osc: Oscillator, p: Parameters, times: np.ndarray, quantity: str, resolution: float
 ) -> tuple[Plan, Plan]:
@@ -159,8 +242,7 @@ def _pair(
     mesh = frozen_mesh(osc, p, max(float(times[-1]), 1e-300), resolution)
     halved = np.empty(2 * mesh.size - 1)
     halved[::2], halved[1::2] = mesh, 0.5 * (mesh[:-1] + mesh[1:])
-    room = max(LEAST_ROOM, 4 ** math.ceil(math.log(halved.size, 4)))
-    return _mesh_plan(mesh, times, quantity, room), _mesh_plan(halved, times, quantity, room)
+    return _mesh_plan(mesh, times, quantity, parts=2), _mesh_plan(halved, times, quantity)
 
 
 def simulate(
@@ -180,4 +262,4 @@ def simulate(
     if quantity not in QUANTITIES:
         raise ValueError(f"quantity {quantity!r} is none of {', '.join(QUANTITIES)}")
     plan = make_plan(osc, p, times, quantity, tolerance)
-    return np.asarray(compiled_record(osc)(plan, {n: jnp.asarray(float(p[n])) for n in osc.parameters}))
+    return at_samples(osc, plan, p)

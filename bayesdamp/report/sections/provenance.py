@@ -78,7 +78,9 @@ def _budget(budget: Mapping[str, Any]) -> list[object]:
     columns = list(dict.fromkeys(key for found in rows.values() for key in found))
     lines = [Line([name or "all", *(_show(found.get(c)) for c in columns)]) for name, found in rows.items()]
     headers = ["where", *(c.replace("_", " ") for c in columns)]
-    caption = "What halving the integration step changes: the error budget of the solver"
+    caption = (
+        "What finer integration steps change within three sds of the mode: the error budget of the solver"
+    )
     return [Table(headers, lines, caption=caption)]
 
 
