@@ -155,14 +155,14 @@ def log_posterior(layout: Layout, context: Context, z: Array) -> Array:
     return log_prior(z) + log_likelihood(layout, context, z)
 
 
-def _moving(layout: Layout) -> list[int]:
+def moving_scores(layout: Layout) -> list[int]:
     """Indices of the scores that move the trajectory; the others are the noise's."""
     return [i for i, name in enumerate(layout.names) if name in layout.oscillator.parameters]
 
 
 def _residual_and_tangents(layout: Layout, context: Context, z: Array) -> tuple[Array, Array]:
     """Residual (n,) and its forward tangents by the scores that move the trajectory, shape (k, n)."""
-    directions = jnp.eye(z.size)[jnp.asarray(_moving(layout), int)]
+    directions = jnp.eye(z.size)[jnp.asarray(moving_scores(layout), int)]
     fun = partial(residual, layout, context)
     push = jax.vmap(lambda v: jax.jvp(fun, (z,), (v,)), out_axes=(None, 0))
     return push(directions)
@@ -171,12 +171,12 @@ def _residual_and_tangents(layout: Layout, context: Context, z: Array) -> tuple[
 def moving_values(layout: Layout, context: Context, z: Array) -> Array:
     """Values of the inferred parameters that move the trajectory, shape (k,)."""
     p = parameters(layout, context, z)
-    return jnp.stack([p[layout.names[i]] for i in _moving(layout)])
+    return jnp.stack([p[layout.names[i]] for i in moving_scores(layout)])
 
 
 def linearise(layout: Layout, context: Context, z: Array) -> tuple[Array, Array, Array]:
     """Residual (n,), its derivatives (k, n) by what moves the trajectory, and the values of that (k,)."""
-    names = [layout.names[i] for i in _moving(layout)]
+    names = [layout.names[i] for i in moving_scores(layout)]
     p = parameters(layout, context, z)
 
     def fun(x: Array) -> Array:
@@ -203,7 +203,7 @@ def value_and_gradient(layout: Layout, context: Context, z: Array) -> tuple[Arra
     r, tangents = _residual_and_tangents(layout, context, z)
     noise_part = jax.value_and_grad(partial(_log_noise, layout, context), argnums=(0, 1))
     value, (by_r, by_z) = noise_part(r, z)
-    gradient = (by_z - z).at[jnp.asarray(_moving(layout), int)].add(tangents @ by_r)
+    gradient = (by_z - z).at[jnp.asarray(moving_scores(layout), int)].add(tangents @ by_r)
     return value + log_prior(z), gradient
 
 
@@ -213,11 +213,11 @@ def curvature(layout: Layout, context: Context, z: Array) -> tuple[Array, Array,
     p = parameters(layout, context, z)
     noise_fun = partial(_log_noise, layout, context)
     value, (by_r, by_z) = jax.value_and_grad(noise_fun, argnums=(0, 1))(r, z)
-    moving = jnp.asarray(_moving(layout), int)
+    moving = jnp.asarray(moving_scores(layout), int)
     gradient = (by_z - z).at[moving].add(tangents @ by_r)
     roots = jax.vmap(lambda v: layout.noise.information_root(v, context.gaps, p))(tangents)
     # The noise parameters enter through few scalars: their exact curvature at fixed residuals is cheap.
-    still = [i for i in range(z.size) if i not in _moving(layout)]
+    still = [i for i in range(z.size) if i not in moving_scores(layout)]
     information = jnp.zeros((z.size, z.size)).at[jnp.ix_(moving, moving)].set(roots @ roots.T)
     if still:
         index = jnp.asarray(still, int)

@@ -82,7 +82,14 @@ def law(name: str) -> str:
 
 def method(name: str) -> str:
     """A method in words."""
-    special = {"nuts": "NUTS", "pinn": "PINN", "rnn": "RNN", "sindy": "SINDy", "weak_sindy": "weak SINDy"}
+    special = {
+        "nuts": "NUTS",
+        "kalman": "Kalman filter",
+        "pinn": "PINN",
+        "rnn": "RNN",
+        "sindy": "SINDy",
+        "weak_sindy": "weak SINDy",
+    }
     special |= {"neural_ode": "neural ODE", "koopman": "Koopman", "student_t": "Student t"}
     return special.get(name, name.replace("_", " "))
 

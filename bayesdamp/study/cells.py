@@ -43,6 +43,8 @@ NO_NOISE = 1e-6
 """Noise below this share of the amplitude is none: a likelihood has nothing to weigh by."""
 NOT_APPLICABLE = "not applicable: the record has no noise, so there is no posterior"
 RAW_POINTS = 20_000
+SUMMARIES = {"ensembles": "ensembles", "effective": "effective_draws"}
+"""What `summarise` is to know of a sampler's draws, and where its diagnostics say it."""
 CURVE_POINTS = 25
 FAINTEST = 0.02
 """Least amplitude, as a share of the first, at which a damping is given against amplitude."""
@@ -346,10 +348,10 @@ class Branch:
         derived = derive(motions)
         # A draw without such a motion (no stable equilibrium, an escape) leaves no honest mean of the others.
         partial = {n: int(np.sum(~np.isfinite(v))) for n, v in derived.items() if not np.all(np.isfinite(v))}
-        groups = found.diagnostics.get("ensembles")
+        how = {k: found.diagnostics.get(v) for k, v in SUMMARIES.items()}
         for n, v in derived.items():
             if n not in partial:
-                summary[n] = diagnostics.summarise(v, groups)  # type: ignore[arg-type]
+                summary[n] = diagnostics.summarise(v, **how)  # type: ignore[arg-type]
         sig = self.signal
         unit = units(sig.unit)
         meta = {
@@ -364,7 +366,8 @@ class Branch:
             "diagnostics": {k: v for k, v in found.diagnostics.items() if k not in ("summary", "arrays")},
             "file": file.relative_to(self.store.folder).as_posix(),
         }
-        arrays = {"draws": draws, **self._curves(motions)}
+        own: Mapping[str, np.ndarray] = found.diagnostics.get("arrays", {})  # type: ignore[assignment]
+        arrays = {"draws": draws, **self._curves(motions), **own}
         self.store.write(CellResult(name, key, meta, arrays, found.outcome, found.seconds))
 
     def _motions(self, found: Posterior) -> Motions:

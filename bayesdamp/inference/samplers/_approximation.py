@@ -1,0 +1,75 @@
+"""From an approximation of a posterior to draws that say how good it is."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+
+import jax.numpy as jnp
+import numpy as np
+
+from bayesdamp.inference import diagnostics
+from bayesdamp.inference.mode import Mode
+from bayesdamp.inference.samplers._sampler import Settings
+from bayesdamp.inference.target import Target, compiled
+from bayesdamp.types import OK, Posterior
+
+CHUNK = 250
+K_LIMIT = 0.7
+"""Pareto shape of the importance weights above which an approximation is called poor (Vehtari et al., JMLR 25,
+2024)."""
+
+
+def approximate_posterior(
+    sampler: str,
+    target: Target,
+    mode: Mode,
+    z: np.ndarray,
+    log_density: np.ndarray,
+    settings: Settings,
+    began: float,
+    more: Mapping[str, object] | None = None,
+) -> Posterior:
+    """Independent draws of an approximation as they are, and their importance weights against the posterior.
+
+    z: scores, (chains · draws, d); log_density: the approximation's, up to a constant, (chains · draws,). What the
+    weights say goes into the diagnostics: Pareto shape, and the effective number of draws, which stands for both
+    effective sample sizes; the draws themselves are not reweighted.
+    """
+    likelihood, prior = densities(target, mode, z)
+    weights = np.where(np.isfinite(likelihood), likelihood + prior, -np.inf) - log_density
+    shape = diagnostics.pareto_k(weights)
+    w = np.exp(weights - weights.max())
+    effective = float(w.sum() ** 2 / (w**2).sum())
+    grid = (settings.chains, settings.draws)
+    values = {n: v.reshape(grid) for n, v in target.values(z).items()}
+    outcome = OK
+    if not shape < K_LIMIT:
+        said = f"Pareto shape of its importance weights is {shape:.2f}, above {K_LIMIT}"
+        outcome = f"a poor approximation: {said} ({effective:.0f} effective of {w.size} draws)"
+    return Posterior(
+        sampler=sampler,
+        names=target.names,
+        draws=np.stack(list(values.values()), axis=-1),
+        log_likelihood=likelihood.reshape(grid),
+        stats={"log_weight": weights.reshape(grid)},
+        diagnostics={
+            "summary": {n: diagnostics.summarise(v, effective=effective) for n, v in values.items()},
+            "divergences": 0,
+            "pareto_k": shape,
+            "effective_draws": effective,
+            "likelihoods": int(w.size),
+            **(more or {}),
+        },
+        seconds=time.perf_counter() - began,
+        outcome=outcome,
+    )
+
+
+def densities(target: Target, mode: Mode, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Log likelihoods and log priors at scores z, (n, d), in batches of one size."""
+    padded = np.pad(z, ((0, -len(z) % CHUNK), (0, 0)), mode="edge")
+    batch = compiled(target.layout).batch_parts
+    parts = [batch(mode.context, jnp.asarray(c)) for c in np.split(padded, len(padded) // CHUNK)]
+    likelihood, prior = (np.concatenate([np.asarray(p[i]) for p in parts])[: len(z)] for i in (0, 1))
+    return likelihood, prior
