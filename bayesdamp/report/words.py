@@ -85,6 +85,7 @@ def method(name: str) -> str:
     special = {
         "nuts": "NUTS",
         "kalman": "Kalman filter",
+        "laplace": "Laplace",
         "pinn": "PINN",
         "rnn": "RNN",
         "sindy": "SINDy",

@@ -19,6 +19,9 @@ K_LIMIT = 0.7
 """Pareto shape of the importance weights above which an approximation is called poor (Vehtari et al., JMLR 25,
 2024)."""
 
+MEAN_LIMIT, SD_LIMIT = 0.3, 1.25
+"""How far importance weights may move a mean, in sds, or an sd, by a factor."""
+
 
 def approximate_posterior(
     sampler: str,
@@ -34,7 +37,8 @@ def approximate_posterior(
 
     z: scores, (chains · draws, d); log_density: the approximation's, up to a constant, (chains · draws,). What the
     weights say goes into the diagnostics: Pareto shape, and the effective number of draws, which stands for both
-    effective sample sizes; the draws themselves are not reweighted.
+    effective sample sizes; the draws themselves are not reweighted. The outcome says where the shape is poor, or where
+    the weights, then to be trusted, move a mean or an sd too far.
     """
     likelihood, prior = densities(target, mode, z)
     weights = np.where(np.isfinite(likelihood), likelihood + prior, -np.inf) - log_density
@@ -47,6 +51,8 @@ def approximate_posterior(
     if not shape < K_LIMIT:
         said = f"Pareto shape of its importance weights is {shape:.2f}, above {K_LIMIT}"
         outcome = f"a poor approximation: {said} ({effective:.0f} effective of {w.size} draws)"
+    elif moved := _moved(values, w / w.sum()):
+        outcome = f"a poor approximation: {moved}"
     return Posterior(
         sampler=sampler,
         names=target.names,
@@ -64,6 +70,20 @@ def approximate_posterior(
         seconds=time.perf_counter() - began,
         outcome=outcome,
     )
+
+
+def _moved(values: Mapping[str, np.ndarray], weights: np.ndarray) -> str:
+    """What the weights, (n,), say of the first parameter whose mean or sd they move too far; nothing where none."""
+    for name, draws in values.items():
+        x = draws.reshape(-1)
+        mean = float(weights @ x)
+        sd = float(np.sqrt(weights @ (x - mean) ** 2))
+        if abs(mean - x.mean()) > MEAN_LIMIT * sd:
+            away = abs(mean - float(x.mean())) / sd
+            return f"by its importance weights the mean of {name} is {away:.1f} sds off"
+        if not 1 / SD_LIMIT < x.std() / sd < SD_LIMIT:
+            return f"by its importance weights the sd of {name} is {sd / x.std():.2f} times that of its draws"
+    return ""
 
 
 def densities(target: Target, mode: Mode, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

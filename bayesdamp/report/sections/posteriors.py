@@ -128,12 +128,15 @@ def _tables(run: Run, signal: str, repeat: int, model: str) -> list[Table | Mark
         headers += ["truth"] if simulated else []
         headers += ["R̂", "ESS bulk", "ESS tail", "divergences"]
         lines = [_line(run, signal, row, simulated) for row in _by_parameter(good)]
+        caption = "To be trusted: R̂ ≤ 1.01 and effective sample sizes (ESS) of 400 and more."
+        if any(math.isnan(r["rhat"]) for r in good):
+            caption += " Without R̂: independent draws of an approximation, their ESS by importance weights."
         parts.append(
             Table(
                 headers,
                 lines,
                 frozenset({0, 1, 2}),
-                "To be trusted: R̂ ≤ 1.01 and effective sample sizes (ESS) of 400 and more.",
+                caption,
             )
         )
     parts += [
