@@ -53,7 +53,8 @@ class Variational(Sampler):
         n, d = settings.chains * settings.draws, mean.size
         normal = np.random.default_rng(settings.seed).standard_normal((n, d))
         v = mean + normal @ factor.T
-        z, slope = jax.vmap(partial(scores, walls=at.walls), (0, None, None))(v, at.mean, at.factor)
+        place = jnp.asarray(at.mean), jnp.asarray(at.factor)
+        z, slope = jax.vmap(partial(scores, walls=at.walls), (0, None, None))(jnp.asarray(v), *place)
         whole = np.empty((n, d))
         whole[:, at.order] = np.asarray(z)
         log_density = -0.5 * np.sum(normal**2, axis=1) - np.asarray(slope)
