@@ -18,11 +18,15 @@ RHAT_LIMIT = 1.01
 ESS_LIMIT = 400.0
 
 
-def summarise(draws: np.ndarray, ensembles: int | None = None) -> dict[str, float]:
+def summarise(
+    draws: np.ndarray, ensembles: int | None = None, effective: float | None = None
+) -> dict[str, float]:
     """Summary of one parameter's draws, shape (chain, draw).
 
     ensembles: number of independent groups of chains where the chains of a group share their moves (emcee's
     walkers): R̂ is then taken between groups, while the effective sample size uses each walker's own series.
+    effective: for independent draws of an approximation, how many draws of the posterior they are worth by their
+    importance weights. Both effective sample sizes are then this number and R̂ is nan: there are no chains.
     """
     chains = draws if ensembles is None else _grouped(draws, ensembles)
     flat = draws.reshape(-1)
@@ -38,9 +42,9 @@ def summarise(draws: np.ndarray, ensembles: int | None = None) -> dict[str, floa
         "q97.5": float(quantiles[4]),
         "hdi_low": float(low),
         "hdi_high": float(high),
-        "ess_bulk": float(az.ess(draws, method="bulk")),
-        "ess_tail": float(az.ess(draws, method="tail")),
-        "rhat": float(az.rhat(chains)),
+        "ess_bulk": float(az.ess(draws, method="bulk")) if effective is None else effective,
+        "ess_tail": float(az.ess(draws, method="tail")) if effective is None else effective,
+        "rhat": float(az.rhat(chains)) if effective is None else float("nan"),
     }
 
 

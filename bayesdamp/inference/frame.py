@@ -52,18 +52,18 @@ def frame(target: Target, mode: Mode) -> Frame:
     def slope(at: np.ndarray) -> np.ndarray:
         return np.asarray(compiled(layout).curvature(mode.context, jnp.asarray(at))[1])
 
-    centre, factor = _moments(mode.information, slope(at), at, folded)
+    centre, factor = cut_off_moments(mode.information, slope(at), at, folded)
     whole, linear = _curvatures(target, mode, centre, factor)
     if not (np.all(np.isfinite(whole)) and np.all(np.isfinite(linear))):
         return Frame(centre, factor, np.zeros((d, d)), False)
     values, vectors = np.linalg.eigh(whole)
     inverse = np.linalg.inv(factor)
     believed = inverse.T @ (vectors * np.maximum(values, FLATTEST)) @ vectors.T @ inverse
-    factor = _moments(believed, slope(centre), centre, folded)[1]
+    factor = cut_off_moments(believed, slope(centre), centre, folded)[1]
     return Frame(centre, factor, inverse.T @ (whole - linear) @ inverse, True)
 
 
-def _moments(
+def cut_off_moments(
     information: np.ndarray, gradient: np.ndarray, at: np.ndarray, folded: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Mean and covariance's factor of the normal distribution with this information and, at `at`, this
@@ -73,7 +73,7 @@ def _moments(
     mean = at + covariance @ gradient
     if folded.size:
         inner = covariance[np.ix_(folded, folded)]
-        inside = _cut_off(mean[folded], inner)
+        inside = cut_off(mean[folded], inner)
         # The other scores follow the folded ones linearly.
         follow = covariance[:, folded] @ np.linalg.inv(inner)
         mean = mean + follow @ (inside.mean(axis=0) - mean[folded])
@@ -81,12 +81,18 @@ def _moments(
     return mean, np.linalg.cholesky(0.5 * (covariance + covariance.T))
 
 
-def _cut_off(mean: np.ndarray, covariance: np.ndarray, chains: int = 1000, sweeps: int = 300) -> np.ndarray:
+def cut_off(
+    mean: np.ndarray,
+    covariance: np.ndarray,
+    chains: int = 1000,
+    sweeps: int = 300,
+    rng: np.random.Generator | None = None,
+) -> np.ndarray:
     """Draws of a normal distribution of mean (k,) and covariance (k, k) where all is ≥ 0, (4 chains, k).
 
-    Gibbs sampling from many starts; a seed of its own, since it only shapes coordinates.
+    Gibbs sampling from many starts; by default with a seed of its own, where it only shapes coordinates.
     """
-    rng = np.random.default_rng(0)
+    rng = np.random.default_rng(0) if rng is None else rng
     precision = np.linalg.inv(covariance)
     sd = 1.0 / np.sqrt(np.diag(precision))
     x = np.maximum(mean, sd) + np.zeros((chains, 1))

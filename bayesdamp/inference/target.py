@@ -186,14 +186,14 @@ def log_posterior(layout: Layout, context: Context, z: Array) -> Array:
     return log_prior(z) + log_likelihood(layout, context, z)
 
 
-def _moving(layout: Layout) -> list[int]:
+def moving_scores(layout: Layout) -> list[int]:
     """Indices of the scores that move the trajectory; the others are the noise's."""
     return [i for i, name in enumerate(layout.names) if name in layout.oscillator.parameters]
 
 
 def _misfit_and_tangents(layout: Layout, context: Context, z: Array) -> tuple[Array, Array]:
     """Misfit (c,) and its forward tangents by the scores that move the trajectory, shape (k, c)."""
-    directions = jnp.eye(z.size)[jnp.asarray(_moving(layout), int)]
+    directions = jnp.eye(z.size)[jnp.asarray(moving_scores(layout), int)]
 
     def fun(z: Array) -> Array:
         return misfit(layout, context, parameters(layout, context, z))
@@ -205,12 +205,12 @@ def _misfit_and_tangents(layout: Layout, context: Context, z: Array) -> tuple[Ar
 def moving_values(layout: Layout, context: Context, z: Array) -> Array:
     """Values of the inferred parameters that move the trajectory, shape (k,)."""
     p = parameters(layout, context, z)
-    return jnp.stack([p[layout.names[i]] for i in _moving(layout)])
+    return jnp.stack([p[layout.names[i]] for i in moving_scores(layout)])
 
 
 def linearise(layout: Layout, context: Context, z: Array) -> tuple[Array, Array, Array]:
     """Misfit (c,), its derivatives (k, c) by what moves the trajectory, and the values of that (k,)."""
-    names = [layout.names[i] for i in _moving(layout)]
+    names = [layout.names[i] for i in moving_scores(layout)]
     p = parameters(layout, context, z)
 
     def fun(x: Array) -> Array:
@@ -236,7 +236,7 @@ def value_and_gradient(layout: Layout, context: Context, z: Array) -> tuple[Arra
     e, tangents = _misfit_and_tangents(layout, context, z)
     noise_part = jax.value_and_grad(partial(_log_noise, layout, context), argnums=(0, 1))
     value, (by_e, by_z) = noise_part(e, z)
-    gradient = (by_z - z).at[jnp.asarray(_moving(layout), int)].add(tangents @ by_e)
+    gradient = (by_z - z).at[jnp.asarray(moving_scores(layout), int)].add(tangents @ by_e)
     return value + log_prior(z), gradient
 
 
@@ -246,12 +246,12 @@ def curvature(layout: Layout, context: Context, z: Array) -> tuple[Array, Array,
     p = parameters(layout, context, z)
     noise_fun = partial(_log_noise, layout, context)
     value, (by_e, by_z) = jax.value_and_grad(noise_fun, argnums=(0, 1))(e, z)
-    moving = jnp.asarray(_moving(layout), int)
+    moving = jnp.asarray(moving_scores(layout), int)
     gradient = (by_z - z).at[moving].add(tangents @ by_e)
     root = _noise(layout, context)[1]
     roots = jax.vmap(lambda v: root(v, p))(tangents)
     # The noise parameters enter through few scalars: their exact curvature at a fixed misfit is cheap.
-    still = [i for i in range(z.size) if i not in _moving(layout)]
+    still = [i for i in range(z.size) if i not in moving_scores(layout)]
     information = jnp.zeros((z.size, z.size)).at[jnp.ix_(moving, moving)].set(roots @ roots.T)
     if still:
         index = jnp.asarray(still, int)

@@ -112,10 +112,4 @@ def coefficients(run: Run, model: str) -> list[str]:
         return named
     # a term of the user's own: its parameter is the one that no other kind of parameter explains
     seen = dict.fromkeys(r["parameter"] for r in (*run.posteriors, *run.estimates) if r["model"] == model)
-    return [p for p in seen if p in named or p not in _NOT_DAMPING]
-
-
-_NOT_DAMPING = frozenset({
-    "stiffness", "gravity", "spring_angle", "rest_angle", "cubic", "epsilon", "theta0", "omega0", "noise_sd",
-    "noise_time", "noise_dof", "natural_frequency", "equilibrium", *DAMPING,
-})  # fmt: skip
+    return [p for p in seen if p in named or p not in words.KNOWN]

@@ -34,7 +34,23 @@ _SYMBOLS = {
     "noise_time": Symbol("noise time", "noise time", "correlation time of the noise"),
     "noise_dof": Symbol("noise dof", "noise dof", "degrees of freedom of the noise"),
     "natural_frequency": Symbol("ωₙ", r"$\omega_n$", "natural frequency (derived)"),
+    "damping_ratio": Symbol("damping ratio at rest", "damping ratio at rest", "linear damping ratio at rest"),
+    "quality_factor": Symbol("Q", r"$Q$", "quality factor at rest"),
+    "equivalent_ratio": Symbol(
+        "equivalent ratio", "equivalent damping ratio", "equivalent viscous damping ratio"
+    ),
+    "log_decrement": Symbol("log decrement", "logarithmic decrement", "logarithmic decrement"),
+    "half_life": Symbol("half-life", "half-life", "time in which the amplitude halves"),
+    "energy_fraction": Symbol("energy lost a cycle", "energy lost a cycle", "share of energy lost a cycle"),
+    "energy_lost": Symbol("energy lost a cycle", "energy lost a cycle", "energy lost a cycle"),
+    "viscous_coefficient": Symbol("viscous coefficient", "viscous coefficient", "inertia times 2ζ"),
+    "coulomb_torque": Symbol("friction", "friction", "inertia times μc"),
+    "quadratic_coefficient": Symbol("quadratic coefficient", "quadratic coefficient", "inertia times μq"),
 }
+
+
+KNOWN = frozenset(_SYMBOLS)
+"""Names of all parameters and derived quantities that ship."""
 
 
 def symbol(parameter: str) -> Symbol:
@@ -66,7 +82,15 @@ def law(name: str) -> str:
 
 def method(name: str) -> str:
     """A method in words."""
-    special = {"nuts": "NUTS", "pinn": "PINN", "rnn": "RNN", "sindy": "SINDy", "weak_sindy": "weak SINDy"}
+    special = {
+        "nuts": "NUTS",
+        "kalman": "Kalman filter",
+        "laplace": "Laplace",
+        "pinn": "PINN",
+        "rnn": "RNN",
+        "sindy": "SINDy",
+        "weak_sindy": "weak SINDy",
+    }
     special |= {"neural_ode": "neural ODE", "koopman": "Koopman", "student_t": "Student t"}
     return special.get(name, name.replace("_", " "))
 

@@ -23,7 +23,7 @@ from bayesdamp.inference import diagnostics
 from bayesdamp.inference.build import build_target
 from bayesdamp.inference.checks import check_fit, value_sds
 from bayesdamp.inference.defaults import EPSILON_SHARE, Reference
-from bayesdamp.inference.derived import natural_frequency
+from bayesdamp.inference.derived import Motions, against_amplitude, derive, units
 from bayesdamp.inference.evidence import EVIDENCES
 from bayesdamp.inference.mode import Mode, find_mode, restore_mode
 from bayesdamp.inference.samplers import SAMPLERS, Settings
@@ -37,12 +37,17 @@ from bayesdamp.signals.features import Features, features
 from bayesdamp.signals.read import read_record
 from bayesdamp.signals.simulate import simulate_signal
 from bayesdamp.store import CellResult, Store, sha256
-from bayesdamp.types import OK, InputError, Problem, Refusal, Signal, System
+from bayesdamp.types import OK, InputError, Posterior, Problem, Refusal, Signal, System
 
 NO_NOISE = 1e-6
 """Noise below this share of the amplitude is none: a likelihood has nothing to weigh by."""
 NOT_APPLICABLE = "not applicable: the record has no noise, so there is no posterior"
 RAW_POINTS = 20_000
+SUMMARIES = {"ensembles": "ensembles", "effective": "effective_draws"}
+"""What `summarise` is to know of a sampler's draws, and where its diagnostics say it."""
+CURVE_POINTS = 25
+FAINTEST = 0.02
+"""Least amplitude, as a share of the first, at which a damping is given against amplitude."""
 
 
 def digest(*parts: object) -> str:
@@ -343,26 +348,54 @@ class Branch:
             self.store.write(CellResult(name, key, outcome=str(refusal)))
             return
         settings = Settings(s.chains, s.warmup, s.draws, cell_seed(self.study, name) % 2**31)
-        found = SAMPLERS.get(sampler).sample(self.target, mode, settings)
+        try:
+            found = SAMPLERS.get(sampler).sample(self.target, mode, settings)
+        except Refusal as refusal:
+            self.store.write(CellResult(name, key, outcome=str(refusal)))
+            return
         file = self.store.folder / "posterior" / f"{self.path.replace('/', '.')}.{sampler}.nc"
         _save_whole(found, file)
         summary: dict[str, Any] = dict(found.diagnostics["summary"])  # type: ignore[call-overload]
         draws, names = found.draws, [str(n) for n in found.names]
-        if set(self.target.oscillator.law.parameters) & set(names):
-            values = {**self.target.known, **{n: draws[..., i] for i, n in enumerate(names)}}
-            frequency = natural_frequency(self.target.oscillator, values, self.seen.rest)
-            if np.all(np.isfinite(frequency)):
-                groups = found.diagnostics.get("ensembles")
-                summary["natural_frequency"] = diagnostics.summarise(frequency, groups)  # type: ignore[arg-type]
+        motions = self._motions(found)
+        derived = derive(motions)
+        # A draw without such a motion (no stable equilibrium, an escape) leaves no honest mean of the others.
+        partial = {n: int(np.sum(~np.isfinite(v))) for n, v in derived.items() if not np.all(np.isfinite(v))}
+        how = {k: found.diagnostics.get(v) for k, v in SUMMARIES.items()}
+        for n, v in derived.items():
+            if n not in partial:
+                summary[n] = diagnostics.summarise(v, **how)  # type: ignore[arg-type]
         sig = self.signal
+        unit = units(sig.unit)
         meta = {
             "names": names,
-            "units": {n: parameter_unit(n, self.system.restoring, sig.unit, sig.quantity) for n in summary},
+            "units": {
+                n: unit.get(n) or parameter_unit(n, self.system.restoring, sig.unit, sig.quantity)
+                for n in summary
+            },
             "summary": summary,
-            "diagnostics": {k: v for k, v in found.diagnostics.items() if k != "summary"},
+            "reference_amplitude": motions.amplitude,
+            "without": partial,
+            "diagnostics": {k: v for k, v in found.diagnostics.items() if k not in ("summary", "arrays")},
             "file": file.relative_to(self.store.folder).as_posix(),
         }
-        self.store.write(CellResult(name, key, meta, {"draws": draws}, found.outcome, found.seconds))
+        own: Mapping[str, np.ndarray] = found.diagnostics.get("arrays", {})  # type: ignore[assignment]
+        arrays = {"draws": draws, **self._curves(motions), **own}
+        self.store.write(CellResult(name, key, meta, arrays, found.outcome, found.seconds))
+
+    def _motions(self, found: Posterior) -> Motions:
+        inferred = {n: found.draws[..., i] for i, n in enumerate(found.names)}
+        values = {**self.target.known, **inferred}
+        amplitude = self._parent_result.meta["reference"]["amplitude"]
+        return Motions(self.target.oscillator, values, self.seen.rest, amplitude, self.spec.inertia)
+
+    def _curves(self, motions: Motions) -> dict[str, np.ndarray]:
+        """Decrement and equivalent ratio over the amplitudes of the record; those that have no motion are left out."""
+        first, last = self.seen.amplitude, self.seen.final_amplitude
+        grid = np.geomspace(max(min(first, last), FAINTEST * first), first, CURVE_POINTS)
+        curves = against_amplitude(motions, grid)
+        whole = np.all([np.all(np.isfinite(c), axis=0) for c in curves.values()], axis=0)
+        return {"amplitudes": grid[whole], **{f"curve/{n}": c[:, whole] for n, c in curves.items()}}
 
     def evidence(self, name: str, key: str) -> None:
         try:

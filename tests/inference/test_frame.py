@@ -11,7 +11,7 @@ from blackjax.mcmc import nuts
 from blackjax.mcmc.hmc import HMCState
 from jax import numpy as jnp
 
-from bayesdamp.inference.frame import _cut_off, frame
+from bayesdamp.inference.frame import cut_off, frame
 from bayesdamp.inference.samplers._reflect import drift, reflecting_leapfrog
 
 from . import problems
@@ -105,7 +105,7 @@ def test_cut_off_normal_against_rejection():
     mean, root = np.array([-0.4, 0.6]), np.array([[1.0, 0.0], [-0.8, 0.6]])
     drawn = mean + np.random.default_rng(1).standard_normal((200_000, 2)) @ root.T
     expected = drawn[np.all(drawn > 0, axis=1)]
-    found = _cut_off(mean, root @ root.T)
+    found = cut_off(mean, root @ root.T)
     assert np.all(found >= 0)
     np.testing.assert_allclose(found.mean(axis=0), expected.mean(axis=0), atol=0.1)
     np.testing.assert_allclose(np.cov(found.T), np.cov(expected.T), atol=0.08)
@@ -113,9 +113,9 @@ def test_cut_off_normal_against_rejection():
 
 def test_cut_off_far_from_the_wall_and_far_beyond_it():
     """A normal that hardly meets the wall keeps its moments; far beyond, what is left is exponential."""
-    far = _cut_off(np.array([30.0]), np.array([[1.0]]))
+    far = cut_off(np.array([30.0]), np.array([[1.0]]))
     assert far.mean() == pytest.approx(30.0, abs=0.1)
-    beyond = _cut_off(np.array([-50.0]), np.array([[1.0]]))
+    beyond = cut_off(np.array([-50.0]), np.array([[1.0]]))
     assert beyond.mean() == pytest.approx(1 / 50, rel=0.1)
     assert beyond.std() == pytest.approx(1 / 50, rel=0.15)
 

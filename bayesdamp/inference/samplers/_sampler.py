@@ -23,13 +23,20 @@ class Settings:
 
 
 class Sampler(ABC):
-    """Draws from the posterior of a target, started and whitened at its mode."""
+    """Draws from the posterior of a target, started and whitened at its mode.
+
+    approximate: whether the draws are independent ones of a distribution that only resembles the posterior.
+    """
 
     name: str
+    approximate: bool = False
 
     @abstractmethod
     def sample(self, target: Target, mode: Mode, settings: Settings) -> Posterior:
-        """Draws in natural units with their diagnostics; the outcome says where not to trust them."""
+        """Draws in natural units with their diagnostics; the outcome says where not to trust them.
+
+        Raises Refusal where the method cannot work on this target.
+        """
 
 
 def starts(mode: Mode, count: int, seed: int, spread: float = 2.0) -> np.ndarray:

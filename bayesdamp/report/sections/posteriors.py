@@ -7,8 +7,10 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 from markupsafe import Markup
+from matplotlib.figure import Figure
 
 from bayesdamp.report import words
+from bayesdamp.report.figures.amplitude import amplitude
 from bayesdamp.report.figures.posterior import marginals, pairs
 from bayesdamp.report.html import Line, Table, fill, folded
 from bayesdamp.report.reading import coefficients, models_by_rank, truth
@@ -90,7 +92,27 @@ def _figures(run: Run, signal: str, repeat: int, model: str) -> list[Markup]:
                 f"pairs-{signal}-{model}", caption, lambda: pairs(model, names, draws, units, chosen)
             )
         )
-    return figures
+    return [*figures, *_against_amplitude(run, signal, repeat, model, next(iter(draws)))]
+
+
+def _against_amplitude(run: Run, signal: str, repeat: int, model: str, sampler: str) -> list[Markup]:
+    """Decrement and equivalent ratio over the amplitudes, where the cell has them."""
+    cell = run.cell("posterior", signal, repeat, model, sampler)
+    if cell is None or cell.arrays.get("amplitudes", np.empty(0)).size < 2:
+        return []
+    unit = str(run.about(signal).get("unit") or "rad")
+    scale = words.scale(unit)
+    grid, reference = scale * cell.arrays["amplitudes"], scale * cell.meta["reference_amplitude"]
+    curves = {n.removeprefix("curve/"): c for n, c in cell.arrays.items() if n.startswith("curve/")}
+    caption = (
+        f"{signal}, {words.model(model)}: logarithmic decrement and equivalent viscous damping ratio over the record's "
+        f"amplitudes, median and 95 % band by {words.method(sampler)}; dotted: the amplitude of the tables."
+    )
+
+    def draw() -> Figure:
+        return amplitude(model, grid, curves, reference, unit)
+
+    return [run.drawings.add(f"amplitude-{signal}-{model}", caption, draw)]
 
 
 def _tables(run: Run, signal: str, repeat: int, model: str) -> list[Table | Markup]:
@@ -106,12 +128,15 @@ def _tables(run: Run, signal: str, repeat: int, model: str) -> list[Table | Mark
         headers += ["truth"] if simulated else []
         headers += ["R̂", "ESS bulk", "ESS tail", "divergences"]
         lines = [_line(run, signal, row, simulated) for row in _by_parameter(good)]
+        caption = "To be trusted: R̂ ≤ 1.01 and effective sample sizes (ESS) of 400 and more."
+        if any(math.isnan(r["rhat"]) for r in good):
+            caption += " Without R̂: independent draws of an approximation, their ESS by importance weights."
         parts.append(
             Table(
                 headers,
                 lines,
                 frozenset({0, 1, 2}),
-                "To be trusted: R̂ ≤ 1.01 and effective sample sizes (ESS) of 400 and more.",
+                caption,
             )
         )
     parts += [

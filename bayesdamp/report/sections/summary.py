@@ -145,8 +145,10 @@ def _sizes(run: Run, signal: str, repeat: int, model: str, believe: list[str], d
         return estimated
     doubt.extend(f"the posterior without a second look: {outcome}" for outcome in sorted(outcomes - {OK}))
     if sentences and outcomes == {OK}:
+        exact = any(math.isfinite(r["rhat"]) for r in rows)
+        found = "converged" if exact else "is close to the posterior by its importance weights"
         believe.append(
-            f"the intervals, if the model and its noise are right: {words.method(sampler)} converged."
+            f"the intervals, if the model and its noise are right: {words.method(sampler)} {found}."
         )
     if not sentences:
         doubt.append("any size of the damping from this table: no posterior was computed for this model.")

@@ -1,0 +1,95 @@
+"""From an approximation of a posterior to draws that say how good it is."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+
+import jax.numpy as jnp
+import numpy as np
+
+from bayesdamp.inference import diagnostics
+from bayesdamp.inference.mode import Mode
+from bayesdamp.inference.samplers._sampler import Settings
+from bayesdamp.inference.target import Target, compiled
+from bayesdamp.types import OK, Posterior
+
+CHUNK = 250
+K_LIMIT = 0.7
+"""Pareto shape of the importance weights above which an approximation is called poor (Vehtari et al., JMLR 25,
+2024)."""
+
+MEAN_LIMIT, SD_LIMIT = 0.3, 1.25
+"""How far importance weights may move a mean, in sds, or an sd, by a factor."""
+
+
+def approximate_posterior(
+    sampler: str,
+    target: Target,
+    mode: Mode,
+    z: np.ndarray,
+    log_density: np.ndarray,
+    settings: Settings,
+    began: float,
+    more: Mapping[str, object] | None = None,
+) -> Posterior:
+    """Independent draws of an approximation as they are, and their importance weights against the posterior.
+
+    z: scores, (chains · draws, d); log_density: the approximation's, up to a constant, (chains · draws,). What the
+    weights say goes into the diagnostics: Pareto shape, and the effective number of draws, which stands for both
+    effective sample sizes; the draws themselves are not reweighted. The outcome says where the shape is poor, or where
+    the weights, then to be trusted, move a mean or an sd too far.
+    """
+    likelihood, prior = densities(target, mode, z)
+    weights = np.where(np.isfinite(likelihood), likelihood + prior, -np.inf) - log_density
+    shape = diagnostics.pareto_k(weights)
+    w = np.exp(weights - weights.max())
+    effective = float(w.sum() ** 2 / (w**2).sum())
+    grid = (settings.chains, settings.draws)
+    values = {n: v.reshape(grid) for n, v in target.values(z).items()}
+    outcome = OK
+    if not shape < K_LIMIT:
+        said = f"Pareto shape of its importance weights is {shape:.2f}, above {K_LIMIT}"
+        outcome = f"a poor approximation: {said} ({effective:.0f} effective of {w.size} draws)"
+    elif moved := _moved(values, w / w.sum()):
+        outcome = f"a poor approximation: {moved}"
+    return Posterior(
+        sampler=sampler,
+        names=target.names,
+        draws=np.stack(list(values.values()), axis=-1),
+        log_likelihood=likelihood.reshape(grid),
+        stats={"log_weight": weights.reshape(grid)},
+        diagnostics={
+            "summary": {n: diagnostics.summarise(v, effective=effective) for n, v in values.items()},
+            "divergences": 0,
+            "pareto_k": shape,
+            "effective_draws": effective,
+            "likelihoods": int(w.size),
+            **(more or {}),
+        },
+        seconds=time.perf_counter() - began,
+        outcome=outcome,
+    )
+
+
+def _moved(values: Mapping[str, np.ndarray], weights: np.ndarray) -> str:
+    """What the weights, (n,), say of the first parameter whose mean or sd they move too far; nothing where none."""
+    for name, draws in values.items():
+        x = draws.reshape(-1)
+        mean = float(weights @ x)
+        sd = float(np.sqrt(weights @ (x - mean) ** 2))
+        if abs(mean - x.mean()) > MEAN_LIMIT * sd:
+            away = abs(mean - float(x.mean())) / sd
+            return f"by its importance weights the mean of {name} is {away:.1f} sds off"
+        if not 1 / SD_LIMIT < x.std() / sd < SD_LIMIT:
+            return f"by its importance weights the sd of {name} is {sd / x.std():.2f} times that of its draws"
+    return ""
+
+
+def densities(target: Target, mode: Mode, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Log likelihoods and log priors at scores z, (n, d), in batches of one size."""
+    padded = np.pad(z, ((0, -len(z) % CHUNK), (0, 0)), mode="edge")
+    batch = compiled(target.layout).batch_parts
+    parts = [batch(mode.context, jnp.asarray(c)) for c in np.split(padded, len(padded) // CHUNK)]
+    likelihood, prior = (np.concatenate([np.asarray(p[i]) for p in parts])[: len(z)] for i in (0, 1))
+    return likelihood, prior

@@ -1,0 +1,164 @@
+"""Online estimation: an unscented Kalman filter with static damping parameters, and its restarts."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+from functools import lru_cache, partial
+
+import jax
+import numpy as np
+from jax import numpy as jnp
+from scipy.special import log_ndtr, ndtri_exp
+
+from bayesdamp.inference.cut_normal import CutNormal
+from bayesdamp.inference.mode import Mode
+from bayesdamp.inference.samplers._approximation import approximate_posterior
+from bayesdamp.inference.samplers._sampler import Sampler, Settings
+from bayesdamp.inference.samplers._unscented import Online, filter_online
+from bayesdamp.inference.target import Layout, Target, moving_scores, residual
+from bayesdamp.priors import Prior
+from bayesdamp.types import Posterior, Refusal
+
+PASSES = 20
+SETTLED = 0.01
+"""Shift of the final mean between two passes, in its sds, at which restarting ends."""
+SHOWN = 300
+"""Times at which a running estimate is stored."""
+
+
+@dataclass(frozen=True)
+class Restarted:
+    """The last pass: means (n, k) and covariances (n, k, k) of the moving scores after each sample, as if nothing
+    ended at zero; final: what is known after the whole record; passes: how many it took."""
+
+    means: np.ndarray
+    covariances: np.ndarray
+    final: CutNormal
+    passes: int
+
+
+class Kalman(Sampler):
+    """Running estimates of static parameters beside θ and θ̇, and the posterior that they end in.
+
+    The first pass is the online one: an unscented Kalman filter from the priors, without process noise. Priors are
+    wide against a record, so what it made of the early samples it cannot correct later: its damping is off by up to
+    several sds. The filter is therefore run again from the priors over the same record with its sigma points, one sd
+    to each side, where the pass before ended, until the final mean settles (iterated posterior linearisation:
+    García-Fernández, Svensson and Särkkä, IEEE Transactions on Automatic Control 62, 2017). Static parameters and no
+    process noise make such a pass a linear Kalman filter whose measurements are the trajectories of the sigma points.
+    Coefficients are folded at zero: the final normal is cut off there.
+
+    The sd of the noise is not filtered: it is the noise model's at the mode, drawn from its Laplace approximation. Else
+    nothing but the length of the solver's steps is taken from the mode. Noise is independent and normal.
+    """
+
+    name = "kalman"
+    approximate = True
+
+    def sample(self, target: Target, mode: Mode, settings: Settings) -> Posterior:
+        began = time.perf_counter()
+        if target.exact_friction:
+            raise Refusal(
+                "kalman needs ε above 0: its sigma points do not stick; give epsilon, or leave it free"
+            )
+        if target.noise != "gaussian":
+            raise Refusal(f"kalman takes noise to be independent and normal, and here it is {target.noise}")
+        online = filter_online(target, mode)
+        last = _restart(target, mode, online)
+        index = moving_scores(target.layout)
+        rng = np.random.default_rng(settings.seed)
+        n = settings.chains * settings.draws
+        sd = 1.0 / np.sqrt(np.diag(mode.information))
+        white = rng.standard_normal((n, mode.z.size))
+        z, log_density = mode.z + white * sd, -0.5 * white**2
+        z[:, index] = last.final.draw(rng, n)
+        log_density = np.delete(log_density, index, axis=1).sum(axis=1) + last.final.log_density(z[:, index])
+        names = [target.names[i] for i in index]
+        more = {
+            "passes": last.passes,
+            "running": names,
+            "arrays": _running(target, names, online, last),
+        }
+        return approximate_posterior(
+            self.name, target, mode, z, log_density, settings, began=began, more=more
+        )
+
+
+@lru_cache(maxsize=32)
+def _residuals(layout: Layout):
+    return jax.jit(jax.vmap(partial(residual, layout), in_axes=(None, 0)))
+
+
+def _restart(target: Target, mode: Mode, online: Online) -> Restarted:
+    """Passes from the priors with sigma points where the pass before ended. Raises Refusal where they do not settle."""
+    layout, index = target.layout, moving_scores(target.layout)
+    k, y = len(index), target.signal.y
+    folded = np.asarray(layout.folded)[index]
+    noise = target.all_values(mode.z)["noise_sd"]
+    # The first pass may end on the mirrored side of a folded score.
+    side = np.where(folded & (online.means[-1] < 0), -1.0, 1.0)
+    if not (np.all(np.isfinite(online.means[-1])) and np.all(np.diag(online.covariance) > 0)):
+        raise Refusal("the filter lost the motion in its first pass: its covariance is no longer positive")
+    now = CutNormal(side * online.means[-1], side[:, None] * online.covariance * side, folded)
+    for passes in range(1, PASSES + 1):
+        mean, factor = now.moments
+        points = np.tile(mode.z, (2 * k + 1, 1))
+        points[:, index] = np.concatenate([mean[None], mean + factor.T, mean - factor.T])
+        seen = y - np.asarray(_residuals(layout)(mode.context, jnp.asarray(points)))
+        if not np.all(np.isfinite(seen)):
+            raise Refusal("the restarted filter met a motion that escapes")
+        expected, slope, variance = _regression(seen, factor)
+        weight = 1.0 / (noise**2 + variance)
+        pull = np.cumsum((weight * (y - expected + slope @ mean))[:, None] * slope, axis=0)
+        gathered = np.cumsum(weight[:, None, None] * slope[:, :, None] * slope[:, None, :], axis=0)
+        covariances = np.linalg.inv(np.eye(k) + gathered)
+        means = np.einsum("nij,nj->ni", covariances, pull)
+        now = CutNormal(means[-1], covariances[-1], folded)
+        new, width = now.moments
+        if np.max(np.abs(np.linalg.solve(width, new - mean))) < SETTLED:
+            return Restarted(means, covariances, now, passes)
+    raise Refusal(f"the restarted filter did not settle in {PASSES} passes")
+
+
+def _regression(seen: np.ndarray, factor: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Each sample as a linear function of the scores, from sigma points at 0 and ±1 sd, seen (2k + 1, n).
+
+    Its expected value (n,), its slope (n, k), and the variance that the line leaves over (n,).
+    """
+    k = factor.shape[0]
+    middle, above, below = seen[0], seen[1 : k + 1], seen[k + 1 :]
+    expected = middle + 0.5 * np.sum(above + below - 2 * middle, axis=0)
+    rise = 0.5 * (above - below)
+    whole = 0.5 * np.sum((above - expected) ** 2 + (below - expected) ** 2, axis=0)
+    left = whole + (1 - k) * (middle - expected) ** 2 - np.sum(rise**2, axis=0)
+    return expected, np.linalg.solve(factor.T, rise).T, np.maximum(left, 0.0)
+
+
+def _running(target: Target, names: list[str], online: Online, last: Restarted) -> dict[str, np.ndarray]:
+    """Means and sds in natural units against time, (m, k), of the first pass and of the last.
+
+    A coefficient is cut off at zero on its own here, whatever it is correlated with.
+    """
+    at = np.unique(np.linspace(0, target.signal.t.size - 1, SHOWN).astype(int))
+    sds = np.sqrt(np.diagonal(last.covariances, axis1=1, axis2=2))
+    found = {"running/t": target.signal.t[at]}
+    for label, means, spread in (("online", online.means, online.sds), ("restarted", last.means, sds)):
+        pairs = [natural(target.priors[n], means[at, i], spread[at, i]) for i, n in enumerate(names)]
+        found[f"running/{label}/mean"] = np.stack([m for m, _ in pairs], axis=1)
+        found[f"running/{label}/sd"] = np.stack([s for _, s in pairs], axis=1)
+    return found
+
+
+def natural(prior: Prior, mean: np.ndarray, sd: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Mean and sd of a parameter whose score is normal, (m,), and, where it is folded, cut off at zero."""
+    x, w = np.polynomial.legendre.leggauss(64)
+    mean = np.abs(mean) if prior.folded else mean
+    share = log_ndtr(mean / sd) if prior.folded else np.zeros(mean.size)
+    tail = share[:, None] + np.log(0.5 * (1 - x))
+    values = np.asarray(prior.value(mean[:, None] - sd[:, None] * ndtri_exp(tail)))
+    first = values @ (0.5 * w)
+    return first, np.sqrt((values - first[:, None]) ** 2 @ (0.5 * w))
+
+
+PLUGIN = Kalman()

@@ -1,0 +1,35 @@
+"""Laplace's approximation: the normal distribution at the mode, cut off where a coefficient is zero."""
+
+from __future__ import annotations
+
+import time
+
+import numpy as np
+
+from bayesdamp.inference.cut_normal import laplace
+from bayesdamp.inference.mode import Mode
+from bayesdamp.inference.samplers._approximation import approximate_posterior
+from bayesdamp.inference.samplers._sampler import Sampler, Settings
+from bayesdamp.inference.target import Target
+from bayesdamp.types import Posterior
+
+
+class Laplace(Sampler):
+    """Draws from the normal distribution with the log posterior's gradient and whole Hessian at the mode.
+
+    In scores, and cut off where a folded one is zero: a mode at zero, where the gradient is not zero, makes a normal
+    with its mean beyond the wall, of which the tail inside is left. Curvature that changes within the posterior's
+    width (between friction and viscous damping, say) it does not see; its importance weights do.
+    """
+
+    name = "laplace"
+    approximate = True
+
+    def sample(self, target: Target, mode: Mode, settings: Settings) -> Posterior:
+        began = time.perf_counter()
+        normal = laplace(target, mode)
+        z = normal.draw(np.random.default_rng(settings.seed), settings.chains * settings.draws)
+        return approximate_posterior(self.name, target, mode, z, normal.log_density(z), settings, began=began)
+
+
+PLUGIN = Laplace()
