@@ -63,7 +63,7 @@ def _longest_step(target: Target, mode: Mode, p: dict[str, Array]) -> float:
     osc, plan = target.oscillator, mode.context.plan
     longest = 2 * math.pi / fastest_rate(osc, p) / STEPS_PER_PERIOD
     if osc.switches and isinstance(plan, MeshPlan):
-        sharpest = float(jnp.max(jnp.abs(nodes(osc, plan, p)[:, 2])))
+        sharpest = float(jnp.max(jnp.abs(nodes(osc, plan.steps, plan.count, p)[:, 2])))
         longest = min(longest, LAYER * 0.5 * math.pi * float(p["epsilon"]) / sharpest)
     return longest
 
