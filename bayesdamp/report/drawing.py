@@ -13,12 +13,13 @@ from markupsafe import Markup, escape
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
+from PIL import Image
 
 from bayesdamp.report.style import RC
 from bayesdamp.store import write_bytes
 
-_LARGEST_SVG = 600_000
-"""Bytes above which the report holds the PNG instead, so that it opens fast."""
+COLOURS = 256
+"""A figure has few colours: a PNG with a palette is a third of one without."""
 
 
 class Drawings:
@@ -37,7 +38,7 @@ class Drawings:
         write_bytes(self.folder / f"{name}.svg", svg)
         write_bytes(self.folder / f"{name}.png", png)
         self.names.append(name)
-        kind, data = ("svg+xml", svg) if len(svg) <= _LARGEST_SVG else ("png", png)
+        kind, data = min(("svg+xml", svg), ("png", png), key=lambda one: len(one[1]))  # so that it opens fast
         source = f"data:image/{kind};base64,{base64.b64encode(data).decode()}"
         width = round(figure.get_figwidth() * 100)
         return Markup(
@@ -55,7 +56,14 @@ def _saved(figure: Figure) -> tuple[bytes, bytes]:
     svg, png = io.BytesIO(), io.BytesIO()
     FigureCanvasAgg(figure).print_png(png, metadata={"Software": "bayesdamp"})
     FigureCanvasSVG(figure).print_svg(svg, metadata={"Date": None, "Creator": "bayesdamp"})
-    return _renamed(svg.getvalue().decode()).encode(), png.getvalue()
+    return _renamed(svg.getvalue().decode()).encode(), _with_palette(png)
+
+
+def _with_palette(png: io.BytesIO) -> bytes:
+    found = io.BytesIO()
+    few = Image.open(png).convert("RGB").quantize(COLOURS, dither=Image.Dither.NONE)
+    few.save(found, "PNG", optimize=True)
+    return found.getvalue()
 
 
 def _renamed(svg: str) -> str:
