@@ -66,13 +66,12 @@ def apart(found: Posterior, mean: float, sd: float, name: str) -> tuple[float, f
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", [1, 3])
 @pytest.mark.parametrize("damping", MODELS, ids="+".join)
-def test_against_nuts(damping, seed):
+def test_against_nuts(damping):
     """The requirement: means within half an sd, sds within a factor of two; of all moving parameters."""
-    found = filtered(damping, seed)
+    found = filtered(damping, 1)
     assert found.outcome == "ok"
-    nuts = SAMPLERS.get("nuts").sample(*problem(damping, seed), SETTINGS)
+    nuts = SAMPLERS.get("nuts").sample(*problem(damping, 1), SETTINGS)
     for i, name in enumerate(nuts.names):
         x = nuts.draws[..., i]
         away, ratio = apart(found, float(x.mean()), float(x.std()), name)

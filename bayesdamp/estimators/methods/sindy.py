@@ -160,12 +160,13 @@ class Sindy(Estimator):
             if name in free_names(problem):
                 values[name] = value
         names = [one.name for one in library]
+        weighed = [one for one in path if np.isfinite(one.score)]
         return Estimate(
             self.name,
             "initial",
             values,
             stderr,
-            {"score": np.array([one.score for one in path])},
+            {"score": np.array([one.score for one in weighed])},
             {
                 "selected": [name for name, kept in zip(names, best.support) if kept],
                 "coefficients": [float(c) for c in best.x[best.support]],
@@ -174,9 +175,9 @@ class Sindy(Estimator):
                 "threshold": best.threshold,
                 "ridge": best.ridge,
                 "log_penalty": seen.smoothing,
-                "path_threshold": [one.threshold for one in path],
-                "path_terms": [int(one.support.sum()) for one in path],
-                "path_score": [one.score for one in path],
+                "path_threshold": [one.threshold for one in weighed],
+                "path_terms": [int(one.support.sum()) for one in weighed],
+                "path_score": [one.score for one in weighed],
             },
             evaluations=len(path),
             outcome=judged(library, best.support, own | of_law),
