@@ -238,6 +238,11 @@ def test_a_simulated_record_without_an_oscillation_is_refused_and_the_rest_goes_
         # negative control: the other record has its rows, with numbers
         assert any(r["signal"] == "noisy" and r["outcome"] == "ok" for r in rows), table
     assert "short" in (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+    about = json.loads((tmp_path / "out" / "run.json").read_text())["signals"]
+    assert "no oscillation" in about["short"]["outcome"]
+    assert about["noisy"]["outcome"] == "ok"
+    # The bound is a simulated record's, whether it shows an oscillation or not.
+    assert about["short"]["bound"]["zeta"] > about["noisy"]["bound"]["zeta"] > 0
 
 
 IMPORTS = """

@@ -104,6 +104,7 @@ class SignalCell:
             "quantity": signal.quantity,
             "step": signal.step,
             "name": signal.name,
+            "bound": self._bound(signal),
         }
         arrays |= {"t": signal.t, "y": signal.y}
         try:
@@ -154,7 +155,6 @@ class SignalCell:
             "known": known,
             "epsilon_note": note,
             "noisy": bool(noise_level(signal) > NO_NOISE * size),
-            "bound": self._bound(signal),
         }
 
     def _bound(self, signal: Signal) -> dict[str, float]:

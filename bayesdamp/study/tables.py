@@ -165,14 +165,16 @@ def _run(study: Study, store: Store) -> Row:
         cell = _read(store, f"signal/{spec.name}/0")
         if cell is None:
             continue
-        done = cell.meta["provenance"]
+        # Where the first repeat shows no oscillation, another one may.
+        seen = _first_seen(store, spec) or cell
         about[spec.name] = {
-            **done,
+            **cell.meta["provenance"],
             "unit": spec.source.unit,
             "quantity": spec.source.quantity,
             "simulated": isinstance(spec.source, Simulation),
-            "outcome": cell.outcome,
-            **{k: cell.meta[k] for k in ("epsilon_note", "reference", "features", "bound") if k in cell.meta},
+            "outcome": seen.outcome,
+            "bound": cell.meta.get("bound", {}),
+            **{k: seen.meta[k] for k in ("epsilon_note", "reference", "features") if k in seen.meta},
         }
         modes = {m: _read(store, f"mode/{spec.name}/0/{m}") for m in study.compare(spec)}
         priors[spec.name] = {m: c.meta.get("priors", {}) for m, c in modes.items() if c}
@@ -200,11 +202,17 @@ def _run(study: Study, store: Store) -> Row:
     }
 
 
+def _first_seen(store: Store, spec: SignalSpec) -> CellResult | None:
+    """The first repeat of a signal that shows an oscillation."""
+    found = (_read(store, f"signal/{spec.name}/{repeat}") for repeat in range(spec.repeats))
+    return next((cell for cell in found if cell and cell.outcome == OK), None)
+
+
 def _equilibrium(spec: SignalSpec, store: Store) -> Row:
     """The derived equilibrium and natural frequency, where the whole restoring law is known."""
-    cell = _read(store, f"signal/{spec.name}/0")
+    cell = _first_seen(store, spec)
     law = Oscillator(("viscous",), spec.system.restoring)
-    if cell is None or cell.outcome != OK or not all(n in spec.system.known for n in law.law.parameters):
+    if cell is None or not all(n in spec.system.known for n in law.law.parameters):
         return {}
     near = cell.meta["features"]["rest"]
     return {

@@ -29,13 +29,16 @@ def sweep(found: Series, methods: list[str]) -> Figure:
                 continue
             y = np.clip(np.array(errors, float), LOWEST, HIGHEST)
             look = {"color": _COLOURS[i % len(_COLOURS)], "marker": _MARKS[i % len(_MARKS)]}
-            ax.plot(x, y, lw=0.9, ms=4, mfc="white", label=words.method(method), **look)
+            dash = "-" if i < len(_COLOURS) else "--"
+            repeats = max(tried for _, tried in found.answers[method, stage])
+            label = f"{words.method(method)}, {repeats}"
+            ax.plot(x, y, lw=0.9, ls=dash, ms=4, mfc="white", label=label, **look)
         ax.plot(x, found.bounds, color=INK, lw=1.4, ls=(0, (3, 2)), label="Cramér–Rao bound")
         _finish(ax, x, found)
         ax.set_title(stage)
     axes[0].set_ylabel("rms error / %")
     handles, labels = axes[0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside right upper")
+    figure.legend(handles, labels, loc="outside right upper", title="method, repeats")
     return figure
 
 
