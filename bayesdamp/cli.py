@@ -138,7 +138,7 @@ def _asked(loaded: Study) -> list[tuple[str, Sequence[str]]]:
         ("estimators", use.use),
         ("stages", use.stages),
         ("samplers", loaded.posterior.samplers),
-        ("noise", [loaded.posterior.noise]),
+        ("noise", loaded.noises),
         ("evidence", loaded.evidence.methods),
     ]
 

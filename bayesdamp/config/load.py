@@ -99,6 +99,16 @@ class Study:
         compared = self.compare(spec)
         return compared if spec.estimate is None else tuple(m for m in compared if m in spec.estimate)
 
+    @property
+    def noises(self) -> tuple[str, ...]:
+        """The noise models in play; of several, one is chosen for each record."""
+        from bayesdamp.inference.noise import NOISES
+
+        given = self.posterior.noise
+        if isinstance(given, str):
+            return tuple(NOISES.names()) if given == "auto" else (given,)
+        return given
+
     def resolved(self) -> dict[str, Any]:
         """All that the study says, defaults written out, as JSON takes it; no path of this machine."""
         found = plain(replace(self, signals=()))
@@ -247,7 +257,11 @@ def _posterior(raw: object) -> PosteriorTable:
     for name in checked.samplers:
         plugin_name(SAMPLERS, name, "posterior.samplers")
     distinct(checked.samplers, "posterior.samplers", "the sampler")
-    plugin_name(NOISES, checked.noise, "posterior.noise")
+    if checked.noise != "auto":
+        names = (checked.noise,) if isinstance(checked.noise, str) else checked.noise
+        for name in names:
+            plugin_name(NOISES, name, "posterior.noise")
+        distinct(names, "posterior.noise", "the noise model")
     return checked
 
 

@@ -123,7 +123,9 @@ class PosteriorTable(Section):
     """[posterior]: which samplers, under which noise, how long."""
 
     samplers: Names = Field(("nuts", "emcee"), description="a list of samplers' names")
-    noise: str = Field("gaussian", description="a noise model's name in quotes")
+    noise: str | Annotated[Names, Field(min_length=1)] = Field(
+        "gaussian", description='a noise model\'s name in quotes, a list of names, or "auto"'
+    )
     chains: int = Field(4, ge=2, description="a whole number, 2 or more")
     warmup: int = Field(500, ge=10, description="a whole number, 10 or more")
     draws: int = Field(1000, ge=10, description="a whole number, 10 or more")

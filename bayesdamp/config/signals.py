@@ -193,6 +193,11 @@ def _simulation(raw: object, system: System, key: str) -> Simulation:
     }
 
     noise = NOISES.get(plugin_name(NOISES, settings.noise, below(key, "noise")))
+    if noise.constants:
+        what = f"is {settings.noise}, which a record shows and nobody draws from"
+        raise StudyError(
+            below(key, "noise"), f'{what}; give noise = "gaussian" and quantum, the recording step'
+        )
     oscillator = Oscillator(terms, system.restoring)
     needed = dict.fromkeys((*oscillator.parameters, "noise_sd", *noise.parameters))
     missing = [name for name in needed if name not in truth]

@@ -26,12 +26,13 @@ def build_target(
     """The target of one damping model on one record.
 
     term_priors: prior of a damping term's coefficient by the term's name; the others have the default.
-    Raises ValueError where a parameter has neither a value nor a prior.
+    Raises ValueError where a parameter has neither a value nor a prior, Refusal where the record is not one for this
+    noise.
     """
     osc = Oscillator(damping, system.restoring)
     by_term = {t.parameter: (term_priors or {}).get(t.name) for t in osc.terms}
     given: dict[str, object] = {**system.free, **{k: v for k, v in by_term.items() if v is not None}}
-    known = dict(system.known)
+    known = {**system.known, **NOISES.get(noise).read(signal)}
     if osc.switches and "epsilon" not in known and "epsilon" not in system.free:
         known["epsilon"] = EPSILON_SHARE * reference.peak_velocity
     wanted = (*osc.coefficients, *(n for n in osc.parameters if n not in osc.coefficients))

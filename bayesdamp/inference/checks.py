@@ -17,6 +17,8 @@ DRAWS = 200
 TOGETHER = 2_000_000
 """Residuals that are held at a time."""
 P_LIMIT = 0.01
+HEAVY = 1.0
+"""Excess kurtosis from which outliers matter: a Student t of ten degrees of freedom has it."""
 WINDOW_LIMIT = 4.0
 """Shift of a coefficient between a window and the record, in standard deviations of that shift."""
 
@@ -37,7 +39,9 @@ class Fit:
     """What is left of a record at the mode.
 
     fit, residual: in the unit of the record, shape (n,); whitened: scores, shape (n,); autocorrelation of
-    the residuals by lag, shape (l,). window_spread: largest shift of a damping coefficient between a window
+    the residuals by lag, shape (l,). predictive_p, tails_p: posterior predictive p of the structure in whitened
+    residuals and of their kurtosis (in excess of a normal's). window_spread: largest shift of a damping coefficient
+    between a window
     and the whole record, in posterior sds; window_z: the same in sds of the shift itself.
     """
 
@@ -48,6 +52,8 @@ class Fit:
     rms: float
     residual_autocorrelation: float
     predictive_p: float
+    kurtosis: float
+    tails_p: float
     windows: tuple[Window, ...]
     window_spread: float
     window_z: float
@@ -84,21 +90,50 @@ def laplace_draws(target: Target, mode: Mode, count: int, seed: int) -> np.ndarr
     return np.where(np.asarray(target.layout.folded), np.abs(z), z)
 
 
+def kurtosis(x: np.ndarray) -> np.ndarray:
+    """Excess kurtosis of x, shape (..., n), along its last axis: 0 for a normal, large where there are outliers."""
+    x = x - x.mean(axis=-1, keepdims=True)
+    return np.mean(x**4, axis=-1) / np.maximum(np.mean(x**2, axis=-1) ** 2, 1e-300) - 3.0
+
+
+def _lags(target: Target, period: float) -> int:
+    """A period's samples: how far structure is looked for."""
+    n = target.signal.t.size
+    return int(np.clip(period / np.median(np.diff(target.signal.t)), 4, max(n // 5, 4)))
+
+
+def _chances(target: Target, mode: Mode, period: float, seed: int) -> tuple[float, float]:
+    """Posterior predictive p of the structure and of the tails of whitened residuals."""
+    many, n, lags = _views(target.layout)[1], target.signal.t.size, _lags(target, period)
+    draws = laplace_draws(target, mode, DRAWS, seed)
+    noise = np.random.default_rng(seed + 1)
+
+    def seen(scores: np.ndarray) -> np.ndarray:
+        return np.stack([portmanteau(scores, lags), kurtosis(scores)])
+
+    batches = np.array_split(draws, max(4, DRAWS * n // TOGETHER))
+    observed = np.concatenate(
+        [seen(np.asarray(many(mode.context, jnp.asarray(d))[1])) for d in batches], axis=1
+    )
+    replicated = np.stack([seen(noise.standard_normal(n)) for _ in range(DRAWS)], axis=1)
+    # Not-a-number (a draw that escapes) counts as a misfit.
+    beyond = np.sum(replicated >= np.nan_to_num(observed, nan=np.inf), axis=1)
+    structured, tailed = (1 + beyond) / (DRAWS + 1)
+    return float(structured), float(tailed)
+
+
+def structure(target: Target, mode: Mode, period: float, seed: int) -> float:
+    """Posterior predictive p of the structure left in whitened residuals (Gelman, Meng and Stern 1996)."""
+    return _chances(target, mode, period, seed)[0]
+
+
 def check_fit(target: Target, mode: Mode, period: float, seed: int) -> Fit:
     """All checks of a model at its mode. period: of the oscillation in s: how far structure is looked for."""
     layout, n = target.layout, target.signal.t.size
-    one, many = _views(layout)
-    r, white = map(np.asarray, one(mode.context, jnp.asarray(mode.z)))
-    lags = int(np.clip(period / np.median(np.diff(target.signal.t)), 4, max(n // 5, 4)))
-    draws = laplace_draws(target, mode, DRAWS, seed)
-    batches = np.array_split(draws, max(4, DRAWS * n // TOGETHER))
-    observed = np.concatenate(
-        [portmanteau(np.asarray(many(mode.context, jnp.asarray(d))[1]), lags) for d in batches]
-    )
-    noise = np.random.default_rng(seed + 1)
-    replicated = np.array([portmanteau(noise.standard_normal(n), lags) for _ in range(DRAWS)])
-    # Not-a-number (a draw that escapes) counts as a misfit.
-    p = float((1 + np.sum(replicated >= np.nan_to_num(observed, nan=np.inf))) / (DRAWS + 1))
+    r, white = map(np.asarray, _views(layout)[0](mode.context, jnp.asarray(mode.z)))
+    lags = _lags(target, period)
+    p, p_tails = _chances(target, mode, period, seed)
+    tails = float(kurtosis(white))
     windows, spread, z = _windows(target, mode)
     lag_one = float(autocorrelation(r, 1)[1])
     return Fit(
@@ -109,19 +144,23 @@ def check_fit(target: Target, mode: Mode, period: float, seed: int) -> Fit:
         rms=float(np.sqrt(np.mean(r**2))),
         residual_autocorrelation=lag_one,
         predictive_p=p,
+        kurtosis=tails,
+        tails_p=p_tails,
         windows=windows,
         window_spread=spread,
         window_z=z,
-        verdict=_verdict(target.noise, p, z),
+        verdict=_verdict(target.noise, p, z, p_tails < P_LIMIT and tails > HEAVY),
     )
 
 
-def _verdict(noise: str, p: float, z: float) -> str:
+def _verdict(noise: str, p: float, z: float, outliers: bool) -> str:
     if p < P_LIMIT:
         also = "" if noise == "correlated" else " with independent noise"
         return f"does not fit: structure is left in the residuals{also}"
     if z > WINDOW_LIMIT:
         return "does not fit: the coefficients change from one part of the record to another"
+    if outliers:
+        return "does not fit: outliers in the residuals, which this noise model does not allow for"
     return "fits, with correlated noise" if noise == "correlated" else "fits"
 
 

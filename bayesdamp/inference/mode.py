@@ -25,17 +25,27 @@ FINER = 5
 """Parts of a step on which its error is measured and set right; a method of order six leaves 6e-5 of it."""
 ANCHORS = 4
 """Plans that one seed's climb may take."""
+WALL = 1e-9
+"""Where a folded score stops in place of zero, at which it has no slope."""
 
 
 @dataclass(frozen=True)
 class Climb:
-    """One seed's way to a mode: where it started and ended (log posterior), and what it cost."""
+    """One seed's way to a mode: where it started and ended (scores, log posterior), and what it cost.
+
+    seed: its name; same: names of the seeds that start at the same place and were not climbed again.
+    origin, z: scores at the start and the end, (d,). volume: log of the square root of the determinant of the inverse
+    information at the end, by which modes are weighed.
+    """
 
     seed: str
+    same: tuple[str, ...]
     start: float
     end: float
     evaluations: int
+    origin: np.ndarray
     z: np.ndarray
+    volume: float
     converged: bool
 
 
@@ -68,17 +78,21 @@ def climb(
 ) -> tuple[np.ndarray, float, np.ndarray, int, bool]:
     """Levenberg–Marquardt on the log posterior: z, its value, the information, evaluations, converged."""
     functions = compiled(layout)
+    folded = np.asarray(layout.folded)
+    z = np.where(folded, np.maximum(np.abs(z), WALL), z)
     value, gradient, information = map(np.asarray, functions.curvature(context, jnp.asarray(z)))
     damping, evaluations = 1e-3, 1
-    folded = np.asarray(layout.folded)
     for _ in range(limit):
         if not np.isfinite(value) or not np.all(np.isfinite(information)):
             return z, -np.inf, np.eye(z.size), evaluations, False
-        move = np.linalg.solve(information + damping * np.diag(np.diag(information)), gradient)
+        # A folded score ends at zero: where the slope holds it there, the others move without it.
+        free = np.flatnonzero(~(folded & (z <= WALL) & (gradient <= 0)))
+        inner = information[np.ix_(free, free)]
+        move = np.zeros_like(z)
+        move[free] = np.linalg.solve(inner + damping * np.diag(np.diag(inner)), gradient[free])
         move *= min(1.0, 3.0 / max(np.abs(move).max(), 1e-300))
-        # A folded score at zero cannot improve by crossing to its mirror image: it stays on its side.
-        trial = z + move
-        trial = np.where(folded, np.abs(trial) * np.where(trial < 0, 1e-3, 1.0), trial)
+        trial = np.where(folded, np.maximum(z + move, WALL), z + move)
+        move = trial - z
         new = tuple(map(np.asarray, functions.curvature(context, jnp.asarray(trial))))
         evaluations += 1
         gain = float(new[0] - value) if np.isfinite(new[0]) else -np.inf
@@ -121,12 +135,13 @@ def find_mode(target: Target, seeds: Mapping[str, Mapping[str, float]], *, noise
         tolerance = 0.5 * noise_level / np.sqrt(target.signal.t.size)
     climbs: list[Climb] = []
     best: tuple[float, np.ndarray] | None = None
-    for name, z0 in _distinct(target, seeds):
+    for (name, *same), z0 in _distinct(target, seeds):
         context = target.context(_plans(target, z0, tolerance)[0])
         z0 = _with_noise(target, z0, context)
         start = float(compiled(layout).log_posterior(context, jnp.asarray(z0)))
-        z, value, count, done = _ascend(target, context, z0, tolerance)
-        climbs.append(Climb(name, start, value, count, z, done))
+        z, value, information, count, done = _ascend(target, context, z0, tolerance)
+        volume = -0.5 * float(np.linalg.slogdet(information)[1])
+        climbs.append(Climb(name, tuple(same), start, value, count, z0, z, volume, done))
         if np.isfinite(value) and (best is None or value > best[0]):
             best = (value, z)
     if best is None:
@@ -136,9 +151,9 @@ def find_mode(target: Target, seeds: Mapping[str, Mapping[str, float]], *, noise
 
 def _ascend(
     target: Target, context: Context, z: np.ndarray, tolerance: float
-) -> tuple[np.ndarray, float, int, bool]:
+) -> tuple[np.ndarray, float, np.ndarray, int, bool]:
     """`climb`, and again with a plan made where it ended while that is far from where it began: so are all modes
-    compared on plans that are right at them. The scores, their log posterior, evaluations, converged."""
+    compared on plans that are right at them. The scores, their log posterior, information, evaluations, converged."""
     evaluations, attempts = 0, 0
     while True:
         attempts += 1
@@ -147,17 +162,23 @@ def _ascend(
         evaluations += count
         near = (z - before) @ information @ (z - before) < NEAR**2
         if near or not np.isfinite(value) or attempts == ANCHORS:
-            return z, value, evaluations, done
+            return z, value, information, evaluations, done
         context = target.context(_plans(target, z, tolerance)[0])
 
 
-def _distinct(target: Target, seeds: Mapping[str, Mapping[str, float]]) -> Sequence[tuple[str, np.ndarray]]:
-    """Seeds as scores; refined estimates that agree are climbed once."""
-    found: list[tuple[str, np.ndarray]] = []
+def _distinct(
+    target: Target, seeds: Mapping[str, Mapping[str, float]]
+) -> Sequence[tuple[list[str], np.ndarray]]:
+    """Seeds as scores, (d,), each with the names of those that start there: refined estimates that agree are
+    climbed once."""
+    found: list[tuple[list[str], np.ndarray]] = []
     for name, values in seeds.items():
         z = target.scores(values)
-        if all(np.max(np.abs(z - other)) > 1e-6 for _, other in found):
-            found.append((name, z))
+        there = next((names for names, other in found if np.max(np.abs(z - other)) <= 1e-6), None)
+        if there is None:
+            found.append(([name], z))
+        else:
+            there.append(name)
     return found
 
 
@@ -211,8 +232,14 @@ def whitening(information: np.ndarray) -> np.ndarray:
 
 
 def restore_mode(
-    target: Target, z: np.ndarray, log_posterior: float, information: np.ndarray, tolerance: float
+    target: Target,
+    z: np.ndarray,
+    log_posterior: float,
+    information: np.ndarray,
+    tolerance: float,
+    climbs: tuple[Climb, ...] = (),
 ) -> Mode:
     """A mode from what was stored of it: the plan of the solver is made anew at z."""
     context = target.context(_plans(target, z, tolerance)[0])
-    return Mode(z, log_posterior, information, whitening(information), context, (), np.nan, np.nan, tolerance)
+    factor = whitening(information)
+    return Mode(z, log_posterior, information, factor, context, climbs, np.nan, np.nan, tolerance)

@@ -76,10 +76,14 @@ class Target:
     known: Mapping[str, float]
 
     def __post_init__(self) -> None:
-        needed = {*self.oscillator.parameters, *NOISES.get(self.noise).parameters}
-        missing = needed - set(self.priors) - set(self.known)
+        missing = self._needed - set(self.priors) - set(self.known)
         if missing:
             raise ValueError(f"neither known nor inferred: {', '.join(sorted(missing))}")
+
+    @property
+    def _needed(self) -> set[str]:
+        noise = NOISES.get(self.noise)
+        return {*self.oscillator.parameters, *noise.parameters, *noise.constants}
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -94,12 +98,11 @@ class Target:
     def context(self, plan: Plan, part: slice = slice(None)) -> Context:
         """The numbers of this target with a plan made near the parameters of interest, for a part of its samples."""
         t, y = self.signal.t[part], self.signal.y[part]
-        needed = {*self.oscillator.parameters, *NOISES.get(self.noise).parameters}
         return Context(
             plan,
             jnp.asarray(y),
             jnp.asarray(np.diff(t)),
-            {name: jnp.asarray(float(v)) for name, v in sorted(self.known.items()) if name in needed},
+            {name: jnp.asarray(float(v)) for name, v in sorted(self.known.items()) if name in self._needed},
             tuple(tuple(jnp.asarray(float(x)) for x in p.numbers) for p in self.priors.values()),
             condense(self.layout.noise, plan, t, y),
         )

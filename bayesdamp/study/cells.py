@@ -25,8 +25,9 @@ from bayesdamp.inference.checks import check_fit, value_sds
 from bayesdamp.inference.defaults import EPSILON_SHARE, Reference
 from bayesdamp.inference.derived import Motions, against_amplitude, derive, units
 from bayesdamp.inference.evidence import EVIDENCES
-from bayesdamp.inference.mode import Mode, find_mode, restore_mode
+from bayesdamp.inference.mode import Climb, Mode, find_mode, restore_mode
 from bayesdamp.inference.samplers import SAMPLERS, Settings
+from bayesdamp.inference.seeds import basins, prior_seeds
 from bayesdamp.inference.target import Target
 from bayesdamp.physics.damping import parse_model
 from bayesdamp.physics.oscillator import Oscillator
@@ -46,6 +47,10 @@ RAW_POINTS = 20_000
 SUMMARIES = {"ensembles": "ensembles", "effective": "effective_draws"}
 """What `summarise` is to know of a sampler's draws, and where its diagnostics say it."""
 CURVE_POINTS = 25
+PRIOR_SEEDS = 2
+"""Draws from the prior that are climbed from beside the estimates."""
+CLIMB = ("seed", "same", "start", "end", "evaluations", "volume", "converged")
+"""What of a climb is stored as it is; its scores are arrays."""
 FAINTEST = 0.02
 """Least amplitude, as a share of the first, at which a damping is given against amplitude."""
 
@@ -274,10 +279,13 @@ class Branch:
         found = self.store.read(f"mode/{self.path}")
         if found.outcome != OK:
             raise Refusal(found.outcome)
-        m = found.meta
-        return restore_mode(
-            self.target, found.arrays["z"], m["log_posterior"], found.arrays["information"], m["tolerance"]
+        m, a = found.meta, found.arrays
+        own = [{k: v for k, v in c.items() if k in CLIMB} for c in m["climbs"]]
+        climbs = tuple(
+            Climb(**c, origin=origin, z=z)
+            for c, origin, z in zip(own, a["climbs/origin"], a["climbs/z"], strict=True)
         )
+        return restore_mode(self.target, a["z"], m["log_posterior"], a["information"], m["tolerance"], climbs)
 
     def estimate(self, name: str, key: str) -> None:
         began = time.perf_counter()
@@ -294,20 +302,31 @@ class Branch:
         trace = {f"{e.stage}/{n}": np.asarray(v) for e in found for n, v in e.trace.items()}
         self.store.write(CellResult(name, key, {"stages": stages}, trace, OK, plain_seconds(began)))
 
-    def _seeds(self) -> dict[str, Mapping[str, float]]:
-        """The last stage of every estimator that has values; with none in the study, least squares'."""
+    def _seeds(self) -> tuple[dict[str, Mapping[str, float]], dict[str, str]]:
+        """Every estimator's values at each of its stages, and what those said that have none; draws from the prior too.
+
+        With no estimator in the study, least squares'. Raises Refusal where no estimator has values.
+        """
         seeds: dict[str, Mapping[str, float]] = {}
+        refused: dict[str, str] = {}
         for method in self._methods:
-            for stage in self.store.read(f"estimate/{self.path}/{method}").meta.get("stages", []):
-                if stage["values"]:
-                    seeds[method] = stage["values"]
+            cell = self.store.read(f"estimate/{self.path}/{method}")
+            for stage in cell.meta.get("stages", []):
+                label = f"{method}, {stage['stage']}"
+                if stage["values"] and np.all(np.isfinite(list(stage["values"].values()))):
+                    seeds[label] = stage["values"]
+                else:
+                    refused[label] = stage["outcome"]
+            if cell.outcome != OK:
+                refused[method] = cell.outcome
         if not seeds:
             for e in run_estimator("least_squares", self.signal, Problem(self.terms, self.system), seed=0):
                 if e.values:
-                    seeds["least_squares"] = e.values
+                    seeds[f"least_squares, {e.stage}"] = e.values
         if not seeds:
             raise Refusal("no estimator found a place to start from")
-        return seeds
+        from_prior = prior_seeds(self.target, PRIOR_SEEDS, cell_seed(self.study, f"seeds/{self.path}"))
+        return seeds | from_prior, refused
 
     def mode(self, name: str, key: str) -> None:
         began = time.perf_counter()
@@ -315,7 +334,8 @@ class Branch:
             self.store.write(CellResult(name, key, outcome=NOT_APPLICABLE))
             return
         try:
-            mode = find_mode(self.target, self._seeds(), noise_level=self.seen.roughness)
+            seeds, refused = self._seeds()
+            mode = find_mode(self.target, seeds, noise_level=self.seen.roughness)
         except Refusal as refusal:
             self.store.write(CellResult(name, key, outcome=str(refusal), seconds=plain_seconds(began)))
             return
@@ -332,11 +352,13 @@ class Branch:
                 "step_error": mode.step_error,
                 "log_likelihood_change": mode.likelihood_error,
             },
-            "climbs": [{k: v for k, v in asdict(c).items() if k != "z"} for c in mode.climbs],
+            **_climbs(self.target, mode),
+            "refused": refused,
             "windows": [asdict(w) for w in fit.windows],
             **{k: v for k, v in asdict(fit).items() if k not in (*checks, "windows")},
         }
         arrays = {"t": self.signal.t, "z": mode.z, "information": mode.information}
+        arrays |= {f"climbs/{k}": np.array([getattr(c, k) for c in mode.climbs]) for k in ("origin", "z")}
         arrays |= {k: getattr(fit, k) for k in checks}
         self.store.write(CellResult(name, key, meta, arrays, OK, plain_seconds(began)))
 
@@ -406,6 +428,31 @@ class Branch:
         method = EVIDENCES.get(name.rsplit("/", 1)[1])
         found = method.evidence(self.model, self.target, mode, cell_seed(self.study, name))
         self.store.write(CellResult(name, key, asdict(found), {}, found.outcome, found.seconds))
+
+
+def _climbs(target: Target, mode: Mode) -> dict[str, Any]:
+    """What the seeds came to, as the mode's cell keeps it, and the modes that they found."""
+    found, where = basins(mode)
+    rows = []
+    for c, number in zip(mode.climbs, where, strict=True):
+        away = c.origin - mode.z
+        distance = float(np.sqrt(max(away @ mode.information @ away, 0.0)))
+        rows.append({**{k: getattr(c, k) for k in CLIMB}, "distance": distance, "mode": number})
+    modes = [
+        {
+            "log_posterior": b.log_posterior,
+            "share": b.share,
+            "values": {n: float(v) for n, v in target.values(b.z).items()},
+        }
+        for b in found
+    ]
+    sd = mode.sd()
+    touching = [
+        n
+        for n, z, s, f in zip(target.names, mode.z, sd, target.layout.folded, strict=True)
+        if f and abs(z) < s
+    ]
+    return {"climbs": rows, "modes": modes, "touching_zero": touching}
 
 
 def _save_whole(posterior: Any, file: Path) -> None:

@@ -9,6 +9,7 @@ import pytest
 from scipy import stats
 
 from bayesdamp.inference.noise import NOISES, NoiseModel
+from bayesdamp.types import Refusal, Signal
 
 from .problems import FEATURES
 
@@ -16,7 +17,7 @@ RNG = np.random.default_rng(5)
 T = np.sort(np.concatenate([RNG.uniform(0, 3, 60), RNG.uniform(4.5, 6, 40)]))
 """A jittered clock with a gap."""
 GAPS = np.diff(T)
-P = {"noise_sd": 0.02, "noise_time": 0.13, "noise_dof": 3.5}
+P = {"noise_sd": 0.02, "noise_time": 0.13, "noise_dof": 3.5, "noise_step": 0.03}
 KERNEL = P["noise_sd"] ** 2 * np.exp(-np.abs(T[:, None] - T[None]) / P["noise_time"])
 NAMES = NOISES.names()
 
@@ -27,6 +28,10 @@ def drawn(name: str, rng: np.random.Generator, size: int = 1) -> np.ndarray:
         return P["noise_sd"] * rng.standard_normal((size, T.size))
     if name == "student_t":
         return P["noise_sd"] * rng.standard_t(P["noise_dof"], (size, T.size))
+    if name == "quantised":
+        # Of a motion that passes over the steps, so that its values have any place between two of them.
+        step, motion = P["noise_step"], rng.uniform(-1, 1, (size, T.size))
+        return step * np.round((motion + P["noise_sd"] * rng.standard_normal((size, T.size))) / step) - motion
     return rng.standard_normal((size, T.size)) @ np.linalg.cholesky(KERNEL).T
 
 
@@ -35,11 +40,16 @@ def density(name: str, r: np.ndarray) -> float:
         return float(stats.norm.logpdf(r, scale=P["noise_sd"]).sum())
     if name == "student_t":
         return float(stats.t.logpdf(r, P["noise_dof"], scale=P["noise_sd"]).sum())
+    if name == "quantised":
+        ends = stats.norm.sf(
+            np.abs(r)[:, None] + P["noise_step"] * np.array([-0.5, 0.5]), scale=P["noise_sd"]
+        )
+        return float(np.log(-np.diff(ends) / P["noise_step"]).sum())
     return float(stats.multivariate_normal.logpdf(r, cov=KERNEL))
 
 
 def test_every_noise_has_an_independent_density():
-    assert NAMES == ["correlated", "gaussian", "student_t"]
+    assert NAMES == ["correlated", "gaussian", "quantised", "student_t"]
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -109,3 +119,21 @@ def test_start_is_near_and_contract(name):
     assert set(start) == set(model.parameters)
     for n, value in start.items():
         assert 1 / 3 < value / P[n] < 3, n
+
+
+def test_a_fine_step_is_gaussian_noise_and_a_coarse_one_is_not():
+    r = jnp.asarray(drawn("gaussian", np.random.default_rng(6))[0])
+    gaussian = float(NOISES.get("gaussian").log_likelihood(r, jnp.asarray(GAPS), P))
+    by_step = [
+        float(NOISES.get("quantised").log_likelihood(r, jnp.asarray(GAPS), {**P, "noise_step": step}))
+        for step in (1e-4, 0.1)
+    ]
+    assert by_step[0] == pytest.approx(gaussian, abs=1e-3)
+    assert abs(by_step[1] - gaussian) > 10
+
+
+def test_a_record_without_steps_has_no_quantised_noise():
+    t = np.linspace(0.0, 5.0, 50)
+    with pytest.raises(Refusal, match="recording step"):
+        NOISES.get("quantised").read(Signal(t, np.cos(t)))
+    assert NOISES.get("quantised").read(Signal(t, np.cos(t), step=0.1)) == {"noise_step": 0.1}

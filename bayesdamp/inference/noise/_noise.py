@@ -10,6 +10,7 @@ from jax import Array
 
 from bayesdamp.priors import Prior
 from bayesdamp.signals.features import Features
+from bayesdamp.types import Signal
 
 
 class NoiseModel(ABC):
@@ -20,6 +21,12 @@ class NoiseModel(ABC):
 
     name: str
     parameters: tuple[str, ...]
+    constants: tuple[str, ...] = ()
+    """Numbers that the record itself gives, such as its recording step; they are not inferred."""
+
+    def read(self, signal: Signal) -> dict[str, float]:
+        """The constants. Raises Refusal where the record is not one for this model."""
+        return {}
 
     @abstractmethod
     def priors(self, features: Features) -> dict[str, Prior]:

@@ -5,8 +5,6 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
 
-import numpy as np
-
 from bayesdamp.inference.mode import Mode
 from bayesdamp.inference.target import Target
 from bayesdamp.types import Posterior
@@ -37,8 +35,3 @@ class Sampler(ABC):
 
         Raises Refusal where the method cannot work on this target.
         """
-
-
-def starts(mode: Mode, count: int, seed: int, spread: float = 2.0) -> np.ndarray:
-    """Over-dispersed whitened starts about the mode, shape (count, d), of a finite posterior's scale."""
-    return spread * np.random.default_rng(seed).standard_normal((count, mode.z.size))

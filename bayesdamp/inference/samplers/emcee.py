@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import time
+from collections import Counter
+from dataclasses import replace
 
 import emcee
 import jax.numpy as jnp
@@ -12,7 +14,8 @@ from bayesdamp.inference import diagnostics
 from bayesdamp.inference.folded import FoldedT
 from bayesdamp.inference.frame import Frame, frame
 from bayesdamp.inference.mode import Mode
-from bayesdamp.inference.samplers._sampler import Sampler, Settings, starts
+from bayesdamp.inference.samplers._sampler import Sampler, Settings
+from bayesdamp.inference.samplers._starts import seeded_starts
 from bayesdamp.inference.target import Target, compiled
 from bayesdamp.types import OK, Posterior
 
@@ -65,20 +68,19 @@ class Emcee(Sampler):
             inside = np.isfinite(values) & np.all((z >= -1e-9) | ~folded, axis=1)
             return np.where(inside, values, NOWHERE)
 
-        def start(seed: int) -> np.ndarray:
-            z = at.scores(starts(mode, walkers, seed))
-            return at.whitened(np.where(folded, np.abs(z), z))
-
         moves = [
             (emcee.moves.MHMove(_independent(proposal, at)), 0.5),
             (emcee.moves.DEMove(), 0.3),
             (emcee.moves.StretchMove(), 0.2),
         ]
-        ensembles = []
+        ensembles, seeds = [], []
         for k in range(ENSEMBLES):
             sampler = emcee.EnsembleSampler(walkers, d, log_probability, vectorize=True, moves=moves)
             sampler.random_state = np.random.RandomState((settings.seed + k) % 2**32).get_state()
-            state = self._settled(sampler, start(settings.seed + 7919 * k), settings.warmup // 2)
+            own = replace(settings, seed=settings.seed + 7919 * k)
+            start, chosen = seeded_starts(target, mode, at, walkers, own)
+            seeds += chosen
+            state = self._settled(sampler, start, settings.warmup // 2)
             ensembles.append((sampler, state))
 
         resolved, draws = False, np.empty((0, 0, 0))
@@ -114,6 +116,7 @@ class Emcee(Sampler):
                 "walkers": walkers,
                 "ensembles": ENSEMBLES,
                 "thinned_by": thin,
+                "walkers_by_seed": dict(Counter(s.seed for s in seeds)),
             },
             seconds=time.perf_counter() - began,
             outcome=outcome,

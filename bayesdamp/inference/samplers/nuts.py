@@ -15,15 +15,15 @@ from jax import Array
 from jax import numpy as jnp
 
 from bayesdamp.inference import diagnostics
-from bayesdamp.inference.frame import CHUNK, Frame, frame
+from bayesdamp.inference.frame import Frame, frame
 from bayesdamp.inference.mode import Mode
 from bayesdamp.inference.samplers._reflect import reflecting_leapfrog
-from bayesdamp.inference.samplers._sampler import Sampler, Settings, starts
+from bayesdamp.inference.samplers._sampler import Sampler, Settings
+from bayesdamp.inference.samplers._starts import agreement, seeded_starts
 from bayesdamp.inference.target import (
     Context,
     Layout,
     Target,
-    compiled,
     linearise,
     linearised_log_posterior,
     log_posterior,
@@ -88,17 +88,6 @@ def _poor(found: Posterior) -> bool:
     return float(np.mean(found.stats["acceptance_rate"])) < POOR or int(np.sum(found.stats["diverging"])) > 0
 
 
-def _starts(target: Target, mode: Mode, at: Frame, settings: Settings) -> np.ndarray:
-    """Over-dispersed starts (chains, d) within the walls, of a posterior density that is not out of reach."""
-    u = starts(mode, CHUNK, settings.seed, spread=1.5)
-    u[-1] = 0.0
-    z = at.scores(u)
-    height = np.asarray(compiled(target.layout).batch(mode.context, jnp.asarray(z)))
-    inside = np.all((z > 0) | ~np.asarray(target.layout.folded), axis=1)
-    good = np.flatnonzero(inside & (height > height[-1] - 5.0 * mode.z.size))
-    return u[np.resize(good, settings.chains)]
-
-
 class Nuts(Sampler):
     """Hoffman and Gelman's NUTS (JMLR 15, 2014) in whitened coordinates that end where a damping is zero.
 
@@ -131,8 +120,10 @@ class Nuts(Sampler):
         centre, factor = jnp.asarray(at.centre), jnp.asarray(at.factor)
         force = (lines(mode.context, centre), jnp.asarray(at.lacking))
         step = jnp.asarray(shorter * at.centre.size**-0.25)
-        start = jnp.asarray(_starts(target, mode, at, settings))
-        u, height, diverging, steps, accept = run(mode.context, force, centre, factor, step, start, keys)
+        start, seeds = seeded_starts(target, mode, at, settings.chains, settings)
+        u, height, diverging, steps, accept = run(
+            mode.context, force, centre, factor, step, jnp.asarray(start), keys
+        )
         z = at.scores(np.asarray(u))
         values = target.values(z)
         summaries = {n: diagnostics.summarise(v) for n, v in values.items()}
@@ -141,10 +132,11 @@ class Nuts(Sampler):
         outcome = diagnostics.verdict(summaries)
         if outcome == OK and divergences > 0.01 * diverging.size:
             outcome = f"{divergences} of {diverging.size} transitions diverged"
+        stacked = np.stack(list(values.values()), axis=-1)
         return Posterior(
             sampler=self.name,
             names=target.names,
-            draws=np.stack(list(values.values()), axis=-1),
+            draws=stacked,
             log_likelihood=np.asarray(height) - prior,
             stats={
                 "diverging": np.asarray(diverging),
@@ -157,6 +149,7 @@ class Nuts(Sampler):
                 "exact_force": exact,
                 "step": float(step),
                 "likelihoods": int(np.sum(np.asarray(steps))),
+                "starts": agreement(seeds, stacked),
             },
             outcome=outcome,
         )

@@ -1,0 +1,106 @@
+"""Starts of chains and walkers: the spread of the seeds, over-dispersed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import jax.numpy as jnp
+import numpy as np
+
+from bayesdamp.inference.frame import CHUNK, Frame
+from bayesdamp.inference.mode import Mode
+from bayesdamp.inference.samplers._sampler import Settings
+from bayesdamp.inference.seeds import PRIOR
+from bayesdamp.inference.target import Target, compiled
+
+SPREAD = 1.5
+"""Sds of the scatter around a seed: starts are wider than the posterior also where all seeds agree."""
+REACH = 5.0
+"""Nats for each parameter below the centre from which a chain still finds its way."""
+SHARES = (1.0, 0.5, 0.25, 0.1, 0.03, 0.0)
+"""Shares of the way from the centre to a seed at which a start is tried; the farthest within reach is taken."""
+
+
+@dataclass(frozen=True)
+class Start:
+    """One chain's start: the seed it is taken from; how far from the centre that is and the start is, in sds."""
+
+    seed: str
+    seed_distance: float
+    distance: float
+
+
+def seeded_starts(
+    target: Target, mode: Mode, at: Frame, count: int, settings: Settings
+) -> tuple[np.ndarray, list[Start]]:
+    """Starts in whitened coordinates, shape (count, d), each with the seed it is from.
+
+    Each is a seed's own start, scattered by more than the posterior's sd and, where it is out of reach, moved
+    towards the centre until it is not. Seeds are taken in turn, those farthest from each other first, so that few
+    chains cover their spread; one of the first two is a draw from the prior where there is one.
+    """
+    rng = np.random.default_rng(settings.seed)
+    folded = np.asarray(target.layout.folded)
+    names = [c.seed for c in mode.climbs] or ["mode"]
+    origins = [c.origin for c in mode.climbs] or [mode.z]
+    seeds = at.whitened(np.where(folded, np.abs(origins), origins))
+    order = _spread_out(seeds, names)
+    scatter = SPREAD * rng.standard_normal((count, seeds.shape[1]))
+    chosen = [order[i % len(order)] for i in range(count)]
+    # Scatter alone is the last resort but one, the centre itself the last.
+    tries = np.concatenate(
+        [
+            np.stack([share * seeds[chosen] + scatter for share in SHARES]),
+            0.3 * scatter[None],
+            np.zeros((1, *scatter.shape)),
+        ]
+    )
+    z = at.scores(tries)
+    z = np.where(folded, np.abs(z), z)
+    height = _heights(target, mode, z.reshape(-1, z.shape[-1])).reshape(z.shape[:2])
+    good = height > height[-1, 0] - REACH * z.shape[-1]
+    good[-1] = True
+    first = np.argmax(good, axis=0)
+    u = at.whitened(z[first, np.arange(count)])
+    found = [
+        Start(names[c], float(np.linalg.norm(seeds[c])), float(np.linalg.norm(x)))
+        for c, x in zip(chosen, u, strict=True)
+    ]
+    return u, found
+
+
+def _heights(target: Target, mode: Mode, z: np.ndarray) -> np.ndarray:
+    """Log posterior at scores (m, d), in batches of one size."""
+    padded = np.concatenate([z, np.repeat(z[-1:], -len(z) % CHUNK, axis=0)])
+    batch = compiled(target.layout).batch
+    parts = [np.asarray(batch(mode.context, jnp.asarray(c))) for c in np.split(padded, len(padded) // CHUNK)]
+    return np.nan_to_num(np.concatenate(parts)[: len(z)], nan=-np.inf)
+
+
+def _spread_out(seeds: np.ndarray, names: list[str]) -> list[int]:
+    """Indices of the seeds (m, d): the first two are the farthest from the centre and a draw from the prior."""
+    size = np.linalg.norm(np.nan_to_num(seeds, nan=0.0, posinf=1e6, neginf=-1e6), axis=1)
+    prior = [i for i, name in enumerate(names) if name.startswith(PRIOR)]
+    own = [i for i in range(len(names)) if i not in prior]
+    order: list[int] = []
+    for i in sorted(own, key=lambda i: -size[i])[:1] + prior[:1]:
+        order.append(i)
+    rest = [i for i in range(len(names)) if i not in order]
+    while rest:
+        gaps = np.linalg.norm(seeds[rest][:, None] - seeds[order][None], axis=2).min(axis=1)
+        nearest = int(np.argmax(np.nan_to_num(gaps, nan=-1.0)))
+        order.append(rest.pop(nearest))
+    return order
+
+
+def agreement(starts: list[Start], draws: np.ndarray) -> list[dict[str, float | str]]:
+    """What each chain made of its start. draws: of one chain a start, shape (chains, draws, d), in natural units.
+
+    shift: the largest distance of the chain's mean from that of all, in posterior sds.
+    """
+    sd = np.maximum(draws.std(axis=(0, 1)), 1e-300)
+    shift = np.abs(draws.mean(axis=1) - draws.mean(axis=(0, 1))) / sd
+    return [
+        {"seed": s.seed, "seed_distance": s.seed_distance, "distance": s.distance, "shift": float(v.max())}
+        for s, v in zip(starts, shift, strict=True)
+    ]
