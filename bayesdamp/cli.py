@@ -135,6 +135,7 @@ def _asked(loaded: Study) -> list[tuple[str, Sequence[str]]]:
     return [
         ("signals", [f"{s.name} (x{s.repeats})" if s.repeats > 1 else s.name for s in loaded.signals]),
         ("models", loaded.models.compare),
+        ("restoring laws", list(dict.fromkeys(law for s in loaded.signals for law in s.restoring))),
         ("estimators", use.use),
         ("stages", use.stages),
         ("samplers", loaded.posterior.samplers),

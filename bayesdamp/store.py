@@ -29,13 +29,13 @@ from bayesdamp.types import OK, InputError
 
 TABLES: dict[str, tuple[str, ...]] = {
     "estimates.csv": (
-        "signal", "repeat", "model", "estimator", "stage", "parameter", "unit", "value", "stderr", "truth",
+        "signal", "repeat", "model", "restoring", "estimator", "stage", "parameter", "unit", "value", "stderr", "truth",
         "error_pct", "evaluations", "seconds", "outcome",
     ),
     "posteriors.csv": (
-        "signal", "repeat", "model", "sampler", "parameter", "unit", "mean", "sd", "median", "q2.5", "q25",
-        "q75", "q97.5", "hdi_low", "hdi_high", "ess_bulk", "ess_tail", "rhat", "divergences", "seconds",
-        "outcome",
+        "signal", "repeat", "model", "restoring", "sampler", "parameter", "unit", "mean", "sd", "median",
+        "q2.5", "q25", "q75", "q97.5", "hdi_low", "hdi_high", "ess_bulk", "ess_tail", "rhat", "divergences",
+        "seconds", "outcome",
     ),
     "evidence.csv": (
         "signal", "repeat", "model", "restoring", "method", "log_evidence", "stderr", "log_bayes_factor",

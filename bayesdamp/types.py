@@ -8,6 +8,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 OK = "ok"
+LAW_MARK = "@"
+"""Stands between a damping sum and its restoring law where a study compares several laws."""
 
 
 class BayesdampError(Exception):
@@ -114,6 +116,17 @@ class Evidence:
     evaluations: int = 0
     seconds: float = 0.0
     outcome: str = OK
+
+
+def candidate_name(damping: str, restoring: str = "") -> str:
+    """The name of a candidate: `viscous+coulomb@pendulum`, the damping sum alone where no law is given."""
+    return f"{damping}{LAW_MARK}{restoring}" if restoring else damping
+
+
+def candidate_parts(name: str) -> tuple[str, str]:
+    """Damping sum and restoring law of a candidate; the law is empty where the name has none."""
+    damping, _, restoring = name.partition(LAW_MARK)
+    return damping, restoring
 
 
 @dataclass(frozen=True)

@@ -35,9 +35,17 @@ from bayesdamp.config.sections import (
     ModelsTable,
     PosteriorTable,
 )
-from bayesdamp.config.signals import SignalSpec, canonical_models, check_base, damping_order, resolve_signal
+from bayesdamp.config.signals import (
+    SignalSpec,
+    canonical_models,
+    check_base,
+    damping_order,
+    resolve_signal,
+    restoring_laws,
+)
 from bayesdamp.config.sweeps import expand
-from bayesdamp.types import InputError
+from bayesdamp.physics.restoring import LAWS
+from bayesdamp.types import InputError, candidate_name, candidate_parts
 
 _TABLES = ("system", "signal", "sweep", "estimators", "models", "posterior", "evidence")
 
@@ -65,10 +73,12 @@ class Estimators:
 
 @dataclass(frozen=True)
 class Models:
-    """compare: damping sums such as `viscous+coulomb`; prior: a prior by damping term, where one is given."""
+    """compare: damping sums such as `viscous+coulomb`; prior: a prior by damping term, where one is given;
+    restoring: the laws that each of them is combined with, none where a signal's own law is the only one."""
 
     compare: tuple[str, ...]
     prior: Mapping[str, Any] = field(default_factory=dict)
+    restoring: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -90,14 +100,22 @@ class Study:
     published: tuple[Published, ...] = ()
     version: int = 1
 
-    def compare(self, spec: SignalSpec) -> tuple[str, ...]:
-        """The damping models that one of the signals is compared under."""
+    def dampings(self, spec: SignalSpec) -> tuple[str, ...]:
+        """The damping sums that one of the signals is compared under."""
         return self.models.compare if spec.compare is None else spec.compare
+
+    def compare(self, spec: SignalSpec) -> tuple[str, ...]:
+        """Names of the candidates for one of the signals: its damping sums, each under each of its restoring laws.
+
+        With one law a candidate's name is its damping sum; with several, see `candidate_name`.
+        """
+        laws = spec.restoring if len(spec.restoring) > 1 else ("",)
+        return tuple(candidate_name(m, law) for m in self.dampings(spec) for law in laws)
 
     def estimate(self, spec: SignalSpec) -> tuple[str, ...]:
         """Those of them under which estimators run."""
-        compared = self.compare(spec)
-        return compared if spec.estimate is None else tuple(m for m in compared if m in spec.estimate)
+        wanted = self.dampings(spec) if spec.estimate is None else spec.estimate
+        return tuple(name for name in self.compare(spec) if candidate_parts(name)[0] in wanted)
 
     @property
     def noises(self) -> tuple[str, ...]:
@@ -113,6 +131,8 @@ class Study:
         """All that the study says, defaults written out, as JSON takes it; no path of this machine."""
         found = plain(replace(self, signals=()))
         del found["source"]
+        if not self.models.restoring:
+            del found["models"]["restoring"]
         return {**found, "signals": [s.resolved() for s in self.signals]}
 
     def digest(self) -> str:
@@ -171,18 +191,24 @@ def _header(raw: dict[str, Any]) -> Header:
     return section(Header, {n: v for n, v in raw.items() if n in names}, "")
 
 
-def _signals(raw: dict[str, Any], folder: Path) -> tuple[SignalSpec, ...]:
-    base = check_base(raw.get("system", {}))
+def _signals(raw: dict[str, Any], folder: Path, laws: tuple[str, ...]) -> tuple[SignalSpec, ...]:
     written = _list_of_tables(raw, "signal")
+    own = [law for entry in written for law in _names(entry.get("restoring"))]
+    base = check_base(raw.get("system", {}), (*laws, *own))
     if not written:
         raise StudyError("signal", "is missing; a study has at least one [[signal]]")
     signals = []
     for place, entry in enumerate(expand(written, _list_of_tables(raw, "sweep")), start=1):
         label = entry.get("name")
         label = label if isinstance(label, str) and re.fullmatch(NAME, label) else str(place)
-        signals.append(resolve_signal(entry, base, folder, f"signal[{label}]"))
+        signals.append(resolve_signal(entry, base, folder, f"signal[{label}]", laws))
     distinct((s.name for s in signals), "signal", "the signal")
     return tuple(signals)
+
+
+def _names(raw: object) -> list[str]:
+    """The laws in a raw list; a wrong list is told where its signal is read."""
+    return [name for name in raw if name in LAWS.names()] if isinstance(raw, list) else []
 
 
 def _estimators(raw: object) -> Estimators:
@@ -245,7 +271,9 @@ def _models(raw: object) -> Models:
     compare = canonical_models(tuple(names), "models.compare")
     known_keys(checked.prior, damping_order(), "models.prior")
     return Models(
-        compare, {n: prior(v, f"models.prior.{n}", negative=False) for n, v in checked.prior.items()}
+        compare,
+        {n: prior(v, f"models.prior.{n}", negative=False) for n, v in checked.prior.items()},
+        restoring_laws(checked.restoring or (), "models.restoring"),
     )
 
 
@@ -285,14 +313,15 @@ def load_study(path: str | Path) -> Study:
         raw = _read(path)
         header = _header(raw)
         name = header.name if header.name is not None else re.sub(r"[^A-Za-z0-9_-]", "_", path.stem)
-        signals = _signals(raw, path.parent)
+        models = _models(raw.get("models", {}))
+        signals = _signals(raw, path.parent, models.restoring)
         estimators = _estimators(raw.get("estimators", {}))
         study = Study(
             source=path,
             name=name,
             signals=signals,
             estimators=estimators,
-            models=_models(raw.get("models", {})),
+            models=models,
             posterior=_posterior(raw.get("posterior", {})),
             evidence=_evidence(raw.get("evidence", {})),
             seed=header.seed,
@@ -301,7 +330,7 @@ def load_study(path: str | Path) -> Study:
         )
         for spec in study.signals:
             for model in spec.estimate or ():
-                if model not in study.compare(spec):
+                if model not in study.dampings(spec):
                     what = f"names {model}, which this signal does not compare"
                     raise StudyError(f"signal[{spec.name}].estimate", f"{what}; it must be one of its models")
         return study

@@ -48,6 +48,9 @@ class SignalTable(Section):
     compare: Annotated[Names, Field(min_length=1)] | None = Field(
         None, description="a list of one or more models for this signal, in place of [models]'s"
     )
+    restoring: Annotated[Names, Field(min_length=1)] | None = Field(
+        None, description="a list of one or more restoring laws for this signal, in place of [models]'s"
+    )
     estimate: Names | None = Field(
         None,
         description="a list of the models under which estimators run on this signal; all that it compares",
@@ -111,10 +114,13 @@ class EstimatorsTable(Section):
 
 
 class ModelsTable(Section):
-    """[models]: the damping sums to compare, and the priors of their terms."""
+    """[models]: the damping sums and restoring laws to compare, and the priors of the terms."""
 
     compare: Literal["all"] | Annotated[Names, Field(min_length=1)] = Field(
         ("viscous", "coulomb", "quadratic"), description='"all" or a list of one or more models'
+    )
+    restoring: Annotated[Names, Field(min_length=1)] | None = Field(
+        None, description="a list of one or more restoring laws, in place of [system]'s one"
     )
     prior: dict[str, Any] = Field({}, description="a table of priors by damping term")
 

@@ -33,6 +33,7 @@ NOISE = ("noise_sd", "noise_time", "noise_dof")
 REFERENCE = ("amplitude", "frequency", "inertia")
 _MINIMUM = {"epsilon": 0.0, "noise_sd": 0.0}
 _POSITIVE = ("noise_time", "noise_dof", *REFERENCE)
+_SIMULATED = ("name", "simulate", "system", "compare", "restoring", "estimate")
 
 
 @dataclass(frozen=True)
@@ -83,7 +84,8 @@ class SignalSpec:
 
     inertia: kg m² (kg for a translation), only for showing results in physical units.
     compare: its own damping models, None for the study's; estimate: those under which estimators run, None for
-    all that it compares.
+    all that it compares. laws: the restoring laws that it is compared under; alternatives: what is known of its
+    system under those that are not `system`'s own.
     """
 
     name: str
@@ -92,12 +94,25 @@ class SignalSpec:
     inertia: float | None = None
     compare: tuple[str, ...] | None = None
     estimate: tuple[str, ...] | None = None
+    laws: tuple[str, ...] = ()
+    alternatives: tuple[System, ...] = ()
 
     def resolved(self) -> dict[str, Any]:
         """All that the study says of the record, as JSON takes it; no path of this machine."""
         found = plain(self)
         found["source"].pop("path", None)
+        if not self.alternatives:
+            del found["laws"], found["alternatives"]
         return found
+
+    @property
+    def restoring(self) -> tuple[str, ...]:
+        """The restoring laws that it is compared under."""
+        return self.laws or (self.system.restoring,)
+
+    def under(self, restoring: str) -> System:
+        """What is known of the system under one of these laws, by default the system's own."""
+        return next((s for s in self.alternatives if s.restoring == restoring), self.system)
 
     @property
     def repeats(self) -> int:
@@ -111,10 +126,11 @@ def _law(name: object, key: str) -> RestoringLaw:
     return LAWS.get(plugin_name(LAWS, name, key))
 
 
-def check_base(raw: object) -> dict[str, Any]:
-    """The study's [system], checked against its restoring law, or against all where it names none."""
+def check_base(raw: object, laws: tuple[str, ...] = ()) -> dict[str, Any]:
+    """The study's [system], checked against its restoring law and those compared, or against all where it names
+    none."""
     base = table(raw, "system")
-    names = [base["restoring"]] if "restoring" in base else LAWS.names()
+    names = [base["restoring"], *laws] if "restoring" in base else LAWS.names()
     parameters = {p for name in names for p in _law(name, "system.restoring").parameters}
     known_keys(base, _system_keys(sorted(parameters)), "system")
     for name, value in base.items():
@@ -140,21 +156,32 @@ def _value(name: str, raw: object, key: str) -> object:
     return number(raw, key, positive=name in _POSITIVE, minimum=_MINIMUM.get(name))
 
 
-def _system(base: Mapping[str, Any], own: Mapping[str, Any], key: str) -> tuple[System, dict[str, float]]:
-    """The signal's system: its own keys over the study's. Also its reference numbers."""
-    restoring = own.get("restoring", base.get("restoring"))
-    if restoring is None:
+def _systems(
+    base: Mapping[str, Any], own: Mapping[str, Any], laws: tuple[str, ...], key: str
+) -> tuple[list[System], dict[str, float]]:
+    """The signal's system, its own keys over the study's, under its restoring law and then under the others that
+    it is compared under. Also its reference numbers."""
+    first = own.get("restoring", base.get("restoring", *laws[:1]))
+    if first is None:
         raise StudyError("system.restoring", f"is missing; it must be one of {', '.join(LAWS.names())}")
-    law = _law(restoring, below(key, "system.restoring"))
+    every = [_law(first, below(key, "system.restoring"))]
+    every += [_law(name, below(key, "restoring")) for name in laws if name != first]
+    known_keys(own, _system_keys([p for law in every for p in law.parameters]), below(key, "system"))
+    found = [_system(law, base, own, key) for law in every]
+    return [system for system, _ in found], found[0][1]
+
+
+def _system(
+    law: RestoringLaw, base: Mapping[str, Any], own: Mapping[str, Any], key: str
+) -> tuple[System, dict[str, float]]:
     valid = _system_keys(law.parameters)
-    known_keys(own, valid, below(key, "system"))
     values = {
         name: _value(name, raw, below("system", name)) for name, raw in base.items() if name in valid[1:]
     }
     values |= {
         name: _value(name, raw, below(key, f"system.{name}"))
         for name, raw in own.items()
-        if name != "restoring"
+        if name in valid[1:]
     }
     reference = {name: float(values.pop(name)) for name in REFERENCE if name in values}  # type: ignore[arg-type]
     inferred = (*law.parameters, *START, "noise_sd")
@@ -173,7 +200,7 @@ def _simulation(raw: object, system: System, key: str) -> Simulation:
     known_keys(given, [*TERMS.names(), *numbers, *options], key)
     settings = section(SimulateTable, {n: v for n, v in given.items() if n in options}, key)
 
-    _check_translation(settings.unit, system, below(key, "unit"))
+    _check_translation(settings.unit, system.restoring, below(key, "unit"))
     if settings.outliers > settings.samples:
         right = f"it must be at most samples ({settings.samples}), or their share below 1"
         raise StudyError(below(key, "outliers"), f"is {settings.outliers:g}; {right}")
@@ -233,7 +260,7 @@ def _recording(entry: SignalTable, system: System, folder: Path, key: str) -> Re
         raise StudyError(
             below(key, "stop"), f"is {entry.stop:g}; it must be later than start ({entry.start:g})"
         )
-    _check_translation(entry.unit, system, below(key, "unit"))
+    _check_translation(entry.unit, system.restoring, below(key, "unit"))
     return Recording(
         file=entry.file,
         path=path.resolve(),
@@ -241,25 +268,33 @@ def _recording(entry: SignalTable, system: System, folder: Path, key: str) -> Re
     )
 
 
-def _check_translation(unit: str, system: System, key: str) -> None:
-    if unit in ("m", "mm") and not LAWS.get(system.restoring).translates:
+def _check_translation(unit: str, restoring: str, key: str) -> None:
+    if unit in ("m", "mm") and not LAWS.get(restoring).translates:
         laws = ", ".join(name for name in LAWS.names() if LAWS.get(name).translates)
-        what = f"is {unit!r}, a translation, which {system.restoring} is not"
+        what = f"is {unit!r}, a translation, which {restoring} is not"
         raise StudyError(key, f"{what}; restoring can be {laws}")
 
 
-def resolve_signal(raw: object, base: Mapping[str, Any], folder: Path, key: str) -> SignalSpec:
-    """A [[signal]] table with the study's [system] as one record to make or to read. Raises StudyError."""
+def resolve_signal(
+    raw: object, base: Mapping[str, Any], folder: Path, key: str, laws: tuple[str, ...] = ()
+) -> SignalSpec:
+    """A [[signal]] table with the study's [system] as one record to make or to read.
+
+    laws: the restoring laws that the study compares, where it names some. Raises StudyError.
+    """
     given = table(raw, key)
     entry = section(SignalTable, given, key)
     if (entry.simulate is None) == (entry.file is None):
         both = "both simulate and file" if entry.file else "neither simulate nor file"
         raise StudyError(key, f"has {both}; it must have one of the two")
-    system, reference = _system(base, entry.system, key)
+    if entry.restoring is not None:
+        laws = restoring_laws(entry.restoring, below(key, "restoring"))
+    (system, *others), reference = _systems(base, entry.system, laws, key)
     if entry.simulate is None:
         source: Simulation | Recording = _recording(entry, system, folder, key)
+        unit_key = below(key, "unit")
     else:
-        stray = [n for n in given if n not in ("name", "simulate", "system", "compare", "estimate")]
+        stray = [n for n in given if n not in _SIMULATED]
         if stray:
             inside = " inside simulate = { ... }" if stray[0] in SimulateTable.model_fields else ""
             raise StudyError(
@@ -267,11 +302,25 @@ def resolve_signal(raw: object, base: Mapping[str, Any], folder: Path, key: str)
                 f"belongs to a file{'; put it' + inside if inside else '; remove it here'}",
             )
         source = _simulation(entry.simulate, system, below(key, "simulate"))
+        unit_key = below(key, "simulate.unit")
+    for name in laws:
+        _check_translation(source.unit, name, unit_key)
     own = {
         name: None if models is None else canonical_models(models, below(key, name))
         for name, models in (("compare", entry.compare), ("estimate", entry.estimate))
     }
-    return SignalSpec(entry.name, system, source, reference.get("inertia"), **own)
+    alternatives = tuple(s for s in others if s.restoring in laws)
+    return SignalSpec(
+        entry.name, system, source, reference.get("inertia"), **own, laws=laws, alternatives=alternatives
+    )
+
+
+def restoring_laws(names: tuple[str, ...], key: str) -> tuple[str, ...]:
+    """Restoring laws' names, each once. Raises StudyError."""
+    for name in names:
+        _law(name, key)
+    distinct(names, key, "the law")
+    return names
 
 
 def canonical_model(name: object, key: str) -> str:

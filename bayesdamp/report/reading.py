@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from bayesdamp.report import words
 from bayesdamp.report.run import Row, Run, rows_of
-from bayesdamp.types import OK
+from bayesdamp.types import OK, candidate_parts
 
 _FIRST = ("combined", "nested", "bridge", "importance")
 DAMPING = ("zeta", "mu_c", "mu_q")
@@ -26,11 +26,9 @@ class Ranking:
         return self.rows[0]
 
 
-def label(row: Row, run: Run) -> str:
-    """A model in words, with its restoring law where the run compares several."""
-    laws = {r["restoring"] for r in run.evidence if r["signal"] == row["signal"]}
-    suffix = f", {words.law(row['restoring'])}" if len(laws) > 1 else ""
-    return words.model(row["model"]) + suffix
+def label(row: Row) -> str:
+    """The candidate of a row in words."""
+    return words.model(row["model"])
 
 
 def ranking(run: Run, signal: str, repeat: int) -> Ranking | None:
@@ -58,12 +56,12 @@ def ranking(run: Run, signal: str, repeat: int) -> Ranking | None:
 
     chosen = min(by_method, key=trust)
     ordered = sort(by_method[chosen])
-    best = (ordered[0]["model"], ordered[0]["restoring"])
+    best = ordered[0]["model"]
     others = {}
     for name, found in by_method.items():
         top = sort(found)[0]
-        if len(found) == len(ordered) and (top["model"], top["restoring"]) != best:
-            others[name] = label(top, run)
+        if len(found) == len(ordered) and top["model"] != best:
+            others[name] = label(top)
     return Ranking(chosen, ordered, others)
 
 
@@ -107,8 +105,9 @@ def truth(run: Run, signal: str, parameter: str) -> float:
 def coefficients(run: Run, model: str) -> list[str]:
     """The damping coefficients of a model, by the parameters that its terms are known to have."""
     own = {"viscous": "zeta", "coulomb": "mu_c", "quadratic": "mu_q"}
-    named = [own[term] for term in model.split("+") if term in own]
-    if len(named) == len(model.split("+")):
+    terms = candidate_parts(model)[0].split("+")
+    named = [own[term] for term in terms if term in own]
+    if len(named) == len(terms):
         return named
     # a term of the user's own: its parameter is the one that no other kind of parameter explains
     seen = dict.fromkeys(r["parameter"] for r in (*run.posteriors, *run.estimates) if r["model"] == model)

@@ -9,15 +9,18 @@ from typing import Any
 
 from bayesdamp.report.drawing import Drawings
 from bayesdamp.store import TABLES, CellResult, Store, read_table
-from bayesdamp.types import OK, InputError
+from bayesdamp.types import OK, InputError, candidate_name
 
 Row = dict[str, Any]
+LATER = {"restoring": ""}
+"""Columns that earlier runs did not write, and what stands in for them."""
 
 
 class Run:
     """What a folder holds. Anything but run.json may be missing.
 
-    info: run.json. estimates, posteriors, evidence, fits: the rows of the tables, if any.
+    info: run.json. estimates, posteriors, evidence, fits: the rows of the tables, if any. A row's `model` is its
+    candidate's name: the damping sum, with the restoring law where the signal is compared under several.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -90,11 +93,15 @@ class Run:
         if not path.is_file():
             return []
         rows = read_table(path)
+        rows = [{**LATER, **row} for row in rows]
         missing = set(TABLES[name]) - set(rows[0]) if rows else set()
         if missing:
             raise InputError(
                 f"{path}: column {', '.join(sorted(missing))} is missing; was it written by a run?"
             )
+        for row in rows:
+            if len(self.about(row["signal"]).get("restoring") or ()) > 1:
+                row["model"] = candidate_name(row["model"], row["restoring"])
         return rows
 
 

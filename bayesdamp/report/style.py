@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
+from bayesdamp.types import candidate_parts
+
 INK = "#222222"
 QUIET = "#8a8a8a"
 FAINT = "#d9d9d9"
@@ -66,5 +68,5 @@ def dash(model: str) -> str:
 
 
 def _look(model: str) -> tuple[str, str]:
-    known = _MODELS.get(frozenset(model.split("+")))
+    known = _MODELS.get(frozenset(candidate_parts(model)[0].split("+")))
     return known or (_OTHERS[sum(model.encode()) % len(_OTHERS)], ":")

@@ -6,6 +6,8 @@ import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 
+from bayesdamp.types import candidate_parts
+
 NONE = "–"
 
 
@@ -71,8 +73,10 @@ _PROPER = {"coulomb": "Coulomb", "duffing": "Duffing"}
 
 
 def model(name: str) -> str:
-    """A damping sum in words: `viscous+coulomb` is viscous + Coulomb."""
-    return " + ".join(_PROPER.get(term, term.replace("_", " ")) for term in name.split("+"))
+    """A candidate in words: `viscous+coulomb` is viscous + Coulomb, `coulomb@linear` Coulomb (linear)."""
+    damping, restoring = candidate_parts(name)
+    said = " + ".join(_PROPER.get(term, term.replace("_", " ")) for term in damping.split("+"))
+    return f"{said} ({law(restoring)})" if restoring else said
 
 
 def law(name: str) -> str:

@@ -16,6 +16,7 @@ import numpy as np
 
 from bayesdamp import __version__
 from bayesdamp.config import Recording, SignalSpec, Simulation, Study
+from bayesdamp.config.checks import plain
 from bayesdamp.estimators import run as run_estimator
 from bayesdamp.estimators.bound import cramer_rao
 from bayesdamp.estimators.shared import noise_level
@@ -38,12 +39,13 @@ from bayesdamp.signals.features import Features, features
 from bayesdamp.signals.read import read_record
 from bayesdamp.signals.simulate import simulate_signal
 from bayesdamp.store import CellResult, Store, sha256
-from bayesdamp.types import OK, InputError, Posterior, Problem, Refusal, Signal, System
+from bayesdamp.types import OK, InputError, Posterior, Problem, Refusal, Signal, System, candidate_parts
 
 NO_NOISE = 1e-6
 """Noise below this share of the amplitude is none: a likelihood has nothing to weigh by."""
 NOT_APPLICABLE = "not applicable: the record has no noise, so there is no posterior"
 RAW_POINTS = 20_000
+_NOT_OF_THE_RECORD = ("compare", "estimate", "laws", "alternatives")
 SUMMARIES = {"ensembles": "ensembles", "effective": "effective_draws"}
 """What `summarise` is to know of a sampler's draws, and where its diagnostics say it."""
 CURVE_POINTS = 25
@@ -80,7 +82,7 @@ class SignalCell:
     def key(self) -> str:
         source = self.spec.source
         content = sha256(source.path) if isinstance(source, Recording) else ""
-        shown = {k: v for k, v in self.spec.resolved().items() if k not in ("compare", "estimate")}
+        shown = {k: v for k, v in self.spec.resolved().items() if k not in _NOT_OF_THE_RECORD}
         return digest("signal", self.study.seed, shown, self.repeat, content)
 
     def compute(self) -> None:
@@ -198,13 +200,19 @@ def _raw(t: np.ndarray | None, y: np.ndarray, source: Recording) -> dict[str, np
 
 
 class Branch:
-    """One damping model on one record: its estimates, mode, posteriors and evidence, each a cell."""
+    """One candidate on one record: its estimates, mode, posteriors and evidence, each a cell.
+
+    model: the candidate's name, of which terms and restoring are the two parts.
+    """
 
     def __init__(self, study: Study, spec: SignalSpec, repeat: int, model: str, store: Store) -> None:
         self.study, self.spec, self.repeat, self.model, self.store = study, spec, repeat, model, store
-        self.terms = parse_model(model)
+        damping, law = candidate_parts(model)
+        self.terms, self.restoring = parse_model(damping), law or spec.restoring[0]
         self.parent = SignalCell(study, spec, repeat, store)
         self.path = f"{spec.name}/{repeat}/{model}"
+        system = spec.under(self.restoring)
+        self._other = () if system is spec.system else (plain(system),)
 
     @property
     def _methods(self) -> tuple[str, ...]:
@@ -217,13 +225,17 @@ class Branch:
         use = self.study.estimators
         chosen = {n: dict(use.options.get(n, {})) for n in self._methods}
         for name, options in chosen.items():
-            key = digest("estimate", self.parent.key, self.model, use.method(name), use.stages, options)
+            key = digest(
+                "estimate", self.parent.key, self.model, use.method(name), use.stages, options, *self._other
+            )
             found[f"estimate/{self.path}/{name}"] = key
         if not (self.study.posterior.samplers or self.study.evidence.methods):
             return found
         priors = {t: str(self.study.models.prior.get(t)) for t in self.terms}
         noise = self.study.posterior.noise
-        mode_key = digest("mode", self.parent.key, self.model, noise, priors, use.stages, chosen)
+        mode_key = digest(
+            "mode", self.parent.key, self.model, noise, priors, use.stages, chosen, *self._other
+        )
         found[f"mode/{self.path}"] = mode_key
         settings = self.study.posterior
         for name in settings.samplers:
@@ -259,7 +271,9 @@ class Branch:
 
     @cached_property
     def system(self) -> System:
-        return replace(self.spec.system, known=self._parent_result.meta["known"])
+        system, seen = self.spec.under(self.restoring), self._parent_result.meta["known"]
+        epsilon = {k: v for k, v in seen.items() if k == "epsilon"}
+        return replace(system, known={**system.known, **epsilon})
 
     @cached_property
     def target(self) -> Target:

@@ -10,9 +10,10 @@ import numpy as np
 
 from bayesdamp.config import Recording, SignalSpec, Simulation, Study
 from bayesdamp.physics.oscillator import Oscillator
+from bayesdamp.physics.restoring import LAWS
 from bayesdamp.physics.units import parameter_unit, quantity_unit
 from bayesdamp.store import TABLES, CellResult, Store, provenance, write_json, write_table
-from bayesdamp.types import OK
+from bayesdamp.types import OK, candidate_parts
 
 Row = dict[str, Any]
 
@@ -36,9 +37,20 @@ def _records(study: Study) -> Iterator[tuple[SignalSpec, int]]:
 
 
 def _branches(study: Study) -> Iterator[tuple[SignalSpec, int, str, Row]]:
+    """(signal, repeat, candidate's name, the columns that say which)."""
     for spec, repeat in _records(study):
-        for model in study.compare(spec):
-            yield spec, repeat, model, {"signal": spec.name, "repeat": repeat, "model": model}
+        for name in study.compare(spec):
+            yield spec, repeat, name, _head(spec, repeat, name)
+
+
+def _head(spec: SignalSpec, repeat: int, name: str) -> Row:
+    damping, law = candidate_parts(name)
+    return {
+        "signal": spec.name,
+        "repeat": repeat,
+        "model": damping,
+        "restoring": law or spec.restoring[0],
+    }
 
 
 def _read(store: Store, name: str) -> CellResult | None:
@@ -48,14 +60,17 @@ def _read(store: Store, name: str) -> CellResult | None:
         return None
 
 
-def _unit(spec: SignalSpec, name: str) -> str:
+def _unit(spec: SignalSpec, name: str, restoring: str) -> str:
     unit = {"deg": "rad", "mm": "m"}.get(spec.source.unit, spec.source.unit)
-    return parameter_unit(name, spec.system.restoring, unit, spec.source.quantity)
+    return parameter_unit(name, restoring, unit, spec.source.quantity)
 
 
-def _truth(spec: SignalSpec, name: str) -> float:
-    """The true value of a simulated record's parameter; an absent damping term's is 0."""
+def _truth(spec: SignalSpec, name: str, restoring: str) -> float:
+    """The true value of a simulated record's parameter; an absent damping term's is 0. The parameters of another
+    restoring law have none."""
     if not isinstance(spec.source, Simulation):
+        return math.nan
+    if restoring != spec.system.restoring and name in LAWS.get(restoring).parameters:
         return math.nan
     truth = {**spec.system.known, **spec.source.truth}
     return float(truth.get(name, 0.0 if name.startswith(("zeta", "mu_")) else math.nan))
@@ -75,12 +90,12 @@ def _estimates(study: Study, store: Store) -> Iterator[Row]:
                 if not stage["values"]:
                     yield common
                 for name, value in stage["values"].items():
-                    truth = _truth(spec, name)
+                    truth = _truth(spec, name, head["restoring"])
                     error = 100 * abs(value - truth) / abs(truth) if truth else math.nan
                     yield {
                         **common,
                         "parameter": name,
-                        "unit": _unit(spec, name),
+                        "unit": _unit(spec, name, head["restoring"]),
                         "value": value,
                         "stderr": stage["stderr"].get(name, math.nan),
                         "truth": truth,
@@ -118,10 +133,7 @@ def _evidence(study: Study, store: Store) -> Iterator[Row]:
                     continue
                 found = logs.get(model, math.nan)
                 yield {
-                    "signal": spec.name,
-                    "repeat": repeat,
-                    "model": model,
-                    "restoring": spec.system.restoring,
+                    **_head(spec, repeat, model),
                     "method": method,
                     "log_evidence": found,
                     "stderr": cell.meta.get("stderr", math.nan),
@@ -138,13 +150,12 @@ def _fits(study: Study, store: Store) -> Iterator[Row]:
         cell = _read(store, f"mode/{spec.name}/{repeat}/{model}")
         if cell is None:
             continue
-        row = {**head, "restoring": spec.system.restoring}
         if cell.outcome != OK:
-            yield {**row, "verdict": cell.outcome}
+            yield {**head, "verdict": cell.outcome}
             continue
         factor = {"deg": 180 / math.pi, "mm": 1e3}.get(spec.source.unit, 1.0)
         yield {
-            **row,
+            **head,
             "rms": cell.meta["rms"] * factor,
             "rms_unit": quantity_unit(spec.source.unit, spec.source.quantity),
             **{
@@ -172,6 +183,7 @@ def _run(study: Study, store: Store) -> Row:
             "unit": spec.source.unit,
             "quantity": spec.source.quantity,
             "simulated": isinstance(spec.source, Simulation),
+            "restoring": list(spec.restoring),
             "outcome": seen.outcome,
             "bound": cell.meta.get("bound", {}),
             **{k: seen.meta[k] for k in ("epsilon_note", "reference", "features") if k in seen.meta},

@@ -38,7 +38,7 @@ def _one(run: Run, signal: str) -> Markup:
     parts: list[object] = []
     if found and len(found.rows) > 1:
         shown = [
-            Bar(r["model"], label(r, run), r["log_bayes_factor"], r["stderr"], r["probability"])
+            Bar(r["model"], label(r), r["log_bayes_factor"], r["stderr"], r["probability"])
             for r in found.rows
         ]
         said = f", repeat 1 of {len(repeats)}" if len(repeats) > 1 else ""
@@ -58,18 +58,16 @@ def _table(run: Run, signal: str, repeats: list[int]) -> Table:
     for repeat in repeats:
         rows = rows_of(run.evidence, signal=signal, repeat=repeat)
         found = ranking(run, signal, repeat)
-        order = [(r["model"], r["restoring"]) for r in found.rows] if found else []
-        rows.sort(
-            key=lambda r: order.index(k) if (k := (r["model"], r["restoring"])) in order else len(order)
-        )
+        order = [r["model"] for r in found.rows] if found else []
+        rows.sort(key=lambda r: order.index(r["model"]) if r["model"] in order else len(order))
         for r in rows:
             lead = [str(repeat + 1)] if len(repeats) > 1 else []
-            top = r["outcome"] == OK and order[:1] == [(r["model"], r["restoring"])]
+            top = r["outcome"] == OK and order[:1] == [r["model"]]
             lines.append(
                 Line(
                     [
                         *lead,
-                        label(r, run),
+                        label(r),
                         words.method(r["method"]),
                         words.nats(r["log_evidence"], r["stderr"]),
                         words.nats(r["log_bayes_factor"]) if r["log_bayes_factor"] else "0",

@@ -57,15 +57,13 @@ def _table(run: Run, signal: str, repeats: list[int]) -> Table:
     for repeat in repeats:
         ranked = models_by_rank(run, signal, repeat)
         rows = rows_of(run.fits, signal=signal, repeat=repeat)
-        several = len({r["restoring"] for r in rows}) > 1
         for r in sorted(rows, key=lambda r: ranked.index(r["model"])):
             lead = [str(repeat + 1)] if len(repeats) > 1 else []
-            name = words.model(r["model"]) + (f", {words.law(r['restoring'])}" if several else "")
             lines.append(
                 Line(
                     [
                         *lead,
-                        name,
+                        words.model(r["model"]),
                         f"{words.number(r['rms'], 3)} {r['rms_unit']}",
                         words.fixed(r["residual_autocorrelation"], 2),
                         words.number(r["window_spread"], 2),

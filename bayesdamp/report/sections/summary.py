@@ -57,7 +57,7 @@ def _card(run: Run, signal: str, repeat: int) -> dict[str, Any]:
     doubt: list[str] = []
     if found:
         sure = found.best["probability"] >= SURE or len(found.rows) == 1
-        claim = f"Damping is {'' if sure else 'most likely '}{label(found.best, run)}"
+        claim = f"Damping is {'' if sure else 'most likely '}{label(found.best)}"
         if len(found.rows) > 1:
             share = words.probability(found.best["probability"])
             claim += f": probability {share} among {len(found.rows)} models."
@@ -98,24 +98,22 @@ def _weigh(run: Run, found, believe: list[str], doubt: list[str]) -> None:
     gap = -second["log_bayes_factor"]
     if second["probability"] < 0.01:
         believe.append(
-            f"the order of the models: the next, {label(second, run)}, is {words.nats(gap)} nats behind "
+            f"the order of the models: the next, {label(second)}, is {words.nats(gap)} nats behind "
             f"({words.method(found.method)})."
         )
     else:
         doubt.append(
-            f"that the question is settled: {label(second, run)} keeps a probability of "
+            f"that the question is settled: {label(second)} keeps a probability of "
             f"{words.probability(second['probability'])}."
         )
     for other, name in found.others.items():
         doubt.append(f"the order of the models: {words.method(other)} puts {name} first.")
     for row in found.rows[:2]:
         if "poor" in row["diagnostic"]:
-            doubt.append(f"the evidence of {label(row, run)} to the last digit: {row['diagnostic']}.")
+            doubt.append(f"the evidence of {label(row)} to the last digit: {row['diagnostic']}.")
     for row in rows_of(run.evidence, signal=found.best["signal"], repeat=found.best["repeat"]):
         if row["outcome"] != OK:
-            doubt.append(
-                f"that {label(row, run)} was weighed by {words.method(row['method'])}: {row['outcome']}"
-            )
+            doubt.append(f"that {label(row)} was weighed by {words.method(row['method'])}: {row['outcome']}")
 
 
 def _only_posterior(run: Run, signal: str, repeat: int, ranked: list[str]) -> str | None:

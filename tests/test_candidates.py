@@ -1,0 +1,117 @@
+"""Several restoring laws in one study: a candidate is a damping sum under a law."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+
+import pytest
+
+from bayesdamp.config import load_study
+from bayesdamp.store import read_table
+from bayesdamp.study import cells, run_study
+from bayesdamp.types import InputError, candidate_name, candidate_parts
+
+TWO_LAWS = """
+version = 1
+name = "laws"
+[system]
+restoring = "linear"
+stiffness = 20.0
+cubic = 1.0
+theta0 = 0.3
+omega0 = 0.0
+epsilon = 0.05
+[[signal]]
+name = "swing"
+simulate = { viscous = 0.05, coulomb = 0.02, duration = 6.0, samples = 300, rest_angle = 0.0, noise_sd = 0.0 }
+[estimators]
+use = ["least_squares"]
+stages = ["initial"]
+[models]
+compare = ["viscous", "coulomb"]
+restoring = ["linear", "duffing"]
+[posterior]
+samplers = []
+[evidence]
+methods = []
+"""
+
+
+def load(folder: Path, text: str = TWO_LAWS):
+    file = folder / "laws.toml"
+    file.write_text(text, encoding="utf-8")
+    return load_study(file)
+
+
+def test_a_candidates_name_reads_back() -> None:
+    assert candidate_parts(candidate_name("viscous+coulomb", "pendulum")) == ("viscous+coulomb", "pendulum")
+    assert candidate_parts(candidate_name("viscous")) == ("viscous", "")
+
+
+def test_every_damping_meets_every_law_with_what_is_known_of_that_law(tmp_path) -> None:
+    study = load(tmp_path)
+    spec = study.signals[0]
+    assert study.compare(spec) == (
+        "viscous@linear", "viscous@duffing", "coulomb@linear", "coulomb@duffing",
+    )  # fmt: skip
+    assert spec.under("duffing").known["cubic"] == 1.0
+    assert "cubic" not in spec.under("linear").known
+    assert spec.under("duffing").known["stiffness"] == 20.0
+
+
+def test_one_law_leaves_all_names_and_keys_as_they_were(tmp_path) -> None:
+    plain = load(
+        tmp_path, TWO_LAWS.replace('restoring = ["linear", "duffing"]\n', "").replace("cubic = 1.0\n", "")
+    )
+    named = load(
+        tmp_path, TWO_LAWS.replace('["linear", "duffing"]', '["linear"]').replace("cubic = 1.0\n", "")
+    )
+    assert plain.compare(plain.signals[0]) == named.compare(named.signals[0]) == ("viscous", "coulomb")
+    assert [c.name for c in cells(plain)] == [c.name for c in cells(named)]
+    assert "restoring" not in plain.resolved()["models"]
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ('["linear", "duffing"]', '["linear", "dufing"]', "did you mean 'duffing'"),
+        ('["linear", "duffing"]', '["linear", "linear"]', "twice"),
+        ('["linear", "duffing"]', "[]", "one or more"),
+        ("samples = 300", 'samples = 300, unit = "m"', None),
+        ('["linear", "duffing"]', '["linear", "pendulum"]', "cubic"),
+        ("noise_sd = 0.0 }", 'noise_sd = 0.0 }\nrestoring = ["pendulm"]', "did you mean 'pendulum'"),
+    ],
+)
+def test_a_wrong_law_is_one_line(tmp_path, old: str, new: str, said: str | None) -> None:
+    if said is None:  # the negative control: both laws translate
+        assert load(tmp_path, TWO_LAWS.replace(old, new))
+        return
+    with pytest.raises(InputError, match=said) as caught:
+        load(tmp_path, TWO_LAWS.replace(old, new))
+    assert "\n" not in str(caught.value)
+
+
+def test_a_pendulum_in_metres_is_refused(tmp_path) -> None:
+    text = TWO_LAWS.replace("samples = 300", 'samples = 300, unit = "m"').replace("cubic = 1.0\n", "")
+    with pytest.raises(InputError, match="translation, which pendulum is not"):
+        load(tmp_path, text.replace('"duffing"', '"pendulum"'))
+
+
+def test_tables_say_which_law_and_the_report_tells_them_apart(tmp_path) -> None:
+    study = load(tmp_path)
+    assert run_study(study, tmp_path / "out", workers=1) == 0
+    rows = read_table(tmp_path / "out" / "estimates.csv")
+    found = {(r["model"], r["restoring"], r["parameter"]) for r in rows}
+    assert ("viscous", "linear", "zeta") in found
+    assert ("viscous", "duffing", "zeta") in found
+    assert ("viscous", "duffing", "rest_angle") in found
+    for r in rows:  # another law's own parameters have no truth; the damping has
+        other = r["restoring"] == "duffing" and r["parameter"] in ("stiffness", "rest_angle", "cubic")
+        assert math.isnan(r["truth"]) == other, r
+    about = json.loads((tmp_path / "out" / "run.json").read_text())["signals"]["swing"]
+    assert about["restoring"] == ["linear", "duffing"]
+    page = (tmp_path / "out" / "report.html").read_text()
+    assert "viscous (Duffing)" in page
+    assert "viscous (linear)" in page
