@@ -21,7 +21,9 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from bayesdamp.config import Recording, SignalSpec, Study
 from bayesdamp.report import render
 from bayesdamp.store import CellResult, Store
-from bayesdamp.study.cells import Branch, SignalCell
+from bayesdamp.study.cells import Branch
+from bayesdamp.study.noise import noise_cell
+from bayesdamp.study.records import SignalCell
 from bayesdamp.study.tables import write_tables
 from bayesdamp.types import InputError
 
@@ -109,8 +111,9 @@ def _work(study: Study, store: Store, job: Job) -> dict[str, tuple[str, Callable
     """The cells of a job: name to key and what computes it."""
     spec = _spec(study, job.signal)
     if job.model is None:
-        cell = SignalCell(study, spec, job.repeat, store)
-        return {cell.name: (cell.key, lambda *_: cell.compute())}
+        cell, noise = SignalCell(study, spec, job.repeat, store), noise_cell(study, spec, job.repeat, store)
+        found = {cell.name: (cell.key, lambda *_: cell.compute())}
+        return found | ({noise.name: (noise.key, lambda *_: noise.compute())} if noise else {})
     branch = Branch(study, spec, job.repeat, job.model, store)
     return {name: (key, branch.compute) for name, key in branch.cells().items()}
 
