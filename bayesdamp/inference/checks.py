@@ -55,7 +55,9 @@ class Fit:
 
 
 @lru_cache(maxsize=64)
-def _views(layout: Layout):
+def views(layout: Layout):
+    """Compiled, (context, z): the residuals and their whitened scores, (n,) each; at one z and at many."""
+
     def view(context: Context, z):
         r = residual(layout, context, z)
         return r, layout.noise.whiten(r, context.gaps, parameters(layout, context, z))
@@ -87,7 +89,7 @@ def laplace_draws(target: Target, mode: Mode, count: int, seed: int) -> np.ndarr
 def check_fit(target: Target, mode: Mode, period: float, seed: int) -> Fit:
     """All checks of a model at its mode. period: of the oscillation in s: how far structure is looked for."""
     layout, n = target.layout, target.signal.t.size
-    one, many = _views(layout)
+    one, many = views(layout)
     r, white = map(np.asarray, one(mode.context, jnp.asarray(mode.z)))
     lags = int(np.clip(period / np.median(np.diff(target.signal.t)), 4, max(n // 5, 4)))
     draws = laplace_draws(target, mode, DRAWS, seed)
