@@ -52,8 +52,8 @@ def savage_dickey(target: Target, y: np.ndarray, parameter: str) -> Ratio:
 def density_at_zero(x: np.ndarray, effective: float) -> tuple[float, float]:
     """Log density at 0 of draws x ≥ 0, shape (n,), and its standard error; effective: draws they are worth.
 
-    The density is the exponential of a cubic on [0, median], by maximum likelihood: a cut-off normal is one, and nothing
-    is smoothed across zero.
+    The density is the exponential of a cubic on [0, median], by maximum likelihood: a cut-off normal is one, and
+    nothing is smoothed across zero.
     """
     top = float(np.quantile(x, LOWER))
     u = x[x <= top] / top
