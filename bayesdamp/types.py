@@ -106,7 +106,10 @@ class Posterior:
 
 @dataclass(frozen=True)
 class Evidence:
-    """Log marginal likelihood of one model by one method (nats), with its standard error and diagnostic."""
+    """Log marginal likelihood of one model by one method (nats), with its standard error and diagnostic.
+
+    arrays: what the method leaves for further use, such as draws and their weights.
+    """
 
     model: str
     method: str
@@ -116,6 +119,7 @@ class Evidence:
     evaluations: int = 0
     seconds: float = 0.0
     outcome: str = OK
+    arrays: Mapping[str, np.ndarray] = field(default_factory=dict, repr=False, compare=False)
 
 
 def candidate_name(damping: str, restoring: str = "") -> str:

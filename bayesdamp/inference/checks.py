@@ -61,7 +61,9 @@ class Fit:
 
 
 @lru_cache(maxsize=64)
-def _views(layout: Layout):
+def views(layout: Layout):
+    """Compiled, (context, z): the residuals and their whitened scores, (n,) each; at one z and at many."""
+
     def view(context: Context, z):
         r = residual(layout, context, z)
         return r, layout.noise.whiten(r, context.gaps, parameters(layout, context, z))
@@ -104,7 +106,7 @@ def _lags(target: Target, period: float) -> int:
 
 def _chances(target: Target, mode: Mode, period: float, seed: int) -> tuple[float, float]:
     """Posterior predictive p of the structure and of the tails of whitened residuals."""
-    many, n, lags = _views(target.layout)[1], target.signal.t.size, _lags(target, period)
+    many, n, lags = views(target.layout)[1], target.signal.t.size, _lags(target, period)
     draws = laplace_draws(target, mode, DRAWS, seed)
     noise = np.random.default_rng(seed + 1)
 
@@ -130,7 +132,7 @@ def structure(target: Target, mode: Mode, period: float, seed: int) -> float:
 def check_fit(target: Target, mode: Mode, period: float, seed: int) -> Fit:
     """All checks of a model at its mode. period: of the oscillation in s: how far structure is looked for."""
     layout, n = target.layout, target.signal.t.size
-    r, white = map(np.asarray, _views(layout)[0](mode.context, jnp.asarray(mode.z)))
+    r, white = map(np.asarray, views(layout)[0](mode.context, jnp.asarray(mode.z)))
     lags = _lags(target, period)
     p, p_tails = _chances(target, mode, period, seed)
     tails = float(kurtosis(white))

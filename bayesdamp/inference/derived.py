@@ -22,7 +22,7 @@ linear oscillator with viscous damping the half-life is exact, the decrement wit
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 
@@ -251,9 +251,11 @@ def units(displacement: str) -> dict[str, str]:
     return {q.name: q.unit(displacement) for q in QUANTITIES}
 
 
-def against_amplitude(motions: Motions, amplitudes: np.ndarray) -> dict[str, np.ndarray]:
-    """Median and central 95 % of the logarithmic decrement and of the equivalent ratio at amplitudes (rad or m, shape
-    (m,)): name to rows 2.5, 50 and 97.5 %, shape (3, m). From some 1,000 of the draws."""
+def against_amplitude(
+    motions: Motions, amplitudes: np.ndarray, levels: Sequence[float] = (0.025, 0.5, 0.975)
+) -> dict[str, np.ndarray]:
+    """Quantiles of the logarithmic decrement and of the equivalent ratio at amplitudes (rad or m, shape (m,)): name to
+    a row for each level, shape (levels, m), the median and central 95 % by default. From some 1,000 of the draws."""
     every = max(1, int(np.prod(motions.shape)) // CURVE_DRAWS)
     few = {n: v if np.ndim(v) == 0 else np.ravel(v)[::every] for n, v in motions.values.items()}
     thinned = Motions(motions.osc, few, motions.near, motions.amplitude)
@@ -262,7 +264,7 @@ def against_amplitude(motions: Motions, amplitudes: np.ndarray) -> dict[str, np.
         at = thinned.at(a)
         curves["log_decrement"].append(_decrement(at, a))
         curves["equivalent_ratio"].append(_ratio(at))
-    return {n: np.quantile(v, [0.025, 0.5, 0.975], axis=1) for n, v in curves.items()}
+    return {n: np.quantile(v, levels, axis=1) for n, v in curves.items()}
 
 
 def _ratio(at: Cycle) -> np.ndarray:

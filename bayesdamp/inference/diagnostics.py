@@ -72,6 +72,11 @@ def effective(draws: np.ndarray) -> float:
     return float(min(az.ess(draws, method="bulk"), az.ess(draws, method="tail")))
 
 
+def effective_mean(draws: np.ndarray) -> float:
+    """Effective sample size for the mean of draws, shape (chain, draw)."""
+    return float(az.ess(draws, method="mean"))
+
+
 def monte_carlo_error(draws: np.ndarray) -> float:
     """Standard error of the mean of draws, shape (chain, draw)."""
     return float(az.mcse(draws, method="mean"))

@@ -19,7 +19,6 @@ from bayesdamp.inference.build import build_target
 from bayesdamp.inference.checks import check_fit, value_sds
 from bayesdamp.inference.defaults import Reference
 from bayesdamp.inference.derived import Motions, against_amplitude, derive, units
-from bayesdamp.inference.evidence import EVIDENCES
 from bayesdamp.inference.mode import Climb, Mode, find_mode, restore_mode
 from bayesdamp.inference.samplers import SAMPLERS, Settings
 from bayesdamp.inference.seeds import basins, prior_seeds
@@ -28,8 +27,11 @@ from bayesdamp.physics.damping import parse_model
 from bayesdamp.physics.units import parameter_unit
 from bayesdamp.signals.features import Features, features
 from bayesdamp.store import CellResult, Store
+from bayesdamp.study.averaging import CURVE, LEVELS, SPREAD
 from bayesdamp.study.noise import NoiseCell, noise_cell
 from bayesdamp.study.records import NOT_APPLICABLE, SignalCell, cell_seed, digest, plain_seconds, signal_of
+from bayesdamp.study.sensitivity import compute_sensitivity, sensitivity_cells
+from bayesdamp.study.weighing import compute_evidence, evidence_parts
 from bayesdamp.types import OK, Posterior, Problem, Refusal, Signal, System, candidate_parts
 
 SUMMARIES = {"ensembles": "ensembles", "effective": "effective_draws"}
@@ -85,8 +87,10 @@ class Branch:
         for name in settings.samplers:
             key = digest("posterior", mode_key, name, settings.chains, settings.warmup, settings.draws)
             found[f"posterior/{self.path}/{name}"] = key
-        for name in self.study.evidence.methods:
-            found[f"evidence/{self.path}/{name}"] = digest("evidence", mode_key, name)
+        for name, parts in evidence_parts(self.study, self.path, found).items():
+            found[name] = digest("evidence", mode_key, *parts)
+        for name, source in sensitivity_cells(self.path, found, self.repeat, len(self.terms)).items():
+            found[name] = digest("sensitivity", source, name)
         return found
 
     def compute(self, name: str, key: str) -> None:
@@ -95,7 +99,8 @@ class Branch:
             self.store.write(CellResult(name, key, outcome=self._parent_result.outcome))
             return
         kinds = {"estimate": self.estimate, "mode": self.mode, "posterior": self.posterior}
-        {**kinds, "evidence": self.evidence}[name.partition("/")[0]](name, key)
+        kinds |= {"evidence": self.evidence, "sensitivity": self.sensitivity}
+        kinds[name.partition("/")[0]](name, key)
 
     @cached_property
     def _parent_result(self) -> CellResult:
@@ -144,7 +149,7 @@ class Branch:
         )
 
     @cached_property
-    def _mode(self) -> Mode:
+    def restored_mode(self) -> Mode:
         found = self.store.read(f"mode/{self.path}")
         if found.outcome != OK:
             raise Refusal(found.outcome)
@@ -234,7 +239,7 @@ class Branch:
     def posterior(self, name: str, key: str) -> None:
         sampler, s = name.rsplit("/", 1)[1], self.study.posterior
         try:
-            mode = self._mode
+            mode = self.restored_mode
         except Refusal as refusal:
             self.store.write(CellResult(name, key, outcome=str(refusal)))
             return
@@ -284,19 +289,16 @@ class Branch:
         """Decrement and equivalent ratio over the amplitudes of the record; those that have no motion are left out."""
         first, last = self.seen.amplitude, self.seen.final_amplitude
         grid = np.geomspace(max(min(first, last), FAINTEST * first), first, CURVE_POINTS)
-        curves = against_amplitude(motions, grid)
+        curves = against_amplitude(motions, grid, (*LEVELS, *SPREAD))
         whole = np.all([np.all(np.isfinite(c), axis=0) for c in curves.values()], axis=0)
-        return {"amplitudes": grid[whole], **{f"curve/{n}": c[:, whole] for n, c in curves.items()}}
+        band = {f"curve/{n}": c[: len(LEVELS), whole] for n, c in curves.items()}
+        return {"amplitudes": grid[whole], **band, f"spread/{CURVE}": curves[CURVE][len(LEVELS) :, whole]}
 
     def evidence(self, name: str, key: str) -> None:
-        try:
-            mode = self._mode
-        except Refusal as refusal:
-            self.store.write(CellResult(name, key, outcome=str(refusal)))
-            return
-        method = EVIDENCES.get(name.rsplit("/", 1)[1])
-        found = method.evidence(self.model, self.target, mode, cell_seed(self.study, name))
-        self.store.write(CellResult(name, key, asdict(found), {}, found.outcome, found.seconds))
+        compute_evidence(self, name, key, cell_seed(self.study, name))
+
+    def sensitivity(self, name: str, key: str) -> None:
+        compute_sensitivity(self, name, key, cell_seed(self.study, name))
 
 
 def _climbs(target: Target, mode: Mode) -> dict[str, Any]:

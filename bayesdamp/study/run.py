@@ -21,6 +21,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from bayesdamp.config import Recording, SignalSpec, Study
 from bayesdamp.report import render
 from bayesdamp.store import CellResult, Store
+from bayesdamp.study.averaging import average
 from bayesdamp.study.cells import Branch
 from bayesdamp.study.noise import noise_cell
 from bayesdamp.study.records import SignalCell
@@ -87,6 +88,7 @@ def run_study(
 
             _run_jobs(study, store, jobs, workers, scheduler, advance)
             progress.update(bar, description="report")
+            average(study, store)
             write_tables(study, store)
             render(out)
         failed = [(n, c.outcome) for n, c in _results(store, names) if c.outcome.startswith("failed: ")]

@@ -13,6 +13,7 @@ from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.physics.units import parameter_unit, quantity_unit
 from bayesdamp.store import TABLES, CellResult, Store, provenance, write_json, write_table
+from bayesdamp.study.weighing import evidence_by_method
 from bayesdamp.types import OK, candidate_parts
 
 Row = dict[str, Any]
@@ -120,28 +121,25 @@ def _posteriors(study: Study, store: Store) -> Iterator[Row]:
 
 def _evidence(study: Study, store: Store) -> Iterator[Row]:
     for spec, repeat in _records(study):
-        for method in study.evidence.methods:
-            cells = {
-                m: _read(store, f"evidence/{spec.name}/{repeat}/{m}/{method}") for m in study.compare(spec)
-            }
-            logs = {m: c.meta["log_evidence"] for m, c in cells.items() if c and "log_evidence" in c.meta}
+        models = study.compare(spec)
+        for method, found in evidence_by_method(study, store, f"{spec.name}/{repeat}", models).items():
+            logs = {m: e.log_evidence for m, e in found.items()}
             finite = [v for v in logs.values() if np.isfinite(v)]
             best = max(finite, default=math.nan)
             total = sum(math.exp(v - best) for v in finite)
-            for model, cell in cells.items():
-                if cell is None:
-                    continue
-                found = logs.get(model, math.nan)
+            for model, one in found.items():
                 yield {
                     **_head(spec, repeat, model),
                     "method": method,
-                    "log_evidence": found,
-                    "stderr": cell.meta.get("stderr", math.nan),
-                    "log_bayes_factor": found - best,
+                    "log_evidence": one.log_evidence,
+                    "stderr": one.stderr,
+                    "log_bayes_factor": one.log_evidence - best,
                     # every model of the comparison must have its evidence before it has a share
-                    "probability": math.exp(found - best) / total if len(finite) == len(cells) else math.nan,
-                    "diagnostic": cell.meta.get("diagnostic", ""),
-                    "outcome": cell.outcome,
+                    "probability": math.exp(one.log_evidence - best) / total
+                    if len(finite) == len(models)
+                    else math.nan,
+                    "diagnostic": one.diagnostic,
+                    "outcome": one.outcome,
                 }
 
 

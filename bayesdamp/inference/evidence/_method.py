@@ -3,17 +3,47 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
 
 from bayesdamp.inference.mode import Mode
 from bayesdamp.inference.target import Target
-from bayesdamp.types import Evidence
+from bayesdamp.types import OK, Evidence
+
+
+@dataclass(frozen=True)
+class Draws:
+    """Posterior draws as scores, shape (chain, draw, d), folded ones at or above zero.
+
+    outcome: whether the sampler trusts them, `ok` or a sentence.
+    """
+
+    z: np.ndarray
+    outcome: str = OK
+
+    @staticmethod
+    def of(target: Target, values: np.ndarray, outcome: str = OK) -> Draws:
+        """From draws in natural units, shape (chain, draw, d), in the order of the target's parameters."""
+        scores = [np.asarray(p.score(values[..., i])) for i, p in enumerate(target.priors.values())]
+        return Draws(np.stack(scores, axis=-1), outcome)
 
 
 class EvidenceMethod(ABC):
-    """log ∫ prior · likelihood of one target, in nats."""
+    """log ∫ prior · likelihood of one target, in nats.
+
+    needs_draws: whether it starts from draws of the posterior.
+    """
 
     name: str
+    needs_draws: ClassVar[bool] = False
 
     @abstractmethod
-    def evidence(self, model: str, target: Target, mode: Mode, seed: int) -> Evidence:
-        """The log evidence with its standard error and the diagnostic by which it may be trusted."""
+    def evidence(
+        self, model: str, target: Target, mode: Mode, seed: int, draws: Draws | None = None
+    ) -> Evidence:
+        """The log evidence with its standard error and the diagnostic by which it may be trusted.
+
+        draws: of this posterior, where there are some; a method that needs draws takes its own where there are none.
+        """

@@ -4,18 +4,17 @@ from __future__ import annotations
 
 import time
 
-import jax.numpy as jnp
 import numpy as np
 from scipy.special import logsumexp
 
 from bayesdamp.inference import diagnostics
-from bayesdamp.inference.evidence._method import EvidenceMethod
+from bayesdamp.inference.evidence._densities import folded_log_posterior
+from bayesdamp.inference.evidence._method import Draws, EvidenceMethod
 from bayesdamp.inference.folded import DEGREES, FoldedT
 from bayesdamp.inference.mode import Mode
-from bayesdamp.inference.target import Target, compiled
+from bayesdamp.inference.target import Target
 from bayesdamp.types import OK, Evidence
 
-CHUNK = 250
 PILOT = 1000
 FINAL = 4000
 ROUNDS = 5
@@ -34,23 +33,28 @@ class Importance(EvidenceMethod):
 
     name = "importance"
 
-    def evidence(self, model: str, target: Target, mode: Mode, seed: int) -> Evidence:
+    def __init__(self, pilot: int = PILOT, final: int = FINAL) -> None:
+        self.pilot, self.final = pilot, final
+
+    def evidence(
+        self, model: str, target: Target, mode: Mode, seed: int, draws: Draws | None = None
+    ) -> Evidence:
         began = time.perf_counter()
         rng = np.random.default_rng(seed)
         folded = np.asarray(target.layout.folded)
         proposal = FoldedT(np.where(folded, np.abs(mode.z), mode.z), mode.factor, folded)
         evaluations = 0
         for _ in range(ROUNDS):
-            y, log_weights = self._weights(target, mode, proposal, rng, PILOT)
-            evaluations += PILOT
+            y, log_weights = self._weights(target, mode, proposal, rng, self.pilot)
+            evaluations += self.pilot
             # On a pilot of this size the fitted shape scatters by about 0.1.
             if diagnostics.pareto_k(log_weights) < K_GOOD - 0.1 and _share(log_weights) > 0.2:
                 break
             proposal = self._refit(y, log_weights, folded)
-        y, log_weights = self._weights(target, mode, proposal, rng, FINAL)
-        evaluations += FINAL
+        y, log_weights = self._weights(target, mode, proposal, rng, self.final)
+        evaluations += self.final
         k, share = diagnostics.pareto_k(log_weights), _share(log_weights)
-        log_evidence = float(logsumexp(log_weights) - np.log(FINAL))
+        log_evidence = float(logsumexp(log_weights) - np.log(self.final))
         relative = np.exp(log_weights - log_evidence)
         outcome = (
             OK
@@ -61,11 +65,12 @@ class Importance(EvidenceMethod):
             model=model,
             method=self.name,
             log_evidence=log_evidence,
-            stderr=float(np.std(relative, ddof=1) / np.sqrt(FINAL)),
+            stderr=float(np.std(relative, ddof=1) / np.sqrt(self.final)),
             diagnostic=f"Pareto k {k:.2f}, effective share {share:.2f}",
             evaluations=evaluations,
             seconds=time.perf_counter() - began,
             outcome=outcome,
+            arrays={"y": y, "log_weights": log_weights},
         )
 
     @staticmethod
@@ -73,10 +78,7 @@ class Importance(EvidenceMethod):
         target: Target, mode: Mode, proposal: FoldedT, rng: np.random.Generator, n: int
     ) -> tuple[np.ndarray, np.ndarray]:
         y = proposal.draw(rng, n)
-        batch = compiled(target.layout).batch
-        parts = [np.asarray(batch(mode.context, jnp.asarray(c))) for c in np.split(y, n // CHUNK)]
-        density = np.concatenate(parts) + np.sum(proposal.folded) * np.log(2.0)
-        return y, np.where(np.isfinite(density), density, -np.inf) - proposal.log_density(y)
+        return y, folded_log_posterior(target, mode, y) - proposal.log_density(y)
 
     @staticmethod
     def _refit(y: np.ndarray, log_weights: np.ndarray, folded: np.ndarray) -> FoldedT:

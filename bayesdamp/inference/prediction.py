@@ -1,0 +1,97 @@
+"""Leave the future out: what the first half of a record says, alone, and of the second half."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import jax.numpy as jnp
+import numpy as np
+from scipy.special import logsumexp
+
+from bayesdamp.inference.checks import DRAWS, TOGETHER, views
+from bayesdamp.inference.evidence.importance import Importance
+from bayesdamp.inference.mode import Mode, climb, whitening
+from bayesdamp.inference.target import Target
+from bayesdamp.physics.integrate import part_of
+from bayesdamp.types import OK, Evidence, Refusal
+
+INTERVAL = 1.959963984540054
+"""Half-width of a central 95 % interval in sds."""
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """The second half of a record as the first one predicts it.
+
+    start: its first sample's time in s. centre, sd: predictive mean and sd of each of its samples, noise included,
+    shape (m,). rms: of the error, expected: root mean predictive variance, both in the unit of the record; coverage:
+    share of the samples inside their 95 % interval. evidence: of the first half.
+    """
+
+    start: float
+    centre: np.ndarray
+    sd: np.ndarray
+    rms: float
+    expected: float
+    coverage: float
+    evidence: Evidence
+
+
+def first_half(target: Target, mode: Mode) -> Mode:
+    """The mode on the first half of the samples, on the same plan. Raises Refusal where it is not finite."""
+    part = slice(0, target.signal.t.size // 2)
+    context = target.context(part_of(mode.context.plan, part), part)
+    z, value, information, _, _ = climb(target.layout, context, mode.z)
+    if not np.isfinite(value):
+        raise Refusal("the posterior of the first half is not finite at its mode")
+    return replace(
+        mode,
+        z=z,
+        log_posterior=value,
+        information=information,
+        factor=whitening(information),
+        context=context,
+    )
+
+
+def predict(model: str, target: Target, mode: Mode, seed: int) -> Prediction:
+    """Importance evidence on the first half, and its draws carried on over the second.
+
+    Of noise, the predictive interval has the mean square of the residuals of the first half, whatever its law: it does
+    not use that neighbouring samples may err together. Raises Refusal where the first half has no posterior.
+    """
+    n = target.signal.t.size
+    half = n // 2
+    found = Importance().evidence(model, target, first_half(target, mode), seed)
+    y, log_weights = found.arrays["y"], found.arrays["log_weights"]
+    chosen = y[_resampled(log_weights, DRAWS, np.random.default_rng(seed))]
+    many = views(target.layout)[1]
+    batches = np.array_split(chosen, max(4, DRAWS * n // TOGETHER))
+    residuals = np.concatenate([np.asarray(many(mode.context, jnp.asarray(b))[0]) for b in batches])
+    residuals = residuals[np.all(np.isfinite(residuals), axis=1)]
+    if not len(residuals):
+        raise Refusal("no motion that fits the first half goes on through the second")
+    error = residuals[:, half:].mean(axis=0)
+    sd = np.sqrt(residuals[:, half:].var(axis=0) + np.mean(residuals[:, :half] ** 2))
+    return Prediction(
+        start=float(target.signal.t[half]),
+        centre=target.signal.y[half:] - error,
+        sd=sd,
+        rms=float(np.sqrt(np.mean(error**2))),
+        expected=float(np.sqrt(np.mean(sd**2))),
+        coverage=float(np.mean(np.abs(error) < INTERVAL * sd)),
+        evidence=replace(found, arrays={}),
+    )
+
+
+def log_predictive(whole: Evidence, half: Evidence) -> tuple[float, float]:
+    """Log density of the second half given the first, and its standard error: a difference of log evidences."""
+    if not whole.outcome == half.outcome == OK:
+        return float("nan"), float("nan")
+    return whole.log_evidence - half.log_evidence, float(np.hypot(whole.stderr, half.stderr))
+
+
+def _resampled(log_weights: np.ndarray, count: int, rng: np.random.Generator) -> np.ndarray:
+    """Indices of `count` draws in proportion to their weights, by systematic resampling."""
+    ladder = np.cumsum(np.exp(log_weights - logsumexp(log_weights)))
+    return np.searchsorted(ladder / ladder[-1], (np.arange(count) + rng.uniform()) / count)

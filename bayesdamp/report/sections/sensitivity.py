@@ -1,0 +1,169 @@
+"""What the evidence depends on: the priors' width, half the record, a third check; and the average over the models."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from markupsafe import Markup
+from matplotlib.figure import Figure
+
+from bayesdamp.report import words
+from bayesdamp.report.figures import sensitivity as figures
+from bayesdamp.report.html import Line, Table, fill
+from bayesdamp.report.reading import models_by_rank, ranking
+from bayesdamp.report.run import Run
+from bayesdamp.report.sections._layout import by_signal
+from bayesdamp.report.sections._section import Section
+from bayesdamp.store import CellResult
+from bayesdamp.types import OK
+
+
+class Sensitivity(Section):
+    """Of a signal's first repeat: Bayes factors over prior widths, the first half, Savage and Dickey, the average."""
+
+    order = 62
+    name = "sensitivity"
+    title = "What the evidence depends on"
+
+    def applies(self, run: Run) -> bool:
+        return bool(self._signals(run))
+
+    def render(self, run: Run) -> str:
+        return by_signal(run, lambda signal: _one(run, signal), self._signals(run))
+
+    @staticmethod
+    def _signals(run: Run) -> list[str]:
+        return [s for s in run.signals if any(c.meta for c in run.cells("sensitivity", s))]
+
+
+def _one(run: Run, signal: str) -> Markup:
+    models = models_by_rank(run, signal, 0)
+    parts = [_widths(run, signal, models), _halves(run, signal, models), _ratios(run, signal, models)]
+    return fill("stack.html", parts=[p for p in (*parts, _average(run, signal, models)) if p])
+
+
+def _cells(run: Run, signal: str, models: list[str], kind: str) -> dict[str, CellResult]:
+    found = {m: run.cell("sensitivity", signal, 0, m, kind) for m in models}
+    return {m: c for m, c in found.items() if c is not None and c.outcome == OK and c.meta}
+
+
+def _widths(run: Run, signal: str, models: list[str]) -> Markup | None:
+    cells = _cells(run, signal, models, "widths")
+    if len(cells) < 2:
+        return None
+    best = next(iter(cells))
+    reference = cells[best].arrays["log_evidence"]
+    lines = [
+        figures.Line(m, c.arrays["log_evidence"] - reference, c.arrays["anew"], c.arrays["trusted"])
+        for m, c in cells.items()
+    ]
+    least = min(
+        (float(c.arrays["effective"][~c.arrays["anew"]].min(initial=math.inf)) for c in cells.values()),
+        default=math.inf,
+    )
+    caption = (
+        f"{signal}: log Bayes factor to {words.model(best)} as the scales of all damping priors are multiplied. Dots: "
+        f"the importance draws reweighted ({words.number(least, 2)} effective ones or more); open: sampled anew under "
+        "that prior; crosses: diagnostics are poor."
+    )
+    factors = cells[best].arrays["factors"]
+    return run.drawings.add(f"widths-{signal}", caption, lambda: figures.widths(factors, lines))
+
+
+def _halves(run: Run, signal: str, models: list[str]) -> Table | None:
+    cells = _cells(run, signal, models, "half")
+    if not cells:
+        return None
+    half = {m: c.meta["evidence"]["log_evidence"] for m, c in cells.items()}
+    found = ranking(run, signal, 0)
+    whole = {r["model"]: r["log_bayes_factor"] for r in found.rows} if found else {}
+    ahead = max(c.meta["log_predictive"] for c in cells.values())
+    lines = []
+    for model, cell in cells.items():
+        m = cell.meta
+        lines.append(
+            Line(
+                [
+                    words.model(model),
+                    words.nats(whole.get(model)),
+                    words.nats(half[model] - max(half.values()), m["evidence"]["stderr"]),
+                    words.number(m["rms"] / m["expected"], 3),
+                    f"{100 * m['coverage']:.0f} %",
+                    words.nats(m["log_predictive"] - ahead, m["log_predictive_stderr"]),
+                    m["evidence"]["diagnostic"],
+                ],
+                "" if m["evidence"]["outcome"] == OK else "alert",
+            )
+        )
+    headers = [
+        "model", "log Bayes factor", "from the first half", "error / expected", "inside 95 %", "log predictive density",
+        "diagnostic",
+    ]  # fmt: skip
+    caption = (
+        "The first half of the record alone: what it says of the models, and how well it predicts the second half. "
+        "Error (rms) in units of what its interval expects, share of the samples inside their 95 % interval, and log "
+        "density of the second half given the first, against the best (nats)."
+    )
+    return Table(headers, lines, frozenset({0, 6}), caption)
+
+
+def _ratios(run: Run, signal: str, models: list[str]) -> Table | None:
+    found = ranking(run, signal, 0)
+    logs = {frozenset(r["model"].split("+")): r for r in found.rows} if found else {}
+    lines = []
+    for model, cell in _cells(run, signal, models, "savage_dickey").items():
+        for smaller, ratio in cell.meta["against"].items():
+            one, other = (logs.get(frozenset(m.split("+"))) for m in (smaller, model))
+            if one is None or other is None:
+                continue
+            valid = ratio["outcome"] == OK
+            lines.append(
+                Line(
+                    [
+                        f"{words.model(smaller)} to {words.model(model)}",
+                        words.nats(ratio["log_bayes_factor"], ratio["stderr"]) if valid else words.NONE,
+                        words.nats(
+                            one["log_evidence"] - other["log_evidence"],
+                            math.hypot(one["stderr"], other["stderr"]),
+                        ),
+                        ratio["outcome"],
+                    ],
+                    "" if valid else "quiet",
+                )
+            )
+    if not lines:
+        return None
+    caption = (
+        "A third check of nested pairs: the log Bayes factor by Savage and Dickey, from the density of the larger "
+        "model's posterior where the term is zero, beside the difference of the log evidences."
+    )
+    headers = ["pair", "Savage–Dickey / nats", "evidence / nats", "outcome"]
+    return Table(headers, lines, frozenset({0, 3}), caption)
+
+
+def _average(run: Run, signal: str, models: list[str]) -> Markup | None:
+    cell = run.cell("averaged", signal, 0)
+    if cell is None or cell.outcome != OK or cell.arrays["amplitudes"].size < 2:
+        return None
+    unit = str(run.about(signal).get("unit") or "rad")
+    scale = words.scale(unit)
+    medians: dict[str, tuple[np.ndarray, np.ndarray]] = {}
+    for model in models:
+        own = run.cell("posterior", signal, 0, model, "nuts")
+        if own is not None and "curve/equivalent_ratio" in own.arrays:
+            medians[model] = (scale * own.arrays["amplitudes"], own.arrays["curve/equivalent_ratio"][1])
+    caption = (
+        f"{signal}: equivalent viscous damping ratio against amplitude, averaged over the models by their "
+        f"probabilities ({words.method(cell.meta['method'])}): median and 95 % band; thin: each model's own median."
+    )
+
+    def draw() -> Figure:
+        return figures.averaged(
+            scale * cell.arrays["amplitudes"], cell.arrays["curve/equivalent_ratio"], medians, unit
+        )
+
+    return run.drawings.add(f"averaged-{signal}", caption, draw)
+
+
+PLUGIN = Sensitivity()

@@ -1,0 +1,94 @@
+"""Cells that say what a branch's evidence depends on: the priors' width, half the record, the posterior at zero."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from bayesdamp.inference.evidence import Draws
+from bayesdamp.inference.prediction import log_predictive, predict
+from bayesdamp.inference.savage_dickey import savage_dickey
+from bayesdamp.inference.widths import against_width
+from bayesdamp.store import CellResult
+from bayesdamp.study.weighing import evidence_meta, evidence_of
+from bayesdamp.types import OK, Refusal, candidate_name, candidate_parts
+
+if TYPE_CHECKING:
+    from bayesdamp.study.cells import Branch
+
+SOURCES = {
+    "widths": "evidence/{}/importance",
+    "half": "evidence/{}/importance",
+    "savage_dickey": "posterior/{}/nuts",
+}
+"""Which cell of the branch each starts from."""
+
+
+def sensitivity_cells(path: str, found: Mapping[str, str], repeat: int, terms: int) -> dict[str, str]:
+    """Names of the cells to what their keys depend on: of the first repeat alone, and only where evidence is asked for.
+
+    found: the branch's other cells, name to key.
+    """
+    asked = repeat == 0 and any(n.startswith("evidence/") for n in found)
+    sources = {kind: source.format(path) for kind, source in SOURCES.items()}
+    return {
+        f"sensitivity/{path}/{kind}": found[source]
+        for kind, source in sources.items()
+        if asked and source in found and (kind != "savage_dickey" or terms > 1)
+    }
+
+
+def compute_sensitivity(branch: Branch, name: str, key: str, seed: int) -> None:
+    """Compute one of these cells."""
+    kind, began = name.rsplit("/", 1)[1], time.perf_counter()
+    source = branch.store.read(SOURCES[kind].format(branch.path))
+    if not source.arrays:
+        branch.store.write(CellResult(name, key, outcome=source.outcome))
+        return
+    try:
+        meta, arrays = {"widths": _widths, "half": _half, "savage_dickey": _ratios}[kind](
+            branch, source, seed
+        )
+    except Refusal as refusal:
+        branch.store.write(CellResult(name, key, outcome=str(refusal)))
+        return
+    branch.store.write(CellResult(name, key, meta, arrays, OK, time.perf_counter() - began))
+
+
+Product = tuple[dict[str, Any], dict[str, np.ndarray]]
+
+
+def _widths(branch: Branch, source: CellResult, seed: int) -> Product:
+    y, log_weights = (source.arrays[n].astype(float) for n in ("y", "log_weights"))
+    found = asdict(against_width(branch.target, branch.restored_mode, y, log_weights, seed))
+    varied = found.pop("varied")
+    return {"varied": list(varied)}, found
+
+
+def _half(branch: Branch, source: CellResult, seed: int) -> Product:
+    found = predict(branch.model, branch.target, branch.restored_mode, seed)
+    density, error = log_predictive(evidence_of(source.meta), found.evidence)
+    meta = {k: getattr(found, k) for k in ("start", "rms", "expected", "coverage")}
+    meta |= {
+        "log_predictive": density,
+        "log_predictive_stderr": error,
+        "evidence": evidence_meta(found.evidence),
+    }
+    return meta, {"centre": found.centre, "sd": found.sd}
+
+
+def _ratios(branch: Branch, source: CellResult, seed: int) -> Product:
+    draws = Draws.of(branch.target, source.arrays["draws"])
+    # The model without a term, in the order in which the study writes it.
+    law = candidate_parts(branch.model)[1]
+    pairs = {candidate_name("+".join(x for x in branch.terms if x != t), law): t for t in branch.terms}
+    coefficient = dict(zip(branch.terms, branch.target.oscillator.coefficients, strict=True))
+    return {
+        "against": {
+            m: asdict(savage_dickey(branch.target, draws.z, coefficient[t])) for m, t in pairs.items()
+        }
+    }, {}
