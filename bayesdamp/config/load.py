@@ -29,17 +29,29 @@ from bayesdamp.config.checks import (
 from bayesdamp.config.published import Published, read_published
 from bayesdamp.config.sections import (
     NAME,
+    CalibrationTable,
     EstimatorsTable,
     EvidenceTable,
     Header,
     ModelsTable,
     PosteriorTable,
+    RecoveryTable,
 )
 from bayesdamp.config.signals import SignalSpec, canonical_models, check_base, damping_order, resolve_signal
 from bayesdamp.config.sweeps import expand
 from bayesdamp.types import InputError
 
-_TABLES = ("system", "signal", "sweep", "estimators", "models", "posterior", "evidence")
+_TABLES = (
+    "system",
+    "signal",
+    "sweep",
+    "estimators",
+    "models",
+    "posterior",
+    "evidence",
+    "calibration",
+    "recovery",
+)
 
 
 @dataclass(frozen=True)
@@ -85,6 +97,8 @@ class Study:
     models: Models
     posterior: PosteriorTable
     evidence: EvidenceTable
+    calibration: CalibrationTable
+    recovery: RecoveryTable
     seed: int = 0
     description: str = ""
     published: tuple[Published, ...] = ()
@@ -251,6 +265,16 @@ def _posterior(raw: object) -> PosteriorTable:
     return checked
 
 
+def _calibration(raw: object) -> CalibrationTable:
+    from bayesdamp.inference.samplers import SAMPLERS
+
+    checked = section(CalibrationTable, raw, "calibration")
+    for name in checked.samplers:
+        plugin_name(SAMPLERS, name, "calibration.samplers")
+    distinct(checked.samplers, "calibration.samplers", "the sampler")
+    return checked
+
+
 def _evidence(raw: object) -> EvidenceTable:
     from bayesdamp.inference.evidence import EVIDENCES
 
@@ -284,6 +308,8 @@ def load_study(path: str | Path) -> Study:
             seed=header.seed,
             description=header.description,
             published=_published(header.published, path.parent, signals, estimators),
+            calibration=_calibration(raw.get("calibration", {})),
+            recovery=section(RecoveryTable, raw.get("recovery", {}), "recovery"),
         )
         for spec in study.signals:
             for model in spec.estimate or ():
