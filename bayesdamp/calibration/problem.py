@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -92,6 +93,17 @@ class Generator:
 def record_rng(seed: int, *labels: object) -> np.random.Generator:
     """The random numbers of one record: a function of the study's seed and the record's labels."""
     return np.random.default_rng([seed, zlib.crc32("/".join(map(str, labels)).encode())])
+
+
+FAILED = "failed: "
+
+
+def failure(fault: Exception) -> str:
+    """What is stored of a fault of the program in one record; under BAYESDAMP_DEBUG it is raised."""
+    if isinstance(fault, InputError) or os.environ.get("BAYESDAMP_DEBUG"):
+        raise fault
+    lines = str(fault).strip().splitlines()
+    return f"{FAILED}{type(fault).__name__}: {lines[0] if lines else ''}"
 
 
 def generator(

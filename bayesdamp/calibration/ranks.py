@@ -10,7 +10,7 @@ from typing import Any
 import jax.numpy as jnp
 import numpy as np
 
-from bayesdamp.calibration.problem import Drawn, Generator, generator, mode_of, record_rng
+from bayesdamp.calibration.problem import Drawn, Generator, failure, generator, mode_of, record_rng
 from bayesdamp.config import Study
 from bayesdamp.inference import calibration
 from bayesdamp.inference.mode import Mode
@@ -53,6 +53,9 @@ def ranked(study: Study, model: str, first: int) -> CellResult:
             fits[i] = _fit(made, drawn)
         except Refusal as refusal:
             outcomes[i] = str(refusal)
+            continue
+        except Exception as fault:
+            outcomes[i] = failure(fault)
             continue
         fit = fits[i]
         truth[i, -1] = _log_likelihood(fit)
@@ -104,13 +107,13 @@ def _sampled(
     settings = Settings(p.chains, p.warmup, p.draws)
     seeds = {i: int(record_rng(study.seed, model, first + i, sampler).integers(2**31 - 2)) for i in fits}
     if sampler == "nuts":
-        many = sample_many(
-            [f.drawn.target for f in fits.values()],
-            [f.mode for f in fits.values()],
-            settings,
-            [seeds[i] for i in fits],
-        )
-        return dict(zip(fits, many, strict=True))
+        targets, modes = [f.drawn.target for f in fits.values()], [f.mode for f in fits.values()]
+        try:
+            return dict(
+                zip(fits, sample_many(targets, modes, settings, [seeds[i] for i in fits]), strict=True)
+            )
+        except Exception as fault:
+            failure(fault)  # one by one it shows which record is at fault
     found: dict[int, Posterior | str] = {}
     for i, fit in fits.items():
         own = Settings(p.chains, p.warmup, p.draws, seeds[i])
@@ -118,6 +121,8 @@ def _sampled(
             found[i] = SAMPLERS.get(sampler).sample(fit.drawn.target, fit.mode, own)
         except Refusal as refusal:
             found[i] = str(refusal)
+        except Exception as fault:
+            found[i] = failure(fault)
     return found
 
 

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from scipy.special import logsumexp
 
-from bayesdamp.calibration.problem import Drawn, Generator, generator, mode_of, record_rng
+from bayesdamp.calibration.problem import Drawn, Generator, failure, generator, mode_of, record_rng
 from bayesdamp.config import Simulation, Study
 from bayesdamp.inference.evidence import EVIDENCES
 from bayesdamp.physics.damping import parse_model
@@ -51,6 +51,9 @@ def recovered(study: Study, kind: str, first: int) -> CellResult:
                 found = _evidence(study, one, drawn, (kind, number, one.model))
             except Refusal as refusal:
                 outcomes[i] = str(refusal)
+                break
+            except Exception as fault:
+                outcomes[i] = failure(fault)
                 break
             evidence[i, m], said[i][m] = found
     meta = {

@@ -10,9 +10,11 @@ from typing import Any
 from rich.console import Console
 
 from bayesdamp.calibration import probabilities, ranks, recovery, tables
+from bayesdamp.calibration.problem import FAILED
 from bayesdamp.calibration.series import MOST, Series, accepted, gather
 from bayesdamp.config import Study
 from bayesdamp.store import CellResult, Store, provenance, write_json, write_table
+from bayesdamp.types import OK
 
 DONE, WRONG_CELLS = 0, 3
 
@@ -42,8 +44,8 @@ def run_calibration(
         if fresh:
             store.clear()
         found = gather(study, _series(study, models), store, workers, console)
-        failed = [c for chunks in found.values() for c in chunks if c.outcome.startswith("failed: ")]
-        whole = {name: [c for c in chunks if c not in failed] for name, chunks in found.items()}
+        failed = [c for chunks in found.values() for c in chunks if c.outcome.startswith(FAILED)]
+        whole = {name: [c for c in chunks if c.outcome == OK] for name, chunks in found.items()}
         whole = {name: chunks for name, chunks in whole.items() if chunks}
         if whole:
             (_write_models if models else _write_ranks)(study, store, whole)
@@ -51,15 +53,26 @@ def run_calibration(
                 from bayesdamp.report import render
 
                 render(out)
-        for chunk in failed:
-            console.print(f"{chunk.name}: {chunk.outcome}", style="red", highlight=False)
+        lines = [f"{chunk.name}: {chunk.outcome}" for chunk in failed] + _failures(whole)
+        for line in lines:
+            console.print(line, style="red", highlight=False)
         for series in _series(study, models):
             good = accepted(whole.get(series.name, ()))
             if good < series.wanted and not failed:
                 console.print(
                     f"{series.name}: {good} of {series.wanted} records after trying {MOST} for each"
                 )
-        return WRONG_CELLS if failed else DONE
+        return WRONG_CELLS if lines else DONE
+
+
+def _failures(found: Mapping[str, Sequence[CellResult]]) -> list[str]:
+    """Records in which the program failed, a line for each."""
+    lines = []
+    for chunk in (c for chunks in found.values() for c in chunks):
+        said = [chunk.meta["outcomes"], *chunk.meta.get("sampler_outcomes", {}).values()]
+        for i in range(len(said[0])):
+            lines += [f"{chunk.name}, record {i + 1}: {s[i]}" for s in said if s[i].startswith(FAILED)]
+    return lines
 
 
 def _with_records(study: Study, records: int | None) -> Study:

@@ -13,11 +13,11 @@ from pathlib import Path
 from rich.console import Console
 
 from bayesdamp.calibration import ranks, recovery
+from bayesdamp.calibration.problem import FAILED, failure
 from bayesdamp.config import Study
 from bayesdamp.store import CellResult, Store
 from bayesdamp.study.cells import digest
 from bayesdamp.study.run import _cache_compilations, _executor, _progress
-from bayesdamp.types import InputError
 
 MOST = 20
 """Records tried for each that is wanted; with fewer accepted the series ends short, and says so."""
@@ -97,7 +97,7 @@ def _wave(series: Series, results: Sequence[CellResult]) -> list[int]:
 
 
 def _failed(result: CellResult) -> bool:
-    return result.outcome.startswith("failed: ")
+    return result.outcome.startswith(FAILED)
 
 
 def _run(
@@ -148,13 +148,7 @@ def _chunk(study: Study, folder: Path, series: Series, first: int) -> CellResult
     name, key = series.cell(study, first)
     try:
         result = replace(series.compute(study, first), name=name, key=key)
-    except (InputError, KeyboardInterrupt):
-        raise
     except Exception as fault:
-        if os.environ.get("BAYESDAMP_DEBUG"):
-            raise
-        lines = str(fault).strip().splitlines()
-        text = f"failed: {type(fault).__name__}: {lines[0] if lines else ''}"
-        result = CellResult(name, key, outcome=text)
+        result = CellResult(name, key, outcome=failure(fault))
     Store(folder).write(result)
     return result

@@ -41,7 +41,7 @@ def calibration_rows(study: Study, found: Mapping[str, Sequence[CellResult]]) ->
     for family in (rows, classical):
         for row, p in zip(family, statistics.holm([r["p"] for r in family]), strict=True):
             row["p_holm"] = p
-            row["verdict"] = "not tested" if math.isnan(p) else "wrong" if p < ALARM else "right"
+            row["verdict"] = "not tested" if math.isnan(p) else "wrong" if p < ALARM else "passes"
     return rows + classical
 
 

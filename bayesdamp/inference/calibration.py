@@ -11,7 +11,8 @@ from collections.abc import Sequence
 from functools import lru_cache
 
 import numpy as np
-from scipy.stats import binom, binomtest
+from scipy.special import bdtr, bdtrc, gammaln, xlog1py, xlogy
+from scipy.stats import binomtest
 
 
 def thin(draws: np.ndarray, count: int) -> np.ndarray:
@@ -43,8 +44,7 @@ def uniformity_p(counts: np.ndarray) -> float:
     if n == 0:
         return float("nan")
     at = np.arange(1, counts.size) / counts.size
-    tails = np.minimum(binom.cdf(cumulative, n, at), binom.sf(cumulative - 1, n, at))
-    return _p_of_tail(float(2 * tails.min()), n, counts.size)
+    return _p_of_tail(float(_tails(cumulative, n, at).min()), n, counts.size)
 
 
 @lru_cache(maxsize=256)
@@ -52,17 +52,24 @@ def uniformity_band(n: int, bins: int, probability: float) -> tuple[np.ndarray, 
     """Least and greatest cumulative counts at the inner ends of the bins, (bins − 1,) each, between which all of them
     are together with at least this probability where n ranks are uniform."""
     low, high = 0.0, 1.0 - probability
-    for _ in range(50):  # the band is a step function of the tail: its lower side is kept
+    for _ in range(20):  # the band is a step function of the tail: its lower side is kept
         middle = 0.5 * (low + high)
         low, high = (middle, high) if _p_of_tail(middle, n, bins) <= 1.0 - probability else (low, middle)
     return _inside(low, n, bins)
+
+
+def _tails(counts: np.ndarray, n: int, p: np.ndarray) -> np.ndarray:
+    """Two-sided tails of counts of n events of probability p: twice the smaller of P(X ≤ count) and P(X ≥ count)."""
+    counts = np.asarray(counts, float)
+    above = np.where(counts > 0, bdtrc(np.maximum(counts - 1, 0), n, p), 1.0)
+    return 2 * np.minimum(bdtr(counts, n, p), above)
 
 
 def _inside(tail: float, n: int, bins: int) -> tuple[np.ndarray, np.ndarray]:
     """Least and greatest cumulative counts whose two-sided tails are above `tail`; where none is, least > greatest."""
     counts = np.arange(n + 1)[:, None]
     at = np.arange(1, bins) / bins
-    good = 2 * np.minimum(binom.cdf(counts, n, at), binom.sf(counts - 1, n, at)) > tail
+    good = _tails(counts, n, at) > tail
     least, greatest = np.argmax(good, axis=0), n - np.argmax(good[::-1], axis=0)
     return np.where(good.any(axis=0), least, n + 1), greatest
 
@@ -78,9 +85,16 @@ def _p_of_tail(tail: float, n: int, bins: int) -> float:
     for k in range(bins - 1):
         # Of those not counted yet, a share of 1/(bins − k) falls into the next bin.
         to = np.arange(low[k], high[k] + 1)
-        step = binom.pmf(to[:, None] - at[None, :], n - at[None, :], 1.0 / (bins - k))
-        at, mass = to, step @ mass
+        at, mass = to, _falls(to[:, None] - at[None, :], n - at[None, :], 1.0 / (bins - k)) @ mass
     return float(np.clip(1.0 - mass.sum(), 0.0, 1.0))
+
+
+def _falls(counts: np.ndarray, n: np.ndarray, p: float) -> np.ndarray:
+    """Binomial probabilities of counts, which may be beyond 0 to n (broadcast together)."""
+    there = (counts >= 0) & (counts <= n)
+    counts = np.clip(counts, 0, n)
+    ways = gammaln(n + 1) - gammaln(counts + 1) - gammaln(n - counts + 1)
+    return np.where(there, np.exp(ways + xlogy(counts, p) + xlog1py(n - counts, -p)), 0.0)
 
 
 def coverage_p(hits: int, n: int, level: float) -> float:
