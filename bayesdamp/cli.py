@@ -47,9 +47,7 @@ def study(
     from rich.console import Console
 
     loaded = _load(file)
-    folder = out if out is not None else Path("reports") / loaded.name
-    if folder.exists() and not folder.is_dir():
-        raise InputError(f"--out {folder}: is a file; it must be a folder, or a new name")
+    folder = _folder(out, loaded.name)
     from bayesdamp.study import run_study
 
     status = run_study(
@@ -59,6 +57,56 @@ def study(
     if report.is_file():
         typer.echo(report)
     return status
+
+
+@app.command()
+def calibrate(
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="A study file (TOML).")],
+    out: Annotated[
+        Path | None, typer.Option(help="The run's folder; reports/NAME where it is not given.")
+    ] = None,
+    models: Annotated[
+        bool, typer.Option("--models", help="Put the probabilities of the models to the test.")
+    ] = False,
+    records: Annotated[
+        int | None,
+        typer.Option(min=1, help="Records of each model (of all with --models); else the study's."),
+    ] = None,
+    workers: Annotated[
+        int | None, typer.Option(min=1, help="Processes; as many as there are cores where it is not given.")
+    ] = None,
+    fresh: Annotated[bool, typer.Option("--fresh", help="Compute everything again.")] = False,
+    no_report: Annotated[
+        bool, typer.Option("--no-report", help="Leave report.html to `bayesdamp report`.")
+    ] = False,
+) -> int:
+    """Are the intervals what they say? Draw from a study's own prior, simulate, infer, compare with the truth."""
+    from rich.console import Console
+
+    loaded = _load(file)
+    folder = _folder(out, loaded.name)
+    from bayesdamp.calibration import run_calibration
+
+    status = run_calibration(
+        loaded,
+        folder,
+        records=records,
+        models=models,
+        workers=workers,
+        fresh=fresh,
+        report=not no_report,
+        console=Console(stderr=True),
+    )
+    typer.echo(folder if no_report else folder / "report.html")
+    return status
+
+
+def _folder(out: Path | None, name: str) -> Path:
+    """A run's folder. Raises InputError where a file has its name."""
+    folder = out if out is not None else Path("reports") / name
+    if folder.exists() and not folder.is_dir():
+        raise InputError(f"--out {folder}: is a file; it must be a folder, or a new name")
+    return folder
 
 
 @app.command()

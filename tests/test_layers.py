@@ -23,7 +23,7 @@ MAY_IMPORT: dict[str, set[str]] = {
     "store": NEUTRAL | {"store"},
     "report": NEUTRAL | {"store", "report"},
 }
-ACROSS = {"study", "claims", "cli", "", "__main__"}
+ACROSS = {"study", "calibration", "claims", "cli", "", "__main__"}
 """The pipeline, the commands, and the public interface import what they join; nothing imports these."""
 
 

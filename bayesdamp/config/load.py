@@ -29,11 +29,13 @@ from bayesdamp.config.checks import (
 from bayesdamp.config.published import Published, read_published
 from bayesdamp.config.sections import (
     NAME,
+    CalibrationTable,
     EstimatorsTable,
     EvidenceTable,
     Header,
     ModelsTable,
     PosteriorTable,
+    RecoveryTable,
 )
 from bayesdamp.config.signals import (
     SignalSpec,
@@ -47,7 +49,17 @@ from bayesdamp.config.sweeps import expand
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.types import InputError, candidate_name, candidate_parts
 
-_TABLES = ("system", "signal", "sweep", "estimators", "models", "posterior", "evidence")
+_TABLES = (
+    "system",
+    "signal",
+    "sweep",
+    "estimators",
+    "models",
+    "posterior",
+    "evidence",
+    "calibration",
+    "recovery",
+)
 
 
 @dataclass(frozen=True)
@@ -95,6 +107,8 @@ class Study:
     models: Models
     posterior: PosteriorTable
     evidence: EvidenceTable
+    calibration: CalibrationTable
+    recovery: RecoveryTable
     seed: int = 0
     description: str = ""
     published: tuple[Published, ...] = ()
@@ -293,6 +307,16 @@ def _posterior(raw: object) -> PosteriorTable:
     return checked
 
 
+def _calibration(raw: object) -> CalibrationTable:
+    from bayesdamp.inference.samplers import SAMPLERS
+
+    checked = section(CalibrationTable, raw, "calibration")
+    for name in checked.samplers:
+        plugin_name(SAMPLERS, name, "calibration.samplers")
+    distinct(checked.samplers, "calibration.samplers", "the sampler")
+    return checked
+
+
 def _evidence(raw: object) -> EvidenceTable:
     from bayesdamp.inference.evidence import EVIDENCES
 
@@ -327,6 +351,8 @@ def load_study(path: str | Path) -> Study:
             seed=header.seed,
             description=header.description,
             published=_published(header.published, path.parent, signals, estimators),
+            calibration=_calibration(raw.get("calibration", {})),
+            recovery=section(RecoveryTable, raw.get("recovery", {}), "recovery"),
         )
         for spec in study.signals:
             for model in spec.estimate or ():

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
 
 NAME = r"^[A-Za-z0-9_][A-Za-z0-9_-]*$"
 
@@ -14,7 +14,19 @@ def _listed(value: object) -> object:
 
 
 Names = Annotated[tuple[str, ...], BeforeValidator(_listed)]
+Levels = Annotated[
+    tuple[Annotated[float, Field(gt=0)], ...],
+    BeforeValidator(lambda x: _floats(_listed(x))),
+    Field(min_length=1),
+]
 _A_COUNT = "a whole number, 1 or more"
+
+
+def _floats(values: object) -> object:
+    """Whole numbers among others as floats: a list of levels may hold both."""
+    if not isinstance(values, tuple):
+        return values
+    return tuple(float(v) if isinstance(v, int) and not isinstance(v, bool) else v for v in values)
 
 
 class Section(BaseModel):
@@ -142,3 +154,41 @@ class EvidenceTable(Section):
 
     methods: Names = Field(("importance",), description="a list of methods' names")
     referee: Literal["auto", "always", "never"] = Field("auto", description='"auto", "always" or "never"')
+
+
+class CalibrationTable(Section):
+    """[calibration]: how many records for each model, and how they are looked at.
+
+    draws: thinned draws among which a truth is ranked; bins of the ranks, which are of equal size.
+    """
+
+    records: int = Field(500, ge=1, description=_A_COUNT)
+    samplers: Names = Field(("nuts", "emcee"), description="a list of samplers' names")
+    draws: int = Field(255, ge=15, description="a whole number, 15 or more")
+    bins: int = Field(16, ge=2, description="a whole number that divides draws + 1")
+
+    @model_validator(mode="after")
+    def _even(self) -> CalibrationTable:
+        if (self.draws + 1) % self.bins:
+            raise ValueError(f"bins ({self.bins}) must divide draws + 1 ({self.draws + 1})")
+        return self
+
+
+class RecoveryTable(Section):
+    """[recovery]: records for `calibrate --models`, over levels of noise and lengths that the inference knows.
+
+    noise: medians of the noise's prior as shares of the reference amplitude; noise_sigma: its sd in the logarithm;
+    cycles: of the reference frequency. single: records of single dampings, at the noise and length of their own, of
+    which those count that lose least_loss of their amplitude.
+    """
+
+    records: int = Field(1000, ge=1, description=_A_COUNT)
+    noise: Levels = Field((0.003, 0.01, 0.03, 0.1), description="a list of positive numbers")
+    noise_sigma: float = Field(0.3, gt=0, description="a positive number")
+    cycles: Levels = Field((5.0, 10.0, 20.0, 50.0), description="a list of positive numbers")
+    samples: int = Field(600, ge=10, description="a whole number, 10 or more")
+    single: int = Field(0, ge=0, description="a whole number, 0 or more")
+    single_noise: float = Field(0.01, gt=0, description="a positive number")
+    single_cycles: float = Field(10.0, gt=0, description="a positive number")
+    single_samples: int = Field(1000, ge=10, description="a whole number, 10 or more")
+    least_loss: float = Field(0.3, ge=0, lt=1, description="a share from 0 to below 1")

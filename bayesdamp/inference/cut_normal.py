@@ -7,13 +7,11 @@ from functools import cached_property
 import jax.numpy as jnp
 import numpy as np
 
-from bayesdamp.inference.frame import cut_off, cut_off_moments
+from bayesdamp.inference.frame import FAR, cut_off, cut_off_moments
 from bayesdamp.inference.mode import Mode
 from bayesdamp.inference.target import Target, compiled
 from bayesdamp.types import Refusal
 
-FAR = 8.0
-"""A wall so many sds away cuts nothing off."""
 H = 0.01
 """Whitened units to each side over which gradients are compared for the Hessian."""
 RARE = 0.02

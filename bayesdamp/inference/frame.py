@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import partial
+from functools import lru_cache, partial
 
 import jax
 import numpy as np
@@ -18,6 +18,8 @@ H = 0.3
 a distribution that is cut off is an sd or more from the wall."""
 FLATTEST = 0.1
 """Least curvature that is believed, in units of the Gauss–Newton one."""
+FAR = 8.0
+"""A wall so many sds away cuts nothing off."""
 CHUNK = 250
 
 
@@ -71,6 +73,7 @@ def cut_off_moments(
     covariance = np.linalg.inv(information)
     covariance = 0.5 * (covariance + covariance.T)
     mean = at + covariance @ gradient
+    folded = folded[mean[folded] < FAR * np.sqrt(np.diag(covariance)[folded])]
     if folded.size:
         inner = covariance[np.ix_(folded, folded)]
         inside = cut_off(mean[folded], inner)
@@ -137,7 +140,9 @@ def _curvatures(
     return whole, hessian([np.asarray(batch(mode.context, line, c)) for c in parts])
 
 
+@lru_cache(maxsize=64)
 def _linear(layout: Layout):
+    # Kept: a function made anew would be compiled anew for each record.
     lines = jax.jit(partial(linearise, layout))
     batch = jax.jit(jax.vmap(partial(linearised_log_posterior, layout), in_axes=(None, None, 0)))
     return lines, batch

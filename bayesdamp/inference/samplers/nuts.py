@@ -19,7 +19,7 @@ from bayesdamp.inference.frame import Frame, frame
 from bayesdamp.inference.mode import Mode
 from bayesdamp.inference.samplers._reflect import reflecting_leapfrog
 from bayesdamp.inference.samplers._sampler import Sampler, Settings
-from bayesdamp.inference.samplers._starts import agreement, seeded_starts
+from bayesdamp.inference.samplers._starts import Start, agreement, seeded_starts
 from bayesdamp.inference.target import (
     Context,
     Layout,
@@ -36,9 +36,8 @@ DOUBLINGS = 7
 """A trajectory has at most 2⁷ steps."""
 
 
-@lru_cache(maxsize=32)
-def _chains(layout: Layout, warmup: int, draws: int, exact: bool):
-    """Compiled, all chains of one layout: (context, force, centre, factor, step, starts, keys) to draws and so on.
+def chain_of(layout: Layout, warmup: int, draws: int, exact: bool):
+    """One chain of a layout: (context, force, centre, factor, step, start, key) to draws and so on.
 
     force: the linearised trajectory, and what its curvature lacks at the centre, (d, d).
     """
@@ -73,8 +72,18 @@ def _chains(layout: Layout, warmup: int, draws: int, exact: bool):
         kept = jax.lax.scan(advance, state, jax.random.split(key, warmup + draws))[1]
         return jax.tree.map(lambda x: x[warmup:], kept)
 
-    lines = jax.jit(partial(linearise, layout))
-    return lines, jax.jit(jax.vmap(chain, in_axes=(None,) * 5 + (0, 0)))
+    return chain
+
+
+@lru_cache(maxsize=32)
+def _lines(layout: Layout):
+    return jax.jit(partial(linearise, layout))
+
+
+@lru_cache(maxsize=32)
+def _chains(layout: Layout, warmup: int, draws: int, exact: bool):
+    """`chain_of` compiled for all chains of one record: starts and keys have one more axis."""
+    return jax.jit(jax.vmap(chain_of(layout, warmup, draws, exact), in_axes=(None,) * 5 + (0, 0)))
 
 
 POOR = 0.5
@@ -83,7 +92,7 @@ SHORTEST = 1 / 8
 """Least share of the usual step that is tried."""
 
 
-def _poor(found: Posterior) -> bool:
+def poor(found: Posterior) -> bool:
     """Whether the force was not good enough: refusals or divergences."""
     return float(np.mean(found.stats["acceptance_rate"])) < POOR or int(np.sum(found.stats["diverging"])) > 0
 
@@ -102,57 +111,77 @@ class Nuts(Sampler):
     def sample(self, target: Target, mode: Mode, settings: Settings) -> Posterior:
         began = time.perf_counter()
         at = frame(target, mode)
-        exact, shorter = not at.good, 1.0
-        found = self._sample(target, mode, at, settings, exact, shorter)
-        while _poor(found) and shorter > SHORTEST:
-            exact, shorter = True, shorter * (0.5 if exact else 1.0)
-            found = self._sample(target, mode, at, settings, exact, shorter)
-        if found.outcome != OK and not _poor(found):
-            longer = replace(settings, draws=3 * settings.draws, seed=settings.seed + 1)
-            found = self._sample(target, mode, at, longer, exact, shorter)
+        found = self._attempt(target, mode, at, settings, not at.good, 1.0)
+        found = self.finished(target, mode, at, settings, found)
         return replace(found, seconds=time.perf_counter() - began)
 
-    def _sample(
+    def finished(
+        self, target: Target, mode: Mode, at: Frame, settings: Settings, found: Posterior
+    ) -> Posterior:
+        """The first attempt's posterior where that is good enough, else the next that is."""
+        exact, shorter = bool(found.diagnostics["exact_force"]), 1.0
+        while poor(found) and shorter > SHORTEST:
+            exact, shorter = True, shorter * (0.5 if exact else 1.0)
+            found = self._attempt(target, mode, at, settings, exact, shorter)
+        if found.outcome != OK and not poor(found):
+            longer = replace(settings, draws=3 * settings.draws, seed=settings.seed + 1)
+            found = self._attempt(target, mode, at, longer, exact, shorter)
+        return found
+
+    def _attempt(
         self, target: Target, mode: Mode, at: Frame, settings: Settings, exact: bool, shorter: float
     ) -> Posterior:
-        keys = jax.random.split(jax.random.PRNGKey(settings.seed), settings.chains)
-        lines, run = _chains(target.layout, settings.warmup, settings.draws, exact)
-        centre, factor = jnp.asarray(at.centre), jnp.asarray(at.factor)
-        force = (lines(mode.context, centre), jnp.asarray(at.lacking))
-        step = jnp.asarray(shorter * at.centre.size**-0.25)
-        start, seeds = seeded_starts(target, mode, at, settings.chains, settings)
-        u, height, diverging, steps, accept = run(
-            mode.context, force, centre, factor, step, jnp.asarray(start), keys
-        )
-        z = at.scores(np.asarray(u))
-        values = target.values(z)
-        summaries = {n: diagnostics.summarise(v) for n, v in values.items()}
-        prior = np.asarray(jax.vmap(jax.vmap(log_prior))(jnp.asarray(z)))
-        divergences = int(np.sum(np.asarray(diverging)))
-        outcome = diagnostics.verdict(summaries)
-        if outcome == OK and divergences > 0.01 * diverging.size:
-            outcome = f"{divergences} of {diverging.size} transitions diverged"
-        stacked = np.stack(list(values.values()), axis=-1)
-        return Posterior(
-            sampler=self.name,
-            names=target.names,
-            draws=stacked,
-            log_likelihood=np.asarray(height) - prior,
-            stats={
-                "diverging": np.asarray(diverging),
-                "n_steps": np.asarray(steps),
-                "acceptance_rate": np.asarray(accept),
-            },
-            diagnostics={
-                "summary": summaries,
-                "divergences": divergences,
-                "exact_force": exact,
-                "step": float(step),
-                "likelihoods": int(np.sum(np.asarray(steps))),
-                "starts": agreement(seeds, stacked),
-            },
-            outcome=outcome,
-        )
+        run = _chains(target.layout, settings.warmup, settings.draws, exact)
+        given, begun = inputs(target, mode, at, settings, shorter)
+        return posterior_of(target, at, run(*given), begun, exact, float(given[4]))
+
+
+def inputs(
+    target: Target, mode: Mode, at: Frame, settings: Settings, shorter: float = 1.0
+) -> tuple[tuple[Any, ...], list[Start]]:
+    """What the chains of one record are given, in the order of `chain_of`, and where they start."""
+    centre = jnp.asarray(at.centre)
+    force = (_lines(target.layout)(mode.context, centre), jnp.asarray(at.lacking))
+    step = jnp.asarray(shorter * at.centre.size**-0.25)
+    start, begun = seeded_starts(target, mode, at, settings.chains, settings)
+    keys = jax.random.split(jax.random.PRNGKey(settings.seed), settings.chains)
+    return (mode.context, force, centre, jnp.asarray(at.factor), step, jnp.asarray(start), keys), begun
+
+
+def posterior_of(
+    target: Target, at: Frame, found: tuple[Any, ...], begun: list[Start], exact: bool, step: float
+) -> Posterior:
+    """The posterior with its diagnostics from what the chains of one record left."""
+    u, height, diverging, steps, accept = found
+    z = at.scores(np.asarray(u))
+    values = target.values(z)
+    summaries = {n: diagnostics.summarise(v) for n, v in values.items()}
+    prior = np.asarray(jax.vmap(jax.vmap(log_prior))(jnp.asarray(z)))
+    divergences = int(np.sum(np.asarray(diverging)))
+    outcome = diagnostics.verdict(summaries)
+    if outcome == OK and divergences > 0.01 * diverging.size:
+        outcome = f"{divergences} of {diverging.size} transitions diverged"
+    draws = np.stack(list(values.values()), axis=-1)
+    return Posterior(
+        sampler=Nuts.name,
+        names=target.names,
+        draws=draws,
+        log_likelihood=np.asarray(height) - prior,
+        stats={
+            "diverging": np.asarray(diverging),
+            "n_steps": np.asarray(steps),
+            "acceptance_rate": np.asarray(accept),
+        },
+        diagnostics={
+            "summary": summaries,
+            "divergences": divergences,
+            "exact_force": exact,
+            "step": step,
+            "likelihoods": int(np.sum(np.asarray(steps))),
+            "starts": agreement(begun, draws),
+        },
+        outcome=outcome,
+    )
 
 
 PLUGIN = Nuts()

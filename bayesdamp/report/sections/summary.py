@@ -28,7 +28,7 @@ class Summary(Section):
     title = "What to believe, and what not"
 
     def applies(self, run: Run) -> bool:
-        return True
+        return run.info.get("kind") is None  # a calibration has a verdict of its own
 
     def render(self, run: Run) -> str:
         signals = run.signals

@@ -1,0 +1,88 @@
+"""NUTS over many records of one shape in one call of a compiled program."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import lru_cache
+from typing import Any
+
+import jax
+import numpy as np
+from jax import numpy as jnp
+
+from bayesdamp.inference.frame import Frame, frame
+from bayesdamp.inference.mode import Mode
+from bayesdamp.inference.samplers import nuts
+from bayesdamp.inference.samplers._sampler import Settings
+from bayesdamp.inference.target import Context, Layout, Target
+from bayesdamp.physics.integrate import MeshPlan
+from bayesdamp.types import Posterior
+
+BATCH = 16
+"""Records in one call; fewer are filled up with repeats, so that one program serves."""
+LEAST = 4
+"""Fewer records than this are sampled one by one."""
+
+
+def sample_many(
+    targets: Sequence[Target], modes: Sequence[Mode], settings: Settings, seeds: Sequence[int]
+) -> list[Posterior]:
+    """`nuts` on many records, seeds: one for each in place of the settings'. The posteriors in the records' order.
+
+    Records of one layout, of as many samples and with as much room for steps go through one compiled program,
+    `BATCH` at a time. Whatever is not good enough there, or does not fit in, is sampled by itself.
+    """
+    found: list[Posterior | None] = [None] * len(targets)
+    groups: dict[object, list[tuple[int, Frame]]] = {}
+    for i, (target, mode) in enumerate(zip(targets, modes, strict=True)):
+        at = frame(target, mode)
+        if at.good and isinstance(mode.context.plan, MeshPlan):
+            groups.setdefault((target.layout, _shape(mode.context)), []).append((i, at))
+    for members in groups.values():
+        for first in range(0, len(members), BATCH):
+            part = members[first : first + BATCH]
+            if len(part) < LEAST:
+                continue
+            began = time.perf_counter()
+            own = [nuts.inputs(targets[i], modes[i], at, replace(settings, seed=seeds[i])) for i, at in part]
+            many = _run(targets[part[0][0]].layout, settings, [given for given, _ in own])
+            share = (time.perf_counter() - began) / len(part)
+            for (i, at), (given, begun), one in zip(part, own, many):
+                began = time.perf_counter()
+                posterior = nuts.posterior_of(targets[i], at, one, begun, False, float(given[4]))
+                # The random numbers of another attempt are its own: whether there is one does not choose among draws.
+                again = replace(settings, seed=seeds[i] + 1)
+                posterior = nuts.PLUGIN.finished(targets[i], modes[i], at, again, posterior)
+                found[i] = replace(posterior, seconds=share + time.perf_counter() - began)
+    return [
+        posterior or nuts.PLUGIN.sample(target, mode, replace(settings, seed=seed))
+        for posterior, target, mode, seed in zip(found, targets, modes, seeds, strict=True)
+    ]
+
+
+def _shape(context: Context) -> object:
+    leaves, tree = jax.tree.flatten(context)
+    return tree, tuple(np.shape(leaf) for leaf in leaves)
+
+
+def _run(layout: Layout, settings: Settings, own: list[tuple[Any, ...]]) -> list[tuple[Any, ...]]:
+    """What the chains leave, by record."""
+    filled = own + [own[0]] * (BATCH - len(own))
+    stacked = jax.tree.map(lambda *leaves: jnp.stack(leaves), *filled)
+    # One count for all, so that the solver's loop has one end: steps behind a record's own are of length zero.
+    count = jnp.max(stacked[0].plan.count)
+    context = replace(stacked[0], plan=replace(stacked[0].plan, count=count))
+    program = _program(layout, settings.warmup, settings.draws, jax.tree.structure(context))
+    found = jax.tree.map(np.asarray, program(context, *stacked[1:]))
+    return [tuple(values[i] for values in found) for i in range(len(own))]
+
+
+@lru_cache(maxsize=32)
+def _program(layout: Layout, warmup: int, draws: int, tree: Any):
+    """Compiled: every argument has one more axis than in `nuts.chain_of`, but for the number of steps."""
+    axes: Context = jax.tree.unflatten(tree, [0] * tree.num_leaves)
+    axes = replace(axes, plan=replace(axes.plan, count=None))
+    chains = jax.vmap(nuts.chain_of(layout, warmup, draws, False), in_axes=(None,) * 5 + (0, 0))
+    return jax.jit(jax.vmap(chains, in_axes=(axes, *(0,) * 6)))
