@@ -8,7 +8,8 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from bayesdamp.report import words
-from bayesdamp.report.style import FAINT, INK, QUIET, WIDTH, colour
+from bayesdamp.report.figures._panels import panels
+from bayesdamp.report.style import FAINT, INK, QUIET, colour
 
 Values = Mapping[tuple[str, str, str], float]
 
@@ -19,8 +20,7 @@ def finals(
     """values: (method, signal, stage) to the coefficient. The axis shows 6 % about the truth; arrows beyond."""
     methods = list(dict.fromkeys(key[0] for key in values))
     signals = list(truths)
-    figure = Figure(figsize=(WIDTH, 0.31 * len(methods) + 1.1))
-    axes = np.atleast_1d(figure.subplots(1, len(signals), sharey=True))
+    figure, axes, firsts = panels(len(signals), 0.31 * len(methods) + 0.8, 0.3)
     for ax, signal in zip(axes, signals):
         true, shade = truths[signal], colour(models[signal])
         low, high = 0.94 * true, 1.06 * true
@@ -50,7 +50,8 @@ def finals(
         ax.locator_params(axis="x", nbins=4)
         ax.tick_params(axis="y", length=0)
         ax.spines["left"].set_visible(False)
-    axes[0].set_yticks(range(len(methods)), [words.method(m) for m in methods])
+    for ax in firsts:
+        ax.set_yticks(range(len(methods)), [words.method(m) for m in methods])
     for face, label in (("white", "initial"), (QUIET, "refined")):
         axes[0].plot([], [], "o", ms=4.5, mfc=face, mec=QUIET, label=label)
     axes[0].plot([], [], color=INK, lw=0.9, ls=(0, (2, 2)), label="truth")

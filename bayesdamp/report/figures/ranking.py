@@ -8,6 +8,7 @@ from matplotlib.figure import Figure
 
 from bayesdamp.report import words
 from bayesdamp.report.comparing import CATEGORIES, Comparison, category
+from bayesdamp.report.figures._panels import panels
 from bayesdamp.report.style import FAINT, INK, QUIET, WIDTH, colour
 
 FLOOR = 1e-8
@@ -50,8 +51,7 @@ def ranking(found: Comparison) -> Figure:
 def categories(found: Comparison) -> Figure:
     """Every method's error on each signal, by category; a line at each category's median."""
     names = [c for c in (*CATEGORIES, "others") if any(category(m) == c for m in found.methods)]
-    figure = Figure(figsize=(WIDTH, 2.6))
-    axes = np.atleast_1d(figure.subplots(1, len(found.signals), sharey=True))
+    figure, axes, firsts = panels(len(found.signals), 2.3, 0.3)
     for ax, signal in zip(axes, found.signals):
         for place, name in enumerate(names):
             for shift, stage, edge in ((-0.18, "initial", _INITIAL), (0.18, "refined", _REFINED)):
@@ -77,7 +77,8 @@ def categories(found: Comparison) -> Figure:
         ax.set_title(signal)
         ax.set_xticks(range(len(names)), names)
         ax.set_xlim(-0.5, len(names) - 0.5)
-    axes[0].set_ylabel("error / %")
+    for ax in firsts:
+        ax.set_ylabel("error / %")
     for face, edge, label in (("white", _INITIAL, "initial"), (_REFINED, _REFINED, "refined")):
         axes[0].plot([], [], ls="", marker="o", ms=4.5, mfc=face, mec=edge, label=label)
     axes[0].plot([], [], color=INK, lw=1.2, label="median")
@@ -88,8 +89,7 @@ def categories(found: Comparison) -> Figure:
 
 def responses(records: dict[str, tuple[np.ndarray, np.ndarray]], models: dict[str, str], axis: str) -> Figure:
     """records: signal to times (s) and values, shape (n,); models: the damping each was made with."""
-    figure = Figure(figsize=(WIDTH, 2.1))
-    axes = np.atleast_1d(figure.subplots(1, len(records), sharey=True))
+    figure, axes, firsts = panels(len(records), 2.1)
     for ax, (signal, (t, y)) in zip(axes, records.items()):
         every = max(1, len(t) // 1500)
         ax.plot(t[::every], y[::every], color=colour(models.get(signal, "")), lw=0.8)
@@ -97,7 +97,8 @@ def responses(records: dict[str, tuple[np.ndarray, np.ndarray]], models: dict[st
         ax.set_title(signal)
         ax.set_xlabel("time / s")
         ax.margins(x=0)
-    axes[0].set_ylabel(axis)
+    for ax in firsts:
+        ax.set_ylabel(axis)
     return figure
 
 

@@ -9,6 +9,7 @@ from markupsafe import Markup
 
 from bayesdamp.report import words
 from bayesdamp.report.comparing import STAGES, Comparison, compared, true_models
+from bayesdamp.report.figures._panels import ABREAST
 from bayesdamp.report.figures.convergence import convergence
 from bayesdamp.report.figures.finals import finals
 from bayesdamp.report.figures.heatmap import heatmap
@@ -127,15 +128,18 @@ def _convergence(run: Run, truths: dict[str, float], models: dict[str, str]) -> 
                 courses[cell.name.split("/")[4], signal] = course
     if not courses:
         return None
-    courses = dict(sorted(courses.items(), key=lambda item: item[0][0]))
+    first = list(dict.fromkeys(signal for _, signal in courses))[:ABREAST]
+    many = len(first) < len({signal for _, signal in courses})
+    courses = {k: v for k, v in sorted(courses.items(), key=lambda item: item[0][0]) if k[1] in first}
     said = "The coefficient after each iteration. Dashed: the truth; grey: 1 % about it."
+    said += f" Of the first {len(first)} signals." if many else ""
     names = {s: _COEFFICIENT[models[s]] for s in truths}
     return run.drawings.add("convergence", said, lambda: convergence(courses, truths, names, models))
 
 
 def _responses(run: Run, found: Comparison, models: dict[str, str]) -> Markup:
     records = {}
-    for signal in found.signals[:6]:
+    for signal in found.signals[:ABREAST]:
         cell = run.cell("signal", signal, run.repeats(signal)[0])
         if cell is not None and "t" in cell.arrays:
             records[signal] = (cell.arrays["t"], cell.arrays["y"])
