@@ -2,75 +2,112 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
+from jax import numpy as jnp
+from scipy.optimize import minimize
 from scipy.special import log_ndtr
 
-from bayesdamp.inference.build import build_target
-from bayesdamp.inference.checks import structure
-from bayesdamp.inference.defaults import Reference
-from bayesdamp.inference.mode import find_mode
-from bayesdamp.inference.target import LOG_2PI
-from bayesdamp.priors import Prior
+from bayesdamp.inference.checks import structure, views
+from bayesdamp.inference.mode import Mode, find_mode
+from bayesdamp.inference.noise import NOISES
+from bayesdamp.inference.target import LOG_2PI, Target
 from bayesdamp.signals.features import Features
-from bayesdamp.types import OK, Refusal, Signal, System
+from bayesdamp.types import OK, Refusal, Signal
+
+FIRST = "correlated"
+"""Noise of the first fit, where it is in play: white noise is its limit."""
+MARGIN = 30.0
+"""Nats by which a noise model must be behind on the residuals of another's fit to need no fit of its own: what a fit of
+its own gains is of the order of one nat for each of the dozen parameters that move the trajectory."""
+STEP = 0.02
+"""Scores over which second differences are taken."""
+
+Build = Callable[[str], Target]
+
+
+@dataclass(frozen=True)
+class Fitted:
+    """The mode under one noise model; log_evidence by Laplace's approximation, in nats."""
+
+    target: Target
+    mode: Mode
+    log_evidence: float
 
 
 @dataclass(frozen=True)
 class Weighed:
-    """One noise model under the widest damping: log evidence by Laplace's approximation (nats), its parameters at the
-    mode, and the chance of so much structure in whitened residuals if it were right."""
+    """One noise model: log evidence by Laplace's approximation (nats), its parameters, and the chance of so much
+    structure in whitened residuals if it were right.
+
+    held: whether it is judged by the residuals of another model's fit, being far behind there.
+    """
 
     noise: str
     log_evidence: float = -np.inf
     values: Mapping[str, float] = field(default_factory=dict)
     predictive_p: float = np.nan
+    held: bool = False
     outcome: str = OK
 
 
-def weigh_noises(
-    signal: Signal,
-    damping: tuple[str, ...],
-    system: System,
-    features: Features,
-    reference: Reference,
-    *,
-    names: Sequence[str],
-    seeds: Mapping[str, Mapping[str, float]],
-    term_priors: Mapping[str, Prior] | None = None,
-    seed: int = 0,
-) -> list[Weighed]:
-    """Every noise model in `names`, in their order, on one record under one damping.
-
-    damping: all terms that are compared, so that no noise model makes up for a term that is missing. seeds: as
-    `find_mode` takes them; modes found under one noise are seeds for those after it. All densities are of the record
-    in its unit, those of rounded values divided by their step, so that the evidence is on one scale. A model that
-    is none for the record says so in its outcome.
-    """
-    found: list[Weighed] = []
-    tried = dict(seeds)
-    for name in names:
+def first_noise(names: Sequence[str], signal: Signal) -> str:
+    """The noise model that a record is fitted under before one is chosen. Raises Refusal where it is none for any."""
+    refused = []
+    for name in sorted(names, key=lambda n: n != FIRST):
         try:
-            target = build_target(
-                signal, damping, system, features, reference, noise=name, term_priors=term_priors
-            )
-            mode = find_mode(target, tried, noise_level=features.roughness)
+            NOISES.get(name).read(signal)
+        except Refusal as refusal:
+            refused.append(str(refusal))
+            continue
+        return name
+    raise Refusal("; ".join(refused))
+
+
+def fit_with(target: Target, seeds: Mapping[str, Mapping[str, float]], features: Features) -> Fitted:
+    """The mode of one target and its evidence. Raises Refusal."""
+    mode = find_mode(target, seeds, noise_level=features.roughness)
+    volume = -0.5 * float(np.linalg.slogdet(mode.information)[1])
+    folded = np.asarray(target.layout.folded)
+    # Mass on a folded score's own side and its mirror's, against that of one whole normal; near zero they are one.
+    mirrors = float(np.sum(np.log(2.0) + log_ndtr(mode.z[folded] / mode.sd()[folded])))
+    return Fitted(target, mode, mode.log_posterior + 0.5 * mode.z.size * LOG_2PI + volume + mirrors)
+
+
+def weigh_noises(
+    build: Build, fitted: Fitted, features: Features, names: Sequence[str], seed: int = 0
+) -> list[Weighed]:
+    """Every noise model in `names`, in their order, on one record under one damping and restoring law.
+
+    build: noise to target, raising Refusal where the record is none for it; fitted: the fit under one of the models.
+    All densities are of the record in its unit, those of rounded values divided by their step, so that the evidence
+    is on one scale.
+    """
+    signal, own = fitted.target.signal, fitted.target.noise
+    r = np.asarray(views(fitted.target.layout)[0](fitted.mode.context, jnp.asarray(fitted.mode.z))[0])
+    base = held_evidence(own, r, signal, features)[0]
+    start = {n: float(v) for n, v in fitted.target.values(fitted.mode.z).items()}
+    found: list[Weighed] = []
+    best = fitted.log_evidence
+    for name in sorted(names, key=lambda n: n != own):
+        try:
+            if name == own:
+                found.append(_weighed(fitted, features, seed))
+                continue
+            behind, values = held_evidence(name, r, signal, features)
+            there = fitted.log_evidence + behind - base
+            if there < best - MARGIN:
+                found.append(Weighed(name, there, values, held=True))
+                continue
+            fresh = fit_with(build(name), {f"with {own} noise": start}, features)
         except Refusal as refusal:
             found.append(Weighed(name, outcome=str(refusal)))
             continue
-        values = {n: float(v) for n, v in target.values(mode.z).items()}
-        tried[f"with {name} noise"] = values
-        volume = -0.5 * float(np.linalg.slogdet(mode.information)[1])
-        evidence = mode.log_posterior + 0.5 * mode.z.size * LOG_2PI + volume
-        # Both mirror images of a folded score belong to it; near zero they are one.
-        folded = np.asarray(target.layout.folded)
-        evidence += float(np.sum(_mirrors(mode.z[folded] / mode.sd()[folded])))
-        p = structure(target, mode, features.period, seed)
-        own = {n: v for n, v in values.items() if n not in target.oscillator.parameters}
-        found.append(Weighed(name, evidence, own, p))
-    return found
+        best = max(best, fresh.log_evidence)
+        found.append(_weighed(fresh, features, seed))
+    return sorted(found, key=lambda w: names.index(w.noise))
 
 
 def chosen_noise(weighed: Sequence[Weighed]) -> str:
@@ -81,6 +118,39 @@ def chosen_noise(weighed: Sequence[Weighed]) -> str:
     return max(usable, key=lambda w: w.log_evidence).noise
 
 
-def _mirrors(away: np.ndarray) -> np.ndarray:
-    """Log mass of a normal on its own side and its mirror's, mode `away` sds from zero, against one whole normal."""
-    return np.log(2.0) + log_ndtr(away)
+def held_evidence(
+    name: str, r: np.ndarray, signal: Signal, features: Features
+) -> tuple[float, dict[str, float]]:
+    """Laplace's log evidence of residuals r, shape (n,), over a noise model's own parameters, and those parameters.
+
+    Under their default priors. Raises Refusal where the record is none for the model.
+    """
+    noise = NOISES.get(name)
+    constants, priors = noise.read(signal), noise.priors(features)
+    residuals, gaps = jnp.asarray(r), jnp.asarray(np.diff(signal.t))
+
+    def values(z: np.ndarray) -> dict[str, float]:
+        return {n: float(p.value(x)) for (n, p), x in zip(priors.items(), z, strict=True)}
+
+    def depth(z: np.ndarray) -> float:
+        p = {n: jnp.asarray(v) for n, v in {**values(z), **constants}.items()}
+        density = float(noise.log_likelihood(residuals, gaps, p)) - 0.5 * float(z @ z)
+        return -density if np.isfinite(density) else 1e300
+
+    begun = noise.start(r, np.diff(signal.t))
+    z = np.array([float(np.clip(p.score(begun[n]), -6.0, 6.0)) for n, p in priors.items()])
+    z = minimize(depth, z, method="Nelder-Mead", options={"xatol": 1e-4, "fatol": 1e-4}).x
+    axes = STEP * np.eye(z.size)
+    mixed = [
+        [depth(z + a + b) - depth(z + a - b) - depth(z - a + b) + depth(z - a - b) for b in axes]
+        for a in axes
+    ]
+    sign, log_det = np.linalg.slogdet(np.array(mixed) / (4 * STEP**2))
+    return (-depth(z) - 0.5 * float(log_det) if sign > 0 else -np.inf), values(z)
+
+
+def _weighed(fitted: Fitted, features: Features, seed: int) -> Weighed:
+    target, mode = fitted.target, fitted.mode
+    values = {n: float(v) for n, v in target.values(mode.z).items()}
+    own = {n: v for n, v in values.items() if n not in target.oscillator.parameters}
+    return Weighed(target.noise, fitted.log_evidence, own, structure(target, mode, features.period, seed))

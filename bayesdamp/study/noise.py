@@ -7,20 +7,19 @@ from dataclasses import asdict, replace
 from functools import cached_property
 from typing import Any
 
-import numpy as np
-from scipy.special import logsumexp
-
 from bayesdamp.config import SignalSpec, Study
 from bayesdamp.config.checks import plain
 from bayesdamp.config.signals import damping_order
 from bayesdamp.estimators import run as run_estimator
+from bayesdamp.inference.build import build_target
 from bayesdamp.inference.defaults import Reference
-from bayesdamp.inference.noise_choice import Weighed, chosen_noise, weigh_noises
+from bayesdamp.inference.noise_choice import Fitted, chosen_noise, first_noise, fit_with, weigh_noises
+from bayesdamp.inference.target import Target
 from bayesdamp.physics.damping import parse_model
 from bayesdamp.signals.features import features
 from bayesdamp.store import CellResult, Store
 from bayesdamp.study.records import NOT_APPLICABLE, SignalCell, cell_seed, digest, signal_of
-from bayesdamp.types import OK, Problem, Refusal
+from bayesdamp.types import OK, Problem, Refusal, System
 
 SEED_FROM = "least_squares"
 """What starts the search under each law."""
@@ -56,48 +55,56 @@ class NoiseCell:
         self.store.write(CellResult(self.name, self.key, meta, {}, outcome, time.perf_counter() - began))
 
     def _weigh(self, record: CellResult) -> dict[str, Any]:
-        signal = signal_of(record)
-        found: dict[str, list[Weighed]] = {name: [] for name in self.study.noises}
+        """Under the restoring law that fits best with all damping terms, so that no noise makes up for a term that is
+        missing or for a wrong law."""
+        signal, names = signal_of(record), self.study.noises
+        seen, first = features(signal), first_noise(names, signal)
+        fits: dict[str, Fitted] = {}
+        refused: list[str] = []
         for law in self.spec.restoring:
-            epsilon = {k: v for k, v in record.meta["known"].items() if k == "epsilon"}
-            system = self.spec.under(law)
-            system = replace(system, known={**system.known, **epsilon})
-            started = run_estimator(SEED_FROM, signal, Problem(self.terms, system), seed=0)
-            seeds = {f"{SEED_FROM}, {e.stage}": e.values for e in started if e.values}
-            if not seeds:
-                continue
-            weighed = weigh_noises(
-                signal,
-                self.terms,
-                system,
-                features(signal),
-                Reference(**record.meta["reference"]),
-                names=self.study.noises,
-                seeds=seeds,
-                term_priors={t: p for t, p in self.study.models.prior.items() if t in self.terms},
-                seed=cell_seed(self.study, self.name),
-            )
-            for w in weighed:
-                found[w.noise].append(w)
-        over_laws = [_over_laws(name, each) for name, each in found.items() if each]
+            try:
+                fits[law] = self._fit(record, law, first)
+            except Refusal as refusal:
+                refused.append(f"{law}: {refusal}")
+        if not fits:
+            raise Refusal("; ".join(refused))
+        best = max(fits, key=lambda law: fits[law].log_evidence)
+        seed = cell_seed(self.study, self.name)
+        weighed = weigh_noises(lambda name: self._target(record, best, name), fits[best], seen, names, seed)
         return {
-            "chosen": chosen_noise(over_laws),
+            "chosen": chosen_noise(weighed),
             "damping": list(self.terms),
-            "weighed": [asdict(w) for w in over_laws],
+            "restoring": best,
+            "weighed": [asdict(w) for w in weighed],
         }
+
+    def _fit(self, record: CellResult, law: str, noise: str) -> Fitted:
+        signal, system = signal_of(record), self._system(record, law)
+        started = run_estimator(SEED_FROM, signal, Problem(self.terms, system), seed=0)
+        seeds = {f"{SEED_FROM}, {e.stage}": e.values for e in started if e.values}
+        if not seeds:
+            raise Refusal(started[0].outcome)
+        return fit_with(self._target(record, law, noise), seeds, features(signal))
+
+    def _target(self, record: CellResult, law: str, noise: str) -> Target:
+        signal = signal_of(record)
+        return build_target(
+            signal,
+            self.terms,
+            self._system(record, law),
+            features(signal),
+            Reference(**record.meta["reference"]),
+            noise=noise,
+            term_priors={t: p for t, p in self.study.models.prior.items() if t in self.terms},
+        )
+
+    def _system(self, record: CellResult, law: str) -> System:
+        system = self.spec.under(law)
+        epsilon = {k: v for k, v in record.meta["known"].items() if k == "epsilon"}
+        return replace(system, known={**system.known, **epsilon})
 
 
 def noise_cell(study: Study, spec: SignalSpec, repeat: int, store: Store) -> NoiseCell | None:
     """The cell that chooses a record's noise; None where the study has chosen, or nothing needs it."""
     needed = study.posterior.samplers or study.evidence.methods
     return NoiseCell(study, spec, repeat, store) if needed and len(study.noises) > 1 else None
-
-
-def _over_laws(name: str, weighed: list[Weighed]) -> Weighed:
-    """One noise model under laws that are equally probable: the mean of their evidence, the rest from the best."""
-    usable = [w for w in weighed if w.outcome == OK and np.isfinite(w.log_evidence)]
-    if not usable:
-        return weighed[0]
-    best = max(usable, key=lambda w: w.log_evidence)
-    mean = float(logsumexp([w.log_evidence for w in usable]) - np.log(len(weighed)))
-    return replace(best, log_evidence=mean, noise=name)

@@ -6,10 +6,20 @@ from functools import lru_cache
 
 import numpy as np
 import pytest
+from scipy import stats
 
+from bayesdamp.inference.build import build_target
 from bayesdamp.inference.defaults import Reference
 from bayesdamp.inference.noise import NOISES
-from bayesdamp.inference.noise_choice import Weighed, chosen_noise, weigh_noises
+from bayesdamp.inference.noise_choice import (
+    Weighed,
+    chosen_noise,
+    first_noise,
+    fit_with,
+    held_evidence,
+    weigh_noises,
+)
+from bayesdamp.inference.target import Target
 from bayesdamp.physics.integrate import simulate
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.signals.features import features
@@ -48,9 +58,13 @@ def weighed(kind: str, damping: tuple[str, ...] = ("viscous", "quadratic")) -> l
     signal = Signal(TIMES, y, step=recording_step(y))
     seeds = {"near": {"zeta": 0.06, "mu_q": 0.15, "theta0": 0.29, "omega0": 0.01}}
     system = System("linear", KNOWN)
-    return weigh_noises(
-        signal, damping, system, features(signal), Reference(0.3, 4.5), names=NOISES.names(), seeds=seeds
-    )
+    seen = features(signal)
+
+    def build(name: str) -> Target:
+        return build_target(signal, damping, system, seen, Reference(0.3, 4.5), noise=name)
+
+    fitted = fit_with(build(first_noise(NOISES.names(), signal)), seeds, seen)
+    return weigh_noises(build, fitted, seen, NOISES.names())
 
 
 @pytest.mark.parametrize("kind", NOISES.names())
@@ -65,6 +79,20 @@ def test_the_true_noise_is_chosen(kind):
     if kind != "quantised":
         assert "recording step" in by_name["quantised"].outcome
     assert by_name[kind].predictive_p > 0.01
+
+
+def test_held_evidence_against_quadrature():
+    """Of normal residuals, over the logarithm of their sd on a fine grid."""
+    r = SD * np.random.default_rng(3).standard_normal(TIMES.size)
+    signal = Signal(TIMES, motion(0.2) + r)
+    seen = features(signal)
+    found, values = held_evidence("gaussian", r, signal, seen)
+    z = np.linspace(-3.0, 3.0, 20_001)
+    sd = seen.roughness * np.exp(z)
+    log = stats.norm.logpdf(z) - 0.5 * np.sum(r**2) / sd**2 - r.size * np.log(sd * np.sqrt(2 * np.pi))
+    expected = log.max() + np.log(np.trapezoid(np.exp(log - log.max()), z))
+    assert found == pytest.approx(expected, abs=0.01)
+    assert values["noise_sd"] == pytest.approx(np.sqrt(np.mean(r**2)), rel=0.01)
 
 
 def test_a_term_that_is_missing_looks_like_correlated_noise():

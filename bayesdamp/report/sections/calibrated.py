@@ -30,7 +30,7 @@ EXPLAINED = (
 class Calibrated(Section):
     """The verdict, the ranks of each model, the coverage of all intervals, and which records count."""
 
-    order = 10
+    order = 11
     name = "calibrated"
     title = "Are the intervals what they say?"
 

@@ -19,7 +19,7 @@ from bayesdamp.types import OK
 class Noise(Section):
     """The evidence of the noise models, and the one that all dampings of the record share."""
 
-    order = 30
+    order = 45
     name = "noise"
     title = "Which noise"
 
@@ -28,9 +28,9 @@ class Noise(Section):
 
     def render(self, run: Run) -> str:
         said = (
-            "Chosen once for each record, under all damping terms together, and shared by all dampings. The "
-            "evidence is by Laplace's approximation; densities of rounded values are probabilities divided by "
-            "the recording step, so that all are on one scale."
+            "Chosen once for each record, under all damping terms together and the restoring law that fits best, "
+            "and shared by all candidates. The evidence is by Laplace's approximation; densities of rounded values "
+            "are probabilities divided by the recording step, so that all are on one scale."
         )
         return fill(
             "stack.html", parts=[Markup("<p>{}</p>").format(said), by_signal(run, lambda s: _one(run, s))]
@@ -58,8 +58,8 @@ def _line(w: Mapping[str, Any], best: float, chosen: str) -> Line:
         return Line([name, words.NONE, words.NONE, words.NONE, w["outcome"]], "quiet")
     values = ", ".join(f"{words.symbol(n).text} {words.number(v, 3)}" for n, v in w["values"].items())
     mine = w["noise"] == chosen
-    below = words.fixed(best - w["log_evidence"], 1)
-    said = "chosen" if mine else ""
+    below = words.fixed(best - w["log_evidence"], 0 if w["held"] else 1)
+    said = "chosen" if mine else "far behind on the residuals of another's fit" if w["held"] else ""
     return Line([name, below, values, words.number(w["predictive_p"], 2), said], "best" if mine else "")
 
 

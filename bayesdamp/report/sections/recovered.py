@@ -30,7 +30,7 @@ EXPLAINED = (
 class Recovered(Section):
     """Hits against what the probabilities promise, for all models and for single dampings."""
 
-    order = 10
+    order = 12
     name = "recovered"
     title = "Are the models' probabilities what they say?"
 

@@ -24,7 +24,7 @@ ALIKE = 0.1
 class Seeds(Section):
     """Each seed's climb, the modes found, and what each chain made of its start."""
 
-    order = 60
+    order = 57
     name = "seeds"
     title = "Where the searches started, and where they ended"
 
