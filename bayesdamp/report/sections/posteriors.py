@@ -139,11 +139,25 @@ def _tables(run: Run, signal: str, repeat: int, model: str) -> list[Table | Mark
                 caption,
             )
         )
+    sentences |= _left_out(run, signal, repeat, model)
     parts += [
         Markup('<p class="quiet">{}: {}</p>').format(words.method(sampler), outcome)
         for sampler, outcome in sorted(sentences)
     ]
     return parts
+
+
+def _left_out(run: Run, signal: str, repeat: int, model: str) -> set[tuple[str, str]]:
+    """By sampler, which derived quantities are not shown because some draws have none."""
+    found = set()
+    for cell in run.cells("posterior", signal, repeat, model):
+        without: Mapping[str, int] = cell.meta.get("without") or {}
+        if without:
+            names = words.listing(words.symbol(n).text for n in without)
+            draws = max(without.values())
+            said = f"no {names}: {draws} draws have no such motion (no stable equilibrium, or an escape)"
+            found.add((cell.name.split("/")[4], said))
+    return found
 
 
 def _by_parameter(rows: Sequence[Row]) -> list[Row]:

@@ -64,7 +64,8 @@ def _one(run: Run, signal: str) -> Markup:
 def _sentences(cell: CellResult) -> list[str]:
     climbs, modes = _climbs(cell), cell.meta.get("modes") or []
     ended = [c for c in climbs if c.get("mode") == 0]
-    found = [f"{_count(sum(1 + len(c['same']) for c in ended))} reached the mode."]
+    reached = _count(sum(1 + len(c["same"]) for c in ended))
+    found = [f"{'All ' if len(ended) == len(climbs) else ''}{reached} reached the mode."]
     elsewhere = [c for c in climbs if c.get("mode")]
     if elsewhere:
         best = modes[1] if len(modes) > 1 else None
