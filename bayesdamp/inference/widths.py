@@ -20,7 +20,6 @@ FACTORS = np.geomspace(0.1, 10.0, 9)
 """Factors on the prior's scale: two decades."""
 ENOUGH = 400.0
 """Effective draws below which reweighting gives way to importance sampling under the prior itself."""
-ANEW = Importance(pilot=500, final=2000)
 
 
 @dataclass(frozen=True)
@@ -83,7 +82,7 @@ def _one(
     if effective >= ENOUGH and diagnostics.pareto_k(weights) < K_LIMIT:
         return log_evidence, float(np.std(w, ddof=1) / np.sqrt(w.size)), effective, False, True
     other = replace(target, priors=priors)
-    found = ANEW.evidence("", other, _moved(target, other, mode), seed)
+    found = Importance().evidence("", other, _moved(target, other, mode), seed)
     return found.log_evidence, found.stderr, effective, True, found.outcome == OK
 
 
