@@ -47,7 +47,10 @@ def compute_sensitivity(branch: Branch, name: str, key: str, seed: int) -> None:
     kind, began = name.rsplit("/", 1)[1], time.perf_counter()
     source = branch.store.read(SOURCES[kind].format(branch.path))
     if not source.arrays:
-        branch.store.write(CellResult(name, key, outcome=source.outcome))
+        why = (
+            source.outcome if source.outcome != OK else "not applicable: no draws were kept; run with --fresh"
+        )
+        branch.store.write(CellResult(name, key, outcome=why))
         return
     try:
         meta, arrays = {"widths": _widths, "half": _half, "savage_dickey": _ratios}[kind](

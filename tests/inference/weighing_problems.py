@@ -73,6 +73,11 @@ CASES: dict[str, tuple[tuple[str, ...], np.ndarray, dict[str, tuple[float, float
         record(0.06, 0.0, 3),
         {"zeta": (0.0, 0.14), "mu_c": (0.0, 0.16)},
     ),
+    "three far": (
+        ("viscous", "coulomb"),
+        record(0.2, 0.2, 5),
+        {"zeta": (0.0, 0.45), "mu_c": (0.0, 0.4), "noise_sd": (0.014, 0.028)},
+    ),
     "three touching": (
         ("viscous", "coulomb"),
         record(0.06, 0.0, 3),
