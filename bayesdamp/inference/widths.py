@@ -56,9 +56,13 @@ def against_width(target: Target, mode: Mode, y: np.ndarray, log_weights: np.nda
     """
     values = target.values(y)
     rows = [_one(target, mode, values, log_weights, factor, seed + i) for i, factor in enumerate(FACTORS)]
-    varied = tuple(n for n in target.oscillator.coefficients if widened(target.priors[n], 2.0) is not None)
+    varied = tuple(n for n in _inferred(target) if widened(target.priors[n], 2.0) is not None)
     log_evidence, stderr, effective, anew, trusted = (np.array(column) for column in zip(*rows, strict=True))
     return Widths(varied, FACTORS, log_evidence, stderr, effective, anew, trusted)
+
+
+def _inferred(target: Target) -> list[str]:
+    return [n for n in target.oscillator.coefficients if n in target.priors]
 
 
 def _one(
@@ -71,7 +75,7 @@ def _one(
 ) -> tuple[float, float, float, bool, bool]:
     priors = dict(target.priors)
     weights = log_weights.copy()
-    for name in target.oscillator.coefficients:
+    for name in _inferred(target):
         other = widened(priors[name], factor)
         if other is not None:
             weights += np.asarray(other.log_density(values[name]) - priors[name].log_density(values[name]))

@@ -26,6 +26,8 @@ SOURCES = {
     "savage_dickey": "posterior/{}/nuts",
 }
 """Which cell of the branch each starts from."""
+SHOWN = 1000
+"""Samples of a prediction that are kept, at least, where there are as many."""
 
 
 def sensitivity_cells(path: str, found: Mapping[str, str], repeat: int, terms: int) -> dict[str, str]:
@@ -81,7 +83,10 @@ def _half(branch: Branch, source: CellResult, seed: int) -> Product:
         "log_predictive_stderr": error,
         "evidence": evidence_meta(found.evidence),
     }
-    return meta, {"centre": found.centre, "sd": found.sd}
+    every = max(1, found.centre.size // SHOWN)
+    times = branch.signal.t[-found.centre.size :: every]
+    error = branch.signal.y[-found.centre.size :] - found.centre
+    return meta, {"t": times, "error": error[::every], "sd": found.sd[::every]}
 
 
 def _ratios(branch: Branch, source: CellResult, seed: int) -> Product:

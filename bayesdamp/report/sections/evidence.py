@@ -14,8 +14,8 @@ from bayesdamp.report.sections._section import Section
 from bayesdamp.types import OK
 
 COUNTS = (
-    "What counts is all methods combined: nested sampling where it ran as the referee (unless the study wants it always: "
-    "where the others are more than three standard errors apart or poor), else their mean by inverse variance."
+    "What counts is all methods combined: nested sampling where it ran as the referee (unless the study wants it "
+    "always: where the others are more than three standard errors apart or poor), else their mean by inverse variance."
 )
 
 
