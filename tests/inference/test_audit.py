@@ -1,4 +1,7 @@
-"""The audit that ships: on fifty records whose friction touches zero, three methods for the evidence agree."""
+"""The audit that ships: on fifty records whose friction touches zero, three methods for the evidence agree.
+
+`python -m tests.inference.audit reports/evidence_audit/touching_zero.csv` makes its table, or what it lacks of it.
+"""
 
 from __future__ import annotations
 
@@ -9,6 +12,8 @@ import numpy as np
 import pytest
 
 from tests.inference import audit
+
+pytestmark = pytest.mark.slow
 
 FILE = Path(__file__).resolve().parents[2] / "reports" / "evidence_audit" / "touching_zero.csv"
 
@@ -54,7 +59,6 @@ def test_negative_control_a_forgotten_fold_would_be_seen(method):
     assert not agrees(scores(method, shift=-np.log(2)))
 
 
-@pytest.mark.slow
 def test_the_file_is_what_the_audit_writes():
     """Two cases anew: within five standard errors of what ships (6e-7 each)."""
     for number in (0, 7):

@@ -76,7 +76,7 @@ CASES: dict[str, tuple[tuple[str, ...], np.ndarray, dict[str, tuple[float, float
     "three far": (
         ("viscous", "coulomb"),
         record(0.2, 0.2, 5),
-        {"zeta": (0.0, 0.45), "mu_c": (0.0, 0.4), "noise_sd": (0.014, 0.028)},
+        {"zeta": (0.08, 0.4), "mu_c": (0.0, 0.33), "noise_sd": (0.0135, 0.028)},
     ),
     "three touching": (
         ("viscous", "coulomb"),
@@ -120,7 +120,7 @@ def posterior_grid(case: str, count: int) -> tuple[tuple[np.ndarray, ...], np.nd
 @lru_cache
 def quadrature(case: str) -> float:
     """log ∫ prior · likelihood over the natural parameters, to 1e-3 nats."""
-    found = [float(logsumexp(posterior_grid(case, count)[1])) for count in (40, 56)]
+    found = [float(logsumexp(posterior_grid(case, count)[1])) for count in (44, 56)]
     assert abs(found[0] - found[1]) < 1e-3, "the grid is too coarse"
     logs = posterior_grid(case, 56)[1]
     for axis, (low, _) in enumerate(CASES[case][2].values()):
