@@ -65,7 +65,7 @@ def test_a_small_study_has_the_defaults(tmp_path: Path) -> None:
     assert study.estimators.stages == ("initial", "refined")
     assert study.posterior.samplers == ("nuts", "emcee")
     assert (study.posterior.chains, study.posterior.warmup, study.posterior.draws) == (4, 500, 1000)
-    assert study.evidence.methods == ("importance",)
+    assert study.evidence.methods == ("importance", "bridge")
     assert study.evidence.referee == "auto"
     (one,) = study.signals
     assert dict(one.system.known) == {"stiffness": 20.0, "rest_angle": 0.0, "theta0": 0.3, "omega0": 0.0}

@@ -215,6 +215,7 @@ def test_a_fault_in_one_cell_is_named_and_the_rest_goes_on(tmp_path, monkeypatch
     text = SMALL.replace("[posterior]", "[posterior]\nsamplers = []").replace(
         'compare = ["viscous", "quadratic"]', 'compare = ["viscous"]'
     )
+    text += '[evidence]\nmethods = ["importance"]\nreferee = "never"\n'
     status = run_study(load_study(write(tmp_path, text)), tmp_path / "out", workers=1)
     assert status == 3
     assert (

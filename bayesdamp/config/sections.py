@@ -152,7 +152,7 @@ class PosteriorTable(Section):
 class EvidenceTable(Section):
     """[evidence]: which methods, and when nested sampling is called as a referee."""
 
-    methods: Names = Field(("importance",), description="a list of methods' names")
+    methods: Names = Field(("importance", "bridge"), description="a list of methods' names")
     referee: Literal["auto", "always", "never"] = Field("auto", description='"auto", "always" or "never"')
 
 

@@ -38,8 +38,10 @@ class Prediction:
 
 
 def first_half(target: Target, mode: Mode) -> Mode:
-    """The mode on the first half of the samples, on the same plan. Raises Refusal where it is not finite."""
+    """The mode on the first half of the samples, on the same plan. Raises Refusal where there is none."""
     part = slice(0, target.signal.t.size // 2)
+    if part.stop <= len(target.names):
+        raise Refusal(f"half the record has {part.stop} samples for {len(target.names)} parameters")
     context = target.context(part_of(mode.context.plan, part), part)
     z, value, information, _, _ = climb(target.layout, context, mode.z)
     if not np.isfinite(value):
@@ -67,12 +69,18 @@ def predict(model: str, target: Target, mode: Mode, seed: int) -> Prediction:
     chosen = y[_resampled(log_weights, DRAWS, np.random.default_rng(seed))]
     many = views(target.layout)[1]
     batches = np.array_split(chosen, max(4, DRAWS * n // TOGETHER))
-    residuals = np.concatenate([np.asarray(many(mode.context, jnp.asarray(b))[0]) for b in batches])
-    residuals = residuals[np.all(np.isfinite(residuals), axis=1)]
-    if not len(residuals):
+    count, total, square, first = 0, np.zeros(n - half), np.zeros(n - half), 0.0
+    for batch in batches:
+        residuals = np.asarray(many(mode.context, jnp.asarray(batch))[0])
+        residuals = residuals[np.all(np.isfinite(residuals), axis=1)]
+        count += len(residuals)
+        total += residuals[:, half:].sum(axis=0)
+        square += (residuals[:, half:] ** 2).sum(axis=0)
+        first += float((residuals[:, :half] ** 2).sum())
+    if not count:
         raise Refusal("no motion that fits the first half goes on through the second")
-    error = residuals[:, half:].mean(axis=0)
-    sd = np.sqrt(residuals[:, half:].var(axis=0) + np.mean(residuals[:, :half] ** 2))
+    error = total / count
+    sd = np.sqrt(np.maximum(square / count - error**2, 0.0) + first / (count * half))
     return Prediction(
         start=float(target.signal.t[half]),
         centre=target.signal.y[half:] - error,

@@ -20,7 +20,6 @@ FACTORS = np.geomspace(0.1, 10.0, 9)
 """Factors on the prior's scale: two decades."""
 ENOUGH = 400.0
 """Effective draws below which reweighting gives way to importance sampling under the prior itself."""
-ANEW = Importance(pilot=500, final=2000)
 
 
 @dataclass(frozen=True)
@@ -57,9 +56,13 @@ def against_width(target: Target, mode: Mode, y: np.ndarray, log_weights: np.nda
     """
     values = target.values(y)
     rows = [_one(target, mode, values, log_weights, factor, seed + i) for i, factor in enumerate(FACTORS)]
-    varied = tuple(n for n in target.oscillator.coefficients if widened(target.priors[n], 2.0) is not None)
+    varied = tuple(n for n in _inferred(target) if widened(target.priors[n], 2.0) is not None)
     log_evidence, stderr, effective, anew, trusted = (np.array(column) for column in zip(*rows, strict=True))
     return Widths(varied, FACTORS, log_evidence, stderr, effective, anew, trusted)
+
+
+def _inferred(target: Target) -> list[str]:
+    return [n for n in target.oscillator.coefficients if n in target.priors]
 
 
 def _one(
@@ -72,7 +75,7 @@ def _one(
 ) -> tuple[float, float, float, bool, bool]:
     priors = dict(target.priors)
     weights = log_weights.copy()
-    for name in target.oscillator.coefficients:
+    for name in _inferred(target):
         other = widened(priors[name], factor)
         if other is not None:
             weights += np.asarray(other.log_density(values[name]) - priors[name].log_density(values[name]))
@@ -83,7 +86,7 @@ def _one(
     if effective >= ENOUGH and diagnostics.pareto_k(weights) < K_LIMIT:
         return log_evidence, float(np.std(w, ddof=1) / np.sqrt(w.size)), effective, False, True
     other = replace(target, priors=priors)
-    found = ANEW.evidence("", other, _moved(target, other, mode), seed)
+    found = Importance().evidence("", other, _moved(target, other, mode), seed)
     return found.log_evidence, found.stderr, effective, True, found.outcome == OK
 
 

@@ -95,6 +95,7 @@ def method(name: str) -> str:
         "sindy": "SINDy",
         "weak_sindy": "weak SINDy",
     }
+    special |= {"combined": "all methods combined"}
     special |= {"neural_ode": "neural ODE", "koopman": "Koopman", "student_t": "Student t"}
     return special.get(name, name.replace("_", " "))
 

@@ -20,26 +20,24 @@ NEGLIGIBLE = 1e-3
 LEVELS = np.array([0.025, 0.5, 0.975])
 
 
-def average(study: Study, store: Store) -> None:
-    """Store the averaged curve of each signal's first repeat, as `averaged/bench/0`, or why there is none.
-
-    Nothing is stored of a signal with one model, or where no posterior or evidence was asked for.
-    """
-    if "nuts" not in study.posterior.samplers or not study.evidence.methods:
-        return
-    for spec in study.signals:
-        if len(study.compare(spec)) > 1:
-            store.write(_one(study, store, spec))
+def averages(study: Study, spec: SignalSpec) -> bool:
+    """Whether a signal has several models, and their posteriors and evidence were asked for."""
+    asked = "nuts" in study.posterior.samplers and study.evidence.methods
+    return bool(asked) and len(study.compare(spec)) > 1
 
 
-def _one(study: Study, store: Store, spec: SignalSpec) -> CellResult:
+def average(study: Study, spec: SignalSpec, store: Store, name: str, key: str) -> None:
+    """Store the averaged curve of a signal's first repeat (`averaged/bench/0`), or why there is none."""
+    store.write(_one(study, spec, store, name, key))
+
+
+def _one(study: Study, spec: SignalSpec, store: Store, name: str, key: str) -> CellResult:
     models, record = study.compare(spec), f"{spec.name}/0"
-    name = f"averaged/{record}"
     by_method = evidence_by_method(study, store, record, models)
     method = list(by_method)[-1]
     shares = probabilities(by_method[method])
     if len(shares) < len(models):
-        return CellResult(name, "", outcome="not applicable: not every model has its evidence")
+        return CellResult(name, key, outcome="not applicable: not every model has its evidence")
     curves, grids = {}, {}
     for model in models:
         try:
@@ -50,13 +48,13 @@ def _one(study: Study, store: Store, spec: SignalSpec) -> CellResult:
             curves[model], grids[model] = arrays[f"spread/{CURVE}"], arrays["amplitudes"]
         elif shares[model] > NEGLIGIBLE:
             why = f"not applicable: {model} has no damping against amplitude"
-            return CellResult(name, "", outcome=why)
+            return CellResult(name, key, outcome=why)
     if not grids:
-        return CellResult(name, "", outcome="not applicable: no model has damping against amplitude")
+        return CellResult(name, key, outcome="not applicable: no model has damping against amplitude")
     shared = np.array(sorted(set.intersection(*(set(g) for g in grids.values()))))
     found = {m: c[:, np.isin(grids[m], shared)] for m, c in curves.items()}
     arrays = {"amplitudes": shared, f"curve/{CURVE}": averaged(found, shares)}
-    return CellResult(name, "", {"probabilities": shares, "method": method}, arrays, OK)
+    return CellResult(name, key, {"probabilities": shares, "method": method}, arrays, OK)
 
 
 def probabilities(found: Mapping[str, Evidence]) -> dict[str, float]:

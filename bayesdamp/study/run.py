@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, ProcessPoolExecutor, as_completed
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import jax
@@ -21,10 +22,10 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from bayesdamp.config import Recording, SignalSpec, Study
 from bayesdamp.report import render
 from bayesdamp.store import CellResult, Store
-from bayesdamp.study.averaging import average
+from bayesdamp.study.averaging import average, averages
 from bayesdamp.study.cells import Branch
 from bayesdamp.study.noise import noise_cell
-from bayesdamp.study.records import SignalCell
+from bayesdamp.study.records import SignalCell, digest
 from bayesdamp.study.tables import write_tables
 from bayesdamp.types import InputError
 
@@ -40,11 +41,13 @@ class Cell:
 
 @dataclass(frozen=True)
 class Job:
-    """What one worker does in a row: a record itself (model None), or one model's branch on it."""
+    """What one worker does in a row: a record itself (model None), one model's branch on it, or, once all of these
+    are done, what joins them (joined)."""
 
     signal: str
     repeat: int
     model: str | None = None
+    joined: bool = False
 
 
 def cells(study: Study) -> list[Cell]:
@@ -88,7 +91,6 @@ def run_study(
 
             _run_jobs(study, store, jobs, workers, scheduler, advance)
             progress.update(bar, description="report")
-            average(study, store)
             write_tables(study, store)
             render(out)
         failed = [(n, c.outcome) for n, c in _results(store, names) if c.outcome.startswith("failed: ")]
@@ -102,7 +104,8 @@ def _jobs(study: Study) -> list[Job]:
     most = max(s.repeats for s in study.signals)
     records = [(s, r) for r in range(most) for s in study.signals if r < s.repeats]
     first = [Job(s.name, r) for s, r in records]
-    return first + [Job(s.name, r, m) for s, r in records for m in study.compare(s)]
+    last = [Job(s.name, 0, joined=True) for s in study.signals if averages(study, s)]
+    return [*first, *(Job(s.name, r, m) for s, r in records for m in study.compare(s)), *last]
 
 
 def _spec(study: Study, name: str) -> SignalSpec:
@@ -112,6 +115,10 @@ def _spec(study: Study, name: str) -> SignalSpec:
 def _work(study: Study, store: Store, job: Job) -> dict[str, tuple[str, Callable[[str, str], None]]]:
     """The cells of a job: name to key and what computes it."""
     spec = _spec(study, job.signal)
+    if job.joined:
+        branches = [Branch(study, spec, job.repeat, m, store).cells() for m in study.compare(spec)]
+        key = digest("averaged", branches)
+        return {f"averaged/{spec.name}/{job.repeat}": (key, partial(average, study, spec, store))}
     if job.model is None:
         cell, noise = SignalCell(study, spec, job.repeat, store), noise_cell(study, spec, job.repeat, store)
         found = {cell.name: (cell.key, lambda *_: cell.compute())}
@@ -182,8 +189,12 @@ def _run_jobs(
             advance(_run_job(study, store.folder, job))
         return
     with _executor(workers, scheduler) as pool:
-        # Records first: every branch reads its record from the store.
-        for stage in ([j for j in jobs if j.model is None], [j for j in jobs if j.model is not None]):
+        # Records first: every branch reads its record from the store; what joins branches last.
+        for stage in (
+            [j for j in jobs if j.model is None and not j.joined],
+            [j for j in jobs if j.model is not None],
+            [j for j in jobs if j.joined],
+        ):
             futures = [pool.submit(_run_job, study, store.folder.resolve(), job) for job in stage]
             try:
                 for future in as_completed(futures):

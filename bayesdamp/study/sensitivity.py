@@ -26,6 +26,8 @@ SOURCES = {
     "savage_dickey": "posterior/{}/nuts",
 }
 """Which cell of the branch each starts from."""
+SHOWN = 1000
+"""Samples of a prediction that are kept, at least, where there are as many."""
 
 
 def sensitivity_cells(path: str, found: Mapping[str, str], repeat: int, terms: int) -> dict[str, str]:
@@ -47,7 +49,10 @@ def compute_sensitivity(branch: Branch, name: str, key: str, seed: int) -> None:
     kind, began = name.rsplit("/", 1)[1], time.perf_counter()
     source = branch.store.read(SOURCES[kind].format(branch.path))
     if not source.arrays:
-        branch.store.write(CellResult(name, key, outcome=source.outcome))
+        why = (
+            source.outcome if source.outcome != OK else "not applicable: no draws were kept; run with --fresh"
+        )
+        branch.store.write(CellResult(name, key, outcome=why))
         return
     try:
         meta, arrays = {"widths": _widths, "half": _half, "savage_dickey": _ratios}[kind](
@@ -78,7 +83,10 @@ def _half(branch: Branch, source: CellResult, seed: int) -> Product:
         "log_predictive_stderr": error,
         "evidence": evidence_meta(found.evidence),
     }
-    return meta, {"centre": found.centre, "sd": found.sd}
+    every = max(1, found.centre.size // SHOWN)
+    times = branch.signal.t[-found.centre.size :: every]
+    error = branch.signal.y[-found.centre.size :] - found.centre
+    return meta, {"t": times, "error": error[::every], "sd": found.sd[::every]}
 
 
 def _ratios(branch: Branch, source: CellResult, seed: int) -> Product:

@@ -123,6 +123,7 @@ def test_bridge_counts_autocorrelation():
     assert chain_ratio(shuffled=True) > 1.43
 
 
+@pytest.mark.slow
 def test_bridge_takes_its_own_draws():
     """NUTS, where it is given none; the same number within five standard errors (false-alarm rate below 1e-6)."""
     target, mode = problem("two touching")

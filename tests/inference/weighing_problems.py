@@ -73,6 +73,11 @@ CASES: dict[str, tuple[tuple[str, ...], np.ndarray, dict[str, tuple[float, float
         record(0.06, 0.0, 3),
         {"zeta": (0.0, 0.14), "mu_c": (0.0, 0.16)},
     ),
+    "three far": (
+        ("viscous", "coulomb"),
+        record(0.2, 0.2, 5),
+        {"zeta": (0.08, 0.4), "mu_c": (0.0, 0.33), "noise_sd": (0.0135, 0.028)},
+    ),
     "three touching": (
         ("viscous", "coulomb"),
         record(0.06, 0.0, 3),
@@ -115,7 +120,7 @@ def posterior_grid(case: str, count: int) -> tuple[tuple[np.ndarray, ...], np.nd
 @lru_cache
 def quadrature(case: str) -> float:
     """log ∫ prior · likelihood over the natural parameters, to 1e-3 nats."""
-    found = [float(logsumexp(posterior_grid(case, count)[1])) for count in (40, 56)]
+    found = [float(logsumexp(posterior_grid(case, count)[1])) for count in (44, 56)]
     assert abs(found[0] - found[1]) < 1e-3, "the grid is too coarse"
     logs = posterior_grid(case, 56)[1]
     for axis, (low, _) in enumerate(CASES[case][2].values()):

@@ -33,9 +33,6 @@ class Importance(EvidenceMethod):
 
     name = "importance"
 
-    def __init__(self, pilot: int = PILOT, final: int = FINAL) -> None:
-        self.pilot, self.final = pilot, final
-
     def evidence(
         self, model: str, target: Target, mode: Mode, seed: int, draws: Draws | None = None
     ) -> Evidence:
@@ -45,16 +42,16 @@ class Importance(EvidenceMethod):
         proposal = FoldedT(np.where(folded, np.abs(mode.z), mode.z), mode.factor, folded)
         evaluations = 0
         for _ in range(ROUNDS):
-            y, log_weights = self._weights(target, mode, proposal, rng, self.pilot)
-            evaluations += self.pilot
+            y, log_weights = self._weights(target, mode, proposal, rng, PILOT)
+            evaluations += PILOT
             # On a pilot of this size the fitted shape scatters by about 0.1.
             if diagnostics.pareto_k(log_weights) < K_GOOD - 0.1 and _share(log_weights) > 0.2:
                 break
             proposal = self._refit(y, log_weights, folded)
-        y, log_weights = self._weights(target, mode, proposal, rng, self.final)
-        evaluations += self.final
+        y, log_weights = self._weights(target, mode, proposal, rng, FINAL)
+        evaluations += FINAL
         k, share = diagnostics.pareto_k(log_weights), _share(log_weights)
-        log_evidence = float(logsumexp(log_weights) - np.log(self.final))
+        log_evidence = float(logsumexp(log_weights) - np.log(FINAL))
         relative = np.exp(log_weights - log_evidence)
         outcome = (
             OK
@@ -65,7 +62,7 @@ class Importance(EvidenceMethod):
             model=model,
             method=self.name,
             log_evidence=log_evidence,
-            stderr=float(np.std(relative, ddof=1) / np.sqrt(self.final)),
+            stderr=float(np.std(relative, ddof=1) / np.sqrt(FINAL)),
             diagnostic=f"Pareto k {k:.2f}, effective share {share:.2f}",
             evaluations=evaluations,
             seconds=time.perf_counter() - began,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,6 +10,10 @@ from matplotlib.figure import Figure
 
 from bayesdamp.report import words
 from bayesdamp.report.style import FAINT, INK, WIDTH, colour, dash
+
+INTERVAL = 1.96
+"""Half-width of a central 95 % interval in sds."""
+PANELS = 3
 
 
 @dataclass(frozen=True)
@@ -46,6 +50,19 @@ def widths(factors: np.ndarray, lines: Sequence[Line]) -> Figure:
     ax.set_xlabel("factor on the width of the damping's priors")
     ax.set_ylabel("log Bayes factor / nats")
     ax.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
+    return figure
+
+
+def prediction(models: Mapping[str, tuple[np.ndarray, np.ndarray, np.ndarray]], unit: str) -> Figure:
+    """Model to times (s), errors of the prediction and its predictive sds, each of shape (m,): a panel a model."""
+    figure = Figure(figsize=(WIDTH, 1.5 * len(models) + 0.3))
+    panels = figure.subplots(len(models), 1, sharex=True, squeeze=False)[:, 0]
+    for ax, (model, (t, error, sd)) in zip(panels, models.items()):
+        ax.fill_between(t, -INTERVAL * sd, INTERVAL * sd, color=colour(model), alpha=0.2, lw=0)
+        ax.plot(t, error, ".", color=colour(model), ms=2)
+        ax.set_title(words.model(model))
+        ax.set_ylabel(f"error / {unit}")
+    panels[-1].set_xlabel("time / s")
     return figure
 
 

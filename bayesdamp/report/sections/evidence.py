@@ -13,6 +13,11 @@ from bayesdamp.report.sections._layout import by_signal
 from bayesdamp.report.sections._section import Section
 from bayesdamp.types import OK
 
+COUNTS = (
+    "What counts is all methods combined: nested sampling where it ran as the referee (unless the study wants it "
+    "always: where the others are more than three standard errors apart or poor), else their mean by inverse variance."
+)
+
 
 class EvidenceSection(Section):
     """A bar per model, and every method's numbers in a table."""
@@ -88,9 +93,10 @@ def _table(run: Run, signal: str, repeats: list[int]) -> Table:
         "outcome",
     ]
     left = {0, 1, 5, 6}
+    caption = COUNTS if any(r["method"] == "combined" for r in run.evidence) else ""
     if len(repeats) > 1:
-        return Table(["repeat", *headers], lines, frozenset(i + 1 for i in left))
-    return Table(headers, lines, frozenset(left))
+        return Table(["repeat", *headers], lines, frozenset(i + 1 for i in left), caption)
+    return Table(headers, lines, frozenset(left), caption)
 
 
 PLUGIN = EvidenceSection()

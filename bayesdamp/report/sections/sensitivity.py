@@ -39,8 +39,8 @@ class Sensitivity(Section):
 
 def _one(run: Run, signal: str) -> Markup:
     models = models_by_rank(run, signal, 0)
-    parts = [_widths(run, signal, models), _halves(run, signal, models), _ratios(run, signal, models)]
-    return fill("stack.html", parts=[p for p in (*parts, _average(run, signal, models)) if p])
+    parts = [part(run, signal, models) for part in (_widths, _halves, _prediction, _ratios, _average)]
+    return fill("stack.html", parts=[p for p in parts if p])
 
 
 def _cells(run: Run, signal: str, models: list[str], kind: str) -> dict[str, CellResult]:
@@ -106,6 +106,22 @@ def _halves(run: Run, signal: str, models: list[str]) -> Table | None:
         "density of the second half given the first, against the best (nats)."
     )
     return Table(headers, lines, frozenset({0, 6}), caption)
+
+
+def _prediction(run: Run, signal: str, models: list[str]) -> Markup | None:
+    cells = list(_cells(run, signal, models, "half").items())[: figures.PANELS]
+    if not cells:
+        return None
+    about = run.about(signal)
+    unit = str(about.get("unit") or "rad")
+    scale = words.scale(unit)
+    shown = {m: (c.arrays["t"], scale * c.arrays["error"], scale * c.arrays["sd"]) for m, c in cells}
+    caption = (
+        f"{signal}: the second half of the record minus its prediction from the first half, and the 95 % interval "
+        "of that prediction; the most probable models."
+    )
+    recorded = words.quantity_unit(unit, str(about.get("quantity") or "angle"))
+    return run.drawings.add(f"prediction-{signal}", caption, lambda: figures.prediction(shown, recorded))
 
 
 def _ratios(run: Run, signal: str, models: list[str]) -> Table | None:

@@ -112,7 +112,8 @@ def _weigh(run: Run, found, believe: list[str], doubt: list[str]) -> None:
         if "poor" in row["diagnostic"]:
             doubt.append(f"the evidence of {label(row)} to the last digit: {row['diagnostic']}.")
     for row in rows_of(run.evidence, signal=found.best["signal"], repeat=found.best["repeat"]):
-        if row["outcome"] != OK:
+        counts = found.method != "combined" or row["method"] == "combined"
+        if row["outcome"] != OK and counts:
             doubt.append(f"that {label(row)} was weighed by {words.method(row['method'])}: {row['outcome']}")
 
 

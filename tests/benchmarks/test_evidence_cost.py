@@ -1,0 +1,84 @@
+"""Likelihoods that an evidence costs at equal error: importance sampling, its mode search counted, against nested."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import lru_cache
+
+import numpy as np
+import pytest
+
+from bayesdamp.inference import mode
+from bayesdamp.inference.evidence import EVIDENCES, nested
+from bayesdamp.inference.mode import Mode, find_mode
+from bayesdamp.inference.target import Target, moving_scores
+from tests.inference import problems
+
+from . import test_sampler
+from .timing import table
+
+RATIO = 10.0
+
+
+def searched(target: Target, start: dict[str, float], level: float) -> tuple[Mode, int]:
+    """The mode, and likelihoods its search took; one with tangents counts as one for each tangent more."""
+    count, real = [0], mode.compiled
+
+    def counting(layout):
+        found = real(layout)
+
+        def value(*args):
+            count[0] += 1
+            return found.log_posterior(*args)
+
+        def curvature(*args):
+            count[0] += 1 + len(moving_scores(layout))
+            return found.curvature(*args)
+
+        return replace(found, log_posterior=value, curvature=curvature)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(mode, "compiled", counting)
+        at = find_mode(target, {"start": start}, noise_level=level)
+    return at, count[0]
+
+
+@lru_cache
+def measured() -> dict[str, dict[str, float]]:
+    viscous = test_sampler.target()
+    friction = problems.target("viscous_coulomb")
+    truth = problems.reference("viscous_coulomb")["truth"]
+    found = {}
+    for name, target, start, level in (
+        ("the paper's viscous pendulum", viscous, test_sampler.TRUTH, 0.003),
+        ("viscous + Coulomb", friction, {n: 1.1 * v for n, v in truth.items()}, truth["noise_sd"]),
+    ):
+        at, search = searched(target, start, level)
+        ours = EVIDENCES.get("importance").evidence("m", target, at, 1)
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(nested, "EFFECTIVE", ours.stderr**-2)
+            patch.setattr(nested, "MOST", 10**7)
+            other = EVIDENCES.get("nested").evidence("m", target, at, 1)
+        found[name] = {
+            "search": search,
+            "importance": search + ours.evaluations,
+            "nested": other.evaluations,
+            "importance error": ours.stderr,
+            "nested error": other.stderr,
+            "apart": abs(ours.log_evidence - other.log_evidence) / np.hypot(ours.stderr, other.stderr),
+        }
+    return found
+
+
+def test_importance_takes_ten_times_fewer_likelihoods():
+    rows = []
+    for name, m in measured().items():
+        counts = [f"{m[k]:.0f}" for k in ("search", "importance", "nested")]
+        errors = [f"{m[k]:.4f}" for k in ("importance error", "nested error")]
+        rows.append([name, *counts, *errors, f"{m['nested'] / m['importance']:.1f}"])
+    header = ["record", "mode search", "importance", "nested", "its error", "nested's", "ratio"]
+    table("Likelihoods for one evidence", header, rows)
+    for m in measured().values():
+        assert m["nested"] > RATIO * m["importance"]
+        assert m["nested error"] > 0.9 * m["importance error"]
+        assert m["apart"] < 5

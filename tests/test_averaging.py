@@ -1,0 +1,36 @@
+"""The average of curves over models by their probabilities."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.stats import norm
+
+from bayesdamp.study.averaging import SPREAD, averaged, probabilities
+from bayesdamp.types import Evidence
+
+
+def quantiles(mean: float, sd: float) -> np.ndarray:
+    return norm(mean, sd).ppf(SPREAD)[:, None] + np.array([0.0, 10.0])
+
+
+def test_one_model_alone_is_its_own_average():
+    low, median, high = averaged({"a": quantiles(1.0, 0.1)}, {"a": 1.0})
+    np.testing.assert_allclose(median, [1.0, 11.0], atol=1e-3)
+    np.testing.assert_allclose([low[0], high[0]], 1.0 + 0.196 * np.array([-1, 1]), atol=5e-3)
+
+
+def test_two_models_make_a_mixture():
+    """A quarter at 0 and three quarters at 1: its quantiles by bisection of the mixture's distribution."""
+    low, median, high = averaged({"a": quantiles(0.0, 0.1), "b": quantiles(1.0, 0.2)}, {"a": 0.25, "b": 0.75})
+    x = np.linspace(-1, 2, 300_001)
+    exact = np.interp([0.025, 0.5, 0.975], 0.25 * norm(0, 0.1).cdf(x) + 0.75 * norm(1, 0.2).cdf(x), x)
+    np.testing.assert_allclose([low[0], median[0], high[0]], exact, atol=0.01)
+    # Negative control: the mean of the models' own quantiles is another thing.
+    assert abs(0.75 + 0.25 * norm(0, 0.1).ppf(0.025) + 0.75 * norm(0, 0.2).ppf(0.025) - exact[0]) > 0.2
+
+
+def test_probabilities_are_of_evidence_alone():
+    found = probabilities({"a": Evidence("a", "m", -1000.0), "b": Evidence("b", "m", -1000.0 + np.log(3))})
+    assert found == pytest.approx({"a": 0.25, "b": 0.75})
+    assert probabilities({"a": Evidence("a", "m")}) == {}
