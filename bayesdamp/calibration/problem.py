@@ -184,7 +184,8 @@ def mode_of(drawn: Drawn, system: System) -> tuple[Mode, Estimate]:
     refined = first[-1]
     seeds = {"refined": refined.values} if refined.values else {}
     if refined.outcome != OK:
-        more = [*first[:-1], *run_estimator(SECOND, drawn.signal, problem, seed=0)]
+        second = run_estimator(SECOND, drawn.signal, problem, stages=["initial"], seed=0)
+        more = [*first[:-1], *second]
         seeds |= {f"{e.estimator} {e.stage}": e.values for e in more if e.values}
         seeds["prior centre"] = {}
     return find_mode(drawn.target, seeds, noise_level=seen.roughness), refined

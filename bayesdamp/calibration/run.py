@@ -98,7 +98,7 @@ def _series(study: Study, models: bool) -> list[Series]:
 def _write_ranks(study: Study, store: Store, found: Mapping[str, Sequence[CellResult]]) -> None:
     rows = tables.calibration_rows(study, found)
     write_table(store.folder / "calibration.csv", tables.COLUMNS, rows)
-    write_table(store.folder / "ranks.csv", tables.rank_columns(found), tables.rank_rows(study, found))
+    write_table(store.folder / "ranks.csv", tables.RANK_COLUMNS, tables.rank_rows(study, found))
     _write_info(study, store, "calibration", tables.about(study, found, rows))
 
 

@@ -40,7 +40,8 @@ def calibration_rows(study: Study, found: Mapping[str, Sequence[CellResult]]) ->
     classical = [row for chunks in found.values() for row in _classical_rows(chunks)]
     for family in (rows, classical):
         for row, p in zip(family, statistics.holm([r["p"] for r in family]), strict=True):
-            row["p_holm"] = p
+            row["p_holm"] = float(p)
+            row |= {k: float(f"{row[k]:.6g}") for k in ("value", "low", "high", "p", "p_holm") if k in row}
             row["verdict"] = "not tested" if math.isnan(p) else "wrong" if p < ALARM else "passes"
     return rows + classical
 
@@ -110,31 +111,17 @@ def _classical_rows(chunks: Sequence[CellResult]) -> Iterator[Row]:
             yield {"model": _model(chunks), "method": CLASSICAL, "parameter": name, **row}
 
 
-def rank_columns(found: Mapping[str, Sequence[CellResult]]) -> tuple[str, ...]:
-    """Columns of ranks.csv: one for each parameter of any model."""
-    names = dict.fromkeys(n for chunks in found.values() for n in chunks[0].meta["names"])
-    return ("model", "record", "sampler", "outcome", *names)
+RANK_COLUMNS = ("model", "sampler", "parameter", "ranks")
 
 
 def rank_rows(study: Study, found: Mapping[str, Sequence[CellResult]]) -> Iterator[Row]:
-    """Rows of ranks.csv: every record that was tried, with the rank of each truth among the thinned draws."""
+    """Rows of ranks.csv: the ranks of each truth among the thinned draws, in the order of the records that count."""
     for chunks in found.values():
-        for c in chunks:
-            first = int(c.name.rpartition("/")[2])
-            for i, outcome in enumerate(c.meta["outcomes"]):
-                head = {"model": _model(chunks), "record": first + i}
-                if outcome != OK:
-                    yield {**head, "outcome": outcome}
-                    continue
-                for s, sampler in enumerate(study.calibration.samplers):
-                    ranks = c.arrays["ranks"][i, s]
-                    shown = {n: int(r) for n, r in zip(c.meta["names"], ranks) if r >= 0}
-                    yield {
-                        **head,
-                        "sampler": sampler,
-                        "outcome": c.meta["sampler_outcomes"][sampler][i],
-                        **shown,
-                    }
+        for s, sampler in enumerate(study.calibration.samplers):
+            for k, name in enumerate(chunks[0].meta["names"]):
+                ranks = np.concatenate([c.arrays["ranks"][:, s, k] for c in chunks])
+                text = " ".join(map(str, ranks[ranks >= 0].tolist()))
+                yield {"model": _model(chunks), "sampler": sampler, "parameter": name, "ranks": text}
 
 
 def about(study: Study, found: Mapping[str, Sequence[CellResult]], rows: Sequence[Row]) -> Row:

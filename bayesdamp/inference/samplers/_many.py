@@ -67,22 +67,34 @@ def _shape(context: Context) -> object:
     return tree, tuple(np.shape(leaf) for leaf in leaves)
 
 
+def stacked(contexts: Sequence[Context]) -> Context:
+    """Contexts of one shape as one with a first axis more; the number of steps is the largest of all, without it.
+
+    So the solver's loop has one end for all records: steps behind a record's own are of length zero.
+    """
+    both = jax.tree.map(lambda *leaves: jnp.stack(leaves), *contexts)
+    return replace(both, plan=replace(both.plan, count=jnp.max(both.plan.count)))
+
+
+def axes(context: Context) -> Context:
+    """What `vmap` is to know of such a context."""
+    over: Context = jax.tree.map(lambda _: 0, context)
+    return replace(over, plan=replace(over.plan, count=None))
+
+
 def _run(layout: Layout, settings: Settings, own: list[tuple[Any, ...]]) -> list[tuple[Any, ...]]:
-    """What the chains leave, by record."""
+    """What the chains leave, by record, from what `nuts.inputs` gives of each."""
     filled = own + [own[0]] * (BATCH - len(own))
-    stacked = jax.tree.map(lambda *leaves: jnp.stack(leaves), *filled)
-    # One count for all, so that the solver's loop has one end: steps behind a record's own are of length zero.
-    count = jnp.max(stacked[0].plan.count)
-    context = replace(stacked[0], plan=replace(stacked[0].plan, count=count))
+    context = stacked([given[0] for given in filled])
+    rest = jax.tree.map(lambda *leaves: jnp.stack(leaves), *(given[1:] for given in filled))
     program = _program(layout, settings.warmup, settings.draws, jax.tree.structure(context))
-    found = jax.tree.map(np.asarray, program(context, *stacked[1:]))
+    found = jax.tree.map(np.asarray, program(context, *rest))
     return [tuple(values[i] for values in found) for i in range(len(own))]
 
 
 @lru_cache(maxsize=32)
 def _program(layout: Layout, warmup: int, draws: int, tree: Any):
-    """Compiled: every argument has one more axis than in `nuts.chain_of`, but for the number of steps."""
-    axes: Context = jax.tree.unflatten(tree, [0] * tree.num_leaves)
-    axes = replace(axes, plan=replace(axes.plan, count=None))
+    """Compiled: every argument has one axis more than in `nuts.chain_of`, but for the number of steps."""
+    over = axes(jax.tree.unflatten(tree, [0] * tree.num_leaves))
     chains = jax.vmap(nuts.chain_of(layout, warmup, draws, False), in_axes=(None,) * 5 + (0, 0))
-    return jax.jit(jax.vmap(chains, in_axes=(axes, *(0,) * 6)))
+    return jax.jit(jax.vmap(chains, in_axes=(over, *(0,) * 6)))

@@ -6,7 +6,9 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 
 from bayesdamp.report import words
 from bayesdamp.report.style import FAINT, INK, QUIET, WIDTH
@@ -24,35 +26,34 @@ def ranks(names: Sequence[str], counts: Counts, result: Mapping[str, Any]) -> Fi
     of records to low and high of their cumulative counts at the inner points, and bin_low and bin_high of one bin.
     """
     bands = result["bands"]
-    figure = Figure(figsize=(WIDTH, 1.25 * (len(counts) + 1) + 0.5))
-    grid = figure.subplots(len(counts) + 1, len(names), sharex=True, sharey="row", squeeze=False)
-    for j, name in enumerate(names):
-        for i, (sampler, found) in enumerate(counts.items()):
-            look, own = LOOKS[i % len(LOOKS)], found[name]
-            _histogram(grid[i, j], own.reshape(result["bins"], -1).sum(axis=1), bands, look[0])
-            _departure(
-                grid[-1, j], own.reshape(result["points"], -1).sum(axis=1), bands if i == 0 else {}, *look
-            )
-            if j == 0:
-                grid[i, 0].set_ylabel(words.method(sampler))
-        grid[0, j].set_title(words.symbol(name).math)
-        grid[-1, j].set_xlabel("rank / draws")
-    grid[-1, 0].set_ylabel("ECDF − uniform")
+    figure = Figure(figsize=(WIDTH, 3.1))
+    grid = figure.subplots(2, len(names), sharex=True, sharey="row", squeeze=False)
+    for (upper, lower), name in zip(grid.T, names):
+        for i, found in enumerate(counts.values()):
+            look, own, shown = LOOKS[i % len(LOOKS)], found[name], {} if i else bands
+            _histogram(upper, own.reshape(result["bins"], -1).sum(axis=1), shown, *look)
+            _departure(lower, own.reshape(result["points"], -1).sum(axis=1), shown, *look)
+        upper.set_title(words.symbol(name).math)
+        lower.set_xlabel("rank / draws")
+    grid[0, 0].set_ylabel("records")
+    grid[1, 0].set_ylabel("ECDF − uniform")
+    looks = zip(counts, LOOKS)
+    handles = [Line2D([], [], color=c, ls=dash, label=words.method(s)) for s, (c, dash) in looks]
+    figure.legend(handles=handles, loc="outside upper right", ncols=len(handles))
     return figure
 
 
-def _histogram(ax, counts: np.ndarray, bands: Mapping[str, Any], colour: str) -> None:
-    edges = np.linspace(0, 1, counts.size + 1)
+def _histogram(ax: Axes, counts: np.ndarray, bands: Mapping[str, Any], colour: str, dash: str) -> None:
     limits = bands.get(str(int(counts.sum())))
     if limits:
         ax.axhspan(limits["bin_low"], limits["bin_high"], color=FAINT, lw=0)
-    ax.stairs(counts, edges, color=colour, lw=1.0)
-    ax.axhline(counts.sum() / counts.size, color=QUIET, lw=0.6)
+        ax.axhline(counts.sum() / counts.size, color=QUIET, lw=0.6)
+    ax.stairs(counts, np.linspace(0, 1, counts.size + 1), color=colour, ls=dash, lw=1.0)
     ax.set_ylim(0, None)
     ax.locator_params(axis="both", nbins=3)
 
 
-def _departure(ax, counts: np.ndarray, bands: Mapping[str, Any], colour: str, dash: str) -> None:
+def _departure(ax: Axes, counts: np.ndarray, bands: Mapping[str, Any], colour: str, dash: str) -> None:
     n, at = max(int(counts.sum()), 1), np.linspace(0, 1, counts.size + 1)
     limits = bands.get(str(n))
     if limits:

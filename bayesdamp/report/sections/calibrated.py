@@ -16,6 +16,7 @@ from bayesdamp.report.run import Run, rows_of
 from bayesdamp.report.sections._section import Section
 from bayesdamp.types import OK
 
+FEWEST = 15
 EXPLAINED = (
     "Parameters are drawn from the study's own priors, noise included, a record is simulated from them, and its "
     "posterior is sampled from seeds that know the record alone. Then the rank of each true value among "
@@ -44,7 +45,7 @@ class Calibrated(Section):
         parts += [Markup("<p>{}</p>").format(sentence) for sentence in EXPLAINED]
         parts.append(_records(result))
         parts += [_model(run, result, rows, model) for model in result["counts"]]
-        parts.append(folded("Every test with its p value", _tests(rows)))
+        parts.append(folded(f"The {FEWEST} least p values; calibration.csv has all", _tests(rows)))
         return fill("stack.html", parts=parts)
 
 
@@ -100,9 +101,8 @@ def _model(run: Run, result: Mapping[str, Any], rows: Sequence[dict[str, str]], 
     counts = _counts(run, result, model)
     names = list(dict.fromkeys(r["parameter"] for r in rows_of(rows, model=model, check="ranks")))
     caption = (
-        f"{words.model(model)}: ranks of the truth, by sampler. Below, their distribution function less the uniform "
-        "one, in the colours of the rows above. The grey band holds all of a calibrated curve with 99 % probability, "
-        "a grey bar one bin."
+        f"{words.model(model)}: ranks of the truth among {result['draws']} draws. Below, their distribution function "
+        "less the uniform one. The grey band holds all of a calibrated curve with 99 % probability, above a single bin."
     )
     figure = run.drawings.add(f"ranks-{model}", caption, lambda: ranks(names, counts, result))
     heading = Markup("<h3>{}</h3>").format(words.model(model))
@@ -114,13 +114,10 @@ def _model(run: Run, result: Mapping[str, Any], rows: Sequence[dict[str, str]], 
 def _counts(run: Run, result: Mapping[str, Any], model: str) -> dict[str, dict[str, np.ndarray]]:
     """How often each rank came, (draws + 1,), by sampler and parameter."""
     found: dict[str, dict[str, np.ndarray]] = {}
-    for row in _csv(run, "ranks.csv"):
-        if row["model"] != model or not row["sampler"]:
-            continue
-        of = found.setdefault(row["sampler"], {})
-        for name, text in list(row.items())[4:]:
-            if text:
-                of.setdefault(name, np.zeros(result["draws"] + 1, int))[int(text)] += 1
+    for row in rows_of(_csv(run, "ranks.csv"), model=model):
+        ranks = np.array(row["ranks"].split(), int)
+        counts = np.bincount(ranks, minlength=result["draws"] + 1)
+        found.setdefault(row["sampler"], {})[row["parameter"]] = counts
     return found
 
 
@@ -149,11 +146,10 @@ def _share(row: Mapping[str, str]) -> str:
 
 def _tests(rows: Sequence[dict[str, str]]) -> Table:
     lines = []
-    for r in rows:
-        numbers = [
-            words.number(float(r[k]), 3) if r[k] else words.NONE
-            for k in ("value", "low", "high", "p", "p_holm")
-        ]
+    tested = sorted((r for r in rows if r["p"]), key=lambda r: float(r["p"]))
+    for r in tested[:FEWEST]:
+        texts = [r[k] for k in ("value", "low", "high", "p", "p_holm")]
+        numbers = [words.number(float(text), 3) if text else words.NONE for text in texts]
         head = [words.model(r["model"]), words.method(r["method"]), words.symbol(r["parameter"]).text]
         check = f"{r['check']} {100 * float(r['level']):g} %" if r["level"] else r["check"]
         kind = "alert" if r["verdict"] == "wrong" else ""
