@@ -120,8 +120,7 @@ def test_step_errors_are_within_the_budget(run):
 
 def test_cells_are_listed_without_running(run, tmp_path):
     listed = {c.name for c in cells(load_study(write(tmp_path)))}
-    # The average over models is made with the tables, from all cells.
-    assert listed == {n for n in Store(run).names() if not n.startswith("averaged/")}
+    assert listed == set(Store(run).names())
     assert not (tmp_path / "cells").exists()
 
 
