@@ -44,7 +44,7 @@ compare = ["viscous", "coulomb"]
 warmup = 100
 draws = 250
 [calibration]
-records = 200
+records = 120
 [recovery]
 records = 240
 single = 200
@@ -76,9 +76,9 @@ def rows(path: Path) -> list[dict[str, str]]:
         ("theta0 = 0.3\n", 'theta0 = "free"\n', "prior of theta0 depends on the record"),
         ("frequency = 4.5\nstiffness = 20.0", 'stiffness = "free"', "system.frequency is missing"),
         ("draws = 250", "draws = 20", "it must be at most the 80 draws"),
-        ("records = 200", "records = 200\nbinz = 8", "did you mean 'bins'?"),
-        ("records = 200", "records = 200\nbins = 10", "must divide draws"),
-        ("records = 200", 'records = 200\nsamplers = ["nutz"]', "did you mean 'nuts'?"),
+        ("records = 120", "records = 120\nbinz = 8", "did you mean 'bins'?"),
+        ("records = 120", "records = 120\nbins = 10", "must divide draws"),
+        ("records = 120", 'records = 120\nsamplers = ["nutz"]', "did you mean 'nuts'?"),
         ("records = 240", "records = 240\ncycle = [3]", "did you mean 'cycles'?"),
     ],
 )
@@ -199,7 +199,7 @@ def synthetic(scale: float, calls: list[int], refuse: bool = False):
 def test_a_run_resumes_and_a_right_posterior_passes(tmp_path, monkeypatch):
     study, out, calls = load_study(write(tmp_path)), tmp_path / "out", []
     monkeypatch.setattr(ranks, "ranked", synthetic(1.0, calls, refuse=True))
-    assert run_calibration(study, out, workers=1, records=60) == 0
+    assert run_calibration(study, out, workers=1, records=40) == 0
     first = len(calls)
     assert run_calibration(study, out, workers=1) == 0
     assert len(calls) > first
@@ -214,7 +214,7 @@ def test_a_run_resumes_and_a_right_posterior_passes(tmp_path, monkeypatch):
     info = json.loads((out / "run.json").read_text())
     for model in ("viscous", "coulomb"):
         counts = info["result"]["counts"][model]
-        assert counts["counted"] >= 200
+        assert counts["counted"] >= 120
         assert counts["refused"] == {"no oscillation": counts["tried"] - counts["counted"]}
     # false-alarm rate 1 % for each of the two tables
     assert info["result"]["families"]["posterior"]["wrong"] == 0
@@ -260,7 +260,7 @@ def test_a_chunk_that_fails_is_named_and_tried_again(tmp_path, monkeypatch, caps
 
 # The whole way, with draws from the Laplace fit, which compile soon; the samplers' own calibration is below.
 
-KNOWN = STUDY.replace("records = 200", 'records = 12\nsamplers = ["laplace"]').replace(', "coulomb"', "")
+KNOWN = STUDY.replace("records = 120", 'records = 12\nsamplers = ["laplace"]').replace(', "coulomb"', "")
 
 
 class Misjudged(Gaussian):
