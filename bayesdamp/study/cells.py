@@ -194,13 +194,50 @@ def _raw(t: np.ndarray | None, y: np.ndarray, source: Recording) -> dict[str, np
     return {} if times is None else {"raw_t": np.asarray(times)[::every], "raw_y": y[::every] * scale}
 
 
+def signal_of(cell: CellResult) -> Signal:
+    """The record that a signal's cell holds."""
+    m = cell.meta
+    return Signal(
+        cell.arrays["t"], cell.arrays["y"], m["quantity"], m["unit"], m["name"], m["step"], m["provenance"]
+    )
+
+
+def features_of(cell: CellResult) -> Features:
+    """Its features."""
+    return features(signal_of(cell))
+
+
+def noise_path(spec: SignalSpec, repeat: int) -> str:
+    """The name of the cell that holds the choice of a record's noise model."""
+    return f"noise/{spec.name}/{repeat}"
+
+
+def _noise(study: Study, spec: SignalSpec, repeat: int, store: Store) -> str:
+    if study.posterior.noise != "auto":
+        return study.posterior.noise
+    try:
+        return store.read(noise_path(spec, repeat)).meta["noise"]
+    except KeyError:
+        return "correlated"
+
+
 class Branch:
     """One candidate on one record: its estimates, mode, posteriors and evidence, each a cell.
 
-    model: the candidate's name, of which terms and restoring are the two parts.
+    model: the candidate's name, of which terms and restoring are the two parts. noise: the noise model, by default
+    the study's or that chosen for the record.
     """
 
-    def __init__(self, study: Study, spec: SignalSpec, repeat: int, model: str, store: Store) -> None:
+    def __init__(
+        self,
+        study: Study,
+        spec: SignalSpec,
+        repeat: int,
+        model: str,
+        store: Store,
+        noise: str | None = None,
+    ) -> None:
+        self.noise = noise or _noise(study, spec, repeat, store)
         self.study, self.spec, self.repeat, self.model, self.store = study, spec, repeat, model, store
         damping, law = candidate_parts(model)
         self.terms, self.restoring = parse_model(damping), law or spec.restoring[0]
@@ -227,7 +264,7 @@ class Branch:
         if not (self.study.posterior.samplers or self.study.evidence.methods):
             return found
         priors = {t: str(self.study.models.prior.get(t)) for t in self.terms}
-        noise = self.study.posterior.noise
+        noise = self.noise
         mode_key = digest(
             "mode", self.parent.key, self.model, noise, priors, use.stages, chosen, *self._other
         )
@@ -254,11 +291,7 @@ class Branch:
 
     @cached_property
     def signal(self) -> Signal:
-        r = self._parent_result
-        m = r.meta
-        return Signal(
-            r.arrays["t"], r.arrays["y"], m["quantity"], m["unit"], m["name"], m["step"], m["provenance"]
-        )
+        return signal_of(self._parent_result)
 
     @cached_property
     def seen(self) -> Features:
@@ -279,7 +312,7 @@ class Branch:
             self.system,
             self.seen,
             Reference(**self._parent_result.meta["reference"]),
-            noise=self.study.posterior.noise,
+            noise=self.noise,
             term_priors=priors,
         )
 
@@ -352,6 +385,7 @@ class Branch:
         }
         arrays = {"t": self.signal.t, "z": mode.z, "information": mode.information}
         arrays |= {k: getattr(fit, k) for k in checks}
+        self._mode = mode
         self.store.write(CellResult(name, key, meta, arrays, OK, plain_seconds(began)))
 
     def posterior(self, name: str, key: str) -> None:

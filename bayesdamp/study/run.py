@@ -21,9 +21,10 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from bayesdamp.config import Recording, SignalSpec, Study
 from bayesdamp.report import render
 from bayesdamp.store import CellResult, Store
-from bayesdamp.study.cells import Branch, SignalCell
+from bayesdamp.study import staging
+from bayesdamp.study.cells import Branch, SignalCell, noise_path
 from bayesdamp.study.tables import write_tables
-from bayesdamp.types import InputError
+from bayesdamp.types import OK, InputError
 
 DONE, WRONG_CELLS = 0, 3
 
@@ -37,11 +38,17 @@ class Cell:
 
 @dataclass(frozen=True)
 class Job:
-    """What one worker does in a row: a record itself (model None), or one model's branch on it."""
+    """What one worker does in a row: a record itself (model None), or one candidate's branch on it.
+
+    part: "look" (estimates, mode, Laplace's evidence), "weigh" (the other evidence) or "sample", None for all of it;
+    noise: the noise model where it is not yet the one of the record.
+    """
 
     signal: str
     repeat: int
     model: str | None = None
+    part: str | None = None
+    noise: str | None = None
 
 
 def cells(study: Study) -> list[Cell]:
@@ -78,13 +85,16 @@ def run_study(
         workers = workers or max(1, min(len(os.sched_getaffinity(0)), branches))
         with _progress(console) as progress:
             names = [name for job in jobs for name in _work(study, store, job)]
-            bar = progress.add_task(study.name, total=len(names))
+            bar, finished = progress.add_task(study.name, total=len(names)), set[str]()
 
             def advance(done: list[str]) -> None:
-                progress.update(bar, advance=len(done), description=done[-1] if done else study.name)
+                finished.update(done)
+                progress.update(bar, completed=len(finished), description=done[-1] if done else study.name)
 
-            _run_jobs(study, store, jobs, workers, scheduler, advance)
-            progress.update(bar, description="report")
+            with _pool(workers, scheduler) as pool:
+                for stage in _stages(study, store):
+                    _run_jobs(study, store, stage, pool, advance)
+            progress.update(bar, description="report", completed=len(names))
             write_tables(study, store)
             render(out)
         failed = [(n, c.outcome) for n, c in _results(store, names) if c.outcome.startswith("failed: ")]
@@ -111,8 +121,19 @@ def _work(study: Study, store: Store, job: Job) -> dict[str, tuple[str, Callable
     if job.model is None:
         cell = SignalCell(study, spec, job.repeat, store)
         return {cell.name: (cell.key, lambda *_: cell.compute())}
-    branch = Branch(study, spec, job.repeat, job.model, store)
-    return {name: (key, branch.compute) for name, key in branch.cells().items()}
+    branch = Branch(study, spec, job.repeat, job.model, store, job.noise)
+    return {
+        name: (key, branch.compute)
+        for name, key in branch.cells().items()
+        if job.part is None or job.part == _part(name)
+    }
+
+
+def _part(name: str) -> str:
+    kind, method = name.partition("/")[0], name.rpartition("/")[2]
+    if kind == "posterior":
+        return "sample"
+    return "weigh" if kind == "evidence" and method != "laplace" else "look"
 
 
 def _read_inputs(study: Study) -> None:
@@ -164,29 +185,90 @@ def _done(store: Store, name: str, key: str) -> bool:
     return found.key == key and not found.outcome.startswith("failed: ")
 
 
+def _stages(study: Study, store: Store) -> Iterator[list[Job]]:
+    """Jobs that may run side by side, stage by stage; what a stage holds may depend on what was found before it."""
+    jobs = _jobs(study)
+    # Records first: every branch reads its record from the store.
+    yield [job for job in jobs if job.model is None]
+    branches = [job for job in jobs if job.model is not None]
+    if not staging.staged(study):
+        yield branches
+        return
+    records = [(s, r) for s in study.signals for r in range(s.repeats)]
+    records = [(s, r) for s, r in records if store.read(f"signal/{s.name}/{r}").outcome == OK]
+    first: list[Job] = []
+    if study.posterior.noise == staging.AUTO:
+        first = [
+            Job(s.name, r, name, "look", staging.FIRST_NOISE)
+            for s, r in records
+            if not store.has(noise_path(s, r), staging.noise_key(study, s, r, store))
+            for name in staging.heads(study, s)
+        ]
+        yield first
+        for s, r in records:
+            staging.decide_noise(study, s, r, store)
+    yield [Job(s.name, r, name, "look") for s, r in records for name in staging.heads(study, s)]
+    yield _kept(study, store, records, staging.laws_left, "look")
+    yield _kept(study, store, records, staging.candidates_left, "weigh")
+    best = {(s.name, r): staging.best_of(study, s, r, store) for s, r in records}
+    for s, r in records:
+        for name in study.compare(s):
+            cells = _work(study, store, Job(s.name, r, name, "sample"))
+            if name not in best[s.name, r]:
+                stale = {n: key for n, (key, _) in cells.items() if n in store.names()}
+                staging.set_aside(store, stale, staging.NOT_SAMPLED)
+    yield [Job(s.name, r, name, "sample") for s, r in records for name in best[s.name, r]]
+
+
+def _kept(
+    study: Study,
+    store: Store,
+    records: list[tuple[SignalSpec, int]],
+    judge: Callable[[Study, SignalSpec, int, Store], dict[str, str]],
+    part: str,
+) -> list[Job]:
+    """The jobs of the candidates that a judge leaves; the evidence of the others gets its sentence."""
+    found = []
+    for spec, repeat in records:
+        for name, why in judge(study, spec, repeat, store).items():
+            job = Job(spec.name, repeat, name, part)
+            if why:
+                cells = {n: key for n, (key, _) in _work(study, store, job).items()}
+                staging.set_aside(store, {n: k for n, k in cells.items() if n.startswith("evidence/")}, why)
+            else:
+                found.append(job)
+    return found
+
+
 def _run_jobs(
     study: Study,
     store: Store,
     jobs: list[Job],
-    workers: int,
-    scheduler: str | None,
+    pool: Executor | None,
     advance: Callable[[list[str]], None],
 ) -> None:
-    if workers == 1 and scheduler is None:
+    if pool is None:
         for job in jobs:
             advance(_run_job(study, store.folder, job))
         return
-    with _executor(workers, scheduler) as pool:
-        # Records first: every branch reads its record from the store.
-        for stage in ([j for j in jobs if j.model is None], [j for j in jobs if j.model is not None]):
-            futures = [pool.submit(_run_job, study, store.folder.resolve(), job) for job in stage]
-            try:
-                for future in as_completed(futures):
-                    advance(future.result())
-            except BaseException:
-                for future in futures:
-                    future.cancel()
-                raise
+    futures = [pool.submit(_run_job, study, store.folder.resolve(), job) for job in jobs]
+    try:
+        for future in as_completed(futures):
+            advance(future.result())
+    except BaseException:
+        for future in futures:
+            future.cancel()
+        raise
+
+
+@contextmanager
+def _pool(workers: int, scheduler: str | None) -> Iterator[Executor | None]:
+    """Where jobs run; None for this process."""
+    if workers == 1 and scheduler is None:
+        yield None
+    else:
+        with _executor(workers, scheduler) as pool:
+            yield pool
 
 
 @contextmanager

@@ -13,6 +13,8 @@ from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.physics.units import parameter_unit, quantity_unit
 from bayesdamp.store import TABLES, CellResult, Store, provenance, write_json, write_table
+from bayesdamp.study.cells import noise_path
+from bayesdamp.study.staging import ASIDE
 from bayesdamp.types import OK, candidate_parts
 
 Row = dict[str, Any]
@@ -125,6 +127,7 @@ def _evidence(study: Study, store: Store) -> Iterator[Row]:
                 m: _read(store, f"evidence/{spec.name}/{repeat}/{m}/{method}") for m in study.compare(spec)
             }
             logs = {m: c.meta["log_evidence"] for m, c in cells.items() if c and "log_evidence" in c.meta}
+            aside = [m for m, c in cells.items() if c and c.outcome.startswith(ASIDE)]
             finite = [v for v in logs.values() if np.isfinite(v)]
             best = max(finite, default=math.nan)
             total = sum(math.exp(v - best) for v in finite)
@@ -132,14 +135,15 @@ def _evidence(study: Study, store: Store) -> Iterator[Row]:
                 if cell is None:
                     continue
                 found = logs.get(model, math.nan)
+                share = 0.0 if model in aside else math.exp(found - best) / total
                 yield {
                     **_head(spec, repeat, model),
                     "method": method,
                     "log_evidence": found,
                     "stderr": cell.meta.get("stderr", math.nan),
                     "log_bayes_factor": found - best,
-                    # every model of the comparison must have its evidence before it has a share
-                    "probability": math.exp(found - best) / total if len(finite) == len(cells) else math.nan,
+                    # every model of the comparison must have its evidence, or be far behind, before it has a share
+                    "probability": share if len(finite) + len(aside) == len(cells) else math.nan,
                     "diagnostic": cell.meta.get("diagnostic", ""),
                     "outcome": cell.outcome,
                 }
@@ -178,6 +182,7 @@ def _run(study: Study, store: Store) -> Row:
             continue
         # Where the first repeat shows no oscillation, another one may.
         seen = _first_seen(store, spec) or cell
+        noise = _read(store, noise_path(spec, 0))
         about[spec.name] = {
             **cell.meta["provenance"],
             "unit": spec.source.unit,
@@ -186,6 +191,7 @@ def _run(study: Study, store: Store) -> Row:
             "restoring": list(spec.restoring),
             "outcome": seen.outcome,
             "bound": cell.meta.get("bound", {}),
+            **({"noise": noise.meta["noise"], "noise_note": noise.meta["why"]} if noise else {}),
             **{k: seen.meta[k] for k in ("epsilon_note", "reference", "features") if k in seen.meta},
         }
         modes = {m: _read(store, f"mode/{spec.name}/0/{m}") for m in study.compare(spec)}

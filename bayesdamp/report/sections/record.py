@@ -38,8 +38,7 @@ def _one(run: Run, signal: str) -> Markup:
     cell = run.cell("signal", signal, repeat)
     about = run.about(signal)
     said = [str(note) for note in about.get("notes") or []]
-    if about.get("epsilon_note"):
-        said.append(str(about["epsilon_note"]))
+    said += [str(about[k]) for k in ("epsilon_note", "noise_note") if about.get(k)]
     if about.get("outcome", OK) != OK:
         said.append(str(about["outcome"]))
     if cell is None or "t" not in cell.arrays:
