@@ -17,9 +17,9 @@ MISFIT = "does not fit"
 
 @dataclass(frozen=True)
 class Verdict:
-    """fits: whether any candidate that was weighed fits, None where none was checked; sentence: the first to read."""
+    """misfit: whether the sentence, the first to read, warns that no candidate or not the most probable one fits."""
 
-    fits: bool | None
+    misfit: bool
     sentence: str
 
 
@@ -27,7 +27,7 @@ def verdict(run: Run, signal: str, repeat: int) -> Verdict:
     """What a record's tables say, in one sentence."""
     found = ranking(run, signal, repeat)
     if found is None:
-        return Verdict(None, "nothing was weighed, so no damping can be named.")
+        return Verdict(False, "nothing was weighed, so no damping can be named.")
     weighed = [row["model"] for row in found.rows if not row["outcome"].startswith(ASIDE)]
     checks = {r["model"]: r["verdict"] for r in rows_of(run.fits, signal=signal, repeat=repeat)}
     said = [checks[m] for m in weighed if m in checks]
@@ -39,7 +39,7 @@ def verdict(run: Run, signal: str, repeat: int) -> Verdict:
             f"no candidate fits ({checks[weighed[0]].removeprefix(MISFIT + ': ')}); of those that do not fit, "
             f"{label(best)} is least unlikely, with a probability of {share} among them only."
         )
-        return Verdict(False, sentence)
+        return Verdict(True, sentence)
     warned = checks.get(best["model"], "").startswith(MISFIT)
     if warned:
         lead = f"the most probable candidate, {label(best)}, {checks[best['model']]}; {share} is its share among all"
@@ -51,4 +51,4 @@ def verdict(run: Run, signal: str, repeat: int) -> Verdict:
             True, f"damping is {name}, with a probability of {share} among {len(found.rows)} candidates."
         )
     beside = f"; {words.listing(ties)} cannot be excluded" if ties else ""
-    return Verdict(True, f"damping is most likely {name}, with a probability of {share}{beside}.")
+    return Verdict(False, f"damping is most likely {name}, with a probability of {share}{beside}.")

@@ -34,6 +34,7 @@ from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.physics.units import parameter_unit
 from bayesdamp.signals.clean import clean
+from bayesdamp.signals.curves import amplitude_curves
 from bayesdamp.signals.features import Features, features
 from bayesdamp.signals.read import read_record
 from bayesdamp.signals.simulate import simulate_signal
@@ -111,6 +112,8 @@ class SignalCell:
         arrays |= {"t": signal.t, "y": signal.y}
         try:
             meta, outcome = meta | self._known(signal), OK
+            curves = asdict(amplitude_curves(signal, features(signal)))
+            arrays |= {f"against_amplitude/{name}": v for name, v in curves.items()}
         except Refusal as refusal:
             if isinstance(source, Recording):
                 raise InputError(f"signal {self.spec.name}: {refusal}") from None
@@ -273,6 +276,8 @@ class Branch:
         for name in settings.samplers:
             key = digest("posterior", mode_key, name, settings.chains, settings.warmup, settings.draws)
             found[f"posterior/{self.path}/{name}"] = key
+        if self.study.models.prune is not None:
+            found[f"curve/{self.path}"] = digest("curve", mode_key)
         for name in self.study.evidence.methods:
             found[f"evidence/{self.path}/{name}"] = digest("evidence", mode_key, name)
         return found
@@ -282,7 +287,12 @@ class Branch:
         if self._parent_result.outcome != OK:
             self.store.write(CellResult(name, key, outcome=self._parent_result.outcome))
             return
-        kinds = {"estimate": self.estimate, "mode": self.mode, "posterior": self.posterior}
+        kinds = {
+            "estimate": self.estimate,
+            "mode": self.mode,
+            "posterior": self.posterior,
+            "curve": self.curve,
+        }
         {**kinds, "evidence": self.evidence}[name.partition("/")[0]](name, key)
 
     @cached_property
@@ -437,13 +447,34 @@ class Branch:
         amplitude = self._parent_result.meta["reference"]["amplitude"]
         return Motions(self.target.oscillator, values, self.seen.rest, amplitude, self.spec.inertia)
 
+    def _grid(self) -> np.ndarray:
+        """Amplitudes from the record's last to its first, shape (m,)."""
+        first, last = self.seen.amplitude, self.seen.final_amplitude
+        return np.geomspace(max(min(first, last), FAINTEST * first), first, CURVE_POINTS)
+
     def _curves(self, motions: Motions) -> dict[str, np.ndarray]:
         """Decrement and equivalent ratio over the amplitudes of the record; those that have no motion are left out."""
-        first, last = self.seen.amplitude, self.seen.final_amplitude
-        grid = np.geomspace(max(min(first, last), FAINTEST * first), first, CURVE_POINTS)
+        grid = self._grid()
         curves = against_amplitude(motions, grid)
         whole = np.all([np.all(np.isfinite(c), axis=0) for c in curves.values()], axis=0)
         return {"amplitudes": grid[whole], **{f"curve/{n}": c[:, whole] for n, c in curves.items()}}
+
+    def curve(self, name: str, key: str) -> None:
+        """The fall of the log amplitude over 2π and the frequency (rad/s) of the mode, over the record's amplitudes."""
+        began = time.perf_counter()
+        found = self.store.read(f"mode/{self.path}")
+        if found.outcome != OK:
+            self.store.write(CellResult(name, key, outcome=found.outcome))
+            return
+        grid = self._grid()
+        values = {
+            n: np.full(grid.shape, v) for n, v in {**found.meta["known"], **found.meta["values"]}.items()
+        }
+        oscillator = Oscillator(self.terms, self.restoring)
+        at = Motions(oscillator, values, self.seen.rest, self.seen.amplitude).at(grid)
+        ratio = np.asarray(at.lost / (grid * at.slope)) / (2 * np.pi)
+        arrays = {"amplitude": grid, "ratio": ratio, "frequency": 2 * np.pi / np.asarray(at.period)}
+        self.store.write(CellResult(name, key, {}, arrays, OK, plain_seconds(began)))
 
     def evidence(self, name: str, key: str) -> None:
         try:

@@ -133,7 +133,7 @@ def _part(name: str) -> str:
     kind, method = name.partition("/")[0], name.rpartition("/")[2]
     if kind == "posterior":
         return "sample"
-    return "weigh" if kind == "evidence" and method != "laplace" else "look"
+    return "weigh" if kind == "curve" or (kind == "evidence" and method != "laplace") else "look"
 
 
 def _read_inputs(study: Study) -> None:

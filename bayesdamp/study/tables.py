@@ -135,7 +135,8 @@ def _evidence(study: Study, store: Store) -> Iterator[Row]:
                 if cell is None:
                     continue
                 found = logs.get(model, math.nan)
-                share = 0.0 if model in aside else math.exp(found - best) / total
+                share = math.exp(found - best) / total if math.isfinite(found) else math.nan
+                share = 0.0 if model in aside else share
                 yield {
                     **_head(spec, repeat, model),
                     "method": method,
