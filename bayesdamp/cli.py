@@ -60,6 +60,69 @@ def study(
 
 
 @app.command()
+def compare(
+    records: Annotated[list[Path], typer.Argument(metavar="RECORD...", help="Files of measured decays.")],
+    angle: Annotated[
+        str | None, typer.Option(help="Column of the recorded quantity, by name or number from 1.")
+    ] = None,
+    time: Annotated[str | None, typer.Option(help="Column of the times in s, by name or number.")] = None,
+    rate: Annotated[float | None, typer.Option(help="Sampling rate in Hz, for a file without times.")] = None,
+    unit: Annotated[
+        str, typer.Option(help="rad, deg, m or mm: the unit of the displacement itself.")
+    ] = "rad",
+    quantity: Annotated[str, typer.Option(help="angle, velocity or acceleration.")] = "angle",
+    clock: Annotated[str, typer.Option(help="auto, as_logged or uniform.")] = "auto",
+    start: Annotated[str, typer.Option(help="Where the free decay starts, in s, or auto.")] = "auto",
+    stop: Annotated[str, typer.Option(help="Where it stops, in s, or auto.")] = "auto",
+    restoring: Annotated[
+        list[str] | None, typer.Option(help="A restoring law to compare, may be given again; all by default.")
+    ] = None,
+    damping: Annotated[
+        list[str] | None, typer.Option(help="A damping sum to compare, may be given again; all by default.")
+    ] = None,
+    noise: Annotated[str, typer.Option(help="A noise model, or auto: chosen for each record.")] = "auto",
+    seed: Annotated[int, typer.Option(min=0, help="Every random number follows from it.")] = 0,
+    out: Annotated[Path | None, typer.Option(help="The folder to write; reports/NAME by default.")] = None,
+    workers: Annotated[
+        int | None, typer.Option(min=1, help="Processes; as many as cores by default.")
+    ] = None,
+    fresh: Annotated[bool, typer.Option("--fresh", help="Compute everything again.")] = False,
+) -> int:
+    """Say which damping records have, how sure that is, and when no candidate fits."""
+    from rich.console import Console
+
+    from bayesdamp.config.compare import Asked, comparison
+    from bayesdamp.report.terminal import conclude
+    from bayesdamp.signals.columns import choose_columns
+
+    asked = []
+    for path in records:
+        columns = choose_columns(path, time, angle, rate)
+        asked.append(
+            Asked(
+                path, *columns, rate, unit, quantity, clock, _bound(start, "--start"), _bound(stop, "--stop")
+            )
+        )
+    made = comparison(asked, restoring=restoring or (), damping=damping or (), noise=noise, seed=seed)
+    folder = _folder(out, made.name)
+    from bayesdamp.study import run_study
+
+    status = run_study(made, folder, workers=workers, fresh=fresh, console=Console(stderr=True))
+    conclude(folder, Console())
+    return status
+
+
+def _bound(text: str, option: str) -> float | str:
+    """A time in s, or "auto". Raises InputError."""
+    if text == "auto":
+        return text
+    try:
+        return float(text)
+    except ValueError:
+        raise InputError(f"{option} {text}: must be a time in s, or auto") from None
+
+
+@app.command()
 def calibrate(
     file: Annotated[Path, typer.Argument(metavar="FILE", help="A study file (TOML).")],
     out: Annotated[

@@ -86,11 +86,13 @@ class Estimators:
 @dataclass(frozen=True)
 class Models:
     """compare: damping sums such as `viscous+coulomb`; prior: a prior by damping term, where one is given;
-    restoring: the laws that each of them is combined with, none where a signal's own law is the only one."""
+    restoring: the laws that each of them is combined with, none where a signal's own law is the only one; prune:
+    how many nats behind the best, by Laplace's evidence, a candidate is not weighed further, None to weigh all."""
 
     compare: tuple[str, ...]
     prior: Mapping[str, Any] = field(default_factory=dict)
     restoring: tuple[str, ...] = ()
+    prune: float | None = None
 
 
 @dataclass(frozen=True)
@@ -145,8 +147,9 @@ class Study:
         """All that the study says, defaults written out, as JSON takes it; no path of this machine."""
         found = plain(replace(self, signals=()))
         del found["source"]
-        if not self.models.restoring:
-            del found["models"]["restoring"]
+        later = {"models": ("restoring", "prune"), "posterior": ("best",)}
+        for table_, keys in later.items():  # a study that does not have them reads as it always did
+            found[table_] = {k: v for k, v in found[table_].items() if v or k not in keys}
         return {**found, "signals": [s.resolved() for s in self.signals]}
 
     def digest(self) -> str:
@@ -288,6 +291,7 @@ def _models(raw: object) -> Models:
         compare,
         {n: prior(v, f"models.prior.{n}", negative=False) for n, v in checked.prior.items()},
         restoring_laws(checked.restoring or (), "models.restoring"),
+        checked.prune,
     )
 
 
@@ -334,31 +338,45 @@ def load_study(path: str | Path) -> Study:
     """
     path = Path(path)
     try:
-        raw = _read(path)
-        header = _header(raw)
-        name = header.name if header.name is not None else re.sub(r"[^A-Za-z0-9_-]", "_", path.stem)
-        models = _models(raw.get("models", {}))
-        signals = _signals(raw, path.parent, models.restoring)
-        estimators = _estimators(raw.get("estimators", {}))
-        study = Study(
-            source=path,
-            name=name,
-            signals=signals,
-            estimators=estimators,
-            models=models,
-            posterior=_posterior(raw.get("posterior", {})),
-            evidence=_evidence(raw.get("evidence", {})),
-            seed=header.seed,
-            description=header.description,
-            published=_published(header.published, path.parent, signals, estimators),
-            calibration=_calibration(raw.get("calibration", {})),
-            recovery=section(RecoveryTable, raw.get("recovery", {}), "recovery"),
-        )
-        for spec in study.signals:
-            for model in spec.estimate or ():
-                if model not in study.dampings(spec):
-                    what = f"names {model}, which this signal does not compare"
-                    raise StudyError(f"signal[{spec.name}].estimate", f"{what}; it must be one of its models")
-        return study
+        return resolve_study(_read(path), path)
     except (StudyError, InputError) as error:
         raise as_input_error(path, error) from None
+
+
+def resolve_study(raw: dict[str, Any], path: Path) -> Study:
+    """The study that the tables of a file say. path: of that file; signals' files are looked for beside it.
+
+    Raises StudyError and InputError without the file's name.
+    """
+    header = _header(raw)
+    name = header.name if header.name is not None else re.sub(r"[^A-Za-z0-9_-]", "_", path.stem)
+    models = _models(raw.get("models", {}))
+    signals = _signals(raw, path.parent, models.restoring)
+    estimators = _estimators(raw.get("estimators", {}))
+    study = Study(
+        source=path,
+        name=name,
+        signals=signals,
+        estimators=estimators,
+        models=models,
+        posterior=_posterior(raw.get("posterior", {})),
+        evidence=_evidence(raw.get("evidence", {})),
+        seed=header.seed,
+        description=header.description,
+        published=_published(header.published, path.parent, signals, estimators),
+        calibration=_calibration(raw.get("calibration", {})),
+        recovery=section(RecoveryTable, raw.get("recovery", {}), "recovery"),
+    )
+    for spec in study.signals:
+        for model in spec.estimate or ():
+            if model not in study.dampings(spec):
+                what = f"names {model}, which this signal does not compare"
+                raise StudyError(f"signal[{spec.name}].estimate", f"{what}; it must be one of its models")
+    if "laplace" not in study.evidence.methods:
+        for key, value in (
+            ("models.prune", study.models.prune),
+            ("posterior.best", study.posterior.best),
+        ):
+            if value is not None:
+                raise StudyError(key, 'needs "laplace" among evidence.methods; name it there')
+    return study

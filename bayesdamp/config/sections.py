@@ -135,6 +135,9 @@ class ModelsTable(Section):
         None, description="a list of one or more restoring laws, in place of [system]'s one"
     )
     prior: dict[str, Any] = Field({}, description="a table of priors by damping term")
+    prune: float | None = Field(
+        None, gt=0, description="a positive number of nats: what is farther behind is not weighed further"
+    )
 
 
 class PosteriorTable(Section):
@@ -143,6 +146,9 @@ class PosteriorTable(Section):
     samplers: Names = Field(("nuts", "emcee"), description="a list of samplers' names")
     noise: str | Annotated[Names, Field(min_length=1)] = Field(
         "gaussian", description='a noise model\'s name in quotes, a list of names, or "auto"'
+    )
+    best: int | None = Field(
+        None, ge=1, description="how many candidates of a signal are sampled, a whole number"
     )
     chains: int = Field(4, ge=2, description="a whole number, 2 or more")
     warmup: int = Field(500, ge=10, description="a whole number, 10 or more")

@@ -8,12 +8,12 @@ from dataclasses import dataclass, field
 import numpy as np
 from jax import numpy as jnp
 from scipy.optimize import minimize
-from scipy.special import log_ndtr
 
 from bayesdamp.inference.checks import structure, views
+from bayesdamp.inference.evidence.laplace import log_integral
 from bayesdamp.inference.mode import Mode, find_mode
 from bayesdamp.inference.noise import NOISES
-from bayesdamp.inference.target import LOG_2PI, Target
+from bayesdamp.inference.target import Target, compiled
 from bayesdamp.signals.features import Features
 from bayesdamp.types import OK, Refusal, Signal
 
@@ -69,11 +69,11 @@ def first_noise(names: Sequence[str], signal: Signal) -> str:
 def fit_with(target: Target, seeds: Mapping[str, Mapping[str, float]], features: Features) -> Fitted:
     """The mode of one target and its evidence. Raises Refusal."""
     mode = find_mode(target, seeds, noise_level=features.roughness)
-    volume = -0.5 * float(np.linalg.slogdet(mode.information)[1])
     folded = np.asarray(target.layout.folded)
-    # Mass on a folded score's own side and its mirror's, against that of one whole normal; near zero they are one.
-    mirrors = float(np.sum(np.log(2.0) + log_ndtr(mode.z[folded] / mode.sd()[folded])))
-    return Fitted(target, mode, mode.log_posterior + 0.5 * mode.z.size * LOG_2PI + volume + mirrors)
+    at = np.where(folded, np.abs(mode.z), mode.z)
+    value, gradient, _ = map(np.asarray, compiled(target.layout).curvature(mode.context, jnp.asarray(at)))
+    log_evidence = log_integral(float(value), gradient, mode.information, at, np.flatnonzero(folded))
+    return Fitted(target, mode, log_evidence)
 
 
 def weigh_noises(

@@ -5,11 +5,14 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+import numpy as np
+
 from bayesdamp.report import words
 from bayesdamp.report.run import Row, Run, rows_of
 from bayesdamp.types import OK, candidate_parts
 
-_FIRST = ("combined", "nested", "bridge", "importance")
+_FIRST = ("combined", "nested", "bridge", "importance", "laplace")
+ASIDE = "set aside"
 DAMPING = ("zeta", "mu_c", "mu_q")
 
 
@@ -39,7 +42,7 @@ def ranking(run: Run, signal: str, repeat: int) -> Ranking | None:
     rows = [
         row
         for row in rows_of(run.evidence, signal=signal, repeat=repeat)
-        if row["outcome"] == OK and math.isfinite(row["probability"])
+        if (row["outcome"] == OK or row["outcome"].startswith(ASIDE)) and math.isfinite(row["probability"])
     ]
     by_method: dict[str, list[Row]] = {}
     for row in rows:
@@ -52,7 +55,9 @@ def ranking(run: Run, signal: str, repeat: int) -> Ranking | None:
         return -len(by_method[name]), place, name
 
     def sort(found: list[Row]) -> list[Row]:
-        return sorted(found, key=lambda row: (-row["probability"], -row["log_evidence"]))
+        return sorted(
+            found, key=lambda row: (-row["probability"], -np.nan_to_num(row["log_evidence"], nan=-1e300))
+        )
 
     chosen = min(by_method, key=trust)
     ordered = sort(by_method[chosen])

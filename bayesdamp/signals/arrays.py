@@ -17,9 +17,7 @@ def from_arrays(path: Path, time: str | int | None, value: str | int | None, no_
     """(times or None, values, row of each, provenance) of a .mat, .npy or .npz file; raises InputError."""
     where = path.name
     kind = {".mat": "MATLAB", ".npz": "NumPy archive", ".npy": "NumPy array"}[path.suffix.lower()]
-    found = _matlab(path) if path.suffix.lower() == ".mat" else _numpy(path)
-    if not found:
-        raise InputError(f"{where}: no numeric array of numbers in it")
+    found = named_arrays(path)
     if time is None and not no_time:
         raise InputError(
             f"{where}: no time given: name the time array or give rate in Hz; it holds {_list(found)}"
@@ -42,6 +40,14 @@ def from_arrays(path: Path, time: str | int | None, value: str | int | None, no_
         "notes": [],
     }
     return t, y, np.arange(y.size), provenance
+
+
+def named_arrays(path: Path) -> dict[str, np.ndarray]:
+    """The vectors in a file by name; a matrix gives its columns, numbered from 1. Raises InputError."""
+    found = _matlab(path) if path.suffix.lower() == ".mat" else _numpy(path)
+    if not found:
+        raise InputError(f"{path.name}: no numeric array of numbers in it")
+    return found
 
 
 def _list(found: dict[str, np.ndarray]) -> str:

@@ -17,7 +17,7 @@ Loaded = tuple[np.ndarray | None, np.ndarray, np.ndarray, dict[str, object]]
 def from_text(path: Path, time: str | int | None, value: str | int | None, no_time: bool) -> Loaded:
     """(times or None, values, row of each, provenance) of a text file; raises InputError."""
     where = path.name
-    lines = _decoded(path.read_bytes(), where).splitlines()
+    lines = decoded(path.read_bytes(), where).splitlines()
     layout = find_layout(lines)
     if layout is None:
         raise InputError(f"{where}: no rows of numbers were found")
@@ -73,7 +73,7 @@ def _rows(count: int) -> str:
     return f"{count} row{'s' if count != 1 else ''}"
 
 
-def _decoded(data: bytes, where: str) -> str:
+def decoded(data: bytes, where: str) -> str:
     if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
         return data.decode("utf-16", errors="replace")
     if b"\0" in data[:4096]:

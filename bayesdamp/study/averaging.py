@@ -9,6 +9,7 @@ from scipy.special import logsumexp
 
 from bayesdamp.config import SignalSpec, Study
 from bayesdamp.store import CellResult, Store
+from bayesdamp.study.staging import ASIDE
 from bayesdamp.study.weighing import evidence_by_method
 from bayesdamp.types import OK, Evidence
 
@@ -36,6 +37,7 @@ def _one(study: Study, spec: SignalSpec, store: Store, name: str, key: str) -> C
     by_method = evidence_by_method(study, store, record, models)
     method = list(by_method)[-1]
     shares = probabilities(by_method[method])
+    shares |= {m: 0.0 for m, e in by_method[method].items() if e.outcome.startswith(ASIDE)}
     if len(shares) < len(models):
         return CellResult(name, key, outcome="not applicable: not every model has its evidence")
     curves, grids = {}, {}

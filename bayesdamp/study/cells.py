@@ -24,6 +24,7 @@ from bayesdamp.inference.samplers import SAMPLERS, Settings
 from bayesdamp.inference.seeds import basins, prior_seeds
 from bayesdamp.inference.target import Target
 from bayesdamp.physics.damping import parse_model
+from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.physics.units import parameter_unit
 from bayesdamp.signals.features import Features, features
 from bayesdamp.store import CellResult, Store
@@ -91,6 +92,8 @@ class Branch:
             found[name] = digest("evidence", mode_key, *parts)
         for name, source in sensitivity_cells(self.path, found, self.repeat, len(self.terms)).items():
             found[name] = digest("sensitivity", source, name)
+        if self.study.models.prune is not None:
+            found[f"curve/{self.path}"] = digest("curve", mode_key)
         return found
 
     def compute(self, name: str, key: str) -> None:
@@ -99,7 +102,7 @@ class Branch:
             self.store.write(CellResult(name, key, outcome=self._parent_result.outcome))
             return
         kinds = {"estimate": self.estimate, "mode": self.mode, "posterior": self.posterior}
-        kinds |= {"evidence": self.evidence, "sensitivity": self.sensitivity}
+        kinds |= {"evidence": self.evidence, "sensitivity": self.sensitivity, "curve": self.curve}
         kinds[name.partition("/")[0]](name, key)
 
     @cached_property
@@ -199,7 +202,10 @@ class Branch:
                     seeds[f"least_squares, {e.stage}"] = e.values
         if not seeds:
             raise Refusal("no estimator found a place to start from")
-        from_prior = prior_seeds(self.target, PRIOR_SEEDS, cell_seed(self.study, f"seeds/{self.path}"))
+        wanted = (
+            0 if self.study.models.prune is not None else PRIOR_SEEDS
+        )  # many candidates: the estimates alone
+        from_prior = prior_seeds(self.target, wanted, cell_seed(self.study, f"seeds/{self.path}"))
         return seeds | from_prior, refused
 
     def mode(self, name: str, key: str) -> None:
@@ -234,6 +240,7 @@ class Branch:
         arrays = {"t": self.signal.t, "z": mode.z, "information": mode.information}
         arrays |= {f"climbs/{k}": np.array([getattr(c, k) for c in mode.climbs]) for k in ("origin", "z")}
         arrays |= {k: getattr(fit, k) for k in checks}
+        self.restored_mode = mode
         self.store.write(CellResult(name, key, meta, arrays, OK, plain_seconds(began)))
 
     def posterior(self, name: str, key: str) -> None:
@@ -285,14 +292,35 @@ class Branch:
         amplitude = self._parent_result.meta["reference"]["amplitude"]
         return Motions(self.target.oscillator, values, self.seen.rest, amplitude, self.spec.inertia)
 
+    def _grid(self) -> np.ndarray:
+        """Amplitudes from the record's last to its first, shape (m,)."""
+        first, last = self.seen.amplitude, self.seen.final_amplitude
+        return np.geomspace(max(min(first, last), FAINTEST * first), first, CURVE_POINTS)
+
     def _curves(self, motions: Motions) -> dict[str, np.ndarray]:
         """Decrement and equivalent ratio over the amplitudes of the record; those that have no motion are left out."""
-        first, last = self.seen.amplitude, self.seen.final_amplitude
-        grid = np.geomspace(max(min(first, last), FAINTEST * first), first, CURVE_POINTS)
+        grid = self._grid()
         curves = against_amplitude(motions, grid, (*LEVELS, *SPREAD))
         whole = np.all([np.all(np.isfinite(c), axis=0) for c in curves.values()], axis=0)
         band = {f"curve/{n}": c[: len(LEVELS), whole] for n, c in curves.items()}
         return {"amplitudes": grid[whole], **band, f"spread/{CURVE}": curves[CURVE][len(LEVELS) :, whole]}
+
+    def curve(self, name: str, key: str) -> None:
+        """The fall of the log amplitude over 2π and the frequency (rad/s) of the mode, over the record's amplitudes."""
+        began = time.perf_counter()
+        found = self.store.read(f"mode/{self.path}")
+        if found.outcome != OK:
+            self.store.write(CellResult(name, key, outcome=found.outcome))
+            return
+        grid = self._grid()
+        values = {
+            n: np.full(grid.shape, v) for n, v in {**found.meta["known"], **found.meta["values"]}.items()
+        }
+        oscillator = Oscillator(self.terms, self.restoring)
+        at = Motions(oscillator, values, self.seen.rest, self.seen.amplitude).at(grid)
+        ratio = np.asarray(at.lost / (grid * at.slope)) / (2 * np.pi)
+        arrays = {"amplitude": grid, "ratio": ratio, "frequency": 2 * np.pi / np.asarray(at.period)}
+        self.store.write(CellResult(name, key, {}, arrays, OK, plain_seconds(began)))
 
     def evidence(self, name: str, key: str) -> None:
         compute_evidence(self, name, key, cell_seed(self.study, name))

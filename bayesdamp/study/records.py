@@ -20,6 +20,7 @@ from bayesdamp.inference.defaults import EPSILON_SHARE, Reference
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.signals.clean import clean
+from bayesdamp.signals.curves import amplitude_curves
 from bayesdamp.signals.features import Features, features
 from bayesdamp.signals.read import read_record
 from bayesdamp.signals.simulate import simulate_signal
@@ -92,6 +93,8 @@ class SignalCell:
         arrays |= {"t": signal.t, "y": signal.y}
         try:
             meta, outcome = meta | self._known(signal), OK
+            curves = asdict(amplitude_curves(signal, features(signal)))
+            arrays |= {f"against_amplitude/{name}": v for name, v in curves.items()}
         except Refusal as refusal:
             if isinstance(source, Recording):
                 raise InputError(f"signal {self.spec.name}: {refusal}") from None

@@ -20,14 +20,16 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
 from bayesdamp.config import Recording, SignalSpec, Study
+from bayesdamp.inference.referee import REFEREE
 from bayesdamp.report import render
 from bayesdamp.store import CellResult, Store
+from bayesdamp.study import staging
 from bayesdamp.study.averaging import average, averages
 from bayesdamp.study.cells import Branch
 from bayesdamp.study.noise import noise_cell
 from bayesdamp.study.records import SignalCell, digest
 from bayesdamp.study.tables import write_tables
-from bayesdamp.types import InputError
+from bayesdamp.types import OK, InputError
 
 DONE, WRONG_CELLS = 0, 3
 
@@ -41,13 +43,18 @@ class Cell:
 
 @dataclass(frozen=True)
 class Job:
-    """What one worker does in a row: a record itself (model None), one model's branch on it, or, once all of these
-    are done, what joins them (joined)."""
+    """What one worker does in a row: a record itself (model None), one candidate's branch on it, or, once all of these
+    are done, what joins them (joined).
+
+    part: of a branch "look" (estimates, mode, Laplace's evidence), "weigh" (the other evidence) or "sample"; None for
+    all of it.
+    """
 
     signal: str
     repeat: int
     model: str | None = None
     joined: bool = False
+    part: str | None = None
 
 
 def cells(study: Study) -> list[Cell]:
@@ -84,13 +91,16 @@ def run_study(
         workers = workers or max(1, min(len(os.sched_getaffinity(0)), branches))
         with _progress(console) as progress:
             names = [name for job in jobs for name in _work(study, store, job)]
-            bar = progress.add_task(study.name, total=len(names))
+            bar, finished = progress.add_task(study.name, total=len(names)), set[str]()
 
             def advance(done: list[str]) -> None:
-                progress.update(bar, advance=len(done), description=done[-1] if done else study.name)
+                finished.update(done)
+                progress.update(bar, completed=len(finished), description=done[-1] if done else study.name)
 
-            _run_jobs(study, store, jobs, workers, scheduler, advance)
-            progress.update(bar, description="report")
+            with _pool(workers, scheduler) as pool:
+                for stage in _stages(study, store):
+                    _run_jobs(study, store, stage, pool, advance)
+            progress.update(bar, description="report", completed=len(names))
             write_tables(study, store)
             render(out)
         failed = [(n, c.outcome) for n, c in _results(store, names) if c.outcome.startswith("failed: ")]
@@ -124,7 +134,18 @@ def _work(study: Study, store: Store, job: Job) -> dict[str, tuple[str, Callable
         found = {cell.name: (cell.key, lambda *_: cell.compute())}
         return found | ({noise.name: (noise.key, lambda *_: noise.compute())} if noise else {})
     branch = Branch(study, spec, job.repeat, job.model, store)
-    return {name: (key, branch.compute) for name, key in branch.cells().items()}
+    return {
+        name: (key, branch.compute)
+        for name, key in branch.cells().items()
+        if job.part is None or job.part == _part(name)
+    }
+
+
+def _part(name: str) -> str:
+    kind, method = name.partition("/")[0], name.rpartition("/")[2]
+    if kind in ("posterior", "sensitivity") or method in ("bridge", REFEREE):
+        return "sample"
+    return "weigh" if kind == "curve" or (kind == "evidence" and method != "laplace") else "look"
 
 
 def _read_inputs(study: Study) -> None:
@@ -176,33 +197,84 @@ def _done(store: Store, name: str, key: str) -> bool:
     return found.key == key and not found.outcome.startswith("failed: ")
 
 
+def _stages(study: Study, store: Store) -> Iterator[list[Job]]:
+    """Jobs that may run side by side, stage by stage; what a stage holds may depend on what was found before it."""
+    jobs = _jobs(study)
+    # Records first: every branch reads its record from the store.
+    yield [job for job in jobs if job.model is None and not job.joined]
+    if staging.staged(study):
+        yield from _staged(study, store)
+    else:
+        yield [job for job in jobs if job.model is not None]
+    yield [job for job in jobs if job.joined]
+
+
+def _staged(study: Study, store: Store) -> Iterator[list[Job]]:
+    """The branches of a study that leaves candidates out as it goes."""
+    records = [(s, r) for s in study.signals for r in range(s.repeats)]
+    records = [(s, r) for s, r in records if store.read(f"signal/{s.name}/{r}").outcome == OK]
+    yield [Job(s.name, r, name, part="look") for s, r in records for name in staging.heads(study, s)]
+    yield _kept(study, store, records, staging.laws_left, "look")
+    yield _kept(study, store, records, staging.candidates_left, "weigh")
+    best = {(s.name, r): staging.best_of(study, s, r, store) for s, r in records}
+    for s, r in records:
+        for name in study.compare(s):
+            cells = _work(study, store, Job(s.name, r, name, part="sample"))
+            if name not in best[s.name, r]:
+                stale = {n: key for n, (key, _) in cells.items() if n in store.names()}
+                staging.set_aside(store, stale, staging.NOT_SAMPLED)
+    yield [Job(s.name, r, name, part="sample") for s, r in records for name in best[s.name, r]]
+
+
+def _kept(
+    study: Study,
+    store: Store,
+    records: list[tuple[SignalSpec, int]],
+    judge: Callable[[Study, SignalSpec, int, Store], dict[str, str]],
+    part: str,
+) -> list[Job]:
+    """The jobs of the candidates that a judge leaves; the evidence of the others gets its sentence."""
+    found = []
+    for spec, repeat in records:
+        for name, why in judge(study, spec, repeat, store).items():
+            job = Job(spec.name, repeat, name, part=part)
+            if why:
+                cells = {n: key for n, (key, _) in _work(study, store, job).items()}
+                staging.set_aside(store, {n: k for n, k in cells.items() if n.startswith("evidence/")}, why)
+            else:
+                found.append(job)
+    return found
+
+
 def _run_jobs(
     study: Study,
     store: Store,
     jobs: list[Job],
-    workers: int,
-    scheduler: str | None,
+    pool: Executor | None,
     advance: Callable[[list[str]], None],
 ) -> None:
-    if workers == 1 and scheduler is None:
+    if pool is None:
         for job in jobs:
             advance(_run_job(study, store.folder, job))
         return
-    with _executor(workers, scheduler) as pool:
-        # Records first: every branch reads its record from the store; what joins branches last.
-        for stage in (
-            [j for j in jobs if j.model is None and not j.joined],
-            [j for j in jobs if j.model is not None],
-            [j for j in jobs if j.joined],
-        ):
-            futures = [pool.submit(_run_job, study, store.folder.resolve(), job) for job in stage]
-            try:
-                for future in as_completed(futures):
-                    advance(future.result())
-            except BaseException:
-                for future in futures:
-                    future.cancel()
-                raise
+    futures = [pool.submit(_run_job, study, store.folder.resolve(), job) for job in jobs]
+    try:
+        for future in as_completed(futures):
+            advance(future.result())
+    except BaseException:
+        for future in futures:
+            future.cancel()
+        raise
+
+
+@contextmanager
+def _pool(workers: int, scheduler: str | None) -> Iterator[Executor | None]:
+    """Where jobs run; None for this process."""
+    if workers == 1 and scheduler is None:
+        yield None
+    else:
+        with _executor(workers, scheduler) as pool:
+            yield pool
 
 
 @contextmanager

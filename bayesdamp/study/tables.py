@@ -13,6 +13,7 @@ from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.physics.units import parameter_unit, quantity_unit
 from bayesdamp.store import TABLES, CellResult, Store, provenance, write_json, write_table
+from bayesdamp.study.staging import ASIDE
 from bayesdamp.study.weighing import evidence_by_method
 from bayesdamp.types import OK, candidate_parts
 
@@ -124,20 +125,23 @@ def _evidence(study: Study, store: Store) -> Iterator[Row]:
         models = study.compare(spec)
         for method, found in evidence_by_method(study, store, f"{spec.name}/{repeat}", models).items():
             logs = {m: e.log_evidence for m, e in found.items()}
+            aside = [m for m, e in found.items() if e.outcome.startswith(ASIDE)]
             finite = [v for v in logs.values() if np.isfinite(v)]
             best = max(finite, default=math.nan)
             total = sum(math.exp(v - best) for v in finite)
             for model, one in found.items():
+                share = (
+                    math.exp(one.log_evidence - best) / total if np.isfinite(one.log_evidence) else math.nan
+                )
+                share = 0.0 if model in aside else share
                 yield {
                     **_head(spec, repeat, model),
                     "method": method,
                     "log_evidence": one.log_evidence,
                     "stderr": one.stderr,
                     "log_bayes_factor": one.log_evidence - best,
-                    # every model of the comparison must have its evidence before it has a share
-                    "probability": math.exp(one.log_evidence - best) / total
-                    if len(finite) == len(models)
-                    else math.nan,
+                    # every model of the comparison must have its evidence, or be far behind, before it has a share
+                    "probability": share if len(finite) + len(aside) == len(models) else math.nan,
                     "diagnostic": one.diagnostic,
                     "outcome": one.outcome,
                 }
@@ -176,6 +180,7 @@ def _run(study: Study, store: Store) -> Row:
             continue
         # Where the first repeat shows no oscillation, another one may.
         seen = _first_seen(store, spec) or cell
+        noise = _read(store, f"noise/{spec.name}/0")
         about[spec.name] = {
             **cell.meta["provenance"],
             "unit": spec.source.unit,
@@ -184,6 +189,7 @@ def _run(study: Study, store: Store) -> Row:
             "restoring": list(spec.restoring),
             "outcome": seen.outcome,
             "bound": cell.meta.get("bound", {}),
+            **({"noise": noise.meta["chosen"]} if noise and noise.outcome == OK else {}),
             **{k: seen.meta[k] for k in ("epsilon_note", "reference", "features") if k in seen.meta},
         }
         modes = {m: _read(store, f"mode/{spec.name}/0/{m}") for m in study.compare(spec)}

@@ -16,6 +16,8 @@ from bayesdamp.types import OK, Evidence, Refusal
 if TYPE_CHECKING:
     from bayesdamp.study.cells import Branch
 
+FIRST_LOOK = "laplace"
+"""A method without an error estimate, by which candidates are set aside; it does not count where another one does."""
 _FIELDS = ("model", "method", "log_evidence", "stderr", "diagnostic", "evaluations", "seconds", "outcome")
 
 
@@ -94,8 +96,9 @@ def evidence_by_method(
         np.isfinite(e.log_evidence) for e in by_method.get(REFEREE, {}).values()
     ):
         by_method.pop(REFEREE, None)  # where there is no posterior, the methods asked for say so
-    if len(by_method) > 1:
-        by_method[COMBINED] = {model: counted(found) for model, found in every.items() if found}
+    if len([m for m in by_method if m != FIRST_LOOK]) > 1:
+        drawn = {model: [e for e in found if e.method != FIRST_LOOK] for model, found in every.items()}
+        by_method[COMBINED] = {model: counted(found) for model, found in drawn.items() if found}
     return by_method
 
 

@@ -40,6 +40,10 @@ def _one(run: Run, signal: str) -> Markup:
     said = [str(note) for note in about.get("notes") or []]
     if about.get("epsilon_note"):
         said.append(str(about["epsilon_note"]))
+    if about.get("noise"):
+        said.append(
+            f"Noise is taken as {words.method(about['noise'])}: chosen once for all candidates, see below."
+        )
     if about.get("outcome", OK) != OK:
         said.append(str(about["outcome"]))
     if cell is None or "t" not in cell.arrays:

@@ -1,0 +1,105 @@
+"""An unknown record as a study: everything of its system free, every damping sum under every restoring law."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from bayesdamp.config.checks import StudyError
+from bayesdamp.config.load import Study, resolve_study
+from bayesdamp.physics.restoring import LAWS
+from bayesdamp.types import InputError
+
+PRUNE = 20.0
+"""Nats behind the best at which a candidate is set aside: a probability of 2e-9, and Laplace's evidence, by which it is
+judged, is a few nats off at most where a posterior is not normal."""
+BEST = 2
+"""Candidates whose posterior is sampled: what is concluded, and what it is weighed against."""
+TRANSLATIONS = ("m", "mm")
+
+
+@dataclass(frozen=True)
+class Asked:
+    """One record's file and how to read it, as a study's [[signal]] says it."""
+
+    path: Path
+    time: str | int | None = None
+    angle: str | int | None = None
+    rate: float | None = None
+    unit: str = "rad"
+    quantity: str = "angle"
+    clock: str = "auto"
+    start: float | str = "auto"
+    stop: float | str = "auto"
+
+
+def laws_for(unit: str) -> tuple[str, ...]:
+    """The restoring laws that an unknown record is compared under: all there are, of a translation all that describe
+    one. Nobody said which it is, and a law left out would leave its misfit to the damping."""
+    return tuple(n for n in LAWS.names() if unit not in TRANSLATIONS or LAWS.get(n).translates)
+
+
+def comparison(
+    records: Sequence[Asked],
+    *,
+    restoring: Sequence[str] = (),
+    damping: Sequence[str] = (),
+    noise: str = "auto",
+    seed: int = 0,
+) -> Study:
+    """The study that compares all damping sums (or those given) under all restoring laws (or those given) on each
+    record. Raises InputError, one line in the terms of the command's options.
+    """
+    names = _names([asked.path for asked in records])
+    signals = [_signal(asked, name, tuple(restoring)) for asked, name in zip(records, names, strict=True)]
+    raw: dict[str, Any] = {
+        "version": 1,
+        "name": names[0] if len(names) == 1 else f"{names[0]}-and-{len(names) - 1}-more",
+        "seed": seed,
+        "description": f"Which damping has {', '.join(asked.path.name for asked in records)}?"[:200],
+        "signal": signals,
+        "estimators": {"use": ["least_squares"], "stages": ["initial"]},
+        "models": {"compare": list(damping) or "all", "prune": PRUNE},
+        "posterior": {"samplers": ["nuts"], "noise": noise, "best": BEST},
+        "evidence": {"methods": ["laplace", "importance"]},
+    }
+    try:
+        return resolve_study(raw, Path("compare"))
+    except StudyError as error:
+        raise InputError(_in_options(str(error))) from None
+
+
+def _signal(asked: Asked, name: str, restoring: tuple[str, ...]) -> dict[str, Any]:
+    laws = restoring or laws_for(asked.unit)
+    given = {k: v for k, v in vars(asked).items() if k != "path" and v is not None}
+    return {
+        "name": name,
+        "file": str(asked.path),
+        **given,
+        "restoring": list(laws),
+        "system": {"restoring": laws[0]},
+    }
+
+
+def _names(paths: Sequence[Path]) -> list[str]:
+    """A signal's name for each file, from the file's own; the same ones are numbered."""
+    found: list[str] = []
+    for path in paths:
+        stem = (re.sub(r"[^A-Za-z0-9_-]", "_", path.stem) or "record")[:56]
+        name = stem if re.match(r"[A-Za-z0-9_]", stem) else f"_{stem}"
+        number = 2
+        while name in found:
+            name, number = f"{stem}-{number}", number + 1
+        found.append(name)
+    return found
+
+
+def _in_options(text: str) -> str:
+    """A study's line with its key as the command's option."""
+    key, _, what = text.partition(": ")
+    option = re.sub(r"^signal\[[^\]]*\]\.(system\.)?|^models\.|^posterior\.", "", key)
+    option = {"compare": "damping"}.get(option, option)
+    return f"--{option}: {what}" if what else text

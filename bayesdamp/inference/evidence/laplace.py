@@ -1,0 +1,84 @@
+"""Laplace's evidence: the normal at the mode, cut off where a coefficient is zero."""
+
+from __future__ import annotations
+
+import time
+
+import jax.numpy as jnp
+import numpy as np
+from scipy.special import log_ndtr, logsumexp, ndtri_exp
+
+from bayesdamp.inference.evidence._method import Draws, EvidenceMethod
+from bayesdamp.inference.mode import Mode
+from bayesdamp.inference.target import Target, compiled
+from bayesdamp.types import Evidence
+
+NODES = 24
+
+
+class Laplace(EvidenceMethod):
+    """∫ of the second-order expansion of the log posterior at its mode, folded scores from zero on.
+
+    A few likelihoods, no draws and no error estimate: for setting aside candidates that are far behind. The curvature
+    is Gauss and Newton's; a mode at zero, where the gradient is not zero, leaves the tail of a normal.
+    """
+
+    name = "laplace"
+
+    def evidence(
+        self, model: str, target: Target, mode: Mode, seed: int, draws: Draws | None = None
+    ) -> Evidence:
+        began = time.perf_counter()
+        folded = np.flatnonzero(target.layout.folded)
+        at = np.where(target.layout.folded, np.abs(mode.z), mode.z)
+        value, gradient, _ = map(np.asarray, compiled(target.layout).curvature(mode.context, jnp.asarray(at)))
+        return Evidence(
+            model=model,
+            method=self.name,
+            log_evidence=log_integral(float(value), gradient, mode.information, at, folded),
+            diagnostic="no draws: right where the posterior is normal",
+            evaluations=1,
+            seconds=time.perf_counter() - began,
+        )
+
+
+def log_integral(
+    value: float, gradient: np.ndarray, information: np.ndarray, at: np.ndarray, folded: np.ndarray
+) -> float:
+    """log ∫ exp(value + g·(z − at) − (z − at)ᵀ H (z − at)/2) dz over z ≥ 0 in the folded scores, times two for each.
+
+    gradient g: (d,); information H: (d, d); folded: their indices.
+    """
+    covariance = np.linalg.inv(information)
+    mean = at + covariance @ gradient
+    log_det = np.linalg.slogdet(information)[1]
+    whole = value + 0.5 * gradient @ covariance @ gradient
+    whole += 0.5 * at.size * np.log(2 * np.pi) - 0.5 * log_det
+    if not folded.size:
+        return float(whole)
+    inside = log_orthant(mean[folded], covariance[np.ix_(folded, folded)])
+    return float(whole + inside + folded.size * np.log(2.0))
+
+
+def log_orthant(mean: np.ndarray, covariance: np.ndarray) -> float:
+    """log P(z ≥ 0) of a normal with mean (k,) and covariance (k, k), k of a few: to 1e-3, far out in the tails too.
+
+    Genz's separation of variables (J. Comput. Graph. Stat. 1, 1992) with Gauss and Legendre's rule.
+    """
+    # The wall that cuts most comes first: what it leaves hardly meets the others.
+    order = np.argsort(mean / np.sqrt(np.diag(covariance)))
+    mean, factor = mean[order], np.linalg.cholesky(covariance[np.ix_(order, order)])
+    nodes, weights = np.polynomial.legendre.leggauss(NODES)
+    log_share, x = np.zeros(1), np.zeros((1, 0))
+    for i in range(mean.size):
+        low = -(mean[i] + x @ factor[i, :i]) / factor[i, i]
+        tail = log_ndtr(-low)
+        log_share = log_share + tail
+        if i + 1 < mean.size:
+            next_x = -ndtri_exp(np.log(0.5 * (nodes + 1)) + tail[:, None])
+            x = np.column_stack([np.repeat(x, NODES, axis=0), next_x.ravel()])
+            log_share = (log_share[:, None] + np.log(0.5 * weights)).ravel()
+    return float(np.asarray(logsumexp(log_share)))
+
+
+PLUGIN = Laplace()

@@ -1,0 +1,41 @@
+"""Damping ratio and frequency against amplitude: the record's own, and those of the candidates over it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from bayesdamp.report import words
+from bayesdamp.report.style import INK, WIDTH, colour, dash
+
+
+def backbone(
+    record: Mapping[str, np.ndarray],
+    candidates: Mapping[str, Mapping[str, np.ndarray]],
+    scale: float,
+    unit: str,
+) -> Figure:
+    """record: amplitude, ratio, frequency and the sds ratio_sd and frequency_sd, each (k,); candidates: name to
+    amplitude, ratio and frequency, each (m,). Amplitudes times `scale` are in `unit`."""
+    figure = Figure(figsize=(WIDTH, 3.0))
+    for ax, name, label in zip(
+        figure.subplots(1, 2), ("ratio", "frequency"), ("damping ratio", "frequency / (rad/s)"), strict=True
+    ):
+        x, y, sd = scale * record["amplitude"], record[name], record[f"{name}_sd"]
+        ax.errorbar(x, y, 2 * sd, fmt="o", ms=3.5, lw=0.9, color=INK, label="record, ± 2 sd", zorder=3)
+        for model, curve in candidates.items():
+            style = {"color": colour(model), "ls": dash(model), "lw": 1.2}
+            ax.plot(scale * curve["amplitude"], curve[name], label=words.model(model), **style)
+        shown = [y, *(c[name] for c in candidates.values())]
+        seen = np.concatenate([v[np.isfinite(v)] for v in shown])
+        good = y[np.isfinite(y) & (sd < 0.5 * np.abs(y))]
+        low, high = (good.min(), good.max()) if good.size else (seen.min(), seen.max())
+        room = 0.35 * (high - low) + 0.01 * abs(high)
+        ax.set_ylim(max(low - room, 0.0), high + room)
+        ax.set_xlabel(f"amplitude / {unit}")
+        ax.set_ylabel(label)
+    handles, labels = figure.axes[0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside upper left", ncols=3)
+    return figure
