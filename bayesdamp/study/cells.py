@@ -268,9 +268,9 @@ class Branch:
             return found
         priors = {t: str(self.study.models.prior.get(t)) for t in self.terms}
         noise = self.noise
-        mode_key = digest(
-            "mode", self.parent.key, self.model, noise, priors, use.stages, chosen, *self._other
-        )
+        shared = ("shared", self.beside) if self.beside else ()
+        parts = (self.model, noise, priors, use.stages, chosen, *self._other, *shared)
+        mode_key = digest("mode", self.parent.key, *parts)
         found[f"mode/{self.path}"] = mode_key
         settings = self.study.posterior
         for name in settings.samplers:
@@ -315,6 +315,24 @@ class Branch:
 
     @cached_property
     def target(self) -> Target:
+        """The target of this candidate alone."""
+        return self._target(())
+
+    @cached_property
+    def shared(self) -> Target:
+        """The target in the program of all dampings that are compared under the law, where candidates are many."""
+        return self._target(self.beside)
+
+    @cached_property
+    def beside(self) -> tuple[str, ...]:
+        """The terms of all dampings compared, where the candidates share a program; none where each has its own."""
+        if self.study.models.prune is None:
+            return ()
+        every = [parse_model(m) for m in self.study.dampings(self.spec)]
+        whole = max(every, key=len)
+        return whole if all(set(terms) <= set(whole) for terms in every) else ()
+
+    def _target(self, beside: tuple[str, ...]) -> Target:
         priors = {t: p for t, p in self.study.models.prior.items() if t in self.terms}
         return build_target(
             self.signal,
@@ -324,6 +342,7 @@ class Branch:
             Reference(**self._parent_result.meta["reference"]),
             noise=self.noise,
             term_priors=priors,
+            beside=beside,
         )
 
     @cached_property
@@ -331,9 +350,22 @@ class Branch:
         found = self.store.read(f"mode/{self.path}")
         if found.outcome != OK:
             raise Refusal(found.outcome)
-        m = found.meta
+        m, z, information = found.meta, found.arrays["z"], found.arrays["information"]
+        return restore_mode(self.shared, z, m["log_posterior"], information, m["tolerance"])
+
+    @cached_property
+    def _own_mode(self) -> Mode:
+        """The mode in the scores of this candidate alone."""
+        if not self.beside:
+            return self._mode
+        mode = self._mode
+        live = [i for i, n in enumerate(self.shared.names) if n in self.target.names]
         return restore_mode(
-            self.target, found.arrays["z"], m["log_posterior"], found.arrays["information"], m["tolerance"]
+            self.target,
+            mode.z[live],
+            mode.log_posterior,
+            mode.information[np.ix_(live, live)],
+            mode.tolerance,
         )
 
     def estimate(self, name: str, key: str) -> None:
@@ -372,15 +404,20 @@ class Branch:
             self.store.write(CellResult(name, key, outcome=NOT_APPLICABLE))
             return
         try:
-            mode = find_mode(self.target, self._seeds(), noise_level=self.seen.roughness)
+            mode = find_mode(self.shared, self._seeds(), noise_level=self.seen.roughness)
         except Refusal as refusal:
             self.store.write(CellResult(name, key, outcome=str(refusal), seconds=plain_seconds(began)))
             return
-        fit = check_fit(self.target, mode, self.seen.period, cell_seed(self.study, name))
+        target, own = self.shared, self.target.priors
+        fit = check_fit(target, mode, self.seen.period, cell_seed(self.study, name))
         checks = ("fit", "residual", "whitened", "autocorrelation")
         meta = {
-            "values": {n: float(v) for n, v in self.target.values(mode.z).items()},
-            "sd": value_sds(self.target, mode.z, np.linalg.inv(mode.information)),
+            "values": {n: float(v) for n, v in target.values(mode.z).items() if n in own},
+            "sd": {
+                n: s
+                for n, s in value_sds(target, mode.z, np.linalg.inv(mode.information)).items()
+                if n in own
+            },
             "known": dict(self.target.known),
             "priors": {n: p.describe() for n, p in self.target.priors.items()},
             "log_posterior": mode.log_posterior,
@@ -401,7 +438,7 @@ class Branch:
     def posterior(self, name: str, key: str) -> None:
         sampler, s = name.rsplit("/", 1)[1], self.study.posterior
         try:
-            mode = self._mode
+            mode = self._own_mode
         except Refusal as refusal:
             self.store.write(CellResult(name, key, outcome=str(refusal)))
             return
@@ -483,7 +520,7 @@ class Branch:
             self.store.write(CellResult(name, key, outcome=str(refusal)))
             return
         method = EVIDENCES.get(name.rsplit("/", 1)[1])
-        found = method.evidence(self.model, self.target, mode, cell_seed(self.study, name))
+        found = method.evidence(self.model, self.shared, mode, cell_seed(self.study, name))
         self.store.write(CellResult(name, key, asdict(found), {}, found.outcome, found.seconds))
 
 

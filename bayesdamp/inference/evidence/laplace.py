@@ -76,7 +76,7 @@ def log_orthant(mean: np.ndarray, covariance: np.ndarray) -> float:
             next_x = -ndtri_exp(np.log(0.5 * (nodes + 1)) + tail[:, None])
             x = np.column_stack([np.repeat(x, NODES, axis=0), next_x.ravel()])
             log_share = (log_share[:, None] + np.log(0.5 * weights)).ravel()
-    return float(logsumexp(log_share))
+    return float(np.asarray(logsumexp(log_share)))
 
 
 PLUGIN = Laplace()
