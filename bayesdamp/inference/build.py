@@ -8,9 +8,12 @@ from bayesdamp.inference.defaults import EPSILON_SHARE, Reference, default_prior
 from bayesdamp.inference.noise import NOISES
 from bayesdamp.inference.target import Target
 from bayesdamp.physics.oscillator import Oscillator
-from bayesdamp.priors import Prior
+from bayesdamp.priors import HalfNormal, Prior
 from bayesdamp.signals.features import Features
 from bayesdamp.types import Signal, System
+
+ABSENT = HalfNormal.model_construct(scale=0.0)
+"""The prior of a coefficient that is 0; no study can ask for it."""
 
 
 def build_target(
@@ -22,14 +25,19 @@ def build_target(
     *,
     noise: str = "gaussian",
     term_priors: Mapping[str, Prior] | None = None,
+    beside: tuple[str, ...] = (),
 ) -> Target:
     """The target of one damping model on one record.
 
     term_priors: prior of a damping term's coefficient by the term's name; the others have the default.
+    beside: all terms of the models that this one is compared with, its own among them. Those it lacks then stay in the
+    target with a coefficient that is 0 at every score, so that all these models are one compiled program; such a
+    score's prior integrates to one, and the evidence is the model's own.
     Raises ValueError where a parameter has neither a value nor a prior, Refusal where the record is not one for this
     noise.
     """
-    osc = Oscillator(damping, system.restoring)
+    osc = Oscillator(beside or damping, system.restoring)
+    absent = [t.parameter for t in osc.terms if t.name not in damping]
     by_term = {t.parameter: (term_priors or {}).get(t.name) for t in osc.terms}
     given: dict[str, object] = {**system.free, **{k: v for k, v in by_term.items() if v is not None}}
     known = {**system.known, **NOISES.get(noise).read(signal)}
@@ -41,6 +49,6 @@ def build_target(
     for name in wanted:
         if name in known and name not in osc.coefficients:
             continue
-        prior = given.get(name)
+        prior = ABSENT if name in absent else given.get(name)
         priors[name] = prior if prior is not None else default_prior(name, osc, noise, reference, features)  # type: ignore[assignment]
     return Target(signal, osc, noise, priors, {k: v for k, v in known.items() if k not in priors})

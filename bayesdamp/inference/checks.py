@@ -181,6 +181,8 @@ def _windows(target: Target, mode: Mode) -> tuple[tuple[Window, ...], float, flo
         w = _window(target, label, z, information, float(t[first]), float(t[first + half - 1]))
         windows.append(w)
         for name in target.oscillator.coefficients:
+            if whole.sd[name] == 0.0:  # absent from this model
+                continue
             shift = abs(w.values[name] - whole.values[name])
             spread = max(spread, shift / whole.sd[name])
             # The part is contained in the whole: the variance of the shift is the difference (Hausman 1978).

@@ -44,11 +44,12 @@ def verdict(run: Run, signal: str, repeat: int) -> Verdict:
     if warned:
         lead = f"the most probable candidate, {label(best)}, {checks[best['model']]}; {share} is its share among all"
         fine = [label(r) for r in found.rows if checks.get(r["model"], MISFIT).startswith("fits")]
-        return Verdict(True, f"{lead}. Fitting, though less probable: {words.listing(fine)}.")
+        less = f" Fitting, though less probable: {words.listing(fine)}." if fine else ""
+        return Verdict(True, f"{lead}.{less}")
     name = label(best)
     if best["probability"] >= SURE:
         return Verdict(
-            True, f"damping is {name}, with a probability of {share} among {len(found.rows)} candidates."
+            False, f"damping is {name}, with a probability of {share} among {len(found.rows)} candidates."
         )
     beside = f"; {words.listing(ties)} cannot be excluded" if ties else ""
     return Verdict(False, f"damping is most likely {name}, with a probability of {share}{beside}.")

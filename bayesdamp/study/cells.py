@@ -80,9 +80,9 @@ class Branch:
             return found
         priors = {t: str(self.study.models.prior.get(t)) for t in self.terms}
         noise = self.noise_cell.key if self.noise_cell else self.study.noises[0]
-        mode_key = digest(
-            "mode", self.parent.key, self.model, noise, priors, use.stages, chosen, *self._other
-        )
+        shared = ("shared", self.beside) if self.beside else ()
+        parts = (self.model, noise, priors, use.stages, chosen, *self._other, *shared)
+        mode_key = digest("mode", self.parent.key, *parts)
         found[f"mode/{self.path}"] = mode_key
         settings = self.study.posterior
         for name in settings.samplers:
@@ -140,6 +140,24 @@ class Branch:
 
     @cached_property
     def target(self) -> Target:
+        """The target of this candidate alone."""
+        return self._target(())
+
+    @cached_property
+    def shared(self) -> Target:
+        """The target in the program of all dampings that are compared under the law, where candidates are many."""
+        return self._target(self.beside)
+
+    @cached_property
+    def beside(self) -> tuple[str, ...]:
+        """The terms of all dampings compared, where the candidates share a program; none where each has its own."""
+        if self.study.models.prune is None:
+            return ()
+        every = [parse_model(m) for m in self.study.dampings(self.spec)]
+        whole = max(every, key=len)
+        return whole if all(set(terms) <= set(whole) for terms in every) else ()
+
+    def _target(self, beside: tuple[str, ...]) -> Target:
         priors = {t: p for t, p in self.study.models.prior.items() if t in self.terms}
         return build_target(
             self.signal,
@@ -149,6 +167,7 @@ class Branch:
             Reference(**self._parent_result.meta["reference"]),
             noise=self.noise,
             term_priors=priors,
+            beside=beside,
         )
 
     @cached_property
@@ -162,7 +181,23 @@ class Branch:
             Climb(**c, origin=origin, z=z)
             for c, origin, z in zip(own, a["climbs/origin"], a["climbs/z"], strict=True)
         )
-        return restore_mode(self.target, a["z"], m["log_posterior"], a["information"], m["tolerance"], climbs)
+        return restore_mode(self.shared, a["z"], m["log_posterior"], a["information"], m["tolerance"], climbs)
+
+    @cached_property
+    def own_mode(self) -> Mode:
+        """The mode in the scores of this candidate alone."""
+        mode = self.restored_mode
+        if not self.beside:
+            return mode
+        live = [i for i, n in enumerate(self.shared.names) if n in self.target.names]
+        return restore_mode(
+            self.target,
+            mode.z[live],
+            mode.log_posterior,
+            mode.information[np.ix_(live, live)],
+            mode.tolerance,
+            tuple(replace(c, origin=c.origin[live], z=c.z[live]) for c in mode.climbs),
+        )
 
     def estimate(self, name: str, key: str) -> None:
         began = time.perf_counter()
@@ -215,15 +250,20 @@ class Branch:
             return
         try:
             seeds, refused = self._seeds()
-            mode = find_mode(self.target, seeds, noise_level=self.seen.roughness)
+            mode = find_mode(self.shared, seeds, noise_level=self.seen.roughness)
         except Refusal as refusal:
             self.store.write(CellResult(name, key, outcome=str(refusal), seconds=plain_seconds(began)))
             return
-        fit = check_fit(self.target, mode, self.seen.period, cell_seed(self.study, name))
+        target, own = self.shared, self.target.priors
+        fit = check_fit(target, mode, self.seen.period, cell_seed(self.study, name))
         checks = ("fit", "residual", "whitened", "autocorrelation")
         meta = {
-            "values": {n: float(v) for n, v in self.target.values(mode.z).items()},
-            "sd": value_sds(self.target, mode.z, np.linalg.inv(mode.information)),
+            "values": {n: float(v) for n, v in target.values(mode.z).items() if n in own},
+            "sd": {
+                n: s
+                for n, s in value_sds(target, mode.z, np.linalg.inv(mode.information)).items()
+                if n in own
+            },
             "known": dict(self.target.known),
             "priors": {n: p.describe() for n, p in self.target.priors.items()},
             "log_posterior": mode.log_posterior,
@@ -232,7 +272,7 @@ class Branch:
                 "step_error": mode.step_error,
                 "log_likelihood_change": mode.likelihood_error,
             },
-            **_climbs(self.target, mode),
+            **_climbs(self.shared, mode, self.target.names),
             "refused": refused,
             "windows": [asdict(w) for w in fit.windows],
             **{k: v for k, v in asdict(fit).items() if k not in (*checks, "windows")},
@@ -246,7 +286,7 @@ class Branch:
     def posterior(self, name: str, key: str) -> None:
         sampler, s = name.rsplit("/", 1)[1], self.study.posterior
         try:
-            mode = self.restored_mode
+            mode = self.own_mode
         except Refusal as refusal:
             self.store.write(CellResult(name, key, outcome=str(refusal)))
             return
@@ -329,8 +369,11 @@ class Branch:
         compute_sensitivity(self, name, key, cell_seed(self.study, name))
 
 
-def _climbs(target: Target, mode: Mode) -> dict[str, Any]:
-    """What the seeds came to, as the mode's cell keeps it, and the modes that they found."""
+def _climbs(target: Target, mode: Mode, own: tuple[str, ...]) -> dict[str, Any]:
+    """What the seeds came to, as the mode's cell keeps it, and the modes that they found.
+
+    own: names of the candidate's own parameters.
+    """
     found, where = basins(mode)
     rows = []
     for c, number in zip(mode.climbs, where, strict=True):
@@ -341,7 +384,7 @@ def _climbs(target: Target, mode: Mode) -> dict[str, Any]:
         {
             "log_posterior": b.log_posterior,
             "share": b.share,
-            "values": {n: float(v) for n, v in target.values(b.z).items()},
+            "values": {n: float(v) for n, v in target.values(b.z).items() if n in own},
         }
         for b in found
     ]
@@ -349,7 +392,7 @@ def _climbs(target: Target, mode: Mode) -> dict[str, Any]:
     touching = [
         n
         for n, z, s, f in zip(target.names, mode.z, sd, target.layout.folded, strict=True)
-        if f and abs(z) < s
+        if f and n in own and abs(z) < s
     ]
     return {"climbs": rows, "modes": modes, "touching_zero": touching}
 

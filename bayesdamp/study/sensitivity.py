@@ -69,13 +69,13 @@ Product = tuple[dict[str, Any], dict[str, np.ndarray]]
 
 def _widths(branch: Branch, source: CellResult, seed: int) -> Product:
     y, log_weights = (source.arrays[n].astype(float) for n in ("y", "log_weights"))
-    found = asdict(against_width(branch.target, branch.restored_mode, y, log_weights, seed))
+    found = asdict(against_width(branch.shared, branch.restored_mode, y, log_weights, seed))
     varied = found.pop("varied")
     return {"varied": list(varied)}, found
 
 
 def _half(branch: Branch, source: CellResult, seed: int) -> Product:
-    found = predict(branch.model, branch.target, branch.restored_mode, seed)
+    found = predict(branch.model, branch.shared, branch.restored_mode, seed)
     density, error = log_predictive(evidence_of(source.meta), found.evidence)
     meta = {k: getattr(found, k) for k in ("start", "rms", "expected", "coverage")}
     meta |= {

@@ -48,7 +48,10 @@ def compute_evidence(branch: Branch, name: str, key: str, seed: int) -> None:
                 return
         plugin = EVIDENCES.get(method)
         draws = _draws(branch) if plugin.needs_draws else None
-        one = plugin.evidence(branch.model, branch.target, branch.restored_mode, seed, draws)
+        # Nested sampling would pay for the idle scores of a shared program, and draws are of the candidate's own.
+        alone = plugin.needs_draws or method == REFEREE
+        target, mode = (branch.target, branch.own_mode) if alone else (branch.shared, branch.restored_mode)
+        one = plugin.evidence(branch.model, target, mode, seed, draws)
     except Refusal as refusal:
         store.write(CellResult(name, key, outcome=str(refusal)))
         return
