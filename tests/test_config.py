@@ -569,7 +569,7 @@ def test_the_example_of_the_readme_loads(tmp_path: Path) -> None:
     example = readme.split("```toml\n")[1].split("```")[0]
     study = load_study(write(tmp_path, example))
     assert study.name == "rig"
-    assert study.posterior.noise == "correlated"
+    assert study.posterior.noise == "auto"
 
 
 def test_a_signal_has_models_of_its_own(tmp_path: Path) -> None:

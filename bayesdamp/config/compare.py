@@ -64,7 +64,7 @@ def comparison(
         "estimators": {"use": ["least_squares"], "stages": ["initial"]},
         "models": {"compare": list(damping) or "all", "prune": PRUNE},
         "posterior": {"samplers": ["nuts"], "noise": noise, "best": BEST},
-        "evidence": {"methods": ["laplace", "importance"]},
+        "evidence": {"methods": ["laplace", "importance"], "referee": "never"},
     }
     try:
         return resolve_study(raw, Path("compare"))

@@ -124,11 +124,6 @@ def _chances(target: Target, mode: Mode, period: float, seed: int) -> tuple[floa
     return float(structured), float(tailed)
 
 
-def structure(target: Target, mode: Mode, period: float, seed: int) -> float:
-    """Posterior predictive p of the structure left in whitened residuals (Gelman, Meng and Stern 1996)."""
-    return _chances(target, mode, period, seed)[0]
-
-
 def check_fit(target: Target, mode: Mode, period: float, seed: int) -> Fit:
     """All checks of a model at its mode. period: of the oscillation in s: how far structure is looked for."""
     layout, n = target.layout, target.signal.t.size

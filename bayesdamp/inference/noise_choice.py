@@ -9,7 +9,7 @@ import numpy as np
 from jax import numpy as jnp
 from scipy.optimize import minimize
 
-from bayesdamp.inference.checks import structure, views
+from bayesdamp.inference.checks import views
 from bayesdamp.inference.evidence.laplace import log_integral
 from bayesdamp.inference.mode import Mode, find_mode
 from bayesdamp.inference.noise import NOISES
@@ -39,8 +39,7 @@ class Fitted:
 
 @dataclass(frozen=True)
 class Weighed:
-    """One noise model: log evidence by Laplace's approximation (nats), its parameters, and the chance of so much
-    structure in whitened residuals if it were right.
+    """One noise model: log evidence by Laplace's approximation (nats), and its parameters.
 
     held: whether it is judged by the residuals of another model's fit, being far behind there.
     """
@@ -48,7 +47,6 @@ class Weighed:
     noise: str
     log_evidence: float = -np.inf
     values: Mapping[str, float] = field(default_factory=dict)
-    predictive_p: float = np.nan
     held: bool = False
     outcome: str = OK
 
@@ -76,9 +74,7 @@ def fit_with(target: Target, seeds: Mapping[str, Mapping[str, float]], features:
     return Fitted(target, mode, log_evidence)
 
 
-def weigh_noises(
-    build: Build, fitted: Fitted, features: Features, names: Sequence[str], seed: int = 0
-) -> list[Weighed]:
+def weigh_noises(build: Build, fitted: Fitted, features: Features, names: Sequence[str]) -> list[Weighed]:
     """Every noise model in `names`, in their order, on one record under one damping and restoring law.
 
     build: noise to target, raising Refusal where the record is none for it; fitted: the fit under one of the models.
@@ -94,7 +90,7 @@ def weigh_noises(
     for name in sorted(names, key=lambda n: n != own):
         try:
             if name == own:
-                found.append(_weighed(fitted, features, seed))
+                found.append(_weighed(fitted))
                 continue
             behind, values = held_evidence(name, r, signal, features)
             there = fitted.log_evidence + behind - base
@@ -106,7 +102,7 @@ def weigh_noises(
             found.append(Weighed(name, outcome=str(refusal)))
             continue
         best = max(best, fresh.log_evidence)
-        found.append(_weighed(fresh, features, seed))
+        found.append(_weighed(fresh))
     return sorted(found, key=lambda w: names.index(w.noise))
 
 
@@ -149,8 +145,8 @@ def held_evidence(
     return (-depth(z) - 0.5 * float(log_det) if sign > 0 else -np.inf), values(z)
 
 
-def _weighed(fitted: Fitted, features: Features, seed: int) -> Weighed:
+def _weighed(fitted: Fitted) -> Weighed:
     target, mode = fitted.target, fitted.mode
     values = {n: float(v) for n, v in target.values(mode.z).items()}
     own = {n: v for n, v in values.items() if n not in target.oscillator.parameters}
-    return Weighed(target.noise, fitted.log_evidence, own, structure(target, mode, features.period, seed))
+    return Weighed(target.noise, fitted.log_evidence, own)

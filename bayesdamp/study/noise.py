@@ -18,7 +18,7 @@ from bayesdamp.inference.target import Target
 from bayesdamp.physics.damping import parse_model
 from bayesdamp.signals.features import features
 from bayesdamp.store import CellResult, Store
-from bayesdamp.study.records import NOT_APPLICABLE, SignalCell, cell_seed, digest, signal_of
+from bayesdamp.study.records import NOT_APPLICABLE, SignalCell, digest, signal_of
 from bayesdamp.types import OK, Problem, Refusal, System
 
 SEED_FROM = "least_squares"
@@ -69,8 +69,7 @@ class NoiseCell:
         if not fits:
             raise Refusal("; ".join(refused))
         best = max(fits, key=lambda law: fits[law].log_evidence)
-        seed = cell_seed(self.study, self.name)
-        weighed = weigh_noises(lambda name: self._target(record, best, name), fits[best], seen, names, seed)
+        weighed = weigh_noises(lambda name: self._target(record, best, name), fits[best], seen, names)
         return {
             "chosen": chosen_noise(weighed),
             "damping": list(self.terms),

@@ -42,7 +42,7 @@ def compute_evidence(branch: Branch, name: str, key: str, seed: int) -> None:
     study, store = branch.study.evidence, branch.store
     try:
         if method == REFEREE and REFEREE not in study.methods and study.referee == "auto":
-            found = evidences(store, branch.path, study.methods)
+            found = evidences(store, branch.path, [m for m in study.methods if m != FIRST_LOOK])
             if found and not quarrel(found):
                 store.write(CellResult(name, key, {"diagnostic": "not called: the others agree"}))
                 return

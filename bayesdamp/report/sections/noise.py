@@ -47,20 +47,20 @@ def _one(run: Run, signal: str) -> Markup:
     weighed, chosen = cell.meta["weighed"], cell.meta["chosen"]
     best = max((w["log_evidence"] for w in weighed if w["outcome"] == OK), default=math.nan)
     lines = [_line(w, best, chosen) for w in sorted(weighed, key=lambda w: -w["log_evidence"])]
-    headers = ["noise", "log evidence below the best", "its parameters", "predictive p", ""]
+    headers = ["noise", "log evidence below the best", "its parameters", ""]
     others = _others(run, signal, repeats)
-    return fill("stack.html", parts=[Table(headers, lines, frozenset({0, 2, 4})), others])
+    return fill("stack.html", parts=[Table(headers, lines, frozenset({0, 2, 3})), others])
 
 
 def _line(w: Mapping[str, Any], best: float, chosen: str) -> Line:
     name = words.method(w["noise"])
     if w["outcome"] != OK:
-        return Line([name, words.NONE, words.NONE, words.NONE, w["outcome"]], "quiet")
+        return Line([name, words.NONE, words.NONE, w["outcome"]], "quiet")
     values = ", ".join(f"{words.symbol(n).text} {words.number(v, 3)}" for n, v in w["values"].items())
     mine = w["noise"] == chosen
     below = words.fixed(best - w["log_evidence"], 0 if w["held"] else 1)
     said = "chosen" if mine else "far behind on the residuals of another's fit" if w["held"] else ""
-    return Line([name, below, values, words.number(w["predictive_p"], 2), said], "best" if mine else "")
+    return Line([name, below, values, said], "best" if mine else "")
 
 
 def _others(run: Run, signal: str, repeats: list[int]) -> Markup:
