@@ -32,19 +32,25 @@ def moments(posterior: Posterior) -> dict[str, tuple[float, float, float]]:
     }
 
 
-def departures(posterior: Posterior, name: str) -> list[str]:
-    """What differs from the reference: means by more than 0.1 sd, sds by more than 6 %.
+BARS = {"nuts": (0.05, 0.03)}
+"""Largest departure from a reference by sampler: of a mean in sds, of an sd as a share."""
+WIDER = (0.1, 0.06)
 
-    The reference's means have errors of about 0.015 sd and its sds of 1 %, ours 0.02 sd and 1.5 % with the ESS of
-    2,000 and more that is asked for: four standard errors, so that eleven parameters in two samplers give a false
-    alarm in a thousand at most.
+
+def departures(posterior: Posterior, name: str) -> list[str]:
+    """What differs from the reference by more than the sampler's bars.
+
+    The reference's means have errors of about 0.005 sd and its sds of 0.4 %. NUTS has an ESS of about 10,000 here,
+    errors of 0.01 sd and 0.7 %: its bars are at four standard errors or more, a false alarm in 400 over 16
+    parameters. The ensembles stop at an ESS of 1,100, errors of 0.03 sd and 2 %; bars at three, and one seed.
     """
+    mean_bar, sd_bar = BARS.get(posterior.sampler, WIDER)
     found = []
     for n, (mean, sd, _) in moments(posterior).items():
         expected = problems.reference(name)["posterior"][n]
-        if abs(mean - expected["mean"]) > 0.1 * expected["sd"]:
+        if abs(mean - expected["mean"]) > mean_bar * expected["sd"]:
             found.append(f"mean of {n}")
-        if abs(sd / expected["sd"] - 1) > 0.06:
+        if abs(sd / expected["sd"] - 1) > sd_bar:
             found.append(f"sd of {n}")
     return found
 
@@ -53,7 +59,7 @@ def departures(posterior: Posterior, name: str) -> list[str]:
 def test_the_reference_can_be_trusted(name):
     for parameter, s in problems.reference(name)["posterior"].items():
         assert s["rhat"] < 1.01, parameter
-        assert s["ess"] > 3000, parameter
+        assert s["ess"] > 8_000, parameter
 
 
 @PROBLEM
@@ -100,7 +106,7 @@ def test_surrogate_force_and_exact_force():
     """The force of the linearised trajectory draws from the same posterior as the exact gradient: 4 errors."""
     name = "viscous_coulomb"
     target, mode = problems.target(name), problems.mode(name)
-    exact = Nuts()._sample(target, mode, frame(target, mode), problems.SETTINGS, True, 1.0)
+    exact = Nuts()._attempt(target, mode, frame(target, mode), problems.SETTINGS, True, 1.0)
     assert departures(exact, name) == []
     assert problems.posterior(name, "nuts").diagnostics["exact_force"] is False
     first, second = moments(problems.posterior(name, "nuts")), moments(exact)
