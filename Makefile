@@ -16,7 +16,7 @@ study: $(READY)
 	$(BIN)/bayesdamp study studies/quickstart.toml
 
 test: $(READY)
-	$(ONE_THREAD) $(BIN)/python -m pytest -n $(WORKERS) $(ARGS)
+	$(ONE_THREAD) $(BIN)/python -m pytest -n $(WORKERS) -m "not slow" $(ARGS)
 
 lint: $(READY)
 	$(BIN)/ruff check .
@@ -26,7 +26,7 @@ lint: $(READY)
 bench: $(READY)
 	$(BIN)/python -m pytest tests/benchmarks --override-ini addopts= -s -p no:xdist $(ARGS)
 
-# The slow checks alone.
+# The slow checks, which `make test` leaves out.
 validate: $(READY)
 	$(ONE_THREAD) $(BIN)/python -m pytest -n $(WORKERS) -m slow $(ARGS)
 

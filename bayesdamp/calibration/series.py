@@ -6,7 +6,6 @@ import math
 import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor, as_completed
-from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -17,7 +16,7 @@ from bayesdamp.calibration.problem import FAILED, failure
 from bayesdamp.config import Study
 from bayesdamp.store import CellResult, Store
 from bayesdamp.study.records import digest
-from bayesdamp.study.run import _cache_compilations, _executor, _progress
+from bayesdamp.study.workers import cache_compilations, pool_of, progress_bar
 
 MOST = 20
 """Records tried for each that is wanted; with fewer accepted the series ends short, and says so."""
@@ -64,9 +63,8 @@ def gather(
     that was cut off ends with the same records. Chunks that failed are tried again by the next run.
     """
     workers = workers or max(1, len(os.sched_getaffinity(0)))
-    pool = _executor(workers, None) if workers > 1 else nullcontext()
     found: dict[str, list[CellResult]] = {s.name: [] for s in wanted}
-    with _progress(console) as progress, pool as executor:
+    with progress_bar(console) as progress, pool_of(workers, None) as pool:
         bars = {s.name: progress.add_task(s.name, total=s.wanted) for s in wanted}
 
         def advance(series: Series, result: CellResult) -> None:
@@ -76,7 +74,7 @@ def gather(
             wave = [(s, first) for s in wanted for first in _wave(s, found[s.name])]
             if not wave:
                 return found
-            results = _run(study, wave, store, executor, advance)
+            results = _run(study, wave, store, pool, advance)
             for one in wave:
                 found[one[0].name].append(results[one])
 
@@ -144,7 +142,7 @@ def _stored(study: Study, store: Store, series: Series, first: int) -> CellResul
 
 def _chunk(study: Study, folder: Path, series: Series, first: int) -> CellResult:
     """Compute and store one chunk; a fault of the program is stored as one."""
-    _cache_compilations()
+    cache_compilations()
     name, key = series.cell(study, first)
     try:
         result = replace(series.compute(study, first), name=name, key=key)

@@ -2,22 +2,14 @@
 
 from __future__ import annotations
 
-import multiprocessing
 import os
-import signal
-import threading
-import time
 from collections.abc import Callable, Iterator
-from concurrent.futures import Executor, ProcessPoolExecutor, as_completed
-from contextlib import contextmanager
+from concurrent.futures import Executor, as_completed
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
-import jax
-from platformdirs import user_cache_dir
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
 from bayesdamp.config import Recording, SignalSpec, Study
 from bayesdamp.inference.referee import REFEREE
@@ -29,6 +21,7 @@ from bayesdamp.study.cells import Branch
 from bayesdamp.study.noise import noise_cell
 from bayesdamp.study.records import SignalCell, digest
 from bayesdamp.study.tables import write_tables
+from bayesdamp.study.workers import cache_compilations, pool_of, progress_bar
 from bayesdamp.types import OK, InputError
 
 DONE, WRONG_CELLS = 0, 3
@@ -89,7 +82,7 @@ def run_study(
         jobs = _jobs(study)
         branches = sum(job.model is not None for job in jobs)
         workers = workers or max(1, min(len(os.sched_getaffinity(0)), branches))
-        with _progress(console) as progress:
+        with progress_bar(console) as progress:
             names = [name for job in jobs for name in _work(study, store, job)]
             bar, finished = progress.add_task(study.name, total=len(names)), set[str]()
 
@@ -97,7 +90,7 @@ def run_study(
                 finished.update(done)
                 progress.update(bar, completed=len(finished), description=done[-1] if done else study.name)
 
-            with _pool(workers, scheduler) as pool:
+            with pool_of(workers, scheduler) as pool:
                 for stage in _stages(study, store):
                     _run_jobs(study, store, stage, pool, advance)
             progress.update(bar, description="report", completed=len(names))
@@ -169,7 +162,7 @@ def _read_inputs(study: Study) -> None:
 
 def _run_job(study: Study, folder: Path, job: Job) -> list[str]:
     """Compute the cells of a job that the folder lacks; a cell that fails is stored with what went wrong."""
-    _cache_compilations()
+    cache_compilations()
     store = Store(folder)
     done = []
     for name, (key, compute) in _work(study, store, job).items():
@@ -267,87 +260,9 @@ def _run_jobs(
         raise
 
 
-@contextmanager
-def _pool(workers: int, scheduler: str | None) -> Iterator[Executor | None]:
-    """Where jobs run; None for this process."""
-    if workers == 1 and scheduler is None:
-        yield None
-    else:
-        with _executor(workers, scheduler) as pool:
-            yield pool
-
-
-@contextmanager
-def _executor(workers: int, scheduler: str | None) -> Iterator[Executor]:
-    if scheduler is not None:
-        try:
-            from distributed import Client  # pyright: ignore[reportMissingImports]
-        except ImportError:
-            raise InputError(
-                "--scheduler needs dask.distributed: install bayesdamp[cluster], or use --workers"
-            ) from None
-        try:
-            client = Client(scheduler, timeout=10)
-        except (OSError, ValueError) as error:
-            raise InputError(f"--scheduler {scheduler}: no Dask scheduler answers there ({error})") from None
-        with client, client.get_executor() as pool:
-            yield pool
-        return
-    # Spawned, not forked (JAX has started), and one thread each: the processes share the cores.
-    before = dict(os.environ)
-    os.environ["OMP_NUM_THREADS"] = "1"
-    os.environ["XLA_FLAGS"] = f"{before.get('XLA_FLAGS', '')} --xla_cpu_multi_thread_eigen=false".strip()
-    pool = ProcessPoolExecutor(
-        workers,
-        mp_context=multiprocessing.get_context("spawn"),
-        initializer=_end_with_parent,
-        initargs=(os.getpid(),),
-    )
-    try:
-        yield pool
-    except BaseException:
-        # Finished cells are stored; those under way are given up at once.
-        for process in list((pool._processes or {}).values()):
-            process.terminate()
-        raise
-    finally:
-        pool.shutdown(wait=True, cancel_futures=True)
-        os.environ.clear()
-        os.environ.update(before)
-
-
-def _end_with_parent(parent: int) -> None:
-    """Let a worker end as soon as the run that started it is gone: a killed run leaves nothing that computes."""
-
-    def watch() -> None:
-        while os.getppid() == parent:
-            time.sleep(0.5)
-        os._exit(1)
-
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the parent's to answer
-    threading.Thread(target=watch, daemon=True).start()
-
-
 def _results(store: Store, names: list[str]) -> Iterator[tuple[str, CellResult]]:
     for name in names:
         try:
             yield name, store.read(name)
         except KeyError:
             continue
-
-
-def _progress(console: Console) -> Progress:
-    return Progress(
-        TextColumn("{task.description}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeElapsedColumn(),
-        console=console,
-    )
-
-
-def _cache_compilations() -> None:
-    """Keep compiled programs in the user's cache folder, shared by all runs."""
-    jax.config.update("jax_compilation_cache_dir", user_cache_dir("bayesdamp"))
-    jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.2)
-    jax.config.update("jax_persistent_cache_min_entry_size_bytes", -1)

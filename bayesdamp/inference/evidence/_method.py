@@ -33,11 +33,13 @@ class Draws:
 class EvidenceMethod(ABC):
     """log ∫ prior · likelihood of one target, in nats.
 
-    needs_draws: whether it starts from draws of the posterior.
+    needs_draws: whether it starts from draws of the posterior; approximate: whether it is only right for a normal
+    posterior, and gives no error.
     """
 
     name: str
     needs_draws: ClassVar[bool] = False
+    approximate: ClassVar[bool] = False
 
     @abstractmethod
     def evidence(

@@ -24,6 +24,7 @@ class Laplace(EvidenceMethod):
     """
 
     name = "laplace"
+    approximate = True
 
     def evidence(
         self, model: str, target: Target, mode: Mode, seed: int, draws: Draws | None = None
