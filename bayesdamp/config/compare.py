@@ -18,6 +18,9 @@ PRUNE = 20.0
 judged, is a few nats off at most where a posterior is not normal."""
 BEST = 2
 """Candidates whose posterior is sampled: what is concluded, and what it is weighed against."""
+WARMUP, DRAWS = 100, 500
+"""Of each of four chains: NUTS is whitened from the start and its draws are nearly independent, so that these are worth
+2,000; where they are not it takes more by itself."""
 TRANSLATIONS = ("m", "mm")
 
 
@@ -63,7 +66,7 @@ def comparison(
         "signal": signals,
         "estimators": {"use": ["least_squares"], "stages": ["initial"]},
         "models": {"compare": list(damping) or "all", "prune": PRUNE},
-        "posterior": {"samplers": ["nuts"], "noise": noise, "best": BEST},
+        "posterior": {"samplers": ["nuts"], "noise": noise, "best": BEST, "warmup": WARMUP, "draws": DRAWS},
         "evidence": {"methods": ["laplace", "importance"], "referee": "never"},
     }
     try:

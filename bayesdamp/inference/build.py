@@ -6,14 +6,11 @@ from collections.abc import Mapping
 
 from bayesdamp.inference.defaults import EPSILON_SHARE, Reference, default_prior
 from bayesdamp.inference.noise import NOISES
-from bayesdamp.inference.target import Target
+from bayesdamp.inference.target import ABSENT, Target
 from bayesdamp.physics.oscillator import Oscillator
-from bayesdamp.priors import HalfNormal, Prior
+from bayesdamp.priors import Prior
 from bayesdamp.signals.features import Features
 from bayesdamp.types import Signal, System
-
-ABSENT = HalfNormal.model_construct(scale=0.0)
-"""The prior of a coefficient that is 0; no study can ask for it."""
 
 
 def build_target(

@@ -21,9 +21,11 @@ from bayesdamp.inference.condensed import Condensed, condense
 from bayesdamp.inference.noise import NOISES, NoiseModel, NormalNoise
 from bayesdamp.physics.integrate import MeshPlan, Plan, is_exact, nodes, plan_with_error, record
 from bayesdamp.physics.oscillator import Oscillator
-from bayesdamp.priors import Prior
+from bayesdamp.priors import HalfNormal, Prior
 from bayesdamp.types import Signal
 
+ABSENT = HalfNormal.model_construct(scale=0.0)
+"""The prior of a coefficient that is 0; no study can ask for it."""
 LOG_2PI = float(np.log(2 * np.pi))
 
 
@@ -106,6 +108,11 @@ class Target:
     @property
     def names(self) -> tuple[str, ...]:
         return tuple(self.priors)
+
+    @property
+    def live(self) -> tuple[str, ...]:
+        """Names of what is inferred, without the coefficients that are 0 at every score."""
+        return tuple(n for n, p in self.priors.items() if p != ABSENT)
 
     @property
     def layout(self) -> Layout:

@@ -10,7 +10,6 @@ import numpy as np
 from scipy.special import logsumexp
 
 from bayesdamp.inference import diagnostics
-from bayesdamp.inference.build import ABSENT
 from bayesdamp.inference.evidence.importance import K_LIMIT, Importance
 from bayesdamp.inference.mode import Mode, mode_near
 from bayesdamp.inference.target import Target
@@ -63,8 +62,7 @@ def against_width(target: Target, mode: Mode, y: np.ndarray, log_weights: np.nda
 
 
 def _inferred(target: Target) -> list[str]:
-    names = [n for n in target.oscillator.coefficients if n in target.priors]
-    return [n for n in names if target.priors[n] != ABSENT]
+    return [n for n in target.oscillator.coefficients if n in target.live]
 
 
 def _one(

@@ -150,8 +150,13 @@ class Branch:
 
     @cached_property
     def beside(self) -> tuple[str, ...]:
-        """The terms of all dampings compared, where the candidates share a program; none where each has its own."""
-        if self.study.models.prune is None:
+        """The terms of all dampings compared, where the candidates share a program.
+
+        None where each has its own: without a known ε, or with an exact switch, of which a candidate without friction
+        need not know.
+        """
+        system = self.spec.under(self.restoring)
+        if "epsilon" in system.free or system.known.get("epsilon") == 0.0:
             return ()
         every = [parse_model(m) for m in self.study.dampings(self.spec)]
         whole = max(every, key=len)
@@ -237,10 +242,9 @@ class Branch:
                     seeds[f"least_squares, {e.stage}"] = e.values
         if not seeds:
             raise Refusal("no estimator found a place to start from")
-        wanted = (
-            0 if self.study.models.prune is not None else PRIOR_SEEDS
-        )  # many candidates: the estimates alone
-        from_prior = prior_seeds(self.target, wanted, cell_seed(self.study, f"seeds/{self.path}"))
+        # Of many candidates the estimates alone are climbed from.
+        count = PRIOR_SEEDS if self.study.models.prune is None else 0
+        from_prior = prior_seeds(self.target, count, cell_seed(self.study, f"seeds/{self.path}"))
         return seeds | from_prior, refused
 
     def mode(self, name: str, key: str) -> None:
@@ -285,14 +289,13 @@ class Branch:
 
     def posterior(self, name: str, key: str) -> None:
         sampler, s = name.rsplit("/", 1)[1], self.study.posterior
-        try:
-            mode = self.own_mode
-        except Refusal as refusal:
-            self.store.write(CellResult(name, key, outcome=str(refusal)))
-            return
+        plugin = SAMPLERS.get(sampler)
         settings = Settings(s.chains, s.warmup, s.draws, cell_seed(self.study, name) % 2**31)
         try:
-            found = SAMPLERS.get(sampler).sample(self.target, mode, settings)
+            # An approximation is one of the candidate's own parameters.
+            alone = plugin.approximate
+            target, mode = (self.target, self.own_mode) if alone else (self.shared, self.restored_mode)
+            found = plugin.sample(target, mode, settings)
         except Refusal as refusal:
             self.store.write(CellResult(name, key, outcome=str(refusal)))
             return

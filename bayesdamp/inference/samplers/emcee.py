@@ -93,8 +93,10 @@ class Emcee(Sampler):
         thin = max(1, draws.shape[0] * draws.shape[1] // 40_000)
         energy = np.concatenate([s.get_log_prob().T for s, _ in ensembles])[:, ::thin]
         z = at.scores(draws[:, ::thin])
-        values = target.values(z)
-        full = target.values(at.scores(draws))
+        values, full = (
+            {n: v for n, v in target.values(at.scores(u)).items() if n in target.live}
+            for u in (draws[:, ::thin], draws)
+        )
         summaries = {n: diagnostics.summarise(v, ensembles=ENSEMBLES) for n, v in full.items()}
         outcome = diagnostics.verdict(summaries)
         if outcome == OK and not resolved:
@@ -102,7 +104,7 @@ class Emcee(Sampler):
             outcome = f"not resolved after {draws.shape[1]} steps: {short}"
         return Posterior(
             sampler=self.name,
-            names=target.names,
+            names=target.live,
             draws=np.stack(list(values.values()), axis=-1),
             log_likelihood=energy + 0.5 * np.sum(z**2, axis=-1) + 0.5 * d * np.log(2 * np.pi),
             stats={
@@ -132,7 +134,7 @@ class Emcee(Sampler):
     def _resolved(target: Target, at: Frame, draws: np.ndarray) -> bool:
         values = target.values(at.scores(draws))
         total, length = draws.shape[0] * draws.shape[1], draws.shape[1]
-        for v in values.values():
+        for v in (values[n] for n in target.live):
             effective = diagnostics.effective(v)
             if effective < 1100 or length < 50 * total / effective:
                 return False

@@ -159,7 +159,7 @@ def posterior_of(
     """The posterior with its diagnostics from what the chains of one record left."""
     u, height, diverging, steps, accept = found
     z = at.scores(np.asarray(u))
-    values = target.values(z)
+    values = {n: v for n, v in target.values(z).items() if n in target.live}
     summaries = {n: diagnostics.summarise(v) for n, v in values.items()}
     divergences = int(np.sum(np.asarray(diverging)))
     outcome = diagnostics.verdict(summaries)
@@ -168,7 +168,7 @@ def posterior_of(
     draws = np.stack(list(values.values()), axis=-1)
     return Posterior(
         sampler=Nuts.name,
-        names=target.names,
+        names=target.live,
         draws=draws,
         log_likelihood=np.asarray(height) - log_prior(z),
         stats={
