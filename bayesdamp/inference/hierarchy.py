@@ -1,8 +1,8 @@
 """The mean and the spread of a coefficient over specimens, from each specimen's own posterior draws.
 
 Specimens' coefficients are normal about a population's location m with a scale τ, cut off at zero. The likelihood of
-(m, τ) is a product over specimens of ∫ p(record | θ) N(θ | m, τ) dθ, and each factor is, but for a constant, the mean of
-N(θ | m, τ) / prior(θ) over the specimen's posterior draws (Hogg, Myers & Bovy, Astrophysical Journal 725, 2010).
+(m, τ) is a product over specimens of ∫ p(record | θ) N(θ | m, τ) dθ, and each factor is, but for a constant, the mean
+of N(θ | m, τ) / prior(θ) over the specimen's posterior draws (Hogg, Myers & Bovy, Astrophysical Journal 725, 2010).
 Every draw stands for a narrow normal, so that a τ below the distance of draws is no noise, and the integral remains a
 closed form. m and τ are integrated on a grid. Both have a half-normal prior with the scale of the coefficient's own.
 """
@@ -200,7 +200,7 @@ def _shrunk(
     # A normal narrower than the grid's gap could fall between its points.
     wide = np.sqrt(tau.ravel()[some] ** 2 + gap**2)[:, None]
     given = _density(kernel, x, from_zero) - 0.5 * ((x - m.ravel()[some][:, None]) / wide) ** 2
-    given = np.exp(given - logsumexp(given, axis=1, keepdims=True)).mean(axis=0)
+    given = np.exp(given - np.asarray(logsumexp(given, axis=1, keepdims=True))).mean(axis=0)
     ratio = given / np.maximum(np.exp(_density(kernel, x, from_zero)), 1e-300)
     log_ratio = np.log(np.maximum(np.interp(sample.values, x, ratio, left=0.0, right=0.0), 1e-300))
     return summarise(x, given), effective(sample.log_weights - sample.log_prior + log_ratio)
@@ -209,8 +209,10 @@ def _shrunk(
 def _density(kernel: _Kernels, x: np.ndarray, from_zero: bool) -> np.ndarray:
     """Log likelihood at coefficients x, (p,), but for a constant."""
     log_weights = kernel.log_weights[:, None]
-    found = logsumexp(log_weights - 0.5 * ((x - kernel.centres[:, None]) / kernel.width) ** 2, axis=0)
-    if from_zero:
-        mirrored = logsumexp(log_weights - 0.5 * ((x + kernel.centres[:, None]) / kernel.width) ** 2, axis=0)
-        found = np.logaddexp(found, mirrored)
-    return np.asarray(found)
+
+    def about(centres: np.ndarray) -> np.ndarray:
+        away = (x - centres[:, None]) / kernel.width
+        return np.asarray(logsumexp(log_weights - 0.5 * away**2, axis=0))
+
+    found = about(kernel.centres)
+    return np.logaddexp(found, about(-kernel.centres)) if from_zero else found

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 
 import jax.numpy as jnp
 import numpy as np
@@ -69,7 +70,7 @@ class Joint:
     def parts(self) -> tuple[np.ndarray, ...]:
         """Of each record, the coordinates of its own scores."""
         ends = np.cumsum([len(self.shared), *map(len, self.live)])
-        return tuple(np.arange(a, b) for a, b in zip(ends[:-1], ends[1:], strict=True))
+        return tuple(np.arange(a, b) for a, b in pairwise(ends))
 
     @cached_property
     def folded(self) -> np.ndarray:
@@ -151,7 +152,9 @@ def find_joint_mode(
         attempts += 1
         modes = [
             mode if _near(mode, z) else _anchored(target, z, tolerance)
-            for mode, target, z, tolerance in zip(modes, joint.targets, joint.split(x), tolerances, strict=True)
+            for mode, target, z, tolerance in zip(
+                modes, joint.targets, joint.split(x), tolerances, strict=True
+            )
         ]
         x, value, information, count, done = maximise(_curvature(joint, modes), joint.folded, x)
         evaluations += count * len(modes)

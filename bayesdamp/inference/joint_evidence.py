@@ -67,8 +67,8 @@ class _Own:
 
 
 class _Proposal:
-    """From the mean and covariance of the shared scores, (k,) and (k, k), and, for each record, the mean (m,) of its own,
-    their covariance with the shared ones (m, k), and their own (m, m)."""
+    """From the mean and covariance of the shared scores, (k,) and (k, k), and, for each record, the mean (m,) of its
+    own ones, their covariance with the shared ones (m, k), and among themselves (m, m)."""
 
     def __init__(
         self,
@@ -89,9 +89,7 @@ class _Proposal:
     def at(mode: JointMode) -> _Proposal:
         """The normal of the mode's gradient and information, cut off at zero."""
         joint, k = mode.joint, len(mode.joint.shared)
-        mean, factor = cut_off_moments(
-            mode.information, mode.gradient, mode.x, np.flatnonzero(joint.folded)
-        )
+        mean, factor = cut_off_moments(mode.information, mode.gradient, mode.x, np.flatnonzero(joint.folded))
         c = factor @ factor.T
         parts = [(mean[p], c[p, :k], c[np.ix_(p, p)]) for p in joint.parts]
         return _Proposal(joint, mean[:k], c[:k, :k], parts)
@@ -137,9 +135,7 @@ def weigh(mode: JointMode, seed: int) -> Weighed:
     return Weighed(log_evidence, stderr, k, size, evaluations, outcome, drawn.shared, w)
 
 
-def _draw(
-    mode: JointMode, proposal: _Proposal, rng: np.random.Generator, n: int, inner: int
-) -> _Drawn:
+def _draw(mode: JointMode, proposal: _Proposal, rng: np.random.Generator, n: int, inner: int) -> _Drawn:
     joint, k = mode.joint, len(mode.joint.shared)
     shared = proposal.shared.draw(rng, n)
     weights = _log_normal(shared, joint.folded[:k]) - proposal.shared.log_density(shared)
@@ -180,9 +176,7 @@ def _refitted(joint: Joint, drawn: _Drawn) -> _Proposal:
     # The covariance of a Student t is wider than its scale; the factor makes up for it, and for few pilot draws.
     scale = (DEGREES - 2) / DEGREES * WIDER
     covariance = np.einsum("i,ik,il->kl", w, away, away)
-    return _Proposal(
-        joint, mean, scale * covariance, [(m, scale * a, scale * c) for m, a, c in parts]
-    )
+    return _Proposal(joint, mean, scale * covariance, [(m, scale * a, scale * c) for m, a, c in parts])
 
 
 def _factor(covariance: np.ndarray) -> np.ndarray:

@@ -53,7 +53,9 @@ def targets(signals: Sequence[Signal], free: Sequence[str] = ("zeta", "theta0", 
 def starts(made: Sequence[Target]) -> tuple[list[dict[str, float]], list[float]]:
     """Values and the solver's tolerance at each record's own mode."""
     modes = [
-        find_mode(t, {"near": {"zeta": 0.1, "stiffness": 20.0, "theta0": 0.3, "noise_sd": 0.01}}, noise_level=0.01)
+        find_mode(
+            t, {"near": {"zeta": 0.1, "stiffness": 20.0, "theta0": 0.3, "noise_sd": 0.01}}, noise_level=0.01
+        )
         for t in made
     ]
     return [t.all_values(m.z) for t, m in zip(made, modes)], [m.tolerance for m in modes]
@@ -71,9 +73,11 @@ def log_alone(signal: Signal, zeta: np.ndarray, stiffness: np.ndarray) -> np.nda
     h = decay(zeta, stiffness)
     y, n, sd0 = signal.y, signal.y.size, 0.5
     hh, hy, yy = np.sum(h * h, axis=-1)[..., None], (h @ y)[..., None], y @ y
-    score = np.linspace(-4, 4, 1601)
+    score = np.linspace(-2, 2, 401)
     sd = 0.01 * np.exp(score)
     precision = hh / sd**2 + 1 / sd0**2
     exponent = -0.5 * yy / sd**2 + 0.5 * (hy / sd**2) ** 2 / precision
     log_density = exponent - n * np.log(sd) - 0.5 * n * np.log(2 * np.pi) - 0.5 * np.log(precision * sd0**2)
-    return logsumexp(log_density - 0.5 * score**2 - 0.5 * np.log(2 * np.pi), axis=-1) + np.log(score[1] - score[0])
+    return logsumexp(log_density - 0.5 * score**2 - 0.5 * np.log(2 * np.pi), axis=-1) + np.log(
+        score[1] - score[0]
+    )

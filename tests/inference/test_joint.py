@@ -35,9 +35,10 @@ def shared(case: str) -> tuple[JointMode, Weighed]:
 @lru_cache
 def exact(case: str, records: tuple[int, ...] = (0, 1, 2)) -> tuple[float, float, float]:
     """Log evidence, mean and sd of the damping of some records together, on a grid."""
-    zeta = np.linspace(1e-6, 0.3, 12001)
+    zeta = np.linspace(1e-9, 0.2, 2001)
     log_p = sum(log_alone(signals(case)[i], zeta, np.full_like(zeta, STIFFNESS)) for i in records)
     log_p = log_p - 0.5 * (zeta / 0.3) ** 2 + LOG_HALF_NORMAL
+    log_p[0] -= np.log(2)  # trapezoid
     log_evidence = float(logsumexp(log_p) + np.log(zeta[1] - zeta[0]))
     p = np.exp(log_p - logsumexp(log_p))
     mean = float(p @ zeta)
@@ -61,7 +62,7 @@ def test_the_joint_posterior_is_that_of_quadrature(case):
     assert found.log_evidence == pytest.approx(log_evidence, abs=4 * found.stderr + 0.03)
     # Negative control: one record alone has another posterior and another evidence.
     alone = exact(case, (0,))
-    assert alone[2] > 1.4 * sd
+    assert alone[2] > 1.25 * sd
     assert abs(alone[0] - log_evidence) > 100
 
 
