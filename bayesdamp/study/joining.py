@@ -63,6 +63,7 @@ def _joined(specimen: Specimen) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
     sharing = sharing if problems[best].names(LAW) else DAMPING
     meta = {
         "records": specimen.labels,
+        "members": [[spec.name, repeat] for spec, repeat in specimen.records],
         "reference": vars(specimen.reference),
         "sharing": sharing,
         "best": best,
