@@ -4,7 +4,9 @@ Specimens' coefficients are normal about a population's location m with a scale 
 (m, τ) is a product over specimens of ∫ p(record | θ) N(θ | m, τ) dθ, and each factor is, but for a constant, the mean
 of N(θ | m, τ) / prior(θ) over the specimen's posterior draws (Hogg, Myers & Bovy, Astrophysical Journal 725, 2010).
 Every draw stands for a narrow normal, so that a τ below the distance of draws is no noise, and the integral remains a
-closed form. m and τ are integrated on a grid. Both have a half-normal prior with the scale of the coefficient's own.
+closed form. m and τ are integrated on a grid. m has a half-normal prior with the scale of the coefficient's own; τ,
+given m, one with the scale m: specimens of one kind do not spread by much more than their size. (A prior of τ as wide as
+that of m would let few specimens have any spread: with two of them the likelihood falls no faster than 1/τ.)
 """
 
 from __future__ import annotations
@@ -73,7 +75,8 @@ class _Kernels:
 def population(samples: Sequence[Sample], scale: float, *, from_zero: bool = True) -> Population:
     """The population of a coefficient, whose own prior has this scale.
 
-    from_zero: whether the coefficient cannot be negative. Raises Refusal for fewer than two specimens.
+    from_zero: whether the coefficient cannot be negative; of one that can, m has a normal prior about zero, and τ a
+    half-normal one, of this scale. Raises Refusal for fewer than two specimens.
     """
     if len(samples) < 2:
         raise Refusal("a spread needs two specimens or more")
@@ -103,7 +106,11 @@ def _outcome(count: int, size: Mapping[str, float]) -> str:
             f"not to be trusted: {worst} has {size[worst]:.0f} effective draws where the others expect it, "
             f"below {LEAST}"
         )
-    return OK if count >= FEW else f"only {count}: the spread's upper end is mostly what its prior allows"
+    return (
+        OK
+        if count >= FEW
+        else f"only {count}: the upper ends of mean and spread are mostly what their priors allow"
+    )
 
 
 def _kernels(sample: Sample, from_zero: bool) -> _Kernels:
@@ -147,7 +154,8 @@ def _grid(
     m = np.linspace(low, high, LOCATIONS)
     tau = np.broadcast_to(tau, m.shape)
     area = np.log((high - low) / (LOCATIONS - 1)) + np.log(tau)
-    log_prior = -0.5 * (m / scale) ** 2 - 0.5 * (tau / scale) ** 2
+    wide = np.maximum(m, 1e-3 * tau) if from_zero else np.full(m.shape, scale)
+    log_prior = -0.5 * (m / scale) ** 2 - 0.5 * (tau / wide) ** 2 - np.log(wide)
     return m, tau, log_prior + area
 
 

@@ -26,13 +26,15 @@ from bayesdamp.types import OK
 
 PILOT = 500
 FINAL = 2000
-ROUNDS = 5
+ROUNDS = 6
 INNER = 4
-"""Draws of a record's own scores for one of the shared ones, at most: as many as there are records."""
+"""Draws of a record's own scores for one of the shared ones, where all goes well: at most this, or as many as there are
+records."""
+MOST_INNER = 16
 LEAST = 200
 """Effective draws below which intervals are not to be trusted."""
-HEAVIEST = 50.0
-"""Largest weight of a pilot draw, in units of the mean one: one lucky draw must not become the whole fit."""
+ENOUGH = 0.2
+"""Effective share of a pilot that is good, and that a fit is made from: where there is less, from flattened weights."""
 WIDER = 1.2
 
 
@@ -108,20 +110,26 @@ class _Drawn:
 def weigh(mode: JointMode, seed: int) -> Weighed:
     """Evidence and draws of a joint posterior around its mode.
 
-    The proposal is fitted anew to the weighted draws of a pilot until their Pareto shape is good; the draws that count
-    are fresh. A poor shape, or few effective draws, is in the outcome.
+    The proposal is fitted anew to the weighted draws of a pilot until their Pareto shape is good, each time with more
+    draws of the records' own scores; the best one is kept, and the draws that count are fresh. A poor shape, or few
+    effective draws, is in the outcome.
     """
     rng = np.random.default_rng(seed)
     proposal, evaluations = _Proposal.at(mode), 0
     inner = min(INNER, len(mode.modes)) if any(mode.joint.live) else 1
+    best, kept = -1.0, (proposal, inner)
     for _ in range(ROUNDS):
         drawn = _draw(mode, proposal, rng, PILOT, inner)
         evaluations += PILOT * inner * len(mode.modes)
+        share = effective(drawn.log_weights) / PILOT
+        if share > best:
+            best, kept = share, (proposal, inner)
         # On a pilot of this size the fitted shape scatters by about 0.1.
-        good = diagnostics.pareto_k(drawn.log_weights) < K_GOOD - 0.1
-        if good and effective(drawn.log_weights) > 0.2 * PILOT:
+        if diagnostics.pareto_k(drawn.log_weights) < K_GOOD - 0.1 and share > ENOUGH:
             break
         proposal = _refitted(mode.joint, drawn)
+        inner = min(2 * inner, MOST_INNER) if any(mode.joint.live) else 1
+    proposal, inner = kept
     drawn = _draw(mode, proposal, rng, FINAL, inner)
     evaluations += FINAL * inner * len(mode.modes)
     w, k = drawn.log_weights, diagnostics.pareto_k(drawn.log_weights)
@@ -161,8 +169,7 @@ def _log_normal(y: np.ndarray, folded: np.ndarray) -> np.ndarray:
 
 
 def _refitted(joint: Joint, drawn: _Drawn) -> _Proposal:
-    w = np.minimum(shares(drawn.log_weights), HEAVIEST / drawn.log_weights.size)
-    w /= w.sum()
+    w = shares(_flattened(drawn.log_weights))
     mean = w @ drawn.shared
     away = drawn.shared - mean
     parts = []
@@ -177,6 +184,15 @@ def _refitted(joint: Joint, drawn: _Drawn) -> _Proposal:
     scale = (DEGREES - 2) / DEGREES * WIDER
     covariance = np.einsum("i,ik,il->kl", w, away, away)
     return _Proposal(joint, mean, scale * covariance, [(m, scale * a, scale * c) for m, a, c in parts])
+
+
+def _flattened(log_weights: np.ndarray) -> np.ndarray:
+    """Log weights times a power of at most 1 at which enough draws are effective: the fit is then too wide, not one
+    lucky draw's."""
+    power = 1.0
+    while effective(power * log_weights) < ENOUGH * log_weights.size:
+        power *= 0.8
+    return power * log_weights
 
 
 def _factor(covariance: np.ndarray) -> np.ndarray:

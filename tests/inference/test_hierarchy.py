@@ -24,10 +24,10 @@ def sample(name: str, mean: float, sd: float, rng: np.random.Generator, prior_sd
 def exact(means: np.ndarray, sds: np.ndarray) -> tuple[tuple, tuple, np.ndarray]:
     """Mean and sd of m and of τ, and each value's own posterior mean, far from zero: on a dense grid, no draws."""
     tau = np.linspace(1e-5, 0.1, 2000)  # 30 sds of the values
-    m = np.linspace(0, 0.2, 601)[:, None, None]
+    m = np.linspace(1e-3, 0.2, 601)[:, None, None]
     var = sds**2 + tau[:, None] ** 2
     log_p = np.sum(-0.5 * (means - m) ** 2 / var - 0.5 * np.log(var), axis=-1)
-    log_p = log_p - 0.5 * (m[..., 0] / SCALE) ** 2 - 0.5 * (tau / SCALE) ** 2
+    log_p = log_p - 0.5 * (m[..., 0] / SCALE) ** 2 - 0.5 * (tau / m[..., 0]) ** 2 - np.log(m[..., 0])
     p = np.exp(log_p - log_p.max())
     p /= p.sum()
     found = []
@@ -72,9 +72,10 @@ def test_at_zero_it_is_the_cut_off_model():
     means, sds = np.array([0.004, 0.012, -0.003, 0.007, 0.02]), np.full(5, 0.008)
     found = population([sample(f"s{i}", a, b, rng) for i, (a, b) in enumerate(zip(means, sds))], SCALE)
     theta = np.linspace(0, 0.07, 1401)
-    tau = np.geomspace(2e-4, 4 * SCALE, 60)
-    m = np.r_[np.linspace(0, 0.05, 80), np.linspace(0.05, 3 * SCALE, 80)[1:]][:, None]
-    log_p = np.log(np.gradient(m[:, 0]))[:, None] + np.log(tau) - 0.5 * (m**2 + tau**2) / SCALE**2
+    tau = np.geomspace(1e-4, 4 * SCALE, 70)
+    m = np.r_[np.linspace(2e-4, 0.05, 160), np.linspace(0.05, 3 * SCALE, 80)[1:]][:, None]
+    log_p = np.log(np.gradient(m[:, 0]))[:, None] + np.log(tau) - 0.5 * (m / SCALE) ** 2
+    log_p = log_p - 0.5 * (tau / m) ** 2 - np.log(m)
     like = norm.pdf(theta[:, None], means, sds) * (theta[1] - theta[0])
     like[0] /= 2
     for i, width in enumerate(tau):

@@ -155,8 +155,9 @@ def _population(run: Run, cell: CellResult) -> list[object]:
     behind = [f"{label} ({words.nats(gap)} nats)" for label, gap in meta["behind"].items() if gap > 1]
     how = (
         "Specimens' coefficients are taken as normal, cut off at zero; the mean and the spread are of what is "
-        "left. The normal's location and scale have half-normal priors with the scale of the coefficient's own "
-        f"prior: {words.listing(scales)}. The candidate is the one with the greatest evidence over all specimens "
+        "left. The normal's location has a half-normal prior with the scale of the coefficient's own, "
+        f"{words.listing(scales)}, and its width one with the scale of the location: specimens of one kind hardly "
+        "spread by more than their size. The candidate is the one with the greatest evidence over all specimens "
         "together."
     )
     if behind:
