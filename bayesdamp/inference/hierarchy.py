@@ -5,8 +5,8 @@ Specimens' coefficients are normal about a population's location m with a scale 
 of N(θ | m, τ) / prior(θ) over the specimen's posterior draws (Hogg, Myers & Bovy, Astrophysical Journal 725, 2010).
 Every draw stands for a narrow normal, so that a τ below the distance of draws is no noise, and the integral remains a
 closed form. m and τ are integrated on a grid. m has a half-normal prior with the scale of the coefficient's own; τ,
-given m, one with the scale m: specimens of one kind do not spread by much more than their size. (A prior of τ as wide as
-that of m would let few specimens have any spread: with two of them the likelihood falls no faster than 1/τ.)
+given m, one with the scale m: specimens of one kind do not spread by much more than their size. (A prior of τ as wide
+as that of m would let few specimens have any spread: with two of them the likelihood falls no faster than 1/τ.)
 """
 
 from __future__ import annotations

@@ -107,17 +107,21 @@ class _Drawn:
     inner: list[np.ndarray]
 
 
-def weigh(mode: JointMode, seed: int) -> Weighed:
+def weigh(mode: JointMode, seed: int, draws: int = FINAL) -> Weighed:
     """Evidence and draws of a joint posterior around its mode.
 
     The proposal is fitted anew to the weighted draws of a pilot until their Pareto shape is good, each time with more
-    draws of the records' own scores; the best one is kept, and the draws that count are fresh. A poor shape, or few
-    effective draws, is in the outcome.
+    draws of the records' own scores; the draws that count are fresh. Where these are poor, a last fit is made from
+    them. A shape that stays poor, or few effective draws, is in the outcome.
     """
     rng = np.random.default_rng(seed)
-    proposal, evaluations = _Proposal.at(mode), 0
-    inner = min(INNER, len(mode.modes)) if any(mode.joint.live) else 1
-    best, kept = -1.0, (proposal, inner)
+    several = any(mode.joint.live)
+    proposal, inner = _Proposal.at(mode), min(INNER, len(mode.modes)) if several else 1
+    evaluations, best, kept = 0, -1.0, (proposal, inner)
+
+    def more(inner: int) -> int:
+        return min(2 * inner, MOST_INNER) if several else 1
+
     for _ in range(ROUNDS):
         drawn = _draw(mode, proposal, rng, PILOT, inner)
         evaluations += PILOT * inner * len(mode.modes)
@@ -127,20 +131,34 @@ def weigh(mode: JointMode, seed: int) -> Weighed:
         # On a pilot of this size the fitted shape scatters by about 0.1.
         if diagnostics.pareto_k(drawn.log_weights) < K_GOOD - 0.1 and share > ENOUGH:
             break
-        proposal = _refitted(mode.joint, drawn)
-        inner = min(2 * inner, MOST_INNER) if any(mode.joint.live) else 1
+        proposal, inner = _refitted(mode.joint, drawn), more(inner)
     proposal, inner = kept
-    drawn = _draw(mode, proposal, rng, FINAL, inner)
-    evaluations += FINAL * inner * len(mode.modes)
-    w, k = drawn.log_weights, diagnostics.pareto_k(drawn.log_weights)
-    log_evidence = float(np.asarray(logsumexp(w)) - np.log(FINAL))
-    size, outcome = effective(w), OK
+    drawn = _draw(mode, proposal, rng, draws, inner)
+    evaluations += draws * inner * len(mode.modes)
+    if _poor(drawn.log_weights) != OK:
+        inner = more(inner)
+        drawn = _draw(mode, _refitted(mode.joint, drawn), rng, draws, inner)
+        evaluations += draws * inner * len(mode.modes)
+    w = drawn.log_weights
+    log_evidence = float(np.asarray(logsumexp(w)) - np.log(draws))
+    return Weighed(
+        log_evidence,
+        stderr=float(np.std(np.exp(w - log_evidence), ddof=1) / np.sqrt(draws)),
+        pareto_k=diagnostics.pareto_k(w),
+        effective=effective(w),
+        evaluations=evaluations,
+        outcome=_poor(w),
+        scores=drawn.shared,
+        log_weights=w,
+    )
+
+
+def _poor(log_weights: np.ndarray) -> str:
+    """Why weights, (n,), are not to be trusted, or `ok`."""
+    k, size = diagnostics.pareto_k(log_weights), effective(log_weights)
     if not k < K_LIMIT:
-        outcome = f"not to be trusted: Pareto shape of the weights is {k:.2f}, above {K_LIMIT}"
-    elif size < LEAST:
-        outcome = f"not to be trusted: {size:.0f} effective draws, below {LEAST}"
-    stderr = float(np.std(np.exp(w - log_evidence), ddof=1) / np.sqrt(FINAL))
-    return Weighed(log_evidence, stderr, k, size, evaluations, outcome, drawn.shared, w)
+        return f"not to be trusted: Pareto shape of the weights is {k:.2f}, above {K_LIMIT}"
+    return OK if size >= LEAST else f"not to be trusted: {size:.0f} effective draws, below {LEAST}"
 
 
 def _draw(mode: JointMode, proposal: _Proposal, rng: np.random.Generator, n: int, inner: int) -> _Drawn:

@@ -27,6 +27,8 @@ CLEAR = 3.0
 """Nats of a log Bayes factor from which something is said to be so: odds of twenty."""
 WITHOUT = {BOTH: LAW, DAMPING: NOTHING}
 """What is shared once each record has a damping of its own."""
+ASIDE_DRAWS = 1000
+"""For a sharing of which nothing but the evidence is asked."""
 OTHER_LAW = {BOTH: DAMPING, DAMPING: BOTH}
 
 
@@ -47,7 +49,7 @@ def agreement(
         if other != sharing:
             try:
                 mode = problem.mode(problem.names(other))
-                found[other] = weighed_meta(weigh(mode, specimen.seed(candidate, other)))
+                found[other] = weighed_meta(weigh(mode, specimen.seed(candidate, other), ASIDE_DRAWS))
             except Refusal as refusal:
                 found[other] = {"outcome": str(refusal)}
     factors = {"damping": _factor(found, sharing, WITHOUT[sharing])}
