@@ -24,8 +24,22 @@ from bayesdamp.types import Refusal
 
 ANGLES = ("spring_angle", "rest_angle")
 """Parameters of a law that are never shared: each record may have been taken with another zero of the encoder."""
+HOPELESS = 1000.0
+"""Nats that a common value of what is shared would cost, from which no joint mode is looked for: the search would be
+long, far from all that the records say, and nobody could use what it found."""
 AT_WALLS = 4
 """Folded scores near zero whose joint orthant Laplace's look takes; of more, those that are cut most."""
+
+
+class Apart(Refusal):
+    """The records differ too much in what they would share. nats: what a common value of it would cost."""
+
+    def __init__(self, shared: tuple[str, ...], nats: float) -> None:
+        names = ", ".join(shared)
+        super().__init__(
+            f"the records disagree: a common value of {names} would cost {nats:.0f} nats; no joint fit"
+        )
+        self.nats = nats
 
 
 def damping_parameters(target: Target) -> tuple[str, ...]:
@@ -141,13 +155,16 @@ def find_joint_mode(
     """The mode that is reached from the records' own ones.
 
     starts: each record's parameter values at its own mode; tolerances: of the solver's plans there, in units of the
-    records. Raises Refusal where the joint posterior is not finite on the way.
+    records. Raises Apart where these are too far from each other for a search to make sense, Refusal where the joint
+    posterior is not finite on the way.
     """
     modes = [
         _anchored(target, target.scores(values), tolerance)
         for target, values, tolerance in zip(joint.targets, starts, tolerances, strict=True)
     ]
-    x, evaluations, attempts = _start(joint, modes), len(modes), 0
+    (x, apart), evaluations, attempts = _start(joint, modes), len(modes), 0
+    if apart > HOPELESS:
+        raise Apart(joint.shared, apart)
     while True:
         attempts += 1
         modes = [
@@ -182,10 +199,11 @@ def _near(mode: Mode, z: np.ndarray) -> bool:
     return bool((z - mode.z) @ mode.information @ (z - mode.z) < NEAR**2)
 
 
-def _start(joint: Joint, modes: Sequence[Mode]) -> np.ndarray:
-    """The mean of the records' shared scores, weighted by what each knows of them, and their own ones there."""
+def _start(joint: Joint, modes: Sequence[Mode]) -> tuple[np.ndarray, float]:
+    """The mean of the records' shared scores, weighted by what each knows of them, and their own ones there; and what
+    meeting there costs, in nats, as far as the log posteriors are parabolas."""
     k = len(joint.shared)
-    known, pulled, follow = np.zeros((k, k)), np.zeros(k), []
+    known, pulled, follow, weights = np.zeros((k, k)), np.zeros(k), [], []
     for j, mode in enumerate(modes):
         at, mine = joint.places(j)
         h = mode.information
@@ -193,12 +211,15 @@ def _start(joint: Joint, modes: Sequence[Mode]) -> np.ndarray:
         weight = h[np.ix_(at, at)] + h[np.ix_(at, mine)] @ slope
         known, pulled = known + weight, pulled + weight @ mode.z[at]
         follow.append(slope)
+        weights.append(weight)
     mean = np.linalg.solve(known, pulled) if k else pulled
-    own = []
+    own, cost = [], 0.0
     for j, (mode, slope) in enumerate(zip(modes, follow, strict=True)):
         at, mine = joint.places(j)
-        own.append(mode.z[mine] + slope @ (mean - mode.z[at]))
-    return np.concatenate([mean, *own])
+        away = mean - mode.z[at]
+        own.append(mode.z[mine] + slope @ away)
+        cost += 0.5 * float(away @ weights[j] @ away)
+    return np.concatenate([mean, *own]), cost
 
 
 def _curvature(joint: Joint, modes: Sequence[Mode]):

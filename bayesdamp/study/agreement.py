@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from bayesdamp.inference.hierarchy import Population, Sample, population
-from bayesdamp.inference.joint import JointMode
+from bayesdamp.inference.joint import Apart, JointMode
 from bayesdamp.inference.joint_evidence import Weighed, weigh
 from bayesdamp.study.specimens import (
     BOTH,
@@ -29,6 +29,8 @@ WITHOUT = {BOTH: LAW, DAMPING: NOTHING}
 """What is shared once each record has a damping of its own."""
 ASIDE_DRAWS = 1000
 """For a sharing of which nothing but the evidence is asked."""
+FAR_APART = 30.0
+"""Nats by which another sharing is so far off that Laplace's evidence of it will do: it is a few off at most."""
 OTHER_LAW = {BOTH: DAMPING, DAMPING: BOTH}
 
 
@@ -45,11 +47,17 @@ def agreement(
         for mode, label in zip(modes, specimen.labels, strict=True)
     ]
     found = {sharing: dict(row), NOTHING: _summed(alone)}
+
+    def seed(what: str) -> int:
+        return specimen.seed(candidate, what)
+
     for other in (BOTH, DAMPING, LAW) if problem.names(LAW) else (DAMPING,):
         if other != sharing:
             try:
-                mode = problem.mode(problem.names(other))
-                found[other] = weighed_meta(weigh(mode, specimen.seed(candidate, other), ASIDE_DRAWS))
+                found[other] = _weighed(problem.mode(problem.names(other)), row["look"], seed(other))
+            except Apart as apart:
+                cost = found[NOTHING]["log_evidence"] - apart.nats
+                found[other] = {"log_evidence": cost, "stderr": float("nan"), "outcome": OK}
             except Refusal as refusal:
                 found[other] = {"outcome": str(refusal)}
     factors = {"damping": _factor(found, sharing, WITHOUT[sharing])}
@@ -67,6 +75,17 @@ def agreement(
         },
         "repeats": populations(specimen.labels, modes, alone),
     }
+
+
+def _weighed(mode: JointMode, chosen: float, seed: int) -> dict[str, Any]:
+    """The evidence of another sharing: by Laplace where that leaves no doubt.
+
+    chosen: Laplace's log evidence of the one that was chosen.
+    """
+    look = mode.look()
+    if abs(look - chosen) > FAR_APART:
+        return {"log_evidence": look, "stderr": float("nan"), "outcome": OK}
+    return weighed_meta(weigh(mode, seed, ASIDE_DRAWS))
 
 
 def _summed(alone: Sequence[Weighed]) -> dict[str, Any]:

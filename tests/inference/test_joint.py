@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.special import logsumexp
 
-from bayesdamp.inference.joint import JointMode, find_joint_mode
+from bayesdamp.inference.joint import HOPELESS, Apart, JointMode, find_joint_mode
 from bayesdamp.inference.joint_evidence import Weighed, weigh
 from bayesdamp.inference.weighted import shares, summarise
 from bayesdamp.priors import HalfNormal
@@ -87,6 +87,15 @@ def test_one_record_with_all_shared_is_its_own_posterior():
     at, tolerances = starts(made)
     found = weigh(find_joint_mode(joint(made, made[0].names), at, tolerances), seed=5)
     assert found.log_evidence == pytest.approx(exact("repeats", (0,))[0], abs=4 * found.stderr + 0.01)
+
+
+def test_records_far_apart_are_not_searched():
+    """Negative control of the search: dampings hundreds of standard deviations apart have no joint mode to look for."""
+    made = targets(records((0.05, 0.4), seed=2, noise=0.002))
+    at, tolerances = starts(made)
+    with pytest.raises(Apart, match="the records disagree: a common value of zeta would cost") as caught:
+        find_joint_mode(joint(made, ("zeta",)), at, tolerances)
+    assert caught.value.nats > HOPELESS
 
 
 def test_a_prior_that_differs_cannot_be_shared():
