@@ -40,7 +40,7 @@ def exact(case: str, records: tuple[int, ...] = (0, 1, 2)) -> tuple[float, float
     log_p = log_p - 0.5 * (zeta / 0.3) ** 2 + LOG_HALF_NORMAL
     log_p[0] -= np.log(2)  # trapezoid
     log_evidence = float(logsumexp(log_p) + np.log(zeta[1] - zeta[0]))
-    p = np.exp(log_p - logsumexp(log_p))
+    p = np.exp(log_p - np.asarray(logsumexp(log_p)))
     mean = float(p @ zeta)
     return log_evidence, mean, float(np.sqrt(p @ (zeta - mean) ** 2))
 
