@@ -15,7 +15,7 @@ import numpy as np
 from scipy.special import logsumexp
 
 from bayesdamp.inference import diagnostics
-from bayesdamp.inference.evidence._densities import log_likelihood
+from bayesdamp.inference.batches import log_likelihood
 from bayesdamp.inference.evidence.importance import K_GOOD, K_LIMIT
 from bayesdamp.inference.folded import DEGREES, FoldedT
 from bayesdamp.inference.frame import cut_off_moments
@@ -174,7 +174,7 @@ def _draw(mode: JointMode, proposal: _Proposal, rng: np.random.Generator, n: int
             given = proposal.own[j].given(repeated - proposal.shared.centre, folded)
             y = given.draw(rng, n * inner)
             density = _log_normal(y, folded) - given.log_density(y)
-        one = log_likelihood(target, at, joint.scores(j, repeated, y)) + density
+        one = log_likelihood(target, at.context, joint.scores(j, repeated, y)) + density
         own.append(y.reshape(n, inner, -1))
         own_weights.append(one.reshape(n, inner))
         weights = weights + logsumexp(own_weights[-1], axis=1) - np.log(inner)
