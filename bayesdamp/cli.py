@@ -81,6 +81,12 @@ def compare(
         list[str] | None, typer.Option(help="A damping sum to compare, may be given again; all by default.")
     ] = None,
     noise: Annotated[str, typer.Option(help="A noise model, or auto: chosen for each record.")] = "auto",
+    repeats: Annotated[
+        bool,
+        typer.Option(
+            "--repeats", help="The records are of one specimen: fit them jointly, each from its own start."
+        ),
+    ] = False,
     seed: Annotated[int, typer.Option(min=0, help="Every random number follows from it.")] = 0,
     out: Annotated[Path | None, typer.Option(help="The folder to write; reports/NAME by default.")] = None,
     workers: Annotated[
@@ -103,7 +109,9 @@ def compare(
                 path, *columns, rate, unit, quantity, clock, _bound(start, "--start"), _bound(stop, "--stop")
             )
         )
-    made = comparison(asked, restoring=restoring or (), damping=damping or (), noise=noise, seed=seed)
+    made = comparison(
+        asked, restoring=restoring or (), damping=damping or (), noise=noise, seed=seed, repeats=repeats
+    )
     folder = _folder(out, made.name)
     from bayesdamp.study import run_study
 

@@ -47,12 +47,28 @@ TABLES: dict[str, tuple[str, ...]] = {
     ),
 }  # fmt: skip
 
+SPECIMEN_TABLES: dict[str, tuple[str, ...]] = {
+    "specimens.csv": (
+        "specimen", "records", "record", "model", "restoring", "shared", "parameter", "unit", "mean", "sd", "median",
+        "q2.5", "q97.5", "log_evidence", "stderr", "probability", "pareto_k", "effective", "outcome",
+    ),
+    "population.csv": (
+        "over", "model", "restoring", "parameter", "unit", "what", "of", "mean", "sd", "median", "q2.5", "q97.5",
+        "effective", "prior_scale", "outcome",
+    ),
+}  # fmt: skip
+"""Tables of a study that names specimens."""
+
 _TEXT = frozenset({
     "signal", "model", "estimator", "stage", "parameter", "unit", "outcome", "sampler", "restoring", "method",
-    "diagnostic", "rms_unit", "verdict",
+    "diagnostic", "rms_unit", "verdict", "specimen", "record", "shared", "over", "what", "of",
 })  # fmt: skip
-_WHOLE = frozenset({"repeat", "evaluations", "divergences"})
-_NUMBER = frozenset(c for columns in TABLES.values() for c in columns) - _TEXT - _WHOLE
+_WHOLE = frozenset({"repeat", "evaluations", "divergences", "records"})
+_NUMBER = (
+    frozenset(c for t in (TABLES, SPECIMEN_TABLES) for columns in t.values() for c in columns)
+    - _TEXT
+    - _WHOLE
+)
 
 _HEAD = "cell.json"
 _BROKEN = (

@@ -22,6 +22,8 @@ WARMUP, DRAWS = 100, 500
 """Of each of four chains: NUTS is whitened from the start and its draws are nearly independent, so that these are worth
 2,000; where they are not it takes more by itself."""
 TRANSLATIONS = ("m", "mm")
+SPECIMEN = "specimen"
+"""The name of the one specimen that all records are of."""
 
 
 @dataclass(frozen=True)
@@ -52,12 +54,21 @@ def comparison(
     damping: Sequence[str] = (),
     noise: str = "auto",
     seed: int = 0,
+    repeats: bool = False,
 ) -> Study:
     """The study that compares all damping sums (or those given) under all restoring laws (or those given) on each
-    record. Raises InputError, one line in the terms of the command's options.
+    record.
+
+    repeats: whether all records are of one specimen; otherwise each is a specimen of its own.
+    Raises InputError, one line in the terms of the command's options.
     """
+    if repeats and len(records) < 2:
+        raise InputError("--repeats: there is one record; give two or more of one specimen")
     names = _names([asked.path for asked in records])
     signals = [_signal(asked, name, tuple(restoring)) for asked, name in zip(records, names, strict=True)]
+    if len(records) > 1:
+        for signal in signals:
+            signal["specimen"] = SPECIMEN if repeats else signal["name"]
     raw: dict[str, Any] = {
         "version": 1,
         "name": names[0] if len(names) == 1 else f"{names[0]}-and-{len(names) - 1}-more",

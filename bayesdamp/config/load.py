@@ -45,6 +45,7 @@ from bayesdamp.config.signals import (
     resolve_signal,
     restoring_laws,
 )
+from bayesdamp.config.specimens import check_specimens
 from bayesdamp.config.sweeps import expand
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.types import InputError, candidate_name, candidate_parts
@@ -132,6 +133,12 @@ class Study:
         """Those of them under which estimators run."""
         wanted = self.dampings(spec) if spec.estimate is None else spec.estimate
         return tuple(name for name in self.compare(spec) if candidate_parts(name)[0] in wanted)
+
+    @property
+    def specimens(self) -> dict[str, tuple[SignalSpec, ...]]:
+        """The signals of each specimen that the study names."""
+        named = dict.fromkeys(s.specimen for s in self.signals if s.specimen)
+        return {name: tuple(s for s in self.signals if s.specimen == name) for name in named}
 
     @property
     def noises(self) -> tuple[str, ...]:
@@ -372,6 +379,9 @@ def resolve_study(raw: dict[str, Any], path: Path) -> Study:
             if model not in study.dampings(spec):
                 what = f"names {model}, which this signal does not compare"
                 raise StudyError(f"signal[{spec.name}].estimate", f"{what}; it must be one of its models")
+    check_specimens(
+        study.specimens, {s.name: study.dampings(s) for s in study.signals}, bool(raw.get("sweep"))
+    )
     if "laplace" not in study.evidence.methods:
         for key, value in (
             ("models.prune", study.models.prune),

@@ -67,6 +67,12 @@ class SignalTable(Section):
         None,
         description="a list of the models under which estimators run on this signal; all that it compares",
     )
+    specimen: str | None = Field(
+        None,
+        pattern=NAME,
+        max_length=64,
+        description="a name in quotes, the same for repeats of one specimen: letters, digits, - and _",
+    )
     file: str | None = Field(None, min_length=1, description="a file's path in quotes")
     time: Annotated[int, Field(ge=1)] | Annotated[str, Field(min_length=1)] | None = Field(
         None, description="a column's name or its number from 1"

@@ -33,7 +33,7 @@ NOISE = ("noise_sd", "noise_time", "noise_dof")
 REFERENCE = ("amplitude", "frequency", "inertia")
 _MINIMUM = {"epsilon": 0.0, "noise_sd": 0.0}
 _POSITIVE = ("noise_time", "noise_dof", *REFERENCE)
-_SIMULATED = ("name", "simulate", "system", "compare", "restoring", "estimate")
+_SIMULATED = ("name", "simulate", "system", "compare", "restoring", "estimate", "specimen")
 
 
 @dataclass(frozen=True)
@@ -85,7 +85,8 @@ class SignalSpec:
     inertia: kg m² (kg for a translation), only for showing results in physical units.
     compare: its own damping models, None for the study's; estimate: those under which estimators run, None for
     all that it compares. laws: the restoring laws that it is compared under; alternatives: what is known of its
-    system under those that are not `system`'s own.
+    system under those that are not `system`'s own. specimen: what it is a record of; records of one specimen are fitted
+    jointly, several specimens summarised. Empty where the study does not say.
     """
 
     name: str
@@ -96,6 +97,7 @@ class SignalSpec:
     estimate: tuple[str, ...] | None = None
     laws: tuple[str, ...] = ()
     alternatives: tuple[System, ...] = ()
+    specimen: str = ""
 
     def resolved(self) -> dict[str, Any]:
         """All that the study says of the record, as JSON takes it; no path of this machine."""
@@ -103,6 +105,8 @@ class SignalSpec:
         found["source"].pop("path", None)
         if not self.alternatives:
             del found["laws"], found["alternatives"]
+        if not self.specimen:
+            del found["specimen"]
         return found
 
     @property
@@ -311,7 +315,14 @@ def resolve_signal(
     }
     alternatives = tuple(s for s in others if s.restoring in laws)
     return SignalSpec(
-        entry.name, system, source, reference.get("inertia"), **own, laws=laws, alternatives=alternatives
+        entry.name,
+        system,
+        source,
+        reference.get("inertia"),
+        **own,
+        laws=laws,
+        alternatives=alternatives,
+        specimen=entry.specimen or "",
     )
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import jax.numpy as jnp
@@ -77,10 +77,28 @@ def climb(
     layout: Layout, context: Context, z: np.ndarray, *, limit: int = 60
 ) -> tuple[np.ndarray, float, np.ndarray, int, bool]:
     """Levenberg–Marquardt on the log posterior: z, its value, the information, evaluations, converged."""
-    functions = compiled(layout)
-    folded = np.asarray(layout.folded)
+    curvature = compiled(layout).curvature
+
+    def at(z: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        value, gradient, information = map(np.asarray, curvature(context, jnp.asarray(z)))
+        return value, gradient, information
+
+    return maximise(at, np.asarray(layout.folded), z, limit=limit)
+
+
+def maximise(
+    curvature: Callable[[np.ndarray], tuple[np.ndarray, np.ndarray, np.ndarray]],
+    folded: np.ndarray,
+    z: np.ndarray,
+    *,
+    limit: int = 60,
+) -> tuple[np.ndarray, float, np.ndarray, int, bool]:
+    """`climb` on any log density of scores, (d,), of which the folded ones, (d,) of bool, end at zero.
+
+    curvature: z to log density, gradient (d,) and information (d, d).
+    """
     z = np.where(folded, np.maximum(np.abs(z), WALL), z)
-    value, gradient, information = map(np.asarray, functions.curvature(context, jnp.asarray(z)))
+    value, gradient, information = curvature(z)
     damping, evaluations = 1e-3, 1
     for _ in range(limit):
         if not np.isfinite(value) or not np.all(np.isfinite(information)):
@@ -93,7 +111,7 @@ def climb(
         move *= min(1.0, 3.0 / max(np.abs(move).max(), 1e-300))
         trial = np.where(folded, np.maximum(z + move, WALL), z + move)
         move = trial - z
-        new = tuple(map(np.asarray, functions.curvature(context, jnp.asarray(trial))))
+        new = curvature(trial)
         evaluations += 1
         gain = float(new[0] - value) if np.isfinite(new[0]) else -np.inf
         if gain >= 0:

@@ -11,6 +11,7 @@ from rich.text import Text
 from bayesdamp.report import words
 from bayesdamp.report.reading import ASIDE, coefficients, ranking, summary_rows
 from bayesdamp.report.run import Run, rows_of
+from bayesdamp.report.specimens import sentences
 from bayesdamp.report.verdict import verdict
 from bayesdamp.types import candidate_parts
 
@@ -27,6 +28,9 @@ def conclude(folder: Path, console: Console) -> None:
         table = _candidates(run, signal, repeat)
         if table is not None:
             console.print(table)
+    for said in sentences(run):
+        console.print()
+        console.print(Text(said), soft_wrap=True)
     console.print(str(folder / "report.html"), soft_wrap=True, highlight=False)
 
 

@@ -31,7 +31,7 @@ NO_NOISE = 1e-6
 """Noise below this share of the amplitude is none: a likelihood has nothing to weigh by."""
 NOT_APPLICABLE = "not applicable: the record has no noise, so there is no posterior"
 RAW_POINTS = 20_000
-_NOT_OF_THE_RECORD = ("compare", "estimate", "laws", "alternatives")
+_NOT_OF_THE_RECORD = ("compare", "estimate", "laws", "alternatives", "specimen")
 
 
 def digest(*parts: object) -> str:

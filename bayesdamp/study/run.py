@@ -18,6 +18,7 @@ from bayesdamp.store import CellResult, Store
 from bayesdamp.study import staging
 from bayesdamp.study.averaging import average, averages
 from bayesdamp.study.cells import Branch
+from bayesdamp.study.many import joint_cells, populated, repeated
 from bayesdamp.study.noise import noise_cell
 from bayesdamp.study.records import SignalCell, digest
 from bayesdamp.study.tables import write_tables
@@ -37,7 +38,8 @@ class Cell:
 @dataclass(frozen=True)
 class Job:
     """What one worker does in a row: a record itself (model None), one candidate's branch on it, or, once all of these
-    are done, what joins them (joined).
+    are done, what joins them: an "average" over models, a "specimen" of several records (signal is then its name), the
+    "population" of all specimens.
 
     part: of a branch "look" (estimates, mode, Laplace's evidence), "weigh" (the other evidence) or "sample"; None for
     all of it.
@@ -46,7 +48,7 @@ class Job:
     signal: str
     repeat: int
     model: str | None = None
-    joined: bool = False
+    joined: str = ""
     part: str | None = None
 
 
@@ -107,7 +109,9 @@ def _jobs(study: Study) -> list[Job]:
     most = max(s.repeats for s in study.signals)
     records = [(s, r) for r in range(most) for s in study.signals if r < s.repeats]
     first = [Job(s.name, r) for s, r in records]
-    last = [Job(s.name, 0, joined=True) for s in study.signals if averages(study, s)]
+    last = [Job(s.name, 0, joined="average") for s in study.signals if averages(study, s)]
+    last += [Job(name, 0, joined="specimen") for name in repeated(study)]
+    last += [Job("specimens", 0, joined="population")] if populated(study) else []
     return [*first, *(Job(s.name, r, m) for s, r in records for m in study.compare(s)), *last]
 
 
@@ -117,6 +121,8 @@ def _spec(study: Study, name: str) -> SignalSpec:
 
 def _work(study: Study, store: Store, job: Job) -> dict[str, tuple[str, Callable[[str, str], None]]]:
     """The cells of a job: name to key and what computes it."""
+    if job.joined in ("specimen", "population"):
+        return joint_cells(study, store, None if job.joined == "population" else job.signal)
     spec = _spec(study, job.signal)
     if job.joined:
         branches = [Branch(study, spec, job.repeat, m, store).cells() for m in study.compare(spec)]
@@ -199,7 +205,8 @@ def _stages(study: Study, store: Store) -> Iterator[list[Job]]:
         yield from _staged(study, store)
     else:
         yield [job for job in jobs if job.model is not None]
-    yield [job for job in jobs if job.joined]
+    yield [job for job in jobs if job.joined and job.joined != "population"]
+    yield [job for job in jobs if job.joined == "population"]
 
 
 def _staged(study: Study, store: Store) -> Iterator[list[Job]]:

@@ -13,6 +13,7 @@ from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.physics.units import parameter_unit, quantity_unit
 from bayesdamp.store import TABLES, CellResult, Store, provenance, write_json, write_table
+from bayesdamp.study.specimen_tables import write_specimen_tables
 from bayesdamp.study.staging import ASIDE
 from bayesdamp.study.weighing import evidence_by_method
 from bayesdamp.types import OK, candidate_parts
@@ -29,6 +30,7 @@ def write_tables(study: Study, store: Store) -> None:
         ("fits.csv", _fits(study, store)),
     ):
         write_table(store.folder / name, TABLES[name], rows)
+    write_specimen_tables(study, store)
     write_json(store.folder / "run.json", _run(study, store))
 
 

@@ -1,0 +1,27 @@
+"""Summaries of draws that have weights."""
+
+from __future__ import annotations
+
+import numpy as np
+
+LEVELS = {"q2.5": 0.025, "median": 0.5, "q97.5": 0.975}
+
+
+def shares(log_weights: np.ndarray) -> np.ndarray:
+    """Weights that sum to one from their logarithms, (n,)."""
+    w = np.exp(log_weights - log_weights.max())
+    return w / w.sum()
+
+
+def effective(log_weights: np.ndarray) -> float:
+    """How many draws of equal weight these, (n,), are worth."""
+    return float(1.0 / np.sum(shares(log_weights) ** 2))
+
+
+def summarise(x: np.ndarray, weights: np.ndarray) -> dict[str, float]:
+    """Mean, sd and central 95 % of draws x, (n,), with weights that sum to one, (n,)."""
+    mean = float(weights @ x)
+    order = np.argsort(x)
+    ladder = np.cumsum(weights[order]) - 0.5 * weights[order]
+    found = {name: float(np.interp(level, ladder, x[order])) for name, level in LEVELS.items()}
+    return {"mean": mean, "sd": float(np.sqrt(weights @ (x - mean) ** 2)), **found}
