@@ -34,6 +34,14 @@ def verdict(run: Run, signal: str, repeat: int) -> Verdict:
     best = found.best
     ties = [label(r) for r in found.rows[1:] if r["probability"] >= TIE]
     share = words.probability(best["probability"])
+    record = run.cell("signal", signal, repeat)
+    odd = words.listing(record.meta.get("anomalies", ())) if record else ""
+    if odd:
+        sentence = (
+            f"the record is no free decay of one oscillator, so no candidate fits: {odd}; of those that are compared "
+            f"all the same, {label(best)} comes first, with a probability of {share} among them only."
+        )
+        return Verdict(True, sentence)
     if said and all(s.startswith(MISFIT) for s in said):
         sentence = (
             f"no candidate fits ({checks[weighed[0]].removeprefix(MISFIT + ': ')}); of those that do not fit, "
