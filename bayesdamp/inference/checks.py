@@ -50,7 +50,7 @@ class Fit:
     """What is left of a record at the mode.
 
     fit, residual: in the unit of the record, shape (n,); whitened: scores, shape (n,); autocorrelation of
-    the residuals by lag, shape (l,). predictive_p, tails_p: posterior predictive p of the structure in whitened
+    the residuals by lag, shape (l,). rms, in the unit of the record; share: of half the fit's range. predictive_p, tails_p: posterior predictive p of the structure in whitened
     residuals and of their kurtosis (in excess of a normal's). line_p: chance of the part of their spectrum that stands
     out most. window_spread: largest shift of a damping coefficient between a window and the whole record, in posterior
     sds; window_z: the same in sds of the shift itself.
@@ -61,6 +61,7 @@ class Fit:
     whitened: np.ndarray
     autocorrelation: np.ndarray
     rms: float
+    share: float
     residual_autocorrelation: float
     predictive_p: float
     line_p: float
@@ -165,13 +166,15 @@ def check_fit(target: Target, mode: Mode, period: float, seed: int) -> Fit:
     tails = float(kurtosis(white))
     line = standing_out(target.signal.t, white, period, tangents(target, mode))
     windows, spread, z = _windows(target, mode)
+    rms = float(np.sqrt(np.mean(r**2)))
     lag_one = float(autocorrelation(r, 1)[1])
     return Fit(
         fit=target.signal.y - r,
         residual=r,
         whitened=white,
         autocorrelation=autocorrelation(white, min(3 * lags, n // 2)),
-        rms=float(np.sqrt(np.mean(r**2))),
+        rms=rms,
+        share=rms / max(0.5 * float(np.ptp(target.signal.y - r)), 1e-300),
         residual_autocorrelation=lag_one,
         predictive_p=p,
         line_p=line.chance,

@@ -43,8 +43,9 @@ def verdict(run: Run, signal: str, repeat: int) -> Verdict:
         )
         return Verdict(True, sentence)
     if said and all(s.startswith(MISFIT) for s in said):
+        why = checks[weighed[0]].removeprefix(MISFIT + ": ")
         sentence = (
-            f"no candidate fits ({checks[weighed[0]].removeprefix(MISFIT + ': ')}); of those that do not fit, "
+            f"no candidate fits ({why}){_left(run, signal, repeat, weighed[0])}; of those that do not fit, "
             f"{label(best)} is least unlikely, with a probability of {share} among them only."
         )
         return Verdict(True, sentence)
@@ -61,3 +62,10 @@ def verdict(run: Run, signal: str, repeat: int) -> Verdict:
         )
     beside = f"; {words.listing(ties)} cannot be excluded" if ties else ""
     return Verdict(False, f"damping is most likely {name}, with a probability of {share}{beside}.")
+
+
+def _left(run: Run, signal: str, repeat: int, model: str) -> str:
+    """How large the residual of a candidate is: the misfit that a long record shows may be a small one."""
+    cell = run.cell("mode", signal, repeat, model)
+    size = cell.meta.get("share") if cell else None
+    return f", leaving {words.number(100 * size, 2)} % of the amplitude unexplained" if size else ""

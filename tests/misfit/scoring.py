@@ -25,7 +25,7 @@ from tests.misfit.cases import Case
 
 COLUMNS = (
     "case", "kind", "truth", "noise_pct", "best", "probability", "damping", "damping_probability", "noise",
-    "warned", "wrong", "nats_hidden", "rms_pct", "fit", "seconds", "sentence",
+    "true_probability", "relation", "warned", "wrong", "nats_hidden", "rms_pct", "fit", "seconds", "sentence",
 )  # fmt: skip
 UNREAD = ("curve/", "sensitivity/")
 """Cells that no verdict reads."""
@@ -80,6 +80,8 @@ def _read(case: Case, run: Run) -> dict[str, object]:
         "damping": damping,
         "damping_probability": f"{share:.4f}",
         "noise": run.about("record").get("noise", ""),
+        "true_probability": f"{shares[case.damping]:.4f}" if case.damping in shares else "",
+        "relation": relation(damping, case.damping),
         "warned": "yes" if said.misfit else "no",
         "wrong": int(damping != case.damping and share > LIMIT),
         "nats_hidden": f"{hidden(case, run, best):.1f}",
@@ -87,6 +89,16 @@ def _read(case: Case, run: Run) -> dict[str, object]:
         "fit": fit.get("verdict", ""),
         "sentence": said.sentence,
     }
+
+
+def relation(found: str, truth: str) -> str:
+    """How a damping sum stands to the true one."""
+    terms, true = set(found.split("+")), set(truth.split("+"))
+    if terms == true:
+        return "right"
+    if terms < true:
+        return "misses a term"
+    return "has a term more" if terms > true else "another law"
 
 
 def hidden(case: Case, run: Run, best: str) -> float:
