@@ -50,10 +50,11 @@ class Fit:
     """What is left of a record at the mode.
 
     fit, residual: in the unit of the record, shape (n,); whitened: scores, shape (n,); autocorrelation of
-    the residuals by lag, shape (l,). rms, in the unit of the record; share: of half the fit's range. predictive_p, tails_p: posterior predictive p of the structure in whitened
-    residuals and of their kurtosis (in excess of a normal's). line_p: chance of the part of their spectrum that stands
-    out most. window_spread: largest shift of a damping coefficient between a window and the whole record, in posterior
-    sds; window_z: the same in sds of the shift itself.
+    the residuals by lag, shape (l,). rms, in the unit of the record; share: of half the fit's range. predictive_p,
+    tails_p: posterior predictive p of the structure in whitened residuals and of their kurtosis (in excess of a
+    normal's). line_p: chance of the part of their spectrum that stands out most. window_spread: largest shift of a
+    damping coefficient between a window and the whole record, in posterior sds; window_z: the same in sds of the
+    shift itself.
     """
 
     fit: np.ndarray

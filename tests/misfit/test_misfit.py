@@ -16,7 +16,7 @@ from tests.misfit.scoring import LIMIT, read_rows, score
 
 TABLE = Path(__file__).resolve().parents[2] / "reports" / "misfit" / "scored.csv"
 SEEN = 20.0
-"""Nats by which the truth is ahead of the best candidate, from which a test that does not know it should see a misfit."""
+"""Nats by which the truth is ahead of the best candidate's fit, from which a test that does not know it should see."""
 
 pytestmark = pytest.mark.slow
 

@@ -25,7 +25,7 @@ def test_viscous_damping_is_the_closed_form_and_leaves_what_was_asked() -> None:
 
 
 def test_dry_friction_takes_four_times_itself_a_cycle_and_holds() -> None:
-    """With no difference between static and kinetic friction: x = (1 − μ) cos t + μ at first, and 1 − 4μ a cycle later."""
+    """Without a difference of static and kinetic friction: (1 − μ) cos t + μ at first, 1 − 4μ a cycle later."""
     found = rec.sticking(0.02, 0.02, 0.1, T)
     first = np.flatnonzero(np.pi >= T)
     assert found[first] == pytest.approx(0.98 * np.cos(T[first]) + 0.02, abs=1e-6)
