@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
-from bayesdamp.inference.lines import Line, standing_out
+from bayesdamp.inference.lines import Line, standing_out, strongest
 from bayesdamp.inference.mode import Mode, climb
 from bayesdamp.inference.noise import NoiseModel
 from bayesdamp.inference.target import Context, Layout, Target, parameters, residual
@@ -27,7 +27,7 @@ P_LIMIT = 0.01
 LINE_LIMIT = 0.005
 """Chance from which a part of the residuals' spectrum stands out: with P_LIMIT, 1.5 % of true models are refused."""
 HINT = 0.1
-"""Chance up to which the part that stands out most is named where structure is seen otherwise."""
+"""Chance up to which the part that stands out of the whitened residuals is named where structure is seen."""
 HEAVY = 1.0
 """Excess kurtosis from which outliers matter: a Student t of ten degrees of freedom has it."""
 WINDOW_LIMIT = 4.0
@@ -165,7 +165,10 @@ def check_fit(target: Target, mode: Mode, period: float, seed: int) -> Fit:
     lags = _lags(target, period)
     p, p_tails = _chances(target, mode, period, seed)
     tails = float(kurtosis(white))
-    line = standing_out(target.signal.t, white, period, tangents(target, mode))
+    t = target.signal.t
+    line = standing_out(t, white, period, tangents(target, mode))
+    if line.chance > HINT:  # where whitening has levelled the spectrum, it says what there was to level
+        line = replace(line, words=strongest(t, r, period))
     windows, spread, z = _windows(target, mode)
     rms = float(np.sqrt(np.mean(r**2)))
     lag_one = float(autocorrelation(r, 1)[1])
@@ -192,8 +195,7 @@ def _verdict(noise: NoiseModel, p: float, line: Line, z: float, outliers: bool) 
     correlated = noise.name == "correlated"
     if p < P_LIMIT or line.chance < LINE_LIMIT:
         also = "" if correlated else " with independent noise"
-        which = f": {line.words}" if line.chance < HINT else ""
-        return f"does not fit: structure is left in the residuals{also}{which}"
+        return f"does not fit: structure is left in the residuals{also}: {line.words}"
     if z > WINDOW_LIMIT:
         return "does not fit: the coefficients change from one part of the record to another"
     if outliers and not noise.heavy_tailed:

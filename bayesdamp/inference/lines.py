@@ -47,9 +47,8 @@ def standing_out(t: np.ndarray, scores: np.ndarray, period: float, tangents: np.
     whatever the record's length: for a small chance the power in it must be some three times that of the noise model,
     by which intervals would be too narrow by the root of that.
     """
-    length = float(t[-1] - t[0]) * t.size / (t.size - 1)
-    cycles, fastest = length / period, 0.5 * t.size / length
-    across = int(np.clip(cycles / 3, 0, ACROSS))
+    length, cycles, across = _extent(t, period)
+    fastest = 0.5 * t.size / length
     absorbed = _orthonormal(tangents.T)
     bands = [
         (AT_OSCILLATION, _around(1, period, length, across)),
@@ -61,6 +60,18 @@ def standing_out(t: np.ndarray, scores: np.ndarray, period: float, tangents: np.
     found.append(_highest(scores, cycles, across))
     best = min(found, key=lambda line: line.chance)
     return Line(min(1.0, len(found) * best.chance), best.words)
+
+
+def strongest(t: np.ndarray, residual: np.ndarray, period: float) -> str:
+    """Where residuals (n,) have most power, not whitened, in the words of a `Line`."""
+    _, cycles, across = _extent(t, period)
+    return _highest(residual, cycles, across).words
+
+
+def _extent(t: np.ndarray, period: float) -> tuple[float, float, int]:
+    """(length in s, cycles, frequencies on either side that count with one) of a record."""
+    length = float(t[-1] - t[0]) * t.size / (t.size - 1)
+    return length, length / period, int(np.clip(length / period / 3, 0, ACROSS))
 
 
 def _around(multiple: int, period: float, length: float, across: int) -> np.ndarray:

@@ -58,3 +58,8 @@ def test_what_a_fit_absorbs_does_not_count() -> None:
         standing_out(T, left, PERIOD, TANGENTS).chance
         < standing_out(T, left, PERIOD, np.empty((0, T.size))).chance
     )
+
+
+def test_where_most_power_is() -> None:
+    assert lines.strongest(T, 3 * T + white(3), PERIOD) == lines.SLOW
+    assert lines.strongest(T, np.cos(PHASE) + 0.1 * white(3), PERIOD) == lines.AT_OSCILLATION
