@@ -7,16 +7,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-import jax.numpy as jnp
 import numpy as np
 
 from bayesdamp.calibration.problem import Drawn, Generator, failure, generator, mode_of, record_rng
 from bayesdamp.config import Study
-from bayesdamp.inference import calibration
+from bayesdamp.inference import batches, calibration
 from bayesdamp.inference.mode import Mode
 from bayesdamp.inference.samplers import SAMPLERS, Settings
 from bayesdamp.inference.samplers._many import BATCH, sample_many
-from bayesdamp.inference.target import compiled, log_prior
 from bayesdamp.store import CellResult
 from bayesdamp.types import OK, InputError, Posterior, Refusal
 
@@ -94,9 +92,8 @@ def _fit(made: Generator, drawn: Drawn) -> _Fit:
 
 def _log_likelihood(fit: _Fit) -> float:
     target = fit.drawn.target
-    z = jnp.asarray(target.scores(fit.drawn.truth))
-    posterior = compiled(target.layout).log_posterior(fit.mode.context, z)
-    return float(posterior - log_prior(z))
+    z = target.scores(fit.drawn.truth)[None]
+    return float(batches.log_likelihood(target, fit.mode.context, z)[0])
 
 
 def _sampled(

@@ -6,17 +6,16 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 
 from bayesdamp.inference.lines import Line, standing_out, strongest
 from bayesdamp.inference.mode import Mode, climb
 from bayesdamp.inference.noise import NoiseModel
-from bayesdamp.inference.target import Context, Layout, Target, parameters, residual
+from bayesdamp.inference.residuals import residual, residuals, whitened
+from bayesdamp.inference.target import Target
 from bayesdamp.physics.integrate import part_of
 
 DRAWS = 200
-LEAST_BATCHES = 4
 STEP = 0.1
 """Posterior sds by which a parameter is moved to see what it does to the residuals."""
 HELD = 1e-6
@@ -74,17 +73,6 @@ class Fit:
     verdict: str
 
 
-@lru_cache(maxsize=64)
-def views(layout: Layout):
-    """Compiled, (context, z): the residuals and their whitened scores, (n,) each; at one z and at many."""
-
-    def view(context: Context, z):
-        r = residual(layout, context, z)
-        return r, layout.noise.whiten(r, context.gaps, parameters(layout, context, z))
-
-    return jax.jit(view), jax.jit(jax.vmap(view, in_axes=(None, 0)))
-
-
 def autocorrelation(x: np.ndarray, lags: int) -> np.ndarray:
     """Autocorrelation of x, shape (..., n), at lags 0 to `lags`, shape (..., lags + 1)."""
     x = x - x.mean(axis=-1, keepdims=True)
@@ -120,17 +108,16 @@ def _lags(target: Target, period: float) -> int:
 
 def _chances(target: Target, mode: Mode, period: float, seed: int) -> tuple[float, float]:
     """Posterior predictive p of the structure and of the tails of whitened residuals."""
-    many, n, lags = views(target.layout)[1], target.signal.t.size, _lags(target, period)
+    n, lags = target.signal.t.size, _lags(target, period)
     draws = laplace_draws(target, mode, DRAWS, seed)
     noise = np.random.default_rng(seed + 1)
 
     def seen(scores: np.ndarray) -> np.ndarray:
         return np.stack([portmanteau(scores, lags), kurtosis(scores)])
 
-    batches = np.array_split(draws, max(LEAST_BATCHES, DRAWS * n // TOGETHER))
-    observed = np.concatenate(
-        [seen(np.asarray(many(mode.context, jnp.asarray(d))[1])) for d in batches], axis=1
-    )
+    parts = np.array_split(draws, max(4, DRAWS * n // TOGETHER))
+    plan = mode.context.plan
+    observed = np.concatenate([seen(whitened(target, residuals(target, plan, z), z)) for z in parts], axis=1)
     replicated = np.stack([seen(noise.standard_normal(n)) for _ in range(DRAWS)], axis=1)
     # Not-a-number (a draw that escapes) counts as a misfit.
     beyond = np.sum(replicated >= np.nan_to_num(observed, nan=np.inf), axis=1)
@@ -150,18 +137,17 @@ def tangents(target: Target, mode: Mode) -> np.ndarray:
         if n in target.oscillator.parameters and not (folded[i] and abs(mode.z[i]) <= HELD)
     ]
     steps = STEP * mode.sd()
-    together = -(-DRAWS // LEAST_BATCHES)  # the shape of the predictive draws: one compiled program
-    z = np.tile(mode.z, (max(together, len(free) + 1), 1))
-    z[np.arange(1, len(free) + 1), free] += steps[free]
-    scores = np.asarray(views(target.layout)[1](mode.context, jnp.asarray(z))[1])[: len(free) + 1]
-    found = (scores[1:] - scores[0]) / STEP
+    plan, moved = mode.context.plan, mode.z + np.diag(steps)[free]
+    here = whitened(target, residual(target, plan, mode.z), mode.z)
+    scores = [whitened(target, residual(target, plan, z), mode.z) for z in moved]
+    found = (np.array(scores).reshape(len(free), here.size) - here) / STEP
     return found[np.all(np.isfinite(found), axis=1)]
 
 
 def check_fit(target: Target, mode: Mode, period: float, seed: int) -> Fit:
     """All checks of a model at its mode. period: of the oscillation in s: how far structure is looked for."""
-    layout, n = target.layout, target.signal.t.size
-    r, white = map(np.asarray, views(layout)[0](mode.context, jnp.asarray(mode.z)))
+    n, r = target.signal.t.size, residual(target, mode.context.plan, mode.z)
+    white = whitened(target, r, mode.z)
     lags = _lags(target, period)
     p, p_tails = _chances(target, mode, period, seed)
     tails = float(kurtosis(white))
@@ -187,7 +173,7 @@ def check_fit(target: Target, mode: Mode, period: float, seed: int) -> Fit:
         windows=windows,
         window_spread=spread,
         window_z=z,
-        verdict=_verdict(layout.noise, p, line, z, p_tails < P_LIMIT and tails > HEAVY),
+        verdict=_verdict(target.layout.noise, p, line, z, p_tails < P_LIMIT and tails > HEAVY),
     )
 
 

@@ -1,4 +1,4 @@
-"""A long record condensed, in one pass, to a few numbers a solver step: the likelihood's cost loses the samples.
+"""A record condensed, in one pass, to a few numbers a solver step: the likelihood's cost loses the samples.
 
 Between two nodes the dense output is linear in the node values x (θ, θ̇, θ̈ at both ends), so the residuals of
 the samples in a step are y − W x. The triangle of [W | y] = Q [R | b; 0 | c] gives their sum of squares for
@@ -11,7 +11,7 @@ the pairs that straddle a node, which are kept as they are.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 from functools import partial
 
 import jax
@@ -22,11 +22,13 @@ from jax import numpy as jnp
 from bayesdamp.inference.noise import NoiseModel, NormalNoise
 from bayesdamp.physics.integrate import MeshPlan, Plan, between
 
-CROWDED = 8.0
-"""Samples a step from which condensing pays: a step becomes six or thirteen numbers."""
+ENDS = 2
+"""Samples that have a neighbour on one side only."""
 EVEN = 1e-8
 """Departure of a gap from the mean one, as a share, up to which a clock is uniform: rounding, no jitter. In a log
 likelihood ten sds from its mode it shows as about 14 times that (nats)."""
+LEAST_ROOM = 256
+"""Steps that there is room for at least."""
 CHUNK = 2**18
 """Samples triangulated at a time."""
 
@@ -80,6 +82,17 @@ class Condensed:
     count: Array
     gap: Array
 
+    @property
+    def room(self) -> int:
+        """Steps that there is room for."""
+        return self.near.shape[0] - 1
+
+    def in_room(self, room: int) -> Condensed:
+        """The same with room for more steps; those are empty."""
+        more = room - self.room
+        sums = {name: tuple(_padded(s, more) for s in parts) for name, parts in self.sums.items()}
+        return replace(self, sums=sums, near=jnp.pad(self.near, ((0, more), (0, 0))))
+
     def misfit(self, nodes: Array) -> Array:
         """One vector, shape (c,), whose parts have the sums as their squares, at values at the nodes, (m' + 1, 3).
 
@@ -94,6 +107,17 @@ class Condensed:
         names = sorted(self.sums)
         sizes = [sum(s.value.size + isinstance(s, Triangles) for s in self.sums[n]) for n in names]
         return dict(zip(names, jnp.split(misfit, np.cumsum(sizes)[:-1]), strict=True))
+
+
+def _padded(part: Triangles | Singles, more: int) -> Triangles | Singles:
+    def longer(x: Array) -> Array:
+        return jnp.pad(x, ((0, more), *((0, 0),) * (x.ndim - 1)))
+
+    if isinstance(part, Triangles):
+        return Triangles(longer(part.root), longer(part.value), part.rest)
+    if part.value.size == ENDS:
+        return part
+    return Singles(*(longer(getattr(part, f.name)) for f in fields(part)))
 
 
 def log_likelihood(noise: NormalNoise, condensed: Condensed, misfit: Array, p: Mapping[str, Array]) -> Array:
@@ -116,15 +140,15 @@ def information_root(noise: NormalNoise, condensed: Condensed, v: Array, p: Mapp
 def condense(noise: NoiseModel, plan: Plan, t: np.ndarray, y: np.ndarray) -> Condensed | None:
     """A record's times (s, (n,)) and values (n,) for this noise and plan; None where the plain sum is to be taken:
 
-    few samples a step, steps that belong to the parameters (exact friction), noise whose likelihood is not
+    steps that belong to the parameters (exact friction), noise whose likelihood is not
     made of sums of squares, correlated noise on a clock that is not uniform.
     """
     if not isinstance(noise, NormalNoise) or not isinstance(plan, MeshPlan):
         return None
-    count = int(plan.count)
-    if t.size < CROWDED * count or (noise.uniform_clock and not _even(t)):
+    if noise.uniform_clock and not _even(t):
         return None
-    size = min(2 ** int(np.ceil(np.log2(count))), plan.steps.size)  # so that few sizes are compiled
+    count = int(plan.count)
+    size = min(max(LEAST_ROOM, 2 ** int(np.ceil(np.log2(count)))), plan.steps.size)  # few sizes are compiled
     near, left = np.zeros((size + 1, 3)), np.asarray(y, float)
     if plan.anchor is not None:
         near = np.asarray(plan.anchor.nodes)[: size + 1]

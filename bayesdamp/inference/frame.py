@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from functools import lru_cache, partial
 
-import jax
 import numpy as np
+from jax import Array
 from jax import numpy as jnp
 from scipy.special import log_ndtr, ndtri_exp
 
+from bayesdamp.inference.batches import in_batches
 from bayesdamp.inference.mode import Mode
-from bayesdamp.inference.target import Layout, Target, compiled, linearise, linearised_log_posterior
+from bayesdamp.inference.target import Target, compiled
 
 H = 0.3
 """Whitened units over which second differences are taken: they reach 0.6 sds from the centre, and the mean of
@@ -20,7 +21,6 @@ FLATTEST = 0.1
 """Least curvature that is believed, in units of the Gauss–Newton one."""
 FAR = 8.0
 """A wall so many sds away cuts nothing off."""
-CHUNK = 250
 
 
 @dataclass(frozen=True)
@@ -124,25 +124,15 @@ def _curvatures(
         [[a * np.eye(d)[i] + b * np.eye(d)[j] for a in (1, -1) for b in (1, -1)] for i, j in pairs]
     )
     points = at + H * corners.reshape(-1, d) @ factor.T
-    padded = np.concatenate([points, np.repeat(at[None], -len(points) % CHUNK, axis=0)])
-    parts = [jnp.asarray(c) for c in np.split(padded, len(padded) // CHUNK)]
-    lines, batch = _linear(layout)
-    line = lines(mode.context, jnp.asarray(at))
+    functions = compiled(layout)
+    line = functions.linearise(mode.context, jnp.asarray(at))
 
-    def hessian(chunks: list[np.ndarray]) -> np.ndarray:
-        f = np.concatenate(chunks)[: len(points)].reshape(-1, 4)
+    def hessian(fun: Callable[[Array], Array]) -> np.ndarray:
+        f = in_batches(fun, points).reshape(-1, 4)
         found = np.zeros((d, d))
         for (i, j), v in zip(pairs, -(f[:, 0] - f[:, 1] - f[:, 2] + f[:, 3]) / (4 * H * H), strict=True):
             found[i, j] = found[j, i] = v
         return found
 
-    whole = hessian([np.asarray(compiled(layout).batch(mode.context, c)) for c in parts])
-    return whole, hessian([np.asarray(batch(mode.context, line, c)) for c in parts])
-
-
-@lru_cache(maxsize=64)
-def _linear(layout: Layout):
-    # Kept: a function made anew would be compiled anew for each record.
-    lines = jax.jit(partial(linearise, layout))
-    batch = jax.jit(jax.vmap(partial(linearised_log_posterior, layout), in_axes=(None, None, 0)))
-    return lines, batch
+    whole = hessian(lambda part: functions.batch(mode.context, part))
+    return whole, hessian(lambda part: functions.linearised_batch(mode.context, line, part))

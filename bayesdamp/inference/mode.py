@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from functools import partial
+from dataclasses import dataclass, replace
 
 import jax.numpy as jnp
 import numpy as np
 
+from bayesdamp.inference.residuals import log_density, residual
 from bayesdamp.inference.target import Context, Layout, Target, compiled
-from bayesdamp.physics.integrate import Plan, anchored, at_samples, divided
+from bayesdamp.physics.integrate import Plan, anchored, divided
 from bayesdamp.types import Refusal
 
 BUDGET = 0.01
@@ -113,7 +113,7 @@ def climb(
 def _with_noise(target: Target, z: np.ndarray, context: Context) -> np.ndarray:
     """Scores with the noise parameters read from the residuals of this trajectory."""
     layout = target.layout
-    r = target.signal.y - at_samples(target.oscillator, context.plan, target.all_values(z))
+    r = residual(target, context.plan, z)
     if not np.all(np.isfinite(r)):
         return z
     start = target.scores(layout.noise.start(r, np.diff(target.signal.t)))
@@ -138,7 +138,7 @@ def find_mode(target: Target, seeds: Mapping[str, Mapping[str, float]], *, noise
     for (name, *same), z0 in _distinct(target, seeds):
         context = target.context(_plans(target, z0, tolerance)[0])
         z0 = _with_noise(target, z0, context)
-        start = float(compiled(layout).log_posterior(context, jnp.asarray(z0)))
+        start = float(compiled(layout).curvature(context, jnp.asarray(z0))[0])
         z, value, information, count, done = _ascend(target, context, z0, tolerance)
         volume = -0.5 * float(np.linalg.slogdet(information)[1])
         climbs.append(Climb(name, tuple(same), start, value, count, z0, z, volume, done))
@@ -193,7 +193,7 @@ def _settle(target: Target, z: np.ndarray, tolerance: float, climbs: tuple[Climb
         if not np.isfinite(value):
             raise Refusal("the posterior is not finite at its mode")
         factor = whitening(information)
-        moved, change = _step_errors(target, context, target.context(finer), z, factor)
+        moved, change = _step_errors(target, plan, finer, z, factor)
         if change < BUDGET or attempts == 6:
             break
         tolerance = min(tolerance, error) * np.clip(BUDGET / change, 1e-3, 0.5) * 0.5
@@ -208,21 +208,32 @@ def _plans(target: Target, z: np.ndarray, tolerance: float) -> tuple[Plan, Plan,
 
 
 def _step_errors(
-    target: Target, context: Context, finer: Context, z: np.ndarray, factor: np.ndarray
+    target: Target, plan: Plan, finer: Plan, z: np.ndarray, factor: np.ndarray
 ) -> tuple[float, float]:
     """What finer steps change (unit of the record, nats) at z and three sds from it in each whitened direction."""
-    run, fit = compiled(target.layout).log_posterior, partial(at_samples, target.oscillator)
-    top = float(run(finer, jnp.asarray(z)))
+    top: float | None = None
     moved = change = 0.0
     for offset in (np.zeros_like(z), *(NEAR * factor.T), *(-NEAR * factor.T)):
-        at = jnp.asarray(z + offset)
-        coarse, fine = float(run(context, at)), float(run(finer, at))
-        if not (np.isfinite(coarse) or np.isfinite(fine)):
+        at = z + offset
+        coarse, fine = residual(target, plan, at), residual(target, finer, at)
+        lower, upper = log_density(target, coarse, at), log_density(target, fine, at)
+        top = upper - 0.5 * float(at @ at) if top is None else top
+        if not (np.isfinite(lower) or np.isfinite(upper)):
             continue
-        change = max(change, abs(coarse - fine) * min(1.0, 0.5 * NEAR**2 / max(top - fine, 1e-300)))
-        p = target.all_values(z + offset)
-        moved = max(moved, float(np.max(np.abs(fit(context.plan, p) - fit(finer.plan, p)))))
+        depth = top - (upper - 0.5 * float(at @ at))
+        change = max(change, abs(lower - upper) * min(1.0, 0.5 * NEAR**2 / max(depth, 1e-300)))
+        moved = max(moved, float(np.max(np.abs(coarse - fine))))
     return moved, change
+
+
+def mode_near(layout: Layout, context: Context, mode: Mode, z: np.ndarray) -> Mode:
+    """The mode of another posterior close by, such as one of a part of the record: from scores z, (d,), on the same
+    steps. Raises Refusal where it is not finite."""
+    z, value, information, _, _ = climb(layout, context, z)
+    if not np.isfinite(value):
+        raise Refusal("the posterior is not finite at its mode")
+    factor = whitening(information)
+    return replace(mode, z=z, log_posterior=value, information=information, factor=factor, context=context)
 
 
 def whitening(information: np.ndarray) -> np.ndarray:

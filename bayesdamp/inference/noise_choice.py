@@ -9,10 +9,10 @@ import numpy as np
 from jax import numpy as jnp
 from scipy.optimize import minimize
 
-from bayesdamp.inference.checks import views
 from bayesdamp.inference.evidence.laplace import log_integral
 from bayesdamp.inference.mode import Mode, find_mode
 from bayesdamp.inference.noise import NOISES
+from bayesdamp.inference.residuals import residual
 from bayesdamp.inference.target import Target, compiled
 from bayesdamp.signals.features import Features
 from bayesdamp.types import OK, Refusal, Signal
@@ -82,7 +82,7 @@ def weigh_noises(build: Build, fitted: Fitted, features: Features, names: Sequen
     is on one scale.
     """
     signal, own = fitted.target.signal, fitted.target.noise
-    r = np.asarray(views(fitted.target.layout)[0](fitted.mode.context, jnp.asarray(fitted.mode.z))[0])
+    r = residual(fitted.target, fitted.mode.context.plan, fitted.mode.z)
     base = held_evidence(own, r, signal, features)[0]
     start = {n: float(v) for n, v in fitted.target.values(fitted.mode.z).items()}
     found: list[Weighed] = []

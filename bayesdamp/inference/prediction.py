@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-import jax.numpy as jnp
 import numpy as np
 from scipy.special import logsumexp
 
-from bayesdamp.inference.checks import DRAWS, TOGETHER, views
+from bayesdamp.inference.checks import DRAWS, TOGETHER
 from bayesdamp.inference.evidence.importance import Importance
-from bayesdamp.inference.mode import Mode, climb, whitening
+from bayesdamp.inference.mode import Mode, mode_near
+from bayesdamp.inference.residuals import residuals
 from bayesdamp.inference.target import Target
 from bayesdamp.physics.integrate import part_of
 from bayesdamp.types import OK, Evidence, Refusal
@@ -43,17 +43,7 @@ def first_half(target: Target, mode: Mode) -> Mode:
     if part.stop <= len(target.names):
         raise Refusal(f"half the record has {part.stop} samples for {len(target.names)} parameters")
     context = target.context(part_of(mode.context.plan, part), part)
-    z, value, information, _, _ = climb(target.layout, context, mode.z)
-    if not np.isfinite(value):
-        raise Refusal("the posterior of the first half is not finite at its mode")
-    return replace(
-        mode,
-        z=z,
-        log_posterior=value,
-        information=information,
-        factor=whitening(information),
-        context=context,
-    )
+    return mode_near(target.layout, context, mode, mode.z)
 
 
 def predict(model: str, target: Target, mode: Mode, seed: int) -> Prediction:
@@ -67,16 +57,14 @@ def predict(model: str, target: Target, mode: Mode, seed: int) -> Prediction:
     found = Importance().evidence(model, target, first_half(target, mode), seed)
     y, log_weights = found.arrays["y"], found.arrays["log_weights"]
     chosen = y[_resampled(log_weights, DRAWS, np.random.default_rng(seed))]
-    many = views(target.layout)[1]
-    batches = np.array_split(chosen, max(4, DRAWS * n // TOGETHER))
     count, total, square, first = 0, np.zeros(n - half), np.zeros(n - half), 0.0
-    for batch in batches:
-        residuals = np.asarray(many(mode.context, jnp.asarray(batch))[0])
-        residuals = residuals[np.all(np.isfinite(residuals), axis=1)]
-        count += len(residuals)
-        total += residuals[:, half:].sum(axis=0)
-        square += (residuals[:, half:] ** 2).sum(axis=0)
-        first += float((residuals[:, :half] ** 2).sum())
+    for batch in np.array_split(chosen, max(4, DRAWS * n // TOGETHER)):
+        r = residuals(target, mode.context.plan, batch)
+        r = r[np.all(np.isfinite(r), axis=1)]
+        count += len(r)
+        total += r[:, half:].sum(axis=0)
+        square += (r[:, half:] ** 2).sum(axis=0)
+        first += float((r[:, :half] ** 2).sum())
     if not count:
         raise Refusal("no motion that fits the first half goes on through the second")
     error = total / count

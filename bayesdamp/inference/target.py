@@ -8,8 +8,8 @@ in each.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
-from functools import lru_cache, partial
+from dataclasses import dataclass, replace
+from functools import cached_property, lru_cache, partial
 
 import jax
 import numpy as np
@@ -60,6 +60,24 @@ class Context:
     known: Mapping[str, Array]
     numbers: tuple[tuple[Array, ...], ...]
     condensed: Condensed | None
+
+    @cached_property
+    def lean(self) -> Context:
+        """Without the samples where the likelihood does not read them: then records of all lengths, and their parts,
+        share a compilation."""
+        if self.condensed is None or not isinstance(self.plan, MeshPlan):
+            return self
+        plan = MeshPlan(
+            self.plan.steps[: self.condensed.room], self.plan.count, jnp.zeros(0, int), jnp.zeros((0, 6))
+        )
+        return replace(self, plan=plan, y=jnp.zeros(0), gaps=jnp.zeros(0))
+
+    def in_room(self, room: int) -> Context:
+        """A lean context with room for so many steps."""
+        if self.condensed is None or not isinstance(self.plan, MeshPlan):
+            return self
+        steps = jnp.pad(self.plan.steps, (0, room - self.plan.steps.size))
+        return replace(self, plan=replace(self.plan, steps=steps), condensed=self.condensed.in_room(room))
 
 
 @dataclass(frozen=True)
@@ -194,25 +212,18 @@ def moving_scores(layout: Layout) -> list[int]:
     return [i for i, name in enumerate(layout.names) if name in layout.oscillator.parameters]
 
 
-def _misfit_and_tangents(layout: Layout, context: Context, z: Array) -> tuple[Array, Array]:
-    """Misfit (c,) and its forward tangents by the scores that move the trajectory, shape (k, c)."""
-    directions = jnp.eye(z.size)[jnp.asarray(moving_scores(layout), int)]
-
-    def fun(z: Array) -> Array:
-        return misfit(layout, context, parameters(layout, context, z))
-
-    push = jax.vmap(lambda v: jax.jvp(fun, (z,), (v,)), out_axes=(None, 0))
-    return push(directions)
-
-
 def moving_values(layout: Layout, context: Context, z: Array) -> Array:
     """Values of the inferred parameters that move the trajectory, shape (k,)."""
     p = parameters(layout, context, z)
     return jnp.stack([p[layout.names[i]] for i in moving_scores(layout)])
 
 
-def linearise(layout: Layout, context: Context, z: Array) -> tuple[Array, Array, Array]:
-    """Misfit (c,), its derivatives (k, c) by what moves the trajectory, and the values of that (k,)."""
+Line = tuple[Array, Array, Array]
+"""Misfit (c,), its derivatives (k, c) by what moves the trajectory, and the values of that (k,)."""
+
+
+def linearise(layout: Layout, context: Context, z: Array) -> Line:
+    """The misfit and its derivatives by forward tangents: all that curvature and gradient need of the solver."""
     names = [layout.names[i] for i in moving_scores(layout)]
     p = parameters(layout, context, z)
 
@@ -225,27 +236,35 @@ def linearise(layout: Layout, context: Context, z: Array) -> tuple[Array, Array,
     return e, slopes, x
 
 
-def linearised_log_posterior(
-    layout: Layout, context: Context, line: tuple[Array, Array, Array], z: Array
-) -> Array:
+def linearised_log_posterior(layout: Layout, context: Context, line: Line, z: Array) -> Array:
     """Log posterior with the trajectory replaced by its linearisation; priors and noise are exact."""
     e, slopes, x = line
     moved = e + (moving_values(layout, context, z) - x) @ slopes
     return log_prior(z) + _noise(layout, context)[0](moved, parameters(layout, context, z))
 
 
+def _by_scores(layout: Layout, context: Context, line: Line, z: Array) -> tuple[Array, Array]:
+    """Misfit (c,) and its derivatives by the scores that move the trajectory, shape (k, c)."""
+    values = partial(moving_values, layout, context)
+    slope = jax.jvp(values, (z,), (jnp.ones_like(z),))[1]  # each value is a function of its own score
+    return line[0], slope[:, None] * line[1]
+
+
 def value_and_gradient(layout: Layout, context: Context, z: Array) -> tuple[Array, Array]:
     """Log posterior and its gradient by z; the trajectory's part by forward tangents."""
-    e, tangents = _misfit_and_tangents(layout, context, z)
+    e, tangents = _by_scores(layout, context, linearise(layout, context, z), z)
     noise_part = jax.value_and_grad(partial(_log_noise, layout, context), argnums=(0, 1))
     value, (by_e, by_z) = noise_part(e, z)
     gradient = (by_z - z).at[jnp.asarray(moving_scores(layout), int)].add(tangents @ by_e)
     return value + log_prior(z), gradient
 
 
-def curvature(layout: Layout, context: Context, z: Array) -> tuple[Array, Array, Array]:
-    """Log posterior, gradient (d,) and the Gauss–Newton information (d, d), the prior's identity included."""
-    e, tangents = _misfit_and_tangents(layout, context, z)
+def curvature(layout: Layout, context: Context, line: Line, z: Array) -> tuple[Array, Array, Array]:
+    """Log posterior, gradient (d,) and the Gauss–Newton information (d, d), the prior's identity included.
+
+    line: what `linearise` gives at z.
+    """
+    e, tangents = _by_scores(layout, context, line, z)
     p = parameters(layout, context, z)
     noise_fun = partial(_log_noise, layout, context)
     value, (by_e, by_z) = jax.value_and_grad(noise_fun, argnums=(0, 1))(e, z)
@@ -267,24 +286,31 @@ def curvature(layout: Layout, context: Context, z: Array) -> tuple[Array, Array,
 
 @dataclass(frozen=True)
 class Compiled:
-    """The functions of one layout, compiled once for all records of a shape."""
+    """The functions of one layout, compiled once for all records of a shape.
 
-    log_posterior: Callable[[Context, Array], Array]
+    The solver is in two programs only, `linearise` and `batch`: compiling is most of what a short run costs.
+    """
+
+    linearise: Callable[[Context, Array], Line]
     curvature: Callable[[Context, Array], tuple[Array, Array, Array]]
     batch: Callable[[Context, Array], Array]
-    batch_parts: Callable[[Context, Array], tuple[Array, Array]]
+    linearised_batch: Callable[[Context, Line, Array], Array]
 
 
 @lru_cache(maxsize=64)
 def compiled(layout: Layout) -> Compiled:
     """Compiled functions of a layout: (context, z) or, for batches, (context, z of shape (b, d))."""
+    lines = jax.jit(partial(linearise, layout))
+    curved = jax.jit(partial(curvature, layout))
+    batch = jax.jit(jax.vmap(partial(log_posterior, layout), in_axes=(None, 0)))
+    straight = jax.jit(jax.vmap(partial(linearised_log_posterior, layout), in_axes=(None, None, 0)))
 
-    def parts(context: Context, z: Array) -> tuple[Array, Array]:
-        return log_likelihood(layout, context, z), log_prior(z)
+    def curvature_at(context: Context, z: Array) -> tuple[Array, Array, Array]:
+        return curved(context.lean, lines(context.lean, z), z)
 
     return Compiled(
-        log_posterior=jax.jit(partial(log_posterior, layout)),
-        curvature=jax.jit(partial(curvature, layout)),
-        batch=jax.jit(jax.vmap(partial(log_posterior, layout), in_axes=(None, 0))),
-        batch_parts=jax.jit(jax.vmap(parts, in_axes=(None, 0))),
+        linearise=lambda context, z: lines(context.lean, z),
+        curvature=curvature_at,
+        batch=lambda context, z: batch(context.lean, z),
+        linearised_batch=lambda context, line, z: straight(context.lean, line, z),
     )

@@ -12,7 +12,7 @@ from scipy.special import logsumexp
 from bayesdamp.inference import diagnostics
 from bayesdamp.inference.build import ABSENT
 from bayesdamp.inference.evidence.importance import K_LIMIT, Importance
-from bayesdamp.inference.mode import Mode, climb, whitening
+from bayesdamp.inference.mode import Mode, mode_near
 from bayesdamp.inference.target import Target
 from bayesdamp.priors import HalfNormal, LogNormal, Prior
 from bayesdamp.types import OK
@@ -98,12 +98,4 @@ def _moved(target: Target, other: Target, mode: Mode) -> Mode:
     context = replace(mode.context, numbers=numbers)
     values = target.all_values(mode.z)
     start = np.array([float(p.score(values[n])) for n, p in other.priors.items()])
-    z, value, information, _, _ = climb(other.layout, context, start)
-    return replace(
-        mode,
-        z=z,
-        log_posterior=value,
-        information=information,
-        factor=whitening(information),
-        context=context,
-    )
+    return mode_near(other.layout, context, mode, start)

@@ -30,6 +30,8 @@ QUANTITIES = ("angle", "velocity", "acceleration")
 
 
 LEAST_ROOM = 1024
+NODES_ROOM = 4096
+"""Room in which single trajectories are computed, so that a plan and its refinements share a program."""
 
 
 @partial(jax.tree_util.register_dataclass, data_fields=["nodes", "defect"], meta_fields=[])
@@ -121,7 +123,8 @@ def _compiled_nodes(osc: Oscillator):
 
 def _node_values(osc: Oscillator, plan: MeshPlan, p: Parameters) -> np.ndarray:
     values = {name: jnp.asarray(float(p[name])) for name in osc.parameters}
-    return np.asarray(_compiled_nodes(osc)(plan.steps, plan.count, values))
+    steps = np.pad(np.asarray(plan.steps), (0, max(0, NODES_ROOM - plan.steps.size)))
+    return np.asarray(_compiled_nodes(osc)(steps, plan.count, values))[: plan.steps.size + 1]
 
 
 def between(plan: MeshPlan, state: np.ndarray) -> np.ndarray:

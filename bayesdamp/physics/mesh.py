@@ -77,7 +77,7 @@ def frozen_mesh(osc: Oscillator, p: Parameters, duration: float, resolution: flo
     chunk = 256
     march = _marcher(osc, chunk)
     longest = 2 * math.pi / fastest_rate(osc, p) / STEPS_PER_PERIOD / resolution
-    state = (jnp.asarray(0.0), p["theta0"], p["omega0"])
+    state = (jnp.zeros(()), p["theta0"], p["omega0"])
     times, velocities = [np.zeros(1)], [np.asarray(p["omega0"])[None]]
     limit = 4_000_000
     while times[-1][-1] < duration:

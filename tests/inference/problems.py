@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import json
-from functools import lru_cache
+from functools import lru_cache, partial
 from pathlib import Path
 
-import jax.numpy as jnp
+import jax
 import numpy as np
 from pydantic import TypeAdapter
 
+from bayesdamp.inference.batches import log_likelihood
 from bayesdamp.inference.mode import Mode, find_mode
 from bayesdamp.inference.samplers import SAMPLERS, Settings
-from bayesdamp.inference.target import Target, compiled
+from bayesdamp.inference.target import Layout, Target, log_posterior
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.priors import Prior
 from bayesdamp.signals.features import Features
@@ -63,9 +64,16 @@ def mode(name: str) -> Mode:
     return find_mode(target(name), {"near the truth": seed}, noise_level=made["truth"]["noise_sd"])
 
 
+@lru_cache(maxsize=64)
+def height(layout: Layout):
+    """Compiled: the log posterior alone, (context, z) to a number."""
+    run = jax.jit(partial(log_posterior, layout))
+    return lambda context, z: run(context.lean, z)
+
+
 def log_likelihoods(target: Target, mode: Mode, z: np.ndarray) -> np.ndarray:
     """Log likelihoods at scores z, shape (m, d), on the mode's plan."""
-    return np.asarray(compiled(target.layout).batch_parts(mode.context, jnp.asarray(z))[0])
+    return log_likelihood(target, mode.context, z)
 
 
 SETTINGS = Settings(chains=4, warmup=500, draws=2500, seed=4)

@@ -13,10 +13,12 @@ from jax import numpy as jnp
 from bayesdamp.inference.mode import Mode, find_mode
 from bayesdamp.inference.samplers import Settings, nuts
 from bayesdamp.inference.samplers._many import axes, sample_many, stacked
-from bayesdamp.inference.target import Target, compiled, log_posterior
+from bayesdamp.inference.target import Target, log_posterior
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.priors import HalfNormal, LogNormal
 from bayesdamp.signals.simulate import simulate_signal
+
+from . import problems
 
 PRIORS = {"zeta": HalfNormal(scale=0.5), "noise_sd": LogNormal(median=0.01, sigma=1.0)}
 KNOWN = {"rest_angle": 0.0, "theta0": 0.3, "omega0": 0.0}
@@ -44,7 +46,7 @@ def test_records_of_other_lengths_share_a_call_and_keep_their_likelihoods():
     layout, both = found[0][0].layout, stacked(contexts)
     z = jnp.asarray(np.array([mode.z for _, mode in found]) + 0.05)
     together = jax.vmap(partial(log_posterior, layout), in_axes=(axes(both), 0))(both, z)
-    alone = [compiled(layout).log_posterior(c, one) for c, one in zip(contexts, z)]
+    alone = [problems.height(layout)(c, one) for c, one in zip(contexts, z)]
     np.testing.assert_allclose(together, alone, rtol=1e-12)
     # negative control: with the steps of the shortest one the others end too early
     short = replace(both, plan=replace(both.plan, count=min(c.plan.count for c in contexts)))

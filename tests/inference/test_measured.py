@@ -9,10 +9,11 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from bayesdamp.inference import batches
 from bayesdamp.inference.build import build_target
 from bayesdamp.inference.defaults import Reference
 from bayesdamp.inference.mode import Mode, find_mode
-from bayesdamp.inference.target import Target, compiled, residual
+from bayesdamp.inference.target import Target, residual
 from bayesdamp.signals.features import features
 from bayesdamp.signals.read import read_record
 from bayesdamp.types import Signal, System
@@ -56,7 +57,7 @@ def fitted(*damping: str) -> tuple[Target, Mode]:
 
 def log_likelihood(*damping: str) -> float:
     target, mode = fitted(*damping)
-    return float(compiled(target.layout).batch_parts(mode.context, jnp.asarray(mode.z[None]))[0][0])
+    return float(batches.log_likelihood(target, mode.context, mode.z[None])[0])
 
 
 def test_viscous_and_coulomb_beat_viscous():

@@ -11,6 +11,7 @@ import pytest
 from physics.independent import trajectory
 from scipy import stats
 
+from bayesdamp.inference.batches import log_likelihood, log_prior
 from bayesdamp.inference.build import build_target
 from bayesdamp.inference.defaults import EPSILON_RANGE, EPSILON_SHARE, Reference, default_prior
 from bayesdamp.inference.mode import BUDGET, find_mode
@@ -56,7 +57,7 @@ def test_posterior_at_the_truth(name):
     made, target = problems.reference(name), problems.target(name)
     z = target.scores(made["truth"])
     plan, _ = target.plan(z, 1e-8)
-    found = float(compiled(target.layout).batch_parts(target.context(plan), jnp.asarray(z[None]))[0][0])
+    found = float(log_likelihood(target, target.context(plan), z[None])[0])
     assert found == pytest.approx(made["at_truth"]["log_likelihood"], abs=2e-3)
     prior = sum(float(p.log_density(made["truth"][n])) for n, p in target.priors.items())
     assert prior == pytest.approx(made["at_truth"]["log_prior"], abs=1e-9)
@@ -69,7 +70,7 @@ def test_gradient_is_that_of_differences(noise):
     z = z + 0.3 * np.linspace(-0.02, 0.03, z.size)
     context = target.context(target.plan(z, 1e-7)[0])
     value, gradient = jax.jit(partial(value_and_gradient, target.layout))(context, jnp.asarray(z))
-    run = compiled(target.layout).log_posterior
+    run = problems.height(target.layout)
     assert float(value) == pytest.approx(float(run(context, jnp.asarray(z))), abs=1e-9)
     d = 1e-6
     differences = []
@@ -102,7 +103,7 @@ def test_linearised_posterior_touches_the_exact_one():
     at = jnp.asarray(mode.z)
     line = jax.jit(partial(linearise, target.layout))(mode.context, at)
     surrogate = jax.jit(partial(linearised_log_posterior, target.layout))
-    exact = compiled(target.layout).log_posterior
+    exact = problems.height(target.layout)
     assert float(surrogate(mode.context, line, at)) == pytest.approx(float(exact(mode.context, at)), abs=1e-9)
     slope = jax.grad(lambda z: surrogate(mode.context, line, z))(at)
     gradient = jax.jit(partial(value_and_gradient, target.layout))(mode.context, at)[1]
@@ -116,7 +117,7 @@ def test_error_budget(name):
     """Halving the steps changes the log likelihood by less than the budget, and so does any better trajectory."""
     target, mode = problems.target(name), problems.mode(name)
     assert mode.likelihood_error < BUDGET
-    run = compiled(target.layout).log_posterior
+    run = problems.height(target.layout)
     at = jnp.asarray(mode.z)
     finer = target.context(target.plan(mode.z, mode.step_error / 1000)[0])
     assert abs(float(run(mode.context, at) - run(finer, at))) < BUDGET
@@ -178,7 +179,7 @@ def test_escape_has_no_likelihood_and_no_nan():
     assert not np.any(np.isnan(found))
     assert np.all(np.isfinite(found[:2]))
     assert np.all(found[3:] == -np.inf)
-    single = float(compiled(target.layout).log_posterior(context, jnp.asarray(z[4])))
+    single = float(problems.height(target.layout)(context, jnp.asarray(z[4])))
     assert single == -np.inf
 
 
@@ -200,11 +201,11 @@ def test_scores_and_values_go_back_and_forth():
 
 def test_prior_of_the_scores_is_standard_normal():
     target, mode = problems.target("viscous_coulomb"), problems.mode("viscous_coulomb")
-    at = jnp.asarray(mode.z)
-    parts = compiled(target.layout).batch_parts(mode.context, at[None])
-    assert float(parts[1][0]) == pytest.approx(stats.norm.logpdf(mode.z).sum(), abs=1e-12)
-    total = float(log_posterior(target.layout, mode.context, at))
-    assert float(parts[0][0] + parts[1][0]) == pytest.approx(total, abs=1e-9)
+    prior = float(log_prior(mode.z))
+    assert prior == pytest.approx(stats.norm.logpdf(mode.z).sum(), abs=1e-12)
+    total = float(log_posterior(target.layout, mode.context, jnp.asarray(mode.z)))
+    likelihood = float(log_likelihood(target, mode.context, mode.z[None])[0])
+    assert likelihood + prior == pytest.approx(total, abs=1e-9)
 
 
 REFERENCE = Reference(0.3, 4.47)

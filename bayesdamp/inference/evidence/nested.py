@@ -8,7 +8,7 @@ import warnings
 import numpy as np
 from scipy.special import ndtri
 
-from bayesdamp.inference.evidence._densities import CHUNK, log_likelihood
+from bayesdamp.inference.batches import CHUNK, log_likelihood
 from bayesdamp.inference.evidence._method import Draws, EvidenceMethod
 from bayesdamp.inference.mode import Mode
 from bayesdamp.inference.target import Target
@@ -46,7 +46,7 @@ class Nested(EvidenceMethod):
         d = folded.size
 
         def likelihood(z: np.ndarray) -> np.ndarray:
-            return np.maximum(np.nan_to_num(log_likelihood(target, mode, z), nan=-np.inf), FAINTEST)
+            return np.maximum(np.nan_to_num(log_likelihood(target, mode.context, z), nan=-np.inf), FAINTEST)
 
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # of bounds that cannot be split further
@@ -62,7 +62,7 @@ class Nested(EvidenceMethod):
             )
             done = sampler.run(n_eff=EFFECTIVE, n_like_max=MOST, discard_exploration=True)
         effective, top = float(np.asarray(sampler.n_eff)), max(float(np.max(x)) for x in sampler.log_l)
-        missed = float(log_likelihood(target, mode, mode.z[None])[0]) - top
+        missed = float(log_likelihood(target, mode.context, mode.z[None])[0]) - top
         outcome = OK
         if not done:
             outcome = f"not to be trusted: not finished after {sampler.n_like} likelihoods"

@@ -5,16 +5,14 @@ from __future__ import annotations
 import time
 from collections.abc import Mapping
 
-import jax.numpy as jnp
 import numpy as np
 
-from bayesdamp.inference import diagnostics
+from bayesdamp.inference import batches, diagnostics
 from bayesdamp.inference.mode import Mode
 from bayesdamp.inference.samplers._sampler import Settings
-from bayesdamp.inference.target import Target, compiled
+from bayesdamp.inference.target import Target
 from bayesdamp.types import OK, Posterior
 
-CHUNK = 250
 K_LIMIT = 0.7
 """Pareto shape of the importance weights above which an approximation is called poor (Vehtari et al., JMLR 25,
 2024)."""
@@ -40,7 +38,7 @@ def approximate_posterior(
     effective sample sizes; the draws themselves are not reweighted. The outcome says where the shape is poor, or where
     the weights, then to be trusted, move a mean or an sd too far.
     """
-    likelihood, prior = densities(target, mode, z)
+    likelihood, prior = batches.log_likelihood(target, mode.context, z), batches.log_prior(z)
     weights = np.where(np.isfinite(likelihood), likelihood + prior, -np.inf) - log_density
     shape = diagnostics.pareto_k(weights)
     w = np.exp(weights - weights.max())
@@ -84,12 +82,3 @@ def _moved(values: Mapping[str, np.ndarray], weights: np.ndarray) -> str:
         if not 1 / SD_LIMIT < x.std() / sd < SD_LIMIT:
             return f"by its importance weights the sd of {name} is {sd / x.std():.2f} times that of its draws"
     return ""
-
-
-def densities(target: Target, mode: Mode, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Log likelihoods and log priors at scores z, (n, d), in batches of one size."""
-    padded = np.pad(z, ((0, -len(z) % CHUNK), (0, 0)), mode="edge")
-    batch = compiled(target.layout).batch_parts
-    parts = [batch(mode.context, jnp.asarray(c)) for c in np.split(padded, len(padded) // CHUNK)]
-    likelihood, prior = (np.concatenate([np.asarray(p[i]) for p in parts])[: len(z)] for i in (0, 1))
-    return likelihood, prior

@@ -31,7 +31,7 @@ def sample_many(
 ) -> list[Posterior]:
     """`nuts` on many records, seeds: one for each in place of the settings'. The posteriors in the records' order.
 
-    Records of one layout, of as many samples and with as much room for steps go through one compiled program,
+    Records of one layout (of as many samples, where the likelihood reads them) go through one compiled program,
     `BATCH` at a time. Whatever is not good enough there, or does not fit in, is sampled by itself.
     """
     found: list[Posterior | None] = [None] * len(targets)
@@ -39,7 +39,7 @@ def sample_many(
     for i, (target, mode) in enumerate(zip(targets, modes, strict=True)):
         at = frame(target, mode)
         if at.good and isinstance(mode.context.plan, MeshPlan):
-            groups.setdefault((target.layout, _shape(mode.context)), []).append((i, at))
+            groups.setdefault((target.layout, _kind(mode.context.lean)), []).append((i, at))
     for members in groups.values():
         for first in range(0, len(members), BATCH):
             part = members[first : first + BATCH]
@@ -62,17 +62,20 @@ def sample_many(
     ]
 
 
-def _shape(context: Context) -> object:
+def _kind(context: Context) -> object:
+    """What contexts must share to be stacked: the samples, where these are kept."""
     leaves, tree = jax.tree.flatten(context)
-    return tree, tuple(np.shape(leaf) for leaf in leaves)
+    return tree, None if context.condensed is not None else tuple(np.shape(leaf) for leaf in leaves)
 
 
 def stacked(contexts: Sequence[Context]) -> Context:
-    """Contexts of one shape as one with a first axis more; the number of steps is the largest of all, without it.
+    """Contexts of one kind as one with a first axis more; the number of steps is the largest of all, without it.
 
     So the solver's loop has one end for all records: steps behind a record's own are of length zero.
     """
-    both = jax.tree.map(lambda *leaves: jnp.stack(leaves), *contexts)
+    lean = [c.lean for c in contexts]
+    room = max(c.condensed.room if c.condensed is not None else 0 for c in lean)
+    both = jax.tree.map(lambda *leaves: jnp.stack(leaves), *(c.in_room(room) for c in lean))
     return replace(both, plan=replace(both.plan, count=jnp.max(both.plan.count)))
 
 
@@ -96,5 +99,5 @@ def _run(layout: Layout, settings: Settings, own: list[tuple[Any, ...]]) -> list
 def _program(layout: Layout, warmup: int, draws: int, tree: Any):
     """Compiled: every argument has one axis more than in `nuts.chain_of`, but for the number of steps."""
     over = axes(jax.tree.unflatten(tree, [0] * tree.num_leaves))
-    chains = jax.vmap(nuts.chain_of(layout, warmup, draws, False), in_axes=(None,) * 5 + (0, 0))
-    return jax.jit(jax.vmap(chains, in_axes=(over, *(0,) * 6)))
+    chains = jax.vmap(nuts.chain_of(layout, warmup, draws, False), in_axes=(None,) * 5 + (0, 0, 0))
+    return jax.jit(jax.vmap(chains, in_axes=(over, *(0,) * 7)))

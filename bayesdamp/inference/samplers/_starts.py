@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import jax.numpy as jnp
 import numpy as np
 
-from bayesdamp.inference.frame import CHUNK, Frame
+from bayesdamp.inference import batches
+from bayesdamp.inference.frame import Frame
 from bayesdamp.inference.mode import Mode
 from bayesdamp.inference.samplers._sampler import Settings
 from bayesdamp.inference.seeds import PRIOR
-from bayesdamp.inference.target import Target, compiled
+from bayesdamp.inference.target import Target
 
 SPREAD = 1.5
 """Sds of the scatter around a seed: starts are wider than the posterior also where all seeds agree."""
@@ -32,8 +32,8 @@ class Start:
 
 def seeded_starts(
     target: Target, mode: Mode, at: Frame, count: int, settings: Settings
-) -> tuple[np.ndarray, list[Start]]:
-    """Starts in whitened coordinates, shape (count, d), each with the seed it is from.
+) -> tuple[np.ndarray, np.ndarray, list[Start]]:
+    """Starts in whitened coordinates, shape (count, d), their log posterior, (count,), and the seed each is from.
 
     Each is a seed's own start, scattered by more than the posterior's sd and, where it is out of reach, moved
     towards the centre until it is not. Seeds are taken in turn, those farthest from each other first, so that few
@@ -57,24 +57,17 @@ def seeded_starts(
     )
     z = at.scores(tries)
     z = np.where(folded, np.abs(z), z)
-    height = _heights(target, mode, z.reshape(-1, z.shape[-1])).reshape(z.shape[:2])
+    height = batches.log_posterior(target, mode.context, z.reshape(-1, z.shape[-1])).reshape(z.shape[:2])
     good = height > height[-1, 0] - REACH * z.shape[-1]
     good[-1] = True
     first = np.argmax(good, axis=0)
-    u = at.whitened(z[first, np.arange(count)])
+    each = np.arange(count)
+    u = at.whitened(z[first, each])
     found = [
         Start(names[c], float(np.linalg.norm(seeds[c])), float(np.linalg.norm(x)))
         for c, x in zip(chosen, u, strict=True)
     ]
-    return u, found
-
-
-def _heights(target: Target, mode: Mode, z: np.ndarray) -> np.ndarray:
-    """Log posterior at scores (m, d), in batches of one size."""
-    padded = np.concatenate([z, np.repeat(z[-1:], -len(z) % CHUNK, axis=0)])
-    batch = compiled(target.layout).batch
-    parts = [np.asarray(batch(mode.context, jnp.asarray(c))) for c in np.split(padded, len(padded) // CHUNK)]
-    return np.nan_to_num(np.concatenate(parts)[: len(z)], nan=-np.inf)
+    return u, height[first, each], found
 
 
 def _spread_out(seeds: np.ndarray, names: list[str]) -> list[int]:

@@ -78,7 +78,7 @@ class Emcee(Sampler):
             sampler = emcee.EnsembleSampler(walkers, d, log_probability, vectorize=True, moves=moves)
             sampler.random_state = np.random.RandomState((settings.seed + k) % 2**32).get_state()
             own = replace(settings, seed=settings.seed + 7919 * k)
-            start, chosen = seeded_starts(target, mode, at, walkers, own)
+            start, _, chosen = seeded_starts(target, mode, at, walkers, own)
             seeds += chosen
             state = self._settled(sampler, start, settings.warmup // 2)
             ensembles.append((sampler, state))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from dataclasses import replace
-from functools import lru_cache, partial
+from functools import lru_cache
 from typing import Any
 
 import jax
@@ -15,6 +15,7 @@ from jax import Array
 from jax import numpy as jnp
 
 from bayesdamp.inference import diagnostics
+from bayesdamp.inference.batches import log_prior
 from bayesdamp.inference.frame import Frame, frame
 from bayesdamp.inference.mode import Mode
 from bayesdamp.inference.samplers._reflect import reflecting_leapfrog
@@ -24,10 +25,9 @@ from bayesdamp.inference.target import (
     Context,
     Layout,
     Target,
-    linearise,
+    compiled,
     linearised_log_posterior,
     log_posterior,
-    log_prior,
     value_and_gradient,
 )
 from bayesdamp.types import OK, Posterior
@@ -37,13 +37,23 @@ DOUBLINGS = 7
 
 
 def chain_of(layout: Layout, warmup: int, draws: int, exact: bool):
-    """One chain of a layout: (context, force, centre, factor, step, start, key) to draws and so on.
+    """One chain of a layout: (context, force, centre, factor, step, start, height, key) to draws and so on.
 
-    force: the linearised trajectory, and what its curvature lacks at the centre, (d, d).
+    force: the linearised trajectory, and what its curvature lacks at the centre, (d, d); height: log posterior at the
+    start, which the chain does not compute so that the solver is in its program once.
     """
     walls = np.flatnonzero(layout.folded)
 
-    def chain(context: Context, force, centre: Array, factor: Array, size: Any, start: Array, key: Array):
+    def chain(
+        context: Context,
+        force: Any,
+        centre: Array,
+        factor: Array,
+        size: Any,
+        start: Array,
+        height: Any,
+        key: Array,
+    ):
         line, lacking = force
 
         def value(u: Array) -> Array:
@@ -67,7 +77,6 @@ def chain_of(layout: Layout, warmup: int, draws: int, exact: bool):
             return state, (state.position, state.logdensity, info.is_divergent, steps, accepted)
 
         # One scan, the warm-up's draws dropped after it: the transition is compiled once.
-        height: Any = value(start)
         state = HMCState(start, height, slope(start))
         kept = jax.lax.scan(advance, state, jax.random.split(key, warmup + draws))[1]
         return jax.tree.map(lambda x: x[warmup:], kept)
@@ -76,14 +85,9 @@ def chain_of(layout: Layout, warmup: int, draws: int, exact: bool):
 
 
 @lru_cache(maxsize=32)
-def _lines(layout: Layout):
-    return jax.jit(partial(linearise, layout))
-
-
-@lru_cache(maxsize=32)
 def _chains(layout: Layout, warmup: int, draws: int, exact: bool):
     """`chain_of` compiled for all chains of one record: starts and keys have one more axis."""
-    return jax.jit(jax.vmap(chain_of(layout, warmup, draws, exact), in_axes=(None,) * 5 + (0, 0)))
+    return jax.jit(jax.vmap(chain_of(layout, warmup, draws, exact), in_axes=(None,) * 5 + (0, 0, 0)))
 
 
 POOR = 0.5
@@ -141,11 +145,12 @@ def inputs(
 ) -> tuple[tuple[Any, ...], list[Start]]:
     """What the chains of one record are given, in the order of `chain_of`, and where they start."""
     centre = jnp.asarray(at.centre)
-    force = (_lines(target.layout)(mode.context, centre), jnp.asarray(at.lacking))
+    force = (compiled(target.layout).linearise(mode.context, centre), jnp.asarray(at.lacking))
     step = jnp.asarray(shorter * at.centre.size**-0.25)
-    start, begun = seeded_starts(target, mode, at, settings.chains, settings)
+    start, height, begun = seeded_starts(target, mode, at, settings.chains, settings)
     keys = jax.random.split(jax.random.PRNGKey(settings.seed), settings.chains)
-    return (mode.context, force, centre, jnp.asarray(at.factor), step, jnp.asarray(start), keys), begun
+    each = jnp.asarray(start), jnp.asarray(height), keys
+    return (mode.context.lean, force, centre, jnp.asarray(at.factor), step, *each), begun
 
 
 def posterior_of(
@@ -156,7 +161,6 @@ def posterior_of(
     z = at.scores(np.asarray(u))
     values = target.values(z)
     summaries = {n: diagnostics.summarise(v) for n, v in values.items()}
-    prior = np.asarray(jax.vmap(jax.vmap(log_prior))(jnp.asarray(z)))
     divergences = int(np.sum(np.asarray(diverging)))
     outcome = diagnostics.verdict(summaries)
     if outcome == OK and divergences > 0.01 * diverging.size:
@@ -166,7 +170,7 @@ def posterior_of(
         sampler=Nuts.name,
         names=target.names,
         draws=draws,
-        log_likelihood=np.asarray(height) - prior,
+        log_likelihood=np.asarray(height) - log_prior(z),
         stats={
             "diverging": np.asarray(diverging),
             "n_steps": np.asarray(steps),

@@ -110,7 +110,7 @@ def _train(target: Target, mode: Mode, at: Unbounded, seed: int) -> tuple[np.nda
     place = tuple(map(jnp.asarray, (at.order, at.mean, at.factor)))
     before, halvings = None, 0
     for i, key in enumerate(jax.random.split(jax.random.PRNGKey(seed), BLOCKS)):
-        state, mean, widths, bound = block(mode.context, *place, state, key)
+        state, mean, widths, bound = block(mode.context.lean, *place, state, key)
         now = np.concatenate([mean, widths])
         if not np.all(np.isfinite(now)):
             raise Refusal(

@@ -1,0 +1,57 @@
+"""Residuals of a record against trajectories, and how they look to its noise model."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import lru_cache
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from bayesdamp.inference.noise import NOISES
+from bayesdamp.inference.target import Target
+from bayesdamp.physics.integrate import Plan, at_samples
+
+
+def residual(target: Target, plan: Plan, z: np.ndarray) -> np.ndarray:
+    """Record minus trajectory at scores z, (d,): shape (n,), in the unit of the record."""
+    return target.signal.y - at_samples(target.oscillator, plan, target.all_values(z))
+
+
+def residuals(target: Target, plan: Plan, z: np.ndarray) -> np.ndarray:
+    """The same at many scores, (m, d): shape (m, n)."""
+    return np.stack([residual(target, plan, one) for one in z])
+
+
+def whitened(target: Target, r: np.ndarray, z: np.ndarray) -> np.ndarray:
+    """Residuals r, (n,) or (m, n), as independent standard scores under the noise at scores z, (d,) or (m, d)."""
+    one, many = _views(target.noise)[:2]
+    values = {n: jnp.asarray(v) for n, v in _noise_values(target, z).items()}
+    gaps = jnp.asarray(np.diff(target.signal.t))
+    if z.ndim == 1:
+        return np.asarray(one(jnp.asarray(r), gaps, values))
+    values = {n: jnp.broadcast_to(v, len(z)) for n, v in values.items()}
+    return np.asarray(many(jnp.asarray(r), gaps, values))
+
+
+def log_density(target: Target, r: np.ndarray, z: np.ndarray) -> float:
+    """Log density of residuals r, (n,), at scores z, (d,), in nats; −∞ where there is none."""
+    values = {n: jnp.asarray(v) for n, v in _noise_values(target, z).items()}
+    found = float(_views(target.noise)[2](jnp.asarray(r), jnp.asarray(np.diff(target.signal.t)), values))
+    return found if np.isfinite(found) else -np.inf
+
+
+def _noise_values(target: Target, z: np.ndarray) -> Mapping[str, np.ndarray]:
+    noise = NOISES.get(target.noise)
+    wanted = (*noise.parameters, *noise.constants)
+    every = {**{n: np.asarray(float(v)) for n, v in target.known.items()}, **target.values(z)}
+    return {n: every[n] for n in wanted}
+
+
+@lru_cache(maxsize=16)
+def _views(name: str):
+    """Compiled, of a noise model: whitened residuals, those of many, and the log density; no solver is in them."""
+    noise = NOISES.get(name)
+    many = jax.vmap(noise.whiten, in_axes=(0, None, 0))
+    return jax.jit(noise.whiten), jax.jit(many), jax.jit(noise.log_likelihood)
