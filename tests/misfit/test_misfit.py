@@ -35,6 +35,15 @@ def test_no_law_that_is_seen_to_be_wrong_goes_unwarned() -> None:
     assert not [r["case"] for r in rows() if unwarned(r) and float(r["nats_hidden"]) > SEEN]
 
 
+@pytest.mark.xfail(
+    strict=True, reason="5 of 29 so far: three miss a small term, two wrong laws fit within the noise"
+)
+def test_no_wrong_law_at_all_goes_unwarned() -> None:
+    """The bar itself, over 200 cases."""
+    assert len(rows()) >= 200
+    assert not [r["case"] for r in rows() if unwarned(r)]
+
+
 def test_a_law_that_is_not_among_the_true_terms_goes_unwarned_in_no_case_of_the_family() -> None:
     found = [r for r in rows() if r["kind"] in INSIDE and unwarned(r)]
     assert not [r["case"] for r in found if r["relation"] == "another law"]
