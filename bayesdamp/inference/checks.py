@@ -138,8 +138,13 @@ def tangents(target: Target, mode: Mode) -> np.ndarray:
     ]
     steps = STEP * mode.sd()
     plan, moved = mode.context.plan, mode.z + np.diag(steps)[free]
-    here = whitened(target, residual(target, plan, mode.z), mode.z)
-    scores = [whitened(target, residual(target, plan, z), mode.z) for z in moved]
+
+    def seen(z: np.ndarray) -> np.ndarray:
+        r = residual(target, plan, z)
+        # Heavy-tailed scores bend with each residual, and so would the waves that are compared with them.
+        return r if target.layout.noise.heavy_tailed else whitened(target, r, mode.z)
+
+    here, scores = seen(mode.z), [seen(z) for z in moved]
     found = (np.array(scores).reshape(len(free), here.size) - here) / STEP
     return found[np.all(np.isfinite(found), axis=1)]
 
