@@ -34,9 +34,18 @@ def verdict(run: Run, signal: str, repeat: int) -> Verdict:
     best = found.best
     ties = [label(r) for r in found.rows[1:] if r["probability"] >= TIE]
     share = words.probability(best["probability"])
-    if said and all(s.startswith(MISFIT) for s in said):
+    record = run.cell("signal", signal, repeat)
+    odd = words.listing(record.meta.get("anomalies", ())) if record else ""
+    if odd:
         sentence = (
-            f"no candidate fits ({checks[weighed[0]].removeprefix(MISFIT + ': ')}); of those that do not fit, "
+            f"the record is no free decay of one oscillator, so no candidate fits: {odd}; of those that are compared "
+            f"all the same, {label(best)} comes first, with a probability of {share} among them only."
+        )
+        return Verdict(True, sentence)
+    if said and all(s.startswith(MISFIT) for s in said):
+        why = checks[weighed[0]].removeprefix(MISFIT + ": ")
+        sentence = (
+            f"no candidate fits ({why}){_left(run, signal, repeat, weighed[0])}; of those that do not fit, "
             f"{label(best)} is least unlikely, with a probability of {share} among them only."
         )
         return Verdict(True, sentence)
@@ -53,3 +62,10 @@ def verdict(run: Run, signal: str, repeat: int) -> Verdict:
         )
     beside = f"; {words.listing(ties)} cannot be excluded" if ties else ""
     return Verdict(False, f"damping is most likely {name}, with a probability of {share}{beside}.")
+
+
+def _left(run: Run, signal: str, repeat: int, model: str) -> str:
+    """How large the residual of a candidate is: the misfit that a long record shows may be a small one."""
+    cell = run.cell("mode", signal, repeat, model)
+    size = cell.meta.get("share") if cell else None
+    return f", leaving {words.number(100 * size, 2)} % of the amplitude unexplained" if size else ""

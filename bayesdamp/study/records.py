@@ -19,6 +19,7 @@ from bayesdamp.estimators.shared import noise_level
 from bayesdamp.inference.defaults import EPSILON_SHARE, Reference
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.physics.restoring import LAWS
+from bayesdamp.signals.anomalies import anomalies
 from bayesdamp.signals.clean import clean
 from bayesdamp.signals.curves import amplitude_curves
 from bayesdamp.signals.features import Features, features
@@ -137,6 +138,7 @@ class SignalCell:
         size = float(np.abs(seen.turning_amplitudes).max())
         return {
             "features": shown,
+            "anomalies": list(anomalies(signal, seen)),
             "reference": asdict(reference),
             "known": known,
             "epsilon_note": note,

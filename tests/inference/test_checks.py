@@ -29,9 +29,16 @@ def clean(damping: str) -> np.ndarray:
     return simulate(Oscillator((damping,), "linear"), p, TIMES)
 
 
-def fit(truth: str, model: str, seed: int) -> tuple[Target, Fit]:
-    """The checks of a model on a record of another (or the same): coefficient, start and noise unknown."""
-    y = clean(truth) + NOISE * np.random.default_rng(seed).standard_normal(TIMES.size)
+def fit(
+    truth: str, model: str, seed: int, dof: float = np.inf, noise: str = "gaussian"
+) -> tuple[Target, Fit]:
+    """The checks of a model on a record of another (or the same): coefficient, start and noise unknown.
+
+    dof: degrees of freedom of the record's noise, Student's t; noise: the model's.
+    """
+    rng = np.random.default_rng(seed)
+    drawn = rng.standard_normal(TIMES.size) if np.isinf(dof) else rng.standard_t(dof, TIMES.size)
+    y = clean(truth) + NOISE * drawn
     name, value = TRUTHS[model]
     priors = {
         name: HalfNormal(scale=10 * value),
@@ -39,8 +46,10 @@ def fit(truth: str, model: str, seed: int) -> tuple[Target, Fit]:
         "omega0": Normal(mean=0.0, sd=2.7),
         "noise_sd": LogNormal(median=NOISE, sigma=1.0),
     }
+    if noise == "student_t":
+        priors["noise_dof"] = LogNormal(median=6.0, sigma=0.8)
     known = {"stiffness": 20.0, "rest_angle": 0.0}
-    target = Target(Signal(TIMES, y), Oscillator((model,), "linear"), "gaussian", priors, known)
+    target = Target(Signal(TIMES, y), Oscillator((model,), "linear"), noise, priors, known)
     mode = find_mode(target, {"s": {name: value, "theta0": 0.3, "omega0": 0.0}}, noise_level=NOISE)
     return target, check_fit(target, mode, PERIOD, seed)
 
@@ -88,6 +97,22 @@ def test_wrong_damping_is_seen():
     assert found.window_z > 4
     assert found.window_spread > 4
     assert found.fit == pytest.approx(target.signal.y - found.residual)
+
+
+def test_outliers_are_told_where_the_noise_model_does_not_allow_for_them():
+    """Noise of two degrees of freedom under gaussian noise: each of five records has a sample beyond six robust sds
+    with a chance above 0.998. Normal noise is told of none (`test_true_models_fit`)."""
+    for seed in range(5):
+        assert "outliers" in fit("viscous", "viscous", seed, dof=2.0)[1].verdict
+
+
+@pytest.mark.slow
+def test_outliers_are_none_under_heavy_tailed_noise():
+    """The negative control: the same records under Student's t."""
+    for seed in range(5):
+        found = fit("viscous", "viscous", seed, dof=2.0, noise="student_t")[1]
+        assert found.verdict == "fits"
+        assert found.kurtosis < 1.0
 
 
 def test_autocorrelation_by_definition():

@@ -11,13 +11,17 @@ from bayesdamp.report.verdict import verdict
 FITS, LEFT = "fits", "does not fit: structure is left in the residuals"
 
 
-def run(probabilities: dict[str, float], checks: dict[str, str]) -> SimpleNamespace:
+def run(
+    probabilities: dict[str, float], checks: dict[str, str], odd: tuple[str, ...] = ()
+) -> SimpleNamespace:
     common = {"signal": "a", "repeat": 0, "restoring": "linear", "method": "importance", "outcome": "ok"}
     evidence = [
         {**common, "model": m, "probability": p, "log_evidence": 10 * p} for m, p in probabilities.items()
     ]
     return SimpleNamespace(
-        evidence=evidence, fits=[{**common, "model": m, "verdict": v} for m, v in checks.items()]
+        evidence=evidence,
+        fits=[{**common, "model": m, "verdict": v} for m, v in checks.items()],
+        cell=lambda *_: SimpleNamespace(meta={"anomalies": odd}),
     )
 
 
@@ -36,3 +40,10 @@ def test_the_first_sentence(probabilities, checks, misfit: bool, first: str) -> 
     assert found.sentence.startswith(first)
     if misfit:
         assert found.sentence.index("fit") < found.sentence.index("0.990")
+
+
+def test_what_the_record_shows_by_itself_comes_before_a_fit() -> None:
+    fits = {"viscous": FITS, "coulomb": FITS}
+    found = verdict(run({"viscous": 0.99, "coulomb": 0.01}, fits, ("its peaks are cut off",)), "a", 0)  # type: ignore[arg-type]
+    assert found.misfit
+    assert found.sentence.index("its peaks are cut off") < found.sentence.index("0.990")

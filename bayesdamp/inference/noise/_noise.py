@@ -23,6 +23,8 @@ class NoiseModel(ABC):
     parameters: tuple[str, ...]
     constants: tuple[str, ...] = ()
     """Numbers that the record itself gives, such as its recording step; they are not inferred."""
+    heavy_tailed: bool = False
+    """Whether far outliers hardly move what is inferred, so that they are no misfit."""
 
     def read(self, signal: Signal) -> dict[str, float]:
         """The constants. Raises Refusal where the record is not one for this model."""

@@ -19,6 +19,7 @@ class StudentT(NoiseModel):
 
     name = "student_t"
     parameters = ("noise_sd", "noise_dof")
+    heavy_tailed = True
 
     def priors(self, features: Features) -> dict[str, Prior]:
         return {

@@ -1,0 +1,83 @@
+"""What a record shows by itself that no freely decaying oscillator does: cut-off peaks, an amplitude that rises."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from bayesdamp.signals.features import Features, regular
+from bayesdamp.signals.turning import turning_points
+from bayesdamp.types import Signal
+
+RISE = 5.0
+"""Standard deviations by which later swings must exceed earlier ones."""
+TOGETHER = 3
+"""Swings that must rise together."""
+FLAT = 3
+"""Samples in a row at the extreme value that are no chance where values are not rounded."""
+MARGIN = 1.5
+"""How much longer than a sinusoid's a rounded record's stay at its extreme must be: a pendulum's at 2.8 rad is."""
+
+CLIPPED = "its peaks are cut off: the record stays at its extreme value"
+RISES = "its amplitude rises again: beats, a second mode or a drive"
+
+
+def anomalies(signal: Signal, seen: Features) -> tuple[str, ...]:
+    """What is wrong with a record as a free decay, in words that follow "no candidate fits: "."""
+    found = []
+    if clipped(signal.y, seen.samples_per_cycle):
+        found.append(CLIPPED)
+    if rise(signal, seen) > RISE:
+        found.append(RISES)
+    return tuple(found)
+
+
+def clipped(y: np.ndarray, per_cycle: float) -> bool:
+    """Whether values y (n,), so many a cycle, stay at an extreme for longer than an oscillation turns over there."""
+    size = 0.5 * float(np.ptp(y))
+    levels = np.unique(y)
+    gaps = np.diff(levels)
+    gaps = gaps[gaps > 1e-9 * size]
+    if gaps.size == 0:
+        return False
+    step = float(gaps.min())
+    # A sinusoid that just reaches the extreme level stays within one step of it for this share of a cycle.
+    usual = np.arccos(max(1.0 - step / size, -1.0)) / np.pi * per_cycle
+    limit = max(FLAT, MARGIN * usual + 1)
+    return any(_longest(np.abs(y - edge) <= 1e-9 * size) >= limit for edge in (levels[0], levels[-1]))
+
+
+def _longest(flags: np.ndarray) -> int:
+    """The longest run of true ones in flags (n,)."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], flags.astype(int), [0]])))
+    return int(np.max(edges[1::2] - edges[::2])) if edges.size else 0
+
+
+def rise(signal: Signal, seen: Features) -> float:
+    """The largest rise of the swings from three in a row to a later three, in standard deviations; 0 if there is none.
+
+    The least of the later is set against the largest of the earlier ones, so that a spike, which spoils one turning
+    point and with it two swings, is no rise. Damping of any law takes energy: of a free decay this is noise.
+    """
+    t, y = np.asarray(signal.t, float), np.asarray(signal.y, float)
+    turns = regular(turning_points(t, y, seen.period, seen.roughness), seen.roughness)
+    # Rounding shifts all samples about a turning point alike.
+    variance = (seen.roughness * turns.gain) ** 2 + (0.5 * signal.step) ** 2
+    ranges, variance = np.abs(np.diff(turns.values)), variance[:-1] + variance[1:] + 1e-300
+    whole = _sampled(t, turns.times, seen.period)
+    ranges, variance = ranges[whole], variance[whole]
+    if ranges.size < 2 * TOGETHER:
+        return 0.0
+    runs = np.lib.stride_tricks.sliding_window_view(np.arange(ranges.size), TOGETHER)
+    most = runs[np.arange(len(runs)), np.argmax(ranges[runs], axis=1)]
+    least = runs[np.arange(len(runs)), np.argmin(ranges[runs], axis=1)]
+    lifted = ranges[least][None, :] - ranges[most][:, None]
+    lifted = lifted / np.sqrt(variance[least][None, :] + variance[most][:, None])
+    return max(float(np.max(np.triu(lifted, TOGETHER))), 0.0)
+
+
+def _sampled(t: np.ndarray, times: np.ndarray, period: float) -> np.ndarray:
+    """Of the swings between turning points at `times` (k,): those with samples about both, shape (k - 1,)."""
+    begin, end = np.maximum(times - period / 8, t[0]), np.minimum(times + period / 8, t[-1])
+    seen = np.searchsorted(t, end, side="right") - np.searchsorted(t, begin)
+    good = seen >= 0.75 * (end - begin) / float(np.median(np.diff(t)))
+    return good[:-1] & good[1:]
