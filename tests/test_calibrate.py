@@ -269,6 +269,9 @@ class Misjudged(Gaussian):
     def log_likelihood(self, r, gaps, p):
         return super().log_likelihood(r, gaps, {**p, "noise_sd": 0.8 * p["noise_sd"]})
 
+    def log_likelihood_of_sums(self, sums, count, gap, p):
+        return super().log_likelihood_of_sums(sums, count, gap, {**p, "noise_sd": 0.8 * p["noise_sd"]})
+
     def information_root(self, v, gaps, p):
         return super().information_root(v, gaps, {**p, "noise_sd": 0.8 * p["noise_sd"]})
 

@@ -82,7 +82,7 @@ def test_starts_are_spread_over_the_seeds_and_wider_than_the_posterior():
     assert basins(mode)[1][:2] == [0, 0]
     *_, starts = seeded_starts(target, mode, frame(target, mode), 4, Settings(seed=1))
     assert {s.seed for s in starts} == {"near", "off", "prior 1", "prior 2"}
-    many, _ = seeded_starts(target, mode, frame(target, mode), 200, Settings(seed=2))
+    many, *_ = seeded_starts(target, mode, frame(target, mode), 200, Settings(seed=2))
     # A posterior's own draws have a mean square of 1 in these coordinates.
     assert np.mean(many**2) > 1.5
     z = frame(target, mode).scores(many)

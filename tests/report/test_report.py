@@ -97,7 +97,7 @@ def test_the_verdict_comes_first_and_warns(page):
     assert verdict < words.index("What was asked")
     assert "Damping is most likely viscous: probability 0.802 among 4 models." in words
     assert "viscous + Coulomb keeps a probability of 0.198" in words
-    assert "move by 4.1 of their standard deviations" in words
+    assert "move by 4.1 of the standard deviations that chance allows them" in words
     assert "predictive p 0.0030" in words
     assert "truth 0.05, inside" in words
     assert "not converged: R̂ of stiffness is 1.034" in words

@@ -186,15 +186,15 @@ def _estimated(run: Run, signal: str, repeat: int, model: str) -> list[str]:
 
 
 WINDOW_SPREAD = 3.0
-"""Half a record has one and a half to three times the whole record's standard deviation: it may move that far."""
+"""Of several windows and coefficients the largest move is seldom larger by chance."""
 
 
 def _fit(run: Run, signal: str, repeat: int, model: str, doubt: list[str]) -> None:
     for row in rows_of(run.fits, signal=signal, repeat=repeat, model=model)[:1]:
         if math.isfinite(row["window_spread"]) and row["window_spread"] > WINDOW_SPREAD:
             doubt.append(
-                "the width of the intervals: with other parts of the record the coefficients move by "
-                f"{words.number(row['window_spread'], 2)} of their standard deviations."
+                "the width of the intervals: between parts of the record the coefficients move by "
+                f"{words.number(row['window_spread'], 2)} of the standard deviations that chance allows them."
             )
         if math.isfinite(row["predictive_p"]) and not 0.01 < row["predictive_p"] < 0.99:
             doubt.append(
