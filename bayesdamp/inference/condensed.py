@@ -27,8 +27,8 @@ ENDS = 2
 EVEN = 1e-8
 """Departure of a gap from the mean one, as a share, up to which a clock is uniform: rounding, no jitter. In a log
 likelihood ten sds from its mode it shows as about 14 times that (nats)."""
-LEAST_ROOM = 256
-"""Steps that there is room for at least."""
+LEAST_ROOM = 512
+"""Steps that there is room for at least; more come in powers of four, so that few sizes are compiled."""
 CHUNK = 2**18
 """Samples triangulated at a time."""
 
@@ -148,7 +148,10 @@ def condense(noise: NoiseModel, plan: Plan, t: np.ndarray, y: np.ndarray) -> Con
     if noise.uniform_clock and not _even(t):
         return None
     count = int(plan.count)
-    size = min(max(LEAST_ROOM, 2 ** int(np.ceil(np.log2(count)))), plan.steps.size)  # few sizes are compiled
+    size = LEAST_ROOM
+    while size < count:
+        size *= 4
+    size = min(size, plan.steps.size)
     near, left = np.zeros((size + 1, 3)), np.asarray(y, float)
     if plan.anchor is not None:
         near = np.asarray(plan.anchor.nodes)[: size + 1]
