@@ -52,8 +52,7 @@ class Fit:
     the residuals by lag, shape (l,). rms, in the unit of the record; share: of half the fit's range. predictive_p,
     tails_p: posterior predictive p of the structure in whitened residuals and of their kurtosis (in excess of a
     normal's). line_p: chance of the part of their spectrum that stands out most. window_spread: largest shift of a
-    damping coefficient between a window and the whole record, in posterior sds; window_z: the same in sds of the
-    shift itself.
+    damping coefficient between a window and the whole record, in the sds that the shift has by chance.
     """
 
     fit: np.ndarray
@@ -69,7 +68,6 @@ class Fit:
     tails_p: float
     windows: tuple[Window, ...]
     window_spread: float
-    window_z: float
     verdict: str
 
 
@@ -160,7 +158,7 @@ def check_fit(target: Target, mode: Mode, period: float, seed: int) -> Fit:
     line = standing_out(t, white, period, tangents(target, mode))
     if line.chance > HINT:  # where whitening has levelled the spectrum, it says what there was to level
         line = replace(line, words=strongest(t, r, period))
-    windows, spread, z = _windows(target, mode)
+    windows, spread = _windows(target, mode)
     rms = float(np.sqrt(np.mean(r**2)))
     lag_one = float(autocorrelation(r, 1)[1])
     return Fit(
@@ -177,29 +175,28 @@ def check_fit(target: Target, mode: Mode, period: float, seed: int) -> Fit:
         tails_p=p_tails,
         windows=windows,
         window_spread=spread,
-        window_z=z,
-        verdict=_verdict(target.layout.noise, p, line, z, p_tails < P_LIMIT and tails > HEAVY),
+        verdict=_verdict(target.layout.noise, p, line, spread, p_tails < P_LIMIT and tails > HEAVY),
     )
 
 
-def _verdict(noise: NoiseModel, p: float, line: Line, z: float, outliers: bool) -> str:
+def _verdict(noise: NoiseModel, p: float, line: Line, spread: float, outliers: bool) -> str:
     correlated = noise.name == "correlated"
     if p < P_LIMIT or line.chance < LINE_LIMIT:
         also = "" if correlated else " with independent noise"
         return f"does not fit: structure is left in the residuals{also}: {line.words}"
-    if z > WINDOW_LIMIT:
+    if spread > WINDOW_LIMIT:
         return "does not fit: the coefficients change from one part of the record to another"
     if outliers and not noise.heavy_tailed:
         return "does not fit: outliers in the residuals, which this noise model does not allow for"
     return "fits, with correlated noise" if correlated else "fits"
 
 
-def _windows(target: Target, mode: Mode) -> tuple[tuple[Window, ...], float, float]:
+def _windows(target: Target, mode: Mode) -> tuple[tuple[Window, ...], float]:
     """The mode on the first, the middle and the last half of the record; the motion starts where it did."""
     t, n = target.signal.t, target.signal.t.size
     half = n // 2
     whole = _window(target, "whole record", mode.z, mode.information, float(t[0]), float(t[-1]))
-    windows, spread, largest = [whole], 0.0, 0.0
+    windows, spread = [whole], 0.0
     for label, first in (("first half", 0), ("middle half", (n - half) // 2), ("last half", n - half)):
         part = slice(first, first + half)
         context = target.context(part_of(mode.context.plan, part), part)
@@ -212,11 +209,10 @@ def _windows(target: Target, mode: Mode) -> tuple[tuple[Window, ...], float, flo
             if whole.sd[name] == 0.0:  # absent from this model
                 continue
             shift = abs(w.values[name] - whole.values[name])
-            spread = max(spread, shift / whole.sd[name])
             # The part is contained in the whole: the variance of the shift is the difference (Hausman 1978).
             variance = max(w.sd[name] ** 2 - whole.sd[name] ** 2, 0.25 * whole.sd[name] ** 2)
-            largest = max(largest, shift / variance**0.5)
-    return tuple(windows), spread, largest
+            spread = max(spread, shift / variance**0.5)
+    return tuple(windows), spread
 
 
 def _window(

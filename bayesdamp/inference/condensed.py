@@ -22,8 +22,6 @@ from jax import numpy as jnp
 from bayesdamp.inference.noise import NoiseModel, NormalNoise
 from bayesdamp.physics.integrate import MeshPlan, Plan, between
 
-ENDS = 2
-"""Samples that have a neighbour on one side only."""
 EVEN = 1e-8
 """Departure of a gap from the mean one, as a share, up to which a clock is uniform: rounding, no jitter. In a log
 likelihood ten sds from its mode it shows as about 14 times that (nats)."""
@@ -90,7 +88,10 @@ class Condensed:
     def in_room(self, room: int) -> Condensed:
         """The same with room for more steps; those are empty."""
         more = room - self.room
-        sums = {name: tuple(_padded(s, more) for s in parts) for name, parts in self.sums.items()}
+        sums = {
+            name: tuple(_padded(s, more) if s.value.shape[0] == self.room else s for s in parts)
+            for name, parts in self.sums.items()
+        }
         return replace(self, sums=sums, near=jnp.pad(self.near, ((0, more), (0, 0))))
 
     def misfit(self, nodes: Array) -> Array:
@@ -115,8 +116,6 @@ def _padded(part: Triangles | Singles, more: int) -> Triangles | Singles:
 
     if isinstance(part, Triangles):
         return Triangles(longer(part.root), longer(part.value), part.rest)
-    if part.value.size == ENDS:
-        return part
     return Singles(*(longer(getattr(part, f.name)) for f in fields(part)))
 
 

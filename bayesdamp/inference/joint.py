@@ -15,7 +15,6 @@ from itertools import pairwise
 import jax.numpy as jnp
 import numpy as np
 
-from bayesdamp.inference.build import ABSENT
 from bayesdamp.inference.evidence.laplace import log_integral
 from bayesdamp.inference.frame import FAR
 from bayesdamp.inference.mode import ANCHORS, NEAR, Mode, maximise, restore_mode
@@ -44,7 +43,7 @@ class Apart(Refusal):
 
 def damping_parameters(target: Target) -> tuple[str, ...]:
     """Names of the damping parameters that a target infers, ε among them; not those of terms that it lacks."""
-    own = [n for n in target.oscillator.coefficients if target.priors.get(n, ABSENT) is not ABSENT]
+    own = [n for n in target.oscillator.coefficients if n in target.live]
     return (*own, *(["epsilon"] if "epsilon" in target.priors else []))
 
 
@@ -74,11 +73,7 @@ class Joint:
     @cached_property
     def live(self) -> tuple[tuple[str, ...], ...]:
         """Of each record, the parameters of its own that something depends on."""
-        absent = [{n for n, p in t.priors.items() if p is ABSENT} for t in self.targets]
-        return tuple(
-            tuple(n for n in t.names if n not in self.shared and n not in out)
-            for t, out in zip(self.targets, absent, strict=True)
-        )
+        return tuple(tuple(n for n in t.live if n not in self.shared) for t in self.targets)
 
     @cached_property
     def parts(self) -> tuple[np.ndarray, ...]:

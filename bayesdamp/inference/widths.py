@@ -13,6 +13,7 @@ from bayesdamp.inference import diagnostics
 from bayesdamp.inference.evidence.importance import K_LIMIT, Importance
 from bayesdamp.inference.mode import Mode, mode_near
 from bayesdamp.inference.target import Target
+from bayesdamp.inference.weighted import effective
 from bayesdamp.priors import HalfNormal, LogNormal, Prior
 from bayesdamp.types import OK
 
@@ -57,8 +58,7 @@ def against_width(target: Target, mode: Mode, y: np.ndarray, log_weights: np.nda
     values = target.values(y)
     rows = [_one(target, mode, values, log_weights, factor, seed + i) for i, factor in enumerate(FACTORS)]
     varied = tuple(n for n in _inferred(target) if widened(target.priors[n], 2.0) is not None)
-    log_evidence, stderr, effective, anew, trusted = (np.array(column) for column in zip(*rows, strict=True))
-    return Widths(varied, FACTORS, log_evidence, stderr, effective, anew, trusted)
+    return Widths(varied, FACTORS, *(np.array(column) for column in zip(*rows, strict=True)))
 
 
 def _inferred(target: Target) -> list[str]:
@@ -82,12 +82,12 @@ def _one(
             priors[name] = other
     log_evidence = float(logsumexp(weights) - np.log(weights.size))
     w = np.exp(weights - log_evidence)
-    effective = float(w.sum() ** 2 / (w**2).sum())
-    if effective >= ENOUGH and diagnostics.pareto_k(weights) < K_LIMIT:
-        return log_evidence, float(np.std(w, ddof=1) / np.sqrt(w.size)), effective, False, True
+    size = effective(weights)
+    if size >= ENOUGH and diagnostics.pareto_k(weights) < K_LIMIT:
+        return log_evidence, float(np.std(w, ddof=1) / np.sqrt(w.size)), size, False, True
     other = replace(target, priors=priors)
     found = Importance().evidence("", other, _moved(target, other, mode), seed)
-    return found.log_evidence, found.stderr, effective, True, found.outcome == OK
+    return found.log_evidence, found.stderr, size, True, found.outcome == OK
 
 
 def _moved(target: Target, other: Target, mode: Mode) -> Mode:

@@ -162,8 +162,10 @@ def _fits(study: Study, store: Store) -> Iterator[Row]:
             **head,
             "rms": cell.meta["rms"] * factor,
             "rms_unit": quantity_unit(spec.source.unit, spec.source.quantity),
-            **{k: cell.meta[k] for k in ("residual_autocorrelation", "predictive_p", "verdict")},
-            "window_spread": cell.meta["window_z"],
+            **{
+                k: cell.meta[k]
+                for k in ("residual_autocorrelation", "window_spread", "predictive_p", "verdict")
+            },
         }
 
 

@@ -13,6 +13,7 @@ from bayesdamp.inference.evidence._method import Draws, EvidenceMethod
 from bayesdamp.inference.folded import DEGREES, FoldedT
 from bayesdamp.inference.mode import Mode
 from bayesdamp.inference.target import Target
+from bayesdamp.inference.weighted import effective
 from bayesdamp.types import OK, Evidence
 
 PILOT = 1000
@@ -45,12 +46,12 @@ class Importance(EvidenceMethod):
             y, log_weights = self._weights(target, mode, proposal, rng, PILOT)
             evaluations += PILOT
             # On a pilot of this size the fitted shape scatters by about 0.1.
-            if diagnostics.pareto_k(log_weights) < K_GOOD - 0.1 and _share(log_weights) > 0.2:
+            if diagnostics.pareto_k(log_weights) < K_GOOD - 0.1 and effective(log_weights) > 0.2 * PILOT:
                 break
             proposal = self._refit(y, log_weights, folded)
         y, log_weights = self._weights(target, mode, proposal, rng, FINAL)
         evaluations += FINAL
-        k, share = diagnostics.pareto_k(log_weights), _share(log_weights)
+        k, share = diagnostics.pareto_k(log_weights), effective(log_weights) / FINAL
         log_evidence = float(logsumexp(log_weights) - np.log(FINAL))
         relative = np.exp(log_weights - log_evidence)
         outcome = (
@@ -88,12 +89,6 @@ class Importance(EvidenceMethod):
         covariance = spread.T @ spread * (DEGREES - 2) / DEGREES * 1.2
         covariance += 1e-10 * np.trace(covariance) / centre.size * np.eye(centre.size)
         return FoldedT(centre, np.linalg.cholesky(covariance), folded)
-
-
-def _share(log_weights: np.ndarray) -> float:
-    """Effective share of the draws, 1 where all weights are equal."""
-    w = np.exp(log_weights - log_weights.max())
-    return float(w.sum() ** 2 / (w**2).sum() / w.size)
 
 
 PLUGIN = Importance()

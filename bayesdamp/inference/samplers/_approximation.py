@@ -7,7 +7,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from bayesdamp.inference import batches, diagnostics
+from bayesdamp.inference import batches, diagnostics, weighted
 from bayesdamp.inference.mode import Mode
 from bayesdamp.inference.samplers._sampler import Settings
 from bayesdamp.inference.target import Target
@@ -41,15 +41,14 @@ def approximate_posterior(
     likelihood, prior = batches.log_likelihood(target, mode.context, z), batches.log_prior(z)
     weights = np.where(np.isfinite(likelihood), likelihood + prior, -np.inf) - log_density
     shape = diagnostics.pareto_k(weights)
-    w = np.exp(weights - weights.max())
-    effective = float(w.sum() ** 2 / (w**2).sum())
+    size = weighted.effective(weights)
     grid = (settings.chains, settings.draws)
     values = {n: v.reshape(grid) for n, v in target.values(z).items()}
     outcome = OK
     if not shape < K_LIMIT:
         said = f"Pareto shape of its importance weights is {shape:.2f}, above {K_LIMIT}"
-        outcome = f"a poor approximation: {said} ({effective:.0f} effective of {w.size} draws)"
-    elif moved := _moved(values, w / w.sum()):
+        outcome = f"a poor approximation: {said} ({size:.0f} effective of {weights.size} draws)"
+    elif moved := _moved(values, weighted.shares(weights)):
         outcome = f"a poor approximation: {moved}"
     return Posterior(
         sampler=sampler,
@@ -58,11 +57,11 @@ def approximate_posterior(
         log_likelihood=likelihood.reshape(grid),
         stats={"log_weight": weights.reshape(grid)},
         diagnostics={
-            "summary": {n: diagnostics.summarise(v, effective=effective) for n, v in values.items()},
+            "summary": {n: diagnostics.summarise(v, effective=size) for n, v in values.items()},
             "divergences": 0,
             "pareto_k": shape,
-            "effective_draws": effective,
-            "likelihoods": int(w.size),
+            "effective_draws": size,
+            "likelihoods": weights.size,
             **(more or {}),
         },
         seconds=time.perf_counter() - began,
