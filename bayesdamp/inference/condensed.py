@@ -10,9 +10,10 @@ the pairs that straddle a node, which are kept as they are.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import partial
+from typing import Any
 
 import jax
 import numpy as np
@@ -20,7 +21,8 @@ from jax import Array
 from jax import numpy as jnp
 
 from bayesdamp.inference.noise import NoiseModel, NormalNoise
-from bayesdamp.physics.integrate import MeshPlan, Plan, between
+from bayesdamp.physics.integrate import MeshPlan, Node, Plan, along, between
+from bayesdamp.physics.oscillator import Oscillator
 
 EVEN = 1e-8
 """Departure of a gap from the mean one, as a share, up to which a clock is uniform: rounding, no jitter. In a log
@@ -45,26 +47,63 @@ class Triangles:
         left = self.value - jnp.sum(self.root * pairs[:, None, :], axis=2)
         return jnp.concatenate([left.ravel(), self.rest])
 
+    def begun(self) -> Array:
+        """What `visited` starts from, shape ()."""
+        return self.rest[0] ** 2
+
+    def visited(self, step: Array, pair: Sequence[Array], made: Array) -> Array:
+        """The sum of squares with one more step, at its node values, six of shape (), which are dealt with one by one:
+        so a batch is computed many at a time."""
+        root, value = self.root[step], self.value[step]
+        for i in range(6):
+            made = made + (value[i] - sum(root[i, j] * pair[j] for j in range(i, 6))) ** 2
+        return made
+
+    @staticmethod
+    def total(made: Array) -> Array:
+        return made
+
 
 @partial(
     jax.tree_util.register_dataclass,
-    data_fields=["step", "weights", "before", "weights_before", "value"],
+    data_fields=["weights", "value", "present", "leaving", "leaves", "before"],
     meta_fields=[],
 )
 @dataclass(frozen=True)
 class Singles:
-    """Residuals, or differences of two, one by one: their steps (k,), dense-output weights (k, 6), values (k,)."""
+    """Residuals, or differences of two, at most one in a step: dense-output weights (m, 6), values (m,), and in which
+    steps there is one, (m,).
 
-    step: Array
+    Of a difference the first of the two lies in an earlier step, `before` (m,): its weights there, `leaving` (m, 6), in
+    the steps with samples, `leaves` (m,).
+    """
+
     weights: Array
-    before: Array
-    weights_before: Array
     value: Array
+    present: Array
+    leaving: Array
+    leaves: Array
+    before: Array
 
     def misfit(self, pairs: Array) -> Array:
-        """Value minus that of the trajectory, shape (k,)."""
-        after = jnp.sum(pairs[self.step] * self.weights, axis=1)
-        return self.value - (after - jnp.sum(pairs[self.before] * self.weights_before, axis=1))
+        """Value minus that of the trajectory, shape (m,)."""
+        after, left = (jnp.sum(pairs * w, axis=1) for w in (self.weights, self.leaving))
+        return jnp.where(self.present, self.value - (after - left[self.before]), 0.0)
+
+    def begun(self) -> tuple[Array, Array]:
+        """What `visited` starts from: the sum of squares, and the value where the last samples were left, shapes ()."""
+        return jnp.zeros(()), jnp.zeros(())
+
+    def visited(self, step: Array, pair: Sequence[Array], made: tuple[Array, Array]) -> tuple[Array, Array]:
+        """Both with one more step, at its node values, six of shape ()."""
+        total, last = made
+        after, left = (sum(w[step, j] * pair[j] for j in range(6)) for w in (self.weights, self.leaving))
+        apart = jnp.where(self.present[step], self.value[step] - (after - last), 0.0)
+        return total + apart**2, jnp.where(self.leaves[step], left, last)
+
+    @staticmethod
+    def total(made: tuple[Array, Array]) -> Array:
+        return made[0]
 
 
 @partial(jax.tree_util.register_dataclass, data_fields=["sums", "near", "count", "gap"], meta_fields=[])
@@ -88,10 +127,7 @@ class Condensed:
     def in_room(self, room: int) -> Condensed:
         """The same with room for more steps; those are empty."""
         more = room - self.room
-        sums = {
-            name: tuple(_padded(s, more) if s.value.shape[0] == self.room else s for s in parts)
-            for name, parts in self.sums.items()
-        }
+        sums = {name: tuple(_padded(s, more) for s in parts) for name, parts in self.sums.items()}
         return replace(self, sums=sums, near=jnp.pad(self.near, ((0, more), (0, 0))))
 
     def misfit(self, nodes: Array) -> Array:
@@ -103,7 +139,27 @@ class Condensed:
         away = jnp.concatenate([apart[:-1], apart[1:]], axis=1)
         return jnp.concatenate([s.misfit(away) for name in sorted(self.sums) for s in self.sums[name]])
 
-    def split(self, misfit: Array) -> dict[str, Array]:
+    def sums_along(
+        self, osc: Oscillator, steps: Array, count: Array, p: Mapping[str, Array]
+    ) -> dict[str, Array]:
+        """The sums of squares, shape () each, of the trajectory over these steps, of which nothing is kept."""
+        parts = [s for name in sorted(self.sums) for s in self.sums[name]]
+
+        def visit(step: Array, before: Node, after: Node, made: list[Any]) -> list[Any]:
+            pair = [
+                value - near
+                for node, at in ((before, step), (after, step + 1))
+                for value, near in zip(node, self.near[at], strict=True)
+            ]
+            return [part.visited(step, pair, m) for part, m in zip(parts, made, strict=True)]
+
+        made = iter(along(osc, steps, count, p, visit, [part.begun() for part in parts]))
+        return {
+            name: sum((s.total(next(made)) for s in self.sums[name]), jnp.zeros(()))
+            for name in sorted(self.sums)
+        }
+
+    def split(self, misfit: Array | np.ndarray) -> dict[str, Array]:
         """The parts of such a vector by the name of their sum."""
         names = sorted(self.sums)
         sizes = [sum(s.value.size + isinstance(s, Triangles) for s in self.sums[n]) for n in names]
@@ -122,6 +178,13 @@ def _padded(part: Triangles | Singles, more: int) -> Triangles | Singles:
 def log_likelihood(noise: NormalNoise, condensed: Condensed, misfit: Array, p: Mapping[str, Array]) -> Array:
     """Log density of the record in nats, shape (), from the vector (c,) that `Condensed.misfit` gives."""
     sums = {name: jnp.sum(part**2) for name, part in condensed.split(misfit).items()}
+    return of_sums(noise, condensed, sums, p)
+
+
+def of_sums(
+    noise: NormalNoise, condensed: Condensed, sums: Mapping[str, Array], p: Mapping[str, Array]
+) -> Array:
+    """Log density of the record in nats, shape (), from the sums of squares."""
     return noise.log_likelihood_of_sums(sums, condensed.count, condensed.gap, p)
 
 
@@ -129,7 +192,7 @@ def information_root(noise: NormalNoise, condensed: Condensed, v: Array, p: Mapp
     """R v with RᵀR the Fisher information about a shift of the misfit by v, shape (c,)."""
 
     def density(sums: Mapping[str, Array]) -> Array:
-        return noise.log_likelihood_of_sums(sums, condensed.count, condensed.gap, p)
+        return of_sums(noise, condensed, sums, p)
 
     parts = condensed.split(v)
     slopes = jax.grad(density)({name: jnp.zeros(()) for name in parts})
@@ -140,9 +203,11 @@ def condense(noise: NoiseModel, plan: Plan, t: np.ndarray, y: np.ndarray) -> Con
     """A record's times (s, (n,)) and values (n,) for this noise and plan; None where the plain sum is to be taken:
 
     steps that belong to the parameters (exact friction), noise whose likelihood is not
-    made of sums of squares, correlated noise on a clock that is not uniform.
+    made of sums of squares, correlated noise on a clock that is not uniform, all samples in one step.
     """
     if not isinstance(noise, NormalNoise) or not isinstance(plan, MeshPlan):
+        return None
+    if int(plan.interval[0]) == int(plan.interval[-1]):
         return None
     if noise.uniform_clock and not _even(t):
         return None
@@ -175,22 +240,34 @@ def _differences(plan: MeshPlan, y: np.ndarray, size: int) -> tuple[Triangles, S
     rows = np.diff(np.column_stack([weights, y]), axis=0)
     within = interval[1:] == interval[:-1]
     inside = _triangles(interval[1:][within], rows[within], size)
-    # A pair for each step that it leaves; a step without samples, and the last, leave none: zeros.
+    # The last sample of a step with samples, and the first of the next such step.
     last = np.flatnonzero(~within)
-    step, before = np.zeros((2, size), int)
-    after_weights, before_weights = np.zeros((2, size, 6))
-    value = np.zeros(size)
-    leaves = interval[last]
-    step[leaves], before[leaves] = interval[last + 1], leaves
-    after_weights[leaves], before_weights[leaves] = weights[last + 1], weights[last]
-    value[leaves] = y[last + 1] - y[last]
-    return inside, Singles(*map(jnp.asarray, (step, after_weights, before, before_weights, value)))
+    leave, arrive = interval[last], interval[last + 1]
+    made = _no_singles(size)
+    made["weights"][arrive], made["value"][arrive] = weights[last + 1], y[last + 1] - y[last]
+    made["present"][arrive], made["before"][arrive] = True, leave
+    made["leaving"][leave], made["leaves"][leave] = weights[last], True
+    return inside, Singles(**{name: jnp.asarray(v) for name, v in made.items()})
 
 
 def _ends(plan: MeshPlan, y: np.ndarray, size: int) -> tuple[Singles]:
     at = np.array([0, -1])
-    step, weights = np.asarray(plan.interval)[at], np.asarray(plan.weights)[at]
-    return (Singles(*map(jnp.asarray, (step, weights, step, np.zeros_like(weights), y[at]))),)
+    step, made = np.asarray(plan.interval)[at], _no_singles(size)
+    made["weights"][step], made["value"][step] = np.asarray(plan.weights)[at], y[at]
+    made["present"][step] = True
+    return (Singles(**{name: jnp.asarray(v) for name, v in made.items()}),)
+
+
+def _no_singles(size: int) -> dict[str, np.ndarray]:
+    weights, yes = np.zeros((size, 6)), np.zeros(size, bool)
+    return {
+        "weights": weights,
+        "value": np.zeros(size),
+        "present": yes,
+        "leaving": weights.copy(),
+        "leaves": yes.copy(),
+        "before": np.zeros(size, int),
+    }
 
 
 _SUMS = {"squares": _squares, "differences": _differences, "ends": _ends}

@@ -125,7 +125,7 @@ def _curvatures(
     )
     points = at + H * corners.reshape(-1, d) @ factor.T
     functions = compiled(layout)
-    line = functions.linearise(mode.context, jnp.asarray(at))
+    line = functions.tight(mode.context, jnp.asarray(at))
 
     def hessian(fun: Callable[[Array], Array]) -> np.ndarray:
         f = in_batches(fun, points).reshape(-1, 4)

@@ -195,12 +195,41 @@ def _noise(layout: Layout, context: Context) -> tuple[Callable[..., Array], Call
 
 def _log_noise(layout: Layout, context: Context, e: Array, z: Array) -> Array:
     """Log density of the record from its misfit, shape ()."""
-    density = _noise(layout, context)[0](e, parameters(layout, context, z))
+    return _finite(_noise(layout, context)[0](e, parameters(layout, context, z)))
+
+
+def _finite(density: Array) -> Array:
     return jnp.where(jnp.isfinite(density), density, -jnp.inf)
+
+
+@dataclass(frozen=True)
+class _Sums:
+    """A likelihood that needs no more of a trajectory than sums of squares.
+
+    sums: parameters to these by name; density: of these and the parameters, log density of the record.
+    """
+
+    sums: Callable[[Mapping[str, Array]], dict[str, Array]]
+    density: Callable[[Mapping[str, Array], Mapping[str, Array]], Array]
+
+
+def _sums(layout: Layout, context: Context) -> _Sums | None:
+    """None where the likelihood reads all samples."""
+    noise, condensed, plan = layout.noise, context.condensed, context.plan
+    if condensed is None or not isinstance(noise, NormalNoise) or not isinstance(plan, MeshPlan):
+        return None
+    return _Sums(
+        partial(condensed.sums_along, layout.oscillator, plan.steps, plan.count),
+        partial(condensing.of_sums, noise, condensed),
+    )
 
 
 def log_likelihood(layout: Layout, context: Context, z: Array) -> Array:
     """Log density of the record in nats, shape (); −∞ where the trajectory escapes."""
+    streamed = _sums(layout, context)
+    if streamed is not None:
+        p = parameters(layout, context, z)
+        return _finite(streamed.density(streamed.sums(p), p))
     return _log_noise(layout, context, misfit(layout, context, parameters(layout, context, z)), z)
 
 
@@ -243,8 +272,42 @@ def linearise(layout: Layout, context: Context, z: Array) -> Line:
     return e, slopes, x
 
 
-def linearised_log_posterior(layout: Layout, context: Context, line: Line, z: Array) -> Array:
+@partial(jax.tree_util.register_dataclass, data_fields=["triangles", "at"], meta_fields=[])
+@dataclass(frozen=True)
+class TightLine:
+    """What sums of squares need of a linearised trajectory.
+
+    triangles: R (r, k + 1) by the name of a sum, which is |R (dx, 1)|² a step dx (k,) from the values `at` (k,).
+    """
+
+    triangles: Mapping[str, Array]
+    at: Array
+
+
+def tight(layout: Layout, context: Context, line: Line) -> Line | TightLine:
+    """The linearisation in as few numbers as the likelihood allows."""
+    if _sums(layout, context) is None or context.condensed is None:
+        return line
+    e, slopes, x = line
+    columns = np.concatenate([np.asarray(slopes), np.asarray(e)[None]])
+    parts = [context.condensed.split(column) for column in columns]
+    triangles = {
+        name: jnp.asarray(
+            np.linalg.qr(np.stack([np.asarray(part[name]) for part in parts], axis=1), mode="r")
+        )
+        for name in parts[0]
+    }
+    return TightLine(triangles, x)
+
+
+def linearised_log_posterior(layout: Layout, context: Context, line: Line | TightLine, z: Array) -> Array:
     """Log posterior with the trajectory replaced by its linearisation; priors and noise are exact."""
+    if isinstance(line, TightLine):
+        streamed = _sums(layout, context)
+        assert streamed is not None
+        by = jnp.append(moving_values(layout, context, z) - line.at, 1.0)
+        sums = {name: jnp.sum((triangle @ by) ** 2) for name, triangle in line.triangles.items()}
+        return log_prior(z) + streamed.density(sums, parameters(layout, context, z))
     e, slopes, x = line
     moved = e + (moving_values(layout, context, z) - x) @ slopes
     return log_prior(z) + _noise(layout, context)[0](moved, parameters(layout, context, z))
@@ -259,10 +322,30 @@ def _by_scores(layout: Layout, context: Context, line: Line, z: Array) -> tuple[
 
 def value_and_gradient(layout: Layout, context: Context, z: Array) -> tuple[Array, Array]:
     """Log posterior and its gradient by z; the trajectory's part by forward tangents."""
+    streamed = _sums(layout, context)
+    if streamed is not None:
+        return _streamed_gradient(layout, context, streamed, z)
     e, tangents = _by_scores(layout, context, linearise(layout, context, z), z)
     noise_part = jax.value_and_grad(partial(_log_noise, layout, context), argnums=(0, 1))
     value, (by_e, by_z) = noise_part(e, z)
     gradient = (by_z - z).at[jnp.asarray(moving_scores(layout), int)].add(tangents @ by_e)
+    return value + log_prior(z), gradient
+
+
+def _streamed_gradient(layout: Layout, context: Context, streamed: _Sums, z: Array) -> tuple[Array, Array]:
+    """`value_and_gradient` of a likelihood that needs sums of squares alone."""
+    moving = jnp.asarray(moving_scores(layout), int)
+
+    def sums(moved: Array) -> dict[str, Array]:
+        return streamed.sums(parameters(layout, context, z.at[moving].set(moved)))
+
+    push = jax.vmap(lambda v: jax.jvp(sums, (z[moving],), (v,)), out_axes=(None, 0))
+    found, slopes = push(jnp.eye(moving.size))
+    density = jax.value_and_grad(
+        lambda s, at: _finite(streamed.density(s, parameters(layout, context, at))), argnums=(0, 1)
+    )
+    value, (by_sum, by_z) = density(found, z)
+    gradient = (by_z - z).at[moving].add(sum(by_sum[name] * slopes[name] for name in slopes))
     return value + log_prior(z), gradient
 
 
@@ -301,7 +384,8 @@ class Compiled:
     linearise: Callable[[Context, Array], Line]
     curvature: Callable[[Context, Array], tuple[Array, Array, Array]]
     batch: Callable[[Context, Array], Array]
-    linearised_batch: Callable[[Context, Line, Array], Array]
+    tight: Callable[[Context, Array], Line | TightLine]
+    linearised_batch: Callable[[Context, Line | TightLine, Array], Array]
 
 
 @lru_cache(maxsize=64)
@@ -318,6 +402,7 @@ def compiled(layout: Layout) -> Compiled:
     return Compiled(
         linearise=lambda context, z: lines(context.lean, z),
         curvature=curvature_at,
+        tight=lambda context, z: tight(layout, context.lean, lines(context.lean, z)),
         batch=lambda context, z: batch(context.lean, z),
         linearised_batch=lambda context, line, z: straight(context.lean, line, z),
     )

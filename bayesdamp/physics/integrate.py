@@ -8,8 +8,10 @@ tangents work on it.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import lru_cache, partial
+from typing import TypeVar
 
 import jax
 import numpy as np
@@ -29,6 +31,7 @@ ENOUGH = 20_000
 QUANTITIES = ("angle", "velocity", "acceleration")
 
 
+C = TypeVar("C")
 LEAST_ROOM = 1024
 NODES_ROOM = 4096
 """Room in which single trajectories are computed, so that a plan and its refinements share a program."""
@@ -64,6 +67,8 @@ class MeshPlan:
 
 
 Plan = MeshPlan | friction.TurningPlan
+Node = tuple[Array, Array, Array]
+"""θ, θ̇ and θ̈ between two steps."""
 
 
 def _mesh_plan(nodes: np.ndarray, times: np.ndarray, quantity: str, parts: int = 1) -> MeshPlan:
@@ -95,6 +100,37 @@ def nodes(osc: Oscillator, steps: Array, count: Array, p: Parameters) -> Array:
     empty = jnp.zeros((steps.size + 1, 3))
     theta, omega, found = jax.lax.fori_loop(0, count, advance, (*start, empty))
     return found.at[count].set(jnp.stack([theta, omega, acceleration(theta, omega)]))
+
+
+def along(
+    osc: Oscillator,
+    steps: Array,
+    count: Array,
+    p: Parameters,
+    visit: Callable[[Array, Node, Node, C], C],
+    begun: C,
+) -> C:
+    """What `visit` makes of all steps, one after the other, without keeping a trajectory.
+
+    visit: (number of the step, node before, node after, what was made so far) to the same with this step. Forward
+    tangents work, reverse ones do not.
+    """
+
+    def acceleration(theta: Array, omega: Array) -> Array:
+        return osc.acceleration(theta, omega, p)
+
+    # A step's first stage has the acceleration at its start, so a step is visited from the next one.
+    def advance(i, carry):
+        theta, omega, before, made = carry
+        new_theta, new_omega, force = step(acceleration, steps[i], theta, omega)
+        here = (theta, omega, force)
+        visited = visit(jnp.maximum(i - 1, 0), before, here, made)
+        made = jax.tree.map(lambda new, old: jnp.where(i > 0, new, old), visited, made)
+        return new_theta, new_omega, here, made
+
+    start = (jnp.asarray(p["theta0"], float), jnp.asarray(p["omega0"], float))
+    nowhere = (jnp.zeros(()),) * 3
+    return jax.lax.fori_loop(0, count + 1, advance, (*start, nowhere, begun))[-1]
 
 
 def record(osc: Oscillator, plan: Plan, p: Parameters) -> Array:

@@ -14,7 +14,14 @@ from scipy.signal import lfilter
 
 from bayesdamp.inference.condensed import Condensed, Singles, condense
 from bayesdamp.inference.noise import NOISES
-from bayesdamp.inference.target import Context, Target, compiled, linearise, log_posterior
+from bayesdamp.inference.target import (
+    Context,
+    Target,
+    compiled,
+    linearise,
+    log_posterior,
+    value_and_gradient,
+)
 from bayesdamp.physics.integrate import (
     MeshPlan,
     anchored,
@@ -22,6 +29,7 @@ from bayesdamp.physics.integrate import (
     compiled_record,
     divided,
     make_plan,
+    nodes,
     part_of,
 )
 from bayesdamp.physics.oscillator import Oscillator
@@ -167,7 +175,7 @@ def without_straddling(context: Context) -> Context:
     """Pairs of samples on two sides of a node left out."""
     inside, pairs = condensed_of(context).sums["differences"]
     assert isinstance(pairs, Singles)
-    none = replace(pairs, weights=0 * pairs.weights, weights_before=0 * pairs.weights, value=0 * pairs.value)
+    none = replace(pairs, present=jnp.zeros_like(pairs.present))
     sums = {**condensed_of(context).sums, "differences": (inside, none)}
     return replace(context, condensed=replace(condensed_of(context), sums=sums))
 
@@ -209,6 +217,38 @@ def test_gradient_and_information(noise):
 
 
 @pytest.mark.parametrize("noise", NORMAL)
+def test_sums_along_a_trajectory_are_those_of_all_its_nodes(noise):
+    """And their tangents: what a sampler needs has no trajectory kept, what Gauss and Newton need has."""
+    found, z, _, context = case("viscous+quadratic", noise)
+    lean, sums = context.lean, condensed_of(context)
+    assert isinstance(lean.plan, MeshPlan)
+    at = jnp.asarray(z + 0.02)
+    value, gradient = jax.jit(partial(value_and_gradient, found.layout))(lean, at)
+    by_nodes = compiled(found.layout).curvature(context, at)
+    assert float(value) == pytest.approx(float(by_nodes[0]), rel=1e-11)
+    np.testing.assert_allclose(gradient, by_nodes[1], rtol=1e-8)
+    p = {n: jnp.asarray(v) for n, v in found.all_values(np.asarray(at)).items()}
+    kept = sums.split(sums.misfit(nodes(found.oscillator, lean.plan.steps, lean.plan.count, p)))
+    streamed = sums.sums_along(found.oscillator, lean.plan.steps, lean.plan.count, p)
+    for name, part in kept.items():
+        assert float(streamed[name]) == pytest.approx(float(jnp.sum(part**2)), rel=1e-11)
+    short = sums.sums_along(found.oscillator, lean.plan.steps, lean.plan.count - 1, p)
+    assert float(short["squares"]) < 0.999 * float(streamed["squares"])  # negative control: a step too few
+
+
+@pytest.mark.parametrize("noise", NORMAL)
+def test_a_tight_line_is_the_linearised_posterior(noise):
+    found, z, _, context = case("viscous", noise)
+    functions, at = compiled(found.layout), jnp.asarray(z)
+    points = jnp.asarray(far(found, case("viscous", noise)[2], z))
+    wide = functions.linearised_batch(context, functions.linearise(context, at), points)
+    tight = functions.linearised_batch(context, functions.tight(context, at), points)
+    np.testing.assert_allclose(tight, wide, rtol=1e-10)
+    elsewhere = functions.linearised_batch(context, functions.tight(context, at + 1e-3), points)
+    assert not np.allclose(elsewhere, wide, rtol=1e-10)  # negative control
+
+
+@pytest.mark.parametrize("noise", NORMAL)
 def test_no_shape_of_the_program_is_that_of_the_record(noise):
     """Posterior and its tangents; the plain sum's program has it."""
     found, z, _, context = case("viscous", noise)
@@ -220,7 +260,7 @@ def test_no_shape_of_the_program_is_that_of_the_record(noise):
         assert length.search(run.lower(replace(context, condensed=None), at).as_text())
     e, slopes, _ = linearise(found.layout, context, at)
     assert context.condensed is not None
-    assert e.size <= 13 * context.condensed.room + 4, "thirteen numbers a step, and what is left over"
+    assert e.size <= 14 * context.condensed.room + 2, "fourteen numbers a step, and what is left over"
     assert e.size < COUNT
     assert slopes.shape == (len(moving(found)), e.size)
 

@@ -145,7 +145,7 @@ def inputs(
 ) -> tuple[tuple[Any, ...], list[Start]]:
     """What the chains of one record are given, in the order of `chain_of`, and where they start."""
     centre = jnp.asarray(at.centre)
-    force = (compiled(target.layout).linearise(mode.context, centre), jnp.asarray(at.lacking))
+    force = (compiled(target.layout).tight(mode.context, centre), jnp.asarray(at.lacking))
     step = jnp.asarray(shorter * at.centre.size**-0.25)
     start, height, begun = seeded_starts(target, mode, at, settings.chains, settings)
     keys = jax.random.split(jax.random.PRNGKey(settings.seed), settings.chains)
