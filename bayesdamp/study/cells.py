@@ -15,9 +15,7 @@ from bayesdamp.config import SignalSpec, Study
 from bayesdamp.config.checks import plain
 from bayesdamp.estimators import run as run_estimator
 from bayesdamp.inference import diagnostics
-from bayesdamp.inference.build import build_target
 from bayesdamp.inference.checks import check_fit, value_sds
-from bayesdamp.inference.defaults import Reference
 from bayesdamp.inference.derived import Motions, against_amplitude, derive, units
 from bayesdamp.inference.mode import Climb, Mode, find_mode, restore_mode
 from bayesdamp.inference.samplers import SAMPLERS, Settings
@@ -26,14 +24,14 @@ from bayesdamp.inference.target import Target
 from bayesdamp.physics.damping import parse_model
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.physics.units import parameter_unit
-from bayesdamp.signals.features import Features, features
 from bayesdamp.store import CellResult, Store
 from bayesdamp.study.averaging import CURVE, LEVELS, SPREAD
 from bayesdamp.study.noise import NoiseCell, noise_cell
-from bayesdamp.study.records import NOT_APPLICABLE, SignalCell, cell_seed, digest, plain_seconds, signal_of
+from bayesdamp.study.records import NOT_APPLICABLE, SignalCell, cell_seed, digest, plain_seconds
 from bayesdamp.study.sensitivity import compute_sensitivity, sensitivity_cells
+from bayesdamp.study.targets import Record
 from bayesdamp.study.weighing import compute_evidence, evidence_parts
-from bayesdamp.types import OK, Posterior, Problem, Refusal, Signal, System, candidate_parts
+from bayesdamp.types import OK, Posterior, Problem, Refusal, System, candidate_parts
 
 SUMMARIES = {"ensembles": "ensembles", "effective": "effective_draws"}
 """What `summarise` is to know of a sampler's draws, and where its diagnostics say it."""
@@ -98,30 +96,20 @@ class Branch:
 
     def compute(self, name: str, key: str) -> None:
         """Compute one cell; where its record shows no oscillation, the cell says so."""
-        if self._parent_result.outcome != OK:
-            self.store.write(CellResult(name, key, outcome=self._parent_result.outcome))
+        if self.record.cell.outcome != OK:
+            self.store.write(CellResult(name, key, outcome=self.record.cell.outcome))
             return
         kinds = {"estimate": self.estimate, "mode": self.mode, "posterior": self.posterior}
         kinds |= {"evidence": self.evidence, "sensitivity": self.sensitivity, "curve": self.curve}
         kinds[name.partition("/")[0]](name, key)
 
     @cached_property
-    def _parent_result(self) -> CellResult:
-        return self.store.read(self.parent.name)
-
-    @cached_property
-    def signal(self) -> Signal:
-        return signal_of(self._parent_result)
-
-    @cached_property
-    def seen(self) -> Features:
-        return features(self.signal)
+    def record(self) -> Record:
+        return Record(self.study, self.spec, self.store.read(self.parent.name))
 
     @cached_property
     def system(self) -> System:
-        system, seen = self.spec.under(self.restoring), self._parent_result.meta["known"]
-        epsilon = {k: v for k, v in seen.items() if k == "epsilon"}
-        return replace(system, known={**system.known, **epsilon})
+        return self.record.system(self.restoring)
 
     @cached_property
     def noise_cell(self) -> NoiseCell | None:
@@ -141,12 +129,12 @@ class Branch:
     @cached_property
     def target(self) -> Target:
         """The target of this candidate alone."""
-        return self._target(())
+        return self.record.target(self.terms, self.restoring, self.noise)
 
     @cached_property
     def shared(self) -> Target:
         """The target in the program of all dampings that are compared under the law, where candidates are many."""
-        return self._target(self.beside)
+        return self.record.target(self.terms, self.restoring, self.noise, beside=self.beside)
 
     @cached_property
     def beside(self) -> tuple[str, ...]:
@@ -161,19 +149,6 @@ class Branch:
         every = [parse_model(m) for m in self.study.dampings(self.spec)]
         whole = max(every, key=len)
         return whole if all(set(terms) <= set(whole) for terms in every) else ()
-
-    def _target(self, beside: tuple[str, ...]) -> Target:
-        priors = {t: p for t, p in self.study.models.prior.items() if t in self.terms}
-        return build_target(
-            self.signal,
-            self.terms,
-            self.system,
-            self.seen,
-            Reference(**self._parent_result.meta["reference"]),
-            noise=self.noise,
-            term_priors=priors,
-            beside=beside,
-        )
 
     @cached_property
     def restored_mode(self) -> Mode:
@@ -209,7 +184,7 @@ class Branch:
         method, use = name.rsplit("/", 1)[1], self.study.estimators
         found = run_estimator(
             use.method(method),
-            self.signal,
+            self.record.signal,
             Problem(self.terms, self.system),
             options=use.options.get(method),
             stages=use.stages,
@@ -237,7 +212,9 @@ class Branch:
             if cell.outcome != OK:
                 refused[method] = cell.outcome
         if not seeds:
-            for e in run_estimator("least_squares", self.signal, Problem(self.terms, self.system), seed=0):
+            for e in run_estimator(
+                "least_squares", self.record.signal, Problem(self.terms, self.system), seed=0
+            ):
                 if e.values:
                     seeds[f"least_squares, {e.stage}"] = e.values
         if not seeds:
@@ -249,17 +226,17 @@ class Branch:
 
     def mode(self, name: str, key: str) -> None:
         began = time.perf_counter()
-        if not self._parent_result.meta["noisy"]:
+        if not self.record.cell.meta["noisy"]:
             self.store.write(CellResult(name, key, outcome=NOT_APPLICABLE))
             return
         try:
             seeds, refused = self._seeds()
-            mode = find_mode(self.shared, seeds, noise_level=self.seen.roughness)
+            mode = find_mode(self.shared, seeds, noise_level=self.record.seen.roughness)
         except Refusal as refusal:
             self.store.write(CellResult(name, key, outcome=str(refusal), seconds=plain_seconds(began)))
             return
         target, own = self.shared, self.target.priors
-        fit = check_fit(target, mode, self.seen.period, cell_seed(self.study, name))
+        fit = check_fit(target, mode, self.record.seen.period, cell_seed(self.study, name))
         checks = ("fit", "residual", "whitened", "autocorrelation")
         meta = {
             "values": {n: float(v) for n, v in target.values(mode.z).items() if n in own},
@@ -281,7 +258,7 @@ class Branch:
             "windows": [asdict(w) for w in fit.windows],
             **{k: v for k, v in asdict(fit).items() if k not in (*checks, "windows")},
         }
-        arrays = {"t": self.signal.t, "z": mode.z, "information": mode.information}
+        arrays = {"t": self.record.signal.t, "z": mode.z, "information": mode.information}
         arrays |= {f"climbs/{k}": np.array([getattr(c, k) for c in mode.climbs]) for k in ("origin", "z")}
         arrays |= {k: getattr(fit, k) for k in checks}
         self.restored_mode = mode
@@ -311,7 +288,7 @@ class Branch:
         for n, v in derived.items():
             if n not in partial:
                 summary[n] = diagnostics.summarise(v, **how)  # type: ignore[arg-type]
-        sig = self.signal
+        sig = self.record.signal
         unit = units(sig.unit)
         meta = {
             "names": names,
@@ -332,12 +309,12 @@ class Branch:
     def _motions(self, found: Posterior) -> Motions:
         inferred = {n: found.draws[..., i] for i, n in enumerate(found.names)}
         values = {**self.target.known, **inferred}
-        amplitude = self._parent_result.meta["reference"]["amplitude"]
-        return Motions(self.target.oscillator, values, self.seen.rest, amplitude, self.spec.inertia)
+        amplitude = self.record.cell.meta["reference"]["amplitude"]
+        return Motions(self.target.oscillator, values, self.record.seen.rest, amplitude, self.spec.inertia)
 
     def _grid(self) -> np.ndarray:
         """Amplitudes from the record's last to its first, shape (m,)."""
-        first, last = self.seen.amplitude, self.seen.final_amplitude
+        first, last = self.record.seen.amplitude, self.record.seen.final_amplitude
         return np.geomspace(max(min(first, last), FAINTEST * first), first, CURVE_POINTS)
 
     def _curves(self, motions: Motions) -> dict[str, np.ndarray]:
@@ -360,7 +337,7 @@ class Branch:
             n: np.full(grid.shape, v) for n, v in {**found.meta["known"], **found.meta["values"]}.items()
         }
         oscillator = Oscillator(self.terms, self.restoring)
-        at = Motions(oscillator, values, self.seen.rest, self.seen.amplitude).at(grid)
+        at = Motions(oscillator, values, self.record.seen.rest, self.record.seen.amplitude).at(grid)
         ratio = np.asarray(at.lost / (grid * at.slope)) / (2 * np.pi)
         arrays = {"amplitude": grid, "ratio": ratio, "frequency": 2 * np.pi / np.asarray(at.period)}
         self.store.write(CellResult(name, key, {}, arrays, OK, plain_seconds(began)))
