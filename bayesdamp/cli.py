@@ -7,18 +7,16 @@ import re
 import sys
 import traceback
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from bayesdamp.plugins import nearest
 from bayesdamp.types import BayesdampError, InputError
 
 if TYPE_CHECKING:
     from bayesdamp.config import Study
-    from bayesdamp.types import Signal
 
 FAULT, WRONG_INPUT, INTERRUPTED = 1, 2, 130
 
@@ -220,9 +218,11 @@ def simulate(
     seed: Annotated[int, typer.Option(min=0, help="Seed of the noise.")] = 0,
 ) -> int:
     """Write a simulated record to play with: a CSV of times in s and angles in rad."""
-    given: dict[str, object] = {**_pairs(damping, "--damping"), **_pairs(set_ or [], "--set")}
+    from bayesdamp.simulated import pairs, simulated, write_csv
+
+    given: dict[str, object] = {**pairs(damping, "--damping"), **pairs(set_ or [], "--set")}
     given |= {"duration": duration, "samples": samples, "noise_sd": noise_sd}
-    _write_csv(_simulated(given, restoring, seed), out)
+    write_csv(simulated(given, restoring, seed), out)
     typer.echo(out)
     return 0
 
@@ -263,67 +263,6 @@ def _asked(loaded: Study) -> list[tuple[str, Sequence[str]]]:
     ]
 
 
-def _pairs(texts: Sequence[str], option: str) -> dict[str, float]:
-    """`a=1,b=2` as a mapping. Raises InputError."""
-    found: dict[str, float] = {}
-    for part in ",".join(texts).split(","):
-        name, _, value = (piece.strip() for piece in part.partition("="))
-        if not part.strip():
-            continue
-        try:
-            number = float(value)
-        except ValueError:
-            raise InputError(f"{option} {part.strip()}: must be NAME=NUMBER, such as stiffness=20") from None
-        if name in found:
-            raise InputError(f"{option} {name}: is given twice; once is enough")
-        found[name] = number
-    return found
-
-
-def _simulated(given: dict[str, object], restoring: str, seed: int) -> Signal:
-    """The record of one simulation, checked as a study's own would be."""
-    from bayesdamp.config import Simulation
-    from bayesdamp.config.checks import StudyError
-    from bayesdamp.config.signals import resolve_signal
-
-    _all_set(given, restoring)
-    start = {"theta0": 0.3, "omega0": 0.0, "epsilon": 0.0}
-    entry = {"name": "simulated", "simulate": {**start, **given}, "system": {"restoring": restoring}}
-    try:
-        made = resolve_signal(entry, {}, Path(), "").source
-    except StudyError as error:
-        raise InputError(
-            f"simulate: {str(error).removeprefix('simulate.').removeprefix('simulate: ')}"
-        ) from None
-    assert isinstance(made, Simulation)
-
-    import numpy as np
-
-    from bayesdamp.physics.oscillator import Oscillator
-    from bayesdamp.signals.simulate import simulate_signal
-
-    return simulate_signal(
-        Oscillator(made.damping, restoring),
-        dict(made.truth),
-        duration=made.duration,
-        samples=made.samples,
-        noise_sd=made.truth["noise_sd"],
-        name="simulated",
-        rng=np.random.default_rng(seed),
-    )
-
-
-def _all_set(given: Mapping[str, object], restoring: str) -> None:
-    """Raises InputError for a restoring law that is unknown or lacks a parameter."""
-    from bayesdamp.physics.restoring import LAWS
-
-    if restoring not in LAWS.names():
-        raise InputError(f"--restoring {restoring}: unknown restoring law{nearest(restoring, LAWS.names())}")
-    missing = [name for name in LAWS.get(restoring).parameters if name not in given]
-    if missing:
-        raise InputError(f"--set: {restoring} needs {', '.join(f'{name}=NUMBER' for name in missing)} too")
-
-
 @app.command()
 def claims(
     paper: Annotated[Path | None, typer.Option(help="Folder of a run of studies/paper.toml.")] = None,
@@ -348,18 +287,6 @@ def claims(
         what = (error.strerror or str(error)).lower()
         raise InputError(f"--out {out}: cannot be written: {what}; give a new file's name") from None
     typer.echo(out)
-
-
-def _write_csv(signal: Signal, out: Path) -> None:
-    """The record as CSV, all of it or nothing. Raises InputError where it cannot be written."""
-    from bayesdamp.store import write_bytes
-
-    lines = ["t (s),angle (rad)", *(f"{float(t)!r},{float(y)!r}" for t, y in zip(signal.t, signal.y))]
-    try:
-        write_bytes(out, ("\n".join(lines) + "\n").encode())
-    except OSError as error:
-        what = (error.strerror or str(error)).lower()
-        raise InputError(f"--out {out}: cannot be written: {what}; give a new file's name") from None
 
 
 def _line(error: BaseException) -> str:

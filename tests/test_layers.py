@@ -21,6 +21,7 @@ MAY_IMPORT: dict[str, set[str]] = {
     "estimators": NEUTRAL | {"physics", "signals", "estimators"},
     "inference": NEUTRAL | {"physics", "signals", "inference"},
     "store": NEUTRAL | {"store"},
+    "simulated": NEUTRAL | {"physics", "signals", "config", "store"},
     "report": NEUTRAL | {"store", "report"},
 }
 ACROSS = {"study", "calibration", "claims", "cli", "", "__main__"}

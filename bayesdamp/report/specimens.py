@@ -7,12 +7,9 @@ from typing import Any
 
 from bayesdamp.report import words
 from bayesdamp.report.run import Run, rows_of
-from bayesdamp.report.verdict import MISFIT
+from bayesdamp.report.verdict import MISFIT, SURE
 from bayesdamp.store import CellResult
 from bayesdamp.types import OK
-
-SURE = 0.95
-"""Probability from which a candidate is named without reservation."""
 
 
 def joint_cells(run: Run) -> dict[str, CellResult]:

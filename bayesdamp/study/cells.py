@@ -4,46 +4,33 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from functools import cached_property
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from bayesdamp.config import SignalSpec, Study
 from bayesdamp.config.checks import plain
 from bayesdamp.estimators import run as run_estimator
-from bayesdamp.inference import diagnostics
-from bayesdamp.inference.build import build_target
-from bayesdamp.inference.checks import check_fit, value_sds
-from bayesdamp.inference.defaults import Reference
-from bayesdamp.inference.derived import Motions, against_amplitude, derive, units
-from bayesdamp.inference.mode import Climb, Mode, find_mode, restore_mode
-from bayesdamp.inference.samplers import SAMPLERS, Settings
-from bayesdamp.inference.seeds import basins, prior_seeds
+from bayesdamp.inference.checks import check_fit
+from bayesdamp.inference.mode import Mode, find_mode
+from bayesdamp.inference.seeds import prior_seeds
 from bayesdamp.inference.target import Target
 from bayesdamp.physics.damping import parse_model
-from bayesdamp.physics.oscillator import Oscillator
-from bayesdamp.physics.units import parameter_unit
-from bayesdamp.signals.features import Features, features
 from bayesdamp.store import CellResult, Store
-from bayesdamp.study.averaging import CURVE, LEVELS, SPREAD
+from bayesdamp.study.climbs import alone, packed, unpacked
 from bayesdamp.study.noise import NoiseCell, noise_cell
-from bayesdamp.study.records import NOT_APPLICABLE, SignalCell, cell_seed, digest, plain_seconds, signal_of
+from bayesdamp.study.posteriors import compute_curve, compute_posterior
+from bayesdamp.study.records import NOT_APPLICABLE, SignalCell, cell_seed, digest, plain_seconds
 from bayesdamp.study.sensitivity import compute_sensitivity, sensitivity_cells
+from bayesdamp.study.targets import Record
 from bayesdamp.study.weighing import compute_evidence, evidence_parts
-from bayesdamp.types import OK, Posterior, Problem, Refusal, Signal, System, candidate_parts
+from bayesdamp.types import OK, Problem, Refusal, System, candidate_parts
 
-SUMMARIES = {"ensembles": "ensembles", "effective": "effective_draws"}
-"""What `summarise` is to know of a sampler's draws, and where its diagnostics say it."""
-CURVE_POINTS = 25
 PRIOR_SEEDS = 2
 """Draws from the prior that are climbed from beside the estimates."""
-CLIMB = ("seed", "same", "start", "end", "evaluations", "volume", "converged")
-"""What of a climb is stored as it is; its scores are arrays."""
-FAINTEST = 0.02
-"""Least amplitude, as a share of the first, at which a damping is given against amplitude."""
+CHECKS = ("fit", "residual", "whitened", "autocorrelation")
+"""What of the checks of a fit is stored as arrays."""
 
 
 class Branch:
@@ -98,30 +85,20 @@ class Branch:
 
     def compute(self, name: str, key: str) -> None:
         """Compute one cell; where its record shows no oscillation, the cell says so."""
-        if self._parent_result.outcome != OK:
-            self.store.write(CellResult(name, key, outcome=self._parent_result.outcome))
+        if self.record.cell.outcome != OK:
+            self.store.write(CellResult(name, key, outcome=self.record.cell.outcome))
             return
         kinds = {"estimate": self.estimate, "mode": self.mode, "posterior": self.posterior}
         kinds |= {"evidence": self.evidence, "sensitivity": self.sensitivity, "curve": self.curve}
         kinds[name.partition("/")[0]](name, key)
 
     @cached_property
-    def _parent_result(self) -> CellResult:
-        return self.store.read(self.parent.name)
-
-    @cached_property
-    def signal(self) -> Signal:
-        return signal_of(self._parent_result)
-
-    @cached_property
-    def seen(self) -> Features:
-        return features(self.signal)
+    def record(self) -> Record:
+        return Record(self.study, self.spec, self.store.read(self.parent.name))
 
     @cached_property
     def system(self) -> System:
-        system, seen = self.spec.under(self.restoring), self._parent_result.meta["known"]
-        epsilon = {k: v for k, v in seen.items() if k == "epsilon"}
-        return replace(system, known={**system.known, **epsilon})
+        return self.record.system(self.restoring)
 
     @cached_property
     def noise_cell(self) -> NoiseCell | None:
@@ -141,12 +118,12 @@ class Branch:
     @cached_property
     def target(self) -> Target:
         """The target of this candidate alone."""
-        return self._target(())
+        return self.record.target(self.terms, self.restoring, self.noise)
 
     @cached_property
     def shared(self) -> Target:
         """The target in the program of all dampings that are compared under the law, where candidates are many."""
-        return self._target(self.beside)
+        return self.record.target(self.terms, self.restoring, self.noise, beside=self.beside)
 
     @cached_property
     def beside(self) -> tuple[str, ...]:
@@ -162,54 +139,26 @@ class Branch:
         whole = max(every, key=len)
         return whole if all(set(terms) <= set(whole) for terms in every) else ()
 
-    def _target(self, beside: tuple[str, ...]) -> Target:
-        priors = {t: p for t, p in self.study.models.prior.items() if t in self.terms}
-        return build_target(
-            self.signal,
-            self.terms,
-            self.system,
-            self.seen,
-            Reference(**self._parent_result.meta["reference"]),
-            noise=self.noise,
-            term_priors=priors,
-            beside=beside,
-        )
-
     @cached_property
     def restored_mode(self) -> Mode:
+        """The mode in the scores of `shared`. Raises Refusal where there is none."""
         found = self.store.read(f"mode/{self.path}")
         if found.outcome != OK:
             raise Refusal(found.outcome)
-        m, a = found.meta, found.arrays
-        own = [{k: v for k, v in c.items() if k in CLIMB} for c in m["climbs"]]
-        climbs = tuple(
-            Climb(**c, origin=origin, z=z)
-            for c, origin, z in zip(own, a["climbs/origin"], a["climbs/z"], strict=True)
-        )
-        return restore_mode(self.shared, a["z"], m["log_posterior"], a["information"], m["tolerance"], climbs)
+        return unpacked(found, self.shared)
 
     @cached_property
     def own_mode(self) -> Mode:
         """The mode in the scores of this candidate alone."""
         mode = self.restored_mode
-        if not self.beside:
-            return mode
-        live = [i for i, n in enumerate(self.shared.names) if n in self.target.names]
-        return restore_mode(
-            self.target,
-            mode.z[live],
-            mode.log_posterior,
-            mode.information[np.ix_(live, live)],
-            mode.tolerance,
-            tuple(replace(c, origin=c.origin[live], z=c.z[live]) for c in mode.climbs),
-        )
+        return alone(mode, self.shared, self.target) if self.beside else mode
 
     def estimate(self, name: str, key: str) -> None:
         began = time.perf_counter()
         method, use = name.rsplit("/", 1)[1], self.study.estimators
         found = run_estimator(
             use.method(method),
-            self.signal,
+            self.record.signal,
             Problem(self.terms, self.system),
             options=use.options.get(method),
             stages=use.stages,
@@ -237,7 +186,9 @@ class Branch:
             if cell.outcome != OK:
                 refused[method] = cell.outcome
         if not seeds:
-            for e in run_estimator("least_squares", self.signal, Problem(self.terms, self.system), seed=0):
+            for e in run_estimator(
+                "least_squares", self.record.signal, Problem(self.terms, self.system), seed=0
+            ):
                 if e.values:
                     seeds[f"least_squares, {e.stage}"] = e.values
         if not seeds:
@@ -249,160 +200,35 @@ class Branch:
 
     def mode(self, name: str, key: str) -> None:
         began = time.perf_counter()
-        if not self._parent_result.meta["noisy"]:
+        if not self.record.cell.meta["noisy"]:
             self.store.write(CellResult(name, key, outcome=NOT_APPLICABLE))
             return
         try:
             seeds, refused = self._seeds()
-            mode = find_mode(self.shared, seeds, noise_level=self.seen.roughness)
+            mode = find_mode(self.shared, seeds, noise_level=self.record.seen.roughness)
         except Refusal as refusal:
             self.store.write(CellResult(name, key, outcome=str(refusal), seconds=plain_seconds(began)))
             return
-        target, own = self.shared, self.target.priors
-        fit = check_fit(target, mode, self.seen.period, cell_seed(self.study, name))
-        checks = ("fit", "residual", "whitened", "autocorrelation")
+        fit = check_fit(self.shared, mode, self.record.seen.period, cell_seed(self.study, name))
+        found, scores = packed(mode, self.shared, self.target)
         meta = {
-            "values": {n: float(v) for n, v in target.values(mode.z).items() if n in own},
-            "sd": {
-                n: s
-                for n, s in value_sds(target, mode.z, np.linalg.inv(mode.information)).items()
-                if n in own
-            },
-            "known": dict(self.target.known),
-            "priors": {n: p.describe() for n, p in self.target.priors.items()},
-            "log_posterior": mode.log_posterior,
-            "tolerance": mode.tolerance,
-            "error_budget": {
-                "step_error": mode.step_error,
-                "log_likelihood_change": mode.likelihood_error,
-            },
-            **_climbs(self.shared, mode, self.target.names),
+            **found,
             "refused": refused,
             "windows": [asdict(w) for w in fit.windows],
-            **{k: v for k, v in asdict(fit).items() if k not in (*checks, "windows")},
+            **{k: v for k, v in asdict(fit).items() if k not in (*CHECKS, "windows")},
         }
-        arrays = {"t": self.signal.t, "z": mode.z, "information": mode.information}
-        arrays |= {f"climbs/{k}": np.array([getattr(c, k) for c in mode.climbs]) for k in ("origin", "z")}
-        arrays |= {k: getattr(fit, k) for k in checks}
+        arrays = {"t": self.record.signal.t, **scores, **{k: getattr(fit, k) for k in CHECKS}}
         self.restored_mode = mode
         self.store.write(CellResult(name, key, meta, arrays, OK, plain_seconds(began)))
 
     def posterior(self, name: str, key: str) -> None:
-        sampler, s = name.rsplit("/", 1)[1], self.study.posterior
-        plugin = SAMPLERS.get(sampler)
-        settings = Settings(s.chains, s.warmup, s.draws, cell_seed(self.study, name) % 2**31)
-        try:
-            # An approximation is one of the candidate's own parameters.
-            alone = plugin.approximate
-            target, mode = (self.target, self.own_mode) if alone else (self.shared, self.restored_mode)
-            found = plugin.sample(target, mode, settings)
-        except Refusal as refusal:
-            self.store.write(CellResult(name, key, outcome=str(refusal)))
-            return
-        file = self.store.folder / "posterior" / f"{self.path.replace('/', '.')}.{sampler}.nc"
-        _save_whole(found, file)
-        summary: dict[str, Any] = dict(found.diagnostics["summary"])  # type: ignore[call-overload]
-        draws, names = found.draws, [str(n) for n in found.names]
-        motions = self._motions(found)
-        derived = derive(motions)
-        # A draw without such a motion (no stable equilibrium, an escape) leaves no honest mean of the others.
-        partial = {n: int(np.sum(~np.isfinite(v))) for n, v in derived.items() if not np.all(np.isfinite(v))}
-        how = {k: found.diagnostics.get(v) for k, v in SUMMARIES.items()}
-        for n, v in derived.items():
-            if n not in partial:
-                summary[n] = diagnostics.summarise(v, **how)  # type: ignore[arg-type]
-        sig = self.signal
-        unit = units(sig.unit)
-        meta = {
-            "names": names,
-            "units": {
-                n: unit.get(n) or parameter_unit(n, self.system.restoring, sig.unit, sig.quantity)
-                for n in summary
-            },
-            "summary": summary,
-            "reference_amplitude": motions.amplitude,
-            "without": partial,
-            "diagnostics": {k: v for k, v in found.diagnostics.items() if k not in ("summary", "arrays")},
-            "file": file.relative_to(self.store.folder).as_posix(),
-        }
-        own: Mapping[str, np.ndarray] = found.diagnostics.get("arrays", {})  # type: ignore[assignment]
-        arrays = {"draws": draws, **self._curves(motions), **own}
-        self.store.write(CellResult(name, key, meta, arrays, found.outcome, found.seconds))
-
-    def _motions(self, found: Posterior) -> Motions:
-        inferred = {n: found.draws[..., i] for i, n in enumerate(found.names)}
-        values = {**self.target.known, **inferred}
-        amplitude = self._parent_result.meta["reference"]["amplitude"]
-        return Motions(self.target.oscillator, values, self.seen.rest, amplitude, self.spec.inertia)
-
-    def _grid(self) -> np.ndarray:
-        """Amplitudes from the record's last to its first, shape (m,)."""
-        first, last = self.seen.amplitude, self.seen.final_amplitude
-        return np.geomspace(max(min(first, last), FAINTEST * first), first, CURVE_POINTS)
-
-    def _curves(self, motions: Motions) -> dict[str, np.ndarray]:
-        """Decrement and equivalent ratio over the amplitudes of the record; those that have no motion are left out."""
-        grid = self._grid()
-        curves = against_amplitude(motions, grid, (*LEVELS, *SPREAD))
-        whole = np.all([np.all(np.isfinite(c), axis=0) for c in curves.values()], axis=0)
-        band = {f"curve/{n}": c[: len(LEVELS), whole] for n, c in curves.items()}
-        return {"amplitudes": grid[whole], **band, f"spread/{CURVE}": curves[CURVE][len(LEVELS) :, whole]}
+        compute_posterior(self, name, key, cell_seed(self.study, name))
 
     def curve(self, name: str, key: str) -> None:
-        """The fall of the log amplitude over 2π and the frequency (rad/s) of the mode, over the record's amplitudes."""
-        began = time.perf_counter()
-        found = self.store.read(f"mode/{self.path}")
-        if found.outcome != OK:
-            self.store.write(CellResult(name, key, outcome=found.outcome))
-            return
-        grid = self._grid()
-        values = {
-            n: np.full(grid.shape, v) for n, v in {**found.meta["known"], **found.meta["values"]}.items()
-        }
-        oscillator = Oscillator(self.terms, self.restoring)
-        at = Motions(oscillator, values, self.seen.rest, self.seen.amplitude).at(grid)
-        ratio = np.asarray(at.lost / (grid * at.slope)) / (2 * np.pi)
-        arrays = {"amplitude": grid, "ratio": ratio, "frequency": 2 * np.pi / np.asarray(at.period)}
-        self.store.write(CellResult(name, key, {}, arrays, OK, plain_seconds(began)))
+        compute_curve(self, name, key)
 
     def evidence(self, name: str, key: str) -> None:
         compute_evidence(self, name, key, cell_seed(self.study, name))
 
     def sensitivity(self, name: str, key: str) -> None:
         compute_sensitivity(self, name, key, cell_seed(self.study, name))
-
-
-def _climbs(target: Target, mode: Mode, own: tuple[str, ...]) -> dict[str, Any]:
-    """What the seeds came to, as the mode's cell keeps it, and the modes that they found.
-
-    own: names of the candidate's own parameters.
-    """
-    found, where = basins(mode)
-    rows = []
-    for c, number in zip(mode.climbs, where, strict=True):
-        away = c.origin - mode.z
-        distance = float(np.sqrt(max(away @ mode.information @ away, 0.0)))
-        rows.append({**{k: getattr(c, k) for k in CLIMB}, "distance": distance, "mode": number})
-    modes = [
-        {
-            "log_posterior": b.log_posterior,
-            "share": b.share,
-            "values": {n: float(v) for n, v in target.values(b.z).items() if n in own},
-        }
-        for b in found
-    ]
-    sd = mode.sd()
-    touching = [
-        n
-        for n, z, s, f in zip(target.names, mode.z, sd, target.layout.folded, strict=True)
-        if f and n in own and abs(z) < s
-    ]
-    return {"climbs": rows, "modes": modes, "touching_zero": touching}
-
-
-def _save_whole(posterior: Any, file: Path) -> None:
-    """Write the netCDF beside its place and move it there, so that a kill leaves no part of it."""
-    file.parent.mkdir(parents=True, exist_ok=True)
-    partial = file.with_name(f".{file.name}.tmp")
-    diagnostics.save(posterior, partial)
-    partial.replace(file)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from functools import cached_property
 from typing import Any
 
@@ -11,15 +11,12 @@ from bayesdamp.config import SignalSpec, Study
 from bayesdamp.config.checks import plain
 from bayesdamp.config.signals import damping_order
 from bayesdamp.estimators import run as run_estimator
-from bayesdamp.inference.build import build_target
-from bayesdamp.inference.defaults import Reference
 from bayesdamp.inference.noise_choice import Fitted, chosen_noise, first_noise, fit_with, weigh_noises
-from bayesdamp.inference.target import Target
 from bayesdamp.physics.damping import parse_model
-from bayesdamp.signals.features import features
 from bayesdamp.store import CellResult, Store
-from bayesdamp.study.records import NOT_APPLICABLE, SignalCell, digest, signal_of
-from bayesdamp.types import OK, Problem, Refusal, System
+from bayesdamp.study.records import NOT_APPLICABLE, SignalCell, digest
+from bayesdamp.study.targets import Record
+from bayesdamp.types import OK, Problem, Refusal
 
 SEED_FROM = "least_squares"
 """What starts the search under each law."""
@@ -43,22 +40,22 @@ class NoiseCell:
 
     def compute(self) -> None:
         began = time.perf_counter()
-        record = self.store.read(self.parent.name)
-        outcome, meta = record.outcome, {}
-        if outcome == OK and not record.meta["noisy"]:
+        cell = self.store.read(self.parent.name)
+        outcome, meta = cell.outcome, {}
+        if outcome == OK and not cell.meta["noisy"]:
             outcome = NOT_APPLICABLE
         if outcome == OK:
             try:
-                meta = self._weigh(record)
+                meta = self._weigh(Record(self.study, self.spec, cell))
             except Refusal as refusal:
                 outcome = str(refusal)
         self.store.write(CellResult(self.name, self.key, meta, {}, outcome, time.perf_counter() - began))
 
-    def _weigh(self, record: CellResult) -> dict[str, Any]:
+    def _weigh(self, record: Record) -> dict[str, Any]:
         """Under the restoring law that fits best with all damping terms, so that no noise makes up for a term that is
         missing or for a wrong law."""
-        signal, names = signal_of(record), self.study.noises
-        seen, first = features(signal), first_noise(names, signal)
+        names = self.study.noises
+        first = first_noise(names, record.signal)
         fits: dict[str, Fitted] = {}
         refused: list[str] = []
         for law in self.spec.restoring:
@@ -69,7 +66,9 @@ class NoiseCell:
         if not fits:
             raise Refusal("; ".join(refused))
         best = max(fits, key=lambda law: fits[law].log_evidence)
-        weighed = weigh_noises(lambda name: self._target(record, best, name), fits[best], seen, names)
+        weighed = weigh_noises(
+            lambda name: record.target(self.terms, best, name), fits[best], record.seen, names
+        )
         return {
             "chosen": chosen_noise(weighed),
             "damping": list(self.terms),
@@ -77,31 +76,14 @@ class NoiseCell:
             "weighed": [asdict(w) for w in weighed],
         }
 
-    def _fit(self, record: CellResult, law: str, noise: str) -> Fitted:
-        signal, system = signal_of(record), self._system(record, law)
+    def _fit(self, record: Record, law: str, noise: str) -> Fitted:
+        problem = Problem(self.terms, record.system(law))
         # The climb is a refinement of its own.
-        started = run_estimator(SEED_FROM, signal, Problem(self.terms, system), stages=("initial",), seed=0)
+        started = run_estimator(SEED_FROM, record.signal, problem, stages=("initial",), seed=0)
         seeds = {f"{SEED_FROM}, {e.stage}": e.values for e in started if e.values}
         if not seeds:
             raise Refusal(started[0].outcome)
-        return fit_with(self._target(record, law, noise), seeds, features(signal))
-
-    def _target(self, record: CellResult, law: str, noise: str) -> Target:
-        signal = signal_of(record)
-        return build_target(
-            signal,
-            self.terms,
-            self._system(record, law),
-            features(signal),
-            Reference(**record.meta["reference"]),
-            noise=noise,
-            term_priors={t: p for t, p in self.study.models.prior.items() if t in self.terms},
-        )
-
-    def _system(self, record: CellResult, law: str) -> System:
-        system = self.spec.under(law)
-        epsilon = {k: v for k, v in record.meta["known"].items() if k == "epsilon"}
-        return replace(system, known={**system.known, **epsilon})
+        return fit_with(record.target(self.terms, law, noise), seeds, record.seen)
 
 
 def noise_cell(study: Study, spec: SignalSpec, repeat: int, store: Store) -> NoiseCell | None:

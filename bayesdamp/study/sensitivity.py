@@ -84,8 +84,8 @@ def _half(branch: Branch, source: CellResult, seed: int) -> Product:
         "evidence": evidence_meta(found.evidence),
     }
     every = max(1, found.centre.size // SHOWN)
-    times = branch.signal.t[-found.centre.size :: every]
-    error = branch.signal.y[-found.centre.size :] - found.centre
+    times = branch.record.signal.t[-found.centre.size :: every]
+    error = branch.record.signal.y[-found.centre.size :] - found.centre
     return meta, {"t": times, "error": error[::every], "sd": found.sd[::every]}
 
 

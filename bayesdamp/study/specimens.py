@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 
 from bayesdamp.config import SignalSpec, Study
-from bayesdamp.inference.build import build_target
 from bayesdamp.inference.defaults import Reference
 from bayesdamp.inference.joint import Joint, JointMode, damping_parameters, find_joint_mode, law_parameters
 from bayesdamp.inference.joint_evidence import Weighed
@@ -96,17 +95,13 @@ class Specimen:
                 raise Refusal(f"{ASIDE}: not fitted to {label}, where its law is far behind") from None
             if "values" not in cell.meta:
                 raise Refusal(f"{label}: {cell.outcome}")
-            priors = {t: p for t, p in self.study.models.prior.items() if t in branch.terms}
             targets.append(
-                build_target(
-                    branch.signal,
+                branch.record.target(
                     branch.terms,
-                    branch.spec.under(branch.restoring),
-                    branch.seen,
-                    self.reference,
-                    noise=branch.noise,
-                    term_priors=priors,
+                    branch.restoring,
+                    branch.noise,
                     beside=branch.beside,
+                    reference=self.reference,
                 )
             )
             starts.append(cell.meta["values"])
@@ -119,7 +114,7 @@ class Specimen:
     def units(self, candidate: str, names: Sequence[str]) -> dict[str, str]:
         """Units of parameters, as tables have them."""
         law = candidate_parts(candidate)[1] or self.specs[0].restoring[0]
-        signal = self.branches(candidate)[0].signal
+        signal = self.branches(candidate)[0].record.signal
         return {n: parameter_unit(n, law, signal.unit, signal.quantity) for n in names}
 
 

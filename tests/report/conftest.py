@@ -359,7 +359,7 @@ def maker_type():
 @pytest.fixture
 def sketchy(monkeypatch):
     """Figures are composed but not drawn, for tests of the text."""
-    monkeypatch.setattr("bayesdamp.report.drawing._saved", lambda _: (b"<svg/>", b"png"))
+    monkeypatch.setattr("bayesdamp.report.drawing._saved", lambda _: (b"<svg/>", b"png", b"webp"))
 
 
 @pytest.fixture

@@ -1,10 +1,16 @@
-"""What the figures rest on: thinning that keeps extremes, densities that respect zero."""
+"""What the figures rest on: thinning that keeps extremes, densities that respect zero, a palette of few colours."""
 
 from __future__ import annotations
 
+import base64
+import io
+import re
+
 import numpy as np
 import pytest
+from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
+from PIL import Image
 
 from bayesdamp.report.drawing import Drawings
 from bayesdamp.report.figures.density import contours, outline
@@ -75,6 +81,36 @@ def test_a_figure_is_the_same_in_every_report(tmp_path):
     for kind in ("svg", "png"):
         assert (tmp_path / "a" / f"x.{kind}").read_bytes() == (tmp_path / "b" / f"x.{kind}").read_bytes()
     assert 'width="216pt"' in (tmp_path / "a" / "x.svg").read_text()
+
+
+_THIN = ("viscous", "coulomb", "viscous+coulomb")
+
+
+def _shades(steps: int) -> Figure:
+    """A broad area of shades, and thin lines in the colours of the models."""
+    figure = Figure(figsize=(6, 3))
+    ax = figure.add_subplot()
+    ax.imshow(np.linspace(0, 1, steps)[None, :], cmap="Greens", aspect="auto", extent=(0, 1, 0, 1))
+    for i, model in enumerate(_THIN):
+        ax.plot([0, 1], [0.1 * (i + 1)] * 2, color=colour(model), lw=1.2)
+    return figure
+
+
+def _farthest(shown: Image.Image) -> int:
+    """How far, of 255, the line of a model is at most from its colour."""
+    pixels = np.asarray(shown.convert("RGB")).reshape(-1, 3).astype(int)
+    own = [np.array([round(255 * v) for v in to_rgb(colour(model))]) for model in _THIN]
+    return max(int(np.abs(pixels - one).max(axis=1).min()) for one in own)
+
+
+def test_few_colours_keep_those_of_thin_lines(tmp_path):
+    shown = Drawings(tmp_path).add("x", "caption", lambda: _shades(256))
+    kind, data = re.findall(r"data:image/(\w+);base64,([^\"]+)", shown)[0]
+    assert kind == "webp"
+    inside, saved = Image.open(io.BytesIO(base64.b64decode(data))), Image.open(tmp_path / "x.png")
+    assert np.array_equal(np.asarray(inside.convert("RGB")), np.asarray(saved.convert("RGB")))
+    assert _farthest(inside) <= 12
+    assert _farthest(saved.convert("RGB").quantize(4)) > 40, "the measure sees a colour that is lost"
 
 
 def test_a_figures_name_cannot_leave_the_folder(tmp_path):

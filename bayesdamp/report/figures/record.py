@@ -93,11 +93,10 @@ def _zoom(ax: Axes, t: np.ndarray, y: np.ndarray, fits: Sequence[Fit], start: fl
     if inside.sum() <= 400:
         ax.plot(t[inside], y[inside], ".", color=QUIET, ms=3, label="record")
     else:
-        ax.plot(t[inside], y[inside], color=FAINT, lw=2.2, label="record")
+        ax.plot(*thinned(t[inside], y[inside]), color=FAINT, lw=2.2, label="record")
     for i, fit in enumerate(fits):
         ax.plot(
-            t[inside],
-            fit.fit[inside],
+            *thinned(t[inside], fit.fit[inside]),
             color=colour(fit.model),
             ls=dash(fit.model),
             lw=1.4 if i == 0 else 1.0,

@@ -11,14 +11,10 @@ from bayesdamp.report.reading import coefficients, label, models_by_rank, rankin
 from bayesdamp.report.run import Run, rows_of
 from bayesdamp.report.sections._section import Section
 from bayesdamp.report.style import colour
-from bayesdamp.report.verdict import verdict
+from bayesdamp.report.verdict import SURE, verdict
 from bayesdamp.types import OK
 
 _CARDS = 4
-
-
-SURE = 0.95
-"""Probability from which a model is named without reservation."""
 
 
 class Summary(Section):

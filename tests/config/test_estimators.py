@@ -1,0 +1,81 @@
+"""The estimators that a study names: options, variants, repeats; and that the others are not imported."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from bayesdamp.config import load_study
+from bayesdamp.types import InputError
+from tests.config.studies import GOOD, fault, write
+
+VARIANT = (
+    '[estimators]\nuse = ["sindy", "by_sign"]\n[estimators.by_sign]\nvariant_of = "sindy"\nswitch = "sign"\n'
+)
+LOADS = """
+import sys
+from bayesdamp.config import load_study
+study = load_study(sys.argv[1])
+study.estimator_options("least_squares")
+print(sorted({name.partition(".")[0] for name in sys.modules} & {"torch", "pysindy", "sklearn", "gudhi"}))
+"""
+
+
+def test_options_of_an_estimator_are_checked_when_asked_for(tmp_path: Path) -> None:
+    study = load_study(write(tmp_path, GOOD + "[estimators.least_squares]\nvarant = 3\n"))
+    with pytest.raises(InputError, match=r"study\.toml: .*varant.*did you mean 'variant'"):
+        study.estimator_options("least_squares")
+    assert study.estimator_options("envelope") is not None
+
+
+def test_an_estimator_runs_under_a_second_name_with_other_options(tmp_path: Path) -> None:
+    study = load_study(write(tmp_path, GOOD + VARIANT))
+    assert study.estimators.use == ("sindy", "by_sign")
+    assert [study.estimators.method(name) for name in study.estimators.use] == ["sindy", "sindy"]
+    switches = [study.estimator_options(name).model_dump()["switch"] for name in study.estimators.use]
+    assert switches == ["tanh", "sign"]
+
+
+@pytest.mark.parametrize(
+    ("line", "changed", "expected"),
+    [
+        ('"sindy"\nswitch', '"sindi"\nswitch', "estimators.by_sign.variant_of: unknown estimator 'sindi'"),
+        (
+            '"sindy"\nswitch',
+            "3\nswitch",
+            "estimators.by_sign.variant_of: is 3; it must be an estimator's name",
+        ),
+        ("[estimators.by_sign]", "[estimators.koopman]", "estimators.koopman: is an estimator's own name"),
+        ('variant_of = "sindy"\n', "", "by_sign"),
+    ],
+)
+def test_wrong_variants(tmp_path: Path, line: str, changed: str, expected: str) -> None:
+    assert expected in fault(tmp_path, GOOD + VARIANT.replace(line, changed))
+
+
+def test_a_variant_s_wrong_option_is_told_under_its_own_name(tmp_path: Path) -> None:
+    study = load_study(write(tmp_path, GOOD + VARIANT.replace('"sign"', '"sgn"')))
+    with pytest.raises(InputError, match=r"\[estimators\.by_sign\] switch = 'sgn'"):
+        study.estimator_options("by_sign")
+
+
+def test_a_method_runs_on_so_many_repeats_at_most(tmp_path: Path) -> None:
+    text = GOOD + '[estimators]\nuse = ["envelope", "least_squares"]\nrepeats = { envelope = 2 }\n'
+    use = load_study(write(tmp_path, text)).estimators
+    assert [use.on(r) for r in (0, 1, 2)] == [("envelope", "least_squares")] * 2 + [("least_squares",)]
+    wrong = text.replace("envelope = 2", "envelop = 2")
+    assert fault(tmp_path, wrong).startswith(
+        "estimators.repeats.envelop: unknown key; did you mean 'envelope'?"
+    )
+
+
+@pytest.mark.parametrize(("extra", "loaded"), [("", "[]"), ("import torch\n", "['torch']")])
+def test_reading_a_study_imports_no_method_it_does_not_use(tmp_path: Path, extra: str, loaded: str) -> None:
+    path = write(tmp_path, GOOD + '[estimators]\nuse = ["least_squares"]\n')
+    run = subprocess.run(
+        [sys.executable, "-c", extra + LOADS, str(path)], capture_output=True, text=True, check=True
+    )
+    assert run.stdout.strip() == loaded
