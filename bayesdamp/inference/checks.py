@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from functools import lru_cache
 
@@ -24,13 +25,15 @@ TOGETHER = 2_000_000
 """Residuals that are held at a time."""
 P_LIMIT = 0.01
 LINE_LIMIT = 0.005
-"""Chance from which a part of the residuals' spectrum stands out: with P_LIMIT, 1.5 % of true models are refused."""
+"""Chance from which a part of the residuals' spectrum stands out: with the other two limits, 2 % of true models are
+refused."""
 HINT = 0.1
 """Chance up to which the part that stands out of the whitened residuals is named where structure is seen."""
 HEAVY = 1.0
 """Excess kurtosis from which outliers matter: a Student t of ten degrees of freedom has it."""
-WINDOW_LIMIT = 4.0
-"""Shift of a coefficient between a window and the record, in standard deviations of that shift."""
+WINDOW_LIMIT = 0.005
+"""Chance of the largest shift of a coefficient between a window and the record, for all that are looked at, from which
+the coefficients change."""
 
 
 @dataclass(frozen=True)
@@ -52,7 +55,8 @@ class Fit:
     the residuals by lag, shape (l,). rms, in the unit of the record; share: of half the fit's range. predictive_p,
     tails_p: posterior predictive p of the structure in whitened residuals and of their kurtosis (in excess of a
     normal's). line_p: chance of the part of their spectrum that stands out most. window_spread: largest shift of a
-    damping coefficient between a window and the whole record, in the sds that the shift has by chance.
+    damping coefficient between a window and the whole record, in the sds that the shift has by chance; window_p: the
+    chance of one as large.
     """
 
     fit: np.ndarray
@@ -68,6 +72,7 @@ class Fit:
     tails_p: float
     windows: tuple[Window, ...]
     window_spread: float
+    window_p: float
     verdict: str
 
 
@@ -158,7 +163,8 @@ def check_fit(target: Target, mode: Mode, period: float, seed: int) -> Fit:
     line = standing_out(t, white, period, tangents(target, mode))
     if line.chance > HINT:  # where whitening has levelled the spectrum, it says what there was to level
         line = replace(line, words=strongest(t, r, period))
-    windows, spread = _windows(target, mode)
+    windows, spread, looks = _windows(target, mode)
+    window_p = min(1.0, looks * math.erfc(spread / math.sqrt(2)))
     rms = float(np.sqrt(np.mean(r**2)))
     lag_one = float(autocorrelation(r, 1)[1])
     return Fit(
@@ -175,28 +181,32 @@ def check_fit(target: Target, mode: Mode, period: float, seed: int) -> Fit:
         tails_p=p_tails,
         windows=windows,
         window_spread=spread,
-        verdict=_verdict(target.layout.noise, p, line, spread, p_tails < P_LIMIT and tails > HEAVY),
+        window_p=window_p,
+        verdict=_verdict(target.layout.noise, p, line, window_p, p_tails < P_LIMIT and tails > HEAVY),
     )
 
 
-def _verdict(noise: NoiseModel, p: float, line: Line, spread: float, outliers: bool) -> str:
+def _verdict(noise: NoiseModel, p: float, line: Line, window_p: float, outliers: bool) -> str:
     correlated = noise.name == "correlated"
     if p < P_LIMIT or line.chance < LINE_LIMIT:
         also = "" if correlated else " with independent noise"
         return f"does not fit: structure is left in the residuals{also}: {line.words}"
-    if spread > WINDOW_LIMIT:
+    if window_p < WINDOW_LIMIT:
         return "does not fit: the coefficients change from one part of the record to another"
     if outliers and not noise.heavy_tailed:
         return "does not fit: outliers in the residuals, which this noise model does not allow for"
     return "fits, with correlated noise" if correlated else "fits"
 
 
-def _windows(target: Target, mode: Mode) -> tuple[tuple[Window, ...], float]:
-    """The mode on the first, the middle and the last half of the record; the motion starts where it did."""
+def _windows(target: Target, mode: Mode) -> tuple[tuple[Window, ...], float, int]:
+    """The mode on the first, the middle and the last half of the record; the motion starts where it did.
+
+    With the largest shift of a coefficient, in the sds that it has by chance, and how many were looked at.
+    """
     t, n = target.signal.t, target.signal.t.size
     half = n // 2
     whole = _window(target, "whole record", mode.z, mode.information, float(t[0]), float(t[-1]))
-    windows, spread = [whole], 0.0
+    windows, spread, looks = [whole], 0.0, 0
     for label, first in (("first half", 0), ("middle half", (n - half) // 2), ("last half", n - half)):
         part = slice(first, first + half)
         context = target.context(part_of(mode.context.plan, part), part)
@@ -211,8 +221,8 @@ def _windows(target: Target, mode: Mode) -> tuple[tuple[Window, ...], float]:
             shift = abs(w.values[name] - whole.values[name])
             # The part is contained in the whole: the variance of the shift is the difference (Hausman 1978).
             variance = max(w.sd[name] ** 2 - whole.sd[name] ** 2, 0.25 * whole.sd[name] ** 2)
-            spread = max(spread, shift / variance**0.5)
-    return tuple(windows), spread
+            spread, looks = max(spread, shift / variance**0.5), looks + 1
+    return tuple(windows), spread, looks
 
 
 def _window(

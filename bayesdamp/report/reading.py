@@ -70,6 +70,52 @@ def ranking(run: Run, signal: str, repeat: int) -> Ranking | None:
     return Ranking(chosen, ordered, others)
 
 
+@dataclass(frozen=True)
+class AtWidth:
+    """The ranking under damping priors so many times as wide: the first candidate's probability there, and which
+    candidates come first and second there."""
+
+    factor: float
+    probability: float
+    first: str
+    second: str
+
+
+def over_widths(run: Run, signal: str, repeat: int, found: Ranking) -> list[AtWidth]:
+    """A ranking over the widths for which the evidence of all its candidates is known; empty where it is not.
+
+    Candidates that were set aside keep their share.
+    """
+    moved: dict[str, np.ndarray] = {}
+    factors = np.empty(0)
+    for row in found.rows:
+        cell = run.cell("sensitivity", signal, repeat, row["model"], "widths")
+        if cell is not None and cell.outcome == OK and cell.arrays:
+            factors = cell.arrays["factors"]
+            change = (
+                cell.arrays["log_evidence"] - cell.arrays["log_evidence"][np.argmin(np.abs(np.log(factors)))]
+            )
+            moved[row["model"]] = np.where(cell.arrays["trusted"], change, np.nan)
+        elif not row["outcome"].startswith(ASIDE):
+            return []
+    if len(found.rows) < 2 or not moved:
+        return []
+    log_p = np.array(
+        [
+            np.log(max(r["probability"], 1e-300)) + moved.get(r["model"], np.zeros(factors.size))
+            for r in found.rows
+        ]
+    )
+    p = np.exp(log_p - log_p.max(axis=0))
+    p /= p.sum(axis=0)
+    order = np.argsort(-p, axis=0)
+    return [
+        AtWidth(float(factor), float(p[0, i]), *(label(found.rows[k]) for k in order[:2, i]))
+        for i, factor in enumerate(factors)
+        if np.all(np.isfinite(p[:, i]))
+    ]
+
+
 def models_by_rank(run: Run, signal: str, repeat: int) -> list[str]:
     """All models of a signal, the most probable first, then in the study's order."""
     found = ranking(run, signal, repeat)

@@ -1,38 +1,44 @@
-"""One sentence a record: whether anything fits, before any probability."""
+"""One sentence a record: whether anything fits, and whether the record decides, before any probability."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 from bayesdamp.report import words
-from bayesdamp.report.reading import ASIDE, label, ranking
+from bayesdamp.report.reading import ASIDE, Ranking, label, over_widths, ranking
 from bayesdamp.report.run import Run, rows_of
 
 SURE = 0.95
 """Probability from which a candidate is named without reservation."""
 TIE = 0.05
 """Probability from which another candidate is named beside the first."""
+HOLDS = 0.8
+"""Probability that a candidate which is named without reservation keeps, whatever the width of the priors."""
 MISFIT = "does not fit"
 
 
 @dataclass(frozen=True)
 class Verdict:
-    """misfit: whether the sentence, the first to read, warns that no candidate or not the most probable one fits."""
+    """The first sentence to read.
+
+    misfit: whether it warns that no candidate or not the most probable one fits; open: whether it says that the record,
+    or the priors' width, leaves the answer open.
+    """
 
     misfit: bool
     sentence: str
+    open: bool = False
 
 
 def verdict(run: Run, signal: str, repeat: int) -> Verdict:
     """What a record's tables say, in one sentence."""
     found = ranking(run, signal, repeat)
     if found is None:
-        return Verdict(False, "nothing was weighed, so no damping can be named.")
+        return Verdict(False, "nothing was weighed, so no damping can be named.", open=True)
     weighed = [row["model"] for row in found.rows if not row["outcome"].startswith(ASIDE)]
     checks = {r["model"]: r["verdict"] for r in rows_of(run.fits, signal=signal, repeat=repeat)}
     said = [checks[m] for m in weighed if m in checks]
     best = found.best
-    ties = [label(r) for r in found.rows[1:] if r["probability"] >= TIE]
     share = words.probability(best["probability"])
     record = run.cell("signal", signal, repeat)
     odd = words.listing(record.meta.get("anomalies", ())) if record else ""
@@ -55,13 +61,30 @@ def verdict(run: Run, signal: str, repeat: int) -> Verdict:
         fine = [label(r) for r in found.rows if checks.get(r["model"], MISFIT).startswith("fits")]
         less = f" Fitting, though less probable: {words.listing(fine)}." if fine else ""
         return Verdict(True, f"{lead}.{less}")
-    name = label(best)
-    if best["probability"] >= SURE:
-        return Verdict(
-            False, f"damping is {name}, with a probability of {share} among {len(found.rows)} candidates."
+    return _decided(run, signal, repeat, found)
+
+
+def _decided(run: Run, signal: str, repeat: int, found: Ranking) -> Verdict:
+    """What is said where the first candidate fits."""
+    best, name = found.best, label(found.best)
+    share = words.probability(best["probability"])
+    if best["probability"] < SURE:
+        ties = [label(r) for r in found.rows[1:] if r["probability"] >= TIE]
+        between = f" between {words.listing([name, *ties])}" if ties else ""
+        sentence = f"the record does not decide{between}: damping is most likely {name}, with a probability of {share}."
+        return Verdict(False, sentence, open=True)
+    lowest = min(over_widths(run, signal, repeat, found), key=lambda w: w.probability, default=None)
+    if lowest is not None and lowest.probability < HOLDS:
+        rival = lowest.second if lowest.first == name else lowest.first
+        sentence = (
+            f"how wide the priors are decides between {name} and {rival}: "
+            f"damping is {name} with a probability of {share} among {len(found.rows)} candidates, but of "
+            f"{words.probability(lowest.probability)} under priors {words.number(lowest.factor, 2)} times as wide."
         )
-    beside = f"; {words.listing(ties)} cannot be excluded" if ties else ""
-    return Verdict(False, f"damping is most likely {name}, with a probability of {share}{beside}.")
+        return Verdict(False, sentence, open=True)
+    return Verdict(
+        False, f"damping is {name}, with a probability of {share} among {len(found.rows)} candidates."
+    )
 
 
 def _left(run: Run, signal: str, repeat: int, model: str) -> str:

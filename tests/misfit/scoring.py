@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import re
 import tempfile
 import time
 from collections import Counter
@@ -27,7 +28,7 @@ COLUMNS = (
     "case", "kind", "truth", "noise_pct", "best", "probability", "damping", "damping_probability", "noise",
     "true_probability", "relation", "warned", "wrong", "nats_hidden", "rms_pct", "fit", "seconds", "sentence",
 )  # fmt: skip
-UNREAD = ("curve/", "sensitivity/")
+UNREAD = re.compile(r"curve/|sensitivity/.*/(half|savage_dickey)$")
 """Cells that no verdict reads."""
 LIMIT = 0.8
 """Probability above which a wrong law needs a warning."""
@@ -59,7 +60,7 @@ def score(case: Case, laws: Sequence[str], folder: Path) -> dict[str, object]:
 def _compute(study: Study, store: Store, job: Job) -> None:
     """The cells of a job that a verdict depends on."""
     for name, (key, compute) in _work(study, store, job).items():
-        if not name.startswith(UNREAD):
+        if not UNREAD.match(name):
             compute(name, key)
 
 
@@ -82,7 +83,7 @@ def _read(case: Case, run: Run) -> dict[str, object]:
         "noise": run.about("record").get("noise", ""),
         "true_probability": f"{shares[case.damping]:.4f}" if case.damping in shares else "",
         "relation": relation(damping, case.damping),
-        "warned": "yes" if said.misfit else "no",
+        "warned": "misfit" if said.misfit else "open" if said.open else "no",
         "wrong": int(damping != case.damping and share > LIMIT),
         "nats_hidden": f"{hidden(case, run, best):.1f}",
         "rms_pct": f"{100 * fit.get('rms', np.nan) / case.amplitude:.3g}",

@@ -12,7 +12,8 @@ from tests.misfit.scoring import LIMIT, read_rows
 HEADS = (
     "kind",
     "cases",
-    "warned or refused",
+    "misfit or refused",
+    "left open",
     f"wrong above {LIMIT:g}",
     "of these unwarned",
     "nats hidden there",
@@ -30,8 +31,11 @@ def counts(rows: Sequence[dict[str, str]]) -> str:
             wrong = [r for r in found if r["wrong"] == "1"]
             silent = [r for r in wrong if r["warned"] == "no"]
             hidden = ", ".join(f"{float(r['nats_hidden']):.0f} ({r['relation']})" for r in silent)
-            warned = sum(r["warned"] != "no" for r in found)
-            lines.append(f"| {name} | {len(found)} | {warned} | {len(wrong)} | {len(silent)} | {hidden} |")
+            warned = sum(r["warned"] not in ("no", "open") for r in found)
+            left_open = sum(r["warned"] == "open" for r in found)
+            lines.append(
+                f"| {name} | {len(found)} | {warned} | {left_open} | {len(wrong)} | {len(silent)} | {hidden} |"
+            )
     return "\n".join(lines)
 
 

@@ -93,9 +93,9 @@ def test_every_section_is_there_in_order(page):
 
 def test_the_verdict_comes_first_and_warns(page):
     words = Page(page).words
-    verdict = words.index("Damping is viscous + Coulomb: probability > 0.999 among 4 models.")
+    verdict = words.index("Damping is viscous + Coulomb, with a probability of > 0.999 among 4 candidates.")
     assert verdict < words.index("What was asked")
-    assert "Damping is most likely viscous: probability 0.802 among 4 models." in words
+    assert "damping is most likely viscous, with a probability of 0.802." in words
     assert "viscous + Coulomb keeps a probability of 0.198" in words
     assert "move by 4.1 of the standard deviations that chance allows them" in words
     assert "predictive p 0.0030" in words
@@ -188,7 +188,7 @@ def without(folder: Path, *kinds: str) -> None:
         (["fits.csv"], ["mode"], "No model was fitted in this study."),
         ([], ["signal"], "The record is not in this folder."),
         ([], ["mode"], "No fit of viscous + Coulomb is stored."),
-        ([], ["posterior", "estimate", "evidence", "mode", "signal"], "Damping is most likely viscous"),
+        ([], ["posterior", "estimate", "evidence", "mode", "signal"], "damping is most likely viscous"),
         (
             ["estimates.csv", "posteriors.csv", "evidence.csv", "fits.csv"],
             ["posterior", "estimate", "evidence", "mode"],

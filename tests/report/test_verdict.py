@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 from bayesdamp.report.verdict import verdict
@@ -12,7 +13,10 @@ FITS, LEFT = "fits", "does not fit: structure is left in the residuals"
 
 
 def run(
-    probabilities: dict[str, float], checks: dict[str, str], odd: tuple[str, ...] = ()
+    probabilities: dict[str, float],
+    checks: dict[str, str],
+    odd: tuple[str, ...] = (),
+    widths: dict[str, list[float]] | None = None,
 ) -> SimpleNamespace:
     common = {"signal": "a", "repeat": 0, "restoring": "linear", "method": "importance", "outcome": "ok"}
     evidence = [
@@ -21,15 +25,27 @@ def run(
     return SimpleNamespace(
         evidence=evidence,
         fits=[{**common, "model": m, "verdict": v} for m, v in checks.items()],
-        cell=lambda *_: SimpleNamespace(meta={"anomalies": odd}),
+        cell=lambda *parts: (
+            width(parts[3], widths or {})
+            if parts[0] == "sensitivity"
+            else SimpleNamespace(meta={"anomalies": odd})
+        ),
     )
+
+
+def width(model: object, log_evidence: dict[str, list[float]]) -> SimpleNamespace | None:
+    """The cell of a candidate's evidence under priors a tenth as wide, as they are, and ten times as wide."""
+    if model not in log_evidence:
+        return None
+    arrays = {"factors": np.array([0.1, 1.0, 10.0]), "log_evidence": np.array(log_evidence[str(model)])}
+    return SimpleNamespace(outcome="ok", arrays={**arrays, "trusted": np.ones(3, bool)})
 
 
 @pytest.mark.parametrize(
     ("probabilities", "checks", "misfit", "first"),
     [
         ({"viscous": 0.99, "coulomb": 0.01}, {"viscous": FITS, "coulomb": LEFT}, False, "damping is viscous,"),
-        ({"viscous": 0.7, "coulomb": 0.3}, {"viscous": FITS, "coulomb": FITS}, False, "damping is most likely viscous"),
+        ({"viscous": 0.7, "coulomb": 0.3}, {"viscous": FITS, "coulomb": FITS}, False, "the record does not decide"),
         ({"viscous": 0.99, "coulomb": 0.01}, {"viscous": LEFT, "coulomb": LEFT}, True, "no candidate fits"),
         ({"viscous": 0.99, "coulomb": 0.01}, {"viscous": LEFT, "coulomb": FITS}, True, "the most probable"),
     ],
@@ -38,6 +54,7 @@ def test_the_first_sentence(probabilities, checks, misfit: bool, first: str) -> 
     found = verdict(run(probabilities, checks), "a", 0)  # type: ignore[arg-type]
     assert found.misfit == misfit
     assert found.sentence.startswith(first)
+    assert found.open == first.startswith("the record does not decide")
     if misfit:
         assert found.sentence.index("fit") < found.sentence.index("0.990")
 
@@ -47,3 +64,18 @@ def test_what_the_record_shows_by_itself_comes_before_a_fit() -> None:
     found = verdict(run({"viscous": 0.99, "coulomb": 0.01}, fits, ("its peaks are cut off",)), "a", 0)  # type: ignore[arg-type]
     assert found.misfit
     assert found.sentence.index("its peaks are cut off") < found.sentence.index("0.990")
+
+
+def test_an_answer_that_rests_on_the_priors_width_says_so_before_any_probability() -> None:
+    """Odds of 99 that a prior a tenth as wide turns into 99 / 20 are no answer of the record's; 99 / 2 are one."""
+    fits, told = {"viscous": FITS, "coulomb": FITS}, {"viscous": 0.99, "coulomb": 0.01}
+    resting = {"viscous": [-5.0, -5.0, -5.0], "coulomb": [-9.6 + np.log(40.0), -9.6, -11.9]}
+    found = verdict(run(told, fits, widths=resting), "a", 0)  # type: ignore[arg-type]
+    assert found.open
+    assert not found.misfit
+    assert found.sentence.startswith("how wide the priors are decides between viscous and Coulomb")
+    assert "0.712 under priors 0.10 times as wide" in found.sentence  # 0.99 / (0.99 + 0.01 * 40)
+    firm = {"viscous": [-5.0, -5.0, -5.0], "coulomb": [-9.6 + np.log(2.0), -9.6, -11.9]}
+    held = verdict(run(told, fits, widths=firm), "a", 0)  # type: ignore[arg-type]
+    assert held.sentence.startswith("damping is viscous,")
+    assert not held.open

@@ -11,7 +11,7 @@ from bayesdamp.report.reading import coefficients, label, models_by_rank, rankin
 from bayesdamp.report.run import Run, rows_of
 from bayesdamp.report.sections._section import Section
 from bayesdamp.report.style import colour
-from bayesdamp.report.verdict import SURE, verdict
+from bayesdamp.report.verdict import verdict
 from bayesdamp.types import OK
 
 _CARDS = 4
@@ -53,18 +53,14 @@ def _card(run: Run, signal: str, repeat: int) -> dict[str, Any]:
     believe: list[str] = []
     doubt: list[str] = []
     if found:
-        sure = found.best["probability"] >= SURE or len(found.rows) == 1
-        claim = f"Damping is {'' if sure else 'most likely '}{label(found.best)}"
+        said = verdict(run, signal, repeat)
+        claim = said.sentence[:1].upper() + said.sentence[1:]
         if len(found.rows) > 1:
-            share = words.probability(found.best["probability"])
-            claim += f": probability {share} among {len(found.rows)} models."
             _weigh(run, found, believe, doubt)
         else:
-            claim += ": the only model that was studied."
+            if not said.misfit:
+                claim = f"Damping is {label(found.best)}: the only model that was studied."
             doubt.append("that the damping is of this kind: no other model was compared.")
-        said = verdict(run, signal, repeat)
-        if said.misfit:
-            claim = said.sentence[:1].upper() + said.sentence[1:]
     elif best and len(ranked) == 1:
         claim = f"Damping was taken to be {words.model(best)}; no other model was compared."
     elif best:
