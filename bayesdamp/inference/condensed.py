@@ -280,14 +280,14 @@ def _triangles(step: np.ndarray, rows: np.ndarray, count: int) -> Triangles:
     """
     first = np.searchsorted(step, np.arange(count))
     sizes = np.diff(np.append(first, step.size))
-    found = np.zeros((count, 7, 7))
+    found, padded = np.zeros((count, 7, 7)), np.vstack([rows, np.zeros((1, 7))])
     lengths = 2 ** np.ceil(np.log2(np.maximum(sizes, 8))).astype(int)
     for length in np.unique(lengths):
         same = np.flatnonzero(lengths == length)
         for part in np.array_split(same, int(np.ceil(same.size * length / CHUNK))):
             offset = np.arange(length)
             held = offset < sizes[part][:, None]
-            index = np.where(held, first[part][:, None] + offset, 0)
-            found[part] = np.linalg.qr(np.where(held[..., None], rows[index], 0.0), mode="r")
+            index = np.where(held, first[part][:, None] + offset, rows.shape[0])
+            found[part] = np.linalg.qr(padded[index], mode="r")
     rest = np.sqrt(np.sum(found[:, 6, 6] ** 2))
     return Triangles(jnp.asarray(found[:, :6, :6]), jnp.asarray(found[:, :6, 6]), jnp.asarray(rest[None]))

@@ -31,6 +31,7 @@ from bayesdamp.physics.integrate import (
     make_plan,
     nodes,
     part_of,
+    record,
 )
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.priors import HalfNormal, LogNormal, Normal, Prior
@@ -298,6 +299,22 @@ def test_steps_without_samples():
         "ends": r[0] ** 2 + r[-1] ** 2,
     }.items():
         assert float(jnp.sum(parts[name] ** 2)) == pytest.approx(expected, rel=1e-11)
+
+
+def test_samples_so_far_apart_that_no_step_has_two():
+    """All differences straddle a node."""
+    found, z, plan, _ = case("viscous", "correlated")
+    kept = np.searchsorted(np.asarray(plan.interval), np.arange(3, int(plan.count), 3))
+    times = np.arange(kept.size) * 0.1  # a clock of its own: the sums, not the times, are what is tested
+    cut = replace(plan, interval=plan.interval[kept], weights=plan.weights[kept], anchor=None)
+    y = found.signal.y[kept]
+    sums = condense(NOISES.get("correlated"), cut, times, y)
+    assert sums is not None
+    p = {n: jnp.asarray(v) for n, v in found.all_values(z).items()}
+    r = y - np.asarray(record(found.oscillator, cut, p))
+    streamed = sums.sums_along(found.oscillator, plan.steps, plan.count, p)
+    assert float(streamed["squares"]) == pytest.approx(np.sum(r**2), rel=1e-9)
+    assert float(streamed["differences"]) == pytest.approx(np.sum(np.diff(r) ** 2), rel=1e-9)
 
 
 def test_when_the_plain_sum_stays():
