@@ -84,7 +84,8 @@ def monte_carlo_error(draws: np.ndarray) -> float:
 
 def pareto_k(log_weights: np.ndarray) -> float:
     """Shape of the generalised Pareto fitted to the upper tail of importance weights, shape (n,)."""
-    return float(az.psislw(log_weights.copy())[1])
+    with np.errstate(over="ignore"):  # a tail that ends: the smoothed weights, which are not used, overflow
+        return float(az.psislw(log_weights.copy())[1])
 
 
 def save(posterior: Posterior, path: Path) -> None:

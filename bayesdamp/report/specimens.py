@@ -37,7 +37,7 @@ def joint_sentence(run: Run, cell: CellResult) -> str:
     row = meta["candidates"][best]
     sure = "" if row["probability"] >= SURE else "most likely "
     sizes = [f"{words.symbol(n).text} = {size(row, n)}" for n in coefficients(meta)]
-    text = f"{len(meta['records'])} records together: damping is {sure}{words.model(best)}, with a probability of "
+    text = f"{len(meta['records'])} records together: damping is {sure}{words.model(best)}, with probability "
     text += f"{words.probability(row['probability'])}; {words.listing(sizes)}; {meta['said']['damping']}"
     if row["outcome"] != OK:
         text += f"; {row['outcome']}"

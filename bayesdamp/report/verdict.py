@@ -45,14 +45,14 @@ def verdict(run: Run, signal: str, repeat: int) -> Verdict:
     if odd:
         sentence = (
             f"the record is no free decay of one oscillator, so no candidate fits: {odd}; of those that are compared "
-            f"all the same, {label(best)} comes first, with a probability of {share} among them only."
+            f"all the same, {label(best)} comes first, with probability {share} among them only."
         )
         return Verdict(True, sentence)
     if said and all(s.startswith(MISFIT) for s in said):
         why = checks[weighed[0]].removeprefix(MISFIT + ": ")
         sentence = (
             f"no candidate fits ({why}){_left(run, signal, repeat, weighed[0])}; of those that do not fit, "
-            f"{label(best)} is least unlikely, with a probability of {share} among them only."
+            f"{label(best)} is least unlikely, with probability {share} among them only."
         )
         return Verdict(True, sentence)
     warned = checks.get(best["model"], "").startswith(MISFIT)
@@ -71,20 +71,20 @@ def _decided(run: Run, signal: str, repeat: int, found: Ranking) -> Verdict:
     if best["probability"] < SURE:
         ties = [label(r) for r in found.rows[1:] if r["probability"] >= TIE]
         between = f" between {words.listing([name, *ties])}" if ties else ""
-        sentence = f"the record does not decide{between}: damping is most likely {name}, with a probability of {share}."
+        sentence = (
+            f"the record does not decide{between}: damping is most likely {name}, with probability {share}."
+        )
         return Verdict(False, sentence, open=True)
     lowest = min(over_widths(run, signal, repeat, found), key=lambda w: w.probability, default=None)
     if lowest is not None and lowest.probability < HOLDS:
         rival = lowest.second if lowest.first == name else lowest.first
         sentence = (
             f"how wide the priors are decides between {name} and {rival}: "
-            f"damping is {name} with a probability of {share} among {len(found.rows)} candidates, but of "
+            f"damping is {name} with probability {share} among {len(found.rows)} candidates, but "
             f"{words.probability(lowest.probability)} under priors {words.number(lowest.factor, 2)} times as wide."
         )
         return Verdict(False, sentence, open=True)
-    return Verdict(
-        False, f"damping is {name}, with a probability of {share} among {len(found.rows)} candidates."
-    )
+    return Verdict(False, f"damping is {name}, with probability {share} among {len(found.rows)} candidates.")
 
 
 def _left(run: Run, signal: str, repeat: int, model: str) -> str:

@@ -93,9 +93,9 @@ def test_every_section_is_there_in_order(page):
 
 def test_the_verdict_comes_first_and_warns(page):
     words = Page(page).words
-    verdict = words.index("Damping is viscous + Coulomb, with a probability of > 0.999 among 4 candidates.")
+    verdict = words.index("Damping is viscous + Coulomb, with probability > 0.999 among 4 candidates.")
     assert verdict < words.index("What was asked")
-    assert "damping is most likely viscous, with a probability of 0.802." in words
+    assert "damping is most likely viscous, with probability 0.802." in words
     assert "viscous + Coulomb keeps a probability of 0.198" in words
     assert "move by 4.1 of the standard deviations that chance allows them" in words
     assert "predictive p 0.0030" in words
