@@ -13,7 +13,6 @@ import jax
 import numpy as np
 from jax import Array
 from jax import numpy as jnp
-from scipy.interpolate import BarycentricInterpolator
 
 from bayesdamp.physics.oscillator import Oscillator, Parameters
 
@@ -25,8 +24,10 @@ CENTRING = 8
 def _rule() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Nodes φ and weights between ±π/2, and the matrix that integrates from each node to π/2."""
     t, w = np.polynomial.legendre.leggauss(NODES)
-    lagrange = BarycentricInterpolator(t, np.eye(NODES))
-    part = np.stack([0.5 * (1 - a) * (w @ lagrange(a + 0.5 * (1 - a) * (t + 1))) for a in t])
+    # ∫ P_k from a to 1 is (P_k−1(a) − P_k+1(a)) / (2k + 1), with 1 for P_−1.
+    p = np.polynomial.legendre.legvander(t, NODES)
+    above = 0.5 * (np.column_stack([np.ones(NODES), p[:, : NODES - 1]]) - p[:, 1:])
+    part = above @ (p[:, :NODES].T * w)
     return 0.5 * np.pi * t, 0.5 * np.pi * w, 0.5 * np.pi * part
 
 
