@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import jax.numpy as jnp
 import numpy as np
+from scipy.linalg import solve_triangular
 
 from bayesdamp.inference.residuals import log_density, residual
 from bayesdamp.inference.target import Context, Layout, Target, compiled
@@ -255,9 +256,17 @@ def mode_near(layout: Layout, context: Context, mode: Mode, z: np.ndarray) -> Mo
 
 
 def whitening(information: np.ndarray) -> np.ndarray:
-    """Cholesky factor of the inverse of the information, (d, d)."""
-    covariance = np.linalg.inv(information)
-    return np.linalg.cholesky(0.5 * (covariance + covariance.T))
+    """Cholesky factor of the inverse of the information, (d, d). Raises Refusal where that is not positive.
+
+    Factored before it is inverted: an inverse of stiff and loose directions may have lost its positivity to rounding.
+    """
+    try:
+        if not np.all(np.isfinite(information)):
+            raise np.linalg.LinAlgError
+        turned = np.linalg.cholesky(0.5 * (information + information.T)[::-1, ::-1])
+    except np.linalg.LinAlgError:
+        raise Refusal("the posterior has no curvature at its mode") from None
+    return solve_triangular(turned[::-1, ::-1], np.eye(len(information)), trans=1, lower=False)
 
 
 def restore_mode(

@@ -15,7 +15,7 @@ from bayesdamp.inference.mode import Mode, mode_near
 from bayesdamp.inference.target import Target
 from bayesdamp.inference.weighted import effective
 from bayesdamp.priors import HalfNormal, LogNormal, Prior
-from bayesdamp.types import OK
+from bayesdamp.types import OK, Refusal
 
 FACTORS = np.geomspace(0.1, 10.0, 9)
 """Factors on the prior's scale: two decades."""
@@ -86,7 +86,11 @@ def _one(
     if size >= ENOUGH and diagnostics.pareto_k(weights) < K_LIMIT:
         return log_evidence, float(np.std(w, ddof=1) / np.sqrt(w.size)), size, False, True
     other = replace(target, priors=priors)
-    found = Importance().evidence("", other, _moved(target, other, mode), seed)
+    try:
+        moved = _moved(target, other, mode)
+    except Refusal:
+        return np.nan, np.nan, size, True, False
+    found = Importance().evidence("", other, moved, seed)
     return found.log_evidence, found.stderr, size, True, found.outcome == OK
 
 

@@ -12,7 +12,9 @@ from blackjax.mcmc.hmc import HMCState
 from jax import numpy as jnp
 
 from bayesdamp.inference.frame import cut_off, frame
+from bayesdamp.inference.mode import whitening
 from bayesdamp.inference.samplers._reflect import drift, reflecting_leapfrog
+from bayesdamp.types import Refusal
 
 from . import problems
 
@@ -131,3 +133,17 @@ def test_the_posterior_is_round_in_its_frame(name):
     u = np.linalg.solve(at.factor, (z - at.centre).T)
     assert np.all(np.abs(u.mean(axis=1)) < 0.35)
     np.testing.assert_allclose(np.cov(u), np.eye(len(z[0])), atol=0.35)
+
+
+def test_whitening_of_stiff_and_loose_directions():
+    """The lower factor of the inverse, to rounding, where the inverse itself has lost its positivity to it."""
+    turn = np.linalg.qr(np.random.default_rng(3).standard_normal((4, 4)))[0]
+    mild = turn @ np.diag([1.0, 4.0, 30.0, 900.0]) @ turn.T
+    np.testing.assert_allclose(whitening(mild), np.linalg.cholesky(np.linalg.inv(mild)), rtol=1e-9)
+    scale = np.diag([1.0, 1e8, 1e3, 1e-2])
+    factor = whitening(scale @ mild @ scale)
+    np.testing.assert_allclose(factor, np.linalg.inv(scale) @ whitening(mild), rtol=1e-9)
+    np.testing.assert_allclose(np.triu(factor, 1), 0.0)
+    for bad in (np.diag([1.0, -1.0]), np.diag([1.0, np.nan])):
+        with pytest.raises(Refusal, match="no curvature"):
+            whitening(bad)
