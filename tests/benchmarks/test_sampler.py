@@ -125,7 +125,7 @@ def on_odeint() -> dict[str, float]:
 
     def slope(state, _, zeta, stiffness):
         theta, omega = state
-        return omega, -2 * zeta * stiffness**0.5 * omega - stiffness * theta + np.cos(theta)
+        return omega, -2 * zeta * omega - stiffness * theta + np.cos(theta)
 
     def log_probability(z: np.ndarray) -> float:
         p = {n: float(v) for n, v in posterior.values(np.asarray(z)).items()}
