@@ -1,6 +1,6 @@
 """Does the verdict warn where no law fits? Over the table that is kept, and anew on a few of its cases.
 
-`python -m tests.misfit.run reports/misfit/scored.csv --seed 1 ...` makes the table; reports/misfit/README.md says what
+`python -m tests.misfit.run reports/misfit/scored.csv --seed 2 ...` makes the table; reports/misfit/README.md says what
 is in it.
 """
 
@@ -36,7 +36,8 @@ def test_no_law_that_is_seen_to_be_wrong_goes_unwarned() -> None:
 
 
 @pytest.mark.xfail(
-    strict=True, reason="5 of 29 so far: three miss a small term, two wrong laws fit within the noise"
+    strict=True,
+    reason="fewer than 200 cases so far; of those outside the family some are within the noise of it",
 )
 def test_no_wrong_law_at_all_goes_unwarned() -> None:
     """The bar itself, over 200 cases."""
@@ -44,9 +45,10 @@ def test_no_wrong_law_at_all_goes_unwarned() -> None:
     assert not [r["case"] for r in rows() if unwarned(r)]
 
 
-def test_a_law_that_is_not_among_the_true_terms_goes_unwarned_in_no_case_of_the_family() -> None:
-    found = [r for r in rows() if r["kind"] in INSIDE and unwarned(r)]
-    assert not [r["case"] for r in found if r["relation"] == "another law"]
+def test_no_wrong_law_of_the_family_goes_unwarned() -> None:
+    """Neither another law nor one that misses a term; a reservation about the priors' width is a warning."""
+    assert sum(r["kind"] in INSIDE for r in rows()) >= 40
+    assert not [r["case"] for r in rows() if r["kind"] in INSIDE and unwarned(r)]
 
 
 def test_good_records_are_hardly_ever_warned_of() -> None:
@@ -57,7 +59,7 @@ def test_good_records_are_hardly_ever_warned_of() -> None:
 
 @pytest.mark.parametrize(("kind", "number"), [("clean", 0), ("two_cycles", 0)])
 def test_the_table_is_what_the_program_says(kind: str, number: int, tmp_path: Path) -> None:
-    case = drawn(kind, number, 1)
+    case = drawn(kind, number, 2)
     kept = next(r for r in rows() if r["case"] == case.name)
     found = score(case, LAWS, tmp_path)
     assert found["best"] == kept["best"]
