@@ -24,9 +24,9 @@ class Refusal(BayesdampError):  # noqa: N818 - a method's answer, not an error
     """A method cannot work on this record; the text is the sentence that the tables show."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Signal:
-    """A record after cleaning, in SI units, without the truth.
+    """A record after cleaning, in SI units, without the truth; equal only to itself.
 
     t: times in s, shape (n,), strictly increasing, t[0] = 0 at the first kept sample.
     y: the recorded quantity, shape (n,): rad or m, per s or per s² for velocity or acceleration.

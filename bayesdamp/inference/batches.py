@@ -8,7 +8,9 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
-from bayesdamp.inference.target import LOG_2PI, Context, Target, compiled
+from bayesdamp.inference.compiled import compiled
+from bayesdamp.inference.density import LOG_2PI
+from bayesdamp.inference.target import Context, Target
 
 CHUNK = 250
 

@@ -7,9 +7,10 @@ from functools import cached_property
 import jax.numpy as jnp
 import numpy as np
 
+from bayesdamp.inference.compiled import compiled
 from bayesdamp.inference.frame import FAR, cut_off, cut_off_moments
 from bayesdamp.inference.mode import Mode
-from bayesdamp.inference.target import Target, compiled
+from bayesdamp.inference.target import Target
 from bayesdamp.types import Refusal
 
 H = 0.01

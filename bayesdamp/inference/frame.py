@@ -11,8 +11,9 @@ from jax import numpy as jnp
 from scipy.special import log_ndtr, ndtri_exp
 
 from bayesdamp.inference.batches import in_batches
+from bayesdamp.inference.compiled import compiled
 from bayesdamp.inference.mode import Mode
-from bayesdamp.inference.target import Target, compiled
+from bayesdamp.inference.target import Target
 
 H = 0.3
 """Whitened units over which second differences are taken: they reach 0.6 sds from the centre, and the mean of

@@ -15,10 +15,12 @@ from itertools import pairwise
 import jax.numpy as jnp
 import numpy as np
 
+from bayesdamp.inference.compiled import compiled
+from bayesdamp.inference.density import LOG_2PI
 from bayesdamp.inference.evidence.laplace import log_integral
 from bayesdamp.inference.frame import FAR
 from bayesdamp.inference.mode import ANCHORS, NEAR, Mode, maximise, restore_mode
-from bayesdamp.inference.target import LOG_2PI, Target, compiled
+from bayesdamp.inference.target import Target
 from bayesdamp.types import Refusal
 
 ANGLES = ("spring_angle", "rest_angle")

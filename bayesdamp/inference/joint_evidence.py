@@ -16,11 +16,11 @@ from scipy.special import logsumexp
 
 from bayesdamp.inference import diagnostics
 from bayesdamp.inference.batches import log_likelihood
+from bayesdamp.inference.density import LOG_2PI
 from bayesdamp.inference.evidence.importance import K_GOOD, K_LIMIT
 from bayesdamp.inference.folded import DEGREES, FoldedT
 from bayesdamp.inference.frame import cut_off_moments
 from bayesdamp.inference.joint import Joint, JointMode
-from bayesdamp.inference.target import LOG_2PI
 from bayesdamp.inference.weighted import effective, shares
 from bayesdamp.types import OK
 

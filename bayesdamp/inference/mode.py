@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
-import jax.numpy as jnp
 import numpy as np
 from scipy.linalg import solve_triangular
 
+from bayesdamp.inference.compiled import compiled
 from bayesdamp.inference.residuals import log_density, residual
-from bayesdamp.inference.target import Context, Layout, Target, compiled
+from bayesdamp.inference.target import Context, Layout, Target
 from bayesdamp.physics.integrate import Plan, anchored, divided
 from bayesdamp.types import Refusal
 
@@ -81,7 +81,7 @@ def climb(
     curvature = compiled(layout).curvature
 
     def at(z: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        value, gradient, information = map(np.asarray, curvature(context, jnp.asarray(z)))
+        value, gradient, information = map(np.asarray, curvature(context, z))
         return value, gradient, information
 
     return maximise(at, np.asarray(layout.folded), z, limit=limit)
@@ -157,7 +157,7 @@ def find_mode(target: Target, seeds: Mapping[str, Mapping[str, float]], *, noise
     for (name, *same), z0 in _distinct(target, seeds):
         context = target.context(_plans(target, z0, tolerance)[0])
         z0 = _with_noise(target, z0, context)
-        start = float(compiled(layout).curvature(context, jnp.asarray(z0))[0])
+        start = float(compiled(layout).curvature(context, z0)[0])
         z, value, information, count, done = _ascend(target, context, z0, tolerance)
         volume = -0.5 * float(np.linalg.slogdet(information)[1])
         climbs.append(Climb(name, tuple(same), start, value, count, z0, z, volume, done))

@@ -9,11 +9,12 @@ import numpy as np
 from jax import numpy as jnp
 from scipy.optimize import minimize
 
+from bayesdamp.inference.compiled import compiled
 from bayesdamp.inference.evidence.laplace import log_integral
 from bayesdamp.inference.mode import Mode, find_mode
 from bayesdamp.inference.noise import NOISES
 from bayesdamp.inference.residuals import residual
-from bayesdamp.inference.target import Target, compiled
+from bayesdamp.inference.target import Target
 from bayesdamp.signals.features import Features
 from bayesdamp.types import OK, Refusal, Signal
 

@@ -6,7 +6,6 @@ from collections.abc import Mapping
 from functools import lru_cache
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 
 from bayesdamp.inference.noise import NOISES
@@ -27,18 +26,17 @@ def residuals(target: Target, plan: Plan, z: np.ndarray) -> np.ndarray:
 def whitened(target: Target, r: np.ndarray, z: np.ndarray) -> np.ndarray:
     """Residuals r, (n,) or (m, n), as independent standard scores under the noise at scores z, (d,) or (m, d)."""
     one, many = _views(target.noise)[:2]
-    values = {n: jnp.asarray(v) for n, v in _noise_values(target, z).items()}
-    gaps = jnp.asarray(np.diff(target.signal.t))
+    values = _noise_values(target, z)
+    gaps = np.diff(target.signal.t)
     if z.ndim == 1:
-        return np.asarray(one(jnp.asarray(r), gaps, values))
-    values = {n: jnp.broadcast_to(v, len(z)) for n, v in values.items()}
-    return np.asarray(many(jnp.asarray(r), gaps, values))
+        return np.asarray(one(r, gaps, values))
+    values = {n: np.broadcast_to(v, len(z)) for n, v in values.items()}
+    return np.asarray(many(r, gaps, values))
 
 
 def log_density(target: Target, r: np.ndarray, z: np.ndarray) -> float:
     """Log density of residuals r, (n,), at scores z, (d,), in nats; −∞ where there is none."""
-    values = {n: jnp.asarray(v) for n, v in _noise_values(target, z).items()}
-    found = float(_views(target.noise)[2](jnp.asarray(r), jnp.asarray(np.diff(target.signal.t)), values))
+    found = float(_views(target.noise)[2](r, np.diff(target.signal.t), _noise_values(target, z)))
     return found if np.isfinite(found) else -np.inf
 
 

@@ -158,7 +158,7 @@ def _compiled_nodes(osc: Oscillator):
 
 
 def _node_values(osc: Oscillator, plan: MeshPlan, p: Parameters) -> np.ndarray:
-    values = {name: jnp.asarray(float(p[name])) for name in osc.parameters}
+    values = {name: np.float64(p[name]) for name in osc.parameters}
     steps = np.pad(np.asarray(plan.steps), (0, max(0, NODES_ROOM - plan.steps.size)))
     return np.asarray(_compiled_nodes(osc)(steps, plan.count, values))[: plan.steps.size + 1]
 
@@ -173,7 +173,7 @@ def between(plan: MeshPlan, state: np.ndarray) -> np.ndarray:
 def at_samples(osc: Oscillator, plan: Plan, p: Parameters) -> np.ndarray:
     """`record` in numbers, shape (n,), compiled once for a room of steps, whatever the number of samples."""
     if not isinstance(plan, MeshPlan):
-        values = {name: jnp.asarray(float(p[name])) for name in osc.parameters}
+        values = {name: np.float64(p[name]) for name in osc.parameters}
         return np.asarray(compiled_record(osc)(plan, values))
     found = between(plan, _node_values(osc, plan, p))
     return found if plan.anchor is None else found + np.asarray(plan.anchor.defect)
@@ -248,7 +248,7 @@ def plan_with_error(
         some = times[np.linspace(0, times.size - 1, ENOUGH).astype(int)]
         plan, error = plan_with_error(osc, p, some, quantity, tolerance)
         return _at(plan, times, quantity), error
-    p = {name: jnp.asarray(float(p[name])) for name in osc.parameters}
+    p = {name: np.float64(p[name]) for name in osc.parameters}
     resolution, best = FIRST_RESOLUTION, None
     order = ORDER - QUANTITIES.index(quantity)  # each derivative of the dense output costs one
     for _ in range(6):

@@ -34,7 +34,7 @@ def fastest_rate(osc: Oscillator, p: Parameters) -> float:
     reach = abs(theta0 - rest) + (abs(omega0) / base if base > 0 else 0.0) + 1e-12
     grid = np.linspace(rest - reach, rest + reach, 65)
     slope = restoring_force(osc.restoring)(grid, {n: float(p[n]) for n in osc.law.parameters})[1]
-    return max(math.sqrt(float(jnp.max(jnp.abs(slope)))), base, 1e-12)
+    return max(math.sqrt(float(np.max(np.abs(slope)))), base, 1e-12)
 
 
 @lru_cache(maxsize=64)
@@ -73,11 +73,11 @@ def frozen_mesh(osc: Oscillator, p: Parameters, duration: float, resolution: flo
 
     resolution: steps are shorter by this factor than the standard ones.
     """
-    p = {name: jnp.asarray(value, float) for name, value in p.items()}
+    p = {name: np.float64(value) for name, value in p.items()}
     chunk = 256
     march = _marcher(osc, chunk)
     longest = 2 * math.pi / fastest_rate(osc, p) / STEPS_PER_PERIOD / resolution
-    state = (jnp.zeros(()), p["theta0"], p["omega0"])
+    state = (np.float64(0.0), p["theta0"], p["omega0"])
     times, velocities = [np.zeros(1)], [np.asarray(p["omega0"])[None]]
     limit = 4_000_000
     while times[-1][-1] < duration:

@@ -67,28 +67,35 @@ class Oscillator:
 
         Raises ValueError where the law has none within 10 rad.
         """
-        grid = near + np.linspace(-10.0, 10.0, 4001)
-        p = {name: float(p[name]) for name in self.law.parameters}
-        force_at = restoring_force(self.restoring)
-        force = np.asarray(force_at(grid, p)[0])
-        rising = np.flatnonzero((force[:-1] <= 0) & (force[1:] > 0))
-        if rising.size == 0:
-            raise ValueError(f"{self.restoring} has no stable equilibrium within 10 rad of {near:.3g}")
-        i = rising[np.argmin(np.abs(grid[rising] - near))]
-        inside = grid[i : i + 2].copy()
-
-        def force_of(x: float) -> float:
-            inside[0] = x
-            return float(force_at(inside, p)[0][0])
-
-        root = brentq(force_of, grid[i], grid[i + 1], xtol=1e-14)
-        return float(root)  # type: ignore[arg-type]
+        return _equilibrium(
+            self.restoring, tuple(float(p[name]) for name in self.law.parameters), float(near)
+        )
 
     def natural_frequency(self, p: Parameters, near: float = 0.0) -> float:
         """ω_n = √F′_rest at the equilibrium, rad/s."""
         at = self.equilibrium(p, near)
         known = {name: float(p[name]) for name in self.law.parameters}
         return float(np.sqrt(restoring_force(self.restoring)(np.array([at, at]), known)[1][0]))
+
+
+@lru_cache(maxsize=4096)
+def _equilibrium(restoring: str, values: tuple[float, ...], near: float) -> float:
+    grid = near + np.linspace(-10.0, 10.0, 4001)
+    p = dict(zip(LAWS.get(restoring).parameters, values))
+    force_at = restoring_force(restoring)
+    force = np.asarray(force_at(grid, p)[0])
+    rising = np.flatnonzero((force[:-1] <= 0) & (force[1:] > 0))
+    if rising.size == 0:
+        raise ValueError(f"{restoring} has no stable equilibrium within 10 rad of {near:.3g}")
+    i = rising[np.argmin(np.abs(grid[rising] - near))]
+    inside = grid[i : i + 2].copy()
+
+    def force_of(x: float) -> float:
+        inside[0] = x
+        return float(force_at(inside, p)[0][0])
+
+    root = brentq(force_of, grid[i], grid[i + 1], xtol=1e-14)
+    return float(root)  # type: ignore[arg-type]
 
 
 @lru_cache(maxsize=64)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -44,8 +45,9 @@ class Features:
     crossing_times: np.ndarray
 
 
+@lru_cache(maxsize=16)
 def features(signal: Signal) -> Features:
-    """The features of a signal. Raises Refusal, with a sentence, where it does not oscillate."""
+    """The features of a signal, kept for the last few. Raises Refusal, with a sentence, where it does not oscillate."""
     t, y = np.asarray(signal.t, float), np.asarray(signal.y, float)
     if t.size < 10:
         raise Refusal(f"the record has {t.size} samples, and an oscillation needs at least 10")

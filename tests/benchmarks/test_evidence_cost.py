@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 
 from bayesdamp.inference import mode
+from bayesdamp.inference.density import moving_scores
 from bayesdamp.inference.evidence import EVIDENCES, nested
 from bayesdamp.inference.mode import Mode, find_mode
-from bayesdamp.inference.target import Target, moving_scores
+from bayesdamp.inference.target import Target
 from tests.inference import problems
 
 from . import test_sampler

@@ -12,8 +12,11 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
+from bayesdamp.inference.compiled import compiled
+from bayesdamp.inference.density import log_posterior
+from bayesdamp.inference.gradient import value_and_gradient
 from bayesdamp.inference.mode import Mode, find_mode
-from bayesdamp.inference.target import Layout, Target, compiled, log_posterior, value_and_gradient
+from bayesdamp.inference.target import Layout, Target
 from bayesdamp.physics.integrate import MeshPlan, simulate
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.priors import HalfNormal, LogNormal, Normal, Prior

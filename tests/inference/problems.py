@@ -11,9 +11,10 @@ import numpy as np
 from pydantic import TypeAdapter
 
 from bayesdamp.inference.batches import log_likelihood
+from bayesdamp.inference.density import log_posterior
 from bayesdamp.inference.mode import Mode, find_mode
 from bayesdamp.inference.samplers import SAMPLERS, Settings
-from bayesdamp.inference.target import Layout, Target, log_posterior
+from bayesdamp.inference.target import Layout, Target
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.priors import Prior
 from bayesdamp.signals.features import Features

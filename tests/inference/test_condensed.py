@@ -12,16 +12,13 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
+from bayesdamp.inference.compiled import compiled
 from bayesdamp.inference.condensed import Condensed, Singles, condense
+from bayesdamp.inference.density import log_posterior
+from bayesdamp.inference.gradient import value_and_gradient
+from bayesdamp.inference.linearised import linearise
 from bayesdamp.inference.noise import NOISES
-from bayesdamp.inference.target import (
-    Context,
-    Target,
-    compiled,
-    linearise,
-    log_posterior,
-    value_and_gradient,
-)
+from bayesdamp.inference.target import Context, Target
 from bayesdamp.physics.integrate import (
     MeshPlan,
     anchored,

@@ -10,10 +10,11 @@ import numpy as np
 import pytest
 from jax import numpy as jnp
 
+from bayesdamp.inference.density import log_posterior
 from bayesdamp.inference.mode import Mode, find_mode
 from bayesdamp.inference.samplers import Settings, nuts
 from bayesdamp.inference.samplers._many import axes, sample_many, stacked
-from bayesdamp.inference.target import Target, log_posterior
+from bayesdamp.inference.target import Target
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.priors import HalfNormal, LogNormal
 from bayesdamp.signals.simulate import simulate_signal

@@ -8,7 +8,7 @@ import pytest
 
 from bayesdamp.inference.build import build_target
 from bayesdamp.inference.defaults import Reference
-from bayesdamp.inference.target import log_posterior
+from bayesdamp.inference.density import log_posterior
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.signals.features import features
 from bayesdamp.signals.simulate import simulate_signal

@@ -13,18 +13,14 @@ from scipy import stats
 
 from bayesdamp.inference.batches import log_likelihood, log_prior
 from bayesdamp.inference.build import build_target
+from bayesdamp.inference.compiled import compiled
 from bayesdamp.inference.defaults import EPSILON_RANGE, EPSILON_SHARE, Reference, default_prior
+from bayesdamp.inference.density import log_posterior, parameters
+from bayesdamp.inference.gradient import value_and_gradient
+from bayesdamp.inference.linearised import linearise, linearised_log_posterior
 from bayesdamp.inference.mode import BUDGET, find_mode
 from bayesdamp.inference.noise import NOISES
-from bayesdamp.inference.target import (
-    Target,
-    compiled,
-    linearise,
-    linearised_log_posterior,
-    log_posterior,
-    parameters,
-    value_and_gradient,
-)
+from bayesdamp.inference.target import Target
 from bayesdamp.physics.integrate import compiled_record, make_plan
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.priors import HalfNormal, LogNormal, Normal, Prior, Uniform

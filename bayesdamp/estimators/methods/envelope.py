@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from jax import numpy as jnp
 from pydantic import Field
 from scipy.optimize import least_squares
 from scipy.signal import hilbert, savgol_filter
@@ -160,7 +159,7 @@ class _Match:
         """ln A_simulated − ln A_observed over the rows; 10 where the trajectory escapes."""
         self.evaluations += 1
         p = self.parameters(x, scale)
-        given = {name: jnp.asarray(float(p[name])) for name in self.osc.parameters}
+        given = {name: np.float64(p[name]) for name in self.osc.parameters}
         y = np.asarray(compiled_record(self.osc)(self._plan, given))
         if not np.all(np.isfinite(y)):
             return np.full(self.rows.size, 10.0)

@@ -8,9 +8,10 @@ import jax.numpy as jnp
 import numpy as np
 from scipy.special import log_ndtr, logsumexp, ndtri_exp
 
+from bayesdamp.inference.compiled import compiled
 from bayesdamp.inference.evidence._method import Draws, EvidenceMethod
 from bayesdamp.inference.mode import Mode
-from bayesdamp.inference.target import Target, compiled
+from bayesdamp.inference.target import Target
 from bayesdamp.types import Evidence
 
 NODES = 24

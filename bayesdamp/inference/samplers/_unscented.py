@@ -11,8 +11,9 @@ import numpy as np
 from jax import Array
 from jax import numpy as jnp
 
+from bayesdamp.inference.density import moving_scores, parameters
 from bayesdamp.inference.mode import Mode
-from bayesdamp.inference.target import Context, Layout, Target, moving_scores, parameters
+from bayesdamp.inference.target import Context, Layout, Target
 from bayesdamp.physics.integrate import QUANTITIES, MeshPlan, nodes
 from bayesdamp.physics.mesh import LAYER, STEPS_PER_PERIOD, fastest_rate
 from bayesdamp.physics.stepper import step

@@ -12,11 +12,12 @@ from jax import numpy as jnp
 from scipy.special import log_ndtr, ndtri_exp
 
 from bayesdamp.inference.cut_normal import CutNormal
+from bayesdamp.inference.density import moving_scores, residual
 from bayesdamp.inference.mode import Mode
 from bayesdamp.inference.samplers._approximation import approximate_posterior
 from bayesdamp.inference.samplers._sampler import Sampler, Settings
 from bayesdamp.inference.samplers._unscented import Online, filter_online
-from bayesdamp.inference.target import Layout, Target, moving_scores, residual
+from bayesdamp.inference.target import Layout, Target
 from bayesdamp.priors import Prior
 from bayesdamp.types import Posterior, Refusal
 

@@ -16,20 +16,16 @@ from jax import numpy as jnp
 
 from bayesdamp.inference import diagnostics
 from bayesdamp.inference.batches import log_prior
+from bayesdamp.inference.compiled import compiled
+from bayesdamp.inference.density import log_posterior
 from bayesdamp.inference.frame import Frame, frame
+from bayesdamp.inference.gradient import value_and_gradient
+from bayesdamp.inference.linearised import linearised_log_posterior
 from bayesdamp.inference.mode import Mode
 from bayesdamp.inference.samplers._reflect import reflecting_leapfrog
 from bayesdamp.inference.samplers._sampler import Sampler, Settings
 from bayesdamp.inference.samplers._starts import Start, agreement, seeded_starts
-from bayesdamp.inference.target import (
-    Context,
-    Layout,
-    Target,
-    compiled,
-    linearised_log_posterior,
-    log_posterior,
-    value_and_gradient,
-)
+from bayesdamp.inference.target import Context, Layout, Target
 from bayesdamp.types import OK, Posterior
 
 DOUBLINGS = 7

@@ -14,10 +14,12 @@ from jax import Array
 from jax import numpy as jnp
 
 from bayesdamp.inference.cut_normal import laplace
+from bayesdamp.inference.density import log_posterior
+from bayesdamp.inference.gradient import value_and_gradient
 from bayesdamp.inference.mode import Mode
 from bayesdamp.inference.samplers._approximation import approximate_posterior
 from bayesdamp.inference.samplers._sampler import Sampler, Settings
-from bayesdamp.inference.target import Context, Layout, Target, log_posterior, value_and_gradient
+from bayesdamp.inference.target import Context, Layout, Target
 from bayesdamp.inference.unbounded import Unbounded, scores
 from bayesdamp.types import Posterior, Refusal
 

@@ -1,0 +1,53 @@
+"""What is compiled of a layout, once for all records of a shape."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import lru_cache, partial
+
+import jax
+import numpy as np
+from jax import Array
+
+from bayesdamp.inference.density import log_posterior
+from bayesdamp.inference.gradient import curvature
+from bayesdamp.inference.linearised import Line, TightLine, linearise, linearised_log_posterior, tight
+from bayesdamp.inference.target import Context, Layout
+
+Scores = Array | np.ndarray
+"""Normal scores, (d,) or, for batches, (b, d)."""
+
+
+@dataclass(frozen=True)
+class Compiled:
+    """The functions of one layout, compiled once for all records of a shape.
+
+    The solver is in two programs only, `linearise` and `batch`: compiling is most of what a short run costs.
+    """
+
+    linearise: Callable[[Context, Scores], Line]
+    curvature: Callable[[Context, Scores], tuple[Array, Array, Array]]
+    batch: Callable[[Context, Scores], Array]
+    tight: Callable[[Context, Scores], Line | TightLine]
+    linearised_batch: Callable[[Context, Line | TightLine, Scores], Array]
+
+
+@lru_cache(maxsize=64)
+def compiled(layout: Layout) -> Compiled:
+    """Compiled functions of a layout: (context, z) or, for batches, (context, z of shape (b, d))."""
+    lines = jax.jit(partial(linearise, layout))
+    curved = jax.jit(partial(curvature, layout))
+    batch = jax.jit(jax.vmap(partial(log_posterior, layout), in_axes=(None, 0)))
+    straight = jax.jit(jax.vmap(partial(linearised_log_posterior, layout), in_axes=(None, None, 0)))
+
+    def curvature_at(context: Context, z: Scores) -> tuple[Array, Array, Array]:
+        return curved(context.lean, lines(context.lean, z), z)
+
+    return Compiled(
+        linearise=lambda context, z: lines(context.lean, z),
+        curvature=curvature_at,
+        tight=lambda context, z: tight(layout, context.lean, lines(context.lean, z)),
+        batch=lambda context, z: batch(context.lean, z),
+        linearised_batch=lambda context, line, z: straight(context.lean, line, z),
+    )
