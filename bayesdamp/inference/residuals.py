@@ -10,7 +10,7 @@ import numpy as np
 
 from bayesdamp.inference.noise import NOISES
 from bayesdamp.inference.target import Target
-from bayesdamp.physics.integrate import Plan, at_samples
+from bayesdamp.physics.integrate import Plan, at_samples, many_at_samples
 
 
 def residual(target: Target, plan: Plan, z: np.ndarray) -> np.ndarray:
@@ -20,7 +20,8 @@ def residual(target: Target, plan: Plan, z: np.ndarray) -> np.ndarray:
 
 def residuals(target: Target, plan: Plan, z: np.ndarray) -> np.ndarray:
     """The same at many scores, (m, d): shape (m, n)."""
-    return np.stack([residual(target, plan, one) for one in z])
+    every = {**{n: np.full(len(z), float(v)) for n, v in target.known.items()}, **target.values(z)}
+    return target.signal.y - many_at_samples(target.oscillator, plan, every)
 
 
 def whitened(target: Target, r: np.ndarray, z: np.ndarray) -> np.ndarray:

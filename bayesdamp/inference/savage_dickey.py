@@ -16,6 +16,8 @@ FARTHEST = 5.0
 DEGREE = 3
 LOWER = 0.5
 """Share of the draws, the smallest, to whose density the curve is fitted: the other flank says nothing of zero."""
+FAR_FROM_ZERO = 0.5
+"""The smallest draw, in medians, above which nothing is known at zero."""
 NODES = 400
 STEPS = 100
 
@@ -57,6 +59,8 @@ def density_at_zero(x: np.ndarray, effective: float) -> tuple[float, float]:
     """
     top = float(np.quantile(x, LOWER))
     u = x[x <= top] / top
+    if u.min() > FAR_FROM_ZERO:
+        return float("nan"), float("inf")
     nodes, weights = np.polynomial.legendre.leggauss(NODES)
     nodes, weights = 0.5 * (nodes + 1.0), 0.5 * weights
     basis = np.stack([nodes**k for k in range(1, DEGREE + 1)])
@@ -91,4 +95,5 @@ def density_at_zero(x: np.ndarray, effective: float) -> tuple[float, float]:
     variance = mean @ np.linalg.solve(covariance, mean) / (share * effective) + (1 - share) / (
         share * effective
     )
-    return float(np.log(share) - log_total - np.log(top)), float(np.sqrt(variance))
+    error = float(np.sqrt(variance)) if variance > 0 else float("inf")
+    return float(np.log(share) - log_total - np.log(top)), error

@@ -8,7 +8,7 @@ tangents work on it.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache, partial
 from typing import TypeVar
@@ -35,6 +35,8 @@ C = TypeVar("C")
 LEAST_ROOM = 1024
 NODES_ROOM = 4096
 """Room in which single trajectories are computed, so that a plan and its refinements share a program."""
+TOGETHER = 32
+"""Trajectories that are solved side by side."""
 
 
 @partial(jax.tree_util.register_dataclass, data_fields=["nodes", "defect"], meta_fields=[])
@@ -157,10 +159,18 @@ def _compiled_nodes(osc: Oscillator):
     return jax.jit(partial(nodes, osc))
 
 
+@lru_cache(maxsize=128)
+def _many_nodes(osc: Oscillator):
+    return jax.jit(jax.vmap(partial(nodes, osc), in_axes=(None, None, 0)))
+
+
+def _in_room(plan: MeshPlan) -> np.ndarray:
+    return np.pad(np.asarray(plan.steps), (0, max(0, NODES_ROOM - plan.steps.size)))
+
+
 def _node_values(osc: Oscillator, plan: MeshPlan, p: Parameters) -> np.ndarray:
     values = {name: np.float64(p[name]) for name in osc.parameters}
-    steps = np.pad(np.asarray(plan.steps), (0, max(0, NODES_ROOM - plan.steps.size)))
-    return np.asarray(_compiled_nodes(osc)(steps, plan.count, values))[: plan.steps.size + 1]
+    return np.asarray(_compiled_nodes(osc)(_in_room(plan), plan.count, values))[: plan.steps.size + 1]
 
 
 def between(plan: MeshPlan, state: np.ndarray) -> np.ndarray:
@@ -177,6 +187,21 @@ def at_samples(osc: Oscillator, plan: Plan, p: Parameters) -> np.ndarray:
         return np.asarray(compiled_record(osc)(plan, values))
     found = between(plan, _node_values(osc, plan, p))
     return found if plan.anchor is None else found + np.asarray(plan.anchor.defect)
+
+
+def many_at_samples(osc: Oscillator, plan: Plan, values: Mapping[str, np.ndarray]) -> np.ndarray:
+    """`at_samples` at many sets of parameters: values by name, each (m,); shape (m, n)."""
+    sets = {name: np.asarray(values[name], float) for name in osc.parameters}
+    count = len(sets["theta0"])
+    if not isinstance(plan, MeshPlan):
+        return np.stack([at_samples(osc, plan, {k: v[i] for k, v in sets.items()}) for i in range(count)])
+    defect = 0.0 if plan.anchor is None else np.asarray(plan.anchor.defect)
+    steps, rows = _in_room(plan), []
+    for first in range(0, count, TOGETHER):
+        part = {k: v[np.minimum(np.arange(first, first + TOGETHER), count - 1)] for k, v in sets.items()}
+        state = np.asarray(_many_nodes(osc)(steps, plan.count, part))[: count - first]
+        rows += [between(plan, one[: plan.steps.size + 1]) + defect for one in state]
+    return np.stack(rows)
 
 
 def anchored(osc: Oscillator, plan: Plan, finer: Plan, p: Parameters) -> Plan:

@@ -95,5 +95,5 @@ def progress_bar(console: Console) -> Progress:
 def cache_compilations() -> None:
     """Keep compiled programs in the user's cache folder, shared by all runs."""
     jax.config.update("jax_compilation_cache_dir", user_cache_dir("bayesdamp"))
-    jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.2)
+    jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.02)
     jax.config.update("jax_persistent_cache_min_entry_size_bytes", -1)

@@ -151,3 +151,12 @@ def test_savage_dickey_says_where_it_is_not_valid():
     assert savage_dickey(target, y, "mu_c").outcome.startswith("not applicable: beyond 5 nats")
     other = replace(target, priors={"mu_c": Normal(mean=0.1, sd=0.1)})
     assert savage_dickey(other, y, "mu_c").outcome == "not applicable: its prior is no half-normal"
+
+
+@pytest.mark.parametrize("sd", [1e-4, 0.02])
+def test_draws_far_from_zero_say_nothing_of_it(sd):
+    """And nothing is warned of: the density there is given an endless error."""
+    x = 1.0 + sd * np.random.default_rng(5).standard_normal(4000)
+    assert density_at_zero(x, 4000.0)[1] == np.inf
+    near = np.abs(sd * np.random.default_rng(5).standard_normal(4000))
+    assert density_at_zero(near, 4000.0)[1] < 0.1  # the control

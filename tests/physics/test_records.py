@@ -7,7 +7,17 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from bayesdamp.physics.integrate import compiled_record, make_plan, plan_with_error, record, simulate
+from bayesdamp.physics.integrate import (
+    anchored,
+    at_samples,
+    compiled_record,
+    divided,
+    make_plan,
+    many_at_samples,
+    plan_with_error,
+    record,
+    simulate,
+)
 from bayesdamp.physics.oscillator import Oscillator
 
 from .independent import LAWS, PAPER, trajectory
@@ -47,6 +57,23 @@ def test_batch_equals_loop(plan):
     run = compiled_record(OSC)
     loop = np.stack([np.asarray(run(plan, {n: v[i] for n, v in many.items()})) for i in range(8)])
     np.testing.assert_allclose(batch, loop, atol=1e-12)
+
+
+@pytest.mark.parametrize("epsilon", [P["epsilon"], 0.0])
+@pytest.mark.parametrize("count", [1, 40])
+def test_side_by_side_equals_one_by_one(epsilon, count):
+    """On a plan that is set right at its parameters, and with exact friction, which has no plan of the kind."""
+    p = {**P, "epsilon": epsilon}
+    coarse = make_plan(OSC, p, TIMES, tolerance=1e-3)
+    plan = anchored(OSC, coarse, divided(coarse, 3, TIMES, "angle"), p)
+    rng = np.random.default_rng(1)
+    many = {n: v * (1 + 0.01 * rng.standard_normal(count)) for n, v in p.items()}
+    batch = many_at_samples(OSC, plan, many)
+    loop = [at_samples(OSC, plan, {n: v[i] for n, v in many.items()}) for i in range(count)]
+    np.testing.assert_allclose(batch, loop, atol=1e-12)
+    assert batch.shape == (count, TIMES.size)
+    if count > 1:
+        assert np.ptp(batch, axis=0).max() > 1e-3  # the control: they differ
 
 
 def test_tangents_are_differences(plan):
