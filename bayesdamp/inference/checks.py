@@ -9,9 +9,10 @@ from functools import lru_cache
 import jax
 import numpy as np
 
-from bayesdamp.inference.lines import Line, standing_out, strongest
+from bayesdamp.inference.lines import Line, orthonormal, standing_out, strongest
 from bayesdamp.inference.mode import Mode, climb
 from bayesdamp.inference.noise import NoiseModel
+from bayesdamp.inference.other_forms import Other, other_form
 from bayesdamp.inference.residuals import residual, residuals, whitened
 from bayesdamp.inference.target import Target
 from bayesdamp.physics.integrate import part_of
@@ -27,6 +28,8 @@ P_LIMIT = 0.01
 LINE_LIMIT = 0.005
 """Chance from which a part of the residuals' spectrum stands out: with the other two limits, 2 % of true models are
 refused."""
+FORM_LIMIT = 0.005
+"""Chance from which the residuals want a force that no candidate has; a half of a percent more of true models."""
 HINT = 0.1
 """Chance up to which the part that stands out of the whitened residuals is named where structure is seen."""
 HEAVY = 1.0
@@ -54,7 +57,8 @@ class Fit:
     fit, residual: in the unit of the record, shape (n,); whitened: scores, shape (n,); autocorrelation of
     the residuals by lag, shape (l,). rms, in the unit of the record; share: of half the fit's range. predictive_p,
     tails_p: posterior predictive p of the structure in whitened residuals and of their kurtosis (in excess of a
-    normal's). line_p: chance of the part of their spectrum that stands out most. window_spread: largest shift of a
+    normal's). line_p: chance of the part of their spectrum that stands out most; form_p: that
+    of the force, of those that no candidate has, which they want most. window_spread: largest shift of a
     damping coefficient between a window and the whole record, in the sds that the shift has by chance; window_p: the
     chance of one as large.
     """
@@ -68,6 +72,7 @@ class Fit:
     residual_autocorrelation: float
     predictive_p: float
     line_p: float
+    form_p: float
     kurtosis: float
     tails_p: float
     windows: tuple[Window, ...]
@@ -142,14 +147,15 @@ def tangents(target: Target, mode: Mode) -> np.ndarray:
     steps = STEP * mode.sd()
     plan, moved = mode.context.plan, mode.z + np.diag(steps)[free]
 
-    def seen(z: np.ndarray) -> np.ndarray:
-        r = residual(target, plan, z)
-        # Heavy-tailed scores bend with each residual, and so would the waves that are compared with them.
-        return r if target.layout.noise.heavy_tailed else whitened(target, r, mode.z)
-
-    here, scores = seen(mode.z), [seen(z) for z in moved]
+    here, *scores = [_seen(target, mode, residual(target, plan, z)) for z in (mode.z, *moved)]
     found = (np.array(scores).reshape(len(free), here.size) - here) / STEP
     return found[np.all(np.isfinite(found), axis=1)]
+
+
+def _seen(target: Target, mode: Mode, r: np.ndarray) -> np.ndarray:
+    """Residuals r, (n,), as directions are compared with the scores."""
+    # Heavy-tailed scores bend with each residual, and so would the waves that are compared with them.
+    return r if target.layout.noise.heavy_tailed else whitened(target, r, mode.z)
 
 
 def check_fit(target: Target, mode: Mode, period: float, seed: int) -> Fit:
@@ -160,7 +166,11 @@ def check_fit(target: Target, mode: Mode, period: float, seed: int) -> Fit:
     p, p_tails = _chances(target, mode, period, seed)
     tails = float(kurtosis(white))
     t = target.signal.t
-    line = standing_out(t, white, period, tangents(target, mode))
+    fitted = orthonormal(tangents(target, mode).T)
+    line = standing_out(t, white, period, fitted)
+    form = other_form(
+        target, mode, white, fitted, lambda change: _seen(target, mode, r + change) - _seen(target, mode, r)
+    )
     if line.chance > HINT:  # where whitening has levelled the spectrum, it says what there was to level
         line = replace(line, words=strongest(t, r, period))
     windows, spread, looks = _windows(target, mode)
@@ -177,20 +187,23 @@ def check_fit(target: Target, mode: Mode, period: float, seed: int) -> Fit:
         residual_autocorrelation=lag_one,
         predictive_p=p,
         line_p=line.chance,
+        form_p=form.chance,
         kurtosis=tails,
         tails_p=p_tails,
         windows=windows,
         window_spread=spread,
         window_p=window_p,
-        verdict=_verdict(target.layout.noise, p, line, window_p, p_tails < P_LIMIT and tails > HEAVY),
+        verdict=_verdict(target.layout.noise, p, line, form, window_p, p_tails < P_LIMIT and tails > HEAVY),
     )
 
 
-def _verdict(noise: NoiseModel, p: float, line: Line, window_p: float, outliers: bool) -> str:
+def _verdict(noise: NoiseModel, p: float, line: Line, form: Other, window_p: float, outliers: bool) -> str:
     correlated = noise.name == "correlated"
     if p < P_LIMIT or line.chance < LINE_LIMIT:
         also = "" if correlated else " with independent noise"
         return f"does not fit: structure is left in the residuals{also}: {line.words}"
+    if form.chance < FORM_LIMIT:
+        return f"does not fit: the residuals are as where {form.words}"
     if window_p < WINDOW_LIMIT:
         return "does not fit: the coefficients change from one part of the record to another"
     if outliers and not noise.heavy_tailed:

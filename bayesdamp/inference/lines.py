@@ -38,10 +38,10 @@ class Line:
     words: str
 
 
-def standing_out(t: np.ndarray, scores: np.ndarray, period: float, tangents: np.ndarray) -> Line:
+def standing_out(t: np.ndarray, scores: np.ndarray, period: float, absorbed: np.ndarray) -> Line:
     """Of whitened residuals (n,) at times t (s, (n,)): is there a part of the spectrum with more than white noise has?
 
-    period: of the oscillation in s; tangents: derivatives of the whitened residuals by what was fitted, (k, n). The
+    period: of the oscillation in s; absorbed: an orthonormal basis, (n, k), of what was fitted. The
     square of the residuals' projection on waves from which these are taken out is chi-square distributed; the largest
     ordinate of a periodogram exceeds x with a chance of 1 − (1 − e^−x)^m (Fisher 1929). A band holds so many waves
     whatever the record's length: for a small chance the power in it must be some three times that of the noise model,
@@ -49,7 +49,6 @@ def standing_out(t: np.ndarray, scores: np.ndarray, period: float, tangents: np.
     """
     length, cycles, across = _extent(t, period)
     fastest = 0.5 * t.size / length
-    absorbed = _orthonormal(tangents.T)
     bands = [
         (AT_OSCILLATION, _around(1, period, length, across)),
         (AT_OVERTONES, np.concatenate([_around(k, period, length, across) for k in OVERTONES])),
@@ -78,7 +77,7 @@ def _around(multiple: int, period: float, length: float, across: int) -> np.ndar
     return multiple / period + np.arange(-across, across + 1) / length
 
 
-def _orthonormal(columns: np.ndarray) -> np.ndarray:
+def orthonormal(columns: np.ndarray) -> np.ndarray:
     """An orthonormal basis, (n, r), of what columns (n, k) span, each of them scaled to the same length."""
     size = np.linalg.norm(columns, axis=0)
     columns = columns[:, size > 1e-9 * max(float(size.max(initial=0.0)), 1e-300)]
@@ -93,7 +92,7 @@ def _excess(t: np.ndarray, scores: np.ndarray, frequencies: np.ndarray, absorbed
     if frequencies.size == 0:
         return 1.0
     phase = 2 * np.pi * np.outer(t - t[0], frequencies)
-    waves = _orthonormal(np.hstack([np.cos(phase), np.sin(phase)]))
+    waves = orthonormal(np.hstack([np.cos(phase), np.sin(phase)]))
     u, s, _ = np.linalg.svd(waves - absorbed @ (absorbed.T @ waves), full_matrices=False)
     left = u[:, s > ABSORBED]
     return float(gammaincc(0.5 * left.shape[1], 0.5 * np.sum((left.T @ scores) ** 2))) if left.size else 1.0

@@ -196,12 +196,19 @@ def many_at_samples(osc: Oscillator, plan: Plan, values: Mapping[str, np.ndarray
     if not isinstance(plan, MeshPlan):
         return np.stack([at_samples(osc, plan, {k: v[i] for k, v in sets.items()}) for i in range(count)])
     defect = 0.0 if plan.anchor is None else np.asarray(plan.anchor.defect)
-    steps, rows = _in_room(plan), []
+    return np.stack([between(plan, state) + defect for state in many_nodes(osc, plan, sets)])
+
+
+def many_nodes(osc: Oscillator, plan: MeshPlan, values: Mapping[str, np.ndarray]) -> np.ndarray:
+    """`nodes` in numbers at many sets of parameters: values by name, each (m,); shape (m, room + 1, 3)."""
+    steps, count, found = _in_room(plan), len(values["theta0"]), []
     for first in range(0, count, TOGETHER):
-        part = {k: v[np.minimum(np.arange(first, first + TOGETHER), count - 1)] for k, v in sets.items()}
-        state = np.asarray(_many_nodes(osc)(steps, plan.count, part))[: count - first]
-        rows += [between(plan, one[: plan.steps.size + 1]) + defect for one in state]
-    return np.stack(rows)
+        rows = np.minimum(np.arange(first, first + TOGETHER), count - 1)
+        part = {name: np.asarray(values[name], float)[rows] for name in osc.parameters}
+        found.append(
+            np.asarray(_many_nodes(osc)(steps, plan.count, part))[: count - first, : plan.steps.size + 1]
+        )
+    return np.concatenate(found)
 
 
 def anchored(osc: Oscillator, plan: Plan, finer: Plan, p: Parameters) -> Plan:

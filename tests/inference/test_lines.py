@@ -12,6 +12,7 @@ T = np.arange(300) * 0.02
 PERIOD = 0.5
 PHASE = 2 * np.pi * T / PERIOD
 TANGENTS = np.array([np.cos(PHASE), np.sin(PHASE), T * np.cos(PHASE), T * np.sin(PHASE), np.ones(T.size)])
+ABSORBED = lines.orthonormal(TANGENTS.T)
 
 
 def fitted(values: np.ndarray) -> np.ndarray:
@@ -28,7 +29,7 @@ def white(seed: int) -> np.ndarray:
 def test_chances_are_those_of_white_noise() -> None:
     """1,000 series of noise after a fit, seeds fixed. Bonferroni's bound over four parts: at or below the nominal
     share, by at most three binomial standard deviations above it (two tests: 0.3 %), and not empty at a fifth."""
-    chances = np.array([standing_out(T, fitted(white(s)), PERIOD, TANGENTS).chance for s in range(1000)])
+    chances = np.array([standing_out(T, fitted(white(s)), PERIOD, ABSORBED).chance for s in range(1000)])
     for share in (0.01, 0.05):
         assert np.mean(chances < share) <= share + 3 * np.sqrt(share * (1 - share) / chances.size)
     assert np.mean(chances < 0.2) > 0.1
@@ -45,18 +46,18 @@ def test_chances_are_those_of_white_noise() -> None:
 )  # fmt: skip
 def test_what_is_left_is_named(added: np.ndarray, words: str) -> None:
     """Each alone against the same noise; the noise alone has none of them."""
-    found = standing_out(T, fitted(white(1) + added), PERIOD, TANGENTS)
+    found = standing_out(T, fitted(white(1) + added), PERIOD, ABSORBED)
     assert found.chance < 1e-3
     assert found.words == words
-    assert standing_out(T, fitted(white(1)), PERIOD, TANGENTS).chance > 0.05
+    assert standing_out(T, fitted(white(1)), PERIOD, ABSORBED).chance > 0.05
 
 
 def test_what_a_fit_absorbs_does_not_count() -> None:
     """Counted among the waves all the same, the little that is left would hide (the negative control)."""
     left = fitted(white(2) + 0.15 * T**2 * np.cos(PHASE))
     assert (
-        standing_out(T, left, PERIOD, TANGENTS).chance
-        < standing_out(T, left, PERIOD, np.empty((0, T.size))).chance
+        standing_out(T, left, PERIOD, ABSORBED).chance
+        < standing_out(T, left, PERIOD, np.empty((T.size, 0))).chance
     )
 
 

@@ -1,0 +1,131 @@
+"""Score tests: would a force that no candidate has take something off the residuals?
+
+Along one direction a test sees a misfit of a few nats, of which a look at the spectrum shows nothing. The direction is
+what a small force does to the fitted trajectory: the linearised motion's response, by variation of parameters from its
+derivatives by the start (Coddington and Levinson, Theory of Ordinary Differential Equations, 1955, section 3.6).
+Where the model is right, the residuals' projection on it is a standard normal score (Rao, Proceedings of the Cambridge
+Philosophical Society 44, 1948), after what was fitted is taken out of both.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.interpolate import CubicHermiteSpline
+from scipy.special import erfc
+
+from bayesdamp.inference.mode import Mode
+from bayesdamp.inference.target import Target
+from bayesdamp.physics.integrate import MeshPlan, many_nodes
+
+STEP = 1e-4
+"""Share of the motion by which its start is moved for the derivatives."""
+PARTS = 32
+"""Points in a step of the solver at which a force is summed up."""
+SLOW = 0.1
+"""Share of the largest velocity below which friction counts as that near rest."""
+TURNS = 0.02
+"""And that within which it turns over."""
+NEW = 1e-3
+"""A direction of which what was fitted leaves no more than this share, in length, says nothing."""
+
+
+@dataclass(frozen=True)
+class Form:
+    """A force that no candidate has; of displacement and velocity in units of their largest and of time in units of the
+    record's length, −½ to ½, all of shape (n,)."""
+
+    words: str
+    force: Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
+
+
+FORMS = (
+    Form("damping grows faster than with the square of the velocity", lambda x, v, t: v**3),
+    Form("damping grows more slowly than with the velocity", lambda x, v, t: np.sign(v) * np.sqrt(np.abs(v))),
+    Form("friction is larger near rest", lambda x, v, t: np.tanh(v / TURNS) * np.exp(-((v / SLOW) ** 2))),
+    Form("damping depends on the displacement", lambda x, v, t: x**2 * v),
+    Form("damping changes with time", lambda x, v, t: t * v),
+    Form("stiffness changes with time", lambda x, v, t: t * x),
+    Form("the restoring force bends", lambda x, v, t: x**3),
+)
+
+
+@dataclass(frozen=True)
+class Other:
+    """The force that would take most off the residuals: the chance of as much by noise, for all that were tried."""
+
+    chance: float = 1.0
+    words: str = ""
+
+
+def other_form(
+    target: Target,
+    mode: Mode,
+    scores: np.ndarray,
+    absorbed: np.ndarray,
+    whiten: Callable[[np.ndarray], np.ndarray],
+) -> Other:
+    """Of all forms the one that the whitened residuals, scores (n,), want most.
+
+    absorbed: an orthonormal basis, (n, k), of what was fitted; whiten: what a change of the residuals, (n,), does to
+    the scores. Exact friction (ε = 0) has no derivatives by the start: nothing is tested.
+    """
+    plan = mode.context.plan
+    if not isinstance(plan, MeshPlan):
+        return Other()
+    found = []
+    for form, moved in zip(FORMS, responses(target, plan, mode.z), strict=True):
+        direction = whiten(moved)
+        size = np.linalg.norm(direction)
+        direction = direction - absorbed @ (absorbed.T @ direction)
+        left = np.linalg.norm(direction)
+        if np.isfinite(left) and left > NEW * size > 0:
+            found.append((float(erfc(abs(direction @ scores) / left / np.sqrt(2))), form.words))
+    chance, words = min(found, default=(1.0, ""))
+    return Other(min(1.0, len(found) * chance), words)
+
+
+def responses(target: Target, plan: MeshPlan, z: np.ndarray) -> np.ndarray:
+    """What a small force of each form does to the recorded quantity at scores z, (d,): shape (forms, n)."""
+    osc, p = target.oscillator, target.all_values(z)
+    t, count = target.signal.t, int(plan.count)
+    rest, frequency = osc.equilibrium(p, p["theta0"]), osc.natural_frequency(p, p["theta0"])
+    size = abs(p["theta0"] - rest) + abs(p["omega0"]) / frequency
+    away = {"theta0": STEP * size, "omega0": STEP * size * frequency}
+    moves = [{}, *({n: sign * h} for n, h in away.items() for sign in (1, -1))]
+    values = {n: np.array([p[n] + move.get(n, 0.0) for move in moves]) for n in osc.parameters}
+    state = many_nodes(osc, plan, values)[:, : count + 1]
+    nodes = np.concatenate([[0.0], np.cumsum(np.asarray(plan.steps)[:count])])
+    grid = np.append(
+        (nodes[:-1, None] + np.diff(nodes)[:, None] * np.arange(PARTS) / PARTS).ravel(), nodes[-1]
+    )
+    sought = t - t[0]
+
+    def along(columns: np.ndarray, at: np.ndarray) -> np.ndarray:
+        """Position, velocity and acceleration (nodes, 3) at other times, (3, m)."""
+        position = CubicHermiteSpline(nodes, columns[:, 0], columns[:, 1])
+        velocity = CubicHermiteSpline(nodes, columns[:, 1], columns[:, 2])
+        return np.stack([position(at), velocity(at), np.interp(at, nodes, columns[:, 2])])
+
+    by_angle = (state[1] - state[2]) / (2 * away["theta0"])
+    by_velocity = (state[3] - state[4]) / (2 * away["omega0"])
+    x, v, _ = along(state[0], grid)
+    one, other = along(by_angle, grid), along(by_velocity, grid)
+    wronskian = one[0] * other[1] - one[1] * other[0]
+    unit_x, unit_v = np.abs(x - rest).max(), np.abs(v).max()
+    place = ("angle", "velocity", "acceleration").index(target.signal.quantity)
+    first, second = along(by_angle, sought)[place], along(by_velocity, sought)[place]
+    found = []
+    for form in FORMS:
+        force = -form.force((x - rest) / unit_x, v / unit_v, grid / grid[-1] - 0.5)
+        through = np.stack([one[0], other[0]]) * force / wronskian
+        summed = np.concatenate(
+            [np.zeros((2, 1)), np.cumsum(0.5 * (through[:, 1:] + through[:, :-1]) * np.diff(grid), axis=1)],
+            axis=1,
+        )
+        by_one, by_other = (np.interp(sought, grid, s) for s in summed)
+        moved = second * by_one - first * by_other
+        found.append(moved + np.interp(sought, grid, force) if place == 2 else moved)
+    return np.array(found)
