@@ -26,6 +26,9 @@ FINER = 5
 """Parts of a step on which its error is measured and set right; a method of order six leaves 6e-5 of it."""
 ANCHORS = 4
 """Plans that one seed's climb may take."""
+MOST_LEFT = 1.5
+"""What a mode may leave of a record, in standard deviations of that; a motion out of step leaves √2, and more
+is left where slow noise stands in for another zero."""
 WALL = 1e-9
 """Where a folded score stops in place of zero, at which it has no slope."""
 
@@ -145,7 +148,8 @@ def find_mode(target: Target, seeds: Mapping[str, Mapping[str, float]], *, noise
     """The highest mode that the seeds reach.
 
     seeds: name of a seed to parameter values in natural units. noise_level: the record's roughness, which
-    sets how well trajectories are first computed. Raises Refusal where no seed reaches a finite posterior.
+    sets how well trajectories are first computed. Raises Refusal where no seed reaches a finite posterior, or the noise
+    takes the motion's place in all that do.
     """
     layout = target.layout
     # A first guess; `_settle` measures what the steps do to the likelihood and shortens them where they must be.
@@ -154,6 +158,7 @@ def find_mode(target: Target, seeds: Mapping[str, Mapping[str, float]], *, noise
         tolerance = 0.5 * noise_level / np.sqrt(target.signal.t.size)
     climbs: list[Climb] = []
     best: tuple[float, np.ndarray] | None = None
+    displaced = False
     for (name, *same), z0 in _distinct(target, seeds):
         context = target.context(_plans(target, z0, tolerance)[0])
         z0 = _with_noise(target, z0, context)
@@ -162,10 +167,23 @@ def find_mode(target: Target, seeds: Mapping[str, Mapping[str, float]], *, noise
         volume = -0.5 * float(np.linalg.slogdet(information)[1])
         climbs.append(Climb(name, tuple(same), start, value, count, z0, z, volume, done))
         if np.isfinite(value) and (best is None or value > best[0]):
-            best = (value, z)
+            if _displaces(target, z, tolerance):
+                displaced = True
+            else:
+                best = (value, z)
+    if best is None and displaced:
+        raise Refusal(
+            "noise takes the motion's place: the likeliest trajectory is farther from the record than its mean is"
+        )
     if best is None:
         raise Refusal("no seed leads to a trajectory with a finite likelihood")
     return _settle(target, best[1], tolerance, tuple(climbs))
+
+
+def _displaces(target: Target, z: np.ndarray, tolerance: float) -> bool:
+    """Whether the residuals at scores z, (d,), are larger than any motion in the record."""
+    r = residual(target, target.plan(z, tolerance)[0], z)
+    return float(np.sqrt(np.mean(r**2))) > MOST_LEFT * float(np.std(target.signal.y))
 
 
 def _ascend(

@@ -102,3 +102,20 @@ def test_a_term_that_is_missing_looks_like_correlated_noise():
 def test_no_noise_to_choose_from():
     with pytest.raises(Refusal, match="finite"):
         chosen_noise([Weighed("gaussian", outcome="no seed leads anywhere")])
+
+
+@pytest.mark.parametrize("rest", [0.0, 2.0])
+def test_noise_does_not_stand_in_for_another_zero(rest: float) -> None:
+    """A record that swings about 2 rad, which is said to swing about 0 or, the control, 2 rad."""
+    signal = Signal(TIMES, 2.0 + motion(0.2) + noise("correlated", np.random.default_rng(22)))
+    seen = features(signal)
+    system = System("linear", {**KNOWN, "rest_angle": rest})
+    made = build_target(
+        signal, ("viscous", "quadratic"), system, seen, Reference(0.3, 4.5), noise="correlated"
+    )
+    seeds = {"near": {"zeta": 0.06, "mu_q": 0.15, "theta0": rest + 0.3, "omega0": 0.0}}
+    if rest == 0.0:
+        with pytest.raises(Refusal, match="noise takes the motion's place"):
+            fit_with(made, seeds, seen)
+    else:
+        assert fit_with(made, seeds, seen).target is made
