@@ -19,6 +19,7 @@ from scipy.special import erfc
 from bayesdamp.inference.mode import Mode
 from bayesdamp.inference.target import Target
 from bayesdamp.physics.integrate import MeshPlan, many_nodes
+from bayesdamp.physics.oscillator import Oscillator
 
 STEP = 1e-4
 """Share of the motion by which its start is moved for the derivatives."""
@@ -91,13 +92,18 @@ def responses(target: Target, plan: MeshPlan, z: np.ndarray) -> np.ndarray:
     """What a small force of each form does to the recorded quantity at scores z, (d,): shape (forms, n)."""
     osc, p = target.oscillator, target.all_values(z)
     t, count = target.signal.t, int(plan.count)
-    rest, frequency = osc.equilibrium(p, p["theta0"]), osc.natural_frequency(p, p["theta0"])
-    size = abs(p["theta0"] - rest) + abs(p["omega0"]) / frequency
-    away = {"theta0": STEP * size, "omega0": STEP * size * frequency}
-    moves = [{}, *({n: sign * h} for n, h in away.items() for sign in (1, -1))]
-    values = {n: np.array([p[n] + move.get(n, 0.0) for move in moves]) for n in osc.parameters}
-    state = many_nodes(osc, plan, values)[:, : count + 1]
     nodes = np.concatenate([[0.0], np.cumsum(np.asarray(plan.steps)[:count])])
+    apart = np.append(True, np.diff(nodes) > 0)
+    nodes = nodes[apart]
+
+    def solved(*moves: dict[str, float]) -> np.ndarray:
+        values = {n: np.array([p[n] + move.get(n, 0.0) for move in moves]) for n in osc.parameters}
+        return many_nodes(osc, plan, values)[:, : count + 1][:, apart]
+
+    (here,) = solved({})
+    rest = _rest(osc, p, here[:, 0])
+    away = {"theta0": STEP * float(np.ptp(here[:, 0])), "omega0": STEP * float(np.ptp(here[:, 1]))}
+    up, down, faster, slower = solved(*({n: sign * h} for n, h in away.items() for sign in (1, -1)))
     grid = np.append(
         (nodes[:-1, None] + np.diff(nodes)[:, None] * np.arange(PARTS) / PARTS).ravel(), nodes[-1]
     )
@@ -109,9 +115,9 @@ def responses(target: Target, plan: MeshPlan, z: np.ndarray) -> np.ndarray:
         velocity = CubicHermiteSpline(nodes, columns[:, 1], columns[:, 2])
         return np.stack([position(at), velocity(at), np.interp(at, nodes, columns[:, 2])])
 
-    by_angle = (state[1] - state[2]) / (2 * away["theta0"])
-    by_velocity = (state[3] - state[4]) / (2 * away["omega0"])
-    x, v, _ = along(state[0], grid)
+    by_angle = (up - down) / (2 * away["theta0"])
+    by_velocity = (faster - slower) / (2 * away["omega0"])
+    x, v, _ = along(here, grid)
     one, other = along(by_angle, grid), along(by_velocity, grid)
     wronskian = one[0] * other[1] - one[1] * other[0]
     unit_x, unit_v = np.abs(x - rest).max(), np.abs(v).max()
@@ -129,3 +135,11 @@ def responses(target: Target, plan: MeshPlan, z: np.ndarray) -> np.ndarray:
         moved = second * by_one - first * by_other
         found.append(moved + np.interp(sought, grid, force) if place == 2 else moved)
     return np.array(found)
+
+
+def _rest(osc: Oscillator, p: dict[str, float], angles: np.ndarray) -> float:
+    """Where the motion through these angles, (m,), comes to rest; its mean where the law has no such place."""
+    try:
+        return osc.equilibrium(p, p["theta0"])
+    except ValueError:
+        return float(np.mean(angles))
