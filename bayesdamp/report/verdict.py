@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from bayesdamp.report import words
 from bayesdamp.report.reading import ASIDE, Ranking, label, over_widths, ranking
 from bayesdamp.report.run import Run, rows_of
+from bayesdamp.types import OK
 
 SURE = 0.95
 """Probability from which a candidate is named without reservation."""
@@ -34,7 +35,9 @@ def verdict(run: Run, signal: str, repeat: int) -> Verdict:
     """What a record's tables say, in one sentence."""
     found = ranking(run, signal, repeat)
     if found is None:
-        return Verdict(False, "nothing was weighed, so no damping can be named.", open=True)
+        return Verdict(
+            False, f"nothing was weighed, so no damping can be named{_why(run, signal, repeat)}.", open=True
+        )
     weighed = [row["model"] for row in found.rows if not row["outcome"].startswith(ASIDE)]
     checks = {r["model"]: r["verdict"] for r in rows_of(run.fits, signal=signal, repeat=repeat)}
     said = [checks[m] for m in weighed if m in checks]
@@ -85,6 +88,14 @@ def _decided(run: Run, signal: str, repeat: int, found: Ranking) -> Verdict:
         )
         return Verdict(False, sentence, open=True)
     return Verdict(False, f"damping is {name}, with probability {share} among {len(found.rows)} candidates.")
+
+
+def _why(run: Run, signal: str, repeat: int) -> str:
+    """What the first candidate without a mode says, or the choice of the noise."""
+    cells = [run.cell("noise", signal, repeat)]
+    cells += [run.cell("mode", signal, repeat, m) for m in run.about(signal).get("models", ())]
+    said = [cell.outcome for cell in cells if cell is not None and cell.outcome != OK]
+    return f": {said[0].rstrip('.')}" if said else ""
 
 
 def _left(run: Run, signal: str, repeat: int, model: str) -> str:

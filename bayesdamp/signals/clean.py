@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from bayesdamp.signals.clock import clock_times
 from bayesdamp.signals.features import features
+from bayesdamp.signals.offset import sensor_offset
 from bayesdamp.signals.quantum import recording_step
 from bayesdamp.signals.record import RawRecord
 from bayesdamp.signals.rough import residuals
@@ -34,8 +37,8 @@ def clean(
     clock: "auto", "as_logged" or "uniform", see `clock_times`.
     start, stop: in seconds of the file's own times (of the rebuilt clock, which begins at the file's first
     stamp, where it was rebuilt; from 0 where the file has no times), or "auto": after the release, before the
-    rest. Outliers are counted and stay. Raises InputError, one line, where there are not two periods of an
-    oscillation.
+    rest. Outliers are counted and stay; what a sensor of velocity or acceleration adds to all samples is taken off.
+    Raises InputError, one line, where there are not two periods of an oscillation.
     """
     if unit not in UNITS:
         raise InputError(f"{name}: unknown unit {unit!r}; valid are {', '.join(UNITS)}")
@@ -54,6 +57,10 @@ def clean(
     signal = Signal(t - t[0], y, quantity, base, name, step)
     try:
         found = features(signal)
+        offset = sensor_offset(signal, found)
+        if offset:
+            signal = replace(signal, y=y - offset)
+            found = features(signal)
     except Refusal as error:
         raise InputError(f"{name}: {error}") from None
     cycles = found.cycles
@@ -64,6 +71,11 @@ def clean(
     notes = [*_words(raw), *times.notes, *window.notes]
     if step:
         notes.append(f"The values lie on steps of {step / scale:.4g} {unit}{_per(quantity)}.")
+    if offset:
+        notes.append(
+            f"The sensor's zero, {offset / scale:.4g} {unit}{_per(quantity)}, is taken off: over whole cycles "
+            "of a free decay the mean is zero."
+        )
     if outliers:
         many = f"{outliers} sample{'s lie' if outliers > 1 else ' lies'}"
         notes.append(
@@ -87,6 +99,7 @@ def clean(
         "period": found.period,
         "outliers": outliers,
         "step": step,
+        "offset": offset,
         "roughness": found.roughness,
         "notes": notes,
     }

@@ -80,7 +80,9 @@ def test_asked_window_in_the_files_own_seconds():
 def test_units(unit, scale, base, quantity):
     t = np.arange(1000) * 0.01
     signal = clean(record(t, decay(t)), name="x", unit=unit, quantity=quantity)
-    np.testing.assert_allclose(signal.y, scale * decay(t)[: signal.y.size], rtol=1e-12)
+    zero = signal.provenance["offset"]
+    np.testing.assert_allclose(signal.y + zero, scale * decay(t)[: signal.y.size], atol=1e-12 * scale)
+    assert zero == (0.0 if quantity == "angle" else pytest.approx(0.1 * scale, rel=0.02))
     assert (signal.unit, signal.quantity) == (base, quantity)
 
 
