@@ -93,7 +93,7 @@ def _decided(run: Run, signal: str, repeat: int, found: Ranking) -> Verdict:
 def _why(run: Run, signal: str, repeat: int) -> str:
     """What the first candidate without a mode says, or the choice of the noise."""
     cells = [run.cell("noise", signal, repeat)]
-    cells += [run.cell("mode", signal, repeat, m) for m in run.about(signal).get("models", ())]
+    cells += [run.cell("mode", signal, repeat, m) for m in run.info.get("models", ())]
     said = [cell.outcome for cell in cells if cell is not None and cell.outcome != OK]
     return f": {said[0].rstrip('.')}" if said else ""
 

@@ -79,3 +79,23 @@ def test_an_answer_that_rests_on_the_priors_width_says_so_before_any_probability
     held = verdict(run(told, fits, widths=firm), "a", 0)  # type: ignore[arg-type]
     assert held.sentence.startswith("damping is viscous,")
     assert not held.open
+
+
+def test_where_nothing_was_weighed_the_first_reason_is_given() -> None:
+    cells = {
+        "noise": None,
+        "viscous": SimpleNamespace(outcome="ok"),
+        "coulomb": SimpleNamespace(outcome="it escapes."),
+    }
+    empty = SimpleNamespace(
+        evidence=[],
+        fits=[],
+        info={"models": ["viscous", "coulomb"]},
+        cell=lambda kind, *parts: cells[parts[-1] if kind == "mode" else kind],
+    )
+    found = verdict(empty, "a", 0)  # type: ignore[arg-type]
+    assert found.sentence == "nothing was weighed, so no damping can be named: it escapes."
+    assert found.open
+    del cells["coulomb"]
+    empty.info = {"models": ["viscous"]}
+    assert verdict(empty, "a", 0).sentence.endswith("can be named.")  # type: ignore[arg-type]

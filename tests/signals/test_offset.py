@@ -43,7 +43,9 @@ def test_the_zero_is_found(quantity, bend, seconds):
     where a spring's sides differ by a half: the middle moves while the motion decays, and that is a velocity."""
     y = motion(quantity, bend, seconds)
     noise = 0.01 * np.random.default_rng(1).standard_normal(y.size)
-    assert found(y + noise + 0.4, quantity) == pytest.approx(0.4, abs=5 * 0.01 / np.sqrt(y.size) + 1e-3 + 4e-3 * bend)
+    assert found(y + noise + 0.4, quantity) == pytest.approx(
+        0.4, abs=5 * 0.01 / np.sqrt(y.size) + 1e-3 + 4e-3 * bend
+    )
 
 
 def test_midlines_of_turning_points_would_not_do():
