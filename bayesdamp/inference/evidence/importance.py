@@ -48,7 +48,10 @@ class Importance(EvidenceMethod):
             # On a pilot of this size the fitted shape scatters by about 0.1.
             if diagnostics.pareto_k(log_weights) < K_GOOD - 0.1 and effective(log_weights) > 0.2 * PILOT:
                 break
-            proposal = self._refit(y, log_weights, folded)
+            try:
+                proposal = self._refit(y, log_weights, folded)
+            except np.linalg.LinAlgError:
+                break  # a few draws have all the weight, which the diagnostic will say
         y, log_weights = self._weights(target, mode, proposal, rng, FINAL)
         evaluations += FINAL
         k, share = diagnostics.pareto_k(log_weights), effective(log_weights) / FINAL
