@@ -9,7 +9,7 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.stats import kstest
 
-from bayesdamp.inference.checks import tangents
+from bayesdamp.inference.checks import check_fit, tangents
 from bayesdamp.inference.lines import orthonormal
 from bayesdamp.inference.mode import Mode, find_mode
 from bayesdamp.inference.other_forms import FORMS, Other, other_form, responses
@@ -136,3 +136,17 @@ def test_another_law_is_seen_and_named() -> None:
     found = [probed(made, mode, rng.standard_normal(TIMES.size)) for _ in range(20)]
     assert sum(f.chance < 0.005 for f in found) >= 17
     assert sum(f.words == CUBIC.words for f in found) > 5
+
+
+def test_the_verdict_names_the_form() -> None:
+    """Through all checks: cubic damping hidden in the noise under a viscous fit; the viscous record itself is fine."""
+    noise = np.random.default_rng(13).standard_normal(TIMES.size)
+    said = []
+    for size in (0.1, 0.0):
+        made = target(moved(0, size) + NOISE * noise)
+        mode = find_mode(made, {"truth": TRUTH}, noise_level=NOISE)
+        said.append(check_fit(made, mode, 2 * np.pi / np.sqrt(K), 0))
+    assert said[0].form_p < 0.005
+    assert said[0].verdict.startswith("does not fit")
+    assert said[1].form_p > 0.05
+    assert said[1].verdict == "fits"

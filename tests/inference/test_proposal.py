@@ -7,7 +7,9 @@ import pytest
 from scipy.integrate import dblquad, quad
 from scipy.stats import kstest, multivariate_t
 
-from bayesdamp.inference.evidence.importance import DEGREES, FoldedT
+from bayesdamp.inference.evidence.importance import DEGREES, FoldedT, Importance
+
+from . import problems
 
 FACTOR = np.array([[0.7, 0.0], [0.4, 0.5]])
 
@@ -64,3 +66,16 @@ def test_negative_control_one_side_alone():
     q._signs = q._signs[:1]
     total = quad(lambda x: float(np.exp(q.log_density(np.array([[x]]))[0])), 0, np.inf, limit=200)[0]
     assert total < 0.9
+
+
+def test_a_refit_without_covariance_keeps_the_proposal(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where a few draws have all the weight the evidence is given with its diagnostic, no fault."""
+
+    def lost(*_: object) -> None:
+        raise np.linalg.LinAlgError
+
+    plain = Importance().evidence("m", problems.target("touching_zero"), problems.mode("touching_zero"), 1)
+    monkeypatch.setattr(Importance, "_refit", staticmethod(lost))
+    monkeypatch.setattr("bayesdamp.inference.evidence.importance.K_GOOD", -np.inf)
+    kept = Importance().evidence("m", problems.target("touching_zero"), problems.mode("touching_zero"), 1)
+    assert abs(kept.log_evidence - plain.log_evidence) < 5 * np.hypot(kept.stderr, plain.stderr)
