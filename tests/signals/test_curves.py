@@ -83,7 +83,7 @@ def squares(noise: float, count: int) -> np.ndarray:
 def test_the_band_is_as_wide_as_the_noise_makes_it(noise: float) -> None:
     """Mean squares in the 99.9 % band of a chi-square over its freedom, widened below: an sd is never less than the
     noise's, and may be more where scatter says so. A false alarm in five hundred runs for each of four."""
-    scores = squares(noise, 30)
+    scores = squares(noise, 100)
     low, high = chi2.ppf([0.0005, 0.9995], scores.shape[1]) / scores.shape[1]
     for each in scores.mean(axis=1):
         assert 0.7 * low < each < high
