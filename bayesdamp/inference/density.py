@@ -15,7 +15,8 @@ from bayesdamp.inference.noise import NormalNoise
 from bayesdamp.inference.target import Context, Layout
 from bayesdamp.physics.integrate import MeshPlan, nodes, record
 
-Parameters = Mapping[str, Array]
+Arrays = Mapping[str, Array]
+"""Arrays by name: parameters, or sums of squares."""
 
 LOG_2PI = float(np.log(2 * np.pi))
 
@@ -41,8 +42,8 @@ class Streamed:
     sums: parameters to these by name; density: of these and the parameters, log density of the record.
     """
 
-    sums: Callable[[Parameters], dict[str, Array]]
-    density: Callable[[Parameters, Parameters], Array]
+    sums: Callable[[Arrays], dict[str, Array]]
+    density: Callable[[Arrays, Arrays], Array]
 
 
 @dataclass(frozen=True)
@@ -54,9 +55,9 @@ class Reading:
     streamed: the same from sums of squares alone, where the record is condensed.
     """
 
-    misfit: Callable[[Parameters], Array]
-    density: Callable[[Array, Parameters], Array]
-    root: Callable[[Array, Parameters], Array]
+    misfit: Callable[[Arrays], Array]
+    density: Callable[[Array, Arrays], Array]
+    root: Callable[[Array, Arrays], Array]
     streamed: Streamed | None = None
 
 

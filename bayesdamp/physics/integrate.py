@@ -191,12 +191,11 @@ def at_samples(osc: Oscillator, plan: Plan, p: Parameters) -> np.ndarray:
 
 def many_at_samples(osc: Oscillator, plan: Plan, values: Mapping[str, np.ndarray]) -> np.ndarray:
     """`at_samples` at many sets of parameters: values by name, each (m,); shape (m, n)."""
-    sets = {name: np.asarray(values[name], float) for name in osc.parameters}
-    count = len(sets["theta0"])
     if not isinstance(plan, MeshPlan):
-        return np.stack([at_samples(osc, plan, {k: v[i] for k, v in sets.items()}) for i in range(count)])
+        sets = (dict(zip(values, one)) for one in zip(*values.values(), strict=True))
+        return np.stack([at_samples(osc, plan, one) for one in sets])
     defect = 0.0 if plan.anchor is None else np.asarray(plan.anchor.defect)
-    return np.stack([between(plan, state) + defect for state in many_nodes(osc, plan, sets)])
+    return np.stack([between(plan, state) + defect for state in many_nodes(osc, plan, values)])
 
 
 def many_nodes(osc: Oscillator, plan: MeshPlan, values: Mapping[str, np.ndarray]) -> np.ndarray:
