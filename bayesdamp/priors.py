@@ -9,15 +9,26 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import Annotated, ClassVar, Literal
+from types import SimpleNamespace
+from typing import Annotated, Any, ClassVar, Literal
 
 import jax.numpy as jnp
+import jax.scipy.special as traced
+import numpy as np
+import scipy.special as host
 from jax import Array
-from jax.scipy.special import ndtr, ndtri
-from jax.typing import ArrayLike
+from numpy.typing import ArrayLike
 from pydantic import BaseModel, ConfigDict, Field, PositiveFloat, model_validator
 
 Scalar = float | Array
+
+
+_TRACED = SimpleNamespace(exp=jnp.exp, log=jnp.log, ndtr=traced.ndtr)
+_HOST = SimpleNamespace(exp=np.exp, log=np.log, ndtr=host.ndtr)
+
+
+def _functions(z: Any) -> SimpleNamespace:
+    return _TRACED if isinstance(z, Array) else _HOST
 
 
 class _Prior(BaseModel):
@@ -25,23 +36,24 @@ class _Prior(BaseModel):
 
     folded: bool = Field(default=False, exclude=True, init=False, repr=False)
 
-    transform: ClassVar[Callable[..., Array]]
-    """(z, *numbers): the parameter at the normal score z (any shape) for a prior with these numbers."""
+    transform: ClassVar[Callable[..., Any]]
+    """(z, *numbers): the parameter at the normal score z (any shape) for a prior with these numbers. Of arrays of
+    JAX it is traced, of NumPy's it is computed at once."""
 
     @property
     def numbers(self) -> tuple[float, ...]:
         """What distinguishes this prior from others of its kind, in the order of `transform`."""
         return tuple(v for k, v in self.model_dump().items() if k != "prior")
 
-    def value(self, z: ArrayLike) -> Array:
+    def value(self, z: ArrayLike) -> np.ndarray:
         """The parameter at the normal score z (any shape)."""
-        return self.transform(z, *self.numbers)
+        return self.transform(np.asarray(z, float), *self.numbers)
 
-    def score(self, x: ArrayLike) -> Array:
+    def score(self, x: ArrayLike) -> np.ndarray:
         """A normal score of the value x, the non-negative one where the prior is folded."""
         raise NotImplementedError
 
-    def log_density(self, x: ArrayLike) -> Array:
+    def log_density(self, x: ArrayLike) -> np.ndarray:
         """Normalised log density at x, −∞ outside the support."""
         raise NotImplementedError
 
@@ -62,13 +74,13 @@ class Normal(_Prior):
     sd: PositiveFloat
 
     @staticmethod
-    def transform(z: ArrayLike, mean: Scalar, sd: Scalar) -> Array:
-        return mean + sd * jnp.asarray(z)
+    def transform(z: Any, mean: Scalar, sd: Scalar) -> Any:
+        return mean + sd * z
 
-    def score(self, x: ArrayLike) -> Array:
-        return (jnp.asarray(x) - self.mean) / self.sd
+    def score(self, x: ArrayLike) -> np.ndarray:
+        return np.asarray((np.asarray(x, float) - self.mean) / self.sd)
 
-    def log_density(self, x: ArrayLike) -> Array:
+    def log_density(self, x: ArrayLike) -> np.ndarray:
         return -0.5 * self.score(x) ** 2 - _HALF_LOG_2PI - math.log(self.sd)
 
 
@@ -80,16 +92,16 @@ class HalfNormal(_Prior):
     folded: bool = Field(default=True, exclude=True, init=False, repr=False)
 
     @staticmethod
-    def transform(z: ArrayLike, scale: Scalar) -> Array:
-        return scale * jnp.abs(jnp.asarray(z))
+    def transform(z: Any, scale: Scalar) -> Any:
+        return scale * abs(z)
 
-    def score(self, x: ArrayLike) -> Array:
-        return jnp.abs(jnp.asarray(x)) / self.scale
+    def score(self, x: ArrayLike) -> np.ndarray:
+        return np.asarray(np.abs(x) / self.scale)
 
-    def log_density(self, x: ArrayLike) -> Array:
-        x = jnp.asarray(x)
+    def log_density(self, x: ArrayLike) -> np.ndarray:
+        x = np.asarray(x, float)
         inside = -0.5 * (x / self.scale) ** 2 - _HALF_LOG_2PI - math.log(self.scale) + math.log(2)
-        return jnp.where(x >= 0, inside, -jnp.inf)
+        return np.where(x >= 0, inside, -np.inf)
 
 
 class LogNormal(_Prior):
@@ -100,17 +112,18 @@ class LogNormal(_Prior):
     sigma: PositiveFloat
 
     @staticmethod
-    def transform(z: ArrayLike, median: Scalar, sigma: Scalar) -> Array:
-        return median * jnp.exp(sigma * jnp.asarray(z))
+    def transform(z: Any, median: Scalar, sigma: Scalar) -> Any:
+        return median * _functions(z).exp(sigma * z)
 
-    def score(self, x: ArrayLike) -> Array:
-        return jnp.log(jnp.asarray(x) / self.median) / self.sigma
+    def score(self, x: ArrayLike) -> np.ndarray:
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return np.log(np.asarray(x, float) / self.median) / self.sigma
 
-    def log_density(self, x: ArrayLike) -> Array:
-        x = jnp.asarray(x)
-        safe = jnp.where(x > 0, x, self.median)
-        inside = -0.5 * self.score(safe) ** 2 - _HALF_LOG_2PI - math.log(self.sigma) - jnp.log(safe)
-        return jnp.where(x > 0, inside, -jnp.inf)
+    def log_density(self, x: ArrayLike) -> np.ndarray:
+        x = np.asarray(x, float)
+        safe = np.where(x > 0, x, self.median)
+        inside = -0.5 * self.score(safe) ** 2 - _HALF_LOG_2PI - math.log(self.sigma) - np.log(safe)
+        return np.where(x > 0, inside, -np.inf)
 
 
 class Uniform(_Prior):
@@ -127,16 +140,16 @@ class Uniform(_Prior):
         return self
 
     @staticmethod
-    def transform(z: ArrayLike, low: Scalar, high: Scalar) -> Array:
-        return low + (high - low) * ndtr(jnp.asarray(z))
+    def transform(z: Any, low: Scalar, high: Scalar) -> Any:
+        return low + (high - low) * _functions(z).ndtr(z)
 
-    def score(self, x: ArrayLike) -> Array:
-        share = (jnp.asarray(x) - self.low) / (self.high - self.low)
-        return ndtri(jnp.clip(share, 1e-300, 1 - 1e-16))
+    def score(self, x: ArrayLike) -> np.ndarray:
+        share = (np.asarray(x, float) - self.low) / (self.high - self.low)
+        return host.ndtri(np.clip(share, 1e-300, 1 - 1e-16))
 
-    def log_density(self, x: ArrayLike) -> Array:
-        x = jnp.asarray(x)
-        return jnp.where((x >= self.low) & (x <= self.high), -math.log(self.high - self.low), -jnp.inf)
+    def log_density(self, x: ArrayLike) -> np.ndarray:
+        x = np.asarray(x, float)
+        return np.where((x >= self.low) & (x <= self.high), -math.log(self.high - self.low), -np.inf)
 
 
 class LogUniform(_Prior):
@@ -153,18 +166,20 @@ class LogUniform(_Prior):
         return self
 
     @staticmethod
-    def transform(z: ArrayLike, low: Scalar, high: Scalar) -> Array:
-        return low * jnp.exp(jnp.log(high / low) * ndtr(jnp.asarray(z)))
+    def transform(z: Any, low: Scalar, high: Scalar) -> Any:
+        f = _functions(z)
+        return low * f.exp(f.log(high / low) * f.ndtr(z))
 
-    def score(self, x: ArrayLike) -> Array:
-        share = jnp.log(jnp.asarray(x) / self.low) / math.log(self.high / self.low)
-        return ndtri(jnp.clip(share, 1e-300, 1 - 1e-16))
+    def score(self, x: ArrayLike) -> np.ndarray:
+        with np.errstate(divide="ignore", invalid="ignore"):
+            share = np.log(np.asarray(x, float) / self.low) / math.log(self.high / self.low)
+        return host.ndtri(np.clip(share, 1e-300, 1 - 1e-16))
 
-    def log_density(self, x: ArrayLike) -> Array:
-        x = jnp.asarray(x)
-        safe = jnp.where(x > 0, x, self.low)
-        inside = -jnp.log(safe) - math.log(math.log(self.high / self.low))
-        return jnp.where((x >= self.low) & (x <= self.high), inside, -jnp.inf)
+    def log_density(self, x: ArrayLike) -> np.ndarray:
+        x = np.asarray(x, float)
+        safe = np.where(x > 0, x, self.low)
+        inside = -np.log(safe) - math.log(math.log(self.high / self.low))
+        return np.where((x >= self.low) & (x <= self.high), inside, -np.inf)
 
 
 Prior = Annotated[Normal | HalfNormal | LogNormal | Uniform | LogUniform, Field(discriminator="prior")]

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
-import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
@@ -15,12 +15,10 @@ from bayesdamp.inference.target import Context, Target
 CHUNK = 250
 
 
-def in_batches(fun: Callable[[Array], Array], z: np.ndarray) -> np.ndarray:
+def in_batches(fun: Callable[[Any], Array], z: np.ndarray) -> np.ndarray:
     """fun, of batches (CHUNK, d) to (CHUNK,), over scores z, (n, d): shape (n,)."""
     padded = np.pad(z, ((0, -len(z) % CHUNK), (0, 0)), mode="edge")
-    return np.concatenate([np.asarray(fun(jnp.asarray(c))) for c in np.split(padded, len(padded) // CHUNK)])[
-        : len(z)
-    ]
+    return np.concatenate([np.asarray(fun(c)) for c in np.split(padded, len(padded) // CHUNK)])[: len(z)]
 
 
 def log_posterior(target: Target, context: Context, z: np.ndarray) -> np.ndarray:

@@ -159,11 +159,12 @@ class Condensed:
             for name in sorted(self.sums)
         }
 
-    def split(self, misfit: Array | np.ndarray) -> dict[str, Array]:
+    def split(self, misfit: Array | np.ndarray) -> dict[str, Any]:
         """The parts of such a vector by the name of their sum."""
         names = sorted(self.sums)
         sizes = [sum(s.value.size + isinstance(s, Triangles) for s in self.sums[n]) for n in names]
-        return dict(zip(names, jnp.split(misfit, np.cumsum(sizes)[:-1]), strict=True))
+        split = jnp.split if isinstance(misfit, Array) else np.split
+        return dict(zip(names, split(misfit, np.cumsum(sizes)[:-1]), strict=True))
 
 
 def _padded(part: Triangles | Singles, more: int) -> Triangles | Singles:
@@ -207,7 +208,8 @@ def condense(noise: NoiseModel, plan: Plan, t: np.ndarray, y: np.ndarray) -> Con
     """
     if not isinstance(noise, NormalNoise) or not isinstance(plan, MeshPlan):
         return None
-    if int(plan.interval[0]) == int(plan.interval[-1]):
+    first, last = np.asarray(plan.interval)[[0, -1]]
+    if first == last:
         return None
     if noise.uniform_clock and not _even(t):
         return None
@@ -222,7 +224,7 @@ def condense(noise: NoiseModel, plan: Plan, t: np.ndarray, y: np.ndarray) -> Con
         left = left - np.asarray(plan.anchor.defect) - between(plan, near)
     sums = {name: _SUMS[name](plan, left, size) for name in noise.sums}
     gap = (t[-1] - t[0]) / (t.size - 1)
-    return Condensed(sums, jnp.asarray(near), jnp.asarray(float(t.size)), jnp.asarray(gap))
+    return Condensed(sums, *jax.device_put((near, np.asarray(float(t.size)), gap)))
 
 
 def _even(t: np.ndarray) -> bool:
@@ -247,7 +249,7 @@ def _differences(plan: MeshPlan, y: np.ndarray, size: int) -> tuple[Triangles, S
     made["weights"][arrive], made["value"][arrive] = weights[last + 1], y[last + 1] - y[last]
     made["present"][arrive], made["before"][arrive] = True, leave
     made["leaving"][leave], made["leaves"][leave] = weights[last], True
-    return inside, Singles(**{name: jnp.asarray(v) for name, v in made.items()})
+    return inside, Singles(**jax.device_put(made))
 
 
 def _ends(plan: MeshPlan, y: np.ndarray, size: int) -> tuple[Singles]:
@@ -255,7 +257,7 @@ def _ends(plan: MeshPlan, y: np.ndarray, size: int) -> tuple[Singles]:
     step, made = np.asarray(plan.interval)[at], _no_singles(size)
     made["weights"][step], made["value"][step] = np.asarray(plan.weights)[at], y[at]
     made["present"][step] = True
-    return (Singles(**{name: jnp.asarray(v) for name, v in made.items()}),)
+    return (Singles(**jax.device_put(made)),)
 
 
 def _no_singles(size: int) -> dict[str, np.ndarray]:
@@ -290,4 +292,4 @@ def _triangles(step: np.ndarray, rows: np.ndarray, count: int) -> Triangles:
             index = np.where(held, first[part][:, None] + offset, rows.shape[0])
             found[part] = np.linalg.qr(padded[index], mode="r")
     rest = np.sqrt(np.sum(found[:, 6, 6] ** 2))
-    return Triangles(jnp.asarray(found[:, :6, :6]), jnp.asarray(found[:, :6, 6]), jnp.asarray(rest[None]))
+    return Triangles(*jax.device_put((found[:, :6, :6], found[:, :6, 6], rest[None])))

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from functools import cached_property
 
-import jax.numpy as jnp
 import numpy as np
 
 from bayesdamp.inference.compiled import compiled
@@ -77,7 +76,7 @@ def laplace(target: Target, mode: Mode) -> CutNormal:
     at = np.where(folded, np.maximum(np.abs(mode.z), 2 * H * mode.sd()), mode.z)
 
     def slope(z: np.ndarray) -> np.ndarray:
-        return np.asarray(compiled(target.layout).curvature(mode.context, jnp.asarray(z))[1])
+        return np.asarray(compiled(target.layout).curvature(mode.context, z)[1])
 
     rows = [(slope(at - H * column) - slope(at + H * column)) / (2 * H) for column in factor.T]
     white = np.stack(rows) @ factor

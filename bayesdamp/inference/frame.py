@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from jax import Array
-from jax import numpy as jnp
 from scipy.special import log_ndtr, ndtri_exp
 
 from bayesdamp.inference.batches import in_batches
@@ -53,7 +52,7 @@ def frame(target: Target, mode: Mode) -> Frame:
     at = np.where(layout.folded, np.maximum(np.abs(mode.z), 1e-12), mode.z)
 
     def slope(at: np.ndarray) -> np.ndarray:
-        return np.asarray(compiled(layout).curvature(mode.context, jnp.asarray(at))[1])
+        return np.asarray(compiled(layout).curvature(mode.context, at)[1])
 
     centre, factor = cut_off_moments(mode.information, slope(at), at, folded)
     whole, linear = _curvatures(target, mode, centre, factor)
@@ -126,7 +125,7 @@ def _curvatures(
     )
     points = at + H * corners.reshape(-1, d) @ factor.T
     functions = compiled(layout)
-    line = functions.tight(mode.context, jnp.asarray(at))
+    line = functions.tight(mode.context, at)
 
     def hessian(fun: Callable[[Array], Array]) -> np.ndarray:
         f = in_batches(fun, points).reshape(-1, 4)

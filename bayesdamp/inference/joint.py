@@ -12,7 +12,6 @@ from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
 
-import jax.numpy as jnp
 import numpy as np
 
 from bayesdamp.inference.compiled import compiled
@@ -183,7 +182,7 @@ def find_joint_mode(
 def _anchored(target: Target, z: np.ndarray, tolerance: float) -> Mode:
     """A record's part at the scores z, with a plan that is right there. Raises Refusal."""
     at = restore_mode(target, z, np.nan, np.eye(z.size), tolerance)
-    value, _, information = compiled(target.layout).curvature(at.context, jnp.asarray(z))
+    value, _, information = compiled(target.layout).curvature(at.context, z)
     if not np.isfinite(value):
         raise Refusal("a record has no finite likelihood where the joint mode is looked for")
     return Mode(
@@ -228,7 +227,7 @@ def _curvature(joint: Joint, modes: Sequence[Mode]):
         value = -0.5 * float(x @ x) - 0.5 * d * LOG_2PI
         gradient, information = -x.copy(), np.eye(d)
         for j, z in enumerate(joint.split(x)):
-            own, slope, curved = map(np.asarray, runs[j](modes[j].context, jnp.asarray(z)))
+            own, slope, curved = map(np.asarray, runs[j](modes[j].context, z))
             # The record's own prior goes out again: all coordinates have theirs already.
             value += float(own) + 0.5 * float(z @ z) + 0.5 * z.size * LOG_2PI
             names, places = np.concatenate(joint.places(j)), np.r_[np.arange(k), joint.parts[j]]

@@ -58,7 +58,7 @@ def tight(layout: Layout, context: Context, line: Line) -> Line | TightLine:
     columns = np.concatenate([np.asarray(slopes), np.asarray(e)[None]])
     parts = [context.condensed.split(column) for column in columns]
     triangles = {
-        name: jnp.asarray(
+        name: jax.device_put(
             np.linalg.qr(np.stack([np.asarray(part[name]) for part in parts], axis=1), mode="r")
         )
         for name in parts[0]

@@ -5,15 +5,15 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
+import jax
 import numpy as np
-from jax import numpy as jnp
 from scipy.optimize import minimize
 
 from bayesdamp.inference.compiled import compiled
 from bayesdamp.inference.evidence.laplace import log_integral
 from bayesdamp.inference.mode import Mode, find_mode
 from bayesdamp.inference.noise import NOISES
-from bayesdamp.inference.residuals import residual
+from bayesdamp.inference.residuals import log_density_under, residual
 from bayesdamp.inference.target import Target
 from bayesdamp.signals.features import Features
 from bayesdamp.types import OK, Refusal, Signal
@@ -70,7 +70,7 @@ def fit_with(target: Target, seeds: Mapping[str, Mapping[str, float]], features:
     mode = find_mode(target, seeds, noise_level=features.roughness)
     folded = np.asarray(target.layout.folded)
     at = np.where(folded, np.abs(mode.z), mode.z)
-    value, gradient, _ = map(np.asarray, compiled(target.layout).curvature(mode.context, jnp.asarray(at)))
+    value, gradient, _ = map(np.asarray, compiled(target.layout).curvature(mode.context, at))
     log_evidence = log_integral(float(value), gradient, mode.information, at, np.flatnonzero(folded))
     return Fitted(target, mode, log_evidence)
 
@@ -124,14 +124,14 @@ def held_evidence(
     """
     noise = NOISES.get(name)
     constants, priors = noise.read(signal), noise.priors(features)
-    residuals, gaps = jnp.asarray(r), jnp.asarray(np.diff(signal.t))
+    residuals, gaps = jax.device_put((r, np.diff(signal.t)))
 
     def values(z: np.ndarray) -> dict[str, float]:
         return {n: float(p.value(x)) for (n, p), x in zip(priors.items(), z, strict=True)}
 
     def depth(z: np.ndarray) -> float:
-        p = {n: jnp.asarray(v) for n, v in {**values(z), **constants}.items()}
-        density = float(noise.log_likelihood(residuals, gaps, p)) - 0.5 * float(z @ z)
+        p = {n: np.float64(v) for n, v in {**values(z), **constants}.items()}
+        density = float(log_density_under(name)(residuals, gaps, p)) - 0.5 * float(z @ z)
         return -density if np.isfinite(density) else 1e300
 
     begun = noise.start(r, np.diff(signal.t))

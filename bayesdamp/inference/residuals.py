@@ -26,7 +26,7 @@ def residuals(target: Target, plan: Plan, z: np.ndarray) -> np.ndarray:
 
 def whitened(target: Target, r: np.ndarray, z: np.ndarray) -> np.ndarray:
     """Residuals r, (n,) or (m, n), as independent standard scores under the noise at scores z, (d,) or (m, d)."""
-    one, many = _views(target.noise)[:2]
+    one, many = _whitening(target.noise)
     values = _noise_values(target, z)
     gaps = np.diff(target.signal.t)
     if z.ndim == 1:
@@ -37,7 +37,7 @@ def whitened(target: Target, r: np.ndarray, z: np.ndarray) -> np.ndarray:
 
 def log_density(target: Target, r: np.ndarray, z: np.ndarray) -> float:
     """Log density of residuals r, (n,), at scores z, (d,), in nats; −∞ where there is none."""
-    found = float(_views(target.noise)[2](r, np.diff(target.signal.t), _noise_values(target, z)))
+    found = float(log_density_under(target.noise)(r, np.diff(target.signal.t), _noise_values(target, z)))
     return found if np.isfinite(found) else -np.inf
 
 
@@ -49,8 +49,13 @@ def _noise_values(target: Target, z: np.ndarray) -> Mapping[str, np.ndarray]:
 
 
 @lru_cache(maxsize=16)
-def _views(name: str):
-    """Compiled, of a noise model: whitened residuals, those of many, and the log density; no solver is in them."""
+def _whitening(name: str):
+    """Compiled, of a noise model: whitened residuals, and those of many; no solver is in them."""
     noise = NOISES.get(name)
-    many = jax.vmap(noise.whiten, in_axes=(0, None, 0))
-    return jax.jit(noise.whiten), jax.jit(many), jax.jit(noise.log_likelihood)
+    return jax.jit(noise.whiten), jax.jit(jax.vmap(noise.whiten, in_axes=(0, None, 0)))
+
+
+@lru_cache(maxsize=16)
+def log_density_under(name: str):
+    """Compiled, of a noise model: (residuals (n,), gaps (n − 1,), its values by name) to the log density in nats."""
+    return jax.jit(NOISES.get(name).log_likelihood)

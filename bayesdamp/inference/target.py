@@ -7,9 +7,9 @@ them (`density`, `linearised`) is a function of (layout; context, z), z the scor
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache, partial
+from functools import cached_property, partial
 
 import jax
 import numpy as np
@@ -67,10 +67,12 @@ class Context:
         share a compilation."""
         if self.condensed is None or not isinstance(self.plan, MeshPlan):
             return self
-        plan = MeshPlan(
-            self.plan.steps[: self.condensed.room], self.plan.count, jnp.zeros(0, int), jnp.zeros((0, 6))
+        steps = np.asarray(self.plan.steps)[: self.condensed.room]
+        steps, interval, weights, none = jax.device_put(
+            (steps, np.zeros(0, int), np.zeros((0, 6)), np.zeros(0))
         )
-        return replace(self, plan=plan, y=jnp.zeros(0), gaps=jnp.zeros(0))
+        plan = MeshPlan(steps, self.plan.count, interval, weights)
+        return replace(self, plan=plan, y=none, gaps=none)
 
     def in_room(self, room: int) -> Context:
         """A lean context with room for so many steps."""
@@ -123,10 +125,10 @@ class Target:
         t, y = self.signal.t[part], self.signal.y[part]
         return Context(
             plan,
-            jnp.asarray(y),
-            jnp.asarray(np.diff(t)),
-            {name: jnp.asarray(float(v)) for name, v in sorted(self.known.items()) if name in self._needed},
-            tuple(tuple(jnp.asarray(float(x)) for x in p.numbers) for p in self.priors.values()),
+            jax.device_put(np.asarray(y)),
+            jax.device_put(np.diff(t)),
+            {n: jax.device_put(float(v)) for n, v in sorted(self.known.items()) if n in self._needed},
+            numbers_of(self.priors.values()),
             condense(self.layout.noise, plan, t, y),
         )
 
@@ -137,9 +139,6 @@ class Target:
 
     def values(self, z: np.ndarray) -> dict[str, np.ndarray]:
         """Inferred parameters at scores z, shape (..., d): name to array of shape (...)."""
-        if np.ndim(z) == 1:
-            found = _transformed(self.layout.kinds)(z, tuple(p.numbers for p in self.priors.values()))
-            return {n: np.asarray(v) for n, v in zip(self.names, found)}
         return {n: np.asarray(p.value(z[..., i])) for i, (n, p) in enumerate(self.priors.items())}
 
     def all_values(self, z: np.ndarray) -> dict[str, float]:
@@ -160,7 +159,6 @@ class Target:
         return "epsilon" not in self.priors and is_exact(self.oscillator, {"epsilon": 1.0, **self.known})
 
 
-@lru_cache(maxsize=256)
-def _transformed(kinds: tuple[type, ...]):
-    """Compiled: scores (d,) and the numbers of their priors to values, for priors of these kinds."""
-    return jax.jit(lambda z, numbers: [k.transform(z[i], *numbers[i]) for i, k in enumerate(kinds)])
+def numbers_of(priors: Iterable[Prior]) -> tuple[tuple[Array, ...], ...]:
+    """The numbers of priors as a context has them."""
+    return jax.device_put(tuple(tuple(map(float, p.numbers)) for p in priors))

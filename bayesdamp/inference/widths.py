@@ -5,14 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
-import jax.numpy as jnp
 import numpy as np
 from scipy.special import logsumexp
 
 from bayesdamp.inference import diagnostics
 from bayesdamp.inference.evidence.importance import K_LIMIT, Importance
 from bayesdamp.inference.mode import Mode, mode_near
-from bayesdamp.inference.target import Target
+from bayesdamp.inference.target import Target, numbers_of
 from bayesdamp.inference.weighted import effective
 from bayesdamp.priors import HalfNormal, LogNormal, Prior
 from bayesdamp.types import OK, Refusal
@@ -96,8 +95,7 @@ def _one(
 
 def _moved(target: Target, other: Target, mode: Mode) -> Mode:
     """The mode under another prior, on the same plan."""
-    numbers = tuple(tuple(jnp.asarray(float(x)) for x in p.numbers) for p in other.priors.values())
-    context = replace(mode.context, numbers=numbers)
+    context = replace(mode.context, numbers=numbers_of(other.priors.values()))
     values = target.all_values(mode.z)
     start = np.array([float(p.score(values[n])) for n, p in other.priors.items()])
     return mode_near(other.layout, context, mode, start)

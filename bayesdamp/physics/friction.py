@@ -157,8 +157,8 @@ def turning_plan(
     remaining = max(end - sum(lengths), 0.0)
     lengths += [usual] * (max(2, math.ceil(0.05 * len(lengths))) + math.ceil(remaining / usual))
     return TurningPlan(
-        jnp.asarray(lengths) / per_half_cycle,
-        jnp.asarray(times, float),
+        jax.device_put(np.asarray(lengths) / per_half_cycle),
+        jax.device_put(np.asarray(times, float)),
         per_half_cycle,
         ("angle", "velocity", "acceleration").index(quantity),
     )

@@ -78,30 +78,39 @@ def _mesh_plan(nodes: np.ndarray, times: np.ndarray, quantity: str, parts: int =
     interval = np.clip(np.searchsorted(nodes, times, side="right") - 1, 0, nodes.size - 2)
     h = np.diff(nodes)
     weights = basis(
-        jnp.asarray((times - nodes[interval]) / h[interval]),
-        jnp.asarray(h[interval]),
+        (times - nodes[interval]) / h[interval],
+        h[interval],
         QUANTITIES.index(quantity),
     )
     steps = np.zeros(max(LEAST_ROOM, 4 ** math.ceil(math.log(parts * h.size, 4))))
     steps[: h.size] = h
-    return MeshPlan(jnp.asarray(steps), jnp.asarray(h.size), jnp.asarray(interval), weights)
+    steps, count, interval = jax.device_put((steps, np.asarray(h.size), interval))
+    return MeshPlan(steps, count, interval, weights)
+
+
+@lru_cache(maxsize=128)
+def _step(osc: Oscillator):
+    """Compiled: a step (h, θ, θ̇, parameters), so that the many programs that march trace and derive it once."""
+
+    @jax.jit
+    def one(h: Array, theta: Array, omega: Array, p: Parameters) -> Node:
+        return step(lambda th, om: osc.acceleration(th, om, p), h, theta, omega)
+
+    return one
 
 
 def nodes(osc: Oscillator, steps: Array, count: Array, p: Parameters) -> Array:
     """θ, θ̇, θ̈ at the nodes, shape (room + 1, 3), zero behind the last. Forward tangents work, reverse ones do not."""
 
-    def acceleration(theta: Array, omega: Array) -> Array:
-        return osc.acceleration(theta, omega, p)
-
     def advance(i, carry):
         theta, omega, found = carry
-        new_theta, new_omega, before = step(acceleration, steps[i], theta, omega)
+        new_theta, new_omega, before = _step(osc)(steps[i], theta, omega, p)
         return new_theta, new_omega, found.at[i].set(jnp.stack([theta, omega, before]))
 
     start = (jnp.asarray(p["theta0"], float), jnp.asarray(p["omega0"], float))
     empty = jnp.zeros((steps.size + 1, 3))
     theta, omega, found = jax.lax.fori_loop(0, count, advance, (*start, empty))
-    return found.at[count].set(jnp.stack([theta, omega, acceleration(theta, omega)]))
+    return found.at[count].set(jnp.stack([theta, omega, osc.acceleration(theta, omega, p)]))
 
 
 def along(
@@ -118,13 +127,10 @@ def along(
     tangents work, reverse ones do not.
     """
 
-    def acceleration(theta: Array, omega: Array) -> Array:
-        return osc.acceleration(theta, omega, p)
-
     # A step's first stage has the acceleration at its start, so a step is visited from the next one.
     def advance(i, carry):
         theta, omega, before, made = carry
-        new_theta, new_omega, force = step(acceleration, steps[i], theta, omega)
+        new_theta, new_omega, force = _step(osc)(steps[i], theta, omega, p)
         here = (theta, omega, force)
         visited = visit(jnp.maximum(i - 1, 0), before, here, made)
         made = jax.tree.map(lambda new, old: jnp.where(i > 0, new, old), visited, made)
@@ -220,7 +226,7 @@ def anchored(osc: Oscillator, plan: Plan, finer: Plan, p: Parameters) -> Plan:
         return plan
     state = _node_values(osc, plan, p)
     defect = at_samples(osc, finer, p) - between(plan, state)
-    return replace(plan, anchor=Anchor(jnp.asarray(state), jnp.asarray(defect)))
+    return replace(plan, anchor=Anchor(*jax.device_put((state, defect))))
 
 
 def divided(plan: Plan, parts: int, times: np.ndarray, quantity: str) -> Plan:
@@ -299,7 +305,7 @@ def plan_with_error(
 def _at(plan: Plan, times: np.ndarray, quantity: str) -> Plan:
     """The same steps for other samples."""
     if not isinstance(plan, MeshPlan):
-        return replace(plan, times=jnp.asarray(times))
+        return replace(plan, times=jax.device_put(times))
     return _mesh_plan(_times(_steps(plan)), times, quantity)
 
 

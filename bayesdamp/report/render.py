@@ -2,41 +2,70 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from concurrent.futures import Executor
+from dataclasses import dataclass
 from pathlib import Path
 
 from markupsafe import Markup
 
 from bayesdamp.report.html import fill
 from bayesdamp.report.run import Run
-from bayesdamp.report.sections import in_order
+from bayesdamp.report.sections import SECTIONS, in_order
 from bayesdamp.store import write_bytes
 
 
-def render(folder: Path) -> Path:
+@dataclass(frozen=True)
+class Rendered:
+    """One section: its HTML, and the names of the figures that it wrote."""
+
+    body: str
+    figures: tuple[str, ...]
+
+
+def render(folder: Path, pool: Executor | None = None) -> Path:
     """Write report.html (one self-contained file) and figures/ into a run's folder; return the report's path.
 
-    Reads nothing but the folder. Raises InputError where the folder is no run.
+    pool: where sections are drawn side by side; None for this process. Reads nothing but the folder. Raises
+    InputError where the folder is no run.
     """
     run = Run(folder)
+    wanted = [section for section in in_order() if section.applies(run)]
+    bodies = list(_rendered(run, [section.name for section in wanted], pool))
     sections = [
-        {"name": section.name, "title": section.title, "body": Markup(section.render(run))}
-        for section in in_order()
-        if section.applies(run)
+        {"name": section.name, "title": section.title, "body": Markup(done.body)}
+        for section, done in zip(wanted, bodies, strict=True)
     ]
     css = Markup((Path(__file__).parent / "templates" / "style.css").read_text(encoding="utf-8"))
     name = run.info.get("name") or run.folder.resolve().name
     page = fill(
         "report.html", name=name, description=run.info.get("description") or "", css=css, sections=sections
     )
-    _sweep_figures(run)
+    _sweep_figures(run.drawings.folder, {name for done in bodies for name in done.figures})
     path = run.folder / "report.html"
     write_bytes(path, page.encode())
     return path
 
 
-def _sweep_figures(run: Run) -> None:
+def _rendered(run: Run, names: list[str], pool: Executor | None) -> Iterator[Rendered]:
+    if pool is None:
+        return (_section(run, name) for name in names)
+    return iter([f.result() for f in [pool.submit(_section_of, run.folder.resolve(), n) for n in names]])
+
+
+def _section_of(folder: Path, name: str) -> Rendered:
+    return _section(Run(folder), name)
+
+
+def _section(run: Run, name: str) -> Rendered:
+    before = len(run.drawings.names)
+    body = SECTIONS.get(name).render(run)
+    return Rendered(str(body), tuple(run.drawings.names[before:]))
+
+
+def _sweep_figures(folder: Path, names: set[str]) -> None:
     """Remove the figures of an earlier report that this one does not have."""
-    kept = {f"{name}.{kind}" for name in run.drawings.names for kind in ("svg", "png")}
-    for path in run.drawings.folder.glob("*.*"):
+    kept = {f"{name}.{kind}" for name in names for kind in ("svg", "png")}
+    for path in folder.glob("*.*"):
         if path.suffix in (".svg", ".png") and path.name not in kept:
             path.unlink()

@@ -13,7 +13,6 @@ from rich.console import Console
 
 from bayesdamp.config import Recording, SignalSpec, Study
 from bayesdamp.inference.referee import REFEREE
-from bayesdamp.report import render
 from bayesdamp.store import CellResult, Store
 from bayesdamp.study import staging
 from bayesdamp.study.averaging import average, averages
@@ -95,9 +94,9 @@ def run_study(
             with pool_of(workers, scheduler) as pool:
                 for stage in _stages(study, store):
                     _run_jobs(study, store, stage, pool, advance)
-            progress.update(bar, description="report", completed=len(names))
-            write_tables(study, store)
-            render(out)
+                progress.update(bar, description="report", completed=len(names))
+                write_tables(study, store)
+                _render(out, pool)
         failed = [(n, c.outcome) for n, c in _results(store, names) if c.outcome.startswith("failed: ")]
         for name, outcome in failed:
             console.print(f"{name}: {outcome}", style="red", highlight=False)
@@ -265,6 +264,12 @@ def _run_jobs(
         for future in futures:
             future.cancel()
         raise
+
+
+def _render(out: Path, pool: Executor | None) -> None:
+    from bayesdamp.report import render  # matplotlib, which no other process of the run needs
+
+    render(out, pool)
 
 
 def _results(store: Store, names: list[str]) -> Iterator[tuple[str, CellResult]]:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import time
 
-import jax.numpy as jnp
 import numpy as np
 from scipy.special import log_ndtr, logsumexp, ndtri_exp
 
@@ -33,7 +32,7 @@ class Laplace(EvidenceMethod):
         began = time.perf_counter()
         folded = np.flatnonzero(target.layout.folded)
         at = np.where(target.layout.folded, np.abs(mode.z), mode.z)
-        value, gradient, _ = map(np.asarray, compiled(target.layout).curvature(mode.context, jnp.asarray(at)))
+        value, gradient, _ = map(np.asarray, compiled(target.layout).curvature(mode.context, at))
         return Evidence(
             model=model,
             method=self.name,

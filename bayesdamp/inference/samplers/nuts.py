@@ -52,6 +52,8 @@ def chain_of(layout: Layout, warmup: int, draws: int, exact: bool):
     ):
         line, lacking = force
 
+        # Compiled inside: the sampler's program has them in many places, which then are traced once.
+        @jax.jit
         def value(u: Array) -> Array:
             return log_posterior(layout, context, centre + factor @ u)
 
@@ -63,7 +65,7 @@ def chain_of(layout: Layout, warmup: int, draws: int, exact: bool):
         def gradient(u: Array) -> Array:
             return factor.T @ value_and_gradient(layout, context, centre + factor @ u)[1]
 
-        slope = gradient if exact else jax.grad(surrogate)
+        slope = jax.jit(gradient if exact else jax.grad(surrogate))
         kernel = nuts.build_kernel(reflecting_leapfrog(value, slope, factor[walls], centre[walls]))
         whole = jnp.ones(centre.size)
 
@@ -140,13 +142,11 @@ def inputs(
     target: Target, mode: Mode, at: Frame, settings: Settings, shorter: float = 1.0
 ) -> tuple[tuple[Any, ...], list[Start]]:
     """What the chains of one record are given, in the order of `chain_of`, and where they start."""
-    centre = jnp.asarray(at.centre)
-    force = (compiled(target.layout).tight(mode.context, centre), jnp.asarray(at.lacking))
-    step = jnp.asarray(shorter * at.centre.size**-0.25)
+    force = (compiled(target.layout).tight(mode.context, at.centre), at.lacking)
+    step = np.float64(shorter * at.centre.size**-0.25)
     start, height, begun = seeded_starts(target, mode, at, settings.chains, settings)
     keys = jax.random.split(jax.random.PRNGKey(settings.seed), settings.chains)
-    each = jnp.asarray(start), jnp.asarray(height), keys
-    return (mode.context.lean, force, centre, jnp.asarray(at.factor), step, *each), begun
+    return (mode.context.lean, force, at.centre, at.factor, step, start, height, keys), begun
 
 
 def posterior_of(
