@@ -12,6 +12,8 @@ from bayesdamp.types import InputError
 
 T = TypeVar("T")
 
+_EXTENDED: list[str] = []
+
 
 class Registry(Generic[T]):
     """Plug-ins of one kind: each module of `package` holds one, bound to the name `PLUGIN`."""
@@ -33,6 +35,7 @@ class Registry(Generic[T]):
     def add(self, name: str, plugin: T) -> None:
         """Make a plug-in known that has no module in the package (a user's own)."""
         self._added[name] = plugin
+        _EXTENDED.append(name)
 
     def remove(self, name: str) -> None:
         """Forget a plug-in that `add` made known."""
@@ -45,6 +48,11 @@ class Registry(Generic[T]):
         if name not in self.names():
             raise InputError(f"unknown {self.kind} {name!r}{nearest(name, self.names())}")
         return importlib.import_module(f"{self.package}.{name}").PLUGIN
+
+
+def extended() -> bool:
+    """Whether this process has had a plug-in that is not in the package."""
+    return bool(_EXTENDED)
 
 
 def nearest(name: str, valid: list[str]) -> str:

@@ -105,7 +105,8 @@ def laplace_draws(target: Target, mode: Mode, count: int, seed: int) -> np.ndarr
 def kurtosis(x: np.ndarray) -> np.ndarray:
     """Excess kurtosis of x, shape (..., n), along its last axis: 0 for a normal, large where there are outliers."""
     x = x - x.mean(axis=-1, keepdims=True)
-    return np.mean(x**4, axis=-1) / np.maximum(np.mean(x**2, axis=-1) ** 2, 1e-300) - 3.0
+    square = x**2
+    return np.mean(square**2, axis=-1) / np.maximum(np.mean(square, axis=-1) ** 2, 1e-300) - 3.0
 
 
 def _lags(target: Target, period: float) -> int:
@@ -147,7 +148,7 @@ def tangents(target: Target, mode: Mode) -> np.ndarray:
     steps = STEP * mode.sd()
     plan, moved = mode.context.plan, mode.z + np.diag(steps)[free]
 
-    here, *scores = [_seen(target, mode, residual(target, plan, z)) for z in (mode.z, *moved)]
+    here, *scores = [_seen(target, mode, r) for r in residuals(target, plan, np.stack([mode.z, *moved]))]
     found = (np.array(scores).reshape(len(free), here.size) - here) / STEP
     return found[np.all(np.isfinite(found), axis=1)]
 

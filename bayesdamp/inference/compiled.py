@@ -14,6 +14,7 @@ from bayesdamp.inference.density import log_posterior
 from bayesdamp.inference.gradient import curvature
 from bayesdamp.inference.linearised import Line, TightLine, linearise, linearised_log_posterior, tight
 from bayesdamp.inference.target import Context, Layout
+from bayesdamp.programs import Program
 
 Scores = Array | np.ndarray
 """Normal scores, (d,) or, for batches, (b, d)."""
@@ -36,10 +37,12 @@ class Compiled:
 @lru_cache(maxsize=64)
 def compiled(layout: Layout) -> Compiled:
     """Compiled functions of a layout: (context, z) or, for batches, (context, z of shape (b, d))."""
-    lines = jax.jit(partial(linearise, layout))
-    curved = jax.jit(partial(curvature, layout))
-    batch = jax.jit(jax.vmap(partial(log_posterior, layout), in_axes=(None, 0)))
-    straight = jax.jit(jax.vmap(partial(linearised_log_posterior, layout), in_axes=(None, None, 0)))
+    lines = Program(partial(linearise, layout), "linearise", layout)
+    curved = Program(partial(curvature, layout), "curvature", layout)
+    many = jax.vmap(partial(log_posterior, layout), in_axes=(None, 0))
+    batch = Program(many, "log_posterior", layout)
+    along = jax.vmap(partial(linearised_log_posterior, layout), in_axes=(None, None, 0))
+    straight = Program(along, "linearised_log_posterior", layout)
 
     def curvature_at(context: Context, z: Scores) -> tuple[Array, Array, Array]:
         return curved(context.lean, lines(context.lean, z), z)

@@ -32,6 +32,7 @@ from jax import numpy as jnp
 
 from bayesdamp.physics.orbit import Cycle, cycle, rest_position
 from bayesdamp.physics.oscillator import Oscillator
+from bayesdamp.programs import Program
 
 CURVE_DRAWS = 1000
 """Draws behind a band over amplitudes: its edges are good to a tenth of an sd."""
@@ -82,7 +83,7 @@ class Motions:
     def at(self, amplitude: np.ndarray | float) -> Cycle:
         """The cycle at an amplitude, one for all or one for each draw."""
         each = np.broadcast_to(np.asarray(amplitude, float), self.shape)
-        return self._mapped(_cycles(self.osc), each)
+        return Cycle(*self._mapped(_cycles(self.osc), each))
 
     @cached_property
     def cycle(self) -> Cycle:
@@ -102,15 +103,16 @@ def _frequencies(osc: Oscillator):
         slope = jax.grad(lambda x: osc.law.force(x, numbers))
         return jnp.sqrt(slope(rest_position(osc, numbers, near)))
 
-    return jax.jit(jax.vmap(one, in_axes=(None, 0)))
+    return Program(jax.vmap(one, in_axes=(None, 0)), "frequencies", osc)
 
 
 @lru_cache(maxsize=64)
 def _cycles(osc: Oscillator):
     def one(near, numbers, amplitude):
-        return cycle(osc, numbers, amplitude, near)
+        found = cycle(osc, numbers, amplitude, near)
+        return found.period, found.energy, found.slope, found.lost
 
-    return jax.jit(jax.vmap(one, in_axes=(None, 0, 0)))
+    return Program(jax.vmap(one, in_axes=(None, 0, 0)), "cycles", osc)
 
 
 class Quantity(ABC):

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.linalg import solve_triangular
 
 from bayesdamp.inference.compiled import compiled
-from bayesdamp.inference.residuals import log_density, residual
+from bayesdamp.inference.residuals import log_density, residual, residuals
 from bayesdamp.inference.target import Context, Layout, Target
 from bayesdamp.physics.integrate import Plan, anchored, divided
 from bayesdamp.types import Refusal
@@ -250,9 +250,9 @@ def _step_errors(
     """What finer steps change (unit of the record, nats) at z and three sds from it in each whitened direction."""
     top: float | None = None
     moved = change = 0.0
-    for offset in (np.zeros_like(z), *(NEAR * factor.T), *(-NEAR * factor.T)):
-        at = z + offset
-        coarse, fine = residual(target, plan, at), residual(target, finer, at)
+    around = z + np.concatenate([np.zeros((1, z.size)), NEAR * factor.T, -NEAR * factor.T])
+    both = zip(residuals(target, plan, around), residuals(target, finer, around), strict=True)
+    for at, (coarse, fine) in zip(around, both, strict=True):
         lower, upper = log_density(target, coarse, at), log_density(target, fine, at)
         top = upper - 0.5 * float(at @ at) if top is None else top
         if not (np.isfinite(lower) or np.isfinite(upper)):

@@ -24,6 +24,7 @@ from bayesdamp.physics.mesh import frozen_mesh
 from bayesdamp.physics.oscillator import Oscillator, Parameters
 from bayesdamp.physics.stepper import step
 from bayesdamp.physics.tableau import ORDER
+from bayesdamp.programs import Program
 
 FIRST_RESOLUTION = 0.6
 ENOUGH = 20_000
@@ -157,17 +158,17 @@ def record(osc: Oscillator, plan: Plan, p: Parameters) -> Array:
 @lru_cache(maxsize=128)
 def compiled_record(osc: Oscillator):
     """`record` of one oscillator, compiled once per shape of plan: (plan, parameters) -> samples."""
-    return jax.jit(partial(record, osc))
+    return Program(partial(record, osc), "record", osc)
 
 
 @lru_cache(maxsize=128)
 def _compiled_nodes(osc: Oscillator):
-    return jax.jit(partial(nodes, osc))
+    return Program(partial(nodes, osc), "nodes", osc)
 
 
 @lru_cache(maxsize=128)
 def _many_nodes(osc: Oscillator):
-    return jax.jit(jax.vmap(partial(nodes, osc), in_axes=(None, None, 0)))
+    return Program(jax.vmap(partial(nodes, osc), in_axes=(None, None, 0)), "many_nodes", osc)
 
 
 def _in_room(plan: MeshPlan) -> np.ndarray:

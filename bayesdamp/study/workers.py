@@ -10,12 +10,14 @@ import time
 from collections.abc import Iterator
 from concurrent.futures import Executor, ProcessPoolExecutor
 from contextlib import contextmanager
+from pathlib import Path
 
 import jax
 from platformdirs import user_cache_dir
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
+from bayesdamp.programs import keep_in
 from bayesdamp.types import InputError
 
 
@@ -93,7 +95,9 @@ def progress_bar(console: Console) -> Progress:
 
 
 def cache_compilations() -> None:
-    """Keep compiled programs in the user's cache folder, shared by all runs."""
-    jax.config.update("jax_compilation_cache_dir", user_cache_dir("bayesdamp"))
+    """Keep traced and compiled programs in the user's cache folder, shared by all runs."""
+    folder = user_cache_dir("bayesdamp")
+    keep_in(Path(folder) / "traced")
+    jax.config.update("jax_compilation_cache_dir", folder)
     jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.02)
     jax.config.update("jax_persistent_cache_min_entry_size_bytes", -1)

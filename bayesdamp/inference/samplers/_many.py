@@ -18,6 +18,7 @@ from bayesdamp.inference.samplers import nuts
 from bayesdamp.inference.samplers._sampler import Settings
 from bayesdamp.inference.target import Context, Layout, Target
 from bayesdamp.physics.integrate import MeshPlan
+from bayesdamp.programs import Program
 from bayesdamp.types import Posterior
 
 BATCH = 16
@@ -100,4 +101,6 @@ def _program(layout: Layout, warmup: int, draws: int, tree: Any):
     """Compiled: every argument has one axis more than in `nuts.chain_of`, but for the number of steps."""
     over = axes(jax.tree.unflatten(tree, [0] * tree.num_leaves))
     chains = jax.vmap(nuts.chain_of(layout, warmup, draws, False), in_axes=(None,) * 5 + (0, 0, 0))
-    return jax.jit(jax.vmap(chains, in_axes=(over, *(0,) * 7)))
+    return Program(
+        jax.vmap(chains, in_axes=(over, *(0,) * 7)), "nuts_of_many", layout, warmup, draws, str(tree)
+    )

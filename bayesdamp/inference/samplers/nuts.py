@@ -26,6 +26,7 @@ from bayesdamp.inference.samplers._reflect import reflecting_leapfrog
 from bayesdamp.inference.samplers._sampler import Sampler, Settings
 from bayesdamp.inference.samplers._starts import Start, agreement, seeded_starts
 from bayesdamp.inference.target import Context, Layout, Target
+from bayesdamp.programs import Program
 from bayesdamp.types import OK, Posterior
 
 DOUBLINGS = 7
@@ -85,7 +86,8 @@ def chain_of(layout: Layout, warmup: int, draws: int, exact: bool):
 @lru_cache(maxsize=32)
 def _chains(layout: Layout, warmup: int, draws: int, exact: bool):
     """`chain_of` compiled for all chains of one record: starts and keys have one more axis."""
-    return jax.jit(jax.vmap(chain_of(layout, warmup, draws, exact), in_axes=(None,) * 5 + (0, 0, 0)))
+    chains = jax.vmap(chain_of(layout, warmup, draws, exact), in_axes=(None,) * 5 + (0, 0, 0))
+    return Program(chains, "nuts", layout, warmup, draws, exact)
 
 
 POOR = 0.5

@@ -10,11 +10,13 @@ from bayesdamp.report.html import fill, folded
 from bayesdamp.report.run import Run
 
 _OPEN = 4
+_MOST = 4
+"""Models of a signal that are drawn: what is less likely than so many others is in the tables."""
 
 
 def drawn(run: Run, place: int) -> bool:
-    """Whether to draw the model at this place of a signal's ranking: all of few signals, the best of many."""
-    return place == 0 or len(run.signals) <= _OPEN
+    """Whether to draw the model at this place of a signal's ranking: the likeliest of few signals, the best of many."""
+    return place == 0 or (place < _MOST and len(run.signals) <= _OPEN)
 
 
 def by_signal(run: Run, one: Callable[[str], Markup], wanted: list[str] | None = None) -> Markup:

@@ -87,6 +87,8 @@ def _figure(run: Run, signal: str, model: str, rows: Sequence[Row]) -> Markup:
         if "draws" in cell.arrays and not draws:
             named = enumerate(cell.meta.get("names") or [])
             draws = {n: cell.arrays["draws"][..., i] for i, n in named if n in names}
+    if not draws and all(len(found) == 1 for found in points.values()):
+        return Markup("")  # a single number needs no axis
     true = {name: truth(run, signal, name) for name in names}
     what = (
         "Estimates of all repeats" if len(run.repeats(signal)) > 1 else "Estimates with their standard errors"

@@ -1,4 +1,4 @@
-"""The record: what cleaning did, the fits of all models and their residuals."""
+"""The record: what cleaning did, the fits of the likeliest models and their residuals."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from bayesdamp.report.figures.record import Fit, raw, record
 from bayesdamp.report.html import fill
 from bayesdamp.report.reading import models_by_rank
 from bayesdamp.report.run import Run
-from bayesdamp.report.sections._layout import by_signal
+from bayesdamp.report.sections._layout import by_signal, drawn
 from bayesdamp.report.sections._section import Section
 from bayesdamp.types import OK
 
@@ -66,7 +66,9 @@ def _one(run: Run, signal: str) -> Markup:
             run.drawings.add(f"raw-{signal}", caption, lambda: raw(raw_t, raw_y, start, stop, axis))
         )
     caption = f"{signal}: the record as used" + (
-        "; the fits at the posterior modes, best model first, and their residuals." if fits else "."
+        "; the fits of the likeliest models at their posterior modes, best first, and their residuals."
+        if fits
+        else "."
     )
     if any(len(fit.autocorrelation) for fit in fits):
         caption += " Grey band: what white noise would give."
@@ -81,7 +83,9 @@ def _fits(
     run: Run, signal: str, repeat: int, factor: float, unit: str, samples: int
 ) -> tuple[list[Fit], list[str]]:
     fits, missing = [], []
-    for model in models_by_rank(run, signal, repeat):
+    for place, model in enumerate(models_by_rank(run, signal, repeat)):
+        if not drawn(run, place):
+            continue
         cell = run.cell("mode", signal, repeat, model)
         if cell is None:
             missing.append(f"No fit of {words.model(model)} is stored.")

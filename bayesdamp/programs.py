@@ -1,0 +1,99 @@
+"""Compiled programs that outlive their process.
+
+Tracing a program takes as long as loading it: where a folder is set, what a trace gave is kept there as JAX exports
+it, under a digest of everything that it depends on, and the next process starts from that.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import uuid
+from collections.abc import Callable
+from functools import cache
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import jax
+import numpy as np
+from jax import export
+from jax.core import Tracer
+
+from bayesdamp.plugins import extended
+
+_FAILURES = (ValueError, NotImplementedError, RuntimeError, TypeError)
+"""What JAX raises of a program that cannot be exported, or of a file that is none of its."""
+
+
+class _Kept:
+    """Where programs are kept; nowhere until `keep_in`."""
+
+    folder: Path | None = None
+
+
+def keep_in(folder: Path | None) -> None:
+    """Keep traced programs in a folder, shared by all runs; None for no longer."""
+    _Kept.folder = folder
+
+
+class Program:
+    """`jax.jit(function)`, its traces kept.
+
+    function: of pure arrays and of trees of these; name: what it is called; made_of: all else that it depends on,
+    of which the text says all, such as a layout. Its own code is the package's; where a user has added a plug-in,
+    of which a name says too little, nothing is kept.
+    """
+
+    def __init__(self, function: Callable[..., Any], name: str, *made_of: object) -> None:
+        self.name, self.made_of = name, made_of
+        self._function = function
+        self._traced = jax.jit(function)
+        self._loaded: dict[Any, Callable[..., Any]] = {}
+
+    def __call__(self, *args: Any) -> Any:
+        leaves, tree = jax.tree.flatten(args)
+        if _Kept.folder is None or extended() or any(isinstance(leaf, Tracer) for leaf in leaves):
+            return self._traced(*args)
+        leaves = [leaf if hasattr(leaf, "dtype") else np.asarray(leaf) for leaf in leaves]
+        shapes = tuple((leaf.shape, leaf.dtype) for leaf in leaves)
+        if (tree, shapes) not in self._loaded:
+            self._loaded[tree, shapes] = self._load(_Kept.folder, leaves, tree, shapes)
+        return self._loaded[tree, shapes](*leaves)
+
+    def _load(self, folder: Path, leaves: list[Any], tree: Any, shapes: object) -> Callable[..., Any]:
+        """The program for arguments of these shapes: from its file, or traced and written."""
+
+        def flat(*values: Any) -> Any:
+            return self._function(*jax.tree.unflatten(tree, values))
+
+        text = repr((self.name, self.made_of, str(tree), shapes))
+        path = folder / f"{hashlib.sha256((_here() + text).encode()).hexdigest()[:32]}.jax"
+        try:
+            return jax.jit(export.deserialize(bytearray(path.read_bytes())).call)
+        except (OSError, *_FAILURES):
+            pass
+        try:
+            traced = export.export(jax.jit(flat))(*leaves)
+            _write(path, bytes(traced.serialize()))
+        except (OSError, *_FAILURES):
+            return jax.jit(flat)
+        return jax.jit(traced.call)
+
+
+@cache
+def _here() -> str:
+    """All that programs depend on beside their name: the package's code and JAX."""
+    package = Path(__file__).parent
+    found = hashlib.sha256(f"{version('jax')} {version('jaxlib')}".encode())
+    for path in sorted(package.rglob("*.py")):
+        found.update(path.relative_to(package).as_posix().encode() + path.read_bytes())
+    return found.hexdigest()
+
+
+def _write(path: Path, content: bytes) -> None:
+    """In one step: other processes read the folder."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    partial = path.with_name(f".{uuid.uuid4().hex}.tmp")
+    partial.write_bytes(content)
+    os.replace(partial, path)
