@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import os
+import threading
 from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, as_completed
 from dataclasses import dataclass
 from functools import partial
+from importlib import import_module
 from pathlib import Path
 
 from rich.console import Console
@@ -92,6 +94,9 @@ def run_study(
                 progress.update(bar, completed=len(finished), description=done[-1] if done else study.name)
 
             with pool_of(workers, scheduler) as pool:
+                if pool is not None:
+                    pool.submit(_prepare)
+                    threading.Thread(target=_prepare, daemon=True).start()
                 for stage in _stages(study, store):
                     _run_jobs(study, store, stage, pool, advance)
                 progress.update(bar, description="report", completed=len(names))
@@ -266,8 +271,13 @@ def _run_jobs(
         raise
 
 
+def _prepare() -> None:
+    """Import what draws the report, while the first record leaves processes idle."""
+    import_module("bayesdamp.report")
+
+
 def _render(out: Path, pool: Executor | None) -> None:
-    from bayesdamp.report import render  # matplotlib, which no other process of the run needs
+    from bayesdamp.report import render
 
     render(out, pool)
 
