@@ -96,7 +96,8 @@ class HalfNormal(_Prior):
         return scale * abs(z)
 
     def score(self, x: ArrayLike) -> np.ndarray:
-        return np.asarray(np.abs(x) / self.scale)
+        with np.errstate(divide="ignore", invalid="ignore"):  # a coefficient that is absent has a scale of 0
+            return np.asarray(np.abs(x) / self.scale)
 
     def log_density(self, x: ArrayLike) -> np.ndarray:
         x = np.asarray(x, float)

@@ -60,7 +60,7 @@ class Fit:
     normal's). line_p: chance of the part of their spectrum that stands out most; form_p: that
     of the force, of those that no candidate has, which they want most. window_spread: largest shift of a
     damping coefficient between a window and the whole record, in the sds that the shift has by chance; window_p: the
-    chance of one as large.
+    chance of one as large. unseen: other forms of damping that the record would not show.
     """
 
     fit: np.ndarray
@@ -78,6 +78,7 @@ class Fit:
     windows: tuple[Window, ...]
     window_spread: float
     window_p: float
+    unseen: tuple[str, ...]
     verdict: str
 
 
@@ -194,6 +195,7 @@ def check_fit(target: Target, mode: Mode, period: float, seed: int) -> Fit:
         windows=windows,
         window_spread=spread,
         window_p=window_p,
+        unseen=form.unseen,
         verdict=_verdict(target.layout.noise, p, line, form, window_p, p_tails < P_LIMIT and tails > HEAVY),
     )
 

@@ -41,6 +41,13 @@ def log_density(target: Target, r: np.ndarray, z: np.ndarray) -> float:
     return found if np.isfinite(found) else -np.inf
 
 
+def information(target: Target, change: np.ndarray, z: np.ndarray) -> float:
+    """The noise's Fisher information about a shift of the record by `change`, (n,), at scores z, (d,): a shift by it
+    is worth half as many nats."""
+    root = _information_root(target.noise)(change, np.diff(target.signal.t), _noise_values(target, z))
+    return float(np.sum(np.square(root)))
+
+
 def _noise_values(target: Target, z: np.ndarray) -> Mapping[str, np.ndarray]:
     noise = NOISES.get(target.noise)
     wanted = (*noise.parameters, *noise.constants)
@@ -53,6 +60,11 @@ def _whitening(name: str):
     """Compiled, of a noise model: whitened residuals, and those of many; no solver is in them."""
     noise = NOISES.get(name)
     return jax.jit(noise.whiten), jax.jit(jax.vmap(noise.whiten, in_axes=(0, None, 0)))
+
+
+@lru_cache(maxsize=16)
+def _information_root(name: str):
+    return jax.jit(NOISES.get(name).information_root)
 
 
 @lru_cache(maxsize=16)

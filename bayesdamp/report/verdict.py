@@ -23,12 +23,13 @@ class Verdict:
     """The first sentence to read.
 
     misfit: whether it warns that no candidate or not the most probable one fits; open: whether it says that the record,
-    or the priors' width, leaves the answer open.
+    or the priors' width, leaves the answer open; unseen: other forms of damping that it says the record cannot show.
     """
 
     misfit: bool
     sentence: str
     open: bool = False
+    unseen: tuple[str, ...] = ()
 
 
 def verdict(run: Run, signal: str, repeat: int) -> Verdict:
@@ -87,7 +88,14 @@ def _decided(run: Run, signal: str, repeat: int, found: Ranking) -> Verdict:
             f"{words.probability(lowest.probability)} under priors {words.number(lowest.factor, 2)} times as wide."
         )
         return Verdict(False, sentence, open=True)
-    return Verdict(False, f"damping is {name}, with probability {share} among {len(found.rows)} candidates.")
+    sentence = f"damping is {name}, with probability {share} among {len(found.rows)} candidates."
+    cell = run.cell("mode", signal, repeat, best["model"])
+    unseen = tuple(cell.meta.get("unseen") or ()) if cell else ()
+    if unseen:
+        sentence = (
+            f"this record cannot show whether {words.listing(unseen, 'or')}; of what is compared, {sentence}"
+        )
+    return Verdict(False, sentence, unseen=unseen)
 
 
 def _why(run: Run, signal: str, repeat: int) -> str:

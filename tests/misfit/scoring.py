@@ -7,7 +7,7 @@ import re
 import tempfile
 import time
 from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -26,7 +26,7 @@ from tests.misfit.cases import Case
 
 COLUMNS = (
     "case", "kind", "truth", "noise_pct", "best", "probability", "damping", "damping_probability", "noise",
-    "true_probability", "relation", "warned", "wrong", "nats_hidden", "rms_pct", "fit", "seconds", "sentence",
+    "true_probability", "relation", "warned", "unseen", "wrong", "nats_hidden", "rms_pct", "fit", "seconds", "sentence",
 )  # fmt: skip
 UNREAD = re.compile(r"curve/|sensitivity/.*/(half|savage_dickey)$")
 """Cells that no verdict reads."""
@@ -83,7 +83,8 @@ def _read(case: Case, run: Run) -> dict[str, object]:
         "noise": run.about("record").get("noise", ""),
         "true_probability": f"{shares[case.damping]:.4f}" if case.damping in shares else "",
         "relation": relation(damping, case.damping),
-        "warned": "misfit" if said.misfit else "open" if said.open else "no",
+        "warned": "misfit" if said.misfit else "open" if said.open else "unseen" if said.unseen else "no",
+        "unseen": "; ".join(said.unseen),
         "wrong": int(damping != case.damping and share > LIMIT),
         "nats_hidden": f"{hidden(case, run, best):.1f}",
         "rms_pct": f"{100 * fit.get('rms', np.nan) / case.amplitude:.3g}",
@@ -114,6 +115,27 @@ def hidden(case: Case, run: Run, best: str) -> float:
     fit = cell.arrays["fit"]
     away = fit - case.clean[start : start + fit.size]
     return float(0.5 * np.sum((away / (case.noise * case.amplitude)) ** 2))
+
+
+FORMS = {
+    "stiction": "friction is larger near rest",
+    "cubic": "damping grows faster than with the square of the velocity",
+    "root": "damping grows more slowly than with the velocity",
+    "damping_changes": "damping changes with time",
+}
+"""What a kind of case truly is, as a verdict names it where the record cannot show it."""
+
+
+def names_the_truth(row: Mapping[str, str]) -> bool:
+    """Whether a verdict says of the very form that the record has that it would not show."""
+    return row["warned"] == "unseen" and FORMS.get(row["kind"], "none") in row["unseen"].split("; ")
+
+
+def unwarned(row: Mapping[str, str]) -> bool:
+    """Whether a wrong law has a probability above the limit, and neither a misfit nor that it is left open was said,
+    nor that the record cannot show what it truly has."""
+    silent = row["warned"] in ("no", "unseen") and not names_the_truth(row)
+    return silent and row["wrong"] == "1"
 
 
 def read_rows(table: Path) -> list[dict[str, str]]:

@@ -7,15 +7,17 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from tests.misfit.cases import INSIDE, OUTSIDE
-from tests.misfit.scoring import LIMIT, read_rows
+from tests.misfit.scoring import LIMIT, names_the_truth, read_rows, unwarned
 
 HEADS = (
     "kind",
     "cases",
     "misfit or refused",
     "left open",
+    "unseen forms named",
     f"wrong above {LIMIT:g}",
-    "of these unwarned",
+    "the truth named as unseen",
+    "unwarned",
     "nats hidden there",
 )
 
@@ -29,13 +31,13 @@ def counts(rows: Sequence[dict[str, str]]) -> str:
             (f"**{title}**", part)
         ]:
             wrong = [r for r in found if r["wrong"] == "1"]
-            silent = [r for r in wrong if r["warned"] == "no"]
+            named = sum(names_the_truth(r) for r in wrong)
+            silent = [r for r in wrong if unwarned(r)]
             hidden = ", ".join(f"{float(r['nats_hidden']):.0f} ({r['relation']})" for r in silent)
-            warned = sum(r["warned"] not in ("no", "open") for r in found)
-            left_open = sum(r["warned"] == "open" for r in found)
-            lines.append(
-                f"| {name} | {len(found)} | {warned} | {left_open} | {len(wrong)} | {len(silent)} | {hidden} |"
-            )
+            warned = sum(r["warned"] not in ("no", "open", "unseen") for r in found)
+            left_open, said = (sum(r["warned"] == w for r in found) for w in ("open", "unseen"))
+            numbers = (len(found), warned, left_open, said, len(wrong), named, len(silent))
+            lines.append(f"| {name} | {' | '.join(map(str, numbers))} | {hidden} |")
     return "\n".join(lines)
 
 
