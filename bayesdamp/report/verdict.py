@@ -15,6 +15,8 @@ TIE = 0.05
 """Probability from which another candidate is named beside the first."""
 HOLDS = 0.8
 """Probability that a candidate which is named without reservation keeps, whatever the width of the priors."""
+FEW = 2
+"""Forms of damping that a sentence lists."""
 MISFIT = "does not fit"
 
 
@@ -92,10 +94,14 @@ def _decided(run: Run, signal: str, repeat: int, found: Ranking) -> Verdict:
     cell = run.cell("mode", signal, repeat, best["model"])
     unseen = tuple(cell.meta.get("unseen") or ()) if cell else ()
     if unseen:
-        sentence = (
-            f"this record cannot show whether {words.listing(unseen, 'or')}; of what is compared, {sentence}"
-        )
+        sentence = f"this record {_blind(unseen)}; of what is compared, {sentence}"
     return Verdict(False, sentence, unseen=unseen)
+
+
+def _blind(unseen: tuple[str, ...]) -> str:
+    if len(unseen) > FEW:
+        return "would show hardly any other form of damping"
+    return f"cannot show whether {words.listing(unseen, 'or')}"
 
 
 def _why(run: Run, signal: str, repeat: int) -> str:
