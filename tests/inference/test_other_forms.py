@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
@@ -12,7 +13,7 @@ from scipy.stats import kstest
 from bayesdamp.inference.checks import check_fit, tangents
 from bayesdamp.inference.lines import orthonormal
 from bayesdamp.inference.mode import Mode, find_mode
-from bayesdamp.inference.other_forms import FORMS, Other, other_form, responses
+from bayesdamp.inference.other_forms import FORMS, SEEN, SIZE, Other, other_form, responses
 from bayesdamp.inference.residuals import residual, whitened
 from bayesdamp.inference.target import Target
 from bayesdamp.physics.integrate import MeshPlan, make_plan
@@ -145,3 +146,19 @@ def test_the_verdict_names_the_form() -> None:
     assert said[0].verdict.startswith("does not fit")
     assert said[1].form_p > 0.05
     assert said[1].verdict == "fits"
+
+
+@pytest.mark.parametrize("form", [i for i, f in enumerate(FORMS) if f.damps])
+def test_what_a_record_cannot_show(form: int) -> None:
+    """Against what SciPy's record of such a force leaves of a viscous fit to it, per half the largest damping force:
+    noise a tenth smaller than that which hides so much shows it, and a tenth larger does not."""
+    largest = 2 * ZETA * V
+    small = 0.02 * largest
+    left = residual(fitted(form, small)[0], fitted(form, small)[1].context.plan, fitted(form, small)[1].z)
+    hides = np.sqrt(0.5 * np.sum((left * SIZE * largest / small) ** 2) / SEEN)
+    made, mode = fitted(0, 0.0)
+    absorbed = orthonormal(tangents(made, mode).T)
+    for noise, unseen in ((0.9 * hides, False), (1.1 * hides, True)):
+        under = replace(made, known={**made.known, "noise_sd": noise})
+        found = other_form(under, mode, np.zeros_like(TIMES), absorbed, lambda change, sd=noise: change / sd)
+        assert (FORMS[form].words in found.unseen) == unseen

@@ -12,7 +12,7 @@ import pytest
 
 from tests.misfit.cases import INSIDE, drawn
 from tests.misfit.run import LAWS
-from tests.misfit.scoring import LIMIT, read_rows, score
+from tests.misfit.scoring import names_the_truth, read_rows, score, unwarned
 
 TABLE = Path(__file__).resolve().parents[2] / "reports" / "misfit" / "scored.csv"
 SEEN = 20.0
@@ -25,30 +25,28 @@ def rows() -> list[dict[str, str]]:
     return read_rows(TABLE)
 
 
-def unwarned(row: dict[str, str]) -> bool:
-    """Whether a wrong law has a probability above the limit and nothing was said."""
-    return row["warned"] == "no" and row["wrong"] == "1" and float(row["damping_probability"]) > LIMIT
+def test_no_law_that_is_seen_to_be_wrong_goes_without_a_misfit() -> None:
+    """Where that much is hidden, that the record cannot show it is no excuse."""
+    silent = [r for r in rows() if r["warned"] in ("no", "unseen") and r["wrong"] == "1"]
+    assert not [r["case"] for r in silent if float(r["nats_hidden"]) > SEEN]
 
 
-def test_no_law_that_is_seen_to_be_wrong_goes_unwarned() -> None:
-    assert rows()
-    assert not [r["case"] for r in rows() if unwarned(r) and float(r["nats_hidden"]) > SEEN]
-
-
-@pytest.mark.xfail(
-    strict=True,
-    reason="fewer than 200 cases so far; of those outside the family some are within the noise of it",
-)
-def test_no_wrong_law_at_all_goes_unwarned() -> None:
-    """The bar itself, over 200 cases."""
+def test_no_wrong_law_outside_the_family_goes_unwarned() -> None:
+    """The bar, over 200 cases: a misfit, that the record does not decide, or that it cannot show what is true."""
     assert len(rows()) >= 200
-    assert not [r["case"] for r in rows() if unwarned(r)]
+    outside = [r for r in rows() if r["kind"] not in INSIDE]
+    assert not [r["case"] for r in outside if unwarned(r)]
+    # The control: without the third, some would.
+    assert [r["case"] for r in outside if names_the_truth(r)]
 
 
-def test_no_wrong_law_of_the_family_goes_unwarned() -> None:
-    """Neither another law nor one that misses a term; a reservation about the priors' width is a warning."""
-    assert sum(r["kind"] in INSIDE for r in rows()) >= 40
-    assert not [r["case"] for r in rows() if r["kind"] in INSIDE and unwarned(r)]
+def test_sums_of_the_family_are_wrong_as_often_as_their_probabilities_say() -> None:
+    """Among records of the family a wrong sum above the limit is what a probability below one promises: no more, but
+    for three sds, than the shares that were given away (a false alarm in a thousand)."""
+    named = [r for r in rows() if r["kind"] in INSIDE and r["warned"] in ("no", "unseen")]
+    given = [1.0 - float(r["damping_probability"]) for r in named]
+    wrong = sum(r["relation"] != "right" for r in named)
+    assert wrong <= max(1.0, sum(given) + 3 * sum(q * (1 - q) for q in given) ** 0.5)
 
 
 def test_good_records_are_hardly_ever_warned_of() -> None:

@@ -17,6 +17,7 @@ def run(
     checks: dict[str, str],
     odd: tuple[str, ...] = (),
     widths: dict[str, list[float]] | None = None,
+    unseen: tuple[str, ...] = (),
 ) -> SimpleNamespace:
     common = {"signal": "a", "repeat": 0, "restoring": "linear", "method": "importance", "outcome": "ok"}
     evidence = [
@@ -28,7 +29,7 @@ def run(
         cell=lambda *parts: (
             width(parts[3], widths or {})
             if parts[0] == "sensitivity"
-            else SimpleNamespace(meta={"anomalies": odd})
+            else SimpleNamespace(meta={"anomalies": odd, "unseen": unseen})
         ),
     )
 
@@ -99,3 +100,23 @@ def test_where_nothing_was_weighed_the_first_reason_is_given() -> None:
     del cells["coulomb"]
     empty.info = {"models": ["viscous"]}
     assert verdict(empty, "a", 0).sentence.endswith("can be named.")  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("unseen", "first"),
+    [
+        ((), "damping is viscous, with"),
+        (("a",), "this record cannot show whether a; of what is compared, damping is viscous, with"),
+        (("a", "b"), "this record cannot show whether a or b; "),
+        (("a", "b", "c"), "this record would show hardly any other form of damping; of what is compared, damping is"),
+    ],
+)  # fmt: skip
+def test_what_the_record_cannot_show_is_said_first(unseen: tuple[str, ...], first: str) -> None:
+    shares, fine = {"viscous": 0.99, "coulomb": 0.01}, {"viscous": FITS, "coulomb": LEFT}
+    found = verdict(run(shares, fine, unseen=unseen), "a", 0)  # type: ignore[arg-type]
+    assert found.sentence.startswith(first)
+    assert found.unseen == unseen
+    assert not found.misfit
+    assert not found.open
+    left = verdict(run({"viscous": 0.6, "coulomb": 0.4}, fine, unseen=unseen), "a", 0)  # type: ignore[arg-type]
+    assert left.sentence.startswith("the record does not decide")
