@@ -22,8 +22,9 @@ from jax.core import Tracer
 
 from bayesdamp.plugins import extended
 
-_FAILURES = (ValueError, NotImplementedError, RuntimeError, TypeError)
-"""What JAX raises of a program that cannot be exported, or of a file that is none of its."""
+_FAILURES = (OSError, ValueError, NotImplementedError, RuntimeError, TypeError)
+"""What comes of a program that cannot be exported, or of a folder that cannot be written."""
+_MARK = hashlib.sha256().digest_size
 
 
 class _Kept:
@@ -69,14 +70,13 @@ class Program:
 
         text = repr((self.name, self.made_of, str(tree), shapes))
         path = folder / f"{hashlib.sha256((_here() + text).encode()).hexdigest()[:32]}.jax"
-        try:
-            return jax.jit(export.deserialize(bytearray(path.read_bytes())).call)
-        except (OSError, *_FAILURES):
-            pass
+        content = _read(path)
+        if content is not None:
+            return jax.jit(export.deserialize(bytearray(content)).call)
         try:
             traced = export.export(jax.jit(flat))(*leaves)
             _write(path, bytes(traced.serialize()))
-        except (OSError, *_FAILURES):
+        except _FAILURES:
             return jax.jit(flat)
         return jax.jit(traced.call)
 
@@ -91,9 +91,19 @@ def _here() -> str:
     return found.hexdigest()
 
 
+def _read(path: Path) -> bytes | None:
+    """What `_write` wrote; None where there is no such file, or it is not whole."""
+    try:
+        found = path.read_bytes()
+    except OSError:
+        return None
+    mark, content = found[:_MARK], found[_MARK:]
+    return content if hashlib.sha256(content).digest() == mark else None
+
+
 def _write(path: Path, content: bytes) -> None:
-    """In one step: other processes read the folder."""
+    """In one step, as other processes read the folder, and with a digest in front."""
     path.parent.mkdir(parents=True, exist_ok=True)
     partial = path.with_name(f".{uuid.uuid4().hex}.tmp")
-    partial.write_bytes(content)
+    partial.write_bytes(hashlib.sha256(content).digest() + content)
     os.replace(partial, path)

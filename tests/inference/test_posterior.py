@@ -153,6 +153,6 @@ def test_saved_draws_read_back(tmp_path):
     """As ArviZ reads them."""
     found = problems.posterior("viscous_coulomb", "nuts")
     diagnostics.save(found, tmp_path / "draws.nc")
-    data = diagnostics.az.from_netcdf(str(tmp_path / "draws.nc"))
+    data = diagnostics._arviz().from_netcdf(str(tmp_path / "draws.nc"))
     np.testing.assert_array_equal(data.posterior["zeta"].values, found.draws[..., 0])
     assert "diverging" in data.sample_stats
