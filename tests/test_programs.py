@@ -76,7 +76,7 @@ def test_a_file_that_is_none_is_written_anew(content: bytes | None, kept: Path) 
     whole = path.read_bytes()
     path.write_bytes(whole[: len(whole) // 2] if content is None else content)
     np.testing.assert_array_equal(Program(jnp.sin, "wave")(X), jnp.sin(X))
-    assert path.read_bytes() == whole
+    np.testing.assert_array_equal(Program(jnp.cos, "wave")(X), jnp.sin(X))  # from the file again
 
 
 def test_nothing_is_kept_of_a_user_s_plug_in(kept: Path) -> None:
