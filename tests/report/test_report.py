@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
 
@@ -14,7 +15,7 @@ from bayesdamp.report import render
 from bayesdamp.report.reading import coefficients, models_by_rank, ranking
 from bayesdamp.report.run import Run
 from bayesdamp.report.sections import SECTIONS, Section, in_order
-from bayesdamp.store import CellResult, write_json
+from bayesdamp.store import CellResult, Store, write_json
 from bayesdamp.types import InputError
 
 
@@ -323,3 +324,14 @@ def test_what_methods_found_besides(maker):
     figures = {p.name for p in (folder / "figures").iterdir()}
     assert any(name.startswith("force-neural_ode-sim") for name in figures)
     assert any(name.startswith("eigenvalues-koopman-sim") for name in figures)
+
+
+def test_the_summary_lists_what_would_not_be_seen(maker_of) -> None:
+    folder = maker_of(signals=("sim",), repeats={"sim": 1}, models=("viscous", "coulomb")).make()
+    assert "would not be seen" not in Page(render(folder).read_text()).words
+    store = Store(folder)
+    cell = store.read("mode/sim/0/viscous")
+    store.write(replace(cell, meta={**cell.meta, "unseen": ["it is a", "it is b", "it is c"]}))
+    words = Page(render(folder).read_text()).words
+    assert "This record would show hardly any other form of damping; of what is compared, damping is" in words
+    assert "it would not be seen if it is a, it is b or it is c, by half the largest damping force." in words

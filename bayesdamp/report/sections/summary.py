@@ -57,6 +57,11 @@ def _card(run: Run, signal: str, repeat: int) -> dict[str, Any]:
         claim = said.sentence[:1].upper() + said.sentence[1:]
         if len(found.rows) > 1:
             _weigh(run, found, believe, doubt)
+            if said.unseen:
+                doubt.append(
+                    f"that there is nothing else: it would not be seen if {words.listing(said.unseen, 'or')}, by half "
+                    "the largest damping force."
+                )
         else:
             if not said.misfit:
                 claim = f"Damping is {label(found.best)}: the only model that was studied."
