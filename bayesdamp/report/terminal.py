@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from rich.console import Console
-from rich.table import Table
+from rich.table import Column, Table
 from rich.text import Text
 
 from bayesdamp.report import words
@@ -38,7 +38,8 @@ def _candidates(run: Run, signal: str, repeat: int) -> Table | None:
     found = ranking(run, signal, repeat)
     if found is None:
         return None
-    table = Table("damping", "restoring", "probability", "parameters ± sd", "fit")
+    sizes = Column("parameters ± sd", min_width=26)
+    table = Table("damping", "restoring", "probability", sizes, "fit")
     weighed = [row for row in found.rows if not row["outcome"].startswith(ASIDE)]
     for row in weighed[:SHOWN]:
         damping, law = candidate_parts(row["model"])
@@ -48,7 +49,7 @@ def _candidates(run: Run, signal: str, repeat: int) -> Table | None:
             words.law(law or row["restoring"]),
             words.probability(row["probability"]),
             _sizes(run, signal, repeat, row["model"]),
-            fit[0]["verdict"] if fit else words.NONE,
+            fit[0]["verdict"].partition(":")[0] if fit else words.NONE,  # the reason is in the sentence
         )
     left = len(found.rows) - len(weighed[:SHOWN])
     if left:
