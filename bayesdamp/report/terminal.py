@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from rich.console import Console
-from rich.table import Column, Table
+from rich.table import Table
 from rich.text import Text
 
 from bayesdamp.report import words
@@ -38,15 +38,16 @@ def _candidates(run: Run, signal: str, repeat: int) -> Table | None:
     found = ranking(run, signal, repeat)
     if found is None:
         return None
-    sizes = Column("parameters ± sd", min_width=26)
-    table = Table("damping", "restoring", "probability", sizes, "fit")
+    one_law = len({row["restoring"] for row in found.rows}) == 1
+    laws = [] if one_law else ["restoring"]
+    table = Table("damping", *laws, "probability", "parameters ± sd", "fit")
     weighed = [row for row in found.rows if not row["outcome"].startswith(ASIDE)]
     for row in weighed[:SHOWN]:
         damping, law = candidate_parts(row["model"])
         fit = rows_of(run.fits, signal=signal, repeat=repeat, model=row["model"])
         table.add_row(
             words.model(damping),
-            words.law(law or row["restoring"]),
+            *([] if one_law else [words.law(law or row["restoring"])]),
             words.probability(row["probability"]),
             _sizes(run, signal, repeat, row["model"]),
             fit[0]["verdict"].partition(":")[0] if fit else words.NONE,  # the reason is in the sentence
