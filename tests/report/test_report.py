@@ -335,3 +335,17 @@ def test_the_summary_lists_what_would_not_be_seen(maker_of) -> None:
     words = Page(render(folder).read_text()).words
     assert "This record would show hardly any other form of damping; of what is compared, damping is" in words
     assert "it would not be seen if it is a, it is b or it is c, by half the largest damping force." in words
+
+
+def test_candidates_set_aside_are_no_doubt(maker_of) -> None:
+    """They are counted among what to believe; another outcome is a doubt."""
+    folder = maker_of(signals=("sim",), repeats={"sim": 1}, models=("viscous", "coulomb", "quadratic")).make()
+    table = (folder / "evidence.csv").read_text()
+    for outcome, believed in (("set aside: far behind", True), ("refused: no mode", False)):
+        rows = [
+            re.sub(r",ok$", f",{outcome}", row) if ",coulomb," in row else row for row in table.splitlines()
+        ]
+        (folder / "evidence.csv").write_text("\n".join(rows) + "\n")
+        words = Page(render(folder).read_text()).words
+        assert ("that 1 candidate had not to be weighed further" in words) == believed
+        assert ("that Coulomb was weighed by" in words) != believed

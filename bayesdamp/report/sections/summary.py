@@ -7,7 +7,7 @@ from typing import Any
 
 from bayesdamp.report import words
 from bayesdamp.report.html import Line, Table, fill, folded
-from bayesdamp.report.reading import coefficients, label, models_by_rank, ranking, summary_rows, truth
+from bayesdamp.report.reading import ASIDE, coefficients, label, models_by_rank, ranking, summary_rows, truth
 from bayesdamp.report.run import Run, rows_of
 from bayesdamp.report.sections._section import Section
 from bayesdamp.report.style import colour
@@ -42,6 +42,8 @@ def _by_sentence(run: Run) -> list[tuple[str, list[str]]]:
     """The sentences that cells ended with, each with the names of its cells."""
     found: dict[str, list[str]] = {}
     for cell in run.not_ok():
+        if cell.outcome.startswith(ASIDE):  # no fault: the evidence section has them
+            continue
         found.setdefault(cell.outcome, []).append(cell.name)
     return list(found.items())
 
@@ -112,9 +114,15 @@ def _weigh(run: Run, found, believe: list[str], doubt: list[str]) -> None:
     for row in found.rows[:2]:
         if "poor" in row["diagnostic"]:
             doubt.append(f"the evidence of {label(row)} to the last digit: {row['diagnostic']}.")
+    left = sum(row["outcome"].startswith(ASIDE) for row in found.rows)
+    if left:
+        believe.append(
+            f"that {left} candidate{'s' if left > 1 else ''} had not to be weighed further: too far behind by Laplace's "
+            "evidence."
+        )
     for row in rows_of(run.evidence, signal=found.best["signal"], repeat=found.best["repeat"]):
         counts = found.method != "combined" or row["method"] == "combined"
-        if row["outcome"] != OK and counts:
+        if row["outcome"] != OK and not row["outcome"].startswith(ASIDE) and counts:
             doubt.append(f"that {label(row)} was weighed by {words.method(row['method'])}: {row['outcome']}")
 
 
