@@ -173,7 +173,8 @@ def find_mode(target: Target, seeds: Mapping[str, Mapping[str, float]], *, noise
                 best = (value, z)
     if best is None and displaced:
         raise Refusal(
-            "noise takes the motion's place: the likeliest trajectory is farther from the record than its mean is"
+            "set aside: noise takes the motion's place: the likeliest trajectory is farther from the record than its "
+            "mean is"
         )
     if best is None:
         raise Refusal("no seed leads to a trajectory with a finite likelihood")
