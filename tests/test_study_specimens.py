@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from pathlib import Path
 
 import pytest
@@ -10,7 +11,7 @@ from bayesdamp.config import load_study
 from bayesdamp.report.run import Run
 from bayesdamp.report.specimens import sentences
 from bayesdamp.store import Store, read_table
-from bayesdamp.study import run_study
+from bayesdamp.study import joining, run_study
 from tests.test_specimens import write
 
 pytestmark = pytest.mark.slow
@@ -78,7 +79,28 @@ def test_the_report_and_the_terminal_say_it(run):
 
 def test_cells_are_done_once(run, tmp_path, monkeypatch):
     names = Store(run).names()
-    monkeypatch.setattr("bayesdamp.study.run.render", lambda folder: None)
+    monkeypatch.setattr("bayesdamp.study.run._render", lambda folder, pool: None)
     before = {n: Store(run).read(n).seconds for n in names}
     assert run_study(load_study(write(tmp_path)), run, workers=1) == 0
     assert {n: Store(run).read(n).seconds for n in names} == before
+
+
+def test_a_joint_fit_that_was_cut_off_goes_on(run, tmp_path, monkeypatch):
+    """Killed after the last candidate was weighed: none is weighed again, and the end is the same."""
+    folder = tmp_path / "cut"
+    shutil.copytree(run, folder)
+    (path,) = (folder / "cells" / "joint").glob("a.*")
+    whole = Store(run).read("joint/a")
+    path.unlink()
+    monkeypatch.setattr("bayesdamp.study.run._render", lambda folder, pool: None)
+    weighed = []
+    real = joining.weigh
+    monkeypatch.setattr(joining, "weigh", lambda mode, seed: weighed.append(seed) or real(mode, seed))
+    assert run_study(load_study(write(tmp_path)), folder, workers=1) == 0
+    assert weighed == []
+    assert repr(Store(folder).read("joint/a").meta) == repr(whole.meta)
+    # The control: without what was kept, it is weighed.
+    shutil.rmtree(folder / "cells" / "weighed")
+    path.unlink()
+    assert run_study(load_study(write(tmp_path)), folder, workers=1) == 0
+    assert weighed != []

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Mapping
+from dataclasses import fields
 from typing import Any
 
 import numpy as np
@@ -19,7 +20,7 @@ from bayesdamp.inference.joint import JointMode
 from bayesdamp.inference.joint_evidence import Weighed, weigh
 from bayesdamp.store import CellResult
 from bayesdamp.study.agreement import agreement
-from bayesdamp.study.records import plain_seconds
+from bayesdamp.study.records import digest, plain_seconds
 from bayesdamp.study.specimens import (
     BOTH,
     DAMPING,
@@ -31,27 +32,27 @@ from bayesdamp.study.specimens import (
     weighed_meta,
 )
 from bayesdamp.study.staging import ASIDE, LAW_MARGIN, looked
-from bayesdamp.types import Refusal
+from bayesdamp.types import OK, Refusal
 
 
 def join(specimen: Specimen, name: str, key: str) -> None:
     """Store the joint fit (`joint/rig`), or why there is none."""
     began = time.perf_counter()
     try:
-        meta, arrays = _joined(specimen)
+        meta, arrays = _joined(specimen, key)
     except Refusal as refusal:
         specimen.store.write(CellResult(name, key, outcome=str(refusal), seconds=plain_seconds(began)))
         return
     specimen.store.write(CellResult(name, key, meta, arrays, meta["said"]["outcome"], plain_seconds(began)))
 
 
-def _joined(specimen: Specimen) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
+def _joined(specimen: Specimen, key: str) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
     problems, aside = _problems(specimen)
     looks, sharing = _looks(specimen, problems, aside)
     arrays: dict[str, np.ndarray] = {}
     rows: dict[str, dict[str, Any]] = {c: {"outcome": why} for c, why in aside.items()}
     for candidate, mode in looks.items():
-        found = weigh(mode, specimen.seed(candidate))
+        found = _weighed(specimen, candidate, mode, key)
         rows[candidate] = _row(specimen, candidate, mode, found)
         arrays |= draws_of(candidate, mode, found)
     logs = {c: rows[c]["log_evidence"] for c in looks}
@@ -71,6 +72,22 @@ def _joined(specimen: Specimen) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
         **agreement(specimen, best, problems[best], sharing, rows[best]),
     }
     return meta, arrays
+
+
+def _weighed(specimen: Specimen, candidate: str, mode: JointMode, key: str) -> Weighed:
+    """A candidate's evidence; what a run that was cut off had of it is taken from the store (`weighed/rig/viscous`)."""
+    name, seed = f"weighed/{specimen.name}/{candidate}", specimen.seed(candidate)
+    own = digest("weighed", key, mode.joint.shared, seed)
+    if specimen.store.has(name, own):
+        cell = specimen.store.read(name)
+        parts: dict[str, Any] = {**cell.meta, **cell.arrays}
+        return Weighed(**parts)
+    began = time.perf_counter()
+    found = weigh(mode, seed)
+    parts = {f.name: getattr(found, f.name) for f in fields(found)}
+    arrays = {n: parts.pop(n) for n in ("scores", "log_weights")}
+    specimen.store.write(CellResult(name, own, parts, arrays, OK, plain_seconds(began)))
+    return found
 
 
 def _problems(specimen: Specimen) -> tuple[dict[str, Problem], dict[str, str]]:
