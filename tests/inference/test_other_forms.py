@@ -148,6 +148,15 @@ def test_the_verdict_names_the_form() -> None:
     assert said[1].verdict == "fits"
 
 
+@pytest.mark.parametrize(("noise", "all_unseen"), [(1e-5, False), (0.1, True)])
+def test_the_checks_say_what_the_record_cannot_show(noise: float, all_unseen: bool) -> None:
+    made = target(moved(0, 0.0) + noise * np.random.default_rng(14).standard_normal(TIMES.size))
+    made = replace(made, known={**made.known, "noise_sd": noise})
+    mode = find_mode(made, {"truth": TRUTH}, noise_level=noise)
+    unseen = check_fit(made, mode, 2 * np.pi / np.sqrt(K), 0).unseen
+    assert unseen == (tuple(f.words for f in FORMS if f.damps) if all_unseen else ())
+
+
 @pytest.mark.parametrize("form", [i for i, f in enumerate(FORMS) if f.damps])
 def test_what_a_record_cannot_show(form: int) -> None:
     """Against what SciPy's record of such a force leaves of a viscous fit to it, per half the largest damping force:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
@@ -15,6 +16,7 @@ from bayesdamp.report import render
 from bayesdamp.report.reading import coefficients, models_by_rank, ranking
 from bayesdamp.report.run import Run
 from bayesdamp.report.sections import SECTIONS, Section, in_order
+from bayesdamp.report.sections._layout import drawn
 from bayesdamp.store import CellResult, Store, write_json
 from bayesdamp.types import InputError
 
@@ -349,3 +351,23 @@ def test_candidates_set_aside_are_no_doubt(maker_of) -> None:
         words = Page(render(folder).read_text()).words
         assert ("that 1 candidate had not to be weighed further" in words) == believed
         assert ("that Coulomb was weighed by" in words) != believed
+
+
+def test_sections_drawn_elsewhere_are_the_same_report(maker_of) -> None:
+    """In another worker's thread, as in its process: the page and the figures of a report drawn here."""
+    folder = maker_of(signals=("sim",), repeats={"sim": 1}, models=("viscous", "coulomb")).make()
+    here = render(folder).read_text()
+    figures = {path.name for path in (folder / "figures").iterdir()}
+    assert figures
+    with ThreadPoolExecutor(1) as pool:
+        assert render(folder, pool).read_text() == here
+    assert {path.name for path in (folder / "figures").iterdir()} == figures
+
+
+def test_the_likeliest_four_of_few_signals_are_drawn_and_the_best_of_many(maker_of) -> None:
+    few, many = (
+        Run(maker_of(signals=[f"sim{i}" for i in range(n)], repeats={}, models=("viscous",)).make())
+        for n in (4, 5)
+    )
+    assert [drawn(few, place) for place in range(6)] == [True] * 4 + [False] * 2
+    assert [drawn(many, place) for place in range(6)] == [True] + [False] * 5
