@@ -7,7 +7,7 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
-from bayesdamp.inference.checks import Fit, autocorrelation, check_fit, laplace_draws, portmanteau
+from bayesdamp.inference.checks import Fit, autocorrelation, check_fit, kurtosis, laplace_draws, portmanteau
 from bayesdamp.inference.mode import find_mode
 from bayesdamp.inference.target import Target
 from bayesdamp.physics.integrate import simulate
@@ -140,3 +140,11 @@ def test_laplace_draws_have_the_covariance():
     draws = laplace_draws(target, mode, 20_000, 1)
     np.testing.assert_allclose(np.cov(draws.T), np.linalg.inv(mode.information), rtol=0.05)
     assert np.all(draws[:, 0] >= 0)
+
+
+def test_kurtosis_of_known_laws() -> None:
+    """Excess over a normal's: −2 of a coin, −6/5 of a uniform (midpoints of n cells: −6/5 (n² + 1)/(n² − 1))."""
+    n = 200
+    coin, uniform = np.tile([1.0, -1.0], n // 2), (np.arange(n) + 0.5) / n
+    found = kurtosis(np.stack([coin, 3.0 * uniform + 7.0]))
+    np.testing.assert_allclose(found, [-2.0, -1.2 * (n**2 + 1) / (n**2 - 1)], rtol=1e-12)
