@@ -1,6 +1,6 @@
 """Does the verdict warn where no law fits? Over the table that is kept, and anew on a few of its cases.
 
-`python -m tests.misfit.run reports/misfit/scored.csv --seed 2 ...` makes the table; reports/misfit/README.md says what
+`python -m tests.misfit.run reports/misfit/scored.csv --seed 3 ...` makes the table; reports/misfit/README.md says what
 is in it.
 """
 
@@ -57,7 +57,7 @@ def test_good_records_are_hardly_ever_warned_of() -> None:
 
 @pytest.mark.parametrize(("kind", "number"), [("clean", 0), ("two_cycles", 0)])
 def test_the_table_is_what_the_program_says(kind: str, number: int, tmp_path: Path) -> None:
-    case = drawn(kind, number, 2)
+    case = drawn(kind, number, 3)
     kept = next(r for r in rows() if r["case"] == case.name)
     found = score(case, LAWS, tmp_path)
     assert found["best"] == kept["best"]
