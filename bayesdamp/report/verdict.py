@@ -15,7 +15,7 @@ TIE = 0.05
 """Probability from which another candidate is named beside the first."""
 HOLDS = 0.8
 """Probability that a candidate which is named without reservation keeps, whatever the width of the priors."""
-FEW = 2
+FEW = 3
 """Forms of damping that a sentence lists."""
 MISFIT = "does not fit"
 

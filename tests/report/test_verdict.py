@@ -108,7 +108,8 @@ def test_where_nothing_was_weighed_the_first_reason_is_given() -> None:
         ((), "damping is viscous, with"),
         (("a",), "this record cannot show whether a; of what is compared, damping is viscous, with"),
         (("a", "b"), "this record cannot show whether a or b; "),
-        (("a", "b", "c"), "this record would show hardly any other form of damping; of what is compared, damping is"),
+        (("a", "b", "c"), "this record cannot show whether a, b or c; "),
+        (("a", "b", "c", "d"), "this record would show hardly any other form of damping; of what is compared, "),
     ],
 )  # fmt: skip
 def test_what_the_record_cannot_show_is_said_first(unseen: tuple[str, ...], first: str) -> None:
