@@ -336,7 +336,10 @@ def test_the_summary_lists_what_would_not_be_seen(maker_of) -> None:
     store.write(replace(cell, meta={**cell.meta, "unseen": [f"it is {x}" for x in "abcd"]}))
     words = Page(render(folder).read_text()).words
     assert "This record would show hardly any other form of damping; of what is compared, damping is" in words
-    assert "it would not be seen if it is a, it is b, it is c or it is d, by half the largest damping force." in words
+    assert (
+        "it would not be seen if it is a, it is b, it is c or it is d, by half the largest damping force."
+        in words
+    )
 
 
 def test_candidates_set_aside_are_no_doubt(maker_of) -> None:
