@@ -31,8 +31,19 @@ def test_no_law_that_is_seen_to_be_wrong_goes_without_a_misfit() -> None:
     assert not [r["case"] for r in silent if float(r["nats_hidden"]) > SEEN]
 
 
+@pytest.mark.xfail(
+    strict=True,
+    reason="where a few nats are hidden the verdict says what the record could not show, not that nothing fits",
+)
+def test_no_wrong_law_at_all_goes_without_a_misfit() -> None:
+    """The bar itself, over 200 cases: a misfit is said, or that the record does not decide."""
+    assert len(rows()) >= 200
+    assert not [r["case"] for r in rows() if r["warned"] in ("no", "unseen") and r["wrong"] == "1"]
+
+
 def test_no_wrong_law_outside_the_family_goes_unwarned() -> None:
-    """The bar, over 200 cases: a misfit, that the record does not decide, or that it cannot show what is true."""
+    """Less than the bar: that the record cannot show what is true counts as a warning too, though most records of so
+    few samples carry it."""
     assert len(rows()) >= 200
     outside = [r for r in rows() if r["kind"] not in INSIDE]
     assert not [r["case"] for r in outside if unwarned(r)]

@@ -352,7 +352,7 @@ def test_candidates_set_aside_are_no_doubt(maker_of) -> None:
         ]
         (folder / "evidence.csv").write_text("\n".join(rows) + "\n")
         words = Page(render(folder).read_text()).words
-        assert ("that 1 candidate had not to be weighed further" in words) == believed
+        assert ("that 1 more candidate could be set aside unweighed" in words) == believed
         assert ("that Coulomb was weighed by" in words) != believed
 
 

@@ -117,8 +117,7 @@ def _weigh(run: Run, found, believe: list[str], doubt: list[str]) -> None:
     left = sum(row["outcome"].startswith(ASIDE) for row in found.rows)
     if left:
         believe.append(
-            f"that {left} candidate{'s' if left > 1 else ''} had not to be weighed further: far behind by Laplace's "
-            "evidence."
+            f"that {left} more candidate{'s' if left > 1 else ''} could be set aside unweighed; the evidence says why."
         )
     for row in rows_of(run.evidence, signal=found.best["signal"], repeat=found.best["repeat"]):
         counts = found.method != "combined" or row["method"] == "combined"
