@@ -44,6 +44,7 @@ $(READY): pyproject.toml constraints.txt
 	if [ -z "$$python" ]; then echo "Python 3.11 or later is needed; none was found" >&2; exit 1; fi; \
 	$(BIN)/python -m pip --version >/dev/null 2>&1 || "$$python" -m venv $(VENV); \
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e ".[dev]"; \
+	$(BIN)/python -m compileall -q bayesdamp; \
 	touch $@
 
 clean:

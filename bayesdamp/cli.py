@@ -96,7 +96,6 @@ def compare(
     from rich.console import Console
 
     from bayesdamp.config.compare import Asked, comparison
-    from bayesdamp.report.terminal import conclude
     from bayesdamp.signals.columns import choose_columns
 
     asked = []
@@ -114,6 +113,8 @@ def compare(
     from bayesdamp.study import run_study
 
     status = run_study(made, folder, workers=workers, fresh=fresh, console=Console(stderr=True))
+    from bayesdamp.report.terminal import conclude
+
     conclude(folder, Console())
     return status
 

@@ -290,7 +290,7 @@ def test_provenance_says_what_ran(tmp_path):
     found = provenance([tmp_path / "in.txt"])
     abc = "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad"
     assert found["inputs"] == {str(tmp_path / "in.txt"): abc}
-    assert {"numpy", "scipy", "jax", "arviz"} <= set(found["versions"])
+    assert {"numpy", "scipy", "jax", "arviz-stats"} <= set(found["versions"])
     assert found["machine"]["cpus"] >= 1
     assert found["revision"]
     assert set(provenance(packages=["numpy", "no-such-package"])["versions"]) == {"numpy"}

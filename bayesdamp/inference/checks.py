@@ -8,6 +8,7 @@ from functools import lru_cache
 
 import jax
 import numpy as np
+from scipy.fft import next_fast_len
 
 from bayesdamp.inference.lines import Line, orthonormal, standing_out, strongest
 from bayesdamp.inference.mode import Mode, climb
@@ -85,7 +86,7 @@ class Fit:
 def autocorrelation(x: np.ndarray, lags: int) -> np.ndarray:
     """Autocorrelation of x, shape (..., n), at lags 0 to `lags`, shape (..., lags + 1)."""
     x = x - x.mean(axis=-1, keepdims=True)
-    size = 2 ** int(np.ceil(np.log2(2 * x.shape[-1])))
+    size = next_fast_len(x.shape[-1] + lags, real=True)
     power = np.abs(np.fft.rfft(x, size, axis=-1)) ** 2
     raw = np.fft.irfft(power, size, axis=-1)[..., : lags + 1]
     return raw / np.maximum(raw[..., :1], 1e-300)
@@ -120,19 +121,24 @@ def _chances(target: Target, mode: Mode, period: float, seed: int) -> tuple[floa
     """Posterior predictive p of the structure and of the tails of whitened residuals."""
     n, lags = target.signal.t.size, _lags(target, period)
     draws = laplace_draws(target, mode, DRAWS, seed)
-    noise = np.random.default_rng(seed + 1)
-
-    def seen(scores: np.ndarray) -> np.ndarray:
-        return np.stack([portmanteau(scores, lags), kurtosis(scores)])
-
     parts = np.array_split(draws, max(4, DRAWS * n // TOGETHER))
-    plan = mode.context.plan
-    observed = np.concatenate([seen(whitened(target, residuals(target, plan, z), z)) for z in parts], axis=1)
-    replicated = np.stack([seen(noise.standard_normal(n)) for _ in range(DRAWS)], axis=1)
+    scores = (whitened(target, residuals(target, mode.context.plan, z), z) for z in parts)
+    observed = np.concatenate([_statistics(s, lags) for s in scores], axis=1)
     # Not-a-number (a draw that escapes) counts as a misfit.
-    beyond = np.sum(replicated >= np.nan_to_num(observed, nan=np.inf), axis=1)
+    beyond = np.sum(_replicated(n, lags, seed) >= np.nan_to_num(observed, nan=np.inf), axis=1)
     structured, tailed = (1 + beyond) / (DRAWS + 1)
     return float(structured), float(tailed)
+
+
+def _statistics(scores: np.ndarray, lags: int) -> np.ndarray:
+    return np.stack([portmanteau(scores, lags), kurtosis(scores)])
+
+
+@lru_cache(maxsize=4)
+def _replicated(n: int, lags: int, seed: int) -> np.ndarray:
+    """What the statistics are of n scores that are independent; the same for all candidates on a record."""
+    noise = np.random.default_rng(seed + 1)
+    return np.stack([_statistics(noise.standard_normal(n), lags) for _ in range(DRAWS)], axis=1)
 
 
 def tangents(target: Target, mode: Mode) -> np.ndarray:

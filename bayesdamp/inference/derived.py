@@ -30,6 +30,7 @@ import jax
 import numpy as np
 from jax import numpy as jnp
 
+from bayesdamp.physics.damping import TERMS
 from bayesdamp.physics.orbit import Cycle, cycle, rest_position
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.programs import Program
@@ -138,15 +139,17 @@ class NaturalFrequency(Quantity):
         return motions.frequency
 
 
+@lru_cache(maxsize=64)
+def _slope_at_rest(term: str) -> float:
+    """The slope at rest of a damping term's force per unit of its coefficient."""
+    return float(jax.grad(lambda v: TERMS.get(term).shape(v, 1.0))(0.0))
+
+
 class DampingRatio(Quantity):
     name, angular, linear = "damping_ratio", "1", "1"
 
     def of(self, motions: Motions) -> np.ndarray | None:
-        slopes = {
-            t.parameter: float(jax.grad(lambda v, t=t: t.shape(v, 1.0))(0.0))
-            for t in motions.osc.terms
-            if not t.switches
-        }
+        slopes = {t.parameter: _slope_at_rest(t.name) for t in motions.osc.terms if not t.switches}
         if not any(slopes.values()):
             return None
         force = sum(s * np.asarray(motions.values[n], float) for n, s in slopes.items())

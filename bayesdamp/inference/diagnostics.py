@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import importlib
-import warnings
 from collections.abc import Mapping
-from functools import cache
 from pathlib import Path
-from types import ModuleType
+from typing import Any
 
 import numpy as np
 
@@ -17,12 +14,15 @@ RHAT_LIMIT = 1.01
 ESS_LIMIT = 400.0
 
 
-@cache
-def _arviz() -> ModuleType:
-    """ArviZ, which takes a second to import: only where there are draws to judge."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # it announces its next major version at import
-        return importlib.import_module("arviz")
+TAILS = (0.05, 0.95)
+"""Quantiles whose effective sample sizes are the tails'."""
+
+
+def _statistics() -> Any:
+    """ArviZ's statistics of arrays, which take half a second to import: only where there are draws to judge."""
+    from arviz_stats.base.array import array_stats
+
+    return array_stats
 
 
 def summarise(
@@ -38,7 +38,7 @@ def summarise(
     chains = draws if ensembles is None else _grouped(draws, ensembles)
     flat = draws.reshape(-1)
     quantiles = np.quantile(flat, [0.025, 0.25, 0.5, 0.75, 0.975])
-    low, high = _arviz().hdi(flat, hdi_prob=0.95)
+    low, high = _statistics().hdi(flat, prob=0.95)
     return {
         "mean": float(flat.mean()),
         "sd": float(flat.std(ddof=1)),
@@ -49,10 +49,18 @@ def summarise(
         "q97.5": float(quantiles[4]),
         "hdi_low": float(low),
         "hdi_high": float(high),
-        "ess_bulk": float(_arviz().ess(draws, method="bulk")) if effective is None else effective,
-        "ess_tail": float(_arviz().ess(draws, method="tail")) if effective is None else effective,
-        "rhat": float(_arviz().rhat(chains)) if effective is None else float("nan"),
+        "ess_bulk": _bulk(draws) if effective is None else effective,
+        "ess_tail": _tail(draws) if effective is None else effective,
+        "rhat": float(_statistics().rhat(chains)) if effective is None else float("nan"),
     }
+
+
+def _bulk(draws: np.ndarray) -> float:
+    return float(_statistics().ess(draws, method="bulk"))
+
+
+def _tail(draws: np.ndarray) -> float:
+    return float(_statistics().ess(draws, method="tail", prob=TAILS))
 
 
 def _grouped(draws: np.ndarray, ensembles: int) -> np.ndarray:
@@ -76,31 +84,35 @@ def verdict(summaries: Mapping[str, Mapping[str, float]]) -> str:
 
 def effective(draws: np.ndarray) -> float:
     """The smaller of bulk and tail effective sample sizes of draws, shape (chain, draw)."""
-    return float(min(_arviz().ess(draws, method="bulk"), _arviz().ess(draws, method="tail")))
+    return min(_bulk(draws), _tail(draws))
 
 
 def effective_mean(draws: np.ndarray) -> float:
     """Effective sample size for the mean of draws, shape (chain, draw)."""
-    return float(_arviz().ess(draws, method="mean"))
+    return float(_statistics().ess(draws, method="mean"))
 
 
 def monte_carlo_error(draws: np.ndarray) -> float:
     """Standard error of the mean of draws, shape (chain, draw)."""
-    return float(_arviz().mcse(draws, method="mean"))
+    return float(_statistics().mcse(draws, method="mean"))
 
 
 def pareto_k(log_weights: np.ndarray) -> float:
     """Shape of the generalised Pareto fitted to the upper tail of importance weights, shape (n,)."""
     with np.errstate(over="ignore"):  # a tail that ends: the smoothed weights, which are not used, overflow
-        return float(_arviz().psislw(log_weights.copy())[1])
+        return float(_statistics().psislw(-log_weights)[1])  # it takes the ratios' inverse
 
 
 def save(posterior: Posterior, path: Path) -> None:
     """Write draws, log likelihood and sample statistics as ArviZ reads them (netCDF)."""
+    from arviz_base import from_dict
+
     groups = {n: posterior.draws[:, :, i] for i, n in enumerate(posterior.names)}
-    data = _arviz().from_dict(
-        posterior=groups,
-        sample_stats={k: np.asarray(v) for k, v in posterior.stats.items()},
-        log_likelihood={"record": posterior.log_likelihood[:, :, None]},
+    data = from_dict(
+        {
+            "posterior": groups,
+            "sample_stats": {k: np.asarray(v) for k, v in posterior.stats.items()},
+            "log_likelihood": {"record": posterior.log_likelihood[:, :, None]},
+        }
     )
-    data.to_netcdf(str(path), engine="h5netcdf")
+    data.to_netcdf(path, engine="h5netcdf")

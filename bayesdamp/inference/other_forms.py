@@ -21,7 +21,7 @@ from bayesdamp.inference.mode import Mode
 from bayesdamp.inference.residuals import information
 from bayesdamp.inference.target import Target
 from bayesdamp.physics.integrate import MeshPlan, many_nodes
-from bayesdamp.physics.oscillator import Oscillator
+from bayesdamp.physics.oscillator import Oscillator, damping_shapes
 
 STEP = 1e-4
 """Share of the motion by which its start is moved for the derivatives."""
@@ -109,7 +109,8 @@ def _largest_damping(target: Target, plan: MeshPlan, z: np.ndarray) -> float:
     """The largest damping force along the trajectory at scores z, (d,), in rad/s²."""
     osc, p = target.oscillator, target.all_values(z)
     motion = many_nodes(osc, plan, {n: np.array([p[n]]) for n in osc.parameters})[0, : int(plan.count) + 1]
-    return float(np.max(np.abs(osc.damping_force(motion[:, 1], p))))
+    shapes = np.asarray(damping_shapes(osc)(motion[:, 1], p.get("epsilon", 1.0)))
+    return float(np.max(np.abs([p[name] for name in osc.coefficients] @ shapes)))
 
 
 def responses(target: Target, plan: MeshPlan, z: np.ndarray) -> np.ndarray:

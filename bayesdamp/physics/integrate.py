@@ -17,6 +17,7 @@ import jax
 import numpy as np
 from jax import Array
 from jax import numpy as jnp
+from scipy.sparse import csr_array
 
 from bayesdamp.physics import friction
 from bayesdamp.physics.hermite import basis
@@ -180,11 +181,17 @@ def _node_values(osc: Oscillator, plan: MeshPlan, p: Parameters) -> np.ndarray:
     return np.asarray(_compiled_nodes(osc)(_in_room(plan), plan.count, values))[: plan.steps.size + 1]
 
 
-def between(plan: MeshPlan, state: np.ndarray) -> np.ndarray:
-    """The dense output at the samples, shape (n,), of values at the nodes, (m + 1, 3), anchor or no."""
-    interval = np.asarray(plan.interval)
-    pair = np.concatenate([state[interval], state[interval + 1]], axis=1)
-    return np.einsum("ij,ij->i", pair, np.asarray(plan.weights))
+def between(plan: MeshPlan, states: np.ndarray) -> np.ndarray:
+    """The dense output at the samples, shape (..., n), of values at the nodes, (..., m, 3), anchor or no.
+
+    m: one more than the steps, or than the room for them.
+    """
+    n, nodes = plan.interval.size, states.shape[-2]
+    first = 3 * np.asarray(plan.interval)[:, None] + np.arange(6)
+    rows = np.arange(0, 6 * n + 1, 6)
+    weights = csr_array((np.asarray(plan.weights).ravel(), first.ravel(), rows), shape=(n, 3 * nodes))
+    flat = states.reshape(-1, 3 * nodes)
+    return np.ascontiguousarray((weights @ flat.T).T).reshape(*states.shape[:-2], n)
 
 
 def at_samples(osc: Oscillator, plan: Plan, p: Parameters) -> np.ndarray:
@@ -202,7 +209,7 @@ def many_at_samples(osc: Oscillator, plan: Plan, values: Mapping[str, np.ndarray
         sets = (dict(zip(values, one)) for one in zip(*values.values(), strict=True))
         return np.stack([at_samples(osc, plan, one) for one in sets])
     defect = 0.0 if plan.anchor is None else np.asarray(plan.anchor.defect)
-    return np.stack([between(plan, state) + defect for state in many_nodes(osc, plan, values)])
+    return between(plan, many_nodes(osc, plan, values)) + defect
 
 
 def many_nodes(osc: Oscillator, plan: MeshPlan, values: Mapping[str, np.ndarray]) -> np.ndarray:

@@ -17,6 +17,7 @@ import numpy as np
 from jax import numpy as jnp
 
 from bayesdamp.physics.oscillator import Oscillator, Parameters, restoring_force
+from bayesdamp.programs import Program
 
 STEPS_PER_PERIOD = 28.0
 LAYER = 0.45
@@ -33,7 +34,7 @@ def fastest_rate(osc: Oscillator, p: Parameters) -> float:
         rest, base = 0.0, 0.0
     reach = abs(theta0 - rest) + (abs(omega0) / base if base > 0 else 0.0) + 1e-12
     grid = np.linspace(rest - reach, rest + reach, 65)
-    slope = restoring_force(osc.restoring)(grid, {n: float(p[n]) for n in osc.law.parameters})[1]
+    slope = restoring_force(osc.restoring, grid, {n: float(p[n]) for n in osc.law.parameters})[1]
     return max(math.sqrt(float(np.max(np.abs(slope)))), base, 1e-12)
 
 
@@ -50,7 +51,6 @@ def _marcher(osc: Oscillator, chunk: int):
         local = 1.0 / inverse
         return local, local * omega, local * a
 
-    @jax.jit
     def march(state, p, longest, layer):
         def one(state, _):
             def shifted(factor, k):
@@ -65,7 +65,7 @@ def _marcher(osc: Oscillator, chunk: int):
 
         return jax.lax.scan(one, state, None, length=chunk)
 
-    return march
+    return Program(march, "march", osc, chunk)
 
 
 def frozen_mesh(osc: Oscillator, p: Parameters, duration: float, resolution: float = 1.0) -> np.ndarray:

@@ -15,8 +15,11 @@ from scipy.optimize import brentq
 
 from bayesdamp.physics.damping import TERMS, DampingTerm
 from bayesdamp.physics.restoring import LAWS, RestoringLaw, Scalar
+from bayesdamp.programs import Program
 
 Parameters = Mapping[str, Scalar]
+ROOM = 4096
+"""Angles in one call of a compiled force."""
 
 
 @dataclass(frozen=True)
@@ -75,36 +78,52 @@ class Oscillator:
         """ω_n = √F′_rest at the equilibrium, rad/s."""
         at = self.equilibrium(p, near)
         known = {name: float(p[name]) for name in self.law.parameters}
-        return float(np.sqrt(restoring_force(self.restoring)(np.array([at, at]), known)[1][0]))
+        return float(np.sqrt(restoring_force(self.restoring, np.array([at]), known)[1][0]))
 
 
 @lru_cache(maxsize=4096)
 def _equilibrium(restoring: str, values: tuple[float, ...], near: float) -> float:
     grid = near + np.linspace(-10.0, 10.0, 4001)
     p = dict(zip(LAWS.get(restoring).parameters, values))
-    force_at = restoring_force(restoring)
-    force = np.asarray(force_at(grid, p)[0])
+    force = restoring_force(restoring, grid, p)[0]
     rising = np.flatnonzero((force[:-1] <= 0) & (force[1:] > 0))
     if rising.size == 0:
         raise ValueError(f"{restoring} has no stable equilibrium within 10 rad of {near:.3g}")
     i = rising[np.argmin(np.abs(grid[rising] - near))]
-    inside = grid[i : i + 2].copy()
 
     def force_of(x: float) -> float:
-        inside[0] = x
-        return float(force_at(inside, p)[0][0])
+        return float(restoring_force(restoring, np.array([x]), p)[0][0])
 
     root = brentq(force_of, grid[i], grid[i + 1], xtol=1e-14)
     return float(root)  # type: ignore[arg-type]
 
 
+def restoring_force(
+    restoring: str, theta: np.ndarray, p: Mapping[str, float]
+) -> tuple[np.ndarray, np.ndarray]:
+    """F_rest and F′_rest of a law by its name at angles (n,), each (n,); one compiled program whatever their number."""
+    n = theta.size
+    padded = np.pad(theta, (0, -n % ROOM), mode="edge")
+    found = [_restoring_force(restoring)(part, dict(p)) for part in np.split(padded, padded.size // ROOM)]
+    force, slope = (np.concatenate(values)[:n] for values in zip(*found, strict=True))
+    return force, slope
+
+
 @lru_cache(maxsize=64)
-def restoring_force(restoring: str):
-    """Compiled: F_rest and F′_rest at angles (n,), each (n,), by a law's name: (angles, parameters) -> both."""
+def _restoring_force(restoring: str):
     law = LAWS.get(restoring)
 
-    @jax.jit
     def both(theta: Array, p: Parameters) -> tuple[Array, Array]:
         return jax.vmap(jax.value_and_grad(lambda x: law.force(x, p)))(theta)
 
-    return both
+    return Program(both, "restoring_force", restoring)
+
+
+@lru_cache(maxsize=64)
+def damping_shapes(osc: Oscillator):
+    """Compiled: the terms' shapes at velocities (n,), (terms, n): (velocities, ε) -> shapes."""
+
+    def every(omega: Array, epsilon: Array) -> Array:
+        return jnp.stack([term.shape(omega, epsilon) for term in osc.terms])
+
+    return Program(every, "damping_shapes", osc)

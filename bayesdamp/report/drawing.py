@@ -53,8 +53,10 @@ def _saved(figure: Figure) -> tuple[bytes, bytes, bytes]:
     """SVG, PNG and WebP. Laid out once and printed directly: `savefig` would draw and lay out anew for each."""
     figure.set_dpi(150)
     canvas = FigureCanvasAgg(figure)
-    figure.draw_without_rendering()
-    figure.set_layout_engine("none")
+    layout = figure.get_layout_engine()
+    if layout is not None:
+        layout.execute(figure)
+        figure.set_layout_engine("none")
     canvas.draw()
     drawn = Image.fromarray(np.asarray(canvas.buffer_rgba())).convert("RGB")
     svg = io.BytesIO()
@@ -66,9 +68,9 @@ def _with_palette(drawn: Image.Image) -> tuple[bytes, bytes]:
     """PNG and WebP of a drawing, without loss but for the number of its colours."""
     # Maximum coverage keeps the colour of a thin line, which a median cut gives to the shades of a broad one.
     method, dither = Image.Quantize.MAXCOVERAGE, Image.Dither.NONE
-    few = drawn.quantize(COLOURS, method=method, kmeans=2, dither=dither)
+    few = drawn.quantize(COLOURS, method=method, dither=dither)
     png, webp = io.BytesIO(), io.BytesIO()
-    few.save(png, "PNG", optimize=True)
+    few.save(png, "PNG")
     few.convert("RGB").save(webp, "WEBP", lossless=True, quality=50, method=3)
     return png.getvalue(), webp.getvalue()
 

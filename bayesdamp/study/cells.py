@@ -209,7 +209,8 @@ class Branch:
         except Refusal as refusal:
             self.store.write(CellResult(name, key, outcome=str(refusal), seconds=plain_seconds(began)))
             return
-        fit = check_fit(self.shared, mode, self.record.seen.period, cell_seed(self.study, name))
+        seed = cell_seed(self.study, f"checks/{self.spec.name}/{self.repeat}")
+        fit = check_fit(self.shared, mode, self.record.seen.period, seed)
         found, scores = packed(mode, self.shared, self.target)
         meta = {
             **found,

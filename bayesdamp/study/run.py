@@ -217,7 +217,11 @@ def _staged(study: Study, store: Store) -> Iterator[list[Job]]:
     """The branches of a study that leaves candidates out as it goes."""
     records = [(s, r) for s in study.signals for r in range(s.repeats)]
     records = [(s, r) for s, r in records if store.read(f"signal/{s.name}/{r}").outcome == OK]
-    yield [Job(s.name, r, name, part="look") for s, r in records for name in staging.heads(study, s)]
+    # With one law alone there is none to leave out, and its candidates need not wait for one another.
+    heads = [Job(s.name, r, name, part="look") for s, r in records for name in staging.heads(study, s)]
+    alone = [(s, r) for s, r in records if len(s.restoring) == 1]
+    rest = [Job(s.name, r, name, part="look") for s, r in alone for name in study.compare(s)]
+    yield list(dict.fromkeys([*heads, *rest]))
     yield _kept(study, store, records, staging.laws_left, "look")
     yield _kept(study, store, records, staging.candidates_left, "weigh")
     best = {(s.name, r): staging.best_of(study, s, r, store) for s, r in records}
@@ -272,8 +276,9 @@ def _run_jobs(
 
 
 def _prepare() -> None:
-    """Import what draws the report, while the first record leaves processes idle."""
-    import_module("bayesdamp.report")
+    """Import what is needed later, while the first record leaves processes idle."""
+    for name in ("bayesdamp.report", "bayesdamp.inference.samplers.nuts", "arviz_stats.base", "arviz_base"):
+        import_module(name)
 
 
 def _render(out: Path, pool: Executor | None) -> None:

@@ -14,6 +14,9 @@ from bayesdamp.store import CellResult
 from bayesdamp.study.records import signal_of
 from bayesdamp.types import Signal, System
 
+KEPT = 8
+_SIGNALS: dict[tuple[str, str], Signal] = {}
+
 
 class Record:
     """A record, what is known of its system, and the target of any candidate on it."""
@@ -23,7 +26,12 @@ class Record:
 
     @cached_property
     def signal(self) -> Signal:
-        return signal_of(self.cell)
+        """Kept for the last few records: what is derived of a signal is kept with it."""
+        name = self.cell.name, self.cell.key
+        kept = _SIGNALS.setdefault(name, signal_of(self.cell))
+        while len(_SIGNALS) > KEPT:
+            del _SIGNALS[next(iter(_SIGNALS))]
+        return kept
 
     @cached_property
     def seen(self) -> Features:

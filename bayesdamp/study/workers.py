@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import multiprocessing
 import os
 import signal
@@ -19,6 +20,10 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from bayesdamp.programs import keep_in
 from bayesdamp.types import InputError
+
+GARBAGE = 100_000
+"""New objects from which Python looks for garbage: every 700, as by default, takes a tenth of a short run, as the
+hundred thousands that JAX has made are gone through again and again."""
 
 
 @contextmanager
@@ -60,12 +65,10 @@ def executor(workers: int, scheduler: str | None) -> Iterator[Executor]:
     )
     try:
         yield pool
-    except BaseException:
-        # Finished cells are stored; those under way are given up at once.
+    finally:
+        # Finished cells are stored: those under way are given up, and nothing waits for JAX to tidy up.
         for process in list((pool._processes or {}).values()):
             process.terminate()
-        raise
-    finally:
         pool.shutdown(wait=True, cancel_futures=True)
         os.environ.clear()
         os.environ.update(before)
@@ -79,6 +82,7 @@ def _end_with_parent(parent: int) -> None:
             time.sleep(0.5)
         os._exit(1)
 
+    gc.set_threshold(GARBAGE)
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the parent's to answer
     threading.Thread(target=watch, daemon=True).start()
 

@@ -7,6 +7,8 @@ from functools import lru_cache
 
 import numpy as np
 import pytest
+import xarray
+from scipy.stats import genpareto
 
 from bayesdamp.inference import diagnostics
 from bayesdamp.inference.frame import frame
@@ -153,6 +155,17 @@ def test_saved_draws_read_back(tmp_path):
     """As ArviZ reads them."""
     found = problems.posterior("viscous_coulomb", "nuts")
     diagnostics.save(found, tmp_path / "draws.nc")
-    data = diagnostics._arviz().from_netcdf(str(tmp_path / "draws.nc"))
+    data = xarray.open_datatree(tmp_path / "draws.nc", engine="h5netcdf")
     np.testing.assert_array_equal(data.posterior["zeta"].values, found.draws[..., 0])
+    assert data.posterior["zeta"].dims == ("chain", "draw")
     assert "diverging" in data.sample_stats
+
+
+@pytest.mark.parametrize("shape", [0.2, 0.5, 0.9])
+def test_the_tail_of_weights_has_its_shape(shape):
+    """Of ratios that are generalised Pareto; their inverses have no tail. False alarm below 1e-3 (four sds)."""
+    ratios = genpareto.rvs(shape, size=20_000, random_state=np.random.default_rng(4))
+    # Its sd by maximum likelihood is (1 + k) / √(tail): Smith (1987).
+    tail = 3 * np.sqrt(ratios.size)
+    assert abs(diagnostics.pareto_k(np.log(ratios)) - shape) < 4 * (1 + shape) / np.sqrt(tail)
+    assert diagnostics.pareto_k(-np.log(ratios + 1)) < 0.0

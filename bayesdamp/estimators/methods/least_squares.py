@@ -16,6 +16,7 @@ from bayesdamp.estimators.shared import (
     motion,
     oscillator,
 )
+from bayesdamp.physics.oscillator import Oscillator, damping_shapes
 from bayesdamp.types import Estimate, Problem, Refusal, Signal
 
 ROUNDS = 50
@@ -50,7 +51,7 @@ class LeastSquares(Estimator):
         epsilon = epsilon_of(problem, seen)
 
         form = osc.law.linear_form(theta, known)
-        damping = [np.asarray(term.shape(omega, epsilon)) for term in osc.terms]
+        damping = np.asarray(damping_shapes(osc)(omega, epsilon))
         columns = [moving.project(x) for x in (*damping, *form.columns.T)]
         target = -(moving.alpha + moving.project(form.offset))
         # Guessed constants of integration shift the restoring force by a constant and a slope.
@@ -126,15 +127,16 @@ def _total(a: np.ndarray, b: np.ndarray, noise: np.ndarray) -> np.ndarray:
     return -vector[:-1] / vector[-1] * noise[-1] / noise[:-1]
 
 
-def _noise_of_columns(moving: Motion, osc: object, epsilon: float, restoring: int, drift: int) -> np.ndarray:
+def _noise_of_columns(
+    moving: Motion, osc: Oscillator, epsilon: float, restoring: int, drift: int
+) -> np.ndarray:
     """Relative size of the noise in each column and in the target: white noise within the bandwidth."""
     band = moving.bandwidth
     velocity = band / np.sqrt(3.0)
     step = 1e-4 * float(np.abs(moving.omega).max())
-    slopes = []
-    for term in osc.terms:  # type: ignore[attr-defined]
-        rise = np.asarray(term.shape(moving.omega + step, epsilon) - term.shape(moving.omega - step, epsilon))
-        slopes.append(velocity * float(np.sqrt(np.mean((rise / (2 * step)) ** 2))))
+    shapes = damping_shapes(osc)
+    rise = np.asarray(shapes(moving.omega + step, epsilon)) - np.asarray(shapes(moving.omega - step, epsilon))
+    slopes = velocity * np.sqrt(np.mean((rise / (2 * step)) ** 2, axis=1))
     return np.r_[slopes, np.ones(restoring), np.full(drift, 1e-6), band**2 / np.sqrt(5.0)]
 
 

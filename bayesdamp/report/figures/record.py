@@ -13,6 +13,8 @@ from bayesdamp.report import words
 from bayesdamp.report.style import FAINT, INK, QUIET, WIDTH, colour, dash
 
 _POINTS = 2000
+_APART = 200
+"""Lines side by side that a panel has room for."""
 
 
 @dataclass(frozen=True)
@@ -123,7 +125,7 @@ def _residuals(figure: Figure, grid, t: np.ndarray, fits: Sequence[Fit], axis: s
         right = figure.add_subplot(grid[2 + i, 8:])
         if len(fit.autocorrelation):
             right.axhspan(-2 / np.sqrt(len(t)), 2 / np.sqrt(len(t)), color=FAINT, lw=0)
-            right.vlines(np.arange(len(fit.autocorrelation)), 0, fit.autocorrelation, color=colour(fit.model))
+            _stems(right, fit.autocorrelation, colour(fit.model))
             right.axhline(0.0, color=QUIET, lw=0.6)
             right.set_xlim(-0.5, lags - 0.5)
             right.set_ylim(-1.05 if fit.autocorrelation.min() < -0.35 else -0.4, 1.08)
@@ -137,6 +139,15 @@ def _residuals(figure: Figure, grid, t: np.ndarray, fits: Sequence[Fit], axis: s
         if is_last:
             left.set_xlabel("time / s")
             right.set_xlabel("lag / samples")
+
+
+def _stems(ax: Axes, values: np.ndarray, shade: str) -> None:
+    """A line for each value, shape (n,); where these would touch, the area that they fill."""
+    at = np.arange(len(values))
+    if len(values) <= _APART:
+        ax.vlines(at, 0, values, color=shade)
+    else:
+        ax.fill_between(at, 0, values, color=shade, lw=0.5)
 
 
 def _finish(ax: Axes, ylabel: str, title: str) -> None:
