@@ -7,12 +7,15 @@ import re
 import sys
 import traceback
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from concurrent.futures import Executor
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from bayesdamp.processes import processes
 from bayesdamp.types import BayesdampError, InputError
 
 if TYPE_CHECKING:
@@ -93,30 +96,44 @@ def compare(
     fresh: Annotated[bool, typer.Option("--fresh", help="Compute everything again.")] = False,
 ) -> int:
     """Say which damping records have, how sure that is, and when no candidate fits."""
-    from rich.console import Console
-
-    from bayesdamp.config.compare import Asked, comparison
     from bayesdamp.signals.columns import choose_columns
 
-    asked = []
-    for path in records:
-        columns = choose_columns(path, time, angle, rate)
-        asked.append(
-            Asked(
-                path, *columns, rate, unit, quantity, clock, _bound(start, "--start"), _bound(stop, "--stop")
-            )
-        )
-    made = comparison(
-        asked, restoring=restoring or (), damping=damping or (), noise=noise, seed=seed, repeats=repeats
-    )
-    folder = _folder(out, made.name)
-    from bayesdamp.study import run_study
+    columns = [choose_columns(path, time, angle, rate) for path in records]
+    bounds = _bound(start, "--start"), _bound(stop, "--stop")
+    with _early_processes(workers, damping or (), restoring or ()) as pool:
+        from rich.console import Console
 
-    status = run_study(made, folder, workers=workers, fresh=fresh, console=Console(stderr=True))
+        from bayesdamp.config.compare import Asked, comparison
+
+        asked = [
+            Asked(path, *chosen, rate, unit, quantity, clock, *bounds)
+            for path, chosen in zip(records, columns, strict=True)
+        ]
+        made = comparison(
+            asked, restoring=restoring or (), damping=damping or (), noise=noise, seed=seed, repeats=repeats
+        )
+        folder = _folder(out, made.name)
+        from bayesdamp.study import run_study
+
+        console = Console(stderr=True)
+        status = run_study(made, folder, workers=workers, fresh=fresh, console=console, pool=pool)
     from bayesdamp.report.terminal import conclude
 
     conclude(folder, Console())
     return status
+
+
+@contextmanager
+def _early_processes(
+    workers: int | None, damping: Sequence[str], restoring: Sequence[str]
+) -> Iterator[Executor | None]:
+    """Processes that begin while the command is still read; None where one candidate needs none."""
+    workers = workers or len(os.sched_getaffinity(0))
+    if workers == 1 or len(damping) == len(restoring) == 1:
+        yield None
+    else:
+        with processes(workers, "bayesdamp.study") as pool:
+            yield pool
 
 
 def _bound(text: str, option: str) -> float | str:

@@ -10,10 +10,22 @@ import jax
 import numpy as np
 from jax import Array
 
+from bayesdamp.inference.condensed import room_of
 from bayesdamp.inference.density import log_posterior
 from bayesdamp.inference.gradient import curvature
-from bayesdamp.inference.linearised import Line, TightLine, linearise, linearised_log_posterior, tight
+from bayesdamp.inference.linearised import (
+    Line,
+    TightLine,
+    linearise,
+    linearised_log_posterior,
+    misfits,
+    moving,
+    moving_names,
+    tight,
+)
 from bayesdamp.inference.target import Context, Layout
+from bayesdamp.physics.integrate import MeshPlan, nodes_and_slopes
+from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.programs import Program
 
 Scores = Array | np.ndarray
@@ -24,7 +36,8 @@ Scores = Array | np.ndarray
 class Compiled:
     """The functions of one layout, compiled once for all records of a shape.
 
-    The solver is in two programs only, `linearise` and `batch`: compiling is most of what a short run costs.
+    The solver is in two programs only, `batch` and one that all noise models, and records of all lengths, share
+    (`linearise`): compiling is most of what a short run costs.
     """
 
     linearise: Callable[[Context, Scores], Line]
@@ -37,7 +50,7 @@ class Compiled:
 @lru_cache(maxsize=64)
 def compiled(layout: Layout) -> Compiled:
     """Compiled functions of a layout: (context, z) or, for batches, (context, z of shape (b, d))."""
-    lines = Program(partial(linearise, layout), "linearise", layout)
+    lines = _lines(layout)
     curved = Program(partial(curvature, layout), "curvature", layout)
     many = jax.vmap(partial(log_posterior, layout), in_axes=(None, 0))
     batch = Program(many, "log_posterior", layout)
@@ -54,3 +67,27 @@ def compiled(layout: Layout) -> Compiled:
         batch=lambda context, z: batch(context.lean, z),
         linearised_batch=lambda context, line, z: straight(context.lean, line, z),
     )
+
+
+def _lines(layout: Layout) -> Callable[[Context, Scores], Line]:
+    """`linearise`, in parts: the solver's depends on the oscillator and on what is inferred of it alone."""
+    names = moving_names(layout)
+    values = Program(partial(moving, layout), "moving", layout)
+    solver = _solver(layout.oscillator, names)
+    misfit = Program(partial(misfits, layout), "misfits", layout)
+    whole = Program(partial(linearise, layout), "linearise", layout)
+
+    def line(context: Context, z: Scores) -> Line:
+        plan = context.plan
+        if not isinstance(plan, MeshPlan):
+            return whole(context, z)
+        p, x = values(context, z)
+        steps = np.asarray(plan.steps)[: room_of(plan)]
+        return *misfit(context, *solver(steps, plan.count, p)), x
+
+    return line
+
+
+@lru_cache(maxsize=64)
+def _solver(osc: Oscillator, names: tuple[str, ...]) -> Program:
+    return Program(partial(nodes_and_slopes, osc, names), "nodes_and_slopes", osc, names)

@@ -213,11 +213,7 @@ def condense(noise: NoiseModel, plan: Plan, t: np.ndarray, y: np.ndarray) -> Con
         return None
     if noise.uniform_clock and not _even(t):
         return None
-    count = int(plan.count)
-    size = LEAST_ROOM
-    while size < count:
-        size *= 4
-    size = min(size, plan.steps.size)
+    size = room_of(plan)
     near, left = np.zeros((size + 1, 3)), np.asarray(y, float)
     if plan.anchor is not None:
         near = np.asarray(plan.anchor.nodes)[: size + 1]
@@ -225,6 +221,14 @@ def condense(noise: NoiseModel, plan: Plan, t: np.ndarray, y: np.ndarray) -> Con
     sums = {name: _SUMS[name](plan, left, size) for name in noise.sums}
     gap = (t[-1] - t[0]) / (t.size - 1)
     return Condensed(sums, *jax.device_put((near, np.asarray(float(t.size)), gap)))
+
+
+def room_of(plan: MeshPlan) -> int:
+    """Steps that there is to be room for."""
+    size = LEAST_ROOM
+    while size < int(plan.count):
+        size *= 4
+    return min(size, plan.steps.size)
 
 
 def _even(t: np.ndarray) -> bool:

@@ -13,7 +13,7 @@ from jax import numpy as jnp
 from bayesdamp.inference import condensed as condensing
 from bayesdamp.inference.noise import NormalNoise
 from bayesdamp.inference.target import Context, Layout
-from bayesdamp.physics.integrate import MeshPlan, nodes, record
+from bayesdamp.physics.integrate import MeshPlan, nodes, record, record_of
 
 Arrays = Mapping[str, Array]
 """Arrays by name: parameters, or sums of squares."""
@@ -50,7 +50,8 @@ class Streamed:
 class Reading:
     """How the likelihood reads a record.
 
-    misfit: parameters to the residuals or, condensed, to what has their sums of squares, shape (c,).
+    misfit: parameters to the residuals or, condensed, to what has their sums of squares, shape (c,); of_nodes: the
+    same from the values at the solver's nodes, (m + 1, 3), a straight line in them, where its steps are the plan's own.
     density, root: of a misfit (c,) and the parameters, the log density of the record and a root of its information.
     streamed: the same from sums of squares alone, where the record is condensed.
     """
@@ -58,6 +59,7 @@ class Reading:
     misfit: Callable[[Arrays], Array]
     density: Callable[[Array, Arrays], Array]
     root: Callable[[Array, Arrays], Array]
+    of_nodes: Callable[[Array], Array] | None = None
     streamed: Streamed | None = None
 
 
@@ -69,11 +71,13 @@ def reading(layout: Layout, context: Context) -> Reading:
             lambda p: context.y - record(layout.oscillator, plan, p),
             lambda e, p: noise.log_likelihood(e, context.gaps, p),
             lambda v, p: noise.information_root(v, context.gaps, p),
+            (lambda state: context.y - record_of(plan, state)) if isinstance(plan, MeshPlan) else None,
         )
     return Reading(
         lambda p: condensed.misfit(nodes(layout.oscillator, plan.steps, plan.count, p)),
         partial(condensing.log_likelihood, noise, condensed),
         partial(condensing.information_root, noise, condensed),
+        condensed.misfit,
         Streamed(
             partial(condensed.sums_along, layout.oscillator, plan.steps, plan.count),
             partial(condensing.of_sums, noise, condensed),

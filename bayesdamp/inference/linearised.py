@@ -19,6 +19,7 @@ from bayesdamp.inference.density import (
     reading,
 )
 from bayesdamp.inference.target import Context, Layout
+from bayesdamp.physics.integrate import MeshPlan, nodes_and_slopes
 
 Line = tuple[Array, Array, Array]
 """Misfit (c,), its derivatives (k, c) by what moves the trajectory, and the values of that (k,)."""
@@ -26,7 +27,12 @@ Line = tuple[Array, Array, Array]
 
 def linearise(layout: Layout, context: Context, z: Array) -> Line:
     """The misfit and its derivatives by forward tangents: all that curvature and gradient need of the solver."""
-    names = [layout.names[i] for i in moving_scores(layout)]
+    plan = context.plan
+    if isinstance(plan, MeshPlan):
+        p, x = moving(layout, context, z)
+        solved = nodes_and_slopes(layout.oscillator, moving_names(layout), plan.steps, plan.count, p)
+        return *misfits(layout, context, *solved), x
+    names = moving_names(layout)
     p, misfit = parameters(layout, context, z), reading(layout, context).misfit
 
     def fun(x: Array) -> Array:
@@ -36,6 +42,24 @@ def linearise(layout: Layout, context: Context, z: Array) -> Line:
     push = jax.vmap(lambda v: jax.jvp(fun, (x,), (v,)), out_axes=(None, 0))
     e, slopes = push(jnp.eye(x.size))
     return e, slopes, x
+
+
+def moving_names(layout: Layout) -> tuple[str, ...]:
+    """Names of the inferred parameters that move the trajectory."""
+    return tuple(layout.names[i] for i in moving_scores(layout))
+
+
+def moving(layout: Layout, context: Context, z: Array) -> tuple[dict[str, Array], Array]:
+    """What the solver needs, by name, and of it the values of the inferred parameters, shape (k,)."""
+    p = parameters(layout, context, z)
+    return {name: p[name] for name in layout.oscillator.parameters}, moving_values(layout, context, z)
+
+
+def misfits(layout: Layout, context: Context, states: Array, slopes: Array) -> tuple[Array, Array]:
+    """The misfit (c,) and its derivatives (k, c) from the values at the nodes (m + 1, 3) and theirs (k, m + 1, 3)."""
+    of_nodes = reading(layout, context).of_nodes
+    assert of_nodes is not None
+    return jax.vmap(lambda v: jax.jvp(of_nodes, (states,), (v,)), out_axes=(None, 0))(slopes)
 
 
 @partial(jax.tree_util.register_dataclass, data_fields=["triangles", "at"], meta_fields=[])

@@ -8,7 +8,7 @@ tangents work on it.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache, partial
 from typing import TypeVar
@@ -150,10 +150,27 @@ def record(osc: Oscillator, plan: Plan, p: Parameters) -> Array:
     """
     if isinstance(plan, friction.TurningPlan):
         return friction.record(osc, plan, p)
-    state = nodes(osc, plan.steps, plan.count, p)
+    return record_of(plan, nodes(osc, plan.steps, plan.count, p))
+
+
+def record_of(plan: MeshPlan, state: Array) -> Array:
+    """`record` from the values at the nodes, shape (m + 1, 3)."""
     pair = jnp.concatenate([state[plan.interval], state[plan.interval + 1]], axis=1)
     between = jnp.sum(pair * plan.weights, axis=1)
     return between if plan.anchor is None else between + plan.anchor.defect
+
+
+def nodes_and_slopes(
+    osc: Oscillator, names: Sequence[str], steps: Array, count: Array, p: Parameters
+) -> tuple[Array, Array]:
+    """`nodes`, and their derivatives by the parameters of these names, (k, room + 1, 3), by forward tangents."""
+
+    def fun(x: Array) -> Array:
+        return nodes(osc, steps, count, {**p, **dict(zip(names, x, strict=True))})
+
+    x = jnp.stack([jnp.asarray(p[name], float) for name in names])
+    push = jax.vmap(lambda v: jax.jvp(fun, (x,), (v,)), out_axes=(None, 0))
+    return push(jnp.eye(x.size))
 
 
 @lru_cache(maxsize=128)

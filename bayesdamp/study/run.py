@@ -69,11 +69,12 @@ def run_study(
     scheduler: str | None = None,
     fresh: bool = False,
     console: Console | None = None,
+    pool: Executor | None = None,
 ) -> int:
     """Run what `out` does not hold yet, write tables and report; the exit status (0, or 3 with failed cells).
 
     workers: processes on this machine, None for as many as there are cores; scheduler: address of a Dask
-    scheduler in their place.
+    scheduler in their place; pool: where jobs run, in place of either.
     Raises InputError where the input is wrong; every record is read before anything is written.
     """
     console = console or Console(stderr=True)
@@ -93,7 +94,7 @@ def run_study(
                 finished.update(done)
                 progress.update(bar, completed=len(finished), description=done[-1] if done else study.name)
 
-            with pool_of(workers, scheduler) as pool:
+            with pool_of(workers, scheduler, pool) as pool:
                 if pool is not None:
                     pool.submit(_prepare)
                     threading.Thread(target=_prepare, daemon=True).start()
