@@ -11,12 +11,13 @@ import numpy as np
 from scipy.fft import next_fast_len
 
 from bayesdamp.inference.lines import Line, orthonormal, standing_out, strongest
-from bayesdamp.inference.mode import Mode, climb
+from bayesdamp.inference.mode import Mode, climb, whitening
 from bayesdamp.inference.noise import NoiseModel
 from bayesdamp.inference.other_forms import Other, other_form
 from bayesdamp.inference.residuals import residual, residuals, whitened
 from bayesdamp.inference.target import Target
 from bayesdamp.physics.integrate import part_of
+from bayesdamp.types import Refusal
 
 DRAWS = 200
 STEP = 0.1
@@ -250,7 +251,11 @@ def _windows(target: Target, mode: Mode) -> tuple[tuple[Window, ...], float, int
 def _window(
     target: Target, label: str, z: np.ndarray, information: np.ndarray, start: float, stop: float
 ) -> Window:
-    covariance = np.linalg.inv(information)
+    try:
+        factor = whitening(information)
+    except Refusal:  # too stiff for its loose directions to be told
+        factor = np.full_like(information, np.nan)
+    covariance = factor @ factor.T
     values = {n: float(v) for n, v in target.values(z).items()}
     return Window(label, start, stop, values, value_sds(target, z, covariance))
 

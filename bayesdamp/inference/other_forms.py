@@ -151,7 +151,10 @@ def responses(target: Target, plan: MeshPlan, z: np.ndarray) -> np.ndarray:
     found = []
     for form in FORMS:
         force = -form.force((x - rest) / unit_x, v / unit_v, grid / grid[-1] - 0.5)
-        through = np.stack([one[0], other[0]]) * force / wronskian
+        with np.errstate(
+            divide="ignore", invalid="ignore"
+        ):  # friction has ended the motion: no direction is found
+            through = np.stack([one[0], other[0]]) * force / wronskian
         summed = np.concatenate(
             [np.zeros((2, 1)), np.cumsum(0.5 * (through[:, 1:] + through[:, :-1]) * np.diff(grid), axis=1)],
             axis=1,

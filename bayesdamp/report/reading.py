@@ -28,6 +28,20 @@ class Ranking:
     def best(self) -> Row:
         return self.rows[0]
 
+    @property
+    def dampings(self) -> dict[str, float]:
+        """The probability of each damping, summed over the restoring laws, the most probable first."""
+        found: dict[str, float] = {}
+        for row in self.rows:
+            damping = damping_of(row)
+            found[damping] = found.get(damping, 0.0) + row["probability"]
+        return dict(sorted(found.items(), key=lambda one: -one[1]))
+
+
+def damping_of(row: Row) -> str:
+    """The damping of a row's candidate, whatever its restoring law."""
+    return candidate_parts(row["model"])[0]
+
 
 def label(row: Row) -> str:
     """The candidate of a row in words."""
@@ -72,8 +86,8 @@ def ranking(run: Run, signal: str, repeat: int) -> Ranking | None:
 
 @dataclass(frozen=True)
 class AtWidth:
-    """The ranking under damping priors so many times as wide: the first candidate's probability there, and which
-    candidates come first and second there."""
+    """The ranking under damping priors so many times as wide, summed over the restoring laws: the probability there of
+    the damping that is the most probable under the study's own, and which come first and second there."""
 
     factor: float
     probability: float
@@ -108,11 +122,16 @@ def over_widths(run: Run, signal: str, repeat: int, found: Ranking) -> list[AtWi
     )
     p = np.exp(log_p - log_p.max(axis=0))
     p /= p.sum(axis=0)
-    order = np.argsort(-p, axis=0)
+    dampings = list(found.dampings)
+    if len(dampings) < 2:
+        return []
+    own = np.array([[damping_of(row) == damping for row in found.rows] for damping in dampings], float)
+    summed = own @ p
+    order = np.argsort(-summed, axis=0)
     return [
-        AtWidth(float(factor), float(p[0, i]), *(label(found.rows[k]) for k in order[:2, i]))
+        AtWidth(float(factor), float(summed[0, i]), *(words.model(dampings[k]) for k in order[:2, i]))
         for i, factor in enumerate(factors)
-        if np.all(np.isfinite(p[:, i]))
+        if np.all(np.isfinite(summed[:, i]))
     ]
 
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from bayesdamp.report import words
-from bayesdamp.report.reading import ASIDE, Ranking, label, over_widths, ranking
+from bayesdamp.report.reading import ASIDE, Ranking, damping_of, label, over_widths, ranking
 from bayesdamp.report.run import Run, rows_of
-from bayesdamp.types import OK
+from bayesdamp.types import OK, candidate_parts
 
 SURE = 0.95
 """Probability from which a candidate is named without reservation."""
@@ -71,11 +71,12 @@ def verdict(run: Run, signal: str, repeat: int) -> Verdict:
 
 
 def _decided(run: Run, signal: str, repeat: int, found: Ranking) -> Verdict:
-    """What is said where the first candidate fits."""
-    best, name = found.best, label(found.best)
-    share = words.probability(best["probability"])
-    if best["probability"] < SURE:
-        ties = [label(r) for r in found.rows[1:] if r["probability"] >= TIE]
+    """What is said where the first candidate fits: of the damping, whatever the restoring law."""
+    dampings = found.dampings
+    damping, probability = next(iter(dampings.items()))
+    name, share = words.model(damping), words.probability(probability)
+    if probability < SURE:
+        ties = [words.model(d) for d, p in dampings.items() if d != damping and p >= TIE]
         between = f" between {words.listing([name, *ties])}" if ties else ""
         sentence = (
             f"the record does not decide{between}: damping is most likely {name}, with probability {share}."
@@ -90,12 +91,28 @@ def _decided(run: Run, signal: str, repeat: int, found: Ranking) -> Verdict:
             f"{words.probability(lowest.probability)} under priors {words.number(lowest.factor, 2)} times as wide."
         )
         return Verdict(False, sentence, open=True)
-    sentence = f"damping is {name}, with probability {share} among {len(found.rows)} candidates."
-    cell = run.cell("mode", signal, repeat, best["model"])
+    if found.best["probability"] < SURE:
+        sentence = (
+            f"damping is {name}, with probability {share} among {len(found.rows)} candidates{_laws(found)}."
+        )
+    else:
+        share = words.probability(found.best["probability"])
+        sentence = (
+            f"damping is {label(found.best)}, with probability {share} among {len(found.rows)} candidates."
+        )
+    cell = run.cell("mode", signal, repeat, found.best["model"])
     unseen = tuple(cell.meta.get("unseen") or ()) if cell else ()
     if unseen:
         sentence = f"this record {_blind(unseen)}; of what is compared, {sentence}"
     return Verdict(False, sentence, unseen=unseen)
+
+
+def _laws(found: Ranking) -> str:
+    """The restoring laws that a damping which is decided leaves open."""
+    rows = [r for r in found.rows if damping_of(r) == damping_of(found.best)]
+    laws = [(candidate_parts(r["model"])[1], r["probability"]) for r in rows]
+    named = [f"{words.law(law)} ({words.probability(p)})" for law, p in laws if law and p >= TIE]
+    return f"; the restoring law is left open: {words.listing(named, 'or')}" if len(named) > 1 else ""
 
 
 def _blind(unseen: tuple[str, ...]) -> str:

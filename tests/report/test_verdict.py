@@ -103,6 +103,51 @@ def test_where_nothing_was_weighed_the_first_reason_is_given() -> None:
 
 
 @pytest.mark.parametrize(
+    ("shares", "said", "opened"),
+    [
+        (
+            {"viscous@pendulum": 0.52, "viscous@linear": 0.46, "coulomb@linear": 0.02},
+            "damping is viscous, with probability 0.980 among 3 candidates; the restoring law is left open: "
+            "pendulum (0.520) or linear (0.460).",
+            False,
+        ),
+        (
+            {"viscous@pendulum": 0.96, "viscous@linear": 0.02, "coulomb@linear": 0.02},
+            "damping is viscous (pendulum), with probability 0.960 among 3 candidates.",
+            False,
+        ),
+        (
+            {"coulomb@pendulum": 0.40, "viscous@pendulum": 0.35, "viscous@linear": 0.25},
+            "the record does not decide between viscous and Coulomb: damping is most likely viscous, with "
+            "probability 0.600.",
+            True,
+        ),
+    ],
+)  # fmt: skip
+def test_a_law_that_is_left_open_leaves_no_damping_open(
+    shares: dict[str, float], said: str, opened: bool
+) -> None:
+    """The question is which damping: probabilities are summed over the restoring laws, as odds of laws that a small
+    amplitude cannot tell apart say nothing of it."""
+    found = verdict(run(shares, dict.fromkeys(shares, FITS)), "a", 0)  # type: ignore[arg-type]
+    assert found.sentence == said
+    assert found.open == opened
+
+
+def test_the_priors_width_is_judged_over_all_laws() -> None:
+    """A law that takes over from another at another width leaves its damping where it was."""
+    told = {"viscous@pendulum": 0.6, "viscous@linear": 0.39, "coulomb@linear": 0.01}
+    fine = dict.fromkeys(told, FITS)
+    swapped = {
+        m: [-5.0 + np.log(told[m]) + s * np.log(20.0), -5.0 + np.log(told[m]), -5.0 + np.log(told[m])]
+        for m, s in zip(told, (0, 1, 0))
+    }
+    assert not verdict(run(told, fine, widths=swapped), "a", 0).open  # type: ignore[arg-type]
+    risen = {**swapped, "coulomb@linear": [-5.0 + np.log(0.01) + np.log(2000.0), -5.0 + np.log(0.01), -20.0]}
+    assert verdict(run(told, fine, widths=risen), "a", 0).open  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
     ("unseen", "first"),
     [
         ((), "damping is viscous, with"),

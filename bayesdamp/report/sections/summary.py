@@ -7,7 +7,16 @@ from typing import Any
 
 from bayesdamp.report import words
 from bayesdamp.report.html import Line, Table, fill, folded
-from bayesdamp.report.reading import ASIDE, coefficients, label, models_by_rank, ranking, summary_rows, truth
+from bayesdamp.report.reading import (
+    ASIDE,
+    coefficients,
+    damping_of,
+    label,
+    models_by_rank,
+    ranking,
+    summary_rows,
+    truth,
+)
 from bayesdamp.report.run import Run, rows_of
 from bayesdamp.report.sections._section import Section
 from bayesdamp.report.style import colour
@@ -97,17 +106,23 @@ def _card(run: Run, signal: str, repeat: int) -> dict[str, Any]:
 
 
 def _weigh(run: Run, found, believe: list[str], doubt: list[str]) -> None:
-    second = found.rows[1]
-    gap = -second["log_bayes_factor"]
-    if second["probability"] < 0.01:
+    best = damping_of(found.best)
+    other = next((r for r in found.rows if damping_of(r) != best), None)
+    if other is not None and found.dampings[damping_of(other)] < 0.01:
         believe.append(
-            f"the order of the models: the next, {label(second)}, is {words.nats(gap)} nats behind "
-            f"({words.method(found.method)})."
+            f"the order of the dampings: the next, {label(other)}, is {words.nats(-other['log_bayes_factor'])} nats "
+            f"behind ({words.method(found.method)})."
         )
-    else:
+    elif other is not None:
         doubt.append(
-            f"that the question is settled: {label(second)} keeps a probability of "
-            f"{words.probability(second['probability'])}."
+            f"that the question is settled: {words.model(damping_of(other))} keeps a probability of "
+            f"{words.probability(found.dampings[damping_of(other)])}."
+        )
+    law = next((r for r in found.rows[1:] if damping_of(r) == best), None)
+    if law is not None and law["probability"] >= 0.01:
+        doubt.append(
+            f"that the restoring law is settled: {label(law)} keeps a probability of "
+            f"{words.probability(law['probability'])}."
         )
     for other, name in found.others.items():
         doubt.append(f"the order of the models: {words.method(other)} puts {name} first.")
