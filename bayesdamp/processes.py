@@ -33,17 +33,39 @@ def processes(workers: int, module: str = "") -> Iterator[Executor]:
         initializer=_begin,
         initargs=(os.getpid(),),
     )
+    with _kill_as_interrupt():
+        try:
+            for _ in range(workers if module else 0):
+                pool.submit(_import, module)
+            yield pool
+        finally:
+            _end(pool)
+            os.environ.clear()
+            os.environ.update(before)
+
+
+def _end(pool: ProcessPoolExecutor) -> None:
+    """Finished cells are stored: those under way are given up, and nothing waits for JAX to tidy up."""
+    for process in list((pool._processes or {}).values()):
+        process.terminate()
+    pool.shutdown(wait=True, cancel_futures=True)
+
+
+@contextmanager
+def _kill_as_interrupt() -> Iterator[None]:
+    """A run that is killed ends its processes as one that is interrupted does."""
+
+    def interrupt(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = signal.signal(signal.SIGTERM, interrupt)
     try:
-        for _ in range(workers if module else 0):
-            pool.submit(_import, module)
-        yield pool
+        yield
     finally:
-        # Finished cells are stored: those under way are given up, and nothing waits for JAX to tidy up.
-        for process in list((pool._processes or {}).values()):
-            process.terminate()
-        pool.shutdown(wait=True, cancel_futures=True)
-        os.environ.clear()
-        os.environ.update(before)
+        signal.signal(signal.SIGTERM, before)
 
 
 def _begin(parent: int) -> None:

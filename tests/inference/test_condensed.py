@@ -12,11 +12,11 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from bayesdamp.inference.compiled import compiled
+from bayesdamp.inference.compiled import _solver, compiled
 from bayesdamp.inference.condensed import Condensed, Singles, condense
-from bayesdamp.inference.density import log_posterior
+from bayesdamp.inference.density import log_posterior, moving_values, parameters, reading
 from bayesdamp.inference.gradient import value_and_gradient
-from bayesdamp.inference.linearised import linearise
+from bayesdamp.inference.linearised import linearise, moving_names
 from bayesdamp.inference.noise import NOISES
 from bayesdamp.inference.target import Context, Target
 from bayesdamp.physics.integrate import (
@@ -244,6 +244,29 @@ def test_a_tight_line_is_the_linearised_posterior(noise):
     np.testing.assert_allclose(tight, wide, rtol=1e-10)
     elsewhere = functions.linearised_batch(context, functions.tight(context, at + 1e-3), points)
     assert not np.allclose(elsewhere, wide, rtol=1e-10)  # negative control
+
+
+@pytest.mark.parametrize("noise", [*NORMAL, "student_t"])
+def test_one_solver_program_serves_all_noises(noise):
+    """What is read off its nodes is the derivative of the misfit itself, and an own coefficient's is not another's."""
+    found, z, _, context = case("viscous", noise)
+    at = jnp.asarray(z)
+    e, slopes, x = compiled(found.layout).linearise(context, at)
+    index = jnp.asarray(moving(found))
+    direct = jax.jit(
+        lambda z: reading(found.layout, context.lean).misfit(parameters(found.layout, context.lean, z))
+    )
+    np.testing.assert_allclose(e, direct(at), rtol=1e-9, atol=1e-9 * float(jnp.abs(e).max()))
+    by_z = jax.jit(jax.jacfwd(direct))(at)[:, index].T
+    values = lambda z: moving_values(found.layout, context.lean, z)  # noqa: E731
+    by_value = by_z / jax.jvp(values, (at,), (jnp.ones_like(at),))[1][:, None]
+    size = float(jnp.abs(by_value).max())
+    np.testing.assert_allclose(slopes, by_value, rtol=1e-7, atol=1e-9 * size)
+    np.testing.assert_array_equal(x, values(at))
+    assert not np.allclose(slopes[::-1], by_value, rtol=1e-7, atol=1e-9 * size)  # negative control
+    assert _solver(found.oscillator, moving_names(found.layout)) is _solver(
+        found.oscillator, moving_names(found.layout)
+    )
 
 
 @pytest.mark.parametrize("noise", NORMAL)
