@@ -99,13 +99,11 @@ def maximise(
 ) -> tuple[np.ndarray, float, np.ndarray, int, bool]:
     """`climb` on any log density of scores, (d,), of which the folded ones, (d,) of bool, end at zero.
 
-    curvature: z to log density, gradient (d,) and information (d, d). A step's damping follows how well the last one's
-    gain was foretold (Nielsen, Damping parameter in Marquardt's method, 1999): half the evaluations of a fixed factor
-    where residuals are large.
+    curvature: z to log density, gradient (d,) and information (d, d).
     """
     z = np.where(folded, np.maximum(np.abs(z), WALL), z)
     value, gradient, information = curvature(z)
-    damping, more, evaluations = 1e-3, 2.0, 1
+    damping, evaluations = 1e-3, 1
     for _ in range(limit):
         if not np.isfinite(value) or not np.all(np.isfinite(information)):
             return z, -np.inf, np.eye(z.size), evaluations, False
@@ -122,17 +120,15 @@ def maximise(
         gain = float(new[0] - value) if np.isfinite(new[0]) else -np.inf
         if gain >= 0:
             step = np.sqrt(max(float(move @ information @ move), 0.0))
-            foretold = float(move @ gradient - 0.5 * move @ information @ move)
-            ratio = min(gain / max(foretold, 1e-300), 1.0)
-            damping, more = max(damping * max(0.2, 1.0 - (2.0 * ratio - 1.0) ** 3), 1e-12), 2.0
             z, (value, gradient, information) = trial, new
+            damping = max(damping / 5, 1e-12)
             if gain < 1e-9 * max(1.0, abs(float(value)) * 1e-3) and step < 1e-3:
                 return z, float(value), information, evaluations, True
         else:
             expected = float(move @ gradient)
             if expected < 1e-7 or damping > 1e12:
                 return z, float(value), information, evaluations, True
-            damping, more = max(damping, 1e-9) * more, 2.0 * more
+            damping = max(damping, 1e-9) * 6
     return z, float(value), information, evaluations, False
 
 
