@@ -9,6 +9,8 @@ import sys
 import time
 from pathlib import Path
 
+import pytest
+
 from bayesdamp.processes import processes
 
 SCRIPT = """
@@ -39,7 +41,9 @@ def test_a_module_is_there_before_it_is_asked_for() -> None:
         assert not pool.submit(loaded, "wave").result(timeout=60)
 
 
-def test_the_environment_is_as_it_was() -> None:
+def test_the_environment_is_as_it_was(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("OMP_NUM_THREADS", raising=False)
+    monkeypatch.delenv("XLA_FLAGS", raising=False)
     before = dict(os.environ)
     with processes(1) as pool:
         assert pool.submit(os.getenv, "OMP_NUM_THREADS").result(timeout=60) == "1"

@@ -161,6 +161,15 @@ def test_saved_draws_read_back(tmp_path):
     assert "diverging" in data.sample_stats
 
 
+def test_the_tails_are_the_outer_twentieths():
+    """Independent draws, of which those beyond the 5 % and 95 % quantiles come one after the other: a run a chain."""
+    x = np.random.default_rng(8).normal(size=(4, 1000))
+    low, high = np.quantile(x, [0.05, 0.95])
+    runs = np.stack([np.concatenate([c[c < low], c[(c >= low) & (c <= high)], c[c > high]]) for c in x])
+    assert diagnostics.summarise(x)["ess_tail"] > 2000
+    assert diagnostics.summarise(runs)["ess_tail"] < 100
+
+
 @pytest.mark.parametrize("shape", [0.2, 0.5, 0.9])
 def test_the_tail_of_weights_has_its_shape(shape):
     """Of ratios that are generalised Pareto; their inverses have no tail. False alarm below 1e-3 (four sds)."""
