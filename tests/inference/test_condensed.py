@@ -13,7 +13,7 @@ import pytest
 from scipy.signal import lfilter
 
 from bayesdamp.inference.compiled import _solver, compiled
-from bayesdamp.inference.condensed import Condensed, Singles, condense
+from bayesdamp.inference.condensed import Condensed, Singles, condense, room_of
 from bayesdamp.inference.density import log_posterior, moving_values, parameters, reading
 from bayesdamp.inference.gradient import value_and_gradient
 from bayesdamp.inference.linearised import linearise, moving_names
@@ -373,3 +373,9 @@ def test_anchored_plan():
     assert error(plan, 0.3) > 0.1 * error(coarse, 0.3)
     values = {n: jnp.asarray(p[n]) for n in osc.parameters}
     np.testing.assert_allclose(compiled_record(osc)(plan, values), at_samples(osc, plan, p), atol=1e-13)
+
+
+@pytest.mark.parametrize(("count", "most", "room"), [(512, 4096, 512), (513, 4096, 2048), (600, 1024, 1024)])
+def test_all_steps_have_room(count, most, room):
+    none = jnp.zeros(0)
+    assert room_of(MeshPlan(jnp.zeros(most), jnp.asarray(count), none, none)) == room
