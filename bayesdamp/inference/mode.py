@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from scipy.linalg import solve_triangular
@@ -29,6 +30,8 @@ ANCHORS = 4
 MOST_LEFT = 1.5
 """What a mode may leave of a record, in standard deviations of that; a motion out of step leaves √2, and more
 is left where slow noise stands in for another zero."""
+IN_STEP = 0.3
+"""What a trajectory that keeps step leaves at most, in the same unit, or a little more than the noise."""
 WALL = 1e-9
 """Where a folded score stops in place of zero, at which it has no slope."""
 
@@ -132,10 +135,9 @@ def maximise(
     return z, float(value), information, evaluations, False
 
 
-def _with_noise(target: Target, z: np.ndarray, context: Context) -> np.ndarray:
-    """Scores with the noise parameters read from the residuals of this trajectory."""
+def _with_noise(target: Target, z: np.ndarray, r: np.ndarray) -> np.ndarray:
+    """Scores (d,) with the noise parameters read from the residuals (n,) there."""
     layout = target.layout
-    r = residual(target, context.plan, z)
     if not np.all(np.isfinite(r)):
         return z
     start = target.scores(layout.noise.start(r, np.diff(target.signal.t)))
@@ -144,47 +146,88 @@ def _with_noise(target: Target, z: np.ndarray, context: Context) -> np.ndarray:
     )
 
 
-def find_mode(target: Target, seeds: Mapping[str, Mapping[str, float]], *, noise_level: float) -> Mode:
+def find_mode(
+    target: Target,
+    seeds: Mapping[str, Mapping[str, float]],
+    *,
+    noise_level: float,
+    thrifty: bool = False,
+) -> Mode:
     """The highest mode that the seeds reach.
 
     seeds: name of a seed to parameter values in natural units. noise_level: the record's roughness, which
-    sets how well trajectories are first computed. Raises Refusal where no seed reaches a finite posterior, or the noise
-    takes the motion's place in all that do.
+    sets how well trajectories are first computed. thrifty: climbed is only
+    until one leads to a motion that keeps step with the record, first from the best of those that do so already, then
+    from the others in their order.
+    Raises Refusal where no seed reaches a finite posterior with a curvature, or the noise takes the motion's place in
+    all that do.
     """
     layout = target.layout
     # A first guess; `_settle` measures what the steps do to the likelihood and shortens them where they must be.
     tolerance = COARSEST * noise_level
     if target.exact_friction:  # its plans cannot be anchored
         tolerance = 0.5 * noise_level / np.sqrt(target.signal.t.size)
+    size = float(np.std(target.signal.y))
+    in_step = max(IN_STEP * size, 1.5 * noise_level)
     climbs: list[Climb] = []
-    best: tuple[float, np.ndarray] | None = None
+    ends: list[tuple[float, np.ndarray]] = []
     displaced = False
-    for (name, *same), z0 in _distinct(target, seeds):
-        context = target.context(_plans(target, z0, tolerance)[0])
-        z0 = _with_noise(target, z0, context)
-        start = float(compiled(layout).curvature(context, z0)[0])
+    begun = [_begun(target, names, z, tolerance) for names, z in _distinct(target, seeds)]
+    if thrifty:
+        begun.sort(key=lambda b: -b.value if b.left < IN_STEP * size else np.inf)
+    for (name, *same), z0, context, start, _ in begun:
         z, value, information, count, done = _ascend(target, context, z0, tolerance)
         volume = -0.5 * float(np.linalg.slogdet(information)[1])
         climbs.append(Climb(name, tuple(same), start, value, count, z0, z, volume, done))
-        if np.isfinite(value) and (best is None or value > best[0]):
-            if _displaces(target, z, tolerance):
-                displaced = True
-            else:
-                best = (value, z)
-    if best is None and displaced:
+        if not np.isfinite(value):
+            continue
+        left = _left(target, z, tolerance)
+        if left > MOST_LEFT * size:
+            displaced = True
+            continue
+        ends.append((value, z))
+        if thrifty and done and left < in_step:
+            break
+    if not ends and displaced:
         raise Refusal(
             "set aside: noise takes the motion's place: the likeliest trajectory is farther from the record than its "
             "mean is"
         )
-    if best is None:
-        raise Refusal("no seed leads to a trajectory with a finite likelihood")
-    return _settle(target, best[1], tolerance, tuple(climbs))
+    said = Refusal("no seed leads to a trajectory with a finite likelihood")
+    for _, z in sorted(ends, key=lambda end: -end[0]):
+        try:
+            return _settle(target, z, tolerance, tuple(climbs))
+        except Refusal as refusal:
+            said = refusal
+    raise said
 
 
-def _displaces(target: Target, z: np.ndarray, tolerance: float) -> bool:
-    """Whether the residuals at scores z, (d,), are larger than any motion in the record."""
-    r = residual(target, target.plan(z, tolerance)[0], z)
-    return float(np.sqrt(np.mean(r**2))) > MOST_LEFT * float(np.std(target.signal.y))
+class _Begun(NamedTuple):
+    """A seed's names, its scores (d,) with the noise that they leave, a plan there, the log posterior, and the root mean
+    square of the residuals."""
+
+    names: list[str]
+    z: np.ndarray
+    context: Context
+    value: float
+    left: float
+
+
+def _begun(target: Target, names: list[str], z: np.ndarray, tolerance: float) -> _Begun:
+    context = target.context(_plans(target, z, tolerance)[0])
+    r = residual(target, context.plan, z)
+    z = _with_noise(target, z, r)
+    value = float(compiled(target.layout).curvature(context, z)[0])
+    return _Begun(names, z, context, value, _size(r))
+
+
+def _left(target: Target, z: np.ndarray, tolerance: float) -> float:
+    """Root mean square of what the trajectory at scores z, (d,), leaves of the record."""
+    return _size(residual(target, target.plan(z, tolerance)[0], z))
+
+
+def _size(r: np.ndarray) -> float:
+    return float(np.sqrt(np.mean(r**2)))
 
 
 def _ascend(

@@ -23,6 +23,7 @@ from bayesdamp.study.noise import NoiseCell, noise_cell
 from bayesdamp.study.posteriors import compute_curve, compute_posterior
 from bayesdamp.study.records import NOT_APPLICABLE, SignalCell, cell_seed, digest, plain_seconds
 from bayesdamp.study.sensitivity import compute_sensitivity, sensitivity_cells
+from bayesdamp.study.starts import observed, regression
 from bayesdamp.study.targets import Record
 from bayesdamp.study.weighing import compute_evidence, evidence_parts
 from bayesdamp.types import OK, Problem, Refusal, System, candidate_parts
@@ -168,10 +169,16 @@ class Branch:
         trace = {f"{e.stage}/{n}": np.asarray(v) for e in found for n, v in e.trace.items()}
         self.store.write(CellResult(name, key, {"stages": stages}, trace, OK, plain_seconds(began)))
 
-    def _seeds(self) -> tuple[dict[str, Mapping[str, float]], dict[str, str]]:
-        """Every estimator's values at each of its stages, and what those said that have none; draws from the prior too.
+    @property
+    def _many(self) -> bool:
+        """Whether there are so many candidates that one good start of each has to do."""
+        return self.study.models.prune is not None
 
-        With no estimator in the study, least squares'. Raises Refusal where no estimator has values.
+    def _seeds(self) -> tuple[dict[str, Mapping[str, float]], dict[str, str]]:
+        """Every estimator's values at each of its stages, and what those said that have none; what the record's
+        frequency and decay say; draws from the prior.
+
+        With no estimator in the study, least squares'. Raises Refusal where there is nothing to start from.
         """
         seeds: dict[str, Mapping[str, float]] = {}
         refused: dict[str, str] = {}
@@ -185,16 +192,13 @@ class Branch:
                     refused[label] = stage["outcome"]
             if cell.outcome != OK:
                 refused[method] = cell.outcome
+        problem = Problem(self.terms, self.system)
         if not seeds:
-            for e in run_estimator(
-                "least_squares", self.record.signal, Problem(self.terms, self.system), seed=0
-            ):
-                if e.values:
-                    seeds[f"least_squares, {e.stage}"] = e.values
+            seeds |= regression(self.record, problem)[0]
+        seeds = observed(self.record, problem) | seeds
         if not seeds:
             raise Refusal("no estimator found a place to start from")
-        # Of many candidates the estimates alone are climbed from.
-        count = PRIOR_SEEDS if self.study.models.prune is None else 0
+        count = 0 if self._many else PRIOR_SEEDS
         from_prior = prior_seeds(self.target, count, cell_seed(self.study, f"seeds/{self.path}"))
         return seeds | from_prior, refused
 
@@ -205,7 +209,7 @@ class Branch:
             return
         try:
             seeds, refused = self._seeds()
-            mode = find_mode(self.shared, seeds, noise_level=self.record.seen.roughness)
+            mode = find_mode(self.shared, seeds, noise_level=self.record.seen.roughness, thrifty=self._many)
         except Refusal as refusal:
             self.store.write(CellResult(name, key, outcome=str(refusal), seconds=plain_seconds(began)))
             return

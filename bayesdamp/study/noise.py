@@ -10,16 +10,13 @@ from typing import Any
 from bayesdamp.config import SignalSpec, Study
 from bayesdamp.config.checks import plain
 from bayesdamp.config.signals import damping_order
-from bayesdamp.estimators import run as run_estimator
 from bayesdamp.inference.noise_choice import Fitted, chosen_noise, first_noise, fit_with, weigh_noises
 from bayesdamp.physics.damping import parse_model
 from bayesdamp.store import CellResult, Store
 from bayesdamp.study.records import NOT_APPLICABLE, SignalCell, digest
+from bayesdamp.study.starts import observed, regression
 from bayesdamp.study.targets import Record
 from bayesdamp.types import OK, Problem, Refusal
-
-SEED_FROM = "least_squares"
-"""What starts the search under each law."""
 
 
 class NoiseCell:
@@ -79,10 +76,10 @@ class NoiseCell:
     def _fit(self, record: Record, law: str, noise: str) -> Fitted:
         problem = Problem(self.terms, record.system(law))
         # The climb is a refinement of its own.
-        started = run_estimator(SEED_FROM, record.signal, problem, stages=("initial",), seed=0)
-        seeds = {f"{SEED_FROM}, {e.stage}": e.values for e in started if e.values}
+        seeds, said = regression(record, problem)
+        seeds = observed(record, problem) | seeds
         if not seeds:
-            raise Refusal(started[0].outcome)
+            raise Refusal(said)
         return fit_with(record.target(self.terms, law, noise), seeds, record.seen)
 
 

@@ -1,0 +1,32 @@
+"""Where the searches for a mode start, besides the estimates that a study asks for."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from bayesdamp.estimators import run as run_estimator
+from bayesdamp.estimators.shared import decay_start, start_parameters
+from bayesdamp.study.targets import Record
+from bayesdamp.types import Problem, Refusal
+
+REGRESSION = "least_squares"
+"""The estimator that is asked where a study has none."""
+OBSERVED = "frequency and decay"
+"""Name of the start that is read off the record's turning points: a regression on derivatives is far off where noise
+hides these, as in a record of the acceleration."""
+
+
+def regression(record: Record, problem: Problem) -> tuple[dict[str, Mapping[str, float]], str]:
+    """Least squares' own values by the seed's name, and what it says where it has none."""
+    found = run_estimator(REGRESSION, record.signal, problem, stages=("initial",), seed=0)
+    return {f"{REGRESSION}, {e.stage}": e.values for e in found if e.values}, found[0].outcome
+
+
+def observed(record: Record, problem: Problem) -> dict[str, Mapping[str, float]]:
+    """The restoring law of the record's frequency and midline, its smoothed start, and the damping of its decrements;
+    nothing where they cannot be read."""
+    try:
+        values = start_parameters(record.signal, problem, record.seen)
+    except Refusal:
+        return {}
+    return {OBSERVED: values | decay_start(problem, record.seen)}
