@@ -10,6 +10,7 @@ from jax import Array
 from scipy.special import log_ndtr, ndtri_exp
 
 from bayesdamp.inference.batches import in_batches
+from bayesdamp.inference.bend import Bend
 from bayesdamp.inference.compiled import compiled
 from bayesdamp.inference.mode import Mode
 from bayesdamp.inference.target import Target
@@ -25,7 +26,7 @@ FAR = 8.0
 
 @dataclass(frozen=True)
 class Frame:
-    """Scores are centre + factor @ u; u has mean about 0 and covariance about the identity.
+    """Straightened scores (`bent`) are centre + factor @ u; u has mean about 0 and covariance about the identity.
 
     centre: (d,); factor: (d, d); lacking: what the curvature of the linearised trajectory lacks at the
     centre, (d, d); good: whether it could be measured.
@@ -35,34 +36,39 @@ class Frame:
     factor: np.ndarray
     lacking: np.ndarray
     good: bool
+    bent: Bend
 
     def scores(self, u: np.ndarray) -> np.ndarray:
         """Scores at coordinates u, both (..., d)."""
-        return self.centre + u @ self.factor.T
+        return self.bent.scores(self.centre + u @ self.factor.T)
 
     def whitened(self, z: np.ndarray) -> np.ndarray:
         """Coordinates of scores z, both (m, d)."""
-        return np.linalg.solve(self.factor, (z - self.centre).T).T
+        return np.linalg.solve(self.factor, (self.bent.straight(z) - self.centre).T).T
 
 
-def frame(target: Target, mode: Mode) -> Frame:
-    """The frame of a posterior from its mode, and the gradient and the whole curvature beside it."""
+def frame(target: Target, mode: Mode, bent: Bend | None = None) -> Frame:
+    """The frame of a posterior from its mode, and the gradient and the whole curvature beside it.
+
+    bent: the bend of its ridge, where that is to be straightened.
+    """
     layout, d = target.layout, mode.z.size
+    bent = Bend.none(d) if bent is None else bent
     folded = np.flatnonzero(layout.folded)
     at = np.where(layout.folded, np.maximum(np.abs(mode.z), 1e-12), mode.z)
 
     def slope(at: np.ndarray) -> np.ndarray:
-        return np.asarray(compiled(layout).curvature(mode.context, at)[1])
+        return np.asarray(compiled(layout).curvature(mode.context, bent.scores(at))[1]) @ bent.slope(at)
 
     centre, factor = cut_off_moments(mode.information, slope(at), at, folded)
-    whole, linear = _curvatures(target, mode, centre, factor)
+    whole, linear = _curvatures(target, mode, centre, factor, bent)
     if not (np.all(np.isfinite(whole)) and np.all(np.isfinite(linear))):
-        return Frame(centre, factor, np.zeros((d, d)), False)
+        return Frame(centre, factor, np.zeros((d, d)), False, bent)
     values, vectors = np.linalg.eigh(whole)
     inverse = np.linalg.inv(factor)
     believed = inverse.T @ (vectors * np.maximum(values, FLATTEST)) @ vectors.T @ inverse
     factor = cut_off_moments(believed, slope(centre), centre, folded)[1]
-    return Frame(centre, factor, inverse.T @ (whole - linear) @ inverse, True)
+    return Frame(centre, factor, inverse.T @ (whole - linear) @ inverse, True, bent)
 
 
 def cut_off_moments(
@@ -112,7 +118,7 @@ def cut_off(
 
 
 def _curvatures(
-    target: Target, mode: Mode, at: np.ndarray, factor: np.ndarray
+    target: Target, mode: Mode, at: np.ndarray, factor: np.ndarray, bent: Bend
 ) -> tuple[np.ndarray, np.ndarray]:
     """−∂² of the log posterior and of that with the trajectory linearised, in units of factor, both (d, d).
 
@@ -123,16 +129,17 @@ def _curvatures(
     corners = np.array(
         [[a * np.eye(d)[i] + b * np.eye(d)[j] for a in (1, -1) for b in (1, -1)] for i, j in pairs]
     )
-    points = at + H * corners.reshape(-1, d) @ factor.T
+    away = H * corners.reshape(-1, d) @ factor.T
     functions = compiled(layout)
-    line = functions.tight(mode.context, at)
+    line = functions.tight(mode.context, bent.scores(at))
 
-    def hessian(fun: Callable[[Array], Array]) -> np.ndarray:
+    def hessian(fun: Callable[[Array], Array], points: np.ndarray) -> np.ndarray:
         f = in_batches(fun, points).reshape(-1, 4)
         found = np.zeros((d, d))
         for (i, j), v in zip(pairs, -(f[:, 0] - f[:, 1] - f[:, 2] + f[:, 3]) / (4 * H * H), strict=True):
             found[i, j] = found[j, i] = v
         return found
 
-    whole = hessian(lambda part: functions.batch(mode.context, part))
-    return whole, hessian(lambda part: functions.linearised_batch(mode.context, line, part))
+    whole = hessian(lambda part: functions.batch(mode.context, part), bent.scores(at + away))
+    straight = bent.scores(at) + away
+    return whole, hessian(lambda part: functions.linearised_batch(mode.context, line, part), straight)

@@ -8,6 +8,7 @@ import numpy as np
 from scipy.special import logsumexp
 
 from bayesdamp.inference import diagnostics
+from bayesdamp.inference.bend import Bend, bend
 from bayesdamp.inference.evidence._densities import folded_log_posterior
 from bayesdamp.inference.evidence._method import Draws, EvidenceMethod
 from bayesdamp.inference.folded import DEGREES, FoldedT
@@ -28,8 +29,9 @@ class Importance(EvidenceMethod):
 
     A coefficient that may touch zero is a folded score; its posterior has mirror modes, so proposal and
     target are both folded: nothing is lost at zero, and weights are judged on the coefficient itself. Where
-    the Pareto shape of the pilot weights is above 0.5 the fit is moved to the weighted pilot draws and tried
-    again; the reported draws are fresh ones. (Vehtari et al., JMLR 25, 2024, for the diagnostic.)
+    the Pareto shape of the pilot weights is above 0.5 the posterior's ridge is straightened, if it is a curved one, and
+    then the fit is moved to the weighted pilot draws and tried again; the reported draws are fresh ones. (Vehtari et
+    al., JMLR 25, 2024, for the diagnostic.)
     """
 
     name = "importance"
@@ -41,18 +43,22 @@ class Importance(EvidenceMethod):
         rng = np.random.default_rng(seed)
         folded = np.asarray(target.layout.folded)
         proposal = FoldedT(np.where(folded, np.abs(mode.z), mode.z), mode.factor, folded)
-        evaluations = 0
-        for _ in range(ROUNDS):
-            y, log_weights = self._weights(target, mode, proposal, rng, PILOT)
+        evaluations, bent = 0, Bend.none(folded.size)
+        for attempt in range(ROUNDS):
+            y, log_weights = self._weights(target, mode, proposal, bent, rng, PILOT)
             evaluations += PILOT
             # On a pilot of this size the fitted shape scatters by about 0.1.
             if diagnostics.pareto_k(log_weights) < K_GOOD - 0.1 and effective(log_weights) > 0.2 * PILOT:
                 break
+            ridge = bend(target, mode) if attempt == 0 else None
+            if ridge is not None:
+                bent = ridge
+                continue
             try:
                 proposal = self._refit(y, log_weights, folded)
             except np.linalg.LinAlgError:
                 break  # a few draws have all the weight, which the diagnostic will say
-        y, log_weights = self._weights(target, mode, proposal, rng, FINAL)
+        y, log_weights = self._weights(target, mode, proposal, bent, rng, FINAL)
         evaluations += FINAL
         k, share = diagnostics.pareto_k(log_weights), effective(log_weights) / FINAL
         log_evidence = float(logsumexp(log_weights) - np.log(FINAL))
@@ -71,15 +77,16 @@ class Importance(EvidenceMethod):
             evaluations=evaluations,
             seconds=time.perf_counter() - began,
             outcome=outcome,
-            arrays={"y": y, "log_weights": log_weights},
+            arrays={"y": bent.scores(y), "log_weights": log_weights},
         )
 
     @staticmethod
     def _weights(
-        target: Target, mode: Mode, proposal: FoldedT, rng: np.random.Generator, n: int
+        target: Target, mode: Mode, proposal: FoldedT, bent: Bend, rng: np.random.Generator, n: int
     ) -> tuple[np.ndarray, np.ndarray]:
+        """Straightened draws, (n, d), and their log weights, (n,)."""
         y = proposal.draw(rng, n)
-        return y, folded_log_posterior(target, mode, y) - proposal.log_density(y)
+        return y, folded_log_posterior(target, mode, bent.scores(y)) - proposal.log_density(y)
 
     @staticmethod
     def _refit(y: np.ndarray, log_weights: np.ndarray, folded: np.ndarray) -> FoldedT:

@@ -52,7 +52,7 @@ def sample_many(
             share = (time.perf_counter() - began) / len(part)
             for (i, at), (given, begun), one in zip(part, own, many):
                 began = time.perf_counter()
-                posterior = nuts.posterior_of(targets[i], at, one, begun, False, float(given[4]))
+                posterior = nuts.posterior_of(targets[i], at, one, begun, False, float(given[3]))
                 # The random numbers of another attempt are its own: whether there is one does not choose among draws.
                 again = replace(settings, seed=seeds[i] + 1)
                 posterior = nuts.PLUGIN.finished(targets[i], modes[i], at, again, posterior)
@@ -100,7 +100,7 @@ def _run(layout: Layout, settings: Settings, own: list[tuple[Any, ...]]) -> list
 def _program(layout: Layout, warmup: int, draws: int, tree: Any):
     """Compiled: every argument has one axis more than in `nuts.chain_of`, but for the number of steps."""
     over = axes(jax.tree.unflatten(tree, [0] * tree.num_leaves))
-    chains = jax.vmap(nuts.chain_of(layout, warmup, draws, False), in_axes=(None,) * 5 + (0, 0, 0))
+    chains = jax.vmap(nuts.chain_of(layout, warmup, draws, False), in_axes=(None,) * 4 + (0, 0, 0))
     return Program(
-        jax.vmap(chains, in_axes=(over, *(0,) * 7)), "nuts_of_many", layout, warmup, draws, str(tree)
+        jax.vmap(chains, in_axes=(over, *(0,) * 6)), "nuts_of_many", layout, warmup, draws, str(tree)
     )

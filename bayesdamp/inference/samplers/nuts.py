@@ -16,6 +16,7 @@ from jax import numpy as jnp
 
 from bayesdamp.inference import diagnostics
 from bayesdamp.inference.batches import log_prior
+from bayesdamp.inference.bend import Bend, bend
 from bayesdamp.inference.compiled import compiled
 from bayesdamp.inference.density import log_posterior
 from bayesdamp.inference.frame import Frame, frame
@@ -34,7 +35,7 @@ DOUBLINGS = 7
 
 
 def chain_of(layout: Layout, warmup: int, draws: int, exact: bool):
-    """One chain of a layout: (context, force, centre, factor, step, start, height, key) to draws and so on.
+    """One chain of a layout: (context, force, (centre, factor, bend), step, start, height, key) to draws and so on.
 
     force: the linearised trajectory, and what its curvature lacks at the centre, (d, d); height: log posterior at the
     start, which the chain does not compute so that the solver is in its program once.
@@ -44,27 +45,31 @@ def chain_of(layout: Layout, warmup: int, draws: int, exact: bool):
     def chain(
         context: Context,
         force: Any,
-        centre: Array,
-        factor: Array,
+        place: tuple[Array, Array, Bend],
         size: Any,
         start: Array,
         height: Any,
         key: Array,
     ):
-        line, lacking = force
+        (line, lacking), (centre, factor, bent) = force, place
+
+        def scores(u: Array) -> Array:
+            return bent.scores(centre + factor @ u)
 
         # Compiled inside: the sampler's program has them in many places, which then are traced once.
         @jax.jit
         def value(u: Array) -> Array:
-            return log_posterior(layout, context, centre + factor @ u)
+            return log_posterior(layout, context, scores(u))
 
         def surrogate(u: Array) -> Array:
             away = factor @ u
-            there = linearised_log_posterior(layout, context, line, centre + away)
+            # A straight line stays one: straightened, the ridge is where it has it.
+            there = linearised_log_posterior(layout, context, line, bent.scores(centre) + away)
             return there - 0.5 * away @ lacking @ away
 
         def gradient(u: Array) -> Array:
-            return factor.T @ value_and_gradient(layout, context, centre + factor @ u)[1]
+            z, pull = jax.vjp(scores, u)
+            return pull(value_and_gradient(layout, context, z)[1])[0]
 
         slope = jax.jit(gradient if exact else jax.grad(surrogate))
         kernel = nuts.build_kernel(reflecting_leapfrog(value, slope, factor[walls], centre[walls]))
@@ -86,7 +91,7 @@ def chain_of(layout: Layout, warmup: int, draws: int, exact: bool):
 @lru_cache(maxsize=32)
 def _chains(layout: Layout, warmup: int, draws: int, exact: bool):
     """`chain_of` compiled for all chains of one record: starts and keys have one more axis."""
-    chains = jax.vmap(chain_of(layout, warmup, draws, exact), in_axes=(None,) * 5 + (0, 0, 0))
+    chains = jax.vmap(chain_of(layout, warmup, draws, exact), in_axes=(None,) * 4 + (0, 0, 0))
     return Program(chains, "nuts", layout, warmup, draws, exact)
 
 
@@ -106,8 +111,9 @@ class Nuts(Sampler):
 
     Energies, which decide on acceptance, are exact. The force that moves a proposal may be any function of
     the position (leapfrog steps stay reversible and keep volume), so it is that of the linearised
-    trajectory, which costs no tangents; where the draws are then not good enough they are taken again with
-    the exact gradient, and with shorter steps. With the whole curvature known the step is too: 1/d^(1/4).
+    trajectory, which costs no tangents; where the draws are then not good enough they are taken again, with
+    a curved ridge straightened, with the exact gradient, and with shorter steps. With the whole curvature known the
+    step is too: 1/d^(1/4).
     """
 
     name = "nuts"
@@ -123,6 +129,11 @@ class Nuts(Sampler):
         self, target: Target, mode: Mode, at: Frame, settings: Settings, found: Posterior
     ) -> Posterior:
         """The first attempt's posterior where that is good enough, else the next that is."""
+        if poor(found) or found.outcome != OK:
+            ridge = bend(target, mode)
+            if ridge is not None:
+                at = frame(target, mode, ridge)
+                found = self._attempt(target, mode, at, settings, not at.good, 1.0)
         exact, shorter = bool(found.diagnostics["exact_force"]), 1.0
         while poor(found) and shorter > SHORTEST:
             exact, shorter = True, shorter * (0.5 if exact else 1.0)
@@ -137,18 +148,18 @@ class Nuts(Sampler):
     ) -> Posterior:
         run = _chains(target.layout, settings.warmup, settings.draws, exact)
         given, begun = inputs(target, mode, at, settings, shorter)
-        return posterior_of(target, at, run(*given), begun, exact, float(given[4]))
+        return posterior_of(target, at, run(*given), begun, exact, float(given[3]))
 
 
 def inputs(
     target: Target, mode: Mode, at: Frame, settings: Settings, shorter: float = 1.0
 ) -> tuple[tuple[Any, ...], list[Start]]:
     """What the chains of one record are given, in the order of `chain_of`, and where they start."""
-    force = (compiled(target.layout).tight(mode.context, at.centre), at.lacking)
+    force = (compiled(target.layout).tight(mode.context, at.bent.scores(at.centre)), at.lacking)
     step = np.float64(shorter * at.centre.size**-0.25)
     start, height, begun = seeded_starts(target, mode, at, settings.chains, settings)
     keys = jax.random.split(jax.random.PRNGKey(settings.seed), settings.chains)
-    return (mode.context.lean, force, at.centre, at.factor, step, start, height, keys), begun
+    return (mode.context.lean, force, (at.centre, at.factor, at.bent), step, start, height, keys), begun
 
 
 def posterior_of(
