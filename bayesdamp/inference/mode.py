@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+import itertools
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -32,6 +33,8 @@ MOST_LEFT = 1.5
 is left where slow noise stands in for another zero."""
 IN_STEP = 0.3
 """What a trajectory that keeps step leaves at most, in the same unit, or a little more than the noise."""
+GROWN = ", over growing windows"
+"""What the name of such a seed ends with."""
 WALL = 1e-9
 """Where a folded score stops in place of zero, at which it has no slope."""
 
@@ -151,18 +154,19 @@ def find_mode(
     seeds: Mapping[str, Mapping[str, float]],
     *,
     noise_level: float,
+    period: float | None = None,
     thrifty: bool = False,
 ) -> Mode:
     """The highest mode that the seeds reach.
 
     seeds: name of a seed to parameter values in natural units. noise_level: the record's roughness, which
-    sets how well trajectories are first computed. thrifty: climbed is only
+    sets how well trajectories are first computed. period: the oscillation's, s; with one, where no seed leads to a
+    motion that keeps step with the record, the search goes on over a window that grows from two cycles. thrifty: climbed is only
     until one leads to a motion that keeps step with the record, first from the best of those that do so already, then
     from the others in their order.
     Raises Refusal where no seed reaches a finite posterior with a curvature, or the noise takes the motion's place in
     all that do.
     """
-    layout = target.layout
     # A first guess; `_settle` measures what the steps do to the likelihood and shortens them where they must be.
     tolerance = COARSEST * noise_level
     if target.exact_friction:  # its plans cannot be anchored
@@ -175,10 +179,13 @@ def find_mode(
     begun = [_begun(target, names, z, tolerance) for names, z in _distinct(target, seeds)]
     if thrifty:
         begun.sort(key=lambda b: -b.value if b.left < IN_STEP * size else np.inf)
-    for (name, *same), z0, context, start, _ in begun:
+    keeps = False
+    for names, z0, context, start, _ in itertools.chain(begun, _grown(target, begun, tolerance, period)):
+        if names[0].endswith(GROWN) and keeps:
+            break
         z, value, information, count, done = _ascend(target, context, z0, tolerance)
         volume = -0.5 * float(np.linalg.slogdet(information)[1])
-        climbs.append(Climb(name, tuple(same), start, value, count, z0, z, volume, done))
+        climbs.append(Climb(names[0], tuple(names[1:]), start, value, count, z0, z, volume, done))
         if not np.isfinite(value):
             continue
         left = _left(target, z, tolerance)
@@ -186,7 +193,8 @@ def find_mode(
             displaced = True
             continue
         ends.append((value, z))
-        if thrifty and done and left < in_step:
+        keeps = keeps or (done and left < in_step)
+        if thrifty and keeps:
             break
     if not ends and displaced:
         raise Refusal(
@@ -203,8 +211,8 @@ def find_mode(
 
 
 class _Begun(NamedTuple):
-    """A seed's names, its scores (d,) with the noise that they leave, a plan there, the log posterior, and the root mean
-    square of the residuals."""
+    """A seed's names, its scores (d,) with the noise that they leave, a plan there, the log posterior and the root mean
+    square of what is left of the record."""
 
     names: list[str]
     z: np.ndarray
@@ -219,6 +227,28 @@ def _begun(target: Target, names: list[str], z: np.ndarray, tolerance: float) ->
     z = _with_noise(target, z, r)
     value = float(compiled(target.layout).curvature(context, z)[0])
     return _Begun(names, z, context, value, _size(r))
+
+
+def _grown(
+    target: Target, begun: Sequence[_Begun], tolerance: float, period: float | None
+) -> Iterator[_Begun]:
+    """Each seed taken along a window that grows from two cycles to the whole record: a frequency that is a little off
+    loses step over many cycles, and a likelihood knows no way back from there."""
+    if period is None:
+        return
+    t, y = target.signal.t, target.signal.y
+    for one in begun:
+        z, window = one.z, 2.0 * period
+        while window < t[-1]:
+            keep = int(np.searchsorted(t, window))
+            part = replace(target, signal=replace(target.signal, t=t[:keep], y=y[:keep]))
+            there = _begun(part, one.names, z, tolerance)
+            z, value, *_ = climb(part.layout, there.context, there.z)
+            if not np.isfinite(value):
+                break
+            window *= 2
+        else:
+            yield _begun(target, [f"{name}{GROWN}" for name in one.names], z, tolerance)
 
 
 def _left(target: Target, z: np.ndarray, tolerance: float) -> float:

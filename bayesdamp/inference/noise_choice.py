@@ -67,7 +67,7 @@ def first_noise(names: Sequence[str], signal: Signal) -> str:
 
 def fit_with(target: Target, seeds: Mapping[str, Mapping[str, float]], features: Features) -> Fitted:
     """The mode of one target and its evidence. Raises Refusal."""
-    mode = find_mode(target, seeds, noise_level=features.roughness, thrifty=True)
+    mode = find_mode(target, seeds, noise_level=features.roughness, period=features.period, thrifty=True)
     folded = np.asarray(target.layout.folded)
     at = np.where(folded, np.abs(mode.z), mode.z)
     value, gradient, _ = map(np.asarray, compiled(target.layout).curvature(mode.context, at))

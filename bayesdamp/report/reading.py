@@ -13,20 +13,30 @@ from bayesdamp.types import OK, candidate_parts
 
 _FIRST = ("combined", "nested", "bridge", "importance", "laplace")
 ASIDE = "set aside"
+MATTERS = 1e-3
+"""Probability from which it matters whether an evidence is to be trusted."""
 DAMPING = ("zeta", "mu_c", "mu_q")
 
 
 @dataclass(frozen=True)
 class Ranking:
-    """The models of one signal by one method, best first. others: methods that name another best."""
+    """The models of one signal by one method, best first. others: methods that name another best; lost: rows of models
+    that could not be weighed, which have no share."""
 
     method: str
     rows: list[Row]
     others: dict[str, str]
+    lost: tuple[Row, ...] = ()
 
     @property
     def best(self) -> Row:
         return self.rows[0]
+
+    @property
+    def unsettled(self) -> list[Row]:
+        """Rows whose evidence is not to be trusted, of models that matter."""
+        poor = [r for r in self.rows if r["outcome"] != OK and not r["outcome"].startswith(ASIDE)]
+        return [r for r in poor if r["probability"] >= MATTERS]
 
     @property
     def dampings(self) -> dict[str, float]:
@@ -49,18 +59,16 @@ def label(row: Row) -> str:
 
 
 def ranking(run: Run, signal: str, repeat: int) -> Ranking | None:
-    """The ranking by the method that covers the most models; None where no evidence was computed.
+    """The ranking by the method that covers the most models; None where no evidence was computed. An evidence that is
+    not to be trusted counts as it is, and is named in `unsettled`.
 
     Of several such methods the order is that of trust: a combination, nested sampling, bridge, importance.
     """
-    rows = [
-        row
-        for row in rows_of(run.evidence, signal=signal, repeat=repeat)
-        if (row["outcome"] == OK or row["outcome"].startswith(ASIDE)) and math.isfinite(row["probability"])
-    ]
+    every = rows_of(run.evidence, signal=signal, repeat=repeat)
     by_method: dict[str, list[Row]] = {}
-    for row in rows:
-        by_method.setdefault(row["method"], []).append(row)
+    for row in every:
+        if math.isfinite(row["probability"]):
+            by_method.setdefault(row["method"], []).append(row)
     if not by_method:
         return None
 
@@ -81,7 +89,8 @@ def ranking(run: Run, signal: str, repeat: int) -> Ranking | None:
         top = sort(found)[0]
         if len(found) == len(ordered) and top["model"] != best:
             others[name] = label(top)
-    return Ranking(chosen, ordered, others)
+    lost = tuple(r for r in every if r["method"] == chosen and not math.isfinite(r["probability"]))
+    return Ranking(chosen, ordered, others, lost)
 
 
 @dataclass(frozen=True)

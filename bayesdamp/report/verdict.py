@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from bayesdamp.report import words
 from bayesdamp.report.reading import ASIDE, Ranking, damping_of, label, over_widths, ranking
@@ -72,6 +72,19 @@ def verdict(run: Run, signal: str, repeat: int) -> Verdict:
 
 def _decided(run: Run, signal: str, repeat: int, found: Ranking) -> Verdict:
     """What is said where the first candidate fits: of the damping, whatever the restoring law."""
+    if found.lost:
+        names = words.listing(label(row) for row in found.lost)
+        rest = _decided(run, signal, repeat, replace(found, lost=()))
+        why = found.lost[0]["outcome"].rstrip(".")
+        return replace(rest, sentence=f"{names} could not be weighed ({why}); of the others, {rest.sentence}")
+    if found.unsettled:
+        names = words.listing(label(row) for row in found.unsettled)
+        sentence = (
+            f"the evidence of {names} is not settled, so the record is not said to decide: damping is most likely "
+            f"{words.model(next(iter(found.dampings)))}, with probability "
+            f"{words.probability(next(iter(found.dampings.values())))} as far as it is known."
+        )
+        return Verdict(False, sentence, open=True)
     dampings = found.dampings
     damping, probability = next(iter(dampings.items()))
     name, share = words.model(damping), words.probability(probability)

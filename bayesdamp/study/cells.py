@@ -208,8 +208,10 @@ class Branch:
             self.store.write(CellResult(name, key, outcome=NOT_APPLICABLE))
             return
         try:
-            seeds, refused = self._seeds()
-            mode = find_mode(self.shared, seeds, noise_level=self.record.seen.roughness, thrifty=self._many)
+            (seeds, refused), seen = self._seeds(), self.record.seen
+            mode = find_mode(
+                self.shared, seeds, noise_level=seen.roughness, period=seen.period, thrifty=self._many
+            )
         except Refusal as refusal:
             self.store.write(CellResult(name, key, outcome=str(refusal), seconds=plain_seconds(began)))
             return

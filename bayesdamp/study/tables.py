@@ -125,8 +125,12 @@ def _posteriors(study: Study, store: Store) -> Iterator[Row]:
 def _evidence(study: Study, store: Store) -> Iterator[Row]:
     for spec, repeat in _records(study):
         models = study.compare(spec)
-        for method, found in evidence_by_method(study, store, f"{spec.name}/{repeat}", models).items():
+        by_method = evidence_by_method(study, store, f"{spec.name}/{repeat}", models)
+        every = [(m, e) for found in by_method.values() for m, e in found.items()]
+        weighed = {m for m, e in every if np.isfinite(e.log_evidence) or e.outcome.startswith(ASIDE)}
+        for method, found in by_method.items():
             logs = {m: e.log_evidence for m, e in found.items()}
+            lost = [m for m, e in found.items() if m not in weighed and e.outcome != OK]
             aside = [m for m, e in found.items() if e.outcome.startswith(ASIDE)]
             finite = [v for v in logs.values() if np.isfinite(v)]
             best = max(finite, default=math.nan)
@@ -142,8 +146,9 @@ def _evidence(study: Study, store: Store) -> Iterator[Row]:
                     "log_evidence": one.log_evidence,
                     "stderr": one.stderr,
                     "log_bayes_factor": one.log_evidence - best,
-                    # every model of the comparison must have its evidence, or be far behind, before it has a share
-                    "probability": share if len(finite) + len(aside) == len(models) else math.nan,
+                    # every model of the comparison must have its evidence, or be far behind, before it has a share;
+                    # one that no method could weigh has none, and leaves the others theirs
+                    "probability": share if len(finite) + len(aside) + len(lost) == len(models) else math.nan,
                     "diagnostic": one.diagnostic,
                     "outcome": one.outcome,
                 }

@@ -10,8 +10,12 @@ from jax import numpy as jnp
 
 from bayesdamp.inference.noise._noise import NormalNoise
 from bayesdamp.inference.noise.gaussian import LOG_2PI
-from bayesdamp.priors import LogNormal, Prior
+from bayesdamp.priors import LogNormal, LogUniform, Prior
 from bayesdamp.signals.features import Features
+
+FASTEST, SLOWEST = 5e-4, 2.0
+"""Periods between which the correlation time is. What lasts longer than two is no noise about a motion but another zero
+for it, and lets a law that cannot have the record's own fit all the same."""
 
 
 class Correlated(NormalNoise):
@@ -28,7 +32,7 @@ class Correlated(NormalNoise):
     def priors(self, features: Features) -> dict[str, Prior]:
         return {
             "noise_sd": LogNormal(median=features.roughness, sigma=1.0),
-            "noise_time": LogNormal(median=features.period / 4, sigma=1.5),
+            "noise_time": LogUniform(low=FASTEST * features.period, high=SLOWEST * features.period),
         }
 
     def start(self, r: np.ndarray, gaps: np.ndarray) -> dict[str, float]:

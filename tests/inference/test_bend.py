@@ -1,0 +1,170 @@
+"""A curved ridge: found, straightened without changing volumes, and worth it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import lru_cache
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.integrate import dblquad
+
+from bayesdamp.estimators.shared import decay_start, start_parameters
+from bayesdamp.inference import bend as bending
+from bayesdamp.inference.bend import Bend, bend
+from bayesdamp.inference.build import build_target
+from bayesdamp.inference.defaults import Reference
+from bayesdamp.inference.evidence import importance
+from bayesdamp.inference.mode import Mode, find_mode
+from bayesdamp.inference.samplers import Settings, nuts
+from bayesdamp.inference.target import Target
+from bayesdamp.signals.features import features
+from bayesdamp.types import OK, Problem, Signal, System
+
+NAMES = ("mu", "k", "g", "s")
+FOLDED = (True, False, False, False)
+WIDTH, TILT = 0.02, 0.6
+"""The ridge k = TILT·g·s, so wide; g and s have their priors, mu is a folded normal of sd 0.3."""
+SCALE = np.array([0.3, 1.0, 1.0, 1.0])
+
+
+def height(z: np.ndarray) -> np.ndarray:
+    """Log density of scores z, (..., 4), all of whose integral over the folded side is known."""
+    mu, k, g, s = np.moveaxis(z, -1, 0)
+    return -0.5 * ((mu / SCALE[0]) ** 2 + g**2 + s**2 + ((k - TILT * g * s) / WIDTH) ** 2)
+
+
+AREA = np.log(SCALE[0] * WIDTH / 2) + 2 * np.log(2 * np.pi)
+
+
+def slopes(_: object, z: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The density at scores z, (4,), its gradient and its Gauss–Newton information."""
+    mu, k, g, s = z
+    off = (k - TILT * g * s) / WIDTH
+    row = np.array([0.0, 1.0, -TILT * s, -TILT * g]) / WIDTH
+    gradient = -np.array([mu / SCALE[0] ** 2, 0.0, g, s]) - off * row
+    return height(z), gradient, np.diag([SCALE[0] ** -2, 0.0, 1.0, 1.0]) + np.outer(row, row)
+
+
+@pytest.fixture
+def banana(monkeypatch) -> tuple[Any, Any]:
+    """A target and its mode with that density in place of a record's."""
+    monkeypatch.setattr(bending, "compiled", lambda _: SimpleNamespace(curvature=slopes))
+    monkeypatch.setattr(importance, "folded_log_posterior", lambda target, mode, y: height(y))
+    target = SimpleNamespace(
+        names=NAMES, layout=SimpleNamespace(folded=FOLDED), oscillator=SimpleNamespace(parameters=NAMES)
+    )
+    at = np.zeros(4)
+    information = slopes(None, at)[2]
+    factor = np.linalg.cholesky(np.linalg.inv(information))
+    return target, SimpleNamespace(z=at, information=information, factor=factor, context=None)
+
+
+def test_a_bend_keeps_volumes_and_mirror_images() -> None:
+    rng = np.random.default_rng(0)
+    curve = rng.standard_normal((5, 2, 2))
+    curve[[0, 2, 4]] = 0.0  # a folded score and the wide ones
+    one = Bend(rng.standard_normal(5), np.array([2, 4]), curve + np.swapaxes(curve, 1, 2))
+    z = rng.standard_normal((7, 5))
+    np.testing.assert_allclose(one.straight(one.scores(z)), z, atol=1e-12)
+    np.testing.assert_allclose(one.scores(z)[:, [0, 2, 4]], z[:, [0, 2, 4]])
+    steps = 1e-6 * np.eye(5)
+    measured = (one.scores(z[0] + steps) - one.scores(z[0] - steps)).T / 2e-6
+    np.testing.assert_allclose(one.slope(z[0]), measured, atol=1e-8)
+    assert np.linalg.det(one.slope(z[0])) == pytest.approx(1.0)
+    np.testing.assert_array_equal(Bend.none(5).scores(z), z)
+
+
+def test_the_ridge_of_a_product_is_found(banana) -> None:
+    found = bend(*banana)
+    assert found is not None
+    assert sorted(NAMES[i] for i in found.wide) == ["g", "s"]
+    exact = np.zeros((4, 2, 2))
+    exact[1] = [[0.0, TILT], [TILT, 0.0]]
+    np.testing.assert_allclose(found.curve, exact, atol=1e-6)
+
+
+def test_a_straight_ridge_is_left_alone(banana) -> None:
+    target, mode = banana
+    straight = {n: v for n, v in vars(mode).items()}
+
+    def flat(_: object, z: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        return -0.5 * z @ mode.information @ z, -mode.information @ z, mode.information
+
+    bending.compiled = lambda _: SimpleNamespace(curvature=flat)  # type: ignore[assignment]
+    assert bend(target, SimpleNamespace(**straight)) is None  # type: ignore[arg-type]
+
+
+def test_the_closed_form_itself() -> None:
+    """Along k the density is a normal's; over g and s by quadrature."""
+    ridge = dblquad(lambda g, s: np.exp(-0.5 * (g**2 + s**2)), -9, 9, -9, 9)[0]
+    assert np.log(ridge * WIDTH * SCALE[0] * np.pi) == pytest.approx(AREA, abs=1e-6)
+
+
+def test_importance_along_a_curved_ridge_has_the_closed_form(banana, monkeypatch) -> None:
+    """Four standard errors: a false alarm in 16,000. Negative control: with the ridge left curved the weights have no
+    finite variance."""
+    found = importance.PLUGIN.evidence("m", *banana, seed=3)
+    assert found.outcome == OK
+    assert found.stderr < 0.03
+    assert abs(found.log_evidence - AREA) < 4 * found.stderr
+    z = found.arrays["y"]
+    assert np.corrcoef(z[:, 1], z[:, 2] * z[:, 3])[0, 1] > 0.9  # draws are scores, not straightened ones
+    monkeypatch.setattr(importance, "bend", lambda target, mode: None)
+    crooked = importance.PLUGIN.evidence("m", *banana, seed=3)
+    assert crooked.outcome != OK or crooked.stderr > 3 * found.stderr
+
+
+@lru_cache
+def shaken() -> tuple[Target, Mode]:
+    """A small swing seen by its acceleration: neither the angle's zero nor gravity beside a spring shows, only the
+    frequency, in which the two are a product."""
+    rng = np.random.default_rng(11)
+    t, w, rate = np.arange(0, 60, 0.1), 2 * np.pi * 0.3, 0.02
+    y = 0.05 * np.exp(-rate * t) * np.cos(w * t) + 0.003 * rng.standard_normal(t.size)
+    signal = Signal(t, y, "acceleration")
+    seen, system = features(signal), System("horizontal_pendulum", {"epsilon": 0.0005})
+    target = build_target(signal, ("viscous",), system, seen, Reference(seen.amplitude, seen.frequency))
+    problem = Problem(("viscous",), system)
+    start = start_parameters(signal, problem, seen) | decay_start(problem, seen)
+    return target, find_mode(target, {"seen": start}, noise_level=seen.roughness)
+
+
+def test_nuts_follows_a_curved_ridge() -> None:
+    """Against importance sampling, whose draws are independent: the quartiles of gravity and the spring's angle, the
+    ridge's own coordinates, and of the stiffness. A quartile of 1,000 effective draws has an error of 4 % of the sd, of
+    which the limit is five; the stiffness, far from normal, has fewer.
+    """
+    target, mode = shaken()
+    settings = Settings(chains=4, warmup=100, draws=1500, seed=1)
+    ridge = bend(target, mode)
+    assert ridge is not None
+    found = nuts.PLUGIN.sample(target, mode, settings)
+    assert found.outcome == OK
+    assert not nuts.poor(found)
+    every = [importance.PLUGIN.evidence("m", target, mode, seed).arrays for seed in range(4)]
+    values = target.values(np.concatenate([a["y"] for a in every]))
+    log_weights = np.concatenate([a["log_weights"] for a in every])
+    weights = np.exp(log_weights - log_weights.max())
+    for name in ("gravity", "spring_angle", "stiffness"):
+        drawn = found.draws[..., found.names.index(name)]
+        order = np.argsort(values[name])
+        share = np.cumsum(weights[order]) / weights.sum()
+        quartiles = values[name][order][np.searchsorted(share, [0.25, 0.5, 0.75])]
+        sd = (quartiles[2] - quartiles[0]) / 1.35
+        np.testing.assert_allclose(np.quantile(drawn, [0.25, 0.5, 0.75]), quartiles, atol=0.2 * sd)
+    # Negative control: without straightening the force is no good here.
+    plain = nuts.PLUGIN._attempt(target, mode, nuts.frame(target, mode), settings, False, 1.0)
+    assert nuts.poor(plain) or plain.outcome != OK
+
+
+def test_the_bent_frame_has_the_gradient_of_its_own_coordinates() -> None:
+    """The force of the linearised trajectory, by differences of the density along the frame's axes near its centre."""
+    target, mode = shaken()
+    at = nuts.frame(target, mode, bend(target, mode))
+    u = 0.3 * np.random.default_rng(0).standard_normal((6, mode.z.size))
+    np.testing.assert_allclose(at.whitened(at.scores(u)), u, atol=1e-8)
+    bare = replace(at, bent=Bend.none(mode.z.size))
+    assert np.max(np.abs(at.scores(u) - bare.scores(u)) / mode.sd()) > 1e-3
