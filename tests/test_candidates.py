@@ -10,8 +10,8 @@ import pytest
 
 from bayesdamp.config import load_study
 from bayesdamp.store import read_table
-from bayesdamp.study import cells, run_study
-from bayesdamp.types import InputError, candidate_name, candidate_parts
+from bayesdamp.study import cells, run_study, tables
+from bayesdamp.types import Evidence, InputError, candidate_name, candidate_parts
 
 TWO_LAWS = """
 version = 1
@@ -115,3 +115,36 @@ def test_tables_say_which_law_and_the_report_tells_them_apart(tmp_path) -> None:
     page = (tmp_path / "out" / "report.html").read_text()
     assert "viscous (Duffing)" in page
     assert "viscous (linear)" in page
+
+
+def test_a_candidate_that_cannot_be_weighed_leaves_the_others_theirs(tmp_path, monkeypatch) -> None:
+    """Odds of e² among the two that were weighed, one set aside with nothing; a method that is still to come to a
+    candidate gives nobody a share (negative control)."""
+    study = load(tmp_path)
+
+    def of(method: str, *logs: float, said: str = "ok") -> dict[str, Evidence]:
+        names = study.compare(study.signals[0])
+        return {
+            name: Evidence(name, method, log, 0.01, outcome="ok" if math.isfinite(log) else said)
+            for name, log in zip(names, logs)
+        }
+
+    nan = math.nan
+    found = {
+        "laplace": of("laplace", -5.0, -7.0, nan, nan, said="the posterior has no curvature at its mode"),
+        "importance": of(
+            "importance", -5.0, -7.0, nan, nan, said="the posterior has no curvature at its mode"
+        ),
+        "bridge": of("bridge", -5.0, nan, nan, nan, said="no draws"),
+    }
+    for method in found.values():
+        method["coulomb@duffing"] = Evidence("coulomb@duffing", "any", outcome="set aside: far behind")
+    monkeypatch.setattr(tables, "evidence_by_method", lambda *_: found)
+    rows = list(tables._evidence(study, None))  # type: ignore[arg-type]
+    shares = {(r["method"], r["model"], r["restoring"]): r["probability"] for r in rows}
+    first = 1 / (1 + math.exp(-2.0))
+    assert shares["importance", "viscous", "linear"] == pytest.approx(first)
+    assert shares["importance", "viscous", "duffing"] == pytest.approx(1 - first)
+    assert math.isnan(shares["importance", "coulomb", "linear"])
+    assert shares["importance", "coulomb", "duffing"] == 0.0
+    assert math.isnan(shares["bridge", "viscous", "linear"])

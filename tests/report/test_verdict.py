@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from types import SimpleNamespace
 
 import numpy as np
@@ -166,3 +167,31 @@ def test_what_the_record_cannot_show_is_said_first(unseen: tuple[str, ...], firs
     assert not found.open
     left = verdict(run({"viscous": 0.6, "coulomb": 0.4}, fine, unseen=unseen), "a", 0)  # type: ignore[arg-type]
     assert left.sentence.startswith("the record does not decide")
+
+
+def test_a_candidate_that_could_not_be_weighed_is_said_before_any_probability() -> None:
+    shares = {"viscous": 0.99, "quadratic": 0.01, "coulomb": math.nan}
+    made = run(shares, {"viscous": FITS, "quadratic": FITS})
+    made.evidence[2]["outcome"] = "the posterior has no curvature at its mode."
+    found = verdict(made, "a", 0)  # type: ignore[arg-type]
+    assert found.sentence == (
+        "Coulomb could not be weighed (the posterior has no curvature at its mode); of the others, damping is viscous, "
+        "with probability 0.990 among 2 candidates."
+    )
+
+
+@pytest.mark.parametrize(("share", "opened"), [(0.01, True), (1e-4, False)])
+def test_an_evidence_that_is_not_to_be_trusted_decides_nothing_if_it_matters(
+    share: float, opened: bool
+) -> None:
+    made = run({"viscous": 1 - share, "coulomb": share}, {"viscous": FITS, "coulomb": FITS})
+    made.evidence[1]["outcome"] = "not to be trusted: Pareto shape of the weights is 0.75, above 0.7"
+    found = verdict(made, "a", 0)  # type: ignore[arg-type]
+    assert found.open == opened
+    assert found.sentence.startswith(
+        "the evidence of Coulomb is not settled" if opened else "damping is viscous"
+    )
+    # A rough method that covers as many models does not step in for it.
+    rough = [{**row, "method": "laplace", "outcome": "ok", "probability": 0.5} for row in made.evidence]
+    made.evidence = [*made.evidence, *rough]
+    assert verdict(made, "a", 0).sentence == found.sentence  # type: ignore[arg-type]
