@@ -78,7 +78,7 @@ def comparison(
         "estimators": {"use": ["least_squares"], "stages": ["initial"]},
         "models": {"compare": list(damping) or "all", "prune": PRUNE},
         "posterior": {"samplers": ["nuts"], "noise": noise, "best": BEST, "warmup": WARMUP, "draws": DRAWS},
-        "evidence": {"methods": ["laplace", "importance"], "referee": "never"},
+        "evidence": {"methods": ["laplace", "importance", "bridge"], "referee": "auto"},
     }
     try:
         return resolve_study(raw, Path("compare"))

@@ -161,9 +161,8 @@ def find_mode(
 
     seeds: name of a seed to parameter values in natural units. noise_level: the record's roughness, which
     sets how well trajectories are first computed. period: the oscillation's, s; with one, where no seed leads to a
-    motion that keeps step with the record, the search goes on over a window that grows from two cycles. thrifty: climbed is only
-    until one leads to a motion that keeps step with the record, first from the best of those that do so already, then
-    from the others in their order.
+    motion that keeps step with the record, the search goes on over a window that grows from two cycles. thrifty:
+    seeds are climbed from only until one leads to such a motion, those that keep step already before the others.
     Raises Refusal where no seed reaches a finite posterior with a curvature, or the noise takes the motion's place in
     all that do.
     """

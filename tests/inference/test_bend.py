@@ -16,7 +16,7 @@ from bayesdamp.inference import bend as bending
 from bayesdamp.inference.bend import Bend, bend
 from bayesdamp.inference.build import build_target
 from bayesdamp.inference.defaults import Reference
-from bayesdamp.inference.evidence import importance
+from bayesdamp.inference.evidence import Draws, bridge, importance
 from bayesdamp.inference.mode import Mode, find_mode
 from bayesdamp.inference.samplers import Settings, nuts
 from bayesdamp.inference.target import Target
@@ -115,6 +115,21 @@ def test_importance_along_a_curved_ridge_has_the_closed_form(banana, monkeypatch
     monkeypatch.setattr(importance, "bend", lambda target, mode: None)
     crooked = importance.PLUGIN.evidence("m", *banana, seed=3)
     assert crooked.outcome != OK or crooked.stderr > 3 * found.stderr
+
+
+def test_bridge_along_a_curved_ridge_has_the_closed_form(banana, monkeypatch) -> None:
+    """From exact draws; four standard errors. Negative control: with the ridge left curved the fit hardly meets
+    it."""
+    monkeypatch.setattr(bridge, "folded_log_posterior", lambda target, mode, y: height(y))
+    z = np.random.default_rng(5).standard_normal((4, 1000, 4)) * [SCALE[0], WIDTH, 1.0, 1.0]
+    z[..., 0] = np.abs(z[..., 0])
+    z[..., 1] += TILT * z[..., 2] * z[..., 3]
+    found = bridge.PLUGIN.evidence("m", *banana, seed=3, draws=Draws(z))
+    assert found.outcome == OK
+    assert abs(found.log_evidence - AREA) < 4 * found.stderr
+    assert found.stderr < 0.03
+    monkeypatch.setattr(bridge, "bend", lambda target, mode: None)
+    assert bridge.PLUGIN.evidence("m", *banana, seed=3, draws=Draws(z)).stderr > 3 * found.stderr
 
 
 @lru_cache

@@ -9,6 +9,7 @@ import numpy as np
 from scipy.special import logsumexp
 
 from bayesdamp.inference import diagnostics
+from bayesdamp.inference.bend import Bend, bend
 from bayesdamp.inference.evidence._densities import folded_log_posterior
 from bayesdamp.inference.evidence._method import Draws, EvidenceMethod
 from bayesdamp.inference.folded import DEGREES, FoldedT
@@ -22,6 +23,8 @@ PROPOSALS = 2000
 ITERATIONS = 1000
 TOLERANCE = 1e-10
 OVERLAP_LIMIT = 0.1
+HARDLY = 0.3
+"""Overlap below which a curved ridge is looked for."""
 APART = 3.0
 """Standard errors by which the two halves may differ."""
 
@@ -40,7 +43,8 @@ class Bridge(EvidenceMethod):
     81, 2017) from NUTS draws to a Student t that is folded where a coefficient cannot be negative.
 
     One half of each chain shapes the fit, the other is bridged to it, and the other way round. Draws and fit live on
-    the folded scores, so that no mirror mode is there to be missed. The standard error is Frühwirth-Schnatter's
+    the folded scores, so that no mirror mode is there to be missed; a posterior that the fit hardly meets is
+    straightened where its ridge is curved. The standard error is Frühwirth-Schnatter's
     (Econometrics Journal 7, 2004), the autocorrelation of the chains included.
     """
 
@@ -57,18 +61,13 @@ class Bridge(EvidenceMethod):
             draws = Draws.of(target, found.draws, found.outcome)
             evaluations += int(found.diagnostics["likelihoods"])  # type: ignore[call-overload]
         rng = np.random.default_rng(seed)
-        folded = np.asarray(target.layout.folded)
-        half = draws.z.shape[1] // 2
-        parts = draws.z[:, :half], draws.z[:, half : 2 * half]
-        spans = []
-        for shaping, bridged in (parts, parts[::-1]):
-            proposal = fitted(shaping.reshape(-1, folded.size), folded)
-            there = proposal.draw(rng, PROPOSALS)
-            y = np.concatenate([bridged.reshape(-1, folded.size), there])
-            ratio = folded_log_posterior(target, mode, y) - proposal.log_density(y)
-            evaluations += len(y)
-            cut = len(y) - PROPOSALS
-            spans.append(span(ratio[:cut].reshape(bridged.shape[:2]), ratio[cut:]))
+        spans, count = _spans(target, mode, draws.z, Bend.none(draws.z.shape[-1]), rng)
+        evaluations += count
+        if not min(s.overlap for s in spans) > HARDLY:
+            ridge = bend(target, mode)
+            if ridge is not None:
+                spans, count = _spans(target, mode, draws.z, ridge, rng)
+                evaluations += count
         apart = abs(spans[0].log_evidence - spans[1].log_evidence) / np.hypot(*(s.stderr for s in spans))
         overlap = min(s.overlap for s in spans)
         return Evidence(
@@ -81,6 +80,25 @@ class Bridge(EvidenceMethod):
             seconds=time.perf_counter() - began,
             outcome=_outcome(draws, overlap, float(apart)),
         )
+
+
+def _spans(
+    target: Target, mode: Mode, z: np.ndarray, bent: Bend, rng: np.random.Generator
+) -> tuple[list[Span], int]:
+    """The bridges of both halves of the chains z, (chains, draws, d), in straightened scores, and the evaluations."""
+    folded = np.asarray(target.layout.folded)
+    half, evaluations = z.shape[1] // 2, 0
+    parts = bent.straight(z[:, :half]), bent.straight(z[:, half : 2 * half])
+    spans = []
+    for shaping, bridged in (parts, parts[::-1]):
+        proposal = fitted(shaping.reshape(-1, folded.size), folded)
+        there = proposal.draw(rng, PROPOSALS)
+        y = np.concatenate([bridged.reshape(-1, folded.size), there])
+        ratio = folded_log_posterior(target, mode, bent.scores(y)) - proposal.log_density(y)
+        evaluations += len(y)
+        cut = len(y) - PROPOSALS
+        spans.append(span(ratio[:cut].reshape(bridged.shape[:2]), ratio[cut:]))
+    return spans, evaluations
 
 
 def fitted(y: np.ndarray, folded: np.ndarray) -> FoldedT:
