@@ -68,13 +68,13 @@ class Bridge(EvidenceMethod):
             if ridge is not None:
                 spans, count = _spans(target, mode, draws.z, ridge, rng)
                 evaluations += count
-        apart = abs(spans[0].log_evidence - spans[1].log_evidence) / np.hypot(*(s.stderr for s in spans))
+        apart = abs(spans[0].log_evidence - spans[1].log_evidence) / np.linalg.norm([s.stderr for s in spans])
         overlap = min(s.overlap for s in spans)
         return Evidence(
             model=model,
             method=self.name,
             log_evidence=0.5 * sum(s.log_evidence for s in spans),
-            stderr=0.5 * float(np.hypot(*(s.stderr for s in spans))),
+            stderr=0.5 * float(np.linalg.norm([s.stderr for s in spans])),
             diagnostic=f"overlap {overlap:.2f}, halves {apart:.1f} standard errors apart",
             evaluations=evaluations,
             seconds=time.perf_counter() - began,
