@@ -12,6 +12,7 @@ from scipy.linalg import solve_triangular
 
 from bayesdamp.inference.compiled import compiled
 from bayesdamp.inference.residuals import log_density, residual, residuals
+from bayesdamp.inference.retraction import Retract, retraction, straight_on
 from bayesdamp.inference.target import Context, Layout, Target
 from bayesdamp.physics.integrate import Plan, anchored, divided
 from bayesdamp.types import Refusal
@@ -33,6 +34,8 @@ MOST_LEFT = 1.5
 is left where slow noise stands in for another zero."""
 IN_STEP = 0.3
 """What a trajectory that keeps step leaves at most, in the same unit, or a little more than the noise."""
+SAME = 1e-4
+"""Scores within which what grew from two seeds is one start."""
 GROWN = ", over growing windows"
 """What the name of such a seed ends with."""
 WALL = 1e-9
@@ -84,7 +87,7 @@ class Mode:
 
 
 def climb(
-    layout: Layout, context: Context, z: np.ndarray, *, limit: int = 60
+    layout: Layout, context: Context, z: np.ndarray, *, limit: int = 60, retract: Retract = straight_on
 ) -> tuple[np.ndarray, float, np.ndarray, int, bool]:
     """Levenberg–Marquardt on the log posterior: z, its value, the information, evaluations, converged."""
     curvature = compiled(layout).curvature
@@ -93,7 +96,7 @@ def climb(
         value, gradient, information = map(np.asarray, curvature(context, z))
         return value, gradient, information
 
-    return maximise(at, np.asarray(layout.folded), z, limit=limit)
+    return maximise(at, np.asarray(layout.folded), z, limit=limit, retract=retract)
 
 
 def maximise(
@@ -102,10 +105,11 @@ def maximise(
     z: np.ndarray,
     *,
     limit: int = 60,
+    retract: Retract = straight_on,
 ) -> tuple[np.ndarray, float, np.ndarray, int, bool]:
     """`climb` on any log density of scores, (d,), of which the folded ones, (d,) of bool, end at zero.
 
-    curvature: z to log density, gradient (d,) and information (d, d).
+    curvature: z to log density, gradient (d,) and information (d, d). retract: where steps end.
     """
     z = np.where(folded, np.maximum(np.abs(z), WALL), z)
     value, gradient, information = curvature(z)
@@ -119,8 +123,9 @@ def maximise(
         move = np.zeros_like(z)
         move[free] = np.linalg.solve(inner + damping * np.diag(np.diag(inner)), gradient[free])
         move *= min(1.0, 3.0 / max(np.abs(move).max(), 1e-300))
-        trial = np.where(folded, np.maximum(z + move, WALL), z + move)
-        move = trial - z
+        ahead = retract(z, move)
+        trial = np.where(folded, np.maximum(ahead, WALL), ahead)
+        tangent, move = np.where(folded, trial - z, move), trial - z
         new = curvature(trial)
         evaluations += 1
         gain = float(new[0] - value) if np.isfinite(new[0]) else -np.inf
@@ -131,7 +136,7 @@ def maximise(
             if gain < 1e-9 * max(1.0, abs(float(value)) * 1e-3) and step < 1e-3:
                 return z, float(value), information, evaluations, True
         else:
-            expected = float(move @ gradient)
+            expected = float(tangent @ gradient)
             if expected < 1e-7 or damping > 1e12:
                 return z, float(value), information, evaluations, True
             damping = max(damping, 1e-9) * 6
@@ -162,7 +167,8 @@ def find_mode(
     seeds: name of a seed to parameter values in natural units. noise_level: the record's roughness, which
     sets how well trajectories are first computed. period: the oscillation's, s; with one, where no seed leads to a
     motion that keeps step with the record, the search goes on over a window that grows from two cycles. thrifty:
-    seeds are climbed from only until one leads to such a motion, those that keep step already before the others.
+    seeds are climbed from only until one leads to such a motion: those that keep step already, then the others over
+    growing windows, then these as they are.
     Raises Refusal where no seed reaches a finite posterior with a curvature, or the noise takes the motion's place in
     all that do.
     """
@@ -176,10 +182,12 @@ def find_mode(
     ends: list[tuple[float, np.ndarray]] = []
     displaced = False
     begun = [_begun(target, names, z, tolerance) for names, z in _distinct(target, seeds)]
+    keeps, grown = False, _grown(target, begun, tolerance, period)
+    starts: Iterator[_Begun] = itertools.chain(begun, grown)
     if thrifty:
-        begun.sort(key=lambda b: -b.value if b.left < IN_STEP * size else np.inf)
-    keeps = False
-    for names, z0, context, start, _ in itertools.chain(begun, _grown(target, begun, tolerance, period)):
+        near = sorted((b for b in begun if b.left < IN_STEP * size), key=lambda b: -b.value)
+        starts = itertools.chain(near, grown, (b for b in begun if b.left >= IN_STEP * size))
+    for names, z0, context, start, _ in starts:
         if names[0].endswith(GROWN) and keeps:
             break
         z, value, information, count, done = _ascend(target, context, z0, tolerance)
@@ -192,7 +200,7 @@ def find_mode(
             displaced = True
             continue
         ends.append((value, z))
-        keeps = keeps or (done and left < in_step)
+        keeps = keeps or left < in_step
         if thrifty and keeps:
             break
     if not ends and displaced:
@@ -236,18 +244,21 @@ def _grown(
     if period is None:
         return
     t, y = target.signal.t, target.signal.y
+    found: list[np.ndarray] = []
     for one in begun:
         z, window = one.z, 2.0 * period
         while window < t[-1]:
             keep = int(np.searchsorted(t, window))
             part = replace(target, signal=replace(target.signal, t=t[:keep], y=y[:keep]))
             there = _begun(part, one.names, z, tolerance)
-            z, value, *_ = climb(part.layout, there.context, there.z)
+            z, value, *_ = climb(part.layout, there.context, there.z, retract=retraction(part))
             if not np.isfinite(value):
                 break
             window *= 2
         else:
-            yield _begun(target, [f"{name}{GROWN}" for name in one.names], z, tolerance)
+            if not any(np.max(np.abs(z - other)) < SAME for other in found):
+                found.append(z)
+                yield _begun(target, [f"{name}{GROWN}" for name in one.names], z, tolerance)
 
 
 def _left(target: Target, z: np.ndarray, tolerance: float) -> float:
@@ -264,11 +275,11 @@ def _ascend(
 ) -> tuple[np.ndarray, float, np.ndarray, int, bool]:
     """`climb`, and again with a plan made where it ended while that is far from where it began: so are all modes
     compared on plans that are right at them. The scores, their log posterior, information, evaluations, converged."""
-    evaluations, attempts = 0, 0
+    evaluations, attempts, retract = 0, 0, retraction(target)
     while True:
         attempts += 1
         before = z
-        z, value, information, count, done = climb(target.layout, context, before)
+        z, value, information, count, done = climb(target.layout, context, before, retract=retract)
         evaluations += count
         near = (z - before) @ information @ (z - before) < NEAR**2
         if near or not np.isfinite(value) or attempts == ANCHORS:

@@ -71,7 +71,8 @@ class LeastSquares(Estimator):
 
         names = osc.coefficients
         values = dict(zip(names, map(float, x)))
-        stderr = dict(zip(names, np.sqrt(np.diag(covariance)).tolist()))
+        variance = np.diag(covariance)  # rounding may take one below zero where columns are nearly the same
+        stderr = dict(zip(names, np.sqrt(np.where(variance >= 0, variance, np.nan)).tolist()))
         start, size = len(damping), form.columns.shape[1]
         if size:
             c, spread = x[start:count], covariance[start:count, start:count]
@@ -160,7 +161,7 @@ def _decoded_stderr(decode: object, c: np.ndarray, covariance: np.ndarray) -> di
     at = decode(c)  # type: ignore[operator]
     gradient: dict[str, np.ndarray] = {name: np.zeros(c.size) for name in at}
     for j in range(c.size):
-        step = 1e-6 * (abs(c[j]) + np.sqrt(covariance[j, j])) + 1e-12
+        step = 1e-6 * (abs(c[j]) + np.sqrt(max(covariance[j, j], 0.0))) + 1e-12
         moved = c.copy()
         moved[j] += step
         for name, value in decode(moved).items():  # type: ignore[operator]

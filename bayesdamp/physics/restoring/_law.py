@@ -48,6 +48,15 @@ class RestoringLaw(ABC):
     def linear_form(self, theta: np.ndarray, known: Mapping[str, float]) -> LinearForm:
         """The law as a linear regression on the parameters that are not in `known`; θ of shape (n,)."""
 
+    def natural(self, p: Mapping[str, float]) -> dict[str, float] | None:
+        """Coordinates in which what a record shows well is straight, under the names of the law's parameters and
+        theta0 (given among p); None where the parameters are such already, or none can be told."""
+        return None
+
+    def from_natural(self, p: Mapping[str, float]) -> dict[str, float] | None:
+        """The inverse of `natural`; None where no parameters have these coordinates."""
+        return None
+
     def unit(self, parameter: str) -> str:
         """Unit of a parameter for an angle in rad."""
         return {"stiffness": "1/s²", "gravity": "rad/s²", "cubic": "1/(rad² s²)"}.get(parameter, "rad")

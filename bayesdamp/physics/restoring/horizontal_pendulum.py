@@ -13,6 +13,9 @@ from jax.typing import ArrayLike
 from bayesdamp.physics.elementary import cosine
 from bayesdamp.physics.restoring._law import LinearForm, RestoringLaw, Scalar
 
+NEWTON = 60
+"""Steps in which an equilibrium must be found."""
+
 
 class HorizontalPendulum(RestoringLaw):
     """F = k(θ − θ_s) − γ cos θ: an arm on a torsion spring; γ is signed and may be as large as k."""
@@ -29,6 +32,33 @@ class HorizontalPendulum(RestoringLaw):
         stiffness = known.get("stiffness", frequency**2 - gravity * math.sin(rest))
         spring = rest - gravity * math.cos(rest) / stiffness
         return {"stiffness": stiffness, "gravity": gravity, "spring_angle": spring, **known}
+
+    def natural(self, p: Mapping[str, float]) -> dict[str, float] | None:
+        """The squared frequency of small motions, gravity, the equilibrium, and the start as seen from there."""
+        k, gravity, spring = p["stiffness"], p["gravity"], p["spring_angle"]
+        rest = spring
+        for _ in range(NEWTON):
+            slope = k + gravity * math.sin(rest)
+            if slope <= 0:
+                return None
+            step = (k * (rest - spring) - gravity * math.cos(rest)) / slope
+            rest -= step
+            if abs(step) < 1e-13:
+                square = k + gravity * math.sin(rest)
+                if square <= 0:
+                    return None
+                start = p.get("theta0", 0.0) - rest
+                return {"stiffness": square, "gravity": gravity, "spring_angle": rest, "theta0": start}
+        return None
+
+    def from_natural(self, p: Mapping[str, float]) -> dict[str, float] | None:
+        rest, gravity = p["spring_angle"], p["gravity"]
+        k = p["stiffness"] - gravity * math.sin(rest)
+        if k <= 0:
+            return None
+        spring = rest - gravity * math.cos(rest) / k
+        start = p.get("theta0", 0.0) + rest
+        return {"stiffness": k, "gravity": gravity, "spring_angle": spring, "theta0": start}
 
     def linear_form(self, theta: np.ndarray, known: Mapping[str, float]) -> LinearForm:
         # F = kθ − kθ_s − γ cos θ: linear in (k, kθ_s, γ), or in (k, γ) where θ_s is known.
