@@ -9,7 +9,7 @@ import pytest
 
 from bayesdamp.config.compare import Asked, comparison
 from bayesdamp.inference import mode as modes
-from bayesdamp.inference.mode import GROWN, Mode, find_mode
+from bayesdamp.inference.mode import GROWN, Mode, find_mode, maximise
 from bayesdamp.inference.noise import NOISES
 from bayesdamp.inference.target import Target
 from bayesdamp.physics.integrate import simulate
@@ -127,6 +127,22 @@ def test_a_mode_without_curvature_gives_way_to_the_next(monkeypatch) -> None:
     monkeypatch.setattr(modes, "_settle", lambda *_: (_ for _ in ()).throw(Refusal("no curvature")))
     with pytest.raises(Refusal, match="no curvature"):
         find_mode(swing(), seeds, noise_level=NOISE)
+
+
+def test_a_step_cut_short_by_a_wall_is_no_convergence() -> None:
+    """The full step from (0.1, 4.9) leads to the top, where x is below zero; cut short at x = 0 it ends lower than it
+    began. The highest point that is left is known: x = 0, y = 3 + 0.95 · 2."""
+    information = np.array([[1.0, -0.95], [-0.95, 1.0]])
+    top = np.array([-2.0, 3.0])
+
+    def at(z: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        away = z - top
+        return np.array(-0.5 * away @ information @ away), -information @ away, information
+
+    for start in ([0.1, 4.9], [3.0, 1.0], [0.5, 6.0]):
+        z, _, _, _, done = maximise(at, np.array([True, False]), np.array(start))
+        assert done
+        assert z == pytest.approx([0.0, 3.0 + 0.95 * 2.0], abs=1e-3)
 
 
 def test_noise_is_no_other_zero() -> None:

@@ -10,6 +10,8 @@ import jax
 import numpy as np
 from scipy.fft import next_fast_len
 
+from bayesdamp.inference.compiled import compiled
+from bayesdamp.inference.cut_normal import CutNormal
 from bayesdamp.inference.lines import Line, orthonormal, standing_out, strongest
 from bayesdamp.inference.mode import Mode, climb, whitening
 from bayesdamp.inference.noise import NoiseModel
@@ -99,10 +101,16 @@ def portmanteau(scores: np.ndarray, lags: int) -> np.ndarray:
 
 
 def laplace_draws(target: Target, mode: Mode, count: int, seed: int) -> np.ndarray:
-    """Draws of the scores from the Laplace approximation, folded, shape (count, d)."""
-    normal = np.random.default_rng(seed).standard_normal((count, mode.z.size))
-    z = mode.z + normal @ mode.factor.T
-    return np.where(np.asarray(target.layout.folded), np.abs(z), z)
+    """Draws of the scores from the normal distribution of the mode's information, cut off at zero, shape (count, d).
+
+    Folding them there instead would part coefficients that make up for each other.
+    """
+    folded = np.asarray(target.layout.folded)
+    at = np.where(folded, np.abs(mode.z), mode.z)
+    slope = np.asarray(compiled(target.layout).curvature(mode.context, at)[1])
+    covariance = mode.factor @ mode.factor.T
+    normal = CutNormal(at + covariance @ slope, covariance, folded)
+    return normal.draw(np.random.default_rng(seed), count)
 
 
 def kurtosis(x: np.ndarray) -> np.ndarray:

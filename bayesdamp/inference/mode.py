@@ -125,7 +125,8 @@ def maximise(
         move *= min(1.0, 3.0 / max(np.abs(move).max(), 1e-300))
         ahead = retract(z, move)
         trial = np.where(folded, np.maximum(ahead, WALL), ahead)
-        tangent, move = np.where(folded, trial - z, move), trial - z
+        expected = float(move @ gradient)  # of a step that no wall cuts short: that may point downwards
+        move = trial - z
         new = curvature(trial)
         evaluations += 1
         gain = float(new[0] - value) if np.isfinite(new[0]) else -np.inf
@@ -136,7 +137,6 @@ def maximise(
             if gain < 1e-9 * max(1.0, abs(float(value)) * 1e-3) and step < 1e-3:
                 return z, float(value), information, evaluations, True
         else:
-            expected = float(tangent @ gradient)
             if expected < 1e-7 or damping > 1e12:
                 return z, float(value), information, evaluations, True
             damping = max(damping, 1e-9) * 6

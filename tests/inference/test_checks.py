@@ -7,6 +7,7 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
+from bayesdamp.inference.batches import log_posterior
 from bayesdamp.inference.checks import Fit, autocorrelation, check_fit, kurtosis, laplace_draws, portmanteau
 from bayesdamp.inference.mode import find_mode
 from bayesdamp.inference.target import Target
@@ -140,6 +141,31 @@ def test_laplace_draws_have_the_covariance():
     draws = laplace_draws(target, mode, 20_000, 1)
     np.testing.assert_allclose(np.cov(draws.T), np.linalg.inv(mode.information), rtol=0.05)
     assert np.all(draws[:, 0] >= 0)
+
+
+def test_laplace_draws_stay_where_terms_make_up_for_each_other():
+    """A term of three, the other two at zero: draws are as deep as a normal's, half a nat a score, and less for what is
+    cut off; 4 nats are far beyond the mean of 2,000. Negative control: folding parts what belongs together."""
+    y = clean("quadratic") + NOISE * np.random.default_rng(3).standard_normal(TIMES.size)
+    priors = {name: HalfNormal(scale=1.0) for name in ("zeta", "mu_c", "mu_q")}
+    priors |= {"theta0": Normal(mean=0.0, sd=0.6), "omega0": Normal(mean=0.0, sd=2.7)}
+    known = {"stiffness": 20.0, "rest_angle": 0.0, "epsilon": 0.02, "noise_sd": NOISE}
+    three = Oscillator(("viscous", "coulomb", "quadratic"), "linear")
+    target = Target(Signal(TIMES, y), three, "gaussian", priors, known)
+    mode = find_mode(target, {"s": {"mu_q": 0.3, "theta0": 0.3, "omega0": 0.0}}, noise_level=NOISE)
+    assert min(abs(mode.z[:2])) < 1e-6
+
+    def depth(z: np.ndarray) -> float:
+        return float(
+            mode.log_posterior - 2.5 * np.log(2 * np.pi) - np.mean(log_posterior(target, mode.context, z))
+        )
+
+    top = depth(mode.z[None])
+    draws = laplace_draws(target, mode, 2000, 1)
+    assert np.all(draws[:, :3] >= 0)
+    assert depth(draws) - top < 4.0
+    folded = np.abs(mode.z + np.random.default_rng(1).standard_normal((2000, 5)) @ mode.factor.T)
+    assert depth(folded) - top > 10.0
 
 
 def test_kurtosis_of_known_laws() -> None:
