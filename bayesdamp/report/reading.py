@@ -14,7 +14,7 @@ from bayesdamp.types import OK, candidate_parts
 _FIRST = ("combined", "nested", "bridge", "importance", "laplace")
 ASIDE = "set aside"
 MATTERS = 1e-3
-"""Probability from which it matters whether an evidence is to be trusted."""
+"""Probability from which, and below one less it, it matters whether an evidence is to be trusted."""
 DAMPING = ("zeta", "mu_c", "mu_q")
 
 
@@ -34,9 +34,9 @@ class Ranking:
 
     @property
     def unsettled(self) -> list[Row]:
-        """Rows whose evidence is not to be trusted, of models that matter."""
+        """Rows whose evidence is not to be trusted and might be another by some nats, where that matters."""
         poor = [r for r in self.rows if r["outcome"] != OK and not r["outcome"].startswith(ASIDE)]
-        return [r for r in poor if r["probability"] >= MATTERS]
+        return [r for r in poor if MATTERS <= r["probability"] <= 1.0 - MATTERS]
 
     @property
     def dampings(self) -> dict[str, float]:

@@ -191,6 +191,10 @@ def test_an_evidence_that_is_not_to_be_trusted_decides_nothing_if_it_matters(
     assert found.sentence.startswith(
         "the evidence of Coulomb is not settled" if opened else "damping is viscous"
     )
+    # Nor does it matter of a candidate that has next to no rival.
+    made.evidence[0]["outcome"], made.evidence[1]["outcome"] = made.evidence[1]["outcome"], "ok"
+    assert verdict(made, "a", 0).open == opened  # type: ignore[arg-type]
+    made.evidence[0]["outcome"], made.evidence[1]["outcome"] = "ok", made.evidence[0]["outcome"]
     # A rough method that covers as many models does not step in for it.
     rough = [{**row, "method": "laplace", "outcome": "ok", "probability": 0.5} for row in made.evidence]
     made.evidence = [*made.evidence, *rough]
