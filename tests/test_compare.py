@@ -36,6 +36,12 @@ def test_the_study_has_every_damping_under_every_law_and_all_is_free(tmp_path) -
     spec = study.signals[0]
     assert len(study.compare(spec)) == 7 * len(laws_for("rad")) == 28
     assert not spec.system.known
+    assert study.evidence.methods == (
+        "laplace",
+        "importance",
+        "bridge",
+    )  # the best two have draws for the last
+    assert study.evidence.referee == "auto"
     assert all(not system.known for system in spec.alternatives)
     assert "pendulum" in laws_for("deg")
     assert set(laws_for("mm")) == {"linear", "duffing"}

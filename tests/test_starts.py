@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import lru_cache
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -17,6 +18,7 @@ from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.priors import HalfNormal, LogNormal, Normal
 from bayesdamp.signals.features import features
 from bayesdamp.store import Store
+from bayesdamp.study.noise import NoiseCell
 from bayesdamp.study.records import SignalCell
 from bayesdamp.study.starts import OBSERVED, observed, regression
 from bayesdamp.study.targets import Record
@@ -49,6 +51,12 @@ def test_the_record_itself_says_where_to_start(record) -> None:
     assert values["zeta"] < 2 * RATE
     (lost,) = regression(record, problem)[0].values()
     assert not 0.5 * FREQUENCY**2 < lost["stiffness"] < 2 * FREQUENCY**2
+
+
+def test_the_noise_is_chosen_on_a_motion_that_keeps_step(record) -> None:
+    cell = NoiseCell(record.study, record.spec, 0, Store(Path(".")))
+    found = cell._fit(record, "linear", "gaussian")
+    assert float(found.target.values(found.mode.z)["stiffness"]) == pytest.approx(FREQUENCY**2, rel=0.01)
 
 
 @pytest.mark.parametrize("damping", [("viscous",), ("coulomb",), ("viscous", "coulomb", "quadratic")])
