@@ -56,6 +56,7 @@ def test_the_record_itself_says_where_to_start(record) -> None:
 def test_the_noise_is_chosen_on_a_motion_that_keeps_step(record) -> None:
     cell = NoiseCell(record.study, record.spec, 0, Store(Path(".")))
     found = cell._fit(record, "linear", "gaussian")
+    assert found.mode.climbs[0].seed.startswith(OBSERVED)
     assert float(found.target.values(found.mode.z)["stiffness"]) == pytest.approx(FREQUENCY**2, rel=0.01)
 
 
