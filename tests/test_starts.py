@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
 
@@ -113,6 +114,13 @@ def test_a_start_that_loses_step_is_taken_along_growing_windows() -> None:
     found = find_mode(swing(), {"fast": FAST}, noise_level=NOISE, period=PERIOD)
     assert [c.seed for c in found.climbs] == ["fast", f"fast{GROWN}"]
     assert abs(stiffness(found) - TRUTH["stiffness"]) < 6 * 4e-4
+    # Windows that a gap leaves empty are passed over.
+    t, y = swing().signal.t, swing().signal.y
+    kept = (t < 0.01) | (t > 5.0)
+    gappy = replace(swing(), signal=Signal(t[kept], y[kept]))
+    begun = modes._begun(gappy, ["fast"], gappy.scores(FAST), 1e-4)
+    (after,) = modes._grown(gappy, [begun], 1e-4, PERIOD)
+    assert abs(float(gappy.values(after.z)["stiffness"]) - TRUTH["stiffness"]) < 0.01
     # Where a seed keeps step no window is needed.
     near = find_mode(swing(), {"right": TRUTH}, noise_level=NOISE, period=PERIOD)
     assert [c.seed for c in near.climbs] == ["right"]

@@ -34,6 +34,8 @@ MOST_LEFT = 1.5
 is left where slow noise stands in for another zero."""
 IN_STEP = 0.3
 """What a trajectory that keeps step leaves at most, in the same unit, or a little more than the noise."""
+FEWEST = 8
+"""Samples that a window must have."""
 SAME = 1e-4
 """Scores within which what grew from two seeds is one start."""
 GROWN = ", over growing windows"
@@ -185,8 +187,8 @@ def find_mode(
     keeps, grown = False, _grown(target, begun, tolerance, period)
     starts: Iterator[_Begun] = itertools.chain(begun, grown)
     if thrifty:
-        near = sorted((b for b in begun if b.left < IN_STEP * size), key=lambda b: -b.value)
-        starts = itertools.chain(near, grown, (b for b in begun if b.left >= IN_STEP * size))
+        near = sorted((b for b in begun if b.left < in_step), key=lambda b: -b.value)
+        starts = itertools.chain(near, grown, (b for b in begun if not b.left < in_step))
     for names, z0, context, start, _ in starts:
         if names[0].endswith(GROWN) and keeps:
             break
@@ -249,12 +251,14 @@ def _grown(
         z, window = one.z, 2.0 * period
         while window < t[-1]:
             keep = int(np.searchsorted(t, window))
+            window *= 2
+            if keep < FEWEST:  # a gap
+                continue
             part = replace(target, signal=replace(target.signal, t=t[:keep], y=y[:keep]))
             there = _begun(part, one.names, z, tolerance)
             z, value, *_ = climb(part.layout, there.context, there.z, retract=retraction(part))
             if not np.isfinite(value):
                 break
-            window *= 2
         else:
             if not any(np.max(np.abs(z - other)) < SAME for other in found):
                 found.append(z)
