@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from scipy.stats import norm
 
+from bayesdamp.store import CellResult
+from bayesdamp.study import averaging
 from bayesdamp.study.averaging import SPREAD, averaged, probabilities
 from bayesdamp.types import Evidence
 
@@ -34,3 +38,24 @@ def test_probabilities_are_of_evidence_alone():
     found = probabilities({"a": Evidence("a", "m", -1000.0), "b": Evidence("b", "m", -1000.0 + np.log(3))})
     assert found == pytest.approx({"a": 0.25, "b": 0.75})
     assert probabilities({"a": Evidence("a", "m")}) == {}
+
+
+@pytest.mark.parametrize(
+    ("left", "said"), [(0.02, "ok"), (0.1, "not applicable: the models with a posterior hold 0.90")]
+)
+def test_the_average_is_over_what_has_a_posterior_if_that_is_nearly_all(monkeypatch, left, said) -> None:
+    found = {"a": Evidence("a", "m", np.log(1 - left)), "b": Evidence("b", "m", np.log(left))}
+    monkeypatch.setattr(averaging, "evidence_by_method", lambda *_: {"m": found})
+
+    def read(name: str) -> CellResult:
+        if name != "posterior/s/0/a/nuts":
+            raise KeyError(name)
+        return CellResult(
+            name, "", {}, {"amplitudes": np.arange(2.0), "spread/equivalent_ratio": quantiles(1.0, 0.1)}
+        )
+
+    study = SimpleNamespace(compare=lambda spec: ("a", "b"))
+    cell = averaging._one(study, SimpleNamespace(name="s"), SimpleNamespace(read=read), "averaged/s/0", "")  # type: ignore[arg-type]
+    assert cell.outcome.startswith(said)
+    if said == "ok":
+        assert cell.meta["covered"] == pytest.approx(0.98)

@@ -16,8 +16,8 @@ from bayesdamp.types import OK, Evidence
 CURVE = "equivalent_ratio"
 SPREAD = (np.arange(100) + 0.5) / 100
 """Levels of the quantiles that stand for the draws of a curve, with equal weight."""
-NEGLIGIBLE = 1e-3
-"""Probability of a model without whose posterior the average can do."""
+COVERED = 0.95
+"""Probability that the models with a posterior must hold together: the average is over these."""
 LEVELS = np.array([0.025, 0.5, 0.975])
 
 
@@ -48,15 +48,16 @@ def _one(study: Study, spec: SignalSpec, store: Store, name: str, key: str) -> C
             arrays = {}
         if f"spread/{CURVE}" in arrays and arrays["amplitudes"].size > 1:
             curves[model], grids[model] = arrays[f"spread/{CURVE}"], arrays["amplitudes"]
-        elif shares[model] > NEGLIGIBLE:
-            why = f"not applicable: {model} has no damping against amplitude"
-            return CellResult(name, key, outcome=why)
     if not grids:
         return CellResult(name, key, outcome="not applicable: no model has damping against amplitude")
+    covered = sum(shares[m] for m in grids)
+    if covered < COVERED:
+        why = f"not applicable: the models with a posterior hold {covered:.2f} of the probability, below {COVERED}"
+        return CellResult(name, key, outcome=why)
     shared = np.array(sorted(set.intersection(*(set(g) for g in grids.values()))))
     found = {m: c[:, np.isin(grids[m], shared)] for m, c in curves.items()}
     arrays = {"amplitudes": shared, f"curve/{CURVE}": averaged(found, shares)}
-    return CellResult(name, key, {"probabilities": shares, "method": method}, arrays, OK)
+    return CellResult(name, key, {"probabilities": shares, "method": method, "covered": covered}, arrays, OK)
 
 
 def probabilities(found: Mapping[str, Evidence]) -> dict[str, float]:

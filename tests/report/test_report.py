@@ -8,6 +8,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -17,6 +18,7 @@ from bayesdamp.report.reading import coefficients, models_by_rank, ranking
 from bayesdamp.report.run import Run
 from bayesdamp.report.sections import SECTIONS, Section, in_order
 from bayesdamp.report.sections._layout import drawn
+from bayesdamp.report.sections.asked import _sentences
 from bayesdamp.store import CellResult, Store, write_json
 from bayesdamp.types import InputError
 
@@ -374,3 +376,17 @@ def test_the_likeliest_four_of_few_signals_are_drawn_and_the_best_of_many(maker_
     )
     assert [drawn(few, place) for place in range(6)] == [True] * 4 + [False] * 2
     assert [drawn(many, place) for place in range(6)] == [True] + [False] * 5
+
+
+def test_what_was_asked_names_dampings_and_laws_once() -> None:
+    made = SimpleNamespace(
+        models=["viscous", "coulomb", "viscous@linear", "coulomb@linear", "viscous@duffing"],
+        info={},
+        about=lambda name: {"restoring": ["linear", "duffing"]},
+    )
+    system = {"restoring": "linear", "known": {}, "free": {"cubic": None}}
+    first, second, *_ = _sentences(made, {"signals": [{"name": "a", "system": system}]})  # type: ignore[arg-type]
+    assert first == "2 damping models were in play: viscous and Coulomb."
+    assert second == "Restoring force: linear or Duffing."
+    made.about = lambda name: {"restoring": ["linear"]}
+    assert "To be found" in _sentences(made, {"signals": [{"name": "a", "system": system}]})[1]  # type: ignore[arg-type]

@@ -12,6 +12,7 @@ from bayesdamp.report import words
 from bayesdamp.report.html import Line, Table, fill, folded
 from bayesdamp.report.run import Run
 from bayesdamp.report.sections._section import Section
+from bayesdamp.types import candidate_parts
 
 
 class Asked(Section):
@@ -33,11 +34,12 @@ class Asked(Section):
 
 def _sentences(run: Run, study: Mapping[str, Any]) -> list[str]:
     found = []
-    if run.models:
-        count = len(run.models)
+    dampings = list(dict.fromkeys(candidate_parts(m)[0] for m in run.models))
+    if dampings:
+        count = len(dampings)
         found.append(
             f"{'One damping model was' if count == 1 else f'{count} damping models were'} in play: "
-            f"{words.listing(words.model(m) for m in run.models)}."
+            f"{words.listing(words.model(d) for d in dampings)}."
         )
     found.extend(_systems(run, study))
     found.extend(
@@ -59,8 +61,11 @@ def _systems(run: Run, study: Mapping[str, Any]) -> list[str]:
     named: dict[str, list[str]] = {}
     for table in study.get("signals") or []:
         system, name = table.get("system") or {}, str(table.get("name", ""))
-        text = f"Restoring force: {words.law(system['restoring'])}. " if system.get("restoring") else ""
-        named.setdefault(f"{text}{_known(system)}{_rest(run, name)}", []).append(name)
+        laws = run.about(name).get("restoring") or [system["restoring"]] if system.get("restoring") else []
+        text = f"Restoring force: {words.listing(map(words.law, laws), 'or')}. " if laws else ""
+        if len(laws) > 1:  # what is to be found is each law's own
+            system = {**system, "free": {}}
+        named.setdefault(f"{text}{_known(system)}{_rest(run, name)}".rstrip(), []).append(name)
     if len(named) == 1:
         return list(named)
     return [f"{words.listing(names)}: {text}" for text, names in named.items()]

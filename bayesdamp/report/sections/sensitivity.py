@@ -169,8 +169,10 @@ def _average(run: Run, signal: str, models: list[str]) -> Markup | None:
         own = run.cell("posterior", signal, 0, model, "nuts")
         if own is not None and "curve/equivalent_ratio" in own.arrays:
             medians[model] = (scale * own.arrays["amplitudes"], own.arrays["curve/equivalent_ratio"][1])
+    covered = cell.meta.get("covered", 1.0)
+    part = "" if covered > 0.9995 else f" that hold {words.probability(covered)} of the probability"
     caption = (
-        f"{signal}: equivalent viscous damping ratio against amplitude, averaged over the models by their "
+        f"{signal}: equivalent viscous damping ratio against amplitude, averaged over the models{part} by their "
         f"probabilities ({words.method(cell.meta['method'])}): median and 95 % band; thin: each model's own median."
     )
 
