@@ -86,6 +86,24 @@ def test_the_ridge_of_a_product_is_found(banana) -> None:
     np.testing.assert_allclose(found.curve, exact, atol=1e-6)
 
 
+def test_the_ridge_of_a_product_and_a_square_is_found(banana) -> None:
+    def at(_: object, z: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        mu, k, g, s = z
+        off = (k - TILT * g * s - 0.2 * g**2) / WIDTH
+        row = np.array([0.0, 1.0, -TILT * s - 0.4 * g, -TILT * g]) / WIDTH
+        gradient = -np.array([mu / SCALE[0] ** 2, 0.0, g, s]) - off * row
+        information = np.diag([SCALE[0] ** -2, 0.0, 1.0, 1.0]) + np.outer(row, row)
+        return -0.5 * (off**2 + g**2 + s**2 + (mu / SCALE[0]) ** 2), gradient, information
+
+    bending.compiled = lambda _: SimpleNamespace(curvature=at)  # type: ignore[assignment]
+    found = bend(*banana)
+    assert found is not None
+    g, s = (list(found.wide).index(NAMES.index(n)) for n in ("g", "s"))
+    assert found.curve[1, g, g] == pytest.approx(0.4, abs=1e-6)
+    assert found.curve[1, g, s] == found.curve[1, s, g] == pytest.approx(TILT, abs=1e-6)
+    assert found.curve[1, s, s] == pytest.approx(0.0, abs=1e-6)
+
+
 def test_a_straight_ridge_is_left_alone(banana) -> None:
     target, mode = banana
     straight = {n: v for n, v in vars(mode).items()}
