@@ -107,7 +107,7 @@ def test_the_start_that_keeps_step_is_climbed_from_alone() -> None:
     assert [c.seed for c in lost.climbs][:1] == ["fast"]
 
 
-def test_a_start_that_loses_step_is_taken_along_growing_windows() -> None:
+def test_a_start_that_loses_step_is_taken_along_growing_windows(monkeypatch) -> None:
     """Truth: the record's own stiffness, by six of its errors. Negative control: the whole record at once."""
     lost = find_mode(swing(), {"fast": FAST}, noise_level=NOISE)
     assert abs(stiffness(lost) - TRUTH["stiffness"]) > 1.0
@@ -121,7 +121,8 @@ def test_a_start_that_loses_step_is_taken_along_growing_windows() -> None:
     begun = modes._begun(gappy, ["fast"], gappy.scores(FAST), 1e-4)
     (after,) = modes._grown(gappy, [begun], 1e-4, PERIOD)
     assert abs(float(gappy.values(after.z)["stiffness"]) - TRUTH["stiffness"]) < 0.01
-    # Where a seed keeps step no window is needed.
+    # Where a seed keeps step no window is needed, nor computed.
+    monkeypatch.setattr(modes, "_grown", lambda *_: (pytest.fail("grown for nothing") for _ in range(1)))
     near = find_mode(swing(), {"right": TRUTH}, noise_level=NOISE, period=PERIOD)
     assert [c.seed for c in near.climbs] == ["right"]
 

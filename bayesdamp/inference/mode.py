@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import itertools
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -185,26 +184,27 @@ def find_mode(
     displaced = False
     begun = [_begun(target, names, z, tolerance) for names, z in _distinct(target, seeds)]
     keeps, grown = False, _grown(target, begun, tolerance, period)
-    starts: Iterator[_Begun] = itertools.chain(begun, grown)
+    stages: list[Iterable[_Begun]] = [begun, grown]
     if thrifty:
         near = sorted((b for b in begun if b.left < in_step), key=lambda b: -b.value)
-        starts = itertools.chain(near, grown, (b for b in begun if not b.left < in_step))
-    for names, z0, context, start, _ in starts:
-        if names[0].endswith(GROWN) and keeps:
+        stages = [near, grown, [b for b in begun if not b.left < in_step]]
+    for stage in stages:
+        if keeps:  # and nothing of the next stage is computed
             break
-        z, value, information, count, done = _ascend(target, context, z0, tolerance)
-        volume = -0.5 * float(np.linalg.slogdet(information)[1])
-        climbs.append(Climb(names[0], tuple(names[1:]), start, value, count, z0, z, volume, done))
-        if not np.isfinite(value):
-            continue
-        left = _left(target, z, tolerance)
-        if left > MOST_LEFT * size:
-            displaced = True
-            continue
-        ends.append((value, z))
-        keeps = keeps or left < in_step
-        if thrifty and keeps:
-            break
+        for names, z0, context, start, _ in stage:
+            z, value, information, count, done = _ascend(target, context, z0, tolerance)
+            volume = -0.5 * float(np.linalg.slogdet(information)[1])
+            climbs.append(Climb(names[0], tuple(names[1:]), start, value, count, z0, z, volume, done))
+            if not np.isfinite(value):
+                continue
+            left = _left(target, z, tolerance)
+            if left > MOST_LEFT * size:
+                displaced = True
+                continue
+            ends.append((value, z))
+            keeps = keeps or left < in_step
+            if thrifty and keeps:
+                break
     if not ends and displaced:
         raise Refusal(
             "set aside: noise takes the motion's place: the likeliest trajectory is farther from the record than its "

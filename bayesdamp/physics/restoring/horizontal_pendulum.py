@@ -44,11 +44,8 @@ class HorizontalPendulum(RestoringLaw):
             step = (k * (rest - spring) - gravity * math.cos(rest)) / slope
             rest -= step
             if abs(step) < 1e-13:
-                square = k + gravity * math.sin(rest)
-                if square <= 0:
-                    return None
                 start = p.get("theta0", 0.0) - rest
-                return {"stiffness": square, "gravity": gravity, "spring_angle": rest, "theta0": start}
+                return {"stiffness": slope, "gravity": gravity, "spring_angle": rest, "theta0": start}
         return None
 
     def from_natural(self, p: Mapping[str, float]) -> dict[str, float] | None:
