@@ -186,6 +186,7 @@ def test_nuts_follows_a_curved_ridge() -> None:
     found = nuts.PLUGIN.sample(target, mode, settings)
     assert found.outcome == OK
     assert not nuts.poor(found)
+    assert not found.diagnostics["exact_force"]  # the linearised trajectory's force does, once it is straight
     every = [importance.PLUGIN.evidence("m", target, mode, seed).arrays for seed in range(4)]
     values = target.values(np.concatenate([a["y"] for a in every]))
     log_weights = np.concatenate([a["log_weights"] for a in every])
