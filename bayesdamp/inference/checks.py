@@ -15,7 +15,7 @@ from bayesdamp.inference.cut_normal import CutNormal
 from bayesdamp.inference.lines import Line, orthonormal, standing_out, strongest
 from bayesdamp.inference.mode import Mode, climb, whitening
 from bayesdamp.inference.noise import NoiseModel
-from bayesdamp.inference.other_forms import Other, other_form
+from bayesdamp.inference.other_forms import Other, Rival, other_form
 from bayesdamp.inference.residuals import residual, residuals, whitened
 from bayesdamp.inference.target import Target
 from bayesdamp.physics.integrate import part_of
@@ -64,7 +64,7 @@ class Fit:
     normal's). line_p: chance of the part of their spectrum that stands out most; form_p: that
     of the force, of those that no candidate has, which they want most. window_spread: largest shift of a
     damping coefficient between a window and the whole record, in the sds that the shift has by chance; window_p: the
-    chance of one as large. unseen: other forms of damping that the record would not show.
+    chance of one as large. rivals: the model with other forms of damping beside its own.
     """
 
     fit: np.ndarray
@@ -82,7 +82,7 @@ class Fit:
     windows: tuple[Window, ...]
     window_spread: float
     window_p: float
-    unseen: tuple[str, ...]
+    rivals: tuple[Rival, ...]
     verdict: str
 
 
@@ -210,7 +210,7 @@ def check_fit(target: Target, mode: Mode, period: float, seed: int) -> Fit:
         windows=windows,
         window_spread=spread,
         window_p=window_p,
-        unseen=form.unseen,
+        rivals=form.rivals,
         verdict=_verdict(target.layout.noise, p, line, form, window_p, p_tails < P_LIMIT and tails > HEAVY),
     )
 

@@ -5,7 +5,8 @@ what a small force does to the fitted trajectory: the linearised motion's respon
 derivatives by the start (Coddington and Levinson, Theory of Ordinary Differential Equations, 1955, section 3.6).
 Where the model is right, the residuals' projection on it is a standard normal score (Rao, Proceedings of the Cambridge
 Philosophical Society 44, 1948), after what was fitted is taken out of both. The length of the direction, as the noise
-measures it, says what such a force would do to the record: whether it would be seen at all.
+measures it, says what such a force would do to the record: with a prior for its size the two give the Bayes factor of
+the model with this force beside it. Where that is about one, the record does not tell.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.interpolate import CubicHermiteSpline
-from scipy.special import erfc
+from scipy.special import erfc, log_ndtr
 
 from bayesdamp.inference.mode import Mode
 from bayesdamp.inference.residuals import information
@@ -34,43 +35,51 @@ TURNS = 0.02
 NEW = 1e-3
 """A direction of which what was fitted leaves no more than this share, in length, says nothing."""
 SIZE = 0.5
-"""Share of the largest damping force that another form is taken to have where it is asked whether it would be seen."""
-SEEN = 11.0
-"""Nats that a force must take off the residuals to be seen in nine of ten records: a score of 4.7, 1.3 above that which
-one in 200 right models has in the largest of seven."""
+"""Scale of the prior of another form's size (half-normal, normal where either sign makes sense), as a share of the
+largest damping force."""
 
 
 @dataclass(frozen=True)
 class Form:
     """A force that no candidate has; of displacement and velocity in units of their largest and of time in units of the
-    record's length, −½ to ½, all of shape (n,). damps: whether it is one of damping."""
+    record's length, −½ to ½, all of shape (n,). damps: whether it is one of damping; signed: whether it may have either
+    sign."""
 
     words: str
     force: Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
     damps: bool = True
+    signed: bool = False
 
 
 FORMS = (
     Form("damping grows faster than with the square of the velocity", lambda x, v, t: v**3),
     Form("damping grows more slowly than with the velocity", lambda x, v, t: np.sign(v) * np.sqrt(np.abs(v))),
     Form("friction is larger near rest", lambda x, v, t: np.tanh(v / TURNS) * np.exp(-((v / SLOW) ** 2))),
-    Form("damping depends on the displacement", lambda x, v, t: x**2 * v),
-    Form("damping changes with time", lambda x, v, t: t * v),
+    Form("damping depends on the displacement", lambda x, v, t: x**2 * v, signed=True),
+    Form("damping changes with time", lambda x, v, t: t * v, signed=True),
     Form("stiffness changes with time", lambda x, v, t: t * x, damps=False),
     Form("the restoring force bends", lambda x, v, t: x**3, damps=False),
 )
 
 
 @dataclass(frozen=True)
+class Rival:
+    """The model with another form of damping beside its own: log Bayes factor, in nats, against the model alone."""
+
+    words: str
+    log_bayes: float
+
+
+@dataclass(frozen=True)
 class Other:
     """The force that would take most off the residuals: the chance of as much by noise, for all that were tried.
 
-    unseen: forms of damping that might be there, half as large as the largest damping force, and not be seen.
+    rivals: of each form of damping that the model lacks.
     """
 
     chance: float = 1.0
     words: str = ""
-    unseen: tuple[str, ...] = ()
+    rivals: tuple[Rival, ...] = ()
 
 
 def other_form(
@@ -89,20 +98,35 @@ def other_form(
     if not isinstance(plan, MeshPlan):
         return Other()
     found: list[tuple[float, str]] = []
-    unseen: list[str] = []
+    rivals: list[Rival] = []
     largest = _largest_damping(target, plan, mode.z)
     for form, moved in zip(FORMS, responses(target, plan, mode.z), strict=True):
         direction = whiten(moved)
         size = np.linalg.norm(direction)
         direction = direction - absorbed @ (absorbed.T @ direction)
         left = np.linalg.norm(direction)
+        score, log_bayes = 0.0, 0.0  # a direction that says nothing leaves the odds as they were
         if np.isfinite(left) and left > NEW * size > 0:
-            found.append((float(erfc(abs(direction @ scores) / left / np.sqrt(2))), form.words))
-        shown = 0.5 * (SIZE * largest * left / max(size, 1e-300)) ** 2 * information(target, moved, mode.z)
-        if form.damps and not shown > SEEN:
-            unseen.append(form.words)
+            score = float(direction @ scores) / left
+            found.append((float(erfc(abs(score) / np.sqrt(2))), form.words))
+            length = SIZE * largest * left / size * np.sqrt(information(target, moved, mode.z))
+            log_bayes = log_bayes_factor(score, float(length), form.signed)
+        if form.damps:
+            rivals.append(Rival(form.words, log_bayes))
     chance, words = min(found, default=(1.0, ""))
-    return Other(min(1.0, len(found) * chance), words, tuple(unseen))
+    return Other(min(1.0, len(found) * chance), words, tuple(rivals))
+
+
+def log_bayes_factor(score: float, length: float, signed: bool) -> float:
+    """Log Bayes factor, in nats, of a force whose direction has this score and, at one sd of its prior, this length.
+
+    The evidence of a normal linear model with one normal coefficient more (O'Hagan and Forster, Kendall's Advanced
+    Theory of Statistics 2B, 2004, section 11.27), half-normal where it cannot be negative; what was fitted follows the
+    force, also below zero.
+    """
+    shrunk = length * length / (1.0 + length * length)
+    found = 0.5 * (shrunk * score * score - np.log1p(length * length))
+    return float(found if signed else found + np.log(2.0) + log_ndtr(score * np.sqrt(shrunk)))
 
 
 def _largest_damping(target: Target, plan: MeshPlan, z: np.ndarray) -> float:

@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.special import expit
 
 from bayesdamp.report import words
 from bayesdamp.report.run import Row, Run, rows_of
@@ -142,6 +143,26 @@ def over_widths(run: Run, signal: str, repeat: int, found: Ranking) -> list[AtWi
         for i, factor in enumerate(factors)
         if np.all(np.isfinite(summed[:, i]))
     ]
+
+
+@dataclass(frozen=True)
+class OtherForm:
+    """A form of damping that no candidate has: log Bayes factor, in nats, of a candidate with it beside its own damping
+    against that candidate alone, and the probability at equal odds."""
+
+    words: str
+    log_bayes: float
+
+    @property
+    def probability(self) -> float:
+        return float(expit(self.log_bayes))
+
+
+def other_forms(run: Run, signal: str, repeat: int, model: str) -> list[OtherForm]:
+    """The forms that were set beside a candidate, the likeliest first; none where they could not be."""
+    cell = run.cell("mode", signal, repeat, model)
+    found = (cell.meta.get("rivals") or ()) if cell else ()
+    return sorted((OtherForm(r["words"], r["log_bayes"]) for r in found), key=lambda form: -form.log_bayes)
 
 
 def models_by_rank(run: Run, signal: str, repeat: int) -> list[str]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 from bayesdamp.report import words
-from bayesdamp.report.reading import ASIDE, Ranking, damping_of, label, over_widths, ranking
+from bayesdamp.report.reading import ASIDE, Ranking, damping_of, label, other_forms, over_widths, ranking
 from bayesdamp.report.run import Run, rows_of
 from bayesdamp.types import OK, candidate_parts
 
@@ -14,7 +14,8 @@ SURE = 0.95
 TIE = 0.05
 """Probability from which another candidate is named beside the first."""
 HOLDS = 0.8
-"""Probability that a candidate which is named without reservation keeps, whatever the width of the priors."""
+"""Probability that a candidate which is named without reservation keeps, whatever the width of the priors, and against
+any other form of damping beside its own."""
 FEW = 3
 """Forms of damping that a sentence lists."""
 MISFIT = "does not fit"
@@ -25,13 +26,14 @@ class Verdict:
     """The first sentence to read.
 
     misfit: whether it warns that no candidate or not the most probable one fits; open: whether it says that the record,
-    or the priors' width, leaves the answer open; unseen: other forms of damping that it says the record cannot show.
+    or the priors' width, leaves the answer open; rivals: other forms of damping that are not ruled out, the likeliest
+    first, with the probability of the first candidate with each beside its own damping against it without.
     """
 
     misfit: bool
     sentence: str
     open: bool = False
-    unseen: tuple[str, ...] = ()
+    rivals: tuple[tuple[str, float], ...] = ()
 
 
 def verdict(run: Run, signal: str, repeat: int) -> Verdict:
@@ -113,11 +115,12 @@ def _decided(run: Run, signal: str, repeat: int, found: Ranking) -> Verdict:
         sentence = (
             f"damping is {label(found.best)}, with probability {share} among {len(found.rows)} candidates."
         )
-    cell = run.cell("mode", signal, repeat, found.best["model"])
-    unseen = tuple(cell.meta.get("unseen") or ()) if cell else ()
-    if unseen:
-        sentence = f"this record {_blind(unseen)}; of what is compared, {sentence}"
-    return Verdict(False, sentence, unseen=unseen)
+    forms = other_forms(run, signal, repeat, found.best["model"])
+    rivals = tuple((form.words, form.probability) for form in forms if form.probability > 1 - HOLDS)
+    if rivals:
+        without = "that" if len(rivals) == 1 else "these"
+        sentence = f"{_not_ruled_out(rivals)}; without {without}, {sentence}"
+    return Verdict(False, sentence, open=bool(rivals), rivals=rivals)
 
 
 def _laws(found: Ranking) -> str:
@@ -128,10 +131,15 @@ def _laws(found: Ranking) -> str:
     return f"; the restoring law is left open: {words.listing(named, 'or')}" if len(named) > 1 else ""
 
 
-def _blind(unseen: tuple[str, ...]) -> str:
-    if len(unseen) > FEW:
-        return "would show hardly any other form of damping"
-    return f"cannot show whether {words.listing(unseen, 'or')}"
+def _not_ruled_out(rivals: tuple[tuple[str, float], ...]) -> str:
+    """What the record leaves open beside its first candidate."""
+    first, share = rivals[0][0], words.probability(rivals[0][1])
+    named = [name for name, _ in rivals]
+    if len(rivals) > FEW:
+        return f"the record leaves open most other forms of damping (that {first}: {share})"
+    if len(rivals) > 1:
+        return f"the record leaves open whether {words.listing(named, 'or')} (the first: {share})"
+    return f"the record leaves open whether {first} ({share})"
 
 
 def _why(run: Run, signal: str, repeat: int) -> str:

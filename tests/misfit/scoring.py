@@ -26,7 +26,7 @@ from tests.misfit.cases import Case
 
 COLUMNS = (
     "case", "kind", "truth", "noise_pct", "best", "probability", "damping", "damping_probability", "noise",
-    "true_probability", "relation", "warned", "unseen", "wrong", "nats_hidden", "rms_pct", "fit", "seconds", "sentence",
+    "true_probability", "relation", "warned", "beside", "wrong", "nats_hidden", "rms_pct", "fit", "seconds", "sentence",
 )  # fmt: skip
 UNREAD = re.compile(r"curve/|sensitivity/.*/(half|savage_dickey)$")
 """Cells that no verdict reads."""
@@ -83,8 +83,8 @@ def _read(case: Case, run: Run) -> dict[str, object]:
         "noise": run.about("record").get("noise", ""),
         "true_probability": f"{shares[case.damping]:.4f}" if case.damping in shares else "",
         "relation": relation(damping, case.damping),
-        "warned": "misfit" if said.misfit else "open" if said.open else "unseen" if said.unseen else "no",
-        "unseen": "; ".join(said.unseen),
+        "warned": "misfit" if said.misfit else "beside" if said.rivals else "open" if said.open else "no",
+        "beside": "; ".join(f"{name}: {p:.3f}" for name, p in said.rivals),
         "wrong": int(damping != case.damping and share > LIMIT),
         "nats_hidden": f"{hidden(case, run, best):.1f}",
         "rms_pct": f"{100 * fit.get('rms', np.nan) / case.amplitude:.3g}",
@@ -123,19 +123,18 @@ FORMS = {
     "root": "damping grows more slowly than with the velocity",
     "damping_changes": "damping changes with time",
 }
-"""What a kind of case truly is, as a verdict names it where the record cannot show it."""
+"""What a kind of case truly is, as a verdict names it where the record leaves it open."""
 
 
 def names_the_truth(row: Mapping[str, str]) -> bool:
-    """Whether a verdict says of the very form that the record has that it would not show."""
-    return row["warned"] == "unseen" and FORMS.get(row["kind"], "none") in row["unseen"].split("; ")
+    """Whether a verdict leaves open, first of all other forms of damping, the very one that the record has."""
+    return row["warned"] == "beside" and row["beside"].startswith(FORMS.get(row["kind"], "none"))
 
 
 def unwarned(row: Mapping[str, str]) -> bool:
-    """Whether a wrong law has a probability above the limit, and neither a misfit nor that it is left open was said,
-    nor that the record cannot show what it truly has."""
-    silent = row["warned"] in ("no", "unseen") and not names_the_truth(row)
-    return silent and row["wrong"] == "1"
+    """Whether a wrong law has a probability above the limit, and neither a misfit was said nor that the record leaves
+    it open: among the candidates, under other priors, or beside another form of damping."""
+    return row["warned"] == "no" and row["wrong"] == "1"
 
 
 def read_rows(table: Path) -> list[dict[str, str]]:

@@ -14,9 +14,9 @@ HEADS = (
     "cases",
     "misfit or refused",
     "left open",
-    "unseen forms named",
+    "open beside other forms",
     f"wrong above {LIMIT:g}",
-    "the truth named as unseen",
+    "the truth left open first",
     "unwarned",
     "nats hidden there",
 )
@@ -34,8 +34,8 @@ def counts(rows: Sequence[dict[str, str]]) -> str:
             named = sum(names_the_truth(r) for r in wrong)
             silent = [r for r in wrong if unwarned(r)]
             hidden = ", ".join(f"{float(r['nats_hidden']):.0f} ({r['relation']})" for r in silent)
-            warned = sum(r["warned"] not in ("no", "open", "unseen") for r in found)
-            left_open, said = (sum(r["warned"] == w for r in found) for w in ("open", "unseen"))
+            warned = sum(r["warned"] not in ("no", "open", "beside") for r in found)
+            left_open, said = (sum(r["warned"] == w for r in found) for w in ("open", "beside"))
             numbers = (len(found), warned, left_open, said, len(wrong), named, len(silent))
             lines.append(f"| {name} | {' | '.join(map(str, numbers))} | {hidden} |")
     return "\n".join(lines)

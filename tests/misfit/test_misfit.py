@@ -1,6 +1,6 @@
 """Does the verdict warn where no law fits? Over the table that is kept, and anew on a few of its cases.
 
-`python -m tests.misfit.run reports/misfit/scored.csv --seed 3 ...` makes the table; reports/misfit/README.md says what
+`python -m tests.misfit.run reports/misfit/scored.csv --seed 4 ...` makes the table; reports/misfit/README.md says what
 is in it.
 """
 
@@ -9,10 +9,11 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from scipy.stats import binomtest
 
 from tests.misfit.cases import INSIDE, drawn
 from tests.misfit.run import LAWS
-from tests.misfit.scoring import names_the_truth, read_rows, score, unwarned
+from tests.misfit.scoring import FORMS, names_the_truth, read_rows, score, unwarned
 
 TABLE = Path(__file__).resolve().parents[2] / "reports" / "misfit" / "scored.csv"
 SEEN = 20.0
@@ -26,35 +27,29 @@ def rows() -> list[dict[str, str]]:
 
 
 def test_no_law_that_is_seen_to_be_wrong_goes_without_a_misfit() -> None:
-    """Where that much is hidden, that the record cannot show it is no excuse."""
-    silent = [r for r in rows() if r["warned"] in ("no", "unseen") and r["wrong"] == "1"]
+    """Where that much is hidden, that the record leaves it open is no excuse."""
+    silent = [r for r in rows() if r["warned"] in ("no", "beside") and r["wrong"] == "1"]
     assert not [r["case"] for r in silent if float(r["nats_hidden"]) > SEEN]
 
 
-@pytest.mark.xfail(
-    strict=True,
-    reason="where a few nats are hidden the verdict says what the record could not show, not that nothing fits",
-)
-def test_no_wrong_law_at_all_goes_without_a_misfit() -> None:
-    """The bar itself, over 200 cases: a misfit is said, or that the record does not decide."""
+def test_no_wrong_law_goes_unwarned() -> None:
+    """The bar, over 200 cases: a misfit is said, or that the record does not decide."""
     assert len(rows()) >= 200
-    assert not [r["case"] for r in rows() if r["warned"] in ("no", "unseen") and r["wrong"] == "1"]
+    assert not [r["case"] for r in rows() if unwarned(r)]
+    # The control: but for the other forms of damping that are set beside a candidate, some would.
+    assert [r["case"] for r in rows() if r["warned"] == "beside" and r["wrong"] == "1"]
 
 
-def test_no_wrong_law_outside_the_family_goes_unwarned() -> None:
-    """Less than the bar: that the record cannot show what is true counts as a warning too, though most records of so
-    few samples carry it."""
-    assert len(rows()) >= 200
-    outside = [r for r in rows() if r["kind"] not in INSIDE]
-    assert not [r["case"] for r in outside if unwarned(r)]
-    # The control: without the third, some would.
-    assert [r["case"] for r in outside if names_the_truth(r)]
+def test_the_form_that_is_left_open_first_is_the_true_one_more_often_than_by_chance() -> None:
+    """Five are tried: of the wrong ones that are left open, more than a fifth name the truth (1 % of false alarms)."""
+    wrong = [r for r in rows() if r["warned"] == "beside" and r["wrong"] == "1" and r["kind"] in FORMS]
+    assert binomtest(sum(map(names_the_truth, wrong)), len(wrong), 0.2, "greater").pvalue < 0.01
 
 
 def test_sums_of_the_family_are_wrong_as_often_as_their_probabilities_say() -> None:
     """Among records of the family a wrong sum above the limit is what a probability below one promises: no more, but
     for three sds, than the shares that were given away (a false alarm in a thousand)."""
-    named = [r for r in rows() if r["kind"] in INSIDE and r["warned"] in ("no", "unseen")]
+    named = [r for r in rows() if r["kind"] in INSIDE and r["warned"] in ("no", "beside")]
     given = [1.0 - float(r["damping_probability"]) for r in named]
     wrong = sum(r["relation"] != "right" for r in named)
     assert wrong <= max(1.0, sum(given) + 3 * sum(q * (1 - q) for q in given) ** 0.5)
@@ -68,7 +63,7 @@ def test_good_records_are_hardly_ever_warned_of() -> None:
 
 @pytest.mark.parametrize(("kind", "number"), [("clean", 0), ("two_cycles", 0)])
 def test_the_table_is_what_the_program_says(kind: str, number: int, tmp_path: Path) -> None:
-    case = drawn(kind, number, 3)
+    case = drawn(kind, number, 4)
     kept = next(r for r in rows() if r["case"] == case.name)
     found = score(case, LAWS, tmp_path)
     assert found["best"] == kept["best"]

@@ -330,17 +330,24 @@ def test_what_methods_found_besides(maker):
     assert any(name.startswith("eigenvalues-koopman-sim") for name in figures)
 
 
-def test_the_summary_lists_what_would_not_be_seen(maker_of) -> None:
+def test_the_summary_lists_what_is_not_ruled_out(maker_of) -> None:
     folder = maker_of(signals=("sim",), repeats={"sim": 1}, models=("viscous", "coulomb")).make()
-    assert "would not be seen" not in Page(render(folder).read_text()).words
+    assert "rule out" not in Page(render(folder).read_text()).words
     store = Store(folder)
     cell = store.read("mode/sim/0/viscous")
-    store.write(replace(cell, meta={**cell.meta, "unseen": [f"it is {x}" for x in "abcd"]}))
+    rivals = [{"words": f"it is {x}", "log_bayes": b} for x, b in zip("abcde", (0.0, 1.0, -1.0, -1.2, -4.0))]
+    store.write(replace(cell, meta={**cell.meta, "rivals": rivals}))
     words = Page(render(folder).read_text()).words
-    assert "This record would show hardly any other form of damping; of what is compared, damping is" in words
     assert (
-        "it would not be seen if it is a, it is b, it is c or it is d, by half the largest damping force."
+        "The record leaves open most other forms of damping (that it is b: 0.731); without these, damping"
         in words
+    )
+    assert (
+        "rule out that it is b (0.731), it is a (0.500), it is c (0.269) or it is d (0.231). Each number"
+        in words
+    )
+    assert (
+        "what there might be beside it ln Bayes factor probability, against none it is b 1.00 0.731" in words
     )
 
 

@@ -9,7 +9,7 @@ from markupsafe import Markup
 from bayesdamp.report import words
 from bayesdamp.report.figures.windows import windows
 from bayesdamp.report.html import Line, Table, fill, folded
-from bayesdamp.report.reading import coefficients, models_by_rank
+from bayesdamp.report.reading import coefficients, models_by_rank, other_forms
 from bayesdamp.report.run import Run, rows_of
 from bayesdamp.report.sections._layout import by_signal, drawn
 from bayesdamp.report.sections._section import Section
@@ -49,6 +49,9 @@ def _one(run: Run, signal: str) -> Markup:
             continue
         parts.append(content if shown == 0 else folded(f"Windows of {words.model(model)}", content))
         shown += 1
+    forms = _other_forms(run, signal, repeat, ranked[0]) if ranked else None
+    if forms is not None:
+        parts.append(folded(f"Other forms of damping beside {words.model(ranked[0])}", forms))
     return fill("stack.html", parts=parts or [Markup("<p>No model was fitted to this signal.</p>")])
 
 
@@ -76,6 +79,16 @@ def _table(run: Run, signal: str, repeats: list[int]) -> Table:
     if len(repeats) > 1:
         return Table(["repeat", *headers], lines, frozenset({1, 6}))
     return Table(headers, lines, frozenset({0, 5}))
+
+
+def _other_forms(run: Run, signal: str, repeat: int, model: str) -> Table | None:
+    """Of each form of damping that no candidate has: with it beside its own damping, how likely is the candidate?"""
+    lines = [
+        Line([form.words, words.fixed(form.log_bayes, 2), words.probability(form.probability)])
+        for form in other_forms(run, signal, repeat, model)
+    ]
+    headers = ["what there might be beside it", "ln Bayes factor", "probability, against none"]
+    return Table(headers, lines, frozenset({0})) if lines else None
 
 
 def _windows(run: Run, signal: str, repeat: int, model: str) -> Markup | None:

@@ -68,10 +68,12 @@ def _card(run: Run, signal: str, repeat: int) -> dict[str, Any]:
         claim = said.sentence[:1].upper() + said.sentence[1:]
         if len(found.rows) > 1:
             _weigh(run, found, believe, doubt)
-            if said.unseen:
+            if said.rivals:
+                shares = [f"{name} ({words.probability(p)})" for name, p in said.rivals]
                 doubt.append(
-                    f"that there is nothing else: it would not be seen if {words.listing(said.unseen, 'or')}, by half "
-                    "the largest damping force."
+                    f"that there is nothing else: the record does not rule out that {words.listing(shares, 'or')}. "
+                    "Each number is the probability of that form beside the damping named above, against that damping "
+                    "alone."
                 )
         else:
             if not said.misfit:
