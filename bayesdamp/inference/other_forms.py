@@ -107,7 +107,7 @@ def other_form(
         left = np.linalg.norm(direction)
         score, log_bayes = 0.0, 0.0  # a direction that says nothing leaves the odds as they were
         if np.isfinite(left) and left > NEW * size > 0:
-            score = float(direction @ scores) / left
+            score = float(direction @ scores / left)
             found.append((float(erfc(abs(score) / np.sqrt(2))), form.words))
             length = SIZE * largest * left / size * np.sqrt(information(target, moved, mode.z))
             log_bayes = log_bayes_factor(score, float(length), form.signed)

@@ -46,7 +46,11 @@ def score(case: Case, laws: Sequence[str], folder: Path) -> dict[str, object]:
     file.write_text("\n".join(["t,angle", *lines]) + "\n", encoding="utf-8")
     try:
         study = comparison([Asked(file, "t", "angle")], restoring=laws)
-        study = replace(study, posterior=study.posterior.model_copy(update={"samplers": (), "best": None}))
+        study = replace(
+            study,
+            posterior=study.posterior.model_copy(update={"samplers": (), "best": None}),
+            evidence=study.evidence.model_copy(update={"methods": ("laplace", "importance")}),
+        )
         store = Store(folder / "run")
         for stage in _stages(study, store):
             for job in stage:
