@@ -49,7 +49,9 @@ def score(case: Case, laws: Sequence[str], folder: Path) -> dict[str, object]:
         study = replace(
             study,
             posterior=study.posterior.model_copy(update={"samplers": (), "best": None}),
-            evidence=study.evidence.model_copy(update={"methods": ("laplace", "importance")}),
+            evidence=study.evidence.model_copy(
+                update={"methods": ("laplace", "importance"), "referee": "never"}
+            ),
         )
         store = Store(folder / "run")
         for stage in _stages(study, store):
