@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from functools import partial
+from dataclasses import dataclass, replace
 from typing import Any
 
 import jax
 import numpy as np
 
 from bayesdamp.inference.compiled import compiled
+from bayesdamp.inference.lift import Lift
 from bayesdamp.inference.mode import Mode, maximise
 from bayesdamp.inference.target import Target
 from bayesdamp.types import Refusal
@@ -22,38 +22,50 @@ SEEN = 0.02
 """Whitened units that the ridge must leave its tangent by, at one sd, to be worth straightening."""
 
 
-@partial(jax.tree_util.register_dataclass, data_fields=["centre", "wide", "curve"], meta_fields=[])
+@jax.tree_util.register_dataclass
 @dataclass(frozen=True)
 class Bend:
     """Scores are `straight` ones plus a quadratic form of their wide components, which itself moves neither these nor
-    folded scores: a shear, whose Jacobian is one, and which mirror images share. Of NumPy's arrays or of JAX's.
+    folded scores, and then lifted: two shears, whose Jacobians are one, and which mirror images share. Of NumPy's
+    arrays or of JAX's.
 
-    centre: (d,); wide: indices (k,); curve: (d, k, k), zero for the wide and the folded.
+    centre: (d,); wide: indices (k,); curve: (d, k, k), zero for the wide and the folded; lift: of the noise.
     """
 
     centre: np.ndarray
     wide: np.ndarray
     curve: np.ndarray
+    lift: Lift
 
     @classmethod
     def none(cls, d: int) -> Bend:
         """No bend at all."""
         wide = np.arange(min(WIDE, d))
-        return cls(np.zeros(d), wide, np.zeros((d, wide.size, wide.size)))
+        return cls(np.zeros(d), wide, np.zeros((d, wide.size, wide.size)), Lift.none(d))
+
+    @classmethod
+    def of_noise(cls, target: Target, mode: Mode) -> Bend:
+        """The lift alone."""
+        return replace(cls.none(mode.z.size), lift=Lift.of(target, mode))
 
     def scores(self, straight: Any) -> Any:
         """Scores of straightened ones, both (..., d)."""
+        return self.lift.lifted(self.level(straight))
+
+    def level(self, straight: Any) -> Any:
+        """Scores of straightened ones, both (..., d), before they are lifted."""
         return straight + self._shift(straight)
 
     def straight(self, scores: Any) -> Any:
         """Straightened scores, both (..., d)."""
-        return scores - self._shift(scores)
+        level = self.lift.level(scores)
+        return level - self._shift(level)
 
     def slope(self, straight: np.ndarray) -> np.ndarray:
         """Derivatives of the scores by the straightened ones, (d, d), at one point (d,)."""
         found = np.eye(straight.size)
         found[:, self.wide] += self.curve @ (straight - self.centre)[self.wide]
-        return found
+        return self.lift.slope(self.level(straight)) @ found
 
     def _shift(self, z: Any) -> Any:
         away = z[..., self.wide] - self.centre[self.wide]
@@ -69,7 +81,7 @@ def bend(target: Target, mode: Mode) -> Bend | None:
     differences are taken at `REACH` posterior sds. A product of two parameters, of which the data know one direction
     alone, makes such a ridge: gravity and spring of the horizontal pendulum, for one.
     """
-    folded = np.asarray(target.layout.folded)
+    folded, lift = np.asarray(target.layout.folded), Lift.of(target, mode)
     covariance = mode.factor @ mode.factor.T
     moving = [n in target.oscillator.parameters for n in target.names]
     wide = _widest(covariance, np.flatnonzero(~folded & moving))
@@ -80,11 +92,12 @@ def bend(target: Target, mode: Mode) -> Bend | None:
     k = wide.size
     curve = np.zeros((mode.z.size, k, k))
     try:
-        top = _ridge(target, mode, wide, others, np.zeros(k))
+        top = lift.level(_ridge(target, mode, wide, others, np.zeros(k)))[others]
         for a in range(k):
             for b in range(a + 1):
                 step = REACH * (root[:, a] + root[:, b]) / (2 if a == b else np.sqrt(2))
                 ends = [_ridge(target, mode, wide, others, sign * step) for sign in (1, -1)]
+                ends = [lift.level(end)[others] for end in ends]
                 curve[others, a, b] = curve[others, b, a] = (ends[0] + ends[1] - 2 * top) / REACH**2
     except Refusal:
         return None
@@ -98,7 +111,7 @@ def bend(target: Target, mode: Mode) -> Bend | None:
     if 0.5 * np.max(np.abs(sheared)) < SEEN:
         return None
     inverse = np.linalg.inv(root)
-    return Bend(mode.z.copy(), wide, np.einsum("jab,ac,bd->jcd", curve, inverse, inverse))
+    return Bend(mode.z.copy(), wide, np.einsum("jab,ac,bd->jcd", curve, inverse, inverse), lift)
 
 
 def _widest(covariance: np.ndarray, among: np.ndarray) -> np.ndarray:
@@ -114,7 +127,7 @@ def _widest(covariance: np.ndarray, among: np.ndarray) -> np.ndarray:
 
 
 def _ridge(target: Target, mode: Mode, wide: np.ndarray, others: np.ndarray, step: np.ndarray) -> np.ndarray:
-    """The highest scores, (d − k,), of `others` where the wide ones are moved by `step`, (k,). Raises Refusal."""
+    """The highest scores, (d,), where the wide ones are moved by `step`, (k,), from the mode. Raises Refusal."""
     curvature = compiled(target.layout).curvature
     whole = mode.z.copy()
     whole[wide] += step
@@ -131,4 +144,5 @@ def _ridge(target: Target, mode: Mode, wide: np.ndarray, others: np.ndarray, ste
     z, value, *_ = maximise(at, folded, start, limit=20)
     if not np.isfinite(value):
         raise Refusal("the ridge ends")
-    return z
+    whole[others] = z
+    return whole

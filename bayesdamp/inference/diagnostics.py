@@ -98,9 +98,15 @@ def monte_carlo_error(draws: np.ndarray) -> float:
 
 
 def pareto_k(log_weights: np.ndarray) -> float:
-    """Shape of the generalised Pareto fitted to the upper tail of importance weights, shape (n,)."""
-    with np.errstate(over="ignore"):  # a tail that ends: the smoothed weights, which are not used, overflow
-        return float(_statistics().psislw(-log_weights)[1])  # it takes the ratios' inverse
+    """Shape of the generalised Pareto fitted to the upper tail of importance weights, shape (n,); −∞ where all are
+    equal, and have no tail, ∞ where all but a few are nought."""
+    # Where a tail ends the smoothed weights, which are not used, overflow; of one that is nought no shape is found.
+    with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
+        try:
+            shape = float(_statistics().psislw(-log_weights)[1])  # it takes the ratios' inverse
+        except ValueError:  # all of the tail is one number
+            return -np.inf
+    return np.inf if np.isnan(shape) else shape
 
 
 def save(posterior: Posterior, path: Path) -> None:

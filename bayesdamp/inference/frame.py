@@ -50,10 +50,10 @@ class Frame:
 def frame(target: Target, mode: Mode, bent: Bend | None = None) -> Frame:
     """The frame of a posterior from its mode, and the gradient and the whole curvature beside it.
 
-    bent: the bend of its ridge, where that is to be straightened.
+    bent: the bend of its ridge, where that is to be straightened; else that of its noise.
     """
     layout, d = target.layout, mode.z.size
-    bent = Bend.none(d) if bent is None else bent
+    bent = Bend.of_noise(target, mode) if bent is None else bent
     folded = np.flatnonzero(layout.folded)
     at = np.where(layout.folded, np.maximum(np.abs(mode.z), 1e-12), mode.z)
 
@@ -99,22 +99,36 @@ def cut_off(
 ) -> np.ndarray:
     """Draws of a normal distribution of mean (k,) and covariance (k, k) where all is ≥ 0, (4 chains, k).
 
-    Gibbs sampling from many starts; by default with a seed of its own, where it only shapes coordinates.
+    Gibbs sampling from many starts, along the principal axes: what is left may be a thin sheet between the walls, which
+    no step along a single coordinate gets on in. By default with a seed of its own, where it only shapes coordinates.
     """
     rng = np.random.default_rng(0) if rng is None else rng
-    precision = np.linalg.inv(covariance)
-    sd = 1.0 / np.sqrt(np.diag(precision))
-    x = np.maximum(mean, sd) + np.zeros((chains, 1))
+    values, axes = np.linalg.eigh(covariance)
+    axes = axes * np.sqrt(np.maximum(values, 1e-15 * values[-1]))
+    x = np.maximum(mean, np.sqrt(np.diag(covariance))) + np.zeros((chains, 1))
     kept = []
     for sweep in range(sweeps):
-        for i in range(mean.size):
-            pull = (x - mean) @ precision[i] - (x[:, i] - mean[i]) * precision[i, i]
-            low = (pull / precision[i, i] - mean[i]) / sd[i]  # where zero is, in conditional sds
-            tail = np.log(rng.uniform(1e-12, 1.0, chains)) + log_ndtr(-low)
-            x[:, i] = np.maximum(-ndtri_exp(tail) - low, 0.0) * sd[i]
+        for axis, scale in zip(axes.T, np.linalg.inv(axes)):
+            at = (x - mean) @ scale  # sds from the mean along this axis
+            with np.errstate(divide="ignore", invalid="ignore"):
+                ends = at[:, None] - x / axis
+            low = np.max(np.where(axis > 0, ends, -np.inf), axis=1)
+            high = np.min(np.where(axis < 0, ends, np.inf), axis=1)
+            x = np.maximum(x + (_between(low, high, rng.uniform(size=chains)) - at)[:, None] * axis, 0.0)
         if sweep >= sweeps // 2 and sweep % (sweeps // 8) == 0:
             kept.append(x.copy())
     return np.concatenate(kept)
+
+
+def _between(low: np.ndarray, high: np.ndarray, share: np.ndarray) -> np.ndarray:
+    """Where the standard normal distribution between low and high has this share below it, all of one shape."""
+    flip = low > 0  # the tails' logarithms are exact on the left
+    left, right = np.where(flip, -high, low), np.where(flip, -low, high)
+    share = np.where(flip, 1.0 - share, share)
+    with np.errstate(divide="ignore"):
+        below = np.logaddexp(np.log(share) + log_ndtr(right), np.log1p(-share) + log_ndtr(left))
+    found = np.clip(ndtri_exp(below), left, right)
+    return np.where(flip, -found, found)
 
 
 def _curvatures(
@@ -141,5 +155,5 @@ def _curvatures(
         return found
 
     whole = hessian(lambda part: functions.batch(mode.context, part), bent.scores(at + away))
-    straight = bent.scores(at) + away
+    straight = bent.lift.lifted(bent.level(at) + away)
     return whole, hessian(lambda part: functions.linearised_batch(mode.context, line, part), straight)

@@ -17,6 +17,7 @@ from bayesdamp.inference.bend import Bend, bend
 from bayesdamp.inference.build import build_target
 from bayesdamp.inference.defaults import Reference
 from bayesdamp.inference.evidence import Draws, bridge, importance
+from bayesdamp.inference.lift import Lift
 from bayesdamp.inference.mode import Mode, find_mode
 from bayesdamp.inference.samplers import Settings, nuts
 from bayesdamp.inference.target import Target
@@ -52,21 +53,27 @@ def slopes(_: object, z: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray
 def banana(monkeypatch) -> tuple[Any, Any]:
     """A target and its mode with that density in place of a record's."""
     monkeypatch.setattr(bending, "compiled", lambda _: SimpleNamespace(curvature=slopes))
+    monkeypatch.setattr(importance, "compiled", lambda _: SimpleNamespace(curvature=slopes))
     monkeypatch.setattr(importance, "folded_log_posterior", lambda target, mode, y: height(y))
     target = SimpleNamespace(
-        names=NAMES, layout=SimpleNamespace(folded=FOLDED), oscillator=SimpleNamespace(parameters=NAMES)
+        names=NAMES,
+        noise="gaussian",
+        layout=SimpleNamespace(folded=FOLDED),
+        oscillator=SimpleNamespace(parameters=NAMES),
     )
     at = np.zeros(4)
     information = slopes(None, at)[2]
     factor = np.linalg.cholesky(np.linalg.inv(information))
-    return target, SimpleNamespace(z=at, information=information, factor=factor, context=None)
+    sds = np.sqrt(np.diag(factor @ factor.T))
+    return target, SimpleNamespace(z=at, information=information, factor=factor, sd=lambda: sds, context=None)
 
 
 def test_a_bend_keeps_volumes_and_mirror_images() -> None:
     rng = np.random.default_rng(0)
     curve = rng.standard_normal((5, 2, 2))
     curve[[0, 2, 4]] = 0.0  # a folded score and the wide ones
-    one = Bend(rng.standard_normal(5), np.array([2, 4]), curve + np.swapaxes(curve, 1, 2))
+    lift = Lift(np.array([0.0, 3.0, 0.0, 0.0, 0.0]), np.array([3]), np.array([0.4]))
+    one = Bend(rng.standard_normal(5), np.array([2, 4]), curve + np.swapaxes(curve, 1, 2), lift)
     z = rng.standard_normal((7, 5))
     np.testing.assert_allclose(one.straight(one.scores(z)), z, atol=1e-12)
     np.testing.assert_allclose(one.scores(z)[:, [0, 2, 4]], z[:, [0, 2, 4]])

@@ -61,7 +61,7 @@ class Bridge(EvidenceMethod):
             draws = Draws.of(target, found.draws, found.outcome)
             evaluations += int(found.diagnostics["likelihoods"])  # type: ignore[call-overload]
         rng = np.random.default_rng(seed)
-        spans, count = _spans(target, mode, draws.z, Bend.none(draws.z.shape[-1]), rng)
+        spans, count = _spans(target, mode, draws.z, Bend.of_noise(target, mode), rng)
         evaluations += count
         if not min(s.overlap for s in spans) > HARDLY:
             ridge = bend(target, mode)

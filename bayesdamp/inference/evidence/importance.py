@@ -9,9 +9,11 @@ from scipy.special import logsumexp
 
 from bayesdamp.inference import diagnostics
 from bayesdamp.inference.bend import Bend, bend
+from bayesdamp.inference.compiled import compiled
 from bayesdamp.inference.evidence._densities import folded_log_posterior
 from bayesdamp.inference.evidence._method import Draws, EvidenceMethod
 from bayesdamp.inference.folded import DEGREES, FoldedT
+from bayesdamp.inference.frame import FAR, cut_off_moments
 from bayesdamp.inference.mode import Mode
 from bayesdamp.inference.target import Target
 from bayesdamp.inference.weighted import effective
@@ -22,6 +24,13 @@ FINAL = 4000
 ROUNDS = 5
 K_GOOD = 0.5
 K_LIMIT = 0.7
+FEWEST = 50
+"""Effective draws below which an evidence is not trusted."""
+
+
+def _good(log_weights: np.ndarray) -> bool:
+    """Whether a pilot will do; on one of this size the fitted shape scatters by about 0.1."""
+    return diagnostics.pareto_k(log_weights) < K_GOOD - 0.1 and effective(log_weights) > 0.2 * PILOT
 
 
 class Importance(EvidenceMethod):
@@ -29,9 +38,9 @@ class Importance(EvidenceMethod):
 
     A coefficient that may touch zero is a folded score; its posterior has mirror modes, so proposal and
     target are both folded: nothing is lost at zero, and weights are judged on the coefficient itself. Where
-    the Pareto shape of the pilot weights is above 0.5 the posterior's ridge is straightened, if it is a curved one, and
-    then the fit is moved to the weighted pilot draws and tried again; the reported draws are fresh ones. (Vehtari et
-    al., JMLR 25, 2024, for the diagnostic.)
+    the pilot weights' Pareto shape or effective number is poor, the fit is that to what a wall leaves of the normal
+    distribution, if one is near; then a curved ridge is straightened; and then the fit is moved to the weighted pilot
+    draws and tried again. The reported draws are fresh ones. (Vehtari et al., JMLR 25, 2024, for the diagnostic.)
     """
 
     name = "importance"
@@ -43,31 +52,32 @@ class Importance(EvidenceMethod):
         rng = np.random.default_rng(seed)
         folded = np.asarray(target.layout.folded)
         proposal = FoldedT(np.where(folded, np.abs(mode.z), mode.z), mode.factor, folded)
-        evaluations, bent = 0, Bend.none(folded.size)
-        for attempt in range(ROUNDS):
-            y, log_weights = self._weights(target, mode, proposal, bent, rng, PILOT)
-            evaluations += PILOT
-            # On a pilot of this size the fitted shape scatters by about 0.1.
-            if diagnostics.pareto_k(log_weights) < K_GOOD - 0.1 and effective(log_weights) > 0.2 * PILOT:
-                break
-            ridge = bend(target, mode) if attempt == 0 else None
-            if ridge is not None:
-                bent = ridge
+        place = proposal, Bend.of_noise(target, mode)
+        y, log_weights = self._weights(target, mode, *place, rng, PILOT)
+        evaluations = PILOT
+        for other in (self._cut_off, self._straightened):
+            if _good(log_weights) or (tried := other(target, mode, *place)) is None:
                 continue
-            try:
-                proposal = self._refit(y, log_weights, folded)
-            except np.linalg.LinAlgError:
-                break  # a few draws have all the weight, which the diagnostic will say
-        y, log_weights = self._weights(target, mode, proposal, bent, rng, FINAL)
+            there, weights = self._weights(target, mode, *tried, rng, PILOT)
+            evaluations += PILOT
+            if effective(weights) > effective(log_weights):
+                place, y, log_weights = tried, there, weights
+        for _ in range(ROUNDS - 1):
+            if _good(log_weights) or (refitted := self._refit(y, log_weights, folded)) is None:
+                break  # where a few draws have all the weight, the diagnostic will say it
+            place = refitted, place[1]
+            y, log_weights = self._weights(target, mode, *place, rng, PILOT)
+            evaluations += PILOT
+        y, log_weights = self._weights(target, mode, *place, rng, FINAL)
         evaluations += FINAL
         k, share = diagnostics.pareto_k(log_weights), effective(log_weights) / FINAL
         log_evidence = float(logsumexp(log_weights) - np.log(FINAL))
         relative = np.exp(log_weights - log_evidence)
-        outcome = (
-            OK
-            if k < K_LIMIT
-            else f"not to be trusted: Pareto shape of the weights is {k:.2f}, above {K_LIMIT}"
-        )
+        outcome = OK
+        if not k < K_LIMIT:
+            outcome = f"not to be trusted: Pareto shape of the weights is {k:.2f}, above {K_LIMIT}"
+        elif share * FINAL < FEWEST:  # the rest of which may have no weight at all, and no shape
+            outcome = f"not to be trusted: a few draws have all the weight, as much as {share * FINAL:.0f} equal ones"
         return Evidence(
             model=model,
             method=self.name,
@@ -77,7 +87,7 @@ class Importance(EvidenceMethod):
             evaluations=evaluations,
             seconds=time.perf_counter() - began,
             outcome=outcome,
-            arrays={"y": bent.scores(y), "log_weights": log_weights},
+            arrays={"y": place[1].scores(y), "log_weights": log_weights},
         )
 
     @staticmethod
@@ -89,16 +99,42 @@ class Importance(EvidenceMethod):
         return y, folded_log_posterior(target, mode, bent.scores(y)) - proposal.log_density(y)
 
     @staticmethod
-    def _refit(y: np.ndarray, log_weights: np.ndarray, folded: np.ndarray) -> FoldedT:
+    def _straightened(
+        target: Target, mode: Mode, proposal: FoldedT, bent: Bend
+    ) -> tuple[FoldedT, Bend] | None:
+        """The same along a curved ridge; None where there is none."""
+        ridge = bend(target, mode)
+        return None if ridge is None else (proposal, ridge)
+
+    @staticmethod
+    def _cut_off(target: Target, mode: Mode, proposal: FoldedT, bent: Bend) -> tuple[FoldedT, Bend] | None:
+        """A fit to the moments of the mode's normal distribution, cut off where coefficients are zero; None where no
+        wall is near. Coefficients that make up for each other there do not on its mirror images."""
+        folded = np.asarray(target.layout.folded)
+        at = np.where(folded, np.abs(mode.z), mode.z)
+        if not np.any(folded & (at < FAR * mode.sd())):
+            return None
+        slope = np.asarray(compiled(target.layout).curvature(mode.context, at)[1])
+        centre, factor = cut_off_moments(mode.information, slope, at, np.flatnonzero(folded))
+        return FoldedT(centre, factor * np.sqrt((DEGREES - 2) / DEGREES * 1.2), folded), bent
+
+    @staticmethod
+    def _refit(y: np.ndarray, log_weights: np.ndarray, folded: np.ndarray) -> FoldedT | None:
+        """A fit to the weighted draws; None where so few of them have weight that they span no volume."""
         # Truncated weights keep one lucky draw from becoming the whole fit.
         w = np.exp(log_weights - logsumexp(log_weights))
         w = np.minimum(w, 50.0 / w.size)
         w /= w.sum()
+        if 1.0 / np.sum(w**2) < folded.size + 1:
+            return None
         centre = w @ y
         spread = (y - centre) * np.sqrt(w)[:, None]
         covariance = spread.T @ spread * (DEGREES - 2) / DEGREES * 1.2
         covariance += 1e-10 * np.trace(covariance) / centre.size * np.eye(centre.size)
-        return FoldedT(centre, np.linalg.cholesky(covariance), folded)
+        try:
+            return FoldedT(centre, np.linalg.cholesky(covariance), folded)
+        except np.linalg.LinAlgError:
+            return None
 
 
 PLUGIN = Importance()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
+from dataclasses import dataclass
 
 import numpy as np
 from jax import Array
@@ -11,6 +12,15 @@ from jax import Array
 from bayesdamp.priors import Prior
 from bayesdamp.signals.features import Features
 from bayesdamp.types import Signal
+
+
+@dataclass(frozen=True)
+class Tied:
+    """The parameter `one` over `other` to a power is what the data tell."""
+
+    one: str
+    other: str
+    power: float
 
 
 class NoiseModel(ABC):
@@ -23,6 +33,8 @@ class NoiseModel(ABC):
     parameters: tuple[str, ...]
     constants: tuple[str, ...] = ()
     """Numbers that the record itself gives, such as its recording step; they are not inferred."""
+    tied: Tied | None = None
+    """What the data tell of two parameters where they tell little of each."""
     heavy_tailed: bool = False
     """Whether far outliers hardly move what is inferred, so that they are no misfit."""
 

@@ -8,7 +8,7 @@ import numpy as np
 from jax import Array
 from jax import numpy as jnp
 
-from bayesdamp.inference.noise._noise import NormalNoise
+from bayesdamp.inference.noise._noise import NormalNoise, Tied
 from bayesdamp.inference.noise.gaussian import LOG_2PI
 from bayesdamp.priors import LogNormal, LogUniform, Prior
 from bayesdamp.signals.features import Features
@@ -26,6 +26,8 @@ class Correlated(NormalNoise):
 
     name = "correlated"
     parameters = ("noise_sd", "noise_time")
+    tied = Tied("noise_sd", "noise_time", 0.5)
+    """Of noise that is slow beside the clock: noise_sd²/noise_time, by its differences from sample to sample."""
     sums = ("squares", "differences", "ends")
     uniform_clock = True
 

@@ -64,7 +64,8 @@ def chain_of(layout: Layout, warmup: int, draws: int, exact: bool):
         def surrogate(u: Array) -> Array:
             away = factor @ u
             # A straight line stays one: straightened, the ridge is where it has it.
-            there = linearised_log_posterior(layout, context, line, bent.scores(centre) + away)
+            there = bent.lift.lifted(bent.level(centre) + away)
+            there = linearised_log_posterior(layout, context, line, there)
             return there - 0.5 * away @ lacking @ away
 
         def gradient(u: Array) -> Array:

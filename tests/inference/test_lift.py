@@ -1,0 +1,121 @@
+"""Noise of which the data tell a ratio alone, and the coordinates in which it can be sampled."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import jax
+import numpy as np
+import pytest
+from jax import numpy as jnp
+
+from bayesdamp.inference.evidence import importance
+from bayesdamp.inference.lift import Lift
+from bayesdamp.inference.mode import Mode, find_mode
+from bayesdamp.inference.samplers import Settings, nuts
+from bayesdamp.inference.target import Target
+from bayesdamp.physics.oscillator import Oscillator
+from bayesdamp.priors import HalfNormal, LogNormal, LogUniform, Normal
+from bayesdamp.types import OK, Signal
+
+TRUTH = {"zeta": 0.05, "theta0": 0.3, "omega0": 0.0}
+K, SD, TIME = 20.0, 0.01, 8.0
+
+
+@lru_cache
+def slow(kind: type = LogUniform) -> tuple[Target, Mode]:
+    """A viscous record in noise (Ornstein and Uhlenbeck's) that is slower than it may be: its time lies at the end of
+    its prior, and its size at what that leaves."""
+    rng = np.random.default_rng(4)
+    t = np.arange(0, 20, 0.02)
+    omega = np.sqrt(K - TRUTH["zeta"] ** 2)
+    y = 0.3 * np.exp(-0.05 * t) * (np.cos(omega * t) + 0.05 / omega * np.sin(omega * t))
+    rho = np.exp(-0.02 / TIME)
+    noise = np.empty(t.size)
+    noise[0] = SD * rng.standard_normal()
+    for i in range(1, t.size):
+        noise[i] = rho * noise[i - 1] + SD * np.sqrt(1 - rho**2) * rng.standard_normal()
+    priors = {
+        "zeta": HalfNormal(scale=1.0),
+        "theta0": Normal(mean=0.0, sd=1.0),
+        "omega0": Normal(mean=0.0, sd=3.0),
+        "noise_sd": LogNormal(median=0.001, sigma=1.0),
+        "noise_time": LogUniform(low=1e-3, high=2.8)
+        if kind is LogUniform
+        else LogNormal(median=1.0, sigma=1.0),
+    }
+    oscillator = Oscillator(("viscous",), "linear")
+    known = {"stiffness": K, "rest_angle": 0.0}
+    target = Target(Signal(t, y + noise, "angle"), oscillator, "correlated", priors, known)
+    start = {**TRUTH, "noise_sd": 0.005, "noise_time": 1.0}
+    return target, find_mode(target, {"truth": start}, noise_level=0.001)
+
+
+def test_a_lift_holds_the_ratio() -> None:
+    """Along level lines noise_sd²/noise_time is exponential in the time's score, as if the prior never levelled off;
+    the control: in scores it is not."""
+    target, mode = slow()
+    lift = Lift.of(target, mode)
+    z = np.tile(mode.z, (50, 1))
+    z[:, 4] += np.linspace(-3, 3, 50)
+    away = z[:, 4] - mode.z[4]
+
+    def log_ratio(scores: np.ndarray) -> np.ndarray:
+        values = target.values(scores)
+        return 2 * np.log(values["noise_sd"]) - np.log(values["noise_time"])
+
+    line = np.polynomial.Polynomial.fit(away, log_ratio(lift.lifted(z)), 1)
+    np.testing.assert_allclose(line(away), log_ratio(lift.lifted(z)), atol=1e-9)
+    plain = np.polynomial.Polynomial.fit(away, log_ratio(z), 1)
+    assert np.max(np.abs(plain(away) - log_ratio(z))) > 0.1
+
+
+def test_a_lift_keeps_volumes_and_is_flat_at_the_mode() -> None:
+    target, mode = slow()
+    lift = Lift.of(target, mode)
+    z = mode.z + np.random.default_rng(0).standard_normal((7, 5))
+    np.testing.assert_allclose(lift.level(lift.lifted(z)), z, atol=1e-12)
+    np.testing.assert_allclose(np.asarray(jax.jit(lift.lifted)(jnp.asarray(z))), lift.lifted(z), atol=1e-12)
+    np.testing.assert_allclose(np.asarray(jax.jit(lift.level)(jnp.asarray(z))), lift.level(z), atol=1e-12)
+    measured = np.asarray(jax.jacfwd(lift.lifted)(jnp.asarray(z[0])))
+    np.testing.assert_allclose(lift.slope(z[0]), measured, atol=1e-12)
+    assert np.linalg.det(measured) == pytest.approx(1.0)
+    np.testing.assert_allclose(lift.slope(mode.z), np.eye(5), atol=1e-12)
+    assert np.max(np.abs(measured - np.eye(5))) > 0.1
+
+
+def test_other_priors_and_noises_are_left_alone() -> None:
+    target, mode = slow(LogNormal)
+    assert not np.any(Lift.of(target, mode).moved)
+    assert np.any(Lift.of(*slow()).moved)
+
+
+def test_slow_noise_is_sampled(monkeypatch: pytest.MonkeyPatch) -> None:
+    """NUTS by the cheap force, at its usual step; its mean of the noise's time against importance draws, within five of
+    its errors. Negative control: without the lift the noise's size and time hardly move."""
+    target, mode = slow()
+    settings = Settings(chains=4, warmup=100, draws=400, seed=2)
+    found = nuts.PLUGIN._attempt(target, mode, nuts.frame(target, mode), settings, False, 1.0)
+    assert not nuts.poor(found)
+    summary = found.diagnostics["summary"]["noise_time"]  # type: ignore[index]
+    assert summary["ess_bulk"] > 300
+    weighed = importance.PLUGIN.evidence("m", target, mode, 5)
+    assert weighed.outcome == OK
+    weights = np.exp(weighed.arrays["log_weights"] - weighed.arrays["log_weights"].max())
+    times = target.values(weighed.arrays["y"])["noise_time"]
+    mean = np.average(times, weights=weights)
+    error = np.std(times) * np.sqrt(1 / summary["ess_bulk"] + 1 / 1000)
+    drawn = found.draws[..., found.names.index("noise_time")]
+    assert abs(drawn.mean() - mean) < 5 * error
+    monkeypatch.setattr(Lift, "of", classmethod(lambda cls, target, mode: cls.none(mode.z.size)))
+    plain = nuts.PLUGIN._attempt(target, mode, nuts.frame(target, mode), settings, False, 1.0)
+    assert plain.diagnostics["summary"]["noise_time"]["ess_bulk"] < 0.1 * summary["ess_bulk"]  # type: ignore[index]
+    print(
+        summary,
+        plain.diagnostics["summary"]["noise_time"],
+        found.stats["acceptance_rate"].mean(),
+        plain.stats["acceptance_rate"].mean(),
+        mean,
+        drawn.mean(),
+        error,
+    )
