@@ -94,7 +94,7 @@ def cut_off(
     mean: np.ndarray,
     covariance: np.ndarray,
     chains: int = 1000,
-    sweeps: int = 300,
+    sweeps: int = 120,
     rng: np.random.Generator | None = None,
 ) -> np.ndarray:
     """Draws of a normal distribution of mean (k,) and covariance (k, k) where all is ≥ 0, (4 chains, k).
