@@ -60,7 +60,7 @@ class Importance(EvidenceMethod):
                 continue
             there, weights = self._weights(target, mode, *tried, rng, PILOT)
             evaluations += PILOT
-            if effective(weights) > effective(log_weights):
+            if not effective(log_weights) >= effective(weights):
                 place, y, log_weights = tried, there, weights
         for _ in range(ROUNDS - 1):
             if _good(log_weights) or (refitted := self._refit(y, log_weights, folded)) is None:
@@ -115,7 +115,10 @@ class Importance(EvidenceMethod):
         if not np.any(folded & (at < FAR * mode.sd())):
             return None
         slope = np.asarray(compiled(target.layout).curvature(mode.context, at)[1])
-        centre, factor = cut_off_moments(mode.information, slope, at, np.flatnonzero(folded))
+        try:
+            centre, factor = cut_off_moments(mode.information, slope, at, np.flatnonzero(folded))
+        except np.linalg.LinAlgError:
+            return None
         return FoldedT(centre, factor * np.sqrt((DEGREES - 2) / DEGREES * 1.2), folded), bent
 
     @staticmethod
