@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from jax import numpy as jnp
 
-from bayesdamp.inference.evidence import importance
+from bayesdamp.inference.evidence import Draws, bridge, importance
 from bayesdamp.inference.lift import Lift
 from bayesdamp.inference.mode import Mode, find_mode
 from bayesdamp.inference.samplers import Settings, nuts
@@ -92,7 +92,8 @@ def test_other_priors_and_noises_are_left_alone() -> None:
 
 def test_slow_noise_is_sampled(monkeypatch: pytest.MonkeyPatch) -> None:
     """NUTS by the cheap force, at its usual step; its mean of the noise's time against importance draws, within five of
-    its errors. Negative control: without the lift the noise's size and time hardly move."""
+    its errors, and the two evidences within four. Negative control: without the lift the noise's size and time hardly
+    move, and the bridge is half as good."""
     target, mode = slow()
     settings = Settings(chains=4, warmup=100, draws=400, seed=2)
     found = nuts.PLUGIN._attempt(target, mode, nuts.frame(target, mode), settings, False, 1.0)
@@ -107,6 +108,9 @@ def test_slow_noise_is_sampled(monkeypatch: pytest.MonkeyPatch) -> None:
     error = np.std(times) * np.sqrt(1 / summary["ess_bulk"] + 1 / 1000)
     drawn = found.draws[..., found.names.index("noise_time")]
     assert abs(drawn.mean() - mean) < 5 * error
+    draws = Draws.of(target, found.draws, OK)
+    bridged = bridge.PLUGIN.evidence("m", target, mode, 5, draws)
+    assert abs(bridged.log_evidence - weighed.log_evidence) < 4 * np.hypot(bridged.stderr, weighed.stderr)
     monkeypatch.setattr(Lift, "of", classmethod(lambda cls, target, mode: cls.none(mode.z.size)))
     plain = nuts.PLUGIN._attempt(target, mode, nuts.frame(target, mode), settings, False, 1.0)
     assert plain.diagnostics["summary"]["noise_time"]["ess_bulk"] < 0.1 * summary["ess_bulk"]  # type: ignore[index]
@@ -119,3 +123,4 @@ def test_slow_noise_is_sampled(monkeypatch: pytest.MonkeyPatch) -> None:
         drawn.mean(),
         error,
     )
+    assert bridge.PLUGIN.evidence("m", target, mode, 5, draws).stderr > 1.5 * bridged.stderr

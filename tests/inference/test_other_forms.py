@@ -189,3 +189,18 @@ def test_the_bayes_factor_is_that_of_quadrature(form: int, share: float) -> None
     of = {r.words: r.log_bayes for r in found}
     assert of.pop(FORMS[form].words) == pytest.approx(truth, abs=0.05 + 0.02 * abs(truth))
     assert not all(abs(b - truth) < 0.05 for b in of.values())
+
+
+@pytest.mark.parametrize("form", [i for i, f in enumerate(FORMS) if f.damps])
+def test_what_changes_may_grow_or_shrink(form: int) -> None:
+    """Residuals and their mirror image say the same of damping that depends on displacement or time, and not of a force
+    that can only be added."""
+    made, mode = fitted(0, 0.0)
+    absorbed = orthonormal(tangents(made, mode).T)
+    noise = np.random.default_rng(16).standard_normal(TIMES.size)
+    both = [
+        other_form(made, mode, sign * noise, absorbed, lambda change: change / NOISE).rivals
+        for sign in (1, -1)
+    ]
+    one, mirrored = ({r.words: r.log_bayes for r in found}[FORMS[form].words] for found in both)
+    assert (abs(one - mirrored) < 1e-9) == ("depends" in FORMS[form].words or "changes" in FORMS[form].words)
