@@ -81,7 +81,7 @@ def bend(target: Target, mode: Mode) -> Bend | None:
     differences are taken at `REACH` posterior sds. A product of two parameters, of which the data know one direction
     alone, makes such a ridge: gravity and spring of the horizontal pendulum, for one.
     """
-    folded, lift = np.asarray(target.layout.folded), Lift.of(target, mode)
+    folded = np.asarray(target.layout.folded)
     covariance = mode.factor @ mode.factor.T
     moving = [n in target.oscillator.parameters for n in target.names]
     wide = _widest(covariance, np.flatnonzero(~folded & moving))
@@ -92,12 +92,11 @@ def bend(target: Target, mode: Mode) -> Bend | None:
     k = wide.size
     curve = np.zeros((mode.z.size, k, k))
     try:
-        top = lift.level(_ridge(target, mode, wide, others, np.zeros(k)))[others]
+        top = _ridge(target, mode, wide, others, np.zeros(k))
         for a in range(k):
             for b in range(a + 1):
                 step = REACH * (root[:, a] + root[:, b]) / (2 if a == b else np.sqrt(2))
                 ends = [_ridge(target, mode, wide, others, sign * step) for sign in (1, -1)]
-                ends = [lift.level(end)[others] for end in ends]
                 curve[others, a, b] = curve[others, b, a] = (ends[0] + ends[1] - 2 * top) / REACH**2
     except Refusal:
         return None
@@ -111,7 +110,9 @@ def bend(target: Target, mode: Mode) -> Bend | None:
     if 0.5 * np.max(np.abs(sheared)) < SEEN:
         return None
     inverse = np.linalg.inv(root)
-    return Bend(mode.z.copy(), wide, np.einsum("jab,ac,bd->jcd", curve, inverse, inverse), lift)
+    return Bend(
+        mode.z.copy(), wide, np.einsum("jab,ac,bd->jcd", curve, inverse, inverse), Lift.of(target, mode)
+    )
 
 
 def _widest(covariance: np.ndarray, among: np.ndarray) -> np.ndarray:
@@ -127,7 +128,7 @@ def _widest(covariance: np.ndarray, among: np.ndarray) -> np.ndarray:
 
 
 def _ridge(target: Target, mode: Mode, wide: np.ndarray, others: np.ndarray, step: np.ndarray) -> np.ndarray:
-    """The highest scores, (d,), where the wide ones are moved by `step`, (k,), from the mode. Raises Refusal."""
+    """The highest scores, (d − k,), of `others` where the wide ones are moved by `step`, (k,). Raises Refusal."""
     curvature = compiled(target.layout).curvature
     whole = mode.z.copy()
     whole[wide] += step
@@ -144,5 +145,4 @@ def _ridge(target: Target, mode: Mode, wide: np.ndarray, others: np.ndarray, ste
     z, value, *_ = maximise(at, folded, start, limit=20)
     if not np.isfinite(value):
         raise Refusal("the ridge ends")
-    whole[others] = z
-    return whole
+    return z

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from jax import numpy as jnp
 
+from bayesdamp.inference.bend import bend
 from bayesdamp.inference.evidence import Draws, bridge, importance
 from bayesdamp.inference.lift import Lift
 from bayesdamp.inference.mode import Mode, find_mode
@@ -88,6 +89,18 @@ def test_other_priors_and_noises_are_left_alone() -> None:
     target, mode = slow(LogNormal)
     assert not np.any(Lift.of(target, mode).moved)
     assert np.any(Lift.of(*slow()).moved)
+
+
+def test_a_straightened_ridge_keeps_the_lift() -> None:
+    """A ridge's bend and its noise's lift together."""
+    target, mode = slow()
+    ridge = bend(target, mode)
+    assert ridge is not None
+    assert np.any(ridge.curve)
+    np.testing.assert_array_equal(ridge.lift.moved, Lift.of(target, mode).moved)
+    z = mode.z + mode.sd()
+    np.testing.assert_allclose(ridge.straight(ridge.scores(z)), z, atol=1e-12)
+    assert np.max(np.abs(ridge.level(z) - ridge.scores(z))) > 1e-3
 
 
 def test_slow_noise_is_sampled(monkeypatch: pytest.MonkeyPatch) -> None:
