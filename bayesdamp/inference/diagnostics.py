@@ -97,9 +97,15 @@ def monte_carlo_error(draws: np.ndarray) -> float:
     return float(_statistics().mcse(draws, method="mean"))
 
 
+NOUGHT, FEWEST = 690.0, 5
+"""Nats below the largest from which a weight is none, and how many weights have a shape."""
+
+
 def pareto_k(log_weights: np.ndarray) -> float:
     """Shape of the generalised Pareto fitted to the upper tail of importance weights, shape (n,); −∞ where all are
     equal, and have no tail, ∞ where all but a few are nought."""
+    if np.sum(log_weights > np.max(log_weights) - NOUGHT) < FEWEST:
+        return np.inf
     # Where a tail ends the smoothed weights, which are not used, overflow; of one that is nought no shape is found.
     with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
         try:

@@ -86,3 +86,21 @@ def test_a_few_draws_span_no_fit() -> None:
     for heavy in (1, 2):
         weights[:heavy] = 0.0
         assert Importance._refit(y, weights, folded) is None
+
+
+def test_a_remedy_that_makes_it_worse_is_not_taken(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A fit elsewhere, though the first one were poor; the control: with that fit alone nothing is found."""
+    target, mode = problems.target("touching_zero"), problems.mode("touching_zero")
+    plain = Importance().evidence("m", target, mode, 1)
+    folded = np.asarray(target.layout.folded)
+    elsewhere = FoldedT(np.abs(mode.z) + 30 * mode.sd(), mode.factor, folded)
+    monkeypatch.setattr("bayesdamp.inference.evidence.importance.K_GOOD", -np.inf)
+    monkeypatch.setattr(Importance, "_refit", staticmethod(lambda *_: None))
+    monkeypatch.setattr(
+        Importance, "_cut_off", staticmethod(lambda target, mode, fit, bent: (elsewhere, bent))
+    )
+    kept = Importance().evidence("m", target, mode, 1)
+    assert abs(kept.log_evidence - plain.log_evidence) < 5 * np.hypot(kept.stderr, plain.stderr)
+    monkeypatch.setattr("bayesdamp.inference.evidence.importance.effective", lambda weights: -np.max(weights))
+    lost = Importance().evidence("m", target, mode, 1)
+    assert abs(lost.log_evidence - plain.log_evidence) > 1

@@ -62,6 +62,8 @@ def test_too_few_draws_with_weight_are_said(sheet: tuple[Any, Any], monkeypatch:
     assert lost.stderr > 0.1
 
 
-def test_equal_weights_have_no_tail() -> None:
+def test_equal_weights_have_no_tail_and_few_have_no_shape() -> None:
     assert diagnostics.pareto_k(np.full(1000, -1299.27)) == -np.inf
     assert diagnostics.pareto_k(np.random.default_rng(0).standard_normal(1000)) > -np.inf
+    few = np.r_[np.zeros(3), np.full(997, -1000.0)]
+    assert diagnostics.pareto_k(few) == np.inf
