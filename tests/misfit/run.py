@@ -19,12 +19,13 @@ def main() -> None:
     parser.add_argument("--first", type=int, default=0)
     parser.add_argument("--count", type=int, default=1)
     parser.add_argument("--kinds", default=",".join((*INSIDE, *OUTSIDE)))
+    parser.add_argument("--laws", default=",".join(LAWS), help="restoring laws of the candidates; the truth is linear")
     parser.add_argument("--keep", type=Path, help="a folder for the runs themselves")
     given = parser.parse_args()
     cache_compilations()
     numbers = range(given.first, given.first + given.count)
     cases = (drawn(kind, number, given.seed) for number in numbers for kind in given.kinds.split(","))
-    for row in scored(cases, LAWS, given.table, given.keep):
+    for row in scored(cases, given.laws.split(","), given.table, given.keep):
         print(
             row["case"],
             row.get("seconds", ""),
