@@ -17,6 +17,8 @@ from bayesdamp.types import Problem, Refusal, Signal
 
 DEGREE = 7
 """Degree of the splines: derivatives from an interpolating one are good to a millionth of a per cent."""
+FEWEST = 4
+"""Samples before a gap from which a start is read."""
 KNOTS_PER_PERIOD = 4.0
 """Knots of the smoothing spline: it keeps the oscillation and its second harmonic."""
 EDGE = 1.5
@@ -202,6 +204,8 @@ def runs(t: np.ndarray, period: float) -> list[slice]:
 def _run(signal: Signal, problem: Problem, seen: Features, noise: float, knots_per_period: float) -> Motion:
     """The motion over a run of samples without a gap."""
     t, y = signal.t, signal.y
+    if t.size < FEWEST:
+        raise Refusal("the samples before the first gap are too few; let the record begin after it")
     gap = (t[-1] - t[0]) / (t.size - 1)
     order = ORDER[signal.quantity]
     size = float(np.abs(seen.turning_amplitudes).max())
@@ -257,11 +261,13 @@ def _knots(t: np.ndarray, spacing: float) -> np.ndarray:
 
 
 def _least_squares(t: np.ndarray, y: np.ndarray, inner: np.ndarray) -> BSpline:
-    knots = np.r_[(t[0],) * (DEGREE + 1), inner, (t[-1],) * (DEGREE + 1)]
-    try:
-        return make_lsq_spline(t, y, knots, k=DEGREE)
-    except (ValueError, np.linalg.LinAlgError):
-        raise Refusal("the samples are too few or too unevenly spaced for a smoothing spline") from None
+    for degree in range(DEGREE, 0, -2):  # a few samples before a gap bear a lower one
+        knots = np.r_[(t[0],) * (degree + 1), inner, (t[-1],) * (degree + 1)]
+        try:
+            return make_lsq_spline(t, y, knots, k=degree)
+        except (ValueError, np.linalg.LinAlgError):
+            continue
+    raise Refusal("the samples are too few or too unevenly spaced for a smoothing spline")
 
 
 Curve = Callable[[np.ndarray], np.ndarray]

@@ -113,6 +113,21 @@ def test_a_gap_is_bridged(name):
     assert error(refined.values["mu_c"], 0.03) < 1.0  # five standard errors
 
 
+@pytest.mark.parametrize("samples", [4, 10])
+def test_a_gap_after_a_few_samples_is_no_obstacle(samples):
+    """Too few for a spline of degree seven; of two samples no start is read."""
+    signal, problem = pendulum({"zeta": 0.05}, samples=600, noise=0.003)
+    kept = (np.arange(600) < samples) | (np.arange(600) > 40)
+    gappy = type(signal)(signal.t[kept], signal.y[kept])
+    initial, refined = both("least_squares", gappy, problem)
+    assert error(initial.values["zeta"], 0.05) < 20.0
+    assert error(refined.values["zeta"], 0.05) < 5.0  # five standard errors
+    kept[1:samples] = False
+    assert (
+        "too few" in both("least_squares", type(signal)(signal.t[kept], signal.y[kept]), problem)[0].outcome
+    )
+
+
 def test_negative_control_a_wrong_restoring_law_is_not_recovered():
     """The same checks fail where the stiffness that is called known is wrong by 2 %."""
     signal, problem = pendulum({"zeta": 0.05})

@@ -19,7 +19,9 @@ def main() -> None:
     parser.add_argument("--first", type=int, default=0)
     parser.add_argument("--count", type=int, default=1)
     parser.add_argument("--kinds", default=",".join((*INSIDE, *OUTSIDE)))
-    parser.add_argument("--laws", default=",".join(LAWS), help="restoring laws of the candidates; the truth is linear")
+    parser.add_argument(
+        "--laws", default=",".join(LAWS), help="restoring laws of the candidates; the truth is linear"
+    )
     parser.add_argument("--keep", type=Path, help="a folder for the runs themselves")
     given = parser.parse_args()
     cache_compilations()
