@@ -41,6 +41,14 @@ def test_no_wrong_law_goes_unwarned() -> None:
     assert [r["case"] for r in rows() if r["warned"] == "beside" and r["wrong"] == "1"]
 
 
+def test_no_wrong_law_goes_unwarned_under_two_restoring_laws() -> None:
+    """Fewer cases: each has twice the candidates."""
+    found = read_rows(TABLE.with_name("two_laws.csv"))
+    assert len(found) >= 36
+    assert not [r["case"] for r in found if unwarned(r)]
+    assert [r["case"] for r in found if r["wrong"] == "1"]  # the control
+
+
 def test_the_form_that_is_left_open_first_is_the_true_one_more_often_than_by_chance() -> None:
     """Five are tried: of the wrong ones that are left open, more than a fifth name the truth (1 % of false alarms)."""
     wrong = [r for r in rows() if r["warned"] == "beside" and r["wrong"] == "1" and r["kind"] in FORMS]
