@@ -10,8 +10,7 @@ import jax
 import numpy as np
 from scipy.fft import next_fast_len
 
-from bayesdamp.inference.compiled import compiled
-from bayesdamp.inference.cut_normal import CutNormal
+from bayesdamp.inference.cut_normal import about
 from bayesdamp.inference.lines import Line, orthonormal, standing_out, strongest
 from bayesdamp.inference.mode import Mode, climb, whitening
 from bayesdamp.inference.noise import NoiseModel
@@ -105,12 +104,7 @@ def laplace_draws(target: Target, mode: Mode, count: int, seed: int) -> np.ndarr
 
     Folding them there instead would part coefficients that make up for each other.
     """
-    folded = np.asarray(target.layout.folded)
-    at = np.where(folded, np.abs(mode.z), mode.z)
-    slope = np.asarray(compiled(target.layout).curvature(mode.context, at)[1])
-    covariance = mode.factor @ mode.factor.T
-    normal = CutNormal(at + covariance @ slope, covariance, folded)
-    return normal.draw(np.random.default_rng(seed), count)
+    return about(target, mode).draw(np.random.default_rng(seed), count)
 
 
 def kurtosis(x: np.ndarray) -> np.ndarray:

@@ -65,6 +65,15 @@ class CutNormal:
         return np.where(inside, -0.5 * np.sum(white**2, axis=0), -np.inf)
 
 
+def about(target: Target, mode: Mode) -> CutNormal:
+    """The normal with the mode's information and the log posterior's gradient there, cut off."""
+    folded = np.asarray(target.layout.folded)
+    at = np.where(folded, np.abs(mode.z), mode.z)
+    slope = np.asarray(compiled(target.layout).curvature(mode.context, at)[1])
+    covariance = mode.factor @ mode.factor.T
+    return CutNormal(at + covariance @ slope, covariance, folded)
+
+
 def laplace(target: Target, mode: Mode) -> CutNormal:
     """The normal with the log posterior's gradient and whole Hessian at the mode, cut off.
 

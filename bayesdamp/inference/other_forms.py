@@ -120,8 +120,8 @@ def other_form(
 def log_bayes_factor(score: float, length: float, signed: bool) -> float:
     """Log Bayes factor, in nats, of a force whose direction has this score and, at one sd of its prior, this length.
 
-    The evidence of a normal linear model with one normal coefficient more (O'Hagan and Forster, Kendall's Advanced
-    Theory of Statistics 2B, 2004, section 11.27), half-normal where it cannot be negative; what was fitted follows the
+    Its size s, in sds of its prior, takes score·length·s − (length·s)²/2 nats off the residuals: the exponential of
+    which is averaged over a normal s, or a half-normal one where it cannot be negative. What was fitted follows the
     force, also below zero.
     """
     shrunk = length * length / (1.0 + length * length)

@@ -13,6 +13,7 @@ from scipy.integrate import dblquad
 
 from bayesdamp.estimators.shared import decay_start, start_parameters
 from bayesdamp.inference import bend as bending
+from bayesdamp.inference import cut_normal
 from bayesdamp.inference.bend import Bend, bend
 from bayesdamp.inference.build import build_target
 from bayesdamp.inference.defaults import Reference
@@ -53,7 +54,7 @@ def slopes(_: object, z: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray
 def banana(monkeypatch) -> tuple[Any, Any]:
     """A target and its mode with that density in place of a record's."""
     monkeypatch.setattr(bending, "compiled", lambda _: SimpleNamespace(curvature=slopes))
-    monkeypatch.setattr(importance, "compiled", lambda _: SimpleNamespace(curvature=slopes))
+    monkeypatch.setattr(cut_normal, "compiled", lambda _: SimpleNamespace(curvature=slopes))
     monkeypatch.setattr(importance, "folded_log_posterior", lambda target, mode, y: height(y))
     target = SimpleNamespace(
         names=NAMES,

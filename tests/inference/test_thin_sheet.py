@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from bayesdamp.inference import diagnostics
+from bayesdamp.inference import cut_normal, diagnostics
 from bayesdamp.inference.evidence import importance
 from bayesdamp.types import OK
 
@@ -33,7 +33,7 @@ def slopes(_: object, z: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray
 @pytest.fixture
 def sheet(monkeypatch: pytest.MonkeyPatch) -> tuple[Any, Any]:
     """A target and its mode, at two of three walls, with that density in place of a record's."""
-    monkeypatch.setattr(importance, "compiled", lambda _: SimpleNamespace(curvature=slopes))
+    monkeypatch.setattr(cut_normal, "compiled", lambda _: SimpleNamespace(curvature=slopes))
     monkeypatch.setattr(importance, "folded_log_posterior", lambda target, mode, y: height(y))
     monkeypatch.setattr(importance, "bend", lambda target, mode: None)
     names = ("a", "b", "c")

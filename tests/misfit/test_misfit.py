@@ -79,7 +79,7 @@ def test_good_records_are_hardly_ever_warned_of() -> None:
     assert sum(r["warned"] == "misfit" for r in good) <= max(3, 0.15 * len(good))
 
 
-@pytest.mark.parametrize(("kind", "number"), [("clean", 0), ("two_cycles", 0)])
+@pytest.mark.parametrize(("kind", "number"), [("clean", 0), ("two_cycles", 0), ("stiction", 1)])
 def test_the_table_is_what_the_program_says(kind: str, number: int, tmp_path: Path) -> None:
     case = drawn(kind, number, 4)
     kept = next(r for r in rows() if r["case"] == case.name)

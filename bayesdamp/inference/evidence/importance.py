@@ -9,11 +9,10 @@ from scipy.special import logsumexp
 
 from bayesdamp.inference import diagnostics
 from bayesdamp.inference.bend import Bend, bend
-from bayesdamp.inference.compiled import compiled
+from bayesdamp.inference.cut_normal import about
 from bayesdamp.inference.evidence._densities import folded_log_posterior
 from bayesdamp.inference.evidence._method import Draws, EvidenceMethod
 from bayesdamp.inference.folded import DEGREES, FoldedT
-from bayesdamp.inference.frame import FAR, cut_off_moments
 from bayesdamp.inference.mode import Mode
 from bayesdamp.inference.target import Target
 from bayesdamp.inference.weighted import effective
@@ -110,16 +109,14 @@ class Importance(EvidenceMethod):
     def _cut_off(target: Target, mode: Mode, proposal: FoldedT, bent: Bend) -> tuple[FoldedT, Bend] | None:
         """A fit to the moments of the mode's normal distribution, cut off where coefficients are zero; None where no
         wall is near. Coefficients that make up for each other there do not on its mirror images."""
-        folded = np.asarray(target.layout.folded)
-        at = np.where(folded, np.abs(mode.z), mode.z)
-        if not np.any(folded & (at < FAR * mode.sd())):
+        normal = about(target, mode)
+        if not normal.walls.size:
             return None
-        slope = np.asarray(compiled(target.layout).curvature(mode.context, at)[1])
         try:
-            centre, factor = cut_off_moments(mode.information, slope, at, np.flatnonzero(folded))
+            centre, factor = normal.moments
         except np.linalg.LinAlgError:
             return None
-        return FoldedT(centre, factor * np.sqrt((DEGREES - 2) / DEGREES * 1.2), folded), bent
+        return FoldedT(centre, factor * np.sqrt((DEGREES - 2) / DEGREES * 1.2), normal.folded), bent
 
     @staticmethod
     def _refit(y: np.ndarray, log_weights: np.ndarray, folded: np.ndarray) -> FoldedT | None:
