@@ -37,7 +37,9 @@ def test_no_wrong_law_goes_unwarned() -> None:
     """The bar, over 200 cases: a misfit is said, or that the record does not decide."""
     assert len(rows()) >= 200
     assert not [r["case"] for r in rows() if unwarned(r)]
-    # The control: but for the other forms of damping that are set beside a candidate, some would.
+    # The controls: a wrong one that is named outright would be found, and, but for the other forms of damping that are
+    # set beside a candidate, there would be some.
+    assert unwarned({"warned": "no", "wrong": "1"})
     assert [r["case"] for r in rows() if r["warned"] == "beside" and r["wrong"] == "1"]
 
 
