@@ -207,7 +207,7 @@ def test_nuts_follows_a_curved_ridge() -> None:
         sd = (quartiles[2] - quartiles[0]) / 1.35
         np.testing.assert_allclose(np.quantile(drawn, [0.25, 0.5, 0.75]), quartiles, atol=0.2 * sd)
     # Negative control: without straightening the force is no good here.
-    plain = nuts.PLUGIN._attempt(target, mode, nuts.frame(target, mode), settings, False, 1.0)
+    plain = nuts.PLUGIN.attempt(target, mode, nuts.frame(target, mode), settings).posterior(target)
     assert nuts.poor(plain) or plain.outcome != OK
 
 
@@ -217,7 +217,7 @@ def test_the_exact_force_is_that_of_the_bent_coordinates() -> None:
     target, mode = shaken()
     at = nuts.frame(target, mode, bend(target, mode))
     settings = Settings(chains=4, warmup=50, draws=50, seed=1)
-    found = nuts.PLUGIN._attempt(target, mode, at, settings, True, 1.0)
+    found = nuts.PLUGIN.attempt(target, mode, at, settings, True).posterior(target)
     assert np.mean(found.stats["acceptance_rate"]) > 0.6
 
 

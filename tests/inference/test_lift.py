@@ -109,7 +109,7 @@ def test_slow_noise_is_sampled(monkeypatch: pytest.MonkeyPatch) -> None:
     move, and the bridge is half as good."""
     target, mode = slow()
     settings = Settings(chains=4, warmup=100, draws=400, seed=2)
-    found = nuts.PLUGIN._attempt(target, mode, nuts.frame(target, mode), settings, False, 1.0)
+    found = nuts.PLUGIN.attempt(target, mode, nuts.frame(target, mode), settings).posterior(target)
     assert not nuts.poor(found)
     summary = found.diagnostics["summary"]["noise_time"]  # type: ignore[index]
     assert summary["ess_bulk"] > 300
@@ -125,15 +125,6 @@ def test_slow_noise_is_sampled(monkeypatch: pytest.MonkeyPatch) -> None:
     bridged = bridge.PLUGIN.evidence("m", target, mode, 5, draws)
     assert abs(bridged.log_evidence - weighed.log_evidence) < 4 * np.hypot(bridged.stderr, weighed.stderr)
     monkeypatch.setattr(Lift, "of", classmethod(lambda cls, target, mode: cls.none(mode.z.size)))
-    plain = nuts.PLUGIN._attempt(target, mode, nuts.frame(target, mode), settings, False, 1.0)
+    plain = nuts.PLUGIN.attempt(target, mode, nuts.frame(target, mode), settings).posterior(target)
     assert plain.diagnostics["summary"]["noise_time"]["ess_bulk"] < 0.1 * summary["ess_bulk"]  # type: ignore[index]
-    print(
-        summary,
-        plain.diagnostics["summary"]["noise_time"],
-        found.stats["acceptance_rate"].mean(),
-        plain.stats["acceptance_rate"].mean(),
-        mean,
-        drawn.mean(),
-        error,
-    )
     assert bridge.PLUGIN.evidence("m", target, mode, 5, draws).stderr > 1.5 * bridged.stderr

@@ -13,10 +13,10 @@ from scipy.stats import genpareto
 from bayesdamp.inference import diagnostics
 from bayesdamp.inference.frame import frame
 from bayesdamp.inference.mode import find_mode
-from bayesdamp.inference.samplers import SAMPLERS, Sampler
+from bayesdamp.inference.samplers import SAMPLERS, Sampler, Settings, nuts
 from bayesdamp.inference.samplers.nuts import Nuts
 from bayesdamp.priors import LogNormal
-from bayesdamp.types import Posterior
+from bayesdamp.types import OK, Posterior
 
 from . import problems
 
@@ -108,7 +108,7 @@ def test_surrogate_force_and_exact_force():
     """The force of the linearised trajectory draws from the same posterior as the exact gradient: 4 errors."""
     name = "viscous_coulomb"
     target, mode = problems.target(name), problems.mode(name)
-    exact = Nuts()._attempt(target, mode, frame(target, mode), problems.SETTINGS, True, 1.0)
+    exact = Nuts().attempt(target, mode, frame(target, mode), problems.SETTINGS, True).posterior(target)
     assert departures(exact, name) == []
     assert problems.posterior(name, "nuts").diagnostics["exact_force"] is False
     first, second = moments(problems.posterior(name, "nuts")), moments(exact)
@@ -178,3 +178,46 @@ def test_the_tail_of_weights_has_its_shape(shape):
     tail = 3 * np.sqrt(ratios.size)
     assert abs(diagnostics.pareto_k(np.log(ratios)) - shape) < 4 * (1 + shape) / np.sqrt(tail)
     assert diagnostics.pareto_k(-np.log(ratios + 1)) < 0.0
+
+
+def test_too_few_draws_are_added_to():
+    """Chains go on from their last draws: what was drawn stays, new draws have their own likelihoods and the
+    reference's moments. No more than three times the draws are taken where these do not suffice either.
+
+    Negative control: chains that do not go on, but draw the same again.
+    """
+    name = "viscous_coulomb"
+    target, mode = problems.target(name), problems.mode(name)
+    few = Settings(chains=4, warmup=100, draws=130, seed=3)
+    run = Nuts().attempt(target, mode, frame(target, mode), few)
+    first, found = run.posterior(target), Nuts().sample(target, mode, few)
+    assert "too few draws" in first.outcome
+    assert found.outcome == OK
+    assert found.draws.shape[1] == 130 + 230
+    np.testing.assert_array_equal(found.draws[:, :130], first.draws)
+    z = np.array([target.scores(dict(zip(found.names, x))) for x in found.draws[0, 130:133]])
+    expected = problems.log_likelihoods(target, mode, z)
+    np.testing.assert_allclose(found.log_likelihood[0, 130:133], expected, atol=1e-6)
+    longer = run.longer(target.layout, 10_000, seed=3)
+    assert longer.draws == 10_130
+    assert departures(longer.posterior(target), name) == []
+    same = replace(run, left=tuple(np.concatenate([x] * 40, axis=1) for x in run.left))
+    assert departures(same.posterior(target), name)
+    least = replace(few, draws=10, warmup=10)
+    found = Nuts().sample(target, mode, least)
+    assert found.outcome != OK
+    assert found.draws.shape[1] == 10 + 20
+
+
+def test_added_draws_go_on_from_the_last(monkeypatch):
+    target, mode = problems.target("viscous_coulomb"), problems.mode("viscous_coulomb")
+    settings = Settings(chains=4, warmup=10, draws=10, seed=3)
+    run = Nuts().attempt(target, mode, frame(target, mode), settings)
+    given = []
+    monkeypatch.setattr(nuts, "_chains", lambda *_: lambda *them: given.append(them) or run.left)
+    run.longer(target.layout, 20, seed=3)
+    *same, start, height, keys = given[0]
+    assert all(a is b for a, b in zip(same, run.given))
+    np.testing.assert_array_equal(start, run.left[0][:, -1])
+    np.testing.assert_array_equal(height, run.left[1][:, -1])
+    assert not np.isin(np.asarray(keys), np.asarray(run.given[-1])).all()

@@ -50,12 +50,12 @@ def sample_many(
             own = [nuts.inputs(targets[i], modes[i], at, replace(settings, seed=seeds[i])) for i, at in part]
             many = _run(targets[part[0][0]].layout, settings, [given for given, _ in own])
             share = (time.perf_counter() - began) / len(part)
-            for (i, at), (given, begun), one in zip(part, own, many):
+            for (i, at), (given, begun), left in zip(part, own, many):
                 began = time.perf_counter()
-                posterior = nuts.posterior_of(targets[i], at, one, begun, False, float(given[3]))
+                run = nuts.Run(at, False, settings.warmup, begun, given, left)
                 # The random numbers of another attempt are its own: whether there is one does not choose among draws.
                 again = replace(settings, seed=seeds[i] + 1)
-                posterior = nuts.PLUGIN.finished(targets[i], modes[i], at, again, posterior)
+                posterior = nuts.PLUGIN.finished(targets[i], modes[i], again, run)
                 found[i] = replace(posterior, seconds=share + time.perf_counter() - began)
     return [
         posterior or nuts.PLUGIN.sample(target, mode, replace(settings, seed=seed))
@@ -86,21 +86,19 @@ def axes(context: Context) -> Context:
     return replace(over, plan=replace(over.plan, count=None))
 
 
-def _run(layout: Layout, settings: Settings, own: list[tuple[Any, ...]]) -> list[tuple[Any, ...]]:
+def _run(layout: Layout, settings: Settings, own: list[tuple[Any, ...]]) -> list[tuple[np.ndarray, ...]]:
     """What the chains leave, by record, from what `nuts.inputs` gives of each."""
     filled = own + [own[0]] * (BATCH - len(own))
     context = stacked([given[0] for given in filled])
     rest = jax.tree.map(lambda *leaves: jnp.stack(leaves), *(given[1:] for given in filled))
-    program = _program(layout, settings.warmup, settings.draws, jax.tree.structure(context))
+    program = _program(layout, settings.warmup + settings.draws, jax.tree.structure(context))
     found = jax.tree.map(np.asarray, program(context, *rest))
     return [tuple(values[i] for values in found) for i in range(len(own))]
 
 
 @lru_cache(maxsize=32)
-def _program(layout: Layout, warmup: int, draws: int, tree: Any):
+def _program(layout: Layout, count: int, tree: Any):
     """Compiled: every argument has one axis more than in `nuts.chain_of`, but for the number of steps."""
     over = axes(jax.tree.unflatten(tree, [0] * tree.num_leaves))
-    chains = jax.vmap(nuts.chain_of(layout, warmup, draws, False), in_axes=(None,) * 4 + (0, 0, 0))
-    return Program(
-        jax.vmap(chains, in_axes=(over, *(0,) * 6)), "nuts_of_many", layout, warmup, draws, str(tree)
-    )
+    chains = jax.vmap(nuts.chain_of(layout, count, False), in_axes=(None,) * 4 + (0, 0, 0))
+    return Program(jax.vmap(chains, in_axes=(over, *(0,) * 6)), "nuts_of_many", layout, count, str(tree))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any
 
@@ -34,7 +34,7 @@ DOUBLINGS = 7
 """A trajectory has at most 2⁷ steps."""
 
 
-def chain_of(layout: Layout, warmup: int, draws: int, exact: bool):
+def chain_of(layout: Layout, count: int, exact: bool):
     """One chain of a layout: (context, force, (centre, factor, bend), step, start, height, key) to draws and so on.
 
     force: the linearised trajectory, and what its curvature lacks at the centre, (d, d); height: log posterior at the
@@ -81,25 +81,26 @@ def chain_of(layout: Layout, warmup: int, draws: int, exact: bool):
             steps, accepted = info.num_integration_steps, info.acceptance_rate
             return state, (state.position, state.logdensity, info.is_divergent, steps, accepted)
 
-        # One scan, the warm-up's draws dropped after it: the transition is compiled once.
+        # One scan, of which the caller drops the warm-up: the transition is compiled once.
         state = HMCState(start, height, slope(start))
-        kept = jax.lax.scan(advance, state, jax.random.split(key, warmup + draws))[1]
-        return jax.tree.map(lambda x: x[warmup:], kept)
+        return jax.lax.scan(advance, state, jax.random.split(key, count))[1]
 
     return chain
 
 
 @lru_cache(maxsize=32)
-def _chains(layout: Layout, warmup: int, draws: int, exact: bool):
+def _chains(layout: Layout, count: int, exact: bool):
     """`chain_of` compiled for all chains of one record: starts and keys have one more axis."""
-    chains = jax.vmap(chain_of(layout, warmup, draws, exact), in_axes=(None,) * 4 + (0, 0, 0))
-    return Program(chains, "nuts", layout, warmup, draws, exact)
+    chains = jax.vmap(chain_of(layout, count, exact), in_axes=(None,) * 4 + (0, 0, 0))
+    return Program(chains, "nuts", layout, count, exact)
 
 
 POOR = 0.5
 """Mean acceptance below which the force is no good."""
 SHORTEST = 1 / 8
 """Least share of the usual step that is tried."""
+LONGEST = 3
+"""Times the draws that were asked for, from which on none are added."""
 
 
 def poor(found: Posterior) -> bool:
@@ -107,14 +108,70 @@ def poor(found: Posterior) -> bool:
     return float(np.mean(found.stats["acceptance_rate"])) < POOR or int(np.sum(found.stats["diverging"])) > 0
 
 
+@dataclass(frozen=True)
+class Run:
+    """The chains of one record: what they were given, in the order of `chain_of`, and what they left.
+
+    left: positions, heights, divergences, steps and acceptance, (chain, warm-up and draw, ...).
+    """
+
+    at: Frame
+    exact: bool
+    warmup: int
+    begun: list[Start]
+    given: tuple[Any, ...]
+    left: tuple[np.ndarray, ...]
+
+    @property
+    def draws(self) -> int:
+        return self.left[0].shape[1] - self.warmup
+
+    def posterior(self, target: Target) -> Posterior:
+        """The draws after the warm-up, with their diagnostics."""
+        u, height, diverging, steps, accept = (x[:, self.warmup :] for x in self.left)
+        z = self.at.scores(u)
+        values = {n: v for n, v in target.values(z).items() if n in target.live}
+        summaries = {n: diagnostics.summarise(v) for n, v in values.items()}
+        divergences = int(np.sum(diverging))
+        outcome = diagnostics.verdict(summaries)
+        if outcome == OK and divergences > 0.01 * diverging.size:
+            outcome = f"{divergences} of {diverging.size} transitions diverged"
+        draws = np.stack(list(values.values()), axis=-1)
+        return Posterior(
+            sampler=Nuts.name,
+            names=target.live,
+            draws=draws,
+            log_likelihood=height - log_prior(z),
+            stats={"diverging": diverging, "n_steps": steps, "acceptance_rate": accept},
+            diagnostics={
+                "summary": summaries,
+                "divergences": divergences,
+                "exact_force": self.exact,
+                "step": float(self.given[3]),
+                "likelihoods": int(np.sum(steps)),
+                "starts": agreement(self.begun, draws),
+            },
+            outcome=outcome,
+        )
+
+    def longer(self, layout: Layout, count: int, seed: int) -> Run:
+        """With count more draws of each chain, from where it ended."""
+        u, height = self.left[:2]
+        key = jax.random.fold_in(jax.random.PRNGKey(seed), u.shape[1])
+        keys = jax.random.split(key, u.shape[0])
+        more = _chains(layout, count, self.exact)(*self.given[:4], u[:, -1], height[:, -1], keys)
+        whole = tuple(np.concatenate(both, axis=1) for both in zip(self.left, more, strict=True))
+        return replace(self, left=whole)
+
+
 class Nuts(Sampler):
     """Hoffman and Gelman's NUTS (JMLR 15, 2014) in whitened coordinates that end where a damping is zero.
 
     Energies, which decide on acceptance, are exact. The force that moves a proposal may be any function of
     the position (leapfrog steps stay reversible and keep volume), so it is that of the linearised
-    trajectory, which costs no tangents; where the draws are then not good enough they are taken again, with
-    a curved ridge straightened, with the exact gradient, and with shorter steps. With the whole curvature known the
-    step is too: 1/d^(1/4).
+    trajectory, which costs no tangents. With the whole curvature known the step is too: 1/d^(1/4). Draws that are
+    too few are added to; where that does not help, or proposals are refused, they are taken again with a curved
+    ridge straightened, with the exact gradient, and with shorter steps.
     """
 
     name = "nuts"
@@ -122,34 +179,48 @@ class Nuts(Sampler):
     def sample(self, target: Target, mode: Mode, settings: Settings) -> Posterior:
         began = time.perf_counter()
         at = frame(target, mode)
-        found = self._attempt(target, mode, at, settings, not at.good, 1.0)
-        found = self.finished(target, mode, at, settings, found)
+        run = self.attempt(target, mode, at, settings, not at.good)
+        found = self.finished(target, mode, settings, run)
         return replace(found, seconds=time.perf_counter() - began)
 
-    def finished(
-        self, target: Target, mode: Mode, at: Frame, settings: Settings, found: Posterior
-    ) -> Posterior:
-        """The first attempt's posterior where that is good enough, else the next that is."""
-        if poor(found) or found.outcome != OK:
+    def finished(self, target: Target, mode: Mode, settings: Settings, run: Run) -> Posterior:
+        """The posterior of the first attempt where that is good enough, else of the next that is."""
+        run, found = self._enough(target, settings, run)
+        if found.outcome != OK or poor(found):
             ridge = bend(target, mode)
             if ridge is not None:
                 at = frame(target, mode, ridge)
-                found = self._attempt(target, mode, at, settings, not at.good, 1.0)
-        exact, shorter = bool(found.diagnostics["exact_force"]), 1.0
+                run, found = self._enough(
+                    target, settings, self.attempt(target, mode, at, settings, not at.good)
+                )
+        exact, shorter = run.exact, 1.0
         while poor(found) and shorter > SHORTEST:
             exact, shorter = True, shorter * (0.5 if exact else 1.0)
-            found = self._attempt(target, mode, at, settings, exact, shorter)
-        if found.outcome != OK and not poor(found):
-            longer = replace(settings, draws=3 * settings.draws, seed=settings.seed + 1)
-            found = self._attempt(target, mode, at, longer, exact, shorter)
+            again = self.attempt(target, mode, run.at, settings, exact, shorter)
+            run, found = self._enough(target, settings, again)
         return found
 
-    def _attempt(
-        self, target: Target, mode: Mode, at: Frame, settings: Settings, exact: bool, shorter: float
-    ) -> Posterior:
-        run = _chains(target.layout, settings.warmup, settings.draws, exact)
+    def attempt(
+        self,
+        target: Target,
+        mode: Mode,
+        at: Frame,
+        settings: Settings,
+        exact: bool = False,
+        shorter: float = 1.0,
+    ) -> Run:
+        """As many draws as are asked for; shorter: share of the usual step."""
         given, begun = inputs(target, mode, at, settings, shorter)
-        return posterior_of(target, at, run(*given), begun, exact, float(given[3]))
+        left = _chains(target.layout, settings.warmup + settings.draws, exact)(*given)
+        return Run(at, exact, settings.warmup, begun, given, jax.tree.map(np.asarray, left))
+
+    def _enough(self, target: Target, settings: Settings, run: Run) -> tuple[Run, Posterior]:
+        """The run with draws added while they are too few and might suffice, and its posterior."""
+        found, count = run.posterior(target), settings.warmup + settings.draws
+        while found.outcome != OK and not poor(found) and run.draws < LONGEST * settings.draws:
+            run = run.longer(target.layout, count, settings.seed)
+            found = run.posterior(target)
+        return run, found
 
 
 def inputs(
@@ -161,41 +232,6 @@ def inputs(
     start, height, begun = seeded_starts(target, mode, at, settings.chains, settings)
     keys = jax.random.split(jax.random.PRNGKey(settings.seed), settings.chains)
     return (mode.context.lean, force, (at.centre, at.factor, at.bent), step, start, height, keys), begun
-
-
-def posterior_of(
-    target: Target, at: Frame, found: tuple[Any, ...], begun: list[Start], exact: bool, step: float
-) -> Posterior:
-    """The posterior with its diagnostics from what the chains of one record left."""
-    u, height, diverging, steps, accept = found
-    z = at.scores(np.asarray(u))
-    values = {n: v for n, v in target.values(z).items() if n in target.live}
-    summaries = {n: diagnostics.summarise(v) for n, v in values.items()}
-    divergences = int(np.sum(np.asarray(diverging)))
-    outcome = diagnostics.verdict(summaries)
-    if outcome == OK and divergences > 0.01 * diverging.size:
-        outcome = f"{divergences} of {diverging.size} transitions diverged"
-    draws = np.stack(list(values.values()), axis=-1)
-    return Posterior(
-        sampler=Nuts.name,
-        names=target.live,
-        draws=draws,
-        log_likelihood=np.asarray(height) - log_prior(z),
-        stats={
-            "diverging": np.asarray(diverging),
-            "n_steps": np.asarray(steps),
-            "acceptance_rate": np.asarray(accept),
-        },
-        diagnostics={
-            "summary": summaries,
-            "divergences": divergences,
-            "exact_force": exact,
-            "step": step,
-            "likelihoods": int(np.sum(np.asarray(steps))),
-            "starts": agreement(begun, draws),
-        },
-        outcome=outcome,
-    )
 
 
 PLUGIN = Nuts()
