@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 from bayesdamp.config import load_study
 from bayesdamp.store import Store, read_table
@@ -89,3 +91,78 @@ def test_wrong_noise_is_told(tmp_path, noise, said):
         study(tmp_path, noise)
     assert "\n" not in str(error.value)
     assert "posterior.noise" in str(error.value)
+
+
+FRICTION = """
+version = 1
+name = "friction"
+seed = 5
+[system]
+restoring = "linear"
+stiffness = "free"
+rest_angle = 0.0
+theta0 = "free"
+omega0 = "free"
+{given}
+[[signal]]
+name = "sharp"
+file = "sharp.csv"
+time = "t"
+angle = "x"
+[estimators]
+use = []
+[models]
+compare = ["coulomb", "viscous+coulomb"]
+[posterior]
+samplers = []
+noise = ["gaussian", "student_t"]
+[evidence]
+methods = ["laplace"]
+referee = "never"
+"""
+
+
+@pytest.fixture(scope="module")
+def sharp(tmp_path_factory):
+    """A folder with a record of a precise encoder: friction that turns over within 0.2 % of the peak velocity."""
+    folder = tmp_path_factory.mktemp("sharp")
+    t, peak = np.linspace(0.0, 10.0, 500), 0.5 * np.sqrt(20.0)
+    x = solve_ivp(
+        lambda _, s: [s[1], -20.0 * s[0] - 0.04 * s[1] - 0.3 * np.tanh(s[1] / (0.002 * peak))],
+        (0, t[-1]), [0.5, 0.0], "LSODA", t, rtol=1e-9, atol=1e-11,
+    ).y[0]  # fmt: skip
+    x += 3e-4 * np.random.default_rng(1).standard_normal(t.size)
+    rows = np.column_stack([t, x])
+    np.savetxt(folder / "sharp.csv", rows, delimiter=",", header="t,x", comments="")
+    return folder
+
+
+def friction(folder, given):
+    file = folder / f"friction{len(given)}.toml"
+    file.write_text(FRICTION.format(given=given), encoding="utf-8")
+    out = folder / f"out{len(given)}"
+    assert run_study(load_study(file), out, workers=1) == 0
+    store = Store(out)
+    return store.read("noise/sharp/0").meta, store.read("mode/sharp/0/viscous+coulomb").meta, out
+
+
+def test_friction_that_nobody_gave_is_chosen_with_the_noise(sharp):
+    """For all candidates of the record, and said."""
+    chosen, mode, out = friction(sharp, "")
+    assert chosen["epsilon"] == pytest.approx(0.002 * 0.5 * np.sqrt(20.0), rel=1.6)
+    assert mode["known"]["epsilon"] == chosen["epsilon"]
+    assert Store(out).read("mode/sharp/0/coulomb").meta["known"]["epsilon"] == chosen["epsilon"]
+    assert mode["values"]["mu_c"] == pytest.approx(0.3, abs=0.003)
+    assert mode["verdict"] == "fits"
+    assert "which suits the record best" in (out / "report.html").read_text(encoding="utf-8")
+
+
+def test_friction_that_was_given_stays(sharp):
+    """The negative control of the other: with twenty times the true ε the record does not fit."""
+    given = 0.04 * 0.5 * np.sqrt(20.0)
+    chosen, mode, out = friction(sharp, f"epsilon = {given:.6f}")
+    assert chosen["epsilon"] is None
+    assert chosen["epsilons"] == []
+    assert mode["known"]["epsilon"] == pytest.approx(given, rel=1e-5)
+    assert mode["verdict"] != "fits"
+    assert "suits the record" not in (out / "report.html").read_text(encoding="utf-8")

@@ -6,6 +6,7 @@ import time
 from collections.abc import Mapping
 from dataclasses import asdict
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -107,24 +108,35 @@ class Branch:
         return noise_cell(self.study, self.spec, self.repeat, self.store)
 
     @cached_property
-    def noise(self) -> str:
-        """The noise model. Raises Refusal where none could be chosen."""
-        if self.noise_cell is None:
-            return self.study.noises[0]
+    def _chosen(self) -> Mapping[str, Any]:
+        """What was chosen for the record. Raises Refusal where nothing could be."""
+        assert self.noise_cell is not None
         found = self.store.read(self.noise_cell.name)
         if found.outcome != OK:
             raise Refusal(found.outcome)
-        return found.meta["chosen"]
+        return found.meta
+
+    @property
+    def noise(self) -> str:
+        """The noise model. Raises Refusal where none could be chosen."""
+        return self._chosen["chosen"] if self.noise_cell else self.study.noises[0]
+
+    @property
+    def epsilon(self) -> float | None:
+        """The friction's ε (rad/s) that suits the record better than the usual one, where nobody gave one."""
+        return self._chosen["epsilon"] if self.noise_cell else None
 
     @cached_property
     def target(self) -> Target:
         """The target of this candidate alone."""
-        return self.record.target(self.terms, self.restoring, self.noise)
+        return self.record.target(self.terms, self.restoring, self.noise, epsilon=self.epsilon)
 
     @cached_property
     def shared(self) -> Target:
         """The target in the program of all dampings that are compared under the law, where candidates are many."""
-        return self.record.target(self.terms, self.restoring, self.noise, beside=self.beside)
+        return self.record.target(
+            self.terms, self.restoring, self.noise, beside=self.beside, epsilon=self.epsilon
+        )
 
     @cached_property
     def beside(self) -> tuple[str, ...]:

@@ -1,4 +1,4 @@
-"""The noise of a record, chosen once for all candidates on it."""
+"""The noise of a record, and how sharply its friction turns over, chosen once for all candidates on it."""
 
 from __future__ import annotations
 
@@ -10,8 +10,11 @@ from typing import Any
 from bayesdamp.config import SignalSpec, Study
 from bayesdamp.config.checks import plain
 from bayesdamp.config.signals import damping_order
+from bayesdamp.inference.defaults import Reference
+from bayesdamp.inference.friction_choice import SHARES, epsilon_note, weigh_epsilons
 from bayesdamp.inference.noise_choice import Fitted, chosen_noise, first_noise, fit_with, weigh_noises
 from bayesdamp.physics.damping import parse_model
+from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.store import CellResult, Store
 from bayesdamp.study.records import NOT_APPLICABLE, SignalCell, digest
 from bayesdamp.study.starts import observed, regression
@@ -33,7 +36,7 @@ class NoiseCell:
     def key(self) -> str:
         priors = {t: str(self.study.models.prior.get(t)) for t in self.terms}
         laws = [plain(self.spec.under(law)) for law in self.spec.restoring]
-        return digest("noise", self.parent.key, self.study.noises, self.terms, priors, laws)
+        return digest("noise", self.parent.key, self.study.noises, self.terms, priors, laws, SHARES)
 
     def compute(self) -> None:
         began = time.perf_counter()
@@ -63,15 +66,33 @@ class NoiseCell:
         if not fits:
             raise Refusal("; ".join(refused))
         best = max(fits, key=lambda law: fits[law].log_evidence)
+        fit, tried = fits[best], []
+        if self._open_friction(record, best):
+            peak = Reference(**record.cell.meta["reference"]).peak_velocity
+            fit, tried = weigh_epsilons(
+                lambda epsilon: record.target(self.terms, best, first, epsilon=epsilon),
+                fit,
+                peak,
+                record.seen,
+            )
+        epsilon = None if fit is fits[best] else fit.target.known["epsilon"]
         weighed = weigh_noises(
-            lambda name: record.target(self.terms, best, name), fits[best], record.seen, names
+            lambda name: record.target(self.terms, best, name, epsilon=epsilon), fit, record.seen, names
         )
         return {
             "chosen": chosen_noise(weighed),
             "damping": list(self.terms),
             "restoring": best,
             "weighed": [asdict(w) for w in weighed],
+            "epsilon": epsilon,
+            "epsilons": [asdict(t) for t in tried],
+            "epsilon_note": epsilon_note(tried, epsilon, record.signal.unit),
         }
+
+    def _open_friction(self, record: Record, law: str) -> bool:
+        """Whether friction is among the dampings and nobody said, or asked, how sharply it turns over."""
+        system = self.spec.under(law)
+        return Oscillator(self.terms, law).switches and not {"epsilon"} & {*system.known, *system.free}
 
     def _fit(self, record: Record, law: str, noise: str) -> Fitted:
         problem = Problem(self.terms, record.system(law))

@@ -85,6 +85,14 @@ class Specimen:
         }
         return Reference(**found)
 
+    def epsilon(self, candidate: str) -> float | None:
+        """The friction's ε (rad/s) of all records, the geometric mean, where one of them asks for another than the
+        usual. Raises Refusal where a record has none."""
+        branches = self.branches(candidate)
+        if all(b.epsilon is None for b in branches):
+            return None
+        return float(np.exp(np.mean([np.log(b.epsilon or b.system.known["epsilon"]) for b in branches])))
+
     def problem(self, candidate: str) -> Problem:
         """A candidate on all records. Raises Refusal where it has no mode on one of them."""
         targets, starts, tolerances = [], [], []
@@ -102,6 +110,7 @@ class Specimen:
                     branch.noise,
                     beside=branch.beside,
                     reference=self.reference,
+                    epsilon=self.epsilon(candidate),
                 )
             )
             starts.append(cell.meta["values"])

@@ -198,6 +198,7 @@ def _run(study: Study, store: Store) -> Row:
             "bound": cell.meta.get("bound", {}),
             **({"noise": noise.meta["chosen"]} if noise and noise.outcome == OK else {}),
             **{k: seen.meta[k] for k in ("epsilon_note", "reference", "features") if k in seen.meta},
+            **({"epsilon_note": noise.meta["epsilon_note"]} if noise and noise.meta.get("epsilon") else {}),
         }
         modes = {m: _read(store, f"mode/{spec.name}/0/{m}") for m in study.compare(spec)}
         priors[spec.name] = {m: c.meta.get("priors", {}) for m, c in modes.items() if c}

@@ -37,11 +37,10 @@ class Record:
     def seen(self) -> Features:
         return features(self.signal)
 
-    def system(self, law: str) -> System:
-        """The system under a law; a friction's ε that was not given is the one that follows from the record."""
-        system = self.spec.under(law)
-        epsilon = {k: v for k, v in self.cell.meta["known"].items() if k == "epsilon"}
-        return replace(system, known={**system.known, **epsilon})
+    def system(self, law: str, epsilon: float | None = None) -> System:
+        """The system under a law; a friction's ε (rad/s) that was not given is this, or follows from the record."""
+        followed = {k: v for k, v in self.cell.meta["known"].items() if k == "epsilon"}
+        return _knowing(self.spec.under(law), {**followed, **_of(epsilon)})
 
     def target(
         self,
@@ -51,20 +50,30 @@ class Record:
         *,
         beside: tuple[str, ...] = (),
         reference: Reference | None = None,
+        epsilon: float | None = None,
     ) -> Target:
         """The target of damping terms under a law. Raises Refusal where the record is not one for this noise.
 
         beside: as in `build_target`. reference: that of several records, from which an ε that was not given follows
-        too; without one, the record's own.
+        too; without one, the record's own. epsilon: in rad/s, the one that suits the record, where it was not given.
         """
         own = reference is None
+        system = self.system(law, epsilon) if own else _knowing(self.spec.under(law), _of(epsilon))
         return build_target(
             self.signal,
             terms,
-            self.system(law) if own else self.spec.under(law),
+            system,
             self.seen,
             Reference(**self.cell.meta["reference"]) if own else reference,
             noise=noise,
             term_priors={t: p for t, p in self.study.models.prior.items() if t in terms},
             beside=beside,
         )
+
+
+def _of(epsilon: float | None) -> dict[str, float]:
+    return {} if epsilon is None else {"epsilon": epsilon}
+
+
+def _knowing(system: System, more: dict[str, float]) -> System:
+    return replace(system, known={**system.known, **more})

@@ -97,8 +97,8 @@ def _chains(layout: Layout, count: int, exact: bool):
 
 POOR = 0.5
 """Mean acceptance below which the force is no good."""
-SHORTEST = 1 / 8
-"""Least share of the usual step that is tried."""
+SHARES = (1.0, 0.5, 0.25, 0.125)
+"""Of the usual step, that the exact force is tried with."""
 LONGEST = 3
 """Times the draws that were asked for, from which on none are added."""
 
@@ -193,9 +193,11 @@ class Nuts(Sampler):
                 run, found = self._enough(
                     target, settings, self.attempt(target, mode, at, settings, not at.good)
                 )
-        exact, shorter = run.exact, 1.0
-        while poor(found) and shorter > SHORTEST:
-            exact, shorter = True, shorter * (0.5 if exact else 1.0)
+        # Shorter steps help the cheap force too where the posterior has edges; only then is the force itself doubted.
+        others = [(True, share) for share in SHARES]
+        for exact, shorter in others[1:] if run.exact else [(False, 0.5), *others]:
+            if not poor(found):
+                break
             again = self.attempt(target, mode, run.at, settings, exact, shorter)
             run, found = self._enough(target, settings, again)
         return found

@@ -1,0 +1,78 @@
+"""How sharply friction turns over on a record, where nobody said: one ε for all candidates that are compared on it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from bayesdamp.inference.defaults import EPSILON_SHARE
+from bayesdamp.inference.noise_choice import Fitted, fit_with
+from bayesdamp.inference.target import Target
+from bayesdamp.signals.features import Features
+from bayesdamp.types import OK, Refusal
+
+SHARES = (0.05, EPSILON_SHARE, 0.01, 0.005, 0.002, 0.001, 0.0005)
+"""ε as shares of the peak velocity, over the range that its prior has where it is inferred."""
+LEAD = 3.0
+"""Nats by which another ε must be ahead of the usual one: of the few that are tried one is ahead of it by chance."""
+
+
+@dataclass(frozen=True)
+class Tried:
+    """One ε, as a share of the peak velocity and in rad/s: the log evidence by Laplace's approximation, in nats."""
+
+    share: float
+    epsilon: float
+    log_evidence: float = -np.inf
+    outcome: str = OK
+
+
+def weigh_epsilons(
+    build: Callable[[float], Target], usual: Fitted, peak: float, features: Features
+) -> tuple[Fitted, list[Tried]]:
+    """The fit under the ε that suits the record, and all that were tried, from the roundest.
+
+    build: ε (rad/s) to the target; usual: the fit under the usual one, all damping terms in it; peak: the peak
+    velocity (rad/s). Sharper ones are tried for as long as the evidence rises; rounder ones where none is better.
+    """
+    first = SHARES.index(EPSILON_SHARE)
+    tried = {EPSILON_SHARE: Tried(EPSILON_SHARE, EPSILON_SHARE * peak, usual.log_evidence)}
+    best = usual
+    for shares in (SHARES[first + 1 :], SHARES[:first][::-1]):
+        if best is not usual:
+            break
+        for share in shares:
+            found, fit = _tried(build, best, share, share * peak, features)
+            tried[share] = found
+            if fit is None or fit.log_evidence <= best.log_evidence:
+                break
+            best = fit
+    ahead = best.log_evidence - usual.log_evidence > LEAD
+    return best if ahead else usual, [tried[s] for s in SHARES if s in tried]
+
+
+def _tried(
+    build: Callable[[float], Target], near: Fitted, share: float, epsilon: float, features: Features
+) -> tuple[Tried, Fitted | None]:
+    """One ε, its search begun where another's ended; without a fit where it has none."""
+    start = {n: float(v) for n, v in near.target.values(near.mode.z).items()}
+    try:
+        fit = fit_with(build(epsilon), {"under another ε": start}, features)
+    except Refusal as refusal:
+        return Tried(share, epsilon, outcome=str(refusal)), None
+    return Tried(share, epsilon, fit.log_evidence), fit
+
+
+def epsilon_note(tried: Sequence[Tried], chosen: float | None, unit: str) -> str:
+    """What a report says of the choice. chosen: ε in rad/s, None where the usual one stays; unit: of a displacement."""
+    if chosen is None:
+        return ""
+    usual = next(t for t in tried if t.share == EPSILON_SHARE)
+    best = next(t for t in tried if t.epsilon == chosen)
+    ahead = best.log_evidence - usual.log_evidence
+    return (
+        f"ε was not given: {100 * best.share:g} % of the peak velocity, {chosen:.3g} {unit}/s, which suits the record "
+        f"best ({ahead:.3g} nats ahead of the usual {100 * EPSILON_SHARE:g} %)."
+    )
