@@ -97,6 +97,8 @@ def _chains(layout: Layout, count: int, exact: bool):
 
 POOR = 0.5
 """Mean acceptance below which the force is no good."""
+DIVERGING = 0.002
+"""And the share of divergences above which; a fifth of that from which the draws are not trusted."""
 SHARES = (1.0, 0.5, 0.25, 0.125)
 """Of the usual step, that the exact force is tried with."""
 LONGEST = 3
@@ -104,8 +106,9 @@ LONGEST = 3
 
 
 def poor(found: Posterior) -> bool:
-    """Whether the force was not good enough: refusals or divergences."""
-    return float(np.mean(found.stats["acceptance_rate"])) < POOR or int(np.sum(found.stats["diverging"])) > 0
+    """Whether steps or force were not good enough: refusals or divergences."""
+    refused = float(np.mean(found.stats["acceptance_rate"])) < POOR
+    return refused or float(np.mean(found.stats["diverging"])) > DIVERGING
 
 
 @dataclass(frozen=True)
