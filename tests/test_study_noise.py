@@ -154,7 +154,9 @@ def test_friction_that_nobody_gave_is_chosen_with_the_noise(sharp):
     assert Store(out).read("mode/sharp/0/coulomb").meta["known"]["epsilon"] == chosen["epsilon"]
     assert mode["values"]["mu_c"] == pytest.approx(0.3, abs=0.003)
     assert mode["verdict"] == "fits"
-    assert "which suits the record best" in (out / "report.html").read_text(encoding="utf-8")
+    report = (out / "report.html").read_text(encoding="utf-8")
+    assert "which suits the record best" in report
+    assert 'id="friction"' in report
 
 
 def test_friction_that_was_given_stays(sharp):
@@ -165,4 +167,6 @@ def test_friction_that_was_given_stays(sharp):
     assert chosen["epsilons"] == []
     assert mode["known"]["epsilon"] == pytest.approx(given, rel=1e-5)
     assert mode["verdict"] != "fits"
-    assert "suits the record" not in (out / "report.html").read_text(encoding="utf-8")
+    report = (out / "report.html").read_text(encoding="utf-8")
+    assert "suits the record" not in report
+    assert 'id="friction"' not in report

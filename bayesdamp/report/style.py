@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 from bayesdamp.types import candidate_parts
@@ -70,3 +71,13 @@ def dash(model: str) -> str:
 def _look(model: str) -> tuple[str, str]:
     known = _MODELS.get(frozenset(candidate_parts(model)[0].split("+")))
     return known or (_OTHERS[sum(model.encode()) % len(_OTHERS)], ":")
+
+
+LETTERS, MARK = 12.5, 7
+"""Letters to an inch of a legend, and for how many an entry's line and gap stand."""
+
+
+def legend_columns(labels: Sequence[str], width: float, most: int) -> int:
+    """How many columns of a legend a figure has room for. width: of the figure, in inches."""
+    longest = max(map(len, labels), default=1)
+    return max(1, min(len(labels), most, int(LETTERS * width / (longest + MARK))))

@@ -66,9 +66,10 @@ class NoiseCell:
         if not fits:
             raise Refusal("; ".join(refused))
         best = max(fits, key=lambda law: fits[law].log_evidence)
-        fit, tried = fits[best], []
+        fit, tried, usual = fits[best], [], None
         if self._open_friction(record, best):
             peak = Reference(**record.cell.meta["reference"]).peak_velocity
+            usual = fit.target.known["epsilon"]
             fit, tried = weigh_epsilons(
                 lambda epsilon: record.target(self.terms, best, first, epsilon=epsilon),
                 fit,
@@ -85,6 +86,8 @@ class NoiseCell:
             "restoring": best,
             "weighed": [asdict(w) for w in weighed],
             "epsilon": epsilon,
+            "usual_epsilon": usual,
+            "epsilon_unit": f"{record.signal.unit}/s",
             "epsilons": [asdict(t) for t in tried],
             "epsilon_note": epsilon_note(tried, epsilon, record.signal.unit),
         }

@@ -6,8 +6,10 @@ import base64
 import io
 import re
 
+import matplotlib as mpl
 import numpy as np
 import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from PIL import Image
@@ -15,7 +17,7 @@ from PIL import Image
 from bayesdamp.report.drawing import Drawings
 from bayesdamp.report.figures.density import contours, outline
 from bayesdamp.report.figures.record import thinned
-from bayesdamp.report.style import colour, dash
+from bayesdamp.report.style import RC, WIDTH, colour, dash, legend_columns
 
 
 def test_thinning_keeps_the_extremes():
@@ -116,3 +118,22 @@ def test_few_colours_keep_those_of_thin_lines(tmp_path):
 def test_a_figures_name_cannot_leave_the_folder(tmp_path):
     Drawings(tmp_path / "figures").add("../up/x", "caption", _draw)
     assert {p.parent.name for p in tmp_path.rglob("*.svg")} == {"figures"}
+
+
+@pytest.mark.parametrize("count", [1, 3, 6])
+def test_a_legend_has_as_many_columns_as_there_is_room_for(count):
+    """Of long names too; the control, five columns of these, does not fit."""
+    labels = ["viscous + Coulomb + quadratic (horizontal pendulum)"] * count
+    widths = []
+    for columns in (legend_columns(labels, WIDTH, 5), 5):
+        with mpl.rc_context(RC):
+            figure = Figure(figsize=(WIDTH, 3.0))
+            ax = figure.add_subplot()
+            for label in labels:
+                ax.plot([0, 1], [0, 1], label=label)
+            legend = figure.legend(*ax.get_legend_handles_labels(), ncols=columns)
+            FigureCanvasAgg(figure).draw()
+            widths.append(legend.get_window_extent().width / figure.dpi)
+    assert widths[0] < WIDTH
+    assert count < 3 or widths[1] > WIDTH
+    assert legend_columns(["a", "b", "c"], WIDTH, 5) == 3

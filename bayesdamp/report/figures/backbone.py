@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from bayesdamp.report import words
-from bayesdamp.report.style import INK, WIDTH, colour, dash
+from bayesdamp.report.style import INK, WIDTH, colour, dash, legend_columns
 
 
 def backbone(
@@ -37,5 +37,6 @@ def backbone(
         ax.set_xlabel(f"amplitude / {unit}")
         ax.set_ylabel(label)
     handles, labels = figure.axes[0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside upper left", ncols=3)
+    columns = legend_columns(labels, figure.get_figwidth(), 3)
+    figure.legend(handles, labels, loc="outside upper left", ncols=columns)
     return figure

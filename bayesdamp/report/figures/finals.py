@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 
 from bayesdamp.report import words
 from bayesdamp.report.figures._panels import panels
-from bayesdamp.report.style import FAINT, INK, QUIET, colour
+from bayesdamp.report.style import FAINT, INK, QUIET, colour, legend_columns
 
 Values = Mapping[tuple[str, str, str], float]
 
@@ -56,5 +56,6 @@ def finals(
         axes[0].plot([], [], "o", ms=4.5, mfc=face, mec=QUIET, label=label)
     axes[0].plot([], [], color=INK, lw=0.9, ls=(0, (2, 2)), label="truth")
     handles, labels = axes[0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside upper left", ncols=3)
+    columns = legend_columns(labels, figure.get_figwidth(), 3)
+    figure.legend(handles, labels, loc="outside upper left", ncols=columns)
     return figure

@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from bayesdamp.report import words
-from bayesdamp.report.style import FAINT, INK, QUIET, WIDTH, colour, dash
+from bayesdamp.report.style import FAINT, INK, QUIET, WIDTH, colour, dash, legend_columns
 
 _POINTS = 2000
 _APART = 200
@@ -59,7 +59,8 @@ def record(t: np.ndarray, y: np.ndarray, fits: Sequence[Fit], axis: str, period:
     _finish(last, "", "The last cycles and their fits")
     _residuals(figure, grid, t, fits, axis)
     handles, labels = first.get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=min(len(labels), 5))
+    columns = legend_columns(labels, figure.get_figwidth(), 5)
+    figure.legend(handles, labels, loc="outside lower center", ncols=columns)
     return figure
 
 

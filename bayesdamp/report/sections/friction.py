@@ -1,0 +1,73 @@
+"""How sharply friction turns over, where nobody said and the record was asked."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+from markupsafe import Markup
+
+from bayesdamp.report import words
+from bayesdamp.report.html import Line, Table, fill
+from bayesdamp.report.run import Run
+from bayesdamp.report.sections._layout import by_signal
+from bayesdamp.report.sections._section import Section
+from bayesdamp.types import OK
+
+STAYS = "the usual one stays: none is three nats ahead of it"
+
+
+class Friction(Section):
+    """The evidence of each width ε within which friction was tried to turn over."""
+
+    order = 46
+    name = "friction"
+    title = "How sharply friction turns over"
+
+    def applies(self, run: Run) -> bool:
+        return any(_tried(run, signal) for signal in run.signals)
+
+    def render(self, run: Run) -> str:
+        said = (
+            "Friction turns over within a velocity ε, of which a precise record shows something near rest and at each "
+            "turning point. Chosen once for each record, under all damping terms together, and taken as known by all "
+            "candidates: their evidence does not pay for the choice. The evidence is by Laplace's approximation."
+        )
+        return fill(
+            "stack.html", parts=[Markup("<p>{}</p>").format(said), by_signal(run, lambda s: _one(run, s))]
+        )
+
+
+def _tried(run: Run, signal: str) -> list[Mapping[str, Any]]:
+    cell = run.cell("noise", signal, run.repeats(signal)[0])
+    return list(cell.meta.get("epsilons", [])) if cell is not None and cell.outcome == OK else []
+
+
+def _one(run: Run, signal: str) -> Markup:
+    tried = _tried(run, signal)
+    if not tried:
+        return Markup("<p>ε of this signal was given, or is inferred, or no candidate has friction.</p>")
+    cell = run.cell("noise", signal, run.repeats(signal)[0])
+    assert cell is not None
+    taken = cell.meta["epsilon"] or cell.meta["usual_epsilon"]
+    best = max((t["log_evidence"] for t in tried if t["outcome"] == OK), default=math.nan)
+    headers = [
+        "share of the peak velocity",
+        f"ε / ({cell.meta['epsilon_unit']})",
+        "log evidence below the best",
+        "",
+    ]
+    lines = [_line(t, best, t["epsilon"] == taken, cell.meta["epsilon"] is None) for t in tried]
+    return fill("stack.html", parts=[Table(headers, lines, frozenset({3}))])
+
+
+def _line(t: Mapping[str, Any], best: float, taken: bool, usual: bool) -> Line:
+    below = words.fixed(best - t["log_evidence"], 1) if t["outcome"] == OK else words.NONE
+    chosen = STAYS if usual else "chosen"
+    said = t["outcome"] if t["outcome"] != OK else chosen if taken else ""
+    shown = [f"{100 * t['share']:g} %", words.number(t["epsilon"], 3), below, said]
+    return Line(shown, "best" if taken else "")
+
+
+PLUGIN = Friction()
