@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -10,6 +11,7 @@ from bayesdamp.cli import main
 from bayesdamp.config import load_study
 from bayesdamp.config.compare import SPECIMEN, Asked, comparison
 from bayesdamp.study import cells
+from bayesdamp.study.specimens import Specimen
 from bayesdamp.types import InputError
 
 HEAD = """
@@ -106,3 +108,17 @@ def test_compare_takes_records_as_specimens_or_as_repeats(tmp_path, capsys):
         comparison(asked[:1], repeats=True)
     assert main(["compare", str(paths[0]), "--repeats"]) == 2
     assert capsys.readouterr().err.startswith("--repeats: there is one record")
+
+
+def test_records_of_one_specimen_share_one_friction(monkeypatch):
+    """The geometric mean of what they ask for, the usual one of a record that asks for none; none where none asks."""
+
+    def branch(epsilon, usual):
+        return SimpleNamespace(epsilon=epsilon, system=SimpleNamespace(known={"epsilon": usual}))
+
+    one = object.__new__(Specimen)
+    made = [branch(0.01, 0.1), branch(None, 0.04)]
+    monkeypatch.setattr(Specimen, "branches", lambda self, _: made)
+    assert one.epsilon("coulomb") == pytest.approx(0.02)
+    monkeypatch.setattr(Specimen, "branches", lambda self, _: [branch(None, 0.1), branch(None, 0.04)])
+    assert one.epsilon("coulomb") is None
