@@ -221,3 +221,39 @@ def test_added_draws_go_on_from_the_last(monkeypatch):
     np.testing.assert_array_equal(start, run.left[0][:, -1])
     np.testing.assert_array_equal(height, run.left[1][:, -1])
     assert not np.isin(np.asarray(keys), np.asarray(run.given[-1])).all()
+
+
+@pytest.mark.parametrize(("good", "tries"), [(1, 0), (2, 1), (4, 3), (99, 5)])
+def test_shorter_steps_come_before_the_exact_force(monkeypatch, good, tries):
+    """good: which attempt's draws are. The first is at the usual step by the cheap force; there is no ridge."""
+    target, mode = problems.target("viscous_coulomb"), problems.mode("viscous_coulomb")
+    settings = Settings(chains=4, warmup=10, draws=10, seed=3)
+    run = Nuts().attempt(target, mode, frame(target, mode), settings)
+    made = [(False, 1.0)]
+
+    def attempt(self, target, mode, at, settings, exact=False, shorter=1.0):
+        made.append((exact, shorter))
+        return run
+
+    monkeypatch.setattr(Nuts, "attempt", attempt)
+    monkeypatch.setattr(nuts, "bend", lambda *_: None)
+    monkeypatch.setattr(nuts, "poor", lambda found: len(made) < good)
+    Nuts().finished(target, mode, replace(settings, draws=1), run)
+    assert (
+        made
+        == [(False, 1.0), (False, 0.5), (True, 1.0), (True, 0.5), (True, 0.25), (True, 0.125)][: 1 + tries]
+    )
+
+
+def test_few_divergences_are_no_reason_for_another_attempt():
+    found = problems.posterior("viscous_coulomb", "nuts")
+    size = found.stats["diverging"].size
+
+    def with_divergences(count):
+        diverging = np.arange(size).reshape(found.stats["diverging"].shape) < count
+        return replace(found, stats={**found.stats, "diverging": diverging})
+
+    assert not nuts.poor(with_divergences(size // 1000))
+    assert nuts.poor(with_divergences(size // 200))
+    refused = replace(found, stats={**found.stats, "acceptance_rate": np.full((4, 10), 0.4)})
+    assert nuts.poor(refused)
