@@ -99,8 +99,8 @@ POOR = 0.5
 """Mean acceptance below which the force is no good."""
 DIVERGING = 0.002
 """And the share of divergences above which; a fifth of that from which the draws are not trusted."""
-SHARES = (1.0, 0.5, 0.25, 0.125)
-"""Of the usual step, that the exact force is tried with."""
+STEPS = (1.0, 0.5, 0.25, 0.125)
+"""Shares of the usual step that the exact force is tried with."""
 LONGEST = 3
 """Times the draws that were asked for, from which on none are added."""
 
@@ -174,7 +174,7 @@ class Nuts(Sampler):
     the position (leapfrog steps stay reversible and keep volume), so it is that of the linearised
     trajectory, which costs no tangents. With the whole curvature known the step is too: 1/d^(1/4). Draws that are
     too few are added to; where that does not help, or proposals are refused, they are taken again with a curved
-    ridge straightened, with the exact gradient, and with shorter steps.
+    ridge straightened, with shorter steps, and with the exact gradient.
     """
 
     name = "nuts"
@@ -197,7 +197,7 @@ class Nuts(Sampler):
                     target, settings, self.attempt(target, mode, at, settings, not at.good)
                 )
         # Shorter steps help the cheap force too where the posterior has edges; only then is the force itself doubted.
-        others = [(True, share) for share in SHARES]
+        others = [(True, share) for share in STEPS]
         for exact, shorter in others[1:] if run.exact else [(False, 0.5), *others]:
             if not poor(found):
                 break

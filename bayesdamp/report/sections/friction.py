@@ -32,7 +32,8 @@ class Friction(Section):
         said = (
             "Friction turns over within a velocity ε, of which a precise record shows something near rest and at each "
             "turning point. Chosen once for each record, under all damping terms together, and taken as known by all "
-            "candidates: their evidence does not pay for the choice. The evidence is by Laplace's approximation."
+            "candidates: their evidence does not pay for the choice. Estimators take the usual one. The evidence "
+            "here is by Laplace's approximation."
         )
         return fill(
             "stack.html", parts=[Markup("<p>{}</p>").format(said), by_signal(run, lambda s: _one(run, s))]
