@@ -112,13 +112,19 @@ def test_compare_takes_records_as_specimens_or_as_repeats(tmp_path, capsys):
 
 def test_records_of_one_specimen_share_one_friction(monkeypatch):
     """The geometric mean of what they ask for, the usual one of a record that asks for none; none where none asks."""
+    given = []
 
     def branch(epsilon, usual):
-        return SimpleNamespace(epsilon=epsilon, system=SimpleNamespace(known={"epsilon": usual}))
+        what = {"path": "p", "terms": (), "restoring": "linear", "noise": "gaussian", "beside": ()}
+        record = SimpleNamespace(target=lambda *_, **more: given.append(more["epsilon"]))
+        system = SimpleNamespace(known={"epsilon": usual})
+        return SimpleNamespace(epsilon=epsilon, system=system, record=record, **what)
 
     one = object.__new__(Specimen)
-    made = [branch(0.01, 0.1), branch(None, 0.04)]
-    monkeypatch.setattr(Specimen, "branches", lambda self, _: made)
-    assert one.epsilon("coulomb") == pytest.approx(0.02)
-    monkeypatch.setattr(Specimen, "branches", lambda self, _: [branch(None, 0.1), branch(None, 0.04)])
-    assert one.epsilon("coulomb") is None
+    cell = SimpleNamespace(meta={"values": {}, "tolerance": 1e-6})
+    vars(one).update(labels=["a", "b"], reference=None, store=SimpleNamespace(read=lambda _: cell))
+    for second in (0.01, None):
+        made = [branch(second, 0.1), branch(None, 0.04)]
+        monkeypatch.setattr(Specimen, "branches", lambda self, _, made=made: made)
+        one.problem("coulomb")
+    assert given == [pytest.approx(0.02), pytest.approx(0.02), None, None]

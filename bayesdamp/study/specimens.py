@@ -85,36 +85,30 @@ class Specimen:
         }
         return Reference(**found)
 
-    def epsilon(self, candidate: str) -> float | None:
-        """The friction's ε (rad/s) of all records, the geometric mean, where one of them asks for another than the
-        usual. Raises Refusal where a record has none."""
-        branches = self.branches(candidate)
-        if all(b.epsilon is None for b in branches):
-            return None
-        return float(np.exp(np.mean([np.log(b.epsilon or b.system.known["epsilon"]) for b in branches])))
-
     def problem(self, candidate: str) -> Problem:
         """A candidate on all records. Raises Refusal where it has no mode on one of them."""
-        targets, starts, tolerances = [], [], []
-        for label, branch in zip(self.labels, self.branches(candidate), strict=True):
+        branches, starts, tolerances = self.branches(candidate), [], []
+        for label, branch in zip(self.labels, branches, strict=True):
             try:
                 cell = self.store.read(f"mode/{branch.path}")
             except KeyError:
                 raise Refusal(f"{ASIDE}: not fitted to {label}, where its law is far behind") from None
             if "values" not in cell.meta:
                 raise Refusal(f"{label}: {cell.outcome}")
-            targets.append(
-                branch.record.target(
-                    branch.terms,
-                    branch.restoring,
-                    branch.noise,
-                    beside=branch.beside,
-                    reference=self.reference,
-                    epsilon=self.epsilon(candidate),
-                )
-            )
             starts.append(cell.meta["values"])
             tolerances.append(cell.meta["tolerance"])
+        epsilon = shared_epsilon(branches)
+        targets = [
+            branch.record.target(
+                branch.terms,
+                branch.restoring,
+                branch.noise,
+                beside=branch.beside,
+                reference=self.reference,
+                epsilon=epsilon,
+            )
+            for branch in branches
+        ]
         return Problem(tuple(targets), tuple(starts), tuple(tolerances))
 
     def seed(self, *what: str) -> int:
@@ -125,6 +119,13 @@ class Specimen:
         law = candidate_parts(candidate)[1] or self.specs[0].restoring[0]
         signal = self.branches(candidate)[0].record.signal
         return {n: parameter_unit(n, law, signal.unit, signal.quantity) for n in names}
+
+
+def shared_epsilon(branches: Sequence[Branch]) -> float | None:
+    """The friction's ε (rad/s) of all records, the geometric mean, where one asks for another than the usual."""
+    if all(b.epsilon is None for b in branches):
+        return None
+    return float(np.exp(np.mean([np.log(b.epsilon or b.system.known["epsilon"]) for b in branches])))
 
 
 def weighed_meta(found: Weighed) -> dict[str, Any]:

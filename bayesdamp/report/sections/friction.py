@@ -13,9 +13,10 @@ from bayesdamp.report.html import Line, Table, fill
 from bayesdamp.report.run import Run
 from bayesdamp.report.sections._layout import by_signal
 from bayesdamp.report.sections._section import Section
+from bayesdamp.store import CellResult
 from bayesdamp.types import OK
 
-STAYS = "the usual one stays: none is three nats ahead of it"
+STAYS = "the usual one stays: no other is clearly ahead"
 
 
 class Friction(Section):
@@ -26,7 +27,7 @@ class Friction(Section):
     title = "How sharply friction turns over"
 
     def applies(self, run: Run) -> bool:
-        return any(_tried(run, signal) for signal in run.signals)
+        return any(_cell(run, signal) for signal in run.signals)
 
     def render(self, run: Run) -> str:
         said = (
@@ -40,18 +41,17 @@ class Friction(Section):
         )
 
 
-def _tried(run: Run, signal: str) -> list[Mapping[str, Any]]:
+def _cell(run: Run, signal: str) -> CellResult | None:
+    """The cell that chose, if any."""
     cell = run.cell("noise", signal, run.repeats(signal)[0])
-    return list(cell.meta.get("epsilons", [])) if cell is not None and cell.outcome == OK else []
+    return cell if cell is not None and cell.meta.get("epsilons") else None
 
 
 def _one(run: Run, signal: str) -> Markup:
-    tried = _tried(run, signal)
-    if not tried:
+    cell = _cell(run, signal)
+    if cell is None:
         return Markup("<p>ε of this signal was given, or is inferred, or no candidate has friction.</p>")
-    cell = run.cell("noise", signal, run.repeats(signal)[0])
-    assert cell is not None
-    taken = cell.meta["epsilon"] or cell.meta["usual_epsilon"]
+    tried, taken = cell.meta["epsilons"], cell.meta["epsilon"] or cell.meta["usual_epsilon"]
     best = max((t["log_evidence"] for t in tried if t["outcome"] == OK), default=math.nan)
     headers = [
         "share of the peak velocity",
