@@ -12,7 +12,7 @@ from scipy.fft import next_fast_len
 
 from bayesdamp.inference.cut_normal import about
 from bayesdamp.inference.lines import Line, orthonormal, standing_out, strongest
-from bayesdamp.inference.mode import Mode, climb, whitening
+from bayesdamp.inference.mode import ROUGHLY, Mode, climb, whitening
 from bayesdamp.inference.noise import NoiseModel
 from bayesdamp.inference.other_forms import Other, Rival, other_form
 from bayesdamp.inference.residuals import residual, residuals, whitened
@@ -235,7 +235,7 @@ def _windows(target: Target, mode: Mode) -> tuple[tuple[Window, ...], float, int
     for label, first in (("first half", 0), ("middle half", (n - half) // 2), ("last half", n - half)):
         part = slice(first, first + half)
         context = target.context(part_of(mode.context.plan, part), part)
-        z, value, information, _, _ = climb(target.layout, context, mode.z)
+        z, value, information, _, _ = climb(target.layout, context, mode.z, close=ROUGHLY)
         if not np.isfinite(value):
             continue
         w = _window(target, label, z, information, float(t[first]), float(t[first + half - 1]))

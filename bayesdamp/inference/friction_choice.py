@@ -18,6 +18,10 @@ SHARES = (0.05, EPSILON_SHARE, 0.01, 0.005, 0.002, 0.001, 0.0005)
 LEAD = 3.0
 """Nats by which another ε must be ahead of the usual one: of the few that are tried one is ahead of it by chance."""
 
+SHOWN = 2.0
+"""Standard deviations by which the fitted friction must be above zero: a record that loses but two nats without any
+does not say how it turns over."""
+
 
 @dataclass(frozen=True)
 class Tried:
@@ -35,10 +39,13 @@ def weigh_epsilons(
     """The fit under the ε that suits the record, and all that were tried, from the roundest.
 
     build: ε (rad/s) to the target; usual: the fit under the usual one, all damping terms in it; peak: the peak
-    velocity (rad/s). Sharper ones are tried for as long as the evidence rises; rounder ones where none is better.
+    velocity (rad/s). Sharper ones are tried for as long as the evidence rises; rounder ones where none is better; and
+    none where there is hardly any friction.
     """
     first = SHARES.index(EPSILON_SHARE)
     tried = {EPSILON_SHARE: Tried(EPSILON_SHARE, EPSILON_SHARE * peak, usual.log_evidence)}
+    if not _shown(usual):
+        return usual, list(tried.values())
     best = usual
     for shares in (SHARES[first + 1 :], SHARES[:first][::-1]):
         if best is not usual:
@@ -51,6 +58,13 @@ def weigh_epsilons(
             best = fit
     ahead = best.log_evidence - usual.log_evidence > LEAD
     return best if ahead else usual, [tried[s] for s in SHARES if s in tried]
+
+
+def _shown(fit: Fitted) -> bool:
+    """Whether any friction stands out from zero in a fit."""
+    sd, names = fit.mode.sd(), fit.target.names
+    switching = [names.index(term.parameter) for term in fit.target.oscillator.terms if term.switches]
+    return any(abs(fit.mode.z[i]) > SHOWN * sd[i] for i in switching)
 
 
 def _tried(

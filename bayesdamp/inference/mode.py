@@ -39,6 +39,10 @@ SAME = 1e-4
 """Scores within which what grew from two seeds is one start."""
 GROWN = ", over growing windows"
 """What the name of such a seed ends with."""
+CLOSE = 1e-3
+"""Posterior sds from which on a step ends a climb, if what it gains, in nats, is less than its cube."""
+ROUGHLY = 0.1
+"""The same where a mode is only compared with another: of a part of a record, of a window that grows."""
 WALL = 1e-9
 """Where a folded score stops in place of zero, at which it has no slope."""
 
@@ -88,7 +92,13 @@ class Mode:
 
 
 def climb(
-    layout: Layout, context: Context, z: np.ndarray, *, limit: int = 60, retract: Retract = straight_on
+    layout: Layout,
+    context: Context,
+    z: np.ndarray,
+    *,
+    limit: int = 60,
+    retract: Retract = straight_on,
+    close: float = CLOSE,
 ) -> tuple[np.ndarray, float, np.ndarray, int, bool]:
     """Levenberg–Marquardt on the log posterior: z, its value, the information, evaluations, converged."""
     curvature = compiled(layout).curvature
@@ -97,7 +107,7 @@ def climb(
         value, gradient, information = map(np.asarray, curvature(context, z))
         return value, gradient, information
 
-    return maximise(at, np.asarray(layout.folded), z, limit=limit, retract=retract)
+    return maximise(at, np.asarray(layout.folded), z, limit=limit, retract=retract, close=close)
 
 
 def maximise(
@@ -107,10 +117,11 @@ def maximise(
     *,
     limit: int = 60,
     retract: Retract = straight_on,
+    close: float = CLOSE,
 ) -> tuple[np.ndarray, float, np.ndarray, int, bool]:
     """`climb` on any log density of scores, (d,), of which the folded ones, (d,) of bool, end at zero.
 
-    curvature: z to log density, gradient (d,) and information (d, d). retract: where steps end.
+    curvature: z to log density, gradient (d,) and information (d, d). retract: where steps end. close: as `CLOSE`.
     """
     z = np.where(folded, np.maximum(np.abs(z), WALL), z)
     value, gradient, information = curvature(z)
@@ -135,7 +146,7 @@ def maximise(
             step = np.sqrt(max(float(move @ information @ move), 0.0))
             z, (value, gradient, information) = trial, new
             damping = max(damping / 5, 1e-12)
-            if gain < 1e-9 * max(1.0, abs(float(value)) * 1e-3) and step < 1e-3:
+            if gain < close**3 * max(1.0, abs(float(value)) * 1e-3) and step < close:
                 return z, float(value), information, evaluations, True
         else:
             if expected < 1e-7 or damping > 1e12:
@@ -256,7 +267,7 @@ def _grown(
                 continue
             part = replace(target, signal=replace(target.signal, t=t[:keep], y=y[:keep]))
             there = _begun(part, one.names, z, tolerance)
-            z, value, *_ = climb(part.layout, there.context, there.z, retract=retraction(part))
+            z, value, *_ = climb(part.layout, there.context, there.z, retract=retraction(part), close=ROUGHLY)
             if not np.isfinite(value):
                 break
         else:

@@ -203,9 +203,9 @@ def probability(value: float | None) -> str:
     if value is None or math.isnan(value):
         return NONE
     if value > 0.9995:
-        return "> 0.999"
+        return ">\u00a00.999"
     if value < 0.0005:
-        return "< 0.001"
+        return "<\u00a00.001"
     return f"{value:.3f}"
 
 

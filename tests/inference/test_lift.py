@@ -104,12 +104,13 @@ def test_a_straightened_ridge_keeps_the_lift() -> None:
 
 
 def test_slow_noise_is_sampled(monkeypatch: pytest.MonkeyPatch) -> None:
-    """NUTS by the cheap force, at its usual step; its mean of the noise's time against importance draws, within five of
-    its errors, and the two evidences within four. Negative control: without the lift the noise's size and time hardly
-    move, and the bridge is half as good."""
+    """NUTS by the cheap force, at half its usual step; its mean of the noise's time against importance draws, within
+    five of its errors, and the two evidences within four. Negative control: without the lift the noise's size and time
+    hardly move, and the bridge is half as good."""
     target, mode = slow()
     settings = Settings(chains=4, warmup=100, draws=400, seed=2)
-    found = nuts.PLUGIN.attempt(target, mode, nuts.frame(target, mode), settings).posterior(target)
+    at = nuts.frame(target, mode)
+    found = nuts.PLUGIN.attempt(target, mode, at, settings, shorter=0.5).posterior(target)
     assert not nuts.poor(found)
     summary = found.diagnostics["summary"]["noise_time"]  # type: ignore[index]
     assert summary["ess_bulk"] > 300
@@ -125,6 +126,7 @@ def test_slow_noise_is_sampled(monkeypatch: pytest.MonkeyPatch) -> None:
     bridged = bridge.PLUGIN.evidence("m", target, mode, 5, draws)
     assert abs(bridged.log_evidence - weighed.log_evidence) < 4 * np.hypot(bridged.stderr, weighed.stderr)
     monkeypatch.setattr(Lift, "of", classmethod(lambda cls, target, mode: cls.none(mode.z.size)))
-    plain = nuts.PLUGIN.attempt(target, mode, nuts.frame(target, mode), settings).posterior(target)
+    at = nuts.frame(target, mode)
+    plain = nuts.PLUGIN.attempt(target, mode, at, settings, shorter=0.5).posterior(target)
     assert plain.diagnostics["summary"]["noise_time"]["ess_bulk"] < 0.1 * summary["ess_bulk"]  # type: ignore[index]
     assert bridge.PLUGIN.evidence("m", target, mode, 5, draws).stderr > 1.5 * bridged.stderr

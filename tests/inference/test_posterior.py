@@ -117,6 +117,19 @@ def test_surrogate_force_and_exact_force():
         assert abs(first[parameter][0] - second[parameter][0]) < 4 * error, parameter
 
 
+def test_a_step_is_as_long_as_it_may_be():
+    """Half the likelihoods of half the step, for draws that are as good: none below 0.8 of its effective ones, of which
+    the estimate has an error of 5 %."""
+    target, mode = problems.target("viscous_coulomb"), problems.mode("viscous_coulomb")
+    at, settings = frame(target, mode), Settings(chains=4, warmup=100, draws=1000, seed=2)
+    whole, half = (
+        Nuts().attempt(target, mode, at, settings, shorter=share).posterior(target) for share in (1.0, 0.5)
+    )
+    assert np.mean(whole.stats["n_steps"]) < 0.6 * np.mean(half.stats["n_steps"])
+    for name, found in whole.diagnostics["summary"].items():
+        assert found["ess_bulk"] > 0.8 * half.diagnostics["summary"][name]["ess_bulk"]
+
+
 @EACH
 def test_contract(sampler):
     """Names, shapes, log likelihoods that belong to the draws, and the same draws again under the same seed."""

@@ -44,8 +44,8 @@ def test_a_number_has_four_digits(value, text):
 
 
 def test_probabilities_are_never_rounded_to_certainty():
-    assert words.probability(1.0) == "> 0.999"
-    assert words.probability(0.0) == "< 0.001"
+    assert words.probability(1.0) == ">\u00a00.999"
+    assert words.probability(0.0) == "<\u00a00.001"
     assert words.probability(0.9994) == "0.999"
     assert words.probability(math.nan) == "–"
 

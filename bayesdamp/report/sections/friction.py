@@ -17,6 +17,7 @@ from bayesdamp.store import CellResult
 from bayesdamp.types import OK
 
 STAYS = "the usual one stays: no other is clearly ahead"
+HARDLY_ANY = "the usual one: the record has hardly any friction, and no other was tried"
 
 
 class Friction(Section):
@@ -59,14 +60,15 @@ def _one(run: Run, signal: str) -> Markup:
         "log evidence below the best",
         "",
     ]
-    lines = [_line(t, best, t["epsilon"] == taken, cell.meta["epsilon"] is None) for t in tried]
+    usual = HARDLY_ANY if len(tried) == 1 else STAYS
+    why = usual if cell.meta["epsilon"] is None else "chosen"
+    lines = [_line(t, best, why if t["epsilon"] == taken else "") for t in tried]
     return fill("stack.html", parts=[Table(headers, lines, frozenset({3}))])
 
 
-def _line(t: Mapping[str, Any], best: float, taken: bool, usual: bool) -> Line:
+def _line(t: Mapping[str, Any], best: float, taken: str) -> Line:
     below = words.fixed(best - t["log_evidence"], 1) if t["outcome"] == OK else words.NONE
-    chosen = STAYS if usual else "chosen"
-    said = t["outcome"] if t["outcome"] != OK else chosen if taken else ""
+    said = t["outcome"] if t["outcome"] != OK else taken
     shown = [f"{100 * t['share']:g} %", words.number(t["epsilon"], 3), below, said]
     return Line(shown, "best" if taken else "")
 
