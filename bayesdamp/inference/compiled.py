@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache, partial
 
 import jax
@@ -24,7 +24,9 @@ from bayesdamp.inference.linearised import (
     tight,
 )
 from bayesdamp.inference.target import Context, Layout
-from bayesdamp.physics.integrate import MeshPlan, nodes_and_slopes
+from bayesdamp.physics.cycles import CyclePlan, record_and_slopes
+from bayesdamp.physics.friction import TurningPlan
+from bayesdamp.physics.integrate import nodes_and_slopes
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.programs import Program
 
@@ -58,7 +60,8 @@ def compiled(layout: Layout) -> Compiled:
     straight = Program(along, "linearised_log_posterior", layout)
 
     def curvature_at(context: Context, z: Scores) -> tuple[Array, Array, Array]:
-        return curved(context.lean, lines(context.lean, z), z)
+        line = lines(context.lean, z)
+        return curved(_unparted(context.lean), line, z)
 
     return Compiled(
         linearise=lambda context, z: lines(context.lean, z),
@@ -67,6 +70,12 @@ def compiled(layout: Layout) -> Compiled:
         batch=lambda context, z: batch(context.lean, z),
         linearised_batch=lambda context, line, z: straight(context.lean, line, z),
     )
+
+
+def _unparted(context: Context) -> Context:
+    """For programs that have the trajectory already: parts of a record share them."""
+    plan = context.plan
+    return replace(context, plan=plan.whole) if isinstance(plan, CyclePlan) else context
 
 
 def _lines(layout: Layout) -> Callable[[Context, Scores], Line]:
@@ -79,13 +88,21 @@ def _lines(layout: Layout) -> Callable[[Context, Scores], Line]:
 
     def line(context: Context, z: Scores) -> Line:
         plan = context.plan
-        if not isinstance(plan, MeshPlan):
+        if isinstance(plan, TurningPlan):
             return whole(context, z)
         p, x = values(context, z)
+        if isinstance(plan, CyclePlan):
+            found, slopes = _followed(layout.oscillator, names)(plan.whole, p)
+            return context.y - found[plan.kept], -slopes[:, plan.kept], x
         steps = np.asarray(plan.steps)[: room_of(plan)]
         return *misfit(context, *solver(steps, plan.count, p)), x
 
     return line
+
+
+@lru_cache(maxsize=64)
+def _followed(osc: Oscillator, names: tuple[str, ...]) -> Program:
+    return Program(partial(record_and_slopes, osc, names), "cycles_and_slopes", osc, names)
 
 
 @lru_cache(maxsize=64)

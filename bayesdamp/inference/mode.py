@@ -13,7 +13,7 @@ from bayesdamp.inference.compiled import compiled
 from bayesdamp.inference.residuals import log_density, residual, residuals
 from bayesdamp.inference.retraction import Retract, retraction, straight_on
 from bayesdamp.inference.target import Context, Layout, Target
-from bayesdamp.physics.integrate import Plan, anchored, divided
+from bayesdamp.physics.integrate import MeshPlan, Plan, anchored, finer
 from bayesdamp.types import Refusal
 
 BUDGET = 0.01
@@ -241,8 +241,10 @@ class _Begun(NamedTuple):
     left: float
 
 
-def _begun(target: Target, names: list[str], z: np.ndarray, tolerance: float) -> _Begun:
-    context = target.context(_plans(target, z, tolerance)[0])
+def _begun(
+    target: Target, names: list[str], z: np.ndarray, tolerance: float, stepped: bool = False
+) -> _Begun:
+    context = target.context(_plans(target, z, tolerance, stepped)[0])
     r = residual(target, context.plan, z)
     z = _with_noise(target, z, r)
     value = float(compiled(target.layout).curvature(context, z)[0])
@@ -266,7 +268,8 @@ def _grown(
             if keep < FEWEST:  # a gap
                 continue
             part = replace(target, signal=replace(target.signal, t=t[:keep], y=y[:keep]))
-            there = _begun(part, one.names, z, tolerance)
+            # In steps: these share programs, whatever the number of samples.
+            there = _begun(part, one.names, z, tolerance, stepped=True)
             z, value, *_ = climb(part.layout, there.context, there.z, retract=retraction(part), close=ROUGHLY)
             if not np.isfinite(value):
                 break
@@ -336,11 +339,23 @@ def _settle(target: Target, z: np.ndarray, tolerance: float, climbs: tuple[Climb
     return Mode(z, value, information, factor, context, climbs, moved, change, tolerance)
 
 
-def _plans(target: Target, z: np.ndarray, tolerance: float) -> tuple[Plan, Plan, float]:
+def _plans(
+    target: Target, z: np.ndarray, tolerance: float, stepped: bool = False
+) -> tuple[Plan, Plan, float]:
     """A plan within `tolerance` at z, set right there by a much finer one; that one; the error it was set right by."""
-    plan, error = target.plan(z, tolerance)
-    finer = divided(plan, FINER, target.signal.t, target.signal.quantity)
-    return anchored(target.oscillator, plan, finer, target.all_values(z)), finer, error
+    plan, error = target.plan(z, tolerance, stepped)
+    osc, signal, values = target.oscillator, target.signal, target.all_values(z)
+    fine = finer(osc, plan, values, FINER, signal.t, signal.quantity)
+    return anchored(osc, plan, fine, values), fine, error
+
+
+def mesh_of(target: Target, mode: Mode) -> MeshPlan:
+    """A mode's plan where that is in steps; else one at the mode that is. Not of exact friction."""
+    plan = mode.context.plan
+    if not isinstance(plan, MeshPlan):
+        plan, _ = target.plan(mode.z, mode.tolerance, stepped=True)
+    assert isinstance(plan, MeshPlan)
+    return plan
 
 
 def _step_errors(

@@ -18,7 +18,7 @@ import numpy as np
 from scipy.interpolate import CubicHermiteSpline
 from scipy.special import erfc, log_ndtr
 
-from bayesdamp.inference.mode import Mode
+from bayesdamp.inference.mode import Mode, mesh_of
 from bayesdamp.inference.residuals import information
 from bayesdamp.inference.target import Target
 from bayesdamp.physics.integrate import MeshPlan, many_nodes
@@ -94,9 +94,9 @@ def other_form(
     absorbed: an orthonormal basis, (n, k), of what was fitted; whiten: what a change of the residuals, (n,), does to
     the scores. Exact friction (ε = 0) has no derivatives by the start: nothing is tested.
     """
-    plan = mode.context.plan
-    if not isinstance(plan, MeshPlan):
+    if target.exact_friction:
         return Other()
+    plan = mesh_of(target, mode)
     found: list[tuple[float, str]] = []
     rivals: list[Rival] = []
     largest = _largest_damping(target, plan, mode.z)

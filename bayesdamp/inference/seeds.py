@@ -54,8 +54,10 @@ def basins(mode: Mode) -> tuple[list[Basin], list[int | None]]:
             where[i] = len(tops)
             tops.append(i)
     heights = np.array([mode.climbs[i].end + mode.climbs[i].volume for i in tops])
-    mass = np.exp(heights - heights.max()) if tops else heights
-    shares = mass / mass.sum() if tops else mass
+    # An end without curvature has no volume, and no share.
+    heights = np.where(np.isfinite(heights), heights, -np.inf)
+    mass = np.exp(heights - max(heights.max(initial=-np.inf), -1e300))
+    shares = mass / max(mass.sum(), 1e-300)
     found = [
         Basin(mode.climbs[i].z, mode.climbs[i].end, float(share))
         for i, share in zip(tops, shares, strict=True)

@@ -18,7 +18,7 @@ from jax import numpy as jnp
 
 from bayesdamp.inference.condensed import Condensed, condense
 from bayesdamp.inference.noise import NOISES, NoiseModel
-from bayesdamp.physics.integrate import MeshPlan, Plan, is_exact, plan_with_error
+from bayesdamp.physics.integrate import MeshPlan, Plan, is_exact, plan_of, plan_with_error
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.priors import HalfNormal, Prior
 from bayesdamp.types import Signal
@@ -148,10 +148,13 @@ class Target:
             **{k: float(v) for k, v in self.values(z).items()},
         }
 
-    def plan(self, z: np.ndarray, tolerance: float) -> tuple[Plan, float]:
-        """A plan of the solver near the scores z, within `tolerance` (unit of the record), and its error."""
-        values = self.all_values(z)
-        return plan_with_error(self.oscillator, values, self.signal.t, self.signal.quantity, tolerance)
+    def plan(self, z: np.ndarray, tolerance: float, stepped: bool = False) -> tuple[Plan, float]:
+        """A plan of the solver near the scores z, within `tolerance` (unit of the record), and its error.
+
+        stepped: in steps, however many cycles there are.
+        """
+        make = plan_with_error if stepped else plan_of
+        return make(self.oscillator, self.all_values(z), self.signal.t, self.signal.quantity, tolerance)
 
     @property
     def exact_friction(self) -> bool:

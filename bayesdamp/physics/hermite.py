@@ -34,8 +34,11 @@ def basis(fraction: Array, step: Array, derivative: int = 0) -> Array:
     factor = jnp.ones(6)
     for k in range(derivative):
         factor = factor * (powers - k)
+    raised = [jnp.ones_like(fraction)]
+    for _ in range(5):
+        raised.append(raised[-1] * fraction)  # several times faster than a power, and so is its derivative
     exponent = jnp.maximum(powers - derivative, 0)
-    monomials = factor * fraction[..., None] ** exponent
+    monomials = factor * jnp.stack(raised, axis=-1)[..., exponent]
     weights = monomials @ jnp.asarray(_C).T
     h = step[..., None]
     scale = jnp.concatenate([jnp.ones_like(h), h, h**2, jnp.ones_like(h), h, h**2], axis=-1)

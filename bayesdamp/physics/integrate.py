@@ -19,7 +19,7 @@ from jax import Array
 from jax import numpy as jnp
 from scipy.sparse import csr_array
 
-from bayesdamp.physics import friction
+from bayesdamp.physics import cycles, friction
 from bayesdamp.physics.hermite import basis
 from bayesdamp.physics.mesh import frozen_mesh
 from bayesdamp.physics.oscillator import Oscillator, Parameters
@@ -70,7 +70,7 @@ class MeshPlan:
     anchor: Anchor | None = None
 
 
-Plan = MeshPlan | friction.TurningPlan
+Plan = MeshPlan | friction.TurningPlan | cycles.CyclePlan
 Node = tuple[Array, Array, Array]
 """θ, θ̇ and θ̈ between two steps."""
 
@@ -150,6 +150,8 @@ def record(osc: Oscillator, plan: Plan, p: Parameters) -> Array:
     """
     if isinstance(plan, friction.TurningPlan):
         return friction.record(osc, plan, p)
+    if isinstance(plan, cycles.CyclePlan):
+        return cycles.record(osc, plan, p)
     return record_of(plan, nodes(osc, plan.steps, plan.count, p))
 
 
@@ -213,6 +215,8 @@ def between(plan: MeshPlan, states: np.ndarray) -> np.ndarray:
 
 def at_samples(osc: Oscillator, plan: Plan, p: Parameters) -> np.ndarray:
     """`record` in numbers, shape (n,), compiled once for a room of steps, whatever the number of samples."""
+    if isinstance(plan, cycles.CyclePlan):
+        return cycles.at_samples(osc, plan, p)
     if not isinstance(plan, MeshPlan):
         values = {name: np.float64(p[name]) for name in osc.parameters}
         return np.asarray(compiled_record(osc)(plan, values))
@@ -222,6 +226,8 @@ def at_samples(osc: Oscillator, plan: Plan, p: Parameters) -> np.ndarray:
 
 def many_at_samples(osc: Oscillator, plan: Plan, values: Mapping[str, np.ndarray]) -> np.ndarray:
     """`at_samples` at many sets of parameters: values by name, each (m,); shape (m, n)."""
+    if isinstance(plan, cycles.CyclePlan):
+        return cycles.many_at_samples(osc, plan, values)
     if not isinstance(plan, MeshPlan):
         sets = (dict(zip(values, one)) for one in zip(*values.values(), strict=True))
         return np.stack([at_samples(osc, plan, one) for one in sets])
@@ -247,6 +253,9 @@ def anchored(osc: Oscillator, plan: Plan, finer: Plan, p: Parameters) -> Plan:
     Near there the error is a share of the distance to that trajectory, however many samples ask for how
     little: the steps need not be shorter for a longer record. Exact friction keeps its plan.
     """
+    if isinstance(plan, cycles.CyclePlan):
+        lacking = at_samples(osc, finer, p) - at_samples(osc, plan, p)
+        return replace(plan, defect=jax.device_put(np.asarray(plan.defect) + lacking))
     if not (isinstance(plan, MeshPlan) and isinstance(finer, MeshPlan)):
         return plan
     state = _node_values(osc, plan, p)
@@ -254,10 +263,21 @@ def anchored(osc: Oscillator, plan: Plan, finer: Plan, p: Parameters) -> Plan:
     return replace(plan, anchor=Anchor(*jax.device_put((state, defect))))
 
 
+def finer(osc: Oscillator, plan: Plan, p: Parameters, parts: int, times: np.ndarray, quantity: str) -> Plan:
+    """A much finer plan of the same samples (s, (n,)): each step divided into so many equal parts, or, of cycles, the
+    next resolution at `p`."""
+    if isinstance(plan, cycles.CyclePlan):
+        order = QUANTITIES.index(quantity)
+        found = cycles.cycle_plan(osc, p, times - times[0], order, cycles.FINER * plan.resolution)
+        return found or plan
+    return divided(plan, parts, times, quantity)
+
+
 def divided(plan: Plan, parts: int, times: np.ndarray, quantity: str) -> Plan:
     """The plan with each step divided into equal parts, for the same samples (s, (n,))."""
-    if not isinstance(plan, MeshPlan):
+    if isinstance(plan, friction.TurningPlan):
         return replace(plan, steps=plan.steps / parts, per_half_cycle=parts * plan.per_half_cycle)
+    assert isinstance(plan, MeshPlan)
     return _mesh_plan(_times(np.repeat(_steps(plan) / parts, parts)), times - times[0], quantity)
 
 
@@ -271,10 +291,23 @@ def _times(steps: np.ndarray) -> np.ndarray:
 
 def part_of(plan: Plan, part: slice) -> Plan:
     """The plan of some of its samples; the motion starts where it did."""
+    if isinstance(plan, cycles.CyclePlan):
+        return plan.of(part)
     if not isinstance(plan, MeshPlan):
         return replace(plan, times=plan.times[part])
     anchor = plan.anchor and replace(plan.anchor, defect=plan.anchor.defect[part])
     return replace(plan, interval=plan.interval[part], weights=plan.weights[part], anchor=anchor)
+
+
+def plan_of(
+    osc: Oscillator, p: Parameters, times: np.ndarray, quantity: str, tolerance: float
+) -> tuple[Plan, float]:
+    """`plan_with_error`, of cycles where the record has very many of them, smooth in all parameters near `p`."""
+    if not is_exact(osc, p):
+        found = cycles.plan_with_error(osc, p, times - times[0], QUANTITIES.index(quantity), tolerance)
+        if found is not None:
+            return found
+    return plan_with_error(osc, p, times, quantity, tolerance)
 
 
 def is_exact(osc: Oscillator, p: Parameters) -> bool:
@@ -329,8 +362,9 @@ def plan_with_error(
 
 def _at(plan: Plan, times: np.ndarray, quantity: str) -> Plan:
     """The same steps for other samples."""
-    if not isinstance(plan, MeshPlan):
+    if isinstance(plan, friction.TurningPlan):
         return replace(plan, times=jax.device_put(times))
+    assert isinstance(plan, MeshPlan)
     return _mesh_plan(_times(_steps(plan)), times, quantity)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
@@ -109,3 +110,13 @@ def test_a_chain_that_stays_apart_is_seen():
     draws[2] += 3.0
     shifts = [row["shift"] for row in agreement(starts, draws)]
     assert shifts[2] == max(shifts) > 1.0
+
+
+def test_an_end_without_curvature_has_no_share():
+    """Its determinant is zero: neither a warning nor a share that is not a number."""
+    _, mode = climbed(0.0)
+    flat = replace(mode.climbs[0], seed="flat", z=mode.climbs[0].z + 100.0 * mode.sd(), volume=np.inf)
+    found, _ = basins(replace(mode, climbs=(*mode.climbs, flat)))
+    assert sum(b.share for b in found) == pytest.approx(1.0)
+    alone, _ = basins(replace(mode, climbs=(flat,)))
+    assert [b.share for b in alone] == [0.0]

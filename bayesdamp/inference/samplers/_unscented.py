@@ -12,9 +12,9 @@ from jax import Array
 from jax import numpy as jnp
 
 from bayesdamp.inference.density import moving_scores, parameters
-from bayesdamp.inference.mode import Mode
+from bayesdamp.inference.mode import Mode, mesh_of
 from bayesdamp.inference.target import Context, Layout, Target
-from bayesdamp.physics.integrate import QUANTITIES, MeshPlan, nodes
+from bayesdamp.physics.integrate import QUANTITIES, nodes
 from bayesdamp.physics.mesh import LAYER, STEPS_PER_PERIOD, fastest_rate
 from bayesdamp.physics.stepper import step
 
@@ -61,9 +61,10 @@ def filter_online(target: Target, mode: Mode) -> Online:
 
 
 def _longest_step(target: Target, mode: Mode, p: dict[str, Array]) -> float:
-    osc, plan = target.oscillator, mode.context.plan
+    osc = target.oscillator
     longest = 2 * math.pi / fastest_rate(osc, p) / STEPS_PER_PERIOD
-    if osc.switches and isinstance(plan, MeshPlan):
+    if osc.switches and not target.exact_friction:
+        plan = mesh_of(target, mode)
         sharpest = float(jnp.max(jnp.abs(nodes(osc, plan.steps, plan.count, p)[:, 2])))
         longest = min(longest, LAYER * 0.5 * math.pi * float(p["epsilon"]) / sharpest)
     return longest
