@@ -18,10 +18,11 @@ from bayesdamp.physics.integrate import simulate
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.priors import HalfNormal, LogNormal, Normal
 from bayesdamp.signals.features import features
-from bayesdamp.store import Store
+from bayesdamp.store import CellResult, Store
+from bayesdamp.study.cells import Branch
 from bayesdamp.study.noise import NoiseCell
 from bayesdamp.study.records import SignalCell
-from bayesdamp.study.starts import OBSERVED, observed, regression
+from bayesdamp.study.starts import ALL, OBSERVED, observed, of_all, regression
 from bayesdamp.study.targets import Record
 from bayesdamp.types import Problem, Refusal, Signal
 
@@ -69,6 +70,33 @@ def test_no_damping_misses_its_mode_on_a_noisy_acceleration(record, damping) -> 
     found = find_mode(target, seeds, noise_level=record.seen.roughness, thrifty=True)
     assert [c.seed for c in found.climbs] == [OBSERVED]  # it keeps step: the other need not be climbed from
     assert float(target.values(found.z)["stiffness"]) == pytest.approx(FREQUENCY**2, rel=0.01)
+
+
+def test_the_fit_of_all_dampings_is_where_each_begins(record, tmp_path) -> None:
+    """Its motion keeps step: no other start is climbed from, and the three terms begin at their mode."""
+    study, store = record.study, Store(tmp_path)
+    store.write(record.cell)
+    NoiseCell(study, record.spec, 0, store).compute()
+    fits = store.read("noise/tower/0").meta["fits"]
+    assert fits["linear"]["stiffness"] == pytest.approx(FREQUENCY**2, rel=0.01)
+    for model, most in (("coulomb@linear", 20), ("viscous+coulomb+quadratic@linear", 6)):
+        branch = Branch(study, record.spec, 0, model, store)
+        estimate, *_ = (n for n in branch.cells() if n.startswith("estimate/"))
+        store.write(CellResult(estimate, "", outcome="none"))
+        seeds, _ = branch._seeds()
+        found = find_mode(branch.shared, seeds, noise_level=record.seen.roughness, thrifty=True)
+        assert [c.seed for c in found.climbs] == [ALL]
+        assert found.climbs[0].evaluations <= most
+    decay = seeds[OBSERVED]
+    few = of_all(
+        fits["linear"],
+        ["viscous", "coulomb", "quadratic"],
+        Problem(("coulomb",), record.system("linear")),
+        seeds,
+    )
+    assert few[ALL]["mu_c"] == decay["mu_c"]
+    assert few[ALL]["stiffness"] == fits["linear"]["stiffness"]
+    assert "zeta" not in few[ALL]
 
 
 TRUTH = {"zeta": 0.01, "stiffness": 20.0, "rest_angle": 0.0, "theta0": 2.0, "omega0": 0.0, "epsilon": 0.1}

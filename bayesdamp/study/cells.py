@@ -24,7 +24,7 @@ from bayesdamp.study.noise import NoiseCell, noise_cell
 from bayesdamp.study.posteriors import compute_curve, compute_posterior
 from bayesdamp.study.records import NOT_APPLICABLE, SignalCell, cell_seed, digest, plain_seconds
 from bayesdamp.study.sensitivity import compute_sensitivity, sensitivity_cells
-from bayesdamp.study.starts import observed, regression
+from bayesdamp.study.starts import observed, of_all, regression
 from bayesdamp.study.targets import Record
 from bayesdamp.study.weighing import compute_evidence, evidence_parts
 from bayesdamp.types import OK, Problem, Refusal, System, candidate_parts
@@ -207,7 +207,11 @@ class Branch:
         problem = Problem(self.terms, self.system)
         if not seeds:
             seeds |= regression(self.record, problem)[0]
-        seeds = observed(self.record, problem) | seeds
+        decays = observed(self.record, problem)
+        seeds = decays | seeds
+        fit = self._chosen.get("fits", {}).get(self.restoring) if self._many and self.noise_cell else None
+        if fit:
+            seeds = of_all(fit, self._chosen["damping"], problem, decays) | seeds
         if not seeds:
             raise Refusal("no estimator found a place to start from")
         count = 0 if self._many else PRIOR_SEEDS

@@ -84,6 +84,7 @@ class NoiseCell:
             "chosen": chosen_noise(weighed),
             "damping": list(self.terms),
             "restoring": best,
+            "fits": {law: _values(f) for law, f in (fits | {best: fit}).items()},
             "weighed": [asdict(w) for w in weighed],
             "epsilon": epsilon,
             "usual_epsilon": usual,
@@ -105,6 +106,11 @@ class NoiseCell:
         if not seeds:
             raise Refusal(said)
         return fit_with(record.target(self.terms, law, noise), seeds, record.seen)
+
+
+def _values(fit: Fitted) -> dict[str, float]:
+    """A fit's inferred parameters by name."""
+    return {name: float(v) for name, v in fit.target.values(fit.mode.z).items()}
 
 
 def noise_cell(study: Study, spec: SignalSpec, repeat: int, store: Store) -> NoiseCell | None:

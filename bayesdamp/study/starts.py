@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 from bayesdamp.estimators import run as run_estimator
 from bayesdamp.estimators.shared import decay_start, start_parameters
+from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.study.targets import Record
 from bayesdamp.types import Problem, Refusal
 
@@ -14,6 +15,9 @@ REGRESSION = "least_squares"
 OBSERVED = "frequency and decay"
 """Name of the start that is read off the record's turning points: a regression on derivatives is far off where noise
 hides these, as in a record of the acceleration."""
+
+ALL = "fit of all dampings"
+"""Name of the start that has the motion of the fit under which the noise was chosen, which keeps step."""
 
 
 def regression(record: Record, problem: Problem) -> tuple[dict[str, Mapping[str, float]], str]:
@@ -30,3 +34,21 @@ def observed(record: Record, problem: Problem) -> dict[str, Mapping[str, float]]
     except Refusal:
         return {}
     return {OBSERVED: values | decay_start(problem, record.seen)}
+
+
+def of_all(
+    fit: Mapping[str, float],
+    damping: Sequence[str],
+    problem: Problem,
+    decays: Mapping[str, Mapping[str, float]],
+) -> dict[str, Mapping[str, float]]:
+    """The motion of a fit of all dampings, with the damping of the record's decrements, which one of fewer terms has to
+    account for alone; with the fit's own where no other is known or it has the same terms.
+
+    fit: its parameters by name; damping: its terms; decays: what `observed` found.
+    """
+    oscillator = Oscillator(problem.damping, problem.system.restoring)
+    motion = {n: fit[n] for n in (*oscillator.law.parameters, "theta0", "omega0") if n in fit}
+    own = {n: v for n, v in fit.items() if n in oscillator.coefficients}
+    decay = {n: v for n, v in decays.get(OBSERVED, {}).items() if n in oscillator.coefficients}
+    return {ALL: motion | own | ({} if tuple(damping) == problem.damping else decay)}
