@@ -9,6 +9,7 @@ from functools import lru_cache, partial
 import jax
 import numpy as np
 from jax import Array
+from jax import numpy as jnp
 
 from bayesdamp.inference.condensed import room_of
 from bayesdamp.inference.density import log_posterior
@@ -24,7 +25,7 @@ from bayesdamp.inference.linearised import (
     tight,
 )
 from bayesdamp.inference.target import Context, Layout
-from bayesdamp.physics.cycles import CyclePlan, record_and_slopes
+from bayesdamp.physics.cycles import TOGETHER, CyclePlan, record_and_slopes
 from bayesdamp.physics.friction import TurningPlan
 from bayesdamp.physics.integrate import nodes_and_slopes
 from bayesdamp.physics.oscillator import Oscillator
@@ -67,9 +68,18 @@ def compiled(layout: Layout) -> Compiled:
         linearise=lambda context, z: lines(context.lean, z),
         curvature=curvature_at,
         tight=lambda context, z: tight(layout, context.lean, lines(context.lean, z)),
-        batch=lambda context, z: batch(context.lean, z),
+        batch=lambda context, z: _in_parts(batch, context.lean, z),
         linearised_batch=lambda context, line, z: straight(context.lean, line, z),
     )
+
+
+def _in_parts(batch: Callable[[Context, Scores], Array], context: Context, z: Scores) -> Array:
+    """A batch; of motions by cycles, each of which keeps all its cycles for a while, a few at a time."""
+    if not isinstance(context.plan, CyclePlan):
+        return batch(context, z)
+    padded = np.pad(np.asarray(z), ((0, -len(z) % TOGETHER), (0, 0)), mode="edge")
+    found = [np.asarray(batch(context, part)) for part in np.split(padded, len(padded) // TOGETHER)]
+    return jnp.asarray(np.concatenate(found)[: len(z)])
 
 
 def _unparted(context: Context) -> Context:

@@ -326,7 +326,7 @@ def plan_with_error(
     none such."""
     plan = cycle_plan(osc, p, times, quantity, FIRST)
     for _ in range(TRIES):
-        finer = None if plan is None else cycle_plan(osc, p, times, quantity, FINER * plan.resolution)
+        finer = plan and cycle_plan(osc, p, times, quantity, FINER * plan.resolution)
         if plan is None or finer is None:
             return None
         change = float(np.max(np.abs(at_samples(osc, plan, p) - at_samples(osc, finer, p))))

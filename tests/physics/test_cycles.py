@@ -12,7 +12,9 @@ from scipy.integrate import solve_ivp
 
 from bayesdamp.inference.build import build_target
 from bayesdamp.inference.checks import check_fit
+from bayesdamp.inference.compiled import compiled
 from bayesdamp.inference.defaults import Reference
+from bayesdamp.inference.density import log_posterior
 from bayesdamp.inference.evidence import importance
 from bayesdamp.inference.mode import Mode, find_mode
 from bayesdamp.inference.target import Target
@@ -169,3 +171,14 @@ def test_mode_and_evidence_are_those_of_the_steps(ring, monkeypatch):
     one, other = (importance.PLUGIN.evidence("m", target, m, 3) for m in (mode, plain))
     assert one.outcome == other.outcome == "ok"
     assert abs(one.log_evidence - other.log_evidence) < 4 * np.hypot(one.stderr, other.stderr)
+
+
+def test_a_batch_in_parts_is_the_batch(ring):
+    """However many, and in their order; each as by itself."""
+    target, mode = ring
+    z = mode.z + 0.5 * np.random.default_rng(2).standard_normal((37, mode.z.size)) @ mode.factor.T
+    z = np.where(np.asarray(target.layout.folded), np.abs(z), z)
+    found = np.asarray(compiled(target.layout).batch(mode.context, z))
+    alone = [float(log_posterior(target.layout, mode.context, jnp.asarray(one))) for one in z[[0, 16, 36]]]
+    np.testing.assert_allclose(found[[0, 16, 36]], alone, atol=1e-6)
+    assert found.shape == (37,)
