@@ -76,3 +76,5 @@ def test_a_record_that_does_not_show_it_keeps_the_usual_one(friction, truth, noi
     best = max(t.log_evidence for t in tried)
     assert best - next(t.log_evidence for t in tried if t.share == 0.02) < LEAD
     assert epsilon_note(tried, None, "rad") == ""
+    # Where friction is lost in the noise, or there is none, no other is tried.
+    assert (len(tried) == 1) == (friction < 0.3)

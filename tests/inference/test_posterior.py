@@ -125,7 +125,7 @@ def test_a_step_is_as_long_as_it_may_be():
     whole, half = (
         Nuts().attempt(target, mode, at, settings, shorter=share).posterior(target) for share in (1.0, 0.5)
     )
-    assert np.mean(whole.stats["n_steps"]) < 0.6 * np.mean(half.stats["n_steps"])
+    assert np.mean(whole.stats["n_steps"]) < min(4.0, 0.6 * np.mean(half.stats["n_steps"]))
     for name, found in whole.diagnostics["summary"].items():
         assert found["ess_bulk"] > 0.8 * half.diagnostics["summary"][name]["ess_bulk"]
 
