@@ -8,13 +8,15 @@ The public interface, each name loaded when it is first used:
 - `features(signal)`: period, amplitude and roughness of a record.
 """
 
+import os
+import sys
 from importlib import import_module
 from typing import TYPE_CHECKING
 
-import jax
-
-# Before any array is made: double precision everywhere.
-jax.config.update("jax_enable_x64", True)
+# Before any array is made: double precision everywhere. JAX takes a second to load, and reads this when it does.
+os.environ["JAX_ENABLE_X64"] = "1"
+if "jax" in sys.modules:
+    sys.modules["jax"].config.update("jax_enable_x64", True)
 
 __version__ = "0.1.0"
 

@@ -10,9 +10,11 @@ import numpy as np
 import pytest
 
 from bayesdamp.config.compare import Asked, comparison
-from bayesdamp.inference import mode as modes
-from bayesdamp.inference.mode import GROWN, Mode, find_mode, maximise
+from bayesdamp.inference import search
+from bayesdamp.inference.climb import maximise
+from bayesdamp.inference.mode import Mode
 from bayesdamp.inference.noise import NOISES
+from bayesdamp.inference.search import GROWN, find_mode
 from bayesdamp.inference.target import Target
 from bayesdamp.physics.integrate import simulate
 from bayesdamp.physics.oscillator import Oscillator
@@ -146,18 +148,18 @@ def test_a_start_that_loses_step_is_taken_along_growing_windows(monkeypatch) -> 
     t, y = swing().signal.t, swing().signal.y
     kept = (t < 0.01) | (t > 5.0)
     gappy = replace(swing(), signal=Signal(t[kept], y[kept]))
-    begun = modes._begun(gappy, ["fast"], gappy.scores(FAST), 1e-4)
-    (after,) = modes._grown(gappy, [begun], 1e-4, PERIOD)
+    begun = search._begun(gappy, ["fast"], gappy.scores(FAST), 1e-4)
+    (after,) = search._grown(gappy, [begun], 1e-4, PERIOD)
     assert abs(float(gappy.values(after.z)["stiffness"]) - TRUTH["stiffness"]) < 0.01
     # Where a seed keeps step no window is needed, nor computed.
-    monkeypatch.setattr(modes, "_grown", lambda *_: (pytest.fail("grown for nothing") for _ in range(1)))
+    monkeypatch.setattr(search, "_grown", lambda *_: (pytest.fail("grown for nothing") for _ in range(1)))
     near = find_mode(swing(), {"right": TRUTH}, noise_level=NOISE, period=PERIOD)
     assert [c.seed for c in near.climbs] == ["right"]
 
 
 def test_a_mode_without_curvature_gives_way_to_the_next(monkeypatch) -> None:
     seeds = {"right": TRUTH, "fast": FAST}
-    settle, asked = modes._settle, []
+    settle, asked = search.settle, []
 
     def refusing(target, z, *rest):
         asked.append(z)
@@ -165,12 +167,12 @@ def test_a_mode_without_curvature_gives_way_to_the_next(monkeypatch) -> None:
             raise Refusal("the posterior has no curvature at its mode")
         return settle(target, z, *rest)
 
-    monkeypatch.setattr(modes, "_settle", refusing)
+    monkeypatch.setattr(search, "settle", refusing)
     second = find_mode(swing(), seeds, noise_level=NOISE)
     assert len(asked) == 2
     assert np.max(np.abs(asked[0] - asked[1])) > 0.1
     assert abs(stiffness(second) - TRUTH["stiffness"]) > 1.0
-    monkeypatch.setattr(modes, "_settle", lambda *_: (_ for _ in ()).throw(Refusal("no curvature")))
+    monkeypatch.setattr(search, "settle", lambda *_: (_ for _ in ()).throw(Refusal("no curvature")))
     with pytest.raises(Refusal, match="no curvature"):
         find_mode(swing(), seeds, noise_level=NOISE)
 

@@ -13,8 +13,9 @@ from bayesdamp.config import Simulation, Study
 from bayesdamp.estimators import run as run_estimator
 from bayesdamp.inference.build import build_target
 from bayesdamp.inference.defaults import Reference
-from bayesdamp.inference.mode import Mode, find_mode
+from bayesdamp.inference.mode import Mode
 from bayesdamp.inference.noise import NOISES
+from bayesdamp.inference.search import find_mode
 from bayesdamp.inference.target import Target
 from bayesdamp.physics.damping import parse_model
 from bayesdamp.physics.oscillator import Oscillator

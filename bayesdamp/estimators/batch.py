@@ -12,7 +12,7 @@ from jax import numpy as jnp
 
 from bayesdamp.estimators.refine import refine
 from bayesdamp.estimators.shared import free_names, oscillator
-from bayesdamp.physics.integrate import make_plan, record
+from bayesdamp.physics.integrate import make_plan
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.types import Estimate, Problem, Refusal, Signal
 
@@ -40,7 +40,7 @@ def _steps(osc: Oscillator, names: tuple[str, ...]):
 
     def one(x: Array, y: Array, plan, rest):
         def samples(x: Array) -> Array:
-            return record(osc, plan, {**rest, **dict(zip(names, x))})
+            return plan.record(osc, {**rest, **dict(zip(names, x))})
 
         value, push = jax.linearize(samples, x)
         j = jax.vmap(push)(jnp.eye(len(names)))

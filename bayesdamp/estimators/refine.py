@@ -18,8 +18,9 @@ from bayesdamp.estimators.shared import (
     oscillator,
     start_parameters,
 )
-from bayesdamp.physics.integrate import compiled_record, make_plan, record
+from bayesdamp.physics.integrate import make_plan
 from bayesdamp.physics.oscillator import Oscillator
+from bayesdamp.physics.plan import compiled_record
 from bayesdamp.signals.features import Features
 from bayesdamp.types import OK, Estimate, Problem, Refusal, Signal
 
@@ -36,7 +37,7 @@ def with_jacobian(osc: Oscillator):
     names = tuple(name for name in osc.parameters if name != "epsilon")
 
     def samples(x, plan, rest):
-        return record(osc, plan, {**rest, **{name: x[i] for i, name in enumerate(names)}})
+        return plan.record(osc, {**rest, **{name: x[i] for i, name in enumerate(names)}})
 
     @jax.jit
     def both(x, plan, rest):

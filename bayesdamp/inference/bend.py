@@ -8,9 +8,10 @@ from typing import Any
 import jax
 import numpy as np
 
+from bayesdamp.inference.climb import maximise
 from bayesdamp.inference.compiled import compiled
 from bayesdamp.inference.lift import Lift
-from bayesdamp.inference.mode import Mode, maximise
+from bayesdamp.inference.mode import Mode
 from bayesdamp.inference.target import Target
 from bayesdamp.types import Refusal
 

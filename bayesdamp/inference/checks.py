@@ -10,14 +10,14 @@ import jax
 import numpy as np
 from scipy.fft import next_fast_len
 
+from bayesdamp.inference.climb import ROUGHLY, climb
 from bayesdamp.inference.cut_normal import about
 from bayesdamp.inference.lines import Line, orthonormal, standing_out, strongest
-from bayesdamp.inference.mode import ROUGHLY, Mode, climb, whitening
+from bayesdamp.inference.mode import Mode, whitening
 from bayesdamp.inference.noise import NoiseModel
 from bayesdamp.inference.other_forms import Other, Rival, other_form
 from bayesdamp.inference.residuals import residual, residuals, whitened
 from bayesdamp.inference.target import Target
-from bayesdamp.physics.integrate import part_of
 from bayesdamp.types import Refusal
 
 DRAWS = 200
@@ -234,7 +234,7 @@ def _windows(target: Target, mode: Mode) -> tuple[tuple[Window, ...], float, int
     windows, spread, looks = [whole], 0.0, 0
     for label, first in (("first half", 0), ("middle half", (n - half) // 2), ("last half", n - half)):
         part = slice(first, first + half)
-        context = target.context(part_of(mode.context.plan, part), part)
+        context = target.context(mode.context.plan.of(part), part)
         z, value, information, _, _ = climb(target.layout, context, mode.z, close=ROUGHLY)
         if not np.isfinite(value):
             continue

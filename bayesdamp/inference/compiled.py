@@ -17,7 +17,6 @@ from bayesdamp.inference.gradient import curvature
 from bayesdamp.inference.linearised import (
     Line,
     TightLine,
-    linearise,
     linearised_log_posterior,
     misfits,
     moving,
@@ -25,10 +24,8 @@ from bayesdamp.inference.linearised import (
     tight,
 )
 from bayesdamp.inference.target import Context, Layout
-from bayesdamp.physics.cycles import TOGETHER, CyclePlan, record_and_slopes
-from bayesdamp.physics.friction import TurningPlan
-from bayesdamp.physics.integrate import nodes_and_slopes
 from bayesdamp.physics.oscillator import Oscillator
+from bayesdamp.physics.steps import MeshPlan, nodes_and_slopes
 from bayesdamp.programs import Program
 
 Scores = Array | np.ndarray
@@ -62,7 +59,9 @@ def compiled(layout: Layout) -> Compiled:
 
     def curvature_at(context: Context, z: Scores) -> tuple[Array, Array, Array]:
         line = lines(context.lean, z)
-        return curved(_unparted(context.lean), line, z)
+        # The trajectory is there already: parts of a record share the program.
+        lean = context.lean
+        return curved(replace(lean, plan=lean.plan.whole), line, z)
 
     return Compiled(
         linearise=lambda context, z: lines(context.lean, z),
@@ -74,18 +73,13 @@ def compiled(layout: Layout) -> Compiled:
 
 
 def _in_parts(batch: Callable[[Context, Scores], Array], context: Context, z: Scores) -> Array:
-    """A batch; of motions by cycles, each of which keeps all its cycles for a while, a few at a time."""
-    if not isinstance(context.plan, CyclePlan):
+    """A batch; where each motion keeps all its cycles for a while, a few at a time."""
+    together = context.plan.together
+    if together is None:
         return batch(context, z)
-    padded = np.pad(np.asarray(z), ((0, -len(z) % TOGETHER), (0, 0)), mode="edge")
-    found = [np.asarray(batch(context, part)) for part in np.split(padded, len(padded) // TOGETHER)]
+    padded = np.pad(np.asarray(z), ((0, -len(z) % together), (0, 0)), mode="edge")
+    found = [np.asarray(batch(context, part)) for part in np.split(padded, len(padded) // together)]
     return jnp.asarray(np.concatenate(found)[: len(z)])
-
-
-def _unparted(context: Context) -> Context:
-    """For programs that have the trajectory already: parts of a record share them."""
-    plan = context.plan
-    return replace(context, plan=plan.whole) if isinstance(plan, CyclePlan) else context
 
 
 def _lines(layout: Layout) -> Callable[[Context, Scores], Line]:
@@ -94,25 +88,17 @@ def _lines(layout: Layout) -> Callable[[Context, Scores], Line]:
     values = Program(partial(moving, layout), "moving", layout)
     solver = _solver(layout.oscillator, names)
     misfit = Program(partial(misfits, layout), "misfits", layout)
-    whole = Program(partial(linearise, layout), "linearise", layout)
 
     def line(context: Context, z: Scores) -> Line:
         plan = context.plan
-        if isinstance(plan, TurningPlan):
-            return whole(context, z)
         p, x = values(context, z)
-        if isinstance(plan, CyclePlan):
-            found, slopes = _followed(layout.oscillator, names)(plan.whole, p)
-            return context.y - found[plan.kept], -slopes[:, plan.kept], x
+        if not isinstance(plan, MeshPlan):
+            found, slopes = plan.record_and_slopes(layout.oscillator, names, p)
+            return context.y - found, -slopes, x
         steps = np.asarray(plan.steps)[: room_of(plan)]
         return *misfit(context, *solver(steps, plan.count, p)), x
 
     return line
-
-
-@lru_cache(maxsize=64)
-def _followed(osc: Oscillator, names: tuple[str, ...]) -> Program:
-    return Program(partial(record_and_slopes, osc, names), "cycles_and_slopes", osc, names)
 
 
 @lru_cache(maxsize=64)

@@ -21,8 +21,9 @@ from jax import Array
 from jax import numpy as jnp
 
 from bayesdamp.inference.noise import NoiseModel, NormalNoise
-from bayesdamp.physics.integrate import MeshPlan, Node, Plan, along, between
 from bayesdamp.physics.oscillator import Oscillator
+from bayesdamp.physics.plan import Plan
+from bayesdamp.physics.steps import MeshPlan, Node, along, between
 
 EVEN = 1e-8
 """Departure of a gap from the mean one, as a share, up to which a clock is uniform: rounding, no jitter. In a log

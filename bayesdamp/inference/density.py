@@ -13,7 +13,7 @@ from jax import numpy as jnp
 from bayesdamp.inference import condensed as condensing
 from bayesdamp.inference.noise import NormalNoise
 from bayesdamp.inference.target import Context, Layout
-from bayesdamp.physics.integrate import MeshPlan, nodes, record, record_of
+from bayesdamp.physics.steps import MeshPlan, nodes
 
 Arrays = Mapping[str, Array]
 """Arrays by name: parameters, or sums of squares."""
@@ -32,7 +32,7 @@ def parameters(layout: Layout, context: Context, z: Array) -> dict[str, Array]:
 
 def residual(layout: Layout, context: Context, z: Array) -> Array:
     """Record minus trajectory, shape (n,)."""
-    return context.y - record(layout.oscillator, context.plan, parameters(layout, context, z))
+    return context.y - context.plan.record(layout.oscillator, parameters(layout, context, z))
 
 
 @dataclass(frozen=True)
@@ -68,10 +68,10 @@ def reading(layout: Layout, context: Context) -> Reading:
     noise, condensed, plan = layout.noise, context.condensed, context.plan
     if condensed is None or not isinstance(noise, NormalNoise) or not isinstance(plan, MeshPlan):
         return Reading(
-            lambda p: context.y - record(layout.oscillator, plan, p),
+            lambda p: context.y - plan.record(layout.oscillator, p),
             lambda e, p: noise.log_likelihood(e, context.gaps, p),
             lambda v, p: noise.information_root(v, context.gaps, p),
-            (lambda state: context.y - record_of(plan, state)) if isinstance(plan, MeshPlan) else None,
+            (lambda state: context.y - plan.of_nodes(state)) if isinstance(plan, MeshPlan) else None,
         )
     return Reading(
         lambda p: condensed.misfit(nodes(layout.oscillator, plan.steps, plan.count, p)),

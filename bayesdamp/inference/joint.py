@@ -14,11 +14,13 @@ from itertools import pairwise
 
 import numpy as np
 
+from bayesdamp.inference.climb import maximise
 from bayesdamp.inference.compiled import compiled
 from bayesdamp.inference.density import LOG_2PI
 from bayesdamp.inference.evidence.laplace import log_integral
 from bayesdamp.inference.frame import FAR
-from bayesdamp.inference.mode import ANCHORS, NEAR, Mode, maximise, restore_mode
+from bayesdamp.inference.mode import NEAR, Mode, restore_mode
+from bayesdamp.inference.search import ANCHORS
 from bayesdamp.inference.target import Target
 from bayesdamp.types import Refusal
 

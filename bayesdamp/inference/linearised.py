@@ -19,7 +19,8 @@ from bayesdamp.inference.density import (
     reading,
 )
 from bayesdamp.inference.target import Context, Layout
-from bayesdamp.physics.integrate import MeshPlan, nodes_and_slopes
+from bayesdamp.physics.steps import MeshPlan, nodes_and_slopes
+from bayesdamp.physics.tangents import with_slopes
 
 Line = tuple[Array, Array, Array]
 """Misfit (c,), its derivatives (k, c) by what moves the trajectory, and the values of that (k,)."""
@@ -28,20 +29,13 @@ Line = tuple[Array, Array, Array]
 def linearise(layout: Layout, context: Context, z: Array) -> Line:
     """The misfit and its derivatives by forward tangents: all that curvature and gradient need of the solver."""
     plan = context.plan
-    if isinstance(plan, MeshPlan):
-        p, x = moving(layout, context, z)
-        solved = nodes_and_slopes(layout.oscillator, moving_names(layout), plan.steps, plan.count, p)
-        return *misfits(layout, context, *solved), x
+    p, x = moving(layout, context, z)
     names = moving_names(layout)
-    p, misfit = parameters(layout, context, z), reading(layout, context).misfit
-
-    def fun(x: Array) -> Array:
-        return misfit({**p, **dict(zip(names, x, strict=True))})
-
-    x = moving_values(layout, context, z)
-    push = jax.vmap(lambda v: jax.jvp(fun, (x,), (v,)), out_axes=(None, 0))
-    e, slopes = push(jnp.eye(x.size))
-    return e, slopes, x
+    if isinstance(plan, MeshPlan):
+        solved = nodes_and_slopes(layout.oscillator, names, plan.steps, plan.count, p)
+        return *misfits(layout, context, *solved), x
+    found, slopes = with_slopes(lambda q: plan.record(layout.oscillator, q), names, p)
+    return context.y - found, -slopes, x
 
 
 def moving_names(layout: Layout) -> tuple[str, ...]:

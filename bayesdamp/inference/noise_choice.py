@@ -11,9 +11,10 @@ from scipy.optimize import minimize
 
 from bayesdamp.inference.compiled import compiled
 from bayesdamp.inference.evidence.laplace import log_integral
-from bayesdamp.inference.mode import Mode, find_mode
+from bayesdamp.inference.mode import Mode
 from bayesdamp.inference.noise import NOISES
 from bayesdamp.inference.residuals import log_density_under, residual
+from bayesdamp.inference.search import find_mode
 from bayesdamp.inference.target import Target
 from bayesdamp.signals.features import Features
 from bayesdamp.types import OK, Refusal, Signal

@@ -21,8 +21,8 @@ from scipy.special import erfc, log_ndtr
 from bayesdamp.inference.mode import Mode, mesh_of
 from bayesdamp.inference.residuals import information
 from bayesdamp.inference.target import Target
-from bayesdamp.physics.integrate import MeshPlan, many_nodes
 from bayesdamp.physics.oscillator import Oscillator, damping_shapes
+from bayesdamp.physics.steps import MeshPlan, many_nodes
 
 STEP = 1e-4
 """Share of the motion by which its start is moved for the derivatives."""

@@ -12,7 +12,6 @@ from bayesdamp.inference.evidence.importance import Importance
 from bayesdamp.inference.mode import Mode, mode_near
 from bayesdamp.inference.residuals import residuals
 from bayesdamp.inference.target import Target
-from bayesdamp.physics.integrate import part_of
 from bayesdamp.types import OK, Evidence, Refusal
 
 INTERVAL = 1.959963984540054
@@ -42,7 +41,7 @@ def first_half(target: Target, mode: Mode) -> Mode:
     part = slice(0, target.signal.t.size // 2)
     if part.stop <= len(target.names):
         raise Refusal(f"half the record has {part.stop} samples for {len(target.names)} parameters")
-    context = target.context(part_of(mode.context.plan, part), part)
+    context = target.context(mode.context.plan.of(part), part)
     return mode_near(target.layout, context, mode, mode.z)
 
 

@@ -10,18 +10,18 @@ import numpy as np
 
 from bayesdamp.inference.noise import NOISES
 from bayesdamp.inference.target import Target
-from bayesdamp.physics.integrate import Plan, at_samples, many_at_samples
+from bayesdamp.physics.plan import Plan
 
 
 def residual(target: Target, plan: Plan, z: np.ndarray) -> np.ndarray:
     """Record minus trajectory at scores z, (d,): shape (n,), in the unit of the record."""
-    return target.signal.y - at_samples(target.oscillator, plan, target.all_values(z))
+    return target.signal.y - plan.at_samples(target.oscillator, target.all_values(z))
 
 
 def residuals(target: Target, plan: Plan, z: np.ndarray) -> np.ndarray:
     """The same at many scores, (m, d): shape (m, n)."""
     every = {**{n: np.full(len(z), float(v)) for n, v in target.known.items()}, **target.values(z)}
-    return target.signal.y - many_at_samples(target.oscillator, plan, every)
+    return target.signal.y - plan.many_at_samples(target.oscillator, every)
 
 
 def whitened(target: Target, r: np.ndarray, z: np.ndarray) -> np.ndarray:

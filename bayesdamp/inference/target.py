@@ -18,8 +18,10 @@ from jax import numpy as jnp
 
 from bayesdamp.inference.condensed import Condensed, condense
 from bayesdamp.inference.noise import NOISES, NoiseModel
-from bayesdamp.physics.integrate import MeshPlan, Plan, is_exact, plan_of, plan_with_error
+from bayesdamp.physics.integrate import is_exact, plan_of, plan_with_error
 from bayesdamp.physics.oscillator import Oscillator
+from bayesdamp.physics.plan import Plan
+from bayesdamp.physics.steps import MeshPlan
 from bayesdamp.priors import HalfNormal, Prior
 from bayesdamp.types import Signal
 

@@ -22,6 +22,7 @@ from jax import numpy as jnp
 from bayesdamp.physics.hermite import basis
 from bayesdamp.physics.mesh import fastest_rate, frozen_mesh
 from bayesdamp.physics.oscillator import Oscillator, Parameters
+from bayesdamp.physics.plan import QUANTITIES, Plan, compiled_records
 from bayesdamp.physics.stepper import land, step
 from bayesdamp.programs import Program
 
@@ -55,7 +56,7 @@ SURVEY = 24
     meta_fields=["turns", "derivative", "resolution", "part"],
 )
 @dataclass(frozen=True)
-class CyclePlan:
+class CyclePlan(Plan):
     """Where cycles are solved, and the samples.
 
     centre: the reference's angle at rest, rad; span: least and largest log amplitude, (2,); periods: of the
@@ -77,6 +78,7 @@ class CyclePlan:
     derivative: int
     resolution: float
     part: tuple[int, int] | None = None
+    together = TOGETHER
 
     @property
     def whole(self) -> CyclePlan:
@@ -84,13 +86,51 @@ class CyclePlan:
 
     @property
     def kept(self) -> slice:
-        """Of all samples those that are wanted."""
         return slice(*self.part) if self.part else slice(None)
 
-    def of(self, part: slice) -> CyclePlan:
-        """Of some of its samples."""
-        kept = range(self.times.size)[self.kept][part]
+    def of(self, samples: slice) -> CyclePlan:
+        kept = range(self.times.size)[self.kept][samples]
         return replace(self, part=(kept.start, kept.stop))
+
+    def record(self, osc: Oscillator, p: Parameters) -> Array:
+        """Not finite where the motion leaves the plan's amplitudes, either."""
+        begins, length, nodes = _followed(osc, self, p)
+        # Behind where the motion left the plan nothing is known.
+        known = jnp.where(jnp.isfinite(begins), begins, jnp.inf)
+        cycle = jnp.clip(jnp.searchsorted(known, self.times, side="right") - 1, 0, self.turns)
+        ends = jnp.concatenate([jnp.zeros(1), jnp.cumsum(self.shares)])
+        lasts = length[cycle]
+        share = (self.times - begins[cycle]) / lasts
+        within = jnp.clip(jnp.searchsorted(ends, share, side="right") - 1, 0, self.shares.size - 1)
+        part = self.shares[within]
+        weights = basis((share - ends[within]) / part, lasts * part, self.derivative)
+        flat, at = (
+            nodes.reshape(-1, 3),
+            cycle * nodes.shape[1] + within,
+        )  # rows side by side are gathered fastest
+        found = jnp.sum(flat[at] * weights[:, :3], axis=1) + jnp.sum(flat[at + 1] * weights[:, 3:], axis=1)
+        beyond = jnp.where(self.times[-1] <= known[-1], 0.0, jnp.nan)
+        return (found + self.defect + beyond)[self.kept]
+
+    def finer(
+        self, osc: Oscillator, p: Parameters, parts: int, times: np.ndarray, quantity: str
+    ) -> CyclePlan:
+        """The next resolution at `p`."""
+        del parts
+        order = QUANTITIES.index(quantity)
+        return cycle_plan(osc, p, times - times[0], order, FINER * self.resolution) or self
+
+    def anchored(self, osc: Oscillator, finer: Plan, p: Parameters) -> CyclePlan:
+        lacking = finer.at_samples(osc, p) - self.at_samples(osc, p)
+        return replace(self, defect=jax.device_put(np.asarray(self.defect) + lacking))
+
+    def many_at_samples(self, osc: Oscillator, values: Mapping[str, np.ndarray]) -> np.ndarray:
+        count, found = len(values["theta0"]), []
+        for first in range(0, count, TOGETHER):
+            rows = np.minimum(np.arange(first, first + TOGETHER), count - 1)
+            some = {name: np.asarray(values[name], float)[rows] for name in osc.parameters}
+            found.append(np.asarray(compiled_records(osc)(self.whole, some))[: count - first, self.kept])
+        return np.concatenate(found)
 
 
 @lru_cache(maxsize=32)
@@ -188,63 +228,6 @@ def _followed(osc: Oscillator, plan: CyclePlan, p: Parameters) -> tuple[Array, A
     return begins, length, jnp.concatenate([start[None], cycles])
 
 
-def record(osc: Oscillator, plan: CyclePlan, p: Parameters) -> Array:
-    """The planned quantity at the samples, shape (n,); not finite where the motion leaves the plan's amplitudes."""
-    begins, length, nodes = _followed(osc, plan, p)
-    # Behind where the motion left the plan nothing is known.
-    known = jnp.where(jnp.isfinite(begins), begins, jnp.inf)
-    cycle = jnp.clip(jnp.searchsorted(known, plan.times, side="right") - 1, 0, plan.turns)
-    ends = jnp.concatenate([jnp.zeros(1), jnp.cumsum(plan.shares)])
-    lasts = length[cycle]
-    share = (plan.times - begins[cycle]) / lasts
-    within = jnp.clip(jnp.searchsorted(ends, share, side="right") - 1, 0, plan.shares.size - 1)
-    part = plan.shares[within]
-    weights = basis((share - ends[within]) / part, lasts * part, plan.derivative)
-    flat, at = nodes.reshape(-1, 3), cycle * nodes.shape[1] + within  # rows side by side are gathered fastest
-    found = jnp.sum(flat[at] * weights[:, :3], axis=1) + jnp.sum(flat[at + 1] * weights[:, 3:], axis=1)
-    beyond = jnp.where(plan.times[-1] <= known[-1], 0.0, jnp.nan)
-    return (found + plan.defect + beyond)[plan.kept]
-
-
-def record_and_slopes(
-    osc: Oscillator, names: Sequence[str], plan: CyclePlan, p: Parameters
-) -> tuple[Array, Array]:
-    """`record`, and its derivatives by the parameters of these names, (k, n), by forward tangents."""
-
-    def fun(x: Array) -> Array:
-        return record(osc, plan, {**p, **dict(zip(names, x, strict=True))})
-
-    x = jnp.stack([jnp.asarray(p[name], float) for name in names])
-    push = jax.vmap(lambda v: jax.jvp(fun, (x,), (v,)), out_axes=(None, 0))
-    return push(jnp.eye(x.size))
-
-
-@lru_cache(maxsize=64)
-def _record(osc: Oscillator):
-    return Program(partial(record, osc), "cycles", osc)
-
-
-@lru_cache(maxsize=64)
-def _records(osc: Oscillator):
-    return Program(jax.vmap(partial(record, osc), in_axes=(None, 0)), "many_cycles", osc)
-
-
-def at_samples(osc: Oscillator, plan: CyclePlan, p: Parameters) -> np.ndarray:
-    """`record` in numbers."""
-    values = {name: np.float64(p[name]) for name in osc.parameters}
-    return np.asarray(_record(osc)(plan.whole, values))[plan.kept]
-
-
-def many_at_samples(osc: Oscillator, plan: CyclePlan, values: Mapping[str, np.ndarray]) -> np.ndarray:
-    """`record` at many sets of parameters: values by name, each (m,); shape (m, n)."""
-    count, found = len(values["theta0"]), []
-    for first in range(0, count, TOGETHER):
-        rows = np.minimum(np.arange(first, first + TOGETHER), count - 1)
-        part = {name: np.asarray(values[name], float)[rows] for name in osc.parameters}
-        found.append(np.asarray(_records(osc)(plan.whole, part))[: count - first, plan.kept])
-    return np.concatenate(found)
-
-
 @lru_cache(maxsize=64)
 def _surveyor(osc: Oscillator):
     """Compiled: (p, step, end, least time of the first turn) to the number of upper turning points, the first one's
@@ -329,7 +312,7 @@ def plan_with_error(
         finer = plan and cycle_plan(osc, p, times, quantity, FINER * plan.resolution)
         if plan is None or finer is None:
             return None
-        change = float(np.max(np.abs(at_samples(osc, plan, p) - at_samples(osc, finer, p))))
+        change = float(np.max(np.abs(plan.at_samples(osc, p) - finer.at_samples(osc, p))))
         if change <= tolerance:
             return plan, change
         if not np.isfinite(change):

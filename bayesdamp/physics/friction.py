@@ -9,7 +9,7 @@ motion ends.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache, partial
 
 import jax
@@ -20,6 +20,7 @@ from jax import numpy as jnp
 from bayesdamp.physics.hermite import basis
 from bayesdamp.physics.mesh import fastest_rate
 from bayesdamp.physics.oscillator import Oscillator, Parameters
+from bayesdamp.physics.plan import QUANTITIES, Plan
 from bayesdamp.physics.stepper import land, step
 
 STEPS_PER_HALF_CYCLE = 16
@@ -31,13 +32,44 @@ STEPS_PER_HALF_CYCLE = 16
     meta_fields=["per_half_cycle", "derivative"],
 )
 @dataclass(frozen=True)
-class TurningPlan:
+class TurningPlan(Plan):
     """Step length of each half-cycle in s, shape (k,), and the samples' times in s, shape (n,)."""
 
     steps: Array
     times: Array
     per_half_cycle: int
     derivative: int
+
+    def record(self, osc: Oscillator, p: Parameters) -> Array:
+        nodes = _half_cycles(osc, self.steps, self.per_half_cycle, p)
+        turning = nodes[:, -1, 0]
+        cycle = jnp.clip(jnp.searchsorted(turning, self.times), 0, nodes.shape[0] - 1)
+        since = self.times - nodes[cycle, 0, 0]
+        h = self.steps[cycle]
+        within = jnp.clip(jnp.floor(since / h).astype(int), 0, self.per_half_cycle - 1)
+        # The short last interval runs from the last step to the turning point; where the landing went backwards,
+        # samples before the turning point lie in the steps alone.
+        last = self.times > nodes[cycle, self.per_half_cycle, 0]
+        within = jnp.where(last, self.per_half_cycle, within)
+        left, right = nodes[cycle, within], nodes[cycle, within + 1]
+        length = right[:, 0] - left[:, 0]
+        usable = jnp.where(length > 0, length, 1.0)
+        weights = basis((self.times - left[:, 0]) / usable, usable, self.derivative)
+        pair = jnp.concatenate([left[:, 1:], right[:, 1:]], axis=1)
+        return jnp.sum(pair * weights, axis=1)
+
+    def of(self, samples: slice) -> TurningPlan:
+        return replace(self, times=self.times[samples])
+
+    def at(self, times: np.ndarray, quantity: str) -> TurningPlan:
+        derivative = QUANTITIES.index(quantity)
+        return replace(self, times=jax.device_put(np.asarray(times, float)), derivative=derivative)
+
+    def finer(
+        self, osc: Oscillator, p: Parameters, parts: int, times: np.ndarray, quantity: str
+    ) -> TurningPlan:
+        del osc, p, times, quantity
+        return replace(self, steps=self.steps / parts, per_half_cycle=parts * self.per_half_cycle)
 
 
 def _forces(osc: Oscillator, p: Parameters):
@@ -87,26 +119,6 @@ def _half_cycles(osc: Oscillator, steps: Array, per_half_cycle: int, p: Paramete
 
     start = (jnp.asarray(0.0), jnp.asarray(p["theta0"], float), jnp.asarray(p["omega0"], float), 0.0)
     return jax.lax.scan(half_cycle, start, steps)[1]
-
-
-def record(osc: Oscillator, plan: TurningPlan, p: Parameters) -> Array:
-    """The planned quantity at the samples, shape (n,)."""
-    nodes = _half_cycles(osc, plan.steps, plan.per_half_cycle, p)
-    turning = nodes[:, -1, 0]
-    cycle = jnp.clip(jnp.searchsorted(turning, plan.times), 0, nodes.shape[0] - 1)
-    since = plan.times - nodes[cycle, 0, 0]
-    h = plan.steps[cycle]
-    within = jnp.clip(jnp.floor(since / h).astype(int), 0, plan.per_half_cycle - 1)
-    # The short last interval runs from the last step to the turning point; where the landing went backwards,
-    # samples before the turning point lie in the steps alone.
-    last = plan.times > nodes[cycle, plan.per_half_cycle, 0]
-    within = jnp.where(last, plan.per_half_cycle, within)
-    left, right = nodes[cycle, within], nodes[cycle, within + 1]
-    length = right[:, 0] - left[:, 0]
-    usable = jnp.where(length > 0, length, 1.0)
-    weights = basis((plan.times - left[:, 0]) / usable, usable, plan.derivative)
-    pair = jnp.concatenate([left[:, 1:], right[:, 1:]], axis=1)
-    return jnp.sum(pair * weights, axis=1)
 
 
 @lru_cache(maxsize=64)
@@ -160,5 +172,5 @@ def turning_plan(
         jax.device_put(np.asarray(lengths) / per_half_cycle),
         jax.device_put(np.asarray(times, float)),
         per_half_cycle,
-        ("angle", "velocity", "acceleration").index(quantity),
+        QUANTITIES.index(quantity),
     )

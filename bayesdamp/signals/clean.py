@@ -81,7 +81,11 @@ def clean(
         notes.append(
             f"{many} further than {OUTLIER:g} standard deviations from a local fit and stay in the record."
         )
-    notes.append(f"Kept are {t.size} samples at {rate:.5g} Hz, {cycles:.1f} cycles of {found.period:.4g} s.")
+    periods = float(t[-1] - t[0]) / found.period
+    clear = f", of which {cycles:.1f} stand out of the noise" if periods > cycles + 1 else ""
+    notes.append(
+        f"Kept are {t.size} samples at {rate:.5g} Hz, {max(periods, cycles):.1f} cycles of {found.period:.4g} s{clear}."
+    )
     provenance: dict[str, object] = {k: v for k, v in raw.provenance.items() if k != "notes"}
     provenance |= {
         "unit": unit,

@@ -14,7 +14,8 @@ from bayesdamp.config import SignalSpec, Study
 from bayesdamp.config.checks import plain
 from bayesdamp.estimators import run as run_estimator
 from bayesdamp.inference.checks import check_fit
-from bayesdamp.inference.mode import Mode, find_mode
+from bayesdamp.inference.mode import Mode
+from bayesdamp.inference.search import find_mode
 from bayesdamp.inference.seeds import prior_seeds
 from bayesdamp.inference.target import Target
 from bayesdamp.physics.damping import parse_model

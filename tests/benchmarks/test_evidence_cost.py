@@ -8,10 +8,11 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
-from bayesdamp.inference import mode
+from bayesdamp.inference import climb, search
 from bayesdamp.inference.density import moving_scores
 from bayesdamp.inference.evidence import EVIDENCES, nested
-from bayesdamp.inference.mode import Mode, find_mode
+from bayesdamp.inference.mode import Mode
+from bayesdamp.inference.search import find_mode
 from bayesdamp.inference.target import Target
 from tests.inference import problems
 
@@ -23,7 +24,7 @@ RATIO = 10.0
 
 def searched(target: Target, start: dict[str, float], level: float) -> tuple[Mode, int]:
     """The mode, and likelihoods its search took; one with tangents counts as one for each tangent more."""
-    count, real = [0], mode.compiled
+    count, real = [0], climb.compiled
 
     def counting(layout):
         found = real(layout)
@@ -35,7 +36,8 @@ def searched(target: Target, start: dict[str, float], level: float) -> tuple[Mod
         return replace(found, curvature=curvature)
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(mode, "compiled", counting)
+        for module in (climb, search):
+            patch.setattr(module, "compiled", counting)
         at = find_mode(target, {"start": start}, noise_level=level)
     return at, count[0]
 

@@ -15,10 +15,12 @@ from scipy.signal import lfilter
 from bayesdamp.inference.compiled import compiled
 from bayesdamp.inference.density import log_posterior
 from bayesdamp.inference.gradient import value_and_gradient
-from bayesdamp.inference.mode import Mode, find_mode
+from bayesdamp.inference.mode import Mode
+from bayesdamp.inference.search import find_mode
 from bayesdamp.inference.target import Layout, Target
-from bayesdamp.physics.integrate import MeshPlan, simulate
+from bayesdamp.physics.integrate import simulate
 from bayesdamp.physics.oscillator import Oscillator
+from bayesdamp.physics.steps import MeshPlan
 from bayesdamp.priors import HalfNormal, LogNormal, Normal, Prior
 from bayesdamp.types import Signal
 

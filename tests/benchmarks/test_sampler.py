@@ -18,9 +18,9 @@ from scipy.integrate import odeint
 from bayesdamp.inference import diagnostics
 from bayesdamp.inference.checks import value_sds
 from bayesdamp.inference.density import log_posterior
-from bayesdamp.inference.mode import find_mode
 from bayesdamp.inference.samplers import SAMPLERS, Settings
 from bayesdamp.inference.samplers._many import sample_many
+from bayesdamp.inference.search import find_mode
 from bayesdamp.inference.target import Target
 from bayesdamp.physics.integrate import simulate
 from bayesdamp.physics.oscillator import Oscillator

@@ -13,8 +13,9 @@ from physics.independent import LAWS, PAPER, trajectory
 from scipy.integrate import odeint
 
 from bayesdamp.physics.damping import TERMS
-from bayesdamp.physics.integrate import compiled_record, make_plan, record
+from bayesdamp.physics.integrate import make_plan
 from bayesdamp.physics.oscillator import Oscillator
+from bayesdamp.physics.plan import compiled_record
 
 from .timing import in_turns, table
 
@@ -61,7 +62,7 @@ def measured(model: str) -> dict[str, float]:
     run = compiled_record(osc)
     rng = np.random.default_rng(0)
     many = {n: jnp.asarray(p[n] * (1 + 1e-3 * rng.standard_normal(SIZE))) for n in osc.parameters}
-    batch = jax.jit(jax.vmap(lambda q: record(osc, plan, q)))
+    batch = jax.jit(jax.vmap(lambda q: plan.record(osc, q)))
     last = {n: float(v[-1]) for n, v in many.items()}
     error = np.max(np.abs(np.asarray(run(plan, one)) - truth))
     batch_error = np.max(

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from bayesdamp.inference.evidence import EVIDENCES
-from bayesdamp.inference.mode import find_mode
+from bayesdamp.inference.search import find_mode
 from bayesdamp.inference.target import Target
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.types import Signal

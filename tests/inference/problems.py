@@ -12,8 +12,9 @@ from pydantic import TypeAdapter
 
 from bayesdamp.inference.batches import log_likelihood
 from bayesdamp.inference.density import log_posterior
-from bayesdamp.inference.mode import Mode, find_mode
+from bayesdamp.inference.mode import Mode
 from bayesdamp.inference.samplers import SAMPLERS, Settings
+from bayesdamp.inference.search import find_mode
 from bayesdamp.inference.target import Layout, Target
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.priors import Prior

@@ -12,7 +12,7 @@ import numpy as np
 from scipy.special import logsumexp
 
 from bayesdamp.inference.joint import Joint
-from bayesdamp.inference.mode import find_mode
+from bayesdamp.inference.search import find_mode
 from bayesdamp.inference.target import Target
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.priors import HalfNormal, LogNormal, Normal, Prior

@@ -19,8 +19,9 @@ from bayesdamp.inference.build import build_target
 from bayesdamp.inference.defaults import Reference
 from bayesdamp.inference.evidence import Draws, bridge, importance
 from bayesdamp.inference.lift import Lift
-from bayesdamp.inference.mode import Mode, find_mode
+from bayesdamp.inference.mode import Mode
 from bayesdamp.inference.samplers import Settings, nuts
+from bayesdamp.inference.search import find_mode
 from bayesdamp.inference.target import Target
 from bayesdamp.signals.features import features
 from bayesdamp.types import OK, Problem, Signal, System

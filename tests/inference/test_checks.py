@@ -7,9 +7,10 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
+from bayesdamp.inference import checks
 from bayesdamp.inference.batches import log_posterior
 from bayesdamp.inference.checks import Fit, autocorrelation, check_fit, kurtosis, laplace_draws, portmanteau
-from bayesdamp.inference.mode import find_mode
+from bayesdamp.inference.search import find_mode
 from bayesdamp.inference.target import Target
 from bayesdamp.physics.integrate import simulate
 from bayesdamp.physics.oscillator import Oscillator
@@ -97,6 +98,20 @@ def test_wrong_damping_is_seen():
     assert found.verdict.startswith("does not fit")
     assert found.window_spread > 4
     assert found.fit == pytest.approx(target.signal.y - found.residual)
+
+
+def test_windows_are_climbed_closely_enough(monkeypatch):
+    """To a fiftieth of their sd, where the whole record's mode is near (a true model) and where it is far. Negative
+    control: climbs that any step ends."""
+
+    def values(close: float) -> np.ndarray:
+        monkeypatch.setattr(checks, "ROUGHLY", close)
+        fits = [fit("viscous", "viscous", 0)[1], fit("quadratic", "viscous", 1)[1]]
+        return np.array([w.values["zeta"] / w.sd["zeta"] for f in fits for w in f.windows[1:]])
+
+    usual, truth = values(checks.ROUGHLY), values(1e-6)
+    assert np.max(np.abs(usual - truth)) < 0.02
+    assert np.max(np.abs(values(10.0) - truth)) > 0.05
 
 
 def test_outliers_are_told_where_the_noise_model_does_not_allow_for_them():

@@ -19,18 +19,10 @@ from bayesdamp.inference.gradient import value_and_gradient
 from bayesdamp.inference.linearised import linearise, moving_names
 from bayesdamp.inference.noise import NOISES
 from bayesdamp.inference.target import Context, Target
-from bayesdamp.physics.integrate import (
-    MeshPlan,
-    anchored,
-    at_samples,
-    compiled_record,
-    divided,
-    make_plan,
-    nodes,
-    part_of,
-    record,
-)
+from bayesdamp.physics.integrate import make_plan
 from bayesdamp.physics.oscillator import Oscillator
+from bayesdamp.physics.plan import compiled_record
+from bayesdamp.physics.steps import MeshPlan, nodes
 from bayesdamp.priors import HalfNormal, LogNormal, Normal, Prior
 from bayesdamp.types import Signal
 
@@ -64,7 +56,7 @@ def target(damping: str, noise: str, quantity: str) -> tuple[Target, dict[str, f
     osc = Oscillator(tuple(damping.split("+")), "horizontal_pendulum")
     truth = {**TRUTHS[damping], **MOTION, "noise_sd": NOISE, "noise_time": NOISE_TIME}
     p = {**truth, **KNOWN}
-    y = at_samples(osc, make_plan(osc, p, TIMES, quantity, 1e-7), p) + noise_of(noise)
+    y = make_plan(osc, p, TIMES, quantity, 1e-7).at_samples(osc, p) + noise_of(noise)
     priors: dict[str, Prior] = {n: HalfNormal(scale=10 * v) for n, v in TRUTHS[damping].items()}
     priors |= {"stiffness": LogNormal(median=20.0, sigma=0.5)}
     priors |= {"theta0": Normal(mean=0.0, sd=0.6), "omega0": Normal(mean=0.0, sd=2.0)}
@@ -79,7 +71,7 @@ def case(damping: str, noise: str, quantity: str = "angle") -> tuple[Target, np.
     found, truth = target(damping, noise, quantity)
     p = {**truth, **KNOWN}
     coarse = make_plan(found.oscillator, p, TIMES, quantity, 1e-4)
-    plan = anchored(found.oscillator, coarse, divided(coarse, 4, TIMES, quantity), p)
+    plan = coarse.anchored(found.oscillator, coarse.finer(found.oscillator, p, 4, TIMES, quantity), p)
     assert isinstance(plan, MeshPlan)
     return found, found.scores(truth), plan, found.context(plan)
 
@@ -94,7 +86,7 @@ def moving(found: Target) -> list[int]:
 
 
 def fit(found: Target, plan: MeshPlan, z: np.ndarray) -> np.ndarray:
-    return at_samples(found.oscillator, plan, found.all_values(z))
+    return plan.at_samples(found.oscillator, found.all_values(z))
 
 
 def white(found: Target, r: np.ndarray, p: dict[str, float]) -> np.ndarray:
@@ -290,7 +282,7 @@ def test_a_part_of_a_record():
     """The last half, as a window of the checks takes it: first and last pair included."""
     found, z, plan, _ = case("viscous", "correlated")
     part = slice(COUNT // 2, COUNT)
-    context = found.context(part_of(plan, part), part)
+    context = found.context(plan.of(part), part)
     assert context.condensed is not None
     run = problems.height(found.layout)
     points = [jnp.asarray(x) for x in (z, z + 0.01)]
@@ -331,7 +323,7 @@ def test_samples_so_far_apart_that_no_step_has_two():
     sums = condense(NOISES.get("correlated"), cut, times, y)
     assert sums is not None
     p = {n: jnp.asarray(v) for n, v in found.all_values(z).items()}
-    r = y - np.asarray(record(found.oscillator, cut, p))
+    r = y - np.asarray(cut.record(found.oscillator, p))
     streamed = sums.sums_along(found.oscillator, plan.steps, plan.count, p)
     assert float(streamed["squares"]) == pytest.approx(np.sum(r**2), rel=1e-9)
     assert float(streamed["differences"]) == pytest.approx(np.sum(np.diff(r) ** 2), rel=1e-9)
@@ -359,12 +351,12 @@ def test_anchored_plan():
     p = {**TRUTHS["viscous"], **MOTION, **KNOWN}
     times = TIMES[::20]
     coarse = make_plan(osc, p, times, tolerance=1e-4)
-    finer = divided(coarse, 5, times, "angle")
-    plan = anchored(osc, coarse, finer, p)
+    finer = coarse.finer(osc, p, 5, times, "angle")
+    plan = coarse.anchored(osc, finer, p)
 
     def error(of, share: float) -> float:
         q = {**p, "theta0": p["theta0"] * (1 + share), "stiffness": p["stiffness"] * (1 + share)}
-        return float(np.max(np.abs(at_samples(osc, of, q) - at_samples(osc, finer, q))))
+        return float(np.max(np.abs(of.at_samples(osc, q) - finer.at_samples(osc, q))))
 
     assert error(coarse, 0.0) > 1e-6
     assert error(plan, 0.0) < 1e-14
@@ -372,7 +364,7 @@ def test_anchored_plan():
     assert error(plan, 1e-4) < 0.01 * error(coarse, 1e-4)
     assert error(plan, 0.3) > 0.1 * error(coarse, 0.3)
     values = {n: jnp.asarray(p[n]) for n in osc.parameters}
-    np.testing.assert_allclose(compiled_record(osc)(plan, values), at_samples(osc, plan, p), atol=1e-13)
+    np.testing.assert_allclose(compiled_record(osc)(plan, values), plan.at_samples(osc, p), atol=1e-13)
 
 
 @pytest.mark.parametrize(("count", "most", "room"), [(512, 4096, 512), (513, 4096, 2048), (600, 1024, 1024)])

@@ -10,9 +10,10 @@ import pytest
 
 from bayesdamp.inference.build import build_target
 from bayesdamp.inference.defaults import Reference
-from bayesdamp.inference.mode import Mode, find_mode
+from bayesdamp.inference.mode import Mode
 from bayesdamp.inference.samplers import SAMPLERS, Settings
 from bayesdamp.inference.samplers.kalman import natural
+from bayesdamp.inference.search import find_mode
 from bayesdamp.inference.target import Target
 from bayesdamp.physics.integrate import simulate
 from bayesdamp.physics.oscillator import Oscillator

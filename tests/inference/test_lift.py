@@ -12,8 +12,9 @@ from jax import numpy as jnp
 from bayesdamp.inference.bend import bend
 from bayesdamp.inference.evidence import Draws, bridge, importance
 from bayesdamp.inference.lift import Lift
-from bayesdamp.inference.mode import Mode, find_mode
+from bayesdamp.inference.mode import Mode
 from bayesdamp.inference.samplers import Settings, nuts
+from bayesdamp.inference.search import find_mode
 from bayesdamp.inference.target import Target
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.priors import HalfNormal, LogNormal, LogUniform, Normal

@@ -11,9 +11,10 @@ import pytest
 from jax import numpy as jnp
 
 from bayesdamp.inference.density import log_posterior
-from bayesdamp.inference.mode import Mode, find_mode
+from bayesdamp.inference.mode import Mode
 from bayesdamp.inference.samplers import Settings, nuts
 from bayesdamp.inference.samplers._many import axes, sample_many, stacked
+from bayesdamp.inference.search import find_mode
 from bayesdamp.inference.target import Target
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.priors import HalfNormal, LogNormal

@@ -13,7 +13,8 @@ from bayesdamp.inference import batches
 from bayesdamp.inference.build import build_target
 from bayesdamp.inference.defaults import Reference
 from bayesdamp.inference.density import residual
-from bayesdamp.inference.mode import Mode, find_mode
+from bayesdamp.inference.mode import Mode
+from bayesdamp.inference.search import find_mode
 from bayesdamp.inference.target import Target
 from bayesdamp.signals.features import features
 from bayesdamp.signals.read import read_record

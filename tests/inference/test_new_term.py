@@ -12,8 +12,8 @@ from physics.independent import trajectory
 from bayesdamp.inference.build import build_target
 from bayesdamp.inference.defaults import Reference
 from bayesdamp.inference.evidence import EVIDENCES
-from bayesdamp.inference.mode import find_mode
 from bayesdamp.inference.samplers import SAMPLERS, Settings
+from bayesdamp.inference.search import find_mode
 from bayesdamp.physics.damping import TERMS, DampingTerm, parse_model
 from bayesdamp.physics.integrate import simulate
 from bayesdamp.physics.oscillator import Oscillator

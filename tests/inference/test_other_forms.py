@@ -12,12 +12,14 @@ from scipy.stats import kstest, norm
 
 from bayesdamp.inference.checks import check_fit, tangents
 from bayesdamp.inference.lines import orthonormal
-from bayesdamp.inference.mode import Mode, find_mode
+from bayesdamp.inference.mode import Mode
 from bayesdamp.inference.other_forms import FORMS, SIZE, Other, other_form, responses
 from bayesdamp.inference.residuals import residual, whitened
+from bayesdamp.inference.search import find_mode
 from bayesdamp.inference.target import Target
-from bayesdamp.physics.integrate import MeshPlan, make_plan
+from bayesdamp.physics.integrate import make_plan
 from bayesdamp.physics.oscillator import Oscillator
+from bayesdamp.physics.steps import MeshPlan
 from bayesdamp.priors import HalfNormal, Normal
 from bayesdamp.types import Signal
 

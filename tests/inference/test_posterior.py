@@ -12,9 +12,9 @@ from scipy.stats import genpareto
 
 from bayesdamp.inference import diagnostics
 from bayesdamp.inference.frame import frame
-from bayesdamp.inference.mode import find_mode
 from bayesdamp.inference.samplers import SAMPLERS, Sampler, Settings, nuts
 from bayesdamp.inference.samplers.nuts import Nuts
+from bayesdamp.inference.search import find_mode
 from bayesdamp.priors import LogNormal
 from bayesdamp.types import OK, Posterior
 

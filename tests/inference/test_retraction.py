@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from bayesdamp.inference.mode import climb, find_mode
+from bayesdamp.inference.climb import climb
 from bayesdamp.inference.retraction import retraction, straight_on
+from bayesdamp.inference.search import find_mode
 from bayesdamp.inference.target import Target
 from bayesdamp.physics.integrate import simulate
 from bayesdamp.physics.oscillator import Oscillator

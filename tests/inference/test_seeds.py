@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 
 from bayesdamp.inference.frame import frame
-from bayesdamp.inference.mode import Mode, find_mode
+from bayesdamp.inference.mode import Mode
 from bayesdamp.inference.samplers import Settings
 from bayesdamp.inference.samplers._starts import Start, agreement, seeded_starts
+from bayesdamp.inference.search import find_mode
 from bayesdamp.inference.seeds import basins, prior_seeds
 from bayesdamp.inference.target import Target
 from bayesdamp.physics.oscillator import Oscillator

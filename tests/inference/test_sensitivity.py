@@ -11,9 +11,9 @@ from scipy.stats import gaussian_kde, truncnorm
 
 from bayesdamp.inference import widths
 from bayesdamp.inference.evidence.importance import Importance
-from bayesdamp.inference.mode import find_mode
 from bayesdamp.inference.prediction import log_predictive, predict
 from bayesdamp.inference.savage_dickey import density_at_zero, savage_dickey
+from bayesdamp.inference.search import find_mode
 from bayesdamp.inference.widths import against_width, widened
 from bayesdamp.priors import HalfNormal, LogNormal, Normal, Uniform
 from bayesdamp.types import Evidence, Signal

@@ -18,11 +18,13 @@ from bayesdamp.inference.defaults import EPSILON_RANGE, EPSILON_SHARE, Reference
 from bayesdamp.inference.density import log_posterior, parameters
 from bayesdamp.inference.gradient import value_and_gradient
 from bayesdamp.inference.linearised import linearise, linearised_log_posterior
-from bayesdamp.inference.mode import BUDGET, find_mode
+from bayesdamp.inference.mode import BUDGET
 from bayesdamp.inference.noise import NOISES
+from bayesdamp.inference.search import find_mode
 from bayesdamp.inference.target import Target
-from bayesdamp.physics.integrate import compiled_record, make_plan
+from bayesdamp.physics.integrate import make_plan
 from bayesdamp.physics.oscillator import Oscillator
+from bayesdamp.physics.plan import compiled_record
 from bayesdamp.priors import HalfNormal, LogNormal, Normal, Prior, Uniform
 from bayesdamp.types import Refusal, Signal, System
 

@@ -16,22 +16,15 @@ from bayesdamp.inference.compiled import compiled
 from bayesdamp.inference.defaults import Reference
 from bayesdamp.inference.density import log_posterior
 from bayesdamp.inference.evidence import importance
-from bayesdamp.inference.mode import Mode, find_mode
+from bayesdamp.inference.mode import Mode
+from bayesdamp.inference.search import find_mode
 from bayesdamp.inference.target import Target
 from bayesdamp.physics import cycles
 from bayesdamp.physics.cycles import CyclePlan
-from bayesdamp.physics.integrate import (
-    MeshPlan,
-    anchored,
-    at_samples,
-    finer,
-    many_at_samples,
-    part_of,
-    plan_of,
-    plan_with_error,
-    record,
-)
+from bayesdamp.physics.integrate import plan_of, plan_with_error
 from bayesdamp.physics.oscillator import Oscillator
+from bayesdamp.physics.steps import MeshPlan
+from bayesdamp.physics.tangents import with_slopes
 from bayesdamp.signals.features import features
 from bayesdamp.types import Signal, System
 
@@ -68,20 +61,20 @@ def test_the_map_follows_the_motion(name, quantity):
     solved at the reference's amplitudes alone does not follow another start."""
     osc, p = case(name)
     fine, _ = plan_with_error(osc, p, TIMES, quantity, 1e-9)
-    truth = at_samples(osc, fine, p)
+    truth = fine.at_samples(osc, p)
     size = np.max(np.abs(truth))
     plan, stated = plan_of(osc, p, TIMES, quantity, 1e-4 * size)
     assert isinstance(plan, CyclePlan)
     assert stated <= 1e-4 * size
-    assert np.max(np.abs(at_samples(osc, plan, p) - truth)) < 1.5 * stated
-    right = anchored(osc, plan, finer(osc, plan, p, 5, TIMES, quantity), p)
-    assert np.max(np.abs(at_samples(osc, right, p) - truth)) < 0.2 * stated
+    assert np.max(np.abs(plan.at_samples(osc, p) - truth)) < 1.5 * stated
+    right = plan.anchored(osc, plan.finer(osc, p, 5, TIMES, quantity), p)
+    assert np.max(np.abs(right.at_samples(osc, p) - truth)) < 0.2 * stated
     q = moved(p)
-    away = at_samples(osc, fine, q)
+    away = fine.at_samples(osc, q)
     assert np.max(np.abs(away - truth)) > 0.005 * size
-    assert np.max(np.abs(at_samples(osc, right, q) - away)) < 0.3 * stated
+    assert np.max(np.abs(right.at_samples(osc, q) - away)) < 0.3 * stated
     narrow = replace(right, span=jnp.mean(right.span) + 0.01 * (right.span - jnp.mean(right.span)))
-    assert not np.all(np.isfinite(at_samples(osc, narrow, q)))
+    assert not np.all(np.isfinite(narrow.at_samples(osc, q)))
 
 
 def test_an_independent_solver_agrees():
@@ -96,7 +89,7 @@ def test_an_independent_solver_agrees():
     times = TIMES - TIMES[0]
     truth = solve_ivp(motion, (0, times[-1]), begun, "DOP853", times, rtol=1e-11, atol=1e-13).y[0]
     assert isinstance(plan, CyclePlan)
-    assert np.max(np.abs(at_samples(osc, plan, p) - truth)) < 2e-5
+    assert np.max(np.abs(plan.at_samples(osc, p) - truth)) < 2e-5
 
 
 def test_slopes_are_those_of_the_motion():
@@ -106,18 +99,18 @@ def test_slopes_are_those_of_the_motion():
     names = ("zeta", "mu_c", "mu_q", "stiffness", "cubic", "rest_angle", "theta0", "omega0")
     values = {n: jnp.asarray(v) for n, v in p.items()}
     assert isinstance(plan, CyclePlan)
-    found, slopes = jax.jit(lambda q: cycles.record_and_slopes(osc, names, plan, q))(values)
-    np.testing.assert_allclose(found, at_samples(osc, plan, p), atol=1e-10)
+    found, slopes = jax.jit(lambda q: with_slopes(lambda r: plan.record(osc, r), names, q))(values)
+    np.testing.assert_allclose(found, plan.at_samples(osc, p), atol=1e-10)
     for name, slope in zip(names, slopes, strict=True):
         h = 1e-6 * max(abs(p[name]), 1.0) * (0.01 if name == "stiffness" else 1.0)
-        up, down = (at_samples(osc, plan, {**p, name: p[name] + s * h}) for s in (1, -1))
+        up, down = (plan.at_samples(osc, {**p, name: p[name] + s * h}) for s in (1, -1))
         np.testing.assert_allclose(slope, (up - down) / (2 * h), atol=2e-4 * np.max(np.abs(slope)))
-    middle = part_of(part_of(plan, slice(500, 2500)), slice(100, 1100))
-    np.testing.assert_array_equal(at_samples(osc, middle, p), at_samples(osc, plan, p)[600:1600])
-    np.testing.assert_allclose(record(osc, middle, values), found[600:1600], atol=1e-10)
+    middle = plan.of(slice(500, 2500)).of(slice(100, 1100))
+    np.testing.assert_array_equal(middle.at_samples(osc, p), plan.at_samples(osc, p)[600:1600])
+    np.testing.assert_allclose(middle.record(osc, values), found[600:1600], atol=1e-10)
     several = {n: np.array([v, moved(p)[n]]) for n, v in p.items()}
-    both = many_at_samples(osc, middle, several)
-    np.testing.assert_allclose(both[1], at_samples(osc, middle, moved(p)), atol=1e-10)
+    both = middle.many_at_samples(osc, several)
+    np.testing.assert_allclose(both[1], middle.at_samples(osc, moved(p)), atol=1e-10)
 
 
 @pytest.mark.parametrize(
@@ -139,7 +132,7 @@ def test_other_records_are_solved_in_steps(change, times):
 def ring() -> tuple[Target, Mode]:
     """A ring-down of 300 cycles with a percent of noise, by its velocity: where zero is does not show."""
     osc, p = case("viscous linear")
-    y = at_samples(osc, plan_with_error(osc, p, TIMES, "velocity", 1e-9)[0], p)
+    y = plan_with_error(osc, p, TIMES, "velocity", 1e-9)[0].at_samples(osc, p)
     signal = Signal(TIMES, y + 0.02 * np.random.default_rng(7).standard_normal(TIMES.size), "velocity")
     seen = features(signal)
     target = build_target(

@@ -9,8 +9,9 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from bayesdamp.physics.integrate import compiled_record, make_plan, simulate
+from bayesdamp.physics.integrate import make_plan, simulate
 from bayesdamp.physics.oscillator import Oscillator
+from bayesdamp.physics.plan import compiled_record
 
 from .independent import LAWS, trajectory
 

@@ -10,8 +10,8 @@ import pytest
 
 from bayesdamp.physics import stepper
 from bayesdamp.physics.hermite import basis
-from bayesdamp.physics.integrate import MeshPlan, record
 from bayesdamp.physics.oscillator import Oscillator
+from bayesdamp.physics.steps import MeshPlan
 from bayesdamp.physics.tableau import ORDER, A, B
 
 from .independent import LAWS, trajectory
@@ -108,7 +108,7 @@ def test_order_of_a_record():
         h = np.diff(nodes)
         weights = basis(jnp.asarray((times - nodes[interval]) / h[interval]), jnp.asarray(h[interval]))
         y = np.asarray(
-            record(osc, MeshPlan(jnp.asarray(h), jnp.asarray(n), jnp.asarray(interval), weights), p)
+            MeshPlan(jnp.asarray(h), jnp.asarray(n), jnp.asarray(interval), weights).record(osc, p)
         )
         errors.append(float(np.max(np.abs(y - truth))))
     assert slope(counts, errors) == pytest.approx(6, abs=0.5)

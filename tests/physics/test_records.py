@@ -7,18 +7,9 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from bayesdamp.physics.integrate import (
-    anchored,
-    at_samples,
-    compiled_record,
-    divided,
-    make_plan,
-    many_at_samples,
-    plan_with_error,
-    record,
-    simulate,
-)
+from bayesdamp.physics.integrate import make_plan, plan_with_error, simulate
 from bayesdamp.physics.oscillator import Oscillator
+from bayesdamp.physics.plan import compiled_record
 
 from .independent import LAWS, PAPER, trajectory
 
@@ -53,7 +44,7 @@ def test_tolerance_is_kept_and_the_stated_error_is_honest(tolerance):
 def test_batch_equals_loop(plan):
     rng = np.random.default_rng(0)
     many = {n: v * (1 + 0.01 * jnp.asarray(rng.standard_normal(8))) for n, v in VALUES.items()}
-    batch = np.asarray(jax.jit(jax.vmap(lambda q: record(OSC, plan, q)))(many))
+    batch = np.asarray(jax.jit(jax.vmap(lambda q: plan.record(OSC, q)))(many))
     run = compiled_record(OSC)
     loop = np.stack([np.asarray(run(plan, {n: v[i] for n, v in many.items()})) for i in range(8)])
     np.testing.assert_allclose(batch, loop, atol=1e-12)
@@ -65,11 +56,11 @@ def test_side_by_side_equals_one_by_one(epsilon, count):
     """On a plan that is set right at its parameters, and with exact friction, which has no plan of the kind."""
     p = {**P, "epsilon": epsilon}
     coarse = make_plan(OSC, p, TIMES, tolerance=1e-3)
-    plan = anchored(OSC, coarse, divided(coarse, 3, TIMES, "angle"), p)
+    plan = coarse.anchored(OSC, coarse.finer(OSC, p, 3, TIMES, "angle"), p)
     rng = np.random.default_rng(1)
     many = {n: v * (1 + 0.01 * rng.standard_normal(count)) for n, v in p.items()}
-    batch = many_at_samples(OSC, plan, many)
-    loop = [at_samples(OSC, plan, {n: v[i] for n, v in many.items()}) for i in range(count)]
+    batch = plan.many_at_samples(OSC, many)
+    loop = [plan.at_samples(OSC, {n: v[i] for n, v in many.items()}) for i in range(count)]
     np.testing.assert_allclose(batch, loop, atol=1e-12)
     assert batch.shape == (count, TIMES.size)
     if count > 1:

@@ -97,6 +97,18 @@ def test_outliers_are_counted_and_stay():
     assert any("4 samples lie" in note for note in signal.provenance["notes"])
 
 
+def test_cycles_below_the_noise_are_told_from_those_above_it():
+    t = np.arange(4000) * 0.01
+    y = decay(t, 0.1) + 0.05 * np.random.default_rng(0).standard_normal(t.size)
+    whole = clean(record(t, y), name="x", stop=39.9)
+    said = whole.provenance["notes"][-1]
+    periods, clear = 39.9 / whole.provenance["period"], whole.provenance["cycles"]
+    assert clear < periods - 1
+    assert f"{periods:.1f} cycles" in said
+    assert f"of which {clear:.1f} stand out of the noise" in said
+    assert "stand out" not in clean(record(t, decay(t, 0.1)), name="x").provenance["notes"][-1]
+
+
 def test_jitter_stays_and_gaps_stay():
     rng = np.random.default_rng(0)
     t = np.arange(2000) * 0.01 + rng.uniform(-0.002, 0.002, 2000)

@@ -9,7 +9,7 @@ import numpy as np
 from jax import numpy as jnp
 
 from bayesdamp.estimators.methods._record import Phase
-from bayesdamp.physics.integrate import make_plan, record
+from bayesdamp.physics.integrate import make_plan
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.signals.features import Features
 from bayesdamp.types import Refusal, Signal
@@ -64,7 +64,7 @@ class Stretches:
 
 @lru_cache(maxsize=32)
 def _batched(osc: Oscillator):
-    return jax.jit(jax.vmap(lambda plan, p: record(osc, plan, p), in_axes=(None, 0)))
+    return jax.jit(jax.vmap(lambda plan, p: plan.record(osc, p), in_axes=(None, 0)))
 
 
 class Simulator:

@@ -17,7 +17,8 @@ from bayesdamp.estimators.shared import (
     oscillator,
     start_parameters,
 )
-from bayesdamp.physics.integrate import compiled_record, make_plan
+from bayesdamp.physics.integrate import make_plan
+from bayesdamp.physics.plan import compiled_record
 from bayesdamp.signals.features import Features
 from bayesdamp.types import Estimate, Problem, Refusal, Signal
 

@@ -12,7 +12,7 @@ from pydantic import Field
 from bayesdamp.estimators._protocol import Estimator, Options
 from bayesdamp.estimators.methods._genes import Genes
 from bayesdamp.estimators.shared import checked_features
-from bayesdamp.physics.integrate import make_plan, record
+from bayesdamp.physics.integrate import make_plan
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.types import Estimate, Problem, Refusal, Signal
 
@@ -140,7 +140,7 @@ def _misfits(osc: Oscillator):
     """Compiled once per shape: root mean square misfit (m,) of trajectories with parameters of shape (m,)."""
 
     def one(plan, y, p):
-        return jnp.sqrt(jnp.mean((record(osc, plan, p) - y) ** 2))
+        return jnp.sqrt(jnp.mean((plan.record(osc, p) - y) ** 2))
 
     return jax.jit(jax.vmap(one, in_axes=(None, None, 0)))
 

@@ -17,7 +17,7 @@ from bayesdamp.inference.mode import Mode
 from bayesdamp.inference.samplers import nuts
 from bayesdamp.inference.samplers._sampler import Settings
 from bayesdamp.inference.target import Context, Layout, Target
-from bayesdamp.physics.integrate import MeshPlan
+from bayesdamp.physics.steps import MeshPlan
 from bayesdamp.programs import Program
 from bayesdamp.types import Posterior
 
@@ -77,12 +77,14 @@ def stacked(contexts: Sequence[Context]) -> Context:
     lean = [c.lean for c in contexts]
     room = max(c.condensed.room if c.condensed is not None else 0 for c in lean)
     both = jax.tree.map(lambda *leaves: jnp.stack(leaves), *(c.in_room(room) for c in lean))
+    assert isinstance(both.plan, MeshPlan)
     return replace(both, plan=replace(both.plan, count=jnp.max(both.plan.count)))
 
 
 def axes(context: Context) -> Context:
     """What `vmap` is to know of such a context."""
     over: Context = jax.tree.map(lambda _: 0, context)
+    assert isinstance(over.plan, MeshPlan)
     return replace(over, plan=replace(over.plan, count=None))
 
 
