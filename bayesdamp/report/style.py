@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Iterable, Sequence
 from typing import Any
+
+from matplotlib.colors import to_hex, to_rgb
 
 from bayesdamp.types import candidate_parts
 
@@ -71,6 +74,24 @@ def dash(model: str) -> str:
 def _look(model: str) -> tuple[str, str]:
     known = _MODELS.get(frozenset(candidate_parts(model)[0].split("+")))
     return known or (_OTHERS[sum(model.encode()) % len(_OTHERS)], ":")
+
+
+PALER = 0.45
+"""By which share of the way to white a sum's next candidate is paler than the one before."""
+
+
+def looks(models: Iterable[str]) -> dict[str, tuple[str, str]]:
+    """Colour and line style of each of the candidates in one figure: those of one damping sum under several restoring
+    laws have its colour, ever paler."""
+    found: dict[str, tuple[str, str]] = {}
+    before: Counter[frozenset[str]] = Counter()
+    for model in models:
+        terms = frozenset(candidate_parts(model)[0].split("+"))
+        ink = (1.0 - PALER) ** before[terms]
+        red, green, blue = (1.0 - ink * (1.0 - part) for part in to_rgb(colour(model)))
+        found[model] = to_hex((red, green, blue)), dash(model)
+        before[terms] += 1
+    return found
 
 
 LETTERS, MARK = 12.5, 7

@@ -15,9 +15,10 @@ from matplotlib.figure import Figure
 from PIL import Image
 
 from bayesdamp.report.drawing import Drawings
+from bayesdamp.report.figures.backbone import backbone
 from bayesdamp.report.figures.density import contours, outline
 from bayesdamp.report.figures.record import thinned
-from bayesdamp.report.style import RC, WIDTH, colour, dash, legend_columns
+from bayesdamp.report.style import RC, WIDTH, colour, dash, legend_columns, looks
 
 
 def test_thinning_keeps_the_extremes():
@@ -73,6 +74,35 @@ def _draw() -> Figure:
     figure = Figure(figsize=(3, 2))
     figure.add_subplot().plot([0, 1], [0, 1])
     return figure
+
+
+def test_one_sum_under_several_laws_is_told_apart():
+    """The first has the sum's own colour, the others are ever paler; another sum is not touched. Negative control:
+    colours of the sums alone are one."""
+    names = ["coulomb@pendulum", "viscous@linear", "coulomb@linear", "coulomb@duffing"]
+    found = [looks(names)[name] for name in names]
+    assert found[0] == (colour("coulomb").lower(), dash("coulomb"))
+    assert found[1][0] == colour("viscous").lower()
+    first, _, second, third = (np.array(to_rgb(shade)) for shade, _ in found)
+    assert np.all(second - first > -0.01)
+    assert np.sum(second - first) > 0.3
+    assert np.sum(third - second) > 0.2
+    assert len({colour(n) for n in names if n.startswith("coulomb")}) == 1
+
+
+def test_few_points_leave_the_range_to_the_candidates():
+    grid = np.linspace(0.1, 0.5, 20)
+    curve = {"amplitude": grid, "ratio": 0.02 + 0.1 * grid, "frequency": 4.0 + grid}
+
+    def shown(count: int) -> tuple[float, float]:
+        at = np.linspace(0.2, 0.3, count)
+        record = {"amplitude": at, "ratio": 0.02 + 0.1 * at, "frequency": 4.0 + at}
+        sds = {f"{n}_sd": np.full(count, 1e-4) for n in ("ratio", "frequency")}
+        return backbone(record | sds, {"viscous@linear": curve}, 1.0, "rad").axes[0].get_ylim()
+
+    for count, whole in ((1, True), (6, False)):
+        low, high = shown(count)
+        assert (low < 0.03 and high > 0.07) == whole
 
 
 def test_a_figure_is_the_same_in_every_report(tmp_path):

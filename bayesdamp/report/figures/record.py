@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from bayesdamp.report import words
-from bayesdamp.report.style import FAINT, INK, QUIET, WIDTH, colour, dash, legend_columns
+from bayesdamp.report.style import FAINT, INK, QUIET, WIDTH, colour, legend_columns, looks
 
 _POINTS = 2000
 _APART = 200
@@ -97,11 +97,11 @@ def _zoom(ax: Axes, t: np.ndarray, y: np.ndarray, fits: Sequence[Fit], start: fl
         ax.plot(t[inside], y[inside], ".", color=QUIET, ms=3, label="record")
     else:
         ax.plot(*thinned(t[inside], y[inside]), color=FAINT, lw=2.2, label="record")
-    for i, fit in enumerate(fits):
+    for i, (fit, (shade, dashes)) in enumerate(zip(fits, looks(f.model for f in fits).values(), strict=True)):
         ax.plot(
             *thinned(t[inside], fit.fit[inside]),
-            color=colour(fit.model),
-            ls=dash(fit.model),
+            color=shade,
+            ls=dashes,
             lw=1.4 if i == 0 else 1.0,
             zorder=3 - 0.01 * i,
             label=words.model(fit.model),
