@@ -69,9 +69,15 @@ def compare(
     time: Annotated[str | None, typer.Option(help="Column of the times in s, by name or number.")] = None,
     rate: Annotated[float | None, typer.Option(help="Sampling rate in Hz, for a file without times.")] = None,
     unit: Annotated[
-        str, typer.Option(help="rad, deg, m or mm: the unit of the displacement itself.")
-    ] = "rad",
-    quantity: Annotated[str, typer.Option(help="angle, velocity or acceleration.")] = "angle",
+        str | None,
+        typer.Option(
+            help="rad, deg, m or mm: of the displacement itself; else as the column's name says, else rad."
+        ),
+    ] = None,
+    quantity: Annotated[
+        str | None,
+        typer.Option(help="angle, velocity or acceleration; else as the column's name says, else angle."),
+    ] = None,
     clock: Annotated[str, typer.Option(help="auto, as_logged or uniform.")] = "auto",
     start: Annotated[str, typer.Option(help="Where the free decay starts, in s, or auto.")] = "auto",
     stop: Annotated[str, typer.Option(help="Where it stops, in s, or auto.")] = "auto",
@@ -96,9 +102,12 @@ def compare(
     fresh: Annotated[bool, typer.Option("--fresh", help="Compute everything again.")] = False,
 ) -> int:
     """Say which damping records have, how sure that is, and when no candidate fits."""
-    from bayesdamp.signals.columns import choose_columns
+    from bayesdamp.signals.columns import choose_columns, unit_asked
 
     columns = [choose_columns(path, time, angle, rate) for path in records]
+    units = [
+        unit_asked(path, value, unit, quantity) for path, (_, value) in zip(records, columns, strict=True)
+    ]
     bounds = _bound(start, "--start"), _bound(stop, "--stop")
     with _early_processes(workers, damping or (), restoring or ()) as pool:
         from rich.console import Console
@@ -106,8 +115,8 @@ def compare(
         from bayesdamp.config.compare import Asked, comparison
 
         asked = [
-            Asked(path, *chosen, rate, unit, quantity, clock, *bounds)
-            for path, chosen in zip(records, columns, strict=True)
+            Asked(path, *chosen, rate, *taken, clock, *bounds)
+            for path, chosen, taken in zip(records, columns, units, strict=True)
         ]
         made = comparison(
             asked, restoring=restoring or (), damping=damping or (), noise=noise, seed=seed, repeats=repeats

@@ -8,6 +8,7 @@ import numpy as np
 
 from bayesdamp.signals.clock import clock_times
 from bayesdamp.signals.features import features
+from bayesdamp.signals.named_units import unit_and_quantity
 from bayesdamp.signals.offset import sensor_offset
 from bayesdamp.signals.quantum import recording_step
 from bayesdamp.signals.record import RawRecord
@@ -69,6 +70,12 @@ def clean(
     outliers = count_outliers(signal, found.period, float(found.turning_amplitudes.max()))
     rate = (t.size - 1) / float(t[-1] - t[0])
     notes = [*_words(raw), *times.notes, *window.notes]
+    said = unit_and_quantity(str(raw.provenance.get("value_column", "")))
+    if said not in (None, (unit, quantity)):
+        notes.append(
+            f"Beware: the column is named {raw.provenance['value_column']!r}; its values are read as "
+            f"{_many(quantity)} in {unit}{_per(quantity)}."
+        )
     if step:
         notes.append(f"The values lie on steps of {step / scale:.4g} {unit}{_per(quantity)}.")
     if offset:
@@ -157,6 +164,10 @@ def _asked(t: np.ndarray, start: str | float, stop: str | float, name: str) -> t
 def _words(raw: RawRecord) -> list[str]:
     notes = raw.provenance.get("notes", [])
     return [str(note) for note in notes] if isinstance(notes, list | tuple) else []
+
+
+def _many(quantity: str) -> str:
+    return {"angle": "displacements", "velocity": "velocities", "acceleration": "accelerations"}[quantity]
 
 
 def _per(quantity: str) -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from bayesdamp.signals.arrays import named_arrays
+from bayesdamp.signals.named_units import unit_and_quantity
 from bayesdamp.signals.table import find_layout
 from bayesdamp.signals.text import decoded
 from bayesdamp.types import InputError
@@ -45,6 +46,26 @@ def choose_columns(
             f"{path.name}: has {len(names)} column{'s' * (len(names) != 1)}: {listed}; give {say}"
         )
     return (None, names[0]) if rate is not None else (names[0], names[1])
+
+
+def unit_asked(path: Path, value: Column | None, unit: str | None, quantity: str | None) -> tuple[str, str]:
+    """The unit and the quantity of a record: as given, else as its column's name says, else an angle in rad.
+
+    value: the column, by name or number from 1.
+    """
+    if unit is None or quantity is None:
+        said = unit_and_quantity(_named(path, value))
+        unit, quantity = unit or (said[0] if said else "rad"), quantity or (said[1] if said else "angle")
+    return unit, quantity
+
+
+def _named(path: Path, value: Column | None) -> str:
+    """The name of a column that may be given by its number; empty where it has none."""
+    given = str("" if value is None else value).strip()
+    if not given.isdigit():
+        return given
+    names = _columns(path)
+    return str(names[int(given) - 1]) if 1 <= int(given) <= len(names) else ""
 
 
 def _columns(path: Path) -> list[Column]:

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from bayesdamp.signals.arrays import from_arrays
+from bayesdamp.signals.named_units import seconds_in
 from bayesdamp.signals.record import RawRecord
 from bayesdamp.signals.text import from_text
 from bayesdamp.types import InputError
@@ -24,7 +26,7 @@ def read_record(
 
     time, value: a column's name, or its number from 1. In MATLAB and .npz files a name is a path with dots,
     such as `Theta1.signals.values`; a number at its end is a column of a matrix. A file with one column needs
-    no `value`.
+    no `value`. Times whose column is named after another unit, such as `t (ms)`, are taken in s.
     rate: sampling rate in Hz, for a file without times; it stands in for `time`.
     Text files (any other name than .mat, .npy and .npz): separator, decimal comma, byte-order mark and header
     lines are found. Raises InputError, one line, for all that is wrong with the file or the request.
@@ -56,4 +58,14 @@ def read_record(
         raise InputError(f"{where}: {y.size} samples, a record needs at least {LEAST}")
     if np.ptp(y) == 0:
         raise InputError(f"{where}: the values are constant ({y[0]:g}), nothing oscillates")
-    return RawRecord(t, y, rate, rows, provenance)
+    return RawRecord(_in_seconds(t, provenance), y, rate, rows, provenance)
+
+
+def _in_seconds(t: np.ndarray | None, provenance: dict[str, Any]) -> np.ndarray | None:
+    """Times in s where their column is named after another unit, which is noted."""
+    name = provenance["time_column"]
+    seconds = seconds_in(name) if t is not None and isinstance(name, str) else None
+    if t is None or seconds in (None, 1.0):
+        return t
+    provenance["notes"].append(f"Times are taken × {seconds:g}: their column is named {name!r}.")
+    return t * seconds
