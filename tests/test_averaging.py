@@ -10,7 +10,9 @@ from scipy.stats import norm
 
 from bayesdamp.store import CellResult
 from bayesdamp.study import averaging
-from bayesdamp.study.averaging import SPREAD, averaged, probabilities
+from bayesdamp.study.averaging import averaged, probabilities
+from bayesdamp.study.posteriors import SPREAD
+from bayesdamp.study.weighted import resampled
 from bayesdamp.types import Evidence
 
 
@@ -41,9 +43,9 @@ def test_probabilities_are_of_evidence_alone():
 
 
 @pytest.mark.parametrize(
-    ("left", "said"), [(0.02, "ok"), (0.1, "not applicable: the models with a posterior hold 0.90")]
+    ("left", "said"), [(0.02, "ok"), (0.1, "not applicable: the models with draws hold 0.90")]
 )
-def test_the_average_is_over_what_has_a_posterior_if_that_is_nearly_all(monkeypatch, left, said) -> None:
+def test_the_average_is_over_what_has_draws_if_that_is_nearly_all(monkeypatch, left, said) -> None:
     found = {"a": Evidence("a", "m", np.log(1 - left)), "b": Evidence("b", "m", np.log(left))}
     monkeypatch.setattr(averaging, "evidence_by_method", lambda *_: {"m": found})
 
@@ -54,8 +56,28 @@ def test_the_average_is_over_what_has_a_posterior_if_that_is_nearly_all(monkeypa
             name, "", {}, {"amplitudes": np.arange(2.0), "spread/equivalent_ratio": quantiles(1.0, 0.1)}
         )
 
-    study = SimpleNamespace(compare=lambda spec: ("a", "b"))
+    monkeypatch.setattr(averaging, "Branch", lambda *_: None)
+    monkeypatch.setattr(averaging, "weighted_curves", lambda *_: {})
+    study = SimpleNamespace(seed=1, compare=lambda spec: ("a", "b"))
     cell = averaging._one(study, SimpleNamespace(name="s"), SimpleNamespace(read=read), "averaged/s/0", "")  # type: ignore[arg-type]
     assert cell.outcome.startswith(said)
     if said == "ok":
         assert cell.meta["covered"] == pytest.approx(0.98)
+    # With weighted draws of the other it is over both.
+    own = {"amplitudes": np.arange(2.0), "spread/equivalent_ratio": quantiles(3.0, 0.1)}
+    monkeypatch.setattr(averaging, "weighted_curves", lambda *_: own)
+    both = averaging._one(study, SimpleNamespace(name="s"), SimpleNamespace(read=read), "averaged/s/0", "")  # type: ignore[arg-type]
+    assert both.meta["weighed"] == ["b"]
+    assert both.meta["covered"] == pytest.approx(1.0)
+    assert (both.arrays["curve/equivalent_ratio"][2, 0] > 2.5) == (left > 0.025)
+    np.testing.assert_allclose(both.arrays["median/b"], [3.0, 13.0], atol=1e-9)
+
+
+def test_draws_are_chosen_by_their_weights():
+    """Each as often as its share says, to within one. Negative control: by chance alone they are not."""
+    rng = np.random.default_rng(3)
+    log_weights = rng.normal(scale=2.0, size=50)
+    shares = np.exp(log_weights) / np.exp(log_weights).sum()
+    often = np.bincount(resampled(log_weights, 1000, rng), minlength=50)
+    assert np.max(np.abs(often - 1000 * shares)) < 1.0
+    assert np.max(np.abs(rng.multinomial(1000, shares) - 1000 * shares)) > 1.0

@@ -154,11 +154,10 @@ def with_error(value: float | None, error: float | None) -> str:
     if value is None or not math.isfinite(value) or error is None or not math.isfinite(error) or error <= 0:
         return number(value)
     decimals = 1 - _power(error, 2)
-    top = _power(value, 4) if value else _power(error, 2)
+    top = max(_power(value, 4), _power(error, 2)) if value else _power(error, 2)
     if -4 <= top < 6 and decimals <= 8:
         places = max(0, decimals)
         return f"{_signed(f'{value:.{places}f}')} ± {error:.{places}f}"
-    top = max(top, _power(error, 2))
     places = max(0, top + decimals)
     tens = 10.0**top
     body = f"({value / tens:.{places}f} ± {error / tens:.{places}f})"

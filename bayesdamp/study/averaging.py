@@ -9,16 +9,18 @@ from scipy.special import logsumexp
 
 from bayesdamp.config import SignalSpec, Study
 from bayesdamp.store import CellResult, Store
+from bayesdamp.study.cells import Branch
+from bayesdamp.study.posteriors import CURVE, LEVELS
+from bayesdamp.study.records import cell_seed
 from bayesdamp.study.staging import ASIDE
 from bayesdamp.study.weighing import evidence_by_method
+from bayesdamp.study.weighted import weighted_curves
 from bayesdamp.types import OK, Evidence
 
-CURVE = "equivalent_ratio"
-SPREAD = (np.arange(100) + 0.5) / 100
-"""Levels of the quantiles that stand for the draws of a curve, with equal weight."""
 COVERED = 0.95
-"""Probability that the models with a posterior must hold together: the average is over these."""
-LEVELS = np.array([0.025, 0.5, 0.975])
+"""Probability that the models with draws must hold together: the average is over these."""
+ENOUGH = 0.99
+"""The same from which on no further model's draws are made."""
 
 
 def averages(study: Study, spec: SignalSpec) -> bool:
@@ -40,24 +42,39 @@ def _one(study: Study, spec: SignalSpec, store: Store, name: str, key: str) -> C
     shares |= {m: 0.0 for m, e in by_method[method].items() if e.outcome.startswith(ASIDE)}
     if len(shares) < len(models):
         return CellResult(name, key, outcome="not applicable: not every model has its evidence")
-    curves, grids = {}, {}
-    for model in models:
-        try:
-            arrays = store.read(f"posterior/{record}/{model}/nuts").arrays
-        except KeyError:
-            arrays = {}
-        if f"spread/{CURVE}" in arrays and arrays["amplitudes"].size > 1:
-            curves[model], grids[model] = arrays[f"spread/{CURVE}"], arrays["amplitudes"]
-    if not grids:
+    drawn = {m: _sampled(store, f"posterior/{record}/{m}/nuts") for m in models}
+    drawn = {m: a for m, a in drawn.items() if _usable(a)}
+    weighed: list[str] = []
+    for model in sorted(set(shares) - set(drawn), key=lambda m: -shares[m]):
+        if sum(shares[m] for m in drawn) >= ENOUGH:
+            break
+        arrays = weighted_curves(Branch(study, spec, 0, model, store), cell_seed(study, f"{name}/{model}"))
+        if _usable(arrays):
+            drawn[model] = arrays
+            weighed.append(model)
+    if not drawn:
         return CellResult(name, key, outcome="not applicable: no model has damping against amplitude")
-    covered = sum(shares[m] for m in grids)
+    covered = sum(shares[m] for m in drawn)
     if covered < COVERED:
-        why = f"not applicable: the models with a posterior hold {covered:.2f} of the probability, below {COVERED}"
+        why = f"not applicable: the models with draws hold {covered:.2f} of the probability, below {COVERED}"
         return CellResult(name, key, outcome=why)
-    shared = np.array(sorted(set.intersection(*(set(g) for g in grids.values()))))
-    found = {m: c[:, np.isin(grids[m], shared)] for m, c in curves.items()}
+    shared = np.array(sorted(set.intersection(*(set(a["amplitudes"]) for a in drawn.values()))))
+    found = {m: a[f"spread/{CURVE}"][:, np.isin(a["amplitudes"], shared)] for m, a in drawn.items()}
     arrays = {"amplitudes": shared, f"curve/{CURVE}": averaged(found, shares)}
-    return CellResult(name, key, {"probabilities": shares, "method": method, "covered": covered}, arrays, OK)
+    arrays |= {f"median/{m}": np.median(c, axis=0) for m, c in found.items()}
+    meta = {"probabilities": shares, "method": method, "covered": covered, "weighed": weighed}
+    return CellResult(name, key, meta, arrays, OK)
+
+
+def _sampled(store: Store, name: str) -> dict[str, np.ndarray]:
+    try:
+        return dict(store.read(name).arrays)
+    except KeyError:
+        return {}
+
+
+def _usable(arrays: Mapping[str, np.ndarray]) -> bool:
+    return f"spread/{CURVE}" in arrays and arrays["amplitudes"].size > 1
 
 
 def probabilities(found: Mapping[str, Evidence]) -> dict[str, float]:

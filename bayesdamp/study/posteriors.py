@@ -16,7 +16,6 @@ from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.physics.units import parameter_unit
 from bayesdamp.signals.features import Features
 from bayesdamp.store import CellResult
-from bayesdamp.study.averaging import CURVE, LEVELS, SPREAD
 from bayesdamp.study.records import plain_seconds
 from bayesdamp.types import OK, Posterior, Refusal
 
@@ -25,6 +24,10 @@ if TYPE_CHECKING:
 
 SUMMARIES = {"ensembles": "ensembles", "effective": "effective_draws"}
 """What `summarise` is to know of a sampler's draws, and where its diagnostics say it."""
+CURVE = "equivalent_ratio"
+LEVELS = np.array([0.025, 0.5, 0.975])
+SPREAD = (np.arange(100) + 0.5) / 100
+"""Levels of the quantiles that stand for the draws of a curve, with equal weight."""
 CURVE_POINTS = 25
 FAINTEST = 0.02
 """Least amplitude, as a share of the first, at which a damping is given against amplitude."""
@@ -53,7 +56,7 @@ def compute_posterior(branch: Branch, name: str, key: str, seed: int) -> None:
         "file": file.relative_to(folder).as_posix(),
     }
     own: Mapping[str, np.ndarray] = found.diagnostics.get("arrays", {})  # type: ignore[assignment]
-    arrays = {"draws": found.draws, **_curves(motions, _grid(branch.record.seen)), **own}
+    arrays = {"draws": found.draws, **curves(motions, branch.record.seen), **own}
     branch.store.write(CellResult(name, key, meta, arrays, found.outcome, found.seconds))
 
 
@@ -107,12 +110,13 @@ def _grid(seen: Features) -> np.ndarray:
     return np.geomspace(max(min(first, last), FAINTEST * first), first, CURVE_POINTS)
 
 
-def _curves(motions: Motions, grid: np.ndarray) -> dict[str, np.ndarray]:
-    """Decrement and equivalent ratio over amplitudes, (m,); those that have no motion are left out."""
-    curves = against_amplitude(motions, grid, (*LEVELS, *SPREAD))
-    whole = np.all([np.all(np.isfinite(c), axis=0) for c in curves.values()], axis=0)
-    band = {f"curve/{n}": c[: len(LEVELS), whole] for n, c in curves.items()}
-    return {"amplitudes": grid[whole], **band, f"spread/{CURVE}": curves[CURVE][len(LEVELS) :, whole]}
+def curves(motions: Motions, seen: Features) -> dict[str, np.ndarray]:
+    """Decrement and equivalent ratio over a record's amplitudes, (m,); those that have no motion are left out."""
+    grid = _grid(seen)
+    found = against_amplitude(motions, grid, (*LEVELS, *SPREAD))
+    whole = np.all([np.all(np.isfinite(c), axis=0) for c in found.values()], axis=0)
+    band = {f"curve/{n}": c[: len(LEVELS), whole] for n, c in found.items()}
+    return {"amplitudes": grid[whole], **band, f"spread/{CURVE}": found[CURVE][len(LEVELS) :, whole]}
 
 
 def _save_whole(posterior: Posterior, file: Path) -> None:

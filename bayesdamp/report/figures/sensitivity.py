@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from bayesdamp.report import words
-from bayesdamp.report.style import FAINT, INK, WIDTH, colour, dash
+from bayesdamp.report.style import FAINT, INK, WIDTH, colour, looks
 
 INTERVAL = 1.96
 """Half-width of a central 95 % interval in sds."""
@@ -32,9 +32,9 @@ def widths(factors: np.ndarray, lines: Sequence[Line]) -> Figure:
     figure = Figure(figsize=(WIDTH * 0.62, 2.7))
     ax = figure.subplots()
     ax.axvline(1.0, color=FAINT, lw=0.8, zorder=0.5)
-    for line in lines:
-        shown, y = colour(line.model), line.log_bayes_factor
-        ax.plot(factors, y, color=shown, ls=dash(line.model), label=words.model(line.model))
+    for line, (shown, dashes) in zip(lines, looks(line.model for line in lines).values(), strict=True):
+        y = line.log_bayes_factor
+        ax.plot(factors, y, color=shown, ls=dashes, label=words.model(line.model))
         for chosen, mark, face in (
             (line.trusted & ~line.anew, "o", shown),
             (line.trusted & line.anew, "o", "white"),
@@ -78,8 +78,8 @@ def averaged(
     low, median, high = band
     ax.fill_between(amplitudes, low, high, color=INK, alpha=0.18, lw=0)
     ax.plot(amplitudes, median, color=INK, lw=1.8, label="average")
-    for model, (grid, curve) in models.items():
-        ax.plot(grid, curve, color=colour(model), ls=dash(model), lw=1.0, label=words.model(model))
+    for model, (shade, dashes) in looks(models).items():
+        ax.plot(*models[model], color=shade, ls=dashes, lw=1.0, label=words.model(model))
     ax.set_xlabel(f"amplitude / {unit}")
     ax.set_ylabel(words.axis("equivalent_ratio", ""))
     ax.set_ylim(0, 1.6 * float(high.max()))

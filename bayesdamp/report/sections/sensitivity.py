@@ -166,14 +166,20 @@ def _average(run: Run, signal: str, models: list[str]) -> Markup | None:
     scale = words.scale(unit)
     medians: dict[str, tuple[np.ndarray, np.ndarray]] = {}
     for model in models:
-        own = run.cell("posterior", signal, 0, model, "nuts")
-        if own is not None and "curve/equivalent_ratio" in own.arrays:
-            medians[model] = (scale * own.arrays["amplitudes"], own.arrays["curve/equivalent_ratio"][1])
-    covered = cell.meta.get("covered", 1.0)
+        own = cell.arrays.get(f"median/{model}")
+        if own is not None:
+            medians[model] = (scale * cell.arrays["amplitudes"], own)
+    covered, weighed = cell.meta.get("covered", 1.0), cell.meta.get("weighed", [])
     part = "" if covered > 0.9995 else f" that hold {words.probability(covered)} of the probability"
+    how = (
+        f" Not sampled, by the weighted draws of the evidence: {words.listing(map(words.model, weighed))}."
+        if weighed
+        else ""
+    )
     caption = (
         f"{signal}: equivalent viscous damping ratio against amplitude, averaged over the models{part} by their "
-        f"probabilities ({words.method(cell.meta['method'])}): median and 95 % band; thin: each model's own median."
+        f"probabilities ({words.method(cell.meta['method'])}): median and 95 % band; thin: each model's own "
+        f"median.{how}"
     )
 
     def draw() -> Figure:
