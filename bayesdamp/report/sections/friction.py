@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from markupsafe import Markup
@@ -34,8 +34,9 @@ class Friction(Section):
         said = (
             "Friction turns over within a velocity ε, of which a precise record shows something near rest and at each "
             "turning point. Chosen once for each record, under all damping terms together, and taken as known by all "
-            "candidates: their evidence does not pay for the choice. Estimators take the usual one. The evidence "
-            "here is by Laplace's approximation."
+            "candidates: their evidence does not pay for the choice, and their intervals are under that ε. How far the "
+            "coefficients move with it is seen here, in the fits of all terms together. Estimators take the usual one. "
+            "The evidence here is by Laplace's approximation."
         )
         return fill(
             "stack.html", parts=[Markup("<p>{}</p>").format(said), by_signal(run, lambda s: _one(run, s))]
@@ -54,22 +55,25 @@ def _one(run: Run, signal: str) -> Markup:
         return Markup("<p>ε of this signal was given, or is inferred, or no candidate has friction.</p>")
     tried, taken = cell.meta["epsilons"], cell.meta["epsilon"] or cell.meta["usual_epsilon"]
     best = max((t["log_evidence"] for t in tried if t["outcome"] == OK), default=math.nan)
+    names = list(tried[0].get("coefficients", {}))
     headers = [
         "share of the peak velocity",
         f"ε / ({cell.meta['epsilon_unit']})",
         "log evidence below the best",
+        *(words.symbol(name).text for name in names),
         "",
     ]
     usual = HARDLY_ANY if len(tried) == 1 else STAYS
     why = usual if cell.meta["epsilon"] is None else "chosen"
-    lines = [_line(t, best, why if t["epsilon"] == taken else "") for t in tried]
-    return fill("stack.html", parts=[Table(headers, lines, frozenset({3}))])
+    lines = [_line(t, best, names, why if t["epsilon"] == taken else "") for t in tried]
+    return fill("stack.html", parts=[Table(headers, lines, frozenset({3 + len(names)}))])
 
 
-def _line(t: Mapping[str, Any], best: float, taken: str) -> Line:
+def _line(t: Mapping[str, Any], best: float, names: Sequence[str], taken: str) -> Line:
     below = words.fixed(best - t["log_evidence"], 1) if t["outcome"] == OK else words.NONE
     said = t["outcome"] if t["outcome"] != OK else taken
-    shown = [f"{100 * t['share']:g} %", words.number(t["epsilon"], 3), below, said]
+    found = [words.with_error(*t["coefficients"].get(name, (None, None))) for name in names]
+    shown = [f"{100 * t['share']:g} %", words.number(t["epsilon"], 3), below, *found, said]
     return Line(shown, "best" if taken else "")
 
 
