@@ -7,6 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from bayesdamp.physics import integrate
 from bayesdamp.physics.integrate import make_plan, plan_with_error, simulate
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.physics.plan import compiled_record
@@ -30,6 +31,20 @@ def test_quantities(quantity, column):
     """Within the tolerance, in the unit of the quantity."""
     truth = trajectory(LAW, P, TIMES)[:, column]
     assert np.max(np.abs(simulate(OSC, P, TIMES, quantity, tolerance=1e-6) - truth)) < 2e-6
+
+
+@pytest.mark.parametrize(("quantity", "column"), [("angle", 0), ("velocity", 1)])
+@pytest.mark.parametrize("epsilon", [P["epsilon"], 0.0])
+def test_of_very_many_samples_some_say_how_fine_the_steps_are(monkeypatch, quantity, column, epsilon):
+    """The others are read off the same steps."""
+    p = {**P, "epsilon": epsilon}
+    every = simulate(OSC, p, TIMES, quantity, tolerance=1e-6)
+    monkeypatch.setattr(integrate, "ENOUGH", 60)
+    some = simulate(OSC, p, TIMES, quantity, tolerance=1e-6)
+    assert some.shape == TIMES.shape
+    assert np.max(np.abs(some - every)) < 1e-5
+    if epsilon:
+        assert np.max(np.abs(some - trajectory(LAW, P, TIMES)[:, column])) < 1e-5
 
 
 @pytest.mark.parametrize("tolerance", [1e-5, 1e-8])
