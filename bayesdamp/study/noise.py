@@ -11,7 +11,7 @@ from bayesdamp.config import SignalSpec, Study
 from bayesdamp.config.checks import plain
 from bayesdamp.config.signals import damping_order
 from bayesdamp.inference.defaults import Reference
-from bayesdamp.inference.friction_choice import SHARES, epsilon_note, weigh_epsilons
+from bayesdamp.inference.friction_choice import SHARES, WORTH, epsilon_note, weigh_epsilons
 from bayesdamp.inference.noise_choice import Fitted, chosen_noise, first_noise, fit_with, weigh_noises
 from bayesdamp.physics.damping import parse_model
 from bayesdamp.physics.oscillator import Oscillator
@@ -36,7 +36,7 @@ class NoiseCell:
     def key(self) -> str:
         priors = {t: str(self.study.models.prior.get(t)) for t in self.terms}
         laws = [plain(self.spec.under(law)) for law in self.spec.restoring]
-        return digest("noise", self.parent.key, self.study.noises, self.terms, priors, laws, SHARES)
+        return digest("noise", self.parent.key, self.study.noises, self.terms, priors, laws, SHARES, WORTH)
 
     def compute(self) -> None:
         began = time.perf_counter()
@@ -90,6 +90,7 @@ class NoiseCell:
             "usual_epsilon": usual,
             "epsilon_unit": f"{record.signal.unit}/s",
             "epsilons": [asdict(t) for t in tried],
+            "friction": [t.parameter for t in Oscillator(self.terms, best).terms if t.switches],
             "epsilon_note": epsilon_note(tried, epsilon, record.signal.unit),
         }
 

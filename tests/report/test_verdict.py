@@ -8,6 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from bayesdamp.report.sections import summary
 from bayesdamp.report.verdict import verdict
 
 FITS, LEFT = "fits", "does not fit: structure is left in the residuals"
@@ -207,3 +208,29 @@ def test_an_evidence_that_is_not_to_be_trusted_decides_nothing_if_it_matters(
     rough = [{**row, "method": "laplace", "outcome": "ok", "probability": 0.5} for row in made.evidence]
     made.evidence = [*made.evidence, *rough]
     assert verdict(made, "a", 0).sentence == found.sentence  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("lead", "sd", "own", "told"),
+    [
+        (2.0, 0.0004, "mu_c", True),
+        (2.0, 0.002, "mu_c", False),  # within the interval
+        (4.0, 0.0004, "mu_c", False),  # the other does not suit the record
+        (2.0, 0.0004, "zeta", False),  # a candidate without friction
+    ],
+)
+def test_an_interval_that_another_epsilon_moves_is_told_of(monkeypatch, lead, sd, own, told) -> None:
+    def tried(log_evidence: float, value: float) -> dict[str, object]:
+        found = {"mu_c": [value, 0.001], "zeta": [value, 0.001]}
+        return {"outcome": "ok", "log_evidence": log_evidence, "coefficients": found}
+
+    meta = {"friction": ["mu_c"], "epsilons": [tried(-lead, 0.0807), tried(0.0, 0.0799)]}
+    run = SimpleNamespace(cell=lambda *_: SimpleNamespace(meta=meta))
+    rows = [{"parameter": own, "sd": sd, "unit": "rad/s2"}]
+    monkeypatch.setattr(summary, "summary_rows", lambda *_: ("nuts", rows))
+    monkeypatch.setattr(summary, "coefficients", lambda *_: [own])
+    doubt: list[str] = []
+    summary._friction(run, "s", 0, "m", doubt)  # type: ignore[arg-type]
+    assert bool(doubt) == told
+    if told:
+        assert "μc by 0.00080 rad/s²" in doubt[0]

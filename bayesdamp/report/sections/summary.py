@@ -90,6 +90,7 @@ def _card(run: Run, signal: str, repeat: int) -> dict[str, Any]:
     sizes = _sizes(run, signal, repeat, best, believe, doubt) if best else []
     if best:
         _fit(run, signal, repeat, best, doubt)
+        _friction(run, signal, repeat, best, doubt)
     about = run.about(signal)
     kind = "simulated record" if run.simulated(signal) else "measured record" if about else "record"
     repeats = run.repeats(signal)
@@ -222,6 +223,31 @@ def _fit(run: Run, signal: str, repeat: int, model: str, doubt: list[str]) -> No
                 "that the model says all there is: records drawn from it look different "
                 f"(predictive p {words.number(row['predictive_p'], 2)})."
             )
+
+
+AS_GOOD = 3.0
+"""Nats within which another ε suits a record as well."""
+
+
+def _friction(run: Run, signal: str, repeat: int, model: str, doubt: list[str]) -> None:
+    """Coefficients that move by more than their standard deviation with an ε that suits the record as well."""
+    cell, names = run.cell("noise", signal, repeat), coefficients(run, model)
+    if cell is None or not set(cell.meta.get("friction", ())) & set(names):
+        return
+    tried = [t for t in cell.meta["epsilons"] if t["outcome"] == OK]
+    best = max((t["log_evidence"] for t in tried), default=math.nan)
+    found = [t["coefficients"] for t in tried if best - t["log_evidence"] < AS_GOOD]
+    moved = []
+    for row in summary_rows(run, signal, repeat, model)[1]:
+        values = [one[row["parameter"]][0] for one in found if row["parameter"] in one]
+        if row["parameter"] in names and values and max(values) - min(values) > row["sd"]:
+            by = words.number(max(values) - min(values), 2)
+            moved.append(f"{words.symbol(row['parameter']).text} by {by} {words.unit(row['unit'])}")
+    if moved:
+        doubt.append(
+            "the width of the intervals, which are under one ε of friction: with others that suit the record as well the "
+            f"fit of all dampings moves {words.listing(moved)}."
+        )
 
 
 def _verdict(run: Run, signal: str, repeat: int, model: str | None) -> str:
