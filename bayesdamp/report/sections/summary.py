@@ -245,8 +245,8 @@ def _friction(run: Run, signal: str, repeat: int, model: str, doubt: list[str]) 
             moved.append(f"{words.symbol(row['parameter']).text} by {by} {words.unit(row['unit'])}")
     if moved:
         doubt.append(
-            "the width of the intervals, which are under one ε of friction: with others that suit the record as well the "
-            f"fit of all dampings moves {words.listing(moved)}."
+            "the width of the intervals, which are under one ε of friction: with others that suit the record as well "
+            f"the fit of all dampings moves {words.listing(moved)}."
         )
 
 
