@@ -12,12 +12,13 @@ from scipy.fft import next_fast_len
 
 from bayesdamp.inference.climb import ROUGHLY, climb
 from bayesdamp.inference.cut_normal import about
+from bayesdamp.inference.evidence.laplace import log_evidence_near
 from bayesdamp.inference.lines import Line, orthonormal, standing_out, strongest
 from bayesdamp.inference.mode import Mode, whitening
 from bayesdamp.inference.noise import NoiseModel
 from bayesdamp.inference.other_forms import Other, Rival, other_form
 from bayesdamp.inference.residuals import residual, residuals, whitened
-from bayesdamp.inference.target import Target
+from bayesdamp.inference.target import Context, Target
 from bayesdamp.types import Refusal
 
 DRAWS = 200
@@ -44,13 +45,15 @@ the coefficients change."""
 
 @dataclass(frozen=True)
 class Window:
-    """The mode on a part of the record: start and stop in s, values and Laplace sds of the parameters."""
+    """The mode on a part of the record: start and stop in s, values and Laplace sds of the parameters, and the part's
+    log evidence by Laplace's approximation (nats)."""
 
     label: str
     start: float
     stop: float
     values: dict[str, float]
     sd: dict[str, float]
+    log_evidence: float
 
 
 @dataclass(frozen=True)
@@ -230,7 +233,7 @@ def _windows(target: Target, mode: Mode) -> tuple[tuple[Window, ...], float, int
     """
     t, n = target.signal.t, target.signal.t.size
     half = n // 2
-    whole = _window(target, "whole record", mode.z, mode.information, float(t[0]), float(t[-1]))
+    whole = _window(target, mode.context, "whole record", mode.z, mode.information, float(t[0]), float(t[-1]))
     windows, spread, looks = [whole], 0.0, 0
     for label, first in (("first half", 0), ("middle half", (n - half) // 2), ("last half", n - half)):
         part = slice(first, first + half)
@@ -238,7 +241,7 @@ def _windows(target: Target, mode: Mode) -> tuple[tuple[Window, ...], float, int
         z, value, information, _, _ = climb(target.layout, context, mode.z, close=ROUGHLY)
         if not np.isfinite(value):
             continue
-        w = _window(target, label, z, information, float(t[first]), float(t[first + half - 1]))
+        w = _window(target, context, label, z, information, float(t[first]), float(t[first + half - 1]))
         windows.append(w)
         for name in target.oscillator.coefficients:
             if whole.sd[name] == 0.0:  # absent from this model
@@ -251,7 +254,13 @@ def _windows(target: Target, mode: Mode) -> tuple[tuple[Window, ...], float, int
 
 
 def _window(
-    target: Target, label: str, z: np.ndarray, information: np.ndarray, start: float, stop: float
+    target: Target,
+    context: Context,
+    label: str,
+    z: np.ndarray,
+    information: np.ndarray,
+    start: float,
+    stop: float,
 ) -> Window:
     try:
         factor = whitening(information)
@@ -259,7 +268,8 @@ def _window(
         factor = np.full_like(information, np.nan)
     covariance = factor @ factor.T
     values = {n: float(v) for n, v in target.values(z).items()}
-    return Window(label, start, stop, values, value_sds(target, z, covariance))
+    evidence = log_evidence_near(target, context, z)
+    return Window(label, start, stop, values, value_sds(target, z, covariance), evidence)
 
 
 def value_sds(target: Target, z: np.ndarray, covariance: np.ndarray) -> dict[str, float]:

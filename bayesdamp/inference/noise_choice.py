@@ -9,8 +9,7 @@ import jax
 import numpy as np
 from scipy.optimize import minimize
 
-from bayesdamp.inference.compiled import compiled
-from bayesdamp.inference.evidence.laplace import log_integral
+from bayesdamp.inference.evidence.laplace import log_evidence_near
 from bayesdamp.inference.mode import Mode
 from bayesdamp.inference.noise import NOISES
 from bayesdamp.inference.residuals import log_density_under, residual
@@ -69,11 +68,7 @@ def first_noise(names: Sequence[str], signal: Signal) -> str:
 def fit_with(target: Target, seeds: Mapping[str, Mapping[str, float]], features: Features) -> Fitted:
     """The mode of one target and its evidence. Raises Refusal."""
     mode = find_mode(target, seeds, noise_level=features.roughness, period=features.period, thrifty=True)
-    folded = np.asarray(target.layout.folded)
-    at = np.where(folded, np.abs(mode.z), mode.z)
-    value, gradient, _ = map(np.asarray, compiled(target.layout).curvature(mode.context, at))
-    log_evidence = log_integral(float(value), gradient, mode.information, at, np.flatnonzero(folded))
-    return Fitted(target, mode, log_evidence)
+    return Fitted(target, mode, log_evidence_near(target, mode.context, mode.z))
 
 
 def weigh_noises(build: Build, fitted: Fitted, features: Features, names: Sequence[str]) -> list[Weighed]:

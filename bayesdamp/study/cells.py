@@ -80,7 +80,8 @@ class Branch:
             found[f"posterior/{self.path}/{name}"] = key
         for name, parts in evidence_parts(self.study, self.path, found).items():
             found[name] = digest("evidence", mode_key, *parts)
-        for name, source in sensitivity_cells(self.path, found, self.repeat, len(self.terms)).items():
+        terms, noises = len(self.terms), len(self.study.noises)
+        for name, source in sensitivity_cells(self.path, found, self.repeat, terms, noises).items():
             found[name] = digest("sensitivity", source, name)
         if self.study.models.prune is not None:
             found[f"curve/{self.path}"] = digest("curve", mode_key)

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from bayesdamp.inference.evidence import Draws
+from bayesdamp.inference.noise_choice import fit_with
 from bayesdamp.inference.prediction import log_predictive, predict
 from bayesdamp.inference.savage_dickey import savage_dickey
 from bayesdamp.inference.widths import against_width
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
 SOURCES = {
     "widths": "evidence/{}/importance",
     "half": "evidence/{}/importance",
+    "noises": "evidence/{}/importance",
     "savage_dickey": "posterior/{}/nuts",
 }
 """Which cell of the branch each starts from."""
@@ -30,17 +32,19 @@ SHOWN = 1000
 """Samples of a prediction that are kept, at least, where there are as many."""
 
 
-def sensitivity_cells(path: str, found: Mapping[str, str], repeat: int, terms: int) -> dict[str, str]:
+def sensitivity_cells(
+    path: str, found: Mapping[str, str], repeat: int, terms: int, noises: int
+) -> dict[str, str]:
     """Names of the cells to what their keys depend on: of the first repeat alone, and only where evidence is asked for.
 
-    found: the branch's other cells, name to key.
+    found: the branch's other cells, name to key; terms, noises: how many of the candidate's and in play.
     """
     asked = repeat == 0 and any(n.startswith("evidence/") for n in found)
     sources = {kind: source.format(path) for kind, source in SOURCES.items()}
     return {
         f"sensitivity/{path}/{kind}": found[source]
         for kind, source in sources.items()
-        if asked and source in found and (kind != "savage_dickey" or terms > 1)
+        if asked and source in found and {"savage_dickey": terms, "noises": noises}.get(kind, 2) > 1
     }
 
 
@@ -55,9 +59,7 @@ def compute_sensitivity(branch: Branch, name: str, key: str, seed: int) -> None:
         branch.store.write(CellResult(name, key, outcome=why))
         return
     try:
-        meta, arrays = {"widths": _widths, "half": _half, "savage_dickey": _ratios}[kind](
-            branch, source, seed
-        )
+        meta, arrays = _PRODUCTS[kind](branch, source, seed)
     except Refusal as refusal:
         branch.store.write(CellResult(name, key, outcome=str(refusal)))
         return
@@ -100,3 +102,27 @@ def _ratios(branch: Branch, source: CellResult, seed: int) -> Product:
             m: asdict(savage_dickey(branch.target, draws.z, coefficient[t])) for m, t in pairs.items()
         }
     }, {}
+
+
+def _noises(branch: Branch, source: CellResult, seed: int) -> Product:
+    """Laplace's log evidence under each noise model in play, from the mode under the one that was chosen."""
+    del source, seed
+    mode = branch.store.read(f"mode/{branch.path}").meta
+    start, (whole, *_) = mode["values"], mode["windows"]
+    found: dict[str, dict[str, Any]] = {}
+    for noise in branch.study.noises:
+        if noise == branch.noise:
+            found[noise] = {"log_evidence": whole["log_evidence"], "outcome": OK}
+            continue
+        try:
+            target = branch.record.target(
+                branch.terms, branch.restoring, noise, beside=branch.beside, epsilon=branch.epsilon
+            )
+            fit = fit_with(target, {"under the chosen noise": start}, branch.record.seen)
+            found[noise] = {"log_evidence": fit.log_evidence, "outcome": OK}
+        except Refusal as refusal:
+            found[noise] = {"log_evidence": -np.inf, "outcome": str(refusal)}
+    return {"chosen": branch.noise, "evidence": found}, {}
+
+
+_PRODUCTS = {"widths": _widths, "half": _half, "noises": _noises, "savage_dickey": _ratios}

@@ -10,7 +10,7 @@ from scipy.special import log_ndtr, logsumexp, ndtri_exp
 from bayesdamp.inference.compiled import compiled
 from bayesdamp.inference.evidence._method import Draws, EvidenceMethod
 from bayesdamp.inference.mode import Mode
-from bayesdamp.inference.target import Target
+from bayesdamp.inference.target import Context, Target
 from bayesdamp.types import Evidence
 
 NODES = 24
@@ -30,17 +30,22 @@ class Laplace(EvidenceMethod):
         self, model: str, target: Target, mode: Mode, seed: int, draws: Draws | None = None
     ) -> Evidence:
         began = time.perf_counter()
-        folded = np.flatnonzero(target.layout.folded)
-        at = np.where(target.layout.folded, np.abs(mode.z), mode.z)
-        value, gradient, _ = map(np.asarray, compiled(target.layout).curvature(mode.context, at))
         return Evidence(
             model=model,
             method=self.name,
-            log_evidence=log_integral(float(value), gradient, mode.information, at, folded),
+            log_evidence=log_evidence_near(target, mode.context, mode.z),
             diagnostic="no draws: right where the posterior is normal",
             evaluations=1,
             seconds=time.perf_counter() - began,
         )
+
+
+def log_evidence_near(target: Target, context: Context, z: np.ndarray) -> float:
+    """Laplace's log evidence from the expansion at scores z, (d,), at or near a mode. context: of the record or of a
+    part of it."""
+    at = np.where(target.layout.folded, np.abs(z), z)
+    value, gradient, information = map(np.asarray, compiled(target.layout).curvature(context, at))
+    return log_integral(float(value), gradient, information, at, np.flatnonzero(target.layout.folded))
 
 
 def log_integral(

@@ -39,7 +39,9 @@ class Sensitivity(Section):
 
 def _one(run: Run, signal: str) -> Markup:
     models = models_by_rank(run, signal, 0)
-    parts = [part(run, signal, models) for part in (_widths, _halves, _prediction, _ratios, _average)]
+    parts = [
+        part(run, signal, models) for part in (_widths, _elsewhere, _halves, _prediction, _ratios, _average)
+    ]
     return fill("stack.html", parts=[p for p in parts if p])
 
 
@@ -69,6 +71,37 @@ def _widths(run: Run, signal: str, models: list[str]) -> Markup | None:
     )
     factors = cells[best].arrays["factors"]
     return run.drawings.add(f"widths-{signal}", caption, lambda: figures.widths(factors, lines))
+
+
+def _elsewhere(run: Run, signal: str, models: list[str]) -> Table | None:
+    """Over windows of the record, and under each noise model."""
+    found: dict[str, dict[str, float]] = {}
+    noises = _cells(run, signal, models, "noises")
+    for model in _cells(run, signal, models, "widths"):
+        mode = run.cell("mode", signal, 0, model)
+        windows = [w for w in (mode.meta.get("windows") or []) if "log_evidence" in w] if mode else []
+        found[model] = {w["label"]: w["log_evidence"] for w in windows}
+        if model in noises:
+            under = noises[model].meta
+            found[model] |= {
+                f"{words.method(n)}{', chosen' * (n == under['chosen'])}": e["log_evidence"]
+                for n, e in under["evidence"].items()
+            }
+    best: dict[str, float] = {}
+    for label, log_evidence in (item for logs in found.values() for item in logs.items()):
+        best[label] = max(log_evidence, best.get(label, -math.inf))
+    headers = [label for label, log_evidence in best.items() if math.isfinite(log_evidence)]
+    if len(found) < 2 or not headers:
+        return None
+    lines = [
+        Line([words.model(model), *(words.fixed(logs.get(h, math.nan) - best[h], 1) for h in headers)])
+        for model, logs in found.items()
+    ]
+    caption = (
+        "Log Bayes factors (nats) to the best of each column, by Laplace's approximation: of parts of the record, "
+        "and of all of it under each noise model."
+    )
+    return Table(["model", *headers], lines, frozenset({0}), caption)
 
 
 def _halves(run: Run, signal: str, models: list[str]) -> Table | None:
