@@ -5,12 +5,14 @@ from __future__ import annotations
 import json
 import math
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import pytest
 
 from bayesdamp.config import load_study
 from bayesdamp.store import read_table
-from bayesdamp.study import cells, run_study, tables
+from bayesdamp.study import cells, run_study, staging, tables
 from bayesdamp.types import Evidence, InputError, candidate_name, candidate_parts
 
 TWO_LAWS = """
@@ -148,3 +150,15 @@ def test_a_candidate_that_cannot_be_weighed_leaves_the_others_theirs(tmp_path, m
     assert math.isnan(shares["importance", "coulomb", "linear"])
     assert shares["importance", "coulomb", "duffing"] == 0.0
     assert math.isnan(shares["bridge", "viscous", "linear"])
+
+
+def test_what_evidence_depends_on_is_told_of_all_that_are_not_far_behind(monkeypatch) -> None:
+    """Beside those that are sampled; a candidate far behind is left out."""
+    heights = {"a": -1.0, "b": -2.0, "c": -5.5, "d": -6.5}
+    monkeypatch.setattr(staging, "_heights", lambda *_: heights)
+    study = SimpleNamespace(posterior=SimpleNamespace(best=1), compare=lambda _: tuple("dcba"))
+    given: tuple[Any, ...] = (study, None, 0, None)
+    assert staging.best_of(*given) == ("a",)
+    assert staging.likely(*given) == ("a", "b", "c")
+    study.posterior.best = None
+    assert set(staging.likely(*given)) == set("abcd")

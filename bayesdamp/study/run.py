@@ -147,6 +147,8 @@ def _work(study: Study, store: Store, job: Job) -> dict[str, tuple[str, Callable
 
 def _part(name: str) -> str:
     kind, method = name.partition("/")[0], name.rpartition("/")[2]
+    if kind == "sensitivity" and method != "savage_dickey":
+        return "depend"
     if kind in ("posterior", "sensitivity") or method in ("bridge", REFEREE):
         return "sample"
     return "weigh" if kind == "curve" or (kind == "evidence" and method != "laplace") else "look"
@@ -225,14 +227,16 @@ def _staged(study: Study, store: Store) -> Iterator[list[Job]]:
     yield list(dict.fromkeys([*heads, *rest]))
     yield _kept(study, store, records, staging.laws_left, "look")
     yield _kept(study, store, records, staging.candidates_left, "weigh")
-    best = {(s.name, r): staging.best_of(study, s, r, store) for s, r in records}
-    for s, r in records:
-        for name in study.compare(s):
-            cells = _work(study, store, Job(s.name, r, name, part="sample"))
-            if name not in best[s.name, r]:
+    last: list[Job] = []
+    for part, chosen in (("sample", staging.best_of), ("depend", staging.likely)):
+        for s, r in records:
+            left = chosen(study, s, r, store)
+            last += [Job(s.name, r, name, part=part) for name in left]
+            for name in set(study.compare(s)) - set(left):
+                cells = _work(study, store, Job(s.name, r, name, part=part))
                 stale = {n: key for n, (key, _) in cells.items() if n in store.names()}
                 staging.set_aside(store, stale, staging.NOT_SAMPLED)
-    yield [Job(s.name, r, name, part="sample") for s, r in records for name in best[s.name, r]]
+    yield last
 
 
 def _kept(

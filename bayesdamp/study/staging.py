@@ -13,6 +13,8 @@ from bayesdamp.types import OK, candidate_parts
 LAW_MARGIN = 40.0
 """Nats beyond `prune` by which a law's richest damping must be behind before its other dampings are left out. Each of
 them fits no better; what it can gain is the Occam factors of the terms it lacks, some ten nats each at most."""
+FAR = 5.0
+"""Nats behind the best, beyond which a candidate that is not sampled is not looked at under other circumstances."""
 ASIDE = "set aside"
 NOT_SAMPLED = "not sampled: not among the best by evidence"
 
@@ -83,9 +85,21 @@ def candidates_left(study: Study, spec: SignalSpec, repeat: int, store: Store) -
 
 def best_of(study: Study, spec: SignalSpec, repeat: int, store: Store) -> tuple[str, ...]:
     """The candidates whose posterior is sampled, the best first; all where the study sets no number."""
-    names = study.compare(spec)
     if study.posterior.best is None:
-        return names
+        return study.compare(spec)
+    return tuple(_heights(study, spec, repeat, store))[: study.posterior.best]
+
+
+def likely(study: Study, spec: SignalSpec, repeat: int, store: Store) -> tuple[str, ...]:
+    """Those of which it is told what their evidence depends on: the sampled ones, and all that are not far behind."""
+    best = best_of(study, spec, repeat, store)
+    found = _heights(study, spec, repeat, store)
+    top = max(found.values(), default=math.nan)
+    return tuple(dict.fromkeys([*best, *(n for n, height in found.items() if top - height < FAR)]))
+
+
+def _heights(study: Study, spec: SignalSpec, repeat: int, store: Store) -> dict[str, float]:
+    """The candidates that are left, the best first, with their log evidence."""
     left = [n for n, why in candidates_left(study, spec, repeat, store).items() if not why]
     order = [m for m in study.evidence.methods if m != "laplace"] + ["laplace"]
 
@@ -93,7 +107,7 @@ def best_of(study: Study, spec: SignalSpec, repeat: int, store: Store) -> tuple[
         values = (_log_evidence(store, spec, repeat, name, method) for method in order)
         return next((v for v in values if math.isfinite(v)), -math.inf)
 
-    return tuple(sorted(left, key=height, reverse=True)[: study.posterior.best])
+    return dict(sorted(((n, height(n)) for n in left), key=lambda item: -item[1]))
 
 
 def set_aside(store: Store, cells: Mapping[str, str], why: str) -> None:

@@ -17,6 +17,7 @@ from PIL import Image
 from bayesdamp.report.drawing import Drawings
 from bayesdamp.report.figures.backbone import backbone
 from bayesdamp.report.figures.density import contours, outline
+from bayesdamp.report.figures.evidence import Bar, bars
 from bayesdamp.report.figures.record import thinned
 from bayesdamp.report.style import RC, WIDTH, colour, dash, legend_columns, looks
 
@@ -167,3 +168,10 @@ def test_a_legend_has_as_many_columns_as_there_is_room_for(count):
     assert widths[0] < WIDTH
     assert count < 3 or widths[1] > WIDTH
     assert legend_columns(["a", "b", "c"], WIDTH, 5) == 3
+
+
+def test_a_candidate_without_evidence_is_not_called_the_best():
+    found = [Bar(name, name, value, 0.0, 0.5) for name, value in (("a", 0.0), ("b", -2.0), ("c", np.nan))]
+    said = [text.get_text() for text in bars(found).axes[0].texts]
+    assert (said[0], said[2]) == ("best", "not weighed")
+    assert said[1].startswith("−2")

@@ -14,7 +14,7 @@ from bayesdamp.report.style import FAINT, INK, WIDTH, colour
 
 @dataclass(frozen=True)
 class Bar:
-    """One model: log Bayes factor to the best (nats, at most 0), its stderr, probability."""
+    """One model: log Bayes factor to the best (nats, at most 0; nan where there is none), its stderr, probability."""
 
     model: str
     label: str
@@ -31,8 +31,9 @@ def bars(found: Sequence[Bar]) -> Figure:
     colours = [colour(bar.model) for bar in found]
     behind = [max(0.0, -bar.log_bayes_factor) for bar in found]
     left.barh(places, behind, color=colours, height=0.62)
-    for place, length in zip(places, behind):
+    for place, length, bar in zip(places, behind, found):
         text = "best" if length == 0 else words.nats(-length)
+        text = text if np.isfinite(bar.log_bayes_factor) else "not weighed"
         left.annotate(
             text, (length, place), xytext=(5, 0), textcoords="offset points", va="center", fontsize=8
         )
