@@ -264,11 +264,11 @@ def _window(
 ) -> Window:
     try:
         factor = whitening(information)
+        evidence = log_evidence_near(target, context, z)
     except Refusal:  # too stiff for its loose directions to be told
-        factor = np.full_like(information, np.nan)
+        factor, evidence = np.full_like(information, np.nan), np.nan
     covariance = factor @ factor.T
     values = {n: float(v) for n, v in target.values(z).items()}
-    evidence = log_evidence_near(target, context, z)
     return Window(label, start, stop, values, value_sds(target, z, covariance), evidence)
 
 

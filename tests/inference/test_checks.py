@@ -10,12 +10,13 @@ import pytest
 from bayesdamp.inference import checks
 from bayesdamp.inference.batches import log_posterior
 from bayesdamp.inference.checks import Fit, autocorrelation, check_fit, kurtosis, laplace_draws, portmanteau
+from bayesdamp.inference.mode import whitening
 from bayesdamp.inference.search import find_mode
 from bayesdamp.inference.target import Target
 from bayesdamp.physics.integrate import simulate
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.priors import HalfNormal, LogNormal, Normal
-from bayesdamp.types import Signal
+from bayesdamp.types import Refusal, Signal
 
 TIMES = np.linspace(0.0, 8.0, 240)
 NOISE = 0.004
@@ -112,6 +113,21 @@ def test_windows_are_climbed_closely_enough(monkeypatch):
     usual, truth = values(checks.ROUGHLY), values(1e-6)
     assert np.max(np.abs(usual - truth)) < 0.02
     assert np.max(np.abs(values(10.0) - truth)) > 0.05
+
+
+def test_a_part_without_a_shape_has_no_evidence(monkeypatch):
+    """Where the curvature of a part cannot be factored the others keep theirs."""
+    target, _ = fit("viscous", "viscous", 0)
+    mode = find_mode(target, {"s": {"zeta": 0.08, "theta0": 0.3, "omega0": 0.0}}, noise_level=NOISE)
+
+    def stiff(information: np.ndarray) -> np.ndarray:
+        if information is mode.information:
+            return whitening(information)
+        raise Refusal("the posterior has no curvature at its mode")
+
+    monkeypatch.setattr(checks, "whitening", stiff)
+    windows = check_fit(target, mode, PERIOD, 0).windows
+    assert [np.isfinite(w.log_evidence) for w in windows] == [True, False, False, False]
 
 
 def test_outliers_are_told_where_the_noise_model_does_not_allow_for_them():

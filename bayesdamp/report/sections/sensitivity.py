@@ -80,7 +80,7 @@ def _elsewhere(run: Run, signal: str, models: list[str]) -> Table | None:
     for model in _cells(run, signal, models, "widths"):
         mode = run.cell("mode", signal, 0, model)
         windows = [w for w in (mode.meta.get("windows") or []) if "log_evidence" in w] if mode else []
-        found[model] = {w["label"]: w["log_evidence"] for w in windows}
+        found[model] = {w["label"]: w["log_evidence"] for w in windows if math.isfinite(w["log_evidence"])}
         if model in noises:
             under = noises[model].meta
             found[model] |= {
