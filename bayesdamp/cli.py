@@ -71,7 +71,8 @@ def compare(
     unit: Annotated[
         str | None,
         typer.Option(
-            help="rad, deg, m or mm: of the displacement itself; else as the column's name says, else rad."
+            help="rad, deg, m, mm, V, g and others (a wrong one lists them): of the displacement itself, or g, rpm, "
+            "dps; else as the column's name says, else rad."
         ),
     ] = None,
     quantity: Annotated[

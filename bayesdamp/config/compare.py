@@ -11,6 +11,7 @@ from typing import Any
 from bayesdamp.config.checks import StudyError
 from bayesdamp.config.load import Study, resolve_study
 from bayesdamp.physics.restoring import LAWS
+from bayesdamp.physics.units import UNITS
 from bayesdamp.types import InputError
 
 PRUNE = 20.0
@@ -21,7 +22,6 @@ BEST = 2
 WARMUP, DRAWS = 100, 500
 """Of each of four chains: NUTS is whitened from the start and its draws are nearly independent, so that these are worth
 2,000; where they are not it takes more by itself."""
-TRANSLATIONS = ("m", "mm")
 SPECIMEN = "specimen"
 """The name of the one specimen that all records are of."""
 
@@ -44,7 +44,8 @@ class Asked:
 def laws_for(unit: str) -> tuple[str, ...]:
     """The restoring laws that an unknown record is compared under: all there are, of a translation all that describe
     one. Nobody said which it is, and a law left out would leave its misfit to the damping."""
-    return tuple(n for n in LAWS.names() if unit not in TRANSLATIONS or LAWS.get(n).translates)
+    along = unit in UNITS and UNITS[unit].translates
+    return tuple(n for n in LAWS.names() if not along or LAWS.get(n).translates)
 
 
 def comparison(

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, model_validator
+
+from bayesdamp.physics.units import UNITS
 
 NAME = r"^[A-Za-z0-9_][A-Za-z0-9_-]*$"
 
@@ -27,6 +29,12 @@ def _floats(values: object) -> object:
     if not isinstance(values, tuple):
         return values
     return tuple(float(v) if isinstance(v, int) and not isinstance(v, bool) else v for v in values)
+
+
+def _unit(name: str) -> str:
+    if name not in UNITS:
+        raise ValueError(f"unknown unit {name!r}")
+    return name
 
 
 class Section(BaseModel):
@@ -80,8 +88,8 @@ class SignalTable(Section):
     angle: Annotated[int, Field(ge=1)] | Annotated[str, Field(min_length=1)] | None = Field(
         None, description="the name of the recorded quantity's column or its number from 1"
     )
-    unit: Literal["rad", "deg", "m", "mm"] = Field(
-        "rad", description='"rad", "deg", "m" or "mm" (of the displacement itself)'
+    unit: Annotated[str, AfterValidator(_unit)] = Field(
+        "rad", description=f"one of {', '.join(UNITS)} (of the displacement itself)"
     )
     quantity: Literal["angle", "velocity", "acceleration"] = Field(
         "angle", description='"angle", "velocity" or "acceleration"'

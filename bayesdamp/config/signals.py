@@ -25,6 +25,7 @@ from bayesdamp.inference.noise import NOISES
 from bayesdamp.physics.damping import PAPER_TERMS, TERMS
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.physics.restoring import LAWS, RestoringLaw
+from bayesdamp.physics.units import UNITS
 from bayesdamp.plugins import nearest
 from bayesdamp.types import System
 
@@ -273,10 +274,20 @@ def _recording(entry: SignalTable, system: System, folder: Path, key: str) -> Re
 
 
 def _check_translation(unit: str, restoring: str, key: str) -> None:
-    if unit in ("m", "mm") and not LAWS.get(restoring).translates:
+    if UNITS[unit].translates and not LAWS.get(restoring).translates:
         laws = ", ".join(name for name in LAWS.names() if LAWS.get(name).translates)
         what = f"is {unit!r}, a translation, which {restoring} is not"
         raise StudyError(key, f"{what}; restoring can be {laws}")
+
+
+def _check_unit(source: Simulation | Recording, inertia: float | None, key: str) -> None:
+    """A unit that is of another quantity, or one of a sensor where forces are asked for."""
+    unit = UNITS[source.unit]
+    if unit.quantity not in (None, source.quantity):
+        right = f'it goes with quantity = "{unit.quantity}"'
+        raise StudyError(key, f"is {unit.name!r} with quantity {source.quantity!r}; {right}")
+    if inertia is not None and not unit.physical:
+        raise StudyError(key, f"is {unit.name!r}, which has no forces; leave inertia out or use rad or m")
 
 
 def resolve_signal(
@@ -309,6 +320,7 @@ def resolve_signal(
         unit_key = below(key, "simulate.unit")
     for name in laws:
         _check_translation(source.unit, name, unit_key)
+    _check_unit(source, reference.get("inertia"), unit_key)
     own = {
         name: None if models is None else canonical_models(models, below(key, name))
         for name, models in (("compare", entry.compare), ("estimate", entry.estimate))

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 
 from bayesdamp.config.checks import StudyError
 from bayesdamp.config.signals import SignalSpec
+from bayesdamp.physics.units import UNITS
 
 
 def check_specimens(
@@ -24,14 +25,12 @@ def check_specimens(
             )
         for spec in specs[1:]:
             key, repeat = f"signal[{spec.name}].specimen", f"is {name!r}, which signal {first.name} is too"
-            if _length(spec) != _length(first):
+            if UNITS[spec.source.unit].base != UNITS[first.source.unit].base:
                 units = f"{spec.source.unit} and {first.source.unit}"
-                raise StudyError(key, f"{repeat}, in {units}; repeats must all be angles or all lengths")
+                raise StudyError(
+                    key, f"{repeat}, in {units}; repeats must all be angles, all lengths or all in one unit"
+                )
             if spec.restoring != first.restoring or set(dampings[spec.name]) != set(dampings[first.name]):
                 raise StudyError(
                     key, f"{repeat}, under other models; repeats must have the same compare and restoring"
                 )
-
-
-def _length(spec: SignalSpec) -> bool:
-    return spec.source.unit in ("m", "mm")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from bayesdamp.estimators.shared import noise_level
+from bayesdamp.physics.units import quantity_unit
 from bayesdamp.signals.features import Features
 from bayesdamp.types import Signal
 
@@ -14,7 +15,6 @@ CORRELATED = 0.1
 """So is one whose correlation over a twelfth of a period is above this and five standard errors from zero."""
 SMALLEST = 1e-5
 """... if it is also more than this share of the amplitude: a trajectory's error is far below."""
-UNITS = {"angle": "", "velocity": "/s", "acceleration": "/s²"}
 
 
 def misfit(residual: np.ndarray, signal: Signal, seen: Features) -> str | None:
@@ -35,6 +35,6 @@ def misfit(residual: np.ndarray, signal: Signal, seen: Features) -> str | None:
         return None
     times = f", {rms / noise:.3g} times the record's roughness" if noise > 1e-6 * size else ""
     return (
-        f"the best fit leaves {rms:.2g} {signal.unit}{UNITS[signal.quantity]}{times}: "
+        f"the best fit leaves {rms:.2g} {quantity_unit(signal.unit, signal.quantity)}{times}: "
         "the model is not all of it, or the noise is correlated"
     )

@@ -7,6 +7,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
+from bayesdamp.physics.units import UNITS, Unit
 from bayesdamp.report.drawing import Drawings
 from bayesdamp.store import TABLES, CellResult, Store, read_table
 from bayesdamp.types import OK, InputError, candidate_name
@@ -56,6 +57,10 @@ class Run:
     def about(self, signal: str) -> Row:
         """What run.json says of a signal: notes, unit, quantity, simulated, ..."""
         return (self.info.get("signals") or {}).get(signal) or {}
+
+    def unit(self, signal: str) -> Unit:
+        """The unit that a signal's record came in."""
+        return UNITS[self.about(signal).get("unit") or "rad"]
 
     def simulated(self, signal: str) -> bool:
         """Whether the signal was made by the program, so that the truth is known."""

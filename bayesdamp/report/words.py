@@ -105,16 +105,6 @@ def unit(text: str) -> str:
     return text.replace("^2", "²").replace("^3", "³").replace("s2", "s²").replace("**2", "²")
 
 
-def quantity_unit(displacement: str, quantity: str) -> str:
-    """Unit of what was recorded, from the unit of the displacement and the recorded quantity."""
-    return displacement + {"velocity": "/s", "acceleration": "/s²"}.get(quantity, "")
-
-
-def scale(displacement: str) -> float:
-    """Factor from SI (rad or m) to a unit of displacement."""
-    return {"deg": 180.0 / math.pi, "mm": 1000.0, "cm": 100.0}.get(displacement, 1.0)
-
-
 _RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from bayesdamp.physics.units import UNITS
 from bayesdamp.signals.clock import clock_times
 from bayesdamp.signals.features import features
 from bayesdamp.signals.named_units import unit_and_quantity
@@ -16,7 +17,6 @@ from bayesdamp.signals.rough import residuals
 from bayesdamp.signals.window import free_decay
 from bayesdamp.types import InputError, Refusal, Signal
 
-UNITS = {"rad": (1.0, "rad"), "deg": (np.pi / 180, "rad"), "m": (1.0, "m"), "mm": (1e-3, "m")}
 QUANTITIES = ("angle", "velocity", "acceleration")
 OUTLIER = 8.0
 """Standard deviations from a local harmonic fit that make an outlier."""
@@ -34,7 +34,7 @@ def clean(
 ) -> Signal:
     """The free decay in a record.
 
-    unit: rad, deg, m or mm (per s or per s² where the quantity is a velocity or an acceleration).
+    unit: a name in UNITS, of the displacement itself (per s or s² where a velocity or an acceleration is recorded).
     clock: "auto", "as_logged" or "uniform", see `clock_times`.
     start, stop: in seconds of the file's own times (of the rebuilt clock, which begins at the file's first
     stamp, where it was rebuilt; from 0 where the file has no times), or "auto": after the release, before the
@@ -45,7 +45,7 @@ def clean(
         raise InputError(f"{name}: unknown unit {unit!r}; valid are {', '.join(UNITS)}")
     if quantity not in QUANTITIES:
         raise InputError(f"{name}: unknown quantity {quantity!r}; valid are {', '.join(QUANTITIES)}")
-    scale, base = UNITS[unit]
+    scale, base = UNITS[unit].factor, UNITS[unit].base
     times = clock_times(raw, clock, name)
     a, b = _asked(times.t, start, stop, name)
     step = recording_step(raw.y) * scale
@@ -74,13 +74,13 @@ def clean(
     if said not in (None, (unit, quantity)):
         notes.append(
             f"Beware: the column is named {raw.provenance['value_column']!r}; its values are read as "
-            f"{_many(quantity)} in {unit}{_per(quantity)}."
+            f"{_many(quantity)} in {UNITS[unit].of(quantity)}."
         )
     if step:
-        notes.append(f"The values lie on steps of {step / scale:.4g} {unit}{_per(quantity)}.")
+        notes.append(f"The values lie on steps of {step / scale:.4g} {UNITS[unit].of(quantity)}.")
     if offset:
         notes.append(
-            f"The sensor's zero, {offset / scale:.4g} {unit}{_per(quantity)}, is taken off: over whole cycles "
+            f"The sensor's zero, {offset / scale:.4g} {UNITS[unit].of(quantity)}, is taken off: over whole cycles "
             "of a free decay the mean is zero."
         )
     if outliers:
@@ -168,7 +168,3 @@ def _words(raw: RawRecord) -> list[str]:
 
 def _many(quantity: str) -> str:
     return {"angle": "displacements", "velocity": "velocities", "acceleration": "accelerations"}[quantity]
-
-
-def _per(quantity: str) -> str:
-    return {"angle": "", "velocity": "/s", "acceleration": "/s²"}[quantity]

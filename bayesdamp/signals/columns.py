@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from bayesdamp.physics.units import UNITS
 from bayesdamp.signals.arrays import named_arrays
-from bayesdamp.signals.named_units import unit_and_quantity
-from bayesdamp.signals.table import find_layout
+from bayesdamp.signals.named_units import quantity_of, unit_and_quantity
+from bayesdamp.signals.table import Layout, find_layout
 from bayesdamp.signals.text import decoded
 from bayesdamp.types import InputError
 
@@ -54,30 +55,36 @@ def unit_asked(path: Path, value: Column | None, unit: str | None, quantity: str
     value: the column, by name or number from 1.
     """
     if unit is None or quantity is None:
-        said = unit_and_quantity(_named(path, value))
-        unit, quantity = unit or (said[0] if said else "rad"), quantity or (said[1] if said else "angle")
+        name = _named(path, value)
+        said = unit_and_quantity(name) or ("rad", quantity_of(name) or "angle")
+        only = UNITS[unit].quantity if unit in UNITS else None
+        unit, quantity = unit or said[0], quantity or only or said[1]
     return unit, quantity
 
 
 def _named(path: Path, value: Column | None) -> str:
-    """The name of a column that may be given by its number; empty where it has none."""
+    """What a column that is given by its name or number is named, with its unit; empty where it has no name."""
     given = str("" if value is None else value).strip()
-    if not given.isdigit():
+    if not given or path.suffix.lower() in ARRAYS:
         return given
-    names = _columns(path)
-    return str(names[int(given) - 1]) if 1 <= int(given) <= len(names) else ""
+    layout = _layout(path)
+    at = layout.names.index(given) if given in layout.names else int(given) - 1 if given.isdigit() else -1
+    return layout.label(at) if 0 <= at < layout.columns else given
+
+
+def _layout(path: Path) -> Layout:
+    try:
+        layout = find_layout(decoded(path.read_bytes(), path.name).splitlines())
+    except OSError as error:
+        raise InputError(f"{path.name}: cannot be read ({error.strerror or error})") from None
+    if layout is None:
+        raise InputError(f"{path.name}: no rows of numbers were found")
+    return layout
 
 
 def _columns(path: Path) -> list[Column]:
     """Names of a file's columns or arrays; the number from 1 where one has none or shares its name."""
     if path.suffix.lower() in ARRAYS:
         return list(named_arrays(path))
-    try:
-        lines = decoded(path.read_bytes(), path.name).splitlines()
-    except OSError as error:
-        raise InputError(f"{path.name}: cannot be read ({error.strerror or error})") from None
-    layout = find_layout(lines)
-    if layout is None:
-        raise InputError(f"{path.name}: no rows of numbers were found")
-    names = list(layout.names)
+    names = list(_layout(path).names)
     return [n if n and names.count(n) == 1 else i for i, n in enumerate(names, start=1)]

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import re
 
+from bayesdamp.physics.units import UNITS
+
 SECONDS = {
     **dict.fromkeys(("s", "sec", "secs", "second", "seconds"), 1.0),
     **dict.fromkeys(("ms", "msec", "millisecond", "milliseconds"), 1e-3),
@@ -12,13 +14,12 @@ SECONDS = {
     **dict.fromkeys(("min", "minute", "minutes"), 60.0),
 }
 """Of a unit of time as it may be written."""
-LENGTHS = {
-    **dict.fromkeys(("rad", "radian", "radians"), "rad"),
-    **dict.fromkeys(("deg", "degree", "degrees", "°"), "deg"),
-    **dict.fromkeys(("m", "meter", "meters", "metre", "metres"), "m"),
-    **dict.fromkeys(("mm", "millimeter", "millimeters", "millimetre", "millimetres"), "mm"),
+_UNSURE = ("in", "v", "V", "g", "au", "foot")
+"""Behind a "_" these may as well be a word of the name."""
+_WORDS = {
+    **dict.fromkeys(("velocity", "velocities", "vel", "speed", "gyro", "gyroscope"), "velocity"),
+    **dict.fromkeys(("acceleration", "accelerations", "accel", "acc", "accelerometer"), "acceleration"),
 }
-"""Of a displacement's, the unit as a study names it."""
 _PER = (
     ("acceleration", re.compile(r"(/s2|/s/s|/\(s2\)|s-2|/sec2)$")),
     ("velocity", re.compile(r"(/s|s-1|/sec)$")),
@@ -34,7 +35,17 @@ def seconds_in(name: str) -> float | None:
 def unit_and_quantity(name: str) -> tuple[str, str] | None:
     """The unit of the displacement and the recorded quantity that a column is named after; None where it names none, or
     several."""
-    found = {one for one in map(_unit, _said(name)) if one is not None}
+    found = {one for one in map(unit_written, _said(name)) if one is not None}
+    if len(found) != 1:
+        return None
+    unit, quantity = found.pop()
+    return unit, quantity if UNITS[unit].physical else quantity_of(name) or quantity
+
+
+def quantity_of(name: str) -> str | None:
+    """The quantity that a word of a column's name says: velocity or acceleration; None where none does."""
+    words = re.findall(r"[a-z]+", re.sub(r"([a-z])([A-Z])", r"\1 \2", name).lower())
+    found = {_WORDS[word] for word in words if word in _WORDS}
     return found.pop() if len(found) == 1 else None
 
 
@@ -43,12 +54,26 @@ def _said(name: str) -> list[str]:
     inside = re.findall(r"\(((?:[^()]|\([^()]*\))*)\)|\[([^\[\]]*)\]|\{([^{}]*)\}", name)
     found = ["".join(groups).strip() for groups in inside]
     behind = re.search(r"(?:\s/\s*|\sin\s+|_)([^\s_]+)\s*$", name)
-    return found + ([behind[1].strip("()[]{}")] if behind and not found else [])
+    if found or not behind or (behind[0][0] == "_" and behind[1] in _UNSURE):
+        return found
+    return [behind[1].strip("()[]{}")]
 
 
-def _unit(said: str) -> tuple[str, str] | None:
-    text = re.sub(r"[\s*^·.{}]", "", said.lower().replace("²", "2").replace("⁻", "-").replace("¹", "1"))
+def unit_written(said: str) -> tuple[str, str] | None:
+    """The unit and the quantity that a unit as it is written stands for; None where it is none."""
+    text = _plain(said)
+    if text in _WRITTEN:
+        return _WRITTEN[text].name, _WRITTEN[text].quantity or "angle"
     for quantity, per in _PER:
-        if (at := per.search(text)) and text[: at.start()] in LENGTHS:
-            return LENGTHS[text[: at.start()]], quantity
-    return (LENGTHS[text], "angle") if text in LENGTHS else None
+        unit = _WRITTEN.get(text[: at.start()]) if (at := per.search(text)) else None
+        if unit is not None and unit.quantity is None:
+            return unit.name, quantity
+    return None
+
+
+def _plain(said: str) -> str:
+    """Without spaces and signs of powers, in small letters."""
+    return re.sub(r"[\s*^·.{}]", "", said.lower().replace("²", "2").replace("⁻", "-").replace("¹", "1"))
+
+
+_WRITTEN = {_plain(said): unit for unit in UNITS.values() for said in (unit.name, *unit.written)}

@@ -7,6 +7,8 @@ import re
 from collections import Counter
 from dataclasses import dataclass
 
+from bayesdamp.signals.named_units import SECONDS, unit_written
+
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eEdD][+-]?\d+)?|[+-]?(nan|inf|infinity)", re.IGNORECASE)
 _CLOCK = re.compile(r"(?:\d{4}-\d\d-\d\d[T ])?\d{1,2}:\d\d:\d\d(?:[.,]\d+)?")
 BLANKS = " "
@@ -17,7 +19,8 @@ class Layout:
     """How a text file writes its table.
 
     separator: one character, BLANKS for any run of blanks; decimal: "." or ","; columns: cells in a row;
-    first: index of the first line of numbers; names: the header's names, stripped, or empty strings.
+    first: index of the first line of numbers; names: the header's names, stripped, or empty strings;
+    units: those of a line below the names, as they stand there.
     """
 
     separator: str
@@ -25,6 +28,12 @@ class Layout:
     columns: int
     first: int
     names: tuple[str, ...]
+    units: tuple[str, ...] = ()
+
+    def label(self, column: int) -> str:
+        """A column's name (index from 0) with its unit, where the file has a line of them; empty without a name."""
+        name, unit = self.names[column], self.units[column].strip("()[] -") if self.units else ""
+        return f"{name} ({unit})" if name and unit else name
 
     def cells(self, line: str) -> list[str]:
         """The cells of a line, stripped."""
@@ -104,16 +113,36 @@ def find_layout(lines: list[str]) -> Layout | None:
     ):
         separator, decimal, columns = BLANKS, ",", 1
         first = _first_row(lines, separator, decimal, columns) or first
-    names = next(
-        (h for h in heads if len(h) == columns and sum(map(_named, h)) >= max(1, columns // 2)), None
-    )
+    names, units = _names([h for h in heads if len(h) == columns], columns)
     if columns == 1:
         single = (line.strip('"') for line in top)
         names = next(([line] for line in single if _named(line) and not re.search("[,;\\t]", line)), None)
     elif names is None and separator == BLANKS:
         wide = [[c.strip() for c in re.split(r"\t|\s{2,}", line)] for line in top]
         names = next((h for h in wide if len(h) == columns and all(map(_named, h))), None)
-    return Layout(separator, decimal, columns, first, tuple(names or [""] * columns))
+    return Layout(separator, decimal, columns, first, tuple(names or [""] * columns), tuple(units))
+
+
+def _names(heads: list[list[str]], columns: int) -> tuple[list[str] | None, list[str]]:
+    """Of the lines above the numbers that have their columns: the last of those with most names (None where none is a
+    header), and the units that stand in a line below it.
+
+    What an instrument says of itself ("Model,DSO") stands above and has as many cells.
+    """
+    units = heads[-1] if len(heads) > 1 and all(map(_is_unit, heads[-1])) else []
+    if units:
+        heads = heads[:-1]
+    named = [sum(map(_named, h)) for h in heads]
+    most = max(named, default=0)
+    if most < max(1, columns // 2):
+        return None, []
+    return [h for h, many in zip(heads, named, strict=True) if many == most][-1], units
+
+
+def _is_unit(cell: str) -> bool:
+    """Whether a cell below a column's name is its unit, or empty."""
+    said = cell.strip("()[] ")
+    return said in ("", "-") or said.lower() in SECONDS or unit_written(said) is not None
 
 
 def _named(cell: str) -> bool:

@@ -54,7 +54,7 @@ def from_text(path: Path, time: str | int | None, value: str | int | None, no_ti
     if layout.first:
         notes.append(f"{layout.first} header line{'s' if layout.first > 1 else ''} skipped.")
     t = None if no_time else _past_midnight(table[:, 0])
-    names = [layout.names[c] or f"column {c + 1}" for c in columns]
+    names = [layout.label(c) or f"column {c + 1}" for c in columns]
     provenance: dict[str, object] = {
         "file": where,
         "format": "text",

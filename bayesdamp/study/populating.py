@@ -12,6 +12,7 @@ import numpy as np
 from bayesdamp.config import Study
 from bayesdamp.inference.hierarchy import Sample, population
 from bayesdamp.inference.joint_evidence import weigh
+from bayesdamp.physics.units import UNITS
 from bayesdamp.store import CellResult, Store
 from bayesdamp.study.agreement import CLEAR, common_scale, population_meta
 from bayesdamp.study.records import plain_seconds
@@ -38,8 +39,9 @@ def populate(study: Study, store: Store, name: str, key: str) -> None:
 
 
 def _populated(specimens: list[Specimen]) -> dict[str, Any]:
-    if len({_length(s) for s in specimens}) > 1:
-        raise Refusal("no population: some specimens are measured in rad, others in m")
+    bases = sorted({UNITS[s.specs[0].source.unit].base for s in specimens})
+    if len(bases) > 1:
+        raise Refusal(f"no population: some specimens are measured in {', others in '.join(bases)}")
     logs = {s.name: log_evidences(s) for s in specimens}
     common = set.intersection(*(set(found) for found in logs.values()))
     if not common:
@@ -68,10 +70,6 @@ def _populated(specimens: list[Specimen]) -> dict[str, Any]:
         "units": specimens[0].units(best, coefficients),
         "populations": found,
     }
-
-
-def _length(specimen: Specimen) -> bool:
-    return specimen.specs[0].source.unit in ("m", "mm")
 
 
 def log_evidences(specimen: Specimen) -> dict[str, float]:

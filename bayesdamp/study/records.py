@@ -19,6 +19,7 @@ from bayesdamp.estimators.shared import noise_level
 from bayesdamp.inference.defaults import EPSILON_SHARE, Reference
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.physics.restoring import LAWS
+from bayesdamp.physics.units import UNITS
 from bayesdamp.signals.anomalies import anomalies
 from bayesdamp.signals.clean import clean
 from bayesdamp.signals.curves import amplitude_curves
@@ -176,7 +177,7 @@ def _raw(t: np.ndarray | None, y: np.ndarray, source: Recording) -> dict[str, np
     """The record as it was, thinned for the picture: times of the file, values in SI."""
     times = np.arange(y.size) / source.rate if t is None and source.rate else t
     every = max(1, y.size // RAW_POINTS)
-    scale = {"deg": np.pi / 180, "mm": 1e-3}.get(source.unit, 1.0)
+    scale = UNITS[source.unit].factor
     return {} if times is None else {"raw_t": np.asarray(times)[::every], "raw_y": y[::every] * scale}
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from bayesdamp.config import Recording, SignalSpec, Simulation, Study
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.physics.restoring import LAWS
-from bayesdamp.physics.units import parameter_unit, quantity_unit
+from bayesdamp.physics.units import UNITS, parameter_unit, quantity_unit
 from bayesdamp.store import TABLES, CellResult, Store, provenance, write_json, write_table
 from bayesdamp.study.specimen_tables import write_specimen_tables
 from bayesdamp.study.staging import ASIDE
@@ -65,8 +65,7 @@ def _read(store: Store, name: str) -> CellResult | None:
 
 
 def _unit(spec: SignalSpec, name: str, restoring: str) -> str:
-    unit = {"deg": "rad", "mm": "m"}.get(spec.source.unit, spec.source.unit)
-    return parameter_unit(name, restoring, unit, spec.source.quantity)
+    return parameter_unit(name, restoring, UNITS[spec.source.unit].base, spec.source.quantity)
 
 
 def _truth(spec: SignalSpec, name: str, restoring: str) -> float:
@@ -162,7 +161,7 @@ def _fits(study: Study, store: Store) -> Iterator[Row]:
         if cell.outcome != OK:
             yield {**head, "verdict": cell.outcome}
             continue
-        factor = {"deg": 180 / math.pi, "mm": 1e3}.get(spec.source.unit, 1.0)
+        factor = 1.0 / UNITS[spec.source.unit].factor
         yield {
             **head,
             "rms": cell.meta["rms"] * factor,

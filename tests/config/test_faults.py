@@ -198,7 +198,15 @@ FAULTS = {
     "no clock": (rig(old="time = 1\n"), "signal[rig]: has neither time nor rate; give the column"),
     "two clocks": (rig("rate = 3\n"), "signal[rig].rate: is given beside time; give one of the two"),
     "rate": (rig("", "time = 1", "rate = -1"), "signal[rig].rate: is -1; it must be the sampling rate in Hz"),
-    "unit": (rig('unit = "degrees"\n'), 'signal[rig].unit: is \'degrees\'; it must be "rad", "deg"'),
+    "unit of another quantity": (
+        rig('unit = "g"\nsystem = { restoring = "linear" }\n'),
+        "signal[rig].unit: is 'g' with quantity 'angle'; it goes with quantity = \"acceleration\"",
+    ),
+    "forces of a sensor's unit": (
+        rig('unit = "mV"\nsystem = { restoring = "linear", inertia = 2.0 }\n'),
+        "signal[rig].unit: is 'mV', which has no forces; leave inertia out or use rad or m",
+    ),
+    "unit": (rig('unit = "degrees"\n'), "signal[rig].unit: is 'degrees'; it must be one of rad, mrad, deg"),
     "quantity": (rig('quantity = "speed"\n'), "signal[rig].quantity: is 'speed'; it must be \"angle\""),
     "clock": (rig('clock = "unform"\n'), "signal[rig].clock: is 'unform'; it must be \"auto\""),
     "start": (rig('start = "early"\n'), "signal[rig].start: is 'early'; it must be a time in s, or \"auto\""),

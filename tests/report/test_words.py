@@ -68,8 +68,6 @@ def test_durations(seconds, text):
 def test_names_and_units():
     assert words.model("viscous+coulomb") == "viscous + Coulomb"
     assert words.model("my_term") == "my term"
-    assert words.quantity_unit("deg", "velocity") == "deg/s"
-    assert words.scale("deg") == pytest.approx(57.29577951308232)
     assert words.axis("zeta", "1/s") == r"$\zeta$ / (1/s)"
     assert words.axis("theta0", "rad") == r"$\theta_0$ / rad"
     assert words.fixed(-0.0004, 2) == "0.00"

@@ -74,7 +74,8 @@ def test_asked_window_in_the_files_own_seconds():
 
 
 @pytest.mark.parametrize(
-    ("unit", "scale", "base"), [("deg", np.pi / 180, "rad"), ("mm", 1e-3, "m"), ("m", 1, "m")]
+    ("unit", "scale", "base"),
+    [("deg", np.pi / 180, "rad"), ("mm", 1e-3, "m"), ("m", 1, "m"), ("in", 0.0254, "m"), ("mV", 1e-3, "V")],
 )
 @pytest.mark.parametrize("quantity", ["angle", "velocity", "acceleration"])
 def test_units(unit, scale, base, quantity):

@@ -9,6 +9,7 @@ from bayesdamp.signals.clean import clean
 from bayesdamp.signals.columns import unit_asked
 from bayesdamp.signals.named_units import seconds_in, unit_and_quantity
 from bayesdamp.signals.read import read_record
+from bayesdamp.signals.table import find_layout
 
 
 @pytest.mark.parametrize(
@@ -39,8 +40,30 @@ def test_times(name, seconds):
         *(("w / (rad/s)", ("rad", "velocity")), ("ω [rad s^-1]", ("rad", "velocity"))),
         *(("Linear Acceleration x (m/s^2)", ("m", "acceleration")), ("a [m/s²]", ("m", "acceleration"))),
         *(("a [m s⁻²]", ("m", "acceleration")), ("a (mm/s/s)", ("mm", "acceleration"))),
-        *(("angle", None), ("phi", None), ("x_m_1", None), ("acc (g)", None), ("U [V]", None), ("m", None)),
-        *(("angle (deg) (rad)", None), ("Angle(s)", None)),
+        *(("angle", None), ("phi", None), ("x_m_1", None), ("m", None)),
+        *(
+            ("angle (deg) (rad)", None),
+            ("Angle(s)", None),
+            ("x_in", None),
+            ("theta_v", None),
+            ("m (kg)", None),
+        ),
+        *(
+            ("acc (g)", ("g", "acceleration")),
+            ("speed [rpm]", ("rpm", "velocity")),
+            ("U [V]", ("V", "angle")),
+        ),
+        *(
+            ("gyro_z (dps)", ("dps", "velocity")),
+            ("Position (cm)", ("cm", "angle")),
+            ("x / in", ("in", "angle")),
+        ),
+        *(
+            ("Velocity [mV]", ("mV", "velocity")),
+            ("y (a.u.)", ("counts", "angle")),
+            ("x (px)", ("px", "angle")),
+        ),
+        *(("a (cm/s²)", ("cm", "acceleration")), ("a (g/s)", None), ("disp_um", ("um", "angle"))),
     ],
 )
 def test_values(name, said):
@@ -84,5 +107,47 @@ def test_compare_takes_unit_and_quantity_from_the_name(tmp_path):
         assert unit_asked(path, column, None, None) == ("mm", "acceleration")
     assert unit_asked(path, 2, "m", None) == ("m", "acceleration")
     assert unit_asked(path, 2, "rad", "angle") == ("rad", "angle")
-    for column in (3, "U [V]", 7, None):
+    for column in (7, None):
         assert unit_asked(path, column, None, None) == ("rad", "angle")
+    for column in (3, "U [V]"):
+        assert unit_asked(path, column, None, None) == ("V", "angle")
+    assert unit_asked(path, 3, "g", None) == ("g", "acceleration")
+
+
+def test_compare_takes_the_quantity_from_a_word_where_no_unit_is_named(tmp_path):
+    path = tmp_path / "x.csv"
+    path.write_text("t,angularVelocity,accuracy\n0,0,1\n1,5,1\n2,0,1\n", encoding="utf-8")
+    assert unit_asked(path, 2, None, None) == ("rad", "velocity")
+    assert unit_asked(path, 2, "deg", None) == ("deg", "velocity")
+    assert unit_asked(path, 2, None, "angle") == ("rad", "angle")
+    assert unit_asked(path, 3, None, None) == ("rad", "angle")
+
+
+ROWS = [f"{0.5 * i:.3f},{i % 7 - 3.0:.3f}" for i in range(40)]
+
+
+@pytest.mark.parametrize(
+    ("heads", "labels"),
+    [
+        (["Model,DSO", "Record Length,3000", "Time (ms),CH1 (V)"], ["Time (ms)", "CH1 (V)"]),
+        (["Time,Channel A", "(ms),(V)", ""], ["Time (ms)", "Channel A (V)"]),
+        (["Time,Angle", "s,-"], ["Time (s)", "Angle"]),
+        (["Source,CH1", "second,Volt"], ["Source (second)", "CH1 (Volt)"]),
+        (["# from the lab, 3 May", "t,phi"], ["t", "phi"]),
+        (["s,V"], ["s", "V"]),
+        (["a,b", "start,0.5"], ["a", "b"]),
+    ],
+)
+def test_a_line_of_units_below_the_names_and_an_instruments_preamble(tmp_path, heads, labels):
+    layout = find_layout([*heads, *ROWS])
+    assert layout is not None
+    assert [layout.label(i) for i in range(2)] == labels
+
+
+def test_a_column_may_be_asked_for_without_the_unit_that_stands_below(tmp_path):
+    path = tmp_path / "x.csv"
+    path.write_text("\n".join(["Time,Channel A", "(ms),(mV)", *ROWS]), encoding="utf-8")
+    raw = read_record(path, time="Time", value="Channel A")
+    assert raw.t is not None
+    assert raw.t[1] - raw.t[0] == pytest.approx(5e-4)
+    assert unit_asked(path, "Channel A", None, None) == ("mV", "angle")

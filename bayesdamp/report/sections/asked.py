@@ -85,7 +85,7 @@ def _rest(run: Run, signal: str) -> str:
     derived = (run.info.get("equilibrium") or {}).get(signal) or {}
     if "natural_frequency" not in derived:
         return ""
-    unit = str(run.about(signal).get("unit") or "rad").replace("deg", "rad").replace("mm", "m")
+    unit = run.unit(signal).base
     at, rate = words.number(derived["equilibrium"], 4), words.number(derived["natural_frequency"], 4)
     return f" From this follow the rest position {at} {unit} and the natural frequency {rate} rad/s."
 
@@ -119,16 +119,13 @@ def _signals(run: Run) -> Table | str:
         samples = f"{len(t):,}".replace(",", "\u202f") if t is not None else words.NONE
         span = words.number(float(t[-1] - t[0]), 4) if t is not None and len(t) else words.NONE
         kind = "simulated" if run.simulated(signal) else "measured"
-        quantity = f"{about.get('quantity', 'angle')} in {_unit(about)}"
-        lines.append(Line([signal, kind, quantity, str(len(run.repeats(signal))), samples, span]))
+        unit, quantity = run.unit(signal), str(about.get("quantity") or "angle")
+        recorded = f"{unit.called(quantity)} in {unit.of(quantity)}"
+        lines.append(Line([signal, kind, recorded, str(len(run.repeats(signal))), samples, span]))
     if not lines:
         return ""
     headers = ["signal", "origin", "recorded", "repeats", "samples used", "duration / s"]
     return Table(headers, lines, frozenset({0, 1, 2}))
-
-
-def _unit(about: Mapping[str, Any]) -> str:
-    return words.quantity_unit(about.get("unit") or "rad", about.get("quantity") or "angle")
 
 
 PLUGIN = Asked()

@@ -47,8 +47,8 @@ def _one(run: Run, signal: str) -> Markup:
     found = {m: run.cell("curve", signal, repeat, m) for m in models_by_rank(run, signal, repeat)}
     curves = {m: dict(c.arrays) for m, c in found.items() if c is not None and "ratio" in c.arrays}
     curves = dict(list(curves.items())[:SHOWN])
-    unit = str(run.about(signal).get("unit") or "rad")
-    scale = words.scale(unit)
+    shown = run.unit(signal).displacement
+    unit, scale = shown.name, shown.scale
     caption = (
         f"{signal}: damping ratio (fall of the log amplitude a cycle, over 2π) and angular frequency of the record, "
         "and of the candidates at their posterior modes."

@@ -52,7 +52,7 @@ def _found(run: Run, signal: str) -> dict[str, Details]:
 
 def _one(run: Run, signal: str) -> Markup:
     model, found = _model(run, signal), _found(run, signal)
-    unit = "m" if run.about(signal).get("unit") in ("m", "mm") else "rad"
+    unit = run.unit(signal).base
     parts: list[object] = []
     chosen = [Line([words.method(m), _terms(d)]) for m, d in found.items() if "selected" in d]
     chosen += [Line([words.method(m), str(d["chosen"])]) for m, d in found.items() if "chosen" in d]

@@ -100,8 +100,8 @@ def _against_amplitude(run: Run, signal: str, repeat: int, model: str, sampler: 
     cell = run.cell("posterior", signal, repeat, model, sampler)
     if cell is None or cell.arrays.get("amplitudes", np.empty(0)).size < 2:
         return []
-    unit = str(run.about(signal).get("unit") or "rad")
-    scale = words.scale(unit)
+    shown = run.unit(signal).displacement
+    unit, scale = shown.name, shown.scale
     grid, reference = scale * cell.arrays["amplitudes"], scale * cell.meta["reference_amplitude"]
     curves = {n.removeprefix("curve/"): c for n, c in cell.arrays.items() if n.startswith("curve/")}
     caption = (

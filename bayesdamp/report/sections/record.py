@@ -49,11 +49,10 @@ def _one(run: Run, signal: str) -> Markup:
     if cell is None or "t" not in cell.arrays:
         why = cell.outcome if cell else "The record is not in this folder."
         return fill("record.html", notes=said, figures=[], missing=[why], repeats=len(repeats))
-    displacement = about.get("unit") or "rad"
     quantity = about.get("quantity") or "angle"
-    factor = words.scale(displacement)
-    unit = words.quantity_unit(displacement, quantity)
-    name = "position" if quantity == "angle" and displacement in ("m", "mm", "cm") else quantity
+    factor = run.unit(signal).scale
+    unit = run.unit(signal).of(quantity)
+    name = run.unit(signal).called(quantity)
     axis = f"{name} / {f'({unit})' if '/' in unit else unit}"
     t, y = cell.arrays["t"], cell.arrays["y"]
     fits, missing = _fits(run, signal, repeat, factor, unit, len(t))

@@ -145,15 +145,14 @@ def _prediction(run: Run, signal: str, models: list[str]) -> Markup | None:
     cells = list(_cells(run, signal, models, "half").items())[: figures.PANELS]
     if not cells:
         return None
-    about = run.about(signal)
-    unit = str(about.get("unit") or "rad")
-    scale = words.scale(unit)
+    unit = run.unit(signal)
+    scale = unit.scale
     shown = {m: (c.arrays["t"], scale * c.arrays["error"], scale * c.arrays["sd"]) for m, c in cells}
     caption = (
         f"{signal}: the second half of the record minus its prediction from the first half, and the 95 % interval "
         "of that prediction; the most probable models."
     )
-    recorded = words.quantity_unit(unit, str(about.get("quantity") or "angle"))
+    recorded = unit.of(run.about(signal).get("quantity") or "angle")
     return run.drawings.add(f"prediction-{signal}", caption, lambda: figures.prediction(shown, recorded))
 
 
@@ -195,8 +194,8 @@ def _average(run: Run, signal: str, models: list[str]) -> Markup | None:
     cell = run.cell("averaged", signal, 0)
     if cell is None or cell.outcome != OK or cell.arrays["amplitudes"].size < 2:
         return None
-    unit = str(run.about(signal).get("unit") or "rad")
-    scale = words.scale(unit)
+    shown = run.unit(signal).displacement
+    unit, scale = shown.name, shown.scale
     medians: dict[str, tuple[np.ndarray, np.ndarray]] = {}
     for model in models:
         own = cell.arrays.get(f"median/{model}")
