@@ -8,7 +8,7 @@ import numpy as np
 
 from bayesdamp.signals.features import Features, crossing_times, regular
 from bayesdamp.signals.turning import midpoints, turning_points
-from bayesdamp.types import Signal
+from bayesdamp.types import Refusal, Signal
 
 MOST = 12
 """Points of a curve."""
@@ -33,10 +33,12 @@ def amplitude_curves(signal: Signal, seen: Features) -> Curves:
 
     Over stretches of swings the log range is fitted by a parabola and the crossings of the midline by a line with an
     offset between rising and falling ones; errors are the larger of what the noise does to them and of the scatter
-    about the fits. Neighbouring ranges share a turning point, and its error.
+    about the fits. Neighbouring ranges share a turning point, and its error. Raises Refusal where there is no swing.
     """
     t, y = np.asarray(signal.t, float), np.asarray(signal.y, float)
     turns = regular(turning_points(t, y, seen.period, seen.roughness), seen.roughness)
+    if turns.values.size < 2 or not np.all(np.diff(turns.values)):
+        raise Refusal("there are no swings to read damping and frequency from")
     middle = midpoints(turns.values)
     crossings, weights = crossing_times(t, y, turns, middle)
     ranges = np.abs(np.diff(turns.values))

@@ -20,9 +20,10 @@ from bayesdamp.inference.seeds import prior_seeds
 from bayesdamp.inference.target import Target
 from bayesdamp.physics.damping import parse_model
 from bayesdamp.store import CellResult, Store
+from bayesdamp.study.backbones import compute_curve
 from bayesdamp.study.climbs import alone, packed, unpacked
 from bayesdamp.study.noise import NoiseCell, noise_cell
-from bayesdamp.study.posteriors import compute_curve, compute_posterior
+from bayesdamp.study.posteriors import compute_posterior
 from bayesdamp.study.records import NOT_APPLICABLE, SignalCell, cell_seed, digest, plain_seconds
 from bayesdamp.study.sensitivity import compute_sensitivity, sensitivity_cells
 from bayesdamp.study.starts import observed, of_all, regression

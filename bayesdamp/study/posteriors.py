@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -12,12 +11,10 @@ import numpy as np
 from bayesdamp.inference import diagnostics
 from bayesdamp.inference.derived import Motions, against_amplitude, derive, units
 from bayesdamp.inference.samplers import SAMPLERS, Settings
-from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.physics.units import parameter_unit
 from bayesdamp.signals.features import Features
 from bayesdamp.store import CellResult
-from bayesdamp.study.records import plain_seconds
-from bayesdamp.types import OK, Posterior, Refusal
+from bayesdamp.types import Posterior, Refusal
 
 if TYPE_CHECKING:
     from bayesdamp.study.cells import Branch
@@ -60,22 +57,6 @@ def compute_posterior(branch: Branch, name: str, key: str, seed: int) -> None:
     branch.store.write(CellResult(name, key, meta, arrays, found.outcome, found.seconds))
 
 
-def compute_curve(branch: Branch, name: str, key: str) -> None:
-    """The fall of the log amplitude over 2π and the frequency (rad/s) of the mode, over the record's amplitudes."""
-    began = time.perf_counter()
-    found, seen = branch.store.read(f"mode/{branch.path}"), branch.record.seen
-    if found.outcome != OK:
-        branch.store.write(CellResult(name, key, outcome=found.outcome))
-        return
-    grid = _grid(seen)
-    values = {n: np.full(grid.shape, v) for n, v in {**found.meta["known"], **found.meta["values"]}.items()}
-    oscillator = Oscillator(branch.terms, branch.restoring)
-    at = Motions(oscillator, values, seen.rest, seen.amplitude).at(grid)
-    ratio = np.asarray(at.lost / (grid * at.slope)) / (2 * np.pi)
-    arrays = {"amplitude": grid, "ratio": ratio, "frequency": 2 * np.pi / np.asarray(at.period)}
-    branch.store.write(CellResult(name, key, {}, arrays, OK, plain_seconds(began)))
-
-
 def _tables(branch: Branch, found: Posterior, motions: Motions) -> dict[str, Any]:
     """Summaries of the parameters and of what follows from them, with units."""
     summary: dict[str, Any] = dict(found.diagnostics["summary"])  # type: ignore[call-overload]
@@ -104,7 +85,7 @@ def _motions(branch: Branch, found: Posterior) -> Motions:
     return Motions(branch.target.oscillator, values, branch.record.seen.rest, amplitude, branch.spec.inertia)
 
 
-def _grid(seen: Features) -> np.ndarray:
+def amplitude_grid(seen: Features) -> np.ndarray:
     """Amplitudes from the record's last to its first, shape (m,)."""
     first, last = seen.amplitude, seen.final_amplitude
     return np.geomspace(max(min(first, last), FAINTEST * first), first, CURVE_POINTS)
@@ -112,7 +93,7 @@ def _grid(seen: Features) -> np.ndarray:
 
 def curves(motions: Motions, seen: Features) -> dict[str, np.ndarray]:
     """Decrement and equivalent ratio over a record's amplitudes, (m,); those that have no motion are left out."""
-    grid = _grid(seen)
+    grid = amplitude_grid(seen)
     found = against_amplitude(motions, grid, (*LEVELS, *SPREAD))
     whole = np.all([np.all(np.isfinite(c), axis=0) for c in found.values()], axis=0)
     band = {f"curve/{n}": c[: len(LEVELS), whole] for n, c in found.items()}
