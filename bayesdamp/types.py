@@ -8,6 +8,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 OK = "ok"
+BEWARE = "Beware: "
+"""Begins a note on how a record was read that a user has to know of."""
 LAW_MARK = "@"
 """Stands between a damping sum and its restoring law where a study compares several laws."""
 

@@ -10,7 +10,7 @@ from typing import Any
 from bayesdamp.physics.units import UNITS, Unit
 from bayesdamp.report.drawing import Drawings
 from bayesdamp.store import TABLES, CellResult, Store, read_table
-from bayesdamp.types import OK, InputError, candidate_name
+from bayesdamp.types import BEWARE, OK, InputError, candidate_name
 
 Row = dict[str, Any]
 LATER = {"restoring": ""}
@@ -61,6 +61,11 @@ class Run:
     def unit(self, signal: str) -> Unit:
         """The unit that a signal's record came in."""
         return UNITS[self.about(signal).get("unit") or "rad"]
+
+    def warnings(self, signal: str) -> list[str]:
+        """Notes on how a signal's record was read that a user has to know of."""
+        notes = map(str, self.about(signal).get("notes") or [])
+        return [note.removeprefix(BEWARE) for note in notes if note.startswith(BEWARE)]
 
     def simulated(self, signal: str) -> bool:
         """Whether the signal was made by the program, so that the truth is known."""

@@ -13,7 +13,7 @@ from bayesdamp.report.reading import ASIDE, coefficients, ranking, summary_rows
 from bayesdamp.report.run import Run, rows_of
 from bayesdamp.report.specimens import sentences
 from bayesdamp.report.verdict import verdict
-from bayesdamp.types import candidate_parts
+from bayesdamp.types import BEWARE, candidate_parts
 
 SHOWN = 5
 
@@ -25,6 +25,8 @@ def conclude(folder: Path, console: Console) -> None:
         repeat = run.repeats(signal)[0]
         console.print()
         console.print(Text(f"{signal}: {verdict(run, signal, repeat).sentence}"), soft_wrap=True)
+        for warning in run.warnings(signal):
+            console.print(Text(BEWARE + warning), soft_wrap=True)
         table = _candidates(run, signal, repeat)
         if table is not None:
             console.print(table)

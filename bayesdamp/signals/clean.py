@@ -15,7 +15,7 @@ from bayesdamp.signals.quantum import recording_step
 from bayesdamp.signals.record import RawRecord
 from bayesdamp.signals.rough import residuals
 from bayesdamp.signals.window import free_decay
-from bayesdamp.types import InputError, Refusal, Signal
+from bayesdamp.types import BEWARE, InputError, Refusal, Signal
 
 QUANTITIES = ("angle", "velocity", "acceleration")
 OUTLIER = 8.0
@@ -73,8 +73,14 @@ def clean(
     said = unit_and_quantity(str(raw.provenance.get("value_column", "")))
     if said not in (None, (unit, quantity)):
         notes.append(
-            f"Beware: the column is named {raw.provenance['value_column']!r}; its values are read as "
+            f"{BEWARE}the column is named {raw.provenance['value_column']!r}; its values are read as "
             f"{_many(quantity)} in {UNITS[unit].of(quantity)}."
+        )
+    turns = found.amplitude / (2 * np.pi)
+    if base == "rad" and turns > 0.5:
+        notes.append(
+            f"{BEWARE}it swings by {turns:.2g} turns to either side; if its values are not in {unit} "
+            "(but in degrees, or volts), give the unit."
         )
     if step:
         notes.append(f"The values lie on steps of {step / scale:.4g} {UNITS[unit].of(quantity)}.")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 import re
 from concurrent.futures import ThreadPoolExecutor
@@ -12,6 +13,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from rich.console import Console
 
 from bayesdamp.report import render
 from bayesdamp.report.reading import coefficients, models_by_rank, ranking
@@ -19,6 +21,7 @@ from bayesdamp.report.run import Run
 from bayesdamp.report.sections import SECTIONS, Section, in_order
 from bayesdamp.report.sections._layout import drawn
 from bayesdamp.report.sections.asked import _sentences
+from bayesdamp.report.terminal import conclude
 from bayesdamp.store import CellResult, Store, write_json
 from bayesdamp.types import InputError
 
@@ -349,6 +352,19 @@ def test_the_summary_lists_what_is_not_ruled_out(maker_of) -> None:
     assert (
         "what there might be beside it ln Bayes factor probability, against none it is b 1.00 0.731" in words
     )
+
+
+def test_what_one_has_to_know_of_the_reading_is_a_doubt_and_on_the_terminal(maker_of) -> None:
+    folder = maker_of(signals=("bench",), repeats={"bench": 1}, models=("viscous", "coulomb")).make()
+    said = "it swings by 80 turns to either side."
+    for warned in (False, True):
+        printed = io.StringIO()
+        conclude(folder, Console(file=printed, width=200))
+        assert (f"Beware: {said}" in printed.getvalue()) == warned
+        assert (f"the record's unit unseen: {said}" in Page(render(folder).read_text()).words) == warned
+        info = json.loads((folder / "run.json").read_text())
+        info["signals"]["bench"]["notes"].append(f"Beware: {said}")
+        (folder / "run.json").write_text(json.dumps(info))
 
 
 def test_candidates_set_aside_are_no_doubt(maker_of) -> None:

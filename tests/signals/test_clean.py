@@ -87,6 +87,17 @@ def test_units(unit, scale, base, quantity):
     assert (signal.unit, signal.quantity) == (base, quantity)
 
 
+def test_a_swing_of_more_than_half_a_turn_is_told_of():
+    """Degrees that nobody said are degrees; not a length, nor an angle below it."""
+    t = np.arange(1000) * 0.01
+    told = []
+    for size, unit in ((30.0, "rad"), (30.0, "deg"), (30.0, "m"), (2.0, "rad"), (30.0, "V")):
+        notes = clean(record(t, size * decay(t)), name="x", unit=unit).provenance["notes"]
+        told.append([n for n in notes if n.startswith("Beware: it swings by")])
+    assert [len(n) for n in told] == [1, 0, 0, 0, 0]
+    assert "give the unit" in told[0][0]
+
+
 def test_outliers_are_counted_and_stay():
     t = np.arange(2000) * 0.01
     y = decay(t, 0.1) + 0.002 * np.random.default_rng(0).standard_normal(t.size)
