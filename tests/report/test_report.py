@@ -355,7 +355,7 @@ def test_the_summary_lists_what_is_not_ruled_out(maker_of) -> None:
 
 
 def test_what_one_has_to_know_of_the_reading_is_a_doubt_and_on_the_terminal(maker_of) -> None:
-    folder = maker_of(signals=("bench",), repeats={"bench": 1}, models=("viscous", "coulomb")).make()
+    folder = maker_of(signals=("bench",), repeats={"bench": 1}, models=("viscous+coulomb", "viscous")).make()
     said = "it swings by 80 turns to either side."
     for warned in (False, True):
         printed = io.StringIO()
