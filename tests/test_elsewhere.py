@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import shutil
+from dataclasses import replace
+
 import pytest
 
 from bayesdamp.config import load_study
 from bayesdamp.inference.evidence import EVIDENCES
 from bayesdamp.inference.search import find_mode
+from bayesdamp.report import render
 from bayesdamp.store import Store
 from bayesdamp.study import run_study
 from bayesdamp.study.cells import Branch
@@ -89,3 +93,31 @@ def test_the_report_shows_them(run):
     heads = ["whole record", "first half", "middle half", "last half", "gaussian, chosen", "Student t"]
     places = [table.index(head) for head in heads]
     assert places == sorted(places)
+
+
+def test_each_candidates_first_half_foretells_the_second(run):
+    """By Laplace's approximation as by importance sampling. Negative control: what the other candidate foretells."""
+    _, store = run
+    told = {}
+    for model in ("viscous", "quadratic"):
+        laplace = store.read(f"mode/noisy/0/{model}").meta["forecast"]
+        sampled = store.read(f"sensitivity/noisy/0/{model}/half").meta
+        for what in ("rms", "expected", "coverage"):
+            assert laplace[what] == pytest.approx(sampled[what], rel=0.05)
+        assert laplace["log_predictive"] == pytest.approx(sampled["log_predictive"], abs=0.2)
+        told[model] = laplace
+    assert told["quadratic"]["rms"] > 1.2 * told["viscous"]["rms"]
+
+
+def test_the_report_shows_it_of_candidates_that_were_not_sampled(run, tmp_path):
+    _, store = run
+    folder = tmp_path / "out"
+    shutil.copytree(store.folder, folder)
+    cell = Store(folder).read("sensitivity/noisy/0/quadratic/half")
+    Store(folder).write(replace(cell, outcome="not sampled", meta={}))
+    said = []
+    for page in (store.folder / "report.html", render(folder)):
+        text = page.read_text(encoding="utf-8")
+        table = text[text.index("The first half of the record alone") :]
+        said.append("Laplace&#39;s approximation" in table[: table.index("</table>")])
+    assert said == [False, True]

@@ -13,6 +13,7 @@ from scipy.fft import next_fast_len
 from bayesdamp.inference.climb import ROUGHLY, climb
 from bayesdamp.inference.cut_normal import about
 from bayesdamp.inference.evidence.laplace import log_evidence_near
+from bayesdamp.inference.forecast import TOGETHER, Forecast, forecast
 from bayesdamp.inference.lines import Line, orthonormal, standing_out, strongest
 from bayesdamp.inference.mode import Mode, whitening
 from bayesdamp.inference.noise import NoiseModel
@@ -26,8 +27,6 @@ STEP = 0.1
 """Posterior sds by which a parameter is moved to see what it does to the residuals."""
 HELD = 1e-6
 """Score of a coefficient up to which it is held at zero."""
-TOGETHER = 2_000_000
-"""Residuals that are held at a time."""
 P_LIMIT = 0.01
 LINE_LIMIT = 0.005
 """Chance from which a part of the residuals' spectrum stands out: with the other two limits, 2 % of true models are
@@ -66,7 +65,8 @@ class Fit:
     normal's). line_p: chance of the part of their spectrum that stands out most; form_p: that
     of the force, of those that no candidate has, which they want most. window_spread: largest shift of a
     damping coefficient between a window and the whole record, in the sds that the shift has by chance; window_p: the
-    chance of one as large. rivals: the model with other forms of damping beside its own.
+    chance of one as large. forecast: of the second half by the first, where that says something. rivals: the model
+    with other forms of damping beside its own.
     """
 
     fit: np.ndarray
@@ -84,6 +84,7 @@ class Fit:
     windows: tuple[Window, ...]
     window_spread: float
     window_p: float
+    forecast: Forecast | None
     rivals: tuple[Rival, ...]
     verdict: str
 
@@ -187,7 +188,7 @@ def check_fit(target: Target, mode: Mode, period: float, seed: int) -> Fit:
     )
     if line.chance > HINT:  # where whitening has levelled the spectrum, it says what there was to level
         line = replace(line, words=strongest(t, r, period))
-    windows, spread, looks = _windows(target, mode)
+    windows, spread, looks, later = _windows(target, mode, seed)
     window_p = min(1.0, looks * math.erfc(spread / math.sqrt(2)))
     rms = float(np.sqrt(np.mean(r**2)))
     lag_one = float(autocorrelation(r, 1)[1])
@@ -207,6 +208,7 @@ def check_fit(target: Target, mode: Mode, period: float, seed: int) -> Fit:
         windows=windows,
         window_spread=spread,
         window_p=window_p,
+        forecast=later,
         rivals=form.rivals,
         verdict=_verdict(target.layout.noise, p, line, form, window_p, p_tails < P_LIMIT and tails > HEAVY),
     )
@@ -226,23 +228,31 @@ def _verdict(noise: NoiseModel, p: float, line: Line, form: Other, window_p: flo
     return "fits, with correlated noise" if correlated else "fits"
 
 
-def _windows(target: Target, mode: Mode) -> tuple[tuple[Window, ...], float, int]:
+def _windows(target: Target, mode: Mode, seed: int) -> tuple[tuple[Window, ...], float, int, Forecast | None]:
     """The mode on the first, the middle and the last half of the record; the motion starts where it did.
 
-    With the largest shift of a coefficient, in the sds that it has by chance, and how many were looked at.
+    With the largest shift of a coefficient, in the sds that it has by chance, how many were looked at, and what the
+    first half says of the second.
     """
     t, n = target.signal.t, target.signal.t.size
     half = n // 2
-    whole = _window(target, mode.context, "whole record", mode.z, mode.information, float(t[0]), float(t[-1]))
-    windows, spread, looks = [whole], 0.0, 0
+    whole, _ = _window(
+        target, mode.context, "whole record", mode.z, mode.information, float(t[0]), float(t[-1])
+    )
+    windows, spread, looks, later = [whole], 0.0, 0, None
     for label, first in (("first half", 0), ("middle half", (n - half) // 2), ("last half", n - half)):
         part = slice(first, first + half)
         context = target.context(mode.context.plan.of(part), part)
         z, value, information, _, _ = climb(target.layout, context, mode.z, close=ROUGHLY)
         if not np.isfinite(value):
             continue
-        w = _window(target, context, label, z, information, float(t[first]), float(t[first + half - 1]))
+        w, factor = _window(
+            target, context, label, z, information, float(t[first]), float(t[first + half - 1])
+        )
         windows.append(w)
+        if first == 0:
+            density = whole.log_evidence - w.log_evidence
+            later = forecast(target, mode.context.plan, context, z, factor, density, seed)
         for name in target.oscillator.coefficients:
             if whole.sd[name] == 0.0:  # absent from this model
                 continue
@@ -250,7 +260,7 @@ def _windows(target: Target, mode: Mode) -> tuple[tuple[Window, ...], float, int
             # The part is contained in the whole: the variance of the shift is the difference (Hausman 1978).
             variance = max(w.sd[name] ** 2 - whole.sd[name] ** 2, 0.25 * whole.sd[name] ** 2)
             spread, looks = max(spread, shift / variance**0.5), looks + 1
-    return tuple(windows), spread, looks
+    return tuple(windows), spread, looks, later
 
 
 def _window(
@@ -261,7 +271,8 @@ def _window(
     information: np.ndarray,
     start: float,
     stop: float,
-) -> Window:
+) -> tuple[Window, np.ndarray]:
+    """The window, and a factor of the covariance of its scores."""
     try:
         factor = whitening(information)
         evidence = log_evidence_near(target, context, z)
@@ -269,7 +280,7 @@ def _window(
         factor, evidence = np.full_like(information, np.nan), np.nan
     covariance = factor @ factor.T
     values = {n: float(v) for n, v in target.values(z).items()}
-    return Window(label, start, stop, values, value_sds(target, z, covariance), evidence)
+    return Window(label, start, stop, values, value_sds(target, z, covariance), evidence), factor
 
 
 def value_sds(target: Target, z: np.ndarray, covariance: np.ndarray) -> dict[str, float]:

@@ -9,7 +9,7 @@ import numpy as np
 from bayesdamp.inference.compiled import compiled
 from bayesdamp.inference.frame import FAR, cut_off, cut_off_moments
 from bayesdamp.inference.mode import Mode
-from bayesdamp.inference.target import Target
+from bayesdamp.inference.target import Context, Target
 from bayesdamp.types import Refusal
 
 H = 0.01
@@ -67,10 +67,15 @@ class CutNormal:
 
 def about(target: Target, mode: Mode) -> CutNormal:
     """The normal with the mode's information and the log posterior's gradient there, cut off."""
+    return near(target, mode.context, mode.z, mode.factor)
+
+
+def near(target: Target, context: Context, z: np.ndarray, factor: np.ndarray) -> CutNormal:
+    """The normal with this covariance, factor @ factor.T, and the log posterior's gradient at z, (d,), cut off."""
     folded = np.asarray(target.layout.folded)
-    at = np.where(folded, np.abs(mode.z), mode.z)
-    slope = np.asarray(compiled(target.layout).curvature(mode.context, at)[1])
-    covariance = mode.factor @ mode.factor.T
+    at = np.where(folded, np.abs(z), z)
+    slope = np.asarray(compiled(target.layout).curvature(context, at)[1])
+    covariance = factor @ factor.T
     return CutNormal(at + covariance @ slope, covariance, folded)
 
 

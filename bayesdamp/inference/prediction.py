@@ -7,15 +7,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import logsumexp
 
-from bayesdamp.inference.checks import DRAWS, TOGETHER
+from bayesdamp.inference.checks import DRAWS
 from bayesdamp.inference.evidence.importance import Importance
+from bayesdamp.inference.forecast import carried_on
 from bayesdamp.inference.mode import Mode, mode_near
-from bayesdamp.inference.residuals import residuals
 from bayesdamp.inference.target import Target
 from bayesdamp.types import OK, Evidence, Refusal
-
-INTERVAL = 1.959963984540054
-"""Half-width of a central 95 % interval in sds."""
 
 
 @dataclass(frozen=True)
@@ -48,33 +45,20 @@ def first_half(target: Target, mode: Mode) -> Mode:
 def predict(model: str, target: Target, mode: Mode, seed: int) -> Prediction:
     """Importance evidence on the first half, and its draws carried on over the second.
 
-    Of noise, the predictive interval has the mean square of the residuals of the first half, whatever its law: it does
-    not use that neighbouring samples may err together. Raises Refusal where the first half has no posterior.
+    Raises Refusal where the first half has no posterior, or no draw goes on.
     """
-    n = target.signal.t.size
-    half = n // 2
+    half = target.signal.t.size // 2
     found = Importance().evidence(model, target, first_half(target, mode), seed)
     y, log_weights = found.arrays["y"], found.arrays["log_weights"]
     chosen = y[_resampled(log_weights, DRAWS, np.random.default_rng(seed))]
-    count, total, square, first = 0, np.zeros(n - half), np.zeros(n - half), 0.0
-    for batch in np.array_split(chosen, max(4, DRAWS * n // TOGETHER)):
-        r = residuals(target, mode.context.plan, batch)
-        r = r[np.all(np.isfinite(r), axis=1)]
-        count += len(r)
-        total += r[:, half:].sum(axis=0)
-        square += (r[:, half:] ** 2).sum(axis=0)
-        first += float((r[:, :half] ** 2).sum())
-    if not count:
-        raise Refusal("no motion that fits the first half goes on through the second")
-    error = total / count
-    sd = np.sqrt(np.maximum(square / count - error**2, 0.0) + first / (count * half))
+    ahead = carried_on(target, mode.context.plan, chosen, half)
     return Prediction(
         start=float(target.signal.t[half]),
-        centre=target.signal.y[half:] - error,
-        sd=sd,
-        rms=float(np.sqrt(np.mean(error**2))),
-        expected=float(np.sqrt(np.mean(sd**2))),
-        coverage=float(np.mean(np.abs(error) < INTERVAL * sd)),
+        centre=target.signal.y[half:] - ahead.error,
+        sd=ahead.sd,
+        rms=ahead.rms,
+        expected=ahead.expected,
+        coverage=ahead.coverage,
         evidence=replace(found, arrays={}),
     )
 

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from markupsafe import Markup
@@ -104,31 +107,60 @@ def _elsewhere(run: Run, signal: str, models: list[str]) -> Table | None:
     return Table(["model", *headers], lines, frozenset({0}), caption)
 
 
-def _halves(run: Run, signal: str, models: list[str]) -> Table | None:
-    cells = _cells(run, signal, models, "half")
-    if not cells:
+@dataclass(frozen=True)
+class _Half:
+    """What the first half of the record says alone: its log evidence, and how it predicts the second half."""
+
+    log_evidence: float
+    stderr: float
+    diagnostic: str
+    sound: bool
+    told: Mapping[str, Any]
+    """rms, expected, coverage, log_predictive and its standard error."""
+
+
+def _half(run: Run, signal: str, model: str, sampled: Mapping[str, CellResult]) -> _Half | None:
+    """By importance sampling where that was done, else by Laplace's approximation."""
+    if model in sampled:
+        meta = sampled[model].meta
+        found = meta["evidence"]
+        return _Half(
+            found["log_evidence"], found["stderr"], found["diagnostic"], found["outcome"] == OK, meta
+        )
+    mode = run.cell("mode", signal, 0, model)
+    told = mode.meta.get("forecast") if mode else None
+    if mode is None or not told:
         return None
-    half = {m: c.meta["evidence"]["log_evidence"] for m, c in cells.items()}
+    first = next(w["log_evidence"] for w in mode.meta["windows"] if w["label"] == "first half")
+    return _Half(first, math.nan, "Laplace's approximation", True, told)
+
+
+def _halves(run: Run, signal: str, models: list[str]) -> Table | None:
+    sampled = _cells(run, signal, models, "half")
+    halves = {m: half for m in models if (half := _half(run, signal, m, sampled))}
+    if not sampled:
+        return None
     found = ranking(run, signal, 0)
     whole = {r["model"]: r["log_bayes_factor"] for r in found.rows} if found else {}
-    ahead = max(c.meta["log_predictive"] for c in cells.values())
-    lines = []
-    for model, cell in cells.items():
-        m = cell.meta
-        lines.append(
-            Line(
-                [
-                    words.model(model),
-                    words.nats(whole.get(model)),
-                    words.nats(half[model] - max(half.values()), m["evidence"]["stderr"]),
-                    words.number(m["rms"] / m["expected"], 3),
-                    f"{100 * m['coverage']:.0f} %",
-                    words.nats(m["log_predictive"] - ahead, m["log_predictive_stderr"]),
-                    m["evidence"]["diagnostic"],
-                ],
-                "" if m["evidence"]["outcome"] == OK else "alert",
-            )
+    best = max(half.log_evidence for half in halves.values())
+    ahead = max(half.told["log_predictive"] for half in halves.values())
+    lines = [
+        Line(
+            [
+                words.model(model),
+                words.nats(whole.get(model)),
+                words.nats(half.log_evidence - best, half.stderr),
+                words.number(half.told["rms"] / half.told["expected"], 3),
+                f"{100 * half.told['coverage']:.0f} %",
+                words.nats(
+                    half.told["log_predictive"] - ahead, half.told.get("log_predictive_stderr", math.nan)
+                ),
+                half.diagnostic,
+            ],
+            "" if half.sound else "alert",
         )
+        for model, half in halves.items()
+    ]
     headers = [
         "model", "log Bayes factor", "from the first half", "error / expected", "inside 95 %", "log predictive density",
         "diagnostic",
