@@ -80,10 +80,15 @@ def _elsewhere(run: Run, signal: str, models: list[str]) -> Table | None:
     """Over windows of the record, and under each noise model."""
     found: dict[str, dict[str, float]] = {}
     noises = _cells(run, signal, models, "noises")
-    for model in _cells(run, signal, models, "widths"):
+    if len(_cells(run, signal, models, "widths")) < 2:
+        return None
+    for model in models:
         mode = run.cell("mode", signal, 0, model)
         windows = [w for w in (mode.meta.get("windows") or []) if "log_evidence" in w] if mode else []
-        found[model] = {w["label"]: w["log_evidence"] for w in windows if math.isfinite(w["log_evidence"])}
+        of_parts = {w["label"]: w["log_evidence"] for w in windows if math.isfinite(w["log_evidence"])}
+        if not of_parts:
+            continue
+        found[model] = of_parts
         if model in noises:
             under = noises[model].meta
             found[model] |= {
@@ -94,7 +99,7 @@ def _elsewhere(run: Run, signal: str, models: list[str]) -> Table | None:
     for label, log_evidence in (item for logs in found.values() for item in logs.items()):
         best[label] = max(log_evidence, best.get(label, -math.inf))
     headers = [label for label, log_evidence in best.items() if math.isfinite(log_evidence)]
-    if len(found) < 2 or not headers:
+    if not headers:
         return None
     lines = [
         Line([words.model(model), *(words.fixed(logs.get(h, math.nan) - best[h], 1) for h in headers)])
@@ -102,7 +107,7 @@ def _elsewhere(run: Run, signal: str, models: list[str]) -> Table | None:
     ]
     caption = (
         "Log Bayes factors (nats) to the best of each column, by Laplace's approximation: of parts of the record, "
-        "and of all of it under each noise model."
+        "and of all of it under each noise model (the likelier candidates only)."
     )
     return Table(["model", *headers], lines, frozenset({0}), caption)
 
