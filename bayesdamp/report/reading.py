@@ -177,6 +177,13 @@ def models_by_rank(run: Run, signal: str, repeat: int) -> list[str]:
     return list(dict.fromkeys(order))
 
 
+def models_kept(run: Run, signal: str, repeat: int) -> list[str]:
+    """Those of all models that were not set aside, in the same order."""
+    found = ranking(run, signal, repeat)
+    aside = {r["model"] for r in found.rows if r["outcome"].startswith(ASIDE)} if found else set()
+    return [model for model in models_by_rank(run, signal, repeat) if model not in aside]
+
+
 def summary_rows(run: Run, signal: str, repeat: int, model: str) -> tuple[str, list[Row]]:
     """The sampler to quote (the first that is `ok`, else the first) and its rows of posteriors.csv."""
     rows = rows_of(run.posteriors, signal=signal, repeat=repeat, model=model)

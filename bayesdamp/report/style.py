@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from typing import Any
 
 from matplotlib.colors import to_hex, to_rgb
+from matplotlib.figure import Figure
 
 from bayesdamp.types import candidate_parts
 
@@ -96,6 +98,20 @@ def looks(models: Iterable[str]) -> dict[str, tuple[str, str]]:
 
 LETTERS, MARK = 12.5, 7
 """Letters to an inch of a legend, and for how many an entry's line and gap stand."""
+
+
+ROW = 0.17
+"""Inches that a legend's row takes."""
+
+
+def legend_above(figure: Figure, most: int = 3) -> None:
+    """The first axes' legend above the figure, which grows by its rows beyond two."""
+    handles, labels = figure.axes[0].get_legend_handles_labels()
+    columns = legend_columns(labels, figure.get_figwidth(), most)
+    more = math.ceil(len(labels) / columns) - 2
+    if more > 0:
+        figure.set_figheight(figure.get_figheight() + more * ROW)
+    figure.legend(handles, labels, loc="outside upper left", ncols=columns)
 
 
 def legend_columns(labels: Sequence[str], width: float, most: int) -> int:

@@ -16,7 +16,7 @@ import pytest
 from rich.console import Console
 
 from bayesdamp.report import render
-from bayesdamp.report.reading import coefficients, models_by_rank, ranking
+from bayesdamp.report.reading import coefficients, models_by_rank, models_kept, ranking
 from bayesdamp.report.run import Run
 from bayesdamp.report.sections import SECTIONS, Section, in_order
 from bayesdamp.report.sections._layout import drawn
@@ -379,6 +379,11 @@ def test_candidates_set_aside_are_no_doubt(maker_of) -> None:
         words = Page(render(folder).read_text()).words
         assert ("that 1 more candidate could be set aside unweighed" in words) == believed
         assert ("that Coulomb was weighed by" in words) != believed
+        # What was set aside is a line of its own table, with its reason, and has no bar and no fit.
+        assert ("1 candidate set aside by cheap evidence, and why" in words) == believed
+        assert ("not shown: 1 that was set aside" in words) == believed
+        assert ("far behind" in words) == believed
+        assert ("coulomb" in models_kept(Run(folder), "sim", 0)) != believed
 
 
 def test_sections_drawn_elsewhere_are_the_same_report(maker_of) -> None:

@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from bayesdamp.report import words
-from bayesdamp.report.style import INK, WIDTH, legend_columns, looks
+from bayesdamp.report.style import INK, WIDTH, legend_above, looks
 
 FEW = 4
 """Points of the record, below which its candidates say what is shown."""
@@ -48,7 +48,5 @@ def backbone(
         ax.set_ylim(max(low - room, 0.0), high + room)
         ax.set_xlabel(f"amplitude / {unit}")
         ax.set_ylabel(axis)
-    handles, labels = figure.axes[0].get_legend_handles_labels()
-    columns = legend_columns(labels, figure.get_figwidth(), 3)
-    figure.legend(handles, labels, loc="outside upper left", ncols=columns)
+    legend_above(figure)
     return figure

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 
 from bayesdamp.report import words
 from bayesdamp.report.figures._panels import panels
-from bayesdamp.report.style import FAINT, INK, QUIET, colour, legend_columns
+from bayesdamp.report.style import FAINT, INK, QUIET, colour, legend_above
 
 Values = Mapping[tuple[str, str, str], float]
 
@@ -55,7 +55,5 @@ def finals(
     for face, label in (("white", "initial"), (QUIET, "refined")):
         axes[0].plot([], [], "o", ms=4.5, mfc=face, mec=QUIET, label=label)
     axes[0].plot([], [], color=INK, lw=0.9, ls=(0, (2, 2)), label="truth")
-    handles, labels = axes[0].get_legend_handles_labels()
-    columns = legend_columns(labels, figure.get_figwidth(), 3)
-    figure.legend(handles, labels, loc="outside upper left", ncols=columns)
+    legend_above(figure)
     return figure

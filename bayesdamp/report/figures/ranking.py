@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from bayesdamp.report import words
 from bayesdamp.report.comparing import CATEGORIES, Comparison, category
 from bayesdamp.report.figures._panels import panels
-from bayesdamp.report.style import FAINT, INK, QUIET, WIDTH, colour, legend_columns
+from bayesdamp.report.style import FAINT, INK, QUIET, WIDTH, colour, legend_above
 
 FLOOR = 1e-8
 """Errors below this share of a per cent are drawn at it: rounding."""
@@ -82,9 +82,7 @@ def categories(found: Comparison) -> Figure:
     for face, edge, label in (("white", _INITIAL, "initial"), (_REFINED, _REFINED, "refined")):
         axes[0].plot([], [], ls="", marker="o", ms=4.5, mfc=face, mec=edge, label=label)
     axes[0].plot([], [], color=INK, lw=1.2, label="median")
-    handles, labels = axes[0].get_legend_handles_labels()
-    columns = legend_columns(labels, figure.get_figwidth(), 3)
-    figure.legend(handles, labels, loc="outside upper left", ncols=columns)
+    legend_above(figure)
     return figure
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from bayesdamp.report import words
-from bayesdamp.report.style import FAINT, INK, WIDTH, colour, looks
+from bayesdamp.report.style import FAINT, INK, WIDTH, colour, legend_above, looks
 
 INTERVAL = 1.96
 """Half-width of a central 95 % interval in sds."""
@@ -29,7 +29,7 @@ class Line:
 
 def widths(factors: np.ndarray, lines: Sequence[Line]) -> Figure:
     """Log Bayes factors against the factor; linear to one nat, logarithmic beyond. Open: sampled anew; ×: poor."""
-    figure = Figure(figsize=(WIDTH * 0.62, 2.7))
+    figure = Figure(figsize=(WIDTH * 0.7, 2.7))
     ax = figure.subplots()
     ax.axvline(1.0, color=FAINT, lw=0.8, zorder=0.5)
     for line, (shown, dashes) in zip(lines, looks(line.model for line in lines).values(), strict=True):
@@ -49,7 +49,7 @@ def widths(factors: np.ndarray, lines: Sequence[Line]) -> Figure:
     ax.set_xticks([], minor=True)
     ax.set_xlabel("factor on the width of the damping's priors")
     ax.set_ylabel("log Bayes factor / nats")
-    ax.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
+    legend_above(figure)
     return figure
 
 
@@ -73,7 +73,7 @@ def averaged(
     unit: str,
 ) -> Figure:
     """band: quantiles 2.5, 50 and 97.5 % of the average, shape (3, m); models: model to its amplitudes and median."""
-    figure = Figure(figsize=(WIDTH * 0.62, 2.7))
+    figure = Figure(figsize=(WIDTH * 0.7, 2.7))
     ax = figure.subplots()
     low, median, high = band
     ax.fill_between(amplitudes, low, high, color=INK, alpha=0.18, lw=0)
@@ -83,5 +83,5 @@ def averaged(
     ax.set_xlabel(f"amplitude / {unit}")
     ax.set_ylabel(words.axis("equivalent_ratio", ""))
     ax.set_ylim(0, 1.6 * float(high.max()))
-    ax.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
+    legend_above(figure)
     return figure

@@ -11,7 +11,7 @@ from markupsafe import Markup
 from bayesdamp.report import words
 from bayesdamp.report.figures.record import Fit, raw, record
 from bayesdamp.report.html import fill
-from bayesdamp.report.reading import models_by_rank
+from bayesdamp.report.reading import models_kept
 from bayesdamp.report.run import Run
 from bayesdamp.report.sections._layout import by_signal, drawn
 from bayesdamp.report.sections._section import Section
@@ -82,7 +82,7 @@ def _fits(
     run: Run, signal: str, repeat: int, factor: float, unit: str, samples: int
 ) -> tuple[list[Fit], list[str]]:
     fits, missing = [], []
-    for place, model in enumerate(models_by_rank(run, signal, repeat)):
+    for place, model in enumerate(models_kept(run, signal, repeat)):
         if not drawn(run, place):
             continue
         cell = run.cell("mode", signal, repeat, model)

@@ -17,6 +17,8 @@ from bayesdamp.report.sections._section import Section
 from bayesdamp.store import CellResult
 
 Row = Mapping[str, Any]
+SHOWN = 4
+"""Candidates that are shown at once; the others unfold."""
 ALIKE = 0.1
 """Posterior sds within which the means of chains are called the same; R̂ judges in the table of the posterior."""
 
@@ -49,6 +51,7 @@ def _climbs(cell: CellResult | None) -> Sequence[Row]:
 def _one(run: Run, signal: str) -> Markup:
     repeat = run.repeats(signal)[0]
     parts: list[Markup] = []
+    rest: list[object] = []
     for model in models_by_rank(run, signal, repeat):
         cell = run.cell("mode", signal, repeat, model)
         if cell is None or not _climbs(cell):
@@ -57,7 +60,13 @@ def _one(run: Run, signal: str) -> Markup:
         summary = Markup("<p><strong>{}.</strong> {}</p>").format(name, " ".join(_sentences(cell)))
         tables: list[object] = [_table(cell)]
         tables += _chains(run, signal, repeat, model)
-        parts += [summary, folded(f"Seeds and chains of {words.model(model)}", *tables)]
+        told = [summary, folded(f"Seeds and chains of {words.model(model)}", *tables)]
+        if len(parts) < 2 * SHOWN:
+            parts += told
+        else:
+            rest += told
+    if rest:
+        parts.append(folded(f"{len(rest) // 2} more candidates", *rest))
     return fill("stack.html", parts=parts or [Markup("<p>No model was fitted to this signal.</p>")])
 
 
@@ -65,7 +74,8 @@ def _sentences(cell: CellResult) -> list[str]:
     climbs, modes = _climbs(cell), cell.meta.get("modes") or []
     ended = [c for c in climbs if c.get("mode") == 0]
     reached = _count(sum(1 + len(c["same"]) for c in ended))
-    found = [f"{'All ' if len(ended) == len(climbs) else ''}{reached} reached the mode."]
+    every = "All " if len(ended) == len(climbs) and reached != _count(1) else ""
+    found = [f"{every}{reached} reached the mode."]
     elsewhere = [c for c in climbs if c.get("mode")]
     if elsewhere:
         best = modes[1] if len(modes) > 1 else None
