@@ -11,8 +11,8 @@ from typing import Any
 from bayesdamp.config.checks import StudyError
 from bayesdamp.config.load import Study, resolve_study
 from bayesdamp.physics.restoring import LAWS
-from bayesdamp.physics.units import UNITS
 from bayesdamp.types import InputError
+from bayesdamp.units import UNITS
 
 PRUNE = 20.0
 """Nats behind the best at which a candidate is set aside: a probability of 2e-9, and Laplace's evidence, by which it is

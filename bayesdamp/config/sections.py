@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, model_validator
 
-from bayesdamp.physics.units import UNITS
+from bayesdamp.units import UNITS
 
 NAME = r"^[A-Za-z0-9_][A-Za-z0-9_-]*$"
 

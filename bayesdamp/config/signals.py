@@ -25,9 +25,9 @@ from bayesdamp.inference.noise import NOISES
 from bayesdamp.physics.damping import PAPER_TERMS, TERMS
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.physics.restoring import LAWS, RestoringLaw
-from bayesdamp.physics.units import UNITS
 from bayesdamp.plugins import nearest
 from bayesdamp.types import System
+from bayesdamp.units import UNITS
 
 START = ("theta0", "omega0")
 NOISE = ("noise_sd", "noise_time", "noise_dof")

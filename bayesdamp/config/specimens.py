@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 from bayesdamp.config.checks import StudyError
 from bayesdamp.config.signals import SignalSpec
-from bayesdamp.physics.units import UNITS
+from bayesdamp.units import UNITS
 
 
 def check_specimens(

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from bayesdamp.estimators.shared import noise_level
-from bayesdamp.physics.units import quantity_unit
 from bayesdamp.signals.features import Features
 from bayesdamp.types import Signal
+from bayesdamp.units import quantity_unit
 
 ROUGHER = 1.1
 """A residual of more than this many times the record's roughness, and five standard errors more, is told."""

@@ -7,10 +7,10 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
-from bayesdamp.physics.units import UNITS, Unit
 from bayesdamp.report.drawing import Drawings
 from bayesdamp.store import TABLES, CellResult, Store, read_table
 from bayesdamp.types import BEWARE, OK, InputError, candidate_name
+from bayesdamp.units import UNITS, Unit
 
 Row = dict[str, Any]
 LATER = {"restoring": ""}

@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from bayesdamp.physics.units import UNITS
 from bayesdamp.signals.clock import clock_times
 from bayesdamp.signals.features import features
 from bayesdamp.signals.named_units import unit_and_quantity
@@ -16,6 +15,7 @@ from bayesdamp.signals.record import RawRecord
 from bayesdamp.signals.rough import residuals
 from bayesdamp.signals.window import free_decay
 from bayesdamp.types import BEWARE, InputError, Refusal, Signal
+from bayesdamp.units import UNITS
 
 QUANTITIES = ("angle", "velocity", "acceleration")
 OUTLIER = 8.0
@@ -71,7 +71,7 @@ def clean(
     rate = (t.size - 1) / float(t[-1] - t[0])
     notes = [*_words(raw), *times.notes, *window.notes]
     said = unit_and_quantity(str(raw.provenance.get("value_column", "")))
-    if said not in (None, (unit, quantity)):
+    if said is not None and (_size(said[0]), said[1]) != (_size(unit), quantity):
         notes.append(
             f"{BEWARE}the column is named {raw.provenance['value_column']!r}; its values are read as "
             f"{_many(quantity)} in {UNITS[unit].of(quantity)}."
@@ -170,6 +170,11 @@ def _asked(t: np.ndarray, start: str | float, stop: str | float, name: str) -> t
 def _words(raw: RawRecord) -> list[str]:
     notes = raw.provenance.get("notes", [])
     return [str(note) for note in notes] if isinstance(notes, list | tuple) else []
+
+
+def _size(unit: str) -> tuple[str, float]:
+    """What a unit amounts to, so that deg/s and dps are one."""
+    return UNITS[unit].base, UNITS[unit].factor
 
 
 def _many(quantity: str) -> str:

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from bayesdamp.physics.units import UNITS
 from bayesdamp.signals.arrays import named_arrays
 from bayesdamp.signals.named_units import quantity_of, unit_and_quantity
 from bayesdamp.signals.table import Layout, find_layout
 from bayesdamp.signals.text import decoded
 from bayesdamp.types import InputError
+from bayesdamp.units import UNITS
 
 Column = str | int
 ARRAYS = (".mat", ".npy", ".npz")

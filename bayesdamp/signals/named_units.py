@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 
-from bayesdamp.physics.units import UNITS
+from bayesdamp.units import UNITS
 
 SECONDS = {
     **dict.fromkeys(("s", "sec", "secs", "second", "seconds"), 1.0),

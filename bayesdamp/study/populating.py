@@ -12,13 +12,13 @@ import numpy as np
 from bayesdamp.config import Study
 from bayesdamp.inference.hierarchy import Sample, population
 from bayesdamp.inference.joint_evidence import weigh
-from bayesdamp.physics.units import UNITS
 from bayesdamp.store import CellResult, Store
 from bayesdamp.study.agreement import CLEAR, common_scale, population_meta
 from bayesdamp.study.records import plain_seconds
 from bayesdamp.study.specimens import Specimen, draws_of, summaries, weighed_meta
 from bayesdamp.study.weighing import evidence_by_method
 from bayesdamp.types import OK, Refusal
+from bayesdamp.units import UNITS
 
 
 def populate(study: Study, store: Store, name: str, key: str) -> None:

@@ -19,7 +19,6 @@ from bayesdamp.estimators.shared import noise_level
 from bayesdamp.inference.defaults import EPSILON_SHARE, Reference
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.physics.restoring import LAWS
-from bayesdamp.physics.units import UNITS
 from bayesdamp.signals.anomalies import anomalies
 from bayesdamp.signals.clean import clean
 from bayesdamp.signals.curves import amplitude_curves
@@ -28,6 +27,7 @@ from bayesdamp.signals.read import read_record
 from bayesdamp.signals.simulate import simulate_signal
 from bayesdamp.store import CellResult, Store, sha256
 from bayesdamp.types import OK, InputError, Problem, Refusal, Signal, System
+from bayesdamp.units import UNITS
 
 NO_NOISE = 1e-6
 """Noise below this share of the amplitude is none: a likelihood has nothing to weigh by."""

@@ -11,12 +11,13 @@ import numpy as np
 from bayesdamp.config import Recording, SignalSpec, Simulation, Study
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.physics.restoring import LAWS
-from bayesdamp.physics.units import UNITS, parameter_unit, quantity_unit
+from bayesdamp.physics.units import parameter_unit
 from bayesdamp.store import TABLES, CellResult, Store, provenance, write_json, write_table
 from bayesdamp.study.specimen_tables import write_specimen_tables
 from bayesdamp.study.staging import ASIDE
 from bayesdamp.study.weighing import evidence_by_method
 from bayesdamp.types import OK, candidate_parts
+from bayesdamp.units import UNITS, quantity_unit
 
 Row = dict[str, Any]
 

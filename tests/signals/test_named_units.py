@@ -98,6 +98,9 @@ def test_a_name_that_says_another_unit_is_told_of(tmp_path):
         any("'phi (deg)'; its values are read as displacements in rad." in n for n in some) for some in notes
     ]
     assert told == [True, False]
+    raw.provenance["value_column"] = "gyro (deg/s)"
+    told = [clean(raw, name="x", unit=u, quantity="velocity").provenance["notes"] for u in ("dps", "rpm")]
+    assert [any("'gyro (deg/s)'" in n for n in some) for some in told] == [False, True]
 
 
 def test_compare_takes_unit_and_quantity_from_the_name(tmp_path):

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from bayesdamp.physics.units import UNITS, parameter_unit, quantity_unit
+from bayesdamp.physics.units import parameter_unit
+from bayesdamp.units import UNITS, quantity_unit
 
 
 @pytest.mark.parametrize(
