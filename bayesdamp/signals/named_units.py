@@ -50,10 +50,10 @@ def quantity_of(name: str) -> str | None:
 
 
 def _said(name: str) -> list[str]:
-    """What may be a unit in a name: within brackets, behind a last " / ", " in " or "_"."""
+    """What may be a unit in a name: within brackets, behind a "/", " in " or "_"."""
     inside = re.findall(r"\(((?:[^()]|\([^()]*\))*)\)|\[([^\[\]]*)\]|\{([^{}]*)\}", name)
     found = ["".join(groups).strip() for groups in inside]
-    behind = re.search(r"(?:\s/\s*|\sin\s+|_)([^\s_]+)\s*$", name)
+    behind = re.search(r"(?:^[^/\s]+/|\s/\s*|\sin\s+|_)([^\s_]+)\s*$", name)
     if found or not behind or (behind[0][0] == "_" and behind[1] in _UNSURE):
         return found
     return [behind[1].strip("()[]{}")]

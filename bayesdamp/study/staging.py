@@ -84,10 +84,21 @@ def candidates_left(study: Study, spec: SignalSpec, repeat: int, store: Store) -
 
 
 def best_of(study: Study, spec: SignalSpec, repeat: int, store: Store) -> tuple[str, ...]:
-    """The candidates whose posterior is sampled, the best first; all where the study sets no number."""
+    """The candidates whose posterior is sampled, the best first; all where the study sets no number.
+
+    Beside the best they are those not far behind whose evidence is not to be trusted: bridge sampling and the referee
+    start from draws.
+    """
     if study.posterior.best is None:
         return study.compare(spec)
-    return tuple(_heights(study, spec, repeat, store))[: study.posterior.best]
+    found = _heights(study, spec, repeat, store)
+    order, top = tuple(found), max(found.values(), default=math.nan)
+    doubtful = [
+        n
+        for n in order[study.posterior.best :]
+        if top - found[n] < FAR and _doubtful(study, spec, repeat, store, n)
+    ]
+    return (*order[: study.posterior.best], *doubtful)
 
 
 def likely(study: Study, spec: SignalSpec, repeat: int, store: Store) -> tuple[str, ...]:
@@ -123,6 +134,13 @@ def _log_evidence(store: Store, spec: SignalSpec, repeat: int, name: str, method
     except KeyError:
         return math.nan
     return float(cell.meta.get("log_evidence", math.nan))
+
+
+def _doubtful(study: Study, spec: SignalSpec, repeat: int, store: Store, name: str) -> bool:
+    """Whether a method that has an error was tried on a candidate and is not to be trusted."""
+    tried = [m for m in study.evidence.methods if m != "laplace"]
+    said = [_outcome(store, f"evidence/{spec.name}/{repeat}/{name}/{method}") for method in tried]
+    return any(one not in (OK, NOT_SAMPLED) and not one.startswith(ASIDE) for one in said)
 
 
 def _outcome(store: Store, name: str) -> str:

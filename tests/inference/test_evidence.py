@@ -9,7 +9,7 @@ import pytest
 from scipy.special import logsumexp
 
 from bayesdamp.inference.batches import log_likelihood, log_posterior
-from bayesdamp.inference.evidence import EVIDENCES, Draws, EvidenceMethod
+from bayesdamp.inference.evidence import EVIDENCES, Draws, EvidenceMethod, nested
 from bayesdamp.inference.evidence._densities import folded_log_posterior
 from bayesdamp.inference.evidence.bridge import fitted, span
 from bayesdamp.inference.folded import FoldedT
@@ -65,6 +65,21 @@ def test_against_quadrature(case, method):
     assert found.outcome == "ok", found
     assert abs(found.log_evidence - quadrature(case)) < LIMIT
     assert found.stderr < LIMIT / 2
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_nested_sampling_around_the_mode_against_quadrature(case, monkeypatch):
+    """As where from the prior it would take too long. Negative control: with the half-normal priors' two left out."""
+    monkeypatch.setattr(nested, "LEG", 1)  # it asks at once
+    monkeypatch.setattr(nested, "log_evidence_near", lambda *_: -1e9)  # and has a billion nats to go
+    monkeypatch.setattr(nested, "EFFECTIVE", 10_000)
+    target, mode = problem(case)
+    found = EVIDENCES.get("nested").evidence("model", target, mode, 1)
+    assert found.outcome == "ok", found
+    assert "around the mode" in found.diagnostic
+    assert abs(found.log_evidence - quadrature(case)) < LIMIT
+    folded = int(np.sum(target.layout.folded))
+    assert abs(found.log_evidence - folded * np.log(2.0) - quadrature(case)) > LIMIT
 
 
 @pytest.mark.parametrize("method", METHODS)

@@ -16,7 +16,7 @@ from bayesdamp.signals.table import find_layout
     ("name", "seconds"),
     [
         *(("Time_Elapsed(s)", 1.0), ("Zeit [s]", 1.0), ("Time (s) Run #1", 1.0), ("time (ms)", 1e-3)),
-        *(("t / ms", 1e-3), ("time_us", 1e-6), ("t in min", 60.0), ("timestamp [µs]", 1e-6)),
+        *(("t / ms", 1e-3), ("time_us", 1e-6), ("t in min", 60.0), ("t/ms", 1e-3), ("timestamp [µs]", 1e-6)),
         *(
             ("time", None),
             ("t", None),
@@ -63,6 +63,13 @@ def test_times(name, seconds):
             ("y (a.u.)", ("counts", "angle")),
             ("x (px)", ("px", "angle")),
         ),
+        *(
+            ("U/V", ("V", "angle")),
+            ("phi/deg", ("deg", "angle")),
+            ("v/m/s", ("m", "velocity")),
+            ("dx/dt", None),
+        ),
+        *(("m/s", None), ("x/rad", ("rad", "angle")), ("phi_dot/(deg/s)", ("deg", "velocity"))),
         *(("a (cm/s²)", ("cm", "acceleration")), ("a (g/s)", None), ("disp_um", ("um", "angle"))),
     ],
 )
