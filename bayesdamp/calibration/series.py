@@ -16,6 +16,7 @@ from bayesdamp.calibration.problem import FAILED, failure
 from bayesdamp.config import Study
 from bayesdamp.store import CellResult, Store
 from bayesdamp.study.records import digest
+from bayesdamp.study.relief import relieve
 from bayesdamp.study.workers import cache_compilations, pool_of, progress_bar
 
 MOST = 20
@@ -143,6 +144,7 @@ def _stored(study: Study, store: Store, series: Series, first: int) -> CellResul
 def _chunk(study: Study, folder: Path, series: Series, first: int) -> CellResult:
     """Compute and store one chunk; a fault of the program is stored as one."""
     cache_compilations()
+    relieve()
     name, key = series.cell(study, first)
     try:
         result = replace(series.compute(study, first), name=name, key=key)

@@ -19,6 +19,8 @@ DEGREE = 7
 """Degree of the splines: derivatives from an interpolating one are good to a millionth of a per cent."""
 FEWEST = 4
 """Samples before a gap from which a start is read."""
+WHOLE, PARTS = 32_768, 8
+"""Samples up to which all say how large the noise is, and beyond them in how many parts as many do."""
 KNOTS_PER_PERIOD = 4.0
 """Knots of the smoothing spline: it keeps the oscillation and its second harmonic."""
 EDGE = 1.5
@@ -137,15 +139,27 @@ def noise_level(signal: Signal) -> float:
     """Standard deviation of the noise, unit of the record; rounding error where there is none.
 
     From what a spline of degree 7 with a knot at every fourth sample leaves over (median absolute value, so
-    that the corners of Coulomb friction do not count); quantisation counts as step/√12.
+    that the corners of Coulomb friction do not count), in parts of the record where samples are very many; quantisation
+    counts as step/√12.
     """
     t, y = signal.t, signal.y
     if t.size < 40:
         return max(float(np.std(np.diff(y, 6))) / np.sqrt(924.0), signal.step / np.sqrt(12.0))
-    spline = _least_squares(t, y, t[4:-4:4])
-    freedom = 1.0 - (spline.c.size / t.size)
-    sd = 1.4826 * float(np.median(np.abs(y - spline(t)))) / np.sqrt(freedom)
-    return max(sd, signal.step / np.sqrt(12.0))
+    left = []
+    for part in _spread(t.size):
+        spline = _least_squares(t[part], y[part], t[part][4:-4:4])
+        freedom = 1.0 - (spline.c.size / t[part].size)
+        left.append(np.abs(y[part] - spline(t[part])) / np.sqrt(freedom))
+    return max(1.4826 * float(np.median(np.concatenate(left))), signal.step / np.sqrt(12.0))
+
+
+def _spread(n: int) -> list[slice]:
+    """Of n samples all, or parts that are spread over very many: a spline of so many knots takes their square, and a
+    median needs no more."""
+    if n <= WHOLE:
+        return [slice(0, n)]
+    size = WHOLE // PARTS
+    return [slice(first, first + size) for first in np.linspace(0, n - size, PARTS, dtype=int)]
 
 
 def motion(

@@ -22,6 +22,7 @@ from bayesdamp.study.cells import Branch
 from bayesdamp.study.many import joint_cells, populated, repeated
 from bayesdamp.study.noise import noise_cell
 from bayesdamp.study.records import SignalCell, digest
+from bayesdamp.study.relief import relieve
 from bayesdamp.study.tables import write_tables
 from bayesdamp.study.workers import cache_compilations, pool_of, progress_bar
 from bayesdamp.types import OK, InputError
@@ -176,6 +177,7 @@ def _read_inputs(study: Study) -> None:
 def _run_job(study: Study, folder: Path, job: Job) -> list[str]:
     """Compute the cells of a job that the folder lacks; a cell that fails is stored with what went wrong."""
     cache_compilations()
+    relieve()
     store = Store(folder)
     done = []
     for name, (key, compute) in _work(study, store, job).items():
