@@ -13,8 +13,7 @@ from collections.abc import Callable
 from functools import cache
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any, ClassVar
-from weakref import WeakSet
+from typing import Any
 
 import jax
 import numpy as np
@@ -32,18 +31,11 @@ class _Kept:
     """Where programs are kept; nowhere until `keep_in`."""
 
     folder: Path | None = None
-    programs: ClassVar[WeakSet[Program]] = WeakSet()
 
 
 def keep_in(folder: Path | None) -> None:
     """Keep traced programs in a folder, shared by all runs; None for no longer."""
     _Kept.folder = folder
-
-
-def forget() -> None:
-    """Let go of what programs have loaded; it is loaded again when it is needed."""
-    for program in _Kept.programs:
-        program.forget()
 
 
 class Program:
@@ -59,7 +51,6 @@ class Program:
         self._function = function
         self._traced = jax.jit(function)
         self._loaded: dict[Any, Callable[..., Any]] = {}
-        _Kept.programs.add(self)
 
     def __call__(self, *args: Any) -> Any:
         leaves, tree = jax.tree.flatten(args)
@@ -70,10 +61,6 @@ class Program:
         if (tree, shapes) not in self._loaded:
             self._loaded[tree, shapes] = self._load(_Kept.folder, leaves, tree, shapes)
         return self._loaded[tree, shapes](*leaves)
-
-    def forget(self) -> None:
-        """Let go of what was loaded."""
-        self._loaded.clear()
 
     def _load(self, folder: Path, leaves: list[Any], tree: Any, shapes: object) -> Callable[..., Any]:
         """The program for arguments of these shapes: from its file, or traced and written."""

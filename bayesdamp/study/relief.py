@@ -12,8 +12,6 @@ from pathlib import Path
 
 import jax
 
-from bayesdamp.programs import forget
-
 PIECES, MOST = Path("/proc/self/maps"), Path("/proc/sys/vm/max_map_count")
 SHARE = 0.5
 """Of the pieces that the system allows, from which programs are dropped: a record takes some two thousand more."""
@@ -40,7 +38,6 @@ def relieve(every: float = EVERY) -> bool:
     except (OSError, ValueError):
         return False
     if crowded:
-        forget()
         jax.clear_caches()
         gc.collect()
     return crowded
