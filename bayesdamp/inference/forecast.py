@@ -91,7 +91,7 @@ def forecast(
 
     plan: of the whole record; first: the first half; z: the mode there, (d,); factor @ factor.T: its covariance.
     """
-    if not np.all(np.isfinite(factor)):
+    if not (np.isfinite(log_predictive) and np.all(np.isfinite(factor))):
         return None
     try:
         draws = near(target, first, z, factor).draw(np.random.default_rng(seed), DRAWS)

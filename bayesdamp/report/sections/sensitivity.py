@@ -148,7 +148,8 @@ def _halves(run: Run, signal: str, models: list[str]) -> Table | None:
     found = ranking(run, signal, 0)
     whole = {r["model"]: r["log_bayes_factor"] for r in found.rows} if found else {}
     best = max(half.log_evidence for half in halves.values())
-    ahead = max(half.told["log_predictive"] for half in halves.values())
+    densities = [half.told["log_predictive"] for half in halves.values()]
+    ahead = max(filter(math.isfinite, densities), default=math.nan)  # what is not to be trusted has none
     lines = [
         Line(
             [
