@@ -22,6 +22,11 @@ class DampingTerm(ABC):
     def shape(self, velocity: ArrayLike, epsilon: ArrayLike) -> Array:
         """Force per unit of the coefficient; velocity in rad/s, any shape."""
 
+    @staticmethod
+    def kernel(x: float, v: float, epsilon: float) -> float:
+        """`shape` of one point in plain Python and `math`, ε > 0: what compiled kernels are made of."""
+        raise NotImplementedError
+
     @abstractmethod
     def ratio_per_unit(self, amplitude: float, frequency: float) -> float:
         """Equivalent viscous damping ratio per unit of the coefficient.

@@ -23,6 +23,10 @@ class Coulomb(DampingTerm):
         smooth = smooth_sign(velocity / jnp.where(epsilon == 0.0, 1.0, epsilon))
         return jnp.where(epsilon == 0.0, jnp.sign(velocity), smooth)
 
+    @staticmethod
+    def kernel(x: float, v: float, epsilon: float) -> float:
+        return math.tanh(v / epsilon)
+
     def ratio_per_unit(self, amplitude: float, frequency: float) -> float:
         return 2.0 / (math.pi * frequency**2 * amplitude)
 

@@ -20,6 +20,10 @@ class Quadratic(DampingTerm):
         velocity = jnp.asarray(velocity)
         return velocity * jnp.abs(velocity)
 
+    @staticmethod
+    def kernel(x: float, v: float, epsilon: float) -> float:
+        return v * abs(v)
+
     def ratio_per_unit(self, amplitude: float, frequency: float) -> float:
         return 4.0 * amplitude / (3.0 * math.pi)
 

@@ -17,6 +17,10 @@ class Viscous(DampingTerm):
     def shape(self, velocity: ArrayLike, epsilon: ArrayLike) -> Array:
         return 2.0 * jnp.asarray(velocity)
 
+    @staticmethod
+    def kernel(x: float, v: float, epsilon: float) -> float:
+        return 2.0 * v
+
     def ratio_per_unit(self, amplitude: float, frequency: float) -> float:
         return 1.0 / frequency
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -38,6 +38,11 @@ class RestoringLaw(ABC):
     @abstractmethod
     def force(self, theta: ArrayLike, p: Mapping[str, Scalar]) -> Array:
         """Restoring force per inertia, rad/s²; θ of any shape, parameters broadcast against it."""
+
+    @staticmethod
+    def kernel(x: float, p: Sequence[float]) -> float:
+        """`force` of one angle in plain Python and `math`, p in the order of `parameters`."""
+        raise NotImplementedError
 
     @abstractmethod
     def start(self, frequency: float, rest: float, known: Mapping[str, float]) -> dict[str, float]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from jax import Array
@@ -22,6 +22,10 @@ class Duffing(RestoringLaw):
     def force(self, theta: ArrayLike, p: Mapping[str, Scalar]) -> Array:
         x = jnp.asarray(theta) - p["rest_angle"]
         return p["stiffness"] * x + p["cubic"] * x**3
+
+    @staticmethod
+    def kernel(x: float, p: Sequence[float]) -> float:
+        return (p[0] + p[2] * (x - p[1]) ** 2) * (x - p[1])
 
     def start(self, frequency: float, rest: float, known: Mapping[str, float]) -> dict[str, float]:
         return {"stiffness": frequency**2, "rest_angle": rest, "cubic": 0.0, **known}

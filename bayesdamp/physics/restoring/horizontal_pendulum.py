@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from jax import Array
@@ -26,6 +26,10 @@ class HorizontalPendulum(RestoringLaw):
     def force(self, theta: ArrayLike, p: Mapping[str, Scalar]) -> Array:
         theta = jnp.asarray(theta)
         return p["stiffness"] * (theta - p["spring_angle"]) - p["gravity"] * cosine(theta)
+
+    @staticmethod
+    def kernel(x: float, p: Sequence[float]) -> float:
+        return p[0] * (x - p[2]) - p[1] * math.cos(x)
 
     def start(self, frequency: float, rest: float, known: Mapping[str, float]) -> dict[str, float]:
         gravity = known.get("gravity", 0.0)

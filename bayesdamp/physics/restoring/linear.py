@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from jax import Array
@@ -21,6 +21,10 @@ class Linear(RestoringLaw):
 
     def force(self, theta: ArrayLike, p: Mapping[str, Scalar]) -> Array:
         return p["stiffness"] * (jnp.asarray(theta) - p["rest_angle"])
+
+    @staticmethod
+    def kernel(x: float, p: Sequence[float]) -> float:
+        return p[0] * (x - p[1])
 
     def start(self, frequency: float, rest: float, known: Mapping[str, float]) -> dict[str, float]:
         return {"stiffness": frequency**2, "rest_angle": rest, **known}

@@ -1,0 +1,191 @@
+"""One candidate, a damping sum under a restoring law: its fit, its linear model, and its weight."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from bayesdamp.inference.defaults import Reference, default_prior
+from bayesdamp.inference.deviation.data import Data
+from bayesdamp.inference.deviation.hyperparameters import Grid, grid_of
+from bayesdamp.inference.deviation.least_squares import Fit, fit, nonnegative
+from bayesdamp.inference.deviation.linear import Linear, Weighed, condensed, weigh
+from bayesdamp.inference.deviation.parameters import Parameters
+from bayesdamp.physics.damping import TERMS
+from bayesdamp.physics.kernel import Motion, Solver
+from bayesdamp.physics.kernel.solve import ALL
+from bayesdamp.physics.oscillator import Oscillator
+from bayesdamp.physics.restoring import LAWS
+from bayesdamp.priors import Prior
+
+RELINEARISED = 8
+"""Gauss–Newton steps of parameters and deviations together, at most."""
+SETTLED = 0.3
+"""Largest change of the motion, in standard deviations of the whole record's noise, by a step after which there is no
+other."""
+MOST_G, MOST_H = 3.0, 0.4
+"""Largest log deviation of the damping and deviation of the frequency that are followed."""
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """A damping sum, as its terms, under a restoring law."""
+
+    damping: tuple[str, ...]
+    restoring: str
+
+
+@dataclass(frozen=True)
+class Linearised:
+    """A candidate about one motion: u = (scores, g, h) there, damping being multiplied by exp g and the restoring force
+    by 1 + 2h, the linear model, the residual's part that no parameter
+    and no deviation takes, (n,)."""
+
+    candidate: Candidate
+    fit: Fit
+    parameters: Parameters
+    u: np.ndarray
+    motion: Motion
+    model: Linear
+    left: np.ndarray
+
+
+def parameters_of(
+    candidate: Candidate,
+    solver: Solver,
+    data: Data,
+    reference: Reference,
+    priors: Mapping[str, Prior],
+    known: Mapping[str, float],
+) -> Parameters:
+    """Default priors for what is neither known nor given one."""
+    osc = Oscillator(candidate.damping, candidate.restoring)
+    found: dict[str, Prior] = {}
+    for name in solver.names:
+        absent = name not in osc.parameters
+        if absent or (name in known and name not in osc.coefficients):
+            continue
+        found[name] = priors[name] if name in priors else default_prior(name, osc, "gaussian", reference, data.features)
+    return Parameters(solver.names, found, {k: v for k, v in known.items() if k not in found})
+
+
+def first_values(candidate: Candidate, data: Data, known: Mapping[str, float]) -> dict[str, float]:
+    """Where a search starts: the record's frequency, its start, and its decay shared by the terms."""
+    law = LAWS.get(candidate.restoring)
+    fallen = np.log(max(data.amplitude / max(data.final_amplitude, 1e-12), 1.0001))
+    ratio = fallen / (2 * np.pi * max(data.cycles, 1.0)) / len(candidate.damping)
+    middle = np.sqrt(data.amplitude * max(data.final_amplitude, 1e-3 * data.amplitude))
+    found = {
+        TERMS.get(t).parameter: ratio / TERMS.get(t).ratio_per_unit(float(middle), data.frequency)
+        for t in candidate.damping
+    }
+    given = {k: v for k, v in known.items() if k in law.parameters}
+    return {**found, **law.start(data.frequency, data.rest, given), "theta0": data.start[0], "omega0": data.start[1]}
+
+
+def active_of(candidate: Candidate, solver: Solver) -> np.ndarray:
+    return np.array([t in candidate.damping for t in solver.terms])
+
+
+def linearised(
+    candidate: Candidate, solver: Solver, data: Data, found: Fit, u: np.ndarray | None = None
+) -> Linearised | None:
+    """The linear model of a candidate about u = (scores, g, h), its fit with no deviations where that is not given."""
+    n = solver.knots.size
+    u = np.concatenate([found.z, np.zeros(2 * n)]) if u is None else u
+    z, g, h = np.split(u, [found.z.size, found.z.size + n])
+    if np.max(np.abs(g), initial=0.0) > MOST_G or np.max(np.abs(h), initial=0.0) > MOST_H:
+        return None
+    motion = solver.solve(found.parameters.values(z), found.active, np.expm1(g), h, ALL)
+    if motion is None:
+        return None
+    k = len(solver.names)
+    scores = motion.tangents[:, found.parameters.free] * found.parameters.slopes(z)
+    tangents = motion.tangents[:, k:].copy()
+    tangents[:, :n] *= np.exp(g)
+    columns = np.column_stack([scores, tangents])
+    r = data.y - motion.y
+    model = condensed(columns, r + columns @ u, found.parameters.positive)
+    left = r - columns @ np.linalg.lstsq(columns, r, rcond=1e-12)[0]
+    return Linearised(candidate, found, found.parameters, u, motion, model, left)
+
+
+def exact(found: Fit) -> Linear:
+    """The linear model of a candidate's fit under exact laws."""
+    return condensed(found.tangents, found.residual + found.tangents @ found.z, found.parameters.positive)
+
+
+def relinearised(
+    candidate: Candidate, solver: Solver, data: Data, found: Fit, variance: float | None
+) -> tuple[Linearised, float] | None:
+    """The model about the mode of parameters and deviations together, and the noise's variance of what is left.
+
+    variance: of the noise; None where it is read from what no parameter and no deviation takes.
+    """
+    at = linearised(candidate, solver, data, found)
+    if at is None:
+        return None
+    grid = grid_of(solver.knots.size, coarse=True)
+    for _ in range(RELINEARISED):
+        used = variance if variance is not None else _variance(at)
+        best = mode_of(at.model, grid, used)
+        squares = float(np.sum((data.y - at.motion.y) ** 2))
+        share, there = 1.0, None
+        while share > 0.1:
+            there = linearised(candidate, solver, data, found, at.u + share * (best - at.u))
+            if there is not None and float(np.sum((data.y - there.motion.y) ** 2)) <= squares * (1 + 1e-6):
+                break
+            share, there = 0.5 * share, None
+        if there is None:
+            break
+        moved = float(np.linalg.norm(there.model.root @ (there.u - at.u))) / np.sqrt(used)
+        at = there
+        if moved < SETTLED:
+            break
+    return at, variance if variance is not None else _variance(at)
+
+
+def mode_of(model: Linear, grid: Grid, variance: float) -> np.ndarray:
+    """u at the mode under the likeliest hyperparameters, with no negative coefficient."""
+    weighed = weigh(model, grid, variance, model.count)
+    top = int(np.argmax(weighed.log_each))
+    d, total = model.positive.size, model.root.shape[1]
+    root = np.zeros((total, total))
+    root[:d, :d] = np.eye(d)
+    root[d:, d:] = grid.factors[top]
+    sd = np.sqrt(variance)
+    stacked = np.concatenate([model.root @ root / sd, np.eye(total)])
+    aim = np.concatenate([model.target / sd, np.zeros(total)])
+    positive = np.concatenate([model.positive, np.zeros(total - d, bool)])
+    return root @ nonnegative(stacked, aim, positive)
+
+
+def _variance(at: Linearised) -> float:
+    return float(at.left @ at.left) / max(at.left.size - at.u.size, 1)
+
+
+def searched(
+    candidate: Candidate,
+    solver: Solver,
+    data: Data,
+    parameters: Parameters,
+    starts: list[Mapping[str, float]],
+    windows: bool,
+) -> Fit | None:
+    """The best of the fits from the starts."""
+    best: Fit | None = None
+    for start in starts:
+        z = parameters.scores({**dict.fromkeys(parameters.free_names, 0.0), **start})
+        z[parameters.positive] = np.maximum(z[parameters.positive], 0.0)
+        found = fit(solver, parameters, active_of(candidate, solver), data.y, z, noise=data.noise, windows=windows)
+        if found is not None and (best is None or found.squares < best.squares):
+            best = found
+    return best
+
+
+__all__ = [
+    "Candidate", "Linearised", "Weighed", "active_of", "exact", "first_values", "linearised", "mode_of",
+    "parameters_of", "relinearised", "searched",
+]  # fmt: skip

@@ -1,0 +1,67 @@
+"""Sizes and lengths of the deviations: a grid with prior masses, and the covariances of g and h at the knots."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+
+EXACT = 0.8
+"""Prior probability that a law holds exactly."""
+MEAN_G, MEAN_H = 0.03, 0.01
+"""Means of the exponential priors of the sds of the relative deviations of damping and of frequency where they do not."""
+SIZES_G = np.geomspace(0.002, 0.25, 9)
+SIZES_H = np.geomspace(0.0003, 0.03, 6)
+LENGTHS = (0.1, 0.3, 1.0)
+"""Correlation lengths as shares of the record."""
+JITTER = 1e-6
+
+
+@dataclass(frozen=True)
+class Grid:
+    """Combinations of hyperparameters: log prior masses (c,), factors of the covariances of (g, h), (c, 2n, 2n)."""
+
+    size_g: np.ndarray
+    size_h: np.ndarray
+    log_prior: np.ndarray
+    factors: np.ndarray
+
+
+def knots_of(duration: float, cycles: float) -> np.ndarray:
+    """Equidistant knots from 0 to the duration, a knot for two cycles, 4 to 16 of them."""
+    return np.linspace(0.0, duration, int(np.clip(round(cycles / 2) + 1, 4, 16)))
+
+
+@lru_cache(maxsize=32)
+def grid_of(knots: int, exact: bool = False, coarse: bool = False) -> Grid:
+    """The grid for so many knots; `exact`: only that both laws hold exactly; `coarse`: every other size, two lengths."""
+    sizes_g, sizes_h = ((), ()) if exact else (SIZES_G[:: 2 if coarse else 1], SIZES_H[:: 2 if coarse else 1])
+    lengths = LENGTHS[::2] if coarse else LENGTHS
+    one = [(0.0, 1.0, 0.0 if exact else np.log(EXACT)), *_masses(sizes_g, MEAN_G, lengths)]
+    other = [(0.0, 1.0, 0.0 if exact else np.log(EXACT)), *_masses(sizes_h, MEAN_H, lengths)]
+    s = np.linspace(0.0, 1.0, knots)
+    apart = np.abs(s[:, None] - s)
+    roots = {length: np.linalg.cholesky(np.exp(-apart / length) + JITTER * np.eye(knots)) for length in LENGTHS}
+    factors = np.zeros((len(one) * len(other), 2 * knots, 2 * knots))
+    rows = []
+    for i, (g, length_g, mass_g) in enumerate(one):
+        for j, (h, length_h, mass_h) in enumerate(other):
+            at = factors[i * len(other) + j]
+            at[:knots, :knots] = g * roots[length_g]
+            at[knots:, knots:] = h * roots[length_h]
+            rows.append((g, h, mass_g + mass_h))
+    size_g, size_h, log_prior = np.array(rows).T
+    return Grid(size_g, size_h, log_prior, factors)
+
+
+def _masses(
+    sizes: np.ndarray | tuple[()], mean: float, lengths: tuple[float, ...]
+) -> list[tuple[float, float, float]]:
+    """(size, length, log prior mass): an exponential's mass about each size, the lengths alike."""
+    if len(sizes) == 0:
+        return []
+    edges = np.concatenate([[0.0], np.sqrt(np.asarray(sizes)[1:] * np.asarray(sizes)[:-1]), [np.inf]])
+    mass = np.diff(-np.exp(-edges / mean))
+    share = (1 - EXACT) / len(lengths)
+    return [(float(s), l, float(np.log(share * m))) for s, m in zip(sizes, mass, strict=True) for l in lengths]

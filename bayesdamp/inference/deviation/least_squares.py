@@ -1,0 +1,150 @@
+"""Levenberg–Marquardt for a trajectory with coefficients that are never negative (Moré 1977), over growing windows."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+
+from bayesdamp.inference.deviation.parameters import Parameters
+from bayesdamp.physics.kernel import Solver
+from bayesdamp.physics.kernel.solve import NONE, PARAMETERS
+
+FIRST_DAMPING, MORE, LESS = 1e-3, 8.0, 0.2
+MOST_STEPS = 40
+ROUGH, CLOSE = 1e-3, 1e-7
+"""Relative fall of the sum of squares from which a window's, and the record's, search has ended."""
+FIRST_CYCLES = 2.0
+
+
+@dataclass(frozen=True)
+class Fit:
+    """A candidate's best motion under exact laws.
+
+    z: scores, (d,); residual: record minus motion, (n,); tangents: of the motion by the scores, (n, d).
+    """
+
+    parameters: Parameters
+    active: np.ndarray
+    z: np.ndarray
+    residual: np.ndarray
+    tangents: np.ndarray
+    evaluations: int
+
+    @property
+    def squares(self) -> float:
+        return float(self.residual @ self.residual)
+
+
+def nonnegative(root: np.ndarray, target: np.ndarray, positive: np.ndarray) -> np.ndarray:
+    """The u, (d,), of least |root u − target|² with u ≥ 0 where `positive`: each set of zeros is tried."""
+    best, found = np.inf, np.zeros(root.shape[1])
+    places = np.flatnonzero(positive)
+    for zeros in product((False, True), repeat=places.size):
+        free = np.ones(root.shape[1], bool)
+        free[places[np.array(zeros, bool)]] = False
+        u = np.zeros(root.shape[1])
+        u[free] = np.linalg.lstsq(root[:, free], target, rcond=None)[0]
+        if np.any(u[places] < 0):
+            continue
+        left = float(np.sum((root @ u - target) ** 2))
+        if left < best:
+            best, found = left, u
+        if not any(zeros):  # nothing can be better
+            break
+    return found
+
+
+def fit(
+    solver: Solver,
+    parameters: Parameters,
+    active: np.ndarray,
+    y: np.ndarray,
+    z: np.ndarray,
+    *,
+    noise: float,
+    windows: bool = True,
+) -> Fit | None:
+    """The best motion from scores z, (d,); None where every way leads to a motion that escapes.
+
+    noise: a lower bound of the noise's sd in the record's unit, for the weight of the priors. windows: whether the
+    record is taken in growing windows from its first two cycles, so that no cycle is skipped.
+    """
+    period = 2 * np.pi / solver.frequency
+    stops: list[int] = []
+    span = FIRST_CYCLES * period
+    while windows and span < 0.7 * solver.t[-1]:
+        stop = int(np.searchsorted(solver.t, span))
+        if stop >= 3 * z.size:
+            stops.append(stop)
+        span *= 2
+    evaluations = 0
+    for stop in [*stops, None]:
+        found = _search(solver, parameters, active, y, z, noise, stop)
+        if found is None:
+            return None
+        z, evaluations = found.z, evaluations + found.evaluations
+    return found
+
+
+def _search(
+    solver: Solver,
+    parameters: Parameters,
+    active: np.ndarray,
+    y: np.ndarray,
+    z: np.ndarray,
+    noise: float,
+    stop: int | None,
+) -> Fit | None:
+    y = y[:stop]
+
+    def at(z: np.ndarray, tangents: int) -> tuple[np.ndarray, np.ndarray] | None:
+        motion = solver.solve(parameters.values(z), active, tangents=tangents, stop=stop)
+        if motion is None:
+            return None
+        slopes = parameters.slopes(z)
+        return y - motion.y, motion.tangents[:, parameters.free] * slopes if tangents else motion.tangents
+
+    here = at(z, PARAMETERS)
+    if here is None:
+        return None
+    r, jacobian = here
+    damping, count, close = FIRST_DAMPING, 1, CLOSE if stop is None else ROUGH
+    for _ in range(MOST_STEPS):
+        variance = max(float(r @ r) / r.size, noise**2)
+        cost = float(r @ r) + variance * float(z @ z)
+        triangle, target = _triangle(jacobian, r)
+        scale = np.linalg.norm(triangle, axis=0) + 1e-300
+        moved = False
+        while damping < 1e8:
+            root = np.concatenate(
+                [triangle, np.sqrt(variance) * np.eye(z.size), np.diag(np.sqrt(damping) * scale)]
+            )
+            aim = np.concatenate([target + triangle @ z, np.zeros(z.size), np.sqrt(damping) * scale * z])
+            new = nonnegative(root, aim, parameters.positive)
+            there = at(new, NONE)
+            count += 1
+            if there is not None:
+                after = float(there[0] @ there[0]) + variance * float(new @ new)
+                if after < cost:
+                    moved = True
+                    break
+            damping = max(damping, 1e-6) * MORE
+        if not moved:
+            break
+        there = at(new, PARAMETERS)
+        if there is None:
+            break
+        fall = (cost - after) / cost
+        z, (r, jacobian), damping = new, there, max(damping * LESS, 1e-12)
+        if fall < close:
+            break
+    return Fit(parameters, active, z, r, jacobian, count)
+
+
+def _triangle(jacobian: np.ndarray, r: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """R and Qᵀr of the tangents, (d, d) and (d,)."""
+    whole = np.linalg.qr(np.column_stack([jacobian, r]), mode="r")
+    d = jacobian.shape[1]
+    return whole[:d, :d], whole[:d, d]

@@ -1,0 +1,82 @@
+"""Energy lost in a cycle of a given amplitude, by term, from the forces alone."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import brentq
+
+from bayesdamp.physics.damping import TERMS
+from bayesdamp.physics.restoring import LAWS
+
+POINTS = 200
+_PHASE = (np.arange(POINTS) + 0.5) / POINTS * np.pi - 0.5 * np.pi
+_X, _W = np.polynomial.legendre.leggauss(48)
+
+
+@dataclass(frozen=True)
+class Cycle:
+    """A cycle at an amplitude: potential energy at its turning points, per unit of inertia, and the work of each term
+    per unit of its coefficient, (m,)."""
+
+    amplitude: float
+    energy: float
+    work: np.ndarray
+
+    @property
+    def ratios(self) -> np.ndarray:
+        """Equivalent viscous damping ratio per unit of each coefficient: work / (4π energy), (m,)."""
+        return self.work / (4 * np.pi * self.energy)
+
+
+def cycle_at(
+    amplitude: float, terms: Sequence[str], epsilon: float, restoring: str, law: np.ndarray, rest: float
+) -> Cycle | None:
+    """The cycle whose turning points are twice the amplitude apart; None where the law has none about `rest`."""
+    force = LAWS.get(restoring).kernel
+
+    def potential(x: float) -> float:
+        half = 0.5 * (x - rest)
+        return float(half * sum(w * force(rest + half * (u + 1), law) for u, w in zip(_X, _W, strict=True)))
+
+    def uneven(shift: float) -> float:
+        return potential(rest + shift + amplitude) - potential(rest + shift - amplitude)
+
+    reach = 0.5 * amplitude
+    if not uneven(-reach) < 0 < uneven(reach):
+        return None
+    centre = rest + float(brentq(uneven, -reach, reach, xtol=1e-12 * max(amplitude, 1e-300)))  # type: ignore[arg-type]
+    energy = potential(centre + amplitude)
+    x = centre + amplitude * np.sin(_PHASE)
+    speed = np.sqrt(2 * np.maximum(energy - np.array([potential(float(at)) for at in x]), 0.0))
+    width = amplitude * np.cos(_PHASE) * np.pi / POINTS
+    work = [_work(TERMS.get(name).kernel, x, speed, width, epsilon) for name in terms]
+    return Cycle(amplitude, energy, np.array(work))
+
+
+def _work(
+    shape: Callable[..., float], x: np.ndarray, speed: np.ndarray, width: np.ndarray, epsilon: float
+) -> float:
+    forth = sum(shape(float(a), float(v), epsilon) * float(w) for a, v, w in zip(x, speed, width, strict=True))
+    back = sum(shape(float(a), -float(v), epsilon) * float(w) for a, v, w in zip(x, speed, width, strict=True))
+    return forth - back
+
+
+def rest_of(restoring: str, law: np.ndarray, near: float, reach: float) -> float | None:
+    """The stable equilibrium nearest to `near` within `reach`; None where there is none."""
+    force = LAWS.get(restoring).kernel
+    grid = near + np.linspace(-reach, reach, 401)
+    values = np.array([force(float(x), law) for x in grid])
+    rising = np.flatnonzero((values[:-1] <= 0) & (values[1:] > 0))
+    if rising.size == 0:
+        return None
+    i = rising[np.argmin(np.abs(grid[rising] - near))]
+    return float(brentq(lambda x: force(x, law), grid[i], grid[i + 1], xtol=1e-14))  # type: ignore[arg-type]
+
+
+def natural_frequency(restoring: str, law: np.ndarray, rest: float, scale: float) -> float:
+    """√F′ at the equilibrium, rad/s."""
+    force, d = LAWS.get(restoring).kernel, 1e-5 * scale
+    return float(np.sqrt(max((force(rest + d, law) - force(rest - d, law)) / (2 * d), 0.0)))

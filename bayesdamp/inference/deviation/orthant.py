@@ -1,0 +1,71 @@
+"""The part of a normal distribution in which a few coordinates are not negative: its probability, and draws from it."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.special import log_ndtr, ndtr, ndtri
+
+POINTS = 24
+_X, _W = np.polynomial.legendre.leggauss(POINTS)
+SHARES, WEIGHTS = 0.5 * (_X + 1), 0.5 * _W
+
+
+def log_probability(mean: np.ndarray, covariance: np.ndarray) -> np.ndarray:
+    """Log of P(all coordinates ≥ 0), shape (c,), for normals with means (c, k) and covariances (c, k, k).
+
+    One coordinate after the other is conditioned on by Gauss–Legendre nodes in its own truncated probability.
+    """
+    count, k = mean.shape
+    if k == 0:
+        return np.zeros(count)
+    sd = np.sqrt(np.maximum(covariance[:, 0, 0], 1e-300))
+    first = log_ndtr(mean[:, 0] / sd)
+    if k == 1:
+        return first
+    at = truncated(mean[:, 0], sd, SHARES[None, :])
+    slope = covariance[:, 1:, 0] / covariance[:, :1, 0]
+    rest = covariance[:, 1:, 1:] - slope[:, :, None] * covariance[:, None, 0, 1:]
+    means = mean[:, None, 1:] + (at - mean[:, :1])[:, :, None] * slope[:, None, :]
+    inner = log_probability(
+        means.reshape(-1, k - 1), np.repeat(rest, POINTS, axis=0)
+    ).reshape(count, POINTS)
+    top = inner.max(axis=1, keepdims=True)
+    return first + top[:, 0] + np.log(np.exp(inner - top) @ WEIGHTS)
+
+
+def truncated(mean: np.ndarray, sd: np.ndarray, shares: np.ndarray) -> np.ndarray:
+    """Quantiles at `shares`, (c, p), of normals (c,) that are cut off at zero."""
+    above = ndtr(mean / sd)[:, None]
+    score = -ndtri(np.clip((1 - shares) * above, 1e-300, 1.0))
+    return np.maximum(mean[:, None] + sd[:, None] * score, 0.0)
+
+
+def draw(
+    rng: np.random.Generator, mean: np.ndarray, factor: np.ndarray, places: np.ndarray, count: int
+) -> np.ndarray:
+    """Draws, (count, d), of a normal with mean (d,) and covariance factor·factorᵀ, ≥ 0 at `places`.
+
+    The constrained coordinates are drawn one after the other from truncated normals (Geweke, Hajivassiliou and Keane)
+    and resampled by their weights; the others follow by conditioning.
+    """
+    if places.size == 0:
+        return mean + rng.standard_normal((count, mean.size)) @ factor.T
+    covariance = factor @ factor.T
+    part = covariance[np.ix_(places, places)]
+    lower = np.linalg.cholesky(part + 1e-14 * np.diag(np.diag(part)) + 1e-300 * np.eye(places.size))
+    tries = 4 * count
+    scores, log_weight = np.zeros((tries, places.size)), np.zeros(tries)
+    for i in range(places.size):
+        centre = mean[places[i]] + scores[:, :i] @ lower[i, :i]
+        sd = np.full(tries, lower[i, i])
+        log_weight += log_ndtr(centre / sd)
+        value = truncated(centre, sd, rng.random((tries, 1)))[:, 0]
+        scores[:, i] = (value - centre) / sd
+    weight = np.exp(log_weight - log_weight.max())
+    chosen = rng.choice(tries, count, p=weight / weight.sum())
+    constrained = mean[places] + scores[chosen] @ lower.T
+    free = mean + rng.standard_normal((count, mean.size)) @ factor.T
+    gain = covariance[:, places] @ np.linalg.inv(part + 1e-14 * np.diag(np.diag(part)))
+    found = free + (constrained - free[:, places]) @ gain.T
+    found[:, places] = np.maximum(constrained, 0.0)
+    return found

@@ -1,0 +1,162 @@
+"""All candidates on one record, weighed under laws that hold exactly and approximately."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from bayesdamp.inference.defaults import EPSILON_SHARE, Reference
+from bayesdamp.inference.deviation.candidate import (
+    Candidate,
+    Linearised,
+    exact,
+    first_values,
+    parameters_of,
+    relinearised,
+    searched,
+)
+from bayesdamp.inference.deviation.data import Data
+from bayesdamp.inference.deviation.hyperparameters import grid_of, knots_of
+from bayesdamp.inference.deviation.least_squares import Fit
+from bayesdamp.inference.deviation.linear import Linear, Weighed, weigh
+from bayesdamp.inference.deviation.noise import inflation
+from bayesdamp.physics.kernel import Solver
+from bayesdamp.priors import Prior
+from bayesdamp.types import Refusal
+
+SHARES = (0.05, 0.02, 0.01, 0.005)
+"""ε as shares of the peak velocity, tried where nobody gave it."""
+REACH = 30.0
+"""Nats behind the best, with all dampings under both, from which a restoring law is out of the question."""
+
+
+@dataclass(frozen=True)
+class Result:
+    """One candidate weighed: log evidence (nats) under exact laws and under approximate ones."""
+
+    candidate: Candidate
+    fit: Fit
+    exact: Linear
+    exact_weighed: Weighed
+    exact_variance: float
+    about: Linearised | None = None
+    weighed: Weighed | None = None
+
+
+@dataclass(frozen=True)
+class Weighing:
+    """Every candidate on one record. variance: of the noise that counts, κ times that of what is left."""
+
+    data: Data
+    reference: Reference
+    epsilon: float
+    solvers: Mapping[str, Solver]
+    results: tuple[Result, ...]
+    variance: float
+    inflation: float
+    refused: Mapping[Candidate, str] = field(default_factory=dict)
+
+
+def weigh_all(
+    data: Data,
+    candidates: Iterable[Candidate],
+    *,
+    known: Mapping[str, float] | None = None,
+    priors: Mapping[str, Prior] | None = None,
+    reference: Reference | None = None,
+    approximate: bool = True,
+) -> Weighing:
+    """Fit and weigh candidates; those under one law begin with the sum of all terms.
+
+    known: values of parameters; priors: by parameter; approximate: whether deviations from the laws are weighed too.
+    """
+    known, priors = dict(known or {}), dict(priors or {})
+    candidates = list(candidates)
+    reference = reference or Reference(float(f"{data.amplitude:.2g}"), float(f"{data.frequency:.2g}"))
+    terms = tuple(dict.fromkeys(t for c in candidates for t in c.damping))
+    epsilon = known.pop("epsilon", None) or EPSILON_SHARE * reference.peak_velocity
+    laws = list(dict.fromkeys(c.restoring for c in candidates))
+    knots = knots_of(float(data.t[-1]), data.cycles)
+    solvers = {
+        law: Solver(terms, law, data.t, data.quantity, data.amplitude, data.frequency, epsilon, knots)
+        for law in laws
+    }
+    refused: dict[Candidate, str] = {}
+    fits: dict[Candidate, Fit] = {}
+    wholes: dict[str, tuple[Linearised, float]] = {}
+
+    def seek(c: Candidate, near: Fit | None) -> None:
+        solver, start = solvers[c.restoring], first_values(c, data, known)
+        parameters = parameters_of(c, solver, data, reference, priors, known)
+        found = None
+        if near is not None:
+            begun = near.parameters.named(near.z) | {k: v for k, v in start.items() if k in _coefficients(c)}
+            found = searched(c, solver, data, parameters, [begun], windows=False)
+        if found is None:
+            found = searched(c, solver, data, parameters, [start], windows=True)
+        if found is None:
+            refused[c] = "no motion under it stays in phase with the record"
+        else:
+            fits[c] = found
+
+    for law in laws:
+        whole = Candidate(terms, law)
+        seek(whole, None)
+        if whole in fits:
+            about = relinearised(whole, solvers[law], data, fits[whole], None)
+            if about is not None:
+                wholes[law] = about
+    if not wholes:
+        raise Refusal("no motion under any of the laws stays in phase with the record")
+    variance, kappa = _noise(data, wholes)
+    samples = data.y.size / kappa
+    kept = _laws_kept(wholes, variance, samples, knots.size)
+    results = []
+    for c in candidates:
+        whole = Candidate(terms, c.restoring)
+        if c.restoring not in kept:
+            refused.setdefault(c, "its restoring law is out of the question")
+            continue
+        if c not in fits:
+            seek(c, fits[whole])
+        if c not in fits:
+            continue
+        found, solver = fits[c], solvers[c.restoring]
+        linear = exact(found)
+        own = kappa * found.squares / max(data.y.size - found.z.size, 1)
+        about = relinearised(c, solver, data, found, variance) if approximate else None
+        over = weigh(about[0].model, grid_of(knots.size), variance, samples) if about else None
+        results.append(
+            Result(c, found, linear, _exact(linear, own, samples), own, about[0] if about else None, over)
+        )
+    return Weighing(data, reference, epsilon, solvers, tuple(results), variance, kappa, refused)
+
+
+def _laws_kept(
+    wholes: Mapping[str, tuple[Linearised, float]], variance: float, samples: float, knots: int
+) -> set[str]:
+    """The laws whose sum of all terms is within reach of the best."""
+    grid = grid_of(knots, coarse=True)
+    found = {law: weigh(at.model, grid, variance, samples).log_evidence for law, (at, _) in wholes.items()}
+    best = max(found.values())
+    return {law for law, value in found.items() if value > best - REACH}
+
+
+def _exact(linear: Linear, variance: float, samples: float) -> Weighed:
+    """`weigh` under exact laws."""
+    return weigh(linear, grid_of(0, exact=True), variance, samples)
+
+
+def _coefficients(candidate: Candidate) -> set[str]:
+    from bayesdamp.physics.damping import TERMS
+
+    return {TERMS.get(t).parameter for t in candidate.damping}
+
+
+def _noise(data: Data, wholes: Mapping[str, tuple[Linearised, float]]) -> tuple[float, float]:
+    """The variance that counts, and κ in it, from the sum of all terms under the law that leaves least."""
+    at, variance = min(wholes.values(), key=lambda found: found[1])
+    kappa = inflation(data.t, at.left, data.frequency, at.u.size)
+    return kappa * variance, kappa

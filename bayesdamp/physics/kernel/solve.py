@@ -1,0 +1,102 @@
+"""A kernel with the numbers that a record fixes: sample times, quantity, scales, knots."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from bayesdamp.physics.damping import TERMS
+from bayesdamp.physics.kernel.build import Kernel, kernel_of
+from bayesdamp.physics.kernel.dense import at_times, slopes_at_times
+from bayesdamp.physics.restoring import LAWS
+
+TOLERANCE = 3e-8
+"""Error of a step as a share of the amplitude."""
+MOST_A_CYCLE = 4000
+"""Steps in a cycle after which a motion is given up."""
+QUANTITIES = ("angle", "velocity", "acceleration")
+NONE, PARAMETERS, ALL = 0, 1, 2
+
+
+@dataclass(frozen=True)
+class Motion:
+    """A trajectory: values at the samples, (n,), their tangents, (n, k), and the nodes with θ, θ̇, θ̈ there, (s, 3)."""
+
+    y: np.ndarray
+    tangents: np.ndarray
+    times: np.ndarray
+    states: np.ndarray
+
+
+@dataclass(frozen=True)
+class Solver:
+    """Trajectories of all of `terms` under a law at the times t, (n,) in s from 0.
+
+    names: of the parameters, in the order of the vectors that `solve` takes: coefficients, the law's, θ₀, θ̇₀.
+    amplitude (rad or m) and frequency (rad/s) set the scales of tolerances.
+    """
+
+    terms: tuple[str, ...]
+    restoring: str
+    t: np.ndarray
+    quantity: str
+    amplitude: float
+    frequency: float
+    epsilon: float
+    knots: np.ndarray
+
+    @cached_property
+    def kernel(self) -> Kernel:
+        return kernel_of(self.terms, self.restoring)
+
+    @cached_property
+    def names(self) -> tuple[str, ...]:
+        coefficients = tuple(TERMS.get(name).parameter for name in self.terms)
+        return (*coefficients, *LAWS.get(self.restoring).parameters, "theta0", "omega0")
+
+    @cached_property
+    def _sizes(self) -> np.ndarray:
+        a, w = self.amplitude, self.frequency
+        usual = {"stiffness": w**2, "gravity": w**2, "cubic": w**2 / a**2}
+        return np.array([a, a * w, *(usual.get(n, a) for n in LAWS.get(self.restoring).parameters)])
+
+    def solve(
+        self,
+        p: np.ndarray,
+        active: np.ndarray,
+        g: np.ndarray | None = None,
+        h: np.ndarray | None = None,
+        tangents: int = PARAMETERS,
+        stop: int | None = None,
+    ) -> Motion | None:
+        """The motion at parameters p, (k,), with deviations g and h at the knots; None where it escapes.
+
+        active: which terms act, (m,). tangents: NONE, by PARAMETERS, or by ALL: parameters, g, h. stop: samples that
+        are wanted, the first ones.
+        """
+        m, r = len(self.terms), len(LAWS.get(self.restoring).parameters)
+        t = self.t[:stop]
+        knots, g, h = self._deviations(float(t[-1]), g, h)
+        most = int(MOST_A_CYCLE * max(1.0, t[-1] * self.frequency / (2 * np.pi)))
+        p = np.asarray(p, float)
+        times, states, slopes = self.kernel.march(
+            p[:m].copy(), np.zeros(0), np.asarray(active, bool), p[m : m + r].copy(), float(self.epsilon),
+            p[m + r :].copy(), knots, g, h, TOLERANCE, self._sizes, tangents, most,
+        )  # fmt: skip
+        if times.size == 0:
+            return None
+        order = QUANTITIES.index(self.quantity)
+        y = at_times(times, states, t, order)
+        found = slopes_at_times(times, slopes, t, order) if tangents else np.zeros((t.size, 0))
+        return Motion(y, found, times, states)
+
+    def _deviations(
+        self, stop: float, g: np.ndarray | None, h: np.ndarray | None
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        knots = self.knots
+        if g is None and h is None and stop < knots[-1]:
+            knots = np.array([0.0, stop])
+        none = np.zeros(knots.size)
+        return knots, none if g is None else np.asarray(g, float), none if h is None else np.asarray(h, float)

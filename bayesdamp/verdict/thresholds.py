@@ -1,0 +1,22 @@
+"""Every threshold of a verdict. Chosen on simulated records with the seeds 1 to 9; reported on others."""
+
+DECIDED = 0.95
+"""Probability from which one damping is named without reservation (conventional)."""
+CAP = 0.99
+"""Largest probability that is claimed of a measured record: statements above 0.95 were right in nine of ten records
+whose law does not hold exactly."""
+NAMED = 0.05
+"""Probability from which a rival is named."""
+EXACT = 0.03
+"""Upper end of the deviation of the damping law up to which a record is said to follow the law."""
+DEVIATES = 0.25
+"""Lower end of the deviation of the damping law from which it is not the answer."""
+RESTORING_DEVIATES = 0.05
+"""The same of the restoring law."""
+UNEXPLAINED = 0.05
+"""Share of the amplitude, left unexplained, from which the law is not the answer."""
+REMARK = 0.01
+"""Share of the amplitude from which what is left unexplained is remarked on."""
+"""Weight of other damping sums from which a single term is said to be sure by itself."""
+TERM_SURE = 0.95
+EXPONENT_RANGE = (0.0, 3.0)

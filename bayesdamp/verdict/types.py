@@ -1,0 +1,156 @@
+"""A verdict: what is said of one record, or of one specimen, as values."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
+from enum import StrEnum
+
+from bayesdamp.verdict.table import html_table
+
+
+class Grade(StrEnum):
+    """How well a law of damping describes the record."""
+
+    EXACT = "exact"
+    APPROXIMATE = "approximate"
+    DEVIATES = "deviates"
+    NO_FREE_DECAY = "no_free_decay"
+    NOT_WEIGHED = "not_weighed"
+
+
+@dataclass(frozen=True)
+class Interval:
+    """A value with its 95 % interval, in a unit."""
+
+    value: float
+    low: float
+    high: float
+    unit: str = ""
+
+
+@dataclass(frozen=True)
+class DampingRatio:
+    """Equivalent viscous damping ratio at an amplitude, with its total 95 % interval.
+
+    sd_noise and sd_law are the parts of its standard deviation from noise and from what the law does not hold.
+    """
+
+    amplitude: float
+    unit: str
+    value: float
+    sd_noise: float
+    sd_law: float
+    low: float
+    high: float
+
+
+@dataclass(frozen=True)
+class Coefficient:
+    """A parameter under the damping that is named, with its total 95 % interval."""
+
+    name: str
+    value: float
+    sd_noise: float
+    sd_law: float
+    low: float
+    high: float
+    unit: str
+
+
+@dataclass(frozen=True)
+class Rival:
+    """Another damping sum and its probability."""
+
+    damping: str
+    probability: float
+
+
+@dataclass(frozen=True)
+class Share:
+    """A term's share of the dissipated energy, with its 95 % interval; probability: that the term is there."""
+
+    term: str
+    share: float
+    low: float
+    high: float
+    probability: float
+
+
+@dataclass(frozen=True)
+class Bound:
+    """The 95 % upper limit of the share of the energy that an absent form of damping may take."""
+
+    form: str
+    share_below: float
+
+
+@dataclass(frozen=True)
+class Window:
+    """The piece of the record that was used, in s of the file's own times, and why."""
+
+    start: float
+    stop: float
+    cycles: float
+    why: str
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What is said of one record; the file `verdict.json` holds a list of these.
+
+    decided: whether one damping is named without reservation. deviation: energy-weighted mean of the relative
+    deviation from the law. unexplained_pct, noise_pct: root mean square beyond the noise, and of the noise, in % of
+    the amplitude.
+    """
+
+    record: str
+    grade: Grade
+    decided: bool
+    damping: str
+    probability: float
+    rivals: tuple[Rival, ...] = ()
+    restoring: str = ""
+    restoring_probability: float = float("nan")
+    frequency: Interval | None = None
+    exponent: Interval | None = None
+    damping_ratio: tuple[DampingRatio, ...] = ()
+    energy: tuple[Share, ...] = ()
+    other_forms: tuple[Bound, ...] = ()
+    deviation: Interval | None = None
+    unexplained_pct: float = float("nan")
+    noise_pct: float = float("nan")
+    coefficients: tuple[Coefficient, ...] = ()
+    window: Window | None = None
+    remarks: tuple[str, ...] = ()
+    sentence: str = ""
+    provenance: Mapping[str, object] = field(default_factory=dict, repr=False)
+
+    def __str__(self) -> str:
+        return self.sentence
+
+    def _repr_html_(self) -> str:
+        rows = [(f"{r.amplitude:.3g} {r.unit}", f"{100 * r.value:.3g} %", f"{100 * r.low:.3g} to {100 * r.high:.3g} %")
+                for r in self.damping_ratio]  # fmt: skip
+        return html_table(self.sentence, ("amplitude", "equivalent damping ratio", "95 % interval"), rows)
+
+    def to_dict(self) -> dict[str, object]:
+        """As plain values, without provenance; what is not known is None."""
+        found = asdict(self)
+        found.pop("provenance")
+        found["grade"] = str(self.grade)
+        return _plain(found)  # type: ignore[return-value]
+
+    def to_json(self) -> str:
+        return json.dumps(self.to_dict(), indent=1, ensure_ascii=False)
+
+
+def _plain(value: object) -> object:
+    if isinstance(value, dict):
+        return {k: _plain(v) for k, v in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(v) for v in value]
+    if isinstance(value, float) and value != value:
+        return None
+    return value
