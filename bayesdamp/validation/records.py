@@ -83,8 +83,7 @@ def case(kind: str, seed: int, number: int, oversample: int = 1) -> Case:
     if kind not in KINDS:
         raise InputError(f"kind {kind!r} is unknown: it must be one of {', '.join(KINDS)}")
     rng = np.random.default_rng([seed, KINDS.index(kind), number])
-    sums = [name for name in SUMS if kind not in COULOMB or "coulomb" in name.split("+")]
-    damping, restoring = sums[number % len(sums)], list(LAWS)[number % len(LAWS)]
+    damping, restoring = _turn(kind, number)
     rejected: Counter[str] = Counter()
     for _ in range(ATTEMPTS):
         draw = drawn(rng, damping, restoring, float(rng.uniform(*SHARE)) if kind in TAKING else 0.0)
@@ -97,6 +96,14 @@ def case(kind: str, seed: int, number: int, oversample: int = 1) -> Case:
         name = f"{kind}-{seed}-{number}" + (f"-x{oversample}" if oversample > 1 else "")
         return replace(made, name=name, rejected=dict(rejected))
     raise RuntimeError(f"no record of {damping} on {restoring} as {kind} in {ATTEMPTS} draws")
+
+
+def _turn(kind: str, number: int) -> tuple[str, str]:
+    """Damping sum and restoring law whose turn it is; each kind begins elsewhere, and meets all pairs."""
+    sums = [name for name in SUMS if kind not in COULOMB or "coulomb" in name.split("+")]
+    begin = KINDS.index(kind)
+    again = number // len(sums) if len(sums) == len(LAWS) else 0  # else seven and four have no common factor
+    return sums[(number + 3 * begin) % len(sums)], list(LAWS)[(number + again + begin) % len(LAWS)]
 
 
 class _Rejected(Exception):  # noqa: N818 - a rule's name, not an error
