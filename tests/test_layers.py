@@ -23,6 +23,7 @@ MAY_IMPORT: dict[str, set[str]] = {
     "store": NEUTRAL | {"store"},
     "simulated": NEUTRAL | {"physics", "signals", "config", "store"},
     "report": NEUTRAL | {"store", "report"},
+    "validation": NEUTRAL | {"validation"},
 }
 ACROSS = {"study", "calibration", "claims", "cli", "", "__main__"}
 """The pipeline, the commands, and the public interface import what they join; nothing imports these."""
@@ -89,6 +90,7 @@ def test_no_import_goes_backward() -> None:
         ("bayesdamp.config.load", "from bayesdamp.estimators.methods.pinn import PLUGIN"),
         ("bayesdamp.config.load", "from bayesdamp.signals.read import read_record"),
         ("bayesdamp.types", "from bayesdamp.physics.damping import TERMS"),
+        ("bayesdamp.validation.records", "from bayesdamp.physics.integrate import simulate"),
     ],
 )
 def test_a_backward_import_is_seen(module: str, source: str) -> None:

@@ -1,0 +1,145 @@
+"""The truth of a simulated record is the closed forms' where there are any, and the energy's elsewhere."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from scipy.integrate import quad, solve_ivp
+from scipy.optimize import brentq
+
+from bayesdamp.validation.motion import NoMotionError, solved
+from bayesdamp.validation.oscillator import LAWS, Discrepancy, Oscillator
+from bayesdamp.validation.ratio import RatioCurve, ratio_curve
+
+W, A = 3.0, 0.4
+LINEAR = {"stiffness": W * W, "rest_angle": 0.3}
+SPRINGS = {
+    "horizontal_pendulum": {"stiffness": 9.0, "spring_angle": 0.2, "gravity": -6.0},
+    "linear": LINEAR,
+    "pendulum": LINEAR,
+    "duffing": LINEAR | {"cubic": 20.0},
+}
+
+
+def curve_of(oscillator: Oscillator, cycles: float, amplitude: float = A) -> RatioCurve:
+    motion = solved(oscillator, amplitude, W, 2 * np.pi * cycles / W)
+    return ratio_curve(motion, oscillator.potential())
+
+
+def inner(curve: RatioCurve) -> np.ndarray:
+    """Where records are judged."""
+    return (curve.cycles > 0.75) & (curve.cycles < curve.cycles[-1] - 0.25)
+
+
+@pytest.mark.parametrize(("ratio", "cycles"), [(0.01, 30), (0.002, 60)])
+def test_viscous_damping_has_the_ratio_of_its_rate_to_the_frequency(ratio: float, cycles: float) -> None:
+    curve = curve_of(Oscillator("linear", LINEAR, {"viscous": ratio * W}), cycles)
+    at = inner(curve)
+    assert curve.ratio[at] == pytest.approx(ratio, rel=1e-4)
+    assert curve(0.3) == pytest.approx(ratio, rel=1e-4)
+    assert curve.ratio[at] != pytest.approx(1.001 * ratio, rel=1e-4)  # the control
+
+
+def test_heavy_viscous_damping_has_the_ratio_to_the_damped_frequency() -> None:
+    zeta = 0.046 * W
+    curve = curve_of(Oscillator("linear", LINEAR, {"viscous": zeta}), 8)
+    assert curve.ratio[inner(curve)] == pytest.approx(zeta / np.sqrt(W**2 - zeta**2), rel=1e-7)
+
+
+@pytest.mark.parametrize(("cycles", "rel"), [(8, 1e-3), (60, 1e-6)])
+def test_coulomb_friction_has_its_closed_form(cycles: float, rel: float) -> None:
+    friction = 0.85 * A * W**2 / (4 * cycles)
+    curve = curve_of(Oscillator("linear", LINEAR, {"coulomb": friction}), cycles)
+    at = inner(curve)
+    assert curve.ratio[at] == pytest.approx(2 * friction / (np.pi * W**2 * curve.amplitude[at]), rel=rel)
+
+
+def test_quadratic_damping_has_its_closed_form_where_it_is_light() -> None:
+    """4μA/(3π) is of first order in μA, which is 0.02 here: the next order is its square."""
+    curve = curve_of(Oscillator("linear", LINEAR, {"quadratic": 0.05}), 60)
+    at = inner(curve)
+    assert curve.ratio[at] == pytest.approx(4 * 0.05 * curve.amplitude[at] / (3 * np.pi), rel=2e-4)
+
+
+def test_heavy_quadratic_damping_is_that_of_its_exact_turning_points() -> None:
+    """Between turning points a and b, 2μa − ln(1 + 2μa) = −2μb − ln(1 − 2μb): the motion's energy has a closed form."""
+    drag = 1.0
+    motion = solved(Oscillator("linear", LINEAR, {"quadratic": drag}), A, W, 2 * np.pi * 8 / W)
+    sizes = np.abs(motion.turns)
+    for before, after in pairwise(sizes):
+        a = 2 * drag * before
+
+        def kept(b: float, a: float = a) -> float:
+            return np.log1p(-b) + b - np.log1p(a) + a
+
+        assert after == pytest.approx(brentq(kept, 0.2 * a, min(a, 0.999)) / (2 * drag), rel=1e-8)
+
+
+@pytest.mark.parametrize("law", list(LAWS))
+def test_light_damping_loses_what_it_takes_on_an_undamped_cycle(law: str) -> None:
+    """Viscous and Coulomb damping on a cycle without damping of the same amplitude, by quadrature, over 4πV."""
+    zeta, friction = 0.003, 0.006
+    oscillator = Oscillator(law, SPRINGS[law], {"viscous": zeta, "coulomb": friction})
+    curve = curve_of(oscillator, 40)
+    potential, amplitude = oscillator.potential(), 0.3
+
+    def ends(energy: float) -> tuple[float, float]:
+        low, high = (brentq(lambda x, s=s: potential(s * x) - energy, 0.0, 0.6) for s in (-1, 1))
+        return -low, high
+
+    energy = brentq(lambda e: ends(e)[1] - ends(e)[0] - 2 * amplitude, 1e-3, 1.0)
+    low, high = ends(energy)
+    middle, half = 0.5 * (low + high), 0.5 * (high - low)
+
+    def speed(phase: float) -> float:
+        left = energy - potential(middle + half * np.sin(phase))
+        return np.sqrt(max(2 * left, 0.0)) * half * np.cos(phase)
+
+    travelled = 2 * quad(speed, -np.pi / 2, np.pi / 2, epsabs=1e-12)[0]
+    lost = 2 * zeta * travelled + friction * 4 * half
+    assert curve(amplitude) == pytest.approx(lost / (4 * np.pi * energy), rel=1e-4)
+
+
+def test_damping_in_time_is_that_of_the_time() -> None:
+    odd = Discrepancy(scale=lambda t: 1 + 0.05 * t / 60)
+    zeta = 0.003 * W
+    curve = curve_of(Oscillator("linear", LINEAR, {"viscous": zeta}, discrepancy=odd), 30)
+    at = inner(curve)
+    times = 2 * np.pi * curve.cycles[at] / W
+    assert curve.ratio[at] == pytest.approx(0.003 * (1 + 0.05 * times / 60), rel=1e-4)
+
+
+@pytest.mark.parametrize("epsilon", [0.0, 0.02 * A * W])
+@pytest.mark.parametrize("law", list(LAWS))
+def test_a_motion_is_that_of_another_solver(law: str, epsilon: float) -> None:
+    """Of the force from velocity alone, with no turning points: Radau on all of it (switching is what limits it)."""
+    damping = {"viscous": 0.02, "coulomb": 0.02, "quadratic": 0.05}
+    oscillator = Oscillator(law, SPRINGS[law], damping, epsilon)
+    p, zero = SPRINGS[law], oscillator.equilibrium()
+    forces = {
+        "horizontal_pendulum": lambda x: 9.0 * (x - 0.2) + 6.0 * np.cos(x),
+        "linear": lambda x: W * W * (x - 0.3),
+        "pendulum": lambda x: W * W * np.sin(x - 0.3),
+        "duffing": lambda x: W * W * (x - 0.3) + p.get("cubic", 0) * (x - 0.3) ** 3,
+    }
+
+    def slope(_, s):
+        turn = np.tanh(s[1] / epsilon) if epsilon else np.sign(s[1])
+        return [s[1], -forces[law](s[0]) - 0.04 * s[1] - 0.02 * turn - 0.05 * s[1] * abs(s[1])]
+
+    times = np.linspace(0.0, 8.0, 200)
+    other = solve_ivp(slope, (0.0, 8.0), [zero + A, 0.0], t_eval=times, rtol=1e-8, atol=1e-9, max_step=0.02)
+    theta, v = solved(oscillator, A, W, 8.0).at(times)
+    assert theta == pytest.approx(other.y[0], abs=2e-5)
+    assert v == pytest.approx(other.y[1], abs=1e-4)
+
+
+def test_a_motion_that_sticks_or_escapes_is_refused() -> None:
+    with pytest.raises(NoMotionError, match="sticks"):
+        solved(Oscillator("linear", LINEAR, {"coulomb": 0.3}), A, W, 40.0)
+    with pytest.raises(NoMotionError, match="creeps or escapes"):
+        solved(Oscillator("duffing", LINEAR | {"cubic": -100.0}, {"viscous": 0.01}), A, W, 40.0)
+    with pytest.raises(ValueError, match="outside"):
+        curve_of(Oscillator("linear", LINEAR, {"viscous": 0.03}), 20)(A)

@@ -1,0 +1,156 @@
+"""Answers that are always right, always wrong, or too sure get the scores that they earn."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+import pytest
+from scipy.stats import binomtest
+
+from bayesdamp.types import Refusal, Signal
+from bayesdamp.validation.answers import probability_of, relation, row_of
+from bayesdamp.validation.oscillator import SUMS
+from bayesdamp.validation.ratio import RatioCurve
+from bayesdamp.validation.records import Case
+from bayesdamp.validation.scoring import markdown, score, scores, wilson
+
+
+@dataclass(frozen=True)
+class At:
+    amplitude: float
+    value: float
+    low: float
+    high: float
+
+
+@dataclass(frozen=True)
+class Rival:
+    damping: str
+    probability: float
+
+
+@dataclass(frozen=True)
+class Said:
+    decided: bool
+    damping: str
+    probability: float
+    grade: str
+    damping_ratio: tuple[At, ...]
+    deviation: At | None = None
+    rivals: tuple[Rival, ...] = ()
+
+
+AMPLITUDES = (0.3, 0.2, 0.1)
+
+
+def a_case(number: int, kind: str = "family", oversample: int = 1) -> Case:
+    size = np.geomspace(0.05, 0.5, 30)[::-1]
+    signal = Signal(np.arange(3.0), np.zeros(3))
+    return Case(
+        f"{kind}-{number}", kind, signal, SUMS[number % 7], "linear", {}, 0.01,
+        RatioCurve(np.arange(30.0), size, 0.02 + 0 * size), AMPLITUDES, {}, 20.0, 30.0, oversample,
+    )  # fmt: skip
+
+
+def said(case: Case, rng: np.random.Generator, right: bool = True, sure: float = 1.0, **more) -> Said:
+    """An answer whose intervals hold the truth with 95 % where sure = 1, and are narrower by that factor else."""
+    sd = 0.001
+    spans = []
+    for amplitude in case.amplitudes:
+        value = case.ratio(amplitude) + sd * rng.standard_normal()
+        spans.append(At(amplitude, value, value - 1.96 * sd / sure, value + 1.96 * sd / sure))
+    other = next(s for s in SUMS if s != case.damping)
+    given = {"decided": True, "probability": 0.98, "grade": "exact"} | more
+    return Said(damping=case.damping if right else other, damping_ratio=tuple(spans), **given)
+
+
+def table_of(count: int = 200, **how) -> pd.Series:
+    rng = np.random.default_rng(1)
+    cases = [a_case(n) for n in range(count)]
+    return score((case, said(case, rng, **how)) for case in cases).iloc[0]
+
+
+def test_an_honest_answer_is_right_and_covers() -> None:
+    line = table_of()
+    assert (line["decided"], line["right"], line["wrong"], line["deviates"]) == (1.0, 1.0, 0.0, 0.0)
+    assert line["coverage_low"] < 0.95 < line["coverage_high"]  # false alarm: below 1 in 20, seed fixed
+    assert line["log_probability"] == pytest.approx(np.log(0.98))
+    assert line["half_width"] == pytest.approx(1.96 * 0.001 / 0.02)
+
+
+def test_a_wrong_answer_is_wrong_outright() -> None:
+    line = table_of(right=False)
+    assert (line["decided"], line["right"], line["wrong"]) == (1.0, 0.0, 1.0)
+    assert line["log_probability"] == pytest.approx(np.log(0.02 / 6))
+    cautious = table_of(right=False, decided=False)
+    assert (cautious["decided"], cautious["wrong"]) == (0.0, 0.0)
+    assert np.isnan(cautious["right"])
+
+
+def test_an_overconfident_answer_does_not_cover() -> None:
+    """Intervals of a third of the width hold the truth with 1 − 2Φ(−1.96/3) = 0.486."""
+    line = table_of(sure=3.0)
+    assert line["coverage"] == pytest.approx(0.486, abs=5 * 0.5 / np.sqrt(600))
+    assert line["coverage_high"] < 0.95
+
+
+def test_grades_and_modes_are_told_apart() -> None:
+    rng = np.random.default_rng(2)
+    rows = []
+    for mode, sure in (("none", 1.0), ("auto", 0.5)):
+        for n in range(20):
+            for kind in ("family", "drift", "jitter"):
+                case = a_case(n, kind)
+                answer = said(case, rng, sure=sure, grade="deviates" if kind == "drift" else "exact")
+                rows.append(row_of(case, lambda signal, amplitudes, answer=answer: answer, mode))
+    table = scores(pd.DataFrame(rows)).set_index("group")
+    assert list(table.index) == [
+        "family/none", "drift/none", "jitter/none", "all discrepancies/none",
+        "family/auto", "drift/auto", "jitter/auto", "all discrepancies/auto",
+    ]  # fmt: skip
+    assert table.loc["drift/auto", "deviates"] == 1.0
+    assert table.loc["all discrepancies/auto", "deviates"] == 0.5
+    assert table.loc["family/auto", "relative_width"] == pytest.approx(2.0)
+    assert table.loc["family/none", "relative_width"] == pytest.approx(1.0)
+    text = markdown(table.reset_index())
+    assert "| drift/auto | 20 | 20 | 1.00 (0.84–1.00) |" in text
+
+
+def test_a_refusal_decides_nothing_and_has_no_coverage() -> None:
+    def refuses(signal: Signal, amplitudes: tuple[float, ...]) -> Said:
+        raise Refusal("three samples in a period")
+
+    rows = [row_of(a_case(n), refuses, "auto") for n in range(5)]
+    assert rows[0]["outcome"] == "three samples in a period"
+    rng = np.random.default_rng(3)
+    rows += [
+        row_of(a_case(n), lambda s, a, n=n: said(a_case(n), rng, sure=0.1), "auto") for n in range(5, 10)
+    ]
+    line = scores(pd.DataFrame(rows)).iloc[0]
+    assert (line["records"], line["answered"], line["decided"], line["coverage"]) == (10, 5, 0.5, 1.0)
+
+
+def test_an_answer_at_other_amplitudes_is_a_fault() -> None:
+    case = a_case(0)
+    answer = said(case, np.random.default_rng(1))
+    other = Said(True, "viscous", 0.9, "exact", tuple(reversed(answer.damping_ratio)))
+    with pytest.raises(ValueError, match=r"asked was 0\.3 rad"):
+        row_of(case, lambda signal, amplitudes: other, "auto")
+
+
+def test_wilsons_interval_is_scipys() -> None:
+    for hits, count in ((0, 10), (7, 10), (190, 200), (200, 200)):
+        exact = binomtest(hits, count).proportion_ci(method="wilson")
+        assert wilson(hits / count, count) == pytest.approx((exact.low, exact.high), abs=1e-12)
+
+
+def test_the_probability_of_the_truth_is_the_answers() -> None:
+    answer = Said(True, "coulomb+viscous", 0.7, "exact", (), None, (Rival("viscous", 0.2),))
+    assert probability_of(answer, "viscous+coulomb") == 0.7
+    assert probability_of(answer, "viscous") == 0.2
+    assert probability_of(answer, "quadratic") == pytest.approx(0.1 / 5)
+    assert [relation(n, "viscous+coulomb") for n in ("coulomb+viscous", "viscous", "quadratic", SUMS[6])] == [
+        "right", "less", "other", "more",
+    ]  # fmt: skip
