@@ -220,10 +220,7 @@ def _draws_of(
 
 def _times(result: Result) -> tuple[np.ndarray, np.ndarray]:
     """Times in s of a motion's half cycles, and half the distance of their turning points, in falling order."""
-    assert result.about is not None or result.fit is not None
-    motion = result.about.motion if result.about is not None else None
-    if motion is None:
-        return np.zeros(0), np.zeros(0)
+    motion = result.motion
     v = motion.states[:, 1]
     turns = np.flatnonzero(v[:-1] * v[1:] <= 0)
     share = v[turns] / np.where(v[turns] == v[turns + 1], 1.0, v[turns] - v[turns + 1])
@@ -322,8 +319,7 @@ def _work(weighing: Weighing, result: Result) -> np.ndarray:
 
 
 def _even(result: Result) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    assert result.about is not None
-    motion = result.about.motion
+    motion = result.motion
     return np.linspace(motion.times[0], motion.times[-1], 4000), motion.times, motion.states[:, 1]
 
 

@@ -8,7 +8,7 @@ from itertools import product
 import numpy as np
 
 from bayesdamp.inference.deviation.parameters import Parameters
-from bayesdamp.physics.kernel import Solver
+from bayesdamp.physics.kernel import Motion, Solver
 from bayesdamp.physics.kernel.solve import NONE, PARAMETERS
 
 FIRST_DAMPING, MORE, LESS = 1e-3, 8.0, 0.2
@@ -22,7 +22,7 @@ FIRST_CYCLES = 2.0
 class Fit:
     """A candidate's best motion under exact laws.
 
-    z: scores, (d,); residual: record minus motion, (n,); tangents: of the motion by the scores, (n, d).
+    z: scores, (d,); residual: record minus motion, (n,); tangents: of the motion by the scores, (n, d); the motion.
     """
 
     parameters: Parameters
@@ -30,6 +30,7 @@ class Fit:
     z: np.ndarray
     residual: np.ndarray
     tangents: np.ndarray
+    motion: Motion
     evaluations: int
 
     @property
@@ -99,17 +100,18 @@ def _search(
 ) -> Fit | None:
     y = y[:stop]
 
-    def at(z: np.ndarray, tangents: int) -> tuple[np.ndarray, np.ndarray] | None:
+    def at(z: np.ndarray, tangents: int) -> tuple[np.ndarray, np.ndarray, Motion] | None:
         motion = solver.solve(parameters.values(z), active, tangents=tangents, stop=stop)
         if motion is None:
             return None
         slopes = parameters.slopes(z)
-        return y - motion.y, motion.tangents[:, parameters.free] * slopes if tangents else motion.tangents
+        found = motion.tangents[:, parameters.free] * slopes if tangents else motion.tangents
+        return y - motion.y, found, motion
 
     here = at(z, PARAMETERS)
     if here is None:
         return None
-    r, jacobian = here
+    r, jacobian, motion = here
     damping, count, close = FIRST_DAMPING, 1, CLOSE if stop is None else ROUGH
     for _ in range(MOST_STEPS):
         variance = max(float(r @ r) / r.size, noise**2)
@@ -137,10 +139,10 @@ def _search(
         if there is None:
             break
         fall = (cost - after) / cost
-        z, (r, jacobian), damping = new, there, max(damping * LESS, 1e-12)
+        z, (r, jacobian, motion), damping = new, there, max(damping * LESS, 1e-12)
         if fall < close:
             break
-    return Fit(parameters, active, z, r, jacobian, count)
+    return Fit(parameters, active, z, r, jacobian, motion, count)
 
 
 def _triangle(jacobian: np.ndarray, r: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

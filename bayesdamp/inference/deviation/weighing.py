@@ -22,7 +22,7 @@ from bayesdamp.inference.deviation.hyperparameters import grid_of, knots_of
 from bayesdamp.inference.deviation.least_squares import Fit
 from bayesdamp.inference.deviation.linear import Linear, Weighed, weigh
 from bayesdamp.inference.deviation.noise import inflation
-from bayesdamp.physics.kernel import Solver
+from bayesdamp.physics.kernel import Motion, Solver
 from bayesdamp.priors import Prior
 from bayesdamp.types import Refusal
 
@@ -43,6 +43,11 @@ class Result:
     exact_variance: float
     about: Linearised | None = None
     weighed: Weighed | None = None
+
+    @property
+    def motion(self) -> Motion:
+        """The motion that the record's weights are taken along."""
+        return self.fit.motion if self.about is None else self.about.motion
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,111 @@
+"""The decisions: a pure function of a weighing's numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from bayesdamp.inference.deviation.findings import Findings, Quantity
+from bayesdamp.physics.damping import TERMS
+from bayesdamp.physics.restoring import LAWS
+from bayesdamp.verdict import thresholds
+from bayesdamp.verdict.types import (
+    Bound,
+    Coefficient,
+    DampingRatio,
+    Grade,
+    Interval,
+    Rival,
+    Share,
+    Verdict,
+    Window,
+)
+from bayesdamp.verdict.words import remarks, sentence
+
+
+def decide(
+    found: Findings,
+    *,
+    record: str,
+    unit: str = "rad",
+    measured: bool = True,
+    approximate: bool = True,
+    window: Window | None = None,
+    exponent: Quantity | None = None,
+    notes: Sequence[str] = (),
+) -> Verdict:
+    """The verdict on one record.
+
+    unit: of the displacement; measured: whether probabilities are capped; approximate: whether laws may hold
+    approximately. A damping is decided where its probability is large and the exact laws' evidence puts it first too.
+    """
+    cap = thresholds.CAP if measured and approximate else 1.0
+    damping = {name: min(p, cap) for name, p in found.damping.items()}
+    first = next(iter(damping))
+    same = first == next(iter(found.exact))
+    grade = grade_of(found) if approximate else Grade.EXACT
+    decided = grade is not Grade.DEVIATES and found.damping[first] >= thresholds.DECIDED and same
+    verdict = Verdict(
+        record=record,
+        grade=grade,
+        decided=decided,
+        damping=first,
+        probability=damping[first],
+        rivals=tuple(Rival(n, p) for n, p in list(damping.items())[1:]),
+        restoring=next(iter(found.restoring)),
+        restoring_probability=min(next(iter(found.restoring.values())), cap),
+        frequency=_interval(found.frequency, "Hz"),
+        exponent=_interval(exponent) if exponent is not None else None,
+        damping_ratio=tuple(
+            DampingRatio(r.amplitude, unit, r.value, r.sd_noise, r.sd_law, r.low, r.high) for r in found.ratios
+        ),
+        energy=_energy(found),
+        other_forms=(
+            *(Bound(t, found.bound[t]) for t in found.bound if t not in first.split("+")),
+            *([Bound("any other form", found.other)] if approximate else []),
+        ),
+        deviation=_interval(found.deviation) if approximate else None,
+        unexplained_pct=100 * found.unexplained,
+        noise_pct=100 * found.noise,
+        coefficients=_coefficients(found, unit),
+        window=window,
+    )
+    said = remarks(verdict, found, same, notes)
+    return _with(verdict, remarks=said, sentence=sentence(verdict))
+
+
+def grade_of(found: Findings) -> Grade:
+    """How well the laws hold."""
+    if (
+        found.deviation.low > thresholds.DEVIATES
+        or found.restoring_deviation.low > thresholds.RESTORING_DEVIATES
+        or found.unexplained > thresholds.UNEXPLAINED
+    ):
+        return Grade.DEVIATES
+    return Grade.EXACT if found.deviation.high <= thresholds.EXACT else Grade.APPROXIMATE
+
+
+def _with(verdict: Verdict, **changes: object) -> Verdict:
+    from dataclasses import replace
+
+    return replace(verdict, **changes)  # type: ignore[arg-type]
+
+
+def _interval(q: Quantity, unit: str = "") -> Interval:
+    return Interval(q.value, q.low, q.high, unit)
+
+
+def _energy(found: Findings) -> tuple[Share, ...]:
+    shares = [Share(t, q.value, q.low, q.high, found.term[t]) for t, q in found.energy.items()]
+    return tuple(sorted(shares, key=lambda s: -s.share))
+
+
+def _coefficients(found: Findings, unit: str) -> tuple[Coefficient, ...]:
+    units: Mapping[str, str] = {
+        **{TERMS.get(t).parameter: TERMS.get(t).unit for t in found.best.damping},
+        **{n: LAWS.get(found.best.restoring).unit(n) for n in LAWS.get(found.best.restoring).parameters},
+    }
+    return tuple(
+        Coefficient(n, q.value, q.sd_noise, q.sd_law, q.low, q.high, units[n].replace("rad", unit))
+        for n, q in found.coefficients.items()
+        if n in units
+    )

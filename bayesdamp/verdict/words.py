@@ -1,0 +1,114 @@
+"""A verdict in the words of a mechanical engineer. Prose is made here, last, and nowhere read again."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import floor, log10
+
+from bayesdamp.inference.deviation.findings import Findings
+from bayesdamp.verdict import thresholds
+from bayesdamp.verdict.types import DampingRatio, Grade, Interval, Verdict
+
+NAMES = {"viscous": "viscous", "coulomb": "Coulomb (dry friction)", "quadratic": "quadratic (drag)"}
+
+
+def named(damping: str) -> str:
+    """A sum's name in words."""
+    return " + ".join(NAMES.get(term, term) for term in damping.split("+"))
+
+
+def digits(value: float, width: float) -> str:
+    """A value with as many digits as its interval's width allows."""
+    if not width > 0 or value == 0:
+        return f"{value:.3g}"
+    places = max(0, 1 - floor(log10(width)))
+    if places > 8 or abs(value) >= 1e6:
+        return f"{value:.3g}"
+    return f"{value:.{places}f}"
+
+
+def with_interval(value: float, low: float, high: float, unit: str = "", scale: float = 1.0) -> str:
+    """`0.65 % (0.64 to 0.66)`."""
+    width = (high - low) * scale
+    shown = [digits(x * scale, width / 2) for x in (value, low, high)]
+    return f"{shown[0]}{unit} ({shown[1]} to {shown[2]})"
+
+
+def probability(p: float) -> str:
+    """A probability, never 1."""
+    if p > 0.999:
+        return "more than 0.999"
+    return f"{p:.2f}" if p >= 0.01 else f"{p:.1g}"
+
+
+def _ratio(r: DampingRatio) -> str:
+    return f"{with_interval(r.value, r.low, r.high, ' %', 100)} at {r.amplitude:.2g} {r.unit}"
+
+
+def sentence(v: Verdict) -> str:
+    """The answer in a sentence: the damping, how large it is, how well the law holds."""
+    ratios = v.damping_ratio
+    size = ""
+    if ratios:
+        size = f"equivalent damping ratio {_ratio(ratios[0])}"
+        if len(ratios) > 1:
+            size += f", {_ratio(ratios[-1])}"
+    frequency = f", natural frequency {_frequency(v.frequency)}" if v.frequency is not None else ""
+    if v.grade is Grade.DEVIATES:
+        return (
+            f"The damping follows none of the laws closely: {size}{frequency}; "
+            f"the nearest law is {named(v.damping)}{_hold(v)}."
+        )
+    if v.decided:
+        budget = _budget(v)
+        return (
+            f"{_first(named(v.damping))} damping (probability {probability(v.probability)}): "
+            f"{size}{frequency}{budget}{_hold(v)}."
+        )
+    rivals = [r for r in v.rivals if r.probability >= thresholds.NAMED]
+    between = [f"{named(v.damping)} ({probability(v.probability)})"]
+    between += [f"{named(r.damping)} ({probability(r.probability)})" for r in rivals[:2]]
+    sure = [s.term for s in v.energy if s.probability >= thresholds.TERM_SURE]
+    part = f"; {' and '.join(NAMES.get(t, t) for t in sure)} {'is' if len(sure) == 1 else 'are'} sure" if sure else ""
+    return f"{_first(size)}{frequency}; damping {' or '.join(between)}{part}{_hold(v)}."
+
+
+def _first(text: str) -> str:
+    return text[:1].upper() + text[1:]
+
+
+def _frequency(f: Interval) -> str:
+    return f"{digits(f.value, max(f.high - f.low, 1e-4 * f.value))} {f.unit}"
+
+
+def _budget(v: Verdict) -> str:
+    shares = [s for s in v.energy if s.term in v.damping.split("+")]
+    if len(shares) < 2:
+        return ""
+    parts = [f"{NAMES.get(s.term, s.term)} {100 * s.share:.0f} % ({100 * s.low:.0f} to {100 * s.high:.0f})" for s in shares]
+    return f"; of the energy lost, {', '.join(parts)}"
+
+
+def _hold(v: Verdict) -> str:
+    if v.deviation is None:
+        return ""
+    d = v.deviation
+    if v.grade is Grade.EXACT:
+        return f"; the law holds within {max(100 * d.high, 0.1):.2g} %"
+    return f"; the law holds within {100 * d.value:.2g} % (95 %: below {100 * d.high:.2g} %)"
+
+
+def remarks(v: Verdict, found: Findings, same: bool, notes: Sequence[str]) -> tuple[str, ...]:
+    """Reservations, the largest first, each with its size."""
+    said: list[tuple[float, str]] = []
+    if not same and v.grade is not Grade.DEVIATES:
+        other = next(iter(found.exact))
+        said.append((1.0, f"If the laws held exactly, {named(other)} would be ahead: the choice hangs on the "
+                          f"{100 * found.deviation.value:.2g} % by which they do not."))  # fmt: skip
+    if found.unexplained >= thresholds.REMARK:
+        said.append((found.unexplained, f"{100 * found.unexplained:.2g} % of the amplitude is not explained by the law."))
+    fallen = found.amplitudes[1] / found.amplitudes[0]
+    if fallen > 0.7:
+        said.append((0.5, f"The amplitude falls by {100 * (1 - fallen):.0f} % only, which tells dampings apart poorly."))
+    said += [(0.0, note) for note in notes]
+    return tuple(text for _, text in sorted(said, key=lambda item: -item[0]))
