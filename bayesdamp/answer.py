@@ -42,7 +42,9 @@ def answer(
     except Refusal as refusal:
         nan = float("nan")
         text = str(refusal)
-        return Verdict(signal.name, Grade.NOT_WEIGHED, False, "", nan, sentence=text[:1].upper() + text[1:] + ".")
+        return Verdict(
+            signal.name, Grade.NOT_WEIGHED, False, "", nan, sentence=text[:1].upper() + text[1:] + "."
+        )
     found = findings(weighing, amplitudes, approximate=approximate, sensor=sensor, seed=seed)
     start = signal.provenance.get("start", 0.0)
     first = float(start) if isinstance(start, int | float) else 0.0

@@ -20,12 +20,13 @@ MAY_IMPORT: dict[str, set[str]] = {
     "config": NEUTRAL | {"physics", "config"} | REGISTRIES,
     "estimators": NEUTRAL | {"physics", "signals", "estimators"},
     "inference": NEUTRAL | {"physics", "signals", "inference"},
+    "verdict": NEUTRAL | {"physics", "inference", "verdict"},
     "store": NEUTRAL | {"store"},
     "simulated": NEUTRAL | {"physics", "signals", "config", "store"},
     "report": NEUTRAL | {"store", "report"},
     "validation": NEUTRAL | {"validation"},
 }
-ACROSS = {"study", "calibration", "claims", "cli", "", "__main__"}
+ACROSS = {"answer", "study", "calibration", "claims", "cli", "", "__main__"}
 """The pipeline, the commands, and the public interface import what they join; nothing imports these."""
 
 

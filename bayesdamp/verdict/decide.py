@@ -56,7 +56,8 @@ def decide(
         frequency=_interval(found.frequency, "Hz"),
         exponent=_interval(exponent) if exponent is not None else None,
         damping_ratio=tuple(
-            DampingRatio(r.amplitude, unit, r.value, r.sd_noise, r.sd_law, r.low, r.high) for r in found.ratios
+            DampingRatio(r.amplitude, unit, r.value, r.sd_noise, r.sd_law, r.low, r.high)
+            for r in found.ratios
         ),
         energy=_energy(found),
         other_forms=(

@@ -69,7 +69,11 @@ def sentence(v: Verdict) -> str:
     between = [f"{named(v.damping)} ({probability(v.probability)})"]
     between += [f"{named(r.damping)} ({probability(r.probability)})" for r in rivals[:2]]
     sure = [s.term for s in v.energy if s.probability >= thresholds.TERM_SURE]
-    part = f"; {' and '.join(NAMES.get(t, t) for t in sure)} {'is' if len(sure) == 1 else 'are'} sure" if sure else ""
+    part = (
+        f"; {' and '.join(NAMES.get(t, t) for t in sure)} {'is' if len(sure) == 1 else 'are'} sure"
+        if sure
+        else ""
+    )
     return f"{_first(size)}{frequency}; damping {' or '.join(between)}{part}{_hold(v)}."
 
 
@@ -85,7 +89,10 @@ def _budget(v: Verdict) -> str:
     shares = [s for s in v.energy if s.term in v.damping.split("+")]
     if len(shares) < 2:
         return ""
-    parts = [f"{NAMES.get(s.term, s.term)} {100 * s.share:.0f} % ({100 * s.low:.0f} to {100 * s.high:.0f})" for s in shares]
+    parts = [
+        f"{NAMES.get(s.term, s.term)} {100 * s.share:.0f} % ({100 * s.low:.0f} to {100 * s.high:.0f})"
+        for s in shares
+    ]
     return f"; of the energy lost, {', '.join(parts)}"
 
 
@@ -106,9 +113,19 @@ def remarks(v: Verdict, found: Findings, same: bool, notes: Sequence[str]) -> tu
         said.append((1.0, f"If the laws held exactly, {named(other)} would be ahead: the choice hangs on the "
                           f"{100 * found.deviation.value:.2g} % by which they do not."))  # fmt: skip
     if found.unexplained >= thresholds.REMARK:
-        said.append((found.unexplained, f"{100 * found.unexplained:.2g} % of the amplitude is not explained by the law."))
+        said.append(
+            (
+                found.unexplained,
+                f"{100 * found.unexplained:.2g} % of the amplitude is not explained by the law.",
+            )
+        )
     fallen = found.amplitudes[1] / found.amplitudes[0]
     if fallen > 0.7:
-        said.append((0.5, f"The amplitude falls by {100 * (1 - fallen):.0f} % only, which tells dampings apart poorly."))
+        said.append(
+            (
+                0.5,
+                f"The amplitude falls by {100 * (1 - fallen):.0f} % only, which tells dampings apart poorly.",
+            )
+        )
     said += [(0.0, note) for note in notes]
     return tuple(text for _, text in sorted(said, key=lambda item: -item[0]))

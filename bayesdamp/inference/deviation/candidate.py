@@ -67,7 +67,9 @@ def parameters_of(
         absent = name not in osc.parameters
         if absent or (name in known and name not in osc.coefficients):
             continue
-        found[name] = priors[name] if name in priors else default_prior(name, osc, "gaussian", reference, data.features)
+        found[name] = (
+            priors[name] if name in priors else default_prior(name, osc, "gaussian", reference, data.features)
+        )
     return Parameters(solver.names, found, {k: v for k, v in known.items() if k not in found})
 
 
@@ -82,7 +84,12 @@ def first_values(candidate: Candidate, data: Data, known: Mapping[str, float]) -
         for t in candidate.damping
     }
     given = {k: v for k, v in known.items() if k in law.parameters}
-    return {**found, **law.start(data.frequency, data.rest, given), "theta0": data.start[0], "omega0": data.start[1]}
+    return {
+        **found,
+        **law.start(data.frequency, data.rest, given),
+        "theta0": data.start[0],
+        "omega0": data.start[1],
+    }
 
 
 def active_of(candidate: Candidate, solver: Solver) -> np.ndarray:
@@ -179,7 +186,9 @@ def searched(
     for start in starts:
         z = parameters.scores({**dict.fromkeys(parameters.free_names, 0.0), **start})
         z[parameters.positive] = np.maximum(z[parameters.positive], 0.0)
-        found = fit(solver, parameters, active_of(candidate, solver), data.y, z, noise=data.noise, windows=windows)
+        found = fit(
+            solver, parameters, active_of(candidate, solver), data.y, z, noise=data.noise, windows=windows
+        )
         if found is not None and (best is None or found.squares < best.squares):
             best = found
     return best

@@ -206,7 +206,8 @@ def _draws_of(
     numbers = rng.multinomial(count, weights / weights.sum())
     places = np.flatnonzero(parameters.positive)
     parts = [
-        draw(rng, weighed.means[i], weighed.factors[i], places, int(numbers[i])) for i in np.flatnonzero(numbers)
+        draw(rng, weighed.means[i], weighed.factors[i], places, int(numbers[i]))
+        for i in np.flatnonzero(numbers)
     ]
     u = np.concatenate(parts)
     z, rest = u[:, :d], u[:, d:]
@@ -226,7 +227,9 @@ def _times(result: Result) -> tuple[np.ndarray, np.ndarray]:
     share = v[turns] / np.where(v[turns] == v[turns + 1], 1.0, v[turns] - v[turns + 1])
     t = motion.times[turns] + share * (motion.times[turns + 1] - motion.times[turns])
     h = motion.times[turns + 1] - motion.times[turns]
-    x = motion.states[turns, 0] + h * share * (motion.states[turns, 1] + 0.5 * h * share * motion.states[turns, 2])
+    x = motion.states[turns, 0] + h * share * (
+        motion.states[turns, 1] + 0.5 * h * share * motion.states[turns, 2]
+    )
     sizes, at = 0.5 * np.abs(np.diff(x)), 0.5 * (t[1:] + t[:-1])
     good = sizes > 0
     return at[good], np.minimum.accumulate(sizes[good])
@@ -241,7 +244,9 @@ def _share_of_time(weighing: Weighing, result: Result, amplitude: float) -> floa
     return float(np.clip(t / weighing.data.t[-1], 0.0, 1.0))
 
 
-def _cycle(weighing: Weighing, result: Result, amplitude: float) -> Cycle | None:
+def _cycle(
+    weighing: Weighing, result: Result, amplitude: float, epsilon: float | None = None
+) -> Cycle | None:
     c, solver = result.candidate, weighing.solvers[result.candidate.restoring]
     z = result.about.u[: result.fit.z.size] if result.about is not None else result.fit.z
     p = result.fit.parameters.values(z)
@@ -250,7 +255,7 @@ def _cycle(weighing: Weighing, result: Result, amplitude: float) -> Cycle | None
     rest = rest_of(c.restoring, law, weighing.data.rest, 2 * weighing.data.amplitude)
     if rest is None:
         return None
-    return cycle_at(amplitude, solver.terms, solver.epsilon, c.restoring, law, rest)
+    return cycle_at(amplitude, solver.terms, epsilon or solver.epsilon, c.restoring, law, rest)
 
 
 def _at(values: np.ndarray, share: float) -> np.ndarray:
@@ -270,7 +275,8 @@ def _ratio(
         if cycle is None:
             continue
         share = _share_of_time(weighing, d.result, amplitude)
-        values.append(d.coefficients @ cycle.ratios * np.exp(_at(d.g, share)) / (1 + _at(d.h, share)))
+        each = _under_frictions(weighing, d, amplitude, cycle, rng)
+        values.append(each * np.exp(_at(d.g, share)) / (1 + _at(d.h, share)))
         noises.append(_noise_sd(weighing, d.result, cycle))
         weights.append(len(d.coefficients))
     if not values:
@@ -280,6 +286,33 @@ def _ratio(
     noise = float(np.average(noises, weights=weights))
     q = _quantity(found, min(noise, float(np.std(found))))
     return Ratio(amplitude, q.value, q.low, q.high, q.sd_noise, q.sd_law)
+
+
+def _under_frictions(
+    weighing: Weighing, d: _Drawn, amplitude: float, cycle: Cycle, rng: np.random.Generator
+) -> np.ndarray:
+    """Ratios of the draws, (n,), each under one of the widths of friction by their probability."""
+    found = d.coefficients @ cycle.ratios
+    active = d.result.fit.active
+    solver = weighing.solvers[d.result.candidate.restoring]
+    switching = any(TERMS.get(t).switches and on for t, on in zip(solver.terms, active, strict=True))
+    if not switching or not weighing.frictions:
+        return found
+    used = min(weighing.frictions, key=lambda f: abs(f.epsilon - solver.epsilon))
+    chosen = rng.choice(len(weighing.frictions), len(found), p=[f.weight for f in weighing.frictions])
+    for i, friction in enumerate(weighing.frictions):
+        rows = chosen == i
+        other = _cycle(weighing, d.result, amplitude, friction.epsilon) if rows.any() else None
+        if other is None:
+            continue
+        scale = np.where(
+            used.coefficients > 0,
+            friction.coefficients / np.where(used.coefficients > 0, used.coefficients, 1),
+            1,
+        )
+        scale = np.clip(scale, 0.5, 2.0)
+        found[rows] = d.coefficients[rows] * scale @ other.ratios
+    return found
 
 
 def _noise_sd(weighing: Weighing, result: Result, cycle: Cycle) -> float:
@@ -314,7 +347,10 @@ def _work(weighing: Weighing, result: Result) -> np.ndarray:
     solver = weighing.solvers[result.candidate.restoring]
     v = np.interp(*_even(result))
     return np.array(
-        [np.mean([abs(TERMS.get(n).kernel(0.0, float(s), solver.epsilon)) * abs(float(s)) for s in v]) for n in solver.terms]
+        [
+            np.mean([abs(TERMS.get(n).kernel(0.0, float(s), solver.epsilon)) * abs(float(s)) for s in v])
+            for n in solver.terms
+        ]
     )
 
 

@@ -42,7 +42,9 @@ def grid_of(knots: int, exact: bool = False, coarse: bool = False) -> Grid:
     other = [(0.0, 1.0, 0.0 if exact else np.log(EXACT)), *_masses(sizes_h, MEAN_H, lengths)]
     s = np.linspace(0.0, 1.0, knots)
     apart = np.abs(s[:, None] - s)
-    roots = {length: np.linalg.cholesky(np.exp(-apart / length) + JITTER * np.eye(knots)) for length in LENGTHS}
+    roots = {
+        length: np.linalg.cholesky(np.exp(-apart / length) + JITTER * np.eye(knots)) for length in LENGTHS
+    }
     factors = np.zeros((len(one) * len(other), 2 * knots, 2 * knots))
     rows = []
     for i, (g, length_g, mass_g) in enumerate(one):
@@ -64,4 +66,6 @@ def _masses(
     edges = np.concatenate([[0.0], np.sqrt(np.asarray(sizes)[1:] * np.asarray(sizes)[:-1]), [np.inf]])
     mass = np.diff(-np.exp(-edges / mean))
     share = (1 - EXACT) / len(lengths)
-    return [(float(s), l, float(np.log(share * m))) for s, m in zip(sizes, mass, strict=True) for l in lengths]
+    return [
+        (float(s), l, float(np.log(share * m))) for s, m in zip(sizes, mass, strict=True) for l in lengths
+    ]

@@ -59,8 +59,12 @@ def cycle_at(
 def _work(
     shape: Callable[..., float], x: np.ndarray, speed: np.ndarray, width: np.ndarray, epsilon: float
 ) -> float:
-    forth = sum(shape(float(a), float(v), epsilon) * float(w) for a, v, w in zip(x, speed, width, strict=True))
-    back = sum(shape(float(a), -float(v), epsilon) * float(w) for a, v, w in zip(x, speed, width, strict=True))
+    forth = sum(
+        shape(float(a), float(v), epsilon) * float(w) for a, v, w in zip(x, speed, width, strict=True)
+    )
+    back = sum(
+        shape(float(a), -float(v), epsilon) * float(w) for a, v, w in zip(x, speed, width, strict=True)
+    )
     return forth - back
 
 

@@ -26,9 +26,7 @@ def log_probability(mean: np.ndarray, covariance: np.ndarray) -> np.ndarray:
     slope = covariance[:, 1:, 0] / covariance[:, :1, 0]
     rest = covariance[:, 1:, 1:] - slope[:, :, None] * covariance[:, None, 0, 1:]
     means = mean[:, None, 1:] + (at - mean[:, :1])[:, :, None] * slope[:, None, :]
-    inner = log_probability(
-        means.reshape(-1, k - 1), np.repeat(rest, POINTS, axis=0)
-    ).reshape(count, POINTS)
+    inner = log_probability(means.reshape(-1, k - 1), np.repeat(rest, POINTS, axis=0)).reshape(count, POINTS)
     top = inner.max(axis=1, keepdims=True)
     return first + top[:, 0] + np.log(np.exp(inner - top) @ WEIGHTS)
 

@@ -36,5 +36,10 @@ def weighing_of(
     # Matrices of a few dozen rows: threads of a linear algebra library only wait for each other.
     with threadpool_limits(1, "blas"):
         return weigh_all(
-            prepared(signal), candidates, known=known, priors=priors, reference=reference, approximate=approximate
+            prepared(signal),
+            candidates,
+            known=known,
+            priors=priors,
+            reference=reference,
+            approximate=approximate,
         )

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from bayesdamp.inference.defaults import EPSILON_SHARE, Reference
+from bayesdamp.inference.defaults import Reference
 from bayesdamp.inference.deviation.candidate import (
     Candidate,
     Linearised,
@@ -19,15 +19,20 @@ from bayesdamp.inference.deviation.candidate import (
 )
 from bayesdamp.inference.deviation.data import Data
 from bayesdamp.inference.deviation.hyperparameters import grid_of, knots_of
-from bayesdamp.inference.deviation.least_squares import Fit
+from bayesdamp.inference.deviation.least_squares import Fit, fit
 from bayesdamp.inference.deviation.linear import Linear, Weighed, weigh
 from bayesdamp.inference.deviation.noise import inflation
+from bayesdamp.physics.damping import TERMS
 from bayesdamp.physics.kernel import Motion, Solver
 from bayesdamp.priors import Prior
 from bayesdamp.types import Refusal
 
-SHARES = (0.05, 0.02, 0.01, 0.005)
-"""ε as shares of the peak velocity, tried where nobody gave it."""
+SHARES = (0.05, 0.02, 0.01, 0.005, 0.002)
+"""ε as shares of the peak velocity, all alike beforehand, where nobody gave it."""
+USUAL = 0.01
+"""The share under which candidates are compared where the record tells none from it."""
+LEAD = 3.0
+"""Nats by which another ε must be ahead of the usual one."""
 REACH = 30.0
 """Nats behind the best, with all dampings under both, from which a restoring law is out of the question."""
 
@@ -51,12 +56,23 @@ class Result:
 
 
 @dataclass(frozen=True)
+class Friction:
+    """An ε (rad/s or m/s), its posterior probability, and the coefficients of all terms under it, (m,)."""
+
+    epsilon: float
+    weight: float
+    coefficients: np.ndarray
+
+
+@dataclass(frozen=True)
 class Weighing:
-    """Every candidate on one record. variance: of the noise that counts, κ times that of what is left."""
+    """Every candidate on one record. variance: of the noise that counts, κ times that of what is left; frictions: widths
+    of friction's turning over and how probable they are, none where it is known or there is no friction."""
 
     data: Data
     reference: Reference
     epsilon: float
+    frictions: tuple[Friction, ...]
     solvers: Mapping[str, Solver]
     results: tuple[Result, ...]
     variance: float
@@ -81,7 +97,8 @@ def weigh_all(
     candidates = list(candidates)
     reference = reference or Reference(float(f"{data.amplitude:.2g}"), float(f"{data.frequency:.2g}"))
     terms = tuple(dict.fromkeys(t for c in candidates for t in c.damping))
-    epsilon = known.pop("epsilon", None) or EPSILON_SHARE * reference.peak_velocity
+    given = known.pop("epsilon", None)
+    epsilon = given or USUAL * reference.peak_velocity
     laws = list(dict.fromkeys(c.restoring for c in candidates))
     knots = knots_of(float(data.t[-1]), data.cycles)
     solvers = {
@@ -107,8 +124,18 @@ def weigh_all(
             fits[c] = found
 
     for law in laws:
+        seek(Candidate(terms, law), None)
+    frictions = [] if given is not None else _frictions(data, solvers, fits, reference.peak_velocity)
+    if frictions:
+        first = max(frictions, key=lambda f: f.weight)
+        usual = min(frictions, key=lambda f: abs(f.epsilon - epsilon))
+        if np.log(first.weight / max(usual.weight, 1e-300)) > LEAD:
+            epsilon = first.epsilon
+            for law in laws:
+                solvers[law] = replace(solvers[law], epsilon=epsilon)
+            _refitted(data, solvers, fits)
+    for law in laws:
         whole = Candidate(terms, law)
-        seek(whole, None)
         if whole in fits:
             about = relinearised(whole, solvers[law], data, fits[whole], None)
             if about is not None:
@@ -136,7 +163,48 @@ def weigh_all(
         results.append(
             Result(c, found, linear, _exact(linear, own, samples), own, about[0] if about else None, over)
         )
-    return Weighing(data, reference, epsilon, solvers, tuple(results), variance, kappa, refused)
+    return Weighing(
+        data, reference, epsilon, tuple(frictions), solvers, tuple(results), variance, kappa, refused
+    )
+
+
+def _frictions(
+    data: Data, solvers: Mapping[str, Solver], fits: Mapping[Candidate, Fit], peak: float
+) -> list[Friction]:
+    """Every ε that is tried, under the best law and all terms; none where no friction stands out.
+
+    peak: velocity of the reference, whose shares they are.
+    """
+    terms = next(iter(solvers.values())).terms
+    switching = [i for i, t in enumerate(terms) if TERMS.get(t).switches]
+    if not fits or not switching:
+        return []
+    best = min(fits, key=lambda c: fits[c].squares)
+    top = fits[best]
+    if not any(top.parameters.values(top.z)[i] > 0 for i in switching):
+        return []
+    tried, m = [], len(terms)
+    for share in SHARES:
+        under = replace(solvers[best.restoring], epsilon=share * peak)
+        new = fit(under, top.parameters, top.active, data.y, top.z, noise=data.noise, windows=False)
+        if new is not None:
+            tried.append(
+                (share * peak, -0.5 * data.y.size * np.log(new.squares), new.parameters.values(new.z)[:m])
+            )
+    logs = np.array([log for _, log, _ in tried])
+    weights = np.exp(logs - logs.max())
+    return [Friction(e, float(w), c) for (e, _, c), w in zip(tried, weights / weights.sum(), strict=True)]
+
+
+def _refitted(data: Data, solvers: Mapping[str, Solver], fits: dict[Candidate, Fit]) -> None:
+    """Fits anew under the solvers' ε."""
+    for c in list(fits):
+        solver = solvers[c.restoring]
+        new = fit(
+            solver, fits[c].parameters, fits[c].active, data.y, fits[c].z, noise=data.noise, windows=False
+        )
+        if new is not None:
+            fits[c] = new
 
 
 def _laws_kept(
@@ -155,8 +223,6 @@ def _exact(linear: Linear, variance: float, samples: float) -> Weighed:
 
 
 def _coefficients(candidate: Candidate) -> set[str]:
-    from bayesdamp.physics.damping import TERMS
-
     return {TERMS.get(t).parameter for t in candidate.damping}
 
 

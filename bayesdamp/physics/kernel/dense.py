@@ -63,7 +63,11 @@ def slopes_at_times(times, slopes, t, order):
         for l in range(k):
             before, after = slopes[node, l], slopes[node + 1, l]
             found[i, l] = (
-                w[0] * before[0] + w[1] * before[1] + w[2] * before[2]
-                + w[3] * after[0] + w[4] * after[1] + w[5] * after[2]
+                w[0] * before[0]
+                + w[1] * before[1]
+                + w[2] * before[2]
+                + w[3] * after[0]
+                + w[4] * after[1]
+                + w[5] * after[2]
             )
     return found

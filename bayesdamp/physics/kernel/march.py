@@ -123,14 +123,28 @@ def linearise(x, v, w, g, h, coefficients, q, epsilon, active, law, sizes, work,
 
 
 @njit
-def advance_tangents(x, v, w, step, g, h, coefficients, q, epsilon, active, law, sizes, scratch, sources, local):
+def advance_tangents(
+    x, v, w, step, g, h, coefficients, q, epsilon, active, law, sizes, scratch, sources, local
+):
     """The step's fundamental matrix and what its sources add, (2 + s, 2), from its stages x, v, w, (6,)."""
     count = local.shape[0]
     kx, kv = np.zeros((6, count)), np.zeros((6, count))
     for i in range(6):
         by_x, by_v = linearise(
-            x[i], v[i], w[i], g[0] + w[i] * (g[1] - g[0]), h[0] + w[i] * (h[1] - h[0]),
-            coefficients, q, epsilon, active, law, sizes, scratch[0], scratch[1], sources,
+            x[i],
+            v[i],
+            w[i],
+            g[0] + w[i] * (g[1] - g[0]),
+            h[0] + w[i] * (h[1] - h[0]),
+            coefficients,
+            q,
+            epsilon,
+            active,
+            law,
+            sizes,
+            scratch[0],
+            scratch[1],
+            sources,
         )
         for l in range(count):
             dx = 1.0 if l == 0 else 0.0
@@ -196,8 +210,16 @@ def march(coefficients, q, active, law, epsilon, start, knots, g, h, tolerance, 
             if i > 0:
                 kx[i] = pv
                 kv[i] = acceleration(
-                    px, pv, gs[0] + w * (gs[1] - gs[0]), hs[0] + w * (hs[1] - hs[0]),
-                    coefficients, q, epsilon, active, law, scratch[0],
+                    px,
+                    pv,
+                    gs[0] + w * (gs[1] - gs[0]),
+                    hs[0] + w * (hs[1] - hs[0]),
+                    coefficients,
+                    q,
+                    epsilon,
+                    active,
+                    law,
+                    scratch[0],
                 )
         px, pv = x, v
         for i in range(6):
@@ -206,8 +228,16 @@ def march(coefficients, q, active, law, epsilon, start, knots, g, h, tolerance, 
         w = ws[5]
         kx[6] = pv
         kv[6] = acceleration(
-            px, pv, gs[0] + w * (gs[1] - gs[0]), hs[0] + w * (hs[1] - hs[0]),
-            coefficients, q, epsilon, active, law, scratch[0],
+            px,
+            pv,
+            gs[0] + w * (gs[1] - gs[0]),
+            hs[0] + w * (hs[1] - hs[0]),
+            coefficients,
+            q,
+            epsilon,
+            active,
+            law,
+            scratch[0],
         )
         ex, ev = 0.0, 0.0
         for i in range(7):
@@ -229,11 +259,37 @@ def march(coefficients, q, active, law, epsilon, start, knots, g, h, tolerance, 
             times, states, slopes = more_t, more_s, more_k
         if tangents > 0:
             advance_tangents(
-                xs, vs, ws, taken, gs, hs, coefficients, q, epsilon, active, law, sizes, scratch, sources, local
+                xs,
+                vs,
+                ws,
+                taken,
+                gs,
+                hs,
+                coefficients,
+                q,
+                epsilon,
+                active,
+                law,
+                sizes,
+                scratch,
+                sources,
+                local,
             )
             by_x, by_v = linearise(
-                px, pv, w, gs[0] + w * (gs[1] - gs[0]), hs[0] + w * (hs[1] - hs[0]),
-                coefficients, q, epsilon, active, law, sizes, scratch[0], scratch[1], sources,
+                px,
+                pv,
+                w,
+                gs[0] + w * (gs[1] - gs[0]),
+                hs[0] + w * (hs[1] - hs[0]),
+                coefficients,
+                q,
+                epsilon,
+                active,
+                law,
+                sizes,
+                scratch[0],
+                scratch[1],
+                sources,
             )
             old, new = slopes[count - 1], slopes[count]
             for l in range(k):
