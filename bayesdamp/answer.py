@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from bayesdamp.inference.defaults import Reference
 from bayesdamp.inference.deviation.findings import SENSOR, findings
 from bayesdamp.inference.deviation.quick import weighing_of
+from bayesdamp.inference.deviation.weighing import Known
 from bayesdamp.priors import Prior
 from bayesdamp.types import Refusal, Signal
 from bayesdamp.verdict import Verdict, decide
@@ -20,7 +21,7 @@ def answer(
     deviation: str = "auto",
     damping: Sequence[str] = (),
     restoring: Sequence[str] = (),
-    known: Mapping[str, float] | None = None,
+    known: Known | None = None,
     priors: Mapping[str, Prior] | None = None,
     reference: Reference | None = None,
     sensor: float = SENSOR,

@@ -164,6 +164,12 @@ class PosteriorTable(Section):
     best: int | None = Field(
         None, ge=1, description="how many candidates of a signal are sampled, a whole number"
     )
+    deviation: Literal["auto", "none", "law"] = Field(
+        "auto", description='"auto", "none" or "law": whether laws may hold approximately'
+    )
+    sensor: float = Field(
+        0.002, ge=0, lt=0.5, description="the sensor's relative linearity, a number from 0 to below 0.5"
+    )
     chains: int = Field(4, ge=2, description="a whole number, 2 or more")
     warmup: int = Field(500, ge=10, description="a whole number, 10 or more")
     draws: int = Field(1000, ge=10, description="a whole number, 10 or more")

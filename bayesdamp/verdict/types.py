@@ -6,6 +6,7 @@ import json
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from enum import StrEnum
+from typing import Any
 
 from bayesdamp.verdict.table import html_table
 
@@ -142,8 +143,37 @@ class Verdict:
         found["grade"] = str(self.grade)
         return _plain(found)  # type: ignore[return-value]
 
+    @classmethod
+    def from_dict(cls, given: Mapping[str, Any]) -> Verdict:
+        """The inverse of `to_dict`."""
+        nan = float("nan")
+
+        def one(kind: Any, value: Mapping[str, Any] | None) -> Any:
+            if value is None:
+                return None
+            return kind(**{k: nan if v is None else v for k, v in value.items()})
+
+        made = dict(given)
+        for name, kind in _SINGLE.items():
+            made[name] = one(kind, given.get(name))
+        for name, kind in _LISTS.items():
+            made[name] = tuple(one(kind, v) for v in given.get(name, ()))
+        numbers = ("probability", "restoring_probability", "unexplained_pct", "noise_pct")
+        made |= {n: nan if given.get(n) is None else given[n] for n in numbers}
+        return cls(**{**made, "grade": Grade(given["grade"]), "remarks": tuple(given.get("remarks", ()))})
+
     def to_json(self) -> str:
         return json.dumps(self.to_dict(), indent=1, ensure_ascii=False)
+
+
+_SINGLE = {"frequency": Interval, "exponent": Interval, "deviation": Interval, "window": Window}
+_LISTS = {
+    "rivals": Rival,
+    "damping_ratio": DampingRatio,
+    "energy": Share,
+    "other_forms": Bound,
+    "coefficients": Coefficient,
+}
 
 
 def _plain(value: object) -> object:

@@ -21,6 +21,8 @@ SENSOR = 0.002
 THIRD = 0.5
 """Prior weight of a sum of three terms beside sums of one or two."""
 NEGLIGIBLE = 1e-4
+CURVE = 12
+"""Amplitudes of a curve."""
 SHOWN = 0.99
 """Probability of the candidates together from which the others are not drawn from."""
 
@@ -53,7 +55,7 @@ class Findings:
     """A weighing in numbers, before anything is decided.
 
     damping, exact: probability of each sum (its terms joined by +) under laws that hold approximately, and exactly.
-    restoring: of each law. term: of each term, summed over the sums that have it. ratios: at the amplitudes asked for.
+    restoring: of each law. term: of each term, summed over the sums that have it. ratios: at the amplitudes asked for, curve: over the record's.
     energy: share of the dissipated energy by term, bound: its 95 % upper limit where all terms are in the model.
     deviation, restoring_deviation: energy-weighted mean of the relative deviation of the damping and restoring laws.
     other: 95 % upper limit of the share of any other form. coefficients: under the likeliest sum. unexplained, noise:
@@ -65,6 +67,7 @@ class Findings:
     restoring: Mapping[str, float]
     term: Mapping[str, float]
     ratios: tuple[Ratio, ...]
+    curve: tuple[Ratio, ...]
     frequency: Quantity
     energy: Mapping[str, Quantity]
     bound: Mapping[str, float]
@@ -154,6 +157,7 @@ def findings(
         restoring=summed(chosen, "restoring"),
         term={t: sum(p for c, p in chosen.items() if t in c.damping) for t in terms},
         ratios=tuple(_ratio(weighing, drawn, a, sensor if approximate else 0.0, rng) for a in wanted),
+        curve=tuple(_ratio(weighing, drawn, a, sensor if approximate else 0.0, rng) for a in _grid(weighing)),
         frequency=_frequency(weighing, drawn),
         energy={t: _quantity(shares[:, i]) for i, t in enumerate(terms)},
         bound=absent,
@@ -167,6 +171,12 @@ def findings(
         amplitudes=(weighing.data.amplitude, weighing.data.final_amplitude),
         cycles=weighing.data.cycles,
     )
+
+
+def _grid(weighing: Weighing) -> tuple[float, ...]:
+    """Amplitudes of a curve, from the record's first to its last."""
+    data = weighing.data
+    return tuple(map(float, np.geomspace(data.amplitude, data.final_amplitude, CURVE)))
 
 
 def _quantity(values: np.ndarray, noise: float = float("nan")) -> Quantity:
@@ -244,9 +254,10 @@ def _share_of_time(weighing: Weighing, result: Result, amplitude: float) -> floa
     return float(np.clip(t / weighing.data.t[-1], 0.0, 1.0))
 
 
-def _cycle(
+def cycle_of(
     weighing: Weighing, result: Result, amplitude: float, epsilon: float | None = None
 ) -> Cycle | None:
+    """The cycle of an amplitude under a result's own law; epsilon: in place of its own."""
     c, solver = result.candidate, weighing.solvers[result.candidate.restoring]
     z = result.about.u[: result.fit.z.size] if result.about is not None else result.fit.z
     p = result.fit.parameters.values(z)
@@ -271,7 +282,7 @@ def _ratio(
 ) -> Ratio:
     values, noises, weights = [], [], []
     for d in drawn:
-        cycle = _cycle(weighing, d.result, amplitude)
+        cycle = cycle_of(weighing, d.result, amplitude)
         if cycle is None:
             continue
         share = _share_of_time(weighing, d.result, amplitude)
@@ -302,7 +313,7 @@ def _under_frictions(
     chosen = rng.choice(len(weighing.frictions), len(found), p=[f.weight for f in weighing.frictions])
     for i, friction in enumerate(weighing.frictions):
         rows = chosen == i
-        other = _cycle(weighing, d.result, amplitude, friction.epsilon) if rows.any() else None
+        other = cycle_of(weighing, d.result, amplitude, friction.epsilon) if rows.any() else None
         if other is None:
             continue
         scale = np.where(

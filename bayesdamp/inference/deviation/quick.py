@@ -9,7 +9,7 @@ from threadpoolctl import threadpool_limits
 from bayesdamp.inference.defaults import Reference
 from bayesdamp.inference.deviation.candidate import Candidate
 from bayesdamp.inference.deviation.data import prepared
-from bayesdamp.inference.deviation.weighing import Weighing, weigh_all
+from bayesdamp.inference.deviation.weighing import Known, Weighing, weigh_all
 from bayesdamp.physics.damping import all_sums, parse_model
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.priors import Prior
@@ -21,7 +21,7 @@ def weighing_of(
     *,
     damping: Sequence[str] = (),
     restoring: Sequence[str] = (),
-    known: Mapping[str, float] | None = None,
+    known: Known | None = None,
     priors: Mapping[str, Prior] | None = None,
     reference: Reference | None = None,
     approximate: bool = True,

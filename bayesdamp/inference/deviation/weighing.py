@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -33,6 +33,7 @@ USUAL = 0.01
 """The share under which candidates are compared where the record tells none from it."""
 LEAD = 3.0
 """Nats by which another ε must be ahead of the usual one."""
+Known = Mapping[str, float] | Callable[[str], Mapping[str, float]]
 REACH = 30.0
 """Nats behind the best, with all dampings under both, from which a restoring law is out of the question."""
 
@@ -84,20 +85,21 @@ def weigh_all(
     data: Data,
     candidates: Iterable[Candidate],
     *,
-    known: Mapping[str, float] | None = None,
+    known: Known | None = None,
     priors: Mapping[str, Prior] | None = None,
     reference: Reference | None = None,
     approximate: bool = True,
 ) -> Weighing:
     """Fit and weigh candidates; those under one law begin with the sum of all terms.
 
-    known: values of parameters; priors: by parameter; approximate: whether deviations from the laws are weighed too.
+    known: values of parameters, or a function of a law's name that gives them; priors: by parameter; approximate: whether deviations from the laws are weighed too.
     """
-    known, priors = dict(known or {}), dict(priors or {})
+    priors = dict(priors or {})
+    known_under = known if callable(known) else lambda _: known or {}
     candidates = list(candidates)
     reference = reference or Reference(float(f"{data.amplitude:.2g}"), float(f"{data.frequency:.2g}"))
     terms = tuple(dict.fromkeys(t for c in candidates for t in c.damping))
-    given = known.pop("epsilon", None)
+    given = known_under(candidates[0].restoring).get("epsilon")
     epsilon = given or USUAL * reference.peak_velocity
     laws = list(dict.fromkeys(c.restoring for c in candidates))
     knots = knots_of(float(data.t[-1]), data.cycles)
@@ -110,8 +112,9 @@ def weigh_all(
     wholes: dict[str, tuple[Linearised, float]] = {}
 
     def seek(c: Candidate, near: Fit | None) -> None:
-        solver, start = solvers[c.restoring], first_values(c, data, known)
-        parameters = parameters_of(c, solver, data, reference, priors, known)
+        solver, of_law = solvers[c.restoring], known_under(c.restoring)
+        start = first_values(c, data, of_law)
+        parameters = parameters_of(c, solver, data, reference, priors, of_law)
         found = None
         if near is not None:
             begun = near.parameters.named(near.z) | {k: v for k, v in start.items() if k in _coefficients(c)}

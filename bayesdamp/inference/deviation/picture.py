@@ -1,0 +1,60 @@
+"""What the picture of an answer is drawn from: the record with its fit, damping against amplitude, energy by term."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from bayesdamp.inference.deviation.findings import Findings, cycle_of
+from bayesdamp.inference.deviation.weighing import Weighing
+
+POINTS = 3000
+"""Samples of a record that are kept for a picture, thinned to the extremes of each stretch."""
+NATS = 12.0
+"""Nats behind the best of its kind from which a sum's own curve is not drawn."""
+
+
+def picture(weighing: Weighing, found: Findings) -> Mapping[str, np.ndarray]:
+    """Arrays by name: t, record, fit, residual (thinned, (p,)); amplitude, ratio, low, high (a,) of the answer;
+    law/SUM the ratio of each sum's own fit under exact laws; work/TERM the energy lost in a cycle by each term, per
+    unit of inertia."""
+    data = weighing.data
+    best = next(r for r in weighing.results if r.candidate == found.best)
+    motion = best.motion
+    kept = _kept(data.y)
+    curve = found.curve
+    amplitude = np.array([r.amplitude for r in curve])
+    arrays: dict[str, np.ndarray] = {
+        "t": data.t[kept],
+        "record": data.y[kept],
+        "fit": motion.y[kept],
+        "residual": (data.y - motion.y)[kept],
+        "amplitude": amplitude,
+        "ratio": np.array([r.value for r in curve]),
+        "low": np.array([r.low for r in curve]),
+        "high": np.array([r.high for r in curve]),
+    }
+    terms = next(iter(weighing.solvers.values())).terms
+    for r in weighing.results:
+        if r.candidate.restoring != found.best.restoring:
+            continue
+        coefficients = r.fit.parameters.values(r.fit.z)[: len(terms)]
+        cycles = [cycle_of(weighing, best, float(a)) for a in amplitude]
+        name = "+".join(r.candidate.damping)
+        arrays[f"law/{name}"] = np.array([np.nan if c is None else float(coefficients @ c.ratios) for c in cycles])
+        if r is best:
+            work = np.array([np.full(len(terms), np.nan) if c is None else coefficients * c.work for c in cycles])
+            arrays |= {f"work/{t}": work[:, i] for i, t in enumerate(terms) if t in r.candidate.damping}
+    return arrays
+
+
+def _kept(y: np.ndarray) -> np.ndarray:
+    size = -(-y.size // (POINTS // 2))
+    if size <= 2:
+        return np.arange(y.size)
+    found = {0, y.size - 1}
+    for i in range(0, y.size, size):
+        block = y[i : i + size]
+        found |= {i + int(block.argmin()), i + int(block.argmax())}
+    return np.array(sorted(found))

@@ -1,0 +1,146 @@
+"""The task that answers for one record: candidates weighed under laws that hold approximately, and the verdict."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from functools import cached_property
+
+from threadpoolctl import threadpool_limits
+
+from bayesdamp.config import Recording, SignalSpec, Study
+from bayesdamp.config.checks import plain
+from bayesdamp.inference.defaults import Reference
+from bayesdamp.inference.deviation.candidate import Candidate
+from bayesdamp.inference.deviation.data import prepared
+from bayesdamp.inference.deviation.findings import findings
+from bayesdamp.inference.deviation.picture import picture
+from bayesdamp.inference.deviation.weighing import Weighing, weigh_all
+from bayesdamp.physics.damping import TERMS, DampingTerm, parse_model
+from bayesdamp.priors import Prior
+from bayesdamp.store import CellResult, Store
+from bayesdamp.study.records import NOT_APPLICABLE, SignalCell, cell_seed, digest, plain_seconds, signal_of
+from bayesdamp.study.targets import Record
+from bayesdamp.types import OK, Refusal, candidate_parts
+from bayesdamp.verdict import decide
+from bayesdamp.verdict.types import Verdict, Window
+
+NO_KERNEL = "not weighed at once: {names} cannot be compiled; give the term a `kernel`"
+
+
+class AnswerCell:
+    """The verdict on one record, as `answer/SIGNAL/REPEAT`."""
+
+    def __init__(self, study: Study, spec: SignalSpec, repeat: int, store: Store) -> None:
+        self.study, self.spec, self.repeat, self.store = study, spec, repeat, store
+        self.name = f"answer/{spec.name}/{repeat}"
+        self.parent = SignalCell(study, spec, repeat, store)
+
+    @property
+    def approximate(self) -> bool:
+        """Whether laws may hold approximately: of measured records, where the study does not say."""
+        asked = self.study.posterior.deviation
+        return asked == "law" or (asked == "auto" and isinstance(self.spec.source, Recording))
+
+    @cached_property
+    def key(self) -> str:
+        priors = {t: str(p) for t, p in self.study.models.prior.items()}
+        systems = [plain(self.spec.under(law)) for law in self.spec.restoring]
+        parts = (self.study.compare(self.spec), priors, systems, self.approximate, self.study.posterior.sensor)
+        return digest("answer", self.parent.key, *parts)
+
+    def compute(self) -> None:
+        began = time.perf_counter()
+        cell = self.store.read(self.parent.name)
+        outcome = cell.outcome if cell.outcome != OK else "" if cell.meta["noisy"] else NOT_APPLICABLE
+        missing = [t for t in self._terms if TERMS.get(t).kernel is DampingTerm.kernel]
+        if not outcome and missing:
+            outcome = NO_KERNEL.format(names=", ".join(missing))
+        if outcome:
+            self.store.write(CellResult(self.name, self.key, outcome=outcome))
+            return
+        try:
+            weighing = self._weighing(Record(self.study, self.spec, cell))
+        except Refusal as refusal:
+            self.store.write(CellResult(self.name, self.key, outcome=str(refusal), seconds=plain_seconds(began)))
+            return
+        measured = isinstance(self.spec.source, Recording)
+        found = findings(
+            weighing,
+            approximate=self.approximate,
+            sensor=self.study.posterior.sensor,
+            seed=cell_seed(self.study, self.name),
+        )
+        signal = signal_of(cell)
+        first = float(cell.meta["provenance"].get("start") or 0.0)
+        verdict = decide(
+            found,
+            record=self.spec.name,
+            unit=signal.unit,
+            measured=measured,
+            approximate=self.approximate,
+            window=Window(first, first + float(weighing.data.t[-1]), weighing.data.cycles, ""),
+            notes=cell.meta.get("anomalies", ()),
+        )
+        meta = {"verdict": verdict.to_dict(), "candidates": _table(weighing)}
+        arrays = dict(picture(weighing, found))
+        self.store.write(CellResult(self.name, self.key, meta, arrays, OK, plain_seconds(began)))
+
+    @property
+    def _terms(self) -> tuple[str, ...]:
+        every = (parse_model(m) for m in self.study.dampings(self.spec))
+        return tuple(dict.fromkeys(t for terms in every for t in terms))
+
+    def _weighing(self, record: Record) -> Weighing:
+        parts = [candidate_parts(name) for name in self.study.compare(self.spec)]
+        candidates = [Candidate(parse_model(d), law or self.spec.restoring[0]) for d, law in parts]
+        given: dict[str, Prior] = {
+            TERMS.get(t).parameter: p for t, p in self.study.models.prior.items() if p is not None
+        }
+        for law in self.spec.restoring:
+            given |= {k: p for k, p in record.system(law).free.items() if p is not None}  # type: ignore[misc]
+        reference = Reference(**record.cell.meta["reference"])
+
+        def known(law: str) -> Mapping[str, float]:
+            system = record.system(law)
+            chosen = "epsilon" in self.spec.under(law).known
+            return {k: v for k, v in system.known.items() if chosen or k != "epsilon"}
+
+        with threadpool_limits(1, "blas"):
+            return weigh_all(
+                prepared(record.signal),
+                candidates,
+                known=known,
+                priors=given,
+                reference=reference,
+                approximate=self.approximate,
+            )
+
+
+def _table(weighing: Weighing) -> list[dict[str, object]]:
+    """A row for each candidate that was weighed, and for each that was not."""
+    rows: list[dict[str, object]] = [
+        {
+            "damping": "+".join(r.candidate.damping),
+            "restoring": r.candidate.restoring,
+            "log_evidence": None if r.weighed is None else r.weighed.log_evidence,
+            "log_evidence_exact": r.exact_weighed.log_evidence,
+            "rms": float((r.fit.squares / r.fit.residual.size) ** 0.5),
+            "outcome": OK,
+        }
+        for r in weighing.results
+    ]
+    rows += [
+        {"damping": "+".join(c.damping), "restoring": c.restoring, "outcome": why}
+        for c, why in weighing.refused.items()
+    ]
+    return rows
+
+
+def verdict_of(store: Store, signal: str, repeat: int) -> Verdict | None:
+    """The verdict that is stored of a record; None where there is none."""
+    try:
+        cell = store.read(f"answer/{signal}/{repeat}")
+    except KeyError:
+        return None
+    return Verdict.from_dict(cell.meta["verdict"]) if cell.outcome == OK else None
