@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import os
 import threading
-from collections.abc import Callable, Iterator
-from concurrent.futures import Executor, as_completed
+from collections.abc import Callable, Collection, Iterator
+from concurrent.futures import BrokenExecutor, Executor
 from dataclasses import dataclass
 from functools import partial
 from importlib import import_module
@@ -23,11 +23,14 @@ from bayesdamp.study.many import joint_cells, populated, repeated
 from bayesdamp.study.noise import noise_cell
 from bayesdamp.study.records import SignalCell, digest
 from bayesdamp.study.relief import relieve
+from bayesdamp.study.spread import KILLED, restart, spread
 from bayesdamp.study.tables import write_tables
 from bayesdamp.study.workers import cache_compilations, pool_of, progress_bar
 from bayesdamp.types import OK, InputError
 
 DONE, WRONG_CELLS = 0, 3
+_ONE_AT_A_TIME = threading.Lock()
+"""A process has one job under way, also where a Dask worker has several threads."""
 
 
 @dataclass(frozen=True)
@@ -103,7 +106,7 @@ def run_study(
                     _run_jobs(study, store, stage, pool, advance)
                 progress.update(bar, description="report", completed=len(names))
                 write_tables(study, store)
-                _render(out, pool)
+                _render(out, None if scheduler else pool)
         failed = [(n, c.outcome) for n, c in _results(store, names) if c.outcome.startswith("failed: ")]
         for name, outcome in failed:
             console.print(f"{name}: {outcome}", style="red", highlight=False)
@@ -174,14 +177,22 @@ def _read_inputs(study: Study) -> None:
             raise InputError(f"{where}{text}") from None
 
 
-def _run_job(study: Study, folder: Path, job: Job) -> list[str]:
-    """Compute the cells of a job that the folder lacks; a cell that fails is stored with what went wrong."""
+def _run_job(study: Study, folder: Path, job: Job, given_up: Collection[str] = ()) -> list[str]:
+    """Compute the cells of a job that the folder lacks; a cell that fails is stored with what went wrong.
+
+    given_up: cells that are not to be tried again.
+    """
+    with _ONE_AT_A_TIME:
+        return _computed(study, folder, job, given_up)
+
+
+def _computed(study: Study, folder: Path, job: Job, given_up: Collection[str]) -> list[str]:
     cache_compilations()
     relieve()
     store = Store(folder)
     done = []
     for name, (key, compute) in _work(study, store, job).items():
-        if not _done(store, name, key):
+        if name not in given_up and not _done(store, name, key):
             try:
                 compute(name, key)
             except (InputError, KeyboardInterrupt):
@@ -272,14 +283,23 @@ def _run_jobs(
         for job in jobs:
             advance(_run_job(study, store.folder, job))
         return
-    futures = [pool.submit(_run_job, study, store.folder.resolve(), job) for job in jobs]
-    try:
-        for future in as_completed(futures):
-            advance(future.result())
-    except BaseException:
-        for future in futures:
-            future.cancel()
-        raise
+    folder = store.folder.resolve()
+
+    def under_way(job: Job, given_up: Collection[str]) -> str | None:
+        cells = {n: key for n, (key, _) in _work(study, store, job).items() if n not in given_up}
+        return next((n for n, key in cells.items() if not _done(store, n, key)), None)
+
+    def give_up(job: Job, name: str) -> None:
+        store.write(CellResult(name, _work(study, store, job)[name][0], outcome=KILLED))
+
+    spread(
+        jobs,
+        pool,
+        lambda job, given_up: pool.submit(_run_job, study, folder, job, given_up),
+        under_way,
+        give_up,
+        advance,
+    )
 
 
 def _prepare() -> None:
@@ -291,7 +311,12 @@ def _prepare() -> None:
 def _render(out: Path, pool: Executor | None) -> None:
     from bayesdamp.report import render
 
-    render(out, pool)
+    try:
+        render(out, pool)
+    except BrokenExecutor:
+        assert pool is not None
+        restart(pool)
+        render(out)
 
 
 def _results(store: Store, names: list[str]) -> Iterator[tuple[str, CellResult]]:
