@@ -11,10 +11,8 @@ import json
 import math
 import os
 import platform
-import shutil
 import struct
 import subprocess
-import uuid
 import zipfile
 import zlib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -25,6 +23,7 @@ from typing import Any
 
 import numpy as np
 
+from bayesdamp import folders
 from bayesdamp.types import OK, InputError
 
 TABLES: dict[str, tuple[str, ...]] = {
@@ -58,6 +57,7 @@ SPECIMEN_TABLES: dict[str, tuple[str, ...]] = {
     ),
 }  # fmt: skip
 """Tables of a study that names specimens."""
+CALIBRATION_TABLES = ("calibration.csv", "ranks.csv", "recovery.csv")
 
 _TEXT = frozenset({
     "signal", "model", "estimator", "stage", "parameter", "unit", "outcome", "sampler", "restoring", "method",
@@ -70,7 +70,7 @@ _NUMBER = (
     - _WHOLE
 )
 
-_HEAD = "cell.json"
+_HEAD = folders.CELL
 _BROKEN = (
     zipfile.BadZipFile, zlib.error, struct.error, OSError, EOFError, KeyError, ValueError, TypeError,
     NotImplementedError, RuntimeError, OverflowError, MemoryError,
@@ -126,18 +126,19 @@ class Store:
         return sorted(name.removesuffix(".npz") for name in found)
 
     def clear(self) -> None:
-        """Forget all cells."""
-        shutil.rmtree(self._cells, ignore_errors=True)
+        """Forget all cells of a folder that is marked as a run's; other files stay."""
+        folders.remove_cells(self.folder)
 
     @contextmanager
     def lock(self) -> Iterator[None]:
         """Hold the folder for writing, and sweep what a killed run left half-written.
 
-        Raises InputError while another process holds it. The system drops the lock of a process that dies.
+        Raises InputError while another process holds it, and where the folder holds what no run wrote. The system drops
+        the lock of a process that dies.
         """
         try:
-            self.folder.mkdir(parents=True, exist_ok=True)
-            handle = (self.folder / ".lock").open("a+")
+            folders.claim(self.folder, (*TABLES, *SPECIMEN_TABLES, *CALIBRATION_TABLES))
+            handle = folders.open_lock(self.folder)
         except OSError as fault:
             raise InputError(f"{self.folder}: cannot write a run here ({fault.strerror})") from fault
         with handle:
@@ -153,12 +154,8 @@ class Store:
             handle.truncate(0)
             handle.write(str(os.getpid()))
             handle.flush()
-            self._sweep()
+            folders.sweep(self.folder)
             yield
-
-    def _sweep(self) -> None:
-        for stale in self.folder.rglob(".*.tmp"):
-            stale.unlink(missing_ok=True)
 
     def _path(self, cell_name: str) -> Path:
         parts = cell_name.split("/")
@@ -209,10 +206,14 @@ def _plain(value: object) -> object:
 
 
 def write_bytes(path: Path, content: bytes) -> None:
-    """Replace a file in one step, and only once the content is on the disk. Creates the folders above it."""
+    """Replace a file in one step, and only once the content is on the disk. Creates the folders above it.
+
+    Raises InputError where something else than a regular file has the name.
+    """
     path = Path(path)
+    folders.refuse_special(path)
     path.parent.mkdir(parents=True, exist_ok=True)
-    partial = path.with_name(f".{uuid.uuid4().hex}.tmp")
+    partial = folders.temporary(path)
     try:
         with partial.open("xb") as handle:
             handle.write(content)
