@@ -96,10 +96,14 @@ class CellResult:
 
 
 class Store:
-    """The cells of one run, each an `.npz` file under `cells/`. Nothing is created before the first write."""
+    """The cells of one run, each an `.npz` file under `cells/`. Nothing is created before the first write.
 
-    def __init__(self, folder: Path) -> None:
+    only: name to key of the cells that are seen, where a folder may hold those of another question too; None for all.
+    """
+
+    def __init__(self, folder: Path, only: Mapping[str, str] | None = None) -> None:
         self.folder = Path(folder)
+        self.only = only
         self._cells = self.folder / "cells"
 
     def has(self, cell_name: str, key: str) -> bool:
@@ -111,8 +115,22 @@ class Store:
 
     def read(self, cell_name: str) -> CellResult:
         """The result of one cell. Raises KeyError where there is none that can be read."""
+        if self.only is not None and cell_name not in self.only:
+            raise KeyError(cell_name)
         try:
-            return _unpack(self._path(cell_name), cell_name)
+            found = _unpack(self._path(cell_name), cell_name)
+        except _BROKEN as fault:
+            raise KeyError(cell_name) from fault
+        if self.only is not None and self.only[cell_name] != found.key:
+            raise KeyError(cell_name)
+        return found
+
+    def head(self, cell_name: str) -> tuple[str, str]:
+        """Key and outcome of a cell; its arrays are not looked at. Raises KeyError."""
+        try:
+            with zipfile.ZipFile(self._path(cell_name)) as archive:
+                found = json.loads(archive.read(_HEAD))
+            return found["key"], found["outcome"]
         except _BROKEN as fault:
             raise KeyError(cell_name) from fault
 
@@ -123,7 +141,8 @@ class Store:
     def names(self) -> list[str]:
         """Names of all stored cells, sorted; whether each can be read, `read` tells."""
         found = (p.relative_to(self._cells).as_posix() for p in self._cells.rglob("*.npz"))
-        return sorted(name.removesuffix(".npz") for name in found)
+        names = (name.removesuffix(".npz") for name in found)
+        return sorted(name for name in names if self.only is None or name in self.only)
 
     def clear(self) -> None:
         """Forget all cells of a folder that is marked as a run's; other files stay."""

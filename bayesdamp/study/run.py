@@ -105,7 +105,7 @@ def run_study(
                 for stage in _stages(study, store):
                     _run_jobs(study, store, stage, pool, advance)
                 progress.update(bar, description="report", completed=len(names))
-                write_tables(study, store)
+                write_tables(study, Store(out, _current(study, store)))
                 _render(out, None if scheduler else pool)
         failed = [(n, c.outcome) for n, c in _results(store, names) if c.outcome.startswith("failed: ")]
         for name, outcome in failed:
@@ -317,6 +317,20 @@ def _render(out: Path, pool: Executor | None) -> None:
         assert pool is not None
         restart(pool)
         render(out)
+
+
+def _current(study: Study, store: Store) -> dict[str, str]:
+    """Name to key of the stored cells that answer this study; those of an earlier question are not among them."""
+    found = {}
+    for job in _jobs(study):
+        for name, (key, _) in _work(study, store, job).items():
+            try:
+                own, outcome = store.head(name)
+            except KeyError:
+                continue
+            if own in (key, digest(outcome, key)):
+                found[name] = own
+    return found
 
 
 def _results(store: Store, names: list[str]) -> Iterator[tuple[str, CellResult]]:

@@ -89,8 +89,11 @@ class Specimen:
         """A candidate on all records. Raises Refusal where it has no mode on one of them."""
         branches, starts, tolerances = self.branches(candidate), [], []
         for label, branch in zip(self.labels, branches, strict=True):
+            name = f"mode/{branch.path}"
             try:
-                cell = self.store.read(f"mode/{branch.path}")
+                cell = self.store.read(name)
+                if cell.key != branch.cells()[name]:
+                    raise KeyError(name)  # of an earlier question in the same folder
             except KeyError:
                 raise Refusal(f"{ASIDE}: not fitted to {label}, where its law is far behind") from None
             if "values" not in cell.meta:

@@ -23,7 +23,10 @@ Row = dict[str, Any]
 
 
 def write_tables(study: Study, store: Store) -> None:
-    """All tables of a run and its run.json; rows in the order of signals, repeats and models."""
+    """All tables of a run and its run.json; rows in the order of signals, repeats and models.
+
+    store: which sees no cells but those of this study.
+    """
     for name, rows in (
         ("estimates.csv", _estimates(study, store)),
         ("posteriors.csv", _posteriors(study, store)),
@@ -216,6 +219,7 @@ def _run(study: Study, store: Store) -> Row:
         "study": study.resolved(),
         **found,
         "seconds": seconds,
+        **({"cells": dict(store.only)} if store.only is not None else {}),
         "signals": about,
         "priors": priors,
         "models": list(
