@@ -26,7 +26,7 @@ from bayesdamp.study.relief import relieve
 from bayesdamp.study.spread import KILLED, restart, spread
 from bayesdamp.study.tables import write_tables
 from bayesdamp.study.workers import cache_compilations, pool_of, progress_bar
-from bayesdamp.types import OK, InputError
+from bayesdamp.types import FAILED, NOT_COMPUTED, OK, InputError
 
 DONE, WRONG_CELLS = 0, 3
 _ONE_AT_A_TIME = threading.Lock()
@@ -107,7 +107,7 @@ def run_study(
                 progress.update(bar, description="report", completed=len(names))
                 write_tables(study, Store(out, _current(study, store)))
                 _render(out, None if scheduler else pool)
-        failed = [(n, c.outcome) for n, c in _results(store, names) if c.outcome.startswith("failed: ")]
+        failed = [(n, c.outcome) for n, c in _results(store, names) if c.outcome.startswith(FAILED)]
         for name, outcome in failed:
             console.print(f"{name}: {outcome}", style="red", highlight=False)
         return WRONG_CELLS if failed else DONE
@@ -201,19 +201,19 @@ def _computed(study: Study, folder: Path, job: Job, given_up: Collection[str]) -
                 if os.environ.get("BAYESDAMP_DEBUG"):
                     raise
                 first = str(fault).strip().splitlines()
-                text = f"failed: {type(fault).__name__}: {first[0] if first else ''}"
+                text = f"{FAILED}{type(fault).__name__}: {first[0] if first else ''}"
                 store.write(CellResult(name, key, outcome=text))
         done.append(name)
     return done
 
 
 def _done(store: Store, name: str, key: str) -> bool:
-    """Whether a cell has its result; one that failed is tried again."""
+    """Whether a cell has its result; one that failed is tried again, and what depends on it."""
     try:
         found = store.read(name)
     except KeyError:
         return False
-    return found.key == key and not found.outcome.startswith("failed: ")
+    return found.key == key and not found.outcome.startswith((FAILED, NOT_COMPUTED))
 
 
 def _stages(study: Study, store: Store) -> Iterator[list[Job]]:
