@@ -311,6 +311,8 @@ def claims(
     try:
         out.parent.mkdir(parents=True, exist_ok=True)
         write_bytes(out, page.encode())
+    except InputError as error:
+        raise InputError(f"--out {error}") from None
     except OSError as error:
         what = (error.strerror or str(error)).lower()
         raise InputError(f"--out {out}: cannot be written: {what}; give a new file's name") from None

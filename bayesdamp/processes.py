@@ -8,18 +8,49 @@ import os
 import signal
 import threading
 import time
-from collections.abc import Iterator
-from concurrent.futures import Executor, ProcessPoolExecutor
+from collections.abc import Callable, Iterator
+from concurrent.futures import Executor, Future, ProcessPoolExecutor
 from contextlib import contextmanager
 from importlib import import_module
+from typing import Any
 
 GARBAGE = 100_000
 """New objects from which Python looks for garbage: every 700, as by default, takes a tenth of a short run, as the
 hundred thousands that JAX has made are gone through again and again."""
 
 
+class Processes(Executor):
+    """Spawned processes that can be replaced once one of them was killed, which breaks them all.
+
+    width: how many there are.
+    """
+
+    def __init__(self, width: int) -> None:
+        self.width = width
+        self._pool = self._started()
+
+    def _started(self) -> ProcessPoolExecutor:
+        spawn = multiprocessing.get_context("spawn")
+        return ProcessPoolExecutor(self.width, mp_context=spawn, initializer=_begin, initargs=(os.getpid(),))
+
+    def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
+        """As any executor. Raises BrokenExecutor where a process was killed, until `restart`."""
+        return self._pool.submit(fn, *args, **kwargs)
+
+    def restart(self) -> None:
+        """New processes in place of these."""
+        self.end()
+        self._pool = self._started()
+
+    def end(self) -> None:
+        """Finished tasks are stored: those under way are given up, and nothing waits for JAX to tidy up."""
+        for process in list((self._pool._processes or {}).values()):
+            process.terminate()
+        self._pool.shutdown(wait=True, cancel_futures=True)
+
+
 @contextmanager
-def processes(workers: int, module: str = "") -> Iterator[Executor]:
+def processes(workers: int, module: str = "") -> Iterator[Processes]:
     """Spawned processes; each begins at once to import a module where one is named.
 
     Spawned, not forked (JAX may have started), and one thread each: the processes share the cores.
@@ -27,28 +58,16 @@ def processes(workers: int, module: str = "") -> Iterator[Executor]:
     before = dict(os.environ)
     os.environ["OMP_NUM_THREADS"] = "1"
     os.environ["XLA_FLAGS"] = f"{before.get('XLA_FLAGS', '')} --xla_cpu_multi_thread_eigen=false".strip()
-    pool = ProcessPoolExecutor(
-        workers,
-        mp_context=multiprocessing.get_context("spawn"),
-        initializer=_begin,
-        initargs=(os.getpid(),),
-    )
+    pool = Processes(workers)
     with _kill_as_interrupt():
         try:
             for _ in range(workers if module else 0):
                 pool.submit(_import, module)
             yield pool
         finally:
-            _end(pool)
+            pool.end()
             os.environ.clear()
             os.environ.update(before)
-
-
-def _end(pool: ProcessPoolExecutor) -> None:
-    """Finished cells are stored: those under way are given up, and nothing waits for JAX to tidy up."""
-    for process in list((pool._processes or {}).values()):
-        process.terminate()
-    pool.shutdown(wait=True, cancel_futures=True)
 
 
 @contextmanager

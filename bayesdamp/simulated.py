@@ -60,6 +60,8 @@ def write_csv(signal: Signal, out: Path) -> None:
     lines = ["t (s),angle (rad)", *(f"{float(t)!r},{float(y)!r}" for t, y in zip(signal.t, signal.y))]
     try:
         write_bytes(out, ("\n".join(lines) + "\n").encode())
+    except InputError as error:
+        raise InputError(f"--out {error}") from None
     except OSError as error:
         what = (error.strerror or str(error)).lower()
         raise InputError(f"--out {out}: cannot be written: {what}; give a new file's name") from None

@@ -11,10 +11,8 @@ import json
 import math
 import os
 import platform
-import shutil
 import struct
 import subprocess
-import uuid
 import zipfile
 import zlib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -25,6 +23,7 @@ from typing import Any
 
 import numpy as np
 
+from bayesdamp import folders
 from bayesdamp.types import OK, InputError
 
 TABLES: dict[str, tuple[str, ...]] = {
@@ -58,6 +57,7 @@ SPECIMEN_TABLES: dict[str, tuple[str, ...]] = {
     ),
 }  # fmt: skip
 """Tables of a study that names specimens."""
+CALIBRATION_TABLES = ("calibration.csv", "ranks.csv", "recovery.csv")
 
 _TEXT = frozenset({
     "signal", "model", "estimator", "stage", "parameter", "unit", "outcome", "sampler", "restoring", "method",
@@ -70,7 +70,7 @@ _NUMBER = (
     - _WHOLE
 )
 
-_HEAD = "cell.json"
+_HEAD = folders.CELL
 _BROKEN = (
     zipfile.BadZipFile, zlib.error, struct.error, OSError, EOFError, KeyError, ValueError, TypeError,
     NotImplementedError, RuntimeError, OverflowError, MemoryError,
@@ -96,10 +96,14 @@ class CellResult:
 
 
 class Store:
-    """The cells of one run, each an `.npz` file under `cells/`. Nothing is created before the first write."""
+    """The cells of one run, each an `.npz` file under `cells/`. Nothing is created before the first write.
 
-    def __init__(self, folder: Path) -> None:
+    only: name to key of the cells that are seen, where a folder may hold those of another question too; None for all.
+    """
+
+    def __init__(self, folder: Path, only: Mapping[str, str] | None = None) -> None:
         self.folder = Path(folder)
+        self.only = only
         self._cells = self.folder / "cells"
 
     def has(self, cell_name: str, key: str) -> bool:
@@ -111,8 +115,22 @@ class Store:
 
     def read(self, cell_name: str) -> CellResult:
         """The result of one cell. Raises KeyError where there is none that can be read."""
+        if self.only is not None and cell_name not in self.only:
+            raise KeyError(cell_name)
         try:
-            return _unpack(self._path(cell_name), cell_name)
+            found = _unpack(self._path(cell_name), cell_name)
+        except _BROKEN as fault:
+            raise KeyError(cell_name) from fault
+        if self.only is not None and self.only[cell_name] != found.key:
+            raise KeyError(cell_name)
+        return found
+
+    def head(self, cell_name: str) -> tuple[str, str]:
+        """Key and outcome of a cell; its arrays are not looked at. Raises KeyError."""
+        try:
+            with zipfile.ZipFile(self._path(cell_name)) as archive:
+                found = json.loads(archive.read(_HEAD))
+            return found["key"], found["outcome"]
         except _BROKEN as fault:
             raise KeyError(cell_name) from fault
 
@@ -123,21 +141,23 @@ class Store:
     def names(self) -> list[str]:
         """Names of all stored cells, sorted; whether each can be read, `read` tells."""
         found = (p.relative_to(self._cells).as_posix() for p in self._cells.rglob("*.npz"))
-        return sorted(name.removesuffix(".npz") for name in found)
+        names = (name.removesuffix(".npz") for name in found)
+        return sorted(name for name in names if self.only is None or name in self.only)
 
     def clear(self) -> None:
-        """Forget all cells."""
-        shutil.rmtree(self._cells, ignore_errors=True)
+        """Forget all cells of a folder that is marked as a run's; other files stay."""
+        folders.remove_cells(self.folder)
 
     @contextmanager
     def lock(self) -> Iterator[None]:
         """Hold the folder for writing, and sweep what a killed run left half-written.
 
-        Raises InputError while another process holds it. The system drops the lock of a process that dies.
+        Raises InputError while another process holds it, and where the folder holds what no run wrote. The system drops
+        the lock of a process that dies.
         """
         try:
-            self.folder.mkdir(parents=True, exist_ok=True)
-            handle = (self.folder / ".lock").open("a+")
+            folders.claim(self.folder, (*TABLES, *SPECIMEN_TABLES, *CALIBRATION_TABLES))
+            handle = folders.open_lock(self.folder)
         except OSError as fault:
             raise InputError(f"{self.folder}: cannot write a run here ({fault.strerror})") from fault
         with handle:
@@ -153,12 +173,8 @@ class Store:
             handle.truncate(0)
             handle.write(str(os.getpid()))
             handle.flush()
-            self._sweep()
+            folders.sweep(self.folder)
             yield
-
-    def _sweep(self) -> None:
-        for stale in self.folder.rglob(".*.tmp"):
-            stale.unlink(missing_ok=True)
 
     def _path(self, cell_name: str) -> Path:
         parts = cell_name.split("/")
@@ -209,10 +225,14 @@ def _plain(value: object) -> object:
 
 
 def write_bytes(path: Path, content: bytes) -> None:
-    """Replace a file in one step, and only once the content is on the disk. Creates the folders above it."""
+    """Replace a file in one step, and only once the content is on the disk. Creates the folders above it.
+
+    Raises InputError where something else than a regular file has the name.
+    """
     path = Path(path)
+    folders.refuse_special(path)
     path.parent.mkdir(parents=True, exist_ok=True)
-    partial = path.with_name(f".{uuid.uuid4().hex}.tmp")
+    partial = folders.temporary(path)
     try:
         with partial.open("xb") as handle:
             handle.write(content)

@@ -106,6 +106,8 @@ WRONG = {
     ),
     "nan": (["simulate", "--out", "x.csv", "--damping", "viscous=nan", *SET], "viscous: is nan; it must be"),
     "no out": (["simulate", "--damping", "viscous=1", *SET], "Missing option '--out'"),
+    "record of nothing": (["compare", "nothing.csv"], "nothing.csv: no rows of numbers were found; give"),
+    "record of empty lines": (["compare", "lines.csv"], "lines.csv: no rows of numbers were found; give"),
     "out below a file": (
         ["simulate", "--out", "bad.toml/x.csv", "--damping", "viscous=0.05", *SET],
         "--out bad.toml/x.csv: cannot be written",
@@ -123,6 +125,8 @@ def test_wrong_input_is_one_line_exit_status_2_and_nothing_written(
     (folder / "good.toml").write_text(STUDY)
     (folder / "bad.toml").write_text(STUDY + "[posterior]\nchain = 2\n")
     (folder / "option.toml").write_text(STUDY + "[estimators.least_squares]\nvarant = 3\n")
+    (folder / "nothing.csv").write_text("")
+    (folder / "lines.csv").write_text("\n \n\t\n\n")
     before = sorted(folder.rglob("*"))
     assert main(arguments) == 2
     assert expected in one_line(capsys)

@@ -16,6 +16,7 @@ import numpy as np
 import pytest
 
 from bayesdamp import store as module
+from bayesdamp.folders import temporary
 from bayesdamp.store import (
     TABLES,
     CellResult,
@@ -89,9 +90,10 @@ def test_names_and_clear(tmp_path):
     for name in names:
         store.write(result(name))
     assert store.names() == names
-    store.clear()
-    assert store.names() == []
-    store.clear()
+    with store.lock():
+        store.clear()
+        assert store.names() == []
+        store.clear()
 
 
 def test_nothing_is_created_by_reading(tmp_path):
@@ -200,9 +202,11 @@ def test_a_kill_leaves_a_whole_file_and_no_lock(tmp_path):
     assert len(seen) >= 5
     found = store.read("a/b")
     assert np.all(found.arrays["x"] == found.meta["i"])
-    (tmp_path / "cells" / "a" / ".0123.tmp").write_bytes(b"half")
+    others = tmp_path / "cells" / "a" / ".0123.tmp"
+    for half in (temporary(tmp_path / "cells" / "a" / "b.npz"), temporary(tmp_path / "run.json"), others):
+        half.write_bytes(b"half")
     with store.lock():
-        assert [p for p in tmp_path.rglob("*") if p.suffix == ".tmp"] == []
+        assert [p for p in tmp_path.rglob("*") if p.suffix == ".tmp"] == [others]
         assert store.names() == ["a/b"]
 
 

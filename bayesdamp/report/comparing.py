@@ -7,6 +7,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from bayesdamp.report.reading import damping_parameters
 from bayesdamp.report.run import Row, Run
 from bayesdamp.types import OK
 
@@ -96,7 +97,8 @@ def compared(run: Run) -> Comparison:
             seen.add(one)
             key = (row["estimator"], row["stage"])
             seconds[key] = seconds.get(key, 0.0) + row["seconds"]
-    errors = {key: error for key, found in rows.items() if math.isfinite(error := _error(found))}
+    damping = set(damping_parameters(run).values())
+    errors = {key: error for key, found in rows.items() if math.isfinite(error := _error(found, damping))}
     outcomes = {
         key: next((r["outcome"] for r in found if r["outcome"] != OK), OK) for key, found in rows.items()
     }
@@ -114,10 +116,6 @@ def compared(run: Run) -> Comparison:
     )
 
 
-def _error(rows: Sequence[Row]) -> float:
-    found = [
-        r["error_pct"]
-        for r in rows
-        if r["parameter"] in ("zeta", "mu_c", "mu_q") and math.isfinite(r["error_pct"])
-    ]
+def _error(rows: Sequence[Row], damping: set[str]) -> float:
+    found = [r["error_pct"] for r in rows if r["parameter"] in damping and math.isfinite(r["error_pct"])]
     return math.sqrt(sum(e * e for e in found) / len(found)) if found else math.nan

@@ -16,7 +16,7 @@ _FIRST = ("combined", "nested", "bridge", "importance", "laplace")
 ASIDE = "set aside"
 MATTERS = 1e-3
 """Probability from which, and below one less it, it matters whether an evidence is to be trusted."""
-DAMPING = ("zeta", "mu_c", "mu_q")
+_SHIPPED = {"viscous": "zeta", "coulomb": "mu_c", "quadratic": "mu_q"}
 
 
 @dataclass(frozen=True)
@@ -209,13 +209,19 @@ def truth(run: Run, signal: str, parameter: str) -> float:
     return math.nan
 
 
+def damping_parameters(run: Run) -> dict[str, str]:
+    """Each damping term to its coefficient: those that ship, and those that the run says of a user's own."""
+    own = run.info.get("damping") or {}
+    return {**_SHIPPED, **{term: about["parameter"] for term, about in own.items()}}
+
+
 def coefficients(run: Run, model: str) -> list[str]:
     """The damping coefficients of a model, by the parameters that its terms are known to have."""
-    own = {"viscous": "zeta", "coulomb": "mu_c", "quadratic": "mu_q"}
+    own = damping_parameters(run)
     terms = candidate_parts(model)[0].split("+")
     named = [own[term] for term in terms if term in own]
     if len(named) == len(terms):
         return named
-    # a term of the user's own: its parameter is the one that no other kind of parameter explains
+    # an earlier run does not say: the parameter is the one that no other kind of parameter explains
     seen = dict.fromkeys(r["parameter"] for r in (*run.posteriors, *run.estimates) if r["model"] == model)
     return [p for p in seen if p in named or p not in words.KNOWN]

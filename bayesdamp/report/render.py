@@ -9,11 +9,15 @@ from pathlib import Path
 
 from markupsafe import Markup
 
+from bayesdamp.folders import claim, remove_listed
 from bayesdamp.plugins import extended
 from bayesdamp.report.html import fill
 from bayesdamp.report.run import Run
 from bayesdamp.report.sections import SECTIONS, in_order
 from bayesdamp.store import write_bytes
+
+DRAWN = ".drawn"
+"""In `figures/`, the names of those that the report has, a line each."""
 
 
 @dataclass(frozen=True)
@@ -31,6 +35,7 @@ def render(folder: Path, pool: Executor | None = None) -> Path:
     InputError where the folder is no run.
     """
     run = Run(folder)
+    claim(run.folder)
     wanted = [section for section in in_order() if section.applies(run)]
     bodies = list(_rendered(run, [section.name for section in wanted], pool))
     sections = [
@@ -65,8 +70,12 @@ def _section(run: Run, name: str) -> Rendered:
 
 
 def _sweep_figures(folder: Path, names: set[str]) -> None:
-    """Remove the figures of an earlier report that this one does not have."""
+    """Remove the figures that an earlier report wrote and this one does not have."""
     kept = {f"{name}.{kind}" for name in names for kind in ("svg", "png")}
-    for path in folder.glob("*.*"):
-        if path.suffix in (".svg", ".png") and path.name not in kept:
-            path.unlink()
+    try:
+        before = (folder / DRAWN).read_text(encoding="utf-8").split("\n")
+    except OSError:
+        before = []
+    remove_listed(folder, [name for name in before if name and name not in kept])
+    if kept or before:
+        write_bytes(folder / DRAWN, "\n".join(sorted(kept)).encode())

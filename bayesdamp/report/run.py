@@ -29,7 +29,7 @@ class Run:
         self.info = _read_info(self.folder)
         self.estimates, self.posteriors, self.evidence, self.fits = (self._table(name) for name in TABLES)
         self.drawings = Drawings(self.folder / "figures")
-        self._store = Store(self.folder)
+        self._store = Store(self.folder, self.info.get("cells"))
         self._names = self._store.names()
         self._read: dict[str, CellResult | None] = {}
 

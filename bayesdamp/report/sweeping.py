@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from bayesdamp.report.comparing import STAGES, true_models
-from bayesdamp.report.reading import DAMPING
+from bayesdamp.report.reading import damping_parameters
 from bayesdamp.report.run import Run
 
 FACTORS = {
@@ -74,15 +74,16 @@ def _place(run: Run, signal: str) -> tuple[float, float, float] | None:
 
 
 def _series(run: Run, model: str, factor: str, signals: list[str], values: list[float]) -> Series:
+    damping = set(damping_parameters(run).values())
     squares: dict[tuple[str, str], dict[str, list[float]]] = {}
     tried: Counter[tuple[str, str, str]] = Counter()
     for row in run.estimates:
         if row["model"] != model or row["signal"] not in signals or row["stage"] not in STAGES:
             continue
         key = (row["estimator"], row["stage"])
-        if row["parameter"] in DAMPING or not row["parameter"]:
+        if row["parameter"] in damping or not row["parameter"]:
             tried[(*key, row["signal"])] += 1
-        if row["parameter"] in DAMPING and math.isfinite(row["error_pct"]):
+        if row["parameter"] in damping and math.isfinite(row["error_pct"]):
             squares.setdefault(key, {}).setdefault(row["signal"], []).append(row["error_pct"] ** 2)
     errors, answers = {}, {}
     for key, by_signal in squares.items():
@@ -93,9 +94,9 @@ def _series(run: Run, model: str, factor: str, signals: list[str], values: list[
 
 def _bound(run: Run, signal: str, model: str) -> float:
     """The bound on the damping coefficient in per cent of its true value, for a single damping."""
-    found = run.about(signal).get("bound") or {}
+    found, damping = run.about(signal).get("bound") or {}, set(damping_parameters(run).values())
     for row in run.estimates:
-        if row["signal"] == signal and row["parameter"] in found and row["parameter"] in DAMPING:
+        if row["signal"] == signal and row["parameter"] in found and row["parameter"] in damping:
             bound, truth = found[row["parameter"]], row["truth"]
             if truth and isinstance(bound, (int, float)) and math.isfinite(bound):
                 return 100 * bound / abs(truth)

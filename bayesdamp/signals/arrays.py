@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import zipfile
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from bayesdamp.plugins import nearest
+from bayesdamp.signals.isolated import load_isolated
 from bayesdamp.signals.text import Loaded
 from bayesdamp.types import InputError
 
@@ -100,6 +102,18 @@ def _numpy(path: Path) -> dict[str, np.ndarray]:
 
 
 def _matlab(path: Path) -> dict[str, np.ndarray]:
+    stat = path.stat()
+    return dict(_isolated(path.resolve(), stat.st_mtime_ns, stat.st_size))
+
+
+@lru_cache(maxsize=2)
+def _isolated(path: Path, *_state: int) -> dict[str, np.ndarray]:
+    """Its columns are looked up before it is read: one child does for both."""
+    return load_isolated(from_matlab, path)
+
+
+def from_matlab(path: Path) -> dict[str, np.ndarray]:
+    """The numeric arrays of a MATLAB file, in this process. Raises InputError."""
     from scipy.io import loadmat  # imports slowly, and few records need it
     from scipy.io.matlab import MatReadError
 

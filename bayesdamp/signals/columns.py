@@ -78,7 +78,7 @@ def _layout(path: Path) -> Layout:
     except OSError as error:
         raise InputError(f"{path.name}: cannot be read ({error.strerror or error})") from None
     if layout is None:
-        raise InputError(f"{path.name}: no rows of numbers were found")
+        raise InputError(f"{path.name}: no rows of numbers were found; give a file with columns of numbers")
     return layout
 
 

@@ -74,6 +74,8 @@ def number(cell: str, decimal: str) -> float | None:
 def find_layout(lines: list[str]) -> Layout | None:
     """The layout of lines, or None where they hold no numbers."""
     filled = [line for line in lines if line.strip()]
+    if not filled:
+        return None
     sample = filled[len(filled) // 2 :][:: max(1, len(filled) // 120)]
     best: tuple[tuple[float, int], str, str, int] | None = None
     for separator, decimal in (

@@ -14,7 +14,7 @@ from bayesdamp.signals.curves import amplitude_curves
 from bayesdamp.store import CellResult
 from bayesdamp.study.posteriors import amplitude_grid
 from bayesdamp.study.records import plain_seconds
-from bayesdamp.types import OK, Refusal
+from bayesdamp.types import OK, Refusal, following
 
 if TYPE_CHECKING:
     from bayesdamp.study.cells import Branch
@@ -29,7 +29,7 @@ def compute_curve(branch: Branch, name: str, key: str) -> None:
     began = time.perf_counter()
     found = branch.store.read(f"mode/{branch.path}")
     if found.outcome != OK:
-        branch.store.write(CellResult(name, key, outcome=found.outcome))
+        branch.store.write(CellResult(name, key, outcome=following(found.name, found.outcome)))
         return
     seen = branch.record.seen
     grid = amplitude_grid(seen)

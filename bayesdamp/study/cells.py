@@ -29,7 +29,7 @@ from bayesdamp.study.sensitivity import compute_sensitivity, sensitivity_cells
 from bayesdamp.study.starts import observed, of_all, regression
 from bayesdamp.study.targets import Record
 from bayesdamp.study.weighing import compute_evidence, evidence_parts
-from bayesdamp.types import OK, Problem, Refusal, System, candidate_parts
+from bayesdamp.types import OK, Problem, Refusal, System, candidate_parts, following
 
 PRIOR_SEEDS = 2
 """Draws from the prior that are climbed from beside the estimates."""
@@ -91,7 +91,8 @@ class Branch:
     def compute(self, name: str, key: str) -> None:
         """Compute one cell; where its record shows no oscillation, the cell says so."""
         if self.record.cell.outcome != OK:
-            self.store.write(CellResult(name, key, outcome=self.record.cell.outcome))
+            outcome = following(self.parent.name, self.record.cell.outcome)
+            self.store.write(CellResult(name, key, outcome=outcome))
             return
         kinds = {"estimate": self.estimate, "mode": self.mode, "posterior": self.posterior}
         kinds |= {"evidence": self.evidence, "sensitivity": self.sensitivity, "curve": self.curve}
@@ -116,7 +117,7 @@ class Branch:
         assert self.noise_cell is not None
         found = self.store.read(self.noise_cell.name)
         if found.outcome != OK:
-            raise Refusal(found.outcome)
+            raise Refusal(following(found.name, found.outcome))
         return found.meta
 
     @property
@@ -160,7 +161,7 @@ class Branch:
         """The mode in the scores of `shared`. Raises Refusal where there is none."""
         found = self.store.read(f"mode/{self.path}")
         if found.outcome != OK:
-            raise Refusal(found.outcome)
+            raise Refusal(following(found.name, found.outcome))
         return unpacked(found, self.shared)
 
     @cached_property

@@ -19,7 +19,7 @@ from bayesdamp.store import CellResult, Store
 from bayesdamp.study.records import NOT_APPLICABLE, SignalCell, digest
 from bayesdamp.study.starts import observed, regression
 from bayesdamp.study.targets import Record
-from bayesdamp.types import OK, Problem, Refusal
+from bayesdamp.types import OK, Problem, Refusal, following
 
 
 class NoiseCell:
@@ -41,7 +41,7 @@ class NoiseCell:
     def compute(self) -> None:
         began = time.perf_counter()
         cell = self.store.read(self.parent.name)
-        outcome, meta = cell.outcome, {}
+        outcome, meta = following(cell.name, cell.outcome), {}
         if outcome == OK and not cell.meta["noisy"]:
             outcome = NOT_APPLICABLE
         if outcome == OK:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from bayesdamp.folders import refuse_special, temporary
 from bayesdamp.inference import diagnostics
 from bayesdamp.inference.derived import Motions, against_amplitude, derive, units
 from bayesdamp.inference.samplers import SAMPLERS, Settings
@@ -103,6 +104,7 @@ def curves(motions: Motions, seen: Features) -> dict[str, np.ndarray]:
 def _save_whole(posterior: Posterior, file: Path) -> None:
     """Write the netCDF beside its place and move it there, so that a kill leaves no part of it."""
     file.parent.mkdir(parents=True, exist_ok=True)
-    partial = file.with_name(f".{file.name}.tmp")
+    refuse_special(file)
+    partial = temporary(file)
     diagnostics.save(posterior, partial)
     partial.replace(file)

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import os
 import threading
-from collections.abc import Callable, Iterator
-from concurrent.futures import Executor, as_completed
+from collections.abc import Callable, Collection, Iterator
+from concurrent.futures import BrokenExecutor, Executor
 from dataclasses import dataclass
 from functools import partial
 from importlib import import_module
@@ -23,11 +23,14 @@ from bayesdamp.study.many import joint_cells, populated, repeated
 from bayesdamp.study.noise import noise_cell
 from bayesdamp.study.records import SignalCell, digest
 from bayesdamp.study.relief import relieve
+from bayesdamp.study.spread import KILLED, restart, spread
 from bayesdamp.study.tables import write_tables
 from bayesdamp.study.workers import cache_compilations, pool_of, progress_bar
-from bayesdamp.types import OK, InputError
+from bayesdamp.types import FAILED, NOT_COMPUTED, OK, InputError
 
 DONE, WRONG_CELLS = 0, 3
+_ONE_AT_A_TIME = threading.Lock()
+"""A process has one job under way, also where a Dask worker has several threads."""
 
 
 @dataclass(frozen=True)
@@ -102,9 +105,9 @@ def run_study(
                 for stage in _stages(study, store):
                     _run_jobs(study, store, stage, pool, advance)
                 progress.update(bar, description="report", completed=len(names))
-                write_tables(study, store)
-                _render(out, pool)
-        failed = [(n, c.outcome) for n, c in _results(store, names) if c.outcome.startswith("failed: ")]
+                write_tables(study, Store(out, _current(study, store)))
+                _render(out, None if scheduler else pool)
+        failed = [(n, c.outcome) for n, c in _results(store, names) if c.outcome.startswith(FAILED)]
         for name, outcome in failed:
             console.print(f"{name}: {outcome}", style="red", highlight=False)
         return WRONG_CELLS if failed else DONE
@@ -174,14 +177,22 @@ def _read_inputs(study: Study) -> None:
             raise InputError(f"{where}{text}") from None
 
 
-def _run_job(study: Study, folder: Path, job: Job) -> list[str]:
-    """Compute the cells of a job that the folder lacks; a cell that fails is stored with what went wrong."""
+def _run_job(study: Study, folder: Path, job: Job, given_up: Collection[str] = ()) -> list[str]:
+    """Compute the cells of a job that the folder lacks; a cell that fails is stored with what went wrong.
+
+    given_up: cells that are not to be tried again.
+    """
+    with _ONE_AT_A_TIME:
+        return _computed(study, folder, job, given_up)
+
+
+def _computed(study: Study, folder: Path, job: Job, given_up: Collection[str]) -> list[str]:
     cache_compilations()
     relieve()
     store = Store(folder)
     done = []
     for name, (key, compute) in _work(study, store, job).items():
-        if not _done(store, name, key):
+        if name not in given_up and not _done(store, name, key):
             try:
                 compute(name, key)
             except (InputError, KeyboardInterrupt):
@@ -190,19 +201,19 @@ def _run_job(study: Study, folder: Path, job: Job) -> list[str]:
                 if os.environ.get("BAYESDAMP_DEBUG"):
                     raise
                 first = str(fault).strip().splitlines()
-                text = f"failed: {type(fault).__name__}: {first[0] if first else ''}"
+                text = f"{FAILED}{type(fault).__name__}: {first[0] if first else ''}"
                 store.write(CellResult(name, key, outcome=text))
         done.append(name)
     return done
 
 
 def _done(store: Store, name: str, key: str) -> bool:
-    """Whether a cell has its result; one that failed is tried again."""
+    """Whether a cell has its result; one that failed is tried again, and what depends on it."""
     try:
         found = store.read(name)
     except KeyError:
         return False
-    return found.key == key and not found.outcome.startswith("failed: ")
+    return found.key == key and not found.outcome.startswith((FAILED, NOT_COMPUTED))
 
 
 def _stages(study: Study, store: Store) -> Iterator[list[Job]]:
@@ -272,14 +283,23 @@ def _run_jobs(
         for job in jobs:
             advance(_run_job(study, store.folder, job))
         return
-    futures = [pool.submit(_run_job, study, store.folder.resolve(), job) for job in jobs]
-    try:
-        for future in as_completed(futures):
-            advance(future.result())
-    except BaseException:
-        for future in futures:
-            future.cancel()
-        raise
+    folder = store.folder.resolve()
+
+    def under_way(job: Job, given_up: Collection[str]) -> str | None:
+        cells = {n: key for n, (key, _) in _work(study, store, job).items() if n not in given_up}
+        return next((n for n, key in cells.items() if not _done(store, n, key)), None)
+
+    def give_up(job: Job, name: str) -> None:
+        store.write(CellResult(name, _work(study, store, job)[name][0], outcome=KILLED))
+
+    spread(
+        jobs,
+        pool,
+        lambda job, given_up: pool.submit(_run_job, study, folder, job, given_up),
+        under_way,
+        give_up,
+        advance,
+    )
 
 
 def _prepare() -> None:
@@ -291,7 +311,26 @@ def _prepare() -> None:
 def _render(out: Path, pool: Executor | None) -> None:
     from bayesdamp.report import render
 
-    render(out, pool)
+    try:
+        render(out, pool)
+    except BrokenExecutor:
+        assert pool is not None
+        restart(pool)
+        render(out)
+
+
+def _current(study: Study, store: Store) -> dict[str, str]:
+    """Name to key of the stored cells that answer this study; those of an earlier question are not among them."""
+    found = {}
+    for job in _jobs(study):
+        for name, (key, _) in _work(study, store, job).items():
+            try:
+                own, outcome = store.head(name)
+            except KeyError:
+                continue
+            if own in (key, digest(outcome, key)):
+                found[name] = own
+    return found
 
 
 def _results(store: Store, names: list[str]) -> Iterator[tuple[str, CellResult]]:

@@ -16,7 +16,7 @@ from bayesdamp.inference.savage_dickey import savage_dickey
 from bayesdamp.inference.widths import against_width
 from bayesdamp.store import CellResult
 from bayesdamp.study.weighing import evidence_meta, evidence_of
-from bayesdamp.types import OK, Refusal, candidate_name, candidate_parts
+from bayesdamp.types import OK, Refusal, candidate_name, candidate_parts, following
 
 if TYPE_CHECKING:
     from bayesdamp.study.cells import Branch
@@ -53,9 +53,8 @@ def compute_sensitivity(branch: Branch, name: str, key: str, seed: int) -> None:
     kind, began = name.rsplit("/", 1)[1], time.perf_counter()
     source = branch.store.read(SOURCES[kind].format(branch.path))
     if not source.arrays:
-        why = (
-            source.outcome if source.outcome != OK else "not applicable: no draws were kept; run with --fresh"
-        )
+        none = "not applicable: no draws were kept; run with --fresh"
+        why = following(source.name, source.outcome) if source.outcome != OK else none
         branch.store.write(CellResult(name, key, outcome=why))
         return
     try:

@@ -20,7 +20,7 @@ from bayesdamp.store import Store
 from bayesdamp.study.cells import Branch
 from bayesdamp.study.records import cell_seed
 from bayesdamp.study.staging import ASIDE
-from bayesdamp.types import Refusal, candidate_parts
+from bayesdamp.types import Refusal, candidate_parts, following
 
 BOTH, DAMPING, LAW, NOTHING = "damping and law", "damping", "law", "nothing"
 """What the records of a specimen may share."""
@@ -78,7 +78,7 @@ class Specimen:
         cells = [self.store.read(f"signal/{spec.name}/{repeat}") for spec, repeat in self.records]
         for label, cell in zip(self.labels, cells, strict=True):
             if "reference" not in cell.meta:
-                raise Refusal(f"{label}: {cell.outcome}")
+                raise Refusal(f"{label}: {following(cell.name, cell.outcome)}")
         found = {
             key: float(np.exp(np.mean([np.log(c.meta["reference"][key]) for c in cells])))
             for key in ("amplitude", "frequency")
@@ -89,12 +89,15 @@ class Specimen:
         """A candidate on all records. Raises Refusal where it has no mode on one of them."""
         branches, starts, tolerances = self.branches(candidate), [], []
         for label, branch in zip(self.labels, branches, strict=True):
+            name = f"mode/{branch.path}"
             try:
-                cell = self.store.read(f"mode/{branch.path}")
+                cell = self.store.read(name)
+                if cell.key != branch.cells()[name]:
+                    raise KeyError(name)  # of an earlier question in the same folder
             except KeyError:
                 raise Refusal(f"{ASIDE}: not fitted to {label}, where its law is far behind") from None
             if "values" not in cell.meta:
-                raise Refusal(f"{label}: {cell.outcome}")
+                raise Refusal(f"{label}: {following(cell.name, cell.outcome)}")
             starts.append(cell.meta["values"])
             tolerances.append(cell.meta["tolerance"])
         epsilon = shared_epsilon(branches)

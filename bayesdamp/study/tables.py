@@ -9,6 +9,8 @@ from typing import Any
 import numpy as np
 
 from bayesdamp.config import Recording, SignalSpec, Simulation, Study
+from bayesdamp.config.signals import damping_order
+from bayesdamp.physics.damping import TERMS
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.physics.units import parameter_unit
@@ -23,7 +25,10 @@ Row = dict[str, Any]
 
 
 def write_tables(study: Study, store: Store) -> None:
-    """All tables of a run and its run.json; rows in the order of signals, repeats and models."""
+    """All tables of a run and its run.json; rows in the order of signals, repeats and models.
+
+    store: which sees no cells but those of this study.
+    """
     for name, rows in (
         ("estimates.csv", _estimates(study, store)),
         ("posteriors.csv", _posteriors(study, store)),
@@ -77,7 +82,8 @@ def _truth(spec: SignalSpec, name: str, restoring: str) -> float:
     if restoring != spec.system.restoring and name in LAWS.get(restoring).parameters:
         return math.nan
     truth = {**spec.system.known, **spec.source.truth}
-    return float(truth.get(name, 0.0 if name.startswith(("zeta", "mu_")) else math.nan))
+    damps = any(TERMS.get(term).parameter == name for term in TERMS.names())
+    return float(truth.get(name, 0.0 if damps else math.nan))
 
 
 def _estimates(study: Study, store: Store) -> Iterator[Row]:
@@ -189,7 +195,7 @@ def _run(study: Study, store: Store) -> Row:
         seen = _first_seen(store, spec) or cell
         noise = _read(store, f"noise/{spec.name}/0")
         about[spec.name] = {
-            **cell.meta["provenance"],
+            **cell.meta.get("provenance", {}),
             "unit": spec.source.unit,
             "quantity": spec.source.quantity,
             "simulated": isinstance(spec.source, Simulation),
@@ -216,14 +222,24 @@ def _run(study: Study, store: Store) -> Row:
         "study": study.resolved(),
         **found,
         "seconds": seconds,
+        **({"cells": dict(store.only)} if store.only is not None else {}),
         "signals": about,
         "priors": priors,
         "models": list(
             dict.fromkeys([*study.models.compare, *(m for s in study.signals for m in study.compare(s))])
         ),
+        "damping": _terms(study),
         "error_budget": budget,
         "equilibrium": {s.name: _equilibrium(s, store) for s in study.signals},
     }
+
+
+def _terms(study: Study) -> Row:
+    """Coefficient and unit, of an angle in rad, of each damping term that the study compares or simulates."""
+    names = {t for s in study.signals for m in study.dampings(s) for t in m.split("+")}
+    names |= {t for s in study.signals if isinstance(s.source, Simulation) for t in s.source.damping}
+    found = {name: TERMS.get(name) for name in damping_order() if name in names}
+    return {name: {"parameter": term.parameter, "unit": term.unit} for name, term in found.items()}
 
 
 def _first_seen(store: Store, spec: SignalSpec) -> CellResult | None:

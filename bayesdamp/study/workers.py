@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from concurrent.futures import Executor
+from concurrent.futures import CancelledError, Executor
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -34,7 +34,7 @@ def executor(workers: int, scheduler: str | None) -> Iterator[Executor]:
     """Spawned processes on this machine, or those of a Dask scheduler. Raises InputError where there is none."""
     if scheduler is not None:
         try:
-            from distributed import Client  # pyright: ignore[reportMissingImports]
+            from distributed import Client
         except ImportError:
             raise InputError(
                 "--scheduler needs dask.distributed: install bayesdamp[cluster], or use --workers"
@@ -43,8 +43,13 @@ def executor(workers: int, scheduler: str | None) -> Iterator[Executor]:
             client = Client(scheduler, timeout=10)
         except (OSError, ValueError) as error:
             raise InputError(f"--scheduler {scheduler}: no Dask scheduler answers there ({error})") from None
-        with client, client.getexecutor() as pool:
-            yield pool
+        # not pure: the same task in another folder is another one
+        with client, client.get_executor(pure=False) as pool:
+            try:
+                yield pool
+            except CancelledError:
+                lost = "the scheduler or all its workers are gone; the same command resumes"
+                raise InputError(f"--scheduler {scheduler}: {lost}") from None
         return
     with processes(workers) as pool:
         yield pool

@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 from rich.console import Console
 
+from bayesdamp.folders import claim
 from bayesdamp.report import render
 from bayesdamp.report.reading import coefficients, models_by_rank, models_kept, ranking
 from bayesdamp.report.run import Run
@@ -131,10 +132,14 @@ def test_figures_are_saved_and_inside(page, whole_run):
 def test_a_second_report_is_the_same(maker_type, tmp_path):
     folder = maker_type(tmp_path, signals=["sim"], repeats={"sim": 1}, models=("viscous",)).make()
     first = render(folder).read_text(encoding="utf-8")
-    (folder / "figures" / "stale.png").write_bytes(b"")
+    drawn = folder / "figures" / ".drawn"
+    drawn.write_text(drawn.read_text() + "\nstale.png\n../report.html")
+    for name in ("stale.png", "another.png"):
+        (folder / "figures" / name).write_bytes(b"")
     before = {p: p.stat().st_mtime_ns for p in (folder / "cells").rglob("*.npz")}
     assert render(folder).read_text(encoding="utf-8") == first
     assert not (folder / "figures" / "stale.png").exists()
+    assert (folder / "figures" / "another.png").exists()  # which no report drew
     assert before == {p: p.stat().st_mtime_ns for p in (folder / "cells").rglob("*.npz")}
 
 
@@ -144,6 +149,7 @@ def test_contract_of_a_section(name, whole_run, tmp_path, sketchy):
     assert isinstance(section, Section)
     assert section.name == name
     assert section.title
+    claim(tmp_path)
     write_json(tmp_path / "run.json", {})
     for run in (Run(whole_run), Run(tmp_path)):
         if section.applies(run):
@@ -166,6 +172,7 @@ class Extra(Section):
 
 
 def test_a_section_is_one_class(tmp_path):
+    claim(tmp_path)
     write_json(tmp_path / "run.json", {})
     SECTIONS.add("extra", Extra())
     try:
@@ -176,6 +183,7 @@ def test_a_section_is_one_class(tmp_path):
 
 
 def test_an_empty_run_says_so(tmp_path):
+    claim(tmp_path)
     write_json(tmp_path / "run.json", {})
     words = Page(render(tmp_path).read_text()).words
     assert "holds no signal yet" in words

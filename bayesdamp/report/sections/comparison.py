@@ -15,12 +15,10 @@ from bayesdamp.report.figures.finals import finals
 from bayesdamp.report.figures.heatmap import heatmap
 from bayesdamp.report.figures.ranking import categories, ranking, responses
 from bayesdamp.report.html import Line, Table, fill, folded
-from bayesdamp.report.reading import truth
+from bayesdamp.report.reading import damping_parameters, truth
 from bayesdamp.report.run import Run
 from bayesdamp.report.sections._section import Section
 from bayesdamp.types import OK
-
-_COEFFICIENT = {"viscous": "zeta", "coulomb": "mu_c", "quadratic": "mu_q"}
 
 
 class ComparisonSection(Section):
@@ -52,8 +50,9 @@ class ComparisonSection(Section):
         said = "Errors by category; each point is one method, the line a category's median. Dashed: 0.1 %."
         parts.append(figures.add("categories", said, lambda: categories(found)))
         parts.append(_times(found))
-        singles = {s: known[s] for s in found.signals if known[s] in _COEFFICIENT}
-        truths = {s: truth(run, s, _COEFFICIENT[m]) for s, m in singles.items()}
+        own = damping_parameters(run)
+        singles = {s: known[s] for s in found.signals if known[s] in own}
+        truths = {s: truth(run, s, own[m]) for s, m in singles.items()}
         truths = {s: v for s, v in truths.items() if math.isfinite(v) and v}
         if truths:
             parts.append(_finals(run, found, truths, singles))
@@ -104,12 +103,12 @@ def _times(found: Comparison) -> Table:
 
 
 def _finals(run: Run, found: Comparison, truths: dict[str, float], models: dict[str, str]) -> Markup:
-    values, labels = {}, {}
+    values, labels, own = {}, {}, damping_parameters(run)
     for row in run.estimates:
         signal = row["signal"]
         if signal not in truths or row["model"] != models[signal] or row["repeat"] != run.repeats(signal)[0]:
             continue
-        if row["parameter"] == _COEFFICIENT[models[signal]]:
+        if row["parameter"] == own[models[signal]]:
             values[row["estimator"], signal, row["stage"]] = row["value"]
             labels[signal] = words.axis(row["parameter"], row["unit"])
     ordered = {k: values[k] for m in found.methods for k in values if k[0] == m}
@@ -120,8 +119,9 @@ def _finals(run: Run, found: Comparison, truths: dict[str, float], models: dict[
 
 def _convergence(run: Run, truths: dict[str, float], models: dict[str, str]) -> Markup | None:
     courses: dict[tuple[str, str], np.ndarray] = {}
+    own = damping_parameters(run)
     for signal in truths:
-        parameter = _COEFFICIENT[models[signal]]
+        parameter = own[models[signal]]
         for cell in run.cells("estimate", signal, run.repeats(signal)[0], models[signal]):
             course = cell.arrays.get(f"initial/{parameter}")
             if course is not None and course.ndim == 1 and course.size > 2:
@@ -133,7 +133,7 @@ def _convergence(run: Run, truths: dict[str, float], models: dict[str, str]) -> 
     courses = {k: v for k, v in sorted(courses.items(), key=lambda item: item[0][0]) if k[1] in first}
     said = "The coefficient after each iteration. Dashed: the truth; grey: 1 % about it."
     said += f" Of the first {len(first)} signals." if many else ""
-    names = {s: _COEFFICIENT[models[s]] for s in truths}
+    names = {s: own[models[s]] for s in truths}
     return run.drawings.add("convergence", said, lambda: convergence(courses, truths, names, models))
 
 

@@ -1,0 +1,164 @@
+"""Which files are a run's own: nothing else is ever replaced or removed, and nothing through a link."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import stat
+import uuid
+import zipfile
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+from typing import IO
+
+from bayesdamp.types import InputError
+
+MARK = ".bayesdamp"
+"""The file by which a folder is known as a run's."""
+SIGNED = "bayesdamp run\n"
+PLACES = ("cells", "figures", "posterior")
+"""Folders of a run."""
+FILES = (".lock", "report.html", "run.json")
+CELL = "cell.json"
+"""A member of each cell's archive."""
+_TEMPORARY = re.compile(r"\.bayesdamp-[0-9a-f]{32}\.tmp")
+_ELSEWHERE = "choose another folder with --out"
+
+
+def claim(folder: Path, tables: Iterable[str] = ()) -> None:
+    """Make a folder a run's, or know it as one: by its mark, or by what earlier versions wrote.
+
+    tables: names of further files that a run writes. Raises InputError where the folder holds something of such a name
+    that no run wrote, or a link where a run's files belong; OSError where it cannot be written.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    present = set(os.listdir(folder))
+    if MARK not in present:
+        taken = sorted(present & {*PLACES, *FILES, *tables})
+        if taken and not _by_earlier_version(folder):
+            what = f"holds {taken[0]!r}, which no run of bayesdamp wrote"
+            raise InputError(f"{folder}: {what}; {_ELSEWHERE}, or move it away")
+        write_new(folder / MARK, SIGNED)
+    if not _signed(folder / MARK):
+        raise InputError(f"{folder / MARK}: is not the mark of a run; {_ELSEWHERE}, or remove it")
+    for place in PLACES:
+        for entry in _entries(folder / place):
+            if entry.is_symlink():
+                raise InputError(
+                    f"{entry}: is a link, where a run's own files belong; {_ELSEWHERE}, or remove it"
+                )
+
+
+def write_new(path: Path, text: str) -> None:
+    """Write a file that is not there; one that is stays as it is."""
+    try:
+        with path.open("x", encoding="utf-8") as handle:
+            handle.write(text)
+    except FileExistsError:
+        pass
+
+
+def _signed(path: Path) -> bool:
+    if not _regular(path):
+        return False
+    with path.open("rb") as handle:
+        return handle.read(len(SIGNED)) == SIGNED.encode()
+
+
+def _by_earlier_version(folder: Path) -> bool:
+    """Whether the folder holds a run's description, or nothing but cells where a run has them."""
+    about = folder / "run.json"
+    if _regular(about):
+        try:
+            found = json.loads(about.read_bytes())
+        except ValueError:
+            return False
+        return isinstance(found, dict) and {"name", "seed", "study"} <= found.keys()
+    cells = [path for path in _entries(folder / "cells") if not path.is_dir()]
+    if not cells or any(path.suffix != ".npz" or not _regular(path) for path in cells):
+        return False
+    return any(map(_is_cell, cells))
+
+
+def _is_cell(path: Path) -> bool:
+    try:
+        with zipfile.ZipFile(path) as archive:
+            return CELL in archive.namelist()
+    except (OSError, zipfile.BadZipFile):
+        return False
+
+
+def _regular(path: Path) -> bool:
+    """Whether there is a file, and it is neither a link nor a device."""
+    try:
+        return stat.S_ISREG(path.lstat().st_mode)
+    except OSError:
+        return False
+
+
+def _entries(place: Path) -> Iterator[Path]:
+    """A run's place with all that is below it; nothing beyond a link."""
+    if not place.is_symlink() and not place.is_dir():
+        return
+    yield place
+    for below, folders, files in os.walk(place, followlinks=False):
+        yield from (Path(below, name) for name in (*folders, *files))
+
+
+def sweep(folder: Path) -> None:
+    """Remove what a killed run left half-written, known by its name."""
+    top = (folder / name for name in os.listdir(folder))
+    for path in (*top, *(entry for place in PLACES for entry in _entries(folder / place))):
+        if _TEMPORARY.fullmatch(path.name) and _regular(path):
+            path.unlink(missing_ok=True)
+
+
+def remove_cells(folder: Path) -> None:
+    """Remove the cells of a run, and the folders that are empty then."""
+    found = list(_entries(folder / "cells"))
+    if not _signed(folder / MARK) or any(path.is_symlink() for path in found):
+        return
+    for path in found:
+        if path.suffix == ".npz" and _regular(path):
+            path.unlink(missing_ok=True)
+    for path in sorted(found, key=lambda one: -len(one.parts)):
+        if path.is_dir() and not os.listdir(path):
+            path.rmdir()
+
+
+def remove_listed(folder: Path, listed: Iterable[str]) -> None:
+    """Remove files of these names from a folder that is no link; only regular ones, and none below or above it."""
+    if folder.is_symlink():
+        return
+    for name in listed:
+        path = folder / name
+        if path.name == name and _regular(path):
+            path.unlink(missing_ok=True)
+
+
+def open_lock(folder: Path) -> IO[str]:
+    """The lock's file, to read and to write. Raises InputError where it is a link, a device or shared; OSError."""
+    path = folder / ".lock"
+    if not os.path.lexists(path):
+        write_new(path, "")
+    if not _regular(path) or path.lstat().st_nlink > 1:
+        raise InputError(f"{path}: is a link or no regular file; {_ELSEWHERE}, or remove it")
+    return os.fdopen(os.open(path, os.O_RDWR | os.O_APPEND | os.O_NOFOLLOW | os.O_CLOEXEC), "a+")
+
+
+def temporary(path: Path) -> Path:
+    """A name beside a file under which it is written before it is moved to its own."""
+    return path.with_name(f".bayesdamp-{uuid.uuid4().hex}.tmp")
+
+
+def refuse_special(path: Path) -> None:
+    """Refuse to replace what is no regular file. Raises InputError."""
+    try:
+        mode = path.lstat().st_mode
+    except FileNotFoundError:
+        return
+    if not stat.S_ISREG(mode):
+        kinds = ((stat.S_ISLNK, "a link"), (stat.S_ISDIR, "a folder"))
+        what = next((said for test, said in kinds if test(mode)), "a device")
+        raise InputError(f"{path}: is {what} and is not replaced; give a regular file or a new file's name")
