@@ -9,7 +9,8 @@ from __future__ import annotations
 import hashlib
 import os
 import uuid
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from functools import cache
 from importlib.metadata import version
 from pathlib import Path
@@ -17,6 +18,7 @@ from typing import Any
 
 import jax
 import numpy as np
+from filelock import FileLock, Timeout
 from jax import export
 from jax.core import Tracer
 
@@ -25,6 +27,8 @@ from bayesdamp.plugins import extended
 _FAILURES = (OSError, ValueError, NotImplementedError, RuntimeError, TypeError)
 """What comes of a program that cannot be exported, or of a folder that cannot be written."""
 _MARK = hashlib.sha256().digest_size
+PATIENCE = 120.0
+"""Seconds for which one process waits for another's program before it makes its own."""
 
 
 class _Kept:
@@ -70,15 +74,43 @@ class Program:
 
         text = repr((self.name, self.made_of, str(tree), shapes))
         path = folder / f"{hashlib.sha256((_here() + text).encode()).hexdigest()[:32]}.jax"
-        content = _read(path)
-        if content is not None:
-            return jax.jit(export.deserialize(bytearray(content)).call)
-        try:
-            traced = export.export(jax.jit(flat))(*leaves)
-            _write(path, bytes(traced.serialize()))
-        except _FAILURES:
-            return jax.jit(flat)
-        return jax.jit(traced.call)
+        if (kept := _kept(path)) is not None:
+            return kept
+        with _alone(path.with_suffix(".lock")):
+            if (kept := _kept(path)) is not None:
+                return kept
+            try:
+                traced = export.export(jax.jit(flat))(*leaves)
+                program = jax.jit(traced.call)
+                program.lower(*leaves).compile()  # now, so that whoever waits finds it in JAX's own cache
+                _write(path, bytes(traced.serialize()))
+            except _FAILURES:
+                return jax.jit(flat)
+            return program
+
+
+def _kept(path: Path) -> Callable[..., Any] | None:
+    """The program of a file, or None."""
+    content = _read(path)
+    return None if content is None else jax.jit(export.deserialize(bytearray(content)).call)
+
+
+@contextmanager
+def _alone(path: Path) -> Iterator[None]:
+    """Only one process at a time; all at once where the folder cannot be written or the wait is long."""
+    lock = FileLock(path)
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        lock.acquire(timeout=PATIENCE)
+    except (OSError, NotImplementedError, Timeout):
+        yield
+        return
+    try:
+        yield
+        # Nobody needs it any more: whoever comes now finds the program.
+        path.unlink(missing_ok=True)
+    finally:
+        lock.release()
 
 
 @cache

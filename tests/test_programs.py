@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import os
+import shutil
+import subprocess
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -119,3 +123,84 @@ def test_layouts_that_differ_in_a_prior_alone_do_not_share(kept: Path) -> None:
     keep_in(None)
     assert density() == first == second
     assert first[0] != first[1]
+
+
+ONE = """
+import sys, time
+from pathlib import Path
+import numpy as np
+from jax import numpy as jnp
+from bayesdamp.programs import Program, keep_in
+from bayesdamp.study.workers import cache_compilations
+
+def function(x):
+    with Path("traces").open("a") as file:
+        file.write("traced\\n")
+    time.sleep(1.0)
+    for k in range(1, 30):
+        x = jnp.cumsum(jnp.sin(k * x))
+    return x
+
+cache_compilations()
+Path("ready" + sys.argv[1]).touch()
+while len(list(Path().glob("ready*"))) < int(sys.argv[3]):
+    time.sleep(0.01)
+print(Program(function, sys.argv[2])(np.arange(5.0)).sum())
+"""
+
+
+def together(folder: Path, names: list[str], cache: str) -> list[str]:
+    """What processes print that run a program at the same time, one for each name."""
+    for path in folder.glob("ready*"):
+        path.unlink()
+    environment = {**os.environ, "XDG_CACHE_HOME": str(folder / cache)}
+    running = [
+        subprocess.Popen(
+            [sys.executable, "-c", ONE, str(k), name, str(len(names))],
+            cwd=folder,
+            env=environment,
+            stdout=subprocess.PIPE,
+            text=True,
+        )
+        for k, name in enumerate(names)
+    ]
+    found = [one.communicate()[0] for one in running]
+    assert all(one.returncode == 0 for one in running)
+    return found
+
+
+def traces(folder: Path) -> int:
+    return len((folder / "traces").read_text().splitlines())
+
+
+def test_processes_that_need_one_program_at_once_make_it_once(tmp_path: Path) -> None:
+    """Negative control: of two names each is made."""
+    first, second = together(tmp_path, ["wave", "wave"], "cache")
+    assert first == second
+    assert traces(tmp_path) == 1
+    together(tmp_path, ["one", "other"], "cache")
+    assert traces(tmp_path) == 3
+    assert not list((tmp_path / "cache" / "bayesdamp").rglob("*.lock"))
+
+
+def test_a_cache_that_was_copied_is_found_again(tmp_path: Path) -> None:
+    """Its programs are neither traced nor compiled: nothing is added. Negative control: another program is."""
+    together(tmp_path, ["wave"], "cache")
+    shutil.copytree(tmp_path / "cache", tmp_path / "copy")
+    before = {path.name for path in (tmp_path / "copy").rglob("*-cache")}
+    assert before
+    together(tmp_path, ["wave"], "copy")
+    assert {path.name for path in (tmp_path / "copy").rglob("*-cache")} == before
+    assert traces(tmp_path) == 1
+    together(tmp_path, ["other"], "copy")
+    assert traces(tmp_path) == 2
+
+
+def test_a_wait_that_is_long_ends(kept: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The lock of a process that hangs is no reason to hang."""
+    monkeypatch.setattr(programs, "PATIENCE", 0.05)
+    Program(jnp.sin, "wave")(X)
+    (path,) = files(kept)
+    path.unlink()
+    with programs.FileLock(path.with_suffix(".lock")):
+        np.testing.assert_array_equal(Program(jnp.sin, "wave")(X), jnp.sin(X))

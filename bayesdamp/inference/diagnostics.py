@@ -1,28 +1,20 @@
-"""The one place that talks to ArviZ: convergence diagnostics, intervals, Pareto smoothing, files."""
+"""What draws say: summaries, whether they converged, and files as ArviZ reads them."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
+from bayesdamp.inference.convergence import effective_mean, ess_bulk, ess_tail, monte_carlo_error, rhat
+from bayesdamp.inference.pareto import pareto_k
 from bayesdamp.types import OK, Posterior
+
+__all__ = ["effective", "effective_mean", "monte_carlo_error", "pareto_k", "save", "summarise", "verdict"]
 
 RHAT_LIMIT = 1.01
 ESS_LIMIT = 400.0
-
-
-TAILS = (0.05, 0.95)
-"""Quantiles whose effective sample sizes are the tails'."""
-
-
-def _statistics() -> Any:
-    """ArviZ's statistics of arrays, which take half a second to import: only where there are draws to judge."""
-    from arviz_stats.base.array import array_stats
-
-    return array_stats
 
 
 def summarise(
@@ -38,7 +30,7 @@ def summarise(
     chains = draws if ensembles is None else _grouped(draws, ensembles)
     flat = draws.reshape(-1)
     quantiles = np.quantile(flat, [0.025, 0.25, 0.5, 0.75, 0.975])
-    low, high = _statistics().hdi(flat, prob=0.95)
+    low, high = _densest(flat, 0.95)
     return {
         "mean": float(flat.mean()),
         "sd": float(flat.std(ddof=1)),
@@ -47,20 +39,20 @@ def summarise(
         "q25": float(quantiles[1]),
         "q75": float(quantiles[3]),
         "q97.5": float(quantiles[4]),
-        "hdi_low": float(low),
-        "hdi_high": float(high),
-        "ess_bulk": _bulk(draws) if effective is None else effective,
-        "ess_tail": _tail(draws) if effective is None else effective,
-        "rhat": float(_statistics().rhat(chains)) if effective is None else float("nan"),
+        "hdi_low": low,
+        "hdi_high": high,
+        "ess_bulk": ess_bulk(draws) if effective is None else effective,
+        "ess_tail": ess_tail(draws) if effective is None else effective,
+        "rhat": rhat(chains) if effective is None else float("nan"),
     }
 
 
-def _bulk(draws: np.ndarray) -> float:
-    return float(_statistics().ess(draws, method="bulk"))
-
-
-def _tail(draws: np.ndarray) -> float:
-    return float(_statistics().ess(draws, method="tail", prob=TAILS))
+def _densest(draws: np.ndarray, share: float) -> tuple[float, float]:
+    """The shortest interval between two of these draws, (n,), that holds a share of them."""
+    ordered = np.sort(draws)
+    inside = int(share * ordered.size)
+    start = int(np.argmin(ordered[inside:] - ordered[: ordered.size - inside]))
+    return float(ordered[start]), float(ordered[start + inside])
 
 
 def _grouped(draws: np.ndarray, ensembles: int) -> np.ndarray:
@@ -84,35 +76,7 @@ def verdict(summaries: Mapping[str, Mapping[str, float]]) -> str:
 
 def effective(draws: np.ndarray) -> float:
     """The smaller of bulk and tail effective sample sizes of draws, shape (chain, draw)."""
-    return min(_bulk(draws), _tail(draws))
-
-
-def effective_mean(draws: np.ndarray) -> float:
-    """Effective sample size for the mean of draws, shape (chain, draw)."""
-    return float(_statistics().ess(draws, method="mean"))
-
-
-def monte_carlo_error(draws: np.ndarray) -> float:
-    """Standard error of the mean of draws, shape (chain, draw)."""
-    return float(_statistics().mcse(draws, method="mean"))
-
-
-NOUGHT, FEWEST = 690.0, 5
-"""Nats below the largest from which a weight is none, and how many weights have a shape."""
-
-
-def pareto_k(log_weights: np.ndarray) -> float:
-    """Shape of the generalised Pareto fitted to the upper tail of importance weights, shape (n,); −∞ where all are
-    equal, and have no tail, ∞ where all but a few are nought."""
-    if np.sum(log_weights > np.max(log_weights) - NOUGHT) < FEWEST:
-        return np.inf
-    # Where a tail ends the smoothed weights, which are not used, overflow; of one that is nought no shape is found.
-    with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
-        try:
-            shape = float(_statistics().psislw(-log_weights)[1])  # it takes the ratios' inverse
-        except ValueError:  # all of the tail is one number
-            return -np.inf
-    return np.inf if np.isnan(shape) else shape
+    return min(ess_bulk(draws), ess_tail(draws))
 
 
 def save(posterior: Posterior, path: Path) -> None:

@@ -304,7 +304,7 @@ def _run_jobs(
 
 def _prepare() -> None:
     """Import what is needed later, while the first record leaves processes idle."""
-    for name in ("bayesdamp.report", "bayesdamp.inference.samplers.nuts", "arviz_stats.base", "arviz_base"):
+    for name in ("bayesdamp.report", "bayesdamp.inference.samplers.nuts", "arviz_base"):
         import_module(name)
 
 

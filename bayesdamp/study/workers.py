@@ -70,6 +70,8 @@ def cache_compilations() -> None:
     """Keep traced and compiled programs in the user's cache folder, shared by all runs."""
     folder = user_cache_dir("bayesdamp")
     keep_in(Path(folder) / "traced")
+    # Caches of the GPU, whose place would be part of every key: a copied folder would not be found again.
+    jax.config.update("jax_persistent_cache_enable_xla_caches", "none")
     jax.config.update("jax_compilation_cache_dir", folder)
     jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.02)
     jax.config.update("jax_persistent_cache_min_entry_size_bytes", -1)
