@@ -21,11 +21,16 @@ from bayesdamp.priors import Prior
 from bayesdamp.store import CellResult, Store
 from bayesdamp.study.records import NOT_APPLICABLE, SignalCell, cell_seed, digest, plain_seconds, signal_of
 from bayesdamp.study.targets import Record
-from bayesdamp.types import OK, Refusal, candidate_parts
+from bayesdamp.types import OK, Refusal, candidate_parts, following
 from bayesdamp.verdict import decide
 from bayesdamp.verdict.types import Verdict, Window
 
 NO_KERNEL = "not weighed at once: {names} cannot be compiled; give the term a `kernel`"
+
+
+def answers(study: Study) -> bool:
+    """Whether a study asks which damping its records have."""
+    return bool(study.posterior.samplers or study.evidence.methods)
 
 
 class AnswerCell:
@@ -52,7 +57,9 @@ class AnswerCell:
     def compute(self) -> None:
         began = time.perf_counter()
         cell = self.store.read(self.parent.name)
-        outcome = cell.outcome if cell.outcome != OK else "" if cell.meta["noisy"] else NOT_APPLICABLE
+        outcome = following(cell.name, cell.outcome)
+        if outcome == OK:
+            outcome = "" if cell.meta["noisy"] else NOT_APPLICABLE
         missing = [t for t in self._terms if TERMS.get(t).kernel is DampingTerm.kernel]
         if not outcome and missing:
             outcome = NO_KERNEL.format(names=", ".join(missing))
@@ -82,7 +89,7 @@ class AnswerCell:
             window=Window(first, first + float(weighing.data.t[-1]), weighing.data.cycles, ""),
             notes=cell.meta.get("anomalies", ()),
         )
-        meta = {"verdict": verdict.to_dict(), "candidates": _table(weighing)}
+        meta = {"verdict": verdict.to_dict(), "candidates": _table(weighing), "fits": _fits(weighing)}
         arrays = dict(picture(weighing, found))
         self.store.write(CellResult(self.name, self.key, meta, arrays, OK, plain_seconds(began)))
 
@@ -135,6 +142,43 @@ def _table(weighing: Weighing) -> list[dict[str, object]]:
         for c, why in weighing.refused.items()
     ]
     return rows
+
+
+def _fits(weighing: Weighing) -> dict[str, dict[str, float]]:
+    """Where the fit of all terms ended under each law that was not out of the question."""
+    terms = next(iter(weighing.solvers.values())).terms
+    return {
+        r.candidate.restoring: r.fit.parameters.named(r.fit.z)
+        for r in weighing.results
+        if set(r.candidate.damping) == set(terms)
+    }
+
+
+def fits_of(store: Store, signal: str, repeat: int) -> Mapping[str, Mapping[str, float]]:
+    """The fits of all terms by law, as `AnswerCell` stored them; none where it has none."""
+    try:
+        return store.read(f"answer/{signal}/{repeat}").meta.get("fits", {})
+    except KeyError:
+        return {}
+
+
+def shortlist(store: Store, signal: str, repeat: int, nats: float) -> set[tuple[str, str]] | None:
+    """The candidates, (damping, restoring), that sampling may confirm or correct: those within so many nats of the best
+    under exact laws, and the best under approximate ones; None where nothing was weighed at once."""
+    try:
+        rows = store.read(f"answer/{signal}/{repeat}").meta.get("candidates", ())
+    except KeyError:
+        return None
+    weighed = [r for r in rows if r["outcome"] == OK]
+    if not weighed:
+        return None
+    top = max(r["log_evidence_exact"] for r in weighed)
+    found = {(r["damping"], r["restoring"]) for r in weighed if top - r["log_evidence_exact"] < nats}
+    about = [r for r in weighed if r["log_evidence"] is not None]
+    if about:
+        first = max(about, key=lambda r: r["log_evidence"])
+        found.add((first["damping"], first["restoring"]))
+    return found
 
 
 def verdict_of(store: Store, signal: str, repeat: int) -> Verdict | None:

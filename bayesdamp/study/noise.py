@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Mapping
 from dataclasses import asdict
 from functools import cached_property
 from typing import Any
@@ -16,6 +17,7 @@ from bayesdamp.inference.noise_choice import Fitted, chosen_noise, first_noise, 
 from bayesdamp.physics.damping import parse_model
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.store import CellResult, Store
+from bayesdamp.study.answering import AnswerCell, fits_of
 from bayesdamp.study.records import NOT_APPLICABLE, SignalCell, digest
 from bayesdamp.study.starts import observed, regression
 from bayesdamp.study.targets import Record
@@ -26,7 +28,7 @@ class NoiseCell:
     """The evidence of each noise model in play on one record, under all damping terms in play."""
 
     def __init__(self, study: Study, spec: SignalSpec, repeat: int, store: Store) -> None:
-        self.study, self.spec, self.store = study, spec, store
+        self.study, self.spec, self.repeat, self.store = study, spec, repeat, store
         self.parent = SignalCell(study, spec, repeat, store)
         self.name = f"noise/{spec.name}/{repeat}"
         terms = {t for model in study.dampings(spec) for t in parse_model(model)}
@@ -36,7 +38,10 @@ class NoiseCell:
     def key(self) -> str:
         priors = {t: str(self.study.models.prior.get(t)) for t in self.terms}
         laws = [plain(self.spec.under(law)) for law in self.spec.restoring]
-        return digest("noise", self.parent.key, self.study.noises, self.terms, priors, laws, SHARES, WORTH)
+        answer = AnswerCell(self.study, self.spec, self.repeat, self.store).key
+        return digest(
+            "noise", self.parent.key, self.study.noises, self.terms, priors, laws, SHARES, WORTH, answer
+        )
 
     def compute(self) -> None:
         began = time.perf_counter()
@@ -58,9 +63,10 @@ class NoiseCell:
         first = first_noise(names, record.signal)
         fits: dict[str, Fitted] = {}
         refused: list[str] = []
-        for law in self.spec.restoring:
+        begun = fits_of(self.store, self.spec.name, self.repeat)
+        for law in [law for law in self.spec.restoring if law in begun] or self.spec.restoring:
             try:
-                fits[law] = self._fit(record, law, first)
+                fits[law] = self._fit(record, law, first, begun.get(law))
             except Refusal as refusal:
                 refused.append(f"{law}: {refusal}")
         if not fits:
@@ -99,11 +105,14 @@ class NoiseCell:
         system = self.spec.under(law)
         return Oscillator(self.terms, law).switches and not {"epsilon"} & {*system.known, *system.free}
 
-    def _fit(self, record: Record, law: str, noise: str) -> Fitted:
-        problem = Problem(self.terms, record.system(law))
-        # The climb is a refinement of its own.
-        seeds, said = regression(record, problem)
-        seeds = observed(record, problem) | seeds
+    def _fit(self, record: Record, law: str, noise: str, begun: Mapping[str, float] | None) -> Fitted:
+        """From where the first weighing ended, if there was one; else from regression and the record's decay."""
+        problem, said = Problem(self.terms, record.system(law)), ""
+        seeds: dict[str, Mapping[str, float]] = {} if begun is None else {"first weighing": begun}
+        if begun is None:
+            # The climb is a refinement of its own.
+            found, said = regression(record, problem)
+            seeds = observed(record, problem) | found
         if not seeds:
             raise Refusal(said)
         return fit_with(record.target(self.terms, law, noise), seeds, record.seen)

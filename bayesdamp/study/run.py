@@ -17,6 +17,7 @@ from bayesdamp.config import Recording, SignalSpec, Study
 from bayesdamp.inference.referee import REFEREE
 from bayesdamp.store import CellResult, Store
 from bayesdamp.study import staging
+from bayesdamp.study.answering import AnswerCell, answers
 from bayesdamp.study.averaging import average, averages
 from bayesdamp.study.cells import Branch
 from bayesdamp.study.many import joint_cells, populated, repeated
@@ -46,7 +47,7 @@ class Job:
     are done, what joins them: an "average" over models, a "specimen" of several records (signal is then its name), the
     "population" of all specimens.
 
-    part: of a branch "look" (estimates, mode, Laplace's evidence), "weigh" (the other evidence) or "sample"; None for
+    part: of a record "read", "answer" or "noise"; of a branch "look" (estimates, mode, Laplace's evidence), "weigh" (the other evidence) or "sample"; None for
     all of it.
     """
 
@@ -117,7 +118,8 @@ def _jobs(study: Study) -> list[Job]:
     # Repeat by repeat over all signals, so that a run which is cut off has a little of everything.
     most = max(s.repeats for s in study.signals)
     records = [(s, r) for r in range(most) for s in study.signals if r < s.repeats]
-    first = [Job(s.name, r) for s, r in records]
+    parts = ("read", *(("answer",) if answers(study) else ()), "noise")
+    first = [Job(s.name, r, part=part) for part in parts for s, r in records]
     last = [Job(s.name, 0, joined="average") for s in study.signals if averages(study, s)]
     last += [Job(name, 0, joined="specimen") for name in repeated(study)]
     last += [Job("specimens", 0, joined="population")] if populated(study) else []
@@ -138,15 +140,27 @@ def _work(study: Study, store: Store, job: Job) -> dict[str, tuple[str, Callable
         key = digest("averaged", branches)
         return {f"averaged/{spec.name}/{job.repeat}": (key, partial(average, study, spec, store))}
     if job.model is None:
-        cell, noise = SignalCell(study, spec, job.repeat, store), noise_cell(study, spec, job.repeat, store)
-        found = {cell.name: (cell.key, lambda *_: cell.compute())}
-        return found | ({noise.name: (noise.key, lambda *_: noise.compute())} if noise else {})
+        return _of_record(study, spec, store, job)
     branch = Branch(study, spec, job.repeat, job.model, store)
     return {
         name: (key, branch.compute)
         for name, key in branch.cells().items()
         if job.part is None or job.part == _part(name)
     }
+
+
+def _of_record(
+    study: Study, spec: SignalSpec, store: Store, job: Job
+) -> dict[str, tuple[str, Callable[[str, str], None]]]:
+    """The cells of a record itself: the record, its verdict, its noise."""
+    if job.part == "read":
+        cell = SignalCell(study, spec, job.repeat, store)
+        return {cell.name: (cell.key, lambda *_: cell.compute())}
+    if job.part == "answer":
+        answer = AnswerCell(study, spec, job.repeat, store)
+        return {answer.name: (answer.key, lambda *_: answer.compute())}
+    noise = noise_cell(study, spec, job.repeat, store)
+    return {noise.name: (noise.key, lambda *_: noise.compute())} if noise else {}
 
 
 def _part(name: str) -> str:
@@ -220,7 +234,8 @@ def _stages(study: Study, store: Store) -> Iterator[list[Job]]:
     """Jobs that may run side by side, stage by stage; what a stage holds may depend on what was found before it."""
     jobs = _jobs(study)
     # Records first: every branch reads its record from the store.
-    yield [job for job in jobs if job.model is None and not job.joined]
+    for part in ("read", "answer", "noise"):
+        yield [job for job in jobs if job.model is None and job.part == part]
     if staging.staged(study):
         yield from _staged(study, store)
     else:
@@ -234,10 +249,9 @@ def _staged(study: Study, store: Store) -> Iterator[list[Job]]:
     records = [(s, r) for s in study.signals for r in range(s.repeats)]
     records = [(s, r) for s, r in records if store.read(f"signal/{s.name}/{r}").outcome == OK]
     # With one law alone there is none to leave out, and its candidates need not wait for one another.
-    heads = [Job(s.name, r, name, part="look") for s, r in records for name in staging.heads(study, s)]
-    alone = [(s, r) for s, r in records if len(s.restoring) == 1]
-    rest = [Job(s.name, r, name, part="look") for s, r in alone for name in study.compare(s)]
-    yield list(dict.fromkeys([*heads, *rest]))
+    short = _kept(study, store, records, staging.listed, "look")
+    by_record = {(s.name, r): set(staging.heads(study, s)) for s, r in records if len(s.restoring) > 1}
+    yield [job for job in short if job.model in by_record.get((job.signal, job.repeat), {job.model})]
     yield _kept(study, store, records, staging.laws_left, "look")
     yield _kept(study, store, records, staging.candidates_left, "weigh")
     last: list[Job] = []

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 
 from bayesdamp.config import SignalSpec, Study
 from bayesdamp.store import CellResult, Store
+from bayesdamp.study.answering import shortlist
 from bayesdamp.study.records import digest
 from bayesdamp.types import OK, candidate_parts
 
@@ -16,6 +17,7 @@ them fits no better; what it can gain is the Occam factors of the terms it lacks
 FAR = 5.0
 """Nats behind the best, beyond which a candidate that is not sampled is not looked at under other circumstances."""
 ASIDE = "set aside"
+FAR_AT_ONCE = f"{ASIDE}: far behind in the first weighing"
 NOT_SAMPLED = "not sampled: not among the best by evidence"
 
 
@@ -46,6 +48,19 @@ def looked(
     return found
 
 
+def listed(study: Study, spec: SignalSpec, repeat: int, store: Store) -> dict[str, str]:
+    """All candidates, each with why the first weighing leaves it out, or an empty sentence."""
+    short = None
+    if study.models.prune is not None:
+        short = shortlist(store, spec.name, repeat, study.models.prune)
+    found = {}
+    for name in study.compare(spec):
+        damping, law = candidate_parts(name)
+        out = short is not None and (damping, law or spec.restoring[0]) not in short
+        found[name] = FAR_AT_ONCE if out else ""
+    return found
+
+
 def laws_left(study: Study, spec: SignalSpec, repeat: int, store: Store) -> dict[str, str]:
     """Candidates other than the heads, each with why its law is out of the question, or an empty sentence."""
     tops = heads(study, spec)
@@ -54,6 +69,10 @@ def laws_left(study: Study, spec: SignalSpec, repeat: int, store: Store) -> dict
     found = {}
     for name in study.compare(spec):
         if name in tops:
+            continue
+        earlier = _outcome(store, f"evidence/{spec.name}/{repeat}/{name}/laplace")
+        if earlier == FAR_AT_ONCE:
+            found[name] = earlier
             continue
         head = next(t for t in tops if candidate_parts(t)[1] == candidate_parts(name)[1])
         behind = best - logs.get(head, math.nan)
