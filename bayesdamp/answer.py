@@ -10,8 +10,8 @@ from bayesdamp.inference.deviation.quick import weighing_of
 from bayesdamp.inference.deviation.weighing import Known
 from bayesdamp.priors import Prior
 from bayesdamp.types import Refusal, Signal
-from bayesdamp.verdict import Verdict, decide
-from bayesdamp.verdict.types import Grade, Window
+from bayesdamp.verdict.decide import decide
+from bayesdamp.verdict.types import Grade, Verdict, Window
 
 
 def answer(

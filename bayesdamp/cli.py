@@ -101,8 +101,17 @@ def compare(
         int | None, typer.Option(min=1, help="Processes; as many as cores by default.")
     ] = None,
     fresh: Annotated[bool, typer.Option("--fresh", help="Compute everything again.")] = False,
+    quick: Annotated[
+        bool, typer.Option("--quick", help="Only the answer, within seconds; no sampling to confirm it.")
+    ] = False,
+    deviation: Annotated[
+        str, typer.Option(help="auto or law: laws may hold approximately; none: they hold exactly.")
+    ] = "auto",
+    sensor: Annotated[
+        float, typer.Option(help="The sensor's relative linearity, a floor of every rate.")
+    ] = 0.002,
 ) -> int:
-    """Say which damping records have, how sure that is, and when no candidate fits."""
+    """Say which damping records have, how large it is, how well its law holds, and how sure that is."""
     from bayesdamp.signals.columns import choose_columns, unit_asked
 
     columns = [choose_columns(path, time, angle, rate) for path in records]
@@ -120,15 +129,19 @@ def compare(
             for path, chosen, taken in zip(records, columns, units, strict=True)
         ]
         made = comparison(
-            asked, restoring=restoring or (), damping=damping or (), noise=noise, seed=seed, repeats=repeats
-        )
+            asked, restoring=restoring or (), damping=damping or (), noise=noise, seed=seed, repeats=repeats,
+            deviation=deviation, sensor=sensor,
+        )  # fmt: skip
         folder = _folder(out, made.name)
         from bayesdamp.study import run_study
 
         console = Console(stderr=True)
-        status = run_study(made, folder, workers=workers, fresh=fresh, console=console, pool=pool)
-    from bayesdamp.report.terminal import conclude
+        from bayesdamp.report.terminal import answered, conclude
 
+        status = run_study(
+            made, folder, workers=workers, fresh=fresh, console=console, pool=pool, quick=quick,
+            answered=lambda verdict: answered(verdict, Console()),
+        )  # fmt: skip
     conclude(folder, Console())
     return status
 

@@ -57,6 +57,20 @@ SPECIMEN_TABLES: dict[str, tuple[str, ...]] = {
     ),
 }  # fmt: skip
 """Tables of a study that names specimens."""
+VERDICTS: tuple[str, ...] = (
+    "record", "grade", "decided", "damping", "probability", "rivals", "restoring", "restoring_probability",
+    "frequency", "frequency_low", "frequency_high", "exponent", "exponent_low", "exponent_high",
+    *(
+        f"{name}_{i}{end}"
+        for i in (1, 2, 3)
+        for name, ends in (("amplitude", ("",)), ("unit", ("",)), ("ratio", ("", "_low", "_high", "_sd_noise", "_sd_law")))
+        for end in ends
+    ),
+    "energy", "other_forms", "deviation", "deviation_low", "deviation_high", "unexplained_pct", "noise_pct",
+    "start", "stop", "cycles", "remarks", "sentence",
+)  # fmt: skip
+"""Columns of verdicts.csv."""
+
 CALIBRATION_TABLES = ("calibration.csv", "ranks.csv", "recovery.csv")
 
 _TEXT = frozenset({

@@ -23,7 +23,7 @@ MAY_IMPORT: dict[str, set[str]] = {
     "verdict": NEUTRAL | {"physics", "inference", "verdict"},
     "store": NEUTRAL | {"store"},
     "simulated": NEUTRAL | {"physics", "signals", "config", "store"},
-    "report": NEUTRAL | {"store", "report"},
+    "report": NEUTRAL | {"store", "verdict", "report"},
     "validation": NEUTRAL | {"validation"},
 }
 ACROSS = {"answer", "study", "calibration", "claims", "cli", "", "__main__"}

@@ -56,6 +56,8 @@ def comparison(
     noise: str = "auto",
     seed: int = 0,
     repeats: bool = False,
+    deviation: str = "auto",
+    sensor: float = 0.002,
 ) -> Study:
     """The study that compares all damping sums (or those given) under all restoring laws (or those given) on each
     record.
@@ -78,7 +80,15 @@ def comparison(
         "signal": signals,
         "estimators": {"use": ["least_squares"], "stages": ["initial"]},
         "models": {"compare": list(damping) or "all", "prune": PRUNE},
-        "posterior": {"samplers": ["nuts"], "noise": noise, "best": BEST, "warmup": WARMUP, "draws": DRAWS},
+        "posterior": {
+            "samplers": ["nuts"],
+            "noise": noise,
+            "deviation": deviation,
+            "sensor": sensor,
+            "best": BEST,
+            "warmup": WARMUP,
+            "draws": DRAWS,
+        },
         "evidence": {"methods": ["laplace", "importance", "bridge"], "referee": "auto"},
     }
     try:

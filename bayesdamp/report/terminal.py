@@ -1,4 +1,4 @@
-"""The end of a comparison on the terminal: a short table and one sentence a record."""
+"""What a comparison says on the terminal: the answer of each record as soon as it is there, and how it ended."""
 
 from __future__ import annotations
 
@@ -8,70 +8,55 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from bayesdamp.report import words
-from bayesdamp.report.reading import ASIDE, coefficients, ranking, summary_rows
-from bayesdamp.report.run import Run, rows_of
+from bayesdamp.report.answers import verdicts
+from bayesdamp.report.confirmation import confirmation
+from bayesdamp.report.run import Run
 from bayesdamp.report.specimens import sentences
-from bayesdamp.report.verdict import verdict
-from bayesdamp.types import BEWARE, candidate_parts
+from bayesdamp.types import BEWARE, OK
+from bayesdamp.verdict.types import Verdict
+from bayesdamp.verdict.words import energy_of, with_interval
 
-SHOWN = 5
+
+def answered(verdict: Verdict, console: Console) -> None:
+    """Print a verdict: its sentence, the damping ratio against amplitude, the remarks."""
+    console.print()
+    console.print(Text.assemble((f"{verdict.record}: ", "bold"), verdict.sentence), soft_wrap=True)
+    if verdict.damping_ratio:
+        console.print(_ratios(verdict))
+    for remark in verdict.remarks:
+        console.print(Text(f"- {remark}"), soft_wrap=True)
 
 
 def conclude(folder: Path, console: Console) -> None:
-    """Print what a run's folder says of each record, and where its report is."""
+    """Print how sampling changed what was said, what one has to know of the records, and where the report is."""
     run = Run(folder)
+    said = {v.record for v in verdicts(run)}
     for signal in run.signals:
-        repeat = run.repeats(signal)[0]
-        console.print()
-        console.print(Text(f"{signal}: {verdict(run, signal, repeat).sentence}"), soft_wrap=True)
+        if signal not in said:
+            console.print()
+            console.print(Text(f"{signal}: {_why(run, signal)}"), soft_wrap=True)
         for warning in run.warnings(signal):
             console.print(Text(BEWARE + warning), soft_wrap=True)
-        table = _candidates(run, signal, repeat)
-        if table is not None:
-            console.print(table)
-    for said in sentences(run):
+        confirmed = confirmation(run, signal)
+        if confirmed:
+            console.print(Text(confirmed), soft_wrap=True)
+    for text in sentences(run):
         console.print()
-        console.print(Text(said), soft_wrap=True)
+        console.print(Text(text), soft_wrap=True)
     console.print(str(folder / "report.html"), soft_wrap=True, highlight=False)
 
 
-def _candidates(run: Run, signal: str, repeat: int) -> Table | None:
-    found = ranking(run, signal, repeat)
-    if found is None:
-        return None
-    one_law = len({row["restoring"] for row in found.rows}) == 1
-    laws = [] if one_law else ["restoring"]
-    table = Table("damping", *laws, "probability", "parameters ± sd", "fit")
-    weighed = [row for row in found.rows if not row["outcome"].startswith(ASIDE)]
-    for row in weighed[:SHOWN]:
-        damping, law = candidate_parts(row["model"])
-        fit = rows_of(run.fits, signal=signal, repeat=repeat, model=row["model"])
-        table.add_row(
-            words.model(damping),
-            *([] if one_law else [words.law(law or row["restoring"])]),
-            words.probability(row["probability"]),
-            _sizes(run, signal, repeat, row["model"]),
-            fit[0]["verdict"].partition(":")[0] if fit else words.NONE,  # the reason is in the sentence
-        )
-    left = len(found.rows) - len(weighed[:SHOWN])
-    if left:
-        table.caption = f"{left} more candidate{'s' if left > 1 else ''}: see the report"
+def _why(run: Run, signal: str) -> str:
+    """Why a record has no verdict."""
+    cell = run.cell("answer", signal, run.repeats(signal)[0])
+    outcome = cell.outcome if cell is not None else str(run.about(signal).get("outcome", OK))
+    return f"no verdict{'' if outcome == OK else ': ' + outcome.rstrip('.')}."
+
+
+def _ratios(verdict: Verdict) -> Table:
+    table = Table("amplitude", "equivalent damping ratio (95 %)", "Q")
+    for r in verdict.damping_ratio:
+        q = with_interval(0.5 / r.value, 0.5 / r.high, 0.5 / r.low) if r.low > 0 else f"{0.5 / r.value:.3g}"
+        table.add_row(f"{r.amplitude:.3g} {r.unit}", with_interval(r.value, r.low, r.high, " %", 100), q)
+    table.caption = energy_of(verdict)
     return table
-
-
-def _sizes(run: Run, signal: str, repeat: int, model: str) -> str:
-    """The damping coefficients, from the posterior or else from the mode."""
-    rows = {r["parameter"]: r for r in summary_rows(run, signal, repeat, model)[1]}
-    cell = run.cell("mode", signal, repeat, model)
-    values, sds = (cell.meta.get("values", {}), cell.meta.get("sd", {})) if cell else ({}, {})
-    parts = []
-    for name in coefficients(run, model):
-        if name in rows:
-            shown = (
-                f"{words.with_error(rows[name]['mean'], rows[name]['sd'])} {words.unit(rows[name]['unit'])}"
-            )
-        else:
-            shown = f"{words.with_error(values.get(name), sds.get(name))} (mode)"
-        parts.append(f"{words.symbol(name).text} {shown}")
-    return "\n".join(parts) or words.NONE

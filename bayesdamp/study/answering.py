@@ -22,7 +22,7 @@ from bayesdamp.store import CellResult, Store
 from bayesdamp.study.records import NOT_APPLICABLE, SignalCell, cell_seed, digest, plain_seconds, signal_of
 from bayesdamp.study.targets import Record
 from bayesdamp.types import OK, Refusal, candidate_parts, following
-from bayesdamp.verdict import decide
+from bayesdamp.verdict.decide import decide
 from bayesdamp.verdict.types import Verdict, Window
 
 NO_KERNEL = "not weighed at once: {names} cannot be compiled; give the term a `kernel`"
@@ -51,7 +51,13 @@ class AnswerCell:
     def key(self) -> str:
         priors = {t: str(p) for t, p in self.study.models.prior.items()}
         systems = [plain(self.spec.under(law)) for law in self.spec.restoring]
-        parts = (self.study.compare(self.spec), priors, systems, self.approximate, self.study.posterior.sensor)
+        parts = (
+            self.study.compare(self.spec),
+            priors,
+            systems,
+            self.approximate,
+            self.study.posterior.sensor,
+        )
         return digest("answer", self.parent.key, *parts)
 
     def compute(self) -> None:
@@ -69,7 +75,9 @@ class AnswerCell:
         try:
             weighing = self._weighing(Record(self.study, self.spec, cell))
         except Refusal as refusal:
-            self.store.write(CellResult(self.name, self.key, outcome=str(refusal), seconds=plain_seconds(began)))
+            self.store.write(
+                CellResult(self.name, self.key, outcome=str(refusal), seconds=plain_seconds(began))
+            )
             return
         measured = isinstance(self.spec.source, Recording)
         found = findings(

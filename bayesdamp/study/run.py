@@ -17,7 +17,7 @@ from bayesdamp.config import Recording, SignalSpec, Study
 from bayesdamp.inference.referee import REFEREE
 from bayesdamp.store import CellResult, Store
 from bayesdamp.study import staging
-from bayesdamp.study.answering import AnswerCell, answers
+from bayesdamp.study.answering import AnswerCell, answers, verdict_of
 from bayesdamp.study.averaging import average, averages
 from bayesdamp.study.cells import Branch
 from bayesdamp.study.many import joint_cells, populated, repeated
@@ -26,8 +26,10 @@ from bayesdamp.study.records import SignalCell, digest
 from bayesdamp.study.relief import relieve
 from bayesdamp.study.spread import KILLED, restart, spread
 from bayesdamp.study.tables import write_tables
+from bayesdamp.study.verdicts import write_verdicts
 from bayesdamp.study.workers import cache_compilations, pool_of, progress_bar
 from bayesdamp.types import FAILED, NOT_COMPUTED, OK, InputError
+from bayesdamp.verdict.types import Verdict
 
 DONE, WRONG_CELLS = 0, 3
 _ONE_AT_A_TIME = threading.Lock()
@@ -75,9 +77,12 @@ def run_study(
     fresh: bool = False,
     console: Console | None = None,
     pool: Executor | None = None,
+    quick: bool = False,
+    answered: Callable[[Verdict], None] | None = None,
 ) -> int:
     """Run what `out` does not hold yet, write tables and report; the exit status (0, or 3 with failed cells).
 
+    quick: only the answers, no sampling; answered: told of each record's verdict as soon as it is there.
     workers: processes on this machine, None for as many as there are cores; scheduler: address of a Dask
     scheduler in their place; pool: where jobs run, in place of either.
     Raises InputError where the input is wrong; every record is read before anything is written.
@@ -103,8 +108,12 @@ def run_study(
                 if pool is not None:
                     pool.submit(_prepare)
                     threading.Thread(target=_prepare, daemon=True).start()
-                for stage in _stages(study, store):
+                for stage in _stages(study, store, quick):
                     _run_jobs(study, store, stage, pool, advance)
+                    if stage and stage[0].part == "answer":
+                        _tell(study, store, answered)
+                        if not quick:  # an answer is kept whatever becomes of the proof
+                            write_verdicts(study, Store(out, _current(study, store)))
                 progress.update(bar, description="report", completed=len(names))
                 write_tables(study, Store(out, _current(study, store)))
                 _render(out, None if scheduler else pool)
@@ -230,12 +239,21 @@ def _done(store: Store, name: str, key: str) -> bool:
     return found.key == key and not found.outcome.startswith((FAILED, NOT_COMPUTED))
 
 
-def _stages(study: Study, store: Store) -> Iterator[list[Job]]:
+def _tell(study: Study, store: Store, answered: Callable[[Verdict], None] | None) -> None:
+    for spec in study.signals if answered else ():
+        verdict = verdict_of(store, spec.name, 0)
+        if answered and verdict is not None:
+            answered(verdict)
+
+
+def _stages(study: Study, store: Store, quick: bool = False) -> Iterator[list[Job]]:
     """Jobs that may run side by side, stage by stage; what a stage holds may depend on what was found before it."""
     jobs = _jobs(study)
     # Records first: every branch reads its record from the store.
-    for part in ("read", "answer", "noise"):
+    for part in ("read", "answer") if quick else ("read", "answer", "noise"):
         yield [job for job in jobs if job.model is None and job.part == part]
+    if quick:
+        return
     if staging.staged(study):
         yield from _staged(study, store)
     else:

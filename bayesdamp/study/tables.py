@@ -17,6 +17,7 @@ from bayesdamp.physics.units import parameter_unit
 from bayesdamp.store import TABLES, CellResult, Store, provenance, write_json, write_table
 from bayesdamp.study.specimen_tables import write_specimen_tables
 from bayesdamp.study.staging import ASIDE
+from bayesdamp.study.verdicts import write_verdicts
 from bayesdamp.study.weighing import evidence_by_method
 from bayesdamp.types import OK, candidate_parts
 from bayesdamp.units import UNITS, quantity_unit
@@ -37,6 +38,7 @@ def write_tables(study: Study, store: Store) -> None:
     ):
         write_table(store.folder / name, TABLES[name], rows)
     write_specimen_tables(study, store)
+    write_verdicts(study, store)
     write_json(store.folder / "run.json", _run(study, store))
 
 

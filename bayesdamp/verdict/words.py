@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from math import floor, log10
+from typing import TYPE_CHECKING
 
-from bayesdamp.inference.deviation.findings import Findings
 from bayesdamp.verdict import thresholds
 from bayesdamp.verdict.types import DampingRatio, Grade, Interval, Verdict
+
+if TYPE_CHECKING:
+    from bayesdamp.inference.deviation.findings import Findings
 
 NAMES = {"viscous": "viscous", "coulomb": "Coulomb (dry friction)", "quadratic": "quadratic (drag)"}
 
@@ -94,6 +97,18 @@ def _budget(v: Verdict) -> str:
         for s in shares
     ]
     return f"; of the energy lost, {', '.join(parts)}"
+
+
+def energy_of(v: Verdict) -> str:
+    """The energy budget, and what is bounded of other forms."""
+    parts = [
+        f"{NAMES.get(s.term, s.term)} {100 * s.share:.0f} % ({100 * s.low:.0f} to {100 * s.high:.0f})"
+        for s in v.energy
+        if s.high > 0.005
+    ]
+    absent = [f"{NAMES.get(b.form, b.form)} below {100 * b.share_below:.2g} %" for b in v.other_forms]
+    budget = f"energy lost: {', '.join(parts)}" if parts else ""
+    return "; ".join(part for part in (budget, ", ".join(absent)) if part)
 
 
 def _hold(v: Verdict) -> str:

@@ -42,9 +42,13 @@ def picture(weighing: Weighing, found: Findings) -> Mapping[str, np.ndarray]:
         coefficients = r.fit.parameters.values(r.fit.z)[: len(terms)]
         cycles = [cycle_of(weighing, best, float(a)) for a in amplitude]
         name = "+".join(r.candidate.damping)
-        arrays[f"law/{name}"] = np.array([np.nan if c is None else float(coefficients @ c.ratios) for c in cycles])
+        arrays[f"law/{name}"] = np.array(
+            [np.nan if c is None else float(coefficients @ c.ratios) for c in cycles]
+        )
         if r is best:
-            work = np.array([np.full(len(terms), np.nan) if c is None else coefficients * c.work for c in cycles])
+            work = np.array(
+                [np.full(len(terms), np.nan) if c is None else coefficients * c.work for c in cycles]
+            )
             arrays |= {f"work/{t}": work[:, i] for i, t in enumerate(terms) if t in r.candidate.damping}
     return arrays
 

@@ -6,6 +6,7 @@ import math
 from typing import Any
 
 from bayesdamp.report import words
+from bayesdamp.report.answers import verdicts
 from bayesdamp.report.html import Line, Table, fill, folded
 from bayesdamp.report.reading import (
     ASIDE,
@@ -24,6 +25,7 @@ from bayesdamp.report.verdict import verdict
 from bayesdamp.types import OK
 
 _CARDS = 4
+SECOND = "A second opinion: what sampling says if every law held exactly"
 
 
 class Summary(Section):
@@ -44,7 +46,8 @@ class Summary(Section):
         if len(cards) > _CARDS:
             rest = fill("summary.html", cards=cards[_CARDS:], overview=None, failed=[])
             overview = fill("stack.html", parts=[folded("The other signals, one by one", rest), overview])
-        return fill("summary.html", cards=cards[:_CARDS], overview=overview, failed=_by_sentence(run))
+        body = fill("summary.html", cards=cards[:_CARDS], overview=overview, failed=_by_sentence(run))
+        return folded(SECOND, body) if verdicts(run) else body
 
 
 def _by_sentence(run: Run) -> list[tuple[str, list[str]]]:

@@ -1,0 +1,73 @@
+"""The picture of an answer: record, damping ratio against amplitude, residual, energy lost in a cycle by term."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from bayesdamp.report import words
+from bayesdamp.report.style import FAINT, INK, QUIET, WIDTH, colour, dash
+
+HEIGHT = 5.6
+
+
+def answer(arrays: Mapping[str, np.ndarray], unit: str, damping: str) -> Figure:
+    """Four panels; arrays as `inference.deviation.picture` leaves them, unit: of the displacement."""
+    figure = Figure(figsize=(WIDTH, HEIGHT))
+    (whole, ratio), (left, energy) = figure.subplots(2, 2)
+    t = arrays["t"]
+    whole.plot(t, arrays["record"], color=FAINT, lw=1.8, label="record")
+    whole.plot(t, arrays["fit"], color=colour(damping), lw=0.6, label=f"fit of {words.model(damping)}")
+    _finish(whole, "Record and fit", "time / s", unit)
+    whole.legend(loc="upper right")
+    left.plot(t, arrays["residual"], color=INK, lw=0.5)
+    left.axhline(0.0, color=QUIET, lw=0.6)
+    _finish(left, "What the fit leaves", "time / s", unit)
+    _ratios(ratio, arrays, unit)
+    _energies(energy, arrays, unit)
+    return figure
+
+
+def _ratios(ax: Axes, arrays: Mapping[str, np.ndarray], unit: str) -> None:
+    a = arrays["amplitude"]
+    ax.fill_between(
+        a, 100 * arrays["low"], 100 * arrays["high"], color=QUIET, alpha=0.35, lw=0, label="95 % interval"
+    )
+    ax.plot(a, 100 * arrays["ratio"], color=INK, lw=1.8, label="this record")
+    top = 100 * float(np.nanmax(arrays["high"]))
+    for name, values in sorted(arrays.items()):
+        if not name.startswith("law/"):
+            continue
+        sum_ = name.removeprefix("law/")
+        single = "+" not in sum_
+        ax.plot(
+            a, 100 * values, color=colour(sum_), ls=dash(sum_), lw=1.0 if single else 0.7,
+            label=words.model(sum_) if single else None,
+        )  # fmt: skip
+    ax.set_xscale("log")
+    ax.set_ylim(0, 1.35 * top)
+    ax.set_xlim(a.min(), a.max())
+    _finish(ax, "Equivalent damping ratio, and each law fitted alone", f"amplitude / {unit}", "%")
+    ax.legend(loc="best", fontsize=7.5, ncols=2)
+
+
+def _energies(ax: Axes, arrays: Mapping[str, np.ndarray], unit: str) -> None:
+    a = arrays["amplitude"]
+    for name, values in sorted(arrays.items()):
+        if name.startswith("work/"):
+            term = name.removeprefix("work/")
+            ax.plot(a, values, color=colour(term), ls=dash(term), label=words.model(term))
+    ax.set_xscale("log")
+    ax.set_yscale("log")
+    ax.set_xlim(a.min(), a.max())
+    _finish(ax, "Energy lost in a cycle, by term", f"amplitude / {unit}", f"{unit}²/s²")
+    ax.legend(loc="best")
+
+
+def _finish(ax: Axes, title: str, xlabel: str, ylabel: str) -> None:
+    ax.set_title(title)
+    ax.set_xlabel(xlabel)
+    ax.set_ylabel(ylabel)
