@@ -147,6 +147,6 @@ def _search(
 
 def _triangle(jacobian: np.ndarray, r: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """R and Qᵀr of the tangents, (d, d) and (d,)."""
-    whole: np.ndarray = np.linalg.qr(np.column_stack([jacobian, r]), mode="r")
+    whole = np.asarray(np.linalg.qr(np.column_stack([jacobian, r]), mode="r"))
     d = jacobian.shape[1]
     return whole[:d, :d], whole[:d, d]

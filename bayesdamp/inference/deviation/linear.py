@@ -41,7 +41,7 @@ class Weighed:
 
 def condensed(columns: np.ndarray, r: np.ndarray, positive: np.ndarray) -> Linear:
     """The model from columns (n, K) and the record less the motion's constant part, r, (n,)."""
-    whole: np.ndarray = np.linalg.qr(np.column_stack([columns, r]), mode="r")
+    whole = np.asarray(np.linalg.qr(np.column_stack([columns, r]), mode="r"))
     k = columns.shape[1]
     return Linear(whole[:k, :k], whole[:k, k], float(np.sum(whole[k:, k] ** 2)), r.size, positive)
 
