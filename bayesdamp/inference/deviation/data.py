@@ -53,8 +53,8 @@ def prepared(signal: Signal) -> Data:
     start = _start(t, y, signal.quantity, seen)
     noise = max(seen.roughness / np.sqrt(many), 1e-9 * float(np.ptp(y)))
     return Data(
-        t, y, signal.quantity, seen.amplitude, max(seen.final_amplitude, LEAST * seen.amplitude), seen.frequency, seen.rest, cycles,
-        noise, start, many, seen,
+        t, y, signal.quantity, seen.amplitude, max(seen.final_amplitude, LEAST * seen.amplitude), seen.frequency,
+        seen.rest, cycles, noise, start, many, seen,
     )  # fmt: skip
 
 

@@ -10,7 +10,7 @@ import numpy as np
 EXACT = 0.8
 """Prior probability that a law holds exactly."""
 MEAN_G, MEAN_H = 0.03, 0.01
-"""Means of the exponential priors of the sds of the relative deviations of damping and of frequency where they do not."""
+"""Where it does not: means of the exponential priors of the relative deviations' sds, of damping and of frequency."""
 SIZES_G = np.geomspace(0.002, 0.25, 9)
 SIZES_H = np.geomspace(0.0003, 0.03, 6)
 LENGTHS = (0.1, 0.3, 1.0)
@@ -35,7 +35,10 @@ def knots_of(duration: float, cycles: float) -> np.ndarray:
 
 @lru_cache(maxsize=32)
 def grid_of(knots: int, exact: bool = False, coarse: bool = False) -> Grid:
-    """The grid for so many knots; `exact`: only that both laws hold exactly; `coarse`: every other size, two lengths."""
+    """The grid for so many knots.
+
+    exact: only that both laws hold exactly; coarse: every other size, and the shortest and the longest length.
+    """
     sizes_g, sizes_h = ((), ()) if exact else (SIZES_G[:: 2 if coarse else 1], SIZES_H[:: 2 if coarse else 1])
     lengths = LENGTHS[::2] if coarse else LENGTHS
     one = [(0.0, 1.0, 0.0 if exact else np.log(EXACT)), *_masses(sizes_g, MEAN_G, lengths)]
@@ -67,5 +70,7 @@ def _masses(
     mass = np.diff(-np.exp(-edges / mean))
     share = (1 - EXACT) / len(lengths)
     return [
-        (float(s), l, float(np.log(share * m))) for s, m in zip(sizes, mass, strict=True) for l in lengths
+        (float(size), length, float(np.log(share * m)))
+        for size, m in zip(sizes, mass, strict=True)
+        for length in lengths
     ]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
@@ -11,7 +11,9 @@ from bayesdamp.inference.deviation.parameters import Parameters
 from bayesdamp.physics.kernel import Motion, Solver
 from bayesdamp.physics.kernel.solve import NONE, PARAMETERS
 
-FIRST_DAMPING, MORE, LESS = 1e-3, 8.0, 0.2
+FIRST_DAMPING, MORE, LESS, MOST_DAMPING = 1e-3, 8.0, 0.2, 1e8
+"""Damping of a step: at first, by what it grows where a step fails and shrinks where it succeeds, and where the search
+ends (conventional)."""
 MOST_STEPS = 40
 ROUGH, CLOSE = 1e-3, 1e-7
 """Relative fall of the sum of squares from which a window's, and the record's, search has ended."""
@@ -22,7 +24,8 @@ FIRST_CYCLES = 2.0
 class Fit:
     """A candidate's best motion under exact laws.
 
-    z: scores, (d,); residual: record minus motion, (n,); tangents: of the motion by the scores, (n, d); the motion.
+    z: scores, (d,); residual: record minus motion, (n,), in the record's unit; tangents: of the motion by the scores,
+    (n, d); evaluations: motions solved on the way.
     """
 
     parameters: Parameters
@@ -39,7 +42,7 @@ class Fit:
 
 
 def nonnegative(root: np.ndarray, target: np.ndarray, positive: np.ndarray) -> np.ndarray:
-    """The u, (d,), of least |root u − target|² with u ≥ 0 where `positive`: each set of zeros is tried."""
+    """The u, (d,), of least |root u − target|² with u ≥ 0 where `positive`, root (n, d): each set of zeros is tried."""
     best, found = np.inf, np.zeros(root.shape[1])
     places = np.flatnonzero(positive)
     for zeros in product((False, True), repeat=places.size):
@@ -80,13 +83,14 @@ def fit(
         if stop >= 3 * z.size:
             stops.append(stop)
         span *= 2
-    evaluations = 0
-    for stop in [*stops, None]:
-        found = _search(solver, parameters, active, y, z, noise, stop)
-        if found is None:
+    before = 0
+    for stop in stops:
+        part = _search(solver, parameters, active, y, z, noise, stop)
+        if part is None:
             return None
-        z, evaluations = found.z, evaluations + found.evaluations
-    return found
+        z, before = part.z, before + part.evaluations
+    found = _search(solver, parameters, active, y, z, noise, None)
+    return None if found is None else replace(found, evaluations=before + found.evaluations)
 
 
 def _search(
@@ -118,8 +122,8 @@ def _search(
         cost = float(r @ r) + variance * float(z @ z)
         triangle, target = _triangle(jacobian, r)
         scale = np.linalg.norm(triangle, axis=0) + 1e-300
-        moved = False
-        while damping < 1e8:
+        step: tuple[np.ndarray, float] | None = None
+        while step is None and damping < MOST_DAMPING:
             root = np.concatenate(
                 [triangle, np.sqrt(variance) * np.eye(z.size), np.diag(np.sqrt(damping) * scale)]
             )
@@ -129,17 +133,13 @@ def _search(
             count += 1
             if there is not None:
                 after = float(there[0] @ there[0]) + variance * float(new @ new)
-                if after < cost:
-                    moved = True
-                    break
-            damping = max(damping, 1e-6) * MORE
-        if not moved:
+                step = (new, after) if after < cost else None
+            damping = damping if step is not None else max(damping, 1e-6) * MORE
+        there = at(step[0], PARAMETERS) if step is not None else None
+        if step is None or there is None:
             break
-        there = at(new, PARAMETERS)
-        if there is None:
-            break
-        fall = (cost - after) / cost
-        z, (r, jacobian, motion), damping = new, there, max(damping * LESS, 1e-12)
+        fall = (cost - step[1]) / cost
+        z, (r, jacobian, motion), damping = step[0], there, max(damping * LESS, 1e-12)
         if fall < close:
             break
     return Fit(parameters, active, z, r, jacobian, motion, count)
@@ -147,6 +147,6 @@ def _search(
 
 def _triangle(jacobian: np.ndarray, r: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """R and Qᵀr of the tangents, (d, d) and (d,)."""
-    whole = np.linalg.qr(np.column_stack([jacobian, r]), mode="r")
+    whole = np.asarray(np.linalg.qr(np.column_stack([jacobian, r]), mode="r"))
     d = jacobian.shape[1]
     return whole[:d, :d], whole[:d, d]

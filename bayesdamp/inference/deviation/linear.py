@@ -26,8 +26,8 @@ class Linear:
 
 @dataclass(frozen=True)
 class Weighed:
-    """The model at one noise over a grid: log evidence of each combination and in all (nats), means (c, d + 2n) and
-    factors F of the covariances F Fᵀ before they are cut off at zero."""
+    """The model at one noise over a grid of c combinations: log evidence of each and in all (nats), means (c, d + 2n)
+    and factors F, (c, d + 2n, d + 2n), of the covariances F Fᵀ before they are cut off at zero."""
 
     log_each: np.ndarray
     log_evidence: float
@@ -41,7 +41,7 @@ class Weighed:
 
 def condensed(columns: np.ndarray, r: np.ndarray, positive: np.ndarray) -> Linear:
     """The model from columns (n, K) and the record less the motion's constant part, r, (n,)."""
-    whole = np.linalg.qr(np.column_stack([columns, r]), mode="r")
+    whole = np.asarray(np.linalg.qr(np.column_stack([columns, r]), mode="r"))
     k = columns.shape[1]
     return Linear(whole[:k, :k], whole[:k, k], float(np.sum(whole[k:, k] ** 2)), r.size, positive)
 
@@ -49,8 +49,8 @@ def condensed(columns: np.ndarray, r: np.ndarray, positive: np.ndarray) -> Linea
 def weigh(model: Linear, grid: Grid, variance: float, samples: float) -> Weighed:
     """Evidence and posteriors under noise of this variance, its prior N(0, 1) of each score, the positive ones doubled.
 
-    samples: how many independent ones the rest stands for; its own density is −samples/2 · log variance − rest / 2
-    variance, so that models with other variances can be compared.
+    variance: in the record's unit squared. samples: how many independent ones the rest stands for; its own density is
+    −samples/2 · log(2π variance) − rest / (2 variance), so that models with other variances can be compared.
     """
     d, total = model.positive.size, model.root.shape[1]
     combos = grid.log_prior.size

@@ -13,11 +13,15 @@ SHARES, WEIGHTS = 0.5 * (_X + 1), 0.5 * _W
 def log_probability(mean: np.ndarray, covariance: np.ndarray) -> np.ndarray:
     """Log of P(all coordinates ≥ 0), shape (c,), for normals with means (c, k) and covariances (c, k, k).
 
-    One coordinate after the other is conditioned on by Gauss–Legendre nodes in its own truncated probability.
+    One coordinate after the other is conditioned on by Gauss–Legendre nodes in its own truncated probability, the one
+    that is least likely first: the others, given it, are smooth in its share (G. J. Gibson, C. A. Glasbey and
+    D. A. Elston, in Advances in Numerical Methods and Applications, World Scientific 1994, 120).
     """
     count, k = mean.shape
     if k == 0:
         return np.zeros(count)
+    if k > 1:
+        mean, covariance = _least_likely_first(mean, covariance)
     sd = np.sqrt(np.maximum(covariance[:, 0, 0], 1e-300))
     first = log_ndtr(mean[:, 0] / sd)
     if k == 1:
@@ -29,6 +33,14 @@ def log_probability(mean: np.ndarray, covariance: np.ndarray) -> np.ndarray:
     inner = log_probability(means.reshape(-1, k - 1), np.repeat(rest, POINTS, axis=0)).reshape(count, POINTS)
     top = inner.max(axis=1, keepdims=True)
     return first + top[:, 0] + np.log(np.exp(inner - top) @ WEIGHTS)
+
+
+def _least_likely_first(mean: np.ndarray, covariance: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The same normals, (c, k) and (c, k, k), their coordinates in order of the probability of each alone."""
+    sd = np.sqrt(np.maximum(np.diagonal(covariance, axis1=1, axis2=2), 1e-300))
+    order = np.argsort(mean / sd, axis=1)
+    rows = np.arange(len(mean))[:, None]
+    return mean[rows, order], covariance[rows[:, :, None], order[:, :, None], order[:, None, :]]
 
 
 def truncated(mean: np.ndarray, sd: np.ndarray, shares: np.ndarray) -> np.ndarray:
@@ -43,12 +55,13 @@ def draw(
 ) -> np.ndarray:
     """Draws, (count, d), of a normal with mean (d,) and covariance factor·factorᵀ, ≥ 0 at `places`.
 
-    The constrained coordinates are drawn one after the other from truncated normals (Geweke, Hajivassiliou and Keane)
-    and resampled by their weights; the others follow by conditioning.
+    The constrained coordinates are drawn one after the other, the least likely first, from truncated normals (Geweke,
+    Hajivassiliou and Keane) and resampled by their weights; the others follow by conditioning.
     """
     if places.size == 0:
         return mean + rng.standard_normal((count, mean.size)) @ factor.T
     covariance = factor @ factor.T
+    places = places[np.argsort(mean[places] / np.sqrt(np.diag(covariance)[places] + 1e-300))]
     part = covariance[np.ix_(places, places)]
     lower = np.linalg.cholesky(part + 1e-14 * np.diag(np.diag(part)) + 1e-300 * np.eye(places.size))
     tries = 4 * count

@@ -24,7 +24,10 @@ class DampingTerm(ABC):
 
     @staticmethod
     def kernel(x: float, v: float, epsilon: float) -> float:
-        """`shape` of one point in plain Python and `math`, ε > 0: what compiled kernels are made of."""
+        """`shape` at one displacement x (rad) and velocity v (rad/s), ε > 0 (rad/s): what compiled kernels are made of.
+
+        Plain Python with `math` and `np` alone. A term may depend on x too, which `shape` cannot.
+        """
         raise NotImplementedError
 
     @abstractmethod

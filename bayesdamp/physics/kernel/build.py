@@ -2,24 +2,40 @@
 
 from __future__ import annotations
 
+import ast
 import hashlib
 import importlib.util
 import inspect
 import os
+import shutil
 import sys
+import tempfile
 import textwrap
+import time
+import uuid
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cache, lru_cache
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
+import numpy as np
 from platformdirs import user_cache_dir
 
-from bayesdamp.physics.damping import TERMS
-from bayesdamp.physics.restoring import LAWS
+from bayesdamp.physics.damping import PAPER_TERMS, TERMS, DampingTerm
+from bayesdamp.physics.restoring import LAWS, RestoringLaw
+from bayesdamp.types import Refusal
 
-FORCES, MARCH, END = "# --- forces ---", "# --- march ---", "# --- end ---"
+MARCH, END = "# --- march ---", "# --- end ---"
+MOST_KEPT = 50
+"""Kernels on disk, 0.6 MB each, beyond which those that were not used for longest are removed (conventional)."""
+IN_USE = 3600.0
+"""Time in s after its last use in which another process may still be compiling a kernel (conventional)."""
+_HEAD = "import math\n\nimport numpy as np\nfrom numba import njit\n"
+_STAMP = (1_000_000_000, 1_000_000_000)
+"""Times of every module's file: Numba takes a file of another time for another source, and processes may write it
+both at once."""
 
 
 @dataclass(frozen=True)
@@ -31,58 +47,133 @@ class Kernel:
     march: Callable[..., Any]
 
 
-@lru_cache(maxsize=64)
 def kernel_of(terms: tuple[str, ...], restoring: str) -> Kernel:
-    """The kernel of damping terms and a restoring law, by their names; compiled when it is first called."""
-    text = source_of(terms, restoring)
-    name = f"bayesdamp_kernel_{hashlib.sha256(text.encode()).hexdigest()[:20]}"
-    path = _kept(name, text)
-    spec = importlib.util.spec_from_file_location(name, path)
-    assert spec is not None and spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[name] = module
-    spec.loader.exec_module(module)
-    return Kernel(terms, restoring, module.march)
+    """The kernel of damping terms and a restoring law, by their names; compiled when it is first called.
+
+    Raises Refusal where a term or the law of a user has no `kernel`, or none of which the source is known.
+    """
+    return Kernel(terms, restoring, _module(source_of(terms, restoring)).march)
+
+
+def warm() -> None:
+    """Compile what ships, the paper's three terms under each law, so that the first record need not wait for it."""
+    # `solve` takes its kernel from here.
+    from bayesdamp.physics.kernel.solve import ALL, Solver
+
+    t = np.linspace(0.0, 1.0, 5)
+    for law in LAWS.names():
+        solver = Solver(PAPER_TERMS, law, t, "angle", 0.1, 4.0, 0.01, np.linspace(0.0, 1.0, 4))
+        values = {**LAWS.get(law).start(4.0, 0.0, {}), "theta0": 0.1}
+        p = np.array([values.get(name, 0.0) for name in solver.names])
+        solver.solve(p, np.ones(len(PAPER_TERMS), bool), tangents=ALL)
 
 
 def source_of(terms: tuple[str, ...], restoring: str) -> str:
     """The source of a kernel's module."""
-    template = Path(__file__).with_name("march.py").read_text(encoding="utf-8")
-    head = "import math\n\nimport numpy as np\nfrom numba import njit\n"
-    march = template[template.index(MARCH) : template.index(END)]
-    parts, calls, at = [head], [], 0
+    parts, calls, at = [_HEAD], [], 0
     for number, name in enumerate(terms):
         term = TERMS.get(name)
-        parts.append(_function(term.kernel, f"_shape_{number}"))
+        _own(term, DampingTerm, f"damping term {name!r}")
+        parts.append(_function(term.kernel, f"_shape_{number}", f"damping term {name!r}"))
         further = getattr(term, "further", ())
         inside = ", ".join(["x", "v", "epsilon", *(f"q[{at + i}]" for i in range(len(further)))])
         at += len(further)
         calls.append(f"    out[{number}] = _shape_{number}({inside}) if active[{number}] else 0.0")
     parts.append("@njit\ndef shapes(x, v, epsilon, q, active, out):\n" + "\n".join(calls) + "\n")
-    parts.append(_function(LAWS.get(restoring).kernel, "restoring"))
-    return "\n\n".join([*parts, march])
+    law = LAWS.get(restoring)
+    _own(law, RestoringLaw, f"restoring law {restoring!r}")
+    parts.append(_function(law.kernel, "restoring", f"restoring law {restoring!r}"))
+    return "\n\n".join([*parts, _march()])
 
 
-def _function(function: Callable[..., Any], name: str) -> str:
-    """The source of a static method as a compiled function of another name."""
-    lines = textwrap.dedent(inspect.getsource(function)).splitlines()
-    first = next(i for i, line in enumerate(lines) if line.startswith("def "))
-    lines[first] = f"def {name}" + lines[first][lines[first].index("(") :]
-    signature = lines[first]
-    # Annotations name what the module does not import.
-    inside = signature[signature.index("(") + 1 : signature.rindex(")")]
-    names = ", ".join(part.partition(":")[0].strip() for part in inside.split(","))
-    lines[first] = f"def {name}({names}):"
-    return "\n".join(["@njit", *lines[first:]]) + "\n"
+@cache
+def _march() -> str:
+    template = Path(__file__).with_name("march.py").read_text(encoding="utf-8")
+    return template[template.index(MARCH) : template.index(END)]
+
+
+def _own(plugin: DampingTerm | RestoringLaw, base: type, what: str) -> None:
+    if type(plugin).kernel is base.kernel:  # type: ignore[attr-defined]
+        raise Refusal(f"the {what} has no `kernel`, of which compiled trajectories are made")
+
+
+@lru_cache(maxsize=256)
+def _function(function: Callable[..., Any], name: str, what: str) -> str:
+    """The source of a static method as a compiled function of another name.
+
+    Annotations and defaults go, for they name what the kernel's module does not import.
+    """
+    try:
+        tree = ast.parse(textwrap.dedent(inspect.getsource(function)))
+    except (OSError, SyntaxError):
+        raise Refusal(f"the {what} has a `kernel` whose source cannot be read") from None
+    found = tree.body[0]
+    if not isinstance(found, ast.FunctionDef):
+        raise Refusal(f"the {what} has a `kernel` that is not a plain function")
+    foreign = sorted(set(function.__code__.co_names) & set(function.__globals__) - {"math", "np"})
+    if foreign:
+        raise Refusal(
+            f"the {what} has a `kernel` that uses {foreign[0]!r}: it may use its arguments, math and np"
+        )
+    found.name, found.returns, found.decorator_list = name, None, [ast.Name("njit", ast.Load())]
+    for argument in [*found.args.posonlyargs, *found.args.args]:
+        argument.annotation = None
+    found.args.defaults = []
+    return ast.unparse(ast.fix_missing_locations(found)) + "\n"
+
+
+@lru_cache(maxsize=64)
+def _module(text: str) -> ModuleType:
+    """The module with this source, imported from the folder where it and its machine code are kept."""
+    name = f"bayesdamp_kernel_{hashlib.sha256(text.encode()).hexdigest()[:20]}"
+    spec = importlib.util.spec_from_file_location(name, _kept(name, text))
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[name] = module
+    spec.loader.exec_module(module)
+    return module
 
 
 def _kept(name: str, text: str) -> Path:
-    """The module's file in the user's cache; written whole, so that two processes may do it at once."""
-    folder = Path(os.environ.get("BAYESDAMP_CACHE") or user_cache_dir("bayesdamp")) / "kernels"
-    folder.mkdir(parents=True, exist_ok=True)
-    path = folder / f"{name}.py"
-    if not path.is_file():
-        partial = folder / f"{name}.{os.getpid()}.tmp"
-        partial.write_text(text, encoding="utf-8")
-        partial.replace(path)
+    """The module's file, in a folder of its own: in the user's cache, in a temporary one where none can be written."""
+    home = Path(os.environ.get("BAYESDAMP_CACHE") or user_cache_dir("bayesdamp")) / "kernels"
+    try:
+        path = _written(home / name, text)
+        _evict(home)
+    except OSError:
+        path = _written(_temporary() / name, text)
     return path
+
+
+def _written(folder: Path, text: str) -> Path:
+    """The source in a folder, written whole, as two processes may do it at once; the folder's time is its last use."""
+    folder.mkdir(parents=True, exist_ok=True)
+    path = folder / "kernel.py"
+    if not path.is_file():
+        partial = folder / f".{uuid.uuid4().hex}.tmp"
+        partial.write_text(text, encoding="utf-8")
+        os.utime(partial, _STAMP)
+        partial.replace(path)
+    os.utime(folder)
+    if not os.access(folder, os.W_OK):
+        raise PermissionError(f"{folder} is not writable")
+    return path
+
+
+def _evict(home: Path) -> None:
+    """Remove the kernels that were not used for longest, those in use never."""
+    folders = sorted(home.glob("bayesdamp_kernel_*"), key=lambda folder: folder.stat().st_mtime)
+    for folder in folders[: max(len(folders) - MOST_KEPT, 0)]:
+        if time.time() - folder.stat().st_mtime > IN_USE:
+            shutil.rmtree(folder, ignore_errors=True)
+
+
+@cache
+def _temporary() -> Path:
+    """A folder of this process, for kernels that can be kept nowhere else."""
+    import atexit
+
+    folder = Path(tempfile.mkdtemp(prefix="bayesdamp-kernels-"))
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    return folder

@@ -2,13 +2,27 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import Any
+
 import numpy as np
 from numba import njit
 
 
-@njit(cache=True)
+def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
+    """`njit`, the machine code kept on disk where there is a folder that can be written."""
+    try:
+        return njit(cache=True, nogil=True)(function)
+    except RuntimeError:  # Numba's, of an installation and a home that are both read-only
+        return njit(nogil=True)(function)
+
+
+@compiled
 def weights(u, step, order, out):
-    """Weights of the values, slopes and curvatures at both ends of a step for the order-th derivative at share u."""
+    """Weights, into `out` (6,), of value, slope and curvature at the beginning and the end of a step (s).
+
+    For the derivative of that order (0 to 2) at share u of the step: the quintic that has the six numbers.
+    """
     u2, u3 = u * u, u * u * u
     u4, u5 = u2 * u2, u2 * u3
     if order == 0:
@@ -34,9 +48,9 @@ def weights(u, step, order, out):
         out[5] = 0.5 * (6 * u - 24 * u2 + 20 * u3)
 
 
-@njit(cache=True)
+@compiled
 def at_times(times, states, t, order):
-    """The order-th derivative at t, (n,), of states (s, 3) at nodes (s,)."""
+    """The order-th derivative (0 to 2) at t, (n,), rising, of states (s, 3) at nodes (s,)."""
     found, w = np.zeros(t.size), np.zeros(6)
     node = 0
     for i in range(t.size):
@@ -49,7 +63,7 @@ def at_times(times, states, t, order):
     return found
 
 
-@njit(cache=True)
+@compiled
 def slopes_at_times(times, slopes, t, order):
     """`at_times` of each tangent, slopes (s, k, 3): shape (n, k)."""
     k = slopes.shape[1]
@@ -60,9 +74,9 @@ def slopes_at_times(times, slopes, t, order):
             node += 1
         step = times[node + 1] - times[node]
         weights((t[i] - times[node]) / step, step, order, w)
-        for l in range(k):
-            before, after = slopes[node, l], slopes[node + 1, l]
-            found[i, l] = (
+        for p in range(k):
+            before, after = slopes[node, p], slopes[node + 1, p]
+            found[i, p] = (
                 w[0] * before[0]
                 + w[1] * before[1]
                 + w[2] * before[2]

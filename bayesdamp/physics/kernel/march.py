@@ -10,8 +10,6 @@ by the step's own fundamental matrix, so that their cost does not grow with the 
 P. J. Prince, J. Comput. Appl. Math. 6, 19 (1980)).
 """
 
-# ruff: noqa: N806, E741
-# pyright: reportIndexIssue=false, reportArgumentType=false
 from __future__ import annotations
 
 import math
@@ -146,23 +144,23 @@ def advance_tangents(
             scratch[1],
             sources,
         )
-        for l in range(count):
-            dx = 1.0 if l == 0 else 0.0
-            dv = 1.0 if l == 1 else 0.0
+        for p in range(count):
+            dx = 1.0 if p == 0 else 0.0
+            dv = 1.0 if p == 1 else 0.0
             for j in range(i):
-                dx += step * A[i, j] * kx[j, l]
-                dv += step * A[i, j] * kv[j, l]
-            kx[i, l] = dv
-            kv[i, l] = -(by_x * dx + by_v * dv)
-            if l >= 2:
-                kv[i, l] -= sources[l - 2]
-    for l in range(count):
-        dx = 1.0 if l == 0 else 0.0
-        dv = 1.0 if l == 1 else 0.0
+                dx += step * A[i, j] * kx[j, p]
+                dv += step * A[i, j] * kv[j, p]
+            kx[i, p] = dv
+            kv[i, p] = -(by_x * dx + by_v * dv)
+            if p >= 2:
+                kv[i, p] -= sources[p - 2]
+    for p in range(count):
+        dx = 1.0 if p == 0 else 0.0
+        dv = 1.0 if p == 1 else 0.0
         for i in range(6):
-            dx += step * B[i] * kx[i, l]
-            dv += step * B[i] * kv[i, l]
-        local[l, 0], local[l, 1] = dx, dv
+            dx += step * B[i] * kx[i, p]
+            dv += step * B[i] * kv[i, p]
+        local[p, 0], local[p, 1] = dx, dv
 
 
 @njit(cache=True, nogil=True)
@@ -186,8 +184,29 @@ def march(coefficients, q, active, law, epsilon, start, knots, g, h, tolerance, 
     a = acceleration(x, v, g[0], h[0], coefficients, q, epsilon, active, law, scratch[0])
     states[0, 0], states[0, 1], states[0, 2], times[0] = x, v, a, t
     if tangents > 0:
-        slopes[0, base, 0] = 1.0
-        slopes[0, base + 1, 1] = 1.0
+        by_x, by_v = linearise(
+            x,
+            v,
+            0.0,
+            g[0],
+            h[0],
+            coefficients,
+            q,
+            epsilon,
+            active,
+            law,
+            sizes,
+            scratch[0],
+            scratch[1],
+            sources,
+        )
+        slopes[0, base, 0], slopes[0, base, 2] = 1.0, -by_x
+        slopes[0, base + 1, 1], slopes[0, base + 1, 2] = 1.0, -by_v
+        for p in range(base):
+            slopes[0, p, 2] = -sources[p]
+        if tangents == 2:
+            slopes[0, base + 2, 2] = -sources[base]
+            slopes[0, base + 2 + n, 2] = -sources[base + 2]
     step = 0.05 * sizes[0] / sizes[1]
     count, tries = 1, 0
     while True:
@@ -292,22 +311,22 @@ def march(coefficients, q, active, law, epsilon, start, knots, g, h, tolerance, 
                 sources,
             )
             old, new = slopes[count - 1], slopes[count]
-            for l in range(k):
-                new[l, 0] = local[0, 0] * old[l, 0] + local[1, 0] * old[l, 1]
-                new[l, 1] = local[0, 1] * old[l, 0] + local[1, 1] * old[l, 1]
-            for l in range(base):
-                new[l, 0] += local[2 + l, 0]
-                new[l, 1] += local[2 + l, 1]
+            first = base + 2 + piece
+            for p in range(k):
+                new[p, 0] = local[0, 0] * old[p, 0] + local[1, 0] * old[p, 1]
+                new[p, 1] = local[0, 1] * old[p, 0] + local[1, 1] * old[p, 1]
+            for p in range(base):
+                new[p, 0] += local[2 + p, 0]
+                new[p, 1] += local[2 + p, 1]
             if tangents == 2:
-                first = base + 2 + piece
                 for i in range(2):
                     for c in range(2):
                         new[first + i, c] += local[2 + base + i, c]
                         new[first + n + i, c] += local[4 + base + i, c]
-            for l in range(k):
-                new[l, 2] = -(by_x * new[l, 0] + by_v * new[l, 1])
-            for l in range(base):
-                new[l, 2] -= sources[l]
+            for p in range(k):
+                new[p, 2] = -(by_x * new[p, 0] + by_v * new[p, 1])
+            for p in range(base):
+                new[p, 2] -= sources[p]
             if tangents == 2:
                 for i in range(2):
                     new[first + i, 2] -= sources[base + i]

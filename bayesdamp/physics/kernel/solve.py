@@ -77,7 +77,8 @@ class Solver:
         are wanted, the first ones.
         """
         m, r = len(self.terms), len(LAWS.get(self.restoring).parameters)
-        t = self.t[:stop]
+        # A writable copy: Numba would compile anew for an array that is read-only.
+        t = np.array(self.t[:stop], float)
         knots, g, h = self._deviations(float(t[-1]), g, h)
         most = int(MOST_A_CYCLE * max(1.0, t[-1] * self.frequency / (2 * np.pi)))
         p = np.asarray(p, float)

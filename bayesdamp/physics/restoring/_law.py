@@ -40,8 +40,8 @@ class RestoringLaw(ABC):
         """Restoring force per inertia, rad/s²; θ of any shape, parameters broadcast against it."""
 
     @staticmethod
-    def kernel(x: float, p: Sequence[float]) -> float:
-        """`force` of one angle in plain Python and `math`, p in the order of `parameters`."""
+    def kernel(x: float, p: Sequence[float] | np.ndarray) -> float:
+        """`force` of one angle in plain Python with `math` and `np` alone, p in the order of `parameters`."""
         raise NotImplementedError
 
     @abstractmethod

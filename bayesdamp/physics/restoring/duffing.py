@@ -24,7 +24,7 @@ class Duffing(RestoringLaw):
         return p["stiffness"] * x + p["cubic"] * x**3
 
     @staticmethod
-    def kernel(x: float, p: Sequence[float]) -> float:
+    def kernel(x: float, p: Sequence[float] | np.ndarray) -> float:
         return (p[0] + p[2] * (x - p[1]) ** 2) * (x - p[1])
 
     def start(self, frequency: float, rest: float, known: Mapping[str, float]) -> dict[str, float]:

@@ -28,7 +28,7 @@ class HorizontalPendulum(RestoringLaw):
         return p["stiffness"] * (theta - p["spring_angle"]) - p["gravity"] * cosine(theta)
 
     @staticmethod
-    def kernel(x: float, p: Sequence[float]) -> float:
+    def kernel(x: float, p: Sequence[float] | np.ndarray) -> float:
         return p[0] * (x - p[2]) - p[1] * math.cos(x)
 
     def start(self, frequency: float, rest: float, known: Mapping[str, float]) -> dict[str, float]:

@@ -23,7 +23,7 @@ class Linear(RestoringLaw):
         return p["stiffness"] * (jnp.asarray(theta) - p["rest_angle"])
 
     @staticmethod
-    def kernel(x: float, p: Sequence[float]) -> float:
+    def kernel(x: float, p: Sequence[float] | np.ndarray) -> float:
         return p[0] * (x - p[1])
 
     def start(self, frequency: float, rest: float, known: Mapping[str, float]) -> dict[str, float]:

@@ -24,7 +24,7 @@ class Pendulum(RestoringLaw):
         return p["stiffness"] * sine(jnp.asarray(theta) - p["rest_angle"])
 
     @staticmethod
-    def kernel(x: float, p: Sequence[float]) -> float:
+    def kernel(x: float, p: Sequence[float] | np.ndarray) -> float:
         return p[0] * math.sin(x - p[1])
 
     def start(self, frequency: float, rest: float, known: Mapping[str, float]) -> dict[str, float]:

@@ -1,0 +1,221 @@
+"""Kernels against SciPy's solver of order eight, closed forms, and central differences."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from bayesdamp.physics.damping import PAPER_TERMS, TERMS, DampingTerm
+from bayesdamp.physics.kernel import Motion, Solver
+from bayesdamp.physics.kernel.solve import ALL, NONE, PARAMETERS, QUANTITIES
+from bayesdamp.types import Refusal
+
+from ..independent import LAWS, drag, restoring
+
+END = 8.0
+TIMES = np.linspace(0.0, END, 321)
+KNOTS = np.linspace(0.0, END, 5)
+G = np.array([0.0, 0.3, -0.2, 0.1, 0.4])
+H = np.array([0.01, -0.02, 0.015, 0.0, -0.01])
+DAMPING = {"zeta": 0.05, "mu_c": 0.03, "mu_q": 0.05}
+LIMIT = 2e-6
+"""Error of a motion over its first amplitude: steps of 3e-8 of it, and some sixty in each of the six cycles."""
+FINE, USED = (1e-5, 1e-5, 1e-3), (5e-4, 5e-4, 2e-2)
+"""Errors of tangents of displacement, velocity and acceleration over their largest value, at steps' errors of 1e-12 and
+as used. The dense output is of the fifth degree, its second derivative of the third."""
+
+
+def solver_of(law: str, quantity: str = "angle", **changed: float) -> tuple[Solver, np.ndarray]:
+    """The solver of a law with the paper's terms, and its parameters."""
+    p = {**DAMPING, **LAWS[law], **changed}
+    made = Solver(PAPER_TERMS, law, TIMES, quantity, abs(p["theta0"]), math.sqrt(20.0), p["epsilon"], KNOTS)
+    return made, np.array([p[name] for name in made.names])
+
+
+def independent(law: str, deviates: bool, **changed: float) -> np.ndarray:
+    """θ, θ̇, θ̈ at the times, (n, 3), piece by piece between the knots."""
+    p = {**DAMPING, **LAWS[law], **changed}
+    spring, damp = restoring(law, p), drag(p)
+    g, h = (G, H) if deviates else (0 * G, 0 * H)
+
+    def slope(t: float, y: np.ndarray) -> list[float]:
+        a = (1 + np.interp(t, KNOTS, g)) * damp(y[1], 0.0)
+        return [y[1], -a - (1 + 2 * np.interp(t, KNOTS, h)) * spring(y[0])]
+
+    state, found = np.array([p["theta0"], p["omega0"]]), []
+    for first, last in zip(KNOTS[:-1], KNOTS[1:]):
+        inside = TIMES[(TIMES >= first) & ((TIMES < last) | (last == END))]
+        run = solve_ivp(
+            slope, (first, last), state, method="DOP853", rtol=1e-11, atol=1e-13, max_step=0.1,
+            t_eval=np.append(inside[inside < last], last),
+        )  # fmt: skip
+        state = run.y[:, -1]
+        kept = run.y.T[: inside.size]
+        found += [[*y, slope(t, y)[1]] for t, y in zip(inside, kept)]
+    return np.array(found)
+
+
+def solved(made: Solver, p: np.ndarray, *args: object, **kwargs: object) -> Motion:
+    found = made.solve(p, np.ones(len(made.terms), bool), *args, **kwargs)  # type: ignore[arg-type]
+    assert found is not None
+    return found
+
+
+@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize("deviates", [False, True])
+def test_motion_is_that_of_another_solver(law: str, deviates: bool) -> None:
+    """Displacement, velocity and acceleration; each over the scale of its own."""
+    truth = independent(law, deviates)
+    args = (G, H) if deviates else ()
+    for order, quantity in enumerate(("angle", "velocity", "acceleration")):
+        made, p = solver_of(law, quantity)
+        found = solved(made, p, *args, tangents=NONE).y
+        error = np.max(np.abs(found - truth[:, order])) / (made.amplitude * made.frequency**order)
+        assert error < (LIMIT, 5 * LIMIT, 50 * LIMIT)[order]
+
+
+def test_a_motion_without_its_deviations_is_seen() -> None:
+    """Control: the deviations move the motion by far more than the limit."""
+    made, p = solver_of("linear")
+    assert np.max(np.abs(solved(made, p, tangents=NONE).y - independent("linear", True)[:, 0])) > 1e-3
+
+
+def test_viscous_closed_form() -> None:
+    made, p = solver_of("linear", mu_c=0.0, mu_q=0.0, omega0=0.4)
+    zeta, k, rest, x, v = DAMPING["zeta"], 20.0, 0.05, 0.3, 0.4
+    w = math.sqrt(k - zeta**2)
+    decay, c, s = np.exp(-zeta * TIMES), np.cos(w * TIMES), np.sin(w * TIMES)
+    truth = rest + decay * ((x - rest) * c + (v + zeta * (x - rest)) / w * s)
+    found = solved(made, p)
+    assert np.max(np.abs(found.y - truth)) < LIMIT * made.amplitude
+    at = made.names.index("rest_angle")
+    by_rest = 1 - decay * (c + zeta / w * s)
+    assert np.max(np.abs(found.tangents[:, at] - by_rest)) < FINE[0] * 10
+
+
+@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize("order", [0, 1, 2])
+def test_tangents_are_central_differences(law: str, order: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """By every parameter and every knot of g and h.
+
+    Differences of motions at a step's error of 1e-12, over 1e-4 of a parameter: their own error is 1e-6. The tangents
+    at that error are the differences; those as used are nearly.
+    """
+    made, p = solver_of(law, QUANTITIES[order])
+    used = solved(made, p, G, H, ALL).tangents
+    monkeypatch.setattr("bayesdamp.physics.kernel.solve.TOLERANCE", 1e-12)
+    fine = solved(made, p, G, H, ALL).tangents
+    sizes = np.concatenate([np.maximum(np.abs(p), 0.1), np.ones(2 * KNOTS.size)])
+    for i, size in enumerate(sizes):
+        ends = []
+        for sign in (1.0, -1.0):
+            given = np.concatenate([p, G, H])
+            given[i] += sign * 1e-4 * size
+            ends.append(solved(made, *np.split(given, [p.size, p.size + KNOTS.size]), tangents=NONE).y)
+        difference = (ends[0] - ends[1]) / (2e-4 * size)
+        scale = np.max(np.abs(difference))
+        assert np.max(np.abs(fine[:, i] - difference)) < FINE[order] * scale
+        assert np.max(np.abs(used[:, i] - difference)) < USED[order] * scale
+
+
+def test_a_term_that_is_switched_off_does_nothing() -> None:
+    made, p = solver_of("linear")
+    off = made.solve(p, np.array([True, False, True]), tangents=PARAMETERS)
+    absent, q = solver_of("linear", mu_c=0.0)
+    assert off is not None
+    assert off.y == pytest.approx(solved(absent, q).y, abs=1e-12)
+    assert np.all(off.tangents[:, made.names.index("mu_c")] == 0)
+    assert np.max(np.abs(off.y - solved(made, p).y)) > 1e-3  # control
+
+
+def test_the_first_samples_alone() -> None:
+    made, p = solver_of("pendulum")
+    whole, part = solved(made, p), solved(made, p, stop=100)
+    assert part.y.shape == (100,)
+    assert part.y == pytest.approx(whole.y[:100], abs=LIMIT * made.amplitude)
+
+
+@pytest.mark.parametrize("theta0", [0.6, 30.0])
+def test_an_escaping_motion_is_none(theta0: float) -> None:
+    """Beyond √(k/−β) = 0.577 from its rest a softening spring pushes outwards."""
+    made, p = solver_of("duffing", theta0=theta0)
+    assert made.solve(p, np.ones(3, bool), tangents=ALL) is None
+    assert made.solve(p, np.ones(3, bool), tangents=NONE) is None
+
+
+def test_a_motion_that_stays_has_no_nan() -> None:
+    made, p = solver_of("duffing", theta0=0.5)
+    found = solved(made, p, tangents=ALL)
+    assert np.all(np.isfinite(found.y))
+    assert np.all(np.isfinite(found.tangents))
+
+
+class Positional(DampingTerm):
+    """F = c x²θ̇, of a user."""
+
+    name, parameter, unit = "positional", "c_x", "1/(rad² s)"
+
+    def shape(self, velocity, epsilon):  # type: ignore[no-untyped-def]
+        raise NotImplementedError
+
+    @staticmethod
+    def kernel(
+        x: float,
+        v: float,
+        epsilon: float = 0.1,
+    ) -> float:
+        square = x * x
+        return square * v
+
+    def ratio_per_unit(self, amplitude: float, frequency: float) -> float:
+        return amplitude**2 / (8 * frequency)
+
+
+class Bare(Positional):
+    """A term without a kernel."""
+
+    kernel = DampingTerm.kernel
+
+
+FACTOR = 2.0
+
+
+class Foreign(Positional):
+    """A kernel that uses a name of its own module."""
+
+    @staticmethod
+    def kernel(x: float, v: float, epsilon: float) -> float:
+        return FACTOR * v
+
+
+@pytest.fixture
+def user_term():  # type: ignore[no-untyped-def]
+    def add(term: DampingTerm) -> Solver:
+        TERMS.add("positional", term)
+        return Solver(("positional",), "linear", TIMES, "angle", 0.3, math.sqrt(20.0), 0.1, KNOTS)
+
+    yield add
+    TERMS.remove("positional")
+
+
+def test_a_users_term(user_term) -> None:  # type: ignore[no-untyped-def]
+    made = user_term(Positional())
+    found = solved(made, np.array([0.8, 20.0, 0.0, 0.3, 0.0]))
+    truth = solve_ivp(
+        lambda t, y: [y[1], -0.8 * y[0] ** 2 * y[1] - 20.0 * y[0]], (0, END), (0.3, 0.0), method="DOP853",
+        rtol=1e-11, atol=1e-13, t_eval=TIMES,
+    ).y[0]  # fmt: skip
+    assert np.max(np.abs(found.y - truth)) < LIMIT * 0.3
+    assert found.tangents.shape == (TIMES.size, 5)
+
+
+@pytest.mark.parametrize(
+    ("term", "text"), [(Bare(), "'positional' has no `kernel`"), (Foreign(), "uses 'FACTOR': it may use")]
+)
+def test_a_users_term_that_cannot_be_compiled(user_term, term: DampingTerm, text: str) -> None:  # type: ignore[no-untyped-def]
+    made = user_term(term)
+    with pytest.raises(Refusal, match=text):
+        made.solve(np.array([0.8, 20.0, 0.0, 0.3, 0.0]), np.ones(1, bool))
