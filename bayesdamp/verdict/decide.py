@@ -30,7 +30,6 @@ def decide(
     measured: bool = True,
     approximate: bool = True,
     window: Window | None = None,
-    exponent: Quantity | None = None,
     notes: Sequence[str] = (),
 ) -> Verdict:
     """The verdict on one record.
@@ -50,11 +49,11 @@ def decide(
         decided=decided,
         damping=first,
         probability=damping[first],
-        rivals=tuple(Rival(n, p) for n, p in list(damping.items())[1:]),
+        rivals=_rivals(found, damping),
         restoring=next(iter(found.restoring)),
         restoring_probability=min(next(iter(found.restoring.values())), cap),
         frequency=_interval(found.frequency, "Hz"),
-        exponent=_interval(exponent) if exponent is not None else None,
+        exponent=None if found.exponent is None else _interval(found.exponent),
         damping_ratio=tuple(
             DampingRatio(r.amplitude, unit, r.value, r.sd_noise, r.sd_law, r.low, r.high)
             for r in found.ratios
@@ -72,6 +71,12 @@ def decide(
     )
     said = remarks(verdict, found, same, notes)
     return _with(verdict, remarks=said, sentence=sentence(verdict))
+
+
+def _rivals(found: Findings, damping: Mapping[str, float]) -> tuple[Rival, ...]:
+    """Every other sum, those with another form of damping among them, the likeliest first."""
+    others = [Rival(n, p) for n, p in [*list(damping.items())[1:], *found.exotic.items()]]
+    return tuple(sorted(others, key=lambda r: -r.probability))
 
 
 def grade_of(found: Findings) -> Grade:

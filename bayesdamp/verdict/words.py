@@ -12,7 +12,8 @@ from bayesdamp.verdict.types import DampingRatio, Grade, Interval, Verdict
 if TYPE_CHECKING:
     from bayesdamp.inference.deviation.findings import Findings
 
-NAMES = {"viscous": "viscous", "coulomb": "Coulomb (dry friction)", "quadratic": "quadratic (drag)"}
+NAMES = {"viscous": "viscous", "coulomb": "Coulomb (dry friction)", "quadratic": "quadratic (drag)",
+         "displacement": "one that grows with the square of the displacement"}
 
 
 def named(damping: str) -> str:
@@ -120,6 +121,12 @@ def _hold(v: Verdict) -> str:
     return f"; the law holds within {100 * d.value:.2g} % (95 %: below {100 * d.high:.2g} %)"
 
 
+def _kind(e: Interval) -> str:
+    """Which of the three laws an exponent's interval holds."""
+    held = [name for p, name in ((0, "Coulomb"), (1, "viscous"), (2, "quadratic")) if e.low - 0.02 <= p <= e.high + 0.02]
+    return f": {held[0]}" if len(held) == 1 else ""
+
+
 def remarks(v: Verdict, found: Findings, same: bool, notes: Sequence[str]) -> tuple[str, ...]:
     """Reservations, the largest first, each with its size."""
     said: list[tuple[float, str]] = []
@@ -142,5 +149,9 @@ def remarks(v: Verdict, found: Findings, same: bool, notes: Sequence[str]) -> tu
                 f"The amplitude falls by {100 * (1 - fallen):.0f} % only, which tells dampings apart poorly.",
             )
         )
+    if v.exponent is not None:
+        e = v.exponent
+        said.append((0.0, f"As one power of the velocity the damping force goes like v^{with_interval(e.value, e.low, e.high)}"
+                          f"{_kind(e)}."))
     said += [(0.0, note) for note in notes]
     return tuple(text for _, text in sorted(said, key=lambda item: -item[0]))

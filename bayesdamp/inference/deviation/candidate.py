@@ -7,19 +7,21 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from bayesdamp.inference.defaults import Reference, default_prior
+from bayesdamp.inference.defaults import RATIO_SCALE, Reference, default_prior
 from bayesdamp.inference.deviation.data import Data
 from bayesdamp.inference.deviation.hyperparameters import Grid, grid_of
 from bayesdamp.inference.deviation.least_squares import Fit, fit, nonnegative
 from bayesdamp.inference.deviation.linear import Linear, Weighed, condensed, weigh
 from bayesdamp.inference.deviation.parameters import Parameters
-from bayesdamp.physics.damping import TERMS
+from bayesdamp.physics.forms import FORMS, acting
 from bayesdamp.physics.kernel import Motion, Solver
 from bayesdamp.physics.kernel.solve import ALL
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.physics.restoring import LAWS
-from bayesdamp.priors import Prior
+from bayesdamp.priors import HalfNormal, Prior, Uniform
 
+OF_FORMS: Mapping[str, Prior] = {"exponent": Uniform(low=0.0, high=3.0)}
+"""Priors of what forms take further and is inferred."""
 RELINEARISED = 8
 """Gauss–Newton steps of parameters and deviations together, at most."""
 SETTLED = 0.3
@@ -61,8 +63,13 @@ def parameters_of(
     known: Mapping[str, float],
 ) -> Parameters:
     """Default priors for what is neither known nor given one."""
-    osc = Oscillator(candidate.damping, candidate.restoring)
+    terms = tuple(t for t in candidate.damping if t not in FORMS.names())
+    osc = Oscillator(terms, candidate.restoring)
     found: dict[str, Prior] = {}
+    for form in (FORMS.get(t) for t in candidate.damping if t not in terms):
+        per_unit = form.ratio_per_unit(reference.amplitude, reference.frequency)
+        found[form.parameter] = HalfNormal(scale=RATIO_SCALE / per_unit)
+        found |= {n: OF_FORMS[n] for n in form.further if n in OF_FORMS}
     for name in solver.names:
         absent = name not in osc.parameters
         if absent or (name in known and name not in osc.coefficients):
@@ -80,7 +87,7 @@ def first_values(candidate: Candidate, data: Data, known: Mapping[str, float]) -
     ratio = fallen / (2 * np.pi * max(data.cycles, 1.0)) / len(candidate.damping)
     middle = np.sqrt(data.amplitude * max(data.final_amplitude, 1e-3 * data.amplitude))
     found = {
-        TERMS.get(t).parameter: ratio / TERMS.get(t).ratio_per_unit(float(middle), data.frequency)
+        acting(t).parameter: ratio / acting(t).ratio_per_unit(float(middle), data.frequency)
         for t in candidate.damping
     }
     given = {k: v for k, v in known.items() if k in law.parameters}

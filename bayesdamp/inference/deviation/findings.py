@@ -18,6 +18,8 @@ from bayesdamp.physics.restoring import LAWS
 DRAWS = 4000
 SENSOR = 0.002
 """Relative standard deviation below which no rate is known: the sensor's linearity and the clock's."""
+EXOTIC = 0.1
+"""Prior weight of a sum with another form of damping."""
 THIRD = 0.5
 """Prior weight of a sum of three terms beside sums of one or two."""
 NEGLIGIBLE = 1e-4
@@ -55,7 +57,7 @@ class Findings:
     """A weighing in numbers, before anything is decided.
 
     damping, exact: probability of each sum (its terms joined by +) under laws that hold approximately, and exactly.
-    restoring: of each law. term: of each term, summed over the sums that have it. ratios: at the amplitudes asked for, curve: over the record's.
+    exotic: of sums with another form of damping. exponent: of a power law in the velocity. restoring: of each law. term: of each term, summed over the sums that have it. ratios: at the amplitudes asked for, curve: over the record's.
     energy: share of the dissipated energy by term, bound: its 95 % upper limit where all terms are in the model.
     deviation, restoring_deviation: energy-weighted mean of the relative deviation of the damping and restoring laws.
     other: 95 % upper limit of the share of any other form. coefficients: under the likeliest sum. unexplained, noise:
@@ -64,6 +66,8 @@ class Findings:
 
     damping: Mapping[str, float]
     exact: Mapping[str, float]
+    exotic: Mapping[str, float]
+    exponent: Quantity | None
     restoring: Mapping[str, float]
     term: Mapping[str, float]
     ratios: tuple[Ratio, ...]
@@ -96,11 +100,13 @@ class _Drawn:
 def probabilities(weighing: Weighing, exact: bool) -> dict[Candidate, float]:
     """Posterior probability of each candidate. Prior: the sums alike, of three half; laws alike."""
     logs: dict[Candidate, float] = {}
-    for r in weighing.results:
+    for r in (*weighing.results, *weighing.forms):
         weighed = r.exact_weighed if exact else r.weighed
         if weighed is None:
             continue
-        logs[r.candidate] = weighed.log_evidence + (np.log(THIRD) if len(r.candidate.damping) > 2 else 0.0)
+        odds = THIRD if len(r.candidate.damping) > 2 else 1.0
+        odds *= EXOTIC if r in weighing.forms else 1.0
+        logs[r.candidate] = weighed.log_evidence + np.log(odds)
     top = max(logs.values())
     total = sum(np.exp(v - top) for v in logs.values())
     return {c: float(np.exp(v - top) / total) for c, v in logs.items()}
@@ -137,7 +143,10 @@ def findings(
     """
     rng = np.random.default_rng(seed)
     exact_all = probabilities(weighing, True)
-    chosen = probabilities(weighing, False) if approximate else exact_all
+    everything = probabilities(weighing, False) if approximate else exact_all
+    own = {r.candidate for r in weighing.results}
+    exotic = sum(p for c, p in everything.items() if c not in own)
+    chosen = {c: p / max(1 - exotic, 1e-300) for c, p in everything.items() if c in own}
     wanted = tuple(amplitudes) if amplitudes is not None else default_amplitudes(weighing)
     drawn = _drawn(weighing, chosen, approximate, rng)
     best = max(chosen, key=lambda c: chosen[c])
@@ -152,8 +161,10 @@ def findings(
     clean = float(left @ left) / max(left.size - (result.about.u.size if result.about else 0), 1)
     rest = max(float(result.fit.residual @ result.fit.residual) / left.size - clean, 0.0)
     return Findings(
-        damping=damping,
-        exact=summed(exact_all, "damping"),
+        damping={n: p * (1 - exotic) for n, p in damping.items()},
+        exotic=summed({c: p for c, p in everything.items() if c not in own}, "damping"),
+        exponent=_exponent(weighing, approximate, rng),
+        exact=summed({c: p for c, p in exact_all.items() if c in own}, "damping"),
         restoring=summed(chosen, "restoring"),
         term={t: sum(p for c, p in chosen.items() if t in c.damping) for t in terms},
         ratios=tuple(_ratio(weighing, drawn, a, sensor if approximate else 0.0, rng) for a in wanted),
@@ -395,6 +406,24 @@ def _bounds(
         return {}
     shares = _shares(weighing, [_draws_of(weighing, result, DRAWS // 4, approximate, rng)])
     return {t: float(np.quantile(shares[:, i], 0.95)) for i, t in enumerate(terms)}
+
+
+def _exponent(weighing: Weighing, approximate: bool, rng: np.random.Generator) -> Quantity | None:
+    """The exponent of the power law, with its interval; None where it has no fit."""
+    result = weighing.power
+    weighed = None if result is None else result.weighed if approximate else result.exact_weighed
+    if result is None or weighed is None:
+        return None
+    parameters = result.fit.parameters
+    place = parameters.free_names.index("exponent")
+    weights = np.where(weighed.weights > NEGLIGIBLE, weighed.weights, 0.0)
+    numbers = rng.multinomial(DRAWS, weights / weights.sum())
+    positive = np.flatnonzero(parameters.positive)
+    parts = [
+        draw(rng, weighed.means[i], weighed.factors[i], positive, int(numbers[i]))[:, place]
+        for i in np.flatnonzero(numbers)
+    ]
+    return _quantity(parameters.priors["exponent"].value(np.concatenate(parts)))
 
 
 def _size(weighing: Weighing, d: _Drawn, values: np.ndarray) -> np.ndarray:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
+from itertools import combinations
+from typing import Any
 
 import numpy as np
 
@@ -22,7 +24,9 @@ from bayesdamp.inference.deviation.hyperparameters import grid_of, knots_of
 from bayesdamp.inference.deviation.least_squares import Fit, fit
 from bayesdamp.inference.deviation.linear import Linear, Weighed, weigh
 from bayesdamp.inference.deviation.noise import inflation
+from bayesdamp.inference.deviation.orbit import rest_of
 from bayesdamp.physics.damping import TERMS
+from bayesdamp.physics.forms import acting
 from bayesdamp.physics.kernel import Motion, Solver
 from bayesdamp.priors import Prior
 from bayesdamp.types import Refusal
@@ -33,6 +37,8 @@ USUAL = 0.01
 """The share under which candidates are compared where the record tells none from it."""
 LEAD = 3.0
 """Nats by which another ε must be ahead of the usual one."""
+FORM, LIKE = "displacement", "quadratic"
+"""The form that is weighed as a rival, and the term whose place it takes: both grow with the amplitude."""
 Known = Mapping[str, float] | Callable[[str], Mapping[str, float]]
 REACH = 30.0
 """Nats behind the best, with all dampings under both, from which a restoring law is out of the question."""
@@ -79,6 +85,8 @@ class Weighing:
     variance: float
     inflation: float
     refused: Mapping[Candidate, str] = field(default_factory=dict)
+    forms: tuple[Result, ...] = ()
+    power: Result | None = None
 
 
 def weigh_all(
@@ -89,10 +97,12 @@ def weigh_all(
     priors: Mapping[str, Prior] | None = None,
     reference: Reference | None = None,
     approximate: bool = True,
+    forms: bool = True,
 ) -> Weighing:
     """Fit and weigh candidates; those under one law begin with the sum of all terms.
 
-    known: values of parameters, or a function of a law's name that gives them; priors: by parameter; approximate: whether deviations from the laws are weighed too.
+    known: values of parameters, or a function of a law's name that gives them; priors: by parameter; approximate: whether deviations from the laws are weighed too; forms: whether rivals with other forms of
+    damping and the power law are.
     """
     priors = dict(priors or {})
     known_under = known if callable(known) else lambda _: known or {}
@@ -226,7 +236,7 @@ def _exact(linear: Linear, variance: float, samples: float) -> Weighed:
 
 
 def _coefficients(candidate: Candidate) -> set[str]:
-    return {TERMS.get(t).parameter for t in candidate.damping}
+    return {acting(t).parameter for t in candidate.damping}
 
 
 def _noise(data: Data, wholes: Mapping[str, tuple[Linearised, float]]) -> tuple[float, float]:

@@ -23,7 +23,8 @@ from typing import Any
 import numpy as np
 from platformdirs import user_cache_dir
 
-from bayesdamp.physics.damping import PAPER_TERMS, TERMS, DampingTerm
+from bayesdamp.physics.damping import PAPER_TERMS, DampingTerm
+from bayesdamp.physics.forms import acting
 from bayesdamp.physics.restoring import LAWS, RestoringLaw
 from bayesdamp.types import Refusal
 
@@ -72,8 +73,9 @@ def source_of(terms: tuple[str, ...], restoring: str) -> str:
     """The source of a kernel's module."""
     parts, calls, at = [_HEAD], [], 0
     for number, name in enumerate(terms):
-        term = TERMS.get(name)
-        _own(term, DampingTerm, f"damping term {name!r}")
+        term = acting(name)
+        if isinstance(term, DampingTerm):
+            _own(term, DampingTerm, f"damping term {name!r}")
         parts.append(_function(term.kernel, f"_shape_{number}", f"damping term {name!r}"))
         further = getattr(term, "further", ())
         inside = ", ".join(["x", "v", "epsilon", *(f"q[{at + i}]" for i in range(len(further)))])

@@ -7,7 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
-from bayesdamp.physics.damping import TERMS
+from bayesdamp.physics.forms import acting
 from bayesdamp.physics.kernel.build import Kernel, kernel_of
 from bayesdamp.physics.kernel.dense import at_times, slopes_at_times
 from bayesdamp.physics.restoring import LAWS
@@ -34,7 +34,8 @@ class Motion:
 class Solver:
     """Trajectories of all of `terms` under a law at the times t, (n,) in s from 0.
 
-    names: of the parameters, in the order of the vectors that `solve` takes: coefficients, the law's, θ₀, θ̇₀.
+    names: of the parameters, in the order of the vectors that `solve` takes: coefficients, what
+    the shapes take further, the law's, θ₀, θ̇₀.
     amplitude (rad or m) and frequency (rad/s) set the scales of tolerances.
     """
 
@@ -52,9 +53,14 @@ class Solver:
         return kernel_of(self.terms, self.restoring)
 
     @cached_property
+    def further(self) -> tuple[str, ...]:
+        """Names of what the shapes take beside the motion, term by term."""
+        return tuple(n for name in self.terms for n in getattr(acting(name), "further", ()))
+
+    @cached_property
     def names(self) -> tuple[str, ...]:
-        coefficients = tuple(TERMS.get(name).parameter for name in self.terms)
-        return (*coefficients, *LAWS.get(self.restoring).parameters, "theta0", "omega0")
+        coefficients = tuple(acting(name).parameter for name in self.terms)
+        return (*coefficients, *self.further, *LAWS.get(self.restoring).parameters, "theta0", "omega0")
 
     @cached_property
     def _sizes(self) -> np.ndarray:
@@ -77,14 +83,15 @@ class Solver:
         are wanted, the first ones.
         """
         m, r = len(self.terms), len(LAWS.get(self.restoring).parameters)
+        e = m + len(self.further)
         # A writable copy: Numba would compile anew for an array that is read-only.
         t = np.array(self.t[:stop], float)
         knots, g, h = self._deviations(float(t[-1]), g, h)
         most = int(MOST_A_CYCLE * max(1.0, t[-1] * self.frequency / (2 * np.pi)))
         p = np.asarray(p, float)
         times, states, slopes = self.kernel.march(
-            p[:m].copy(), np.zeros(0), np.asarray(active, bool), p[m : m + r].copy(), float(self.epsilon),
-            p[m + r :].copy(), knots, g, h, TOLERANCE, self._sizes, tangents, most,
+            p[:m].copy(), p[m:e].copy(), np.asarray(active, bool), p[e : e + r].copy(), float(self.epsilon),
+            p[e + r :].copy(), knots, g, h, TOLERANCE, self._sizes, tangents, most,
         )  # fmt: skip
         if times.size == 0:
             return None
