@@ -101,8 +101,8 @@ def weigh_all(
 ) -> Weighing:
     """Fit and weigh candidates; those under one law begin with the sum of all terms.
 
-    known: values of parameters, or a function of a law's name that gives them; priors: by parameter; approximate: whether deviations from the laws are weighed too; forms: whether rivals with other forms of
-    damping and the power law are.
+    known: values of parameters, or a function of a law's name that gives them; priors: by parameter; approximate:
+    whether deviations from the laws are weighed too; forms: whether rivals with another form of damping and the power law are.
     """
     priors = dict(priors or {})
     known_under = known if callable(known) else lambda _: known or {}
@@ -156,8 +156,8 @@ def weigh_all(
     if not wholes:
         raise Refusal("no motion under any of the laws stays in phase with the record")
     variance, kappa = _noise(data, wholes)
-    samples = data.y.size / kappa
-    kept = _laws_kept(wholes, variance, samples, knots.size)
+    noise = variance, kappa
+    kept = _laws_kept(wholes, variance, data.y.size / kappa, knots.size)
     results = []
     for c in candidates:
         whole = Candidate(terms, c.restoring)
@@ -168,17 +168,61 @@ def weigh_all(
             seek(c, fits[whole])
         if c not in fits:
             continue
-        found, solver = fits[c], solvers[c.restoring]
-        linear = exact(found)
-        own = kappa * found.squares / max(data.y.size - found.z.size, 1)
-        about = relinearised(c, solver, data, found, variance) if approximate else None
-        over = weigh(about[0].model, grid_of(knots.size), variance, samples) if about else None
-        results.append(
-            Result(c, found, linear, _exact(linear, own, samples), own, about[0] if about else None, over)
-        )
-    return Weighing(
+        results.append(_weighed(c, solvers[c.restoring], fits[c], data, noise, approximate))
+    weighing = Weighing(
         data, reference, epsilon, tuple(frictions), solvers, tuple(results), variance, kappa, refused
     )
+    return replace(weighing, **_beside(weighing, approximate)) if forms and results else weighing
+
+
+def _beside(weighing: Weighing, approximate: bool) -> dict[str, Any]:
+    """Rivals with another form of damping, and the power law, under the likeliest restoring law."""
+    data, reference = weighing.data, weighing.reference
+
+    def height(r: Result) -> float:
+        return r.exact_weighed.log_evidence if r.weighed is None else r.weighed.log_evidence
+
+    best = max(weighing.results, key=height)
+    law, near = best.candidate.restoring, best.fit.parameters.named(best.fit.z)
+    plain = weighing.solvers[law]
+    at = rest_of(
+        law, best.fit.parameters.values(best.fit.z)[len(plain.terms) : -2], data.rest, 2 * data.amplitude
+    )
+    given = {"rest": data.rest if at is None else at, "reference_velocity": reference.peak_velocity}
+    fixed = {n: v for n, v in best.fit.parameters.known.items() if n in plain.names}
+    noise = weighing.variance, weighing.inflation
+
+    def weighed(c: Candidate, solver: Solver, starts: list[dict[str, float]]) -> Result | None:
+        parameters = parameters_of(c, solver, data, reference, {}, {**fixed, **given})
+        first = first_values(c, data, fixed)
+        begun = [{**near, **{n: first[n] for n in _coefficients(c)}, **start} for start in starts]
+        found = searched(c, solver, data, parameters, begun, windows=False)
+        return None if found is None else _weighed(c, solver, found, data, noise, approximate)
+
+    with_form = replace(plain, terms=(*plain.terms, FORM))
+    rest = [t for t in plain.terms if t != LIKE]
+    sums = [(*c, FORM) for n in range(len(rest) + 1) for c in combinations(rest, n)]
+    rivals = [weighed(Candidate(terms, law), with_form, [{}]) for terms in sums]
+    alone = Candidate(("power",), law)
+    power = weighed(alone, replace(plain, terms=("power",)), [{"exponent": p} for p in (0.2, 1.0, 1.8)])
+    return {"forms": tuple(r for r in rivals if r is not None), "power": power}
+
+
+def _weighed(
+    c: Candidate,
+    solver: Solver,
+    found: Fit,
+    data: Data,
+    noise: tuple[float, float],
+    approximate: bool,
+) -> Result:
+    """A candidate's fit, weighed. noise: the variance that counts, and the inflation in it."""
+    variance, kappa = noise
+    samples, linear = data.y.size / kappa, exact(found)
+    own = kappa * found.squares / max(data.y.size - found.z.size, 1)
+    about = relinearised(c, solver, data, found, variance) if approximate else None
+    over = weigh(about[0].model, grid_of(solver.knots.size), variance, samples) if about else None
+    return Result(c, found, linear, _exact(linear, own, samples), own, about[0] if about else None, over)
 
 
 def _frictions(
