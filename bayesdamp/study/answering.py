@@ -23,6 +23,7 @@ from bayesdamp.study.records import NOT_APPLICABLE, SignalCell, cell_seed, diges
 from bayesdamp.study.targets import Record
 from bayesdamp.types import OK, Refusal, candidate_parts, following
 from bayesdamp.verdict.decide import decide
+from bayesdamp.verdict.specimen import Answered
 from bayesdamp.verdict.types import Verdict, Window
 
 NO_KERNEL = "not weighed at once: {names} cannot be compiled; give the term a `kernel`"
@@ -196,3 +197,20 @@ def verdict_of(store: Store, signal: str, repeat: int) -> Verdict | None:
     except KeyError:
         return None
     return Verdict.from_dict(cell.meta["verdict"]) if cell.outcome == OK else None
+
+
+def answered_of(store: Store, signal: str, repeat: int) -> Answered | None:
+    """What a verdict on several records takes of one; None where it has no answer."""
+    try:
+        cell = store.read(f"answer/{signal}/{repeat}")
+    except KeyError:
+        return None
+    if cell.outcome != OK:
+        return None
+    rows = [r for r in cell.meta["candidates"] if r["outcome"] == OK]
+    logs = {(r["damping"], r["restoring"]): r["log_evidence"] for r in rows}
+    if any(value is None for value in logs.values()):
+        logs = {(r["damping"], r["restoring"]): r["log_evidence_exact"] for r in rows}
+    top = max(logs.values())
+    curve = {name: cell.arrays[name] for name in ("amplitude", "ratio", "low", "high")}
+    return Answered(Verdict.from_dict(cell.meta["verdict"]), {k: v - top for k, v in logs.items()}, curve)

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from bayesdamp.config import Study
+from bayesdamp.config import SignalSpec, Study
 from bayesdamp.store import VERDICTS, Store, write_json, write_table
-from bayesdamp.study.answering import verdict_of
+from bayesdamp.study.answering import answered_of, verdict_of
+from bayesdamp.verdict.specimen import specimen
 from bayesdamp.verdict.types import Verdict
 
 
@@ -16,10 +17,23 @@ def write_verdicts(study: Study, store: Store) -> None:
             verdict = verdict_of(store, spec.name, repeat)
             if verdict is not None:
                 found.append(verdict)
+    for name, specs in repeated_specs(study).items():
+        answered = [a for a in (answered_of(store, spec.name, 0) for spec in specs) if a is not None]
+        if len(answered) > 1:
+            found.append(specimen(name, answered))
     if not found:
         return
     write_json(store.folder / "verdict.json", [v.to_dict() for v in found])
     write_table(store.folder / "verdicts.csv", VERDICTS, [row_of(v) for v in found])
+
+
+def repeated_specs(study: Study) -> dict[str, list[SignalSpec]]:
+    """The signals of each specimen that has several."""
+    found: dict[str, list[SignalSpec]] = {}
+    for spec in study.signals:
+        if spec.specimen:
+            found.setdefault(spec.specimen, []).append(spec)
+    return {name: specs for name, specs in found.items() if len(specs) > 1}
 
 
 def row_of(v: Verdict) -> dict[str, object]:

@@ -12,8 +12,12 @@ from bayesdamp.verdict.types import DampingRatio, Grade, Interval, Verdict
 if TYPE_CHECKING:
     from bayesdamp.inference.deviation.findings import Findings
 
-NAMES = {"viscous": "viscous", "coulomb": "Coulomb (dry friction)", "quadratic": "quadratic (drag)",
-         "displacement": "one that grows with the square of the displacement"}
+NAMES = {
+    "viscous": "viscous",
+    "coulomb": "Coulomb (dry friction)",
+    "quadratic": "quadratic (drag)",
+    "displacement": "one that grows with the square of the displacement",
+}
 
 
 def named(damping: str) -> str:
@@ -123,7 +127,11 @@ def _hold(v: Verdict) -> str:
 
 def _kind(e: Interval) -> str:
     """Which of the three laws an exponent's interval holds."""
-    held = [name for p, name in ((0, "Coulomb"), (1, "viscous"), (2, "quadratic")) if e.low - 0.02 <= p <= e.high + 0.02]
+    held = [
+        name
+        for p, name in ((0, "Coulomb"), (1, "viscous"), (2, "quadratic"))
+        if e.low - 0.02 <= p <= e.high + 0.02
+    ]
     return f": {held[0]}" if len(held) == 1 else ""
 
 
@@ -151,7 +159,12 @@ def remarks(v: Verdict, found: Findings, same: bool, notes: Sequence[str]) -> tu
         )
     if v.exponent is not None:
         e = v.exponent
-        said.append((0.0, f"As one power of the velocity the damping force goes like v^{with_interval(e.value, e.low, e.high)}"
-                          f"{_kind(e)}."))
+        said.append(
+            (
+                0.0,
+                f"As one power of the velocity the damping force goes like v^{with_interval(e.value, e.low, e.high)}"
+                f"{_kind(e)}.",
+            )
+        )
     said += [(0.0, note) for note in notes]
     return tuple(text for _, text in sorted(said, key=lambda item: -item[0]))

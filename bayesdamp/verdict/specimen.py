@@ -1,0 +1,166 @@
+"""One verdict on a specimen from the answers on its records."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from bayesdamp.verdict import thresholds
+from bayesdamp.verdict.pooled import Pooled, pooled
+from bayesdamp.verdict.types import DampingRatio, Grade, Interval, Rival, Share, Verdict
+from bayesdamp.verdict.words import sentence
+
+THIRD = 0.5
+"""Prior weight of a sum of three terms beside sums of one or two."""
+FAR = -60.0
+"""Nats behind a record's best that stand for a candidate which was out of the question there."""
+Curve = Mapping[str, np.ndarray]
+
+
+@dataclass(frozen=True)
+class Answered:
+    """What was said of one record: its verdict; log evidence of each (damping, restoring law), relative to the best;
+    its damping ratio against amplitude, with arrays `amplitude`, `ratio`, `low`, `high`."""
+
+    verdict: Verdict
+    log_evidence: Mapping[tuple[str, str], float]
+    curve: Curve
+
+
+def specimen(name: str, records: Sequence[Answered]) -> Verdict:
+    """The verdict on a specimen: one damping for all records, whose sizes differ from record to record by a spread that
+    is inferred. The interval of a ratio is what one more record would give.
+
+    Raises ValueError where there is no record.
+    """
+    if not records:
+        raise ValueError("a specimen needs a record with a verdict")
+    damping, restoring = _probabilities(records)
+    first, probability = next(iter(damping.items()))
+    own = [r.verdict for r in records]
+    worst = max(own, key=lambda v: list(Grade).index(v.grade))
+    grade = worst.grade
+    decided = probability >= thresholds.DECIDED and grade is not Grade.DEVIATES
+    verdict = Verdict(
+        record=name,
+        grade=grade,
+        decided=decided,
+        damping=first,
+        probability=min(probability, thresholds.CAP),
+        rivals=tuple(Rival(n, p) for n, p in list(damping.items())[1:]),
+        restoring=next(iter(restoring)),
+        restoring_probability=min(next(iter(restoring.values())), thresholds.CAP),
+        frequency=_pooled_interval([v.frequency for v in own]),
+        exponent=_pooled_interval([v.exponent for v in own]),
+        damping_ratio=_ratios(records),
+        energy=_energy(own, damping),
+        deviation=_largest([v.deviation for v in own]),
+        unexplained_pct=max(v.unexplained_pct for v in own),
+        noise_pct=float(np.median([v.noise_pct for v in own])),
+        remarks=_remarks(records),
+    )
+    return replace(verdict, sentence=f"{len(records)} records: {sentence(verdict)}")
+
+
+def _probabilities(records: Sequence[Answered]) -> tuple[dict[str, float], dict[str, float]]:
+    """Of each damping and of each law, the same for all records."""
+    names = {key for r in records for key in r.log_evidence}
+    logs = {}
+    for damping, law in names:
+        total = sum(max(r.log_evidence.get((damping, law), FAR), FAR) for r in records)
+        logs[damping, law] = total + (np.log(THIRD) if damping.count("+") > 1 else 0.0)
+    top = max(logs.values())
+    weight = {key: float(np.exp(v - top)) for key, v in logs.items()}
+    total = sum(weight.values())
+    found: tuple[dict[str, float], dict[str, float]] = ({}, {})
+    for key, w in weight.items():
+        for place in (0, 1):
+            found[place][key[place]] = found[place].get(key[place], 0.0) + w / total
+    by_damping, by_law = (dict(sorted(one.items(), key=lambda item: -item[1])) for one in found)
+    return by_damping, by_law
+
+
+def _common(records: Sequence[Answered]) -> np.ndarray:
+    """Three amplitudes that all records have; those of the first record where they have none in common."""
+    high = min(float(r.curve["amplitude"].max()) for r in records)
+    low = max(float(r.curve["amplitude"].min()) for r in records)
+    if not low < high:
+        a = records[0].curve["amplitude"]
+        high, low = float(a.max()), float(a.min())
+    span = np.log(high / low)
+    return high * np.exp(-span * np.array([0.1, 0.5, 0.9]))
+
+
+def at_amplitude(curve: Curve, amplitude: float) -> tuple[float, float]:
+    """A curve's log ratio and the sd of it at an amplitude, by interpolation in the logarithm."""
+    order = np.argsort(curve["amplitude"])
+    x = np.log(curve["amplitude"][order])
+    value, low, high = (np.log(np.maximum(curve[n][order], 1e-300)) for n in ("ratio", "low", "high"))
+    at = np.log(amplitude)
+    return float(np.interp(at, x, value)), float(np.interp(at, x, (high - low) / 3.92))
+
+
+def _ratios(records: Sequence[Answered]) -> tuple[DampingRatio, ...]:
+    unit = next((v.damping_ratio[0].unit for v in (r.verdict for r in records) if v.damping_ratio), "rad")
+    found = []
+    for amplitude in _common(records):
+        logs, sds = np.array([at_amplitude(r.curve, float(amplitude)) for r in records]).T
+        p: Pooled = pooled(logs, sds)
+        value = float(np.exp(p.mean))
+        found.append(
+            DampingRatio(
+                float(amplitude),
+                unit,
+                value,
+                value * p.sd,
+                value * p.spread,
+                float(np.exp(p.low)),
+                float(np.exp(p.high)),
+            )
+        )
+    return tuple(found)
+
+
+def _pooled_interval(given: Sequence[Interval | None]) -> Interval | None:
+    known = [i for i in given if i is not None]
+    if not known:
+        return None
+    p = pooled(np.array([i.value for i in known]), np.array([(i.high - i.low) / 3.92 for i in known]))
+    return Interval(p.mean, p.low, p.high, known[0].unit)
+
+
+def _largest(given: Sequence[Interval | None]) -> Interval | None:
+    known = [i for i in given if i is not None]
+    return max(known, key=lambda i: i.value) if known else None
+
+
+def _energy(own: Sequence[Verdict], damping: Mapping[str, float]) -> tuple[Share, ...]:
+    terms = {s.term for v in own for s in v.energy}
+    found = []
+    for term in terms:
+        shares = [s for v in own for s in v.energy if s.term == term]
+        sure = sum(p for name, p in damping.items() if term in name.split("+"))
+        middle = float(np.median([s.share for s in shares]))
+        found.append(Share(term, middle, min(s.low for s in shares), max(s.high for s in shares), sure))
+    return tuple(sorted(found, key=lambda s: -s.share))
+
+
+def _remarks(records: Sequence[Answered]) -> tuple[str, ...]:
+    """How much records differ, and which want another damping."""
+    said = []
+    for amplitude in _common(records)[1:2]:
+        logs, sds = np.array([at_amplitude(r.curve, float(amplitude)) for r in records]).T
+        p = pooled(logs, sds)
+        said.append(
+            f"From record to record the damping ratio at {amplitude:.2g} differs by {100 * p.spread:.2g} % "
+            f"({100 * p.spread_low:.2g} to {100 * p.spread_high:.2g}), a standard deviation."
+        )
+    alone: dict[str, list[str]] = {}
+    for r in records:
+        alone.setdefault(r.verdict.damping, []).append(r.verdict.record)
+    if len(alone) > 1:
+        parts = [f"{d} {len(names)}" for d, names in sorted(alone.items(), key=lambda i: -len(i[1]))]
+        said.append(f"Records by themselves are likeliest: {', '.join(parts)}.")
+    return tuple(said)
