@@ -17,7 +17,7 @@ from bayesdamp.config import Study, load_study
 from bayesdamp.config.checks import StudyError
 from bayesdamp.config.load import resolve_study
 from bayesdamp.interface.parts.result import Shown
-from bayesdamp.interface.parts.table import Table, said
+from bayesdamp.interface.parts.table import Table, number, said
 from bayesdamp.plugins import nearest
 from bayesdamp.store import TABLES, CellResult, Store, read_table
 from bayesdamp.study.weighing import evidence_of
@@ -32,8 +32,8 @@ SOURCE = "study.toml"
 """What a study that is given as a dictionary is called where a file would be named."""
 
 
-@dataclass(frozen=True, eq=False)
-class Candidate:
+@dataclass(frozen=True, eq=False, repr=False)
+class Candidate(Shown):
     """What a run found for one model on one record.
 
     record, repeat: the signal's name and which of its repeats, from 0. values, sd, log_posterior: of the mode, in
@@ -52,6 +52,20 @@ class Candidate:
     posteriors: Mapping[str, types.Posterior] = field(default_factory=dict)
     evidence: Mapping[str, types.Evidence] = field(default_factory=dict)
     outcome: str = OK
+
+    def _table(self) -> Table:
+        rows = [(n, number(v, 6), number(self.sd.get(n, float("nan")), 2)) for n, v in self.values.items()]
+        notes = [f"{kind}: {', '.join(found)}" for kind, found in self._more() if found]
+        title = f"{types.candidate_name(self.damping, self.restoring)} on {self.record}/{self.repeat}"
+        return Table(title, ("parameter", "value", "sd"), tuple(rows), said(self.outcome, notes))
+
+    def _more(self) -> tuple[tuple[str, list[str]], ...]:
+        found = [f"{m} {number(e.log_evidence, 7)}" for m, e in self.evidence.items()]
+        return (
+            ("estimates", list(self.estimates)),
+            ("posteriors", list(self.posteriors)),
+            ("log evidence", found),
+        )
 
 
 @dataclass(frozen=True, eq=False, repr=False)
