@@ -30,6 +30,7 @@ from bayesdamp.physics.integrate import make_plan
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.physics.plan import QUANTITIES
 from bayesdamp.plugins import nearest
+from bayesdamp.signals.features import features
 from bayesdamp.store import CellResult
 from bayesdamp.study.climbs import packed as packed_mode
 from bayesdamp.study.climbs import unpacked as unpacked_mode
@@ -45,6 +46,8 @@ PRIOR_STARTS = 2
 """Draws from the prior that are climbed from beside what the record says."""
 BAND = 200
 """Draws behind a prediction's standard deviation, which they make good to a twentieth of itself."""
+PRECISION = 1e-6
+"""Of a predicted motion, as a share of the record's range."""
 _EMPTY = np.empty(0)
 
 
@@ -114,7 +117,9 @@ class Fit(Result):
         if times.ndim != 1 or not np.all(np.isfinite(times)) or np.any(times < 0):
             raise InputError("predict: t must be finite times in s from the first sample on, 0 or more")
         grid, at = np.unique(np.concatenate([[0.0], times]), return_inverse=True)
-        plan = make_plan(target.oscillator, target.all_values(mode.z), grid, wanted, self._tolerance(wanted))
+        derivatives = QUANTITIES.index(wanted) - QUANTITIES.index(self.signal.quantity)
+        size = float(np.ptp(self.signal.y)) * features(self.signal).frequency ** derivatives
+        plan = make_plan(target.oscillator, target.all_values(mode.z), grid, wanted, PRECISION * size)
         z = laplace_draws(target, mode, BAND, 0)
         every = {**{n: np.full(BAND, float(v)) for n, v in target.known.items()}, **target.values(z)}
         band = plan.many_at_samples(target.oscillator, every)
@@ -159,15 +164,6 @@ class Fit(Result):
         below.set_ylabel(f"residual / {self.signal.y_unit}")
         below.set_xlabel("time / s")
         return above, below
-
-    def _tolerance(self, quantity: str) -> float:
-        """Of a trajectory in the unit of a quantity, as fine as that of the fit."""
-        _, mode = self.engine
-        apart = QUANTITIES.index(quantity) - QUANTITIES.index(self.signal.quantity)
-        size, end = np.ptp(self.signal.y), max(float(self.signal.t[-1]), 1e-300)
-        turns = max(1, int(np.sum(np.diff(np.signbit(self.fitted - self.fitted.mean())))))
-        rate = np.pi * turns / end
-        return float(min(mode.tolerance, 1e-4 * size) * rate**apart)
 
     def _table(self) -> Table:
         rows = [(n, self.units[n], number(v, 6), number(self.sd[n], 2)) for n, v in self.values.items()]

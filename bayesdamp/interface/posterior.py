@@ -31,7 +31,7 @@ Array = NDArray[np.float64]
 COLUMNS = ("mean", "sd", "median", "q2.5", "q97.5", "hdi_low", "hdi_high", "ess_bulk", "ess_tail", "rhat")
 HOW = {"ensembles": "ensembles", "effective": "effective_draws"}
 """What summaries are to know of a sampler's draws, and where its diagnostics say it."""
-_NONE = np.empty((0, 0, 0))
+_NO_DRAWS, _NO_VALUES = np.empty((0, 0, 0)), np.empty((0, 0))
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -47,8 +47,8 @@ class Posterior(Result):
     fit: Fit
     sampler: str
     names: tuple[str, ...] = ()
-    draws: Array = field(default_factory=lambda: _NONE)
-    log_likelihood: Array = field(default_factory=lambda: _NONE[0:0, 0])
+    draws: Array = field(default_factory=lambda: _NO_DRAWS)
+    log_likelihood: Array = field(default_factory=lambda: _NO_VALUES)
     stats: Mapping[str, np.ndarray] = field(default_factory=dict)
     diagnostics: Mapping[str, object] = field(default_factory=dict)
     seed: int = 0

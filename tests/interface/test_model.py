@@ -11,7 +11,9 @@ import bayesdamp as bd
 
 
 def test_terms_have_one_order_and_models_are_keys() -> None:
-    one = bd.Model("coulomb+viscous", "pendulum", priors={"viscous": bd.HalfNormal(0.1)}, known={"stiffness": 20})
+    one = bd.Model(
+        "coulomb+viscous", "pendulum", priors={"viscous": bd.HalfNormal(0.1)}, known={"stiffness": 20}
+    )
     same = bd.Model(
         "viscous+coulomb", "pendulum", priors={"viscous": bd.HalfNormal(0.1)}, known={"stiffness": 20.0}
     )
