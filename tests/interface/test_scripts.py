@@ -83,3 +83,29 @@ def test_a_wrong_type_is_seen(tmp_path: Path) -> None:
     assert found.returncode == 1
     assert "reportArgumentType" in found.stdout
     assert "reportAttributeAccessIssue" in found.stdout
+
+
+PAGE = Path(__file__).resolve().parents[2] / "docs" / "python.md"
+
+
+def examples(text: str) -> str:
+    """The Python of a page, in its order, on the page's own lines."""
+    kept, inside = [], False
+    for line in text.splitlines():
+        if line.startswith("```"):
+            inside = line == "```python"
+            line = ""
+        kept.append(line if inside else "")
+    return "\n".join(kept)
+
+
+@pytest.mark.slow
+def test_the_page_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    mpl.use("agg")
+    try:
+        exec(compile(examples(PAGE.read_text(encoding="utf-8")), str(PAGE), "exec"), {"__name__": "page"})
+    finally:
+        plt.close("all")
+        TERMS.remove("cubic")
+    assert (tmp_path / "viscous.nc").is_file()
