@@ -1,11 +1,13 @@
 """bayesdamp: how large is the damping of a decaying oscillation, which is it, and how sure may one be?
 
-The public interface, each name loaded when it is first used:
+The public interface, each name loaded when it is first used (docs/python.md shows it at work):
 
-- `load_study(path)`, `run_study(study, out)`: a study file, and its run (`bayesdamp study`).
-- `read_record(path)`, `clean(raw, name=...)`: a measured record, and the free decay in it as a `Signal`.
-- `Oscillator(damping, restoring)`, `simulate(oscillator, parameters, times)`: a trajectory.
-- `features(signal)`: period, amplitude and roughness of a record.
+- records: `read(path)`, a `Record`, whose `signal()` is the free decay in it; `signal(t, y)` from arrays;
+`simulate(...)`. - one model on one record: `Model(...)` with priors (`HalfNormal`, `LogNormal`, `LogUniform`, `Normal`,
+`Uniform`); `estimate(signal, name, model)`, `fit(signal, model)`, `sample(fit)`, `evidence(posterior)`,
+`model.bind(signal)`. - studies: `load_study(path)`, `run_study(study)`.
+- `load(path)`: whatever a result's `save` wrote. `InputError`, `Refusal`: what they raise.
+- underneath: `read_record`, `clean`, `features`, `Oscillator`, `trajectory(oscillator, parameters, times)`.
 """
 
 import os
@@ -21,41 +23,115 @@ if "jax" in sys.modules:
 __version__ = "0.1.0"
 
 _HOME = {
+    "Record": "bayesdamp.interface.record",
+    "read": "bayesdamp.interface.record",
+    "Signal": "bayesdamp.interface.signal",
+    "signal": "bayesdamp.interface.signal",
+    "simulate": "bayesdamp.interface.simulate",
+    "Model": "bayesdamp.interface.model",
+    "HalfNormal": "bayesdamp.priors",
+    "LogNormal": "bayesdamp.priors",
+    "LogUniform": "bayesdamp.priors",
+    "Normal": "bayesdamp.priors",
+    "Uniform": "bayesdamp.priors",
+    "Estimate": "bayesdamp.interface.estimate",
+    "estimate": "bayesdamp.interface.estimate",
+    "Fit": "bayesdamp.interface.fit",
+    "Prediction": "bayesdamp.interface.fit",
+    "fit": "bayesdamp.interface.fit",
+    "Density": "bayesdamp.interface.density",
+    "Posterior": "bayesdamp.interface.posterior",
+    "sample": "bayesdamp.interface.posterior",
+    "Evidence": "bayesdamp.interface.evidence",
+    "evidence": "bayesdamp.interface.evidence",
+    "Candidate": "bayesdamp.interface.run",
+    "Run": "bayesdamp.interface.run",
+    "run_study": "bayesdamp.interface.run",
+    "load": "bayesdamp.interface.load",
+    "InputError": "bayesdamp.types",
+    "Refusal": "bayesdamp.types",
+    "Study": "bayesdamp.config",
     "load_study": "bayesdamp.config",
-    "run_study": "bayesdamp.study",
-    "read_record": "bayesdamp.signals.read",
+    "DampingTerm": "bayesdamp.physics.damping",
+    "Oscillator": "bayesdamp.physics.oscillator",
     "clean": "bayesdamp.signals.clean",
     "features": "bayesdamp.signals.features",
-    "Signal": "bayesdamp.types",
-    "Oscillator": "bayesdamp.physics.oscillator",
-    "simulate": "bayesdamp.physics.integrate",
+    "read_record": "bayesdamp.signals.read",
+    "trajectory": "bayesdamp.physics.integrate",
 }
+_THERE = {"trajectory": "simulate"}
+"""What a name is called where it comes from, if something else."""
 
 __all__ = [
+    "Candidate",
+    "DampingTerm",
+    "Density",
+    "Estimate",
+    "Evidence",
+    "Fit",
+    "HalfNormal",
+    "InputError",
+    "LogNormal",
+    "LogUniform",
+    "Model",
+    "Normal",
     "Oscillator",
+    "Posterior",
+    "Prediction",
+    "Record",
+    "Refusal",
+    "Run",
     "Signal",
+    "Study",
+    "Uniform",
     "__version__",
     "clean",
+    "estimate",
+    "evidence",
     "features",
+    "fit",
+    "load",
     "load_study",
+    "read",
     "read_record",
     "run_study",
+    "sample",
+    "signal",
     "simulate",
+    "trajectory",
 ]
 
 
 if TYPE_CHECKING:
-    from bayesdamp.config import load_study
-    from bayesdamp.physics.integrate import simulate
+    from bayesdamp.config import Study, load_study
+    from bayesdamp.interface.density import Density
+    from bayesdamp.interface.estimate import Estimate, estimate
+    from bayesdamp.interface.evidence import Evidence, evidence
+    from bayesdamp.interface.fit import Fit, Prediction, fit
+    from bayesdamp.interface.load import load
+    from bayesdamp.interface.model import Model
+    from bayesdamp.interface.posterior import Posterior, sample
+    from bayesdamp.interface.record import Record, read
+    from bayesdamp.interface.run import Candidate, Run, run_study
+    from bayesdamp.interface.signal import Signal, signal
+    from bayesdamp.interface.simulate import simulate
+    from bayesdamp.physics.damping import DampingTerm
+    from bayesdamp.physics.integrate import simulate as trajectory
     from bayesdamp.physics.oscillator import Oscillator
+    from bayesdamp.priors import HalfNormal, LogNormal, LogUniform, Normal, Uniform
     from bayesdamp.signals.clean import clean
     from bayesdamp.signals.features import features
     from bayesdamp.signals.read import read_record
-    from bayesdamp.study import run_study
-    from bayesdamp.types import Signal
+    from bayesdamp.types import InputError, Refusal
 
 
 def __getattr__(name: str) -> object:
     if name not in _HOME:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(import_module(_HOME[name]), name)
+    found = getattr(import_module(_HOME[name]), _THERE.get(name, name))
+    globals()[name] = found
+    return found
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

@@ -18,7 +18,9 @@ import numpy as np
 import scipy.special as host
 from jax import Array
 from numpy.typing import ArrayLike
-from pydantic import BaseModel, ConfigDict, Field, PositiveFloat, model_validator
+from pydantic import BaseModel, ConfigDict, Field, PositiveFloat, ValidationError, model_validator
+
+from bayesdamp.types import InputError
 
 Scalar = float | Array
 
@@ -35,6 +37,23 @@ class _Prior(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
     folded: bool = Field(default=False, exclude=True, init=False, repr=False)
+
+    def _begin(self, **numbers: float) -> None:
+        """A prior that somebody writes in Python. Raises InputError, one line; a study's tables are checked by their
+        reader, which does not come this way."""
+        try:
+            super().__init__(**numbers)
+        except ValidationError as error:
+            first = error.errors(include_url=False)[0]
+            what = ".".join(str(part) for part in first["loc"])
+            shown = f"{what} is {first['input']!r}: " if what else ""
+            right = first.get("ctx", {}).get("error") or first["msg"].lower()
+            raise InputError(f"{type(self).__name__}: {shown}{right}") from None
+
+    def __init_subclass__(cls, **options: Any) -> None:
+        # So that pydantic goes on to validate tables by itself, strictly where that is asked for.
+        cls.__init__.__pydantic_base_init__ = True  # type: ignore[attr-defined]
+        super().__init_subclass__(**options)
 
     transform: ClassVar[Callable[..., Any]]
     """(z, *numbers): the parameter at the normal score z (any shape) for a prior with these numbers. Of arrays of
@@ -57,6 +76,10 @@ class _Prior(BaseModel):
         """Normalised log density at x, −∞ outside the support."""
         raise NotImplementedError
 
+    def slope(self, x: ArrayLike) -> np.ndarray:
+        """Derivative of `log_density` at x inside the support."""
+        raise NotImplementedError
+
     def describe(self) -> str:
         """In words, for tables."""
         body = self.model_dump(exclude={"prior"})
@@ -73,6 +96,9 @@ class Normal(_Prior):
     mean: float
     sd: PositiveFloat
 
+    def __init__(self, mean: float, sd: float) -> None:
+        self._begin(mean=mean, sd=sd)
+
     @staticmethod
     def transform(z: Any, mean: Scalar, sd: Scalar) -> Any:
         return mean + sd * z
@@ -83,6 +109,9 @@ class Normal(_Prior):
     def log_density(self, x: ArrayLike) -> np.ndarray:
         return -0.5 * self.score(x) ** 2 - _HALF_LOG_2PI - math.log(self.sd)
 
+    def slope(self, x: ArrayLike) -> np.ndarray:
+        return -self.score(x) / self.sd
+
 
 class HalfNormal(_Prior):
     """|Normal(0, scale)|: touches zero without a boundary in the score."""
@@ -90,6 +119,9 @@ class HalfNormal(_Prior):
     prior: Literal["halfnormal"] = "halfnormal"
     scale: PositiveFloat
     folded: bool = Field(default=True, exclude=True, init=False, repr=False)
+
+    def __init__(self, scale: float) -> None:
+        self._begin(scale=scale)
 
     @staticmethod
     def transform(z: Any, scale: Scalar) -> Any:
@@ -104,6 +136,9 @@ class HalfNormal(_Prior):
         inside = -0.5 * (x / self.scale) ** 2 - _HALF_LOG_2PI - math.log(self.scale) + math.log(2)
         return np.where(x >= 0, inside, -np.inf)
 
+    def slope(self, x: ArrayLike) -> np.ndarray:
+        return -np.asarray(x, float) / self.scale**2
+
 
 class LogNormal(_Prior):
     """exp Normal(log median, sigma)."""
@@ -111,6 +146,9 @@ class LogNormal(_Prior):
     prior: Literal["lognormal"] = "lognormal"
     median: PositiveFloat
     sigma: PositiveFloat
+
+    def __init__(self, median: float, sigma: float) -> None:
+        self._begin(median=median, sigma=sigma)
 
     @staticmethod
     def transform(z: Any, median: Scalar, sigma: Scalar) -> Any:
@@ -126,6 +164,9 @@ class LogNormal(_Prior):
         inside = -0.5 * self.score(safe) ** 2 - _HALF_LOG_2PI - math.log(self.sigma) - np.log(safe)
         return np.where(x > 0, inside, -np.inf)
 
+    def slope(self, x: ArrayLike) -> np.ndarray:
+        return -(1.0 + self.score(x) / self.sigma) / np.asarray(x, float)
+
 
 class Uniform(_Prior):
     """Uniform between low and high."""
@@ -133,6 +174,9 @@ class Uniform(_Prior):
     prior: Literal["uniform"] = "uniform"
     low: float
     high: float
+
+    def __init__(self, low: float, high: float) -> None:
+        self._begin(low=low, high=high)
 
     @model_validator(mode="after")
     def _ordered(self) -> Uniform:
@@ -152,6 +196,9 @@ class Uniform(_Prior):
         x = np.asarray(x, float)
         return np.where((x >= self.low) & (x <= self.high), -math.log(self.high - self.low), -np.inf)
 
+    def slope(self, x: ArrayLike) -> np.ndarray:
+        return np.zeros_like(np.asarray(x, float))
+
 
 class LogUniform(_Prior):
     """Uniform in the logarithm between low and high."""
@@ -159,6 +206,9 @@ class LogUniform(_Prior):
     prior: Literal["loguniform"] = "loguniform"
     low: PositiveFloat
     high: PositiveFloat
+
+    def __init__(self, low: float, high: float) -> None:
+        self._begin(low=low, high=high)
 
     @model_validator(mode="after")
     def _ordered(self) -> LogUniform:
@@ -181,6 +231,9 @@ class LogUniform(_Prior):
         safe = np.where(x > 0, x, self.low)
         inside = -np.log(safe) - math.log(math.log(self.high / self.low))
         return np.where((x >= self.low) & (x <= self.high), inside, -np.inf)
+
+    def slope(self, x: ArrayLike) -> np.ndarray:
+        return -1.0 / np.asarray(x, float)
 
 
 Prior = Annotated[Normal | HalfNormal | LogNormal | Uniform | LogUniform, Field(discriminator="prior")]

@@ -7,8 +7,10 @@ from dataclasses import dataclass
 
 from bayesdamp.inference.noise import NOISES
 from bayesdamp.physics.oscillator import Oscillator
+from bayesdamp.physics.restoring import LAWS
 from bayesdamp.priors import HalfNormal, LogNormal, LogUniform, Normal, Prior
 from bayesdamp.signals.features import Features
+from bayesdamp.types import System
 
 RATIO_SCALE = 0.1
 """Scale of the half-normal prior on each term's equivalent damping ratio at the reference."""
@@ -28,6 +30,20 @@ class Reference:
     @property
     def peak_velocity(self) -> float:
         return self.amplitude * self.frequency
+
+
+def reference_of(system: System, seen: Features) -> Reference:
+    """Amplitude and frequency that prior widths scale with: given, else from the system, else the record's."""
+    amplitude, frequency = system.amplitude, system.frequency
+    law = LAWS.get(system.restoring)
+    if all(n in system.known for n in law.parameters):
+        osc = Oscillator(("viscous",), system.restoring)
+        if frequency is None:
+            frequency = osc.natural_frequency(system.known, seen.rest)
+        if amplitude is None and "theta0" in system.known:
+            amplitude = abs(system.known["theta0"] - osc.equilibrium(system.known, seen.rest)) or None
+    rounded = {"amplitude": float(f"{seen.amplitude:.1e}"), "frequency": float(f"{seen.frequency:.1e}")}
+    return Reference(amplitude or rounded["amplitude"], frequency or rounded["frequency"])
 
 
 def default_prior(name: str, osc: Oscillator, noise: str, reference: Reference, features: Features) -> Prior:

@@ -16,17 +16,16 @@ from bayesdamp import __version__
 from bayesdamp.config import Recording, SignalSpec, Simulation, Study
 from bayesdamp.estimators.bound import cramer_rao
 from bayesdamp.estimators.shared import noise_level
-from bayesdamp.inference.defaults import EPSILON_SHARE, Reference
+from bayesdamp.inference.defaults import EPSILON_SHARE, reference_of
 from bayesdamp.physics.oscillator import Oscillator
-from bayesdamp.physics.restoring import LAWS
 from bayesdamp.signals.anomalies import anomalies
 from bayesdamp.signals.clean import clean
 from bayesdamp.signals.curves import amplitude_curves
-from bayesdamp.signals.features import Features, features
+from bayesdamp.signals.features import features
 from bayesdamp.signals.read import read_record
 from bayesdamp.signals.simulate import simulate_signal
 from bayesdamp.store import CellResult, Store, sha256
-from bayesdamp.types import OK, InputError, Problem, Refusal, Signal, System
+from bayesdamp.types import OK, InputError, Problem, Refusal, Signal
 from bayesdamp.units import UNITS
 
 NO_NOISE = 1e-6
@@ -130,7 +129,7 @@ class SignalCell:
         Raises Refusal where the record shows no oscillation.
         """
         seen = features(signal)
-        reference = _reference(self.spec.system, seen)
+        reference = reference_of(self.spec.system, seen)
         known, note = dict(self.spec.system.known), ""
         if "epsilon" not in known and "epsilon" not in self.spec.system.free:
             known["epsilon"] = EPSILON_SHARE * reference.peak_velocity
@@ -157,20 +156,6 @@ class SignalCell:
             return {}
         problem = Problem(source.damping, self.spec.system)
         return cramer_rao(problem, truth, signal.t, truth["noise_sd"], signal.quantity)
-
-
-def _reference(system: System, seen: Features) -> Reference:
-    """Amplitude and frequency that prior widths scale with: given, else from the system, else the record's."""
-    amplitude, frequency = system.amplitude, system.frequency
-    law = LAWS.get(system.restoring)
-    if all(n in system.known for n in law.parameters):
-        osc = Oscillator(("viscous",), system.restoring)
-        if frequency is None:
-            frequency = osc.natural_frequency(system.known, seen.rest)
-        if amplitude is None and "theta0" in system.known:
-            amplitude = abs(system.known["theta0"] - osc.equilibrium(system.known, seen.rest)) or None
-    rounded = {"amplitude": float(f"{seen.amplitude:.1e}"), "frequency": float(f"{seen.frequency:.1e}")}
-    return Reference(amplitude or rounded["amplitude"], frequency or rounded["frequency"])
 
 
 def _raw(t: np.ndarray | None, y: np.ndarray, source: Recording) -> dict[str, np.ndarray]:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import Protocol
 
 from bayesdamp.estimators import run as run_estimator
 from bayesdamp.estimators.shared import decay_start, start_parameters
 from bayesdamp.physics.oscillator import Oscillator
-from bayesdamp.study.targets import Record
-from bayesdamp.types import Problem, Refusal
+from bayesdamp.signals.features import Features
+from bayesdamp.types import Problem, Refusal, Signal
 
 REGRESSION = "least_squares"
 """The estimator that is asked where a study has none."""
@@ -20,13 +21,23 @@ ALL = "fit of all dampings"
 """Name of the start that has the motion of the fit under which the noise was chosen, which keeps step."""
 
 
-def regression(record: Record, problem: Problem) -> tuple[dict[str, Mapping[str, float]], str]:
+class Seen(Protocol):
+    """A record and its features."""
+
+    @property
+    def signal(self) -> Signal: ...
+
+    @property
+    def seen(self) -> Features: ...
+
+
+def regression(record: Seen, problem: Problem) -> tuple[dict[str, Mapping[str, float]], str]:
     """Least squares' own values by the seed's name, and what it says where it has none."""
     found = run_estimator(REGRESSION, record.signal, problem, stages=("initial",), seed=0)
     return {f"{REGRESSION}, {e.stage}": e.values for e in found if e.values}, found[0].outcome
 
 
-def observed(record: Record, problem: Problem) -> dict[str, Mapping[str, float]]:
+def observed(record: Seen, problem: Problem) -> dict[str, Mapping[str, float]]:
     """The restoring law of the record's frequency and midline, its smoothed start, and the damping of its decrements;
     nothing where they cannot be read."""
     try:

@@ -6,12 +6,13 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+import jax
 import numpy as np
 from jax import Array
 
 from bayesdamp.priors import Prior
 from bayesdamp.signals.features import Features
-from bayesdamp.types import Signal
+from bayesdamp.types import Refusal, Signal
 
 
 @dataclass(frozen=True)
@@ -61,6 +62,17 @@ class NoiseModel(ABC):
     @abstractmethod
     def information_root(self, v: Array, gaps: Array, p: Mapping[str, Array]) -> Array:
         """R v with RᵀR the Fisher information about a shift of the record by v, shape (n,)."""
+
+    def log_likelihoods(self, r: Array, gaps: Array, p: Mapping[str, Array]) -> Array:
+        """Log density of each residual given all others, shape (n,): what leave-one-out cross-validation weighs.
+
+        As for independent residuals; noise whose samples depend on one another has its own.
+        """
+        return jax.vmap(lambda one: self.log_likelihood(one[None], gaps[:0], p))(r)
+
+    def draw(self, rng: np.random.Generator, gaps: np.ndarray, p: Mapping[str, float]) -> np.ndarray:
+        """Noise of one record, shape (n,). Raises Refusal where the model does not say how it is drawn."""
+        raise Refusal(f"noise {self.name!r} does not say how it is drawn")
 
 
 class NormalNoise(NoiseModel):

@@ -68,5 +68,22 @@ class Correlated(NormalNoise):
     def information_root(self, v: Array, gaps: Array, p: Mapping[str, Array]) -> Array:
         return self.whiten(v, gaps, p)
 
+    def log_likelihoods(self, r: Array, gaps: Array, p: Mapping[str, Array]) -> Array:
+        """From the precision matrix K⁻¹ of the record, which is tridiagonal: given all others, r_i is normal with mean
+        r_i − (K⁻¹ r)_i / K⁻¹_ii and variance 1/K⁻¹_ii (Bürkner, Gabry and Vehtari, Comput. Stat. 36, 2021)."""
+        rho, lost = jnp.exp(-gaps / p["noise_time"]), -jnp.expm1(-2 * gaps / p["noise_time"])
+        nought = jnp.zeros(1)
+        own = 1.0 + jnp.concatenate([nought, rho**2 / lost]) + jnp.concatenate([rho**2 / lost, nought])
+        ahead = jnp.concatenate([rho / lost * r[1:], nought]) + jnp.concatenate([nought, rho / lost * r[:-1]])
+        score = (own * r - ahead) / jnp.sqrt(own) / p["noise_sd"]
+        return -0.5 * score**2 - jnp.log(p["noise_sd"]) + 0.5 * jnp.log(own) - 0.5 * LOG_2PI
+
+    def draw(self, rng: np.random.Generator, gaps: np.ndarray, p: Mapping[str, float]) -> np.ndarray:
+        exponent, r = -gaps / p["noise_time"], rng.standard_normal(gaps.size + 1)
+        rho, fresh = np.exp(exponent), np.sqrt(-np.expm1(2 * exponent))
+        for i in range(gaps.size):
+            r[i + 1] = rho[i] * r[i] + fresh[i] * r[i + 1]
+        return p["noise_sd"] * r
+
 
 PLUGIN = Correlated()

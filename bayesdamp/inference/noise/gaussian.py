@@ -46,5 +46,8 @@ class Gaussian(NormalNoise):
     def information_root(self, v: Array, gaps: Array, p: Mapping[str, Array]) -> Array:
         return v / p["noise_sd"]
 
+    def draw(self, rng: np.random.Generator, gaps: np.ndarray, p: Mapping[str, float]) -> np.ndarray:
+        return p["noise_sd"] * rng.standard_normal(gaps.size + 1)
+
 
 PLUGIN = Gaussian()

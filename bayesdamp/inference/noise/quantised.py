@@ -51,6 +51,12 @@ class Quantised(NoiseModel):
         # What rounding leaves of the information where the noise spreads over the steps (Sheppard's correction).
         return v / self._scatter(p)
 
+    def draw(self, rng: np.random.Generator, gaps: np.ndarray, p: Mapping[str, float]) -> np.ndarray:
+        # What rounding to a lattice adds to a motion that lies anywhere between its points.
+        n, step = gaps.size + 1, p["noise_step"]
+        where, normal = rng.uniform(-0.5, 0.5, n) * step, p["noise_sd"] * rng.standard_normal(n)
+        return step * np.round((where + normal) / step) - where
+
     @staticmethod
     def _scatter(p: Mapping[str, Array]) -> Array:
         return jnp.sqrt(p["noise_sd"] ** 2 + p["noise_step"] ** 2 / 12)

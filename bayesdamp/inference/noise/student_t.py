@@ -44,5 +44,8 @@ class StudentT(NoiseModel):
         dof = p["noise_dof"]
         return v / p["noise_sd"] * jnp.sqrt((dof + 1) / (dof + 3))
 
+    def draw(self, rng: np.random.Generator, gaps: np.ndarray, p: Mapping[str, float]) -> np.ndarray:
+        return p["noise_sd"] * rng.standard_t(p["noise_dof"], gaps.size + 1)
+
 
 PLUGIN = StudentT()

@@ -1,0 +1,152 @@
+"""A posterior as plain functions of the parameters, for any sampler or optimiser."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from bayesdamp import types
+from bayesdamp.inference.batches import in_batches
+from bayesdamp.inference.mode import Mode
+from bayesdamp.inference.natural import compiled_slopes, compiled_values, differentiable
+from bayesdamp.inference.target import Target
+from bayesdamp.interface.model import Model
+from bayesdamp.interface.parts.result import Shown
+from bayesdamp.interface.parts.table import Table, number
+from bayesdamp.plugins import nearest
+from bayesdamp.priors import Prior
+from bayesdamp.types import InputError
+
+Vector = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Density(Shown):
+    """The posterior density of a model on a record; x is a vector of the parameters in natural units, by `names`.
+
+    values: the parameters where the model fits best; there the solver's steps are set. Within three standard deviations
+    of it the log likelihood is good to 0.01 nats, farther out to a share of its depth.
+    units: of each parameter. known: what is not inferred.
+    """
+
+    signal: types.Signal
+    model: Model
+    values: Mapping[str, float]
+    units: Mapping[str, str]
+    target: Target = field(repr=False)
+    mode: Mode = field(repr=False)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the inferred parameters, in the order of x."""
+        return self.target.names
+
+    @property
+    def priors(self) -> Mapping[str, Prior]:
+        """The prior of each, defaults filled in."""
+        return self.target.priors
+
+    @property
+    def known(self) -> Mapping[str, float]:
+        """Names and values of what is not inferred."""
+        return self.target.known
+
+    def vector(self, values: Mapping[str, float] | None = None) -> Vector:
+        """Values by name as x, (d,); of what is not given, and by default, those of the best fit.
+
+        Raises InputError for a name that is no parameter.
+        """
+        for name in values or {}:
+            if name not in self.names:
+                raise InputError(f"density: unknown parameter {name!r}{nearest(name, list(self.names))}")
+        return np.array([float({**self.values, **(values or {})}[n]) for n in self.names])
+
+    def log_prior(self, x: ArrayLike) -> float:
+        """Normalised log density of the prior at x; −∞ outside its support."""
+        return float(self._log_priors(self._vector(x)[None])[0])
+
+    def log_likelihood(self, x: ArrayLike) -> float:
+        """Log density of the record in nats at x; −∞ where the motion escapes, and outside the prior's support."""
+        return float(self._log_likelihoods(self._vector(x)[None])[0])
+
+    def log_posterior(self, x: ArrayLike) -> float:
+        """Log prior plus log likelihood at x, not normalised; −∞ outside the support."""
+        return float(self.log_posteriors(self._vector(x)[None])[0])
+
+    def log_posteriors(self, x: ArrayLike) -> Vector:
+        """`log_posterior` of many at once: x of shape (m, d) to (m,)."""
+        many = np.array(x, float)
+        if many.ndim != 2 or many.shape[1] != len(self.names):
+            raise InputError(f"density: x has shape {many.shape}; it must be (m, {len(self.names)})")
+        prior = self._log_priors(many)
+        return prior + np.where(np.isfinite(prior), self._log_likelihoods(many), -np.inf)
+
+    def gradient(self, x: ArrayLike) -> Vector:
+        """Gradient of the log posterior at x, (d,), per natural unit; zeros where the log posterior is −∞."""
+        x = self._vector(x)
+        if not np.isfinite(self._log_priors(x[None])[0]):
+            return np.zeros_like(x)
+        value, slopes = compiled_slopes(self.target.layout)(self._context, x)
+        if not np.isfinite(value):
+            return np.zeros_like(x)
+        return np.asarray(slopes) + [float(p.slope(v)) for p, v in zip(self.priors.values(), x, strict=True)]
+
+    def numpyro(self, prefix: str = "") -> Callable[..., dict[str, Any]]:
+        """A NumPyro model function of this posterior.
+
+        Called without arguments inside an inference it samples every parameter under its prior (as whitened scores, a
+        site `whitened`) and has each as a deterministic site of its name. A parameter that is passed by name, such as
+        model(zeta=zeta), takes that value instead, which may be sampled by the caller: a prior of one's own, or a
+        hierarchy over several records. It returns all parameters by name. prefix: of its sites' names, so that several
+        records can stand in one model.
+        """
+        from bayesdamp.interface.parts.numpyro_model import numpyro_model
+
+        density = differentiable(self.target.layout, self._context)
+        covariance = self.mode.factor @ self.mode.factor.T
+        return numpyro_model(self.priors, density, self.mode.z, covariance, prefix)
+
+    @cached_property
+    def _context(self):
+        return self.mode.context.lean
+
+    def _vector(self, x: ArrayLike) -> Vector:
+        try:
+            found = np.array(x, float)
+        except (TypeError, ValueError):
+            found = np.empty(0)
+        if found.shape != (len(self.names),):
+            right = f"{len(self.names)} numbers: {', '.join(self.names)}"
+            raise InputError(f"density: x has shape {found.shape}; it must be {right}")
+        return found
+
+    def _log_priors(self, x: Vector) -> Vector:
+        total = np.zeros(len(x))
+        for column, prior in zip(x.T, self.priors.values(), strict=True):
+            inside = np.isfinite(column)
+            total += np.where(inside, prior.log_density(np.where(inside, column, 1.0)), -np.inf)
+        return np.where(np.isnan(total), -np.inf, total)
+
+    def _log_likelihoods(self, x: Vector) -> Vector:
+        """Of many, (m,); −∞ outside the prior's support."""
+        inside = np.isfinite(self._log_priors(x))
+        safe = np.where(inside[:, None], x, self.vector())
+        run = compiled_values(self.target.layout)
+        if len(x) == 1:
+            found = np.asarray(run(self._context, safe))
+        else:
+            found = in_batches(lambda part: run(self._context, part), safe)
+        return np.where(inside & np.isfinite(found), found, -np.inf)
+
+    def _table(self) -> Table:
+        rows = [
+            (n, self.units[n], number(self.values[n], 6), prior.describe())
+            for n, prior in self.priors.items()
+        ]
+        title = f"Posterior density of {self.model.name} on {self.signal.name}"
+        return Table(title, ("parameter", "unit", "best fit", "prior"), tuple(rows))

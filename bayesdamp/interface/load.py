@@ -1,0 +1,39 @@
+"""Reading back whatever was saved."""
+
+from __future__ import annotations
+
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+from bayesdamp.interface.parts.result import read
+from bayesdamp.plugins import nearest
+from bayesdamp.types import InputError
+
+HOME = {
+    "Record": "record",
+    "Signal": "signal",
+    "Model": "model",
+    "Estimate": "estimate",
+    "Fit": "fit",
+    "Posterior": "posterior",
+    "Evidence": "evidence",
+}
+"""Where each kind of result is, in this package."""
+
+
+def load(path: str | Path) -> Any:
+    """The result that `save` wrote to a file, or the run in a folder, whichever it is. A class's own `load`, such as
+    `Fit.load(path)`, is the same with a type. Raises InputError where it is neither."""
+    path = Path(path)
+    if path.is_dir():
+        from bayesdamp.interface.run import Run
+
+        return Run.load(path)
+    packed = read(path)
+    if packed.kind not in HOME:
+        raise InputError(
+            f"{path}: holds a {packed.kind!r}, which is not known here{nearest(packed.kind, list(HOME))}"
+        )
+    kind = getattr(import_module(f"bayesdamp.interface.{HOME[packed.kind]}"), packed.kind)
+    return kind._unpacked(packed)

@@ -1,0 +1,217 @@
+"""A model of one decay: damping, restoring law, noise, and what is known or believed of their parameters."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
+from typing import TYPE_CHECKING, Any, Self, get_args
+
+from pydantic import TypeAdapter
+
+from bayesdamp import types
+from bayesdamp.config.checks import StudyError
+from bayesdamp.config.signals import canonical_model
+from bayesdamp.inference.noise import NOISES
+from bayesdamp.interface.parts.result import Packed, Result
+from bayesdamp.interface.parts.table import Table
+from bayesdamp.physics.damping import TERMS
+from bayesdamp.physics.oscillator import Oscillator
+from bayesdamp.physics.restoring import LAWS
+from bayesdamp.plugins import nearest
+from bayesdamp.priors import Normal, Prior, Uniform
+from bayesdamp.types import InputError, System
+
+if TYPE_CHECKING:
+    from bayesdamp.interface.density import Density
+
+DEVIATIONS = ("none", "law", "auto")
+POSITIVE = ("noise_sd", "noise_time", "noise_dof")
+"""Parameters that are above zero; friction's epsilon may be zero, the sign itself."""
+_KINDS = get_args(get_args(Prior)[0])
+_ADAPTER: TypeAdapter[Any] = TypeAdapter(Prior)
+
+
+@dataclass(frozen=True, repr=False)
+class Model(Result):
+    """What is asked of a record.
+
+    damping: a sum of damping terms, such as "viscous+coulomb". restoring: the restoring law. noise: a noise model's
+    name, several of which one is chosen for the record by evidence, or "auto": all there are. priors: by damping term
+    or parameter name; what has none has the default. known: parameter name to its value, which is then not inferred
+    (damping coefficients always are). deviation: "none"; "law" and "auto" ask whether the law holds exactly, and are
+    refused by what cannot say. amplitude, frequency: the reference that default priors scale with, unit of the
+    displacement and rad/s; by default the system's where it is known, else the record's, to two digits.
+    Raises InputError, one line with the nearest valid name, where it makes no sense.
+    """
+
+    damping: str
+    restoring: str = "linear"
+    noise: str | tuple[str, ...] = "auto"
+    priors: Mapping[str, Prior] = field(default_factory=dict)
+    known: Mapping[str, float] = field(default_factory=dict)
+    deviation: str = "none"
+    amplitude: float | None = None
+    frequency: float | None = None
+
+    def __post_init__(self) -> None:
+        try:
+            damping = canonical_model(self.damping, "damping")
+        except StudyError as error:
+            raise InputError(f"Model: {error}") from None
+        if self.restoring not in LAWS.names():
+            raise InputError(
+                f"Model: unknown restoring law {self.restoring!r}{nearest(self.restoring, LAWS.names())}"
+            )
+        if self.deviation not in DEVIATIONS:
+            raise InputError(
+                f"Model: unknown deviation {self.deviation!r}{nearest(self.deviation, list(DEVIATIONS))}"
+            )
+        object.__setattr__(self, "damping", damping)
+        object.__setattr__(self, "noise", self.noise if isinstance(self.noise, str) else tuple(self.noise))
+        _check_noise(self.noises)
+        object.__setattr__(self, "known", self._checked_known())
+        object.__setattr__(self, "priors", self._checked_priors())
+        for name in ("amplitude", "frequency"):
+            value = getattr(self, name)
+            if value is not None and not _number(value) > 0:
+                raise InputError(f"Model: {name} is {value!r}; it must be a positive number")
+
+    def __hash__(self) -> int:
+        mappings = (
+            tuple(sorted(self.known.items())),
+            tuple(sorted(self.priors.items(), key=lambda item: item[0])),
+        )
+        return hash((self.damping, self.restoring, self.noise, self.deviation, *mappings))
+
+    @property
+    def name(self) -> str:
+        """Damping and restoring law: `viscous+coulomb@pendulum`."""
+        return types.candidate_name(self.damping, self.restoring)
+
+    @property
+    def terms(self) -> tuple[str, ...]:
+        """Names of the damping terms."""
+        return tuple(self.damping.split("+"))
+
+    @property
+    def noises(self) -> tuple[str, ...]:
+        """The noise models in play."""
+        if self.noise == "auto":
+            return tuple(NOISES.names())
+        return (self.noise,) if isinstance(self.noise, str) else self.noise
+
+    @property
+    def parameters(self) -> tuple[str, ...]:
+        """Names of all parameters, known ones included; of the noise, those of all models in play."""
+        noise = dict.fromkeys(p for n in self.noises for p in NOISES.get(n).parameters)
+        return (*Oscillator(self.terms, self.restoring).parameters, *noise)
+
+    @property
+    def system(self) -> System:
+        """What is known and believed of all but the damping, as the other packages take it."""
+        free: dict[str, object | None] = {n: None for n in self.parameters if n not in self._coefficients}
+        given = {n: p for n, p in self.priors.items() if n in free}
+        free = {n: given.get(n) for n in free if n not in self.known and (n != "epsilon" or n in given)}
+        return System(self.restoring, dict(self.known), free, self.amplitude, self.frequency)
+
+    @property
+    def term_priors(self) -> dict[str, Prior]:
+        """The priors that are given by damping term or coefficient, by term."""
+        by_name = {**self._coefficients, **{t: t for t in self.terms}}
+        return {by_name[n]: p for n, p in self.priors.items() if n in by_name}
+
+    def bind(self, signal: types.Signal, *, seed: int = 0) -> Density:
+        """The posterior density on a record, as plain functions of the parameters in natural units.
+
+        The model is fitted first: where it fits best is where the solver's steps are set. Raises Refusal with a
+        sentence where that cannot be done on this record.
+        """
+        from bayesdamp.interface.fit import fit
+
+        return fit(signal, self, seed=seed).density
+
+    @property
+    def _coefficients(self) -> dict[str, str]:
+        """Coefficient to term."""
+        return {TERMS.get(t).parameter: t for t in self.terms}
+
+    def _checked_known(self) -> dict[str, float]:
+        valid = [n for n in self.parameters if n not in self._coefficients]
+        for name in self.known:
+            if name in self._coefficients or name in self.terms:
+                raise InputError(
+                    f"Model: known {name!r} is a damping, which is always inferred; give it a prior"
+                )
+            if name not in valid:
+                raise InputError(f"Model: known has unknown parameter {name!r}{nearest(name, valid)}")
+        found = {name: _number(value) for name, value in self.known.items()}
+        for name, value in found.items():
+            low = name in POSITIVE and not value > 0
+            if not math.isfinite(value) or low or (name == "epsilon" and value < 0):
+                right = (
+                    "a positive number"
+                    if name in POSITIVE
+                    else "a finite number" + (", 0 or more" * (name == "epsilon"))
+                )
+                raise InputError(f"Model: known {name!r} is {self.known[name]!r}; it must be {right}")
+        return found
+
+    def _checked_priors(self) -> dict[str, Prior]:
+        valid = [*self.terms, *self.parameters]
+        seen: dict[str, str] = {}
+        for name, prior in self.priors.items():
+            if name not in valid:
+                raise InputError(
+                    f"Model: priors has unknown term or parameter {name!r}{nearest(name, valid)}"
+                )
+            if not isinstance(prior, _KINDS):
+                kinds = ", ".join(kind.__name__ for kind in _KINDS)
+                raise InputError(f"Model: the prior of {name!r} is {prior!r}; it must be one of {kinds}")
+            if name in self.known:
+                raise InputError(f"Model: {name!r} is known and has a prior; give one of the two")
+            term = self._coefficients.get(name, name)
+            if term in seen:
+                raise InputError(f"Model: {seen[term]!r} and {name!r} are one parameter; give one prior")
+            seen[term] = name
+            negative = isinstance(prior, Normal) or (isinstance(prior, Uniform) and prior.low < 0)
+            if negative and (term in self.terms or name in (*POSITIVE, "epsilon")):
+                right = "a HalfNormal, LogNormal, LogUniform, or a Uniform from 0 up"
+                raise InputError(f"Model: the prior of {name!r} allows values below zero; it must be {right}")
+        return dict(self.priors)
+
+    def _table(self) -> Table:
+        rows = [("damping", self.damping), ("restoring", self.restoring)]
+        rows += [("noise", self.noise if isinstance(self.noise, str) else " or ".join(self.noise))]
+        rows += [("deviation", self.deviation)] * (self.deviation != "none")
+        rows += [(f"prior of {n}", p.describe()) for n, p in self.priors.items()]
+        rows += [(n, f"{v:.6g} (known)") for n, v in self.known.items()]
+        return Table(f"Model {self.name}", ("", ""), tuple(rows))
+
+    def _packed(self) -> Packed:
+        meta = {f.name: getattr(self, f.name) for f in fields(self)}
+        meta["priors"] = {n: p.model_dump() for n, p in self.priors.items()}
+        return Packed("Model", {**meta, "known": dict(self.known)})
+
+    @classmethod
+    def _unpacked(cls, packed: Packed) -> Self:
+        meta = dict(packed.meta)
+        meta["noise"] = meta["noise"] if isinstance(meta["noise"], str) else tuple(meta["noise"])
+        return cls(**{**meta, "priors": {n: prior_of(p) for n, p in meta["priors"].items()}})
+
+
+def prior_of(dumped: Mapping[str, object]) -> Prior:
+    """A prior from what `model_dump` gave of it."""
+    return _ADAPTER.validate_python(dict(dumped))
+
+
+def _number(value: object) -> float:
+    return float(value) if isinstance(value, int | float) and not isinstance(value, bool) else math.nan
+
+
+def _check_noise(names: tuple[str, ...]) -> None:
+    if not names:
+        raise InputError('Model: noise names no noise model; give one, several or "auto"')
+    for name in names:
+        if name not in NOISES.names():
+            raise InputError(f"Model: unknown noise model {name!r}{nearest(name, [*NOISES.names(), 'auto'])}")

@@ -1,0 +1,143 @@
+"""A model on a record: its features, the targets, where searches start, and what is chosen for the record."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from bayesdamp import types
+from bayesdamp.estimators.shared import noise_level
+from bayesdamp.inference.build import build_target
+from bayesdamp.inference.defaults import Reference, reference_of
+from bayesdamp.inference.friction_choice import epsilon_note, weigh_epsilons
+from bayesdamp.inference.noise_choice import chosen_noise, first_noise, fit_with, weigh_noises
+from bayesdamp.inference.target import Target
+from bayesdamp.interface.model import Model
+from bayesdamp.interface.signal import Signal
+from bayesdamp.physics.oscillator import Oscillator
+from bayesdamp.physics.restoring import LAWS
+from bayesdamp.signals.features import Features, features
+from bayesdamp.study.records import NO_NOISE
+from bayesdamp.study.starts import observed, regression
+from bayesdamp.types import InputError, Problem, Refusal
+from bayesdamp.units import UNITS
+
+Starts = Mapping[str, Mapping[str, float]]
+NO_POSTERIOR = "the record has no noise, so there is no posterior; give noise_sd to simulate"
+
+
+def checked(signal: object, model: object) -> Signal:
+    """The signal as one of the interface's own. Raises InputError where one of the two is something else, or where the
+    law is none for such a record."""
+    if not isinstance(signal, types.Signal):
+        raise InputError(
+            f"signal is {type(signal).__name__}; it must be a Signal, such as read(...).signal() gives"
+        )
+    if not isinstance(model, Model):
+        raise InputError(f"model is {type(model).__name__}; it must be a Model")
+    if UNITS[signal.unit].translates and not LAWS.get(model.restoring).translates:
+        laws = ", ".join(n for n in LAWS.names() if LAWS.get(n).translates)
+        what = f"is in {signal.unit}, a translation, which {model.restoring} is not"
+        raise InputError(f"{signal.name}: {what}; restoring can be {laws}")
+    return Signal.of(signal)
+
+
+@dataclass(frozen=True)
+class Case:
+    """A model on a record with an oscillation. seen: its features; reference: what default priors scale with."""
+
+    signal: Signal
+    model: Model
+    seen: Features
+    reference: Reference
+
+    @staticmethod
+    def of(signal: Signal, model: Model) -> Case:
+        """Raises Refusal where the record shows no oscillation."""
+        seen = features(signal)
+        return Case(signal, model, seen, reference_of(model.system, seen))
+
+    @property
+    def problem(self) -> Problem:
+        """As estimators are asked."""
+        return Problem(self.model.terms, self.model.system)
+
+    @property
+    def noisy(self) -> bool:
+        """Whether there is noise to weigh by."""
+        return bool(noise_level(self.signal) > NO_NOISE * float(np.abs(self.seen.turning_amplitudes).max()))
+
+    def target(self, noise: str, epsilon: float | None = None) -> Target:
+        """The target under a noise model. epsilon: friction's (rad/s), where it was chosen for the record.
+
+        Raises Refusal where the record is not one for this noise.
+        """
+        system = self.model.system
+        if epsilon is not None:
+            system = replace(system, known={**system.known, "epsilon": epsilon})
+        return build_target(
+            self.signal,
+            self.model.terms,
+            system,
+            self.seen,
+            self.reference,
+            noise=noise,
+            term_priors=self.model.term_priors,
+        )
+
+    def starts(self) -> Starts:
+        """What the record's turning points and a regression say. Raises Refusal where neither says anything."""
+        found, said = regression(self, self.problem)
+        starts = observed(self, self.problem) | found
+        if not starts:
+            raise Refusal(said)
+        return starts
+
+
+@dataclass(frozen=True)
+class Choice:
+    """The noise model of a record, friction's epsilon where one was chosen (rad/s), what is to be said of both, and
+    where the fit that chose them ended."""
+
+    noise: str
+    epsilon: float | None = None
+    notes: tuple[str, ...] = ()
+    starts: Starts = field(default_factory=dict)
+
+
+def choose(case: Case, starts: Starts) -> Choice:
+    """The noise by evidence under the model's own damping, where there are several; then friction's width too, where
+    nobody gave or asked for one. Raises Refusal."""
+    names, model = case.model.noises, case.model
+    if len(names) == 1:
+        return Choice(names[0])
+    usable = tuple(n for n in names if _noise_knows(case, n))
+    first = first_noise(usable, case.signal)
+    fit = fit_with(case.target(first), starts, case.seen)
+    epsilon, notes = None, []
+    switches = Oscillator(model.terms, model.restoring).switches
+    if switches and "epsilon" not in {*model.known, *model.priors}:
+        usual = fit
+        build = lambda width: case.target(first, width)  # noqa: E731
+        fit, tried = weigh_epsilons(build, usual, case.reference.peak_velocity, case.seen)
+        epsilon = None if fit is usual else fit.target.known["epsilon"]
+        notes += [epsilon_note(tried, epsilon, case.signal.unit)] * (epsilon is not None)
+    weighed = weigh_noises(lambda name: case.target(name, epsilon), fit, case.seen, usable)
+    noise = chosen_noise(weighed)
+    order = sorted((w for w in weighed if np.isfinite(w.log_evidence)), key=lambda w: -w.log_evidence)
+    if len(order) > 1:
+        ahead = order[0].log_evidence - order[1].log_evidence
+        notes.append(f"Noise: {noise}, {ahead:.3g} nats ahead of {order[1].noise}.")
+    values = {n: float(v) for n, v in fit.target.values(fit.mode.z).items()}
+    return Choice(noise, epsilon, tuple(notes), {"fit that chose the noise": values})
+
+
+def _noise_knows(case: Case, noise: str) -> bool:
+    """Whether a noise model has every noise parameter that something is said of."""
+    from bayesdamp.inference.noise import NOISES
+
+    every = {p for n in case.model.noises for p in NOISES.get(n).parameters}
+    said = every & {*case.model.known, *case.model.priors}
+    return said <= set(NOISES.get(noise).parameters)

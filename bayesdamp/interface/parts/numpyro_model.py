@@ -1,0 +1,62 @@
+"""A posterior as a NumPyro model that others can run, extend, or put under a prior of their own."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import numpyro
+from jax import Array
+from jax import numpy as jnp
+from numpyro import distributions as dist
+
+from bayesdamp.plugins import nearest
+from bayesdamp.priors import Prior
+from bayesdamp.types import InputError
+
+Model = Callable[..., dict[str, Any]]
+
+
+def numpyro_model(
+    priors: Mapping[str, Prior],
+    density: Callable[[Array], Array],
+    centre: np.ndarray,
+    covariance: np.ndarray,
+    prefix: str,
+) -> Model:
+    """A NumPyro model of parameters with these priors and this log likelihood.
+
+    density: of a vector of the parameters, (d,), in the order of priors. centre, covariance: of the parameters' scores,
+    (d,) and (d, d), by which what is sampled is whitened.
+    """
+    names = list(priors)
+
+    def model(**given: Any) -> dict[str, Any]:
+        for name in given:
+            if name not in names:
+                raise InputError(f"numpyro: unknown parameter {name!r}{nearest(name, names)}")
+        values = {**given, **_sampled([n for n in names if n not in given])}
+        numpyro.factor(
+            f"{prefix}log_likelihood", density(jnp.stack([jnp.asarray(values[n], float) for n in names]))
+        )
+        return {n: values[n] for n in names}
+
+    def _sampled(free: Sequence[str]) -> dict[str, Any]:
+        """Parameters under their priors, as sites of their names; what is sampled are whitened scores, as a posterior
+        that is narrow and correlated is hard to find one's way into."""
+        if not free:
+            return {}
+        at = [names.index(n) for n in free]
+        factor = np.linalg.cholesky(covariance[np.ix_(at, at)])
+        u = numpyro.sample(f"{prefix}whitened", dist.Normal(0.0, 1.0).expand([len(free)]).to_event(1))
+        z = centre[at] + factor @ jnp.asarray(u)
+        # The density of u times that of what is put in its place: the prior of the scores, and the volume.
+        volume = float(np.sum(np.log(np.diag(factor))))
+        numpyro.factor(f"{prefix}prior", 0.5 * jnp.sum(jnp.asarray(u) ** 2) - 0.5 * jnp.sum(z**2) + volume)
+        return {
+            n: numpyro.deterministic(f"{prefix}{n}", type(priors[n]).transform(z[i], *priors[n].numbers))
+            for i, n in enumerate(free)
+        }
+
+    return model

@@ -1,0 +1,232 @@
+"""Draws of a posterior, and what follows from them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bayesdamp.inference import diagnostics
+from bayesdamp.inference.defaults import reference_of
+from bayesdamp.inference.derived import Motions, derive, units
+from bayesdamp.inference.samplers import SAMPLERS, Settings
+from bayesdamp.interface.fit import Fit, refuse_deviation
+from bayesdamp.interface.parts import axes as drawing
+from bayesdamp.interface.parts.result import Packed, Result
+from bayesdamp.interface.parts.table import Table, number, said
+from bayesdamp.plugins import nearest
+from bayesdamp.signals.features import features
+from bayesdamp.types import OK, InputError, Refusal
+
+if TYPE_CHECKING:
+    import pandas as pd
+    import xarray as xr
+    from matplotlib.axes import Axes
+
+Array = NDArray[np.float64]
+COLUMNS = ("mean", "sd", "median", "q2.5", "q97.5", "hdi_low", "hdi_high", "ess_bulk", "ess_tail", "rhat")
+HOW = {"ensembles": "ensembles", "effective": "effective_draws"}
+"""What summaries are to know of a sampler's draws, and where its diagnostics say it."""
+_NO_DRAWS, _NO_VALUES = np.empty((0, 0, 0)), np.empty((0, 0))
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Posterior(Result):
+    """Draws of the posterior of a fit.
+
+    names: of the parameters; draws: in natural units, shape (chain, draw, parameter); log_likelihood: of each, (chain,
+    draw), nats; stats: of the sampler, by name, (chain, draw); diagnostics: what else it says of its run.
+    seed: of all random numbers. outcome: "ok", or a sentence why the draws are not to be trusted, or why there are
+    none.
+    """
+
+    fit: Fit
+    sampler: str
+    names: tuple[str, ...] = ()
+    draws: Array = field(default_factory=lambda: _NO_DRAWS)
+    log_likelihood: Array = field(default_factory=lambda: _NO_VALUES)
+    stats: Mapping[str, np.ndarray] = field(default_factory=dict)
+    diagnostics: Mapping[str, object] = field(default_factory=dict)
+    seed: int = 0
+    seconds: float = 0.0
+    outcome: str = OK
+
+    @cached_property
+    def data(self) -> xr.DataTree:
+        """All of it as ArviZ reads it, computed when it is first asked for.
+
+        Groups: posterior, prior, posterior_predictive, log_likelihood (of each sample given all others, as
+        leave-one-out cross-validation weighs it), sample_stats, observed_data, constant_data; units and definitions are
+        attributes of the variables. Of very many samples and draws the two groups along the record are thinned, to a
+        size of 160 MB each. Raises Refusal without draws.
+        """
+        from bayesdamp.interface.parts.tree import tree_of
+
+        self._there()
+        return tree_of(self)
+
+    @cached_property
+    def derived(self) -> xr.Dataset:
+        """What follows from the draws (chain, draw): natural frequency, damping ratio, half-life and others, with their
+        units and definitions as attributes; the reference amplitude is that of the priors. Raises Refusal without
+        draws.
+        """
+        import xarray as xr
+
+        target, _ = self._there()
+        signal, model = self.fit.signal, self.fit.model
+        seen = features(signal)
+        amplitude = reference_of(model.system, seen).amplitude
+        values = {**target.known, **{n: self.draws[..., i] for i, n in enumerate(self.names)}}
+        found = derive(Motions(target.oscillator, values, seen.rest, amplitude))
+        unit = units(signal.unit)
+        attributes = {n: {"units": unit[n], "amplitude": f"{amplitude:g} {signal.unit}"} for n in found}
+        return xr.Dataset({n: (("chain", "draw"), v, attributes[n]) for n, v in found.items()})
+
+    @property
+    def log_prior(self) -> Array:
+        """Log density of the prior in natural units at each draw, (chain, draw)."""
+        target, _ = self._there()
+        return np.sum(
+            [target.priors[n].log_density(self.draws[..., i]) for i, n in enumerate(self.names)], axis=0
+        )
+
+    def summary(self, derived: bool = True) -> pd.DataFrame:
+        """A row for each parameter, and each derived quantity that all draws have: mean, sd, quantiles, the shortest
+        interval of 95 %, effective sample sizes, R-hat, unit. Empty without draws."""
+        import pandas as pd
+
+        rows = {n: {**s, "unit": self.fit.units[n]} for n, s in self._summaries.items()}
+        if derived and self.names:
+            how: dict[str, Any] = {k: self.diagnostics.get(v) for k, v in HOW.items()}
+            for name, values in self.derived.data_vars.items():
+                if np.all(np.isfinite(values.values)):
+                    found = diagnostics.summarise(values.values, **how)
+                    rows[str(name)] = {**found, "unit": values.attrs["units"]}
+        return pd.DataFrame.from_dict(rows, orient="index", columns=[*COLUMNS, "unit"])
+
+    def plot(
+        self, axes: Sequence[Axes] | None = None, names: Sequence[str] | None = None
+    ) -> tuple[Axes, ...]:
+        """Draw the trace of each parameter, and its density to the right of it; the axes drawn on, two a parameter.
+
+        names: of the parameters to draw, all by default. Raises InputError for a name that is none, Refusal without
+        draws.
+        """
+        target, _ = self._there()
+        chosen = list(self.names if names is None else names)
+        for name in chosen:
+            if name not in self.names:
+                raise InputError(f"plot: unknown parameter {name!r}{nearest(name, list(self.names))}")
+        size = (9.0, 1.6 * len(chosen))
+        found = drawing.several(axes, 2 * len(chosen), columns=2, size=size)
+        for i, name in enumerate(chosen):
+            draws = self.draws[..., self.names.index(name)]
+            trace, density = found[2 * i], found[2 * i + 1]
+            for chain in draws:
+                trace.plot(chain, lw=0.4)
+                density.hist(chain, bins=40, density=True, histtype="step")
+            grid = np.linspace(*density.get_xlim(), 200)
+            density.plot(
+                grid,
+                np.exp(target.priors[name].log_density(grid)),
+                color=drawing.QUIET,
+                ls="--",
+                label="prior",
+            )
+            unit = self.fit.units[name]
+            trace.set_ylabel(name)
+            density.set_xlabel(f"{name} / {unit}")
+            trace.set_xlabel("draw")
+            density.set_yticks([])
+        if chosen:
+            found[1].legend(loc="upper right")
+        return found
+
+    @property
+    def _summaries(self) -> Mapping[str, Mapping[str, float]]:
+        return self.diagnostics.get("summary", {})  # type: ignore[return-value]
+
+    def _there(self):
+        """Target and mode. Raises Refusal without draws."""
+        if not self.names:
+            raise Refusal(self.outcome)
+        return self.fit.engine
+
+    def _table(self) -> Table:
+        columns = ("mean", "sd", "q2.5", "q97.5", "ess_bulk", "rhat")
+        rows = [(n, self.fit.units[n], *(number(s[c]) for c in columns)) for n, s in self._summaries.items()]
+        title = f"Posterior of {self.fit.model.name} on {self.fit.signal.name} by {self.sampler}"
+        if self.names:
+            title += f": {self.draws.shape[0]} chains of {self.draws.shape[1]} draws"
+        return Table(title, ("parameter", "unit", *columns), tuple(rows), said(self.outcome))
+
+    def _packed(self) -> Packed:
+        fit = self.fit._packed()
+        plain = {k: v for k, v in self.diagnostics.items() if k != "arrays"}
+        meta = {"fit": fit.meta, "sampler": self.sampler, "names": self.names, "diagnostics": plain}
+        meta |= {"seed": self.seed, "seconds": self.seconds, "outcome": self.outcome}
+        arrays = {"draws": self.draws, "log_likelihood": self.log_likelihood}
+        arrays |= {f"stats/{n}": np.asarray(v) for n, v in self.stats.items()}
+        return Packed("Posterior", meta, arrays | fit.within("fit"))
+
+    @classmethod
+    def _unpacked(cls, packed: Packed) -> Self:
+        meta = {k: v for k, v in packed.meta.items() if k not in ("fit", "names")}
+        stats = {n.removeprefix("stats/"): a for n, a in packed.arrays.items() if n.startswith("stats/")}
+        fit, own = Fit._unpacked(packed.part("fit")), packed.arrays
+        return cls(
+            fit=fit,
+            names=tuple(packed.meta["names"]),
+            draws=own["draws"],
+            log_likelihood=own["log_likelihood"],
+            stats=stats,
+            **meta,
+        )
+
+
+def sample(
+    fit: Fit, sampler: str = "nuts", *, chains: int = 4, warmup: int = 500, draws: int = 1000, seed: int = 0
+) -> Posterior:
+    """Draw from the posterior of a fit.
+
+    sampler: a name in `bayesdamp.inference.samplers.SAMPLERS`: nuts, emcee, kalman, laplace, variational. chains,
+    warmup, draws: how long; a sampler may add draws where these are too few. Where there is no fit, or the sampler
+    cannot work on it, the result's outcome is the sentence. Raises InputError for misuse, Refusal where the model's
+    deviation is not "none".
+    """
+    if not isinstance(fit, Fit):
+        raise InputError(
+            f"sample: the first argument is {type(fit).__name__}; it must be a Fit, as fit(signal, model) gives it"
+        )
+    refuse_deviation(fit.model)
+    plugin = SAMPLERS.get(sampler)
+    for name, value, least in (
+        ("chains", chains, 2),
+        ("warmup", warmup, 10),
+        ("draws", draws, 10),
+        ("seed", seed, 0),
+    ):
+        if not isinstance(value, int) or isinstance(value, bool) or value < least:
+            raise InputError(f"sample: {name} is {value!r}; it must be a whole number, {least} or more")
+    try:
+        target, mode = fit.engine
+        found = plugin.sample(target, mode, Settings(chains, warmup, draws, seed % 2**31))
+    except Refusal as refusal:
+        return Posterior(fit, sampler, seed=seed, outcome=str(refusal))
+    return Posterior(
+        fit=fit,
+        sampler=sampler,
+        names=found.names,
+        draws=found.draws,
+        log_likelihood=found.log_likelihood,
+        stats=found.stats,
+        diagnostics=found.diagnostics,
+        seed=seed,
+        seconds=found.seconds,
+        outcome=found.outcome,
+    )

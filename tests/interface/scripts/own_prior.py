@@ -1,0 +1,23 @@
+"""Three specimens whose dampings share a distribution: a hierarchy, in NumPyro."""
+# pyright: reportUnknownMemberType=false, reportMissingTypeStubs=false
+
+import jax
+import numpyro.infer
+from numpyro.distributions import LogNormal, Normal
+
+import bayesdamp as bd
+
+densities = list[bd.Density]()
+for zeta in (0.04, 0.05, 0.06):
+    body = bd.simulate({"viscous": zeta}, stiffness=20.0, duration=6.0, samples=100, noise_sd=0.003)
+    densities.append(bd.Model("viscous", noise="gaussian").bind(body))
+
+
+def together() -> None:
+    middle = numpyro.sample("log_middle", Normal(-3.0, 1.0))
+    for i, density in enumerate(densities):
+        density.numpyro(prefix=f"{i}/")(zeta=numpyro.sample(f"zeta_{i}", LogNormal(middle, 0.3)))
+
+
+mcmc = numpyro.infer.MCMC(numpyro.infer.NUTS(together), num_warmup=100, num_samples=100, progress_bar=False)
+mcmc.run(jax.random.key(0))

@@ -1,0 +1,155 @@
+"""The posterior as plain functions, against the closed form and finite differences."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy import stats
+
+import bayesdamp as bd
+
+from .problems import MODEL, TIMES, TRUTH, closed_form, fit, record
+
+PRIORS = [
+    bd.Normal(0.3, 2.0),
+    bd.HalfNormal(0.7),
+    bd.LogNormal(2.0, 0.4),
+    bd.Uniform(0.1, 3.0),
+    bd.LogUniform(0.1, 3.0),
+]
+SCIPY = [
+    stats.norm(0.3, 2.0),
+    stats.halfnorm(scale=0.7),
+    stats.lognorm(0.4, scale=2.0),
+    stats.uniform(0.1, 2.9),
+    stats.loguniform(0.1, 3.0),
+]
+
+
+def points(count: int, spread: float = 2.0) -> np.ndarray:
+    """x about the best fit, (count, d), where nothing is below zero."""
+    density = fit().density
+    sds = np.array([fit().sd[n] for n in density.names])
+    return density.vector() + spread * sds * np.random.default_rng(5).standard_normal((count, sds.size))
+
+
+def test_log_likelihood_is_the_normal_density_of_the_closed_form() -> None:
+    density = fit().density
+    for x in points(5):
+        p = dict(zip(density.names, x, strict=True))
+        expected = np.sum(stats.norm.logpdf(record().y, closed_form(TIMES, p), p["noise_sd"]))
+        assert density.log_likelihood(x) == pytest.approx(expected, abs=0.01)
+
+
+def test_another_motion_has_another_likelihood() -> None:
+    """The negative control."""
+    density = fit().density
+    x = density.vector()
+    p = {
+        **dict(zip(density.names, x, strict=True)),
+        "zeta": x[density.names.index("zeta")] + fit().sd["zeta"],
+    }
+    other = np.sum(stats.norm.logpdf(record().y, closed_form(TIMES, p), p["noise_sd"]))
+    assert abs(density.log_likelihood(x) - other) > 0.2
+
+
+def test_log_prior_is_the_sum_of_the_priors() -> None:
+    density = fit().density
+    x = density.vector()
+    expected = sum(float(p.log_density(v)) for p, v in zip(density.priors.values(), x, strict=True))
+    assert density.log_prior(x) == pytest.approx(expected)
+    assert density.log_posterior(x) == pytest.approx(density.log_prior(x) + density.log_likelihood(x))
+
+
+@pytest.mark.parametrize(("prior", "reference"), list(zip(PRIORS, SCIPY, strict=True)))
+def test_slopes_of_priors(prior, reference) -> None:
+    x, h = np.array([0.5, 1.0, 1.7]), 1e-6
+    assert prior.log_density(x) == pytest.approx(reference.logpdf(x))
+    slope = (reference.logpdf(x + h) - reference.logpdf(x - h)) / (2 * h)
+    assert prior.slope(x) == pytest.approx(slope, abs=1e-7)
+
+
+def differences(x: np.ndarray) -> np.ndarray:
+    """The gradient by central differences of the closed form's posterior."""
+    density = fit().density
+    found = np.empty(x.size)
+    for i, name in enumerate(density.names):
+        step = 1e-3 * fit().sd[name]
+        up, down = (x + s * step * np.eye(x.size)[i] for s in (1, -1))
+        found[i] = (density.log_posterior(up) - density.log_posterior(down)) / (2 * step)
+    return found
+
+
+def test_gradient() -> None:
+    density = fit().density
+    sds = np.array([fit().sd[n] for n in density.names])
+    for x in points(3):
+        assert density.gradient(x) * sds == pytest.approx(differences(x) * sds, abs=1e-4)
+
+
+def test_the_gradient_elsewhere_is_another() -> None:
+    """The negative control: a tenth of an sd away."""
+    density = fit().density
+    sds = np.array([fit().sd[n] for n in density.names])
+    x = points(1)[0]
+    assert density.gradient(x + 0.1 * sds) * sds != pytest.approx(differences(x) * sds, abs=0.0001)
+
+
+def test_outside_the_support() -> None:
+    density = fit().density
+    x = density.vector()
+    for name, value in (
+        ("zeta", -0.01),
+        ("noise_sd", -1.0),
+        ("noise_sd", 0.0),
+        ("zeta", np.nan),
+        ("zeta", np.inf),
+    ):
+        outside = x.copy()
+        outside[density.names.index(name)] = value
+        assert density.log_prior(outside) == density.log_posterior(outside) == -np.inf
+        assert density.log_likelihood(outside) == -np.inf
+        assert np.array_equal(density.gradient(outside), np.zeros(x.size))
+
+
+def test_many_at_once() -> None:
+    density, many = fit().density, points(7)
+    many[3, 0] = -1.0
+    assert density.log_posteriors(many) == pytest.approx([density.log_posterior(x) for x in many])
+
+
+def test_a_motion_that_escapes_has_no_likelihood() -> None:
+    """A softening spring let go beyond its hill."""
+    truth = {"stiffness": 20.0, "cubic": -60.0, "theta0": 0.3}
+    made = bd.simulate({"viscous": 0.05}, "duffing", duration=6.0, samples=150, noise_sd=0.003, **truth)
+    known = {"rest_angle": 0.0, "omega0": 0.0}
+    density = bd.Model("viscous", "duffing", noise="gaussian", known=known).bind(made)
+    x = density.vector({"theta0": 0.65, "cubic": -60.0})
+    assert np.isfinite(density.log_prior(x))
+    assert density.log_likelihood(x) == density.log_posterior(x) == -np.inf
+    assert np.isfinite(density.log_posterior(density.vector()))
+
+
+def test_bound_from_the_model() -> None:
+    density = MODEL.bind(record())
+    assert density.names == ("zeta", "stiffness", "rest_angle", "theta0", "omega0", "noise_sd")
+    assert density.vector() == pytest.approx(fit().density.vector())
+    assert density.vector({"zeta": 1.0})[0] == 1.0
+    assert "zeta" in repr(density)
+
+
+@pytest.mark.parametrize("x", [np.zeros(3), 0.0, "abc", np.zeros((2, 6))])
+def test_a_vector_of_another_length(x) -> None:
+    with pytest.raises(bd.InputError, match="6 numbers: zeta, stiffness"):
+        fit().density.log_posterior(x)
+
+
+def test_another_name() -> None:
+    with pytest.raises(bd.InputError, match="did you mean 'zeta'"):
+        fit().density.vector({"zeda": 1.0})
+
+
+def test_truth_is_a_point_of_it() -> None:
+    density = fit().density
+    below = fit().log_posterior - density.log_posterior(density.vector(TRUTH))
+    assert -3 < below < 20

@@ -1,0 +1,52 @@
+"""One estimator through the interface."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pytest
+
+import bayesdamp as bd
+
+from .problems import MODEL, TRUTH, fit, record
+
+
+def test_refined_is_the_best_fit() -> None:
+    """Least squares and the mode under wide priors: one optimum, to a twentieth of an sd."""
+    found = bd.estimate(record(), "koopman", MODEL)
+    assert found.outcome == "ok"
+    for name in TRUTH:
+        assert abs(found.refined.values[name] - fit().values[name]) < 0.05 * fit().sd[name]
+    assert found.initial.values["zeta"] == pytest.approx(TRUTH["zeta"], rel=0.1)
+    assert found.initial.values["zeta"] != found.refined.values["zeta"]
+    assert found.values == found.refined.values
+    again = bd.fit(record(), MODEL, start=found.values)
+    assert again.values["zeta"] == pytest.approx(fit().values["zeta"], rel=1e-4)
+
+
+def test_saved_shown_and_drawn(tmp_path: Path) -> None:
+    found = bd.estimate(record(), "koopman", MODEL)
+    again = bd.Estimate.load(found.save(tmp_path / "estimate"))
+    assert again.refined.values == found.refined.values
+    assert np.array_equal(again.refined.trace["rms"], found.refined.trace["rms"])
+    assert repr(again) == repr(found)
+    assert found.summary().loc["zeta", "unit"] == "1/s"
+    ax = found.plot()
+    assert found.plot(ax) is ax
+    plt.close("all")
+
+
+def test_a_method_that_cannot_says_so() -> None:
+    """Topological signal processing knows single terms only."""
+    found = bd.estimate(record(), "topological", bd.Model("viscous+coulomb+quadratic"))
+    assert found.outcome != "ok"
+    assert not found.initial.values
+    with pytest.raises(bd.Refusal):
+        found.plot()
+
+
+def test_an_option_that_it_has_not() -> None:
+    with pytest.raises(bd.InputError, match="has no option 'ranks'"):
+        bd.estimate(record(), "koopman", MODEL, options={"ranks": 3})

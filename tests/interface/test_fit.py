@@ -1,0 +1,159 @@
+"""A fit against the closed form: values, standard deviations, what lies beyond the record."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pytest
+
+import bayesdamp as bd
+
+from .problems import MODEL, NOISE, TIMES, TRUTH, closed_form, fit, record
+
+
+def information_sds() -> dict[str, float]:
+    """Cramér and Rao's bound of the closed form with white noise, by central differences."""
+    slopes = []
+    for name, value in TRUTH.items():
+        h = 1e-5 * max(abs(value), 0.1)
+        up, down = ({**TRUTH, name: value + s * h} for s in (1, -1))
+        slopes.append((closed_form(TIMES, up) - closed_form(TIMES, down)) / (2 * h))
+    covariance = np.linalg.inv(np.array(slopes) @ np.array(slopes).T) * NOISE**2
+    return dict(zip(TRUTH, np.sqrt(np.diag(covariance)), strict=True))
+
+
+def test_the_truth_is_within_its_error() -> None:
+    """Five values within four sds: a false alarm in three thousand."""
+    assert fit().outcome == "ok"
+    away = {n: abs(fit().values[n] - v) / fit().sd[n] for n, v in TRUTH.items()}
+    assert max(away.values()) < 4
+
+
+def test_another_truth_is_not() -> None:
+    """The negative control."""
+    assert abs(fit().values["zeta"] - 1.2 * TRUTH["zeta"]) > 8 * fit().sd["zeta"]
+
+
+def test_sds_are_those_of_the_information() -> None:
+    """The noise's level is itself inferred, to 6 %: three of its sds."""
+    bound = information_sds()
+    assert {n: fit().sd[n] for n in bound} == pytest.approx(bound, rel=0.18)
+
+
+def test_residuals_are_the_noise() -> None:
+    clean = closed_form(TIMES, {n: fit().values[n] for n in TRUTH})
+    assert fit().residuals == pytest.approx(record().y - clean, abs=1e-7)
+    assert fit().fitted + fit().residuals == pytest.approx(record().y)
+
+
+def test_it_is_where_the_density_is_highest_among_scores() -> None:
+    """The log posterior is the density's own, in natural units."""
+    density = fit().density
+    assert fit().log_posterior == density.log_posterior(density.vector())
+
+
+@pytest.mark.parametrize("quantity", ["angle", "velocity"])
+def test_beyond_the_record(quantity: str) -> None:
+    """The closed form at the fit's own values; and the truth within four of the prediction's sds at the end."""
+    t = np.array([9.0, 0.0, 3.0, 12.0, 9.0])
+    p = {n: fit().values[n] for n in TRUTH}
+    found, h = fit().predict(t, quantity), 1e-6
+    slope = (closed_form(t + h, p) - closed_form(t - h, p)) / (2 * h)
+    expected = closed_form(t, p) if quantity == "angle" else slope
+    assert found.value == pytest.approx(expected, abs=1e-5)
+    assert found.unit == {"angle": "rad", "velocity": "rad/s"}[quantity]
+    if quantity == "angle":
+        assert np.all(np.abs(found.value - closed_form(t, TRUTH)) < 4 * found.sd)
+        assert not np.all(np.abs(found.value - closed_form(t, {**TRUTH, "zeta": 0.06})) < 4 * found.sd)
+
+
+def test_the_noise_is_chosen_where_it_is_asked_for() -> None:
+    heavy = bd.simulate(
+        {"viscous": 0.05},
+        stiffness=20.0,
+        duration=6.0,
+        samples=150,
+        noise_sd=0.003,
+        noise="student_t",
+        noise_dof=2.0,
+        seed=4,
+    )
+    model = bd.Model("viscous", noise=("gaussian", "student_t"))
+    assert bd.fit(heavy, model).noise == "student_t"
+    assert bd.fit(record(), model).noise == "gaussian"
+
+
+def test_saved(tmp_path: Path) -> None:
+    again = bd.Fit.load(fit().save(tmp_path / "fit"))
+    assert (again.values, again.sd, again.known) == (fit().values, fit().sd, fit().known)
+    assert again.log_posterior == fit().log_posterior
+    assert np.array_equal(again.residuals, fit().residuals)
+    assert repr(again) == repr(fit())
+
+
+def test_shown_and_drawn() -> None:
+    assert "zeta" in repr(fit())
+    assert "<td>zeta</td>" in fit()._repr_html_()
+    assert list(fit().summary().columns) == ["value", "sd", "unit", "prior"]
+    above, below = fit().plot(until=10.0)
+    assert below.get_xlabel() == "time / s"
+    assert fit().plot((above, below)) == (above, below)
+    with pytest.raises(bd.InputError, match="1 given; 2 are drawn on"):
+        fit().plot([above])
+    plt.close("all")
+
+
+def test_without_noise_the_outcome_says_so(tmp_path: Path) -> None:
+    clean = bd.signal(TIMES, closed_form(TIMES, TRUTH), cleaned=False)
+    found = bd.fit(clean, MODEL)
+    assert found.outcome.startswith("the record has no noise")
+    assert not found.values
+    assert "no noise" in repr(found)
+    post = bd.sample(found)
+    assert post.outcome == bd.evidence(post).outcome == found.outcome
+    assert bd.Fit.load(found.save(tmp_path / "none")).outcome == found.outcome
+    for attempt in (lambda: found.density, lambda: found.predict([1.0]), lambda: post.data, found.plot):
+        with pytest.raises(bd.Refusal, match="no noise"):
+            attempt()
+
+
+def test_without_an_oscillation_the_outcome_says_so() -> None:
+    noise = np.random.default_rng(0).standard_normal(TIMES.size)
+    found = bd.fit(bd.signal(TIMES, noise, cleaned=False), MODEL)
+    assert found.outcome == "no oscillation stands out of the noise"
+    assert bd.estimate(bd.signal(TIMES, noise, cleaned=False), "koopman", MODEL).outcome != "ok"
+
+
+@pytest.mark.parametrize("deviation", ["law", "auto"])
+def test_a_deviation_is_refused(deviation: str) -> None:
+    with pytest.raises(bd.Refusal, match="takes the law to hold exactly"):
+        bd.fit(record(), bd.Model("viscous", deviation=deviation))
+
+
+@pytest.mark.parametrize(
+    ("attempt", "line"),
+    [
+        (lambda: bd.fit("rig.csv", MODEL), "signal is str; it must be a Signal"),  # type: ignore[arg-type]
+        (lambda: bd.fit(record(), "viscous"), "model is str; it must be a Model"),  # type: ignore[arg-type]
+        (lambda: bd.fit(record(), MODEL, start={"zet": 1.0}), "did you mean 'zeta'"),
+        (lambda: bd.sample(record()), "must be a Fit"),  # type: ignore[arg-type]
+        (lambda: bd.sample(fit(), "nut"), "did you mean 'nuts'"),
+        (lambda: bd.sample(fit(), draws=1), "draws is 1; it must be a whole number, 10 or more"),
+        (lambda: bd.evidence(fit(), "brige"), "did you mean 'bridge'"),
+        (lambda: bd.estimate(record(), "kopman", MODEL), "did you mean 'koopman'"),
+        (lambda: fit().predict([-1.0]), "0 or more"),
+        (lambda: fit().predict([1.0], "angel"), "did you mean 'angle'"),
+        (
+            lambda: bd.fit(
+                bd.signal(TIMES, record().y, unit="mm", cleaned=False), bd.Model("viscous", "pendulum")
+            ),
+            "a translation, which pendulum is not; restoring can be duffing, linear",
+        ),
+    ],
+)
+def test_misuse_is_one_line(attempt, line: str) -> None:
+    with pytest.raises(bd.InputError, match=line) as error:
+        attempt()
+    assert "\n" not in str(error.value)

@@ -1,0 +1,103 @@
+"""The NumPyro model of a density, run under NumPyro's own NUTS."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import jax
+import numpy as np
+import numpyro
+import pytest
+from jax import numpy as jnp
+from numpyro import distributions as dist
+from numpyro.infer import MCMC, NUTS
+from numpyro.infer.util import log_density
+
+import bayesdamp as bd
+from bayesdamp.inference.diagnostics import monte_carlo_error
+
+from .problems import fit, posterior
+
+FOUR = 4.0
+"""Standard errors: with six parameters a false alarm in two thousand."""
+
+
+@lru_cache
+def others() -> dict[str, np.ndarray]:
+    """NumPyro's draws, (chain, draw) by name."""
+    kernel = NUTS(fit().density.numpyro())
+    run = MCMC(
+        kernel, num_warmup=200, num_samples=400, num_chains=2, chain_method="sequential", progress_bar=False
+    )
+    run.run(jax.random.key(0))
+    return {n: np.asarray(v) for n, v in run.get_samples(group_by_chain=True).items()}
+
+
+def apart(name: str, shift: float = 0.0) -> float:
+    """Difference of the means of both samplers in its Monte Carlo standard errors."""
+    post = posterior()
+    ours = post.draws[..., post.names.index(name)]
+    error = np.hypot(monte_carlo_error(ours), monte_carlo_error(others()[name]))
+    return abs(float(ours.mean() - others()[name].mean()) + shift) / error
+
+
+def test_means_agree_with_our_sampler() -> None:
+    assert max(apart(n) for n in posterior().names) < FOUR
+
+
+def test_a_mean_a_third_of_an_sd_away_does_not() -> None:
+    """The negative control."""
+    assert apart("zeta", fit().sd["zeta"] / 3) > FOUR
+
+
+def test_sds_agree() -> None:
+    """Within a seventh: four of their standard errors with 600 effective draws or more."""
+    post = posterior()
+    ours = {n: float(post.draws[..., i].std()) for i, n in enumerate(post.names)}
+    assert {n: float(others()[n].std()) for n in post.names} == pytest.approx(ours, rel=0.15)
+
+
+def test_its_joint_density_is_that_of_the_whitened_scores() -> None:
+    """Two points differ by the log posterior per score."""
+    density = fit().density
+    model, d = density.numpyro(), len(density.names)
+    found, expected = [], []
+    for u in (np.zeros(d), 0.5 * np.ones(d)):
+        found.append(float(log_density(model, (), {}, {"whitened": jnp.asarray(u)})[0]))
+        z = density.mode.z + np.linalg.cholesky(density.mode.factor @ density.mode.factor.T) @ u
+        x = np.array([float(p.value(v)) for p, v in zip(density.priors.values(), z, strict=True)])
+        expected.append(density.log_likelihood(x) - 0.5 * float(z @ z))
+    assert found[1] - found[0] == pytest.approx(expected[1] - expected[0], abs=1e-6)
+
+
+def test_a_prior_of_ones_own() -> None:
+    """A parameter that is passed in has no other prior, and the others keep theirs."""
+    density, prior = fit().density, dist.Normal(0.05, 0.001)
+
+    def model() -> None:
+        density.numpyro()(**{n: numpyro.sample(n, prior) if n == "zeta" else v for n, v in values.items()})
+
+    values = dict(density.values)
+    sites = {"zeta": jnp.asarray(0.0503)}
+    expected = float(prior.log_prob(0.0503)) + density.log_likelihood(density.vector({"zeta": 0.0503}))
+    assert float(log_density(model, (), {}, sites)[0]) == pytest.approx(expected, abs=1e-6)
+
+
+def test_gradients_both_ways_are_the_densitys() -> None:
+    density = fit().density
+    model, d = density.numpyro(), len(density.names)
+
+    def height(u):
+        return log_density(model, (), {}, {"whitened": u})[0]
+
+    at = 0.3 * jnp.ones(d)
+    backward, forward = jax.grad(height)(at), jax.jacfwd(height)(at)
+    assert np.asarray(backward) == pytest.approx(np.asarray(forward), rel=1e-9)
+    h = 1e-5
+    apart = [float(height(at + h * e) - height(at - h * e)) / (2 * h) for e in np.eye(d)]
+    assert np.asarray(backward) == pytest.approx(apart, abs=1e-4)
+
+
+def test_an_unknown_parameter() -> None:
+    with pytest.raises(bd.InputError, match="did you mean 'zeta'"), numpyro.handlers.seed(rng_seed=0):
+        fit().density.numpyro()(zeda=0.1)

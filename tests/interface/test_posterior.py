@@ -1,0 +1,178 @@
+"""Draws as ArviZ reads them, and what follows from them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import arviz_stats as az
+import matplotlib.pyplot as plt
+import numpy as np
+import pytest
+import xarray as xr
+from scipy import stats
+
+import bayesdamp as bd
+from bayesdamp.inference.noise import NOISES
+
+from .problems import TRUTH, fit, posterior, record
+
+GROUPS = {
+    "posterior",
+    "prior",
+    "posterior_predictive",
+    "log_likelihood",
+    "sample_stats",
+    "observed_data",
+    "constant_data",
+}
+
+
+def test_the_truth_is_in_the_draws() -> None:
+    """Between the outermost quantiles of a thousandth: five values, a false alarm in a hundred."""
+    post = posterior()
+    assert post.outcome == "ok"
+    for name, value in TRUTH.items():
+        low, high = np.quantile(post.draws[..., post.names.index(name)], [0.001, 0.999])
+        assert low < value < high
+
+
+def test_groups_units_and_definitions() -> None:
+    data = posterior().data
+    assert set(data.children) == GROUPS
+    assert data["posterior"]["zeta"].attrs["units"] == "1/s"
+    assert "2ζθ̇" in data["posterior"]["zeta"].attrs["definition"]
+    assert data["posterior"]["noise_sd"].attrs["units"] == "rad"
+    assert data["observed_data"]["record"].values == pytest.approx(record().y)
+    assert data["observed_data"]["time"].values == pytest.approx(record().t)
+    assert data["prior"]["zeta"].dims == ("chain", "draw")
+    assert data.attrs["model"] == "viscous@linear"
+
+
+def test_pointwise_terms_sum_to_the_log_likelihood() -> None:
+    """Of independent noise; the solver's plans differ by less than a hundredth of a nat."""
+    post = posterior()
+    terms = post.data["log_likelihood"]["record"]
+    assert terms.sum("time").values == pytest.approx(post.log_likelihood, abs=0.01)
+    one = post.draws[0, 0]
+    assert fit().density.log_likelihood(one) == pytest.approx(post.log_likelihood[0, 0], abs=1e-6)
+    lp = post.data["sample_stats"]["lp"].values
+    assert lp[0, 0] == pytest.approx(fit().density.log_posterior(one), abs=1e-6)
+
+
+def test_replications_have_the_noise() -> None:
+    """Their sd about the motion, of 300,000 numbers, is the noise's; the parameters' own spread adds some 2 %."""
+    predicted = posterior().data["posterior_predictive"]["record"]
+    scatter = float((predicted - predicted.mean(("chain", "draw"))).std())
+    assert scatter == pytest.approx(float(posterior().data["posterior"]["noise_sd"].mean()), rel=0.05)
+
+
+def test_arviz_works_on_it_as_it_is() -> None:
+    loo = az.loo(posterior().data)
+    # A regular model of six parameters on 150 samples: about six effective ones, within four sds of that.
+    assert 3 < loo.p < 10
+    assert float(az.rhat(posterior().data)["zeta"]) < 1.02
+    assert "zeta" in az.summary(posterior().data).index
+
+
+def test_prior_draws_are_of_the_prior() -> None:
+    """Kolmogorov and Smirnov, at a chance of one in ten thousand; and not of another prior."""
+    draws = posterior().data["prior"]["zeta"].values.ravel()
+    scale = fit().density.priors["zeta"].numbers[0]
+    assert stats.kstest(draws, stats.halfnorm(scale=scale).cdf).pvalue > 1e-4
+    assert stats.kstest(draws, stats.halfnorm(scale=1.5 * scale).cdf).pvalue < 1e-4
+
+
+def test_derived() -> None:
+    derived = posterior().derived
+    stiffness = posterior().data["posterior"]["stiffness"]
+    assert derived["natural_frequency"].values == pytest.approx(np.sqrt(stiffness.values))
+    assert derived["half_life"].attrs["units"] == "s"
+    table = posterior().summary()
+    assert {"zeta", "half_life"} <= set(table.index)
+    assert "half_life" not in posterior().summary(derived=False).index
+
+
+def test_saved(tmp_path: Path) -> None:
+    again = bd.Posterior.load(posterior().save(tmp_path / "post"))
+    assert np.array_equal(again.draws, posterior().draws)
+    assert repr(again) == repr(posterior())
+    same = again.data["log_likelihood"]["record"].values
+    assert np.array_equal(same, posterior().data["log_likelihood"]["record"].values)
+    posterior().data.to_netcdf(tmp_path / "post.nc", engine="h5netcdf")
+    with xr.open_datatree(tmp_path / "post.nc", engine="h5netcdf") as read:
+        assert set(read.children) == GROUPS
+        assert read["posterior"]["zeta"].attrs["units"] == "1/s"
+
+
+def test_drawn() -> None:
+    axes = posterior().plot(names=["zeta", "noise_sd"])
+    assert len(axes) == 4
+    assert posterior().plot(axes, ["zeta", "noise_sd"]) == axes
+    with pytest.raises(bd.InputError, match="did you mean 'zeta'"):
+        posterior().plot(names=["zeda"])
+    plt.close("all")
+
+
+# Noise given all other samples, against the dense normal distribution.
+GAPS = np.array([0.1, 0.05, 0.3, 0.1, 0.02])
+CORRELATED = {"noise_sd": 0.7, "noise_time": 0.2}
+
+
+def conditional(r: np.ndarray, time: float) -> np.ndarray:
+    """Log density of each residual given the others, by conditioning the dense covariance."""
+    t = np.r_[0.0, np.cumsum(GAPS)]
+    cov = CORRELATED["noise_sd"] ** 2 * np.exp(-np.abs(t[:, None] - t) / time)
+    found = []
+    for i in range(r.size):
+        rest = np.delete(np.arange(r.size), i)
+        gain = cov[i, rest] @ np.linalg.inv(cov[np.ix_(rest, rest)])
+        sd = np.sqrt(cov[i, i] - gain @ cov[rest, i])
+        found.append(stats.norm.logpdf(r[i], gain @ r[rest], sd))
+    return np.array(found)
+
+
+def test_correlated_noise_given_all_others() -> None:
+    r = np.random.default_rng(1).standard_normal(6)
+    found = np.asarray(NOISES.get("correlated").log_likelihoods(r, GAPS, CORRELATED))
+    assert found == pytest.approx(conditional(r, 0.2), abs=1e-10)
+    assert found != pytest.approx(conditional(r, 0.25), abs=0.001)
+
+
+@pytest.mark.parametrize(
+    ("name", "p"),
+    [
+        ("gaussian", {"noise_sd": 0.7}),
+        ("student_t", {"noise_sd": 0.7, "noise_dof": 3.0}),
+        ("quantised", {"noise_sd": 0.7, "noise_step": 0.5}),
+    ],
+)
+def test_independent_noise_is_the_sum_of_its_samples(name: str, p: dict[str, float]) -> None:
+    r = np.random.default_rng(1).standard_normal(6)
+    noise = NOISES.get(name)
+    whole = float(noise.log_likelihood(r, GAPS, p))
+    assert float(np.sum(noise.log_likelihoods(r, GAPS, p))) == pytest.approx(whole)
+
+
+@pytest.mark.parametrize(
+    ("name", "p"),
+    [
+        ("gaussian", {"noise_sd": 0.7}),
+        ("student_t", {"noise_sd": 0.7, "noise_dof": 3.0}),
+        ("correlated", CORRELATED),
+    ],
+)
+def test_drawn_noise_is_white_when_whitened(name: str, p: dict[str, float]) -> None:
+    """Kolmogorov and Smirnov at one in ten thousand each; and not with another scale."""
+    noise, gaps = NOISES.get(name), np.full(3999, 0.05)
+    r = noise.draw(np.random.default_rng(2), gaps, p)
+    assert stats.kstest(np.asarray(noise.whiten(r, gaps, p)), "norm").pvalue > 1e-4
+    wrong = np.asarray(noise.whiten(r, gaps, {**p, "noise_sd": 0.6}))
+    assert stats.kstest(wrong, "norm").pvalue < 1e-4
+
+
+def test_rounded_noise_has_the_scatter_of_both() -> None:
+    """Sheppard: noise and rounding add in squares; 40,000 draws tell the sd to 0.4 %, and five of that are 2 %."""
+    p = {"noise_sd": 0.7, "noise_step": 1.0}
+    r = NOISES.get("quantised").draw(np.random.default_rng(2), np.ones(39_999), p)
+    assert np.std(r) == pytest.approx(np.sqrt(0.49 + 1 / 12), rel=0.02)
+    assert abs(np.std(r) - 0.7) > 0.02

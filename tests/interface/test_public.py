@@ -1,0 +1,73 @@
+"""The public names: all there, all typed, none loaded before it is used."""
+
+from __future__ import annotations
+
+import ast
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import bayesdamp as bd
+
+SOURCE = Path(bd.__file__).read_text(encoding="utf-8")
+
+
+def for_type_checkers() -> dict[str, str]:
+    """Name to module, as the block for type checkers imports them."""
+    found: dict[str, str] = {}
+    for node in ast.walk(ast.parse(SOURCE)):
+        if isinstance(node, ast.If) and isinstance(node.test, ast.Name) and node.test.id == "TYPE_CHECKING":
+            for line in node.body:
+                assert isinstance(line, ast.ImportFrom)
+                found |= {(a.asname or a.name): str(line.module) for a in line.names}
+    return found
+
+
+def test_every_name_is_there() -> None:
+    for name in bd.__all__:
+        assert getattr(bd, name) is not None
+    assert set(dir(bd)) == set(bd.__all__)
+
+
+def test_type_checkers_see_the_same_names_in_the_same_places() -> None:
+    assert for_type_checkers() == bd._HOME
+    assert set(bd.__all__) == {*bd._HOME, "__version__"}
+
+
+def test_no_other_name() -> None:
+    with pytest.raises(AttributeError, match="no attribute 'fits'"):
+        _ = bd.fits  # type: ignore[attr-defined]
+
+
+def test_it_says_that_it_is_typed() -> None:
+    assert Path(bd.__file__).with_name("py.typed").is_file()
+    assert '"py.typed"' in (Path(__file__).resolve().parents[2] / "pyproject.toml").read_text(
+        encoding="utf-8"
+    )
+
+
+def said(code: str) -> str:
+    return subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True).stdout
+
+
+HEAVY = "{'jax', 'numpy', 'pandas', 'xarray', 'matplotlib', 'scipy', 'torch'}"
+
+
+def test_importing_loads_nothing_heavy() -> None:
+    assert said(f"import sys, bayesdamp; print(sorted({HEAVY} & set(sys.modules)))") == "[]\n"
+
+
+def test_using_a_name_does() -> None:
+    """The negative control; and what no fit needs is not loaded with it."""
+    loaded = said(f"import sys, bayesdamp; bayesdamp.fit; print(sorted({HEAVY} & set(sys.modules)))")
+    assert "jax" in loaded
+    for idle in ("pandas", "xarray", "matplotlib", "torch"):
+        assert idle not in loaded
+
+
+def test_a_trajectory_keeps_its_name() -> None:
+    from bayesdamp.physics.integrate import simulate
+
+    assert bd.trajectory is simulate

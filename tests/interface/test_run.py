@@ -1,0 +1,102 @@
+"""A study from Python: typed results and tables."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import bayesdamp as bd
+from bayesdamp.store import read_table
+
+STUDY: dict[str, Any] = {
+    "version": 1,
+    "name": "small",
+    "system": {"restoring": "linear", "stiffness": 20.0, "rest_angle": 0.0, "theta0": 0.3, "omega0": 0.0},
+    "signal": [
+        {"name": "bench", "simulate": {"viscous": 0.05, "duration": 6.0, "samples": 150, "noise_sd": 0.003}}
+    ],
+    "estimators": {"use": ("koopman",)},
+    "models": {"compare": ["viscous", "quadratic"]},
+    "posterior": {"samplers": ["nuts"], "warmup": 100, "draws": 200},
+    "evidence": {"methods": ["importance"]},
+}
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> bd.Run:
+    return bd.run_study(STUDY, tmp_path_factory.mktemp("run") / "small")
+
+
+def test_tables_are_the_files(run: bd.Run) -> None:
+    assert run.outcome == "ok"
+    assert run.report.is_file()
+    for name in ("estimates", "posteriors", "evidence", "fits"):
+        table, rows = getattr(run, name), read_table(run.folder / f"{name}.csv")
+        assert len(table) == len(rows) > 0
+        assert list(table.columns) == list(rows[0])
+
+
+def test_typed_results_are_the_tables(run: bd.Run) -> None:
+    found = run.candidate("bench", "viscous")
+    assert (found.restoring, found.repeat, found.outcome) == ("linear", 0, "ok")
+    rows = run.posteriors
+    mean = rows[(rows.model == "viscous") & (rows.parameter == "zeta")]["mean"].item()
+    draws = found.posteriors["nuts"]
+    assert draws.draws[..., draws.names.index("zeta")].mean() == pytest.approx(mean)
+    assert draws.log_likelihood.shape == draws.draws.shape[:2]
+    assert np.all(np.isfinite(draws.log_likelihood))
+    rows = run.evidence
+    row = rows[(rows.model == "viscous") & (rows.method == "importance")]
+    assert found.evidence["importance"].log_evidence == row["log_evidence"].item()
+    assert [e.stage for e in found.estimates["koopman"]] == ["initial", "refined"]
+    assert abs(found.values["zeta"] - 0.05) < 4 * found.sd["zeta"]
+    assert {(c.record, c.damping) for c in run.candidates} == {("bench", "viscous"), ("bench", "quadratic")}
+    assert "zeta" in repr(found)
+    assert "bench/0" in repr(run)
+
+
+def test_read_again(run: bd.Run, tmp_path: Path) -> None:
+    copy = bd.load(run.save(tmp_path / "copy"))
+    assert copy.candidate("bench", "viscous").values == run.candidate("bench", "viscous").values
+    with pytest.raises(bd.InputError, match="give a new folder"):
+        run.save(tmp_path / "copy")
+    with pytest.raises(bd.InputError, match="holds no run"):
+        bd.Run.load(tmp_path)
+
+
+def test_a_second_time_nothing_is_computed(run: bd.Run) -> None:
+    before = {p: p.stat().st_mtime_ns for p in (run.folder / "cells").rglob("*.npz")}
+    bd.run_study(STUDY, run.folder)
+    assert before == {p: p.stat().st_mtime_ns for p in (run.folder / "cells").rglob("*.npz")}
+
+
+@pytest.mark.parametrize(
+    ("attempt", "line"),
+    [
+        (lambda out: bd.run_study({**STUDY, "sampler": {}}, out), "study: sampler: unknown key"),
+        (
+            lambda out: bd.run_study({**STUDY, "models": {"compare": ["viscos"]}}, out),
+            "did you mean 'viscous'",
+        ),
+        (lambda out: bd.run_study(3, out), "must be a file, a dictionary or a Study"),
+        (lambda out: bd.run_study(STUDY, out, workers=0), "workers is 0"),
+        (lambda out: bd.run_study(out / "none.toml"), "there is no such file"),
+    ],
+)
+def test_misuse_is_one_line_and_nothing_is_written(attempt, line: str, tmp_path: Path) -> None:
+    with pytest.raises(bd.InputError, match=line) as error:
+        attempt(tmp_path / "new")
+    assert "\n" not in str(error.value)
+    assert not (tmp_path / "new").exists()
+
+
+def test_no_such_candidate(run: bd.Run) -> None:
+    with pytest.raises(bd.InputError, match="did you mean 'bench'"):
+        run.candidate("bensh", "viscous")
+    with pytest.raises(bd.InputError, match="did you mean 'viscous'"):
+        run.candidate("bench", "viscos")
+    with pytest.raises(bd.InputError, match="not run on repeat 1"):
+        run.candidate("bench", "viscous", repeat=1)

@@ -1,0 +1,132 @@
+"""Records and signals: what is read, made and drawn."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pytest
+
+import bayesdamp as bd
+
+from .problems import TIMES, TRUTH, closed_form, record
+
+
+def test_simulated_is_the_closed_form() -> None:
+    made = bd.simulate({"viscous": 0.05}, "linear", stiffness=20.0, duration=6.0, samples=150)
+    assert np.max(np.abs(made.y - closed_form(TIMES, TRUTH))) < 1e-7
+
+
+def test_another_damping_is_not() -> None:
+    """The negative control."""
+    made = bd.simulate({"viscous": 0.0501}, "linear", stiffness=20.0, duration=6.0, samples=150)
+    assert np.max(np.abs(made.y - closed_form(TIMES, TRUTH))) > 1e-5
+
+
+def test_simulated_noise_has_its_size_and_its_seed() -> None:
+    """The sd of 2,000 samples is within 8 % (five of its sds: a false alarm in two million)."""
+    options = {"stiffness": 20.0, "duration": 20.0, "noise_sd": 0.01}
+    one, same, other = (
+        bd.simulate({"viscous": 0.05}, samples=2000, seed=seed, **options) for seed in (1, 1, 2)
+    )
+    clean = closed_form(one.t, TRUTH)
+    assert np.array_equal(one.y, same.y)
+    assert not np.array_equal(one.y, other.y)
+    assert np.std(one.y - clean) == pytest.approx(0.01, rel=0.08)
+
+
+def test_arrays_as_they_are_and_cleaned() -> None:
+    t, y = TIMES + 7.0, np.degrees(closed_form(TIMES, TRUTH))
+    rest = np.linspace(13.05, 20.0, 100)
+    assert bd.signal(t, y, unit="deg", cleaned=False).y == pytest.approx(closed_form(TIMES, TRUTH))
+    whole = bd.signal(np.r_[t, rest], np.r_[y, np.full(100, y[-1])], unit="deg")
+    assert whole.t[0] == 0.0
+    assert whole.t[-1] < 6.5
+    assert whole.whole_t.size == 250
+    assert whole.notes
+
+
+def test_a_file(tmp_path: Path) -> None:
+    path = tmp_path / "rig.csv"
+    table = np.c_[TIMES, np.degrees(closed_form(TIMES, TRUTH))]
+    np.savetxt(path, table, delimiter=",", header="t (s),phi (deg)", comments="")
+    found = bd.read(path)
+    assert (found.unit, found.quantity, found.runs) == ("deg", "angle", (1,))
+    assert found.signal().y == pytest.approx(closed_form(TIMES, TRUTH))
+    assert len(found.signals()) == 1
+    again = bd.Record.load(found.save(tmp_path / "rig.record"))
+    assert np.array_equal(again.signal().y, found.signal().y)
+    assert "phi" in repr(found)
+    assert "<table>" in found._repr_html_()
+    assert found.plot().get_xlabel() == "time / s"
+    plt.close("all")
+
+
+def test_drawn_on_axes_that_are_given() -> None:
+    figure, ax = plt.subplots()
+    assert record().plot(ax) is ax
+    assert bd.signal(TIMES, closed_form(TIMES, TRUTH)).plot(ax) is ax
+    plt.close(figure)
+
+
+def test_saved(tmp_path: Path) -> None:
+    again = bd.Signal.load(record().save(tmp_path / "signal"))
+    assert np.array_equal(again.y, record().y)
+    assert again.provenance == record().provenance
+    assert isinstance(bd.load(tmp_path / "signal"), bd.Signal)
+
+
+def test_nothing_is_changed() -> None:
+    with pytest.raises(AttributeError):
+        record().name = "other"  # type: ignore[misc]
+
+
+@pytest.mark.parametrize(
+    ("attempt", "line"),
+    [
+        (lambda: bd.signal([1, 2], [3, 4]), "2 samples, a signal needs at least 10"),
+        (lambda: bd.signal(TIMES, TIMES[1:]), "vectors of one length"),
+        (lambda: bd.signal(TIMES, np.full(150, np.nan)), "not a finite number"),
+        (lambda: bd.signal(TIMES, np.ones(150)), "constant"),
+        (lambda: bd.signal(TIMES, TIMES, unit="degre"), "did you mean 'deg'"),
+        (lambda: bd.signal(TIMES, TIMES, quantity="angel"), "did you mean 'angle'"),
+        (lambda: bd.signal(TIMES[::-1], TIMES, cleaned=False), "times must increase"),
+        (lambda: bd.simulate({"viscos": 1.0}, duration=1.0, samples=99), "did you mean 'viscous'"),
+        (lambda: bd.simulate({"viscous": 1.0}, "liner", duration=1.0, samples=99), "did you mean 'linear'"),
+        (lambda: bd.simulate({"viscous": 1.0}, duration=1.0, samples=99), "give stiffness=NUMBER"),
+        (
+            lambda: bd.simulate({"viscous": 1.0}, duration=1.0, samples=99, stifness=3.0),
+            "did you mean 'stiffness'",
+        ),
+        (lambda: bd.read("nowhere.csv"), "no such file"),
+        (lambda: bd.load("nowhere.fit"), "no such file"),
+    ],
+)
+def test_misuse_is_one_line(attempt, line: str) -> None:
+    with pytest.raises(bd.InputError, match=line) as error:
+        attempt()
+    assert "\n" not in str(error.value)
+
+
+def test_columns_are_asked_for_in_the_words_of_python(tmp_path: Path) -> None:
+    path = tmp_path / "three.csv"
+    np.savetxt(path, np.c_[TIMES, TIMES, TIMES], delimiter=",", header="t,a,b", comments="")
+    with pytest.raises(bd.InputError, match="give value and time") as error:
+        bd.read(path)
+    assert "--" not in str(error.value)
+
+
+def test_no_such_run(tmp_path: Path) -> None:
+    path = tmp_path / "rig.csv"
+    np.savetxt(path, np.c_[TIMES, closed_form(TIMES, TRUTH)], delimiter=",", header="t,phi", comments="")
+    with pytest.raises(bd.InputError, match="has no run 2; it has 1"):
+        bd.read(path).signal(2)
+
+
+def test_a_file_that_is_no_result(tmp_path: Path) -> None:
+    (tmp_path / "torn").write_bytes(b"PK nothing")
+    with pytest.raises(bd.InputError, match="not a result"):
+        bd.Fit.load(tmp_path / "torn")
+    with pytest.raises(bd.InputError, match="holds a Signal, not a Fit"):
+        bd.Fit.load(record().save(tmp_path / "signal"))
