@@ -42,12 +42,16 @@ def study(
         int | None, typer.Option(min=1, help="Processes; as many as there are cores where it is not given.")
     ] = None,
     scheduler: Annotated[str | None, typer.Option(help="Address of a Dask scheduler to run on.")] = None,
+    plugin: Annotated[
+        list[Path] | None,
+        typer.Option(help="A Python file with plug-ins of your own; may be given again."),
+    ] = None,
     fresh: Annotated[bool, typer.Option("--fresh", help="Compute everything again.")] = False,
 ) -> int:
     """Run what a study still lacks, and write its report."""
     from rich.console import Console
 
-    loaded = _load(file)
+    loaded = _load(file, plugin)
     folder = _folder(out, loaded.name)
     from bayesdamp.study import run_study
 
@@ -100,11 +104,17 @@ def compare(
     workers: Annotated[
         int | None, typer.Option(min=1, help="Processes; as many as cores by default.")
     ] = None,
+    plugin: Annotated[
+        list[Path] | None,
+        typer.Option(help="A Python file with plug-ins of your own; may be given again."),
+    ] = None,
     fresh: Annotated[bool, typer.Option("--fresh", help="Compute everything again.")] = False,
 ) -> int:
     """Say which damping records have, how sure that is, and when no candidate fits."""
+    from bayesdamp.plugins import read_modules
     from bayesdamp.signals.columns import choose_columns, unit_asked
 
+    plugins = read_modules(plugin or ())
     columns = [choose_columns(path, time, angle, rate) for path in records]
     units = [
         unit_asked(path, value, unit, quantity) for path, (_, value) in zip(records, columns, strict=True)
@@ -120,7 +130,13 @@ def compare(
             for path, chosen, taken in zip(records, columns, units, strict=True)
         ]
         made = comparison(
-            asked, restoring=restoring or (), damping=damping or (), noise=noise, seed=seed, repeats=repeats
+            asked,
+            restoring=restoring or (),
+            damping=damping or (),
+            noise=noise,
+            seed=seed,
+            repeats=repeats,
+            plugins=plugins,
         )
         folder = _folder(out, made.name)
         from bayesdamp.study import run_study
@@ -207,12 +223,18 @@ def _folder(out: Path | None, name: str) -> Path:
 
 
 @app.command()
-def check(file: Annotated[Path, typer.Argument(metavar="FILE", help="A study file (TOML).")]) -> int:
+def check(
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="A study file (TOML).")],
+    plugin: Annotated[
+        list[Path] | None,
+        typer.Option(help="A Python file with plug-ins of your own; may be given again."),
+    ] = None,
+) -> int:
     """Read a study, list its cells, say what is wrong; run nothing."""
     from rich.console import Console
     from rich.table import Table
 
-    loaded = _load(file)
+    loaded = _load(file, plugin)
     from bayesdamp.study import cells
 
     counts = Counter(re.split(r"[/:]", cell.name)[0] for cell in cells(loaded))
@@ -244,10 +266,16 @@ def simulate(
     samples: Annotated[int, typer.Option(help="Number of samples.")] = 1001,
     noise_sd: Annotated[float, typer.Option(help="Standard deviation of the noise, in rad.")] = 0.0,
     seed: Annotated[int, typer.Option(min=0, help="Seed of the noise.")] = 0,
+    plugin: Annotated[
+        list[Path] | None,
+        typer.Option(help="A Python file with plug-ins of your own; may be given again."),
+    ] = None,
 ) -> int:
     """Write a simulated record to play with: a CSV of times in s and angles in rad."""
+    from bayesdamp.plugins import read_modules, use
     from bayesdamp.simulated import pairs, simulated, write_csv
 
+    use(read_modules(plugin or ()))
     given: dict[str, object] = {**pairs(damping, "--damping"), **pairs(set_ or [], "--set")}
     given |= {"duration": duration, "samples": samples, "noise_sd": noise_sd}
     write_csv(simulated(given, restoring, seed), out)
@@ -266,11 +294,12 @@ def report(folder: Annotated[Path, typer.Argument(metavar="DIR", help="A run's f
     return 0
 
 
-def _load(file: Path) -> Study:
-    """A study with the options of its estimators checked too."""
+def _load(file: Path, plugins: Sequence[Path] | None = None) -> Study:
+    """A study with the options of its estimators checked too. plugins: files besides those that it names."""
     from bayesdamp.config import load_study
+    from bayesdamp.plugins import read_modules
 
-    loaded = load_study(file)
+    loaded = load_study(file, read_modules(plugins or ()))
     for name in loaded.estimators.use:
         if name in loaded.estimators.options:
             loaded.estimator_options(name)

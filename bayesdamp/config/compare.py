@@ -10,7 +10,9 @@ from typing import Any
 
 from bayesdamp.config.checks import StudyError
 from bayesdamp.config.load import Study, resolve_study
+from bayesdamp.physics.damping import PAPER_TERMS, TERMS, all_sums
 from bayesdamp.physics.restoring import LAWS
+from bayesdamp.plugins import PluginModule, use
 from bayesdamp.types import InputError
 from bayesdamp.units import UNITS
 
@@ -45,7 +47,7 @@ def laws_for(unit: str) -> tuple[str, ...]:
     """The restoring laws that an unknown record is compared under: all there are, of a translation all that describe
     one. Nobody said which it is, and a law left out would leave its misfit to the damping."""
     along = unit in UNITS and UNITS[unit].translates
-    return tuple(n for n in LAWS.names() if not along or LAWS.get(n).translates)
+    return tuple(n for n in LAWS.present() if not along or LAWS.get(n).translates)
 
 
 def comparison(
@@ -56,15 +58,18 @@ def comparison(
     noise: str = "auto",
     seed: int = 0,
     repeats: bool = False,
+    plugins: Sequence[PluginModule] = (),
 ) -> Study:
     """The study that compares all damping sums (or those given) under all restoring laws (or those given) on each
     record.
 
-    repeats: whether all records are of one specimen; otherwise each is a specimen of its own.
+    repeats: whether all records are of one specimen; otherwise each is a specimen of its own. plugins: the user's
+    modules; each damping term in them is compared alone and beside each one that ships, each law as one more.
     Raises InputError, one line in the terms of the command's options.
     """
     if repeats and len(records) < 2:
         raise InputError("--repeats: there is one record; give two or more of one specimen")
+    use(plugins)
     names = _names([asked.path for asked in records])
     signals = [_signal(asked, name, tuple(restoring)) for asked, name in zip(records, names, strict=True)]
     if len(records) > 1:
@@ -77,14 +82,20 @@ def comparison(
         "description": f"Which damping has {', '.join(asked.path.name for asked in records)}?"[:200],
         "signal": signals,
         "estimators": {"use": ["least_squares"], "stages": ["initial"]},
-        "models": {"compare": list(damping) or "all", "prune": PRUNE},
+        "models": {"compare": list(damping) or _sums(), "prune": PRUNE},
         "posterior": {"samplers": ["nuts"], "noise": noise, "best": BEST, "warmup": WARMUP, "draws": DRAWS},
         "evidence": {"methods": ["laplace", "importance", "bridge"], "referee": "auto"},
     }
     try:
-        return resolve_study(raw, Path("compare"))
+        return resolve_study(raw, Path("compare"), plugins)
     except StudyError as error:
         raise InputError(_in_options(str(error))) from None
+
+
+def _sums() -> list[str]:
+    """All sums of the terms that ship, and each of the user's own, alone and beside each of these."""
+    own = [name for name in TERMS.present() if name not in PAPER_TERMS]
+    return all_sums() + [sum_ for name in own for sum_ in (name, *(f"{t}+{name}" for t in PAPER_TERMS))]
 
 
 def _signal(asked: Asked, name: str, restoring: tuple[str, ...]) -> dict[str, Any]:

@@ -127,6 +127,14 @@ class SweepTable(Section):
     )
 
 
+class PluginsTable(Section):
+    """[plugins]: modules of the user's own that hold plug-ins."""
+
+    modules: Annotated[Names, Field(min_length=1)] | None = Field(
+        None, description='a list of Python files, such as ["my_terms.py"], whose paths start at this file'
+    )
+
+
 class EstimatorsTable(Section):
     """[estimators] without the options of single methods."""
 

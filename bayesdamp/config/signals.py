@@ -135,7 +135,7 @@ def check_base(raw: object, laws: tuple[str, ...] = ()) -> dict[str, Any]:
     """The study's [system], checked against its restoring law and those compared, or against all where it names
     none."""
     base = table(raw, "system")
-    names = [base["restoring"], *laws] if "restoring" in base else LAWS.names()
+    names = [base["restoring"], *laws] if "restoring" in base else LAWS.present()
     parameters = {p for name in names for p in _law(name, "system.restoring").parameters}
     known_keys(base, _system_keys(sorted(parameters)), "system")
     for name, value in base.items():
@@ -275,7 +275,7 @@ def _recording(entry: SignalTable, system: System, folder: Path, key: str) -> Re
 
 def _check_translation(unit: str, restoring: str, key: str) -> None:
     if UNITS[unit].translates and not LAWS.get(restoring).translates:
-        laws = ", ".join(name for name in LAWS.names() if LAWS.get(name).translates)
+        laws = ", ".join(name for name in LAWS.present() if LAWS.get(name).translates)
         what = f"is {unit!r}, a translation, which {restoring} is not"
         raise StudyError(key, f"{what}; restoring can be {laws}")
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
 import time
 import zlib
 from dataclasses import asdict
@@ -12,13 +10,14 @@ from typing import Any
 
 import numpy as np
 
-from bayesdamp import __version__
 from bayesdamp.config import Recording, SignalSpec, Simulation, Study
 from bayesdamp.estimators.bound import cramer_rao
 from bayesdamp.estimators.shared import noise_level
 from bayesdamp.inference.defaults import EPSILON_SHARE, Reference
+from bayesdamp.physics.damping import TERMS
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.physics.restoring import LAWS
+from bayesdamp.plugins import sources_below
 from bayesdamp.signals.anomalies import anomalies
 from bayesdamp.signals.clean import clean
 from bayesdamp.signals.curves import amplitude_curves
@@ -26,6 +25,7 @@ from bayesdamp.signals.features import Features, features
 from bayesdamp.signals.read import read_record
 from bayesdamp.signals.simulate import simulate_signal
 from bayesdamp.store import CellResult, Store, sha256
+from bayesdamp.study.keys import task_key
 from bayesdamp.types import OK, InputError, Problem, Refusal, Signal, System
 from bayesdamp.units import UNITS
 
@@ -34,11 +34,6 @@ NO_NOISE = 1e-6
 NOT_APPLICABLE = "not applicable: the record has no noise, so there is no posterior"
 RAW_POINTS = 20_000
 _NOT_OF_THE_RECORD = ("compare", "estimate", "laws", "alternatives", "specimen")
-
-
-def digest(*parts: object) -> str:
-    """A key for what a result depends on."""
-    return hashlib.sha256(json.dumps([__version__, *parts], sort_keys=True, default=str).encode()).hexdigest()
 
 
 def cell_seed(study: Study, name: str) -> int:
@@ -62,7 +57,15 @@ class SignalCell:
         source = self.spec.source
         content = sha256(source.path) if isinstance(source, Recording) else ""
         shown = {k: v for k, v in self.spec.resolved().items() if k not in _NOT_OF_THE_RECORD}
-        return digest("signal", self.study.seed, shown, self.repeat, content)
+        return task_key("signal", self.study.seed, shown, self.repeat, content, self._plugins)
+
+    @property
+    def _plugins(self) -> list[str]:
+        """The source of what is found by name to make the record, or to read it."""
+        source, law = self.spec.source, LAWS.source(self.spec.system.restoring)
+        if isinstance(source, Recording):
+            return [law, *sources_below("bayesdamp.signals")]
+        return [law, *(TERMS.source(term) for term in source.damping)]
 
     def compute(self) -> None:
         began = time.perf_counter()
