@@ -37,17 +37,26 @@ theta0 = 0.3
 omega0 = 0.0
 [[signal]]
 name = "one"
-simulate = { coulomb = 0.05, epsilon = 0.1, duration = 10.0, samples = 100, noise_sd = 0.003 }
+simulate = { viscous = 0.05, duration = 10.0, samples = 100, noise_sd = 0.003 }
 [estimators]
-use = ["least_squares", "koopman"]
+use = ["least_squares", "sindy"]
 [models]
-compare = ["viscous", "coulomb"]
+compare = ["viscous", "quadratic"]
 [posterior]
 samplers = ["nuts", "emcee"]
 [evidence]
 methods = ["importance"]
 referee = "never"
 """
+
+
+AFTER_SINDY = (
+    "mode/one/0/viscous",
+    "posterior/one/0/viscous",
+    "evidence/one/0/viscous",
+    "sensitivity/one/0/viscous",
+)
+"""The sparse regression has all terms in its library, and a mode is looked for from every estimate."""
 
 
 def every_module() -> dict[str, Path]:
@@ -75,7 +84,10 @@ def by_parser(path: Path, modules: set[str]) -> set[str]:
 def test_imports_are_found_as_the_parser_finds_them():
     modules = every_module()
     for name, path in modules.items():
-        assert by_parser(path, set(modules)) == set(imported(name)) & set(modules), name
+        # a text for another process may import the module that it stands in
+        assert by_parser(path, set(modules)) - {name} == set(imported(name)) & set(modules) - {name}, name
+    # negative control: it does tell apart
+    assert by_parser(modules["bayesdamp.study.run"], set(modules)) != imported("bayesdamp.study.cells")
 
 
 @pytest.mark.parametrize("kind", CODE)
@@ -110,8 +122,8 @@ def keys(copy: Path) -> dict[str, str]:
     [
         ("report/render.py", ()),
         ("cli.py", ()),
-        ("inference/samplers/emcee.py", ("posterior/one/0/viscous/emcee", "posterior/one/0/coulomb/emcee")),
-        ("physics/damping/coulomb.py", ("signal/", "estimate/", "coulomb")),
+        ("inference/samplers/emcee.py", ("/emcee", "averaged/")),
+        ("physics/damping/quadratic.py", ("quadratic", "viscous/sindy", "averaged/", *AFTER_SINDY)),
         ("physics/integrate.py", ("",)),
     ],
 )
@@ -124,8 +136,5 @@ def test_a_changed_line_changes_the_keys_of_what_depends_on_it(copy, file, chang
     finally:
         path.write_text(text, encoding="utf-8")
     changed = {n for n in before if before[n] != after[n]}
-    if file.endswith("coulomb.py"):  # the record was made with it: all that follows from the record
-        assert changed == set(before)
-    else:
-        assert changed == {n for n in before if any(n.startswith(one) for one in changes)}
+    assert changed == {n for n in before if any(one in n for one in changes)}
     assert keys(copy) == before

@@ -27,7 +27,7 @@ from bayesdamp.physics.restoring import LAWS
 from bayesdamp.store import CellResult, Store
 from bayesdamp.study.backbones import compute_curve
 from bayesdamp.study.climbs import alone, packed, unpacked
-from bayesdamp.study.keys import task_key
+from bayesdamp.study.keys import task_key, uses_library
 from bayesdamp.study.noise import NoiseCell, noise_cell
 from bayesdamp.study.posteriors import compute_posterior
 from bayesdamp.study.records import NOT_APPLICABLE, SignalCell, cell_seed, plain_seconds
@@ -70,7 +70,8 @@ class Branch:
         chosen = {n: dict(use.options.get(n, {})) for n in self._methods}
         for name, options in chosen.items():
             method = use.method(name)
-            own = [ESTIMATORS.source(method), *map(TERMS.source, PAPER_TERMS), *self._forces]
+            library = PAPER_TERMS if uses_library(method) else ()
+            own = [ESTIMATORS.source(method), *map(TERMS.source, library), *self._forces]
             key = task_key(
                 "estimate", self.parent.key, self.model, method, use.stages, options, own, *self._other
             )

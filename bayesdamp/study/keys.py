@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 
-from bayesdamp.sources import code_digest
+from bayesdamp.sources import code_digest, reached
 
 _BRANCH = ("bayesdamp.study.cells", "bayesdamp.study.climbs", "bayesdamp.study.targets")
 CODE: dict[str, tuple[str, ...]] = {
@@ -37,3 +37,8 @@ def digest(*parts: object) -> str:
 def task_key(kind: str, *parts: object) -> str:
     """A key for what a task's result depends on: the parts, and the code that computes it."""
     return digest(kind, code_digest(*CODE[kind]), *parts)
+
+
+def uses_library(method: str) -> bool:
+    """Whether an estimator regresses on all damping terms that ship, whichever it is to estimate."""
+    return "bayesdamp.estimators.methods._library" in reached([f"bayesdamp.estimators.methods.{method}"])
