@@ -264,7 +264,10 @@ def simulate(
     ] = None,
     duration: Annotated[float, typer.Option(help="Length of the record in s.")] = 10.0,
     samples: Annotated[int, typer.Option(help="Number of samples.")] = 1001,
-    noise_sd: Annotated[float, typer.Option(help="Standard deviation of the noise, in rad.")] = 0.0,
+    noise_sd: Annotated[
+        float | None,
+        typer.Option(help="Standard deviation of the noise, in rad; 1 % of the amplitude by default, 0 for none."),
+    ] = None,
     seed: Annotated[int, typer.Option(min=0, help="Seed of the noise.")] = 0,
     plugin: Annotated[
         list[Path] | None,
@@ -277,8 +280,12 @@ def simulate(
 
     use(read_modules(plugin or ()))
     given: dict[str, object] = {**pairs(damping, "--damping"), **pairs(set_ or [], "--set")}
-    given |= {"duration": duration, "samples": samples, "noise_sd": noise_sd}
-    write_csv(simulated(given, restoring, seed), out)
+    given |= {"duration": duration, "samples": samples}
+    given |= {} if noise_sd is None else {"noise_sd": noise_sd}
+    record, sd = simulated(given, restoring, seed)
+    write_csv(record, out)
+    if "noise_sd" not in given:
+        typer.echo(f"noise: sd {sd:g} rad, 1 % of the amplitude (--noise-sd 0 for none)", err=True)
     typer.echo(out)
     return 0
 

@@ -24,6 +24,9 @@ BEST = 2
 WARMUP, DRAWS = 100, 500
 """Of each of four chains: NUTS is whitened from the start and its draws are nearly independent, so that these are worth
 2,000; where they are not it takes more by itself."""
+LEAST_NOISE = 1e-3
+"""Share of the amplitude that a record without noise is given: what a good encoder has. Without any there is no
+likelihood, and nothing could be weighed."""
 SPECIMEN = "specimen"
 """The name of the one specimen that all records are of."""
 
@@ -105,6 +108,7 @@ def _signal(asked: Asked, name: str, restoring: tuple[str, ...]) -> dict[str, An
         "name": name,
         "file": str(asked.path),
         **given,
+        "least_noise": LEAST_NOISE,
         "restoring": list(laws),
         "system": {"restoring": laws[0]},
     }

@@ -100,6 +100,9 @@ class SignalTable(Section):
     )
     start: float | Literal["auto"] = Field("auto", description='a time in s, or "auto"')
     stop: float | Literal["auto"] = Field("auto", description='a time in s, or "auto"')
+    least_noise: float = Field(
+        0.0, ge=0, lt=1, description="a share of the amplitude: noise that is added where the record has none"
+    )
 
 
 class SimulateTable(Section):

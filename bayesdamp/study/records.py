@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 import zlib
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from functools import cached_property
 from typing import Any
 
@@ -26,7 +26,7 @@ from bayesdamp.signals.read import read_record
 from bayesdamp.signals.simulate import simulate_signal
 from bayesdamp.store import CellResult, Store, sha256
 from bayesdamp.study.keys import task_key
-from bayesdamp.types import OK, InputError, Problem, Refusal, Signal, System
+from bayesdamp.types import BEWARE, OK, InputError, Problem, Refusal, Signal, System
 from bayesdamp.units import UNITS
 
 NO_NOISE = 1e-6
@@ -86,6 +86,7 @@ class SignalCell:
                 )
             except InputError as error:
                 raise InputError(f"{source.file}: {error}") from None
+            signal = self._with_noise(signal, source.least_noise)
             arrays = _raw(raw.t, raw.y, source)
         meta = {
             "provenance": dict(signal.provenance),
@@ -127,6 +128,27 @@ class SignalCell:
             **quiet,
         )
 
+    def _with_noise(self, signal: Signal, share: float) -> Signal:
+        """A record that has no noise with some of this share of its amplitude, of which it tells; others as they are."""
+        if share == 0:
+            return signal
+        try:
+            size = _size(features(signal))
+        except Refusal:
+            return signal
+        if noise_level(signal) > NO_NOISE * size:
+            return signal
+        rng = np.random.default_rng(cell_seed(self.study, f"noise/{self.name}"))
+        y = signal.y + share * size * rng.standard_normal(signal.y.size)
+        note = (
+            f"{BEWARE}the record has no noise (it may be simulated), and without any nothing can be weighed. "
+            f"Noise of {100 * share:g} % of its amplitude was added: what is said below is of that record. Give a record "
+            "with its noise, or fit this one with a study, where it can be told exactly."
+        )
+        notes = signal.provenance.get("notes", [])
+        assert isinstance(notes, list)
+        return replace(signal, y=y, provenance={**signal.provenance, "notes": [*notes, note]})
+
     def _known(self, signal: Signal) -> dict[str, Any]:
         """Features, the reference of the priors, ε where it was not given, and whether there is noise.
 
@@ -139,14 +161,13 @@ class SignalCell:
             known["epsilon"] = EPSILON_SHARE * reference.peak_velocity
             note = f"ε was not given: 2 % of the peak velocity, {known['epsilon']:.3g} {signal.unit}/s."
         shown = {k: v for k, v in asdict(seen).items() if not isinstance(v, np.ndarray)}
-        size = float(np.abs(seen.turning_amplitudes).max())
         return {
             "features": shown,
             "anomalies": list(anomalies(signal, seen)),
             "reference": asdict(reference),
             "known": known,
             "epsilon_note": note,
-            "noisy": bool(noise_level(signal) > NO_NOISE * size),
+            "noisy": bool(noise_level(signal) > NO_NOISE * _size(seen)),
         }
 
     def _bound(self, signal: Signal) -> dict[str, float]:
@@ -160,6 +181,11 @@ class SignalCell:
             return {}
         problem = Problem(source.damping, self.spec.system)
         return cramer_rao(problem, truth, signal.t, truth["noise_sd"], signal.quantity)
+
+
+def _size(seen: Features) -> float:
+    """The largest amplitude of a record."""
+    return float(np.abs(seen.turning_amplitudes).max())
 
 
 def _reference(system: System, seen: Features) -> Reference:
