@@ -42,12 +42,16 @@ def study(
         int | None, typer.Option(min=1, help="Processes; as many as there are cores where it is not given.")
     ] = None,
     scheduler: Annotated[str | None, typer.Option(help="Address of a Dask scheduler to run on.")] = None,
+    plugin: Annotated[
+        list[Path] | None,
+        typer.Option(help="A Python file with plug-ins of your own; may be given again."),
+    ] = None,
     fresh: Annotated[bool, typer.Option("--fresh", help="Compute everything again.")] = False,
 ) -> int:
     """Run what a study still lacks, and write its report."""
     from rich.console import Console
 
-    loaded = _load(file)
+    loaded = _load(file, plugin)
     folder = _folder(out, loaded.name)
     from bayesdamp.study import run_study
 
@@ -100,6 +104,10 @@ def compare(
     workers: Annotated[
         int | None, typer.Option(min=1, help="Processes; as many as cores by default.")
     ] = None,
+    plugin: Annotated[
+        list[Path] | None,
+        typer.Option(help="A Python file with plug-ins of your own; may be given again."),
+    ] = None,
     fresh: Annotated[bool, typer.Option("--fresh", help="Compute everything again.")] = False,
     quick: Annotated[
         bool, typer.Option("--quick", help="Only the answer, within seconds; no sampling to confirm it.")
@@ -112,8 +120,10 @@ def compare(
     ] = 0.002,
 ) -> int:
     """Say which damping records have, how large it is, how well its law holds, and how sure that is."""
+    from bayesdamp.plugins import read_modules
     from bayesdamp.signals.columns import choose_columns, unit_asked
 
+    plugins = read_modules(plugin or ())
     columns = [choose_columns(path, time, angle, rate) for path in records]
     units = [
         unit_asked(path, value, unit, quantity) for path, (_, value) in zip(records, columns, strict=True)
@@ -129,9 +139,16 @@ def compare(
             for path, chosen, taken in zip(records, columns, units, strict=True)
         ]
         made = comparison(
-            asked, restoring=restoring or (), damping=damping or (), noise=noise, seed=seed, repeats=repeats,
-            deviation=deviation, sensor=sensor,
-        )  # fmt: skip
+            asked,
+            restoring=restoring or (),
+            damping=damping or (),
+            noise=noise,
+            seed=seed,
+            repeats=repeats,
+            plugins=plugins,
+            deviation=deviation,
+            sensor=sensor,
+        )
         folder = _folder(out, made.name)
         from bayesdamp.study import run_study
 
@@ -220,12 +237,18 @@ def _folder(out: Path | None, name: str) -> Path:
 
 
 @app.command()
-def check(file: Annotated[Path, typer.Argument(metavar="FILE", help="A study file (TOML).")]) -> int:
+def check(
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="A study file (TOML).")],
+    plugin: Annotated[
+        list[Path] | None,
+        typer.Option(help="A Python file with plug-ins of your own; may be given again."),
+    ] = None,
+) -> int:
     """Read a study, list its cells, say what is wrong; run nothing."""
     from rich.console import Console
     from rich.table import Table
 
-    loaded = _load(file)
+    loaded = _load(file, plugin)
     from bayesdamp.study import cells
 
     counts = Counter(re.split(r"[/:]", cell.name)[0] for cell in cells(loaded))
@@ -255,15 +278,28 @@ def simulate(
     ] = None,
     duration: Annotated[float, typer.Option(help="Length of the record in s.")] = 10.0,
     samples: Annotated[int, typer.Option(help="Number of samples.")] = 1001,
-    noise_sd: Annotated[float, typer.Option(help="Standard deviation of the noise, in rad.")] = 0.0,
+    noise_sd: Annotated[
+        float | None,
+        typer.Option(help="Standard deviation of the noise, in rad; 1 % of the amplitude by default, 0 for none."),
+    ] = None,
     seed: Annotated[int, typer.Option(min=0, help="Seed of the noise.")] = 0,
+    plugin: Annotated[
+        list[Path] | None,
+        typer.Option(help="A Python file with plug-ins of your own; may be given again."),
+    ] = None,
 ) -> int:
     """Write a simulated record to play with: a CSV of times in s and angles in rad."""
+    from bayesdamp.plugins import read_modules, use
     from bayesdamp.simulated import pairs, simulated, write_csv
 
+    use(read_modules(plugin or ()))
     given: dict[str, object] = {**pairs(damping, "--damping"), **pairs(set_ or [], "--set")}
-    given |= {"duration": duration, "samples": samples, "noise_sd": noise_sd}
-    write_csv(simulated(given, restoring, seed), out)
+    given |= {"duration": duration, "samples": samples}
+    given |= {} if noise_sd is None else {"noise_sd": noise_sd}
+    record, sd = simulated(given, restoring, seed)
+    write_csv(record, out)
+    if "noise_sd" not in given:
+        typer.echo(f"noise: sd {sd:g} rad, 1 % of the amplitude (--noise-sd 0 for none)", err=True)
     typer.echo(out)
     return 0
 
@@ -279,11 +315,12 @@ def report(folder: Annotated[Path, typer.Argument(metavar="DIR", help="A run's f
     return 0
 
 
-def _load(file: Path) -> Study:
-    """A study with the options of its estimators checked too."""
+def _load(file: Path, plugins: Sequence[Path] | None = None) -> Study:
+    """A study with the options of its estimators checked too. plugins: files besides those that it names."""
     from bayesdamp.config import load_study
+    from bayesdamp.plugins import read_modules
 
-    loaded = load_study(file)
+    loaded = load_study(file, read_modules(plugins or ()))
     for name in loaded.estimators.use:
         if name in loaded.estimators.options:
             loaded.estimator_options(name)

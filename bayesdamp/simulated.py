@@ -38,18 +38,30 @@ def pairs(texts: Sequence[str], option: str) -> dict[str, float]:
     return found
 
 
-def simulated(given: Mapping[str, object], restoring: str, seed: int) -> Signal:
-    """The record of one simulation, whose entries are those of a study's `simulate`.
+NOISE = 0.01
+"""Share of the amplitude that the noise has where it is not given: a record without any has no likelihood."""
 
-    Raises InputError in the terms of the command's options.
+
+def simulated(given: Mapping[str, object], restoring: str, seed: int) -> tuple[Signal, float]:
+    """The record of one simulation, whose entries are those of a study's `simulate`, and its noise's sd in rad.
+
+    Without `noise_sd` the sd is a hundredth of the amplitude. Raises InputError in the terms of the command's options.
     """
-    made = _checked(given, restoring)
+    made = _checked({"noise_sd": 0.0, **given}, restoring)
+    sd = made.truth["noise_sd"]
+    if "noise_sd" not in given:
+        clean = _record(made, restoring, 0.0, seed)
+        sd = float(f"{NOISE * np.ptp(clean.y) / 2:.1e}")
+    return _record(made, restoring, sd, seed), sd
+
+
+def _record(made: Simulation, restoring: str, noise_sd: float, seed: int) -> Signal:
     return simulate_signal(
         Oscillator(made.damping, restoring),
         dict(made.truth),
         duration=made.duration,
         samples=made.samples,
-        noise_sd=made.truth["noise_sd"],
+        noise_sd=noise_sd,
         name="simulated",
         rng=np.random.default_rng(seed),
     )

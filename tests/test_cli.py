@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from types import ModuleType
 
+import numpy as np
 import pytest
 
 from bayesdamp.cli import main
@@ -226,6 +227,23 @@ def test_simulate_writes_a_record_that_reads_back(folder: Path, capsys: pytest.C
     assert float(rows[0][1]) == pytest.approx(0.3, abs=0.02)
     assert (folder / "a.csv").read_bytes() == (folder / "b.csv").read_bytes()
     assert (folder / "a.csv").read_bytes() != (folder / "c.csv").read_bytes()
+
+
+def test_a_simulation_has_noise_unless_it_is_told_not_to(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """It swings from 0.3 rad about cos θ/20 = 0.05 rad: 0.25 rad. The noise is the difference of the two files, its sd
+    within a tenth (200 samples: a false alarm once in twenty seeds; the seed is fixed)."""
+    simulate = ["simulate", "--damping", "viscous=0.05", *SET, "--samples", "201"]
+    assert main([*simulate, "--out", "noisy.csv"]) == 0
+    said = capsys.readouterr()
+    assert said.out == "noisy.csv\n"
+    assert said.err == "noise: sd 0.0025 rad, 1 % of the amplitude (--noise-sd 0 for none)\n"
+    assert main([*simulate, "--out", "clean.csv", "--noise-sd", "0"]) == 0
+    assert capsys.readouterr().err == ""
+    noisy, clean = (np.loadtxt(folder / f"{n}.csv", delimiter=",", skiprows=1) for n in ("noisy", "clean"))
+    assert np.array_equal(noisy[:, 0], clean[:, 0])
+    assert np.std(noisy[:, 1] - clean[:, 1]) == pytest.approx(0.0025, rel=0.1)
 
 
 def test_help_lists_the_commands_and_needs_no_method() -> None:

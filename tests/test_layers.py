@@ -9,7 +9,7 @@ import pytest
 
 PACKAGE = Path(__file__).resolve().parents[1] / "bayesdamp"
 
-NEUTRAL = {"types", "units", "folders", "plugins", "priors", "programs", "processes", "numerics"}
+NEUTRAL = {"types", "units", "folders", "plugins", "sources", "priors", "programs", "processes", "numerics"}
 REGISTRIES = {"estimators", "inference.samplers", "inference.noise", "inference.evidence"}
 """Packages that `config` asks for names; it imports no module inside them."""
 

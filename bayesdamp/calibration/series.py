@@ -14,8 +14,14 @@ from rich.console import Console
 from bayesdamp.calibration import ranks, recovery
 from bayesdamp.calibration.problem import FAILED, failure
 from bayesdamp.config import Study
+from bayesdamp.inference.evidence import EVIDENCES
+from bayesdamp.inference.noise import NOISES
+from bayesdamp.inference.samplers import SAMPLERS
+from bayesdamp.physics.damping import TERMS
+from bayesdamp.physics.restoring import LAWS
+from bayesdamp.plugins import use
 from bayesdamp.store import CellResult, Store
-from bayesdamp.study.records import digest
+from bayesdamp.study.keys import task_key
 from bayesdamp.study.relief import relieve
 from bayesdamp.study.workers import cache_compilations, pool_of, progress_bar
 
@@ -42,13 +48,23 @@ class Series:
     def cell(self, study: Study, first: int) -> tuple[str, str]:
         """Name and key of the chunk that starts at a record."""
         asked = (ranks if self.kind == "ranks" else recovery).asked(study)
-        return f"{self.name}/{first:06d}", digest("calibration", self.kind, self.model, first, asked)
+        key = task_key("calibration", self.kind, self.model, first, asked, _named(study))
+        return f"{self.name}/{first:06d}", key
 
     def compute(self, study: Study, first: int) -> CellResult:
         """The chunk that starts at a record, without its name."""
         if self.kind == "ranks":
             return ranks.ranked(study, self.model, first)
         return recovery.recovered(study, self.kind, first)
+
+
+def _named(study: Study) -> list[str]:
+    """The source of all that a chunk may find by name."""
+    terms = {t: None for s in study.signals for m in study.dampings(s) for t in m.split("+")}
+    laws = dict.fromkeys(law for s in study.signals for law in s.restoring)
+    found = [*map(TERMS.source, terms), *map(LAWS.source, laws), *map(NOISES.source, study.noises)]
+    found += [SAMPLERS.source(name) for name in study.calibration.samplers]
+    return [*found, EVIDENCES.source("importance")]
 
 
 def gather(
@@ -143,6 +159,7 @@ def _stored(study: Study, store: Store, series: Series, first: int) -> CellResul
 
 def _chunk(study: Study, folder: Path, series: Series, first: int) -> CellResult:
     """Compute and store one chunk; a fault of the program is stored as one."""
+    use(study.plugins)
     cache_compilations()
     relieve()
     name, key = series.cell(study, first)

@@ -10,7 +10,9 @@ from typing import Any
 
 from bayesdamp.config.checks import StudyError
 from bayesdamp.config.load import Study, resolve_study
+from bayesdamp.physics.damping import PAPER_TERMS, TERMS, all_sums
 from bayesdamp.physics.restoring import LAWS
+from bayesdamp.plugins import PluginModule, use
 from bayesdamp.types import InputError
 from bayesdamp.units import UNITS
 
@@ -22,6 +24,9 @@ BEST = 2
 WARMUP, DRAWS = 100, 500
 """Of each of four chains: NUTS is whitened from the start and its draws are nearly independent, so that these are worth
 2,000; where they are not it takes more by itself."""
+LEAST_NOISE = 1e-3
+"""Share of the amplitude that a record without noise is given: what a good encoder has. Without any there is no
+likelihood, and nothing could be weighed."""
 SPECIMEN = "specimen"
 """The name of the one specimen that all records are of."""
 
@@ -45,7 +50,7 @@ def laws_for(unit: str) -> tuple[str, ...]:
     """The restoring laws that an unknown record is compared under: all there are, of a translation all that describe
     one. Nobody said which it is, and a law left out would leave its misfit to the damping."""
     along = unit in UNITS and UNITS[unit].translates
-    return tuple(n for n in LAWS.names() if not along or LAWS.get(n).translates)
+    return tuple(n for n in LAWS.present() if not along or LAWS.get(n).translates)
 
 
 def comparison(
@@ -56,17 +61,20 @@ def comparison(
     noise: str = "auto",
     seed: int = 0,
     repeats: bool = False,
+    plugins: Sequence[PluginModule] = (),
     deviation: str = "auto",
     sensor: float = 0.002,
 ) -> Study:
     """The study that compares all damping sums (or those given) under all restoring laws (or those given) on each
     record.
 
-    repeats: whether all records are of one specimen; otherwise each is a specimen of its own.
+    repeats: whether all records are of one specimen; otherwise each is a specimen of its own. plugins: the user's
+    modules; each damping term in them is compared alone and beside each one that ships, each law as one more.
     Raises InputError, one line in the terms of the command's options.
     """
     if repeats and len(records) < 2:
         raise InputError("--repeats: there is one record; give two or more of one specimen")
+    use(plugins)
     names = _names([asked.path for asked in records])
     signals = [_signal(asked, name, tuple(restoring)) for asked, name in zip(records, names, strict=True)]
     if len(records) > 1:
@@ -79,7 +87,7 @@ def comparison(
         "description": f"Which damping has {', '.join(asked.path.name for asked in records)}?"[:200],
         "signal": signals,
         "estimators": {"use": ["least_squares"], "stages": ["initial"]},
-        "models": {"compare": list(damping) or "all", "prune": PRUNE},
+        "models": {"compare": list(damping) or _sums(), "prune": PRUNE},
         "posterior": {
             "samplers": ["nuts"],
             "noise": noise,
@@ -92,9 +100,15 @@ def comparison(
         "evidence": {"methods": ["laplace", "importance", "bridge"], "referee": "auto"},
     }
     try:
-        return resolve_study(raw, Path("compare"))
+        return resolve_study(raw, Path("compare"), plugins)
     except StudyError as error:
         raise InputError(_in_options(str(error))) from None
+
+
+def _sums() -> list[str]:
+    """All sums of the terms that ship, and each of the user's own, alone and beside each of these."""
+    own = [name for name in TERMS.present() if name not in PAPER_TERMS]
+    return all_sums() + [sum_ for name in own for sum_ in (name, *(f"{t}+{name}" for t in PAPER_TERMS))]
 
 
 def _signal(asked: Asked, name: str, restoring: tuple[str, ...]) -> dict[str, Any]:
@@ -104,6 +118,7 @@ def _signal(asked: Asked, name: str, restoring: tuple[str, ...]) -> dict[str, An
         "name": name,
         "file": str(asked.path),
         **given,
+        "least_noise": LEAST_NOISE,
         "restoring": list(laws),
         "system": {"restoring": laws[0]},
     }

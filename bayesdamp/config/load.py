@@ -6,7 +6,7 @@ import hashlib
 import json
 import re
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -34,6 +34,7 @@ from bayesdamp.config.sections import (
     EvidenceTable,
     Header,
     ModelsTable,
+    PluginsTable,
     PosteriorTable,
     RecoveryTable,
 )
@@ -48,6 +49,7 @@ from bayesdamp.config.signals import (
 from bayesdamp.config.specimens import check_specimens
 from bayesdamp.config.sweeps import expand
 from bayesdamp.physics.restoring import LAWS
+from bayesdamp.plugins import PluginModule, read_modules, use
 from bayesdamp.types import InputError, candidate_name, candidate_parts
 
 _TABLES = (
@@ -60,6 +62,7 @@ _TABLES = (
     "evidence",
     "calibration",
     "recovery",
+    "plugins",
 )
 
 
@@ -100,7 +103,8 @@ class Models:
 class Study:
     """A checked study file. `source` is the file; nothing of it depends on the order of its tables.
 
-    published: figures from elsewhere that the report shows beside the study's own.
+    published: figures from elsewhere that the report shows beside the study's own. plugins: the user's modules with
+    their sources.
     """
 
     source: Path
@@ -115,6 +119,7 @@ class Study:
     seed: int = 0
     description: str = ""
     published: tuple[Published, ...] = ()
+    plugins: tuple[PluginModule, ...] = ()
     version: int = 1
 
     def dampings(self, spec: SignalSpec) -> tuple[str, ...]:
@@ -147,13 +152,15 @@ class Study:
 
         given = self.posterior.noise
         if isinstance(given, str):
-            return tuple(NOISES.names()) if given == "auto" else (given,)
+            return tuple(NOISES.present()) if given == "auto" else (given,)
         return given
 
     def resolved(self) -> dict[str, Any]:
         """All that the study says, defaults written out, as JSON takes it; no path of this machine."""
         found = plain(replace(self, signals=()))
-        del found["source"]
+        del found["source"], found["plugins"]
+        if self.plugins:
+            found["plugins"] = [{"file": Path(m.file).name, "sha256": m.digest} for m in self.plugins]
         later = {"models": ("restoring", "prune"), "posterior": ("best",)}
         for table_, keys in later.items():  # a study that does not have them reads as it always did
             found[table_] = {k: v for k, v in found[table_].items() if v or k not in keys}
@@ -338,24 +345,32 @@ def _evidence(raw: object) -> EvidenceTable:
     return checked
 
 
-def load_study(path: str | Path) -> Study:
-    """Read and check a study file. Files of signals are looked for beside it.
+def _plugins(raw: object, folder: Path) -> tuple[PluginModule, ...]:
+    return read_modules(section(PluginsTable, raw, "plugins").modules or (), folder)
 
+
+def load_study(path: str | Path, plugins: Sequence[PluginModule] = ()) -> Study:
+    """Read and check a study file. Files of signals, and modules of plug-ins, are looked for beside it.
+
+    plugins: modules besides those that the file names.
     Raises InputError: one line with the file, the key, what is wrong and what would be right.
     """
     path = Path(path)
     try:
-        return resolve_study(_read(path), path)
+        return resolve_study(_read(path), path, plugins)
     except (StudyError, InputError) as error:
         raise as_input_error(path, error) from None
 
 
-def resolve_study(raw: dict[str, Any], path: Path) -> Study:
+def resolve_study(raw: dict[str, Any], path: Path, plugins: Sequence[PluginModule] = ()) -> Study:
     """The study that the tables of a file say. path: of that file; signals' files are looked for beside it.
 
+    plugins: modules besides those that it names; all of these, and no others, are in use from here on.
     Raises StudyError and InputError without the file's name.
     """
     header = _header(raw)
+    modules = tuple(dict.fromkeys((*_plugins(raw.get("plugins", {}), path.parent), *plugins)))
+    use(modules)
     name = header.name if header.name is not None else re.sub(r"[^A-Za-z0-9_-]", "_", path.stem)
     models = _models(raw.get("models", {}))
     signals = _signals(raw, path.parent, models.restoring)
@@ -373,6 +388,7 @@ def resolve_study(raw: dict[str, Any], path: Path) -> Study:
         published=_published(header.published, path.parent, signals, estimators),
         calibration=_calibration(raw.get("calibration", {})),
         recovery=section(RecoveryTable, raw.get("recovery", {}), "recovery"),
+        plugins=modules,
     )
     for spec in study.signals:
         for model in spec.estimate or ():

@@ -100,6 +100,9 @@ class SignalTable(Section):
     )
     start: float | Literal["auto"] = Field("auto", description='a time in s, or "auto"')
     stop: float | Literal["auto"] = Field("auto", description='a time in s, or "auto"')
+    least_noise: float = Field(
+        0.0, ge=0, lt=1, description="a share of the amplitude: noise that is added where the record has none"
+    )
 
 
 class SimulateTable(Section):
@@ -124,6 +127,14 @@ class SweepTable(Section):
     key: str = Field(min_length=1, description='a key of a signal, such as "simulate.noise_sd"')
     values: Annotated[tuple[Any, ...], BeforeValidator(_listed), Field(min_length=1)] = Field(
         description="a list of one or more values"
+    )
+
+
+class PluginsTable(Section):
+    """[plugins]: modules of the user's own that hold plug-ins."""
+
+    modules: Annotated[Names, Field(min_length=1)] | None = Field(
+        None, description='a list of Python files, such as ["my_terms.py"], whose paths start at this file'
     )
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
@@ -64,7 +64,8 @@ class Recording:
     """A record to read. `file` as written, `path` where it is; columns by name or by number from 1.
 
     angle: the recorded quantity's column, whatever the quantity; None where the file has only that one.
-    rate in Hz; start and stop in s of the record's own clock, or "auto".
+    rate in Hz; start and stop in s of the record's own clock, or "auto". least_noise: the share of the amplitude that is
+    added as noise where the record has none, 0 for none.
     """
 
     file: str
@@ -77,6 +78,7 @@ class Recording:
     clock: str = "auto"
     start: float | str = "auto"
     stop: float | str = "auto"
+    least_noise: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -104,6 +106,8 @@ class SignalSpec:
         """All that the study says of the record, as JSON takes it; no path of this machine."""
         found = plain(self)
         found["source"].pop("path", None)
+        if not found["source"].get("least_noise"):
+            found["source"].pop("least_noise", None)
         if not self.alternatives:
             del found["laws"], found["alternatives"]
         if not self.specimen:
@@ -135,7 +139,7 @@ def check_base(raw: object, laws: tuple[str, ...] = ()) -> dict[str, Any]:
     """The study's [system], checked against its restoring law and those compared, or against all where it names
     none."""
     base = table(raw, "system")
-    names = [base["restoring"], *laws] if "restoring" in base else LAWS.names()
+    names = [base["restoring"], *laws] if "restoring" in base else LAWS.present()
     parameters = {p for name in names for p in _law(name, "system.restoring").parameters}
     known_keys(base, _system_keys(sorted(parameters)), "system")
     for name, value in base.items():
@@ -269,13 +273,13 @@ def _recording(entry: SignalTable, system: System, folder: Path, key: str) -> Re
     return Recording(
         file=entry.file,
         path=path.resolve(),
-        **entry.model_dump(include={"angle", "time", "unit", "quantity", "rate", "clock", "start", "stop"}),
+        **entry.model_dump(include={f.name for f in fields(Recording)} - {"file", "path"}),
     )
 
 
 def _check_translation(unit: str, restoring: str, key: str) -> None:
     if UNITS[unit].translates and not LAWS.get(restoring).translates:
-        laws = ", ".join(name for name in LAWS.names() if LAWS.get(name).translates)
+        laws = ", ".join(name for name in LAWS.present() if LAWS.get(name).translates)
         what = f"is {unit!r}, a translation, which {restoring} is not"
         raise StudyError(key, f"{what}; restoring can be {laws}")
 

@@ -14,7 +14,9 @@ from bayesdamp.estimators.refine import refine
 from bayesdamp.plugins import Registry, nearest
 from bayesdamp.types import OK, Estimate, InputError, Problem, Refusal, Signal
 
-ESTIMATORS: Registry[Estimator] = Registry("bayesdamp.estimators.methods", "estimator")
+ESTIMATORS: Registry[Estimator] = Registry(
+    "bayesdamp.estimators.methods", "estimator", home="bayesdamp.estimators"
+)
 STAGES = ("initial", "refined")
 ELEVEN = (
     "topological",

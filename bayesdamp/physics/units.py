@@ -17,7 +17,7 @@ def parameter_unit(name: str, restoring: str, unit: str = "rad", quantity: str =
     fixed = {"theta0": "rad", "omega0": "rad/s", "epsilon": "rad/s", "noise_time": "s", "noise_dof": "1"}
     if name == "natural_frequency":
         return "rad/s"
-    for term in map(TERMS.get, TERMS.names()):
+    for term in map(TERMS.get, TERMS.present()):
         fixed[term.parameter] = term.unit
     found = fixed.get(name) or LAWS.get(restoring).unit(name)
     return found.replace("rad", unit)

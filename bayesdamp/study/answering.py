@@ -17,9 +17,12 @@ from bayesdamp.inference.deviation.findings import findings
 from bayesdamp.inference.deviation.picture import picture
 from bayesdamp.inference.deviation.weighing import Weighing, weigh_all
 from bayesdamp.physics.damping import TERMS, DampingTerm, parse_model
+from bayesdamp.physics.forms import FORMS
+from bayesdamp.physics.restoring import LAWS
 from bayesdamp.priors import Prior
 from bayesdamp.store import CellResult, Store
-from bayesdamp.study.records import NOT_APPLICABLE, SignalCell, cell_seed, digest, plain_seconds, signal_of
+from bayesdamp.study.keys import task_key
+from bayesdamp.study.records import NOT_APPLICABLE, SignalCell, cell_seed, plain_seconds, signal_of
 from bayesdamp.study.targets import Record
 from bayesdamp.types import OK, Refusal, candidate_parts, following
 from bayesdamp.verdict.decide import decide
@@ -59,7 +62,9 @@ class AnswerCell:
             self.approximate,
             self.study.posterior.sensor,
         )
-        return digest("answer", self.parent.key, *parts)
+        named = [*map(TERMS.source, self._terms), *map(LAWS.source, self.spec.restoring)]
+        named += [*map(FORMS.source, FORMS.names())]
+        return task_key("answer", self.parent.key, *parts, named)
 
     def compute(self) -> None:
         began = time.perf_counter()

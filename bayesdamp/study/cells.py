@@ -12,21 +12,27 @@ import numpy as np
 
 from bayesdamp.config import SignalSpec, Study
 from bayesdamp.config.checks import plain
+from bayesdamp.estimators import ESTIMATORS
 from bayesdamp.estimators import run as run_estimator
 from bayesdamp.inference.checks import check_fit
+from bayesdamp.inference.evidence import EVIDENCES
 from bayesdamp.inference.mode import Mode
+from bayesdamp.inference.noise import NOISES
+from bayesdamp.inference.samplers import SAMPLERS
 from bayesdamp.inference.search import find_mode
 from bayesdamp.inference.seeds import prior_seeds
 from bayesdamp.inference.target import Target
-from bayesdamp.physics.damping import parse_model
+from bayesdamp.physics.damping import PAPER_TERMS, TERMS, parse_model
+from bayesdamp.physics.restoring import LAWS
 from bayesdamp.store import CellResult, Store
 from bayesdamp.study.backbones import compute_curve
 from bayesdamp.study.climbs import alone, packed, unpacked
+from bayesdamp.study.keys import task_key, uses_library
 from bayesdamp.study.noise import NoiseCell, noise_cell
 from bayesdamp.study.posteriors import compute_posterior
-from bayesdamp.study.records import NOT_APPLICABLE, SignalCell, cell_seed, digest, plain_seconds
+from bayesdamp.study.records import NOT_APPLICABLE, SignalCell, cell_seed, plain_seconds
 from bayesdamp.study.sensitivity import compute_sensitivity, sensitivity_cells
-from bayesdamp.study.starts import observed, of_all, regression
+from bayesdamp.study.starts import REGRESSION, observed, of_all, regression
 from bayesdamp.study.targets import Record
 from bayesdamp.study.weighing import compute_evidence, evidence_parts
 from bayesdamp.types import OK, Problem, Refusal, System, candidate_parts, following
@@ -63,8 +69,11 @@ class Branch:
         use = self.study.estimators
         chosen = {n: dict(use.options.get(n, {})) for n in self._methods}
         for name, options in chosen.items():
-            key = digest(
-                "estimate", self.parent.key, self.model, use.method(name), use.stages, options, *self._other
+            method = use.method(name)
+            library = PAPER_TERMS if uses_library(method) else ()
+            own = [ESTIMATORS.source(method), *map(TERMS.source, library), *self._forces]
+            key = task_key(
+                "estimate", self.parent.key, self.model, method, use.stages, options, own, *self._other
             )
             found[f"estimate/{self.path}/{name}"] = key
         if not (self.study.posterior.samplers or self.study.evidence.methods):
@@ -72,20 +81,23 @@ class Branch:
         priors = {t: str(self.study.models.prior.get(t)) for t in self.terms}
         noise = self.noise_cell.key if self.noise_cell else self.study.noises[0]
         shared = ("shared", self.beside) if self.beside else ()
+        named = [*self._forces, *map(NOISES.source, self.study.noises), ESTIMATORS.source(REGRESSION)]
         parts = (self.model, noise, priors, use.stages, chosen, *self._other, *shared)
-        mode_key = digest("mode", self.parent.key, *parts)
+        mode_key = task_key("mode", self.parent.key, list(found.values()), named, *parts)
         found[f"mode/{self.path}"] = mode_key
         settings = self.study.posterior
         for name in settings.samplers:
-            key = digest("posterior", mode_key, name, settings.chains, settings.warmup, settings.draws)
+            length = (settings.chains, settings.warmup, settings.draws)
+            key = task_key("posterior", mode_key, name, *length, SAMPLERS.source(name))
             found[f"posterior/{self.path}/{name}"] = key
         for name, parts in evidence_parts(self.study, self.path, found).items():
-            found[name] = digest("evidence", mode_key, *parts)
+            own = [EVIDENCES.source(name.rpartition("/")[2]), SAMPLERS.source("nuts")]
+            found[name] = task_key("evidence", mode_key, *parts, own)
         terms, noises = len(self.terms), len(self.study.noises)
         for name, source in sensitivity_cells(self.path, found, self.repeat, terms, noises).items():
-            found[name] = digest("sensitivity", source, name)
+            found[name] = task_key("sensitivity", mode_key, source, name)
         if self.study.models.prune is not None:
-            found[f"curve/{self.path}"] = digest("curve", mode_key)
+            found[f"curve/{self.path}"] = task_key("curve", mode_key)
         return found
 
     def compute(self, name: str, key: str) -> None:
@@ -97,6 +109,12 @@ class Branch:
         kinds = {"estimate": self.estimate, "mode": self.mode, "posterior": self.posterior}
         kinds |= {"evidence": self.evidence, "sensitivity": self.sensitivity, "curve": self.curve}
         kinds[name.partition("/")[0]](name, key)
+
+    @property
+    def _forces(self) -> list[str]:
+        """The source of the damping terms and of the law, which are found by name."""
+        terms = dict.fromkeys((*self.terms, *self.beside))
+        return [*map(TERMS.source, terms), LAWS.source(self.restoring)]
 
     @cached_property
     def record(self) -> Record:

@@ -20,7 +20,8 @@ from bayesdamp.inference.joint import JointMode
 from bayesdamp.inference.joint_evidence import Weighed, weigh
 from bayesdamp.store import CellResult
 from bayesdamp.study.agreement import agreement
-from bayesdamp.study.records import digest, plain_seconds
+from bayesdamp.study.keys import task_key
+from bayesdamp.study.records import plain_seconds
 from bayesdamp.study.specimens import (
     BOTH,
     DAMPING,
@@ -77,7 +78,7 @@ def _joined(specimen: Specimen, key: str) -> tuple[dict[str, Any], dict[str, np.
 def _weighed(specimen: Specimen, candidate: str, mode: JointMode, key: str) -> Weighed:
     """A candidate's evidence; what a run that was cut off had of it is taken from the store (`weighed/rig/viscous`)."""
     name, seed = f"weighed/{specimen.name}/{candidate}", specimen.seed(candidate)
-    own = digest("weighed", key, mode.joint.shared, seed)
+    own = task_key("weighed", key, mode.joint.shared, seed)
     if specimen.store.has(name, own):
         cell = specimen.store.read(name)
         parts: dict[str, Any] = {**cell.meta, **cell.arrays}

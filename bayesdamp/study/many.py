@@ -9,8 +9,8 @@ from bayesdamp.config import Study
 from bayesdamp.store import Store
 from bayesdamp.study.cells import Branch
 from bayesdamp.study.joining import join
+from bayesdamp.study.keys import task_key
 from bayesdamp.study.populating import populate
-from bayesdamp.study.records import digest
 from bayesdamp.study.specimens import Specimen
 
 
@@ -35,11 +35,11 @@ def joint_cells(
     """The cell of a specimen, or, without a name, that of the population: its name to key and what computes it."""
     if name is None:
         keys = {n: _key(Specimen(study, n, specs, store)) for n, specs in study.specimens.items()}
-        return {"population/specimens": (digest("population", keys), partial(populate, study, store))}
+        return {"population/specimens": (task_key("population", keys), partial(populate, study, store))}
     specimen = Specimen(study, name, study.specimens[name], store)
     return {f"joint/{name}": (_key(specimen), partial(join, specimen))}
 
 
 def _key(specimen: Specimen) -> str:
     branches: list[Branch] = [b for c in specimen.candidates for b in specimen.branches(c)]
-    return digest("joint", specimen.name, [b.cells() for b in branches])
+    return task_key("joint", specimen.name, [b.cells() for b in branches])

@@ -11,15 +11,19 @@ from typing import Any
 from bayesdamp.config import SignalSpec, Study
 from bayesdamp.config.checks import plain
 from bayesdamp.config.signals import damping_order
+from bayesdamp.estimators import ESTIMATORS
 from bayesdamp.inference.defaults import Reference
 from bayesdamp.inference.friction_choice import SHARES, WORTH, epsilon_note, weigh_epsilons
+from bayesdamp.inference.noise import NOISES
 from bayesdamp.inference.noise_choice import Fitted, chosen_noise, first_noise, fit_with, weigh_noises
-from bayesdamp.physics.damping import parse_model
+from bayesdamp.physics.damping import TERMS, parse_model
 from bayesdamp.physics.oscillator import Oscillator
+from bayesdamp.physics.restoring import LAWS
 from bayesdamp.store import CellResult, Store
 from bayesdamp.study.answering import AnswerCell, fits_of
-from bayesdamp.study.records import NOT_APPLICABLE, SignalCell, digest
-from bayesdamp.study.starts import observed, regression
+from bayesdamp.study.keys import task_key
+from bayesdamp.study.records import NOT_APPLICABLE, SignalCell
+from bayesdamp.study.starts import REGRESSION, observed, regression
 from bayesdamp.study.targets import Record
 from bayesdamp.types import OK, Problem, Refusal, following
 
@@ -38,10 +42,11 @@ class NoiseCell:
     def key(self) -> str:
         priors = {t: str(self.study.models.prior.get(t)) for t in self.terms}
         laws = [plain(self.spec.under(law)) for law in self.spec.restoring]
+        named = [*map(TERMS.source, self.terms), *map(LAWS.source, self.spec.restoring)]
+        named += [*map(NOISES.source, self.study.noises), ESTIMATORS.source(REGRESSION)]
         answer = AnswerCell(self.study, self.spec, self.repeat, self.store).key
-        return digest(
-            "noise", self.parent.key, self.study.noises, self.terms, priors, laws, SHARES, WORTH, answer
-        )
+        parts = (self.study.noises, self.terms, priors, laws, SHARES, WORTH, answer)
+        return task_key("noise", self.parent.key, *parts, named)
 
     def compute(self) -> None:
         began = time.perf_counter()

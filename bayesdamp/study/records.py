@@ -2,22 +2,22 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
 import time
 import zlib
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
-from bayesdamp import __version__
 from bayesdamp.config import Recording, SignalSpec, Simulation, Study
 from bayesdamp.estimators.bound import cramer_rao
 from bayesdamp.estimators.shared import noise_level
 from bayesdamp.inference.defaults import EPSILON_SHARE, reference_of
+from bayesdamp.physics.damping import TERMS
 from bayesdamp.physics.oscillator import Oscillator
+from bayesdamp.physics.restoring import LAWS
+from bayesdamp.plugins import sources_below
 from bayesdamp.signals.anomalies import anomalies
 from bayesdamp.signals.clean import clean
 from bayesdamp.signals.curves import amplitude_curves
@@ -25,7 +25,8 @@ from bayesdamp.signals.features import features
 from bayesdamp.signals.read import read_record
 from bayesdamp.signals.simulate import simulate_signal
 from bayesdamp.store import CellResult, Store, sha256
-from bayesdamp.types import OK, InputError, Problem, Refusal, Signal
+from bayesdamp.study.keys import task_key
+from bayesdamp.types import BEWARE, OK, InputError, Problem, Refusal, Signal
 from bayesdamp.units import UNITS
 
 NO_NOISE = 1e-6
@@ -33,11 +34,6 @@ NO_NOISE = 1e-6
 NOT_APPLICABLE = "not applicable: the record has no noise, so there is no posterior"
 RAW_POINTS = 20_000
 _NOT_OF_THE_RECORD = ("compare", "estimate", "laws", "alternatives", "specimen")
-
-
-def digest(*parts: object) -> str:
-    """A key for what a result depends on."""
-    return hashlib.sha256(json.dumps([__version__, *parts], sort_keys=True, default=str).encode()).hexdigest()
 
 
 def cell_seed(study: Study, name: str) -> int:
@@ -61,7 +57,15 @@ class SignalCell:
         source = self.spec.source
         content = sha256(source.path) if isinstance(source, Recording) else ""
         shown = {k: v for k, v in self.spec.resolved().items() if k not in _NOT_OF_THE_RECORD}
-        return digest("signal", self.study.seed, shown, self.repeat, content)
+        return task_key("signal", self.study.seed, shown, self.repeat, content, self._plugins)
+
+    @property
+    def _plugins(self) -> list[str]:
+        """The source of what is found by name to make the record, or to read it."""
+        source, law = self.spec.source, LAWS.source(self.spec.system.restoring)
+        if isinstance(source, Recording):
+            return [law, *sources_below("bayesdamp.signals")]
+        return [law, *(TERMS.source(term) for term in source.damping)]
 
     def compute(self) -> None:
         began = time.perf_counter()
@@ -82,6 +86,7 @@ class SignalCell:
                 )
             except InputError as error:
                 raise InputError(f"{source.file}: {error}") from None
+            signal = self._with_noise(signal, source.least_noise)
             arrays = _raw(raw.t, raw.y, source)
         meta = {
             "provenance": dict(signal.provenance),
@@ -123,6 +128,27 @@ class SignalCell:
             **quiet,
         )
 
+    def _with_noise(self, signal: Signal, share: float) -> Signal:
+        """A record that has no noise with some of this share of its amplitude, of which it tells; others as they are."""
+        if share == 0:
+            return signal
+        try:
+            size = _size(features(signal))
+        except Refusal:
+            return signal
+        if noise_level(signal) > NO_NOISE * size:
+            return signal
+        rng = np.random.default_rng(cell_seed(self.study, f"noise/{self.name}"))
+        y = signal.y + share * size * rng.standard_normal(signal.y.size)
+        note = (
+            f"{BEWARE}the record has no noise (it may be simulated), and without any nothing can be weighed. "
+            f"Noise of {100 * share:g} % of its amplitude was added: what is said below is of that record. Give a record "
+            "with its noise, or fit this one with a study, where it can be told exactly."
+        )
+        notes = signal.provenance.get("notes", [])
+        assert isinstance(notes, list)
+        return replace(signal, y=y, provenance={**signal.provenance, "notes": [*notes, note]})
+
     def _known(self, signal: Signal) -> dict[str, Any]:
         """Features, the reference of the priors, ε where it was not given, and whether there is noise.
 
@@ -135,14 +161,13 @@ class SignalCell:
             known["epsilon"] = EPSILON_SHARE * reference.peak_velocity
             note = f"ε was not given: 2 % of the peak velocity, {known['epsilon']:.3g} {signal.unit}/s."
         shown = {k: v for k, v in asdict(seen).items() if not isinstance(v, np.ndarray)}
-        size = float(np.abs(seen.turning_amplitudes).max())
         return {
             "features": shown,
             "anomalies": list(anomalies(signal, seen)),
             "reference": asdict(reference),
             "known": known,
             "epsilon_note": note,
-            "noisy": bool(noise_level(signal) > NO_NOISE * size),
+            "noisy": bool(noise_level(signal) > NO_NOISE * _size(seen)),
         }
 
     def _bound(self, signal: Signal) -> dict[str, float]:
@@ -156,6 +181,11 @@ class SignalCell:
             return {}
         problem = Problem(source.damping, self.spec.system)
         return cramer_rao(problem, truth, signal.t, truth["noise_sd"], signal.quantity)
+
+
+def _size(seen: Features) -> float:
+    """The largest amplitude of a record."""
+    return float(np.abs(seen.turning_amplitudes).max())
 
 
 def _raw(t: np.ndarray | None, y: np.ndarray, source: Recording) -> dict[str, np.ndarray]:

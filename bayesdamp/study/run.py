@@ -15,14 +15,17 @@ from rich.console import Console
 
 from bayesdamp.config import Recording, SignalSpec, Study
 from bayesdamp.inference.referee import REFEREE
+from bayesdamp.plugins import use
+from bayesdamp.sources import package_digest
 from bayesdamp.store import CellResult, Store
 from bayesdamp.study import staging
 from bayesdamp.study.answering import AnswerCell, answers, verdict_of
 from bayesdamp.study.averaging import average, averages
 from bayesdamp.study.cells import Branch
+from bayesdamp.study.keys import digest, task_key
 from bayesdamp.study.many import joint_cells, populated, repeated
 from bayesdamp.study.noise import noise_cell
-from bayesdamp.study.records import SignalCell, digest
+from bayesdamp.study.records import SignalCell
 from bayesdamp.study.relief import relieve
 from bayesdamp.study.spread import KILLED, restart, spread
 from bayesdamp.study.tables import write_tables
@@ -62,6 +65,7 @@ class Job:
 
 def cells(study: Study) -> list[Cell]:
     """Every cell of a study, in an order in which they could run. Nothing is computed."""
+    use(study.plugins)
     store = Store(Path("."))
     found: list[Cell] = []
     for job in _jobs(study):
@@ -88,6 +92,7 @@ def run_study(
     Raises InputError where the input is wrong; every record is read before anything is written.
     """
     console = console or Console(stderr=True)
+    use(study.plugins)
     _read_inputs(study)
     store = Store(out)
     with store.lock():
@@ -146,7 +151,7 @@ def _work(study: Study, store: Store, job: Job) -> dict[str, tuple[str, Callable
     spec = _spec(study, job.signal)
     if job.joined:
         branches = [Branch(study, spec, job.repeat, m, store).cells() for m in study.compare(spec)]
-        key = digest("averaged", branches)
+        key = task_key("averaged", branches)
         return {f"averaged/{spec.name}/{job.repeat}": (key, partial(average, study, spec, store))}
     if job.model is None:
         return _of_record(study, spec, store, job)
@@ -200,12 +205,18 @@ def _read_inputs(study: Study) -> None:
             raise InputError(f"{where}{text}") from None
 
 
-def _run_job(study: Study, folder: Path, job: Job, given_up: Collection[str] = ()) -> list[str]:
+def _run_job(
+    study: Study, folder: Path, job: Job, given_up: Collection[str] = (), code: str = ""
+) -> list[str]:
     """Compute the cells of a job that the folder lacks; a cell that fails is stored with what went wrong.
 
-    given_up: cells that are not to be tried again.
+    given_up: cells that are not to be tried again. code: the digest of the package that asks, where that is another
+    process; results of other code would stand under its keys.
     """
+    if code and code != package_digest():
+        raise InputError("a worker runs another version of bayesdamp than this command; restart the workers")
     with _ONE_AT_A_TIME:
+        use(study.plugins)
         return _computed(study, folder, job, given_up)
 
 
@@ -315,7 +326,7 @@ def _run_jobs(
         for job in jobs:
             advance(_run_job(study, store.folder, job))
         return
-    folder = store.folder.resolve()
+    folder, code = store.folder.resolve(), package_digest()
 
     def under_way(job: Job, given_up: Collection[str]) -> str | None:
         cells = {n: key for n, (key, _) in _work(study, store, job).items() if n not in given_up}
@@ -327,7 +338,7 @@ def _run_jobs(
     spread(
         jobs,
         pool,
-        lambda job, given_up: pool.submit(_run_job, study, folder, job, given_up),
+        lambda job, given_up: pool.submit(_run_job, study, folder, job, given_up, code),
         under_way,
         give_up,
         advance,

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from bayesdamp.config import SignalSpec, Study
 from bayesdamp.store import CellResult, Store
 from bayesdamp.study.answering import shortlist
-from bayesdamp.study.records import digest
+from bayesdamp.study.keys import digest
 from bayesdamp.types import OK, candidate_parts
 
 LAW_MARGIN = 40.0

@@ -84,7 +84,7 @@ def _truth(spec: SignalSpec, name: str, restoring: str) -> float:
     if restoring != spec.system.restoring and name in LAWS.get(restoring).parameters:
         return math.nan
     truth = {**spec.system.known, **spec.source.truth}
-    damps = any(TERMS.get(term).parameter == name for term in TERMS.names())
+    damps = any(TERMS.get(term).parameter == name for term in TERMS.present())
     return float(truth.get(name, 0.0 if damps else math.nan))
 
 

@@ -55,7 +55,7 @@ def target(seed: int = 1) -> Target:
 
 def effective(draws: dict[str, np.ndarray]) -> float:
     """The smallest bulk effective size over the parameters, each of shape (chain, draw)."""
-    return min(float(diagnostics.az.ess(x, method="bulk")) for x in draws.values())
+    return min(diagnostics.summarise(x)["ess_bulk"] for x in draws.values())
 
 
 @lru_cache

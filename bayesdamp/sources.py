@@ -1,0 +1,96 @@
+"""The source of the code that a computation can reach: what its stored results depend on besides their inputs."""
+
+from __future__ import annotations
+
+import hashlib
+import re
+from collections.abc import Iterable
+from pathlib import Path
+
+PACKAGE = "bayesdamp"
+ROOT = Path(__file__).parent
+OUTSIDE = (
+    "bayesdamp.cli", "bayesdamp.config", "bayesdamp.folders", "bayesdamp.plugins", "bayesdamp.processes",
+    "bayesdamp.programs", "bayesdamp.report", "bayesdamp.sources", "bayesdamp.store",
+)  # fmt: skip
+"""What decides where and when something is computed, and what is made of it, but not the result itself; settings are
+part of a key by their values."""
+LEAVES = ("bayesdamp.study.cells",)
+"""Modules that bring many computations together: each counts with its own source, not with what it imports."""
+
+_IMPORT = re.compile(
+    r"^[ \t]*(?:from[ \t]+(bayesdamp[\w.]*)[ \t]+import[ \t]+(\([^)]*\)|[^\n]+)|import[ \t]+(bayesdamp[\w.]*))",
+    re.M,
+)
+_ONLY_FOR_TYPES = re.compile(r"^if TYPE_CHECKING:\n(?:[ \t]+[^\n]*\n|\n)+", re.M)
+_TEXTS: dict[str, str | None] = {}
+"""Each module's source as it was when it was first asked for: a process computes with what it has loaded."""
+_IMPORTED: dict[str, frozenset[str]] = {}
+_DIGESTS: dict[tuple[str, ...], str] = {}
+
+
+def code_digest(*modules: str) -> str:
+    """SHA-256 of the sources of modules of the package and of all of the package that they import, at any depth.
+
+    A plug-in that is looked up by its name is no import: its own source has to be added where it is used.
+    """
+    if modules not in _DIGESTS:
+        digest = hashlib.sha256()
+        for name in sorted(reached(modules)):
+            digest.update(f"{name}\0{_text(name)}\0".encode())
+        _DIGESTS[modules] = digest.hexdigest()
+    return _DIGESTS[modules]
+
+
+def package_digest() -> str:
+    """The same of the whole package."""
+    found = (path.relative_to(ROOT.parent).with_suffix("").parts for path in ROOT.rglob("*.py"))
+    names = sorted(".".join(part for part in parts if part != "__init__") for parts in found)
+    whole = ("*",)
+    if whole not in _DIGESTS:
+        _DIGESTS[whole] = hashlib.sha256("\0".join(f"{n}\0{_text(n)}" for n in names).encode()).hexdigest()
+    return _DIGESTS[whole]
+
+
+def reached(modules: Iterable[str]) -> set[str]:
+    """The modules of the package that these import, at any depth, with themselves; not what is `OUTSIDE`."""
+    found: set[str] = set()
+    waiting = list(modules)
+    while waiting:
+        name = waiting.pop()
+        outside = any(name == one or name.startswith(f"{one}.") for one in OUTSIDE)
+        if name in found or name == PACKAGE or outside or _text(name) is None:
+            continue
+        found.add(name)
+        waiting.append(name.rpartition(".")[0])
+        if name not in LEAVES:
+            waiting += imported(name) - found
+    return found
+
+
+def imported(name: str) -> frozenset[str]:
+    """The modules of the package that a module imports directly, when it is loaded or later."""
+    if name not in _IMPORTED:
+        text, found = _ONLY_FOR_TYPES.sub("", _text(name) or ""), set[str]()
+        for base, names, plain in _IMPORT.findall(text):
+            if plain:
+                found.add(plain)
+                continue
+            found.add(base)
+            parts = (part.split("#")[0].split() for part in re.split(r"[,\n]", names.strip("()")))
+            below = {f"{base}.{part[0].strip('()')}" for part in parts if part}
+            found |= {one for one in below if _text(one) is not None}
+        _IMPORTED[name] = frozenset(found)
+    return _IMPORTED[name]
+
+
+def _text(name: str) -> str | None:
+    """A module's source; None where the package has no such module."""
+    if name not in _TEXTS:
+        path = ROOT.joinpath(*name.split(".")[1:])
+        files = (
+            (path / "__init__.py", path.with_suffix(".py")) if name != PACKAGE else (ROOT / "__init__.py",)
+        )
+        file = next((f for f in files if f.is_file()), None)
+        _TEXTS[name] = file.read_text(encoding="utf-8") if file else None
+    return _TEXTS[name]

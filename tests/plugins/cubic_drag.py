@@ -1,0 +1,20 @@
+"""A user's own damping term: drag that grows with the third power of the velocity."""
+
+from bayesdamp.physics.damping import DampingTerm
+
+
+class CubicDrag(DampingTerm):
+    """F = μ₃ θ̇³."""
+
+    name = "cubic_drag"
+    parameter = "drag3"
+    unit = "s/rad²"
+
+    def shape(self, velocity, epsilon):
+        return 1.0 * velocity**3
+
+    def ratio_per_unit(self, amplitude, frequency):
+        return 3 / 8 * amplitude**2 * frequency
+
+
+PLUGIN = CubicDrag()

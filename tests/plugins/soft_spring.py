@@ -1,0 +1,30 @@
+"""A user's own restoring law: a spring that gets softer as it is stretched."""
+
+import numpy as np
+from jax import numpy as jnp
+
+from bayesdamp.physics.restoring import LinearForm, RestoringLaw
+
+
+class SoftSpring(RestoringLaw):
+    """F = k tanh(θ − θ_e)."""
+
+    name = "soft_spring"
+    parameters = ("stiffness", "rest_angle")
+    translates = True
+
+    def force(self, theta, p):
+        return p["stiffness"] * jnp.tanh(jnp.asarray(theta) - p["rest_angle"])
+
+    def start(self, frequency, rest, known):
+        return {"stiffness": frequency**2, "rest_angle": rest, **known}
+
+    def linear_form(self, theta, known):
+        rest = known.get("rest_angle", 0.0)
+        column = np.tanh(theta - rest)
+        if "stiffness" in known:
+            return LinearForm(np.zeros((theta.size, 0)), known["stiffness"] * column, lambda c: {})
+        return LinearForm(column[:, None], np.zeros_like(theta), lambda c: {"stiffness": float(c[0])})
+
+
+PLUGINS = [SoftSpring()]

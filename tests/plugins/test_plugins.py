@@ -1,0 +1,221 @@
+"""Plug-ins from outside the package: by a study's file, in every worker, in tables, and in the keys of tasks."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import pytest
+
+from bayesdamp.config import load_study
+from bayesdamp.physics.damping import TERMS
+from bayesdamp.physics.restoring import LAWS
+from bayesdamp.plugins import read_modules, use
+from bayesdamp.report.reading import coefficients
+from bayesdamp.report.run import Run
+from bayesdamp.store import Store, read_table
+from bayesdamp.study import run_study
+from bayesdamp.types import InputError
+
+HERE = Path(__file__).parent
+TRUTH = 0.08
+STUDY = """
+version = 1
+name = "own"
+seed = 3
+[plugins]
+modules = ["cubic_drag.py", "soft_spring.py"]
+[system]
+restoring = "soft_spring"
+stiffness = "free"
+rest_angle = 0.0
+theta0 = 0.6
+omega0 = 0.0
+[[signal]]
+name = "rig"
+simulate = { cubic_drag = 0.08, stiffness = 20.0, duration = 10.0, samples = 300, noise_sd = 0.003 }
+[estimators]
+use = ["least_squares"]
+stages = ["initial"]
+[models]
+compare = ["viscous", "cubic_drag"]
+restoring = ["soft_spring", "linear"]
+[posterior]
+samplers = []
+[evidence]
+methods = ["laplace"]
+referee = "never"
+"""
+
+
+@pytest.fixture(autouse=True)
+def _nothing_stays():
+    yield
+    use(())
+
+
+def study_in(folder: Path):
+    for name in ("cubic_drag.py", "soft_spring.py"):
+        if not (folder / name).exists():
+            shutil.copy(HERE / name, folder)
+    (folder / "own.toml").write_text(STUDY, encoding="utf-8")
+    return load_study(folder / "own.toml")
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory) -> Path:
+    """The study, run once on two processes. Not to be changed by a test."""
+    folder = tmp_path_factory.mktemp("own")
+    assert run_study(study_in(folder), folder / "out", workers=2) == 0
+    use(())
+    return folder
+
+
+def stamps(out: Path) -> dict[str, int]:
+    return {n: (out / "cells" / f"{n}.npz").stat().st_mtime_ns for n in Store(out).names()}
+
+
+def test_workers_have_them_and_they_win(run):
+    """The record was made with both: the evidence prefers them by far, and the truth lies within four sds (a false
+    alarm once in 16,000 seeds)."""
+    rows = {(r["model"], r["restoring"]): r for r in read_table(run / "out" / "evidence.csv")}
+    assert len(rows) == 4
+    assert all(r["outcome"] == "ok" for r in rows.values())
+    best = max(rows, key=lambda name: rows[name]["log_evidence"])
+    assert best == ("cubic_drag", "soft_spring")
+    for name, row in rows.items():
+        assert name == best or row["log_bayes_factor"] < -20
+    mode = Store(run / "out").read("mode/rig/0/cubic_drag@soft_spring").meta
+    assert abs(mode["values"]["drag3"] - TRUTH) < 4 * mode["sd"]["drag3"]
+
+
+def test_tables_have_its_parameter_under_its_own_name_and_unit(run):
+    rows = read_table(run / "out" / "estimates.csv")
+    own = [r for r in rows if r["model"] == "cubic_drag" and r["parameter"] == "drag3"]
+    assert {r["unit"] for r in own} == {"s/rad²"}
+    assert {r["truth"] for r in own} == {TRUTH}
+    assert all(r["error_pct"] < 100 for r in own if r["restoring"] == "soft_spring")
+    # the report, which knows nothing of the plug-in, has it from the run
+    assert "cubic_drag" not in TERMS.names()
+    found = Run(run / "out")
+    assert coefficients(found, "cubic_drag@linear") == ["drag3"]
+    assert coefficients(found, "viscous+cubic_drag") == ["zeta", "drag3"]
+    assert "drag3" in (run / "out" / "report.html").read_text(encoding="utf-8")
+    assert found.study["plugins"][0]["file"] == "cubic_drag.py"
+
+
+def test_a_resumed_run_computes_nothing(run, tmp_path):
+    shutil.copytree(run, tmp_path / "copy")
+    out = tmp_path / "copy" / "out"
+    before = stamps(out)
+    assert run_study(study_in(tmp_path / "copy"), out, workers=1) == 0
+    assert stamps(out) == before
+
+
+def test_a_changed_line_is_computed_again_and_nothing_else(run, tmp_path):
+    """The term at half its force: its coefficient doubles. In a process that has compiled the old one."""
+    folder = tmp_path / "copy"
+    shutil.copytree(run, folder)
+    out, file = folder / "out", folder / "cubic_drag.py"
+    record = (folder / "own.toml").read_text()
+    assert run_study(study_in(folder), out, workers=1) == 0  # and the old term is known to this process
+    before = stamps(out)
+    old = Store(out).read("mode/rig/0/cubic_drag@linear").meta["values"]
+    text = file.read_text().replace("1.0 * velocity**3", "0.5 * velocity**3")
+    file.write_text(text.replace("3 / 8 * amp", "3 / 16 * amp"), encoding="utf-8")
+    assert (folder / "own.toml").read_text() == record
+    assert run_study(study_in(folder), out, workers=1) == 0
+    changed = {n for n, at in stamps(out).items() if at != before[n]}
+    # the record was simulated with it, so that all that follows from the record changes too
+    assert changed == set(before)
+    new = Store(out).read("mode/rig/0/cubic_drag@linear").meta["values"]
+    assert new["stiffness"] != old["stiffness"]
+    fit = Store(out).read("mode/rig/0/cubic_drag@soft_spring").meta
+    assert abs(fit["values"]["drag3"] - TRUTH) < 4 * fit["sd"]["drag3"]
+
+
+def test_what_does_not_use_it_keeps_its_keys(tmp_path):
+    """Of a record that was not made with it: a changed term changes the keys of its candidates alone."""
+    (tmp_path / "r.csv").write_text("t,y\n" + "".join(f"{i / 10},{(-1) ** i}\n" for i in range(50)))
+    text = STUDY.replace(
+        "simulate = { cubic_drag = 0.08, stiffness = 20.0, duration = 10.0, samples = 300, noise_sd = 0.003 }",
+        'file = "r.csv"\ntime = "t"\nangle = "y"',
+    )
+    shutil.copy(HERE / "cubic_drag.py", tmp_path)
+    shutil.copy(HERE / "soft_spring.py", tmp_path)
+    (tmp_path / "own.toml").write_text(text, encoding="utf-8")
+    keys = []
+    for _ in range(2):
+        study = load_study(tmp_path / "own.toml")
+        keys.append(keys_of(study, tmp_path))
+        file = tmp_path / "cubic_drag.py"
+        file.write_text(file.read_text().replace("1.0 * velocity**3", "0.5 * velocity**3"), encoding="utf-8")
+    changed = {n for n in keys[0] if keys[0][n] != keys[1][n]}
+    assert changed == {n for n in keys[0] if "cubic_drag" in n}
+    assert len(changed) < len(keys[0])
+
+
+def keys_of(study, folder: Path) -> dict[str, str]:
+    from bayesdamp.study.run import _jobs, _work
+
+    return {n: k for job in _jobs(study) for n, (k, _) in _work(study, Store(folder), job).items()}
+
+
+WRONG = {
+    "missing.py": (None, "plug-in .*missing.py: there is no such file; give a Python file"),
+    "syntax.py": ("x = 1\ndef f(:\n", "plug-in .*syntax.py, line 2: invalid syntax"),
+    "fails.py": ("x = 1\ny = x / 0\n", "plug-in .*fails.py, line 2: ZeroDivisionError: division by zero"),
+    "nothing.py": ("x = 1\n", "holds neither PLUGIN nor PLUGINS; end it with"),
+    "number.py": ("PLUGIN = 3\n", "PLUGIN is of type int, which is no plug-in; derive its class from"),
+    "class.py": (
+        (HERE / "cubic_drag.py").read_text().replace("CubicDrag()", "CubicDrag"),
+        r"CubicDrag is a class; give one of its kind, CubicDrag\(\)",
+    ),
+    "ships.py": (
+        (HERE / "cubic_drag.py").read_text().replace('"cubic_drag"', '"viscous"'),
+        "a damping term 'viscous' ships already; give it another name",
+    ),
+    "name.py": (
+        (HERE / "cubic_drag.py").read_text().replace('"cubic_drag"', '"a+b"'),
+        r"name of a damping term is 'a\+b'; it must be letters, digits and _",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", WRONG)
+def test_a_wrong_module_is_one_line(name, tmp_path):
+    text, said = WRONG[name]
+    if text is not None:
+        (tmp_path / name).write_text(text, encoding="utf-8")
+    with pytest.raises(InputError, match=said) as caught:
+        use(read_modules([tmp_path / name]))
+    assert "\n" not in str(caught.value)
+    assert set(TERMS.names()) == {"viscous", "coulomb", "quadratic"}
+
+
+def test_one_module_after_another():
+    use(read_modules([HERE / "cubic_drag.py"]))
+    assert TERMS.get("cubic_drag").parameter == "drag3"
+    use(read_modules([HERE / "soft_spring.py"]))
+    assert "cubic_drag" not in TERMS.names()
+    assert LAWS.get("soft_spring").parameters == ("stiffness", "rest_angle")
+
+
+def test_an_installed_package_is_found_by_its_entry_point(tmp_path, monkeypatch):
+    """And is not imported before it is named."""
+    (tmp_path / "dragging.py").write_text((HERE / "cubic_drag.py").read_text(), encoding="utf-8")
+    about = tmp_path / "dragging-1.0.dist-info"
+    about.mkdir()
+    (about / "METADATA").write_text("Metadata-Version: 2.1\nName: dragging\nVersion: 1.0\n")
+    (about / "entry_points.txt").write_text("[bayesdamp.damping]\ncubic_drag = dragging:PLUGIN\n")
+    monkeypatch.syspath_prepend(tmp_path)
+    TERMS.__dict__.pop("_entries", None)
+    try:
+        assert "cubic_drag" in TERMS.names()
+        assert "cubic_drag" not in TERMS.present()
+        assert TERMS.get("cubic_drag").unit == "s/rad²"
+        first = TERMS.source("cubic_drag")
+        assert first == TERMS.source("cubic_drag") != TERMS.source("viscous")
+    finally:
+        TERMS.remove("cubic_drag")
+        TERMS.__dict__.pop("_entries", None)

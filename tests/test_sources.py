@@ -1,0 +1,140 @@
+"""Keys of tasks follow the source of the code that computes them, and that alone."""
+
+from __future__ import annotations
+
+import ast
+import json
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from bayesdamp.sources import OUTSIDE, ROOT, imported, reached
+from bayesdamp.study.keys import CODE
+
+SCRIPT = """
+import json, sys
+from pathlib import Path
+import bayesdamp
+from bayesdamp.config import load_study
+from bayesdamp.store import Store
+from bayesdamp.study.run import _jobs, _work
+assert bayesdamp.__file__.startswith(sys.argv[1])
+study = load_study(sys.argv[2])
+print(json.dumps({n: k for job in _jobs(study) for n, (k, _) in _work(study, Store(Path("x")), job).items()}))
+"""
+STUDY = """
+version = 1
+name = "keys"
+[system]
+restoring = "linear"
+stiffness = 20.0
+rest_angle = 0.0
+theta0 = 0.3
+omega0 = 0.0
+[[signal]]
+name = "one"
+simulate = { viscous = 0.05, duration = 10.0, samples = 100, noise_sd = 0.003 }
+[estimators]
+use = ["least_squares", "sindy"]
+[models]
+compare = ["viscous", "quadratic"]
+[posterior]
+samplers = ["nuts", "emcee"]
+[evidence]
+methods = ["importance"]
+referee = "never"
+"""
+
+
+AFTER_SINDY = (
+    "mode/one/0/viscous",
+    "posterior/one/0/viscous",
+    "evidence/one/0/viscous",
+    "sensitivity/one/0/viscous",
+)
+"""The sparse regression has all terms in its library, and a mode is looked for from every estimate."""
+
+
+def every_module() -> dict[str, Path]:
+    found = {}
+    for path in ROOT.rglob("*.py"):
+        parts = path.relative_to(ROOT.parent).with_suffix("").parts
+        found[".".join(part for part in parts if part != "__init__")] = path
+    return found
+
+
+def by_parser(path: Path, modules: set[str]) -> set[str]:
+    """What a module imports of the package, but for what stands under TYPE_CHECKING, by Python's own parser."""
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    tree.body = [n for n in tree.body if not (isinstance(n, ast.If) and "TYPE_CHECKING" in ast.dump(n.test))]
+    found: set[str] = set()
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            found |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom) and node.module:
+            assert not node.level, f"{path}: a relative import"
+            found |= {node.module, *(f"{node.module}.{alias.name}" for alias in node.names)}
+    return found & modules
+
+
+def test_imports_are_found_as_the_parser_finds_them():
+    modules = every_module()
+    for name, path in modules.items():
+        # a text for another process may import the module that it stands in
+        assert by_parser(path, set(modules)) - {name} == set(imported(name)) & set(modules) - {name}, name
+    # negative control: it does tell apart
+    assert by_parser(modules["bayesdamp.study.run"], set(modules)) != imported("bayesdamp.study.cells")
+
+
+@pytest.mark.parametrize("kind", CODE)
+def test_each_kind_reaches_the_physics_and_nothing_that_is_no_part_of_it(kind):
+    modules = every_module()
+    assert set(CODE[kind]) <= set(modules)
+    found = reached(CODE[kind])
+    assert "bayesdamp.physics.integrate" in found or "bayesdamp.physics.oscillator" in found
+    assert not [name for name in found if name.startswith(OUTSIDE)]
+    assert "bayesdamp.physics.damping.viscous" not in found  # a plug-in: it counts where it is used
+
+
+@pytest.fixture(scope="module")
+def copy(tmp_path_factory) -> Path:
+    folder = tmp_path_factory.mktemp("copy")
+    shutil.copytree(ROOT, folder / "bayesdamp", ignore=shutil.ignore_patterns("__pycache__"))
+    (folder / "s.toml").write_text(STUDY, encoding="utf-8")
+    return folder
+
+
+def keys(copy: Path) -> dict[str, str]:
+    command = [sys.executable, "-c", SCRIPT, str(copy), str(copy / "s.toml")]
+    env = {**os.environ, "PYTHONPATH": str(copy)}
+    done = subprocess.run(command, env=env, cwd=copy, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    return json.loads(done.stdout)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("file", "changes"),
+    [
+        ("report/render.py", ()),
+        ("cli.py", ()),
+        ("inference/samplers/emcee.py", ("/emcee", "averaged/")),
+        ("physics/damping/quadratic.py", ("quadratic", "viscous/sindy", "averaged/", *AFTER_SINDY)),
+        ("physics/integrate.py", ("",)),
+    ],
+)
+def test_a_changed_line_changes_the_keys_of_what_depends_on_it(copy, file, changes):
+    before, path = keys(copy), copy / "bayesdamp" / file
+    text = path.read_text(encoding="utf-8")
+    path.write_text(text + "\n# another line\n", encoding="utf-8")
+    try:
+        after = keys(copy)
+    finally:
+        path.write_text(text, encoding="utf-8")
+    changed = {n for n in before if before[n] != after[n]}
+    assert changed == {n for n in before if any(one in n for one in changes)}
+    assert keys(copy) == before
