@@ -20,7 +20,7 @@ from bayesdamp.study import staging
 from bayesdamp.study.averaging import average, averages
 from bayesdamp.study.cells import Branch
 from bayesdamp.study.many import joint_cells, populated, repeated
-from bayesdamp.study.noise import noise_cell
+from bayesdamp.study.noise import NoiseCell, has_noise_cell
 from bayesdamp.study.records import SignalCell, digest
 from bayesdamp.study.relief import relieve
 from bayesdamp.study.tables import write_tables
@@ -39,9 +39,9 @@ class Cell:
 
 @dataclass(frozen=True)
 class Job:
-    """What one worker does in a row: a record itself (model None), one candidate's branch on it, or, once all of these
-    are done, what joins them: an "average" over models, a "specimen" of several records (signal is then its name), the
-    "population" of all specimens.
+    """What one worker does in a row: a record itself (model None), the fit of all its dampings under one law, the choice
+    of its "noise" from these, one candidate's branch on it, or, once all of these are done, what joins them: an
+    "average" over models, a "specimen" of several records (signal is then its name), the "population" of all specimens.
 
     part: of a branch "look" (estimates, mode, Laplace's evidence), "weigh" (the other evidence) or "sample"; None for
     all of it.
@@ -52,6 +52,7 @@ class Job:
     model: str | None = None
     joined: str = ""
     part: str | None = None
+    law: str | None = None
 
 
 def cells(study: Study) -> list[Cell]:
@@ -115,6 +116,9 @@ def _jobs(study: Study) -> list[Job]:
     most = max(s.repeats for s in study.signals)
     records = [(s, r) for r in range(most) for s in study.signals if r < s.repeats]
     first = [Job(s.name, r) for s, r in records]
+    noisy = [(s, r) for s, r in records if has_noise_cell(study)]
+    first += [Job(s.name, r, law=law) for s, r in noisy for law in s.restoring]
+    first += [Job(s.name, r, joined="noise") for s, r in noisy]
     last = [Job(s.name, 0, joined="average") for s in study.signals if averages(study, s)]
     last += [Job(name, 0, joined="specimen") for name in repeated(study)]
     last += [Job("specimens", 0, joined="population")] if populated(study) else []
@@ -130,14 +134,17 @@ def _work(study: Study, store: Store, job: Job) -> dict[str, tuple[str, Callable
     if job.joined in ("specimen", "population"):
         return joint_cells(study, store, None if job.joined == "population" else job.signal)
     spec = _spec(study, job.signal)
+    if job.law is not None or job.joined == "noise":
+        noise = NoiseCell(study, spec, job.repeat, store)
+        one = noise if job.law is None else noise.fits[job.law]
+        return {one.name: (one.key, lambda *_: one.compute())}
     if job.joined:
         branches = [Branch(study, spec, job.repeat, m, store).cells() for m in study.compare(spec)]
         key = digest("averaged", branches)
         return {f"averaged/{spec.name}/{job.repeat}": (key, partial(average, study, spec, store))}
     if job.model is None:
-        cell, noise = SignalCell(study, spec, job.repeat, store), noise_cell(study, spec, job.repeat, store)
-        found = {cell.name: (cell.key, lambda *_: cell.compute())}
-        return found | ({noise.name: (noise.key, lambda *_: noise.compute())} if noise else {})
+        cell = SignalCell(study, spec, job.repeat, store)
+        return {cell.name: (cell.key, lambda *_: cell.compute())}
     branch = Branch(study, spec, job.repeat, job.model, store)
     return {
         name: (key, branch.compute)
@@ -208,13 +215,15 @@ def _done(store: Store, name: str, key: str) -> bool:
 def _stages(study: Study, store: Store) -> Iterator[list[Job]]:
     """Jobs that may run side by side, stage by stage; what a stage holds may depend on what was found before it."""
     jobs = _jobs(study)
-    # Records first: every branch reads its record from the store.
-    yield [job for job in jobs if job.model is None and not job.joined]
+    # Records first: all else reads them from the store.
+    yield [job for job in jobs if job.model is job.law is None and not job.joined]
+    yield [job for job in jobs if job.law is not None]
+    yield [job for job in jobs if job.joined == "noise"]
     if staging.staged(study):
         yield from _staged(study, store)
     else:
         yield [job for job in jobs if job.model is not None]
-    yield [job for job in jobs if job.joined and job.joined != "population"]
+    yield [job for job in jobs if job.joined in ("average", "specimen")]
     yield [job for job in jobs if job.joined == "population"]
 
 
