@@ -22,6 +22,9 @@ BEST = 2
 WARMUP, DRAWS = 100, 500
 """Of each of four chains: NUTS is whitened from the start and its draws are nearly independent, so that these are worth
 2,000; where they are not it takes more by itself."""
+METHODS = ("laplace", "importance", "bridge")
+JOINT_METHODS = ("laplace", "importance")
+"""Of the records one by one, where they are fitted jointly."""
 SPECIMEN = "specimen"
 """The name of the one specimen that all records are of."""
 
@@ -60,7 +63,8 @@ def comparison(
     """The study that compares all damping sums (or those given) under all restoring laws (or those given) on each
     record.
 
-    repeats: whether all records are of one specimen; otherwise each is a specimen of its own.
+    repeats: whether all records are of one specimen, of which one by one the modes and their evidence are found, without
+    draws; otherwise each is a specimen of its own.
     Raises InputError, one line in the terms of the command's options.
     """
     if repeats and len(records) < 2:
@@ -70,6 +74,8 @@ def comparison(
     if len(records) > 1:
         for signal in signals:
             signal["specimen"] = SPECIMEN if repeats else signal["name"]
+    # A joint fit starts from the records' modes: their draws, and the evidence from these, would be read by nobody.
+    samplers, methods = ([], JOINT_METHODS) if repeats else (["nuts"], METHODS)
     raw: dict[str, Any] = {
         "version": 1,
         "name": names[0] if len(names) == 1 else f"{names[0]}-and-{len(names) - 1}-more",
@@ -78,8 +84,8 @@ def comparison(
         "signal": signals,
         "estimators": {"use": ["least_squares"], "stages": ["initial"]},
         "models": {"compare": list(damping) or "all", "prune": PRUNE},
-        "posterior": {"samplers": ["nuts"], "noise": noise, "best": BEST, "warmup": WARMUP, "draws": DRAWS},
-        "evidence": {"methods": ["laplace", "importance", "bridge"], "referee": "auto"},
+        "posterior": {"samplers": samplers, "noise": noise, "best": BEST, "warmup": WARMUP, "draws": DRAWS},
+        "evidence": {"methods": list(methods), "referee": "auto"},
     }
     try:
         return resolve_study(raw, Path("compare"))

@@ -82,7 +82,9 @@ class Branch:
         for name, parts in evidence_parts(self.study, self.path, found).items():
             found[name] = digest("evidence", mode_key, *parts)
         terms, noises = len(self.terms), len(self.study.noises)
-        for name, source in sensitivity_cells(self.path, found, self.repeat, terms, noises).items():
+        together = sum(s.repeats for s in self.study.specimens.get(self.spec.specimen, ())) > 1
+        joined = together and not settings.samplers
+        for name, source in sensitivity_cells(self.path, found, self.repeat, terms, noises, joined).items():
             found[name] = digest("sensitivity", source, name)
         if self.study.models.prune is not None:
             found[f"curve/{self.path}"] = digest("curve", mode_key)

@@ -39,7 +39,7 @@ class Cell:
 
 @dataclass(frozen=True)
 class Job:
-    """What one worker does in a row: a record itself (model None), the fit of all its dampings under one law, the choice
+    """What one worker does in a row: a record itself (model None), the fit of all its dampings under a law, the choice
     of its "noise" from these, one candidate's branch on it, or, once all of these are done, what joins them: an
     "average" over models, a "specimen" of several records (signal is then its name), the "population" of all specimens.
 
