@@ -63,7 +63,7 @@ def comparison(
     """The study that compares all damping sums (or those given) under all restoring laws (or those given) on each
     record.
 
-    repeats: whether all records are of one specimen, of which one by one the modes and their evidence are found, without
+    repeats: whether all records are of one specimen, of which one by one modes and evidence are found, without
     draws; otherwise each is a specimen of its own.
     Raises InputError, one line in the terms of the command's options.
     """
