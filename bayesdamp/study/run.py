@@ -10,8 +10,7 @@ from dataclasses import dataclass
 from functools import partial
 from importlib import import_module
 from pathlib import Path
-
-from rich.console import Console
+from typing import TYPE_CHECKING
 
 from bayesdamp.config import Recording, SignalSpec, Study
 from bayesdamp.inference.referee import REFEREE
@@ -26,6 +25,9 @@ from bayesdamp.study.relief import relieve
 from bayesdamp.study.tables import write_tables
 from bayesdamp.study.workers import cache_compilations, pool_of, progress_bar
 from bayesdamp.types import OK, InputError
+
+if TYPE_CHECKING:
+    from rich.console import Console
 
 DONE, WRONG_CELLS = 0, 3
 
@@ -79,7 +81,10 @@ def run_study(
     scheduler in their place; pool: where jobs run, in place of either.
     Raises InputError where the input is wrong; every record is read before anything is written.
     """
-    console = console or Console(stderr=True)
+    if console is None:
+        from rich.console import Console
+
+        console = Console(stderr=True)
     _read_inputs(study)
     store = Store(out)
     with store.lock():
