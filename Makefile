@@ -24,7 +24,9 @@ lint: $(READY)
 	$(BIN)/pyright
 	$(BIN)/pyright -p tests/interface/scripts
 
+# Writes reports/benchmarks, and says where a ratio has lost against the page that was there.
 bench: $(READY)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e ".[dev,bench]"
 	$(BIN)/python -m pytest tests/benchmarks --override-ini addopts= -s -p no:xdist $(ARGS)
 
 # The slow checks, which `make test` leaves out.

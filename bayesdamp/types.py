@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
-import numpy as np
+if TYPE_CHECKING:
+    import numpy as np
 
 OK = "ok"
 FAILED, NOT_COMPUTED = "failed: ", "not computed: "
@@ -59,8 +61,8 @@ class Signal:
     @property
     def uniform(self) -> bool:
         """Whether the samples are equally spaced to a thousandth of the spacing."""
-        gaps = np.diff(self.t)
-        return bool(np.all(np.abs(gaps - gaps.mean()) <= 1e-3 * gaps.mean()))
+        gaps = self.t[1:] - self.t[:-1]
+        return bool((abs(gaps - gaps.mean()) <= 1e-3 * gaps.mean()).all())
 
 
 @dataclass(frozen=True)

@@ -14,6 +14,7 @@ from types import ModuleType
 import numpy as np
 import pytest
 
+import bayesdamp
 from bayesdamp.cli import main
 from bayesdamp.types import InputError, Refusal
 
@@ -249,7 +250,7 @@ def test_a_simulation_has_noise_unless_it_is_told_not_to(
 def test_help_lists_the_commands_and_needs_no_method() -> None:
     code = (
         "import sys\nfrom bayesdamp.cli import main\nstatus = main(['--help'])\n"
-        "heavy = {'torch', 'numpyro', 'arviz_stats', 'matplotlib', 'scipy'} & set(sys.modules)\n"
+        "heavy = {'torch', 'numpyro', 'arviz_stats', 'matplotlib', 'scipy', 'numpy'} & set(sys.modules)\n"
         "sys.exit(status or (f'imported {heavy}' if heavy else 0))"
     )
     environment = {**os.environ, "COLUMNS": "100"}
@@ -257,6 +258,28 @@ def test_help_lists_the_commands_and_needs_no_method() -> None:
     assert run.returncode == 0, run.stderr
     for command in ("study", "check", "simulate", "report"):
         assert command in run.stdout
+
+
+@pytest.mark.parametrize("option", ["-h", "--help"])
+@pytest.mark.parametrize("command", [[], ["check"]])
+def test_help_has_a_short_name(command: list[str], option: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main([*command, option]) == 0
+    assert "Usage" in capsys.readouterr().out
+
+
+def test_the_version(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["--version"]) == 0
+    assert capsys.readouterr().out == f"bayesdamp {bayesdamp.__version__}\n"
+
+
+def test_a_worker_needs_no_terminal() -> None:
+    code = (
+        "import sys\nimport bayesdamp.study\n"
+        "heavy = {'rich', 'typer', 'arviz_stats', 'arviz_base', 'xarray', 'pandas', 'matplotlib'} & set(sys.modules)\n"
+        "sys.exit(f'imported {heavy}' if heavy else 0)"
+    )
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert run.returncode == 0, run.stderr
 
 
 def test_the_installed_command_returns_the_status(folder: Path) -> None:

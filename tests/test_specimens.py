@@ -102,12 +102,32 @@ def test_compare_takes_records_as_specimens_or_as_repeats(tmp_path, capsys):
         path.write_text("t,angle\n" + "\n".join(f"{i / 50},{0.3}" for i in range(50)), encoding="utf-8")
     asked = [Asked(p, "t", "angle") for p in paths]
     assert set(comparison(asked).specimens) == {"a", "b"}
-    assert set(comparison(asked, repeats=True).specimens) == {SPECIMEN}
+    together = comparison(asked, repeats=True)
+    assert set(together.specimens) == {SPECIMEN}
     assert not comparison(asked[:1]).specimens
     with pytest.raises(InputError, match="two or more of one specimen"):
         comparison(asked[:1], repeats=True)
     assert main(["compare", str(paths[0]), "--repeats"]) == 2
     assert capsys.readouterr().err.startswith("--repeats: there is one record")
+
+
+def test_of_repeats_nothing_is_computed_that_a_joint_fit_does_not_read(tmp_path):
+    """Negative control: records that stand each for itself have draws, and are predicted from their halves."""
+    asked = [Asked(tmp_path / f"{name}.csv", "t", "angle") for name in "ab"]
+    for one in asked:
+        one.path.write_text("t,angle\n0,0\n", encoding="utf-8")
+    wanted = {"posterior", "bridge", "half", "noises"}
+
+    def found(repeats: bool) -> set[str]:
+        made = comparison(asked, repeats=repeats)
+        return {part for cell in cells(made) for part in cell.name.split("/")} & {
+            *wanted,
+            "mode",
+            "importance",
+        }
+
+    assert found(repeats=True) == {"mode", "importance"}
+    assert found(repeats=False) == {"mode", "importance", *wanted}
 
 
 def test_records_of_one_specimen_share_one_friction(monkeypatch):

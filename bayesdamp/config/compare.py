@@ -27,6 +27,9 @@ WARMUP, DRAWS = 100, 500
 LEAST_NOISE = 1e-3
 """Share of the amplitude that a record without noise is given: what a good encoder has. Without any there is no
 likelihood, and nothing could be weighed."""
+METHODS = ("laplace", "importance", "bridge")
+JOINT_METHODS = ("laplace", "importance")
+"""Of the records one by one, where they are fitted jointly."""
 SPECIMEN = "specimen"
 """The name of the one specimen that all records are of."""
 
@@ -68,8 +71,9 @@ def comparison(
     """The study that compares all damping sums (or those given) under all restoring laws (or those given) on each
     record.
 
-    repeats: whether all records are of one specimen; otherwise each is a specimen of its own. plugins: the user's
-    modules; each damping term in them is compared alone and beside each one that ships, each law as one more.
+    repeats: whether all records are of one specimen, of which one by one modes and evidence are found, without draws;
+    otherwise each is a specimen of its own. plugins: the user's modules; each damping term in them is compared alone and
+    beside each one that ships, each law as one more.
     Raises InputError, one line in the terms of the command's options.
     """
     if repeats and len(records) < 2:
@@ -80,6 +84,8 @@ def comparison(
     if len(records) > 1:
         for signal in signals:
             signal["specimen"] = SPECIMEN if repeats else signal["name"]
+    # A joint fit starts from the records' modes: their draws, and the evidence from these, would be read by nobody.
+    samplers, methods = ([], JOINT_METHODS) if repeats else (["nuts"], METHODS)
     raw: dict[str, Any] = {
         "version": 1,
         "name": names[0] if len(names) == 1 else f"{names[0]}-and-{len(names) - 1}-more",
@@ -89,7 +95,7 @@ def comparison(
         "estimators": {"use": ["least_squares"], "stages": ["initial"]},
         "models": {"compare": list(damping) or _sums(), "prune": PRUNE},
         "posterior": {
-            "samplers": ["nuts"],
+            "samplers": samplers,
             "noise": noise,
             "deviation": deviation,
             "sensor": sensor,
@@ -97,7 +103,7 @@ def comparison(
             "warmup": WARMUP,
             "draws": DRAWS,
         },
-        "evidence": {"methods": ["laplace", "importance", "bridge"], "referee": "auto"},
+        "evidence": {"methods": list(methods), "referee": "auto"},
     }
     try:
         return resolve_study(raw, Path("compare"), plugins)

@@ -8,7 +8,9 @@ no more dimensions than the shared scores and those of one record, however many 
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
@@ -166,19 +168,32 @@ def _draw(mode: JointMode, proposal: _Proposal, rng: np.random.Generator, n: int
     shared = proposal.shared.draw(rng, n)
     weights = _log_normal(shared, joint.folded[:k]) - proposal.shared.log_density(shared)
     repeated = np.repeat(shared, inner, axis=0)
-    own, own_weights = [], []
-    for j, (target, at) in enumerate(zip(joint.targets, mode.modes, strict=True)):
+    scores, densities = [], []
+    for j in range(len(joint.targets)):
         y, density = np.zeros((n * inner, 0)), np.zeros(n * inner)
         if joint.live[j]:
             folded = joint.folded[joint.parts[j]]
             given = proposal.own[j].given(repeated - proposal.shared.centre, folded)
             y = given.draw(rng, n * inner)
             density = _log_normal(y, folded) - given.log_density(y)
-        one = log_likelihood(target, at.context, joint.scores(j, repeated, y)) + density
-        own.append(y.reshape(n, inner, -1))
-        own_weights.append(one.reshape(n, inner))
-        weights = weights + logsumexp(own_weights[-1], axis=1) - np.log(inner)
+        scores.append(y)
+        densities.append(density)
+
+    def likelihood(j: int) -> np.ndarray:
+        return log_likelihood(joint.targets[j], mode.modes[j].context, joint.scores(j, repeated, scores[j]))
+
+    # Records side by side, in threads: nearly all of it is compiled, and other processes have nothing to do by now.
+    with ThreadPoolExecutor(_threads(len(joint.targets))) as threads:
+        heights = list(threads.map(likelihood, range(len(joint.targets))))
+    own_weights = [(h + d).reshape(n, inner) for h, d in zip(heights, densities, strict=True)]
+    for one in own_weights:
+        weights = weights + logsumexp(one, axis=1) - np.log(inner)
+    own = [y.reshape(n, inner, -1) for y in scores]
     return _Drawn(shared, own, np.asarray(weights), own_weights)
+
+
+def _threads(records: int) -> int:
+    return min(records, len(os.sched_getaffinity(0)))
 
 
 def _log_normal(y: np.ndarray, folded: np.ndarray) -> np.ndarray:

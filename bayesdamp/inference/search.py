@@ -61,13 +61,25 @@ def find_mode(
     climbs: list[Climb] = []
     ends: list[tuple[float, np.ndarray]] = []
     displaced = False
-    begun = [_begun(target, names, z, tolerance) for names, z in _distinct(target, seeds)]
-    keeps, grown = False, _grown(target, begun, tolerance, period)
-    stages: list[Iterable[_Begun]] = [begun, grown]
-    if thrifty:
-        near = sorted((b for b in begun if b.left < in_step), key=lambda b: -b.value)
-        stages = [near, grown, [b for b in begun if not b.left < in_step]]
-    for stage in stages:
+    begun: list[_Begun] = []
+    keeps = False
+
+    def begin() -> Iterator[_Begun]:
+        """The seeds in turn, each planned when it is asked for."""
+        for names, z in _distinct(target, seeds):
+            begun.append(_begun(target, names, z, tolerance))
+            yield begun[-1]
+
+    def stages() -> Iterator[Iterable[_Begun]]:
+        if thrifty:
+            yield (one for one in begin() if one.left < in_step)
+        else:
+            yield begin()
+        yield _grown(target, begun, tolerance, period)
+        if thrifty:
+            yield (one for one in begun if not one.left < in_step)
+
+    for stage in stages():
         if keeps:  # and nothing of the next stage is computed
             break
         for names, z0, context, start, _ in stage:

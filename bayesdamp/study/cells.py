@@ -94,7 +94,9 @@ class Branch:
             own = [EVIDENCES.source(name.rpartition("/")[2]), SAMPLERS.source("nuts")]
             found[name] = task_key("evidence", mode_key, *parts, own)
         terms, noises = len(self.terms), len(self.study.noises)
-        for name, source in sensitivity_cells(self.path, found, self.repeat, terms, noises).items():
+        together = sum(s.repeats for s in self.study.specimens.get(self.spec.specimen, ())) > 1
+        joined = together and not settings.samplers
+        for name, source in sensitivity_cells(self.path, found, self.repeat, terms, noises, joined).items():
             found[name] = task_key("sensitivity", mode_key, source, name)
         if self.study.models.prune is not None:
             found[f"curve/{self.path}"] = task_key("curve", mode_key)

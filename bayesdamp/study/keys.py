@@ -11,6 +11,7 @@ _BRANCH = ("bayesdamp.study.cells", "bayesdamp.study.climbs", "bayesdamp.study.t
 CODE: dict[str, tuple[str, ...]] = {
     "signal": ("bayesdamp.study.records",),
     "answer": ("bayesdamp.study.answering", "bayesdamp.physics.kernel.march"),
+    "fitted": ("bayesdamp.study.law_fits",),
     "noise": ("bayesdamp.study.noise",),
     "estimate": ("bayesdamp.study.cells", "bayesdamp.study.targets", "bayesdamp.estimators"),
     "mode": (

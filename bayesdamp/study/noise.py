@@ -3,29 +3,27 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
 from dataclasses import asdict
 from functools import cached_property
 from typing import Any
 
 from bayesdamp.config import SignalSpec, Study
 from bayesdamp.config.checks import plain
-from bayesdamp.config.signals import damping_order
 from bayesdamp.estimators import ESTIMATORS
 from bayesdamp.inference.defaults import Reference
 from bayesdamp.inference.friction_choice import SHARES, WORTH, epsilon_note, weigh_epsilons
 from bayesdamp.inference.noise import NOISES
-from bayesdamp.inference.noise_choice import Fitted, chosen_noise, first_noise, fit_with, weigh_noises
-from bayesdamp.physics.damping import TERMS, parse_model
+from bayesdamp.inference.noise_choice import Fitted, chosen_noise, first_noise, weigh_noises
+from bayesdamp.physics.damping import TERMS
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.store import CellResult, Store
-from bayesdamp.study.answering import AnswerCell, fits_of
 from bayesdamp.study.keys import task_key
+from bayesdamp.study.law_fits import LawFit, all_terms
 from bayesdamp.study.records import NOT_APPLICABLE, SignalCell
-from bayesdamp.study.starts import REGRESSION, observed, regression
+from bayesdamp.study.starts import REGRESSION
 from bayesdamp.study.targets import Record
-from bayesdamp.types import OK, Problem, Refusal, following
+from bayesdamp.types import OK, Refusal, following
 
 
 class NoiseCell:
@@ -35,8 +33,8 @@ class NoiseCell:
         self.study, self.spec, self.repeat, self.store = study, spec, repeat, store
         self.parent = SignalCell(study, spec, repeat, store)
         self.name = f"noise/{spec.name}/{repeat}"
-        terms = {t for model in study.dampings(spec) for t in parse_model(model)}
-        self.terms = tuple(t for t in damping_order() if t in terms)
+        self.terms = all_terms(study, spec)
+        self.fits = {law: LawFit(study, spec, repeat, law, store) for law in spec.restoring}
 
     @cached_property
     def key(self) -> str:
@@ -44,8 +42,7 @@ class NoiseCell:
         laws = [plain(self.spec.under(law)) for law in self.spec.restoring]
         named = [*map(TERMS.source, self.terms), *map(LAWS.source, self.spec.restoring)]
         named += [*map(NOISES.source, self.study.noises), ESTIMATORS.source(REGRESSION)]
-        answer = AnswerCell(self.study, self.spec, self.repeat, self.store).key
-        parts = (self.study.noises, self.terms, priors, laws, SHARES, WORTH, answer)
+        parts = (self.study.noises, self.terms, priors, laws, SHARES, WORTH, [one.key for one in self.fits.values()])
         return task_key("noise", self.parent.key, *parts, named)
 
     def compute(self) -> None:
@@ -66,18 +63,18 @@ class NoiseCell:
         missing or for a wrong law."""
         names = self.study.noises
         first = first_noise(names, record.signal)
-        fits: dict[str, Fitted] = {}
+        found: dict[str, dict[str, Any]] = {}
         refused: list[str] = []
-        begun = fits_of(self.store, self.spec.name, self.repeat)
-        for law in [law for law in self.spec.restoring if law in begun] or self.spec.restoring:
+        for law, one in self.fits.items():
             try:
-                fits[law] = self._fit(record, law, first, begun.get(law))
+                found[law] = one.found()
             except Refusal as refusal:
                 refused.append(f"{law}: {refusal}")
-        if not fits:
+        if not found:
             raise Refusal("; ".join(refused))
-        best = max(fits, key=lambda law: fits[law].log_evidence)
-        fit, tried, usual = fits[best], [], None
+        best = max(found, key=lambda law: found[law]["log_evidence"])
+        fit = usual_fit = self.fits[best].restored()
+        tried, usual = [], None
         if self._open_friction(record, best):
             peak = Reference(**record.cell.meta["reference"]).peak_velocity
             usual = fit.target.known["epsilon"]
@@ -87,7 +84,7 @@ class NoiseCell:
                 peak,
                 record.seen,
             )
-        epsilon = None if fit is fits[best] else fit.target.known["epsilon"]
+        epsilon = None if fit is usual_fit else fit.target.known["epsilon"]
         weighed = weigh_noises(
             lambda name: record.target(self.terms, best, name, epsilon=epsilon), fit, record.seen, names
         )
@@ -95,7 +92,7 @@ class NoiseCell:
             "chosen": chosen_noise(weighed),
             "damping": list(self.terms),
             "restoring": best,
-            "fits": {law: _values(f) for law, f in (fits | {best: fit}).items()},
+            "fits": {law: one["values"] for law, one in found.items()} | {best: _values(fit)},
             "weighed": [asdict(w) for w in weighed],
             "epsilon": epsilon,
             "usual_epsilon": usual,
@@ -110,25 +107,17 @@ class NoiseCell:
         system = self.spec.under(law)
         return Oscillator(self.terms, law).switches and not {"epsilon"} & {*system.known, *system.free}
 
-    def _fit(self, record: Record, law: str, noise: str, begun: Mapping[str, float] | None) -> Fitted:
-        """From where the first weighing ended, if there was one; else from regression and the record's decay."""
-        problem, said = Problem(self.terms, record.system(law)), ""
-        seeds: dict[str, Mapping[str, float]] = {} if begun is None else {"first weighing": begun}
-        if begun is None:
-            # The climb is a refinement of its own.
-            found, said = regression(record, problem)
-            seeds = observed(record, problem) | found
-        if not seeds:
-            raise Refusal(said)
-        return fit_with(record.target(self.terms, law, noise), seeds, record.seen)
-
 
 def _values(fit: Fitted) -> dict[str, float]:
     """A fit's inferred parameters by name."""
     return {name: float(v) for name, v in fit.target.values(fit.mode.z).items()}
 
 
+def has_noise_cell(study: Study) -> bool:
+    """Whether the noise of a study's records is to be chosen: not where the study has chosen, or nothing needs it."""
+    return bool(study.posterior.samplers or study.evidence.methods) and len(study.noises) > 1
+
+
 def noise_cell(study: Study, spec: SignalSpec, repeat: int, store: Store) -> NoiseCell | None:
-    """The cell that chooses a record's noise; None where the study has chosen, or nothing needs it."""
-    needed = study.posterior.samplers or study.evidence.methods
-    return NoiseCell(study, spec, repeat, store) if needed and len(study.noises) > 1 else None
+    """The cell that chooses a record's noise; None where there is no choice."""
+    return NoiseCell(study, spec, repeat, store) if has_noise_cell(study) else None

@@ -10,8 +10,7 @@ from dataclasses import dataclass
 from functools import partial
 from importlib import import_module
 from pathlib import Path
-
-from rich.console import Console
+from typing import TYPE_CHECKING
 
 from bayesdamp.config import Recording, SignalSpec, Study
 from bayesdamp.inference.referee import REFEREE
@@ -24,7 +23,7 @@ from bayesdamp.study.averaging import average, averages
 from bayesdamp.study.cells import Branch
 from bayesdamp.study.keys import digest, task_key
 from bayesdamp.study.many import joint_cells, populated, repeated
-from bayesdamp.study.noise import noise_cell
+from bayesdamp.study.noise import NoiseCell, has_noise_cell
 from bayesdamp.study.records import SignalCell
 from bayesdamp.study.relief import relieve
 from bayesdamp.study.spread import KILLED, restart, spread
@@ -33,6 +32,9 @@ from bayesdamp.study.verdicts import write_verdicts
 from bayesdamp.study.workers import cache_compilations, pool_of, progress_bar
 from bayesdamp.types import FAILED, NOT_COMPUTED, OK, InputError
 from bayesdamp.verdict.types import Verdict
+
+if TYPE_CHECKING:
+    from rich.console import Console
 
 DONE, WRONG_CELLS = 0, 3
 _ONE_AT_A_TIME = threading.Lock()
@@ -48,11 +50,11 @@ class Cell:
 
 @dataclass(frozen=True)
 class Job:
-    """What one worker does in a row: a record itself (model None), one candidate's branch on it, or, once all of these
-    are done, what joins them: an "average" over models, a "specimen" of several records (signal is then its name), the
-    "population" of all specimens.
+    """What one worker does in a row: a record itself (model None), the fit of all its dampings under a law, the choice
+    of its "noise" from these, one candidate's branch on it, or, once all of these are done, what joins them: an
+    "average" over models, a "specimen" of several records (signal is then its name), the "population" of all specimens.
 
-    part: of a record "read", "answer" or "noise"; of a branch "look" (estimates, mode, Laplace's evidence), "weigh" (the other evidence) or "sample"; None for
+    part: of a record "read" or "answer"; of a branch "look" (estimates, mode, Laplace's evidence), "weigh" (the other evidence) or "sample"; None for
     all of it.
     """
 
@@ -61,6 +63,7 @@ class Job:
     model: str | None = None
     joined: str = ""
     part: str | None = None
+    law: str | None = None
 
 
 def cells(study: Study) -> list[Cell]:
@@ -91,8 +94,11 @@ def run_study(
     scheduler in their place; pool: where jobs run, in place of either.
     Raises InputError where the input is wrong; every record is read before anything is written.
     """
-    console = console or Console(stderr=True)
     use(study.plugins)
+    if console is None:
+        from rich.console import Console
+
+        console = Console(stderr=True)
     _read_inputs(study)
     store = Store(out)
     with store.lock():
@@ -132,8 +138,11 @@ def _jobs(study: Study) -> list[Job]:
     # Repeat by repeat over all signals, so that a run which is cut off has a little of everything.
     most = max(s.repeats for s in study.signals)
     records = [(s, r) for r in range(most) for s in study.signals if r < s.repeats]
-    parts = ("read", *(("answer",) if answers(study) else ()), "noise")
+    parts = ("read", *(("answer",) if answers(study) else ()))
     first = [Job(s.name, r, part=part) for part in parts for s, r in records]
+    noisy = [(s, r) for s, r in records if has_noise_cell(study)]
+    first += [Job(s.name, r, law=law) for s, r in noisy for law in s.restoring]
+    first += [Job(s.name, r, joined="noise") for s, r in noisy]
     last = [Job(s.name, 0, joined="average") for s in study.signals if averages(study, s)]
     last += [Job(name, 0, joined="specimen") for name in repeated(study)]
     last += [Job("specimens", 0, joined="population")] if populated(study) else []
@@ -149,6 +158,10 @@ def _work(study: Study, store: Store, job: Job) -> dict[str, tuple[str, Callable
     if job.joined in ("specimen", "population"):
         return joint_cells(study, store, None if job.joined == "population" else job.signal)
     spec = _spec(study, job.signal)
+    if job.law is not None or job.joined == "noise":
+        noise = NoiseCell(study, spec, job.repeat, store)
+        one = noise if job.law is None else noise.fits[job.law]
+        return {one.name: (one.key, lambda *_: one.compute())}
     if job.joined:
         branches = [Branch(study, spec, job.repeat, m, store).cells() for m in study.compare(spec)]
         key = task_key("averaged", branches)
@@ -166,15 +179,12 @@ def _work(study: Study, store: Store, job: Job) -> dict[str, tuple[str, Callable
 def _of_record(
     study: Study, spec: SignalSpec, store: Store, job: Job
 ) -> dict[str, tuple[str, Callable[[str, str], None]]]:
-    """The cells of a record itself: the record, its verdict, its noise."""
+    """The cell of a record itself: the record as read, or the verdict on it."""
     if job.part == "read":
         cell = SignalCell(study, spec, job.repeat, store)
         return {cell.name: (cell.key, lambda *_: cell.compute())}
-    if job.part == "answer":
-        answer = AnswerCell(study, spec, job.repeat, store)
-        return {answer.name: (answer.key, lambda *_: answer.compute())}
-    noise = noise_cell(study, spec, job.repeat, store)
-    return {noise.name: (noise.key, lambda *_: noise.compute())} if noise else {}
+    answer = AnswerCell(study, spec, job.repeat, store)
+    return {answer.name: (answer.key, lambda *_: answer.compute())}
 
 
 def _part(name: str) -> str:
@@ -260,16 +270,18 @@ def _tell(study: Study, store: Store, answered: Callable[[Verdict], None] | None
 def _stages(study: Study, store: Store, quick: bool = False) -> Iterator[list[Job]]:
     """Jobs that may run side by side, stage by stage; what a stage holds may depend on what was found before it."""
     jobs = _jobs(study)
-    # Records first: every branch reads its record from the store.
-    for part in ("read", "answer") if quick else ("read", "answer", "noise"):
-        yield [job for job in jobs if job.model is None and job.part == part]
+    # Records first: every other task reads its record from the store.
+    for part in ("read", "answer"):
+        yield [job for job in jobs if job.part == part and job.model is job.law is None]
     if quick:
         return
+    yield [job for job in jobs if job.law is not None]
+    yield [job for job in jobs if job.joined == "noise"]
     if staging.staged(study):
         yield from _staged(study, store)
     else:
         yield [job for job in jobs if job.model is not None]
-    yield [job for job in jobs if job.joined and job.joined != "population"]
+    yield [job for job in jobs if job.joined in ("average", "specimen")]
     yield [job for job in jobs if job.joined == "population"]
 
 

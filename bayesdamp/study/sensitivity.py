@@ -28,23 +28,29 @@ SOURCES = {
     "savage_dickey": "posterior/{}/nuts",
 }
 """Which cell of the branch each starts from."""
+CLOSE = ("half", "noises")
+"""Those that need searches of their own."""
 SHOWN = 1000
 """Samples of a prediction that are kept, at least, where there are as many."""
 
 
 def sensitivity_cells(
-    path: str, found: Mapping[str, str], repeat: int, terms: int, noises: int
+    path: str, found: Mapping[str, str], repeat: int, terms: int, noises: int, joined: bool = False
 ) -> dict[str, str]:
     """Names of the cells to what their keys depend on: of the first repeat alone, and only where evidence is asked for.
 
-    found: the branch's other cells, name to key; terms, noises: how many of the candidate's and in play.
+    found: the branch's other cells, name to key; terms, noises: how many of the candidate's and in play. joined:
+    whether what counts is a fit of this record and others together, so that it is not looked at closely by itself.
     """
     asked = repeat == 0 and any(n.startswith("evidence/") for n in found)
     sources = {kind: source.format(path) for kind, source in SOURCES.items()}
     return {
         f"sensitivity/{path}/{kind}": found[source]
         for kind, source in sources.items()
-        if asked and source in found and {"savage_dickey": terms, "noises": noises}.get(kind, 2) > 1
+        if asked
+        and source in found
+        and not (joined and kind in CLOSE)
+        and {"savage_dickey": terms, "noises": noises}.get(kind, 2) > 1
     }
 
 

@@ -6,15 +6,18 @@ from collections.abc import Iterator
 from concurrent.futures import CancelledError, Executor
 from contextlib import contextmanager
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import jax
 from platformdirs import user_cache_dir
-from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
 from bayesdamp.processes import processes
 from bayesdamp.programs import keep_in
 from bayesdamp.types import InputError
+
+if TYPE_CHECKING:
+    from rich.console import Console
+    from rich.progress import Progress
 
 
 @contextmanager
@@ -57,6 +60,9 @@ def executor(workers: int, scheduler: str | None) -> Iterator[Executor]:
 
 def progress_bar(console: Console) -> Progress:
     """What is shown while a run goes on."""
+    # Not for workers, which show nothing.
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
     return Progress(
         TextColumn("{task.description}"),
         BarColumn(),

@@ -24,6 +24,7 @@ from bayesdamp.physics.steps import MeshPlan
 from bayesdamp.priors import HalfNormal, LogNormal, Normal, Prior
 from bayesdamp.types import Signal
 
+from .ledger import ratio
 from .timing import in_turns, table
 
 FEW, MANY, RATIO = 10_000, 1_000_000, 1.5
@@ -99,6 +100,11 @@ def measured(noise: str) -> dict[str, float]:
 
 def test_table():
     kinds = ("likelihood", "gradient", "information")
+    for noise in NOISES:
+        m = measured(noise)
+        ratio(f"{MANY:,} samples, {noise}: the plain sum / ours", m["plain"] / m[f"likelihood {MANY}"])
+        for kind in kinds:
+            ratio(f"{kind}, {noise}: {FEW:,} samples / {MANY:,}", m[f"{kind} {FEW}"] / m[f"{kind} {MANY}"])
     table(
         f"microseconds, {FEW:,} and {MANY:,} samples in ten seconds",
         [

@@ -17,6 +17,7 @@ from scipy.integrate import odeint
 
 from bayesdamp.inference import diagnostics
 from bayesdamp.inference.checks import value_sds
+from bayesdamp.inference.convergence import ess_bulk
 from bayesdamp.inference.density import log_posterior
 from bayesdamp.inference.samplers import SAMPLERS, Settings
 from bayesdamp.inference.samplers._many import sample_many
@@ -27,6 +28,7 @@ from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.priors import HalfNormal, LogNormal, Normal
 from bayesdamp.types import Signal
 
+from .ledger import ratio
 from .timing import table
 
 RATIO = 15.0
@@ -55,7 +57,7 @@ def target(seed: int = 1) -> Target:
 
 def effective(draws: dict[str, np.ndarray]) -> float:
     """The smallest bulk effective size over the parameters, each of shape (chain, draw)."""
-    return min(diagnostics.summarise(x)["ess_bulk"] for x in draws.values())
+    return min(ess_bulk(x) for x in draws.values())
 
 
 @lru_cache
@@ -194,6 +196,9 @@ def test_table():
     )
     theirs = {"numpyro": rows["numpyro"], "emcee on odeint": on_odeint()}
     ours = {"one record": rows["ours"], f"{RECORDS} records, compiled in that time": of_many()}
+    for name, row in ours.items():
+        for other, their in theirs.items():
+            ratio(f"effective samples a second, {name}: ours / {other}", row["rate"] / their["rate"])
     table(
         "effective samples a second",
         ["ours", "ESS/s", *(f"times {name}" for name in theirs)],

@@ -17,6 +17,7 @@ from bayesdamp.physics.integrate import make_plan
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.physics.plan import compiled_record
 
+from .ledger import ratio
 from .timing import in_turns, table
 
 TIMES = np.linspace(0.0, 10.0, 1001)
@@ -88,6 +89,9 @@ MODELS = ("viscous", "coulomb", "quadratic")
 
 
 def test_table():
+    for model in MODELS:
+        ratio(f"trajectory, {model}: odeint / ours", measured(model)["single"])
+        ratio(f"trajectory, {model}: odeint / ours of {SIZE}", measured(model)["batch"])
     table(
         f"1,001 samples within {ERROR:g} rad, microseconds a trajectory",
         ["model", "odeint", "error", "ours", "error", "steps", "ratio", f"of {SIZE}", "error", "ratio"],

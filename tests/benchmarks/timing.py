@@ -5,6 +5,8 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 
+from .ledger import LEDGER
+
 
 def seconds(run: Callable[[], object], least: float = 0.02) -> float:
     """Seconds a call, from as many calls as fill `least` seconds."""
@@ -25,7 +27,8 @@ def in_turns(*runs: Callable[[], object], rounds: int = 15) -> list[float]:
 
 
 def table(title: str, header: list[str], rows: list[list[str]]) -> None:
-    """Print a table that is aligned."""
+    """Print a table that is aligned, and keep it for the page."""
+    LEDGER.tables.append((title, header, rows))
     widths = [max(map(len, column)) for column in zip(header, *rows, strict=True)]
     print(f"\n{title}")
     for row in (header, ["-" * w for w in widths], *rows):

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from scipy.special import logsumexp
 
+from bayesdamp.inference import joint_evidence
 from bayesdamp.inference.joint import HOPELESS, Apart, JointMode, find_joint_mode
 from bayesdamp.inference.joint_evidence import Weighed, weigh
 from bayesdamp.inference.weighted import shares, summarise
@@ -105,3 +106,13 @@ def test_a_prior_that_differs_cannot_be_shared():
     )
     with pytest.raises(Refusal, match="zeta cannot be shared"):
         joint([one, other], ("zeta",))
+
+
+def test_the_number_of_threads_does_not_change_a_digit(monkeypatch):
+    """Negative control: another seed does."""
+    mode, found = shared("repeats")
+    monkeypatch.setattr(joint_evidence, "_threads", lambda records: 1)
+    alone, other = weigh(mode, seed=3), weigh(mode, seed=4)
+    assert alone.log_evidence == found.log_evidence
+    np.testing.assert_array_equal(alone.log_weights, found.log_weights)
+    assert other.log_evidence != found.log_evidence

@@ -1,0 +1,37 @@
+"""The benchmarks' page: ratios beside those of the run before, and what was lost."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+from benchmarks.ledger import Ledger, before, losses, write
+
+
+def ledger(**ratios: float) -> Ledger:
+    return Ledger([("Seconds", ["solver", "s"], [["odeint", "1"]])], dict(ratios))
+
+
+def test_a_loss_is_shown_and_a_gain_or_a_little_less_is_not(tmp_path: Path) -> None:
+    assert write(ledger(slower=10.0, same=10.0, faster=10.0), tmp_path) == []
+    assert "since the page before: none." in (tmp_path / "README.md").read_text(encoding="utf-8")
+    (line,) = write(ledger(slower=7.9, same=8.1, faster=20.0), tmp_path)
+    assert line == "slower: 7.9, was 10 (-21 %)"
+    assert f"- {line}" in (tmp_path / "README.md").read_text(encoding="utf-8")
+    assert before(tmp_path) == {"slower": 7.9, "same": 8.1, "faster": 20.0}
+    assert losses({"new": 1.0}, before(tmp_path)) == []
+
+
+def test_the_page_has_tables_a_picture_and_the_machine(tmp_path: Path) -> None:
+    write(ledger(one=10.0), tmp_path)
+    page = (tmp_path / "README.md").read_text(encoding="utf-8")
+    assert "## Seconds" in page
+    assert "| odeint | 1 |" in page
+    assert (tmp_path / "ratios.png").stat().st_size > 1000
+    assert json.loads((tmp_path / "machine.json").read_text(encoding="utf-8"))["machine"]["python"]
+
+
+def test_what_was_not_measured_again_is_kept(tmp_path: Path) -> None:
+    write(ledger(one=10.0, other=3.0), tmp_path)
+    write(ledger(one=11.0), tmp_path)
+    assert before(tmp_path) == {"one": 11.0, "other": 3.0}
