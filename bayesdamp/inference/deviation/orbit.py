@@ -12,6 +12,8 @@ from bayesdamp.physics.damping import TERMS
 from bayesdamp.physics.restoring import LAWS
 
 POINTS = 200
+REACHES = (1e-3, 0.03, 0.1, 0.25, 0.5)
+"""Half widths, in amplitudes, in which a cycle's middle is looked for about its rest."""
 _PHASE = (np.arange(POINTS) + 0.5) / POINTS * np.pi - 0.5 * np.pi
 _X, _W = np.polynomial.legendre.leggauss(48)
 
@@ -34,7 +36,10 @@ class Cycle:
 def cycle_at(
     amplitude: float, terms: Sequence[str], epsilon: float, restoring: str, law: np.ndarray, rest: float
 ) -> Cycle | None:
-    """The cycle whose turning points are twice the amplitude apart; None where the law has none about `rest`."""
+    """The cycle whose turning points are twice the amplitude (rad or m) apart; None where there is none about `rest`.
+
+    epsilon: in rad/s or m/s, above 0; law: the restoring law's parameters in its order, (r,).
+    """
     force = LAWS.get(restoring).kernel
 
     def potential(x: float) -> float:
@@ -44,13 +49,18 @@ def cycle_at(
     def uneven(shift: float) -> float:
         return potential(rest + shift + amplitude) - potential(rest + shift - amplitude)
 
-    reach = 0.5 * amplitude
-    if not uneven(-reach) < 0 < uneven(reach):
+    # Narrow brackets first: a wide one reaches beyond the barrier of a softening spring.
+    reaches = (share * amplitude for share in REACHES)
+    reach = next((r for r in reaches if uneven(-r) < 0 < uneven(r)), None)
+    if reach is None:
         return None
     centre = rest + float(brentq(uneven, -reach, reach, xtol=1e-12 * max(amplitude, 1e-300)))  # type: ignore[arg-type]
     energy = potential(centre + amplitude)
     x = centre + amplitude * np.sin(_PHASE)
-    speed = np.sqrt(2 * np.maximum(energy - np.array([potential(float(at)) for at in x]), 0.0))
+    inside = np.array([potential(float(at)) for at in x])
+    if inside.max() > energy * (1 + 1e-9):
+        return None
+    speed = np.sqrt(2 * np.maximum(energy - inside, 0.0))
     width = amplitude * np.cos(_PHASE) * np.pi / POINTS
     work = [_work(TERMS.get(name).kernel, x, speed, width, epsilon) for name in terms]
     return Cycle(amplitude, energy, np.array(work))

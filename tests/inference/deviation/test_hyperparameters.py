@@ -6,7 +6,15 @@ import numpy as np
 import pytest
 from scipy.stats import expon
 
-from bayesdamp.inference.deviation.hyperparameters import EXACT, JITTER, LENGTHS, MEAN_G, MEAN_H, grid_of, knots_of
+from bayesdamp.inference.deviation.hyperparameters import (
+    EXACT,
+    JITTER,
+    LENGTHS,
+    MEAN_G,
+    MEAN_H,
+    grid_of,
+    knots_of,
+)
 
 
 @pytest.mark.parametrize(("exact", "coarse"), [(False, False), (False, True), (True, False)])
@@ -46,13 +54,19 @@ def test_covariances_are_exponential_in_the_distance() -> None:
             if size == 0:
                 assert not np.any(part)
                 continue
-            near = [length for length, k in kernels.items() if np.allclose(part, size**2 * k, atol=2 * JITTER * size**2)]
+            near = [
+                length
+                for length, k in kernels.items()
+                if np.allclose(part, size**2 * k, atol=2 * JITTER * size**2)
+            ]
             assert len(near) == 1
             seen.add(near[0])
     assert seen == set(LENGTHS)
 
 
-@pytest.mark.parametrize(("cycles", "knots"), [(1.0, 4), (6.0, 4), (8.2, 5), (20.0, 11), (31.0, 16), (300.0, 16)])
+@pytest.mark.parametrize(
+    ("cycles", "knots"), [(1.0, 4), (6.0, 4), (8.2, 5), (20.0, 11), (31.0, 16), (300.0, 16)]
+)
 def test_a_knot_for_two_cycles(cycles: float, knots: int) -> None:
     found = knots_of(12.5, cycles)
     assert found.size == knots

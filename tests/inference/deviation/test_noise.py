@@ -8,9 +8,8 @@ import pytest
 from bayesdamp.inference.deviation.noise import BAND, inflation
 
 W, PER_CYCLE = 5.0, 40
-FALSE_ALARM = 1e-5
 Z = 4.3
-"""Standard deviations that a normal exceeds with half that probability on either side."""
+"""Standard deviations that a normal exceeds with a probability of 1e-5: the false-alarm rate of each comparison."""
 
 
 def times(cycles: int) -> np.ndarray:
@@ -50,13 +49,15 @@ def test_a_louder_band_is_seen(factor: float) -> None:
 def test_what_a_fit_took_is_given_back() -> None:
     """Directions of the band that are projected out of white noise: κ is 1 with, below the truth without, their count."""
     rng, t = np.random.default_rng(9), times(30)
-    x = W * t / t[-1] * 0 + W * t
+    x = W * t
     columns = np.column_stack([f(x * (1 + d / 30)) for d in range(-8, 8) for f in (np.sin, np.cos)])
     found = []
     for _ in range(60):
         noise = coloured(rng, t, 4.0)
         left = noise - columns @ np.linalg.lstsq(columns, noise, rcond=None)[0]
-        found.append((inflation(t, left, W, columns.shape[1]), inflation(t, left, W, 0), inflation(t, noise, W, 0)))
+        found.append(
+            (inflation(t, left, W, columns.shape[1]), inflation(t, left, W, 0), inflation(t, noise, W, 0))
+        )
     given, ignored, whole = np.mean(found, axis=0)
     assert given == pytest.approx(whole, rel=0.1)
     assert ignored < 0.8 * whole

@@ -1,0 +1,148 @@
+"""The fit recovers what made a noise-free record of another solver, and never a negative coefficient."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+from scipy.optimize import nnls
+
+from bayesdamp.inference.deviation.least_squares import Fit, fit, nonnegative
+from bayesdamp.inference.deviation.parameters import Parameters
+from bayesdamp.physics.damping import PAPER_TERMS
+from bayesdamp.physics.kernel import Solver
+from bayesdamp.physics.restoring import LAWS as PLUGINS
+from bayesdamp.priors import HalfNormal, LogNormal, Normal, Prior
+
+from physics.independent import LAWS, PAPER, trajectory
+
+W = math.sqrt(20.0)
+TIMES = np.linspace(0.0, 12.0, 600)
+WIDE = 1e3
+"""Widths of priors, in units of the truth: they move nothing that a record tells."""
+
+
+@dataclass(frozen=True)
+class Case:
+    solver: Solver
+    parameters: Parameters
+    truth: dict[str, float]
+    y: np.ndarray
+
+
+def case_of(law: str, quantity: str = "angle", **changed: float) -> Case:
+    p = {**PAPER, **LAWS[law], **changed}
+    order = ("angle", "velocity", "acceleration").index(quantity)
+    y = trajectory(law, p, TIMES)[:, order]
+    solver = Solver(
+        PAPER_TERMS, law, TIMES, quantity, abs(p["theta0"]), W, p["epsilon"], np.linspace(0, 12, 4)
+    )
+    priors: dict[str, Prior] = {}
+    for name in solver.names:
+        scale = WIDE * max(abs(p[name]), 0.1)
+        if name in PAPER:
+            priors[name] = HalfNormal(scale=scale)
+        else:
+            priors[name] = (
+                LogNormal(median=20.0, sigma=10.0) if name == "stiffness" else Normal(mean=0.0, sd=scale)
+            )
+    if law == "horizontal_pendulum":  # gravity and the spring's angle are told apart by little: one is known
+        del priors["gravity"]
+    return Case(
+        solver, Parameters(solver.names, priors, {"gravity": 1.0}), {n: p[n] for n in solver.names}, y
+    )
+
+
+def fitted(
+    made: Case, active: tuple[bool, ...] = (True, True, True), noise: float = 1e-9, **start: float
+) -> Fit:
+    rough = PLUGINS.get(made.solver.restoring).start(1.02 * W, 0.0, {})
+    first = made.truth["theta0"]
+    begin = {
+        "zeta": 0.02,
+        "mu_c": 0.02,
+        "mu_q": 0.02,
+        **rough,
+        "theta0": 0.97 * first,
+        "omega0": 0.05,
+        **start,
+    }
+    z = made.parameters.scores(begin)
+    found = fit(made.solver, made.parameters, np.array(active), made.y, z, noise=noise)
+    assert found is not None
+    return found
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_recovers_the_truth(law: str) -> None:
+    """From a frequency 2 % off; the pendulum begins at 2 rad."""
+    made = case_of(law)
+    found = fitted(made)
+    values = made.parameters.named(found.z)
+    for name, truth in made.truth.items():
+        assert values[name] == pytest.approx(truth, rel=2e-3, abs=2e-4), name
+    assert np.sqrt(found.squares / TIMES.size) < 3e-6 * abs(made.truth["theta0"])
+    assert found.residual == pytest.approx(made.y - found.motion.y, abs=1e-12)
+
+
+@pytest.mark.parametrize("quantity", ["velocity", "acceleration"])
+def test_recovers_the_truth_from_other_quantities(quantity: str) -> None:
+    """Where the law is linear its rest angle shows in neither: only coefficients and stiffness are asked for."""
+    made = case_of("linear", quantity)
+    found = fitted(made)
+    values = made.parameters.named(found.z)
+    for name in ("zeta", "mu_c", "mu_q", "stiffness"):
+        assert values[name] == pytest.approx(made.truth[name], rel=1e-2, abs=1e-3), name
+
+
+def test_a_wrong_law_does_not_fit() -> None:
+    """Control: a pendulum at 2 rad under a linear spring leaves more than a hundredth of the amplitude."""
+    made, other = case_of("pendulum"), case_of("linear", theta0=2.0)
+    wrong = Case(other.solver, other.parameters, other.truth, made.y)
+    found = fitted(wrong)
+    assert np.sqrt(found.squares / TIMES.size) > 0.02
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_coefficients_are_never_negative(seed: int) -> None:
+    """A viscous record with noise under all three terms: the others at zero or above, and least squares all the same."""
+    made = case_of("linear", mu_c=0.0, mu_q=0.0)
+    noisy = made.y + 0.01 * np.random.default_rng(seed).standard_normal(TIMES.size)
+    found = fitted(Case(made.solver, made.parameters, made.truth, noisy), noise=1e-3)
+    values = made.parameters.named(found.z)
+    assert all(values[name] >= 0 for name in PAPER)
+    truth = made.parameters.scores(made.truth)
+    at_truth = made.solver.solve(made.parameters.values(truth), found.active)
+    assert at_truth is not None
+    assert found.squares <= float(np.sum((noisy - at_truth.y) ** 2))
+
+
+def test_absent_terms_stay_absent() -> None:
+    made = case_of("linear", mu_c=0.0, mu_q=0.0)
+    priors = {n: p for n, p in made.parameters.priors.items() if n not in ("mu_c", "mu_q")}
+    fewer = Case(made.solver, Parameters(made.solver.names, priors, {}), made.truth, made.y)
+    found = fitted(fewer, (True, False, False))
+    values = fewer.parameters.named(found.z)
+    assert values["mu_c"] == values["mu_q"] == 0.0
+    assert values["zeta"] == pytest.approx(0.05, rel=1e-4)
+    assert found.tangents.shape == (TIMES.size, 5)
+
+
+def test_a_way_that_escapes_is_none() -> None:
+    made = case_of("duffing")
+    z = made.parameters.scores({**made.truth, "theta0": 5.0})
+    assert fit(made.solver, made.parameters, np.ones(3, bool), made.y, z, noise=1e-9) is None
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_nonnegative_least_squares_are_scipys(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    root, target = rng.standard_normal((12, 3)), rng.standard_normal(12)
+    assert nonnegative(root, target, np.ones(3, bool)) == pytest.approx(nnls(root, target)[0], abs=1e-10)
+    free = nonnegative(root, target, np.zeros(3, bool))
+    assert free == pytest.approx(np.linalg.lstsq(root, target, rcond=None)[0])
+    half = nonnegative(root, target, np.array([True, False, False]))
+    split = nnls(np.column_stack([root, -root[:, 1:]]), target)[0]
+    assert half == pytest.approx([split[0], *(split[1:3] - split[3:])], abs=1e-9)

@@ -1,0 +1,121 @@
+"""Kernels on disk: compiled once, by processes at once, in a folder that cannot be written, and no more than enough."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from bayesdamp.physics.damping import PAPER_TERMS
+from bayesdamp.physics.kernel import build
+from bayesdamp.physics.restoring import LAWS
+
+SOLVE = """
+import numpy as np
+from bayesdamp.physics.kernel import Solver
+s = Solver(("viscous",), "linear", np.linspace(0, 1, 5), "angle", 0.1, 4.0, 0.01, np.linspace(0, 1, 4))
+print(s.solve(np.array([0.1, 16.0, 0.0, 0.1, 0.0]), np.ones(1, bool), tangents=0).y[-1])
+march = s.kernel.march
+print(sum(march.stats.cache_hits.values()), sum(march.stats.cache_misses.values()))
+"""
+
+
+def started(cache: Path) -> subprocess.Popen[str]:
+    env = {
+        **os.environ,
+        "BAYESDAMP_CACHE": str(cache),
+        "PYTHONPATH": os.pathsep.join(p for p in sys.path if p),
+    }
+    return subprocess.Popen(
+        [sys.executable, "-c", SOLVE], env=env, text=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE
+    )
+
+
+def ended(process: subprocess.Popen[str]) -> tuple[float, tuple[int, int]]:
+    """The motion's last value, and how often the kernel was loaded and compiled."""
+    said, faults = process.communicate(timeout=600)
+    assert process.returncode == 0, faults
+    assert not faults
+    value, counts = said.splitlines()
+    hits, misses = counts.split()
+    return float(value), (int(hits), int(misses))
+
+
+def test_two_processes_at_once_and_one_after(tmp_path: Path) -> None:
+    """Both compile or one loads, neither fails; the third compiles nothing."""
+    both = [ended(p) for p in [started(tmp_path), started(tmp_path)]]
+    after = ended(started(tmp_path))
+    assert both[0][0] == both[1][0] == after[0]
+    assert all(sum(counts) == 1 for _, counts in both)
+    assert after[1] == (1, 0)
+    assert not list(tmp_path.rglob("*.tmp*"))
+
+
+def test_a_folder_that_cannot_be_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A file in its place: the kernel is kept in a temporary folder, without a word."""
+    occupied = tmp_path / "file"
+    occupied.write_text("")
+    monkeypatch.setenv("BAYESDAMP_CACHE", str(occupied))
+    path = build._kept("bayesdamp_kernel_x", "a = 1\n")
+    assert path.read_text() == "a = 1\n"
+    assert tmp_path not in path.parents
+    assert build._kept("bayesdamp_kernel_x", "a = 1\n") == path
+
+
+def test_a_folder_that_can_only_be_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("BAYESDAMP_CACHE", str(tmp_path))
+    first = build._kept("bayesdamp_kernel_y", "a = 1\n")
+    assert tmp_path in first.parents
+    monkeypatch.setattr(os, "access", lambda path, _: tmp_path not in Path(path).parents)
+    assert tmp_path not in build._kept("bayesdamp_kernel_y", "a = 1\n").parents
+
+
+def test_kernels_of_long_ago_go(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of 60, twenty used within the hour: the oldest beyond 50 go, and none that is in use; another file stays."""
+    monkeypatch.setenv("BAYESDAMP_CACHE", str(tmp_path))
+    home, now = tmp_path / "kernels", time.time()
+    (home / "other").mkdir(parents=True)
+    for i in range(60):
+        folder = home / f"bayesdamp_kernel_{i:02d}"
+        folder.mkdir()
+        (folder / "kernel.py").write_text("")
+        old = now - (60.0 if i < 20 else 1e6 + i)
+        os.utime(folder, (old, old))
+    build._kept("bayesdamp_kernel_new", "a = 1\n")
+    left = {folder.name for folder in home.iterdir()}
+    assert len(left - {"other"}) == build.MOST_KEPT
+    assert {f"bayesdamp_kernel_{i:02d}" for i in range(20)} <= left
+    assert {"other", "bayesdamp_kernel_new"} <= left
+    assert "bayesdamp_kernel_59" not in left
+
+
+def test_none_in_use_goes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("BAYESDAMP_CACHE", str(tmp_path))
+    for i in range(60):
+        (tmp_path / "kernels" / f"bayesdamp_kernel_{i:02d}").mkdir(parents=True)
+    build._kept("bayesdamp_kernel_new", "a = 1\n")
+    assert len(list((tmp_path / "kernels").iterdir())) == 61
+
+
+def test_what_a_name_stands_for_may_change() -> None:
+    """Two laws under one set of terms are two modules; the same names give the same one."""
+    texts = {law: build.source_of(("viscous",), law) for law in LAWS.names()}
+    assert len(set(texts.values())) == len(texts)
+    assert build.source_of(("viscous",), "linear") == texts["linear"]
+
+
+def test_warm_compiles_what_ships(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked = []
+    kept = build.kernel_of
+    monkeypatch.setattr(
+        "bayesdamp.physics.kernel.solve.kernel_of",
+        lambda terms, law: asked.append((terms, law)) or kept(terms, law),
+    )
+    build.warm()
+    assert asked == [(PAPER_TERMS, law) for law in LAWS.names()]
+    for law in LAWS.names():
+        assert len(build.kernel_of(PAPER_TERMS, law).march.signatures) == 1  # type: ignore[attr-defined]

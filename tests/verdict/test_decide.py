@@ -1,0 +1,242 @@
+"""Decisions are a pure function of findings: grades, what is decided, and the facts of the sentence."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping
+from dataclasses import replace
+
+import pytest
+
+from bayesdamp.inference.deviation.candidate import Candidate
+from bayesdamp.inference.deviation.findings import Findings, Quantity, Ratio
+from bayesdamp.verdict import Verdict, decide, thresholds
+from bayesdamp.verdict.types import Grade, Window
+from bayesdamp.verdict.words import digits, probability
+
+TINY = 1e-6
+RESERVATIONS = (
+    "the damping follows none",
+    "if ",
+    "of the amplitude",
+    "the amplitude",
+    "not ",
+    "no ",
+    "beware",
+    "only",
+)
+
+
+def deviation(low: float = 0.0, value: float = 0.01, high: float = 0.02) -> Quantity:
+    return Quantity(value, low, high)
+
+
+def findings(**changed: object) -> Findings:
+    """Viscous damping that is decided, of a law that holds."""
+    given: dict[str, object] = {
+        "damping": {"viscous": 0.97, "viscous+coulomb": 0.03},
+        "exact": {"viscous": 0.98, "viscous+coulomb": 0.02},
+        "restoring": {"linear": 0.8, "pendulum": 0.2},
+        "term": {"viscous": 1.0, "coulomb": 0.03, "quadratic": 0.01},
+        "ratios": (
+            Ratio(0.3, 0.0101, 0.0099, 0.0103, 1e-5, 1e-4),
+            Ratio(0.1, 0.0102, 0.0100, 0.0104, 1e-5, 1e-4),
+            Ratio(0.03, 0.0103, 0.0100, 0.0106, 1e-5, 1e-4),
+        ),
+        "frequency": Quantity(0.7118, 0.7117, 0.7119),
+        "energy": {
+            "viscous": Quantity(0.99, 0.95, 1.0), "coulomb": Quantity(0.0, 0.0, 0.04), "quadratic": Quantity(0.0, 0.0, 0.01),
+        },
+        "bound": {"viscous": 1.0, "coulomb": 0.05, "quadratic": 0.02},
+        "deviation": deviation(),
+        "restoring_deviation": deviation(0, 0.001, 0.003),
+        "other": 0.02,
+        "coefficients": {"zeta": Quantity(0.045, 0.044, 0.046, 1e-4, 4e-4), "stiffness": Quantity(20, 19.9, 20.1, 0.01, 0)},
+        "best": Candidate(("viscous",), "linear"),
+        "unexplained": 0.001,
+        "noise": 0.004,
+        "amplitudes": (0.31, 0.028),
+        "cycles": 30.0,
+    }  # fmt: skip
+    return Findings(**(given | changed))  # type: ignore[arg-type]
+
+
+def decided(found: Findings | None = None, **how: object) -> Verdict:
+    return decide(found or findings(), record="rig", **how)  # type: ignore[arg-type]
+
+
+def two(p: float, exact: Mapping[str, float] | None = None) -> Findings:
+    damping = {"viscous": p, "coulomb": 1 - p}
+    return findings(damping=damping, exact=exact or damping)
+
+
+@pytest.mark.parametrize(
+    ("changed", "grade"),
+    [
+        ({"deviation": deviation(high=thresholds.EXACT)}, Grade.EXACT),
+        ({"deviation": deviation(high=thresholds.EXACT + TINY)}, Grade.APPROXIMATE),
+        ({"deviation": deviation(thresholds.DEVIATES, 0.4, 0.6)}, Grade.APPROXIMATE),
+        ({"deviation": deviation(thresholds.DEVIATES + TINY, 0.4, 0.6)}, Grade.DEVIATES),
+        ({"restoring_deviation": deviation(thresholds.RESTORING_DEVIATES, 0.06, 0.1)}, Grade.EXACT),
+        ({"restoring_deviation": deviation(thresholds.RESTORING_DEVIATES + TINY, 0.06, 0.1)}, Grade.DEVIATES),
+        ({"unexplained": thresholds.UNEXPLAINED}, Grade.EXACT),
+        ({"unexplained": thresholds.UNEXPLAINED + TINY}, Grade.DEVIATES),
+    ],
+)
+def test_grades(changed: dict[str, object], grade: Grade) -> None:
+    found = decided(findings(**changed))
+    assert found.grade is grade
+    assert found.decided is (grade is not Grade.DEVIATES)
+    said = found.sentence.lower()
+    assert ("follows none of the laws" in said) is (grade is Grade.DEVIATES)
+
+
+def test_under_exact_laws_the_grade_is_exact() -> None:
+    found = decided(findings(deviation=deviation(0.4, 0.5, 0.6)), approximate=False)
+    assert found.grade is Grade.EXACT
+    assert found.deviation is None
+    assert "holds within" not in found.sentence
+    assert "any other form" not in {b.form for b in found.other_forms}
+
+
+@pytest.mark.parametrize(
+    ("p", "exact", "outright"),
+    [
+        (thresholds.DECIDED, None, True),
+        (thresholds.DECIDED - TINY, None, False),
+        (0.9999, {"coulomb": 0.6, "viscous": 0.4}, False),
+        (0.9999, {"viscous": 0.6, "coulomb": 0.4}, True),
+    ],
+)
+def test_decided(p: float, exact: Mapping[str, float] | None, outright: bool) -> None:
+    found = decided(two(p, exact))
+    assert found.decided is outright
+    assert found.damping == "viscous"
+    assert found.sentence.startswith("Viscous damping") is outright
+    assert any("If the laws held exactly" in r for r in found.remarks) is (exact is not None and not outright)
+
+
+@pytest.mark.parametrize(
+    ("measured", "approximate", "cap"), [(True, True, thresholds.CAP), (False, True, 1), (True, False, 1)]
+)
+def test_probabilities_of_measured_records_are_capped(measured: bool, approximate: bool, cap: float) -> None:
+    found = decided(two(0.99999), measured=measured, approximate=approximate)
+    assert found.probability == min(0.99999, cap)
+    assert ("more than 0.999" in found.sentence) is (cap == 1)
+    low = decided(two(thresholds.CAP - 0.01), measured=measured)
+    assert low.probability == thresholds.CAP - 0.01
+
+
+@pytest.mark.parametrize(("p", "named"), [(thresholds.NAMED, True), (thresholds.NAMED - TINY, False)])
+def test_rivals_are_named(p: float, named: bool) -> None:
+    """Of an undecided record, for a decided one has none."""
+    damping = {"viscous": 0.9 - p, "coulomb": 0.1, "quadratic": p}
+    found = decided(findings(damping=damping, exact=damping))
+    assert [r.damping for r in found.rivals] == ["coulomb", "quadratic"]
+    assert ("quadratic" in found.sentence) is named
+
+
+@pytest.mark.parametrize(("p", "sure"), [(thresholds.TERM_SURE, True), (thresholds.TERM_SURE - TINY, False)])
+def test_a_term_that_is_sure_by_itself(p: float, sure: bool) -> None:
+    damping = {"viscous+coulomb": 0.6, "viscous": 0.4}
+    found = decided(
+        findings(damping=damping, exact=damping, term={"viscous": p, "coulomb": 0.6, "quadratic": 0.0})
+    )
+    assert ("; viscous is sure" in found.sentence) is sure
+
+
+@pytest.mark.parametrize(("share", "said"), [(thresholds.REMARK, True), (thresholds.REMARK - TINY, False)])
+def test_what_is_not_explained_is_remarked(share: float, said: bool) -> None:
+    found = decided(findings(unexplained=share))
+    assert any("not explained" in r for r in found.remarks) is said
+    assert found.unexplained_pct == pytest.approx(100 * share)
+
+
+@pytest.mark.parametrize(("last", "said"), [(0.31 * 0.71, True), (0.31 * 0.69, False)])
+def test_a_small_fall_is_remarked(last: float, said: bool) -> None:
+    assert (
+        any("tells dampings apart" in r for r in decided(findings(amplitudes=(0.31, last))).remarks) is said
+    )
+
+
+CASES = {
+    "decided": findings(),
+    "undecided": two(0.6),
+    "deviates": findings(deviation=deviation(0.3, 0.4, 0.6)),
+    "unexplained": findings(unexplained=0.03),
+    "exact differs": two(0.97, {"coulomb": 0.9, "viscous": 0.1}),
+    "small fall": findings(amplitudes=(0.3, 0.29)),
+}
+
+
+@pytest.mark.parametrize("name", [n for n in CASES if n != "deviates"])
+def test_a_sentence_never_begins_with_a_reservation(name: str) -> None:
+    found = decided(CASES[name], notes=("Beware: the clock stood still.",))
+    assert found.sentence[0].isupper()
+    assert not found.sentence.lower().startswith(RESERVATIONS)
+    assert found.sentence.endswith(".")
+    assert "nan" not in found.sentence
+    assert "equivalent damping ratio 1.0" in found.sentence.replace("Equivalent", "equivalent")
+    assert "natural frequency 0.7118" in found.sentence
+    assert not any(r in found.sentence for r in found.remarks)
+    assert found.remarks[-1] == "Beware: the clock stood still."
+    assert str(found) == found.sentence
+
+
+def test_facts_of_a_budget() -> None:
+    damping = {"viscous+coulomb": 0.98, "viscous": 0.02}
+    energy = {
+        "viscous": Quantity(0.3, 0.25, 0.35), "coulomb": Quantity(0.7, 0.65, 0.75), "quadratic": Quantity(0, 0, 0.02),
+    }  # fmt: skip
+    found = decided(findings(damping=damping, exact=damping, energy=energy))
+    assert "Coulomb (dry friction) 70 % (65 to 75), viscous 30 % (25 to 35)" in found.sentence
+    assert [s.term for s in found.energy] == ["coulomb", "viscous", "quadratic"]
+    assert [b.form for b in found.other_forms] == ["quadratic", "any other form"]
+
+
+def test_units_of_a_record_in_metres() -> None:
+    found = decided(unit="m")
+    assert {r.unit for r in found.damping_ratio} == {"m"}
+    assert " m" in found.sentence
+    assert not any("rad" in c.unit for c in found.coefficients)
+    assert any("rad" in r.unit for r in decided().damping_ratio)  # control
+
+
+def test_a_verdict_survives_json() -> None:
+    """What is written reads back as the same plain values; what is not known is null."""
+    found = decided(window=Window(1.0, 41.0, 30.0, "after the release"), exponent=Quantity(1.0, 0.9, 1.1))
+    back = json.loads(found.to_json(), parse_constant=pytest.fail)
+    assert back == found.to_dict() == json.loads(json.dumps(found.to_dict()))
+    assert back["grade"] == "exact"
+    assert back["damping_ratio"][0] == {
+        "amplitude": 0.3, "unit": "rad", "value": 0.0101, "sd_noise": 1e-5, "sd_law": 1e-4, "low": 0.0099, "high": 0.0103,
+    }  # fmt: skip
+    assert back["coefficients"][0]["name"] == "zeta"
+    assert back["window"]["why"] == "after the release"
+    assert "provenance" not in back
+    lost = json.loads(replace(found, unexplained_pct=math.nan).to_json(), parse_constant=pytest.fail)
+    assert lost["unexplained_pct"] is None
+    assert {"record", "grade", "decided", "damping", "probability", "rivals", "restoring", "restoring_probability",
+            "frequency", "exponent", "damping_ratio", "energy", "other_forms", "deviation", "unexplained_pct", "noise_pct",
+            "coefficients", "window", "remarks", "sentence"} == set(back)  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("value", "width", "text"),
+    [
+        (0.6512, 0.01, "0.651"),
+        (12.34, 5.0, "12.3"),
+        (123.4, 50.0, "123"),
+        (0.0, 1.0, "0"),
+        (1.5, 0.0, "1.5"),
+        (1.2e-9, 1e-10, "1.2e-09"),
+    ],
+)
+def test_digits(value: float, width: float, text: str) -> None:
+    assert digits(value, width) == text
+
+
+@pytest.mark.parametrize(("p", "text"), [(1.0, "more than 0.999"), (0.42, "0.42"), (0.0034, "0.003")])
+def test_probability_in_words(p: float, text: str) -> None:
+    assert probability(p) == text
