@@ -70,9 +70,14 @@ def rise(signal: Signal, seen: Features) -> float:
     runs = np.lib.stride_tricks.sliding_window_view(np.arange(ranges.size), TOGETHER)
     most = runs[np.arange(len(runs)), np.argmax(ranges[runs], axis=1)]
     least = runs[np.arange(len(runs)), np.argmin(ranges[runs], axis=1)]
-    lifted = ranges[least][None, :] - ranges[most][:, None]
-    lifted = lifted / np.sqrt(variance[least][None, :] + variance[most][:, None])
-    return max(float(np.max(np.triu(lifted, TOGETHER))), 0.0)
+    if len(runs) <= TOGETHER:
+        return 0.0
+    # The lowest of the earlier runs, which a run may be set against from TOGETHER later on.
+    lowest = np.maximum.accumulate(-ranges[most])
+    at = most[np.maximum.accumulate(np.where(-ranges[most] == lowest, np.arange(len(runs)), 0))][:-TOGETHER]
+    later = least[TOGETHER:]
+    lifted = (ranges[later] - ranges[at]) / np.sqrt(variance[later] + variance[at])
+    return max(float(np.max(lifted)), 0.0)
 
 
 def _sampled(t: np.ndarray, times: np.ndarray, period: float) -> np.ndarray:
