@@ -9,6 +9,8 @@ from scipy.ndimage import maximum_filter1d, median_filter, minimum_filter1d
 
 PER_CYCLE = 48
 """Samples a cycle that suffice to find a turning point before it is refined on all samples."""
+FEW = 7
+"""Turning points below which smaller ones are looked for."""
 BLOCK = 200_000
 """Samples that are fitted at a time."""
 
@@ -28,9 +30,11 @@ class Turning:
         return Turning(self.times[first:last], self.values[first:last], self.gain[first:last])
 
 
-def thinned(t: np.ndarray, y: np.ndarray, period: float) -> tuple[np.ndarray, np.ndarray, int]:
+def thinned(
+    t: np.ndarray, y: np.ndarray, period: float, smooth: bool = True
+) -> tuple[np.ndarray, np.ndarray, int]:
     """(times, smoothed values, samples a period) on an equally spaced grid of at most PER_CYCLE samples a
-    period.
+    period. Not smooth: averages of the samples that fall to one, no more.
     """
     mean_gap = (t[-1] - t[0]) / (t.size - 1)
     gap = max(mean_gap, period / PER_CYCLE)
@@ -42,6 +46,8 @@ def thinned(t: np.ndarray, y: np.ndarray, period: float) -> tuple[np.ndarray, np
     grid = np.arange(t[0], t[-1] + gap / 2, gap)
     values = np.interp(grid, t, y)
     a_period = max(round(period / gap), 3)
+    if not smooth:
+        return grid, values, a_period
     if a_period >= 24:  # spikes must not count as turning points
         values = median_filter(values, 5 if a_period >= 40 else 3, mode="nearest")
     half = a_period // 10
@@ -180,6 +186,8 @@ def turning_points(t: np.ndarray, y: np.ndarray, period: float, roughness: float
     width = int(1.2 * a_period) | 1
     swing = 0.5 * (maximum_filter1d(smooth, width) - minimum_filter1d(smooth, width))
     found, first = zigzag(smooth, swing)
+    if len(found) < FEW:  # heavy damping: a swing is less than half of the one before
+        found, first = zigzag(smooth, 0.5 * swing)
     if not found:
         return Turning(*np.empty((3, 0)))
     spacing = (t[-1] - t[0]) / (t.size - 1)
