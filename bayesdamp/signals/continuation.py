@@ -14,13 +14,13 @@ from bayesdamp.signals.turning import Turning
 
 Reason = Literal["period", "amplitude", "midline", "shape"]
 
-LATER = 8
+LATER = 10
 """Later swings that a swing is measured by."""
 CHANCE = 1e-3
 """How often chance alone may put a swing off the curve of the later ones."""
 TIMES = 5.0
 """Usual misfits of the later swings that the misfit of a swing may be."""
-PERIOD, AMPLITUDE, MIDLINE, SHAPE = 0.05, 0.1, 0.03, 0.01
+PERIOD, AMPLITUDE, MIDLINE, SHAPE = 0.02, 0.1, 0.03, 0.01
 """What a swing may be off where the later ones do not scatter: shares of the period, of the fall of the amplitude in
 a cycle, of the range, and of the amplitude."""
 TEMPLATE = 0.02
@@ -64,7 +64,8 @@ class Swings:
         foretold, slack = _foretold(later)
         usual = float(np.median(later))
         blur = 0.3 * self.floor / self.ranges[i] * usual
-        return abs(self.gaps[i] - foretold) <= max(PERIOD * usual, blur) + slack
+        share = PERIOD if later.size >= 6 else 2.5 * PERIOD
+        return abs(self.gaps[i] - foretold) <= max(share * usual, blur) + slack
 
     def _falls(self, i: int) -> bool:
         """Whether the amplitude falls in the cycle from swing i on as the later swings foretell."""
@@ -92,19 +93,26 @@ class Swings:
 
     def _shaped(self, i: int) -> bool:
         """Whether the misfit of swing i is no more than those of the later ones."""
+        return self._like_later(i, self.misfit(i))
+
+    def opens_like_later(self, begin: float) -> bool:
+        """Whether what is recorded from begin (s) to the first turning point has no more misfit than the swings."""
+        end = float(self.turns.times[0])
+        return end - begin < 0.3 * self.gaps[0] or self._like_later(-1, self._fitted(begin, end))
+
+    def _like_later(self, i: int, misfit: tuple[float, float]) -> bool:
         later = np.array([self.misfit(j) for j in range(i + 1, min(i + 1 + LATER, self.gaps.size))])
         usual = np.median(later, axis=0) if later.size else np.zeros(2)
-        limit = np.maximum(TIMES * usual, np.array([1, 2]) * SHAPE * 0.5 * self.ranges[i])
-        return bool(np.all(self.misfit(i) <= np.maximum(limit, np.array([0.3, 0.6]) * self.floor)))
+        limit = np.maximum(TIMES * usual, np.array([1, 2]) * SHAPE * 0.5 * self.ranges[max(i, 0)])
+        return bool(np.all(misfit <= np.maximum(limit, np.array([0.3, 0.6]) * self.floor)))
 
     def misfit(self, i: int) -> tuple[float, float]:
         """(rms, largest) distance of the samples of swing i from a slowly changing sinusoid and overtone."""
         if i not in self._misfits:
-            self._misfits[i] = self._fitted(i)
+            self._misfits[i] = self._fitted(float(self.turns.times[i]), float(self.turns.times[i + 1]))
         return self._misfits[i]
 
-    def _fitted(self, i: int) -> tuple[float, float]:
-        begin, end = self.turns.times[i], self.turns.times[i + 1]
+    def _fitted(self, begin: float, end: float) -> tuple[float, float]:
         a, b = np.searchsorted(self.t, (begin - 1e-12, end + 1e-12))
         every = max(int(b - a) // 200, 1)
         t, y = self.t[a:b:every], self.y[a:b:every]
@@ -122,17 +130,19 @@ class Swings:
 def _foretold(later: np.ndarray) -> tuple[float, float]:
     """(value before the first of later ones (k ≥ 2,), what chance may add to it) by a smooth curve through these.
 
-    The second is the prediction interval of least squares that one in a thousand leaves.
+    Swings up and down may differ. The second is the prediction interval of least squares that CHANCE leaves.
     """
-    x = np.arange(1.0, later.size + 1)
-    degree = 2 if later.size >= 6 else 1 if later.size >= 3 else 0
-    columns = x[:, None] ** np.arange(degree + 1)
-    inverse = np.linalg.pinv(columns)
+    x = np.arange(later.size + 1.0)
+    columns = x[:, None] ** np.arange(3 if later.size >= 6 else 2 if later.size >= 3 else 1)
+    if later.size >= 8:
+        columns = np.hstack([columns, (-1.0) ** x[:, None]])
+    inverse = np.linalg.pinv(columns[1:])
     c = inverse @ later
-    free = later.size - degree - 1
-    variance = float(np.sum((later - columns @ c) ** 2)) / free
-    slack = float(stdtrit(free, 1 - CHANCE / 2)) * np.sqrt(variance * (1 + float(inverse[0] @ inverse[0])))
-    return float(c[0]), min(slack, 2 * float(np.ptp(later))) if free < 2 else slack
+    free = later.size - columns.shape[1]
+    variance = float(np.sum((later - columns[1:] @ c) ** 2)) / free
+    weights = columns[0] @ inverse
+    slack = float(stdtrit(free, 1 - CHANCE / 2)) * np.sqrt(variance * (1 + float(weights @ weights)))
+    return float(columns[0] @ c), min(slack, 2 * float(np.ptp(later))) if free < 2 else slack
 
 
 @dataclass(frozen=True)
@@ -158,9 +168,10 @@ def reach(grid: np.ndarray, values: np.ndarray, turns: Turning, step: float, noi
     times = turns.times
     gaps, ranges = np.diff(times), np.abs(np.diff(turns.values))
     fall, unsure = _next_fall(np.log(ranges[: LATER + 2]))
-    pace = float(np.clip(2 * gaps[0] - gaps[1], 0.9 * gaps[0], 1.1 * gaps[0]))
-    if gaps.size >= 4:
-        pace = float(np.clip(_foretold(gaps[:6])[0], 0.85 * gaps[0], 1.15 * gaps[0]))
+    same = gaps[1:8:2]  # swings in the same direction: those up may last longer than those down
+    trend = float(same[0] - same[-1]) / (same.size - 1) if same.size > 1 else 0.0
+    pace = float(np.clip(same[0] + trend, 0.9 * same[0], 1.1 * same[0]))
+    late = 0.01 * pace + 0.5 * float(np.abs(np.diff(same[:2])).sum())
     # The last swing before the first turning point and a little more, and a cycle later, what it should be like.
     earliest = times[0] - 1.15 * pace
     a, b = np.searchsorted(grid, (earliest - 1e-12, times[0]))
@@ -172,10 +183,13 @@ def reach(grid: np.ndarray, values: np.ndarray, turns: Turning, step: float, noi
     off = values[a:b] - turns.values[0] - later * scale
     spacing = float(grid[1] - grid[0])
     width = max(int(0.1 * gaps[0] / spacing), 0) | 1
-    allowed = (1 + scale) * (0.5 * step) + (TEMPLATE + unsure * back / pace) * ranges[0]
+    share = np.minimum(back / pace, 1.0)
+    speed = np.abs(np.gradient(values[a:b], spacing)) if b - a > 1 else np.zeros(1)
+    allowed = (1 + scale) * (0.5 * step) + (TEMPLATE + unsure * share) * ranges[0]
+    allowed = allowed + np.minimum(speed, 2 * ranges[0] / pace) * late * share
     blur = 4.5 * noise * np.sqrt(1 + scale**2)
     smooth = uniform_filter1d(off, width, mode="nearest")
-    agrees = (np.abs(smooth) <= allowed + blur / np.sqrt(width)) & (np.abs(off) <= 1.5 * allowed + blur)
+    agrees = (np.abs(smooth) <= allowed + blur / np.sqrt(width)) & (np.abs(off) <= allowed + blur)
     wrong = np.flatnonzero(~agrees)
     first = int(wrong[-1]) + 1 if wrong.size else 0
     at = float(grid[a + first]) if first < b - a else float(times[0])

@@ -75,10 +75,12 @@ def coarse_periods(
 def _periods(y: np.ndarray, spacing: float, longest: float | None, most: int) -> list[tuple[float, float]]:
     top = max((y.size - 1) if longest is None else longest / spacing, 4.4)
     grid = np.geomspace(4.0, top, int(28 * np.log10(top / 4.0)) + 3)
-    scores = np.array([captured(y, p)[0] for p in grid])
+    scores, shares = np.array([captured(y, p) for p in grid]).T
     padded = np.pad(scores, 1, constant_values=-np.inf)
     peaks = np.flatnonzero((scores >= padded[:-2]) & (scores > padded[2:]) & (scores > WEAK * scores.max()))
-    peaks = peaks[np.argsort(-scores[peaks])][:most] if peaks.size else np.array([int(np.argmax(scores))])
+    peaks = peaks[np.argsort(-scores[peaks] * shares[peaks])] if peaks.size else np.argmax(scores, keepdims=True)
+    strongest = int(np.argmax(scores))
+    peaks = [strongest, *(p for p in peaks.tolist() if p != strongest)][:most]
     found = []
     for best in peaks:
         fine = np.geomspace(grid[max(best - 1, 0)], grid[min(best + 1, grid.size - 1)], 17)

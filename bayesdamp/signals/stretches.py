@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy.ndimage import median_filter
 
 from bayesdamp.signals.turning import Turning
 
@@ -27,10 +28,11 @@ def stretches(t: np.ndarray, turns: Turning, floor: float) -> list[tuple[int, in
     """
     found: list[tuple[int, int]] = []
     for first, last in _in_step(t, turns, floor):  # swings first .. last - 1
-        ranges = np.abs(np.diff(turns.values[first : last + 1]))
+        # A spike or a gap spoils one turning point, and with it two ranges.
+        ranges = median_filter(np.abs(np.diff(turns.values[first : last + 1])), 5, mode="nearest")
         marks = [0, *_jumps(ranges, floor), ranges.size]
         for a, b in zip(marks[:-1], marks[1:]):
-            cuts = [a, *(a + c for c in _breaks(ranges[a:b], floor)), b]
+            cuts = [a, *(a + c for c in _breaks(ranges[a:b], floor) if a + c < b), b]
             found += [(first + c, first + d + 1) for c, d in zip(cuts[:-1], cuts[1:]) if d - c >= 2]
     return found
 
@@ -46,9 +48,15 @@ def worth(turns: Turning, stretch: tuple[int, int]) -> float:
 def _in_step(t: np.ndarray, turns: Turning, floor: float) -> list[tuple[int, int]]:
     """(first, last + 1) swings of runs that are in step and clear of the noise, with what a spike or a gap spoils."""
     gaps, ranges = np.diff(turns.times), np.abs(np.diff(turns.values))
+    if gaps.size == 0:
+        return []
     near = np.lib.stride_tricks.sliding_window_view(np.pad(gaps, 4, constant_values=np.nan), 9)
-    typical = np.nanmedian(near, axis=1) if gaps.size else gaps
-    good = (gaps > 0.7 * typical) & (gaps < 1.6 * typical) & (ranges > 2 * floor)
+    typical = np.nanmedian(near.copy(), axis=1)
+    width = np.concatenate([typical[:1], typical]) / 4
+    begin, end = np.maximum(turns.times - width, t[0]), np.minimum(turns.times + width, t[-1])
+    seen = np.searchsorted(t, end, side="right") - np.searchsorted(t, begin)
+    sampled = seen >= 0.75 * (end - begin) / float(np.median(np.diff(t))) - 1
+    good = (gaps > 0.7 * typical) & (gaps < 1.6 * typical) & (ranges > 2 * floor) & sampled[1:] & sampled[:-1]
     edges = np.flatnonzero(np.diff(np.concatenate([[0], good.astype(int), [0]])))
     runs: list[tuple[int, int]] = []
     for a, b in zip(edges[::2].tolist(), edges[1::2].tolist()):
@@ -67,7 +75,7 @@ def _goes_on(
     begin, end = float(turns.times[run[1]]), float(turns.times[a])
     swing = float(turns.times[run[1]] - turns.times[run[1] - 1])
     seen = np.searchsorted(t, end) - np.searchsorted(t, begin)
-    if seen < 0.6 * (end - begin) * (t.size - 1) / (t[-1] - t[0]):
+    if seen < 0.7 * (end - begin) * (t.size - 1) / (t[-1] - t[0]) and end - begin > 1.2 * swing:
         return after <= 1.05 * before + 2 * floor
     off = (end - begin) / swing
     in_phase = abs(off - round(off)) < 0.3 and off < 4.5
@@ -110,15 +118,33 @@ def _breaks(ranges: np.ndarray, floor: float) -> list[int]:
     k = np.arange(HALF, ranges.size - 3 * HALF + 1)  # the halves begin at k - HALF, k, k + HALF, k + 2 HALF
     parts = [rate[k + j * HALF] for j in (-1, 0, 1, 2)]
     sd = np.sqrt(np.mean([blur[k + j * HALF] ** 2 for j in (-1, 0, 1, 2)], axis=0))
-    explained = np.exp(POWER * (size[k] - size[k + HALF]))
-    least, most = parts[2] / explained, parts[2] * explained
-    beyond = np.maximum(np.minimum(least, most) - parts[1], parts[1] - np.maximum(least, most))
-    inner = np.maximum(np.abs(parts[0] - parts[1]), np.abs(parts[2] - parts[3]))
+    sizes = [size[k + j * HALF] for j in (-1, 0, 1, 2)]
+
+    def beyond(i: int, j: int) -> np.ndarray:
+        """What the fall of the amplitude does not explain of the change of the rate from part i to part j."""
+        factor = np.exp(POWER * np.abs(sizes[i] - sizes[j]))
+        low, high = np.minimum(parts[j] / factor, parts[j] * factor), np.maximum(parts[j] / factor, parts[j] * factor)
+        return np.maximum(np.maximum(low - parts[i], parts[i] - high), 0.0)
+
+    inner = np.maximum(beyond(0, 1), beyond(2, 3))
     clear = ranges[k + 3 * HALF - 1] > 16 * floor
-    limit = np.maximum.reduce([BREAK * np.maximum(np.abs(parts[1]), np.abs(parts[2])), 6 * sd, 2.5 * inner])
-    excess = np.where(clear, beyond - limit, -1.0)
+    rates = np.maximum(np.abs(parts[1]), np.abs(parts[2]))
+    limit = np.maximum.reduce([BREAK * rates, 6 * sd, 2.5 * inner])
+    # A spoiled turning point bends the curve for a few swings; a break lasts.
+    excess = np.where(clear, np.minimum(beyond(1, 2), beyond(0, 3)) - limit, -1.0)
     marks: list[int] = []
     while (best := int(np.argmax(excess))) >= 0 and excess[best] > 0:
-        marks.append(int(k[best]) + HALF)
+        marks.append(_corner(logs, int(k[best]) - HALF, int(k[best]) + 3 * HALF) + 1)
         excess[max(best - 2 * HALF, 0) : best + 2 * HALF + 1] = -1.0
     return sorted(marks)
+
+
+def _corner(logs: np.ndarray, a: int, b: int) -> int:
+    """The first swing after a break between swings a and b: the one at which two parabolas fit best."""
+
+    def left(part: np.ndarray, degree: int) -> float:
+        columns = np.arange(part.size)[:, None] ** np.arange(degree + 1)
+        return float(np.sum((part - columns @ np.linalg.lstsq(columns, part, rcond=None)[0]) ** 2))
+
+    marks = range(a + HALF + 1, b - HALF)
+    return min(marks, key=lambda m: left(logs[a:m], 1) + left(logs[m:b], 2))

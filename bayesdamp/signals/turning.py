@@ -11,6 +11,9 @@ PER_CYCLE = 48
 """Samples a cycle that suffice to find a turning point before it is refined on all samples."""
 FEW = 7
 """Turning points below which smaller ones are looked for."""
+LEAST = 9
+"""Samples about a turning point that settle a sinusoid whose amplitude, phase and midline change; it is sought among
+more distant ones until there are so many."""
 BLOCK = 200_000
 """Samples that are fitted at a time."""
 
@@ -126,8 +129,10 @@ def refine(
     """
     out = np.full((at.size, 3), np.nan)
     width = half.copy()
-    for wider in (1.5, 2.25):
-        few = np.searchsorted(t, at + width) - np.searchsorted(t, at - width) < 7
+    for wider in (1.5, 2.25, 3.0):
+        few = np.searchsorted(t, at + width) - np.searchsorted(t, at - width) < LEAST
+        if wider > 2.5:  # at the ends of a record only one side would be wider
+            few &= (at - wider * half >= t[0]) & (at + wider * half <= t[-1])
         width[few] = wider * half[few]
     begins = np.searchsorted(t, at - width)
     sizes = np.searchsorted(t, at + width) - begins
@@ -154,7 +159,8 @@ def _extrema(x: np.ndarray, values: np.ndarray, kind: np.ndarray, width: np.ndar
     again = np.flatnonzero((count >= 2 * columns.shape[2]) & (count < n))
     if again.size:
         c[again], inverse[again] = _solved(columns[again] * good[again][:, :, None], values[again] * good[again])
-    edges = np.stack([np.maximum(x[:, 0], -width) - 0.06, np.minimum(x[:, -1], width) + 0.06])
+    far = np.minimum(width, 2.0)
+    edges = np.stack([np.maximum(x[:, 0], -far) - 0.06, np.minimum(x[:, -1], far) + 0.06])
     grid = np.linspace(edges[0], edges[1], 81, axis=1)
     slope = (_basis(grid, 1) @ c[:, :, None])[:, :, 0]
     here = (slope[:, :-1] * kind[:, None] >= 0) & (slope[:, 1:] * kind[:, None] < 0)

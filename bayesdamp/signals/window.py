@@ -89,11 +89,15 @@ def free_decay(
     grid, values, _ = thinned(t, y, found.period, smooth=False)
     series = _Series(t, grid, values, step, found.noise * float(np.sqrt(min(grid.size / t.size, 1.0))))
     head, why = _head(t, y, found, step)
+    if head == 0 and _begins_at_a_break(found):
+        why = "amplitude"
     decay = found.turns.cut(found.best[0] + head, found.best[1])
     notes: list[str] = []
     first, tail = 0, _Tail(t.size - 1, "")
     if seek_start:
-        first = _start(series, decay, why, notes)
+        floor = 2 * found.noise + step
+        before = float(found.decay.times[head - 1]) if head else None
+        first = _start(series, Swings(t, y, decay, floor), why, before, notes)
     if seek_stop:
         tail = _stop(series, decay, found)
         if tail.why:
@@ -113,7 +117,7 @@ def _found(t: np.ndarray, y: np.ndarray, step: float, name: str) -> _Found:
     seen: list[_Found] = []
     periods = coarse_periods(t, y, float(t[-1] - t[0]))
     for period, share in periods:
-        if share >= (SHARE if period == periods[0][0] else 2 * SHARE) and (one := _decays(t, y, step, period)):
+        if share >= SHARE and (one := _decays(t, y, step, period)):
             seen.append(one)
         if share > CLEAR and seen:
             break
@@ -161,18 +165,29 @@ def _head(t: np.ndarray, y: np.ndarray, found: _Found, step: float) -> tuple[int
     return 0, None
 
 
-def _start(series: _Series, decay: Turning, why: Reason | None, notes: list[str]) -> int:
-    """The first sample of the free decay: the record's own, the release, or the first clean turning point."""
-    t, times = series.t, decay.times
+def _begins_at_a_break(found: _Found) -> bool:
+    """Whether the best stretch is cut off from swings before it that are in step with it."""
+    return any(end in (found.best[0], found.best[0] + 1) for _, end in found.stretches)
+
+
+def _start(
+    series: _Series, swings: Swings, why: Reason | None, before: float | None, notes: list[str]
+) -> int:
+    """The first sample of the free decay: the record's own, the release, or the first clean turning point.
+
+    why: in what the swing before breaks the curve of the later ones. before: the turning point (s) that it begins at.
+    """
+    t, decay = series.t, swings.turns
+    gap = float(swings.gaps[0])
     far = series.reach(decay)
-    if far.whole and far.at - t[0] <= 1.01 * series.spacing:
+    if far.whole and far.at - t[0] <= 1.01 * series.spacing and swings.opens_like_later(far.at):
         return 0
-    at, what = float(times[0]), "the first turning point of the free decay"
-    if why in (None, "period", "shape"):  # of that swing some may be free
-        if far.whole:
+    at, what = float(decay.times[0]), "the first turning point of the free decay"
+    if why in (None, "period", "shape"):  # of that swing some may be free, unless it was seen whole
+        if far.whole and far.at > t[0] + 1.01 * series.spacing and not (before and abs(far.at - before) < 0.08 * gap):
             at, what = far.at, "the release"
-        elif times.size <= FEW and far.share > 0.3:
-            at, what = far.at + 0.08 * float(times[1] - times[0]), "where it begins to follow its later swings"
+        elif not far.whole and decay.times.size <= FEW and far.share > 0.5:
+            at, what = far.at + 0.08 * gap, "where it begins to follow its later swings"
     first = int(np.searchsorted(t, at - 1e-12))
     told = {
         "period": "lasts longer or shorter than the later ones foretell",
