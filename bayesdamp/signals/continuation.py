@@ -98,7 +98,9 @@ class Swings:
     def opens_like_later(self, begin: float) -> bool:
         """Whether what is recorded from begin (s) to the first turning point has no more misfit than the swings."""
         end = float(self.turns.times[0])
-        return end - begin < 0.3 * self.gaps[0] or self._like_later(-1, self._fitted(begin, end))
+        return end - begin < 0.3 * self.gaps[0] or self._like_later(
+            -1, self._fitted(begin, end, self.gaps[0])
+        )
 
     def _like_later(self, i: int, misfit: tuple[float, float]) -> bool:
         later = np.array([self.misfit(j) for j in range(i + 1, min(i + 1 + LATER, self.gaps.size))])
@@ -109,16 +111,18 @@ class Swings:
     def misfit(self, i: int) -> tuple[float, float]:
         """(rms, largest) distance of the samples of swing i from a slowly changing sinusoid and overtone."""
         if i not in self._misfits:
-            self._misfits[i] = self._fitted(float(self.turns.times[i]), float(self.turns.times[i + 1]))
+            self._misfits[i] = self._fitted(
+                float(self.turns.times[i]), float(self.turns.times[i + 1]), self.gaps[i]
+            )
         return self._misfits[i]
 
-    def _fitted(self, begin: float, end: float) -> tuple[float, float]:
+    def _fitted(self, begin: float, end: float, half: float) -> tuple[float, float]:
         a, b = np.searchsorted(self.t, (begin - 1e-12, end + 1e-12))
         every = max(int(b - a) // 200, 1)
         t, y = self.t[a:b:every], self.y[a:b:every]
         if t.size < 3:
             return 0.0, 0.0
-        x = np.pi * (t - (begin + end) / 2) / (end - begin)
+        x = np.pi * (t - (begin + end) / 2) / half
         c, s = np.cos(x), np.sin(x)
         columns = np.stack([np.ones_like(x), c, s, x, x * c, x * s, np.cos(2 * x), np.sin(2 * x)], axis=1)
         columns = columns[:, : max(min(8, t.size // 2), 1)]
@@ -168,10 +172,11 @@ def reach(grid: np.ndarray, values: np.ndarray, turns: Turning, step: float, noi
     times = turns.times
     gaps, ranges = np.diff(times), np.abs(np.diff(turns.values))
     fall, unsure = _next_fall(np.log(ranges[: LATER + 2]))
+    unsure = min(unsure, 0.03 + 0.1 * abs(fall))
     same = gaps[1:8:2]  # swings in the same direction: those up may last longer than those down
     trend = float(same[0] - same[-1]) / (same.size - 1) if same.size > 1 else 0.0
     pace = float(np.clip(same[0] + trend, 0.9 * same[0], 1.1 * same[0]))
-    late = 0.01 * pace + 0.5 * float(np.abs(np.diff(same[:2])).sum())
+    late = min(0.01 * pace + 0.5 * float(np.abs(np.diff(same[:2])).sum()), 0.02 * pace)
     # The last swing before the first turning point and a little more, and a cycle later, what it should be like.
     earliest = times[0] - 1.15 * pace
     a, b = np.searchsorted(grid, (earliest - 1e-12, times[0]))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Literal
 
 import numpy as np
@@ -49,7 +50,7 @@ def pieces_before(t: np.ndarray, y: np.ndarray, scale: Scale) -> list[Piece]:
     """What comes before a free decay, or between two: smoothed samples y (n,) at times t (n,)."""
     if t.size < 2:
         return []
-    quarter = max(int(round(0.25 * scale.period / ((t[-1] - t[0]) / (t.size - 1)))), 1)
+    quarter = max(round(0.25 * scale.period / float((t[-1] - t[0]) / (t.size - 1))), 1)
     moved = np.abs(y[np.minimum(np.arange(t.size) + quarter, t.size - 1)] - y)
     limit = max(STILL * scale.amplitude, scale.floor)
     slow = max(SLOW * np.pi / 2 * scale.amplitude, limit)
@@ -58,7 +59,7 @@ def pieces_before(t: np.ndarray, y: np.ndarray, scale: Scale) -> list[Piece]:
     at_rest = (kinds == 0) & (np.abs(y - scale.midline) <= NEAR * scale.amplitude + scale.floor)
     names = np.where(at_rest, "at rest", np.where(kinds < 2, "held", "pushed"))
     edges = [0, *(np.flatnonzero(names[1:] != names[:-1]) + 1).tolist(), t.size]
-    parts = [(a, b, str(names[a])) for a, b in zip(edges[:-1], edges[1:])]
+    parts = [(a, b, str(names[a])) for a, b in pairwise(edges)]
     merged: list[tuple[int, int, str]] = []
     for a, b, kind in parts:  # what is shorter than a third of a period belongs to its neighbour
         if merged and (kind == merged[-1][2] or b - a < 4 * quarter / 3):

@@ -67,7 +67,8 @@ def coarse_periods(
         ends = np.arange(MOST, t.size + 1, MOST)
         at = max(ends.tolist(), key=lambda end: float(np.var(y[end - MOST : end])))
         piece = slice(at - MOST, at)
-        near = _periods(*on_grid(t[piece], y[piece])[::-1], None, most)
+        spacing, values = on_grid(t[piece], y[piece])
+        near = _periods(values, spacing, None, most)
         found = near if near[0][1] > found[0][1] else found
     return found
 
@@ -78,7 +79,9 @@ def _periods(y: np.ndarray, spacing: float, longest: float | None, most: int) ->
     scores, shares = np.array([captured(y, p) for p in grid]).T
     padded = np.pad(scores, 1, constant_values=-np.inf)
     peaks = np.flatnonzero((scores >= padded[:-2]) & (scores > padded[2:]) & (scores > WEAK * scores.max()))
-    peaks = peaks[np.argsort(-scores[peaks] * shares[peaks])] if peaks.size else np.argmax(scores, keepdims=True)
+    peaks = (
+        peaks[np.argsort(-scores[peaks] * shares[peaks])] if peaks.size else np.argmax(scores, keepdims=True)
+    )
     strongest = int(np.argmax(scores))
     peaks = [strongest, *(p for p in peaks.tolist() if p != strongest)][:most]
     found = []

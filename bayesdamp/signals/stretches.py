@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 from scipy.ndimage import median_filter
 
@@ -10,7 +12,7 @@ from bayesdamp.signals.turning import Turning
 RISE = 0.25
 """Share by which a range must grow within a cycle to be a second release or a push; a beat grows as it fell."""
 FALL = 0.35
-"""Share by which a range must fall within a cycle to be a hand that stops it; where it fell so before, it is damping."""
+"""Share by which a range must fall within a cycle to be a hand that stops it, unless it fell so before."""
 JUMP = 3.0
 """How many times larger than in the cycles before it such a step must be."""
 HALF = 4
@@ -31,9 +33,9 @@ def stretches(t: np.ndarray, turns: Turning, floor: float) -> list[tuple[int, in
         # A spike or a gap spoils one turning point, and with it two ranges.
         ranges = median_filter(np.abs(np.diff(turns.values[first : last + 1])), 5, mode="nearest")
         marks = [0, *_jumps(ranges, floor), ranges.size]
-        for a, b in zip(marks[:-1], marks[1:]):
+        for a, b in pairwise(marks):
             cuts = [a, *(a + c for c in _breaks(ranges[a:b], floor) if a + c < b), b]
-            found += [(first + c, first + d + 1) for c, d in zip(cuts[:-1], cuts[1:]) if d - c >= 2]
+            found += [(first + c, first + d + 1) for c, d in pairwise(cuts) if d - c >= 2]
     return found
 
 
@@ -123,7 +125,10 @@ def _breaks(ranges: np.ndarray, floor: float) -> list[int]:
     def beyond(i: int, j: int) -> np.ndarray:
         """What the fall of the amplitude does not explain of the change of the rate from part i to part j."""
         factor = np.exp(POWER * np.abs(sizes[i] - sizes[j]))
-        low, high = np.minimum(parts[j] / factor, parts[j] * factor), np.maximum(parts[j] / factor, parts[j] * factor)
+        low, high = (
+            np.minimum(parts[j] / factor, parts[j] * factor),
+            np.maximum(parts[j] / factor, parts[j] * factor),
+        )
         return np.maximum(np.maximum(low - parts[i], parts[i] - high), 0.0)
 
     inner = np.maximum(beyond(0, 1), beyond(2, 3))

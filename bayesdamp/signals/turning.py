@@ -158,7 +158,9 @@ def _extrema(x: np.ndarray, values: np.ndarray, kind: np.ndarray, width: np.ndar
     count = good.sum(axis=1)
     again = np.flatnonzero((count >= 2 * columns.shape[2]) & (count < n))
     if again.size:
-        c[again], inverse[again] = _solved(columns[again] * good[again][:, :, None], values[again] * good[again])
+        c[again], inverse[again] = _solved(
+            columns[again] * good[again][:, :, None], values[again] * good[again]
+        )
     far = np.minimum(width, 2.0)
     edges = np.stack([np.maximum(x[:, 0], -far) - 0.06, np.minimum(x[:, -1], far) + 0.06])
     grid = np.linspace(edges[0], edges[1], 81, axis=1)

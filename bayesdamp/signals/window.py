@@ -184,7 +184,11 @@ def _start(
         return 0
     at, what = float(decay.times[0]), "the first turning point of the free decay"
     if why in (None, "period", "shape"):  # of that swing some may be free, unless it was seen whole
-        if far.whole and far.at > t[0] + 1.01 * series.spacing and not (before and abs(far.at - before) < 0.08 * gap):
+        if (
+            far.whole
+            and far.at > t[0] + 1.01 * series.spacing
+            and not (before and abs(far.at - before) < 0.08 * gap)
+        ):
             at, what = far.at, "the release"
         elif not far.whole and decay.times.size <= FEW and far.share > 0.5:
             at, what = far.at + 0.08 * gap, "where it begins to follow its later swings"
@@ -259,7 +263,9 @@ def _pieces(
     middle = midpoints(decay.values)
     size = 0.5 * float(np.abs(np.diff(decay.values[:4])).max())
     scale = Scale(found.period, size, float(np.median(middle)), floor)
-    used = [Piece(float(t[first]), float(t[last]), "free decay", "Used: each swing continues the later ones.")]
+    used = [
+        Piece(float(t[first]), float(t[last]), "free decay", "Used: each swing continues the later ones.")
+    ]
     for a, b in found.stretches:
         begin, end = float(found.turns.times[a]), float(found.turns.times[b - 1])
         if (a, b) != found.best and b - a >= 4 and (end <= t[first] or begin >= t[last]):
@@ -273,7 +279,9 @@ def _pieces(
         if piece.start > at + 0.02 * found.period and np.count_nonzero(inside) > 1:
             ended = bool(out) and out[-1].why.startswith("Used")
             if ended and tail.noise:
-                out.append(Piece(at, piece.start, "noise", "Turning points no longer stand out of the noise."))
+                out.append(
+                    Piece(at, piece.start, "noise", "Turning points no longer stand out of the noise.")
+                )
             elif ended and tail.sticks and piece.why == "":
                 why = "Friction or rounding holds it: turning points no longer show."
                 out.append(Piece(at, piece.start, "sticking", why))
