@@ -32,7 +32,12 @@ def anomalies(signal: Signal, seen: Features) -> tuple[str, ...]:
 
 
 def clipped(y: np.ndarray, per_cycle: float) -> bool:
-    """Whether values y (n,), so many a cycle, stay at an extreme for longer than an oscillation turns over there."""
+    """Whether values y (n,), so many a cycle, stay at an extreme because they were cut off there.
+
+    A peak is flat for other reasons: few levels, a sensor that holds its values for some samples, a body that rests
+    against friction, a hand that holds it at the start. Of these the record comes to its extreme with no speed; what is
+    cut off arrives at full speed and leaves at full speed.
+    """
     size = 0.5 * float(np.ptp(y))
     levels = np.unique(y)
     gaps = np.diff(levels)
@@ -42,14 +47,52 @@ def clipped(y: np.ndarray, per_cycle: float) -> bool:
     step = float(gaps.min())
     # A sinusoid that just reaches the extreme level stays within one step of it for this share of a cycle.
     usual = np.arccos(max(1.0 - step / size, -1.0)) / np.pi * per_cycle
-    limit = max(FLAT, MARGIN * usual + 1)
-    return any(_longest(np.abs(y - edge) <= 1e-9 * size) >= limit for edge in (levels[0], levels[-1]))
+    limit = max(FLAT, MARGIN * usual + 1) * _held(y, size)
+    for edge in (levels[0], levels[-1]):
+        begins, ends = _runs(np.abs(y - edge) <= 1e-9 * size)
+        for begin, end in zip(begins, ends):
+            inside = begin > 0 and end < y.size  # at its ends a record may be held, or stick
+            if (
+                inside
+                and limit <= end - begin < 0.5 * per_cycle
+                and _cornered(y, begin, end, per_cycle, step)
+            ):
+                return True
+    return False
 
 
-def _longest(flags: np.ndarray) -> int:
-    """The longest run of true ones in flags (n,)."""
+def _held(y: np.ndarray, size: float) -> int:
+    """For how many samples in a row a sensor repeats a value in the middle of the swings, where all moves."""
+    edges = np.flatnonzero(np.diff(y)) + 1
+    begins, ends = np.concatenate([[0], edges]), np.concatenate([edges, [y.size]])
+    fast = np.abs(y[begins] - 0.5 * (y.max() + y.min())) < 0.5 * size
+    # Few levels repeat as well, but then the steps between them are what the record does in so many samples.
+    lone = np.abs(np.diff(y, prepend=y[0])[begins]) > 1.5 * float(
+        np.min(np.diff(np.unique(y)), initial=np.inf)
+    )
+    moving = fast & lone
+    return max(int(np.median((ends - begins)[moving])), 1) if np.count_nonzero(moving) >= 5 else 1
+
+
+def _cornered(y: np.ndarray, begin: int, end: int, per_cycle: float, step: float) -> bool:
+    """Whether a sinusoid that is cut off explains better how y leaves its flat peak than one that turns there."""
+    phase = np.pi * (end - begin) / per_cycle  # half of what is flat
+    away = max(round(per_cycle / 12), 1)
+    near = y[max(begin - round(per_cycle), 0) : end + round(per_cycle)]
+    height = abs(float(y[begin]) - 0.5 * float(near.max() + near.min()))
+    if begin < away or end + away > y.size or phase > 1.4:
+        return False
+    angle = 2 * np.pi * away / per_cycle
+    cut = height * (1 - np.cos(phase + angle) / np.cos(phase))
+    turned = height * (1 - np.cos(angle))
+    fallen = [abs(float(y[begin] - y[begin - away])), abs(float(y[begin] - y[end - 1 + away]))]
+    return min(fallen) > max(0.5 * (cut + turned), turned + step)
+
+
+def _runs(flags: np.ndarray) -> tuple[list[int], list[int]]:
+    """(first, last + 1) of the runs of true ones in flags (n,)."""
     edges = np.flatnonzero(np.diff(np.concatenate([[0], flags.astype(int), [0]])))
-    return int(np.max(edges[1::2] - edges[::2])) if edges.size else 0
+    return edges[::2].tolist(), edges[1::2].tolist()
 
 
 def rise(signal: Signal, seen: Features) -> float:
@@ -70,9 +113,14 @@ def rise(signal: Signal, seen: Features) -> float:
     runs = np.lib.stride_tricks.sliding_window_view(np.arange(ranges.size), TOGETHER)
     most = runs[np.arange(len(runs)), np.argmax(ranges[runs], axis=1)]
     least = runs[np.arange(len(runs)), np.argmin(ranges[runs], axis=1)]
-    lifted = ranges[least][None, :] - ranges[most][:, None]
-    lifted = lifted / np.sqrt(variance[least][None, :] + variance[most][:, None])
-    return max(float(np.max(np.triu(lifted, TOGETHER))), 0.0)
+    if len(runs) <= TOGETHER:
+        return 0.0
+    # The lowest of the earlier runs, which a run may be set against from TOGETHER later on.
+    lowest = np.maximum.accumulate(-ranges[most])
+    at = most[np.maximum.accumulate(np.where(-ranges[most] == lowest, np.arange(len(runs)), 0))][:-TOGETHER]
+    later = least[TOGETHER:]
+    lifted = (ranges[later] - ranges[at]) / np.sqrt(variance[later] + variance[at])
+    return max(float(np.max(lifted)), 0.0)
 
 
 def _sampled(t: np.ndarray, times: np.ndarray, period: float) -> np.ndarray:

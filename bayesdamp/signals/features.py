@@ -9,7 +9,7 @@ import numpy as np
 
 from bayesdamp.signals.rough import roughness as noise_of
 from bayesdamp.signals.spectrum import coarse_period
-from bayesdamp.signals.turning import Turning, midpoints, turning_points
+from bayesdamp.signals.turning import BLOCK, Turning, midpoints, turning_points
 from bayesdamp.types import Refusal, Signal
 
 LEAST_SHARE = 0.3
@@ -106,8 +106,8 @@ def regular(turns: Turning, noise: float) -> Turning:
 
 
 def _swing(x: np.ndarray) -> np.ndarray:
-    """Columns for half an oscillation, x (n,) from −1/2 to 1/2 between its turning points."""
-    return np.stack([np.ones_like(x), np.sin(np.pi * x), np.cos(np.pi * x) - 1, x], axis=1)
+    """Columns (..., 4) for half an oscillation, x (...) from −1/2 to 1/2 between its turning points."""
+    return np.stack([np.ones_like(x), np.sin(np.pi * x), np.cos(np.pi * x) - 1, x], axis=-1)
 
 
 def crossing_times(
@@ -118,34 +118,34 @@ def crossing_times(
     A sinusoid with a slow drift is fitted to the samples in the middle half of each swing; the weight is its
     range squared times the number of samples.
     """
-    times, weights = [], []
-    for i in range(turns.times.size - 1):
-        gap = turns.times[i + 1] - turns.times[i]
-        centre = (turns.times[i] + turns.times[i + 1]) / 2
-        level = (middle[i] + middle[i + 1]) / 2
-        half = 0.25 * gap
-        a, b = np.searchsorted(t, (centre - half, centre + half))
-        if b - a < 4:
-            a, b = np.searchsorted(t, (centre - 0.6 * gap, centre + 0.6 * gap))
-        if b - a < 3:
-            times.append(centre)
-            weights.append(0.0)
-            continue
-        x = (t[a:b] - centre) / gap
-        columns = _swing(x)[:, : 4 if b - a > 5 else 2]
-        c = np.linalg.lstsq(columns, y[a:b] - level, rcond=1e-10)[0]
-        grid = np.linspace(-0.4, 0.4, 801)
-        curve = _swing(grid)[:, : c.size] @ c
-        sign = np.flatnonzero(np.diff(np.signbit(curve)))
-        if sign.size == 0:
-            times.append(centre)
-            weights.append(0.0)
-            continue
-        j = sign[np.argmin(np.abs(grid[sign]))]
-        z = grid[j] - curve[j] * (grid[1] - grid[0]) / (curve[j + 1] - curve[j])
-        times.append(centre + z * gap)
-        weights.append((turns.values[i + 1] - turns.values[i]) ** 2 * (b - a))
-    return np.array(times), np.array(weights)
+    gaps, weights = np.diff(turns.times), np.zeros(turns.times.size - 1)
+    centres = (turns.times[:-1] + turns.times[1:]) / 2
+    levels = (middle[:-1] + middle[1:]) / 2
+    half = 0.25 * gaps
+    few = np.searchsorted(t, centres + half) - np.searchsorted(t, centres - half) < 4
+    half = np.where(few, 0.6 * gaps, half)
+    begins = np.searchsorted(t, centres - half)
+    sizes = np.searchsorted(t, centres + half) - begins
+    times = centres.copy()
+    grid = np.linspace(-0.4, 0.4, 801)
+    for n in np.unique(sizes):
+        alike = np.flatnonzero(sizes == n)
+        for part in np.array_split(alike, -(-alike.size * max(int(n), grid.size) // BLOCK)) if n >= 3 else ():
+            rows = begins[part][:, None] + np.arange(n)
+            x = (t[rows] - centres[part][:, None]) / gaps[part][:, None]
+            columns = _swing(x)[:, :, : 4 if n > 5 else 2]
+            values = (y[rows] - levels[part][:, None])[:, :, None]
+            c = (np.linalg.pinv(columns, rcond=1e-10) @ values)[:, :, 0]
+            curve = c @ _swing(grid)[:, : c.shape[1]].T
+            sign = np.signbit(curve[:, 1:]) != np.signbit(curve[:, :-1])
+            crosses = np.flatnonzero(sign.any(axis=1))
+            j = np.argmin(np.where(sign[crosses], np.abs(grid[:-1]), np.inf), axis=1)
+            before, after = curve[crosses, j], curve[crosses, j + 1]
+            z = grid[j] - before * (grid[1] - grid[0]) / (after - before)
+            which = part[crosses]
+            times[which] += z * gaps[which]
+            weights[which] = np.diff(turns.values)[which] ** 2 * n
+    return times, weights
 
 
 def mean_period(crossings: np.ndarray, weights: np.ndarray, turning_times: np.ndarray) -> float:

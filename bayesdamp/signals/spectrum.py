@@ -6,6 +6,10 @@ import numpy as np
 
 MOST = 16384
 """Samples that the search works on at most; longer records are averaged in blocks."""
+LOST = 0.5
+"""Share of the variance below which an average over blocks has lost something."""
+WEAK = 0.1
+"""Share of the strongest period's power below which another is none."""
 
 
 def on_grid(t: np.ndarray, y: np.ndarray, most: int = MOST) -> tuple[float, np.ndarray]:
@@ -47,12 +51,43 @@ def coarse_period(t: np.ndarray, y: np.ndarray, longest: float | None = None) ->
     t, y: shape (n,), t increasing; longest: longest period looked for, default the record's length. Only the
     average period is found where it changes with the amplitude. The share is near 0 for noise.
     """
-    spacing, y = on_grid(t, y)
-    most = (y.size - 1) if longest is None else longest / spacing
-    grid = np.geomspace(4.0, max(most, 4.4), int(28 * np.log10(max(most, 4.4) / 4.0)) + 3)
-    scores = [captured(y, p)[0] for p in grid]
-    best = int(np.argmax(scores))
-    fine = np.geomspace(grid[max(best - 1, 0)], grid[min(best + 1, grid.size - 1)], 17)
-    results = [captured(y, p) for p in fine]
-    best = int(np.argmax([r[0] for r in results]))
-    return float(fine[best] * spacing), max(results[best][1], 0.0)
+    return coarse_periods(t, y, longest, 1)[0]
+
+
+def coarse_periods(
+    t: np.ndarray, y: np.ndarray, longest: float | None = None, most: int = 3
+) -> list[tuple[float, float]]:
+    """Up to `most` such periods with their shares, the most powerful first: where a hand moves a record to and fro,
+    that may be the hand's.
+    """
+    spacing, averaged = on_grid(t, y)
+    found = _periods(averaged, spacing, longest, most)
+    if t.size > MOST and np.var(averaged) < LOST * np.var(y):
+        # Averages over blocks miss what swings within a block: the liveliest piece of the samples themselves.
+        ends = np.arange(MOST, t.size + 1, MOST)
+        at = max(ends.tolist(), key=lambda end: float(np.var(y[end - MOST : end])))
+        piece = slice(at - MOST, at)
+        spacing, values = on_grid(t[piece], y[piece])
+        near = _periods(values, spacing, None, most)
+        found = near if near[0][1] > found[0][1] else found
+    return found
+
+
+def _periods(y: np.ndarray, spacing: float, longest: float | None, most: int) -> list[tuple[float, float]]:
+    top = max((y.size - 1) if longest is None else longest / spacing, 4.4)
+    grid = np.geomspace(4.0, top, int(28 * np.log10(top / 4.0)) + 3)
+    scores, shares = np.array([captured(y, p) for p in grid]).T
+    padded = np.pad(scores, 1, constant_values=-np.inf)
+    peaks = np.flatnonzero((scores >= padded[:-2]) & (scores > padded[2:]) & (scores > WEAK * scores.max()))
+    peaks = (
+        peaks[np.argsort(-scores[peaks] * shares[peaks])] if peaks.size else np.argmax(scores, keepdims=True)
+    )
+    strongest = int(np.argmax(scores))
+    peaks = [strongest, *(p for p in peaks.tolist() if p != strongest)][:most]
+    found = []
+    for best in peaks:
+        fine = np.geomspace(grid[max(best - 1, 0)], grid[min(best + 1, grid.size - 1)], 17)
+        results = [captured(y, p) for p in fine]
+        at = int(np.argmax([r[0] for r in results]))
+        found.append((float(fine[at] * spacing), max(results[at][1], 0.0)))
+    return found

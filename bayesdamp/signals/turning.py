@@ -9,6 +9,13 @@ from scipy.ndimage import maximum_filter1d, median_filter, minimum_filter1d
 
 PER_CYCLE = 48
 """Samples a cycle that suffice to find a turning point before it is refined on all samples."""
+FEW = 7
+"""Turning points below which smaller ones are looked for."""
+LEAST = 9
+"""Samples about a turning point that settle a sinusoid whose amplitude, phase and midline change; it is sought among
+more distant ones until there are so many."""
+BLOCK = 200_000
+"""Samples that are fitted at a time."""
 
 
 @dataclass(frozen=True)
@@ -26,9 +33,11 @@ class Turning:
         return Turning(self.times[first:last], self.values[first:last], self.gain[first:last])
 
 
-def thinned(t: np.ndarray, y: np.ndarray, period: float) -> tuple[np.ndarray, np.ndarray, int]:
+def thinned(
+    t: np.ndarray, y: np.ndarray, period: float, smooth: bool = True
+) -> tuple[np.ndarray, np.ndarray, int]:
     """(times, smoothed values, samples a period) on an equally spaced grid of at most PER_CYCLE samples a
-    period.
+    period. Not smooth: averages of the samples that fall to one, no more.
     """
     mean_gap = (t[-1] - t[0]) / (t.size - 1)
     gap = max(mean_gap, period / PER_CYCLE)
@@ -40,6 +49,8 @@ def thinned(t: np.ndarray, y: np.ndarray, period: float) -> tuple[np.ndarray, np
     grid = np.arange(t[0], t[-1] + gap / 2, gap)
     values = np.interp(grid, t, y)
     a_period = max(round(period / gap), 3)
+    if not smooth:
+        return grid, values, a_period
     if a_period >= 24:  # spikes must not count as turning points
         values = median_filter(values, 5 if a_period >= 40 else 3, mode="nearest")
     half = a_period // 10
@@ -57,79 +68,120 @@ def zigzag(y: np.ndarray, swing: np.ndarray) -> tuple[list[int], int]:
     enough.
     """
     found: list[int] = []
-    low = high = 0
     kind = first = 0
-    for i in range(1, y.size):
-        if y[i] > y[high]:
-            high = i
-        if y[i] < y[low]:
-            low = i
-        if kind >= 0 and y[i] < y[high] - swing[i]:
-            found.append(high)
-            first = first or 1
-            kind, low = -1, i
-        elif kind <= 0 and y[i] > y[low] + swing[i]:
-            found.append(low)
-            first = first or -1
-            kind, high = 1, i
+    moves = np.flatnonzero(np.diff(y)) + 1
+    if moves.size == 0:
+        return found, first
+    up = y[moves] > y[moves - 1]
+    turns = np.flatnonzero(up[1:] != up[:-1]) + 1
+    begins = moves[np.concatenate([[0], turns])]
+    ends = moves[np.concatenate([turns - 1, [moves.size - 1]])]
+    # On a monotone stretch the way back is confirmed where this passes the last extremum.
+    fallen, risen = np.minimum.reduceat(y + swing, begins), np.maximum.reduceat(y - swing, begins)
+    low = high = 0
+    values = y.tolist()
+    for end, rises, lowest, highest in zip(
+        ends.tolist(), up[np.concatenate([[0], turns])].tolist(), fallen.tolist(), risen.tolist()
+    ):
+        if rises:
+            high = end if values[end] > values[high] else high
+            if kind <= 0 and highest > values[low]:
+                found.append(low)
+                first = first or -1
+                kind, high = 1, end
+        else:
+            low = end if values[end] < values[low] else low
+            if kind >= 0 and lowest < values[high]:
+                found.append(high)
+                first = first or 1
+                kind, low = -1, end
     if kind and found:
         found.append(high if kind > 0 else low)
     return found, first
 
 
+def _basis(x: np.ndarray, order: int) -> np.ndarray:
+    """Sinusoid, midline, and the slow change of both at phases x (...): (..., 6), differentiated `order` times."""
+    c, s, one = np.cos(x), np.sin(x), np.ones_like(x)
+    if order == 0:
+        columns = [one, c, s, x, x * c, x * s]
+    elif order == 1:
+        columns = [0 * one, -s, c, one, c - x * s, s + x * c]
+    else:
+        columns = [0 * one, -c, -s, 0 * one, -2 * s - x * c, 2 * c - x * s]
+    return np.stack(columns, axis=-1)
+
+
+def _solved(columns: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(coefficients (w, 6), pseudo-inverse (w, 6, n)) of least squares, columns (w, n, k ≤ 6), values (w, n)."""
+    inverse = np.linalg.pinv(columns, rcond=1e-12)
+    inverse = np.pad(inverse, ((0, 0), (0, 6 - columns.shape[2]), (0, 0)))
+    return (inverse @ values[:, :, None])[:, :, 0], inverse
+
+
 def refine(
-    t: np.ndarray, y: np.ndarray, at: float, kind: int, period: float, half: float
-) -> tuple[float, float, float] | None:
-    """(time, value, noise gain) of the extremum near `at`: kind 1 a maximum, −1 a minimum.
+    t: np.ndarray, y: np.ndarray, at: np.ndarray, kind: np.ndarray, period: np.ndarray, half: np.ndarray
+) -> np.ndarray:
+    """(time, value, noise gain) of the extrema near `at` (k,), shape (k, 3): kind 1 a maximum, −1 a minimum.
 
-    A sinusoid of the given period with slowly changing amplitude, phase and midline is fitted to the samples
-    within ± half (s). None where there are too few samples or the fit has no such extremum.
+    A sinusoid of the given period (k,) with slowly changing amplitude, phase and midline is fitted to the samples
+    within ± half (k,), in s. NaN where there are too few samples or the fit has no such extremum.
     """
-    for width in (half, 1.5 * half, 2.25 * half):
-        a, b = np.searchsorted(t, (at - width, at + width), side="left")
-        if b - a >= 7:
-            break
-    if b - a < 5:
-        return None
-    centre = at
-    scale = 2 * np.pi / period
+    out = np.full((at.size, 3), np.nan)
+    width = half.copy()
+    for wider in (1.5, 2.25, 3.0):
+        few = np.searchsorted(t, at + width) - np.searchsorted(t, at - width) < LEAST
+        if wider > 2.5:  # at the ends of a record only one side would be wider
+            few &= (at - wider * half >= t[0]) & (at + wider * half <= t[-1])
+        width[few] = wider * half[few]
+    begins = np.searchsorted(t, at - width)
+    sizes = np.searchsorted(t, at + width) - begins
+    for n in np.unique(sizes):
+        alike = np.flatnonzero(sizes == n)
+        for part in np.array_split(alike, -(-alike.size * max(int(n), 81) // BLOCK)) if n >= 5 else ():
+            rows = begins[part][:, None] + np.arange(n)
+            scale = 2 * np.pi / period[part]
+            x = scale[:, None] * (t[rows] - at[part][:, None])
+            found = _extrema(x, y[rows], kind[part].astype(float), scale * width[part])
+            found[:, 0] = at[part] + found[:, 0] / scale
+            out[part] = found
+    return out
 
-    def basis(x: np.ndarray, order: int) -> np.ndarray:
-        """Columns at phases x (n,), differentiated `order` times."""
-        c, s = np.cos(x), np.sin(x)
-        if order == 0:
-            columns = [np.ones_like(x), c, s, x, x * c, x * s]
-        elif order == 1:
-            columns = [np.zeros_like(x), -s, c, np.ones_like(x), c - x * s, s + x * c]
-        else:
-            columns = [np.zeros_like(x), -c, -s, np.zeros_like(x), -2 * s - x * c, 2 * c - x * s]
-        return np.stack(columns[: 6 if b - a >= 9 else 4 if b - a >= 6 else 3], axis=-1)
 
-    x = scale * (t[a:b] - centre)
-    columns, values = basis(x, 0), y[a:b]
-    coefficients = np.linalg.lstsq(columns, values, rcond=1e-12)[0]
-    residual = np.abs(values - columns @ coefficients)
-    good = residual <= 6 * 1.4826 * np.median(residual) + 1e-300
-    if 2 * columns.shape[1] <= good.sum() < good.size:
-        columns, values = columns[good], values[good]
-        coefficients = np.linalg.lstsq(columns, values, rcond=1e-12)[0]
-    grid = np.linspace(max(x[0], -scale * width) - 0.06, min(x[-1], scale * width) + 0.06, 81)
-    slope = basis(grid, 1) @ coefficients
-    turns = np.flatnonzero(slope[:-1] * kind >= 0)
-    turns = turns[slope[turns + 1] * kind < 0]
-    if turns.size == 0:
-        return None
-    best = turns[np.argmin(np.abs(grid[turns]))]
-    z = grid[best]
-    if slope[best] != slope[best + 1]:
-        z += (grid[1] - grid[0]) * slope[best] / (slope[best] - slope[best + 1])
+def _extrema(x: np.ndarray, values: np.ndarray, kind: np.ndarray, width: np.ndarray) -> np.ndarray:
+    """(phase, value, noise gain) of extrema, (w, 3), from samples at phases x (w, n); NaN where there is none."""
+    n = x.shape[1]
+    columns = _basis(x, 0)[:, :, : 6 if n >= 9 else 4 if n >= 6 else 3]
+    c, inverse = _solved(columns, values)
+    off = np.abs(values - (columns @ c[:, : columns.shape[2], None])[:, :, 0])
+    good = off <= 6 * 1.4826 * np.median(off, axis=1, keepdims=True) + 1e-300
+    count = good.sum(axis=1)
+    again = np.flatnonzero((count >= 2 * columns.shape[2]) & (count < n))
+    if again.size:
+        c[again], inverse[again] = _solved(
+            columns[again] * good[again][:, :, None], values[again] * good[again]
+        )
+    far = np.minimum(width, 2.0)
+    edges = np.stack([np.maximum(x[:, 0], -far) - 0.06, np.minimum(x[:, -1], far) + 0.06])
+    grid = np.linspace(edges[0], edges[1], 81, axis=1)
+    slope = (_basis(grid, 1) @ c[:, :, None])[:, :, 0]
+    here = (slope[:, :-1] * kind[:, None] >= 0) & (slope[:, 1:] * kind[:, None] < 0)
+    best = np.argmin(np.where(here, np.abs(grid[:, :-1]), np.inf), axis=1)
+    row = np.arange(kind.size)
+    step, before, after = grid[:, 1] - grid[:, 0], slope[row, best], slope[row, best + 1]
+    z = grid[row, best] + np.where(
+        before != after, step * before / np.where(before != after, before - after, 1.0), 0.0
+    )
     for _ in range(3):
-        second = float(basis(np.array([z]), 2)[0] @ coefficients)
-        if second * kind < 0:
-            z -= np.clip(float(basis(np.array([z]), 1)[0] @ coefficients) / second, -0.02, 0.02)
-    row = basis(np.array([z]), 0)[0]
-    gain = float(np.linalg.norm(row @ np.linalg.pinv(columns, rcond=1e-12)))
-    return float(centre + z / scale), float(row @ coefficients), gain
+        second = np.sum(_basis(z, 2) * c, axis=1)
+        turns = second * kind < 0
+        move = np.sum(_basis(z, 1) * c, axis=1) / np.where(turns, second, 1.0)
+        z = z - np.where(turns, np.clip(move, -0.02, 0.02), 0.0)
+    there = _basis(z, 0)
+    gain = np.linalg.norm((there[:, None, :] @ inverse)[:, 0, :], axis=1)
+    found = np.stack([z, np.sum(there * c, axis=1), gain], axis=1)
+    found[~here.any(axis=1)] = np.nan
+    return found
 
 
 def turning_points(t: np.ndarray, y: np.ndarray, period: float, roughness: float = 0.0) -> Turning:
@@ -142,35 +194,37 @@ def turning_points(t: np.ndarray, y: np.ndarray, period: float, roughness: float
     width = int(1.2 * a_period) | 1
     swing = 0.5 * (maximum_filter1d(smooth, width) - minimum_filter1d(smooth, width))
     found, first = zigzag(smooth, swing)
+    if len(found) < FEW:  # heavy damping: a swing is less than half of the one before
+        found, first = zigzag(smooth, 0.5 * swing)
+    if not found:
+        return Turning(*np.empty((3, 0)))
     spacing = (t[-1] - t[0]) / (t.size - 1)
-    out: list[tuple[float, float, float]] = []
-    kind = first
-    for j, i in enumerate(found):
-        near = grid[[k for k in found[max(j - 1, 0) : j + 2] if k != i]]
-        local = (
-            min(max(2 * float(np.mean(np.abs(near - grid[i]))), 0.5 * period), 2 * period)
-            if near.size
-            else period
-        )
-        half = _half_width(local, spacing, float(swing[i]), roughness)
-        point = refine(t, y, float(grid[i]), kind, local, half)
-        inside = t[0] + 0.1 * local < grid[i] < t[-1] - 0.1 * local
-        if point is None and inside:
-            out.append((float(grid[i]), float(smooth[i]), 1.0))
-        elif point is not None and (inside or t[0] - 0.02 * local <= point[0] <= t[-1] + 0.02 * local):
-            out.append((min(max(point[0], t[0]), t[-1]), *point[1:]))
-        kind = -kind
-    times, values, gain = np.array(out, float).reshape(-1, 3).T
-    return Turning(times, values, gain)
+    index = np.array(found)
+    at, kind = grid[index], first * (-1.0) ** np.arange(index.size)
+    gaps = np.diff(at)
+    local = np.full(at.size, period)
+    if gaps.size:  # twice the mean distance to the neighbours
+        near = np.concatenate([gaps[:1], 0.5 * (gaps[1:] + gaps[:-1]), gaps[-1:]])
+        local = np.clip(2 * near, 0.5 * period, 2 * period)
+    half = _half_width(local, spacing, swing[index], roughness)
+    points = refine(t, y, at, kind, local, half)
+    inside = (at > t[0] + 0.1 * local) & (at < t[-1] - 0.1 * local)
+    none = np.isnan(points[:, 0])
+    points[none] = np.stack([at, smooth[index], np.ones(at.size)], axis=1)[none]
+    times = points[:, 0]
+    kept = inside | (~none & (times >= t[0] - 0.02 * local) & (times <= t[-1] + 0.02 * local))
+    points[:, 0] = np.where(none, times, np.clip(times, t[0], t[-1]))
+    return Turning(*points[kept].T)
 
 
-def _half_width(period: float, spacing: float, amplitude: float, roughness: float) -> float:
-    """The narrowest window in which noise moves a turning value by less than 0.1 % of the amplitude."""
-    for share in (1 / 12, 1 / 8, 1 / 6):
+def _half_width(period: np.ndarray, spacing: float, amplitude: np.ndarray, roughness: float) -> np.ndarray:
+    """The narrowest windows (k,) in which noise moves a turning value by less than 0.1 % of the amplitude (k,)."""
+    half = period / 4
+    for share in (1 / 6, 1 / 8, 1 / 12):
         samples = 2 * share * period / spacing
-        if samples >= 12 and 2.5 * roughness <= 1e-3 * amplitude * np.sqrt(samples):
-            return share * period
-    return period / 4
+        fine = (samples >= 12) & (2.5 * roughness <= 1e-3 * amplitude * np.sqrt(samples))
+        half = np.where(fine, share * period, half)
+    return half
 
 
 def midpoints(values: np.ndarray) -> np.ndarray:
