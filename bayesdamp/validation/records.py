@@ -61,7 +61,7 @@ class Case:
 
 
 def family(seed: int, count: int, oversample: int = 1) -> list[Case]:
-    """Records of the seven damping sums and four restoring laws, in turn: number n has sum n mod 7 and law n mod 4.
+    """Records of the seven damping sums and four restoring laws, in turn.
 
     Each term has 15 % or more of the lost energy; the amplitude falls to 10 to 70 %; white noise of 0.3 to 3 % of the
     first amplitude; 8 to 60 cycles with 16 to 200 samples each; the truth is 12 nats or more ahead of every sum that
@@ -83,7 +83,7 @@ def case(kind: str, seed: int, number: int, oversample: int = 1) -> Case:
     if kind not in KINDS:
         raise InputError(f"kind {kind!r} is unknown: it must be one of {', '.join(KINDS)}")
     rng = np.random.default_rng([seed, KINDS.index(kind), number])
-    damping, restoring = _turn(kind, number)
+    damping, restoring = in_turn(kind, number)
     rejected: Counter[str] = Counter()
     for _ in range(ATTEMPTS):
         draw = drawn(rng, damping, restoring, float(rng.uniform(*SHARE)) if kind in TAKING else 0.0)
@@ -98,7 +98,7 @@ def case(kind: str, seed: int, number: int, oversample: int = 1) -> Case:
     raise RuntimeError(f"no record of {damping} on {restoring} as {kind} in {ATTEMPTS} draws")
 
 
-def _turn(kind: str, number: int) -> tuple[str, str]:
+def in_turn(kind: str, number: int) -> tuple[str, str]:
     """Damping sum and restoring law whose turn it is; each kind begins elsewhere, and meets all pairs."""
     sums = [name for name in SUMS if kind not in COULOMB or "coulomb" in name.split("+")]
     begin = KINDS.index(kind)

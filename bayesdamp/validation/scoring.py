@@ -19,7 +19,7 @@ HEADS = {
     "group": "group", "records": "records", "answered": "answered", "decided": "named outright",
     "right": "right among these", "wrong": "wrong outright, of all", "coverage": "coverage of the ratio's intervals",
     "half_width": "their half width", "relative_width": "their width, relative", "deviates": "deviates",
-    "log_probability": "mean log P(true)",
+    "log_probability": "mean log P(true)", "seconds": "seconds",
 }  # fmt: skip
 
 
@@ -41,8 +41,8 @@ def scores(rows: pd.DataFrame, reference: pd.DataFrame | None = None) -> pd.Data
     *_high; that of the coverage counts a record once, for its three ratios are not independent.
     half_width: geometric mean of half the intervals' widths over the true ratios. relative_width: geometric mean of
     the widths over those of the same record and amplitude in `reference`, by default the rows of mode "none".
-    log_probability: mean of the logarithm of the true sum's probability, at least 1e-12. Records without an answer are
-    not decided, and count for nothing else.
+    log_probability: mean of the logarithm of the true sum's probability, at least 1e-12. seconds: median. Records
+    without an answer are not decided, and count for nothing else.
     """
     all_rows = _records(rows)
     basis = [row for row in all_rows if row["mode"] == "none"] if reference is None else _records(reference)
@@ -118,6 +118,7 @@ def _line(name: str, part: list[Row], basis: Mapping[str, np.ndarray]) -> Row:
     )
     true = np.array([row["true_probability"] for row in answered], float)
     line["log_probability"] = float(np.log(np.maximum(true, LEAST)).mean()) if true.size else math.nan
+    line["seconds"] = float(np.median([row["seconds"] for row in answered])) if answered else math.nan
     return line
 
 
