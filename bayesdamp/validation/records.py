@@ -15,7 +15,7 @@ from bayesdamp.validation.drawing import Draw, drawn, with_discrepancy
 from bayesdamp.validation.motion import Motion, NoMotionError, solved
 from bayesdamp.validation.oscillator import COEFFICIENTS, LAWS, SUMS
 from bayesdamp.validation.ratio import RatioCurve, ratio_curve
-from bayesdamp.validation.rivals import Rivals, rivals
+from bayesdamp.validation.rivals import nats_ahead
 
 FAMILY = "family"
 KINDS = (FAMILY, *discrepancies.KINDS)
@@ -112,8 +112,7 @@ class _Rejected(Exception):  # noqa: N818 - a rule's name, not an error
 
 def _made(kind: str, draw: Draw, rng: np.random.Generator, oversample: int) -> Case:
     """The record of a draw. Raises _Rejected with the name of the rule that it breaks."""
-    against = _rivals(draw)
-    nats = min(against.nats.values())
+    nats = _nats(draw)
     if nats < NATS:
         raise _Rejected("nats")
     observe = SENSORS[kind](rng, draw) if kind in SENSORS else _displacements
@@ -154,12 +153,13 @@ def _displacements(motion: Motion, times: np.ndarray) -> np.ndarray:
     return motion.at(times)[0] - motion.equilibrium
 
 
-def _rivals(draw: Draw) -> Rivals:
+def _nats(draw: Draw) -> float:
     start = draw.oscillator.equilibrium() + draw.displacement
-    return rivals(
+    ahead = nats_ahead(
         draw.oscillator, start, 0.0, draw.amplitude, draw.left, draw.frequency, draw.duration,
         int(draw.cycles * draw.per_cycle), draw.noise * draw.amplitude,
     )  # fmt: skip
+    return min(ahead.values())
 
 
 def _shares(draw: Draw, motion: Motion, end: float) -> dict[str, float]:
