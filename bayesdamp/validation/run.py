@@ -83,7 +83,7 @@ def answered(job: Job, path: str, mode: str) -> Row:
 
 def rows_of(todo: Sequence[Job], path: str, mode: str, workers: int) -> Iterator[Row]:
     """Rows as they are done, on spawned processes where there is more than one worker."""
-    if workers == 1:
+    if min(workers, len(todo)) <= 1:
         yield from (answered(job, path, mode) for job in todo)
         return
     with processes(workers) as pool:

@@ -95,9 +95,12 @@ def test_measured_runs_have_the_amplitudes_that_an_eye_sees() -> None:
 
     if not DATA.exists():
         pytest.skip("the measured decays are not here")
-    for file in ("60.txt", "80P.txt"):
-        raw = read_record(DATA / "horizontal_pendulum" / file, time="Time_Elapsed(s)", value="Angle(deg)")
-        signal = clean(raw, name="rig", unit="deg")
+    for file, columns, unit in (
+        ("horizontal_pendulum/60.txt", {"time": "Time_Elapsed(s)", "value": "Angle(deg)"}, "deg"),
+        ("ship_roll/model_test_21338.csv", {"time": "time", "value": "phi"}, "rad"),
+        ("video_pendulum/lab1_data.txt", {"time": 1, "value": 2}, "rad"),
+    ):
+        signal = clean(read_record(DATA / file, **columns), name="rig", unit=unit)
         high, low = amplitude_range(signal)
         seen = features(signal)
         assert high == pytest.approx(seen.amplitude, rel=0.1)

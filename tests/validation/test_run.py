@@ -26,8 +26,10 @@ def test_a_run_scores_and_resumes(tmp_path: Path, capsys: pytest.CaptureFixture[
     assert list(second["case"][2:]) == ["power-1-0"]
     assert main([*common, "--count", "3", "--deviation", "auto", "--workers", "1"]) == 0
     assert len(read_rows(out)) == 6
+    assert main([*common, "--count", "0"]) == 0  # the scores alone
     said = capsys.readouterr()
     assert "| all discrepancies/auto | 3 | 3 | 0.00 (0.00–0.56) |" in said.out
+    assert said.out.count("| all discrepancies/auto | 3 |") == 2
     assert "1/1 power-1-0 viscous" in said.err
 
 
