@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pandas as pd
@@ -87,6 +87,15 @@ def test_a_wrong_answer_is_wrong_outright() -> None:
     cautious = table_of(right=False, decided=False)
     assert (cautious["decided"], cautious["wrong"]) == (0.0, 0.0)
     assert np.isnan(cautious["right"])
+
+
+def test_a_term_too_many_is_wrong_and_counted() -> None:
+    """All three terms, said of each of the seven sums."""
+    rng = np.random.default_rng(1)
+    cases = [a_case(n) for n in range(7)]
+    pairs = [(case, replace(said(case, rng), damping=SUMS[6])) for case in cases]
+    line = score(pairs).iloc[0]
+    assert (line["right"], line["more"], line["wrong"]) == pytest.approx((1 / 7, 6 / 7, 6 / 7))
 
 
 def test_an_overconfident_answer_does_not_cover() -> None:
