@@ -20,7 +20,7 @@ from bayesdamp.validation.answers import COLUMNS, Row, row_of
 from bayesdamp.validation.records import FAMILY, KINDS, case
 from bayesdamp.validation.scoring import markdown, scores
 
-ANSWER = "bayesdamp.answer:answer_for_validation"
+ANSWER = "bayesdamp.answer:answer"
 DISCREPANT = "discrepant"
 FAULT = "failed: "
 

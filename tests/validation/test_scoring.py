@@ -133,6 +133,8 @@ def test_a_refusal_decides_nothing_and_has_no_coverage() -> None:
 
     rows = [row_of(a_case(n), refuses, "auto") for n in range(5)]
     assert rows[0]["outcome"] == "three samples in a period"
+    nothing = Said(False, "", float("nan"), "not_weighed", ())
+    assert row_of(a_case(0), lambda signal, amplitudes: nothing, "auto")["outcome"] == "not_weighed"
     rng = np.random.default_rng(3)
     rows += [
         row_of(a_case(n), lambda s, a, n=n: said(a_case(n), rng, sure=0.1), "auto") for n in range(5, 10)
