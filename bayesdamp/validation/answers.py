@@ -34,7 +34,11 @@ class RatioAt(Span, Protocol):
 
 
 class Answer(Protocol):
-    """An answer for one record. It may also have `rivals`: objects with `damping` and `probability`, of other sums."""
+    """An answer for one record.
+
+    It may also have `rivals`, objects with `damping` and `probability`, of other sums. One without damping ratios says
+    that nothing can be said, in its `sentence` where it has one, else by its grade.
+    """
 
     @property
     def decided(self) -> bool: ...
@@ -82,11 +86,14 @@ def row_of(case: Case, answering: Answering, mode: str) -> Row:
         answer = answering(case.signal, case.amplitudes)
     except Refusal as refusal:
         return row | {"outcome": str(refusal), "seconds": time.perf_counter() - began, "decided": False}
+    if not answer.damping_ratio:
+        said = str(getattr(answer, "sentence", "") or answer.grade)
+        return row | {"outcome": said, "seconds": time.perf_counter() - began, "decided": False}
     row |= {"outcome": OK, "seconds": time.perf_counter() - began, "decided": bool(answer.decided)}
     row |= {
         "named": answer.damping, "relation": relation(answer.damping, case.damping),
         "probability": answer.probability, "true_probability": probability_of(answer, case.damping),
-        "grade": answer.grade,
+        "grade": str(answer.grade),
     }  # fmt: skip
     for i, (asked, at) in enumerate(zip(case.amplitudes, answer.damping_ratio, strict=True), 1):
         if not math.isclose(at.amplitude, asked, rel_tol=1e-6):

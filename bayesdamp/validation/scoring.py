@@ -14,12 +14,13 @@ from bayesdamp.validation.records import FAMILY, KINDS, Case
 
 Z = 1.959963984540054
 """Of a two-sided 95 % interval."""
-SHARES = ("decided", "right", "wrong", "coverage", "deviates")
+SHARES = ("decided", "right", "more", "wrong", "coverage", "deviates")
 HEADS = {
     "group": "group", "records": "records", "answered": "answered", "decided": "named outright",
-    "right": "right among these", "wrong": "wrong outright, of all", "coverage": "coverage of the ratio's intervals",
-    "half_width": "their half width", "relative_width": "their width, relative", "deviates": "deviates",
-    "log_probability": "mean log P(true)",
+    "right": "right among these", "more": "with a term too many", "wrong": "wrong outright, of all",
+    "coverage": "coverage of the ratio's intervals", "half_width": "their half width",
+    "relative_width": "their width, relative", "deviates": "deviates", "log_probability": "mean log P(true)",
+    "seconds": "seconds",
 }  # fmt: skip
 
 
@@ -35,14 +36,15 @@ def _given(case: Case, answer: Answer, mode: str) -> Row:
 def scores(rows: pd.DataFrame, reference: pd.DataFrame | None = None) -> pd.DataFrame:
     """A line for each kind, mode and oversampling among rows (as `row_of` makes them), and one for all discrepancies.
 
-    decided: share of the records that name a damping sum outright; right: of these, with the true one; wrong: share of
-    all records that name a wrong one outright; coverage: mean share of the three damping ratios within their intervals,
-    over the records that have any; deviates: share with that grade. Each has Wilson's 95 % interval in *_low and
-    *_high; that of the coverage counts a record once, for its three ratios are not independent.
+    decided: share of the records that name a damping sum outright; right: of these, with the true one; more: of these,
+    with the true terms and others, which a record with a further damping force may well have; wrong: share of all
+    records that name another sum than the true one outright; coverage: mean share of the three damping ratios within
+    their intervals, over the records that have any; deviates: share with that grade. Each has Wilson's 95 % interval
+    in *_low and *_high; that of the coverage counts a record once, for its three ratios are not independent.
     half_width: geometric mean of half the intervals' widths over the true ratios. relative_width: geometric mean of
     the widths over those of the same record and amplitude in `reference`, by default the rows of mode "none".
-    log_probability: mean of the logarithm of the true sum's probability, at least 1e-12. Records without an answer are
-    not decided, and count for nothing else.
+    log_probability: mean of the logarithm of the true sum's probability, at least 1e-12. seconds: median. Records
+    without an answer are not decided, and count for nothing else.
     """
     all_rows = _records(rows)
     basis = [row for row in all_rows if row["mode"] == "none"] if reference is None else _records(reference)
@@ -102,6 +104,7 @@ def _line(name: str, part: list[Row], basis: Mapping[str, np.ndarray]) -> Row:
     shares = {
         "decided": (len(decided), len(part)),
         "right": (right.sum(), len(decided)),
+        "more": (sum(row["relation"] == "more" for row in decided), len(decided)),
         "wrong": ((~right).sum(), len(part)),
         "coverage": (covered.sum(), len(answered)),
         "deviates": (sum(row["grade"] == "deviates" for row in answered), len(answered)),
@@ -118,6 +121,7 @@ def _line(name: str, part: list[Row], basis: Mapping[str, np.ndarray]) -> Row:
     )
     true = np.array([row["true_probability"] for row in answered], float)
     line["log_probability"] = float(np.log(np.maximum(true, LEAST)).mean()) if true.size else math.nan
+    line["seconds"] = float(np.median([row["seconds"] for row in answered])) if answered else math.nan
     return line
 
 

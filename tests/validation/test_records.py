@@ -16,7 +16,7 @@ from bayesdamp.validation import discrepancies as odd
 from bayesdamp.validation.drawing import Draw
 from bayesdamp.validation.motion import solved
 from bayesdamp.validation.oscillator import COEFFICIENTS, LAWS, SUMS, Oscillator
-from bayesdamp.validation.records import FAMILY, KINDS, Case, case, discrepant, family
+from bayesdamp.validation.records import FAMILY, KINDS, Case, case, discrepant, family, in_turn
 
 
 def oscillator_of(made: Case) -> Oscillator:
@@ -25,10 +25,17 @@ def oscillator_of(made: Case) -> Oscillator:
     return Oscillator(made.restoring, law, damping, made.parameters["epsilon"])
 
 
+@pytest.mark.parametrize("kind", KINDS)
+def test_every_sum_meets_every_law(kind: str) -> None:
+    sums = [s for s in SUMS if kind not in odd.COULOMB or "coulomb" in s]
+    pairs = {in_turn(kind, number) for number in range(4 * len(sums))}
+    assert pairs == {(s, law) for s in sums for law in LAWS}
+
+
 def test_the_family_keeps_its_rules() -> None:
-    cases = family(3, 28)
+    cases = family(3, 8)
     assert {c.damping for c in cases} == set(SUMS)
-    assert {(c.damping, c.restoring) for c in cases} == {(s, law) for s in SUMS for law in LAWS}
+    assert {c.restoring for c in cases} == set(LAWS)
     for made in cases:
         assert min(made.shares.values()) >= 0.15
         assert sum(made.shares.values()) == pytest.approx(1.0)
@@ -82,40 +89,41 @@ def test_ten_times_the_samples_are_of_the_same_motion(kind: str) -> None:
     assert np.std(apart) == pytest.approx(np.sqrt(2) * made.noise_sd, rel=5 / np.sqrt(2 * apart.size))
 
 
-def test_nats_are_those_of_least_squares_on_the_true_motion() -> None:
-    """Of the best rival, fitted with SciPy's solver to the noise-free record: half its χ², to a tenth."""
-    made = case(FAMILY, 2, 17)  # viscous and Coulomb damping
-    assert made.damping == "viscous+coulomb"
+@pytest.mark.parametrize(("seed", "number"), [(3, 29), (4, 15)])
+def test_nats_are_those_of_least_squares_on_the_true_motion(seed: int, number: int) -> None:
+    """Coulomb friction's only full rival is viscous and quadratic: fitted here by SciPy alone to the noise-free record.
+
+    Half its least χ² is the nats within 3 %: those count samples roughly, and compare 24 a cycle.
+    """
+    made = case(FAMILY, seed, number)
+    assert (made.damping, made.parameters["omega0"], made.parameters["epsilon"]) == ("coulomb", 0.0, 0.0)
     truth = oscillator_of(made)
-    end = made.signal.t[-1]
-    zero, frequency = truth.equilibrium(), 2 * np.pi * made.cycles / end
-    start = solved(truth, made.amplitudes[0], frequency, end)
-    times = np.linspace(0.0, end, 400)
-    true = start.at(times)[0]
-    law, names = dict(truth.parameters), LAWS[made.restoring]
-    sizes = np.array([law[n] if n != "rest_angle" else made.amplitudes[0] for n in names])
-    per_sample = made.signal.t.size / times.size
-    costs = []
-    for terms in (("viscous", "quadratic"), ("coulomb", "quadratic")):
-        unit = np.array([made.ratio(made.amplitudes[1]) * {
-            "viscous": frequency, "coulomb": np.pi / 2 * frequency**2 * made.amplitudes[1],
-            "quadratic": 3 * np.pi / 4 / made.amplitudes[1],
-        }[t] for t in terms])  # fmt: skip
+    t, zero = made.signal.t, truth.equilibrium()
+    frequency = 2 * np.pi * made.cycles / t[-1]
+    true = solved(truth, made.parameters["theta0"] - zero, frequency, t[-1]).at(t)[0]
+    law, size = dict(truth.parameters), abs(made.parameters["theta0"] - zero)
+    scales = [abs(v) for v in law.values()]
 
-        def residual(x: np.ndarray, terms=terms, unit=unit) -> np.ndarray:
-            moved = {n: law[n] + s * d for n, s, d in zip(names, sizes, x, strict=False)}
-            damping = dict(zip(terms, (unit * x[-2:]).tolist(), strict=True))
-            eps = truth.epsilon if "coulomb" in terms else 0.0
-            rival = Oscillator(made.restoring, moved, damping, eps)
-            release = zero + made.amplitudes[0] * (1 + x[-3]) - rival.equilibrium()
-            motion = solved(rival, release, frequency, 1.02 * end)
-            theta = motion.at(np.maximum(times + 0.1 / frequency * x[-4], 0.0))[0]
-            return (theta - true) / made.noise_sd
+    def residual(x: np.ndarray) -> np.ndarray:
+        moved = {n: v + s * d for (n, v), s, d in zip(law.items(), scales, x, strict=False)}
+        ratio = made.ratio(made.amplitudes[1]) * x[-2:]
+        damping = {"viscous": ratio[0] * frequency, "quadratic": ratio[1] / made.amplitudes[1]}
+        pull = Oscillator(made.restoring, moved, damping).acceleration()
+        start = [zero + size * (np.sign(true[0] - zero) + x[-4]), size * frequency * x[-3]]
+        found = solve_ivp(
+            lambda t, s: [s[1], pull(t, s[0], s[1], 0.0)], (0.0, t[-1]), start, method="DOP853", t_eval=t, rtol=1e-8,
+            atol=1e-9 * size,
+        )  # fmt: skip
+        return (found.y[0] - true) / made.noise_sd
 
-        x0 = np.concatenate([np.zeros(len(names) + 2), [0.5, 0.5]])
-        low = np.concatenate([np.full(len(names) + 2, -np.inf), [0.0, 0.0]])
-        costs.append(least_squares(residual, x0, bounds=(low, np.inf), diff_step=1e-6).cost * per_sample)
-    assert made.nats == pytest.approx(min(costs), rel=0.3)
+    x0 = np.append(np.zeros(len(law) + 2), [1.0, 0.1])
+    low = np.append(np.full(len(law) + 2, -np.inf), [0.0, 0.0])
+
+    def jacobian(x: np.ndarray) -> np.ndarray:
+        return np.column_stack([(residual(x + h) - residual(x - h)) / 2e-4 for h in 1e-4 * np.eye(x.size)])
+
+    fit = least_squares(residual, x0, jacobian, bounds=(low, np.inf), x_scale="jac")
+    assert made.nats == pytest.approx(fit.cost, rel=0.03)
 
 
 W, A, ZETA = 5.0, 0.3, 0.1

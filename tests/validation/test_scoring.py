@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pandas as pd
@@ -89,6 +89,15 @@ def test_a_wrong_answer_is_wrong_outright() -> None:
     assert np.isnan(cautious["right"])
 
 
+def test_a_term_too_many_is_wrong_and_counted() -> None:
+    """All three terms, said of each of the seven sums."""
+    rng = np.random.default_rng(1)
+    cases = [a_case(n) for n in range(7)]
+    pairs = [(case, replace(said(case, rng), damping=SUMS[6])) for case in cases]
+    line = score(pairs).iloc[0]
+    assert (line["right"], line["more"], line["wrong"]) == pytest.approx((1 / 7, 6 / 7, 6 / 7))
+
+
 def test_an_overconfident_answer_does_not_cover() -> None:
     """Intervals of a third of the width hold the truth with 1 − 2Φ(−1.96/3) = 0.486."""
     line = table_of(sure=3.0)
@@ -124,6 +133,8 @@ def test_a_refusal_decides_nothing_and_has_no_coverage() -> None:
 
     rows = [row_of(a_case(n), refuses, "auto") for n in range(5)]
     assert rows[0]["outcome"] == "three samples in a period"
+    nothing = Said(False, "", float("nan"), "not_weighed", ())
+    assert row_of(a_case(0), lambda signal, amplitudes: nothing, "auto")["outcome"] == "not_weighed"
     rng = np.random.default_rng(3)
     rows += [
         row_of(a_case(n), lambda s, a, n=n: said(a_case(n), rng, sure=0.1), "auto") for n in range(5, 10)

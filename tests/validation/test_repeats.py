@@ -1,0 +1,107 @@
+"""Repeats of one rig agree where the intervals are right, and not where they are too narrow."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from bayesdamp.types import Refusal, Signal
+from bayesdamp.validation.answers import Answering
+from bayesdamp.validation.envelope import amplitude_range
+from bayesdamp.validation.repeats import agreement, halves, mean_square, runs, share_possible, split, table
+from tests.validation.test_scoring import At, Rival, Said
+
+DATA = Path(__file__).resolve().parents[2] / ".." / "shared" / "data"
+
+
+def decay(first: float = 0.3, seconds: float = 20.0, noise: float = 0.003, seed: int = 0) -> Signal:
+    t = np.linspace(0.0, seconds, 1500)
+    y = 0.5 + first * np.exp(-0.1 * t) * np.cos(7.0 * t + seed)
+    return Signal(t, y + noise * np.random.default_rng(seed).standard_normal(t.size), name="rig")
+
+
+def honest(rng: np.random.Generator, sure: float = 1.0, damping: str = "viscous") -> Answering:
+    """Answers whose damping ratio is off by what their intervals say, or more, where they are too sure."""
+
+    def answering(signal: Signal, amplitudes: tuple[float, ...]) -> Said:
+        sd = float(rng.uniform(0.5, 2.0)) * 1e-4
+        off = [(a, 0.1 / 7.0 + sd * rng.standard_normal()) for a in amplitudes]
+        spans = tuple(At(a, v, v - 1.96 * sd / sure, v + 1.96 * sd / sure) for a, v in off)
+        return Said(True, damping, 0.9, "exact", spans)
+
+    return answering
+
+
+@pytest.mark.parametrize("sure", [1.0, 3.0])
+def test_differences_are_as_large_as_the_intervals_say(sure: float) -> None:
+    """Records apart: 300 z² of mean 1 (or 9) and sd √2 of it; within 5 sd of their mean."""
+    rng = np.random.default_rng(1)
+    found = [one for _ in range(100) for one in runs([decay(seed=1), decay(seed=2)], honest(rng, sure))]
+    assert mean_square(found) == pytest.approx(sure**2, rel=5 * np.sqrt(2 / 300))
+
+
+def test_all_pairs_of_runs_are_compared_at_common_amplitudes() -> None:
+    signals = [decay(0.3), decay(0.2), decay(0.4, 15.0)]
+    found = runs(signals, honest(np.random.default_rng(2)))
+    assert len(found) == 3
+    assert all(np.array_equal(one.amplitudes, found[0].amplitudes) for one in found)
+    assert 0.4 * np.exp(-1.5) < found[0].amplitudes[-1] < found[0].amplitudes[0] < 0.2
+    assert list(table(found)["first"]) == ["1 rig", "1 rig", "2 rig"]
+    with pytest.raises(Refusal, match="no common amplitudes"):
+        runs([decay(0.3), decay(0.01)], honest(np.random.default_rng(2)))
+
+
+def test_halves_are_compared_at_the_amplitude_between_them() -> None:
+    found = halves(decay(), honest(np.random.default_rng(3)))
+    assert found.amplitudes == pytest.approx(0.3 * np.exp(-1.0), rel=0.02)
+    first, second = split(decay())
+    assert first.t.size + second.t.size == 1500
+    assert second.t[0] == 0.0
+    assert second.t[-1] == pytest.approx(10.0, abs=0.02)
+
+
+def test_a_sum_that_the_other_half_rules_out_is_seen() -> None:
+    span = (At(0.1, 0.01, 0.009, 0.011),)
+    one = Said(True, "viscous", 0.94, "exact", span, None, (Rival("coulomb", 0.03), Rival("quadratic", 0.03)))
+    other = Said(True, "coulomb", 0.6, "exact", span, None, (Rival("viscous", 0.4),))
+    found = agreement("a", one, "b", other)
+    assert found.possible == (True, False)
+    assert found.z == pytest.approx(0.0)
+    assert share_possible([found, agreement("a", one, "a", one)]) == 0.75
+
+
+def test_answers_at_different_amplitudes_are_a_fault() -> None:
+    one, other = (Said(True, "viscous", 0.9, "exact", (At(a, 0.01, 0.009, 0.011),)) for a in (0.1, 0.2))
+    with pytest.raises(ValueError, match="different amplitudes"):
+        agreement("a", one, "b", other)
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.01])
+def test_the_range_of_amplitudes_is_the_envelopes(noise: float) -> None:
+    """Half a period, 0.45 s, within the record; noise of 0.01 moves the sine through 67 samples by 0.0017."""
+    first, last = amplitude_range(decay(noise=noise))
+    assert first == pytest.approx(0.3 * np.exp(-0.045), abs=0.003 + 0.5 * noise)
+    assert last == pytest.approx(0.3 * np.exp(-1.955), abs=0.003 + 0.5 * noise)
+    with pytest.raises(Refusal, match="fewer than 3 periods"):
+        amplitude_range(decay(seconds=2.0))
+
+
+def test_measured_runs_have_the_amplitudes_that_an_eye_sees() -> None:
+    from bayesdamp.signals.clean import clean
+    from bayesdamp.signals.features import features
+    from bayesdamp.signals.read import read_record
+
+    if not DATA.exists():
+        pytest.skip("the measured decays are not here")
+    for file, columns, unit in (
+        ("horizontal_pendulum/60.txt", {"time": "Time_Elapsed(s)", "value": "Angle(deg)"}, "deg"),
+        ("ship_roll/model_test_21338.csv", {"time": "time", "value": "phi"}, "rad"),
+        ("video_pendulum/lab1_data.txt", {"time": 1, "value": 2}, "rad"),
+    ):
+        signal = clean(read_record(DATA / file, **columns), name="rig", unit=unit)
+        high, low = amplitude_range(signal)
+        seen = features(signal)
+        assert high == pytest.approx(seen.amplitude, rel=0.1)
+        assert low == pytest.approx(seen.final_amplitude, rel=0.3)
