@@ -44,6 +44,9 @@ _HOME = {
     "sample": "bayesdamp.interface.posterior",
     "Evidence": "bayesdamp.interface.evidence",
     "evidence": "bayesdamp.interface.evidence",
+    "Comparison": "bayesdamp.interface.comparison",
+    "Verdict": "bayesdamp.verdict.types",
+    "compare": "bayesdamp.interface.comparison",
     "Candidate": "bayesdamp.interface.run",
     "Run": "bayesdamp.interface.run",
     "run_study": "bayesdamp.interface.run",
@@ -64,6 +67,7 @@ _THERE = {"trajectory": "simulate"}
 
 __all__ = [
     "Candidate",
+    "Comparison",
     "DampingTerm",
     "Density",
     "Estimate",
@@ -84,8 +88,10 @@ __all__ = [
     "Signal",
     "Study",
     "Uniform",
+    "Verdict",
     "__version__",
     "clean",
+    "compare",
     "estimate",
     "evidence",
     "features",
@@ -104,6 +110,7 @@ __all__ = [
 
 if TYPE_CHECKING:
     from bayesdamp.config import Study, load_study
+    from bayesdamp.interface.comparison import Comparison, compare
     from bayesdamp.interface.density import Density
     from bayesdamp.interface.estimate import Estimate, estimate
     from bayesdamp.interface.evidence import Evidence, evidence
@@ -123,6 +130,7 @@ if TYPE_CHECKING:
     from bayesdamp.signals.features import features
     from bayesdamp.signals.read import read_record
     from bayesdamp.types import InputError, Refusal
+    from bayesdamp.verdict.types import Verdict
 
 
 def __getattr__(name: str) -> object:

@@ -1,17 +1,41 @@
-"""The verdict on one signal, as the command line and Python call it."""
+"""The answer on one signal, as a study's task, the command line and Python get it."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
 
 from bayesdamp.inference.defaults import Reference
 from bayesdamp.inference.deviation.findings import SENSOR, findings
+from bayesdamp.inference.deviation.picture import picture
 from bayesdamp.inference.deviation.quick import weighing_of
-from bayesdamp.inference.deviation.weighing import Known
+from bayesdamp.inference.deviation.weighing import Known, Weighing
 from bayesdamp.priors import Prior
-from bayesdamp.types import Refusal, Signal
+from bayesdamp.types import OK, Refusal, Signal
 from bayesdamp.verdict.decide import decide
+from bayesdamp.verdict.specimen import Answered
 from bayesdamp.verdict.types import Grade, Verdict, Window
+
+
+@dataclass(frozen=True)
+class Answer:
+    """A verdict and what it rests on.
+
+    candidates: a row (damping, restoring, log_evidence, log_evidence_exact in nats, rms, outcome) for each candidate.
+    fits: parameters of the fit of all terms, by restoring law. arrays: what its picture is drawn from, as
+    `inference.deviation.picture` leaves them.
+    """
+
+    verdict: Verdict
+    candidates: tuple[Mapping[str, object], ...] = ()
+    fits: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    arrays: Mapping[str, np.ndarray] = field(default_factory=dict)
+
+    def of_specimen(self) -> Answered:
+        """What a verdict on several records takes of this one."""
+        return answered_from(self.verdict, self.candidates, self.arrays)
 
 
 def answer(
@@ -27,30 +51,92 @@ def answer(
     sensor: float = SENSOR,
     measured: bool = True,
     seed: int = 0,
-) -> Verdict:
+    notes: Sequence[str] = (),
+) -> Answer:
     """Which damping a signal has, how large it is and how well the law holds.
 
-    amplitudes: where the damping ratio is given (rad or m). deviation: "none", laws hold exactly; "law" or "auto", they
-    may hold approximately. sensor: relative linearity of the sensor, the floor of every rate. A signal on which nothing
-    can be said has a verdict of the grade `not_weighed` with the reason as its sentence.
+    amplitudes: where the damping ratio is given (rad or m); three of the record by default. deviation: "none", laws
+    hold exactly; "law" or "auto", they may hold approximately. known: values of parameters, or a function from a law's
+    name to them; priors: by parameter. sensor: relative linearity of the sensor, the floor of every rate. measured:
+    whether probabilities are capped. notes: sentences on the record, for the remarks. Of a signal on which nothing can
+    be said the grade is `not_weighed` and the sentence says why.
     """
     approximate = deviation != "none"
     try:
         weighing = weighing_of(
-            signal, damping=damping, restoring=restoring, known=known, priors=priors, reference=reference,
+            signal,
+            damping=damping,
+            restoring=restoring,
+            known=known,
+            priors=priors,
+            reference=reference,
             approximate=approximate,
-        )  # fmt: skip
-    except Refusal as refusal:
-        nan = float("nan")
-        text = str(refusal)
-        return Verdict(
-            signal.name, Grade.NOT_WEIGHED, False, "", nan, sentence=text[:1].upper() + text[1:] + "."
         )
+    except Refusal as refusal:
+        text = str(refusal)
+        said = f"{text[:1].upper()}{text[1:]}{'' if text.endswith('.') else '.'}"
+        return Answer(Verdict(signal.name, Grade.NOT_WEIGHED, False, "", float("nan"), sentence=said))
     found = findings(weighing, amplitudes, approximate=approximate, sensor=sensor, seed=seed)
     start = signal.provenance.get("start", 0.0)
     first = float(start) if isinstance(start, int | float) else 0.0
-    t = weighing.data.t
-    window = Window(first, first + float(t[-1]), weighing.data.cycles, "")
-    return decide(
-        found, record=signal.name, unit=signal.unit, measured=measured, approximate=approximate, window=window
+    window = Window(first, first + float(weighing.data.t[-1]), weighing.data.cycles, "")
+    verdict = decide(
+        found,
+        record=signal.name,
+        unit=signal.unit,
+        measured=measured,
+        approximate=approximate,
+        window=window,
+        notes=notes,
     )
+    return Answer(verdict, tuple(_rows(weighing)), _fits(weighing), picture(weighing, found))
+
+
+def answer_for_validation(
+    signal: Signal, amplitudes: Sequence[float] | None = None, deviation: str = "auto"
+) -> Verdict:
+    """The verdict on a simulated record, its probabilities not capped."""
+    return answer(signal, amplitudes, deviation=deviation, measured=False).verdict
+
+
+def answered_from(
+    verdict: Verdict, candidates: Sequence[Mapping[str, object]], arrays: Mapping[str, np.ndarray]
+) -> Answered:
+    """What a verdict on several records takes of one, from what is kept of its answer."""
+    rows = [r for r in candidates if r["outcome"] == OK]
+    exact = any(r["log_evidence"] is None for r in rows)
+    key = "log_evidence_exact" if exact else "log_evidence"
+    logs = {(str(r["damping"]), str(r["restoring"])): float(r[key]) for r in rows}  # type: ignore[arg-type]
+    top = max(logs.values())
+    curve = {name: arrays[name] for name in ("amplitude", "ratio", "low", "high")}
+    return Answered(verdict, {k: v - top for k, v in logs.items()}, curve)
+
+
+def _rows(weighing: Weighing) -> list[dict[str, object]]:
+    rows: list[dict[str, object]] = [
+        {
+            "damping": "+".join(r.candidate.damping),
+            "restoring": r.candidate.restoring,
+            "log_evidence": None if r.weighed is None else r.weighed.log_evidence,
+            "log_evidence_exact": r.exact_weighed.log_evidence,
+            "rms": float((r.fit.squares / r.fit.residual.size) ** 0.5),
+            "outcome": OK,
+        }
+        for r in weighing.results
+        if weighing.results[0].weighed is None or r.weighed is not None
+    ]
+    rows += [
+        {"damping": "+".join(c.damping), "restoring": c.restoring, "outcome": why}
+        for c, why in weighing.refused.items()
+    ]
+    return rows
+
+
+def _fits(weighing: Weighing) -> dict[str, dict[str, float]]:
+    """Where the fit of all terms ended under each law that was not out of the question."""
+    terms = next(iter(weighing.solvers.values())).terms
+    return {
+        r.candidate.restoring: r.fit.parameters.named(r.fit.z)
+        for r in weighing.results
+        if set(r.candidate.damping) == set(terms)
+    }

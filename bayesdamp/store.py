@@ -63,7 +63,11 @@ VERDICTS: tuple[str, ...] = (
     *(
         f"{name}_{i}{end}"
         for i in (1, 2, 3)
-        for name, ends in (("amplitude", ("",)), ("unit", ("",)), ("ratio", ("", "_low", "_high", "_sd_noise", "_sd_law")))
+        for name, ends in (
+            ("amplitude", ("",)),
+            ("unit", ("",)),
+            ("ratio", ("", "_low", "_high", "_sd_noise", "_sd_law")),
+        )
         for end in ends
     ),
     "energy", "other_forms", "deviation", "deviation_low", "deviation_high", "unexplained_pct", "noise_pct",

@@ -72,8 +72,8 @@ def comparison(
     record.
 
     repeats: whether all records are of one specimen, of which one by one modes and evidence are found, without draws;
-    otherwise each is a specimen of its own. plugins: the user's modules; each damping term in them is compared alone and
-    beside each one that ships, each law as one more.
+    otherwise each is a specimen of its own. plugins: the user's modules; each damping term in them is compared alone
+    and beside each one that ships, each law as one more.
     Raises InputError, one line in the terms of the command's options.
     """
     if repeats and len(records) < 2:

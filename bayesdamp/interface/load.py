@@ -18,6 +18,7 @@ HOME = {
     "Fit": "fit",
     "Posterior": "posterior",
     "Evidence": "evidence",
+    "Comparison": "comparison",
 }
 """Where each kind of result is, in this package."""
 

@@ -6,28 +6,21 @@ import time
 from collections.abc import Mapping
 from functools import cached_property
 
-from threadpoolctl import threadpool_limits
-
+from bayesdamp.answer import Answer, answer, answered_from
 from bayesdamp.config import Recording, SignalSpec, Study
 from bayesdamp.config.checks import plain
 from bayesdamp.inference.defaults import Reference
-from bayesdamp.inference.deviation.candidate import Candidate
-from bayesdamp.inference.deviation.data import prepared
-from bayesdamp.inference.deviation.findings import findings
-from bayesdamp.inference.deviation.picture import picture
-from bayesdamp.inference.deviation.weighing import Weighing, weigh_all
 from bayesdamp.physics.damping import TERMS, DampingTerm, parse_model
 from bayesdamp.physics.forms import FORMS
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.priors import Prior
 from bayesdamp.store import CellResult, Store
 from bayesdamp.study.keys import task_key
-from bayesdamp.study.records import NOT_APPLICABLE, SignalCell, cell_seed, plain_seconds, signal_of
+from bayesdamp.study.records import NOT_APPLICABLE, SignalCell, cell_seed, plain_seconds
 from bayesdamp.study.targets import Record
-from bayesdamp.types import OK, Refusal, candidate_parts, following
-from bayesdamp.verdict.decide import decide
+from bayesdamp.types import OK, Refusal, following
 from bayesdamp.verdict.specimen import Answered
-from bayesdamp.verdict.types import Verdict, Window
+from bayesdamp.verdict.types import Grade, Verdict
 
 NO_KERNEL = "not weighed at once: {names} cannot be compiled; give the term a `kernel`"
 
@@ -78,94 +71,52 @@ class AnswerCell:
         if outcome:
             self.store.write(CellResult(self.name, self.key, outcome=outcome))
             return
+        record = Record(self.study, self.spec, cell)
         try:
-            weighing = self._weighing(Record(self.study, self.spec, cell))
+            found = self._answer(record)
         except Refusal as refusal:
             self.store.write(
                 CellResult(self.name, self.key, outcome=str(refusal), seconds=plain_seconds(began))
             )
             return
-        measured = isinstance(self.spec.source, Recording)
-        found = findings(
-            weighing,
-            approximate=self.approximate,
-            sensor=self.study.posterior.sensor,
-            seed=cell_seed(self.study, self.name),
-        )
-        signal = signal_of(cell)
-        first = float(cell.meta["provenance"].get("start") or 0.0)
-        verdict = decide(
-            found,
-            record=self.spec.name,
-            unit=signal.unit,
-            measured=measured,
-            approximate=self.approximate,
-            window=Window(first, first + float(weighing.data.t[-1]), weighing.data.cycles, ""),
-            notes=cell.meta.get("anomalies", ()),
-        )
-        meta = {"verdict": verdict.to_dict(), "candidates": _table(weighing), "fits": _fits(weighing)}
-        arrays = dict(picture(weighing, found))
-        self.store.write(CellResult(self.name, self.key, meta, arrays, OK, plain_seconds(began)))
+        meta = {
+            "verdict": found.verdict.to_dict(),
+            "candidates": list(found.candidates),
+            "fits": dict(found.fits),
+        }
+        outcome = found.verdict.sentence if found.verdict.grade is Grade.NOT_WEIGHED else OK
+        self.store.write(CellResult(self.name, self.key, meta, found.arrays, outcome, plain_seconds(began)))
 
     @property
     def _terms(self) -> tuple[str, ...]:
         every = (parse_model(m) for m in self.study.dampings(self.spec))
         return tuple(dict.fromkeys(t for terms in every for t in terms))
 
-    def _weighing(self, record: Record) -> Weighing:
-        parts = [candidate_parts(name) for name in self.study.compare(self.spec)]
-        candidates = [Candidate(parse_model(d), law or self.spec.restoring[0]) for d, law in parts]
+    def _answer(self, record: Record) -> Answer:
         given: dict[str, Prior] = {
             TERMS.get(t).parameter: p for t, p in self.study.models.prior.items() if p is not None
         }
         for law in self.spec.restoring:
             given |= {k: p for k, p in record.system(law).free.items() if p is not None}  # type: ignore[misc]
-        reference = Reference(**record.cell.meta["reference"])
 
         def known(law: str) -> Mapping[str, float]:
             system = record.system(law)
             chosen = "epsilon" in self.spec.under(law).known
             return {k: v for k, v in system.known.items() if chosen or k != "epsilon"}
 
-        with threadpool_limits(1, "blas"):
-            return weigh_all(
-                prepared(record.signal),
-                candidates,
-                known=known,
-                priors=given,
-                reference=reference,
-                approximate=self.approximate,
-            )
-
-
-def _table(weighing: Weighing) -> list[dict[str, object]]:
-    """A row for each candidate that was weighed, and for each that was not."""
-    rows: list[dict[str, object]] = [
-        {
-            "damping": "+".join(r.candidate.damping),
-            "restoring": r.candidate.restoring,
-            "log_evidence": None if r.weighed is None else r.weighed.log_evidence,
-            "log_evidence_exact": r.exact_weighed.log_evidence,
-            "rms": float((r.fit.squares / r.fit.residual.size) ** 0.5),
-            "outcome": OK,
-        }
-        for r in weighing.results
-    ]
-    rows += [
-        {"damping": "+".join(c.damping), "restoring": c.restoring, "outcome": why}
-        for c, why in weighing.refused.items()
-    ]
-    return rows
-
-
-def _fits(weighing: Weighing) -> dict[str, dict[str, float]]:
-    """Where the fit of all terms ended under each law that was not out of the question."""
-    terms = next(iter(weighing.solvers.values())).terms
-    return {
-        r.candidate.restoring: r.fit.parameters.named(r.fit.z)
-        for r in weighing.results
-        if set(r.candidate.damping) == set(terms)
-    }
+        return answer(
+            record.signal,
+            deviation="law" if self.approximate else "none",
+            damping=self.study.dampings(self.spec),
+            restoring=self.spec.restoring,
+            known=known,
+            priors=given,
+            reference=Reference(**record.cell.meta["reference"]),
+            sensor=self.study.posterior.sensor,
+            measured=isinstance(self.spec.source, Recording),
+            seed=cell_seed(self.study, self.name),
+            notes=record.cell.meta.get("anomalies", ()),
+        )
 
 
 def fits_of(store: Store, signal: str, repeat: int) -> Mapping[str, Mapping[str, float]]:
@@ -212,10 +163,4 @@ def answered_of(store: Store, signal: str, repeat: int) -> Answered | None:
         return None
     if cell.outcome != OK:
         return None
-    rows = [r for r in cell.meta["candidates"] if r["outcome"] == OK]
-    logs = {(r["damping"], r["restoring"]): r["log_evidence"] for r in rows}
-    if any(value is None for value in logs.values()):
-        logs = {(r["damping"], r["restoring"]): r["log_evidence_exact"] for r in rows}
-    top = max(logs.values())
-    curve = {name: cell.arrays[name] for name in ("amplitude", "ratio", "low", "high")}
-    return Answered(Verdict.from_dict(cell.meta["verdict"]), {k: v - top for k, v in logs.items()}, curve)
+    return answered_from(Verdict.from_dict(cell.meta["verdict"]), cell.meta["candidates"], cell.arrays)

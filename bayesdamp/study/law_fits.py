@@ -18,8 +18,8 @@ from bayesdamp.inference.target import Target
 from bayesdamp.physics.damping import TERMS, parse_model
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.store import CellResult, Store
-from bayesdamp.study.climbs import packed, unpacked
 from bayesdamp.study.answering import AnswerCell, fits_of
+from bayesdamp.study.climbs import packed, unpacked
 from bayesdamp.study.keys import task_key
 from bayesdamp.study.records import NOT_APPLICABLE, SignalCell, plain_seconds
 from bayesdamp.study.starts import REGRESSION, observed, regression
@@ -47,7 +47,11 @@ class LawFit:
         priors = {t: str(self.study.models.prior.get(t)) for t in self.terms}
         law = plain(self.spec.under(self.law))
         answer = AnswerCell(self.study, self.spec, self.repeat, self.store).key
-        named = [*map(TERMS.source, self.terms), LAWS.source(self.law), *map(NOISES.source, self.study.noises)]
+        named = [
+            *map(TERMS.source, self.terms),
+            LAWS.source(self.law),
+            *map(NOISES.source, self.study.noises),
+        ]
         named.append(ESTIMATORS.source(REGRESSION))
         parts = (self.study.noises, self.terms, priors, law, answer, named)
         return task_key("fitted", self.parent.key, *parts)

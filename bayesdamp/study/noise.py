@@ -42,7 +42,15 @@ class NoiseCell:
         laws = [plain(self.spec.under(law)) for law in self.spec.restoring]
         named = [*map(TERMS.source, self.terms), *map(LAWS.source, self.spec.restoring)]
         named += [*map(NOISES.source, self.study.noises), ESTIMATORS.source(REGRESSION)]
-        parts = (self.study.noises, self.terms, priors, laws, SHARES, WORTH, [one.key for one in self.fits.values()])
+        parts = (
+            self.study.noises,
+            self.terms,
+            priors,
+            laws,
+            SHARES,
+            WORTH,
+            [one.key for one in self.fits.values()],
+        )
         return task_key("noise", self.parent.key, *parts, named)
 
     def compute(self) -> None:

@@ -54,7 +54,8 @@ class Job:
     of its "noise" from these, one candidate's branch on it, or, once all of these are done, what joins them: an
     "average" over models, a "specimen" of several records (signal is then its name), the "population" of all specimens.
 
-    part: of a record "read" or "answer"; of a branch "look" (estimates, mode, Laplace's evidence), "weigh" (the other evidence) or "sample"; None for
+    part: of a record "read" or "answer"; of a branch "look" (estimates, mode, Laplace's evidence), "weigh" (the other
+    evidence) or "sample"; None for
     all of it.
     """
 

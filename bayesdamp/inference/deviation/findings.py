@@ -8,7 +8,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from bayesdamp.inference.deviation.candidate import Candidate
-from bayesdamp.inference.deviation.hyperparameters import grid_of
 from bayesdamp.inference.deviation.orbit import Cycle, cycle_at, natural_frequency, rest_of
 from bayesdamp.inference.deviation.orthant import draw
 from bayesdamp.inference.deviation.weighing import Result, Weighing
@@ -57,7 +56,8 @@ class Findings:
     """A weighing in numbers, before anything is decided.
 
     damping, exact: probability of each sum (its terms joined by +) under laws that hold approximately, and exactly.
-    exotic: of sums with another form of damping. exponent: of a power law in the velocity. restoring: of each law. term: of each term, summed over the sums that have it. ratios: at the amplitudes asked for, curve: over the record's.
+    exotic: of sums with another form of damping. exponent: of a power law in the velocity. restoring: of each law.
+    term: of each term, summed over the sums that have it. ratios: at the amplitudes asked for, curve: over all.
     energy: share of the dissipated energy by term, bound: its 95 % upper limit where all terms are in the model.
     deviation, restoring_deviation: energy-weighted mean of the relative deviation of the damping and restoring laws.
     other: 95 % upper limit of the share of any other form. coefficients: under the likeliest sum. unexplained, noise:
@@ -430,10 +430,8 @@ def _size(weighing: Weighing, d: _Drawn, values: np.ndarray) -> np.ndarray:
     """Energy-weighted mean of |deviation| over the record, about its own mean there, (n,)."""
     at, sizes = _times(d.result)
     share = np.linspace(0, 1, values.shape[1])
-    if at.size < 2:
-        weight = np.ones(share.size)
-    else:
-        weight = np.interp(share * weighing.data.t[-1], at, sizes) ** 2
+    few = at.size < 2
+    weight = np.ones(share.size) if few else np.interp(share * weighing.data.t[-1], at, sizes) ** 2
     weight = weight / weight.sum()
     centred = values - (values @ weight)[:, None]
     return np.abs(centred) @ weight

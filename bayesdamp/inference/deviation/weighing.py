@@ -73,8 +73,8 @@ class Friction:
 
 @dataclass(frozen=True)
 class Weighing:
-    """Every candidate on one record. variance: of the noise that counts, κ times that of what is left; frictions: widths
-    of friction's turning over and how probable they are, none where it is known or there is no friction."""
+    """Every candidate on one record. variance: of the noise that counts, κ times that of what is left; frictions:
+    widths of friction's turning over and how probable they are, none where it is known or there is no friction."""
 
     data: Data
     reference: Reference
@@ -102,7 +102,8 @@ def weigh_all(
     """Fit and weigh candidates; those under one law begin with the sum of all terms.
 
     known: values of parameters, or a function of a law's name that gives them; priors: by parameter; approximate:
-    whether deviations from the laws are weighed too; forms: whether rivals with another form of damping and the power law are.
+    whether deviations from the laws are weighed too; forms: whether rivals with another form of damping
+    and the power law are.
     """
     priors = dict(priors or {})
     known_under = known if callable(known) else lambda _: known or {}

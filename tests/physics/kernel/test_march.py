@@ -47,7 +47,7 @@ def independent(law: str, deviates: bool, **changed: float) -> np.ndarray:
 
     state, found = np.array([p["theta0"], p["omega0"]]), []
     for first, last in zip(KNOTS[:-1], KNOTS[1:]):
-        inside = TIMES[(TIMES >= first) & ((TIMES < last) | (last == END))]
+        inside = TIMES[(first <= TIMES) & ((last > TIMES) | (last == END))]
         run = solve_ivp(
             slope, (first, last), state, method="DOP853", rtol=1e-11, atol=1e-13, max_step=0.1,
             t_eval=np.append(inside[inside < last], last),

@@ -1,0 +1,219 @@
+"""Which damping a record has: `compare`, of one record or of several."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Self, overload
+
+import numpy as np
+
+from bayesdamp import types
+from bayesdamp.answer import Answer, answer
+from bayesdamp.folders import claim
+from bayesdamp.inference.deviation.findings import SENSOR
+from bayesdamp.interface.parts.result import Packed, Result
+from bayesdamp.interface.parts.table import Table
+from bayesdamp.physics.damping import parse_model
+from bayesdamp.physics.restoring import LAWS
+from bayesdamp.priors import Prior
+from bayesdamp.store import CellResult, Store, write_bytes, write_json
+from bayesdamp.types import OK, InputError
+from bayesdamp.verdict.specimen import specimen
+from bayesdamp.verdict.types import Grade, Verdict
+from bayesdamp.verdict.words import with_interval
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.figure import Figure
+
+DEVIATIONS = ("auto", "none", "law")
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Comparison(Result):
+    """Every damping sum weighed on one record, or on several of one specimen.
+
+    verdict: the answer. records: of several records, the comparison of each by itself. outcome: "ok", or a sentence why
+    nothing could be said.
+    """
+
+    verdict: Verdict
+    answers: tuple[Answer, ...]
+    records: tuple[Comparison, ...] = ()
+
+    @property
+    def outcome(self) -> str:
+        """ "ok", or why nothing was weighed."""
+        return self.verdict.sentence if self.verdict.grade is Grade.NOT_WEIGHED else OK
+
+    @property
+    def table(self) -> pd.DataFrame:
+        """A row for each candidate and record: damping, restoring, log_evidence and log_evidence_exact (nats, to the
+        best), rms of the plain fit (unit of the record), outcome."""
+        import pandas as pd
+
+        rows = [{"record": a.verdict.record, **row} for a in self.answers for row in a.candidates]
+        frame = pd.DataFrame(rows)
+        for name in ("log_evidence", "log_evidence_exact"):
+            if name in frame:
+                values = pd.to_numeric(frame[name])
+                frame[name] = values - values.groupby(frame["record"]).transform("max")
+        return frame.sort_values(["record", "log_evidence"], ascending=[True, False], ignore_index=True)
+
+    @property
+    def curve(self) -> pd.DataFrame:
+        """Equivalent damping ratio against amplitude (unit of the displacement), with its 95 % interval."""
+        import pandas as pd
+
+        parts = [
+            pd.DataFrame({n: a.arrays[n] for n in ("amplitude", "ratio", "low", "high")}).assign(
+                record=a.verdict.record
+            )
+            for a in self.answers
+            if "amplitude" in a.arrays
+        ]
+        return pd.concat(parts, ignore_index=True) if parts else pd.DataFrame()
+
+    def summary(self) -> pd.DataFrame:
+        """A row a record, as in verdicts.csv."""
+        import pandas as pd
+
+        from bayesdamp.study.verdicts import row_of
+
+        every = [*(r.verdict for r in self.records), self.verdict]
+        return pd.DataFrame([row_of(v) for v in every])
+
+    def plot(self) -> Figure:
+        """The picture of the answer: record, damping ratio against amplitude, residual, energy by term."""
+        from bayesdamp.report.drawing import in_style
+        from bayesdamp.report.figures.answer import answer as drawn
+
+        first = next((a for a in self.answers if a.arrays), None)
+        if first is None:
+            raise InputError(f"nothing to draw: {self.outcome}")
+        unit = first.verdict.damping_ratio[0].unit
+        return in_style(lambda: drawn(first.arrays, unit, first.verdict.damping))
+
+    def report(self, path: str | Path) -> Path:
+        """Write the answer as one page of HTML. Raises InputError where it cannot be written."""
+        from bayesdamp.report import render
+
+        with tempfile.TemporaryDirectory() as name:
+            folder = Path(name) / "run"
+            claim(folder)
+            store = Store(folder)
+            for a in self.answers:
+                meta = {
+                    "verdict": a.verdict.to_dict(),
+                    "candidates": list(a.candidates),
+                    "fits": dict(a.fits),
+                }
+                key = f"answer/{a.verdict.record}/0"
+                store.write(CellResult(key, "comparison", meta, a.arrays))
+            about = {a.verdict.record: {} for a in self.answers}
+            write_json(folder / "run.json", {"name": self.verdict.record, "signals": about, "models": []})
+            page = render(folder).read_bytes()
+        try:
+            write_bytes(Path(path), page)
+        except OSError as error:
+            raise InputError(f"{path}: cannot be written ({error.strerror or error})") from None
+        return Path(path)
+
+    def _table(self) -> Table:
+        rows = tuple(
+            (
+                f"{r.amplitude:.3g} {r.unit}",
+                with_interval(r.value, r.low, r.high, " %", 100),
+                f"{0.5 / r.value:.4g}",
+            )
+            for r in self.verdict.damping_ratio
+        )
+        columns = ("amplitude", "equivalent damping ratio (95 %)", "Q")
+        return Table(self.verdict.sentence, columns, rows, self.verdict.remarks)
+
+    def _packed(self) -> Packed:
+        meta: dict[str, Any] = {
+            "verdict": self.verdict.to_dict(),
+            "answers": [
+                {"verdict": a.verdict.to_dict(), "candidates": list(a.candidates), "fits": dict(a.fits)}
+                for a in self.answers
+            ],
+        }
+        arrays = {f"{i}/{n}": np.asarray(v) for i, a in enumerate(self.answers) for n, v in a.arrays.items()}
+        return Packed("Comparison", meta, arrays)
+
+    @classmethod
+    def _unpacked(cls, packed: Packed) -> Self:
+        answers = []
+        for i, one in enumerate(packed.meta["answers"]):
+            arrays = {n.removeprefix(f"{i}/"): v for n, v in packed.arrays.items() if n.startswith(f"{i}/")}
+            verdict = Verdict.from_dict(one["verdict"])
+            answers.append(Answer(verdict, tuple(one["candidates"]), one["fits"], arrays))
+        records = tuple(cls(a.verdict, (a,)) for a in answers) if len(answers) > 1 else ()
+        return cls(Verdict.from_dict(packed.meta["verdict"]), tuple(answers), records)
+
+
+@overload
+def compare(signals: types.Signal, *, deviation: str = ..., damping: Sequence[str] = ..., restoring: Sequence[str] = ...,
+            known: Mapping[str, float] | None = ..., priors: Mapping[str, Prior] | None = ..., sensor: float = ...,
+            amplitudes: Sequence[float] | None = ..., seed: int = ...) -> Comparison: ...  # fmt: skip
+@overload
+def compare(signals: Sequence[types.Signal], *, repeats: bool, name: str = ..., deviation: str = ...,
+            damping: Sequence[str] = ..., restoring: Sequence[str] = ..., known: Mapping[str, float] | None = ...,
+            priors: Mapping[str, Prior] | None = ..., sensor: float = ..., amplitudes: Sequence[float] | None = ...,
+            seed: int = ...) -> Comparison: ...  # fmt: skip
+def compare(
+    signals: types.Signal | Sequence[types.Signal],
+    *,
+    repeats: bool = False,
+    name: str = "specimen",
+    deviation: str = "auto",
+    damping: Sequence[str] = (),
+    restoring: Sequence[str] = (),
+    known: Mapping[str, float] | None = None,
+    priors: Mapping[str, Prior] | None = None,
+    sensor: float = SENSOR,
+    amplitudes: Sequence[float] | None = None,
+    seed: int = 0,
+) -> Comparison:
+    """Which damping a record has, how large it is, and how well the law holds; within seconds.
+
+    signals: one, or several of one specimen with `repeats`: one damping for all, whose size differs from record to
+    record by a spread that is inferred. deviation: "auto" or "law", laws may hold approximately; "none", they hold
+    exactly. damping, restoring: what is compared, by default every sum under every law that the record's unit allows.
+    known: values of parameters; priors: by parameter. sensor: the sensor's relative linearity, the floor of every rate.
+    amplitudes: where the damping ratio is given (rad or m).
+    Raises InputError for a name that is none; a record on which nothing can be said has it in `outcome`.
+    """
+    if deviation not in DEVIATIONS:
+        raise InputError(f"deviation = {deviation!r}: must be one of {', '.join(DEVIATIONS)}")
+    for one in damping:
+        parse_model(one)
+    for law in restoring:
+        LAWS.get(law)
+    every = [signals] if isinstance(signals, types.Signal) else list(signals)
+    if not every or (len(every) > 1 and not repeats):
+        raise InputError("compare takes one signal, or several of one specimen with repeats=True")
+    answers = tuple(
+        answer(
+            s,
+            amplitudes,
+            deviation=deviation,
+            damping=damping,
+            restoring=restoring,
+            known=known,
+            priors=priors,
+            sensor=sensor,
+            seed=seed,
+        )
+        for s in every
+    )
+    if len(answers) == 1:
+        return Comparison(answers[0].verdict, answers)
+    good = [a.of_specimen() for a in answers if a.arrays]
+    if not good:
+        return Comparison(answers[0].verdict, answers)
+    return Comparison(specimen(name, good), answers, tuple(Comparison(a.verdict, (a,)) for a in answers))
