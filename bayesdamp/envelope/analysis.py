@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from bayesdamp.envelope.candidates import (
@@ -16,7 +18,7 @@ from bayesdamp.envelope.candidates import (
 from bayesdamp.envelope.deviation import KNOTS, MEAN, knot_covariance
 from bayesdamp.envelope.laws import POWERS, SUMS, coefficients, decay, rate
 from bayesdamp.envelope.noise import SLOW, Noise, infer_noise
-from bayesdamp.envelope.posterior import Draws, draw
+from bayesdamp.envelope.posterior import DRIFT, SENSOR, Draws, draw
 from bayesdamp.envelope.record import EnvelopeRecord
 from bayesdamp.envelope.results import (
     AtAmplitude,
@@ -28,7 +30,7 @@ from bayesdamp.envelope.results import (
     Range,
 )
 from bayesdamp.envelope.window import Window, blocks, find_window
-from bayesdamp.envelope.words import no_decay, sentence
+from bayesdamp.envelope.words import no_decay, remarks, sentence
 from bayesdamp.types import Refusal
 
 NEPER = 20.0 / np.log(10.0)
@@ -42,7 +44,7 @@ POWER_LAW = np.log(20.0)
 """Log Bayes factor from which a power law is said to describe a decay better than every sum."""
 ASKED = (0.15, 0.5, 0.85)
 """Where in the decay's fall in dB rates are quoted."""
-CHECKED = 0.05
+CHECKED = 0.1
 """Share of the decay at its start that is held against the rest."""
 SURPRISE = 4.5
 """Standard deviations at which it is none of the decay (of 5 normal ones, one in 30,000 is)."""
@@ -115,7 +117,12 @@ def _strangers(covariance: np.ndarray, columns: np.ndarray, residual: np.ndarray
     whole = covariance + 1e2 * scale @ scale.T
     triangle = np.linalg.cholesky(whole[::-1, ::-1])
     innovations = np.linalg.solve(triangle, residual[::-1])[::-1][:early]
-    off = np.flatnonzero(np.abs(innovations) > SURPRISE)
+    off = np.zeros(early, bool)
+    total = np.concatenate([np.cumsum(innovations[::-1])[::-1], [0.0]])  # from each block to the last early one
+    for count in (1, 2, 4, 8):
+        if count <= early:
+            off[: early - count + 1] |= np.abs(total[: early - count + 1] - total[count:]) > SURPRISE * np.sqrt(count)
+    off = np.flatnonzero(off)
     return int(off[-1]) + 1 if off.size else 0
 
 
@@ -145,8 +152,8 @@ def _result(
     top, bottom = float(b.x[:edge].mean()), float(b.x[-edge:].mean())
     amplitudes = np.array([top + share * (bottom - top) for share in ASKED])
     rng = np.random.default_rng([seed, b.t.size])
-    draws = draw(b, candidates, log_prior, amplitudes, rng)
-    plain = draw(b, candidates, log_prior, amplitudes, rng, exact=True)
+    draws = draw(b, candidates, log_prior, amplitudes, rng, _sensor(record, 0.5 * (top - bottom) * NEPER))
+    plain = draw(b, candidates, log_prior, amplitudes, rng, sensor=0.0, exact=True)
     omega = 2.0 * np.pi * record.frequency if record.frequency else None
 
     whole = _estimated(draws.whole, plain.whole)
@@ -204,10 +211,15 @@ def _result(
         noise_pct=100 * scatter,
         coefficients=_coefficients(record, draws, plain, names[best], reference, omega, top),
         cut=cut,
-        remarks=(),
         curve=curve,
     )
-    return sentence(found, record)
+    said = remarks(found, record, window.stop - first, (top - bottom) * NEPER)
+    return replace(found, sentence=sentence(found), remarks=said)
+
+
+def _sensor(record: EnvelopeRecord, fall: float) -> float:
+    """Relative sd of any rate that the record does not tell. fall: dB of half of the decay."""
+    return float(np.hypot(SENSOR, DRIFT / fall)) if record.logarithmic else SENSOR
 
 
 def _estimated(draws: np.ndarray, plain: np.ndarray) -> Estimated:

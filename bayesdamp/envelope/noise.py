@@ -16,7 +16,7 @@ from scipy.optimize import minimize
 
 from bayesdamp.envelope.deviation import knot_covariance
 
-LONGEST_SCATTER = 0.15
+LONGEST_SCATTER = 0.04
 """Correlation time of the multiplicative scatter at most, in durations: what is slower is a deviation of the law."""
 LONGEST_FLOOR = 1.0
 """Of the floor's: thermal motion of the mode itself is correlated over its own decay."""

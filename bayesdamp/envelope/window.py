@@ -5,11 +5,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.optimize import least_squares
 
+from bayesdamp.envelope.laws import power_decay
 from bayesdamp.types import Refusal
 
 POINTS = 600
 """Blocks that a record is looked at in."""
+FITTED = 80
+"""Blocks that a decay and its floor are fitted to."""
 COARSE = 72
 """Blocks among which the straightest descent is sought."""
 ABOVE_FLOOR = 10.0
@@ -22,12 +26,20 @@ MISFIT_WEIGHT = 8.0
 """dB of fall that a dB of root mean square misfit of a straight line outweighs, conventional."""
 GUARD = 0.02
 """Share of the decay's duration left out after the release where a drive stands before it."""
+NARROWEST = 10
+ROUNDS = 4
 SHORT = 0.12
 """Length of the short lines that find the release, as a share of the decay's duration."""
 WORSE = 2.0
 """Times the usual misfit of a short line at which it is none of the decay."""
 SLOWEST = 0.4
 """Share of the rate after it (and the inverse of its multiple) below which a fall is none of the decay."""
+FLAT = 0.2
+"""Share of the rate before it at which a level falls no more."""
+WILD, WILD_OVER = 2.5, 15
+"""dB of scatter from one block to the next, over so many, at which a level is a floor's (one of random phase has 5.6)."""
+SMOOTH = 7
+"""Blocks over which the level is smoothed where it is held against the floor's."""
 SMALLEST = 0.15
 """dB that is no deviation: detectors are not linear to better."""
 
@@ -68,7 +80,7 @@ def find_window(t: np.ndarray, y: np.ndarray) -> Window:
     tb, yb, edges = blocks(t, y, POINTS)
     first, last = _straightest(tb, yb)
     begin, broken = _followed_back(tb, yb, first, last)
-    end, floor, share, floor_at = _followed_on(tb, yb, t, y, begin, last, edges)
+    end, floor, share, floor_at = _followed_on(t, y, begin, tb, yb, edges)
     why = []
     start = int(edges[begin])
     if broken:
@@ -81,27 +93,52 @@ def find_window(t: np.ndarray, y: np.ndarray) -> Window:
     else:
         why.append("ends with the record, above any floor" if stop == t.size else f"ends at {t[stop - 1]:.4g} s")
     if stop - start < LEAST_POINTS:
-        raise Refusal(f"no free decay: {stop - start} readings stand between the start and the noise floor")
+        raise Refusal(f"{stop - start} readings stand between the start and the noise floor")
     drop = yb[begin : begin + max(1, (end - begin) // 20)].mean() - yb[max(begin, end - max(1, (end - begin) // 20)) : end].mean()
     if drop < LEAST_DROP:
-        raise Refusal(f"no free decay: the level falls by {max(drop, 0):.1f} dB, {LEAST_DROP:g} are needed")
+        raise Refusal(f"the level falls by {max(drop, 0):.1f} dB, {LEAST_DROP:g} are needed")
     return Window(start, stop, floor, share, int(edges[floor_at]), tuple(why))
 
 
+def bounded(t: np.ndarray, y: np.ndarray, start: float | None, stop: float | None) -> Window:
+    """The window with bounds that were given, in s of the record's clock; None: as it is found. Raises Refusal."""
+    try:
+        found = find_window(t, y)
+    except Refusal:
+        if start is None or stop is None:
+            raise
+        found = Window(0, t.size, np.nan, 0.0, t.size, ("", ""))
+    first = found.start if start is None else int(np.searchsorted(t, start))
+    behind = found.stop if stop is None else int(np.searchsorted(t, stop, side="right"))
+    if behind - first < LEAST_POINTS:
+        raise Refusal(f"{max(0, behind - first)} readings stand between start and stop; at least {LEAST_POINTS} must")
+    why = (
+        found.why[0] if start is None else f"starts at {t[first]:.4g} s, as asked",
+        found.why[1] if stop is None else f"ends at {t[behind - 1]:.4g} s, as asked",
+    )
+    return Window(first, behind, found.floor, found.floor_share, found.floor_start, why)
+
+
 def _straightest(t: np.ndarray, y: np.ndarray) -> tuple[int, int]:
-    """First and last block of the descent that falls farthest for the misfit of a straight line."""
-    tc, yc, edges = blocks(t, y, COARSE)
+    """First and last block of the descent that falls farthest for the misfit of a straight line.
+
+    Levels are means of power, and none is below that of the record's end: a floor's dips are no descent.
+    """
+    tc, power, edges = blocks(t, 10.0 ** ((y - y.max()) / 10.0), COARSE)
+    yc = 10.0 * np.log10(power)
+    yc = np.maximum(yc, 10.0 * np.log10(power[-max(1, yc.size // 12) :].mean()))
     tc = tc - tc.mean()
-    sums = [np.concatenate([[0.0], np.cumsum(v)]) for v in (np.ones_like(tc), tc, tc * tc, yc, yc * tc, yc * yc)]
     i, j = np.triu_indices(tc.size + 1, k=min(4, tc.size))
-    n, st, stt, sy, sty, syy = (s[j] - s[i] for s in sums)
-    vt = np.maximum(stt - st * st / n, 1e-300)
-    slope = (sty - st * sy / n) / vt
-    rms = np.sqrt(np.maximum(syy - sy * sy / n - slope * slope * vt, 0.0) / n)
-    fall = -slope * (tc[j - 1] - tc[i])
+    given = (np.ones_like(tc), tc, tc * tc, yc, yc * tc, yc * yc)
+    sums = [np.concatenate([[0.0], np.cumsum(one)]) for one in given]
+    n, st, stt, sy, sty, syy = (one[j] - one[i] for one in sums)
+    spread = np.maximum(stt - st * st / n, 1e-300)
+    slope = (sty - st * sy / n) / spread
+    rms = np.sqrt(np.maximum(syy - sy * sy / n - slope * slope * spread, 0.0) / n)
+    fall = slope * (tc[i] - tc[j - 1])
     best = int(np.argmax(fall - MISFIT_WEIGHT * rms))
-    if fall[best] <= 0:
-        raise Refusal("no free decay: the level nowhere falls")
+    if not fall[best] > 0:
+        raise Refusal("the level nowhere falls")
     return int(edges[i[best]]), int(edges[j[best]]) - 1
 
 
@@ -111,15 +148,25 @@ def _followed_back(t: np.ndarray, y: np.ndarray, first: int, last: int) -> tuple
     Short straight lines are laid through the readings; going back from the straight part, the first one that fits
     worse than those do, or falls at another rate, reaches into what is none of the decay.
     """
+    broken = first > 0
+    for _ in range(ROUNDS):
+        before = first
+        first, broken = _once_back(t, y, first, last)
+        if abs(first - before) <= 1:
+            break
+    return first, broken
+
+
+def _once_back(t: np.ndarray, y: np.ndarray, first: int, last: int) -> tuple[int, bool]:
     span = last - first + 1
-    width = max(5, round(SHORT * span))
-    if last - first < width:
+    width = max(NARROWEST, round(SHORT * span))
+    if span < width + 2:
         return first, first > 0
     slope, rms = _short_lines(t, y, width)
     known = slice(first, max(first + 1, min(first + span // 2, last - width)))
-    usual, rate = float(np.median(rms[known])), float(np.median(slope[known]))
+    rate = float(np.median(slope[known]))
+    limit = max(WORSE * float(np.median(rms[known])), SMALLEST / 3)
     at = min(first + span // 4, known.stop - 1)
-    limit = max(WORSE * usual, SMALLEST / 3)
     while at > 0:
         ahead = slope[at : at + width]
         rate = float(np.median(ahead[ahead < 0])) if np.any(ahead < 0) else rate
@@ -139,44 +186,99 @@ def _short_lines(t: np.ndarray, y: np.ndarray, width: int) -> tuple[np.ndarray, 
 
 
 def _followed_on(
-    tb: np.ndarray, yb: np.ndarray, t: np.ndarray, y: np.ndarray, begin: int, last: int, edges: np.ndarray
+    t: np.ndarray, y: np.ndarray, begin: int, tb: np.ndarray, yb: np.ndarray, edges: np.ndarray
 ) -> tuple[int, float, float, int]:
-    """(block behind the decay's last, mean power of the floor, its constant share, block from which it is seen)."""
+    """(block behind the decay's last, mean power of the floor, its constant share, block from which it is seen).
+
+    A decay by a power of the amplitude, plus a floor, is fitted to the powers from the start on, robustly.
+    """
     count = tb.size
-    bend = _bend(tb[begin:], yb[begin:])
-    if bend is None:
-        return count, np.nan, 0.0, count
-    bend += begin
-    slope, level = np.polyfit(tb[begin:bend], yb[begin:bend], 1)
-    behind = min(count, bend + max(8, bend - begin))
-    power = 10.0 ** (y[edges[bend] : edges[behind]] / 10.0)
-    floor = float(power.mean())
-    decibels = 10.0 * np.log10(floor)
-    late = slice(begin + (bend - begin) * 3 // 5, bend)
-    slope, level = np.polyfit(tb[late], yb[late], 1)
-    if slope >= 0 or decibels > level + slope * tb[bend - 1] + 6.0:
-        return bend, np.nan, 0.0, count
-    crossing = (decibels + ABOVE_FLOOR - level) / slope
-    end = int(np.clip(np.searchsorted(tb, crossing), begin + 3, bend))
-    share = float(np.clip(1.0 - power.std() / floor, 0.0, 1.0))
-    return end, floor, share, bend
+    start = int(edges[begin])
+    scale = float(y[start:].max())
+    stop = y.size
+    x, seen, floor, found = np.zeros(0), count, 0.0, None
+    for _ in range(2):
+        tc, power, _ = blocks(t[start:stop], 10.0 ** ((y[start:stop] - scale) / 10.0), FITTED)
+        found = _decay_and_floor(tc - t[start], power, found)
+        times = tb[begin:] - t[start]
+        x = power_decay(times, found[0], found[1] - (found[2] - 1.0) * found[0], found[2])
+        floor = float(np.exp(found[3]))
+        reached = np.flatnonzero(np.exp(2.0 * x) < floor)
+        if not reached.size:
+            break
+        # What the floor does long after is not what it does to the decay.
+        seen = begin + int(reached[0])
+        stop = int(np.searchsorted(t, t[start] + 2.0 * float(times[reached[0]])))
+        if stop >= y.size:
+            break
+    share = 0.0
+    behind = 10.0 ** ((y[edges[seen] : stop] - scale) / 10.0)
+    if behind.size > 4:
+        floor = max(floor, float(behind.mean()))
+        share = float(np.clip(1.0 - behind.std() / behind.mean(), 0.0, 1.0))
+    else:
+        floor = max(floor, _flat_end(tb[begin:], yb[begin:] - scale))
+    end = min(count, begin + _calm(yb[begin:]))
+    if seen == count and floor < 10.0 ** (-ABOVE_FLOOR / 10.0) * np.exp(2.0 * x[-1]):
+        return end, np.nan, 0.0, count
+    limit = 10.0 ** (ABOVE_FLOOR / 10.0) * floor
+    above = np.flatnonzero(np.exp(2.0 * x) < limit)
+    end = min(end, begin + int(above[0])) if above.size else end
+    if end - begin > SMOOTH:
+        smooth = np.convolve(yb[begin:end], np.ones(SMOOTH) / SMOOTH, "valid")
+        below = np.flatnonzero(smooth - scale < 10.0 * np.log10(limit) - 3.0)
+        end = begin + int(below[0]) + SMOOTH // 2 if below.size else end
+    return end, floor * 10.0 ** (scale / 10.0), share, seen
 
 
-def _bend(t: np.ndarray, y: np.ndarray) -> int | None:
-    """The block at which a decay gives way to a level that stays, each with its own scatter; None where none does."""
-    count = t.size
-    if count < 12:
-        return None
-    time = (t - t[0]) / max(t[-1] - t[0], 1e-300)
-    candidates = np.unique(np.linspace(5, count - 4, min(80, count - 8)).astype(int))
-    costs = []
-    for at in candidates:
-        off = y[:at] - np.polyval(np.polyfit(time[:at], y[:at], 2), time[:at])
-        tail = y[at:] - y[at:].mean()
-        costs.append(at * np.log(off.std() + SMALLEST) + (count - at) * np.log(tail.std() + SMALLEST))
-    whole = y - np.polyval(np.polyfit(time, y, 2), time)
-    best = int(np.argmin(costs))
-    # Readings of a block are alike, so that what speaks for a bend is a tenth of what independent ones would say.
-    if count * np.log(whole.std() + SMALLEST) - costs[best] < 0.1 * count:
-        return None
-    return int(candidates[best])
+def _flat_end(t: np.ndarray, y: np.ndarray) -> float:
+    """Mean power of the last tenth or so of a record that falls no more there; 0 where it still does."""
+    part = y.size // 8
+    if part < 3:
+        return 0.0
+    last, before = 10.0 ** (y[-part:] / 10.0), 10.0 ** (y[-2 * part : -part] / 10.0)
+    step = float(t[-part:].mean() - t[-2 * part : -part].mean())
+    half = y.size // 2
+    usual = float(y[:part].mean() - y[half : half + part].mean()) / float(t[half : half + part].mean() - t[:part].mean())
+    fell = 10.0 * np.log10(before.mean() / last.mean())
+    return float(last.mean()) if fell < FLAT * usual * step else 0.0
+
+
+def _calm(y: np.ndarray) -> int:
+    """How many levels stand before they scatter as at a floor: there no decay is told from it."""
+    if y.size < 2 * WILD_OVER:
+        return y.size
+    bends = (y[1:-1] - 0.5 * (y[:-2] + y[2:])) ** 2 / 1.5
+    wild = np.flatnonzero(np.convolve(bends, np.ones(WILD_OVER) / WILD_OVER, "valid") > WILD**2)
+    return int(wild[0]) + WILD_OVER // 2 if wild.size else y.size
+
+
+def _decay_and_floor(t: np.ndarray, power: np.ndarray, begin: np.ndarray | None) -> np.ndarray:
+    """ln of the amplitude at the start, ln of the rate there, the exponent, and ln of the floor's power."""
+    level = 5.0 * np.log(power)
+    tail = float(np.median(power[-max(2, power.size // 8) :]))
+    x0 = 0.5 * float(np.log(power[:3].mean()))
+    fallen = np.flatnonzero(0.5 * np.log(power) < 0.5 * (x0 + 0.5 * np.log(tail)))
+    half = float(t[fallen[0]]) if fallen.size and fallen[0] > 0 else float(t[-1])
+    depth = max(0.5 * (x0 - 0.5 * np.log(tail)), 0.05)
+
+    def off(p: np.ndarray) -> np.ndarray:
+        signal = np.exp(2.0 * power_decay(t, p[0], p[1] - (p[2] - 1.0) * p[0], p[2]))
+        floor = np.exp(p[3])
+        # A tolerance of 0.3 dB, and of what a floor of random phase does to a level.
+        return (5.0 * np.log(signal + floor) - level) / np.hypot(0.3, 5.0 * np.sqrt(0.5 * tail / np.maximum(power, tail)))
+
+    low, high = [-30.0, -60.0, 0.0, -80.0], [10.0, 60.0, 3.0, 1.0]
+    starts = [] if begin is None else [begin]
+    for exponent in (1.0, 0.2, 1.8) if begin is None else ():
+        # The rate at the start with which this law falls by `depth` in the time `half`.
+        q = exponent - 1.0
+        rate = depth if q == 0.0 else np.expm1(q * depth) / q
+        starts.append(np.array([x0, np.log(rate / max(half, 1e-300)), exponent, np.log(tail)]))
+    found = [
+        least_squares(
+            off, np.clip(p, low, high), bounds=(low, high), loss="soft_l1", max_nfev=15, x_scale=[1.0, 1.0, 0.3, 1.0]
+        )
+        for p in starts
+    ]
+    return min(found, key=lambda one: one.cost).x
