@@ -15,17 +15,16 @@ from bayesdamp.envelope.orthant import draw_orthant
 DRAWS = 1600
 SENSOR = 0.002
 """Relative sd of any rate that no record tells: the linearity of a detector, and its clock."""
-DRIFT = 0.15
+DRIFT = 0.1
 """dB (sd) by which the gain of a detector that reads dB drifts, or bends, over half of a decay and leaves no trace in it:
-analysers state 0.1 to 0.2 dB. Measured too: four ring-downs of one sample, 18 dB in that half, differ by 1.3 % where
-their noise says 0.7 %."""
+conventional, makers of analysers state 0.1 to 0.2."""
 LEAST_WEIGHT = 1e-4
 
 
 @dataclass(frozen=True)
 class Draws:
-    """Of the posterior, one row a draw: rates at amplitudes (n, amplitudes) and the time's mean over the first half of the
-    fall in dB (n,), both in 1/s;
+    """Of the posterior, one row a draw: rates at amplitudes, as they were (n, amplitudes), and the law's, mean over the first
+    half of the fall in dB (n,), what another run of the specimen would have but for its own deviation; both in 1/s;
     shares of energy and rates at the reference amplitude of each term, (n, 3), nan where a sum lacks it for the latter;
     rms deviation (n,)."""
 
@@ -96,7 +95,7 @@ def _draws(
     step = np.gradient(blocks.t)
     mean = np.where(c.fit >= 0.5 * (c.fit[0] + c.fit[-1]), step, 0.0)
     mean /= mean.sum()
-    whole = rates @ (shapes @ mean) + np.einsum("nd,dk,nk->n", rates, (shapes * mean) @ basis, g)
+    whole = rates @ (shapes @ mean)
     passed = np.interp(-amplitudes, -c.fit, s)
     law = rates @ np.exp(powers[:, None] * amplitudes)
     at = law * (1.0 + g @ hats(passed, KNOTS).T)

@@ -21,6 +21,10 @@ ABOVE_FLOOR = 10.0
 floor does to it, and its mean is right to 1e-5 (the logarithm of a circular Gaussian's power plus a constant's)."""
 LEAST_DROP = 3.0
 """dB that a decay has to fall for its rate to be told; a half-life is 6."""
+LOST = 0.4
+"""Share of the straightest descent that has to be left behind the start."""
+SURE_DROP = 8.0
+"""dB of descent that cannot be without a decay."""
 LEAST_POINTS = 6
 MISFIT_WEIGHT = 8.0
 """dB of fall that a dB of root mean square misfit of a straight line outweighs, conventional."""
@@ -30,16 +34,22 @@ NARROWEST = 10
 ROUNDS = 4
 SHORT = 0.12
 """Length of the short lines that find the release, as a share of the decay's duration."""
+AHEAD = 2
+"""Lengths of short lines ahead over which the usual misfit is taken: it grows towards the floor."""
 WORSE = 2.0
 """Times the usual misfit of a short line at which it is none of the decay."""
-SLOWEST = 0.4
-"""Share of the rate after it (and the inverse of its multiple) below which a fall is none of the decay."""
+SLOWEST, FASTEST = 0.4, 5.0
+"""Shares of the rate after it beyond which a fall is none of the decay."""
 FLAT = 0.2
 """Share of the rate before it at which a level falls no more."""
 WILD, WILD_OVER = 2.5, 15
 """dB of scatter from one block to the next, over so many, at which a level is a floor's (one of random phase has 5.6)."""
 SMOOTH = 7
 """Blocks over which the level is smoothed where it is held against the floor's."""
+LEVEL = 0.15
+"""The same share below which it is none, however the slope wobbles."""
+TOLERANCE = 3.0
+"""Usual changes of the slope by which one has to be off to be none of the decay."""
 SMALLEST = 0.15
 """dB that is no deviation: detectors are not linear to better."""
 
@@ -81,6 +91,11 @@ def find_window(t: np.ndarray, y: np.ndarray) -> Window:
     first, last = _straightest(tb, yb)
     begin, broken = _followed_back(tb, yb, first, last)
     end, floor, share, floor_at = _followed_on(t, y, begin, tb, yb, edges)
+    core = _fall(yb, first, last)
+    if core > SURE_DROP and (_fall(yb, begin, end) < LEAST_DROP or _fall(yb, begin, last) < LOST * core):
+        # No short line was told from the others: the highest reading of the descent, then, is where it begins.
+        begin, broken = first + int(np.argmax(yb[first:last])), True
+        end, floor, share, floor_at = _followed_on(t, y, begin, tb, yb, edges)
     why = []
     start = int(edges[begin])
     if broken:
@@ -94,10 +109,18 @@ def find_window(t: np.ndarray, y: np.ndarray) -> Window:
         why.append("ends with the record, above any floor" if stop == t.size else f"ends at {t[stop - 1]:.4g} s")
     if stop - start < LEAST_POINTS:
         raise Refusal(f"{stop - start} readings stand between the start and the noise floor")
-    drop = yb[begin : begin + max(1, (end - begin) // 20)].mean() - yb[max(begin, end - max(1, (end - begin) // 20)) : end].mean()
+    drop = _fall(yb, begin, end)
     if drop < LEAST_DROP:
         raise Refusal(f"the level falls by {max(drop, 0):.1f} dB, {LEAST_DROP:g} are needed")
     return Window(start, stop, floor, share, int(edges[floor_at]), tuple(why))
+
+
+def _fall(y: np.ndarray, begin: int, end: int) -> float:
+    """dB from the first twentieth to the last."""
+    if end - begin < 2:
+        return 0.0
+    part = max(1, (end - begin) // 20)
+    return float(y[begin : begin + part].mean() - y[end - part : end].mean())
 
 
 def bounded(t: np.ndarray, y: np.ndarray, start: float | None, stop: float | None) -> Window:
@@ -163,17 +186,43 @@ def _once_back(t: np.ndarray, y: np.ndarray, first: int, last: int) -> tuple[int
     if span < width + 2:
         return first, first > 0
     slope, rms = _short_lines(t, y, width)
-    known = slice(first, max(first + 1, min(first + span // 2, last - width)))
+    behind = max(first + 2, min(first + 3 * span // 5, last - width))
+    known = slice(min(first + span // 4, behind - 2), behind)
     rate = float(np.median(slope[known]))
-    limit = max(WORSE * float(np.median(rms[known])), SMALLEST / 3)
-    at = min(first + span // 4, known.stop - 1)
+    lag = min(width, (known.stop - known.start) // 2)
+    wobble = float(np.median(np.abs(np.diff(slope[known][:: max(1, lag)])))) if lag else 0.0
+    at = min(first + 2 * span // 5, known.stop - 1)
     while at > 0:
         ahead = slope[at : at + width]
         rate = float(np.median(ahead[ahead < 0])) if np.any(ahead < 0) else rate
-        if rms[at - 1] > limit or not SLOWEST <= slope[at - 1] / rate <= 1.0 / SLOWEST:
-            return min(at + max(1, round(GUARD * span)), last - 3), True
+        ratio = slope[at - 1] / rate
+        odd = not SLOWEST <= ratio <= FASTEST and abs(slope[at - 1] - rate) > TOLERANCE * wobble
+        odd = odd or ratio < LEVEL
+        usual = float(np.median(rms[at : at + AHEAD * width]))
+        if odd or rms[at - 1] > max(WORSE * usual, SMALLEST / 3):
+            near = slice(max(0, at - width), min(at + 2 * width, last + 1))
+            hinge = near.start + _hinge(t[near], y[near])
+            return min(max(at, hinge) + max(1, round(GUARD * span)), last - 3), True
         at -= 1
     return 0, False
+
+
+def _hinge(t: np.ndarray, y: np.ndarray) -> int:
+    """The reading from which a second straight line describes readings best, the first one those before it."""
+    t = t - t.mean()
+    given = (np.ones_like(t), t, t * t, y, y * t, y * y)
+    sums = [np.concatenate([[0.0], np.cumsum(one)]) for one in given]
+
+    def left(low: np.ndarray, high: np.ndarray) -> np.ndarray:
+        n, st, stt, sy, sty, syy = (one[high] - one[low] for one in sums)
+        spread = np.maximum(stt - st * st / n, 1e-300)
+        return syy - sy * sy / n - (sty - st * sy / n) ** 2 / spread
+
+    at = np.arange(3, t.size - 2)
+    if at.size == 0:
+        return 0
+    whole = left(np.zeros_like(at), at) + left(at, np.full_like(at, t.size))
+    return int(at[np.argmin(whole)])
 
 
 def _short_lines(t: np.ndarray, y: np.ndarray, width: int) -> tuple[np.ndarray, np.ndarray]:
@@ -217,7 +266,8 @@ def _followed_on(
         floor = max(floor, float(behind.mean()))
         share = float(np.clip(1.0 - behind.std() / behind.mean(), 0.0, 1.0))
     else:
-        floor = max(floor, _flat_end(tb[begin:], yb[begin:] - scale))
+        flat = _flat_end(tb[begin:], yb[begin:] - scale)
+        floor, seen = (max(floor, flat), count - 1) if flat > 0 else (floor, seen)
     end = min(count, begin + _calm(yb[begin:]))
     if seen == count and floor < 10.0 ** (-ABOVE_FLOOR / 10.0) * np.exp(2.0 * x[-1]):
         return end, np.nan, 0.0, count
@@ -277,7 +327,7 @@ def _decay_and_floor(t: np.ndarray, power: np.ndarray, begin: np.ndarray | None)
         starts.append(np.array([x0, np.log(rate / max(half, 1e-300)), exponent, np.log(tail)]))
     found = [
         least_squares(
-            off, np.clip(p, low, high), bounds=(low, high), loss="soft_l1", max_nfev=15, x_scale=[1.0, 1.0, 0.3, 1.0]
+            off, np.clip(p, low, high), bounds=(low, high), loss="soft_l1", max_nfev=25, x_scale=[1.0, 1.0, 0.3, 1.0]
         )
         for p in starts
     ]
