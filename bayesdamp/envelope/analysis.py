@@ -118,10 +118,14 @@ def _strangers(covariance: np.ndarray, columns: np.ndarray, residual: np.ndarray
     triangle = np.linalg.cholesky(whole[::-1, ::-1])
     innovations = np.linalg.solve(triangle, residual[::-1])[::-1][:early]
     off = np.zeros(early, bool)
-    total = np.concatenate([np.cumsum(innovations[::-1])[::-1], [0.0]])  # from each block to the last early one
+    total = np.concatenate(
+        [np.cumsum(innovations[::-1])[::-1], [0.0]]
+    )  # from each block to the last early one
     for count in (1, 2, 4, 8):
         if count <= early:
-            off[: early - count + 1] |= np.abs(total[: early - count + 1] - total[count:]) > SURPRISE * np.sqrt(count)
+            off[: early - count + 1] |= np.abs(
+                total[: early - count + 1] - total[count:]
+            ) > SURPRISE * np.sqrt(count)
     off = np.flatnonzero(off)
     return int(off[-1]) + 1 if off.size else 0
 
@@ -145,9 +149,7 @@ def _result(
     best = int(np.argmax(probability))
     exact_z = np.array([c.total_exact for c in candidates]) + log_prior
     decided = bool(probability[best] > DECIDED and np.argmax(exact_z) == best)
-    probability_exact = float(
-        np.exp(np.logaddexp.reduce(exact_z) - np.logaddexp.reduce(log_z))
-    )
+    probability_exact = float(np.exp(np.logaddexp.reduce(exact_z) - np.logaddexp.reduce(log_z)))
     edge = max(1, b.x.size // 30)
     top, bottom = float(b.x[:edge].mean()), float(b.x[-edge:].mean())
     amplitudes = np.array([top + share * (bottom - top) for share in ASKED])
@@ -168,13 +170,21 @@ def _result(
     deviation = Range(float(middle), float(low), float(high))
     fitted = candidates[best]
     misfit, scatter = _misfit(b, fitted, noises)
-    grade = "exact" if probability_exact >= 0.5 else "approximate" if deviation.high <= APPROXIMATE else "deviates"
+    grade = (
+        "exact"
+        if probability_exact >= 0.5
+        else "approximate"
+        if deviation.high <= APPROXIMATE
+        else "deviates"
+    )
     if odds > POWER_LAW and not decided:
         grade = "deviates"
     start = first
     why = list(window.why)
     if first > window.start:
-        why[0] = f"starts at {record.t[first]:.4g} s, where the reading before it is no continuation of the decay"
+        why[0] = (
+            f"starts at {record.t[first]:.4g} s, where the reading before it is no continuation of the decay"
+        )
     floor = 10.0 * np.log10(window.floor) if np.isfinite(window.floor) else float("nan")
     cut = Cut(
         float(record.t[start]), float(record.t[window.stop - 1]), start, window.stop, tuple(why), float(floor)
@@ -197,7 +207,10 @@ def _result(
         damping=names[best],
         probability=float(probability[best]),
         probabilities={n: float(p) for n, p in zip(names, probability, strict=True)},
-        terms={t: float(sum(p for c, p in zip(candidates, probability, strict=True) if t in c.terms)) for t in POWERS},
+        terms={
+            t: float(sum(p for c, p in zip(candidates, probability, strict=True) if t in c.terms))
+            for t in POWERS
+        },
         frequency=record.frequency,
         rate=whole,
         quality_factor=_estimated(omega / 2 / draws.whole, omega / 2 / plain.whole) if omega else None,

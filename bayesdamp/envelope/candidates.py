@@ -18,7 +18,10 @@ WIDTH = 2.0
 """Scale of the half-normal prior of each term's rate at the reference amplitude, in the record's own mean rate."""
 START_SD = 100.0
 """Of ln A at the start: wide, and the same in all sums."""
-SCALES, SCALES_MANY = np.exp(np.array([-0.9, -0.6, -0.3, 0.0, 0.3, 0.6, 0.9, 1.3])), np.exp(np.array([-0.25, 0.0, 0.25]))
+SCALES, SCALES_MANY = (
+    np.exp(np.array([-0.9, -0.6, -0.3, 0.0, 0.3, 0.6, 0.9, 1.3])),
+    np.exp(np.array([-0.25, 0.0, 0.25])),
+)
 """Factors by which the noise may be other than inferred: few readings do not know it well, MANY do."""
 MANY = 40
 POWER_MOST = 3.0
@@ -136,7 +139,9 @@ def derivatives(
         up, down = rates.copy(), rates.copy()
         up[i] += step
         down[i] = max(0.0, rates[i] - step)
-        columns.append((decay(blocks.t, x0, terms, up) - decay(blocks.t, x0, terms, down)) / (up[i] - down[i]))
+        columns.append(
+            (decay(blocks.t, x0, terms, up) - decay(blocks.t, x0, terms, down)) / (up[i] - down[i])
+        )
     whole = rate(x, terms, rates)
     at_start = float(rate(np.array([x0]), terms, rates)[0])
     return whole / max(at_start, 1e-300), np.stack(columns, axis=1)
@@ -147,7 +152,9 @@ def warp_columns(blocks: Blocks, speed: np.ndarray) -> np.ndarray:
     return -speed[:, None] * warp_integrals(blocks.t / blocks.duration, KNOTS) * blocks.duration
 
 
-def weigh(blocks: Blocks, terms: tuple[str, ...], noises: Sequence[tuple[Noise, np.ndarray]], inverse: np.ndarray) -> Candidate:
+def weigh(
+    blocks: Blocks, terms: tuple[str, ...], noises: Sequence[tuple[Noise, np.ndarray]], inverse: np.ndarray
+) -> Candidate:
     """A sum's evidence and posterior over the grid of hyperparameters.
 
     noises: each with the covariance of the readings; inverse: of the triangle in which the fit is sought.
@@ -276,5 +283,3 @@ def _grid(
     kept = np.r_[1 + e : q]
     flat = inverse.reshape(-1, q, q)[:, kept][:, :, kept]
     return log_z.ravel(), mean.reshape(-1, q)[:, kept], flat, np.tile(tau, every.size)
-
-

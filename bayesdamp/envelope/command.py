@@ -77,14 +77,17 @@ def compare_envelopes(
     if frequency is not None and not 0 < frequency < float("inf"):
         raise InputError(f"--frequency {frequency:g}: must be positive, in Hz")
     records = [
-        read_envelope(path, time=time, value=value, rate=rate, unit=unit, frequency=frequency) for path in paths
+        read_envelope(path, time=time, value=value, rate=rate, unit=unit, frequency=frequency)
+        for path in paths
     ]
     keys = _keys(paths)
     out = folder(keys[0] if len(keys) == 1 else f"{keys[0]}-and-{len(keys) - 1}-more")
     try:
         (out / "figures").mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise InputError(f"--out {out}: cannot be written: {(error.strerror or str(error)).lower()}") from None
+        raise InputError(
+            f"--out {out}: cannot be written: {(error.strerror or str(error)).lower()}"
+        ) from None
     found: list[EnvelopeResult] = []
     kept: dict[str, bytes] = {}
     for record, key in zip(records, keys, strict=True):

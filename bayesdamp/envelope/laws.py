@@ -30,7 +30,9 @@ _LINEAR = 1e-6
 
 def rate(x: np.ndarray, terms: Sequence[str], rates: np.ndarray) -> np.ndarray:
     """-dx/dt in 1/s at x = ln(A/A_ref), shape (n,), of terms with rates c_i at the reference amplitude."""
-    return sum((c * np.exp((POWERS[term] - 1.0) * x) for term, c in zip(terms, rates, strict=True)), np.zeros_like(x))
+    return sum(
+        (c * np.exp((POWERS[term] - 1.0) * x) for term, c in zip(terms, rates, strict=True)), np.zeros_like(x)
+    )
 
 
 def decay(t: np.ndarray, x0: float, terms: Sequence[str], rates: np.ndarray) -> np.ndarray:
@@ -89,10 +91,14 @@ def coefficients(
             found.append(("zeta", c, "1/s"))
         elif term == "coulomb":
             loss = c * reference
-            found.append(("loss_c", loss, "{}/s") if omega is None else ("mu_c", loss * np.pi * omega / 2, "{}/s²"))
+            found.append(
+                ("loss_c", loss, "{}/s") if omega is None else ("mu_c", loss * np.pi * omega / 2, "{}/s²")
+            )
         else:
             loss = c / reference
             found.append(
-                ("loss_q", loss, "1/({} s)") if omega is None else ("mu_q", loss * 3 * np.pi / (4 * omega), "1/{}")
+                ("loss_q", loss, "1/({} s)")
+                if omega is None
+                else ("mu_q", loss * 3 * np.pi / (4 * omega), "1/{}")
             )
     return found

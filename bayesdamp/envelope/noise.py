@@ -127,9 +127,7 @@ def infer_noise(
     first = centre.copy()
     first[5] = np.log(deviation_mean)
     if begin is not None:
-        first[:5] = np.log(
-            [begin.scatter, begin.scatter_time, begin.floor, begin.floor_time, begin.white]
-        )
+        first[:5] = np.log([begin.scatter, begin.scatter_time, begin.floor, begin.floor_time, begin.white])
     size = 6 if with_deviation else 5
     bounds = list(zip(low[:size], high[:size], strict=True))
 
@@ -144,7 +142,9 @@ def infer_noise(
         options={"maxiter": 40, "ftol": 1e-7, "eps": 1e-4},
     )
     su, lu, f, lv, white = np.exp(found.x[:5])
-    return Noise(su, lu, f, lv, white, float(np.exp(found.x[5])) if with_deviation else 0.0, -float(found.fun))
+    return Noise(
+        su, lu, f, lv, white, float(np.exp(found.x[5])) if with_deviation else 0.0, -float(found.fun)
+    )
 
 
 def whiten(covariance: np.ndarray, columns: Sequence[np.ndarray]) -> tuple[np.ndarray, float]:
@@ -152,5 +152,6 @@ def whiten(covariance: np.ndarray, columns: Sequence[np.ndarray]) -> tuple[np.nd
     covariance's triangle."""
     triangle = cholesky(covariance, lower=True, check_finite=False)
     packed = np.column_stack(columns)
-    return solve_triangular(triangle, packed, lower=True, check_finite=False), float(np.log(np.diag(triangle)).sum())
-
+    return solve_triangular(triangle, packed, lower=True, check_finite=False), float(
+        np.log(np.diag(triangle)).sum()
+    )

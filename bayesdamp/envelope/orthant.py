@@ -33,7 +33,11 @@ def log_orthant(mean: np.ndarray, covariance: np.ndarray) -> np.ndarray:
         return log_ndtr(mean[:, 0] / triangle[:, 0, 0]) + np.log(np.maximum(inner @ w, _LEAST))
     second = ndtr((mean[:, 1:2] + triangle[:, 1, :1] * z1) / triangle[:, 1, 1:2])
     z2 = -ndtri(np.maximum(second[:, :, None] * u, _LEAST))
-    third = mean[:, 2, None, None] + triangle[:, 2, 0, None, None] * z1[:, :, None] + triangle[:, 2, 1, None, None] * z2
+    third = (
+        mean[:, 2, None, None]
+        + triangle[:, 2, 0, None, None] * z1[:, :, None]
+        + triangle[:, 2, 1, None, None] * z2
+    )
     inner = ndtr(third / triangle[:, 2, 2, None, None]) @ w
     return log_ndtr(mean[:, 0] / triangle[:, 0, 0]) + np.log(np.maximum((second * inner) @ w, _LEAST))
 

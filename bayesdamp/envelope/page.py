@@ -45,11 +45,17 @@ def page(
             source = f"data:image/png;base64,{base64.b64encode(pictures[key]).decode()}"
         else:
             source = files[key]
-        parts.append(f'<img loading="lazy" src="{html.escape(source)}" alt="{html.escape(one.name)}: level over time">')
+        parts.append(
+            f'<img loading="lazy" src="{html.escape(source)}" alt="{html.escape(one.name)}: level over time">'
+        )
         if one.rate is not None:
             parts.append(_table(one))
         parts.append(_remarks(one))
-    parts += ["<h2>What was assumed</h2><ul>", *(f"<li>{html.escape(line)}</li>" for line in settings), "</ul>"]
+    parts += [
+        "<h2>What was assumed</h2><ul>",
+        *(f"<li>{html.escape(line)}</li>" for line in settings),
+        "</ul>",
+    ]
     parts.append("</main></body></html>")
     return "\n".join(parts).encode()
 
@@ -59,7 +65,11 @@ def _table(one: EnvelopeResult) -> str:
     heads = ["amplitude", "rate / (1/s)", "95 %", *(["Q", "95 %"] if quality else [])]
     rows = []
     for at in one.at:
-        cells = [f"{number(at.amplitude)} {at.unit}", number(at.rate.value), f"{number(at.rate.low)} to {number(at.rate.high)}"]
+        cells = [
+            f"{number(at.amplitude)} {at.unit}",
+            number(at.rate.value),
+            f"{number(at.rate.low)} to {number(at.rate.high)}",
+        ]
         if at.quality_factor is not None:
             q = at.quality_factor
             cells += [number(q.value), f"{number(q.low)} to {number(q.high)}"]
@@ -72,7 +82,7 @@ def _table(one: EnvelopeResult) -> str:
     )
     terms = ", ".join(f"{damping_words(name)} {probability_words(p)}" for name, p in one.terms.items())
     said = f"Probabilities: {dampings}. Of each term, in any sum: {terms}."
-    return f"<table>{''.join(shown)}</table><p class=\"quiet\">{html.escape(said)}</p>"
+    return f'<table>{"".join(shown)}</table><p class="quiet">{html.escape(said)}</p>'
 
 
 def _row(tag: str, cells: Sequence[str]) -> str:

@@ -53,5 +53,14 @@ def pooled(name: str, found: Sequence[EnvelopeResult]) -> Pooled | None:
         f"intervals (standardised variance {standardised:.1f})."
     )
     return Pooled(
-        name, "quality_factor" if quality else "rate", x.size, value, sd * value, low, high, between, standardised, said
+        name,
+        "quality_factor" if quality else "rate",
+        x.size,
+        value,
+        sd * value,
+        low,
+        high,
+        between,
+        standardised,
+        said,
     )

@@ -53,7 +53,9 @@ def draw(
     probability = np.exp(log_z - log_z.max())
     counts = _shared(probability / probability.sum(), rng)
     parts = [
-        _draws(blocks, c, one, n, amplitudes, sensor, rng) for c, one, n in zip(candidates, logs, counts, strict=True) if n
+        _draws(blocks, c, one, n, amplitudes, sensor, rng)
+        for c, one, n in zip(candidates, logs, counts, strict=True)
+        if n
     ]
     return Draws(*(np.concatenate(column) for column in zip(*parts, strict=True)))
 

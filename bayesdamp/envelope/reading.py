@@ -56,7 +56,13 @@ def read_envelope(
     chosen = unit or unit_in(label) or _bracketed(label) or "units"
     notes = [str(note) for note in raw.provenance.get("notes") or () if "header line" not in str(note)]  # type: ignore[union-attr]
     return made_record(
-        path.name, t, raw.y, chosen, frequency if frequency is not None else _frequency(facts), facts, tuple(notes)
+        path.name,
+        t,
+        raw.y,
+        chosen,
+        frequency if frequency is not None else _frequency(facts),
+        facts,
+        tuple(notes),
     )
 
 

@@ -83,4 +83,6 @@ def made_record(
             said.append(f"{int((~positive).sum())} readings that are not positive are left out.")
         keep &= positive
         level = (10.0 if unit in POWER else 20.0) * np.log10(np.where(positive, y, 1.0))
-    return EnvelopeRecord(name, t[keep].astype(float), level[keep], unit, frequency, dict(facts or {}), tuple(said))
+    return EnvelopeRecord(
+        name, t[keep].astype(float), level[keep], unit, frequency, dict(facts or {}), tuple(said)
+    )

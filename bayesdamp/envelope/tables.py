@@ -60,7 +60,9 @@ def verdict_json(found: Sequence[EnvelopeResult], pooled: Pooled | None = None) 
     """The whole file; a specimen's object stands behind its records'."""
     every = [verdict(one) for one in found]
     if pooled is not None:
-        every.append(_finite({"specimen": pooled.name, **{k: v for k, v in vars(pooled).items() if k != "name"}}))
+        every.append(
+            _finite({"specimen": pooled.name, **{k: v for k, v in vars(pooled).items() if k != "name"}})
+        )
     return json.dumps(every, indent=1, ensure_ascii=False, allow_nan=False).encode()
 
 
@@ -105,7 +107,13 @@ def _range(one: Range | None) -> dict[str, float] | None:
 
 
 def _estimated(one: Estimated) -> dict[str, float]:
-    return {"value": one.value, "sd_noise": one.sd_noise, "sd_law": one.sd_law, "low": one.low, "high": one.high}
+    return {
+        "value": one.value,
+        "sd_noise": one.sd_noise,
+        "sd_law": one.sd_law,
+        "low": one.low,
+        "high": one.high,
+    }
 
 
 def _at(found: Sequence[AtAmplitude], what: str) -> list[dict[str, Any]]:
@@ -117,7 +125,11 @@ def _at(found: Sequence[AtAmplitude], what: str) -> list[dict[str, Any]]:
 
 
 def _cycles(found: EnvelopeResult) -> float | None:
-    return None if found.frequency is None or found.cut is None else found.frequency * (found.cut.stop - found.cut.start)
+    return (
+        None
+        if found.frequency is None or found.cut is None
+        else found.frequency * (found.cut.stop - found.cut.start)
+    )
 
 
 def _finite(value: Any) -> Any:

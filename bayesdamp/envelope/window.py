@@ -26,7 +26,7 @@ LOST = 0.4
 SURE_DROP = 8.0
 """dB of descent that cannot be without a decay."""
 LEAST_POINTS = 6
-MISFIT_WEIGHT = 8.0
+MISFIT_WEIGHT = 20.0
 """dB of fall that a dB of root mean square misfit of a straight line outweighs, conventional."""
 GUARD = 0.02
 """Share of the decay's duration left out after the release where a drive stands before it."""
@@ -93,20 +93,23 @@ def find_window(t: np.ndarray, y: np.ndarray) -> Window:
     end, floor, share, floor_at = _followed_on(t, y, begin, tb, yb, edges)
     core = _fall(yb, first, last)
     if core > SURE_DROP and (_fall(yb, begin, end) < LEAST_DROP or _fall(yb, begin, last) < LOST * core):
-        # No short line was told from the others: the highest reading of the descent, then, is where it begins.
-        begin, broken = first + int(np.argmax(yb[first:last])), True
+        begin, broken = first, first > 0  # the short lines were told from none
         end, floor, share, floor_at = _followed_on(t, y, begin, tb, yb, edges)
     why = []
     start = int(edges[begin])
     if broken:
         why.append(f"starts at {t[start]:.4g} s, where the reading before it is no continuation of the decay")
     else:
-        why.append("starts with the record" if begin == 0 else f"starts at {t[start]:.4g} s, the highest reading")
+        why.append(
+            "starts with the record" if begin == 0 else f"starts at {t[start]:.4g} s, the highest reading"
+        )
     stop = int(edges[end])
     if np.isfinite(floor):
         why.append(f"ends at {t[stop - 1]:.4g} s, {ABOVE_FLOOR:g} dB above the noise floor")
     else:
-        why.append("ends with the record, above any floor" if stop == t.size else f"ends at {t[stop - 1]:.4g} s")
+        why.append(
+            "ends with the record, above any floor" if stop == t.size else f"ends at {t[stop - 1]:.4g} s"
+        )
     if stop - start < LEAST_POINTS:
         raise Refusal(f"{stop - start} readings stand between the start and the noise floor")
     drop = _fall(yb, begin, end)
@@ -134,7 +137,9 @@ def bounded(t: np.ndarray, y: np.ndarray, start: float | None, stop: float | Non
     first = found.start if start is None else int(np.searchsorted(t, start))
     behind = found.stop if stop is None else int(np.searchsorted(t, stop, side="right"))
     if behind - first < LEAST_POINTS:
-        raise Refusal(f"{max(0, behind - first)} readings stand between start and stop; at least {LEAST_POINTS} must")
+        raise Refusal(
+            f"{max(0, behind - first)} readings stand between start and stop; at least {LEAST_POINTS} must"
+        )
     why = (
         found.why[0] if start is None else f"starts at {t[first]:.4g} s, as asked",
         found.why[1] if stop is None else f"ends at {t[behind - 1]:.4g} s, as asked",
@@ -289,7 +294,9 @@ def _flat_end(t: np.ndarray, y: np.ndarray) -> float:
     last, before = 10.0 ** (y[-part:] / 10.0), 10.0 ** (y[-2 * part : -part] / 10.0)
     step = float(t[-part:].mean() - t[-2 * part : -part].mean())
     half = y.size // 2
-    usual = float(y[:part].mean() - y[half : half + part].mean()) / float(t[half : half + part].mean() - t[:part].mean())
+    usual = float(y[:part].mean() - y[half : half + part].mean()) / float(
+        t[half : half + part].mean() - t[:part].mean()
+    )
     fell = 10.0 * np.log10(before.mean() / last.mean())
     return float(last.mean()) if fell < FLAT * usual * step else 0.0
 
@@ -316,7 +323,9 @@ def _decay_and_floor(t: np.ndarray, power: np.ndarray, begin: np.ndarray | None)
         signal = np.exp(2.0 * power_decay(t, p[0], p[1] - (p[2] - 1.0) * p[0], p[2]))
         floor = np.exp(p[3])
         # A tolerance of 0.3 dB, and of what a floor of random phase does to a level.
-        return (5.0 * np.log(signal + floor) - level) / np.hypot(0.3, 5.0 * np.sqrt(0.5 * tail / np.maximum(power, tail)))
+        return (5.0 * np.log(signal + floor) - level) / np.hypot(
+            0.3, 5.0 * np.sqrt(0.5 * tail / np.maximum(power, tail))
+        )
 
     low, high = [-30.0, -60.0, 0.0, -80.0], [10.0, 60.0, 3.0, 1.0]
     starts = [] if begin is None else [begin]
@@ -327,7 +336,12 @@ def _decay_and_floor(t: np.ndarray, power: np.ndarray, begin: np.ndarray | None)
         starts.append(np.array([x0, np.log(rate / max(half, 1e-300)), exponent, np.log(tail)]))
     found = [
         least_squares(
-            off, np.clip(p, low, high), bounds=(low, high), loss="soft_l1", max_nfev=25, x_scale=[1.0, 1.0, 0.3, 1.0]
+            off,
+            np.clip(p, low, high),
+            bounds=(low, high),
+            loss="soft_l1",
+            max_nfev=25,
+            x_scale=[1.0, 1.0, 0.3, 1.0],
         )
         for p in starts
     ]

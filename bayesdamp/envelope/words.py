@@ -64,7 +64,9 @@ def sentence(found: EnvelopeResult) -> str:
         parts.append(f"loss of amplitude as its power {p.value:.2f} (95 %: {p.low:.2f} to {p.high:.2f})")
     if found.deviation is not None and found.probability_exact < 0.5:
         d = found.deviation
-        parts.append(f"the rate departs from that law by {100 * d.value:.2g} % ({100 * d.low:.2g} to {100 * d.high:.2g})")
+        parts.append(
+            f"the rate departs from that law by {100 * d.value:.2g} % ({100 * d.low:.2g} to {100 * d.high:.2g})"
+        )
     return "; ".join(parts) + "."
 
 
@@ -86,18 +88,26 @@ def remarks(found: EnvelopeResult, record: EnvelopeRecord, readings: int, fall: 
     """What a user has to know. readings: in the decay; fall: dB."""
     said = list(record.notes)
     if record.frequency is None:
-        said.append("The frequency is not known (--frequency HZ, or a line `% Frequency [Hz]: ...`): rates, but no Q.")
+        said.append(
+            "The frequency is not known (--frequency HZ, or a line `% Frequency [Hz]: ...`): rates, but no Q."
+        )
     if record.logarithmic:
-        said.append("Amplitudes have no scale: Coulomb and quadratic coefficients are relative to that at the start.")
+        said.append(
+            "Amplitudes have no scale: Coulomb and quadratic coefficients are relative to that at the start."
+        )
     if readings < FEW:
         said.append(f"{readings} readings only: the noise is hardly known.")
     if fall < SHALLOW:
-        said.append(f"The level falls by {fall:.1f} dB only: dampings are hardly told apart below {SHALLOW:g}.")
+        said.append(
+            f"The level falls by {fall:.1f} dB only: dampings are hardly told apart below {SHALLOW:g}."
+        )
     if found.cut is not None and not math.isfinite(found.cut.floor):
         said.append("No noise floor is seen behind the decay: its power is inferred from the decay alone.")
     if found.power_law > math.log(20.0) and not found.decided:
         said.append("A single power law of the amplitude describes the decay better than every sum.")
-    stated = next((text for name, text in record.facts.items() if name.lower().startswith("quality factor")), None)
+    stated = next(
+        (text for name, text in record.facts.items() if name.lower().startswith("quality factor")), None
+    )
     if stated is not None and found.quality_factor is not None:
         try:
             q = float(stated.split()[0])
@@ -105,5 +115,7 @@ def remarks(found: EnvelopeResult, record: EnvelopeRecord, readings: int, fall: 
             return tuple(said)
         ours = found.quality_factor
         off = (ours.value - q) / max(math.hypot(ours.sd_noise, ours.sd_law), 1e-300)
-        said.append(f"The file's head states Q = {number(q)}, {abs(off):.1f} sd {'below' if off > 0 else 'above'} this.")
+        said.append(
+            f"The file's head states Q = {number(q)}, {abs(off):.1f} sd {'below' if off > 0 else 'above'} this."
+        )
     return tuple(said)
