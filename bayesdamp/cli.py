@@ -78,8 +78,8 @@ def compare(
     quantity: Annotated[
         str | None,
         typer.Option(
-            help="angle, velocity, acceleration, or envelope (amplitude, power or level alone); else as the column's name "
-            "says, else angle."
+            help="angle, velocity, acceleration, or envelope (amplitude, power or level alone); else as the column's "
+            "name says, else angle."
         ),
     ] = None,
     frequency: Annotated[

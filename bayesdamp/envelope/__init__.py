@@ -1,7 +1,7 @@
 """Records of which only the envelope is known: amplitudes, powers, levels in dB.
 
-It finds the free decay, infers floor and scatter, and weighs sums of viscous, Coulomb and quadratic damping, each of which
-may hold approximately. It samples nothing and fits no oscillation; several ring-downs of one specimen are only averaged.
+It finds the free decay, infers floor and scatter, and weighs sums of viscous, Coulomb and quadratic damping, each of
+which may hold approximately. It fits no oscillation; several ring-downs of one specimen are only averaged.
 """
 
 from bayesdamp.envelope.analysis import analyse

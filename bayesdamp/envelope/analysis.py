@@ -48,7 +48,11 @@ CHECKED = 0.1
 """Share of the decay at its start that is held against the rest."""
 SURPRISE = 4.5
 """Standard deviations at which it is none of the decay (of 5 normal ones, one in 30,000 is)."""
-TRIES = 4
+HOPELESS = 25.0
+"""Nats behind the best with the first noise at which a sum is not weighed with the others: those are worth few."""
+TRIES = 3
+SPARSE = 40
+"""Readings below which none is left out for standing off."""
 
 
 def analyse(record: EnvelopeRecord, window: Window | None = None, seed: int = 0) -> EnvelopeResult:
@@ -60,14 +64,15 @@ def analyse(record: EnvelopeRecord, window: Window | None = None, seed: int = 0)
         chosen = window or find_window(record.t, record.level)
     except Refusal as refusal:
         return EnvelopeResult(record.name, "no_free_decay", no_decay(record.name, str(refusal)))
-    first, found, reference = chosen.start, None, 0.0
+    first = chosen.start
+    found, reference = _blocks(record, chosen, first)
+    noises, inverse, later = _noises(found)
     for _ in range(TRIES):
-        found, reference = _blocks(record, chosen, first)
-        noises, inverse, later = _noises(found)
-        if later == 0 or window is not None or chosen.stop - first < 40:
+        if later == 0 or window is not None or chosen.stop - first < SPARSE:
             break
         first += later * (chosen.stop - first) // found.t.size
-    assert found is not None
+        found, reference = _blocks(record, chosen, first)
+        noises, inverse, later = _noises(found)
     return _result(record, chosen, first, found, reference, noises, inverse, seed)
 
 
@@ -102,7 +107,8 @@ def _noises(b: Blocks) -> tuple[list[tuple[Noise, np.ndarray]], np.ndarray, int]
     given = (b.t[rest], (b.x - fit)[rest], fit[rest], columns[rest], warp[rest], floor)
     plain = infer_noise(*given, with_deviation=False, deviation_mean=MEAN)
     loose = infer_noise(*given, with_deviation=True, deviation_mean=MEAN, begin=plain)
-    covariances = [(one, one.covariance(b.t, fit)) for one in (plain, loose)]
+    rivals = (plain, loose, *plain.slower(b.duration))
+    covariances = [(one, one.covariance(b.t, fit)) for one in rivals]
     whole = covariances[1][1] + loose.deviation**2 * warp @ knot_covariance(KNOTS, SLOW) @ warp.T
     inverse = np.linalg.inv(np.linalg.cholesky(whole))
     return covariances, inverse, _strangers(whole, columns, b.x - fit, early)
@@ -140,7 +146,7 @@ def _result(
     inverse: np.ndarray,
     seed: int,
 ) -> EnvelopeResult:
-    candidates = [weigh(b, terms, noises, inverse) for terms in SUMS]
+    candidates = _weighed(b, noises, inverse)
     log_prior = np.log(np.array([0.5 if len(c.terms) > 2 else 1.0 for c in candidates]))
     log_z = np.array([c.total for c in candidates]) + log_prior
     probability = np.exp(log_z - log_z.max())
@@ -230,6 +236,13 @@ def _result(
     return replace(found, sentence=sentence(found), remarks=said)
 
 
+def _weighed(b: Blocks, noises: list[tuple[Noise, np.ndarray]], inverse: np.ndarray) -> list[Candidate]:
+    """Every sum, with the first noise; with all of them those that it does not rule out."""
+    found = [weigh(b, terms, noises[:1], inverse) for terms in SUMS]
+    most = max(c.total for c in found)
+    return [weigh(b, c.terms, noises, inverse, c) if c.total > most - HOPELESS else c for c in found]
+
+
 def _sensor(record: EnvelopeRecord, fall: float) -> float:
     """Relative sd of any rate that the record does not tell. fall: dB of half of the decay."""
     return float(np.hypot(SENSOR, DRIFT / fall)) if record.logarithmic else SENSOR
@@ -270,7 +283,7 @@ def _mixture_range(
 
 
 def _misfit(b: Blocks, c: Candidate, noises: list[tuple[Noise, np.ndarray]]) -> tuple[float, float]:
-    """Root mean squares, relative to the amplitude and weighted by its square, of what the fit leaves and of the noise."""
+    """Root mean squares, relative to the amplitude and weighted by its square, of what the fit leaves and of noise."""
     weight = np.exp(2.0 * c.fit)
     weight = weight / weight.sum()
     off = b.x - c.fit

@@ -9,8 +9,8 @@ import numpy as np
 from scipy.optimize import nnls
 from scipy.special import ndtr
 
-from bayesdamp.envelope.deviation import KNOTS, hats, knot_covariance, warp_integrals, weights
-from bayesdamp.envelope.laws import POWERS, decay, power_decay, rate
+from bayesdamp.envelope.deviation import KNOTS, knot_covariance, warp_integrals, weights
+from bayesdamp.envelope.laws import decay, power_decay, rate
 from bayesdamp.envelope.noise import Noise, whiten
 from bayesdamp.envelope.orthant import log_orthant
 
@@ -34,8 +34,8 @@ _ZERO = 1e-5
 class Blocks:
     """A free decay: t in s from its start, x = ln(A/A_ref) (means over runs of readings), shape (n,).
 
-    duration in s; mean_rate in 1/s; floor: power of the floor in units of A_ref² (nan where none is seen), constant: its
-    share that does not fluctuate.
+    duration in s; mean_rate in 1/s; floor: power of the floor in units of A_ref² (nan where none is seen), constant:
+    its share that does not fluctuate.
     """
 
     t: np.ndarray
@@ -50,7 +50,7 @@ class Blocks:
 class Candidate:
     """A sum on a record, with all hyperparameters of the grid.
 
-    rates: the fit in 1/s at the reference amplitude, shape (d,). log_evidence (b,) of each point of the grid: noise (two),
+    rates: the fit in 1/s at the reference amplitude, shape (d,). log_evidence (b,) of each point of the grid: noise,
     scale, τ and ℓ; exact (b,): whether τ is 0. mean (b, d + KNOTS) and covariance of the normal posterior of rates and
     deviation before rates are cut off at 0.
     """
@@ -102,7 +102,7 @@ def fit_rates(
         if new.sum() < 0.3 * rates.sum():  # a line is no guide that far
             new = np.maximum(new, 0.3 * rates)
         move = new - rates
-        shift = (a0 @ (r - a @ move)) / (a0 @ a0)
+        shift = float(a0 @ (r - a @ move)) / float(a0 @ a0)
         share = 1.0
         while share > 1e-4:
             trial = cost(x0 + share * shift, rates + share * move)
@@ -153,13 +153,18 @@ def warp_columns(blocks: Blocks, speed: np.ndarray) -> np.ndarray:
 
 
 def weigh(
-    blocks: Blocks, terms: tuple[str, ...], noises: Sequence[tuple[Noise, np.ndarray]], inverse: np.ndarray
+    blocks: Blocks,
+    terms: tuple[str, ...],
+    noises: Sequence[tuple[Noise, np.ndarray]],
+    inverse: np.ndarray,
+    fitted: Candidate | None = None,
 ) -> Candidate:
     """A sum's evidence and posterior over the grid of hyperparameters.
 
-    noises: each with the covariance of the readings; inverse: of the triangle in which the fit is sought.
+    noises: each with the covariance of the readings; inverse: of the triangle in which the fit is sought; fitted: the
+    same sum with another noise, whose fit is taken.
     """
-    x0, rates = fit_rates(blocks, terms, inverse)
+    x0, rates = fit_rates(blocks, terms, inverse) if fitted is None else (fitted.x0, fitted.rates)
     fit = decay(blocks.t, x0, terms, rates)
     h0, h = derivatives(blocks, terms, x0, rates)
     prior = np.full(len(terms), (WIDTH * blocks.mean_rate) ** -2)

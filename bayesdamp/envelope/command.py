@@ -17,21 +17,21 @@ from bayesdamp.envelope.reading import Column, is_envelope, read_envelope
 from bayesdamp.envelope.record import EnvelopeRecord
 from bayesdamp.envelope.results import EnvelopeResult
 from bayesdamp.envelope.tables import verdict_json, verdicts_csv
-from bayesdamp.envelope.window import ABOVE_FLOOR, bounded
+from bayesdamp.envelope.window import ABOVE_FLOOR, Window, bounded
 from bayesdamp.types import InputError, Refusal
 
 KEPT = 24
 """Pictures that are kept for the page."""
 SETTINGS = (
-    f"Each term's rate at the amplitude in the middle of the fall in dB: half-normal, scale {WIDTH:g} times the record's "
-    "own mean rate, the same for all terms.",
+    f"Each term's rate at the amplitude in the middle of the fall in dB: half-normal, scale {WIDTH:g} times the "
+    "record's own mean rate, the same for all terms.",
     "Sums of one and of two terms have equal odds before, the sum of three half of that.",
-    f"The law holds exactly with probability {EXACT:g}, else its rate is multiplied by 1 + g, g of sd τ, exponential with "
-    f"mean {MEAN:g}.",
+    f"The law holds exactly with probability {EXACT:g}, else its rate is multiplied by 1 + g, g of sd τ, exponential "
+    f"with mean {MEAN:g}.",
     f"Every rate is known to {100 * SENSOR:g} % (sd) at best (detector, clock); where readings are in dB, also to "
     f"{DRIFT:g} dB of drift or bend of the detector over half of the decay.",
-    f"Readings count down to {ABOVE_FLOOR:g} dB above the noise floor. Q and the rate at the head are those of the first "
-    "half of the fall in dB.",
+    f"Readings count down to {ABOVE_FLOOR:g} dB above the noise floor. Q and the rate at the head are the law's, mean "
+    "over the first half of the fall in dB; those at three amplitudes are as they were, with the deviation.",
 )
 
 
@@ -67,9 +67,10 @@ def compare_envelopes(
     repeats: bool = False,
     seed: int = 0,
 ) -> int:
-    """Say the damping of each record in a sentence, and write verdicts.csv, verdict.json, report.html and a picture each.
+    """Say the damping of each record in a sentence; write verdicts.csv, verdict.json, report.html and a picture each.
 
-    folder: the run's folder from the name it has by default; say: prints a line. start, stop: of the decay in s, or "auto".
+    folder: the run's folder from the name it has by default; say: prints a line. start, stop: of the decay in s, or
+    "auto".
     All records are read before anything is written. Raises InputError.
     """
     if repeats and len(paths) < 2:
@@ -80,6 +81,7 @@ def compare_envelopes(
         read_envelope(path, time=time, value=value, rate=rate, unit=unit, frequency=frequency)
         for path in paths
     ]
+    windows = [_window(record, start, stop) for record in records]
     keys = _keys(paths)
     out = folder(keys[0] if len(keys) == 1 else f"{keys[0]}-and-{len(keys) - 1}-more")
     try:
@@ -90,8 +92,8 @@ def compare_envelopes(
         ) from None
     found: list[EnvelopeResult] = []
     kept: dict[str, bytes] = {}
-    for record, key in zip(records, keys, strict=True):
-        result = _analysed(record, start, stop, seed)
+    for record, window, key in zip(records, windows, keys, strict=True):
+        result = analyse(record, window, seed)
         drawn = picture(record, result)
         (out / "figures" / f"{key}.png").write_bytes(drawn)
         if len(kept) < KEPT:
@@ -109,16 +111,16 @@ def compare_envelopes(
     return 0
 
 
-def _analysed(record: EnvelopeRecord, start: float | str, stop: float | str, seed: int) -> EnvelopeResult:
-    if isinstance(start, str) and isinstance(stop, str):
-        return analyse(record, seed=seed)
+def _window(record: EnvelopeRecord, start: float | str, stop: float | str) -> Window | None:
+    """The bounds that were asked for; None where none is."""
     first = None if isinstance(start, str) else start
     last = None if isinstance(stop, str) else stop
+    if first is None and last is None:
+        return None
     try:
-        window = bounded(record.t, record.level, first, last)
+        return bounded(record.t, record.level, first, last)
     except Refusal as refusal:
         raise InputError(f"{record.name}: {refusal}") from None
-    return analyse(record, window, seed)
 
 
 def _keys(paths: Sequence[Path]) -> list[str]:

@@ -8,7 +8,7 @@ and detector noise; another such process), and by white noise. All five numbers 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.linalg import cholesky, solve_triangular
@@ -29,6 +29,7 @@ WIDE = 3.0
 """Of the logarithm of a scatter about where a record's own roughness puts it."""
 SMALLEST = 1e-4
 """Least white scatter of ln A: 1e-3 dB."""
+SLOWER = 4.0
 SLOW = 0.3
 """Correlation length of the deviation, in durations, where the noise is inferred with one."""
 
@@ -58,6 +59,19 @@ class Noise:
             self.white,
         )
 
+    def slower(self, span: float) -> tuple[Noise, Noise]:
+        """The same noise from one reading to the next, but with a scatter, or a floor, that lasts SLOWER times longer
+        and is as much stronger: a record hardly tells them apart, and rates hang on it. span: of the record, in s."""
+        times = np.minimum(SLOWER, 2.0 * span / np.array([self.scatter_time, self.floor_time]))
+        return (
+            replace(
+                self,
+                scatter=self.scatter * float(np.sqrt(times[0])),
+                scatter_time=self.scatter_time * float(times[0]),
+            ),
+            replace(self, floor=self.floor * float(times[1]), floor_time=self.floor_time * float(times[1])),
+        )
+
 
 def _covariance(
     lag: np.ndarray, inverse: np.ndarray, su: float, lu: float, floor: float, lv: float, white: float
@@ -82,8 +96,8 @@ def infer_noise(
     """The most probable noise, what the law explains integrated out (restricted likelihood, Harville 1977).
 
     t, residual, x: times, ln A less the fit, fit, shape (n,); columns: derivatives of x that the law may explain, shape
-    (n, k), with flat priors; warp: derivatives by the deviation's knots; floor: power of the fluctuating floor behind the
-    decay in units of A_ref², nan where none is seen.
+    (n, k), with flat priors; warp: derivatives by the deviation's knots; floor: power of the fluctuating floor behind
+    the decay in units of A_ref², nan where none is seen.
     """
     span = float(t[-1] - t[0])
     step = span / (t.size - 1)

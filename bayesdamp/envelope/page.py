@@ -30,7 +30,7 @@ def page(
     pooled: Pooled | None,
     settings: Sequence[str],
 ) -> bytes:
-    """HTML. pictures: record's key to PNG (used where there are few); files: key to the picture's path from the page."""
+    """HTML. pictures: record's key to PNG (used where there are few); files: key to the picture's path."""
     parts = [
         "<!DOCTYPE html>", '<html lang="en"><head><meta charset="utf-8">',
         '<meta name="viewport" content="width=device-width, initial-scale=1">',

@@ -13,8 +13,8 @@ from bayesdamp.envelope.words import number
 
 @dataclass(frozen=True)
 class Pooled:
-    """value, sd, low, high: the common `quantity`; records: how many have one; between: sd between records beyond their own,
-    relative; standardised: mean square of the standardised differences, 1 where intervals are honest."""
+    """value, sd, low, high: the common `quantity`; records: how many have one; between: sd between records beyond their
+    own, relative; standardised: mean square of the standardised differences, 1 where intervals are honest."""
 
     name: str
     quantity: str
@@ -49,8 +49,8 @@ def pooled(name: str, found: Sequence[EnvelopeResult]) -> Pooled | None:
     what, unit = ("Q", "") if quality else ("decay rate", " 1/s")
     said = (
         f"{x.size} records of one specimen: {what} = {number(value)}{unit} ± {100 * sd:.2g} % "
-        f"(95 %: {number(low)} to {number(high)}); between records it scatters by {100 * between:.2g} % beyond their own "
-        f"intervals (standardised variance {standardised:.1f})."
+        f"(95 %: {number(low)} to {number(high)}); between records it scatters by {100 * between:.2g} % beyond their "
+        f"own intervals (standardised variance {standardised:.1f})."
     )
     return Pooled(
         name,

@@ -16,15 +16,15 @@ DRAWS = 1600
 SENSOR = 0.002
 """Relative sd of any rate that no record tells: the linearity of a detector, and its clock."""
 DRIFT = 0.1
-"""dB (sd) by which the gain of a detector that reads dB drifts, or bends, over half of a decay and leaves no trace in it:
+"""dB (sd) by which the gain of a detector that reads dB drifts, or bends, over half of a decay and leaves no trace:
 conventional, makers of analysers state 0.1 to 0.2."""
 LEAST_WEIGHT = 1e-4
 
 
 @dataclass(frozen=True)
 class Draws:
-    """Of the posterior, one row a draw: rates at amplitudes, as they were (n, amplitudes), and the law's, mean over the first
-    half of the fall in dB (n,), what another run of the specimen would have but for its own deviation; both in 1/s;
+    """Of the posterior, one row a draw: rates at amplitudes, as they were (n, amplitudes), and the law's, mean over the
+    first half of the fall in dB (n,), what another run would have but for its own deviation; both in 1/s;
     shares of energy and rates at the reference amplitude of each term, (n, 3), nan where a sum lacks it for the latter;
     rms deviation (n,)."""
 

@@ -10,7 +10,6 @@ import numpy as np
 from bayesdamp.envelope.record import DECIBELS, EnvelopeRecord, made_record, unit_in
 from bayesdamp.signals.columns import ARRAYS, choose_columns
 from bayesdamp.signals.read import read_record
-from bayesdamp.types import InputError
 
 HEAD = 8192
 """Bytes in which a file's head and the names of its columns stand."""
@@ -50,7 +49,7 @@ def read_envelope(
     """
     time, value = choose_columns(path, time, value, rate)
     raw = read_record(path, time=time, value=value, rate=rate)
-    t = raw.t if raw.t is not None else np.arange(raw.y.size) / raw.rate
+    t = raw.t if raw.t is not None else np.arange(raw.y.size) / (raw.rate or 1.0)
     label = str(raw.provenance.get("value_column", ""))
     facts = {} if path.suffix.lower() in ARRAYS else _facts(path)
     chosen = unit or unit_in(label) or _bracketed(label) or "units"
@@ -93,10 +92,3 @@ def _frequency(facts: dict[str, str]) -> float | None:
 def _bracketed(label: str) -> str | None:
     said = re.search(r"[\[(]([^\])]+)[\])]\s*$", label)
     return said[1].strip() if said else None
-
-
-def frequency_option(text: float | None) -> float | None:
-    """The option's value checked. Raises InputError."""
-    if text is not None and not (np.isfinite(text) and text > 0):
-        raise InputError(f"--frequency {text:g}: must be positive, in Hz")
-    return text

@@ -19,8 +19,8 @@ class Range:
 
 @dataclass(frozen=True)
 class Estimated(Range):
-    """A number with its 95 % interval, and what of its standard deviation the readings' noise and what an inexact law (and
-    an imperfect detector) account for."""
+    """A number with its 95 % interval, and what of its standard deviation the readings' noise and what an inexact law
+    (and an imperfect detector) account for."""
 
     sd_noise: float
     sd_law: float
@@ -52,8 +52,8 @@ class Coefficient:
 
 @dataclass(frozen=True)
 class Cut:
-    """The free decay in the record's own clock: start and stop in s, their samples, why, and the floor's mean level in dB
-    of the recorded power (nan where it is not reached)."""
+    """The free decay in the record's own clock: start and stop in s, their samples, why, and the floor's mean level in
+    dB of the recorded power (nan where it is not reached)."""
 
     start: float
     stop: float
@@ -79,11 +79,12 @@ class EnvelopeResult:
     """The damping of one envelope.
 
     grade: "exact", "approximate", "deviates" (from every sum of the three dampings) or "no_free_decay".
-    damping, probability: the most probable sum; probabilities: of every sum; terms: probability of each term, summed over
-    the sums that have it. rate: over the whole decay in 1/s (time's mean); quality_factor of it where the frequency (Hz) is
-    known; at: at three amplitudes, largest first. energy: share of the energy that each term takes. exponent: p of
-    dA/dt = -cA^p by itself; power_law: its log Bayes factor against the mixture of sums. deviation: root mean square of
-    the law's relative deviation over the decay. unexplained_pct, noise_pct: of the amplitude.
+    damping, probability: the most probable sum; probabilities: of every sum; terms: probability of each term, summed
+    over the sums that have it. rate: the law's in 1/s, mean over the first half of the fall in dB; quality_factor of it
+    where the frequency (Hz) is known; at: at three amplitudes, as it was, largest first. energy: share of the energy
+    that each term takes. exponent: p of dA/dt = -cA^p by itself; power_law: its log Bayes factor against the mixture of
+    sums. deviation: root mean square of the law's relative deviation over the decay. unexplained_pct, noise_pct: of the
+    amplitude.
     """
 
     name: str

@@ -18,12 +18,12 @@ NEPER = 20.0 / np.log(10.0)
 class Ringdown:
     """How a ring-down is made.
 
-    rates: of each term in 1/s at the amplitude at the start; fall: dB that it falls to the floor; step: s between readings;
-    before: s of drive; behind: s after it reaches the floor; drop: dB that the reading falls at the release within
-    `release` s (the drive's own signal, not the oscillator's); hold: dB of its wandering while driven.
-    scatter, scatter_time: multiplicative scatter in dB and s; drift: dB of slow drift of the gain over the record.
-    floor_time: correlation time (s) of the floor's fast part; slow_share: of its power that is thermal motion, correlated
-    over the decay; wander: dB by which its level wanders; constant: share of the floor that does not fluctuate.
+    rates: of each term in 1/s at the amplitude at the start; fall: dB that it falls to the floor; step: s between
+    readings; before: s of drive; behind: s after it reaches the floor; drop: dB that the reading falls at the release
+    within `release` s (the drive's own signal, not the oscillator's); hold: dB of its wandering while driven. scatter,
+    scatter_time: multiplicative scatter in dB and s; drift: dB of slow drift of the gain over the record. floor_time:
+    correlation time (s) of the floor's fast part; slow_share: of its power that is thermal motion, correlated over the
+    decay; wander: dB by which its level wanders; constant: share of the floor that does not fluctuate.
     deviation, deviation_length: sd of the law's relative deviation, and its correlation length in durations.
     residual_drive: dB below the start at which a drive stays on (its amplitude, in quadrature).
     """
@@ -66,7 +66,7 @@ def wandering(n: int, step: float, time: float, rng: np.random.Generator) -> np.
     a = np.exp(-step / time)
     noise = rng.standard_normal(n) * np.sqrt(1 - a * a)
     noise[0] = rng.standard_normal()
-    return lfilter([1.0], [1.0, -a], noise)
+    return np.asarray(lfilter([1.0], [1.0, -a], noise))
 
 
 def simulate(made: Ringdown, rng: np.random.Generator) -> Simulated:

@@ -34,7 +34,9 @@ def verdict(found: EnvelopeResult) -> dict[str, Any]:
         "terms": dict(found.terms),
         "restoring": None,
         "restoring_probability": None,
-        "frequency": None if found.frequency is None else {"value": found.frequency, "low": None, "high": None, "unit": "Hz"},
+        "frequency": None if found.frequency is None else {
+            "value": found.frequency, "low": None, "high": None, "unit": "Hz",
+        },
         "exponent": _range(found.exponent),
         "rate": None if found.rate is None else {**_estimated(found.rate), "unit": "1/s"},
         "quality_factor": None if found.quality_factor is None else _estimated(found.quality_factor),
@@ -49,7 +51,8 @@ def verdict(found: EnvelopeResult) -> dict[str, Any]:
         "noise_pct": found.noise_pct,
         "coefficients": [{"name": c.name, **_estimated(c.estimate), "unit": c.unit} for c in found.coefficients],
         "window": None if cut is None else {
-            "start": cut.start, "stop": cut.stop, "cycles": _cycles(found), "why": "; ".join(cut.why), "floor_db": cut.floor,
+            "start": cut.start, "stop": cut.stop, "cycles": _cycles(found), "why": "; ".join(cut.why),
+            "floor_db": cut.floor,
         },
         "remarks": list(found.remarks),
         "sentence": found.sentence,

@@ -43,7 +43,7 @@ SLOWEST, FASTEST = 0.4, 5.0
 FLAT = 0.2
 """Share of the rate before it at which a level falls no more."""
 WILD, WILD_OVER = 2.5, 15
-"""dB of scatter from one block to the next, over so many, at which a level is a floor's (one of random phase has 5.6)."""
+"""dB of scatter from one block to the next, over so many, at which a level is a floor's (of random phase: 5.6)."""
 SMOOTH = 7
 """Blocks over which the level is smoothed where it is held against the floor's."""
 LEVEL = 0.15
@@ -89,9 +89,11 @@ def find_window(t: np.ndarray, y: np.ndarray) -> Window:
         raise Refusal(f"{t.size} readings: an envelope needs at least {LEAST_POINTS}")
     tb, yb, edges = blocks(t, y, POINTS)
     first, last = _straightest(tb, yb)
+    core = _fall(yb, first, last + 1)
+    if core < LEAST_DROP:
+        raise Refusal(f"the level falls by {max(core, 0):.1f} dB, {LEAST_DROP:g} are needed")
     begin, broken = _followed_back(tb, yb, first, last)
     end, floor, share, floor_at = _followed_on(t, y, begin, tb, yb, edges)
-    core = _fall(yb, first, last)
     if core > SURE_DROP and (_fall(yb, begin, end) < LEAST_DROP or _fall(yb, begin, last) < LOST * core):
         begin, broken = first, first > 0  # the short lines were told from none
         end, floor, share, floor_at = _followed_on(t, y, begin, tb, yb, edges)
@@ -263,6 +265,7 @@ def _followed_on(
         # What the floor does long after is not what it does to the decay.
         seen = begin + int(reached[0])
         stop = int(np.searchsorted(t, t[start] + 2.0 * float(times[reached[0]])))
+        stop = min(max(stop, start + LEAST_POINTS), y.size)
         if stop >= y.size:
             break
     share = 0.0
