@@ -30,7 +30,7 @@ from bayesdamp.envelope.results import (
     Range,
 )
 from bayesdamp.envelope.window import Window, blocks, find_window
-from bayesdamp.envelope.words import no_decay, remarks, sentence
+from bayesdamp.envelope.words import FEW, no_decay, remarks, sentence
 from bayesdamp.types import Refusal
 
 NEPER = 20.0 / np.log(10.0)
@@ -183,7 +183,7 @@ def _result(
         if deviation.high <= APPROXIMATE
         else "deviates"
     )
-    if odds > POWER_LAW and not decided:
+    if odds > POWER_LAW and not decided and b.t.size >= FEW:
         grade = "deviates"
     start = first
     why = list(window.why)

@@ -13,7 +13,8 @@ from bayesdamp.types import InputError
 DECIBELS = ("dB", "dBm", "dBV", "dBu", "dBmV", "dBuV", "dBW", "dBA", "dBFS", "dBc")
 POWER = ("W", "mW", "uW", "nW", "pW", "V^2", "V2", "m^2", "m2")
 """Units in which a reading is a power: proportional to the square of the amplitude."""
-MOST_NEGATIVE = 0.1
+STRONG = 0.2
+"""Share of the largest reading beyond which one below zero is none of a floor's."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,16 +74,18 @@ def made_record(
     if unit in DECIBELS:
         level = y.astype(float)
     else:
-        positive = y > 0
-        if np.mean(~positive) > MOST_NEGATIVE and np.mean(y < 0) > 0.2 * MOST_NEGATIVE:
+        size = np.abs(y)
+        if np.any(y < -STRONG * size.max()):
             raise InputError(
-                f"{name}: {np.mean(y < 0):.0%} of the readings are negative, which no amplitude is; "
-                f"give --unit dB for levels, or leave out --quantity envelope for an oscillation"
+                f"{name}: readings swing to both sides ({y.min():g} to {y.max():g}), which no amplitude does; "
+                "give --unit dB for levels, or leave out --quantity envelope for an oscillation"
             )
-        if not positive.all():
-            said.append(f"{int((~positive).sum())} readings that are not positive are left out.")
-        keep &= positive
-        level = (10.0 if unit in POWER else 20.0) * np.log10(np.where(positive, y, 1.0))
+        if np.any(y < 0):
+            said.append(f"{int((y < 0).sum())} readings below zero, of a floor, are taken by their size.")
+        if np.any(y == 0):
+            said.append(f"{int((y == 0).sum())} readings that are zero are left out.")
+        keep &= y != 0
+        level = (10.0 if unit in POWER else 20.0) * np.log10(np.where(y != 0, size, 1.0))
     return EnvelopeRecord(
         name, t[keep].astype(float), level[keep], unit, frequency, dict(facts or {}), tuple(said)
     )

@@ -26,6 +26,8 @@ LOST = 0.4
 SURE_DROP = 8.0
 """dB of descent that cannot be without a decay."""
 LEAST_POINTS = 6
+SPARSE = 60
+"""Readings below which a record is a table: no release and no floor is looked for."""
 MISFIT_WEIGHT = 20.0
 """dB of fall that a dB of root mean square misfit of a straight line outweighs, conventional."""
 GUARD = 0.02
@@ -87,6 +89,8 @@ def find_window(t: np.ndarray, y: np.ndarray) -> Window:
     """
     if t.size < LEAST_POINTS:
         raise Refusal(f"{t.size} readings: an envelope needs at least {LEAST_POINTS}")
+    if t.size < SPARSE:
+        return _table(t, y)
     tb, yb, edges = blocks(t, y, POINTS)
     first, last = _straightest(tb, yb)
     core = _fall(yb, first, last + 1)
@@ -118,6 +122,20 @@ def find_window(t: np.ndarray, y: np.ndarray) -> Window:
     if drop < LEAST_DROP:
         raise Refusal(f"the level falls by {max(drop, 0):.1f} dB, {LEAST_DROP:g} are needed")
     return Window(start, stop, floor, share, int(edges[floor_at]), tuple(why))
+
+
+def _table(t: np.ndarray, y: np.ndarray) -> Window:
+    """The decay in a table of few readings: from the highest one on, which somebody has read off a decay already."""
+    start = int(np.argmax(y))
+    if t.size - start < LEAST_POINTS:
+        raise Refusal(
+            f"{t.size - start} readings from the highest one on: at least {LEAST_POINTS} are needed"
+        )
+    drop = float(y[start] - y[-1])
+    if drop < LEAST_DROP:
+        raise Refusal(f"the level falls by {max(drop, 0):.1f} dB, {LEAST_DROP:g} are needed")
+    begins = "starts with the record" if start == 0 else f"starts at {t[start]:.4g} s, the highest reading"
+    return Window(start, t.size, np.nan, 0.0, t.size, (begins, "ends with the record"))
 
 
 def _fall(y: np.ndarray, begin: int, end: int) -> float:

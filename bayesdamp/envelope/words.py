@@ -103,7 +103,7 @@ def remarks(found: EnvelopeResult, record: EnvelopeRecord, readings: int, fall: 
         )
     if found.cut is not None and not math.isfinite(found.cut.floor):
         said.append("No noise floor is seen behind the decay: its power is inferred from the decay alone.")
-    if found.power_law > math.log(20.0) and not found.decided:
+    if found.power_law > math.log(20.0) and not found.decided and readings >= FEW:
         said.append("A single power law of the amplitude describes the decay better than every sum.")
     stated = next(
         (text for name, text in record.facts.items() if name.lower().startswith("quality factor")), None
