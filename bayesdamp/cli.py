@@ -83,7 +83,8 @@ def compare(
         ),
     ] = None,
     frequency: Annotated[
-        float | None, typer.Option(help="Of the oscillation in Hz, for an envelope; else as the file's head says.")
+        float | None,
+        typer.Option(help="Of the oscillation in Hz, for an envelope; else as the file's head says."),
     ] = None,
     clock: Annotated[str, typer.Option(help="auto, as_logged or uniform.")] = "auto",
     start: Annotated[str, typer.Option(help="Where the free decay starts, in s, or auto.")] = "auto",
