@@ -98,7 +98,14 @@ def compare(
     ] = None,
     quantity: Annotated[
         str | None,
-        typer.Option(help="angle, velocity or acceleration; else as the column's name says, else angle."),
+        typer.Option(
+            help="angle, velocity, acceleration, or envelope (amplitude, power or level alone); else as the column's "
+            "name says, else angle."
+        ),
+    ] = None,
+    frequency: Annotated[
+        float | None,
+        typer.Option(help="Of the oscillation in Hz, for an envelope; else as the file's head says."),
     ] = None,
     clock: Annotated[str, typer.Option(help="auto, as_logged or uniform.")] = "auto",
     start: Annotated[str, typer.Option(help="Where the free decay starts, in s, or auto.")] = "auto",
@@ -137,6 +144,25 @@ def compare(
     ] = 0.002,
 ) -> int:
     """Say which damping records have, how large it is, how well its law holds, and how sure that is."""
+    from bayesdamp.envelope.command import compare_envelopes, recognised
+
+    if recognised(records, angle, unit, quantity):
+        return compare_envelopes(
+            records,
+            folder=lambda name: _folder(out, name),
+            say=typer.echo,
+            time=time,
+            value=angle,
+            rate=rate,
+            unit=unit,
+            frequency=frequency,
+            start=_bound(start, "--start"),
+            stop=_bound(stop, "--stop"),
+            repeats=repeats,
+            seed=seed,
+        )
+    if frequency is not None:
+        raise InputError("--frequency: is for envelopes; give --quantity envelope, or leave it out")
     from bayesdamp.plugins import read_modules
     from bayesdamp.signals.columns import choose_columns, unit_asked
 

@@ -17,6 +17,7 @@ MAY_IMPORT: dict[str, set[str]] = {
     **{name: NEUTRAL for name in NEUTRAL},
     "physics": NEUTRAL | {"physics"},
     "signals": NEUTRAL | {"physics", "signals"},
+    "envelope": NEUTRAL | {"signals", "envelope"},
     "config": NEUTRAL | {"physics", "config"} | REGISTRIES,
     "estimators": NEUTRAL | {"physics", "signals", "estimators"},
     "inference": NEUTRAL | {"physics", "signals", "inference"},

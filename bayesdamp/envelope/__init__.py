@@ -1,0 +1,26 @@
+"""Records of which only the envelope is known: amplitudes, powers, levels in dB.
+
+It finds the free decay, infers floor and scatter, and weighs sums of viscous, Coulomb and quadratic damping, each of
+which may hold approximately. It fits no oscillation; several ring-downs of one specimen are only averaged.
+"""
+
+from bayesdamp.envelope.analysis import analyse
+from bayesdamp.envelope.pooled import Pooled, pooled
+from bayesdamp.envelope.reading import is_envelope, read_envelope
+from bayesdamp.envelope.record import EnvelopeRecord, made_record
+from bayesdamp.envelope.results import AtAmplitude, Coefficient, EnvelopeResult, Estimated, Range
+
+__all__ = [
+    "AtAmplitude",
+    "Coefficient",
+    "EnvelopeRecord",
+    "EnvelopeResult",
+    "Estimated",
+    "Pooled",
+    "Range",
+    "analyse",
+    "is_envelope",
+    "made_record",
+    "pooled",
+    "read_envelope",
+]

@@ -1,0 +1,135 @@
+"""What `bayesdamp compare` does with records of envelopes: one pass, one process, a line a record."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from bayesdamp.envelope.analysis import analyse
+from bayesdamp.envelope.candidates import WIDTH
+from bayesdamp.envelope.deviation import EXACT, MEAN
+from bayesdamp.envelope.page import page
+from bayesdamp.envelope.picture import picture
+from bayesdamp.envelope.pooled import pooled
+from bayesdamp.envelope.posterior import DRIFT, SENSOR
+from bayesdamp.envelope.reading import Column, is_envelope, read_envelope
+from bayesdamp.envelope.record import EnvelopeRecord
+from bayesdamp.envelope.results import EnvelopeResult
+from bayesdamp.envelope.tables import verdict_json, verdicts_csv
+from bayesdamp.envelope.window import ABOVE_FLOOR, Window, bounded
+from bayesdamp.types import InputError, Refusal
+
+KEPT = 24
+"""Pictures that are kept for the page."""
+SETTINGS = (
+    f"Each term's rate at the amplitude in the middle of the fall in dB: half-normal, scale {WIDTH:g} times the "
+    "record's own mean rate, the same for all terms.",
+    "Sums of one and of two terms have equal odds before, the sum of three half of that.",
+    f"The law holds exactly with probability {EXACT:g}, else its rate is multiplied by 1 + g, g of sd τ, exponential "
+    f"with mean {MEAN:g}.",
+    f"Every rate is known to {100 * SENSOR:g} % (sd) at best (detector, clock); where readings are in dB, also to "
+    f"{DRIFT:g} dB of drift or bend of the detector over half of the decay.",
+    f"Readings count down to {ABOVE_FLOOR:g} dB above the noise floor. Q and the rate at the head are the law's, mean "
+    "over the first half of the fall in dB; those at three amplitudes are as they were, with the deviation.",
+)
+
+
+def recognised(records: Sequence[Path], value: Column | None, unit: str | None, quantity: str | None) -> bool:
+    """Whether the records are envelopes: as `quantity` says, else as all of their columns' names plainly do.
+
+    Raises InputError where some are and some are not.
+    """
+    if quantity is not None:
+        return quantity == "envelope"
+    are = [is_envelope(path, value, unit) for path in records]
+    if any(are) and not all(are):
+        one, other = records[are.index(True)], records[are.index(False)]
+        raise InputError(
+            f"{one.name} is an envelope in dB, {other.name} is not plainly one; compare them in separate calls, "
+            "or give --quantity envelope for all"
+        )
+    return all(are)
+
+
+def compare_envelopes(
+    paths: Sequence[Path],
+    *,
+    folder: Callable[[str], Path],
+    say: Callable[[str], object],
+    time: Column | None = None,
+    value: Column | None = None,
+    rate: float | None = None,
+    unit: str | None = None,
+    frequency: float | None = None,
+    start: float | str = "auto",
+    stop: float | str = "auto",
+    repeats: bool = False,
+    seed: int = 0,
+) -> int:
+    """Say the damping of each record in a sentence; write verdicts.csv, verdict.json, report.html and a picture each.
+
+    folder: the run's folder from the name it has by default; say: prints a line. start, stop: of the decay in s, or
+    "auto".
+    All records are read before anything is written. Raises InputError.
+    """
+    if repeats and len(paths) < 2:
+        raise InputError("--repeats: there is one record; give two or more of one specimen")
+    if frequency is not None and not 0 < frequency < float("inf"):
+        raise InputError(f"--frequency {frequency:g}: must be positive, in Hz")
+    records = [
+        read_envelope(path, time=time, value=value, rate=rate, unit=unit, frequency=frequency)
+        for path in paths
+    ]
+    windows = [_window(record, start, stop) for record in records]
+    keys = _keys(paths)
+    out = folder(keys[0] if len(keys) == 1 else f"{keys[0]}-and-{len(keys) - 1}-more")
+    try:
+        (out / "figures").mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(
+            f"--out {out}: cannot be written: {(error.strerror or str(error)).lower()}"
+        ) from None
+    found: list[EnvelopeResult] = []
+    kept: dict[str, bytes] = {}
+    for record, window, key in zip(records, windows, keys, strict=True):
+        result = analyse(record, window, seed)
+        drawn = picture(record, result)
+        (out / "figures" / f"{key}.png").write_bytes(drawn)
+        if len(kept) < KEPT:
+            kept[key] = drawn
+        found.append(result)
+        say(result.sentence)
+    common = pooled(out.name, found) if repeats else None
+    if common is not None:
+        say(common.sentence)
+    (out / "verdicts.csv").write_bytes(verdicts_csv(found))
+    (out / "verdict.json").write_bytes(verdict_json(found, common))
+    files = {key: f"figures/{key}.png" for key in keys}
+    (out / "report.html").write_bytes(page(out.name, found, kept, files, common, SETTINGS))
+    say(str(out / "report.html"))
+    return 0
+
+
+def _window(record: EnvelopeRecord, start: float | str, stop: float | str) -> Window | None:
+    """The bounds that were asked for; None where none is."""
+    first = None if isinstance(start, str) else start
+    last = None if isinstance(stop, str) else stop
+    if first is None and last is None:
+        return None
+    try:
+        return bounded(record.t, record.level, first, last)
+    except Refusal as refusal:
+        raise InputError(f"{record.name}: {refusal}") from None
+
+
+def _keys(paths: Sequence[Path]) -> list[str]:
+    """A picture's name for each file, from the file's own; the same ones are numbered."""
+    found: dict[str, None] = {}
+    for path in paths:
+        stem = (re.sub(r"[^A-Za-z0-9_.=+-]+", "_", path.stem) or "record")[:80]
+        key, count = stem, 2
+        while key in found:
+            key, count = f"{stem}-{count}", count + 1
+        found[key] = None
+    return list(found)

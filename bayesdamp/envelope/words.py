@@ -1,0 +1,121 @@
+"""A result in one sentence, and what else a user has to know of it."""
+
+from __future__ import annotations
+
+import math
+
+from bayesdamp.envelope.record import EnvelopeRecord
+from bayesdamp.envelope.results import EnvelopeResult, Estimated
+
+TERMS = {"viscous": "viscous", "coulomb": "Coulomb", "quadratic": "quadratic"}
+CAP = 0.99
+"""What is claimed of a measured record at most: statements at more were not right as often."""
+FEW = 20
+SHALLOW = 10.0
+"""dB of fall below which sums of dampings are hardly told apart."""
+_RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+
+
+def damping_words(name: str) -> str:
+    """`viscous+coulomb` as viscous + Coulomb."""
+    return " + ".join(TERMS[term] for term in name.split("+"))
+
+
+def probability_words(value: float) -> str:
+    return f"> {CAP:.2f}" if value > CAP else f"{value:.2f}"
+
+
+def number(value: float, digits: int = 4) -> str:
+    """A number to so many significant digits, with a power of ten where it is far from 1."""
+    if not math.isfinite(value):
+        return "–"
+    if value == 0:
+        return "0"
+    power = int(f"{value:.{digits - 1}e}".split("e")[1])
+    if -3 <= power < 5:
+        return f"{value:.{max(0, digits - 1 - power)}f}"
+    return f"{value / 10.0**power:.{digits - 1}f} × 10{str(power).translate(_RAISED)}"
+
+
+def with_interval(found: Estimated, unit: str = "") -> str:
+    """value ± sd in per cent, and the interval."""
+    sd = math.hypot(found.sd_noise, found.sd_law)
+    share = 100.0 * sd / abs(found.value) if found.value else math.nan
+    behind = f" {unit}" if unit else ""
+    return (
+        f"{number(found.value)}{behind} ± {share:.2g} % (95 %: {number(found.low)} to {number(found.high)})"
+    )
+
+
+def no_decay(name: str, why: str) -> str:
+    return f"{name}: no free decay: {why}."
+
+
+def sentence(found: EnvelopeResult) -> str:
+    """The answer first: Q or the rate, then which damping, then the exponent and how exactly the law holds."""
+    assert found.rate is not None
+    if found.quality_factor is not None:
+        head = f"Q = {with_interval(found.quality_factor)}"
+    else:
+        head = f"decay rate {with_interval(found.rate, '1/s')}"
+    parts = [f"{found.name}: {head}", _which(found)]
+    if found.exponent is not None:
+        p = found.exponent
+        parts.append(f"loss of amplitude as its power {p.value:.2f} (95 %: {p.low:.2f} to {p.high:.2f})")
+    if found.deviation is not None and found.probability_exact < 0.5:
+        d = found.deviation
+        parts.append(
+            f"the rate departs from that law by {100 * d.value:.2g} % ({100 * d.low:.2g} to {100 * d.high:.2g})"
+        )
+    return "; ".join(parts) + "."
+
+
+def _which(found: EnvelopeResult) -> str:
+    said = f"{damping_words(found.damping)} damping (probability {probability_words(found.probability)})"
+    if found.decided:
+        return said
+    ranked = sorted(found.probabilities.items(), key=lambda one: -one[1])
+    others = [f"{damping_words(name)} {p:.2f}" for name, p in ranked[1:3] if p >= 0.02]
+    against = f", against {' and '.join(others)}" if others else ""
+    if found.grade == "deviates":
+        return f"no sum of viscous, Coulomb and quadratic damping describes it well, {said} best{against}"
+    if found.probability > 0.95:
+        return f"most likely {said}, but not decided: an exact law would have another"
+    return f"which damping is not decided: most likely {said}{against}"
+
+
+def remarks(found: EnvelopeResult, record: EnvelopeRecord, readings: int, fall: float) -> tuple[str, ...]:
+    """What a user has to know. readings: in the decay; fall: dB."""
+    said = list(record.notes)
+    if record.frequency is None:
+        said.append(
+            "The frequency is not known (--frequency HZ, or a line `% Frequency [Hz]: ...`): rates, but no Q."
+        )
+    if record.logarithmic:
+        said.append(
+            "Amplitudes have no scale: Coulomb and quadratic coefficients are relative to that at the start."
+        )
+    if readings < FEW:
+        said.append(f"{readings} readings only: the noise is hardly known.")
+    if fall < SHALLOW:
+        said.append(
+            f"The level falls by {fall:.1f} dB only: dampings are hardly told apart below {SHALLOW:g}."
+        )
+    if found.cut is not None and not math.isfinite(found.cut.floor):
+        said.append("No noise floor is seen behind the decay: its power is inferred from the decay alone.")
+    if found.power_law > math.log(20.0) and not found.decided and readings >= FEW:
+        said.append("A single power law of the amplitude describes the decay better than every sum.")
+    stated = next(
+        (text for name, text in record.facts.items() if name.lower().startswith("quality factor")), None
+    )
+    if stated is not None and found.quality_factor is not None:
+        try:
+            q = float(stated.split()[0])
+        except ValueError:
+            return tuple(said)
+        ours = found.quality_factor
+        off = (ours.value - q) / max(math.hypot(ours.sd_noise, ours.sd_law), 1e-300)
+        said.append(
+            f"The file's head states Q = {number(q)}, {abs(off):.1f} sd {'below' if off > 0 else 'above'} this."
+        )
+    return tuple(said)
