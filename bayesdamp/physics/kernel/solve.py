@@ -7,7 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
-from bayesdamp.physics.damping import TERMS
+from bayesdamp.physics.damping import PAPER_TERMS, TERMS
 from bayesdamp.physics.kernel.build import Kernel, kernel_of
 from bayesdamp.physics.kernel.dense import at_times, slopes_at_times
 from bayesdamp.physics.restoring import LAWS
@@ -49,7 +49,17 @@ class Solver:
 
     @cached_property
     def kernel(self) -> Kernel:
-        return kernel_of(self.terms, self.restoring)
+        return kernel_of(self._compiled, self.restoring)
+
+    @cached_property
+    def _compiled(self) -> tuple[str, ...]:
+        """The kernel's terms: any of the paper's share one kernel, as what ships is compiled once."""
+        return PAPER_TERMS if set(self.terms) <= set(PAPER_TERMS) else self.terms
+
+    @cached_property
+    def _places(self) -> np.ndarray:
+        """Places of the terms among the kernel's, (m,)."""
+        return np.array([self._compiled.index(name) for name in self.terms], int)
 
     @cached_property
     def names(self) -> tuple[str, ...]:
@@ -82,15 +92,22 @@ class Solver:
         knots, g, h = self._deviations(float(t[-1]), g, h)
         most = int(MOST_A_CYCLE * max(1.0, t[-1] * self.frequency / (2 * np.pi)))
         p = np.asarray(p, float)
+        coefficients, switched = np.zeros(len(self._compiled)), np.zeros(len(self._compiled), bool)
+        coefficients[self._places], switched[self._places] = p[:m], active
         times, states, slopes = self.kernel.march(
-            p[:m].copy(), np.zeros(0), np.asarray(active, bool), p[m : m + r].copy(), float(self.epsilon),
+            coefficients, np.zeros(0), switched, p[m : m + r].copy(), float(self.epsilon),
             p[m + r :].copy(), knots, g, h, TOLERANCE, self._sizes, tangents, most,
         )  # fmt: skip
         if times.size == 0:
             return None
         order = QUANTITIES.index(self.quantity)
         y = at_times(times, states, t, order)
-        found = slopes_at_times(times, slopes, t, order) if tangents else np.zeros((t.size, 0))
+        found = np.zeros((t.size, 0))
+        if tangents:
+            found = slopes_at_times(times, slopes, t, order)
+            if self._compiled != self.terms:
+                whole = len(self._compiled)
+                found = found[:, np.concatenate([self._places, np.arange(whole, found.shape[1])])]
         return Motion(y, found, times, states)
 
     def _deviations(

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
+from physics.independent import LAWS, PAPER, trajectory
 from scipy.optimize import nnls
 
 from bayesdamp.inference.deviation.least_squares import Fit, fit, nonnegative
@@ -15,8 +16,6 @@ from bayesdamp.physics.damping import PAPER_TERMS
 from bayesdamp.physics.kernel import Solver
 from bayesdamp.physics.restoring import LAWS as PLUGINS
 from bayesdamp.priors import HalfNormal, LogNormal, Normal, Prior
-
-from physics.independent import LAWS, PAPER, trajectory
 
 W = math.sqrt(20.0)
 TIMES = np.linspace(0.0, 12.0, 600)
@@ -107,7 +106,7 @@ def test_a_wrong_law_does_not_fit() -> None:
 
 @pytest.mark.parametrize("seed", range(4))
 def test_coefficients_are_never_negative(seed: int) -> None:
-    """A viscous record with noise under all three terms: the others at zero or above, and least squares all the same."""
+    """A viscous record with noise under all three terms: the others at zero or above, no worse than the truth."""
     made = case_of("linear", mu_c=0.0, mu_q=0.0)
     noisy = made.y + 0.01 * np.random.default_rng(seed).standard_normal(TIMES.size)
     found = fitted(Case(made.solver, made.parameters, made.truth, noisy), noise=1e-3)
