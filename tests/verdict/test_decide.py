@@ -46,13 +46,14 @@ def findings(**changed: object) -> Findings:
         ),
         "frequency": Quantity(0.7118, 0.7117, 0.7119),
         "energy": {
-            "viscous": Quantity(0.99, 0.95, 1.0), "coulomb": Quantity(0.0, 0.0, 0.04), "quadratic": Quantity(0.0, 0.0, 0.01),
+            "viscous": Quantity(0.99, 0.95, 1.0), "coulomb": Quantity(0.0, 0.0, 0.04),
+            "quadratic": Quantity(0.0, 0.0, 0.01),
         },
         "bound": {"viscous": 1.0, "coulomb": 0.05, "quadratic": 0.02},
         "deviation": deviation(),
         "restoring_deviation": deviation(0, 0.001, 0.003),
         "other": 0.02,
-        "coefficients": {"zeta": Quantity(0.045, 0.044, 0.046, 1e-4, 4e-4), "stiffness": Quantity(20, 19.9, 20.1, 0.01, 0)},
+        "coefficients": {"zeta": Quantity(0.045, 0.044, 0.046, 1e-4, 4e-4)},
         "best": Candidate(("viscous",), "linear"),
         "unexplained": 0.001,
         "noise": 0.004,
@@ -210,7 +211,8 @@ def test_a_verdict_survives_json() -> None:
     assert back == found.to_dict() == json.loads(json.dumps(found.to_dict()))
     assert back["grade"] == "exact"
     assert back["damping_ratio"][0] == {
-        "amplitude": 0.3, "unit": "rad", "value": 0.0101, "sd_noise": 1e-5, "sd_law": 1e-4, "low": 0.0099, "high": 0.0103,
+        "amplitude": 0.3, "unit": "rad", "value": 0.0101, "sd_noise": 1e-5, "sd_law": 1e-4,
+        "low": 0.0099, "high": 0.0103,
     }  # fmt: skip
     assert back["coefficients"][0]["name"] == "zeta"
     assert back["window"]["why"] == "after the release"
@@ -218,8 +220,8 @@ def test_a_verdict_survives_json() -> None:
     lost = json.loads(replace(found, unexplained_pct=math.nan).to_json(), parse_constant=pytest.fail)
     assert lost["unexplained_pct"] is None
     assert {"record", "grade", "decided", "damping", "probability", "rivals", "restoring", "restoring_probability",
-            "frequency", "exponent", "damping_ratio", "energy", "other_forms", "deviation", "unexplained_pct", "noise_pct",
-            "coefficients", "window", "remarks", "sentence"} == set(back)  # fmt: skip
+            "frequency", "exponent", "damping_ratio", "energy", "other_forms", "deviation", "unexplained_pct",
+            "noise_pct", "coefficients", "window", "remarks", "sentence"} == set(back)  # fmt: skip
 
 
 @pytest.mark.parametrize(

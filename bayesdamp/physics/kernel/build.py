@@ -23,7 +23,7 @@ from typing import Any
 import numpy as np
 from platformdirs import user_cache_dir
 
-from bayesdamp.physics.damping import PAPER_TERMS, DampingTerm
+from bayesdamp.physics.damping import DampingTerm
 from bayesdamp.physics.forms import acting
 from bayesdamp.physics.restoring import LAWS, RestoringLaw
 from bayesdamp.types import Refusal
@@ -57,16 +57,17 @@ def kernel_of(terms: tuple[str, ...], restoring: str) -> Kernel:
 
 
 def warm() -> None:
-    """Compile what ships, the paper's three terms under each law, so that the first record need not wait for it."""
+    """Compile what every record is weighed under, so that the first need not wait for it."""
     # `solve` takes its kernel from here.
-    from bayesdamp.physics.kernel.solve import ALL, Solver
+    from bayesdamp.physics.kernel.solve import ALL, SHARED, Solver
 
     t = np.linspace(0.0, 1.0, 5)
     for law in LAWS.names():
-        solver = Solver(PAPER_TERMS, law, t, "angle", 0.1, 4.0, 0.01, np.linspace(0.0, 1.0, 4))
-        values = {**LAWS.get(law).start(4.0, 0.0, {}), "theta0": 0.1}
-        p = np.array([values.get(name, 0.0) for name in solver.names])
-        solver.solve(p, np.ones(len(PAPER_TERMS), bool), tangents=ALL)
+        for terms in (SHARED, ("power",)):
+            solver = Solver(terms, law, t, "angle", 0.1, 4.0, 0.01, np.linspace(0.0, 1.0, 4))
+            values = {**LAWS.get(law).start(4.0, 0.0, {}), "theta0": 0.1, "exponent": 1.0, "reference_velocity": 0.4}
+            p = np.array([values.get(name, 0.0) for name in solver.names])
+            solver.solve(p, np.ones(len(terms), bool), tangents=ALL)
 
 
 def source_of(terms: tuple[str, ...], restoring: str) -> str:

@@ -7,6 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
+from bayesdamp.physics.damping import PAPER_TERMS
 from bayesdamp.physics.forms import acting
 from bayesdamp.physics.kernel.build import Kernel, kernel_of
 from bayesdamp.physics.kernel.dense import at_times, slopes_at_times
@@ -18,6 +19,8 @@ MOST_A_CYCLE = 4000
 """Steps in a cycle after which a motion is given up."""
 QUANTITIES = ("angle", "velocity", "acceleration")
 NONE, PARAMETERS, ALL = 0, 1, 2
+SHARED = (*PAPER_TERMS, "displacement")
+"""Terms and forms that every record is weighed under."""
 
 
 @dataclass(frozen=True)
@@ -50,7 +53,17 @@ class Solver:
 
     @cached_property
     def kernel(self) -> Kernel:
-        return kernel_of(self.terms, self.restoring)
+        return kernel_of(self._compiled, self.restoring)
+
+    @cached_property
+    def _compiled(self) -> tuple[str, ...]:
+        """The kernel's terms: what ships for every record shares one kernel, as it is compiled once."""
+        return SHARED if set(self.terms) <= set(SHARED) else self.terms
+
+    @cached_property
+    def _places(self) -> np.ndarray:
+        """Places of the terms among the kernel's, (m,)."""
+        return np.array([self._compiled.index(name) for name in self.terms], int)
 
     @cached_property
     def further(self) -> tuple[str, ...]:
@@ -89,15 +102,27 @@ class Solver:
         knots, g, h = self._deviations(float(t[-1]), g, h)
         most = int(MOST_A_CYCLE * max(1.0, t[-1] * self.frequency / (2 * np.pi)))
         p = np.asarray(p, float)
+        coefficients, switched = np.zeros(len(self._compiled)), np.zeros(len(self._compiled), bool)
+        coefficients[self._places], switched[self._places] = p[:m], active
+        every = [n for name in self._compiled for n in getattr(acting(name), "further", ())]
+        given = dict(zip(self.further, p[m:e], strict=True))
+        q = np.array([given.get(n, 0.0) for n in every], float)
         times, states, slopes = self.kernel.march(
-            p[:m].copy(), p[m:e].copy(), np.asarray(active, bool), p[e : e + r].copy(), float(self.epsilon),
+            coefficients, q, switched, p[e : e + r].copy(), float(self.epsilon),
             p[e + r :].copy(), knots, g, h, TOLERANCE, self._sizes, tangents, most,
         )  # fmt: skip
         if times.size == 0:
             return None
         order = QUANTITIES.index(self.quantity)
         y = at_times(times, states, t, order)
-        found = slopes_at_times(times, slopes, t, order) if tangents else np.zeros((t.size, 0))
+        found = np.zeros((t.size, 0))
+        if tangents:
+            found = slopes_at_times(times, slopes, t, order)
+            if self._compiled != self.terms:
+                whole = len(self._compiled)
+                taken = [whole + i for i, n in enumerate(every) if n in given]
+                rest = np.arange(whole + len(every), found.shape[1])
+                found = found[:, np.concatenate([self._places, np.array(taken, int), rest])]
         return Motion(y, found, times, states)
 
     def _deviations(

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from scipy.stats import expon
@@ -34,7 +36,7 @@ def test_sizes_are_exponential(sizes: str, mean: float) -> None:
     grid = grid_of(4)
     size, mass = getattr(grid, sizes), np.exp(grid.log_prior)
     values = np.unique(size[size > 0])
-    for low, high in zip(values[:-1], values[1:]):
+    for low, high in pairwise(values):
         edge = np.sqrt(low * high)
         below = mass[(size > 0) & (size < edge)].sum() / (1 - EXACT)
         assert below == pytest.approx(expon.cdf(edge, scale=mean))

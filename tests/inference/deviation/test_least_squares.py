@@ -106,7 +106,7 @@ def test_a_wrong_law_does_not_fit() -> None:
 
 @pytest.mark.parametrize("seed", range(4))
 def test_coefficients_are_never_negative(seed: int) -> None:
-    """A viscous record with noise under all three terms: the others at zero or above, and least squares all the same."""
+    """A viscous record with noise under all three terms: the others at zero or above, no worse than the truth."""
     made = case_of("linear", mu_c=0.0, mu_q=0.0)
     noisy = made.y + 0.01 * np.random.default_rng(seed).standard_normal(TIMES.size)
     found = fitted(Case(made.solver, made.parameters, made.truth, noisy), noise=1e-3)

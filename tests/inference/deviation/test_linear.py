@@ -1,7 +1,8 @@
-"""The linear model's evidence and posteriors against dense multivariate normals and quadrature over the coefficients."""
+"""The linear model's evidence and posteriors against dense normals and quadrature over the coefficients."""
 
 from __future__ import annotations
 
+import mpmath
 import numpy as np
 import pytest
 from scipy.special import logsumexp
@@ -90,6 +91,25 @@ def test_condensed_keeps_the_sum_of_squares() -> None:
         left = np.sum((model.root @ u - model.target) ** 2) + model.rest
         assert left == pytest.approx(np.sum((y - columns @ u) ** 2))
     assert model.count == N
+
+
+@pytest.mark.parametrize("sd", [1e-5, 1e-8])
+def test_hardly_any_noise(sd: float) -> None:
+    """A record of nine digits: evidence against Woodbury's identity in numbers of fifty digits."""
+    columns, y = problem(6, 2)
+    y = columns[:, :2] @ [0.7, -0.4] + sd * np.random.default_rng(1).standard_normal(N)
+    grid = grid_of(KNOTS, coarse=True)
+    found = weigh(condensed(columns, y, np.zeros(2, bool)), grid, sd**2, N)
+    assert np.all(np.isfinite(found.log_each))
+    with mpmath.workdps(50):
+        for i in (0, len(grid.log_prior) - 1):
+            rest = mpmath.matrix(columns[:, 2:].tolist()) * mpmath.matrix(grid.factors[i].tolist())
+            scores = mpmath.matrix(columns[:, :2].tolist())
+            covariance = mpmath.mpf(sd) ** 2 * mpmath.eye(N) + scores * scores.T + rest * rest.T
+            record = mpmath.matrix(y.tolist())
+            squares = (record.T * mpmath.lu_solve(covariance, record))[0]
+            truth = -(squares + mpmath.log(mpmath.det(covariance)) + N * mpmath.log(2 * mpmath.pi)) / 2
+            assert found.log_each[i] == pytest.approx(float(truth) + grid.log_prior[i], abs=0.02)
 
 
 def test_fewer_samples_than_directions() -> None:

@@ -47,7 +47,7 @@ def test_a_louder_band_is_seen(factor: float) -> None:
 
 
 def test_what_a_fit_took_is_given_back() -> None:
-    """Directions of the band that are projected out of white noise: κ is 1 with, below the truth without, their count."""
+    """Directions of the band that are projected out of noise: κ is right with their count, too small without."""
     rng, t = np.random.default_rng(9), times(30)
     x = W * t
     columns = np.column_stack([f(x * (1 + d / 30)) for d in range(-8, 8) for f in (np.sin, np.cos)])

@@ -54,7 +54,7 @@ def test_a_pendulum_of_large_amplitude(amplitude: float) -> None:
 
 
 def test_an_uneven_spring_turns_at_equal_energies() -> None:
-    """A horizontal pendulum under strong gravity: both turning points, twice the amplitude apart, have one potential."""
+    """A horizontal pendulum under strong gravity: its turning points, 2A apart, have one potential."""
     law = np.array([20.0, 15.0, 0.0])
     rest = rest_of("horizontal_pendulum", law, 0.0, 2.0)
     assert rest is not None

@@ -45,6 +45,7 @@ def ended(process: subprocess.Popen[str]) -> tuple[float, tuple[int, int]]:
     return float(value), (int(hits), int(misses))
 
 
+@pytest.mark.slow
 def test_two_processes_at_once_and_one_after(tmp_path: Path) -> None:
     """Both compile or one loads, neither fails; the third compiles nothing."""
     both = [ended(p) for p in [started(tmp_path), started(tmp_path)]]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -46,7 +47,7 @@ def independent(law: str, deviates: bool, **changed: float) -> np.ndarray:
         return [y[1], -a - (1 + 2 * np.interp(t, KNOTS, h)) * spring(y[0])]
 
     state, found = np.array([p["theta0"], p["omega0"]]), []
-    for first, last in zip(KNOTS[:-1], KNOTS[1:]):
+    for first, last in pairwise(KNOTS):
         inside = TIMES[(first <= TIMES) & ((last > TIMES) | (last == END))]
         run = solve_ivp(
             slope, (first, last), state, method="DOP853", rtol=1e-11, atol=1e-13, max_step=0.1,
@@ -129,6 +130,20 @@ def test_a_term_that_is_switched_off_does_nothing() -> None:
     assert off.y == pytest.approx(solved(absent, q).y, abs=1e-12)
     assert np.all(off.tangents[:, made.names.index("mu_c")] == 0)
     assert np.max(np.abs(off.y - solved(made, p).y)) > 1e-3  # control
+
+
+def test_fewer_terms_in_another_order() -> None:
+    """The same motion and tangents from a solver of two terms, the last one first."""
+    made, p = solver_of("linear", mu_q=0.0)
+    fewer = Solver(
+        ("coulomb", "viscous"), "linear", TIMES, "angle", made.amplitude, made.frequency, 0.1, KNOTS
+    )
+    assert fewer.names[:2] == ("mu_c", "zeta")
+    order = [made.names.index(name) for name in fewer.names]
+    one, other = solved(made, p, G, H, ALL), solved(fewer, p[order], G, H, ALL)
+    assert other.y == pytest.approx(one.y, abs=1e-12)
+    deviations = np.arange(p.size, one.tangents.shape[1])
+    assert other.tangents == pytest.approx(one.tangents[:, [*order, *deviations]], abs=1e-10)
 
 
 def test_the_first_samples_alone() -> None:

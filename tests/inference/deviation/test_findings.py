@@ -1,0 +1,107 @@
+"""The numbers of a weighing, on a record of SciPy's solver under a linear spring with viscous and Coulomb damping."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from physics.independent import trajectory
+
+from bayesdamp.inference.deviation.findings import default_amplitudes, findings, probabilities, summed
+from bayesdamp.inference.deviation.quick import weighing_of
+from bayesdamp.inference.deviation.weighing import Weighing
+from bayesdamp.types import Signal
+
+W, A, ZETA, MU, SD, EPSILON = 4.5, 0.3, 0.04, 0.04, 0.002, 0.02
+P = {
+    "zeta": ZETA, "mu_c": MU, "epsilon": EPSILON, "stiffness": W**2, "rest_angle": 0.1, "theta0": 0.1 + A,
+    "omega0": 0.0,
+}  # fmt: skip
+TIMES = np.arange(1000) * 2 * math.pi / W / 40
+
+
+@pytest.fixture(scope="module")
+def weighing() -> Weighing:
+    y = trajectory("linear", P, TIMES)[:, 0] + SD * np.random.default_rng(5).standard_normal(TIMES.size)
+    return weighing_of(Signal(TIMES, y), restoring=["linear"], known={"epsilon": EPSILON})
+
+
+def ratio(amplitude: float) -> float:
+    """ζ/ω + 2μ/(πω²A); what the width ε takes off is below a thousandth."""
+    return ZETA / W + 2 * MU / (math.pi * W**2 * amplitude)
+
+
+def test_probabilities_are_probabilities(weighing: Weighing) -> None:
+    for exact in (True, False):
+        each = probabilities(weighing, exact)
+        assert len(each) == 7
+        assert sum(each.values()) == pytest.approx(1.0)
+        by_sum = summed(each, "damping")
+        assert sum(by_sum.values()) == pytest.approx(1.0)
+        assert list(by_sum.values()) == sorted(by_sum.values(), reverse=True)
+        assert next(iter(by_sum)) == "viscous+coulomb"
+        assert by_sum["quadratic"] < 1e-6
+    found = findings(weighing)
+    assert found.term["coulomb"] == pytest.approx(sum(p for s, p in found.damping.items() if "coulomb" in s))
+    assert found.restoring == pytest.approx({"linear": 1.0})
+    assert found.best.damping == ("viscous", "coulomb")
+
+
+def test_numbers_are_the_truth(weighing: Weighing) -> None:
+    """95 % intervals, made wider than that by what a sensor may be off: false alarm below 5 % of each of ten."""
+    found = findings(weighing, amplitudes=[0.25, 0.15, 0.08])
+    for r in found.ratios:
+        assert r.low < ratio(r.amplitude) < r.high
+        assert not r.low < 1.1 * ratio(r.amplitude) < r.high  # control
+        assert 0 < r.sd_noise < 0.05 * r.value
+    truth = {"zeta": ZETA, "mu_c": MU, "stiffness": W**2}
+    for name, value in truth.items():
+        assert found.coefficients[name].low < value < found.coefficients[name].high
+    assert found.frequency.low <= W / (2 * math.pi) * (1 + 1e-3)
+    assert found.frequency.high >= W / (2 * math.pi) * (1 - 1e-3)
+    assert found.noise == pytest.approx(SD / A, rel=0.1)
+    assert found.unexplained < 0.3 * found.noise
+    assert found.amplitudes[0] == pytest.approx(A, rel=0.02)
+    assert found.cycles == pytest.approx(weighing.data.t[-1] * W / (2 * math.pi), rel=0.01)
+
+
+def test_energy_by_term(weighing: Weighing) -> None:
+    """Shares by the power of each force along SciPy's motion."""
+    v = trajectory("linear", P, TIMES)[:, 1]
+    power = {"viscous": np.mean(2 * ZETA * v * v), "coulomb": np.mean(MU * v * np.tanh(v / EPSILON))}
+    found = findings(weighing)
+    for term, q in found.energy.items():
+        truth = power.get(term, 0.0) / sum(power.values())
+        assert q.low - 0.01 <= truth <= q.high + 0.01
+    assert sum(q.value for q in found.energy.values()) == pytest.approx(1.0, abs=0.05)
+    assert found.bound["quadratic"] < 0.3
+    assert found.bound["coulomb"] > power["coulomb"] / sum(power.values()) - 0.05
+
+
+def test_the_sensor_is_a_floor(weighing: Weighing) -> None:
+    """Of 3 % the interval is ±1.96 · 3 % or wider; without one it is narrower."""
+    wide, narrow = (findings(weighing, [0.15], sensor=s).ratios[0] for s in (0.03, 0.0))
+    assert wide.high - wide.low > 0.95 * 2 * 1.96 * 0.03 * wide.value
+    assert narrow.high - narrow.low < wide.high - wide.low
+    assert wide.sd_law > narrow.sd_law
+
+
+def test_exact_laws_have_no_deviation(weighing: Weighing) -> None:
+    found = findings(weighing, approximate=False)
+    assert (found.deviation.low, found.deviation.high) == (0.0, 0.0)
+    assert found.other == 0.0
+    assert found.damping == found.exact
+    approximate = findings(weighing)
+    assert approximate.deviation.high < 0.1
+
+
+def test_one_seed_one_answer(weighing: Weighing) -> None:
+    assert findings(weighing, seed=1).ratios == findings(weighing, seed=1).ratios
+    assert findings(weighing, seed=1).ratios != findings(weighing, seed=2).ratios  # control
+
+
+def test_default_amplitudes_are_within_the_record(weighing: Weighing) -> None:
+    first, middle, last = default_amplitudes(weighing)
+    assert A > first > middle > last > weighing.data.final_amplitude
+    assert middle == pytest.approx(math.sqrt(first * last))
