@@ -163,6 +163,7 @@ class Fit(Result):
         below.axhline(0.0, color=drawing.QUIET, lw=0.6)
         below.set_ylabel(f"residual / {self.signal.y_unit}")
         below.set_xlabel("time / s")
+        below.set_xlim(above.get_xlim())
         return above, below
 
     def _table(self) -> Table:

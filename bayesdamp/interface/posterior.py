@@ -143,6 +143,7 @@ class Posterior(Result):
             density.set_xlabel(f"{name} / {unit}")
             trace.set_xlabel("draw")
             density.set_yticks([])
+            density.locator_params(axis="x", nbins=5)
         if chosen:
             found[1].legend(loc="upper right")
         return found

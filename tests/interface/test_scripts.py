@@ -18,7 +18,7 @@ NAMES = sorted(p.stem for p in SCRIPTS.glob("*.py"))
 SAID = {
     "estimator": "by koopman",
     "evidence": "times as likely",
-    "leave_one_out": "elpd",
+    "leave_one_out": "elpd_loo",
     "one_fit": "zeta = 0.0",
     "other_sampler": "'zeta': ",
     "own_term": "mu_3",
