@@ -64,8 +64,8 @@ class Recording:
     """A record to read. `file` as written, `path` where it is; columns by name or by number from 1.
 
     angle: the recorded quantity's column, whatever the quantity; None where the file has only that one.
-    rate in Hz; start and stop in s of the record's own clock, or "auto". least_noise: the share of the amplitude that is
-    added as noise where the record has none, 0 for none.
+    rate in Hz; start and stop in s of the record's own clock, or "auto". least_noise: the share of the amplitude that
+    is added as noise where the record has none, 0 for none.
     """
 
     file: str
