@@ -266,7 +266,9 @@ def simulate(
     samples: Annotated[int, typer.Option(help="Number of samples.")] = 1001,
     noise_sd: Annotated[
         float | None,
-        typer.Option(help="Standard deviation of the noise, in rad; 1 % of the amplitude by default, 0 for none."),
+        typer.Option(
+            help="Standard deviation of the noise, in rad; 1 % of the amplitude by default, 0 for none."
+        ),
     ] = None,
     seed: Annotated[int, typer.Option(min=0, help="Seed of the noise.")] = 0,
     plugin: Annotated[

@@ -112,6 +112,7 @@ def test_a_resumed_run_computes_nothing(run, tmp_path):
     assert stamps(out) == before
 
 
+@pytest.mark.slow
 def test_a_changed_line_is_computed_again_and_nothing_else(run, tmp_path):
     """The term at half its force: its coefficient doubles. In a process that has compiled the old one."""
     folder = tmp_path / "copy"
