@@ -13,6 +13,7 @@ from pathlib import Path
 import pytest
 
 from bayesdamp.config import load_study
+from bayesdamp.plugins import use
 from bayesdamp.processes import processes
 from bayesdamp.store import Store, read_table
 from bayesdamp.study import run_study
@@ -45,6 +46,12 @@ methods = ["laplace"]
 referee = "never"
 """
 TABLES = ("estimates.csv", "evidence.csv", "fits.csv")
+
+
+@pytest.fixture(autouse=True)
+def _no_plug_in_stays():
+    yield
+    use(())
 
 
 @pytest.fixture(scope="module")
@@ -93,6 +100,23 @@ def test_a_dask_cluster_gives_the_tables_of_one_process(study, alone, scheduler,
     assert (tmp_path / "out" / "report.html").is_file()
     # the cells were computed by the workers: this process had none to compute
     assert Store(tmp_path / "out").names() == Store(alone).names()
+
+
+@pytest.mark.slow
+def test_dask_workers_have_a_study_s_plug_ins(scheduler, tmp_path):
+    """And those of the next study in place of them: the same workers, another source under the same name."""
+    source = (Path(__file__).parent / "plugins" / "cubic_drag.py").read_text(encoding="utf-8")
+    text = STUDY.replace("[system]", '[plugins]\nmodules = ["own.py"]\n[system]')
+    (tmp_path / "s.toml").write_text(text.replace("quadratic", "cubic_drag"), encoding="utf-8")
+    found = []
+    for factor in (1.0, 0.5):
+        (tmp_path / "own.py").write_text(source.replace("1.0 *", f"{factor} *"), encoding="utf-8")
+        out = tmp_path / f"out{factor}"
+        assert run_study(load_study(tmp_path / "s.toml"), out, scheduler=scheduler) == 0
+        found.append(Store(out).read("mode/noisy/0/cubic_drag").meta["values"]["drag3"])
+    # the same motion, and a coefficient twice as large but for its prior's width
+    assert found[1] == pytest.approx(2 * found[0], rel=0.01)
+    assert abs(found[1] - found[0]) > 0.5 * found[0]
 
 
 def test_no_scheduler_is_one_line(study, tmp_path):

@@ -129,7 +129,7 @@ class SignalCell:
         )
 
     def _with_noise(self, signal: Signal, share: float) -> Signal:
-        """A record without noise with some of this share of its amplitude, of which it tells; others as they are."""
+        """A record that has no noise with some, this share of its amplitude, and a note on it; others as they are."""
         if share == 0:
             return signal
         try:
@@ -142,8 +142,8 @@ class SignalCell:
         y = signal.y + share * size * rng.standard_normal(signal.y.size)
         note = (
             f"{BEWARE}the record has no noise (it may be simulated), and without any nothing can be weighed. "
-            f"Noise of {100 * share:g} % of its amplitude was added: what is said below is of that record. Give a "
-            "record with its noise, or fit this one with a study, where it can be told exactly."
+            f"Noise of {100 * share:g} % of its amplitude was added: what is said is of that record. Give a record "
+            "with its noise, or fit this one with a study's estimators, which need none."
         )
         notes = signal.provenance.get("notes", [])
         assert isinstance(notes, list)

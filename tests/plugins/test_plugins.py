@@ -112,6 +112,7 @@ def test_a_resumed_run_computes_nothing(run, tmp_path):
     assert stamps(out) == before
 
 
+@pytest.mark.slow
 def test_a_changed_line_is_computed_again_and_nothing_else(run, tmp_path):
     """The term at half its force: its coefficient doubles. In a process that has compiled the old one."""
     folder = tmp_path / "copy"
@@ -219,3 +220,46 @@ def test_an_installed_package_is_found_by_its_entry_point(tmp_path, monkeypatch)
     finally:
         TERMS.remove("cubic_drag")
         TERMS.__dict__.pop("_entries", None)
+
+
+SHORT = """
+version = 1
+name = "short"
+seed = 3
+[plugins]
+modules = ["own.py"]
+[system]
+restoring = "linear"
+stiffness = 20.0
+rest_angle = 0.0
+theta0 = 0.3
+omega0 = 0.0
+[[signal]]
+name = "rig"
+simulate = { viscous = 0.05, duration = 10.0, samples = 200, noise_sd = 0.003 }
+[estimators]
+use = ["least_squares", "own"]
+stages = ["initial"]
+[models]
+compare = ["viscous", "quadratic"]
+[posterior]
+samplers = []
+[evidence]
+methods = []
+"""
+
+
+@pytest.mark.slow
+def test_an_estimator_that_kills_its_process_costs_its_own_tasks(tmp_path, capsys):
+    """On two processes: every other task is done, and the run says which were lost and ends with status 3."""
+    (tmp_path / "own.py").write_text((HERE / "killer.py").read_text(), encoding="utf-8")
+    (tmp_path / "s.toml").write_text(SHORT.replace('"own"', '"killer"'), encoding="utf-8")
+    assert run_study(load_study(tmp_path / "s.toml"), tmp_path / "out", workers=2) == 3
+    said = " ".join(capsys.readouterr().err.split())
+    outcomes = {n: Store(tmp_path / "out").read(n).outcome for n in Store(tmp_path / "out").names()}
+    lost = [f"estimate/rig/0/{model}/killer" for model in ("viscous", "quadratic")]
+    for name in lost:
+        assert outcomes.pop(name).startswith("failed: the process that computed it was killed")
+        assert f"{name}: failed: the process" in said
+    assert len(outcomes) == 3
+    assert set(outcomes.values()) == {"ok"}

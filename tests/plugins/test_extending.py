@@ -1,0 +1,72 @@
+"""The examples of docs/extending.md work as they stand there: one study has all of them."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+from bayesdamp.config import load_study
+from bayesdamp.plugins import use
+from bayesdamp.store import read_table
+from bayesdamp.study import run_study
+
+PAGE = Path(__file__).parents[2] / "docs" / "extending.md"
+STUDY = """
+version = 1
+name = "extended"
+seed = 3
+[plugins]
+modules = [FILES]
+[system]
+restoring = "soft_spring"
+stiffness = 20.0
+rest_angle = 0.0
+theta0 = 0.3
+omega0 = 0.0
+[[signal]]
+name = "rig"
+simulate = { viscous = 0.1, duration = 10.0, samples = 200, noise_sd = 0.003 }
+[estimators]
+use = ["half_life"]
+stages = ["initial"]
+[models]
+compare = ["viscous", "cubic_drag"]
+[posterior]
+samplers = ["at_the_mode"]
+noise = "sure"
+[evidence]
+methods = ["unit_information"]
+referee = "never"
+"""
+
+
+@pytest.fixture(autouse=True)
+def _nothing_stays():
+    yield
+    use(())
+
+
+@pytest.mark.slow
+def test_all_kinds_in_one_study(tmp_path):
+    blocks = re.findall(r"```python\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL)
+    assert len(blocks) == 5
+    for i, block in enumerate(blocks):
+        (tmp_path / f"own{i}.py").write_text(block, encoding="utf-8")
+    files = ", ".join(f'"own{i}.py"' for i in range(len(blocks)))
+    (tmp_path / "s.toml").write_text(STUDY.replace("FILES", files), encoding="utf-8")
+    out = tmp_path / "out"
+    assert run_study(load_study(tmp_path / "s.toml"), out, workers=1) == 0
+    estimates = {r["model"]: r for r in read_table(out / "estimates.csv")}
+    assert estimates["viscous"]["value"] == pytest.approx(0.1, rel=0.1)
+    assert estimates["cubic_drag"]["outcome"] == "it knows viscous damping alone"
+    drawn = {r["parameter"]: r for r in read_table(out / "posteriors.csv") if r["model"] == "viscous"}
+    # four sds: a false alarm once in 16,000 seeds
+    assert abs(drawn["zeta"]["mean"] - 0.1) < 4 * drawn["zeta"]["sd"]
+    own = [r for r in read_table(out / "posteriors.csv") if r["parameter"] == "drag3"]
+    assert [r["unit"] for r in own] == ["s/rad²"]
+    evidence = {r["model"]: r for r in read_table(out / "evidence.csv")}
+    assert evidence["viscous"]["method"] == "unit_information"
+    assert evidence["cubic_drag"]["log_bayes_factor"] < -20
+    assert "Signals: rig" in (out / "report.html").read_text(encoding="utf-8")
