@@ -42,10 +42,9 @@ class ExcelReader:
         allowed_archive(path)
         import openpyxl
 
-        book = openpyxl.load_workbook(path, read_only=True, data_only=True, keep_links=False)
-        try:
+        with path.open("rb") as file:  # whatever its name: openpyxl goes by that
+            book = openpyxl.load_workbook(file, read_only=True, data_only=True, keep_links=False)
             sheets = {sheet.title: _lines(sheet) for sheet in book.worksheets}
-        finally:
             book.close()
         columns: list[Column] = []
         facts: dict[str, Fact] = {}

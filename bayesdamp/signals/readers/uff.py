@@ -39,9 +39,11 @@ class UffReader:
         kinds = [int(kind) for kind in file.get_set_types()]
         at = [i for i, kind in enumerate(kinds) if kind == 58]
         if not at:
-            held = ", ".join(map(str, sorted(set(kinds)))) or "none that is whole"
+            if not kinds:
+                raise InputError("no data set in it is whole: it is cut off; export it again")
+            held = ", ".join(map(str, sorted(set(kinds))))
             raise InputError(f"its data sets are {held}; a record is a data set 58: export time histories")
-        sets = [file.read_sets(i) for i in at]
+        sets: list[Any] = [file.read_sets(i) for i in at]
         timed = [s for s in sets if _timed(s)]
         if not timed:
             raise InputError("its data sets 58 are no records in time (spectra?); export the time histories")
@@ -66,12 +68,12 @@ class UffReader:
         return Contents("UFF 58", tuple(columns), kept(facts), notes, channels=True)
 
 
-def _timed(data: dict[str, Any]) -> bool:
+def _timed(data: Any) -> bool:
     kind = int(data.get("func_type", 0)) in TIME_RESPONSE and not np.iscomplexobj(data["data"])
     return kind and int(data.get("abscissa_spec_data_type", 17)) in TIME_AXIS
 
 
-def _names(sets: list[dict[str, Any]]) -> list[str]:
+def _names(sets: list[Any]) -> list[str]:
     """A name for each data set: its response's node and direction, else its own words, else its number."""
     found: list[str] = []
     for data in sets:
@@ -92,7 +94,7 @@ def _names(sets: list[dict[str, Any]]) -> list[str]:
     return found
 
 
-def _columns(data: dict[str, Any], name: str, group: str) -> list[Column]:
+def _columns(data: Any, name: str, group: str) -> list[Column]:
     unit, quantity = _ORDINATES.get(int(data.get("ordinate_spec_data_type", 0)), ("", ""))
     written = str(data.get("ordinate_axis_units_lab", "")).strip()
     if written and written.upper() != "NONE":
