@@ -265,7 +265,8 @@ def test_a_uff_of_spectra_or_of_geometry_is_no_record(tmp_path: Path) -> None:
 
     data = pyuff.prepare_58(
         binary=0, func_type=4, data=Y + 1j * Z, x=T, abscissa_spacing=1, abscissa_spec_data_type=18,
-        abscissa_min=0.0, abscissa_inc=0.1, rsp_node=1, rsp_dir=1, ref_node=1, ref_dir=1, ordinate_spec_data_type=12, orddenom_spec_data_type=0,
+        abscissa_min=0.0, abscissa_inc=0.1, rsp_node=1, rsp_dir=1, ref_node=1, ref_dir=1, ordinate_spec_data_type=12,
+        orddenom_spec_data_type=0,
     )  # fmt: skip
     pyuff.UFF(str(tmp_path / "a.uff")).write_sets(data, mode="overwrite")
     with pytest.raises(InputError, match="no records in time"):

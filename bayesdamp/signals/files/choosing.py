@@ -34,6 +34,8 @@ _ORDER = {"angle": 0, "": 0, "velocity": 1, "acceleration": 2}
 _DERIVED = re.compile(r"\b(abs|absolute|magnitude|total|norm|resultant|rms)\b", re.IGNORECASE)
 _BACK = 0.02
 """Share of steps back in time that a column named after times may have."""
+_PAIRS = 40
+"""Columns that are compared with each other; among more than these no choice is plain."""
 _MINOR = 1 / 3
 """Of sensors alike, one that swings less than this share of the largest says little that that one does not."""
 
@@ -246,11 +248,11 @@ def _plain(found: Contents, some: list[Column]) -> None:
         return  # the same column of several sheets
     alike = len(kinds) == 1 and all(unit for unit, _ in kinds)
     if len(some) > 1 and not (alike or found.channels):
-        many = len(found.columns)
-        names = ", ".join(repr(c.name) if c.name else str(found.columns.index(c) + 1) for c in some[:6])
+        names = ", ".join(repr(c.name[:40]) if c.name else str(found.columns.index(c) + 1) for c in some[:3])
+        more = f" and {len(some) - 3} more" if len(some) > 3 else ""
         raise InputError(
-            f"has {many} columns: {listed(found.columns)}; give --angle NAME (by name or number) and, where need "
-            f"be, --time NAME; {names} are alike"
+            f"has {len(found.columns)} columns, and {names}{more} may each be the record; give --angle NAME (or its "
+            f"number), or --channel NAME for several; columns are {listed(found.columns)}"
         )
 
 
@@ -267,25 +269,31 @@ def _chosen(found: Contents, block: _Block) -> tuple[list[Column], tuple[str, ..
     if found.channels and not all(unit_said(c)[0] for c in moving):
         return moving, _because(left, moving, why)
     moving = _lowest_derivative(moving)
-    moving = [
-        c for i, c in enumerate(moving) if not any(proportional(b.values, c.values) for b in moving[:i])
-    ]
-    unsaid = [c for c in moving if not unit_said(c)[1]]
-    moving = [
-        c
-        for c in moving
-        if c not in unsaid
-        or not any(derivative(b.values, c.values, seen[id(b)].period) for b in moving if b is not c)
-    ]
+    if len(moving) <= _PAIRS:
+        moving = _independent(moving, seen)
     plain = [c for c in moving if not _DERIVED.search(parted(c)[0])] or moving
     dying = [c for c in plain if seen[id(c)].dies] or plain
     dying = _major(dying, seen) if not found.channels else dying
     return dying, _because(left, dying, why)
 
 
+def _independent(columns: list[Column], seen: dict[int, Swing]) -> list[Column]:
+    """Without what is another column in another unit, or its derivative where no name says what is which."""
+    kept = [
+        c for i, c in enumerate(columns) if not any(proportional(b.values, c.values) for b in columns[:i])
+    ]
+
+    def derived(column: Column) -> bool:
+        others = [b for b in kept if b is not column]
+        return any(derivative(b.values, column.values, seen[id(b)].period) for b in others)
+
+    return [c for c in kept if unit_said(c)[1] or not derived(c)]
+
+
 def _because(left: list[Column], kept: list[Column], still: str) -> tuple[str, ...]:
-    if len(kept) != 1:
-        return ()
+    if len(kept) > 1:
+        out = [repr(c.name) for c in left if c not in kept]
+        return (f"Left out are columns that do not swing and die down: {', '.join(out[:6])}.",) if out else ()
     reason = f"of {len(left)} that change it swings and dies down, and is a displacement before a derivative"
     if len(left) == 1:
         reason = f"beside it are only {still}" if still else "nothing else goes with these times"

@@ -14,7 +14,7 @@ LARGEST = 2**31
 def allowed(size: float) -> None:
     """Refuse what is larger than LARGEST once unpacked. size: in bytes. Raises InputError."""
     if size > LARGEST:
-        right = f"more than {LARGEST / 2**30:g} GiB are not read: give a part of it"
+        right = f"more than {LARGEST / 2**30:.3g} GiB are not read: give a part of it"
         raise InputError(f"unpacks to {size / 2**30:.3g} GiB; {right}")
 
 

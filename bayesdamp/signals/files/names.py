@@ -21,7 +21,8 @@ _INDEX = re.compile(
     r"^(unnamed: 0|index|idx|sample|samples|no|nr|n|i|row|frame|frames|count|counter|#|id)$", re.I
 )
 MOST = 12
-"""Names that a line lists."""
+WIDTH = 110
+"""Names that a line lists, and characters that they take."""
 
 
 def parted(column: Column) -> tuple[str, str]:
@@ -59,7 +60,10 @@ def listed(columns: Sequence[Column]) -> str:
     if not any(column.name for column in columns):
         return f"1 to {len(columns)} (they have no names)"
     names = [repr(c.name) if c.name else str(i) for i, c in enumerate(columns, start=1)]
-    return ", ".join(names[:MOST]) + (f" and {len(names) - MOST} more" if len(names) > MOST else "")
+    fit = next(
+        (k for k in range(len(names)) if k == MOST or len(", ".join(names[: k + 1])) > WIDTH), len(names)
+    )
+    return ", ".join(names[:fit]) + (f" and {len(names) - fit} more" if len(names) > fit else "")
 
 
 def asked_for(columns: Sequence[Column], asked: str | int) -> list[Column]:

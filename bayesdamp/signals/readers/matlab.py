@@ -5,8 +5,8 @@ from __future__ import annotations
 import zlib
 from pathlib import Path
 
+from bayesdamp.signals.files import limits
 from bayesdamp.signals.files.contents import Contents
-from bayesdamp.signals.files.limits import LARGEST, allowed
 from bayesdamp.signals.files.tree import Walk
 from bayesdamp.types import InputError
 
@@ -58,10 +58,10 @@ def _unpacked(path: Path) -> None:
                 total += size
                 continue
             unpack = zlib.decompressobj()
-            while data and total <= LARGEST:
+            while data and total <= limits.LARGEST:
                 total += len(unpack.decompress(data, 2**24))
                 data = unpack.unconsumed_tail
-            allowed(total)
+            limits.allowed(total)
 
 
 PLUGIN = MatlabReader()
