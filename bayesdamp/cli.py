@@ -82,6 +82,11 @@ def compare(
     clock: Annotated[str, typer.Option(help="auto, as_logged or uniform.")] = "auto",
     start: Annotated[str, typer.Option(help="Where the free decay starts, in s, or auto.")] = "auto",
     stop: Annotated[str, typer.Option(help="Where it stops, in s, or auto.")] = "auto",
+    runs: Annotated[str | None, typer.Option(help="Runs of a file that has several: 1,3-5; all by default.")] = None,
+    channel: Annotated[
+        list[str] | None, typer.Option(help="A channel of a file that has several, may be given again.")
+    ] = None,
+    time_unit: Annotated[str | None, typer.Option(help="Unit of the times: s, ms, us, ns or min.")] = None,
     restoring: Annotated[
         list[str] | None, typer.Option(help="A restoring law to compare, may be given again; all by default.")
     ] = None,
@@ -103,22 +108,18 @@ def compare(
     fresh: Annotated[bool, typer.Option("--fresh", help="Compute everything again.")] = False,
 ) -> int:
     """Say which damping records have, how sure that is, and when no candidate fits."""
-    from bayesdamp.signals.columns import choose_columns, unit_asked
+    from bayesdamp.commands.asking import Options, asked_records
 
-    columns = [choose_columns(path, time, angle, rate) for path in records]
-    units = [
-        unit_asked(path, value, unit, quantity) for path, (_, value) in zip(records, columns, strict=True)
-    ]
     bounds = _bound(start, "--start"), _bound(stop, "--stop")
+    reading = Options(time, angle, rate, time_unit, unit, quantity, clock, *bounds, runs, tuple(channel or ()))
+    asked, said = asked_records(records, reading)
+    for line in said:
+        typer.echo(line, err=True)
     with _early_processes(workers, damping or (), restoring or ()) as pool:
         from rich.console import Console
 
-        from bayesdamp.config.compare import Asked, comparison
+        from bayesdamp.config.compare import comparison
 
-        asked = [
-            Asked(path, *chosen, rate, *taken, clock, *bounds)
-            for path, chosen, taken in zip(records, columns, units, strict=True)
-        ]
         made = comparison(
             asked, restoring=restoring or (), damping=damping or (), noise=noise, seed=seed, repeats=repeats
         )

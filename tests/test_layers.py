@@ -24,7 +24,7 @@ MAY_IMPORT: dict[str, set[str]] = {
     "simulated": NEUTRAL | {"physics", "signals", "config", "store"},
     "report": NEUTRAL | {"store", "report"},
 }
-ACROSS = {"study", "calibration", "claims", "cli", "", "__main__"}
+ACROSS = {"study", "calibration", "claims", "commands", "cli", "", "__main__"}
 """The pipeline, the commands, and the public interface import what they join; nothing imports these."""
 
 

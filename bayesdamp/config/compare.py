@@ -22,13 +22,18 @@ BEST = 2
 WARMUP, DRAWS = 100, 500
 """Of each of four chains: NUTS is whitened from the start and its draws are nearly independent, so that these are worth
 2,000; where they are not it takes more by itself."""
+_NOT_READ = ("path", "label", "specimen")
 SPECIMEN = "specimen"
 """The name of the one specimen that all records are of."""
 
 
 @dataclass(frozen=True)
 class Asked:
-    """One record's file and how to read it, as a study's [[signal]] says it."""
+    """One record's file and how to read it, as a study's [[signal]] says it.
+
+    label: which of the file's records it is, where there are several; specimen: what it is one of the repeats of,
+    where the file says so.
+    """
 
     path: Path
     time: str | int | None = None
@@ -39,6 +44,9 @@ class Asked:
     clock: str = "auto"
     start: float | str = "auto"
     stop: float | str = "auto"
+    time_unit: str | None = None
+    label: str = ""
+    specimen: str = ""
 
 
 def laws_for(unit: str) -> tuple[str, ...]:
@@ -65,16 +73,16 @@ def comparison(
     """
     if repeats and len(records) < 2:
         raise InputError("--repeats: there is one record; give two or more of one specimen")
-    names = _names([asked.path for asked in records])
+    names = _names([f"{asked.path.stem} {asked.label}".strip() for asked in records])
     signals = [_signal(asked, name, tuple(restoring)) for asked, name in zip(records, names, strict=True)]
     if len(records) > 1:
-        for signal in signals:
-            signal["specimen"] = SPECIMEN if repeats else signal["name"]
+        for signal, asked in zip(signals, records, strict=True):
+            signal["specimen"] = SPECIMEN if repeats else _name(asked.specimen) or signal["name"]
     raw: dict[str, Any] = {
         "version": 1,
         "name": names[0] if len(names) == 1 else f"{names[0]}-and-{len(names) - 1}-more",
         "seed": seed,
-        "description": f"Which damping has {', '.join(asked.path.name for asked in records)}?"[:200],
+        "description": f"Which damping has {', '.join(dict.fromkeys(a.path.name for a in records))}?"[:200],
         "signal": signals,
         "estimators": {"use": ["least_squares"], "stages": ["initial"]},
         "models": {"compare": list(damping) or "all", "prune": PRUNE},
@@ -89,7 +97,7 @@ def comparison(
 
 def _signal(asked: Asked, name: str, restoring: tuple[str, ...]) -> dict[str, Any]:
     laws = restoring or laws_for(asked.unit)
-    given = {k: v for k, v in vars(asked).items() if k != "path" and v is not None}
+    given = {k: v for k, v in vars(asked).items() if k not in _NOT_READ and v is not None}
     return {
         "name": name,
         "file": str(asked.path),
@@ -99,17 +107,23 @@ def _signal(asked: Asked, name: str, restoring: tuple[str, ...]) -> dict[str, An
     }
 
 
-def _names(paths: Sequence[Path]) -> list[str]:
-    """A signal's name for each file, from the file's own; the same ones are numbered."""
+def _names(labels: Sequence[str]) -> list[str]:
+    """A signal's name for each record, from its file's own and its label; the same ones are numbered."""
     found: list[str] = []
-    for path in paths:
-        stem = (re.sub(r"[^A-Za-z0-9_-]", "_", path.stem) or "record")[:56]
-        name = stem if re.match(r"[A-Za-z0-9_]", stem) else f"_{stem}"
-        number = 2
+    for label in labels:
+        stem = _name(label) or "record"
+        name, number = stem, 2
         while name in found:
             name, number = f"{stem}-{number}", number + 1
         found.append(name)
     return found
+
+
+def _name(label: str) -> str:
+    """A label as a name: letters, digits, - and _, from both its ends where it is long."""
+    name = re.sub(r"[^A-Za-z0-9_-]", "_", label)
+    name = name if len(name) <= 56 else f"{name[:30]}-{name[-25:]}"
+    return name if not name or re.match(r"[A-Za-z0-9_]", name) else f"_{name}"
 
 
 def _in_options(text: str) -> str:

@@ -34,6 +34,10 @@ NOISE = ("noise_sd", "noise_time", "noise_dof")
 REFERENCE = ("amplitude", "frequency", "inertia")
 _MINIMUM = {"epsilon": 0.0, "noise_sd": 0.0}
 _POSITIVE = ("noise_time", "noise_dof", *REFERENCE)
+_RECORDED = (
+    *("angle", "time", "unit", "quantity", "rate", "clock", "start", "stop"),
+    *("run", "channel", "time_unit"),
+)
 _SIMULATED = ("name", "simulate", "system", "compare", "restoring", "estimate", "specimen")
 
 
@@ -64,7 +68,8 @@ class Recording:
     """A record to read. `file` as written, `path` where it is; columns by name or by number from 1.
 
     angle: the recorded quantity's column, whatever the quantity; None where the file has only that one.
-    rate in Hz; start and stop in s of the record's own clock, or "auto".
+    rate in Hz; start and stop in s of the record's own clock, or "auto". run, channel: which of a file's records;
+    time_unit: of its times. What of them is not given the file says, or it is chosen.
     """
 
     file: str
@@ -77,6 +82,9 @@ class Recording:
     clock: str = "auto"
     start: float | str = "auto"
     stop: float | str = "auto"
+    run: str | int | None = None
+    channel: str | None = None
+    time_unit: str | None = None
 
 
 @dataclass(frozen=True)
@@ -104,6 +112,9 @@ class SignalSpec:
         """All that the study says of the record, as JSON takes it; no path of this machine."""
         found = plain(self)
         found["source"].pop("path", None)
+        for key in ("run", "channel", "time_unit"):  # a study that does not have them reads as it always did
+            if found["source"].get(key) is None:
+                found["source"].pop(key, None)
         if not self.alternatives:
             del found["laws"], found["alternatives"]
         if not self.specimen:
@@ -255,10 +266,6 @@ def _recording(entry: SignalTable, system: System, folder: Path, key: str) -> Re
         raise StudyError(
             below(key, "file"), f"{entry.file!r} is not there; paths start at the study's folder {folder}"
         )
-    if entry.time is None and entry.rate is None:
-        raise StudyError(
-            key, "has neither time nor rate; give the column of time stamps or the sampling rate in Hz"
-        )
     if entry.time is not None and entry.rate is not None:
         raise StudyError(below(key, "rate"), "is given beside time; give one of the two")
     if isinstance(entry.start, float) and isinstance(entry.stop, float) and entry.start >= entry.stop:
@@ -269,7 +276,7 @@ def _recording(entry: SignalTable, system: System, folder: Path, key: str) -> Re
     return Recording(
         file=entry.file,
         path=path.resolve(),
-        **entry.model_dump(include={"angle", "time", "unit", "quantity", "rate", "clock", "start", "stop"}),
+        **{name: getattr(entry, name) for name in _RECORDED},
     )
 
 

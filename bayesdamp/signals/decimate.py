@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from scipy.signal import firwin, upfirdn, welch
@@ -21,7 +22,7 @@ ATTENUATION = 90.0
 HEARD = 1e-3
 """Share of the largest spectral density that a frequency must have to be kept: -30 dB."""
 UNEVEN = 2.0
-"""Samples, or ticks of the clock that stamps them, by which a stamp may lie off an even clock, for a record to count as evenly sampled."""
+"""Samples, or ticks of the clock that stamps them, by which a stamp may lie off an even clock."""
 
 
 def decimated(raw: RawRecord, most: int = MOST) -> RawRecord:
@@ -42,8 +43,8 @@ def decimated(raw: RawRecord, most: int = MOST) -> RawRecord:
     t = start + (first + factor * np.arange(y.size)) / rate
     note = (
         f"Of {raw.y.size} samples at {rate:.6g} Hz, more than the oscillation needs, {y.size} at "
-        f"{rate / factor:.6g} Hz are kept, by a filter that shifts no phase and is flat to 1e-4 up to {PASS * rate / factor / 2:.4g} Hz; the "
-        "noise is what is left in that band."
+        f"{rate / factor:.6g} Hz are kept, by a filter that shifts no phase and is flat to 1e-4 up to "
+        f"{PASS * rate / factor / 2:.4g} Hz; the noise is what is left in that band."
     )
     said = raw.provenance.get("notes", [])
     notes = [*(said if isinstance(said, list | tuple) else []), note]
@@ -61,8 +62,8 @@ def thinned(y: np.ndarray, factor: int) -> tuple[np.ndarray, int]:
     """
     width = (1 - PASS) / factor
     half = int(np.ceil((ATTENUATION - 7.95) / (2.285 * np.pi * width) / 2))
-    beta = 0.1102 * (ATTENUATION - 8.7)
-    taps = firwin(2 * half + 1, (1 + PASS) / 2 / factor, window=("kaiser", beta))
+    kaiser: Any = ("kaiser", 0.1102 * (ATTENUATION - 8.7))
+    taps = np.asarray(firwin(2 * half + 1, (1 + PASS) / 2 / factor, window=kaiser))
     middle = float(np.mean(y))
     whole = upfirdn(taps, y - middle, 1, 1)  # sample k of this is centred on sample k - half of y
     first = half

@@ -130,6 +130,9 @@ def _record(found: Contents, chosen: Series, path: Path, time_unit: str | None, 
         "incomplete_rows": int(value.values.size - kept.sum()),
         "notes": notes,
         "facts": dict(found.facts),
+        "time_unit": _time_unit(time, time_unit),
+        "chosen": list(chosen.why),
+        "constant_columns": list(chosen.still),
     }
     return RawRecord(
         t,
@@ -205,6 +208,13 @@ def _usable(y: np.ndarray) -> None:
         raise InputError(
             f"the values change by {span:.3g} at most, too little to compute with; give another unit"
         )
+
+
+def _time_unit(time: Column | None, asked: str | None) -> str:
+    """Who says the unit of the times: "given", "file", or nobody."""
+    if time is None:
+        return ""
+    return "given" if asked is not None else "file" if time.clock or seconds_of_unit(time) is not None else ""
 
 
 def _label(column: Column, found: Contents) -> str:

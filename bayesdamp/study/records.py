@@ -23,9 +23,9 @@ from bayesdamp.signals.anomalies import anomalies
 from bayesdamp.signals.clean import clean
 from bayesdamp.signals.curves import amplitude_curves
 from bayesdamp.signals.features import Features, features
-from bayesdamp.signals.read import read_record
 from bayesdamp.signals.simulate import simulate_signal
 from bayesdamp.store import CellResult, Store, sha256
+from bayesdamp.study.recorded import recorded
 from bayesdamp.types import OK, InputError, Problem, Refusal, Signal, System
 from bayesdamp.units import UNITS
 
@@ -70,7 +70,7 @@ class SignalCell:
         if isinstance(source, Simulation):
             signal = self._simulated(source)
         else:
-            raw = read_record(source.path, time=source.time, value=source.angle, rate=source.rate)
+            raw = recorded(source)
             try:
                 signal = clean(
                     raw,

@@ -42,13 +42,15 @@ _MINOR = 1 / 3
 
 @dataclass(frozen=True, eq=False)
 class Series:
-    """The columns of one record. rate: in Hz, where there is no column of times; why: sentences on what was chosen."""
+    """The columns of one record. rate: in Hz, where there is no column of times; why: sentences on what was chosen;
+    still: names of columns beside it that do not change."""
 
     value: Column
     time: Column | None = None
     rate: float | None = None
     run: str = ""
     why: tuple[str, ...] = ()
+    still: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -234,7 +236,8 @@ def _same_in_all(found: Contents, blocks: list[_Block]) -> list[Series]:
             named = [c for base in usual for c in block.columns if parted(c)[0] == base]
             some = named or some
         rate = None if block.time is not None else block.rate
-        records += [Series(c, block.time, rate, block.run, (*block.said, *why)) for c in some]
+        still = tuple(c.name for c in _rest(block) if c.name and not _changes(c))
+        records += [Series(c, block.time, rate, block.run, (*block.said, *why), still) for c in some]
     for run in dict.fromkeys(record.run for record in records):
         _plain(found, [record.value for record in records if record.run == run])
     return records

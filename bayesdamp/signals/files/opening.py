@@ -36,6 +36,7 @@ def fault(path: Path, text: object) -> InputError:
 def contents(path: Path | str) -> Contents:
     """What a file holds, by the reader that it belongs to. Raises InputError, one line of less than 300 characters."""
     path = Path(path)
+    reader = READERS.get(FALLBACK)
     try:
         reader = _reader(path, _head(path))
         # The seam for isolation: here, and only here, foreign code reads a file nobody vouches for.

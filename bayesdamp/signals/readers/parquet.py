@@ -44,7 +44,7 @@ class ParquetReader:
             empty = np.asarray(data.is_null().to_numpy(), bool)
             said = described(_words(field.metadata))
             if timed:
-                found, said = seconds_of(found), {"unit": "s"}
+                found, said["unit"] = seconds_of(found), "s"
             columns.append(Column(field.name, found.astype(float), empty=empty, **said))
         facts = {
             k: v for k, v in _words(table.schema.metadata).items() if k not in ("pandas", "ARROW:schema")
