@@ -15,6 +15,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from bayesdamp.commands.init import init
+from bayesdamp.commands.look import look
+from bayesdamp.commands.options import bound
 from bayesdamp.processes import processes
 from bayesdamp.types import BayesdampError, InputError
 
@@ -30,6 +33,8 @@ app = typer.Typer(
     add_completion=False,
     pretty_exceptions_enable=False,
 )
+app.command()(look)
+app.command()(init)
 
 
 @app.command()
@@ -110,7 +115,7 @@ def compare(
     """Say which damping records have, how sure that is, and when no candidate fits."""
     from bayesdamp.commands.asking import Options, asked_records
 
-    bounds = _bound(start, "--start"), _bound(stop, "--stop")
+    bounds = bound(start, "--start"), bound(stop, "--stop")
     reading = Options(time, angle, rate, time_unit, unit, quantity, clock, *bounds, runs, tuple(channel or ()))
     asked, said = asked_records(records, reading)
     for line in said:
@@ -145,16 +150,6 @@ def _early_processes(
     else:
         with processes(workers, "bayesdamp.study") as pool:
             yield pool
-
-
-def _bound(text: str, option: str) -> float | str:
-    """A time in s, or "auto". Raises InputError."""
-    if text == "auto":
-        return text
-    try:
-        return float(text)
-    except ValueError:
-        raise InputError(f"{option} {text}: must be a time in s, or auto") from None
 
 
 @app.command()

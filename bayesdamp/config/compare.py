@@ -66,10 +66,28 @@ def comparison(
     repeats: bool = False,
 ) -> Study:
     """The study that compares all damping sums (or those given) under all restoring laws (or those given) on each
-    record.
+    record; see `comparison_tables`. Raises InputError, one line in the terms of the command's options."""
+    raw = comparison_tables(
+        records, restoring=restoring, damping=damping, noise=noise, seed=seed, repeats=repeats
+    )
+    try:
+        return resolve_study(raw, Path("compare"))
+    except StudyError as error:
+        raise InputError(_in_options(str(error))) from None
+
+
+def comparison_tables(
+    records: Sequence[Asked],
+    *,
+    restoring: Sequence[str] = (),
+    damping: Sequence[str] = (),
+    noise: str = "auto",
+    seed: int = 0,
+    repeats: bool = False,
+) -> dict[str, Any]:
+    """The tables of that study's file.
 
     repeats: whether all records are of one specimen; otherwise each is a specimen of its own.
-    Raises InputError, one line in the terms of the command's options.
     """
     if repeats and len(records) < 2:
         raise InputError("--repeats: there is one record; give two or more of one specimen")
@@ -78,7 +96,7 @@ def comparison(
     if len(records) > 1:
         for signal, asked in zip(signals, records, strict=True):
             signal["specimen"] = SPECIMEN if repeats else _name(asked.specimen) or signal["name"]
-    raw: dict[str, Any] = {
+    return {
         "version": 1,
         "name": names[0] if len(names) == 1 else f"{names[0]}-and-{len(names) - 1}-more",
         "seed": seed,
@@ -89,10 +107,6 @@ def comparison(
         "posterior": {"samplers": ["nuts"], "noise": noise, "best": BEST, "warmup": WARMUP, "draws": DRAWS},
         "evidence": {"methods": ["laplace", "importance", "bridge"], "referee": "auto"},
     }
-    try:
-        return resolve_study(raw, Path("compare"))
-    except StudyError as error:
-        raise InputError(_in_options(str(error))) from None
 
 
 def _signal(asked: Asked, name: str, restoring: tuple[str, ...]) -> dict[str, Any]:
