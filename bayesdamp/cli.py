@@ -113,11 +113,11 @@ def compare(
     fresh: Annotated[bool, typer.Option("--fresh", help="Compute everything again.")] = False,
 ) -> int:
     """Say which damping records have, how sure that is, and when no candidate fits."""
-    from bayesdamp.commands.asking import Options, asked_records
+    from bayesdamp.commands.asking import Options, as_signals, chosen_records
 
     bounds = bound(start, "--start"), bound(stop, "--stop")
     reading = Options(time, angle, rate, time_unit, unit, quantity, clock, *bounds, runs, tuple(channel or ()))
-    asked, said = asked_records(records, reading)
+    found, said = chosen_records(records, reading)
     for line in said:
         typer.echo(line, err=True)
     with _early_processes(workers, damping or (), restoring or ()) as pool:
@@ -126,7 +126,12 @@ def compare(
         from bayesdamp.config.compare import comparison
 
         made = comparison(
-            asked, restoring=restoring or (), damping=damping or (), noise=noise, seed=seed, repeats=repeats
+            as_signals(found, reading),
+            restoring=restoring or (),
+            damping=damping or (),
+            noise=noise,
+            seed=seed,
+            repeats=repeats,
         )
         folder = _folder(out, made.name)
         from bayesdamp.study import run_study

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from bayesdamp.config.compare import Asked
-from bayesdamp.signals.clean import clean
 from bayesdamp.signals.columns import resolved_unit
 from bayesdamp.signals.decimate import decimated
 from bayesdamp.signals.findings import Finding, findings
@@ -15,6 +14,9 @@ from bayesdamp.signals.read import read_records
 from bayesdamp.signals.record import RawRecord
 from bayesdamp.types import InputError, Signal
 from bayesdamp.units import UNITS
+
+if TYPE_CHECKING:
+    from bayesdamp.config.compare import Asked
 
 
 @dataclass(frozen=True)
@@ -37,7 +39,7 @@ class Options:
 @dataclass(frozen=True)
 class Found:
     """One record: what the file holds, how it is read, the free decay in it (or why there is none), and what looks
-    wrong."""
+    wrong. several: whether it is one of several of its file."""
 
     path: Path
     raw: RawRecord
@@ -46,6 +48,7 @@ class Found:
     findings: tuple[Finding, ...]
     signal: Signal | None = None
     refusal: str = ""
+    several: bool = False
 
     @property
     def label(self) -> str:
@@ -74,6 +77,8 @@ def _found(path: Path, raw: RawRecord, options: Options, cleaned: bool) -> Found
     doubts = findings(raw, unit, quantity) if unit in UNITS else ()
     if not cleaned:
         return Found(path, raw, unit, quantity, doubts)
+    from bayesdamp.signals.clean import clean  # imports slowly
+
     try:
         signal = clean(
             decimated(raw),
@@ -89,12 +94,12 @@ def _found(path: Path, raw: RawRecord, options: Options, cleaned: bool) -> Found
     return Found(path, raw, unit, quantity, doubts, signal)
 
 
-def asked_records(paths: Sequence[Path], options: Options) -> tuple[list[Asked], list[str]]:
-    """(the records of files as a study's signals, lines to say before anything is computed). Raises InputError.
+def chosen_records(paths: Sequence[Path], options: Options) -> tuple[list[Found], list[str]]:
+    """(the records of files, lines to say before anything is computed). Raises InputError.
 
     Of several records in a file that were not asked for one by one, those without a free decay are left out, and said.
     """
-    asked: list[Asked] = []
+    records: list[Found] = []
     said: list[str] = []
     for path in paths:
         all_of_it = options.runs is None and not options.channels and options.angle is None
@@ -114,8 +119,8 @@ def asked_records(paths: Sequence[Path], options: Options) -> tuple[list[Asked],
             said.append(f"{path.name}: {len(found)} records: {_labels(found)}")
         said += [f"{path.name}: {line}" for line in _choices(found[0])]
         said += _doubts(path, found)
-        asked += [_asked(one, options, several) for one in found]
-    return asked, said
+        records += [replace(one, several=several) for one in found]
+    return records, said
 
 
 def _labels(found: Sequence[Found]) -> str:
@@ -135,19 +140,24 @@ def _doubts(path: Path, found: Sequence[Found]) -> list[str]:
     return [f"{path.name}: {finding}" for finding in first.values()]
 
 
-def _asked(one: Found, options: Options, several: bool) -> Asked:
-    time, value = one.raw.columns
-    return Asked(
-        one.path,
-        time,
-        value,
-        options.rate,
-        one.unit,
-        one.quantity,
-        options.clock,
-        options.start,
-        options.stop,
-        time_unit=options.time_unit,
-        label=one.label if several else "",
-        specimen=f"{one.path.stem} {one.raw.channel}" if several and one.raw.repeat else "",
-    )
+def as_signals(found: Sequence[Found], options: Options) -> list[Asked]:
+    """Records as a study's [[signal]] says them."""
+    from bayesdamp.config.compare import Asked  # imports slowly: what is wrong with a file is told before
+
+    o = options
+    return [
+        Asked(
+            one.path,
+            *one.raw.columns,
+            o.rate,
+            one.unit,
+            one.quantity,
+            o.clock,
+            o.start,
+            o.stop,
+            time_unit=o.time_unit,
+            label=one.label if one.several else "",
+            specimen=f"{one.path.stem} {one.raw.channel}" if one.several and one.raw.repeat else "",
+        )
+        for one in found
+    ]

@@ -26,18 +26,19 @@ def init(
     channel: o.Channels = None,
 ) -> int:
     """Write a commented study of a file beside it; nothing is computed, and no file is written over."""
-    from bayesdamp.commands.asking import Options, asked_records
-    from bayesdamp.commands.study_file import study_text
+    from bayesdamp.commands.asking import Options, as_signals, chosen_records
 
     out = file.with_suffix(".toml")
     if out.exists() or out.is_symlink():
         raise InputError(f"{out}: is there already; it is not written over: move it away first")
     bounds = o.bound(start, "--start"), o.bound(stop, "--stop")
     asked = Options(time, angle, rate, time_unit, unit, quantity, clock, *bounds, runs, tuple(channel or ()))
-    records, said = asked_records([file], asked)
+    records, said = chosen_records([file], asked)
     for line in said:
         typer.echo(line, err=True)
-    text = study_text(records, out)
+    from bayesdamp.commands.study_file import study_text
+
+    text = study_text(as_signals(records, asked), out)
     try:
         with out.open("x", encoding="utf-8", newline="\n") as handle:
             handle.write(text)

@@ -6,7 +6,6 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from scipy.signal import firwin, upfirdn, welch
 
 from bayesdamp.signals.clock import robust_step
 from bayesdamp.signals.record import RawRecord
@@ -60,6 +59,8 @@ def thinned(y: np.ndarray, factor: int) -> tuple[np.ndarray, int]:
     each sample, so that no phase shifts: flat within 1e-4 up to PASS of the new Nyquist frequency, ATTENUATION above
     it. Only samples with all their neighbours are kept.
     """
+    from scipy.signal import firwin, upfirdn  # imports slowly, and few records need it
+
     width = (1 - PASS) / factor
     half = int(np.ceil((ATTENUATION - 7.95) / (2.285 * np.pi * width) / 2))
     kaiser: Any = ("kaiser", 0.1102 * (ATTENUATION - 8.7))
@@ -89,6 +90,8 @@ def _even(raw: RawRecord) -> tuple[float, float] | None:
 
 def _factor(y: np.ndarray, rate: float, most: int) -> int:
     """By how much a record may be thinned, 1 for not at all."""
+    from scipy.signal import welch
+
     y = y - np.mean(y)
     frequency, power = welch(y, rate, nperseg=min(y.size, 2 ** int(np.log2(y.size / 4))), detrend="linear")
     power[:2] = 0.0  # what drifts

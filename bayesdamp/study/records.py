@@ -23,6 +23,7 @@ from bayesdamp.signals.anomalies import anomalies
 from bayesdamp.signals.clean import clean
 from bayesdamp.signals.curves import amplitude_curves
 from bayesdamp.signals.features import Features, features
+from bayesdamp.signals.record import RawRecord
 from bayesdamp.signals.simulate import simulate_signal
 from bayesdamp.store import CellResult, Store, sha256
 from bayesdamp.study.recorded import recorded
@@ -83,7 +84,7 @@ class SignalCell:
                 )
             except InputError as error:
                 raise InputError(f"{source.file}: {error}") from None
-            arrays = _raw(raw.t, raw.y, source)
+            arrays = _raw(raw, source)
         meta = {
             "provenance": dict(signal.provenance),
             "unit": signal.unit,
@@ -173,12 +174,12 @@ def _reference(system: System, seen: Features) -> Reference:
     return Reference(amplitude or rounded["amplitude"], frequency or rounded["frequency"])
 
 
-def _raw(t: np.ndarray | None, y: np.ndarray, source: Recording) -> dict[str, np.ndarray]:
+def _raw(raw: RawRecord, source: Recording) -> dict[str, np.ndarray]:
     """The record as it was, thinned for the picture: times of the file, values in SI."""
-    times = np.arange(y.size) / source.rate if t is None and source.rate else t
-    every = max(1, y.size // RAW_POINTS)
+    times = np.arange(raw.y.size) / raw.rate if raw.t is None and raw.rate else raw.t
+    every = max(1, raw.y.size // RAW_POINTS)
     scale = UNITS[source.unit].factor
-    return {} if times is None else {"raw_t": np.asarray(times)[::every], "raw_y": y[::every] * scale}
+    return {} if times is None else {"raw_t": np.asarray(times)[::every], "raw_y": raw.y[::every] * scale}
 
 
 def signal_of(record: CellResult) -> Signal:

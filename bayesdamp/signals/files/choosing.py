@@ -92,7 +92,7 @@ def series(
     blocks = [block for block in blocks if _candidates(block)] or [b for b in blocks if _rest(b)]
     if not blocks:
         raise InputError(_nothing(found))
-    if len(found.columns) == 2 and len(blocks) == 1 and blocks[0].time is None and _clockless(blocks[0]):
+    if len(found.columns) == 2 and _clockless(blocks[0]) and names_time(found.columns[0]):
         blocks = [replace(blocks[0], time=found.columns[0])]
     chosen = _same_in_all(found, blocks)
     return [_with_clock(s, found) for s in chosen]
@@ -221,7 +221,7 @@ def _nothing(found: Contents) -> str:
 
 
 def _clockless(block: _Block) -> bool:
-    return block.rate is None and all(c.rate is None for c in block.columns)
+    return block.time is None and block.rate is None and all(c.rate is None for c in block.columns)
 
 
 def _same_in_all(found: Contents, blocks: list[_Block]) -> list[Series]:

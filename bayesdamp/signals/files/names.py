@@ -11,7 +11,9 @@ from bayesdamp.signals.named_units import seconds_in
 from bayesdamp.types import InputError
 
 _WORD = r"(?:run|trial|take|test|rep|repeat|repetition|lauf|versuch|messung|durchgang|essai|prova|ensayo)"
-_BEHIND = re.compile(rf"^(.+?)[\s,;:_-]*[(\[]?\b{_WORD}\s*[#_:.-]?\s*(\d+)[)\]]?\s*$", re.IGNORECASE)
+_BEHIND = re.compile(
+    rf"^(.+?)[\s,;:_-]*[(\[]?(?<![A-Za-z]){_WORD}\s*[#_:.-]?\s*(\d+)[)\]]?\s*$", re.IGNORECASE
+)
 _BEFORE = re.compile(rf"^{_WORD}\s*[#_.-]?\s*(\d+)\s*[:,;._\s-]\s*(.+)$", re.IGNORECASE)
 _ALONE = re.compile(rf"^{_WORD}?\s*[#_.-]?\s*(\d+)$", re.IGNORECASE)
 _TIME = re.compile(
@@ -41,7 +43,7 @@ def parted(column: Column) -> tuple[str, str]:
 
 def seconds_of_unit(column: Column) -> float | None:
     """Seconds in the unit that a column of times says, in its name or beside it; None where it says none."""
-    return seconds_in(column.label) or seconds_in(f"({column.unit})")
+    return seconds_in(parted(column)[0]) or seconds_in(f"({column.unit})")
 
 
 def names_time(column: Column) -> bool:

@@ -66,7 +66,10 @@ def proportional(a: np.ndarray, b: np.ndarray) -> bool:
 
 
 def derivative(a: np.ndarray, b: np.ndarray, period: float) -> bool:
-    """Whether b (n,) is the derivative of a (n,), which has this period in samples, as far as noise lets one tell."""
+    """Whether b (n,) is the derivative of a (n,), which has this period in samples, as far as noise lets one tell.
+
+    Of an oscillation that hardly dies down a is also a derivative of b, but with the other sign.
+    """
     if a.size != b.size:
         return False
     both = np.isfinite(a) & np.isfinite(b)
@@ -76,7 +79,7 @@ def derivative(a: np.ndarray, b: np.ndarray, period: float) -> bool:
     block = int(np.clip(period / 30, 1, max(a.size // 20, 1))) if np.isfinite(period) else 1
     n = a.size // block
     a, b = (x[: n * block].reshape(n, block).mean(1) for x in (a, b))
-    return abs(_correlation(np.gradient(a), b)) > DERIVED
+    return _correlation(np.gradient(a), b) > DERIVED
 
 
 def _correlation(a: np.ndarray, b: np.ndarray) -> float:

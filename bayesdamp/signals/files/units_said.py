@@ -17,15 +17,16 @@ def unit_said(column: Column) -> tuple[str, str]:
 
     The unit is a name in UNITS, that of the displacement itself; one that is in none is given as it is written.
     """
-    named = quantity_of(column.name) or column.quantity
+    name = parted(column)[0]
+    named = quantity_of(name) or column.quantity
     if column.unit:
         written = unit_written(column.unit.strip("()[]"))
         if written is None:
             return (column.unit if len(column.unit) < 20 else ""), named
         unit, quantity = written
         return unit, (quantity if UNITS[unit].quantity or quantity != "angle" else named or quantity)
-    said = unit_and_quantity(column.name)
+    said = unit_and_quantity(name)
     if said is not None:
         return said
-    behind = _BRACKETS.search(parted(column)[0])
+    behind = _BRACKETS.search(name)
     return (behind[1].strip() if behind and not behind[1].strip().isdigit() else ""), named
