@@ -87,7 +87,9 @@ def compare(
     clock: Annotated[str, typer.Option(help="auto, as_logged or uniform.")] = "auto",
     start: Annotated[str, typer.Option(help="Where the free decay starts, in s, or auto.")] = "auto",
     stop: Annotated[str, typer.Option(help="Where it stops, in s, or auto.")] = "auto",
-    runs: Annotated[str | None, typer.Option(help="Runs of a file that has several: 1,3-5; all by default.")] = None,
+    runs: Annotated[
+        str | None, typer.Option(help="Runs of a file that has several: 1,3-5; all by default.")
+    ] = None,
     channel: Annotated[
         list[str] | None, typer.Option(help="A channel of a file that has several, may be given again.")
     ] = None,
@@ -116,7 +118,9 @@ def compare(
     from bayesdamp.commands.asking import Options, as_signals, chosen_records
 
     bounds = bound(start, "--start"), bound(stop, "--stop")
-    reading = Options(time, angle, rate, time_unit, unit, quantity, clock, *bounds, runs, tuple(channel or ()))
+    reading = Options(
+        time, angle, rate, time_unit, unit, quantity, clock, *bounds, runs, tuple(channel or ())
+    )
     found, said = chosen_records(records, reading)
     for line in said:
         typer.echo(line, err=True)

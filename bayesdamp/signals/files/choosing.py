@@ -321,7 +321,8 @@ def _lowest_derivative(columns: list[Column]) -> list[Column]:
 
 def _major(columns: list[Column], seen: dict[int, Swing]) -> list[Column]:
     """Of sensors of one unit, those that swing nearly as much as the largest."""
-    if len({unit_said(c) for c in columns}) != 1:
+    kinds = {unit_said(c) for c in columns}
+    if len(kinds) != 1 or not all(unit for unit, _ in kinds):
         return columns
     largest = max(seen[id(c)].size for c in columns)
     return [c for c in columns if seen[id(c)].size >= _MINOR * largest]
