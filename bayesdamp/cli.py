@@ -17,7 +17,7 @@ import typer
 
 from bayesdamp.commands.init import init
 from bayesdamp.commands.look import look
-from bayesdamp.commands.options import bound
+from bayesdamp.commands.options import bound as _bound
 from bayesdamp.processes import processes
 from bayesdamp.types import BayesdampError, InputError
 
@@ -117,7 +117,7 @@ def compare(
     """Say which damping records have, how sure that is, and when no candidate fits."""
     from bayesdamp.commands.asking import Options, as_signals, chosen_records
 
-    bounds = bound(start, "--start"), bound(stop, "--stop")
+    bounds = _bound(start, "--start"), _bound(stop, "--stop")
     reading = Options(
         time, angle, rate, time_unit, unit, quantity, clock, *bounds, runs, tuple(channel or ())
     )

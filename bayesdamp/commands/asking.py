@@ -131,7 +131,8 @@ def _labels(found: Sequence[Found]) -> str:
 def _choices(one: Found) -> list[str]:
     """What was chosen where there was a choice."""
     chosen = one.raw.provenance.get("chosen")
-    return [str(line) for line in chosen] if isinstance(chosen, list) else []
+    said = [str(line) for line in chosen] if isinstance(chosen, list) else []
+    return [line for line in said if line.startswith(("Column", "Left out"))]
 
 
 def _doubts(path: Path, found: Sequence[Found]) -> list[str]:

@@ -66,7 +66,7 @@ def findings(raw: RawRecord, unit: str, quantity: str) -> tuple[Finding, ...]:
 
 
 def _turns(raw: RawRecord, unit: str, quantity: str) -> Finding | None:
-    if UNITS[unit].base != "rad" or quantity != "angle":
+    if UNITS[unit].base != "rad" or quantity != "angle" or (raw.unit and raw.unit not in UNITS):
         return None
     size = float(np.ptp(raw.y)) / 2
     amplitude = size * UNITS[unit].factor

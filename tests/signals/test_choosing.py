@@ -43,6 +43,8 @@ PLAIN: dict[str, tuple[dict[str, np.ndarray], str | None, str]] = {
     "the same in two units": ({"t": T, "angle (rad)": Y, "arc (mm)": 210 * Y + 3}, "t", "angle (rad)"),
     "what does not die down": ({"t": T, "drive": np.cos(6 * T + 1), "reference": STEADY, "x": Y}, "t", "x"),
     "axes of a phone": ({"t": T, "ax (g)": 0.1 * OTHER, "ay (g)": Y, "absolute (g)": abs(Y)}, "t", "ay (g)"),
+    "far larger, without units": ({"t": T, "x": 0.02 * OTHER, "phi": Y}, "t", "phi"),
+    "a drift beside": ({"t": T, "x": Y, "y": 3 * np.exp(-0.2 * T) + 0.5 * np.cos(0.8 * T)}, "t", "x"),
     "two times": ({"Time (s)": T, "Time (ms)": 1000 * T, "x": Y}, "Time (s)", "x"),
 }
 

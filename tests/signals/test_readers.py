@@ -14,6 +14,7 @@ from scipy.io import savemat, wavfile
 
 from bayesdamp.signals.files.contents import Contents, Reader
 from bayesdamp.signals.files.opening import contents
+from bayesdamp.signals.files.packing import read_packed, unpacked
 from bayesdamp.signals.read import read_record, read_records
 from bayesdamp.signals.readers import READERS
 from bayesdamp.signals.record import RawRecord
@@ -369,3 +370,27 @@ def test_a_wav_of_one_channel_is_one_record(tmp_path: Path) -> None:
         file.writeframes(np.round(1e4 * Y).astype("<i2").tobytes())
     (record,) = read_records(tmp_path / "a.wav")
     assert (record.channel, record.rate) == ("sound", 8000.0)
+
+
+@pytest.mark.parametrize("what", ["UFF ascii", "Excel", "Parquet", "LVM", "JSON"])
+def test_contents_pass_from_one_process_to_another(tmp_path: Path, what: str) -> None:
+    name, write, *_ = FORMATS[what]
+    write(tmp_path / name)
+    there, here = unpacked(read_packed(tmp_path / name)), contents(tmp_path / name)
+    assert [c.name for c in there.columns] == [c.name for c in here.columns]
+    for a, b in zip(there.columns, here.columns, strict=True):
+        np.testing.assert_array_equal(a.values, b.values)
+        assert (a.unit, a.rate, a.group, a.words) == (b.unit, b.rate, b.group, b.words)
+    assert (there.facts, there.notes, there.channels) == (here.facts, here.notes, here.channels)
+
+
+def test_words_and_empty_cells_pass_too(tmp_path: Path) -> None:
+    rows = [f"{t},{y}" for t, y in zip(T, Y)]
+    (tmp_path / "a.csv").write_text(
+        "\n".join(["t,x", *rows[:50], "9,oops", ",", *rows[50:]]), encoding="utf-8"
+    )
+    there, here = unpacked(read_packed(tmp_path / "a.csv")), contents(tmp_path / "a.csv")
+    assert there.columns[1].words == here.columns[1].words == {50: "oops"}
+    np.testing.assert_array_equal(there.columns[0].empty, here.columns[0].empty)
+    np.testing.assert_array_equal(there.lines, here.lines)
+    assert there.first_line == here.first_line

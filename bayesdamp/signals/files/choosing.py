@@ -34,6 +34,8 @@ _ORDER = {"angle": 0, "": 0, "velocity": 1, "acceleration": 2}
 _DERIVED = re.compile(r"\b(abs|absolute|magnitude|total|norm|resultant|rms)\b", re.IGNORECASE)
 _BACK = 0.02
 """Share of steps back in time that a column named after times may have."""
+_FAR = 10.0
+"""Of columns without units, one that swings so many times as much as the next is the record."""
 _PAIRS = 40
 """Columns that are compared with each other; among more than these no choice is plain."""
 _MINOR = 1 / 3
@@ -290,7 +292,7 @@ def _independent(columns: list[Column], seen: dict[int, Swing]) -> list[Column]:
         others = [b for b in kept if b is not column]
         return any(derivative(b.values, column.values, seen[id(b)].period) for b in others)
 
-    return [c for c in kept if unit_said(c)[1] or not derived(c)]
+    return [c for c in kept if unit_said(c)[1] or not derived(c)] or kept
 
 
 def _because(left: list[Column], kept: list[Column], still: str) -> tuple[str, ...]:
@@ -320,9 +322,15 @@ def _lowest_derivative(columns: list[Column]) -> list[Column]:
 
 
 def _major(columns: list[Column], seen: dict[int, Swing]) -> list[Column]:
-    """Of sensors of one unit, those that swing nearly as much as the largest."""
-    kinds = {unit_said(c) for c in columns}
-    if len(kinds) != 1 or not all(unit for unit, _ in kinds):
+    """Of sensors of one unit, those that swing nearly as much as the largest; where no unit is said, the one that
+    swings far more than all others."""
+    if not columns:
         return columns
-    largest = max(seen[id(c)].size for c in columns)
-    return [c for c in columns if seen[id(c)].size >= _MINOR * largest]
+    sizes = [seen[id(c)].size for c in columns]
+    kinds = {unit_said(c) for c in columns}
+    if not any(unit for unit, _ in kinds):
+        far = [c for c, size in zip(columns, sizes, strict=True) if size >= _FAR * sorted(sizes)[-2:][0]]
+        return far if len(far) == 1 else columns
+    if len(kinds) > 1:
+        return columns
+    return [c for c, size in zip(columns, sizes, strict=True) if size >= _MINOR * max(sizes)]

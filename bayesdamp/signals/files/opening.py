@@ -39,7 +39,7 @@ def contents(path: Path | str) -> Contents:
     reader = READERS.get(FALLBACK)
     try:
         reader = _reader(path, _head(path))
-        # The seam for isolation: here, and only here, foreign code reads a file nobody vouches for.
+        # Here, and only here, foreign code reads a file that nobody vouches for: see `packing` for another process.
         with warnings.catch_warnings(), contextlib.redirect_stdout(io.StringIO()):
             warnings.simplefilter("ignore")
             found = reader.read(path)

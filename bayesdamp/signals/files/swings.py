@@ -12,6 +12,10 @@ MOST = 4096
 """Samples that are looked at; longer columns are averaged in blocks."""
 SHARE = 0.3
 """As in `free_decay`: the share of an oscillation in a record."""
+CYCLES = 2.5
+"""Periods below which a column drifts rather than swings."""
+LOST = 0.5
+"""Share of the variance below which averages over blocks have lost what swings within a block."""
 FALL = 0.8
 """The swing at the end of a record that dies down is below this share of its largest."""
 ALIKE = 0.9999
@@ -25,16 +29,17 @@ DERIVED = 0.95
 @dataclass(frozen=True)
 class Swing:
     """period: in samples; share: of the oscillation in the column; size: the largest swing, its standard deviation in
-    the column's unit; last: that at the end."""
+    the column's unit; last: that at the end; cycles: periods in the column."""
 
     period: float
     share: float
     size: float
     last: float
+    cycles: float = 0.0
 
     @property
     def swings(self) -> bool:
-        return self.share >= SHARE
+        return self.share >= SHARE and self.cycles >= CYCLES
 
     @property
     def dies(self) -> bool:
@@ -48,13 +53,27 @@ def swing(y: np.ndarray) -> Swing:
     if y.size < 10 or not 0 < scale < LARGEST or np.ptp(y) == 0:
         return Swing(np.inf, 0.0, 0.0, 0.0)
     y = y / scale - np.mean(y / scale)
-    spacing, y = on_grid(np.arange(y.size, dtype=float), y, MOST)
-    period, share = coarse_period(np.arange(y.size, dtype=float), y)
+    whole = y.size
+    spacing, averaged = on_grid(np.arange(whole, dtype=float), y, MOST)
+    if whole > MOST and np.var(averaged) < LOST * np.var(y):
+        period, share = coarse_period(np.arange(MOST, dtype=float), _liveliest(y))
+        spacing = 1.0
+    else:
+        y = averaged
+        period, share = coarse_period(np.arange(y.size, dtype=float), y)
     width = int(min(max(round(period), 4), y.size // 2))
     windows = y[: y.size // width * width].reshape(-1, width)
     sizes = windows.std(axis=1)
     late = max(sizes.size // 5, 1)
-    return Swing(period * spacing, share, float(sizes.max()) * scale, float(np.median(sizes[-late:])) * scale)
+    last = float(np.median(sizes[-late:])) * scale
+    return Swing(period * spacing, share, float(sizes.max()) * scale, last, whole / (period * spacing))
+
+
+def _liveliest(y: np.ndarray) -> np.ndarray:
+    """The MOST samples in a row of y (n,) that vary most."""
+    begins = range(0, y.size - MOST + 1, MOST)
+    at = max(begins, key=lambda begin: float(np.var(y[begin : begin + MOST])))
+    return y[at : at + MOST]
 
 
 def proportional(a: np.ndarray, b: np.ndarray) -> bool:
