@@ -43,8 +43,10 @@ PLAIN: dict[str, tuple[dict[str, np.ndarray], str | None, str]] = {
     "the same in two units": ({"t": T, "angle (rad)": Y, "arc (mm)": 210 * Y + 3}, "t", "angle (rad)"),
     "what does not die down": ({"t": T, "drive": np.cos(6 * T + 1), "reference": STEADY, "x": Y}, "t", "x"),
     "axes of a phone": ({"t": T, "ax (g)": 0.1 * OTHER, "ay (g)": Y, "absolute (g)": abs(Y)}, "t", "ay (g)"),
+    "axes alike, without units": ({"t": T, "z": 0.1 * Y, "y": Y, "x": 0.03 * OTHER}, "t", "y"),
     "far larger, without units": ({"t": T, "x": 0.02 * OTHER, "phi": Y}, "t", "phi"),
     "a drift beside": ({"t": T, "x": Y, "y": 3 * np.exp(-0.2 * T) + 0.5 * np.cos(0.8 * T)}, "t", "x"),
+    "a phone's clock": ({"time": 1.7e18 + 1e9 * T, "seconds_elapsed": T, "x": Y}, "seconds_elapsed", "x"),
     "two times": ({"Time (s)": T, "Time (ms)": 1000 * T, "x": Y}, "Time (s)", "x"),
 }
 
@@ -122,6 +124,23 @@ def test_runs_of_a_file_are_repeats(tmp_path: Path, what: str) -> None:
     ):
         with pytest.raises(InputError, match=said):
             read_records(path, runs=wrong)
+
+
+def test_the_latest_run_of_a_logger_is_one_too(tmp_path: Path) -> None:
+    names = [f"{run}: {what}" for run in ("Latest", "Run 1") for what in ("Time (s)", "Position (m)")]
+    found = read_records(write(tmp_path / "a.csv", dict(zip(names, (T, Y, T, 2 * Y), strict=True))))
+    assert [(record.run, record.channel) for record in found] == [
+        ("latest", "Position (m)"),
+        ("1", "Position (m)"),
+    ]
+    assert read_record(tmp_path / "a.csv", run="latest").y[0] == Y[0]
+
+
+def test_an_oscilloscopes_preamble_gives_the_unit(tmp_path: Path) -> None:
+    path = write(
+        tmp_path / "a.csv", {"TIME": T, "CH1": Y}, "Model,DPO", "Sample Interval,0.02,s", "Vertical Units,V"
+    )
+    assert read_record(path).unit == "V"
 
 
 def test_one_column_is_chosen_for_all_runs(tmp_path: Path) -> None:

@@ -284,9 +284,15 @@ def _chosen(found: Contents, block: _Block) -> tuple[list[Column], tuple[str, ..
 
 def _independent(columns: list[Column], seen: dict[int, Swing]) -> list[Column]:
     """Without what is another column in another unit, or its derivative where no name says what is which."""
-    kept = [
-        c for i, c in enumerate(columns) if not any(proportional(b.values, c.values) for b in columns[:i])
-    ]
+    kept: list[Column] = []
+    for column in columns:
+        twin = next((b for b in kept if proportional(b.values, column.values)), None)
+        if twin is None:
+            kept.append(column)
+        elif unit_said(twin) == unit_said(column) and seen[id(column)].size > seen[id(twin)].size:
+            kept[kept.index(twin)] = (
+                column  # of one unit, as the axes of a sensor are: the one that shows more
+            )
 
     def derived(column: Column) -> bool:
         others = [b for b in kept if b is not column]

@@ -15,6 +15,9 @@ _BEHIND = re.compile(
     rf"^(.+?)[\s,;:_-]*[(\[]?(?<![A-Za-z]){_WORD}\s*[#_:.-]?\s*(\d+)[)\]]?\s*$", re.IGNORECASE
 )
 _BEFORE = re.compile(rf"^{_WORD}\s*[#_.-]?\s*(\d+)\s*[:,;._\s-]\s*(.+)$", re.IGNORECASE)
+_SECONDS = re.compile(r"^(elapsed[\s_]*)?seconds([\s_]*elapsed)?$", re.IGNORECASE)
+_LATEST = re.compile(r"^(latest)\s*:\s*(.+)$", re.IGNORECASE)
+"""How Vernier's Logger Pro marks the run that has no number yet."""
 _ALONE = re.compile(rf"^{_WORD}?\s*[#_.-]?\s*(\d+)$", re.IGNORECASE)
 _TIME = re.compile(
     r"^t\d*$|time|elapsed|stamp|zeit|temps|tiempo|tempo|second|sekunde|uhr|epoch|x_value", re.IGNORECASE
@@ -35,6 +38,9 @@ def parted(column: Column) -> tuple[str, str]:
         at = pattern.match(bare)
         if at is not None:
             return at[rest].strip(), column.run or str(int(at[run][:9]))
+    latest = _LATEST.match(bare)
+    if latest is not None:
+        return latest[2].strip(), column.run or "latest"
     alone = _ALONE.match(column.group)
     if column.run or (alone and not column.group.isdigit()):
         return bare, column.run or str(int(alone[1][:9]) if alone else "")
@@ -43,7 +49,8 @@ def parted(column: Column) -> tuple[str, str]:
 
 def seconds_of_unit(column: Column) -> float | None:
     """Seconds in the unit that a column of times says, in its name or beside it; None where it says none."""
-    return seconds_in(parted(column)[0]) or seconds_in(f"({column.unit})")
+    said = seconds_in(parted(column)[0]) or seconds_in(f"({column.unit})")
+    return 1.0 if said is None and _SECONDS.match(column.name) else said
 
 
 def names_time(column: Column) -> bool:
