@@ -16,6 +16,9 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from bayesdamp import __version__
+from bayesdamp.commands.init import init
+from bayesdamp.commands.look import look
+from bayesdamp.commands.options import bound as _bound
 from bayesdamp.processes import processes
 from bayesdamp.types import BayesdampError, InputError
 
@@ -32,6 +35,8 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
+app.command()(look)
+app.command()(init)
 
 
 def _version(asked: bool) -> None:
@@ -110,6 +115,13 @@ def compare(
     clock: Annotated[str, typer.Option(help="auto, as_logged or uniform.")] = "auto",
     start: Annotated[str, typer.Option(help="Where the free decay starts, in s, or auto.")] = "auto",
     stop: Annotated[str, typer.Option(help="Where it stops, in s, or auto.")] = "auto",
+    runs: Annotated[
+        str | None, typer.Option(help="Runs of a file that has several: 1,3-5; all by default.")
+    ] = None,
+    channel: Annotated[
+        list[str] | None, typer.Option(help="A channel of a file that has several, may be given again.")
+    ] = None,
+    time_unit: Annotated[str | None, typer.Option(help="Unit of the times: s, ms, us, ns or min.")] = None,
     restoring: Annotated[
         list[str] | None, typer.Option(help="A restoring law to compare, may be given again; all by default.")
     ] = None,
@@ -163,26 +175,24 @@ def compare(
         )
     if frequency is not None:
         raise InputError("--frequency: is for envelopes; give --quantity envelope, or leave it out")
+    from bayesdamp.commands.asking import Options, as_signals, chosen_records
     from bayesdamp.plugins import read_modules
-    from bayesdamp.signals.columns import choose_columns, unit_asked
 
     plugins = read_modules(plugin or ())
-    columns = [choose_columns(path, time, angle, rate) for path in records]
-    units = [
-        unit_asked(path, value, unit, quantity) for path, (_, value) in zip(records, columns, strict=True)
-    ]
     bounds = _bound(start, "--start"), _bound(stop, "--stop")
+    reading = Options(
+        time, angle, rate, time_unit, unit, quantity, clock, *bounds, runs, tuple(channel or ())
+    )
+    found, said = chosen_records(records, reading)
+    for line in said:
+        typer.echo(line, err=True)
     with _early_processes(workers, damping or (), restoring or ()) as pool:
         from rich.console import Console
 
-        from bayesdamp.config.compare import Asked, comparison
+        from bayesdamp.config.compare import comparison
 
-        asked = [
-            Asked(path, *chosen, rate, *taken, clock, *bounds)
-            for path, chosen, taken in zip(records, columns, units, strict=True)
-        ]
         made = comparison(
-            asked,
+            as_signals(found, reading),
             restoring=restoring or (),
             damping=damping or (),
             noise=noise,
@@ -217,16 +227,6 @@ def _early_processes(
     else:
         with processes(workers, "bayesdamp.study") as pool:
             yield pool
-
-
-def _bound(text: str, option: str) -> float | str:
-    """A time in s, or "auto". Raises InputError."""
-    if text == "auto":
-        return text
-    try:
-        return float(text)
-    except ValueError:
-        raise InputError(f"{option} {text}: must be a time in s, or auto") from None
 
 
 @app.command()

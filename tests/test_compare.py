@@ -18,8 +18,9 @@ from bayesdamp.types import BEWARE, InputError
 def write(path: Path, header: str = "t,angle,other", columns: int = 2) -> Path:
     t = np.arange(300) / 50
     y = 0.3 * np.exp(-0.1 * t) * np.cos(4 * t)
+    other = 0.2 * np.exp(-0.1 * t) * np.cos(5 * t + 1)
     names = ",".join(header.split(",")[:columns])
-    rows = (",".join(map(str, row)) for row in np.stack([t, y, y], axis=1)[:, :columns])
+    rows = (",".join(map(str, row)) for row in np.stack([t, y, other], axis=1)[:, :columns])
     path.write_text("\n".join([names, *rows]) + "\n", encoding="utf-8")
     return path
 
@@ -28,7 +29,7 @@ def test_two_columns_are_times_and_values(tmp_path) -> None:
     assert choose_columns(write(tmp_path / "a.csv"), None, None, None) == ("t", "angle")
     assert choose_columns(tmp_path / "a.csv", None, "angle", None) == ("t", "angle")
     three = write(tmp_path / "b.csv", columns=3)
-    with pytest.raises(InputError, match="has 3 columns: t, angle, other; give --angle and --time"):
+    with pytest.raises(InputError, match="'angle', 'other' may each be the record; give --angle NAME"):
         choose_columns(three, None, None, None)
     assert choose_columns(three, "1", "3", None) == ("1", "3")
 
@@ -55,7 +56,9 @@ def test_the_study_has_every_damping_under_every_law_and_all_is_free(tmp_path) -
     ("options", "said"),
     [
         ([], "has 3 columns"),
-        (["--angle", "2"], "give --time or --rate"),
+        (["--runs", "2"], "it has no runs: leave --runs out"),
+        (["--channel", "othr"], "did you mean 'other'"),
+        (["--angle", "2", "--time-unit", "h"], "unknown unit of time 'h'; valid are s, ms"),
         (["--angle", "2", "--time", "1", "--unit", "m", "--restoring", "pendulum"], "--unit: is 'm'"),
         (["--angle", "2", "--time", "1", "--restoring", "pendulm"], "did you mean 'pendulum'"),
         (["--angle", "2", "--time", "1", "--damping", "viscos"], "did you mean 'viscous'"),

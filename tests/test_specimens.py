@@ -99,7 +99,9 @@ def test_what_cannot_be_joined_is_one_line(tmp_path, capsys, old, new, said):
 def test_compare_takes_records_as_specimens_or_as_repeats(tmp_path, capsys):
     paths = [tmp_path / "a.csv", tmp_path / "b.csv"]
     for path in paths:
-        path.write_text("t,angle\n" + "\n".join(f"{i / 50},{0.3}" for i in range(50)), encoding="utf-8")
+        path.write_text(
+            "t,angle\n" + "\n".join(f"{i / 50},{0.3 - 0.1 * (i % 5)}" for i in range(50)), encoding="utf-8"
+        )
     asked = [Asked(p, "t", "angle") for p in paths]
     assert set(comparison(asked).specimens) == {"a", "b"}
     together = comparison(asked, repeats=True)

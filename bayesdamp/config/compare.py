@@ -30,13 +30,18 @@ likelihood, and nothing could be weighed."""
 METHODS = ("laplace", "importance", "bridge")
 JOINT_METHODS = ("laplace", "importance")
 """Of the records one by one, where they are fitted jointly."""
+_NOT_READ = ("path", "label", "specimen")
 SPECIMEN = "specimen"
 """The name of the one specimen that all records are of."""
 
 
 @dataclass(frozen=True)
 class Asked:
-    """One record's file and how to read it, as a study's [[signal]] says it."""
+    """One record's file and how to read it, as a study's [[signal]] says it.
+
+    label: which of the file's records it is, where there are several; specimen: what it is one of the repeats of,
+    where the file says so.
+    """
 
     path: Path
     time: str | int | None = None
@@ -47,6 +52,9 @@ class Asked:
     clock: str = "auto"
     start: float | str = "auto"
     stop: float | str = "auto"
+    time_unit: str | None = None
+    label: str = ""
+    specimen: str = ""
 
 
 def laws_for(unit: str) -> tuple[str, ...]:
@@ -69,28 +77,61 @@ def comparison(
     sensor: float = 0.002,
 ) -> Study:
     """The study that compares all damping sums (or those given) under all restoring laws (or those given) on each
-    record.
+    record; see `comparison_tables`. plugins: the user's modules; each damping term in them is compared alone and beside
+    each one that ships, each law as one more. Raises InputError, one line in the terms of the command's options."""
+    use(plugins)
+    raw = comparison_tables(
+        records,
+        restoring=restoring,
+        damping=damping,
+        noise=noise,
+        seed=seed,
+        repeats=repeats,
+        deviation=deviation,
+        sensor=sensor,
+    )
+    try:
+        return resolve_study(raw, Path("compare"), plugins)
+    except StudyError as error:
+        raise InputError(_in_options(str(error))) from None
+
+
+def _sums() -> list[str]:
+    """All sums of the terms that ship, and each of the user's own, alone and beside each of these."""
+    own = [name for name in TERMS.present() if name not in PAPER_TERMS]
+    return all_sums() + [sum_ for name in own for sum_ in (name, *(f"{t}+{name}" for t in PAPER_TERMS))]
+
+
+def comparison_tables(
+    records: Sequence[Asked],
+    *,
+    restoring: Sequence[str] = (),
+    damping: Sequence[str] = (),
+    noise: str = "auto",
+    seed: int = 0,
+    repeats: bool = False,
+    deviation: str = "auto",
+    sensor: float = 0.002,
+) -> dict[str, Any]:
+    """The tables of that study's file.
 
     repeats: whether all records are of one specimen, of which one by one modes and evidence are found, without draws;
-    otherwise each is a specimen of its own. plugins: the user's modules; each damping term in them is compared alone
-    and beside each one that ships, each law as one more.
-    Raises InputError, one line in the terms of the command's options.
+    otherwise each is a specimen of its own.
     """
     if repeats and len(records) < 2:
         raise InputError("--repeats: there is one record; give two or more of one specimen")
-    use(plugins)
-    names = _names([asked.path for asked in records])
+    names = _names([f"{asked.path.stem} {asked.label}".strip() for asked in records])
     signals = [_signal(asked, name, tuple(restoring)) for asked, name in zip(records, names, strict=True)]
     if len(records) > 1:
-        for signal in signals:
-            signal["specimen"] = SPECIMEN if repeats else signal["name"]
+        for signal, asked in zip(signals, records, strict=True):
+            signal["specimen"] = SPECIMEN if repeats else _name(asked.specimen) or signal["name"]
     # A joint fit starts from the records' modes: their draws, and the evidence from these, would be read by nobody.
     samplers, methods = ([], JOINT_METHODS) if repeats else (["nuts"], METHODS)
-    raw: dict[str, Any] = {
+    return {
         "version": 1,
         "name": names[0] if len(names) == 1 else f"{names[0]}-and-{len(names) - 1}-more",
         "seed": seed,
-        "description": f"Which damping has {', '.join(asked.path.name for asked in records)}?"[:200],
+        "description": f"Which damping has {', '.join(dict.fromkeys(a.path.name for a in records))}?"[:200],
         "signal": signals,
         "estimators": {"use": ["least_squares"], "stages": ["initial"]},
         "models": {"compare": list(damping) or _sums(), "prune": PRUNE},
@@ -105,21 +146,11 @@ def comparison(
         },
         "evidence": {"methods": list(methods), "referee": "auto"},
     }
-    try:
-        return resolve_study(raw, Path("compare"), plugins)
-    except StudyError as error:
-        raise InputError(_in_options(str(error))) from None
-
-
-def _sums() -> list[str]:
-    """All sums of the terms that ship, and each of the user's own, alone and beside each of these."""
-    own = [name for name in TERMS.present() if name not in PAPER_TERMS]
-    return all_sums() + [sum_ for name in own for sum_ in (name, *(f"{t}+{name}" for t in PAPER_TERMS))]
 
 
 def _signal(asked: Asked, name: str, restoring: tuple[str, ...]) -> dict[str, Any]:
     laws = restoring or laws_for(asked.unit)
-    given = {k: v for k, v in vars(asked).items() if k != "path" and v is not None}
+    given = {k: v for k, v in vars(asked).items() if k not in _NOT_READ and v is not None}
     return {
         "name": name,
         "file": str(asked.path),
@@ -130,17 +161,23 @@ def _signal(asked: Asked, name: str, restoring: tuple[str, ...]) -> dict[str, An
     }
 
 
-def _names(paths: Sequence[Path]) -> list[str]:
-    """A signal's name for each file, from the file's own; the same ones are numbered."""
+def _names(labels: Sequence[str]) -> list[str]:
+    """A signal's name for each record, from its file's own and its label; the same ones are numbered."""
     found: list[str] = []
-    for path in paths:
-        stem = (re.sub(r"[^A-Za-z0-9_-]", "_", path.stem) or "record")[:56]
-        name = stem if re.match(r"[A-Za-z0-9_]", stem) else f"_{stem}"
-        number = 2
+    for label in labels:
+        stem = _name(label) or "record"
+        name, number = stem, 2
         while name in found:
             name, number = f"{stem}-{number}", number + 1
         found.append(name)
     return found
+
+
+def _name(label: str) -> str:
+    """A label as a name: letters, digits, - and _, from both its ends where it is long."""
+    name = re.sub(r"[^A-Za-z0-9_-]", "_", label)
+    name = name if len(name) <= 56 else f"{name[:30]}-{name[-25:]}"
+    return name if not name or re.match(r"[A-Za-z0-9_]", name) else f"_{name}"
 
 
 def _in_options(text: str) -> str:

@@ -98,6 +98,13 @@ class SignalTable(Section):
     clock: Literal["auto", "as_logged", "uniform"] = Field(
         "auto", description='"auto", "as_logged" or "uniform"'
     )
+    run: Annotated[int, Field(ge=0)] | Annotated[str, Field(min_length=1)] | None = Field(
+        None, description="the number of one of the file's runs, or its label in quotes"
+    )
+    channel: str | None = Field(None, min_length=1, description="the name of one of the file's channels")
+    time_unit: Literal["s", "ms", "us", "ns", "min"] | None = Field(
+        None, description='the unit of the times: "s", "ms", "us", "ns" or "min"'
+    )
     start: float | Literal["auto"] = Field("auto", description='a time in s, or "auto"')
     stop: float | Literal["auto"] = Field("auto", description='a time in s, or "auto"')
     least_noise: float = Field(

@@ -34,6 +34,10 @@ NOISE = ("noise_sd", "noise_time", "noise_dof")
 REFERENCE = ("amplitude", "frequency", "inertia")
 _MINIMUM = {"epsilon": 0.0, "noise_sd": 0.0}
 _POSITIVE = ("noise_time", "noise_dof", *REFERENCE)
+_RECORDED = (
+    *("angle", "time", "unit", "quantity", "rate", "clock", "start", "stop"),
+    *("run", "channel", "time_unit"),
+)
 _SIMULATED = ("name", "simulate", "system", "compare", "restoring", "estimate", "specimen")
 
 
@@ -64,8 +68,9 @@ class Recording:
     """A record to read. `file` as written, `path` where it is; columns by name or by number from 1.
 
     angle: the recorded quantity's column, whatever the quantity; None where the file has only that one.
-    rate in Hz; start and stop in s of the record's own clock, or "auto". least_noise: the share of the amplitude that
-    is added as noise where the record has none, 0 for none.
+    rate in Hz; start and stop in s of the record's own clock, or "auto". run, channel: which of a file's records;
+    time_unit: of its times. What of them is not given the file says, or it is chosen. least_noise: the share of the
+    amplitude that is added as noise where the record has none, 0 for none.
     """
 
     file: str
@@ -78,6 +83,9 @@ class Recording:
     clock: str = "auto"
     start: float | str = "auto"
     stop: float | str = "auto"
+    run: str | int | None = None
+    channel: str | None = None
+    time_unit: str | None = None
     least_noise: float = 0.0
 
 
@@ -108,6 +116,9 @@ class SignalSpec:
         found["source"].pop("path", None)
         if not found["source"].get("least_noise"):
             found["source"].pop("least_noise", None)
+        for key in ("run", "channel", "time_unit"):  # a study that does not have them reads as it always did
+            if found["source"].get(key) is None:
+                found["source"].pop(key, None)
         if not self.alternatives:
             del found["laws"], found["alternatives"]
         if not self.specimen:
@@ -258,10 +269,6 @@ def _recording(entry: SignalTable, system: System, folder: Path, key: str) -> Re
     if not path.is_file():
         raise StudyError(
             below(key, "file"), f"{entry.file!r} is not there; paths start at the study's folder {folder}"
-        )
-    if entry.time is None and entry.rate is None:
-        raise StudyError(
-            key, "has neither time nor rate; give the column of time stamps or the sampling rate in Hz"
         )
     if entry.time is not None and entry.rate is not None:
         raise StudyError(below(key, "rate"), "is given beside time; give one of the two")

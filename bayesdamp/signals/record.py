@@ -14,9 +14,14 @@ class RawRecord:
 
     t: the file's own times in s, shape (n,), or None where a sampling rate was given instead.
     y: the recorded quantity in the file's unit, shape (n,).
-    rate: the sampling rate in Hz that was given, where t is None.
+    rate: the sampling rate in Hz that was given or that the file says, where t is None.
     rows: row of the file that each sample stands in, counted from 0 at its first row of numbers, shape (n,).
-    provenance: file, format and `notes`, sentences on what was done.
+    provenance: file, format and `notes`, sentences on what was done; `facts`, what the file says beside its numbers.
+    run: the file's own label of the run, channel: the column's name without it; empty where the file has none.
+    unit: the displacement's unit in UNITS that the file or the caller says, else as the file writes it, empty where
+    nobody says. quantity: "angle", "velocity", "acceleration", or empty where nobody says.
+    columns: what to ask for to get these columns again: (times or None, values), by name or number from 1.
+    repeat: whether the file says that it is one of several runs of one thing.
     """
 
     t: np.ndarray | None
@@ -24,3 +29,9 @@ class RawRecord:
     rate: float | None = None
     rows: np.ndarray = field(default_factory=lambda: np.empty(0, int))
     provenance: Mapping[str, object] = field(default_factory=dict)
+    run: str = ""
+    channel: str = ""
+    unit: str = ""
+    quantity: str = ""
+    columns: tuple[str | int | None, str | int | None] = (None, None)
+    repeat: bool = False

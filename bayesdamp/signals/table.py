@@ -7,10 +7,11 @@ import re
 from collections import Counter
 from dataclasses import dataclass
 
+from bayesdamp.signals.files.stamps import stamp
 from bayesdamp.signals.named_units import SECONDS, unit_written
 
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eEdD][+-]?\d+)?|[+-]?(nan|inf|infinity)", re.IGNORECASE)
-_CLOCK = re.compile(r"(?:\d{4}-\d\d-\d\d[T ])?\d{1,2}:\d\d:\d\d(?:[.,]\d+)?")
+_FACT = re.compile(r"[^:=]+[:=]\s*[+-]?[\d.]+.*")
 BLANKS = " "
 
 
@@ -54,7 +55,10 @@ def split(line: str, separator: str) -> list[str]:
 
 
 def number(cell: str, decimal: str) -> float | None:
-    """The number in a cell; a time of day `HH:MM:SS.s` (a date before it is left out) in s; else None."""
+    """The number in a cell; a time of day, with a date or without, in s of its day (see `stamp`); else None."""
+    if ":" in cell:
+        found = stamp(cell)
+        return None if found is None else found[1]
     if decimal == ",":
         if "." in cell:
             return None
@@ -65,9 +69,6 @@ def number(cell: str, decimal: str) -> float | None:
             if cell[-1:].isdigit() or "." in cell
             else float(cell)
         )
-    if _CLOCK.fullmatch(cell):
-        hours, minutes, seconds = re.split("[T ]", cell)[-1].split(":")
-        return 3600.0 * int(hours) + 60.0 * int(minutes) + float(seconds.replace(",", "."))
     return None
 
 
@@ -117,7 +118,7 @@ def find_layout(lines: list[str]) -> Layout | None:
         first = _first_row(lines, separator, decimal, columns) or first
     names, units = _names([h for h in heads if len(h) == columns], columns)
     if columns == 1:
-        single = (line.strip('"') for line in top)
+        single = (line.strip('"') for line in top if not _FACT.fullmatch(line))
         names = next(([line] for line in single if _named(line) and not re.search("[,;\\t]", line)), None)
     elif names is None and separator == BLANKS:
         wide = [[c.strip() for c in re.split(r"\t|\s{2,}", line)] for line in top]

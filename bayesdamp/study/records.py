@@ -22,10 +22,11 @@ from bayesdamp.signals.anomalies import anomalies
 from bayesdamp.signals.clean import clean
 from bayesdamp.signals.curves import amplitude_curves
 from bayesdamp.signals.features import Features, features
-from bayesdamp.signals.read import read_record
+from bayesdamp.signals.record import RawRecord
 from bayesdamp.signals.simulate import simulate_signal
 from bayesdamp.store import CellResult, Store, sha256
 from bayesdamp.study.keys import task_key
+from bayesdamp.study.recorded import recorded
 from bayesdamp.types import BEWARE, OK, InputError, Problem, Refusal, Signal
 from bayesdamp.units import UNITS
 
@@ -73,7 +74,7 @@ class SignalCell:
         if isinstance(source, Simulation):
             signal = self._simulated(source)
         else:
-            raw = read_record(source.path, time=source.time, value=source.angle, rate=source.rate)
+            raw = recorded(source)
             try:
                 signal = clean(
                     raw,
@@ -87,7 +88,7 @@ class SignalCell:
             except InputError as error:
                 raise InputError(f"{source.file}: {error}") from None
             signal = self._with_noise(signal, source.least_noise)
-            arrays = _raw(raw.t, raw.y, source)
+            arrays = _raw(raw, source)
         meta = {
             "provenance": dict(signal.provenance),
             "unit": signal.unit,
@@ -188,12 +189,12 @@ def _size(seen: Features) -> float:
     return float(np.abs(seen.turning_amplitudes).max())
 
 
-def _raw(t: np.ndarray | None, y: np.ndarray, source: Recording) -> dict[str, np.ndarray]:
+def _raw(raw: RawRecord, source: Recording) -> dict[str, np.ndarray]:
     """The record as it was, thinned for the picture: times of the file, values in SI."""
-    times = np.arange(y.size) / source.rate if t is None and source.rate else t
-    every = max(1, y.size // RAW_POINTS)
+    times = np.arange(raw.y.size) / raw.rate if raw.t is None and raw.rate else raw.t
+    every = max(1, raw.y.size // RAW_POINTS)
     scale = UNITS[source.unit].factor
-    return {} if times is None else {"raw_t": np.asarray(times)[::every], "raw_y": y[::every] * scale}
+    return {} if times is None else {"raw_t": np.asarray(times)[::every], "raw_y": raw.y[::every] * scale}
 
 
 def signal_of(record: CellResult) -> Signal:

@@ -200,14 +200,14 @@ def _part(name: str) -> str:
 def _read_inputs(study: Study) -> None:
     """Read every file once, so that a wrong one is told before anything is written."""
     from bayesdamp.signals.clean import clean
-    from bayesdamp.signals.read import read_record
+    from bayesdamp.study.recorded import recorded
 
     for spec in study.signals:
         source = spec.source
         if not isinstance(source, Recording):
             continue
         try:
-            raw = read_record(source.path, time=source.time, value=source.angle, rate=source.rate)
+            raw = recorded(source)
             options = {k: getattr(source, k) for k in ("unit", "quantity", "clock", "start", "stop")}
             clean(raw, name=spec.name, **options)
         except InputError as error:

@@ -131,7 +131,7 @@ BAD = {
     "infinite time": ([*GOOD[:8], "inf,0.1", *GOOD[8:]], {}, "line 9: the time is inf"),
     "too short": (GOOD[:8], {}, "7 samples, a record needs at least 10"),
     "constant": (["time,angle", *(f"{t:.1f},2.5" for t in T)], {}, "constant"),
-    "no time": (GOOD, {"time": None}, "rate in Hz"),
+    "no time": (["angle", *map(str, Y)], {"time": None}, "rate in Hz"),
     "both": (GOOD, {"rate": 10.0}, "not both"),
     "bad rate": (GOOD, {"time": None, "rate": -1.0}, "positive"),
 }

@@ -1,0 +1,86 @@
+"""The text of a study file: what `compare` asks, as TOML with comments."""
+
+from __future__ import annotations
+
+import json
+import tomllib
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from bayesdamp.config.compare import Asked, comparison_tables
+from bayesdamp.config.load import resolve_study
+
+_COMMENTS = {
+    "seed": "every random number follows from it",
+    "time": "the column of times, by name or number from 1",
+    "angle": "the recorded quantity's column, whatever it is",
+    "rate": "sampling rate in Hz, in place of a column of times",
+    "time_unit": "the unit of the times",
+    "unit": "of the displacement itself, also where its velocity or acceleration is recorded",
+    "quantity": '"angle" (the displacement), "velocity" or "acceleration"',
+    "clock": '"auto", "as_logged", or "uniform": rebuilt from stamps that come in bursts',
+    "start": 'a time in s, or "auto": after the release',
+    "stop": 'a time in s, or "auto": before rest',
+    "restoring": "the laws to compare; leave those out that your rig cannot have",
+    "system": 'what is known, as in { restoring = "pendulum", stiffness = 20.1 }; all else is inferred',
+    "specimen": "records of one specimen are fitted jointly",
+    "compare": '"all" damping sums, or a list such as ["viscous", "viscous+coulomb"]',
+    "prune": "nats behind the best at which a candidate is set aside",
+    "noise": 'a noise model, or "auto": chosen for each record',
+    "best": "candidates whose posterior is sampled",
+    "methods": "of the evidence",
+}
+_TABLES = {
+    "estimators": 'Estimates beside the comparison; use = "all" runs the eleven methods.',
+    "models": "Which damping laws are weighed against each other.",
+    "posterior": "How the posterior is sampled.",
+    "evidence": "How candidates are weighed, and when nested sampling is asked as well.",
+}
+
+
+def study_text(records: Sequence[Asked], out: Path) -> str:
+    """The study of records whose files lie beside `out`, where it will be written. Raises InputError and StudyError
+    where the study would not be one."""
+    tables = comparison_tables([replace(asked, path=Path(asked.path.name)) for asked in records])
+    lines = [
+        f"# A study of {records[0].path.name}, as `bayesdamp compare` would do it. Change what is wrong, then",
+        f"#   bayesdamp check {out.name}    reads it and says what is wrong with it",
+        f"#   bayesdamp study {out.name}    runs it",
+        "",
+    ]
+    lines += [_line(key, value) for key, value in tables.items() if not isinstance(value, dict | list)]
+    for signal in tables["signal"]:
+        given = signal | {key: signal.get(key, "auto") for key in ("clock", "start", "stop")}
+        lines += ["", "[[signal]]", *(_line(key, value) for key, value in _ordered(given).items())]
+    for name, table in tables.items():
+        if isinstance(table, dict):
+            lines += ["", f"# {_TABLES.get(name, '')}".rstrip("# "), f"[{name}]"]
+            lines += [_line(key, value) for key, value in table.items()]
+    text = "\n".join(lines) + "\n"
+    resolve_study(tomllib.loads(text), out)
+    return text
+
+
+def _ordered(signal: Mapping[str, Any]) -> dict[str, Any]:
+    last = ("specimen", "restoring", "system")
+    return {k: v for k, v in signal.items() if k not in last} | {k: signal[k] for k in last if k in signal}
+
+
+def _line(key: str, value: object) -> str:
+    text = f"{key} = {written(value)}"
+    return f"{text:<48} # {_COMMENTS[key]}" if key in _COMMENTS else text
+
+
+def written(value: object) -> str:
+    """A value as TOML writes it."""
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, str):
+        return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
+    if isinstance(value, Mapping):
+        return "{ " + ", ".join(f"{key} = {written(inner)}" for key, inner in value.items()) + " }"
+    if isinstance(value, list | tuple):
+        return "[" + ", ".join(map(written, value)) + "]"
+    return repr(value)
