@@ -24,6 +24,8 @@ CLEAR = 0.85
 """Share from which on no other period is tried."""
 HEAD = 24
 """Swings at the head of a stretch that are set against the later ones, at most half of them."""
+MARGIN = 0.2
+"""Share of a swing that is left out after a hand where a start lies in the midst of a swing."""
 FEW = 30
 """Swings below which half a swing more is worth a start in its midst."""
 
@@ -87,6 +89,7 @@ def free_decay(
     """
     found = _found(t, y, step, name)
     grid, values, _ = thinned(t, y, found.period, smooth=False)
+    grid, values = grid[grid <= t[-1]], values[grid <= t[-1]]
     series = _Series(t, grid, values, step, found.noise * float(np.sqrt(min(grid.size / t.size, 1.0))))
     head, why = _head(t, y, found, step)
     if head == 0 and _begins_at_a_break(found):
@@ -103,7 +106,7 @@ def free_decay(
         if tail.why:
             notes.append(f"The stop ({t[tail.last]:.6g} s, sample {tail.last} from 0) is {tail.why}")
     last = tail.last
-    smooth = thinned(t, y, found.period)[1]
+    smooth = thinned(t, y, found.period)[1][: grid.size]
     pieces = _pieces(t, grid, smooth, found, decay, first, last, tail, 2 * (step + 4 * found.noise))
     others = [p for p in pieces if p.kind == "free decay" and (p.stop <= t[first] or p.start >= t[last])]
     if others:
@@ -191,7 +194,7 @@ def _start(
         ):
             at, what = far.at, "the release"
         elif not far.whole and decay.times.size <= FEW and far.share > 0.5:
-            at, what = far.at + 0.08 * gap, "where it begins to follow its later swings"
+            at, what = far.at + MARGIN * gap, "where it begins to follow its later swings"
     first = int(np.searchsorted(t, at - 1e-12))
     told = {
         "period": "lasts longer or shorter than the later ones foretell",
