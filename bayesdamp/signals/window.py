@@ -18,6 +18,8 @@ STEPS = 2.0
 """A turning point nearer to the midline than so many recording steps tells nothing of the damping."""
 SIGMAS = 2.0
 """The same in standard deviations of the noise."""
+ERRORS = 4.0
+"""The same in standard errors of a turning value: noise itself has turning points of one or two."""
 SHARE = 0.3
 """Share that an oscillation must have in a record, beyond what white noise would give."""
 CLEAR = 0.85
@@ -140,13 +142,14 @@ def _decays(t: np.ndarray, y: np.ndarray, step: float, period: float) -> _Found 
     """The stretches of free decay at about a period in s, if there are any."""
     noise = roughness(t, y, period)
     turns = turning_points(t, y, period, noise)
-    floor = max(STEPS * step, SIGMAS * noise)
+    sigmas = max(SIGMAS, ERRORS * float(np.median(turns.gain))) if turns.gain.size else SIGMAS
+    floor = max(STEPS * step, sigmas * noise)
     found = stretches(t, turns, floor)
     if found:  # the noise at rest says little of the noise in motion
         a, b = max(found, key=lambda s: worth(turns, s))
         inside = slice(*np.searchsorted(t, (turns.times[a], turns.times[b - 1] + 1e-12)))
         noise = roughness(t[inside], y[inside], period) if t[inside].size >= 10 else noise
-        floor = max(STEPS * step, SIGMAS * noise)
+        floor = max(STEPS * step, sigmas * noise)
         found = stretches(t, turns, floor)
     if not found:
         return None

