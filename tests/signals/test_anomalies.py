@@ -72,7 +72,8 @@ def test_a_flat_peak_that_nobody_cut_is_not_warned_of() -> None:
     assert not clipped(np.repeat(wave[::6], 6), 100)
     rests, at = [], 1.0
     for _ in range(20):  # half a swing of 50 samples, then a pause of 15 at the turn
-        rests += [*(at * np.cos(np.linspace(0, np.pi, 51)[1:])), *[-at] * 15]
+        half = at * (0.025 + 0.975 * np.cos(np.linspace(0, np.pi, 51)[1:]))
+        rests += [*half, *[-0.95 * at] * 15]
         at *= -0.95
     assert not clipped(np.array(rests), 130)
     assert not clipped(np.concatenate([np.full(20, wave[0]), wave]), 100)
