@@ -76,17 +76,19 @@ def _held(y: np.ndarray, size: float) -> int:
 
 def _cornered(y: np.ndarray, begin: int, end: int, per_cycle: float, step: float) -> bool:
     """Whether a sinusoid that is cut off explains better how y leaves its flat peak than one that turns there."""
-    phase = np.pi * (end - begin) / per_cycle  # half of what is flat
-    away = max(round(per_cycle / 12), 1)
+    flat = end - begin
+    phase = np.pi * flat / per_cycle  # half of what is flat
+    away = max(round(per_cycle / 24), 2)
     near = y[max(begin - round(per_cycle), 0) : end + round(per_cycle)]
-    height = abs(float(y[begin]) - 0.5 * float(near.max() + near.min()))
-    if begin < away or end + away > y.size or phase > 1.4:
+    height = abs(float(y[begin] - np.median(near)))  # which a cut leaves where it is
+    if begin < away or end + away > y.size or phase > 1.4 or per_cycle <= 2.5 * flat:
         return False
-    angle = 2 * np.pi * away / per_cycle
+    angle = 2 * np.pi * (away - 0.5) / per_cycle  # the flat part ends between two samples
     cut = height * (1 - np.cos(phase + angle) / np.cos(phase))
-    turned = height * (1 - np.cos(angle))
-    fallen = [abs(float(y[begin] - y[begin - away])), abs(float(y[begin] - y[end - 1 + away]))]
-    return min(fallen) > max(0.5 * (cut + turned), turned + step)
+    # Where it rests at each turn, it swings the faster in between.
+    turned = height * (1 - np.cos(min(angle / (1 - 2 * flat / per_cycle), np.pi)))
+    fallen = float(np.mean(np.abs(y[begin] - y[[begin - away, end - 1 + away]])))
+    return bool(fallen > max(0.5 * (cut + turned), turned + step))
 
 
 def _runs(flags: np.ndarray) -> tuple[list[int], list[int]]:

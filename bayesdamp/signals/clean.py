@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import asdict, replace
 
 import numpy as np
 
@@ -118,6 +118,7 @@ def clean(
         "step": step,
         "offset": offset,
         "roughness": found.roughness,
+        "pieces": [asdict(piece) for piece in window.pieces],
         "notes": notes,
     }
     return Signal(signal.t, signal.y, quantity, base, name, step, provenance)

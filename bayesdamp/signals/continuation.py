@@ -23,6 +23,11 @@ TIMES = 5.0
 PERIOD, AMPLITUDE, MIDLINE, SHAPE = 0.02, 0.1, 0.03, 0.01
 """What a swing may be off where the later ones do not scatter: shares of the period, of the fall of the amplitude in
 a cycle, of the range, and of the amplitude."""
+POWER = 1.2
+"""The fall of the log amplitude goes at most with this power of the amplitude, up or down."""
+ALIKE = 0.9
+"""By how much the log range may have fallen where the rate of decay still foretells that of the largest swings: dry
+friction lets it grow without bound towards the end."""
 TEMPLATE = 0.02
 """Share of the range by which a swing may differ from a later one that is scaled to its size and period."""
 
@@ -68,18 +73,28 @@ class Swings:
         return abs(self.gaps[i] - foretold) <= max(share * usual, blur) + slack
 
     def _falls(self, i: int) -> bool:
-        """Whether the amplitude falls in the cycle from swing i on as the later swings foretell."""
+        """Whether the amplitude falls in the cycle from swing i on as the later swings foretell.
+
+        Either as a power of the amplitude lets it grow or shrink from the next swing's, or on a smooth curve.
+        """
         ranges = self.ranges[i : i + LATER + 3]
         if ranges.size < 4:
             return True
         falls = np.log(ranges[:-2] / ranges[2:])
         blur = self.floor / ranges[0]
+        explained = float(np.sqrt(ranges[0] * ranges[2] / ranges[1] / ranges[3])) ** POWER
+        bounds = sorted((falls[1] / explained, falls[1] * explained))
+        slack = (1 if falls.size >= 5 else 2) * AMPLITUDE * abs(falls[1]) + 2 * blur
+        if bounds[0] - slack <= falls[0] <= bounds[1] + slack:
+            return True
         if falls.size < 5:
-            explained = float(np.sqrt(ranges[0] * ranges[2] / ranges[1] / ranges[3]))
-            bounds = sorted((falls[1] / explained, falls[1] * explained))
-            slack = max(2 * AMPLITUDE * abs(falls[1]), 2 * blur)
-            return bounds[0] - slack <= falls[0] <= bounds[1] + slack
-        foretold, slack = _foretold(falls[1:])
+            return False
+        alike = int(np.count_nonzero(ranges[:-2] > ranges[0] * np.exp(-ALIKE)))
+        foretold, slack = _foretold(falls[1 : max(alike, 5)])
+        bends = float(np.median(np.abs(np.diff(falls[1:], 2)))) if falls.size >= 6 else 0.0
+        slack = min(
+            slack, 0.35 * abs(foretold) + 2 * blur + 3 * bends
+        )  # a push among the later ones widens it
         return abs(falls[0] - foretold) <= max(AMPLITUDE * abs(foretold), blur) + slack
 
     def _in_line(self, i: int) -> bool:
@@ -98,8 +113,11 @@ class Swings:
     def opens_like_later(self, begin: float) -> bool:
         """Whether what is recorded from begin (s) to the first turning point has no more misfit than the swings."""
         end = float(self.turns.times[0])
-        return end - begin < 0.3 * self.gaps[0] or self._like_later(
-            -1, self._fitted(begin, end, self.gaps[0])
+        few = np.count_nonzero((self.t >= begin) & (self.t <= end)) < 8
+        return (
+            few
+            or end - begin < 0.3 * self.gaps[0]
+            or self._like_later(-1, self._fitted(begin, end, self.gaps[0]))
         )
 
     def _like_later(self, i: int, misfit: tuple[float, float]) -> bool:
@@ -210,10 +228,16 @@ def _next_fall(logs: np.ndarray) -> tuple[float, float]:
         fall = 2 * float(logs[0] - logs[1])
         return fall, 0.5 * abs(fall)
     falls = logs[:-2] - logs[2:]
-    if falls.size >= 4:
-        foretold, slack = _foretold(falls)
-        return foretold, 0.5 * slack + 0.1 * abs(foretold)
+    near = falls[: int(np.count_nonzero(logs[:-2] > logs[0] - ALIKE))]
+    if near.size >= 6:
+        line = np.polynomial.Polynomial.fit(np.arange(near.size), near, 1)
+        first, foretold = float(line(0.0)), float(line(-1.0))
+        scatter = float(np.std(near - line(np.arange(near.size))))
+        most = abs(first) * float(np.expm1(0.5 * POWER * abs(first)))
+        foretold = float(np.clip(foretold, first - most, first + most))
+        return foretold, 2 * scatter + 0.5 * most + 0.1 * abs(foretold)
     if falls.size == 1:
         return float(falls[0]), 0.4 * abs(float(falls[0]))
-    fall = float(np.clip(2 * falls[0] - falls[1], min(0.5 * falls[0], 0.0), 2 * abs(falls[0])))
-    return fall, 0.3 * abs(fall)
+    most = abs(float(falls[0])) * float(np.expm1(0.5 * POWER * abs(falls[0])))
+    fall = float(np.clip(2 * falls[0] - falls[1], falls[0] - most, falls[0] + most))
+    return fall, 0.5 * most + 0.1 * abs(fall)

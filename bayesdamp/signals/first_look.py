@@ -77,9 +77,9 @@ class FirstWords:
         )
         at = [f"{_percent(d)} at {d.amplitude:.2g} {self.unit}" for d in self.damping]
         ratio = f"the equivalent viscous damping ratio is {at[0]}, {at[1]} and {at[2]}"
-        spread = top.ratio - least.ratio
-        clear = abs(spread) > 3 * np.hypot(top.stderr, least.stderr) and abs(spread) > 0.1 * middle.ratio
-        if not clear:
+        pairs = [(a.ratio - b.ratio, np.hypot(a.stderr, b.stderr)) for a, b in ((top, middle), (top, least))]
+        spread, error = max(pairs, key=lambda pair: abs(pair[0]) / pair[1])
+        if abs(spread) <= max(3 * error, 0.1 * middle.ratio):
             change = "it does not clearly change with the amplitude, as viscous damping would not"
         elif spread > 0:
             change = "it grows with the amplitude, as drag would have it"
@@ -198,7 +198,8 @@ def _curve(
         ],
         axis=1,
     )
-    stretched = np.maximum(1 + power * there, 1e-3)
+    seen = np.interp(ends, x, base)
+    stretched = np.clip(1 + power * there, 0.8 * seen, 1.25 * seen)  # the curve may not leave the amplitudes
     level = there if power == 0 else np.log(stretched) / power
     covariance = (inverse * (variance / weights**2)) @ inverse.T
     errors = np.sqrt(np.einsum("ij,jk,ik->i", rates, covariance, rates)) / stretched

@@ -58,11 +58,12 @@ def _in_step(t: np.ndarray, turns: Turning, floor: float) -> list[tuple[int, int
     begin, end = np.maximum(turns.times - width, t[0]), np.minimum(turns.times + width, t[-1])
     seen = np.searchsorted(t, end, side="right") - np.searchsorted(t, begin)
     sampled = seen >= 0.75 * (end - begin) / float(np.median(np.diff(t))) - 1
-    good = (gaps > 0.7 * typical) & (gaps < 1.6 * typical) & (ranges > 2 * floor) & sampled[1:] & sampled[:-1]
+    clear = (ranges > 2 * floor) & (median_filter(ranges, 3, mode="nearest") > 2 * floor)
+    good = (gaps > 0.7 * typical) & (gaps < 1.6 * typical) & clear & sampled[1:] & sampled[:-1]
     edges = np.flatnonzero(np.diff(np.concatenate([[0], good.astype(int), [0]])))
     runs: list[tuple[int, int]] = []
     for a, b in zip(edges[::2].tolist(), edges[1::2].tolist()):
-        if runs and _goes_on(t, turns, runs[-1], a, ranges, floor):
+        if runs and b - a >= 3 and _goes_on(t, turns, runs[-1], a, ranges, floor):
             runs[-1] = (runs[-1][0], b)
         else:
             runs.append((a, b))

@@ -18,12 +18,16 @@ STEPS = 2.0
 """A turning point nearer to the midline than so many recording steps tells nothing of the damping."""
 SIGMAS = 2.0
 """The same in standard deviations of the noise."""
+ERRORS = 4.0
+"""The same in standard errors of a turning value: noise itself has turning points of one or two."""
 SHARE = 0.3
 """Share that an oscillation must have in a record, beyond what white noise would give."""
 CLEAR = 0.85
 """Share from which on no other period is tried."""
 HEAD = 24
 """Swings at the head of a stretch that are set against the later ones, at most half of them."""
+MARGIN = 0.2
+"""Share of a swing that is left out after a hand where a start lies in the midst of a swing."""
 FEW = 30
 """Swings below which half a swing more is worth a start in its midst."""
 
@@ -87,6 +91,7 @@ def free_decay(
     """
     found = _found(t, y, step, name)
     grid, values, _ = thinned(t, y, found.period, smooth=False)
+    grid, values = grid[grid <= t[-1]], values[grid <= t[-1]]
     series = _Series(t, grid, values, step, found.noise * float(np.sqrt(min(grid.size / t.size, 1.0))))
     head, why = _head(t, y, found, step)
     if head == 0 and _begins_at_a_break(found):
@@ -103,7 +108,7 @@ def free_decay(
         if tail.why:
             notes.append(f"The stop ({t[tail.last]:.6g} s, sample {tail.last} from 0) is {tail.why}")
     last = tail.last
-    smooth = thinned(t, y, found.period)[1]
+    smooth = thinned(t, y, found.period)[1][: grid.size]
     pieces = _pieces(t, grid, smooth, found, decay, first, last, tail, 2 * (step + 4 * found.noise))
     others = [p for p in pieces if p.kind == "free decay" and (p.stop <= t[first] or p.start >= t[last])]
     if others:
@@ -137,13 +142,14 @@ def _decays(t: np.ndarray, y: np.ndarray, step: float, period: float) -> _Found 
     """The stretches of free decay at about a period in s, if there are any."""
     noise = roughness(t, y, period)
     turns = turning_points(t, y, period, noise)
-    floor = max(STEPS * step, SIGMAS * noise)
+    sigmas = max(SIGMAS, ERRORS * float(np.median(turns.gain))) if turns.gain.size else SIGMAS
+    floor = max(STEPS * step, sigmas * noise)
     found = stretches(t, turns, floor)
     if found:  # the noise at rest says little of the noise in motion
         a, b = max(found, key=lambda s: worth(turns, s))
         inside = slice(*np.searchsorted(t, (turns.times[a], turns.times[b - 1] + 1e-12)))
         noise = roughness(t[inside], y[inside], period) if t[inside].size >= 10 else noise
-        floor = max(STEPS * step, SIGMAS * noise)
+        floor = max(STEPS * step, sigmas * noise)
         found = stretches(t, turns, floor)
     if not found:
         return None
@@ -191,7 +197,7 @@ def _start(
         ):
             at, what = far.at, "the release"
         elif not far.whole and decay.times.size <= FEW and far.share > 0.5:
-            at, what = far.at + 0.08 * gap, "where it begins to follow its later swings"
+            at, what = far.at + MARGIN * gap, "where it begins to follow its later swings"
     first = int(np.searchsorted(t, at - 1e-12))
     told = {
         "period": "lasts longer or shorter than the later ones foretell",

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -12,6 +13,15 @@ from matplotlib.figure import Figure
 from bayesdamp.report import words
 from bayesdamp.report.style import FAINT, INK, QUIET, WIDTH, colour, legend_columns, looks
 
+KEPT = "#0072B2"
+SHADES = {
+    "at rest": "#8a8a8a",
+    "held": "#E69F00",
+    "pushed": "#D55E00",
+    "free decay": "#56B4E9",
+    "sticking": "#CC79A7",
+    "noise": "#8a8a8a",
+}
 _POINTS = 2000
 _APART = 200
 """Lines side by side that a panel has room for."""
@@ -64,15 +74,34 @@ def record(t: np.ndarray, y: np.ndarray, fits: Sequence[Fit], axis: str, period:
     return figure
 
 
-def raw(t: np.ndarray, y: np.ndarray, start: float | None, stop: float | None, axis: str) -> Figure:
-    """The record as it was read; the part between start and stop (s on its own clock) was kept."""
+def raw(
+    t: np.ndarray,
+    y: np.ndarray,
+    start: float | None,
+    stop: float | None,
+    axis: str,
+    pieces: Sequence[Mapping[str, Any]] = (),
+) -> Figure:
+    """The record as it was read; the part between start and stop (s on its own clock) was kept.
+
+    pieces: what the other parts are, each with start, stop and kind, as a record's provenance has them.
+    """
     figure = Figure(figsize=(WIDTH, 1.9))
     ax = figure.add_subplot()
     at, values = thinned(t, y)
     ax.plot(at, values, color=INK, lw=0.6)
     if start is not None and stop is not None:
-        ax.axvspan(start, stop, color="#0072B2", alpha=0.10, lw=0, label="kept")
-        ax.legend(loc="upper right")
+        ax.axvspan(start, stop, color=KEPT, alpha=0.10, lw=0, label="kept")
+    seen: set[str] = set()
+    for piece in pieces:
+        kind, inside = str(piece["kind"]), (float(piece["start"]), float(piece["stop"]))
+        if start is not None and stop is not None and inside[0] < stop and inside[1] > start:
+            continue
+        label = "_" if kind in seen else f"{kind}, not used" if kind == "free decay" else kind
+        ax.axvspan(*inside, color=SHADES.get(kind, QUIET), alpha=0.18, lw=0, label=label)
+        seen.add(kind)
+    if ax.get_legend_handles_labels()[1]:
+        ax.legend(loc="upper right", ncols=4)
     _finish(ax, axis, "As read")
     ax.set_xlabel("time / s")
     ax.margins(x=0)

@@ -60,9 +60,10 @@ def _one(run: Run, signal: str) -> Markup:
     if _has_raw(cell.arrays, len(t)):
         start, stop = _window(about, cell.meta)
         raw_t, raw_y = cell.arrays["raw_t"], cell.arrays["raw_y"] * factor
+        pieces = (cell.meta.get("provenance") or {}).get("pieces", [])
         caption = f"{signal}: the record as it was read."
         figures.append(
-            run.drawings.add(f"raw-{signal}", caption, lambda: raw(raw_t, raw_y, start, stop, axis))
+            run.drawings.add(f"raw-{signal}", caption, lambda: raw(raw_t, raw_y, start, stop, axis, pieces))
         )
     caption = f"{signal}: the record as used" + (
         "; the fits of the likeliest models at their posterior modes, best first, and their residuals."
