@@ -12,11 +12,17 @@ from bayesdamp.inference.deviation.findings import SENSOR, findings
 from bayesdamp.inference.deviation.picture import picture
 from bayesdamp.inference.deviation.quick import weighing_of
 from bayesdamp.inference.deviation.weighing import Known, Weighing
+from bayesdamp.physics.restoring import LAWS
 from bayesdamp.priors import Prior
-from bayesdamp.types import OK, Refusal, Signal
+from bayesdamp.types import OK, InputError, Refusal, Signal
 from bayesdamp.verdict.decide import decide
 from bayesdamp.verdict.specimen import Answered
 from bayesdamp.verdict.types import Grade, Verdict, Window
+
+
+DEVIATIONS = ("auto", "none", "law")
+BEYOND = 1.3
+"""By which factor an amplitude that is asked for may lie outside those of the record."""
 
 
 @dataclass(frozen=True)
@@ -61,6 +67,13 @@ def answer(
     whether probabilities are capped. notes: sentences on the record, for the remarks. Of a signal on which nothing can
     be said the grade is `not_weighed` and the sentence says why.
     """
+    if deviation not in DEVIATIONS:
+        raise InputError(f"deviation = {deviation!r}: must be one of {', '.join(DEVIATIONS)}")
+    wrong = [n for n in restoring if signal.unit != "rad" and not LAWS.get(n).translates]
+    if wrong:
+        raise InputError(
+            f"restoring law {wrong[0]!r} describes an angle, and {signal.name} is in {signal.unit}"
+        )
     approximate = deviation != "none"
     try:
         weighing = weighing_of(
@@ -76,6 +89,7 @@ def answer(
         text = str(refusal)
         said = f"{text[:1].upper()}{text[1:]}{'' if text.endswith('.') else '.'}"
         return Answer(Verdict(signal.name, Grade.NOT_WEIGHED, False, "", float("nan"), sentence=said))
+    _within(amplitudes or (), weighing)
     found = findings(weighing, amplitudes, approximate=approximate, sensor=sensor, seed=seed)
     start = signal.provenance.get("start", 0.0)
     first = float(start) if isinstance(start, int | float) else 0.0
@@ -110,6 +124,14 @@ def answered_from(
     top = max(logs.values())
     curve = {name: arrays[name] for name in ("amplitude", "ratio", "low", "high")}
     return Answered(verdict, {k: v - top for k, v in logs.items()}, curve)
+
+
+def _within(amplitudes: Sequence[float], weighing: Weighing) -> None:
+    """Raises InputError for an amplitude that the record does not have."""
+    high, low = weighing.data.amplitude, weighing.data.final_amplitude
+    for a in amplitudes:
+        if not low / BEYOND <= a <= high * BEYOND:
+            raise InputError(f"amplitude {a:g}: the record has {low:.3g} to {high:.3g}; give one of these")
 
 
 def _rows(weighing: Weighing) -> list[dict[str, object]]:

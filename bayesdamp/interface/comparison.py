@@ -29,8 +29,6 @@ if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
 
-DEVIATIONS = ("auto", "none", "law")
-
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Comparison(Result):
@@ -188,8 +186,6 @@ def compare(
     amplitudes: where the damping ratio is given (rad or m).
     Raises InputError for a name that is none; a record on which nothing can be said has it in `outcome`.
     """
-    if deviation not in DEVIATIONS:
-        raise InputError(f"deviation = {deviation!r}: must be one of {', '.join(DEVIATIONS)}")
     for one in damping:
         parse_model(one)
     for law in restoring:

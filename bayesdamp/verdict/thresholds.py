@@ -17,6 +17,9 @@ UNEXPLAINED = 0.05
 """Share of the amplitude, left unexplained, from which the law is not the answer."""
 REMARK = 0.01
 """Share of the amplitude from which what is left unexplained is remarked on."""
-"""Weight of other damping sums from which a single term is said to be sure by itself."""
 TERM_SURE = 0.95
-EXPONENT_RANGE = (0.0, 3.0)
+"""Probability, summed over the sums that have it, from which a term is said to be sure by itself."""
+EXPONENT_NAMED = 0.3
+"""Half width of an exponent's interval up to which the law that it holds is named."""
+HARDLY_FALLS = 0.7
+"""Share of the first amplitude that is left at the end from which dampings are said to be told apart poorly."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import floor, log10
+from math import floor, isfinite, log10
 from typing import TYPE_CHECKING
 
 from bayesdamp.verdict import thresholds
@@ -44,9 +44,9 @@ def with_interval(value: float, low: float, high: float, unit: str = "", scale: 
 
 def probability(p: float) -> str:
     """A probability, never 1."""
-    if p > 0.999:
+    if p >= 0.9995:
         return "more than 0.999"
-    return f"{p:.2f}" if p >= 0.01 else f"{p:.1g}"
+    return f"{p:.3f}" if p > 0.99 else f"{p:.2f}" if p >= 0.01 else f"{p:.1g}"
 
 
 def _ratio(r: DampingRatio) -> str:
@@ -55,18 +55,18 @@ def _ratio(r: DampingRatio) -> str:
 
 def sentence(v: Verdict) -> str:
     """The answer in a sentence: the damping, how large it is, how well the law holds."""
-    ratios = v.damping_ratio
-    size = ""
+    ratios = [r for r in v.damping_ratio if isfinite(r.value)]
+    size = "the size of the damping cannot be told"
     if ratios:
         size = f"equivalent damping ratio {_ratio(ratios[0])}"
         if len(ratios) > 1:
             size += f", {_ratio(ratios[-1])}"
     frequency = f", natural frequency {_frequency(v.frequency)}" if v.frequency is not None else ""
     if v.grade is Grade.DEVIATES:
-        return (
-            f"The damping follows none of the laws closely: {size}{frequency}; "
-            f"the nearest law is {named(v.damping)}{_hold(v)}."
+        off = (
+            f", from which it deviates by {100 * v.deviation.value:.2g} %" if v.deviation is not None else ""
         )
+        return f"{_first(size)}{frequency}; the nearest law of damping is {named(v.damping)}{off}."
     if v.decided:
         budget = _budget(v)
         return (
@@ -127,6 +127,8 @@ def _hold(v: Verdict) -> str:
 
 def _kind(e: Interval) -> str:
     """Which of the three laws an exponent's interval holds."""
+    if e.high - e.low > 2 * thresholds.EXPONENT_NAMED:
+        return ""
     held = [
         name
         for p, name in ((0, "Coulomb"), (1, "viscous"), (2, "quadratic"))
@@ -139,24 +141,15 @@ def remarks(v: Verdict, found: Findings, same: bool, notes: Sequence[str]) -> tu
     """Reservations, the largest first, each with its size."""
     said: list[tuple[float, str]] = []
     if not same and v.grade is not Grade.DEVIATES:
-        other = next(iter(found.exact))
-        said.append((1.0, f"If the laws held exactly, {named(other)} would be ahead: the choice hangs on the "
-                          f"{100 * found.deviation.value:.2g} % by which they do not."))  # fmt: skip
+        other = named(next(iter(found.exact)))
+        said.append((1.0, f"If damping and spring followed their laws exactly, {other} would be ahead."))
     if found.unexplained >= thresholds.REMARK:
-        said.append(
-            (
-                found.unexplained,
-                f"{100 * found.unexplained:.2g} % of the amplitude is not explained by the law.",
-            )
-        )
+        left = f"{100 * found.unexplained:.2g} %"
+        said.append((found.unexplained, f"{left} of the amplitude is not explained by the law."))
     fallen = found.amplitudes[1] / found.amplitudes[0]
-    if fallen > 0.7:
-        said.append(
-            (
-                0.5,
-                f"The amplitude falls by {100 * (1 - fallen):.0f} % only, which tells dampings apart poorly.",
-            )
-        )
+    if fallen > thresholds.HARDLY_FALLS:
+        by = f"{100 * (1 - fallen):.0f} %"
+        said.append((0.5, f"The amplitude falls by {by} only, which tells dampings apart poorly."))
     if v.exponent is not None:
         e = v.exponent
         said.append(

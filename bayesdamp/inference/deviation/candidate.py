@@ -143,7 +143,7 @@ def relinearised(
         return None
     grid = grid_of(solver.knots.size, coarse=True)
     for _ in range(RELINEARISED):
-        used = variance if variance is not None else _variance(at)
+        used = variance if variance is not None else _variance(at, data)
         best = mode_of(at.model, grid, used)
         squares = float(np.sum((data.y - at.motion.y) ** 2))
         share, there = 1.0, None
@@ -158,7 +158,7 @@ def relinearised(
         at = there
         if moved < SETTLED:
             break
-    return at, variance if variance is not None else _variance(at)
+    return at, variance if variance is not None else _variance(at, data)
 
 
 def mode_of(model: Linear, grid: Grid, variance: float) -> np.ndarray:
@@ -176,8 +176,8 @@ def mode_of(model: Linear, grid: Grid, variance: float) -> np.ndarray:
     return root @ nonnegative(stacked, aim, positive)
 
 
-def _variance(at: Linearised) -> float:
-    return float(at.left @ at.left) / max(at.left.size - at.u.size, 1)
+def _variance(at: Linearised, data: Data) -> float:
+    return data.least_variance + float(at.left @ at.left) / max(at.left.size - at.u.size, 1)
 
 
 def searched(

@@ -16,6 +16,8 @@ LEAST = 0.05
 """Share of the first amplitude below which a record says nothing of the damping above it: laws that hold to a few per
 cent over a decade do not hold over two, and what is left there is mostly the sensor's step and friction at rest."""
 FEWEST_CYCLES = 4.0
+SOLVED = 1e-6
+"""Share of the amplitude to which motions are solved."""
 ORDERS = {"angle": 0, "velocity": 1, "acceleration": 2}
 
 
@@ -36,6 +38,16 @@ class Data:
     start: tuple[float, float]
     thinned: int
     features: Features
+
+    @property
+    def recorded_amplitude(self) -> float:
+        """The first amplitude in the unit of y."""
+        return self.amplitude * self.frequency ** ORDERS[self.quantity]
+
+    @property
+    def least_variance(self) -> float:
+        """Of a noise below which the solver's own error would be taken for the record's."""
+        return (SOLVED * self.recorded_amplitude) ** 2
 
 
 def prepared(signal: Signal) -> Data:

@@ -107,6 +107,8 @@ def probabilities(weighing: Weighing, exact: bool) -> dict[Candidate, float]:
         odds = THIRD if len(r.candidate.damping) > 2 else 1.0
         odds *= EXOTIC if r in weighing.forms else 1.0
         logs[r.candidate] = weighed.log_evidence + np.log(odds)
+    if not logs:  # none could be linearised: exact laws are all that is known
+        return probabilities(weighing, True)
     top = max(logs.values())
     total = sum(np.exp(v - top) for v in logs.values())
     return {c: float(np.exp(v - top) / total) for c, v in logs.items()}
@@ -177,8 +179,8 @@ def findings(
         other=float(np.quantile(size, 0.95)),
         coefficients=_coefficients(weighing, drawn, best),
         best=best,
-        unexplained=float(np.sqrt(rest)) / weighing.data.amplitude,
-        noise=float(np.sqrt(clean)) / weighing.data.amplitude,
+        unexplained=float(np.sqrt(rest)) / weighing.data.recorded_amplitude,
+        noise=float(np.sqrt(clean)) / weighing.data.recorded_amplitude,
         amplitudes=(weighing.data.amplitude, weighing.data.final_amplitude),
         cycles=weighing.data.cycles,
     )
@@ -277,7 +279,9 @@ def cycle_of(
     rest = rest_of(c.restoring, law, weighing.data.rest, 2 * weighing.data.amplitude)
     if rest is None:
         return None
-    return cycle_at(amplitude, solver.terms, epsilon or solver.epsilon, c.restoring, law, rest)
+    return cycle_at(
+        amplitude, solver.terms, solver.epsilon if epsilon is None else epsilon, c.restoring, law, rest
+    )
 
 
 def _at(values: np.ndarray, share: float) -> np.ndarray:
@@ -358,7 +362,9 @@ def _frequency(weighing: Weighing, drawn: Sequence[_Drawn]) -> Quantity:
         m = len(weighing.solvers[name].terms)
         centre = d.result.fit.parameters.values(z)[m : m + d.law.shape[1]]
         rest = rest_of(name, centre, weighing.data.rest, 2 * weighing.data.amplitude)
-        for row, h in list(zip(d.law, d.h.mean(axis=1), strict=True))[: max(20, len(d.law) // 10)]:
+        # Draws come by their hyperparameters: some of each.
+        every = slice(None, None, max(1, len(d.law) // 200))
+        for row, h in zip(d.law[every], d.h.mean(axis=1)[every], strict=True):
             at = weighing.data.rest if rest is None else rest
             values.append(natural_frequency(name, row, at, weighing.data.amplitude) * (1 + h) / (2 * np.pi))
     return _quantity(np.array(values))
@@ -367,18 +373,22 @@ def _frequency(weighing: Weighing, drawn: Sequence[_Drawn]) -> Quantity:
 def _work(weighing: Weighing, result: Result) -> np.ndarray:
     """Work of each term per unit of its coefficient over the record's own motion, (m,)."""
     solver = weighing.solvers[result.candidate.restoring]
-    v = np.interp(*_even(result))
-    return np.array(
+    at, times, states = _even(result)
+    x, v = np.interp(at, times, states[:, 0]), np.interp(at, times, states[:, 1])
+    works = (
         [
-            np.mean([abs(TERMS.get(n).kernel(0.0, float(s), solver.epsilon)) * abs(float(s)) for s in v])
-            for n in solver.terms
+            abs(TERMS.get(n).kernel(float(a), float(s), solver.epsilon) * float(s))
+            for a, s in zip(x, v, strict=True)
         ]
+        for n in solver.terms
     )
+    return np.array([np.mean(work) for work in works])
 
 
 def _even(result: Result) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Even times over a motion, its nodes' times and states."""
     motion = result.motion
-    return np.linspace(motion.times[0], motion.times[-1], 4000), motion.times, motion.states[:, 1]
+    return np.linspace(motion.times[0], motion.times[-1], 4000), motion.times, motion.states
 
 
 def _shares(weighing: Weighing, drawn: Sequence[_Drawn]) -> np.ndarray:

@@ -33,6 +33,8 @@ from bayesdamp.types import Refusal
 
 SHARES = (0.05, 0.02, 0.01, 0.005, 0.002)
 """ε as shares of the peak velocity, all alike beforehand, where nobody gave it."""
+LEAST = 0.0005
+"""The share that stands for an exact switch."""
 USUAL = 0.01
 """The share under which candidates are compared where the record tells none from it."""
 LEAD = 3.0
@@ -111,7 +113,8 @@ def weigh_all(
     reference = reference or Reference(float(f"{data.amplitude:.2g}"), float(f"{data.frequency:.2g}"))
     terms = tuple(dict.fromkeys(t for c in candidates for t in c.damping))
     given = known_under(candidates[0].restoring).get("epsilon")
-    epsilon = given or USUAL * reference.peak_velocity
+    least = LEAST * reference.peak_velocity  # an exact switch is solved as a narrow one
+    epsilon = USUAL * reference.peak_velocity if given is None else max(given, least)
     laws = list(dict.fromkeys(c.restoring for c in candidates))
     knots = knots_of(float(data.t[-1]), data.cycles)
     solvers = {
@@ -220,7 +223,7 @@ def _weighed(
     """A candidate's fit, weighed. noise: the variance that counts, and the inflation in it."""
     variance, kappa = noise
     samples, linear = data.y.size / kappa, exact(found)
-    own = kappa * found.squares / max(data.y.size - found.z.size, 1)
+    own = data.least_variance + kappa * found.squares / max(data.y.size - found.z.size, 1)
     about = relinearised(c, solver, data, found, variance) if approximate else None
     over = weigh(about[0].model, grid_of(solver.knots.size), variance, samples) if about else None
     return Result(c, found, linear, _exact(linear, own, samples), own, about[0] if about else None, over)
