@@ -19,7 +19,6 @@ from bayesdamp.verdict.decide import decide
 from bayesdamp.verdict.specimen import Answered
 from bayesdamp.verdict.types import Grade, Verdict, Window
 
-
 DEVIATIONS = ("auto", "none", "law")
 BEYOND = 1.3
 """By which factor an amplitude that is asked for may lie outside those of the record."""

@@ -6,7 +6,7 @@ import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Self, overload
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
@@ -154,15 +154,6 @@ class Comparison(Result):
         return cls(Verdict.from_dict(packed.meta["verdict"]), tuple(answers), records)
 
 
-@overload
-def compare(signals: types.Signal, *, deviation: str = ..., damping: Sequence[str] = ...,
-            restoring: Sequence[str] = ..., known: Mapping[str, float] | None = ..., priors: Mapping[str, Prior] | None = ..., sensor: float = ...,
-            amplitudes: Sequence[float] | None = ..., seed: int = ...) -> Comparison: ...  # fmt: skip
-@overload
-def compare(signals: Sequence[types.Signal], *, repeats: bool, name: str = ..., deviation: str = ...,
-            damping: Sequence[str] = ..., restoring: Sequence[str] = ..., known: Mapping[str, float] | None = ...,
-            priors: Mapping[str, Prior] | None = ..., sensor: float = ..., amplitudes: Sequence[float] | None = ...,
-            seed: int = ...) -> Comparison: ...  # fmt: skip
 def compare(
     signals: types.Signal | Sequence[types.Signal],
     *,

@@ -12,6 +12,7 @@ import pytest
 
 from bayesdamp.physics.damping import PAPER_TERMS
 from bayesdamp.physics.kernel import build
+from bayesdamp.physics.kernel.solve import SHARED
 from bayesdamp.physics.restoring import LAWS
 
 SOLVE = """
@@ -117,6 +118,6 @@ def test_warm_compiles_what_ships(monkeypatch: pytest.MonkeyPatch) -> None:
         lambda terms, law: asked.append((terms, law)) or kept(terms, law),
     )
     build.warm()
-    assert asked == [(PAPER_TERMS, law) for law in LAWS.names()]
+    assert asked == [(terms, law) for law in LAWS.names() for terms in (SHARED, ("power",))]
     for law in LAWS.names():
-        assert len(build.kernel_of(PAPER_TERMS, law).march.signatures) == 1  # type: ignore[attr-defined]
+        assert len(build.kernel_of(SHARED, law).march.signatures) == 1  # type: ignore[attr-defined]
