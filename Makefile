@@ -48,6 +48,8 @@ $(READY): pyproject.toml constraints.txt
 	$(BIN)/python -m pip --version >/dev/null 2>&1 || "$$python" -m venv $(VENV); \
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e ".[dev]"; \
 	$(BIN)/python -m compileall -q bayesdamp; \
+	echo "compiling what every record is fitted with; once, about a minute"; \
+	$(BIN)/python -c "from bayesdamp.physics.kernel.build import warm; warm()"; \
 	touch $@
 
 clean:

@@ -26,6 +26,8 @@ if TYPE_CHECKING:
     from bayesdamp.config import Study
 
 FAULT, WRONG_INPUT, INTERRUPTED = 1, 2, 130
+FIRST_WORDS = 5
+"""Records of one command whose first words are printed."""
 
 app = typer.Typer(
     name="bayesdamp",
@@ -186,6 +188,14 @@ def compare(
     found, said = chosen_records(records, reading)
     for line in said:
         typer.echo(line, err=True)
+    for one in found[:FIRST_WORDS]:
+        if one.signal is not None:
+            from bayesdamp.signals.first_look import first_words
+
+            try:
+                typer.echo(f"{one.path.name}: {first_words(one.signal).sentence()}", err=True)
+            except BayesdampError:
+                continue
     with _early_processes(workers, damping or (), restoring or ()) as pool:
         from rich.console import Console
 

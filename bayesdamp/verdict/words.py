@@ -20,6 +20,10 @@ NAMES = {
 }
 
 
+UNSEEN = 1e-3
+"""Deviation from a law below which it is not given a size."""
+
+
 def named(damping: str) -> str:
     """A sum's name in words."""
     return " + ".join(NAMES.get(term, term) for term in damping.split("+"))
@@ -122,6 +126,8 @@ def _hold(v: Verdict) -> str:
     d = v.deviation
     if v.grade is Grade.EXACT:
         return f"; the law holds within {max(100 * d.high, 0.1):.2g} %"
+    if d.value < UNSEEN:
+        return f"; no deviation from the law is seen (95 %: below {100 * d.high:.2g} %)"
     return f"; the law holds within {100 * d.value:.2g} % (95 %: below {100 * d.high:.2g} %)"
 
 

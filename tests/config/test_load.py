@@ -153,9 +153,9 @@ def test_a_byte_order_mark_and_windows_line_ends_are_no_fault(tmp_path: Path) ->
     assert load_study(path).signals
 
 
-def test_the_example_of_the_readme_loads(tmp_path: Path) -> None:
-    readme = (STUDIES.parent / "README.md").read_text(encoding="utf-8")
-    example = readme.split("```toml\n")[1].split("```")[0]
+def test_the_example_of_the_documentation_loads(tmp_path: Path) -> None:
+    page = (STUDIES.parent / "docs" / "studies.md").read_text(encoding="utf-8")
+    example = page.split("```toml\n")[1].split("```")[0]
     study = load_study(write(tmp_path, example))
     assert study.name == "rig"
     assert study.posterior.noise == "auto"

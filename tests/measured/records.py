@@ -39,5 +39,17 @@ RECORDS = (
     Measured("rig-80P", "horizontal_pendulum/80P.txt", RIG),
     Measured("rig-60", "horizontal_pendulum/60.txt", RIG),
     Measured("rig-100", "horizontal_pendulum/100.txt", RIG),
+    Measured(
+        "stiff-disc-2",
+        "spring_disc/molla_durissima_discopieno_14.91945_0.2016_2.csv",
+        {"time": 1, "angle": 2, "unit": "m"},
+    ),
+    Measured(
+        "stiff-disc-3",
+        "spring_disc/molla_durissima_discopieno_14.91945_0.2016_3.csv",
+        {"time": 1, "angle": 2, "unit": "m"},
+    ),
     Measured("ship", "ship_roll/model_test_21338.csv", {"time": "time", "angle": "phi"}),
 )
+RUNS = Measured("ten-runs", "ten_runs/Run_1-10_no_magnet.csv", {})
+"""Ten runs of one rig in one file."""

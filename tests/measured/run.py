@@ -1,73 +1,62 @@
-"""Compare the measured decays: `python -m tests.measured.run FOLDER [NAME ...]`.
+"""The answers on measured decays: `python -m tests.measured.run FOLDER [NAME ...]`.
 
-Each record goes through what `bayesdamp compare` does, with no options but its columns and unit. Runs are kept in
-FOLDER, one folder a record, and resumed; `table.csv` there has a row for each that is done.
+Each record is read with no options but its columns and unit and answered as `bayesdamp compare --quick` does; the runs
+of one file are also taken as one specimen. `verdicts.csv` and `README.md` in FOLDER have a row for each.
 """
 
 from __future__ import annotations
 
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 
-from rich.console import Console
-
-from bayesdamp.config.compare import Asked, comparison
-from bayesdamp.report.reading import ranking, summary_rows
-from bayesdamp.report.run import Run, rows_of
-from bayesdamp.report.verdict import verdict
-from bayesdamp.store import write_table
-from bayesdamp.study import run_study
-from bayesdamp.study.workers import cache_compilations
-from tests.measured.records import RECORDS
-
-COLUMNS = (
-    *("record", "damping", "restoring", "probability", "noise", "coefficients", "rms", "rms_unit", "share"),
-    *("window_spread", "fit", "misfit", "verdict", "seconds"),
-)
+from bayesdamp.answer import Answer, answer
+from bayesdamp.commands.asking import Options, found_records
+from bayesdamp.store import VERDICTS, write_table
+from bayesdamp.study.verdicts import row_of
+from bayesdamp.types import Signal
+from bayesdamp.verdict.specimen import specimen
+from bayesdamp.verdict.types import Verdict
+from tests.measured.records import DATA, RECORDS, RUNS
 
 
-def row(name: str, folder: Path) -> dict[str, object]:
-    """What a finished run says of its record."""
-    run = Run(folder)
-    signal = run.signals[0]
-    found = ranking(run, signal, 0)
-    said = verdict(run, signal, 0)
-    line: dict[str, object] = {"record": name, "misfit": said.misfit, "verdict": said.sentence}
-    line["seconds"] = round(sum(run.info["seconds"].values()))
-    if found is None:
-        return line
-    model = found.best["model"]
-    fit = rows_of(run.fits, signal=signal, repeat=0, model=model)[0]
-    sizes = [
-        f"{r['parameter']} {r['mean']:.4g} ± {r['sd']:.2g} {r['unit']}"
-        for r in summary_rows(run, signal, 0, model)[1]
-        if r["parameter"] in ("zeta", "mu_c", "mu_q")
-    ]
-    noise = run.cell("noise", signal, 0)
-    line |= {k: fit[k] for k in ("rms", "rms_unit", "window_spread")}
-    line |= {
-        "damping": model.partition("@")[0],
-        "restoring": found.best["restoring"],
-        "probability": round(found.best["probability"], 4),
-        "noise": noise.meta.get("chosen", "") if noise else "",
-        "coefficients": "; ".join(sizes),
-        "fit": fit["verdict"],
-    }
-    return line
+def signals(wanted: list[str]) -> Iterator[tuple[str, list[Signal]]]:
+    """Each file's name and the free decays in it."""
+    for record in RECORDS:
+        if not wanted or record.name in wanted:
+            options = {
+                k: None if v is None else v if k == "rate" else str(v) for k, v in record.options.items()
+            }
+            found = found_records(record.path, Options(**options))  # type: ignore[arg-type]
+            yield record.name, [one.signal for one in found if one.signal is not None][:1]
+    if not wanted or RUNS.name in wanted:
+        found = found_records((DATA / RUNS.file).resolve(), Options(**RUNS.options))
+        yield RUNS.name, [one.signal for one in found if one.signal is not None]
+
+
+def verdicts(wanted: list[str]) -> Iterator[Verdict]:
+    """One for each record, and one for the runs of a file together."""
+    for name, records in signals(wanted):
+        answers: list[Answer] = []
+        for number, signal in enumerate(records, start=1):
+            answers.append(answer(signal))
+            said = answers[-1].verdict
+            print(f"{name} {number}: {said.sentence}", flush=True)
+            yield said
+        if len(answers) > 1:
+            together = specimen(name, [a.of_specimen() for a in answers if a.arrays])
+            print(f"{name}: {together.sentence}", flush=True)
+            yield together
 
 
 def main(folder: Path, wanted: list[str]) -> None:
-    cache_compilations()
-    rows = []
-    for record in RECORDS:
-        own = folder / record.name
-        if not wanted or record.name in wanted:
-            made = comparison([Asked(record.path, **record.options)])
-            run_study(made, own, workers=1, console=Console(stderr=True))
-        if (own / "run.json").exists():
-            rows.append(row(record.name, own))
-            print(rows[-1], flush=True)
-    write_table(folder / "table.csv", COLUMNS, [{c: r.get(c, "") for c in COLUMNS} for r in rows])
+    folder.mkdir(parents=True, exist_ok=True)
+    found = list(verdicts(wanted))
+    write_table(folder / "verdicts.csv", VERDICTS, [row_of(v) for v in found])
+    lines = [f"| {v.record} | {v.grade} | {v.sentence} |" for v in found]
+    page = "# Measured decays\n\nWhat `bayesdamp compare --quick` says of records that others measured.\n\n"
+    page += "| record | grade | answer |\n|---|---|---|\n" + "\n".join(lines) + "\n"
+    (folder / "README.md").write_text(page, encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter, LogLocator
 
 from bayesdamp.report import words
 from bayesdamp.report.style import FAINT, INK, QUIET, WIDTH, colour, dash
@@ -49,6 +50,7 @@ def _ratios(ax: Axes, arrays: Mapping[str, np.ndarray], unit: str) -> None:
         )  # fmt: skip
     ax.set_xscale("log")
     ax.set_ylim(0, 1.35 * top)
+    _plain(ax)
     ax.set_xlim(a.min(), a.max())
     _finish(ax, "Equivalent damping ratio, and each law fitted alone", f"amplitude / {unit}", "%")
     ax.legend(loc="best", fontsize=7.5, ncols=2)
@@ -62,9 +64,17 @@ def _energies(ax: Axes, arrays: Mapping[str, np.ndarray], unit: str) -> None:
             ax.plot(a, values, color=colour(term), ls=dash(term), label=words.model(term))
     ax.set_xscale("log")
     ax.set_yscale("log")
+    _plain(ax)
     ax.set_xlim(a.min(), a.max())
     _finish(ax, "Energy lost in a cycle, by term", f"amplitude / {unit}", f"{unit}²/s²")
     ax.legend(loc="best")
+
+
+def _plain(ax: Axes) -> None:
+    """Amplitudes as plain numbers, not as powers of ten."""
+    for which in (ax.xaxis.set_major_formatter, ax.xaxis.set_minor_formatter):
+        which(FuncFormatter(lambda x, _: f"{x:g}"))
+    ax.xaxis.set_minor_locator(LogLocator(subs=(2, 4, 6)))
 
 
 def _finish(ax: Axes, title: str, xlabel: str, ylabel: str) -> None:

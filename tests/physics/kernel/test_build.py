@@ -10,7 +10,6 @@ from pathlib import Path
 
 import pytest
 
-from bayesdamp.physics.damping import PAPER_TERMS
 from bayesdamp.physics.kernel import build
 from bayesdamp.physics.kernel.solve import SHARED
 from bayesdamp.physics.restoring import LAWS
