@@ -104,7 +104,7 @@ class Swings:
             return True
         foretold, slack = _foretold(later)
         off = abs(self.midlines[i] - foretold)
-        return off <= max(MIDLINE * self.ranges[i], self.floor) + slack
+        return bool(off <= max(MIDLINE * self.ranges[i], self.floor) + slack)
 
     def _shaped(self, i: int) -> bool:
         """Whether the misfit of swing i is no more than those of the later ones."""
@@ -113,12 +113,10 @@ class Swings:
     def opens_like_later(self, begin: float) -> bool:
         """Whether what is recorded from begin (s) to the first turning point has no more misfit than the swings."""
         end = float(self.turns.times[0])
-        few = np.count_nonzero((self.t >= begin) & (self.t <= end)) < 8
-        return (
-            few
-            or end - begin < 0.3 * self.gaps[0]
-            or self._like_later(-1, self._fitted(begin, end, self.gaps[0]))
-        )
+        samples = int(np.count_nonzero((self.t >= begin) & (self.t <= end)))
+        if samples < 8 or end - begin < 0.3 * float(self.gaps[0]):
+            return True
+        return self._like_later(-1, self._fitted(begin, end, self.gaps[0]))
 
     def _like_later(self, i: int, misfit: tuple[float, float]) -> bool:
         later = np.array([self.misfit(j) for j in range(i + 1, min(i + 1 + LATER, self.gaps.size))])

@@ -1,11 +1,13 @@
-"""Eight measured decays: sampling rate, cycles, start and stop."""
+"""Measured decays: sampling rate, cycles, start and stop."""
 
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from bayesdamp.signals.anomalies import anomalies
 from bayesdamp.signals.clean import clean
+from bayesdamp.signals.features import features
 from bayesdamp.signals.read import read_record
 
 DATA = Path(__file__).resolve().parents[2] / ".." / "shared" / "data"
@@ -114,3 +116,35 @@ def test_ship_and_encoder_in_seconds():
     assert encoder.provenance["start"] == pytest.approx(60.0, abs=0.05)
     assert 65.3 <= encoder.provenance["stop"] <= 65.8
     assert encoder.step == pytest.approx(1.57e-4, rel=0.01)
+
+
+# By eye: the turning point at which the hand lets go, the last clear peak, and when it is at rest, in s.
+HAND = [
+    (1.1, 8.6, 9.7),
+    (0.8, 7.0, 8.6),
+    (0.7, 7.6, 8.7),
+    (1.05, 8.0, 9.6),
+    (0.65, 6.8, 8.2),
+    (0.8, 7.1, 8.3),
+    (1.8, 12.2, 13.2),
+    (1.0, 11.9, 13.5),
+    (1.05, 12.8, 14.3),
+    (1.4, 12.5, 13.6),
+]
+
+
+@pytest.mark.parametrize("run", range(1, 11))
+def test_ten_runs_by_hand(run):
+    """It starts where the hand lets go or half a swing later, and stops before it sticks, away from zero."""
+    file = DATA / "ten_runs/Run_1-10_no_magnet.csv"
+    if not file.exists():
+        pytest.skip("the measured decays are not here")
+    raw = read_record(file, time=f"Time (s) Run #{run}", value=f"Angle, Ch 1+2 (rad) Run #{run}")
+    signal = clean(raw, name="x")
+    released, last_peak, rests = HAND[run - 1]
+    assert released - 0.06 <= signal.provenance["start"] <= released + 0.75
+    assert last_peak - 0.1 <= signal.provenance["stop"] <= rests
+    kinds = [piece["kind"] for piece in signal.provenance["pieces"]]
+    assert kinds[-2:] == ["free decay", "sticking"]
+    assert set(kinds[:-2]) <= {"at rest", "held", "pushed"}
+    assert anomalies(signal, features(signal)) == ()
