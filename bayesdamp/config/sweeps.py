@@ -43,7 +43,7 @@ def _check(sweep: SweepTable, key: str, signals: list[dict[str, Any]]) -> None:
     head, _, tail = sweep.key.partition(".")
     right = (bool(tail) and "." not in tail) if head in _TABLES else (head in _FILE_KEYS and not tail)
     if not right:
-        hint = nearest(sweep.key, list(_FILE_KEYS))
+        hint = nearest(sweep.key, [n for n in _FILE_KEYS if any(_touches(n, one) for one in signals)])
         clause = (
             hint
             if "did you mean" in hint

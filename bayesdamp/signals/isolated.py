@@ -19,23 +19,29 @@ PATIENCE = 300.0
 """Seconds after which a reader that does not end is ended."""
 _CHILD = """
 import json, sys
-module, function, path, out, sys.path[:] = json.loads(sys.argv[1])
+module, function, path, out, options, sys.path[:] = json.loads(sys.argv[1])
 from bayesdamp.signals.isolated import serve
-serve(module, function, path, out)
+serve(module, function, path, out, options)
 """
 
 
 def load_isolated(
-    load: Callable[[Path], Mapping[str, np.ndarray]], path: Path, patience: float = PATIENCE
+    load: Callable[..., Mapping[str, np.ndarray]],
+    path: Path,
+    patience: float = PATIENCE,
+    **options: float | str,
 ) -> dict[str, np.ndarray]:
     """What a loader makes of a file, run in a child process: arrays by name.
 
-    load: a function at the top level of a module that is quick to import; its arrays hold numbers. patience: in s.
+    load: a function at the top level of a module that is quick to import, of the path and the options; its arrays hold
+    numbers. patience: in s.
     Raises InputError, one line, where the loader does, and where it crashes, fails otherwise or does not end.
     """
     with tempfile.TemporaryDirectory(prefix="bayesdamp-") as folder:
         out = Path(folder)
-        given = json.dumps([load.__module__, load.__qualname__, str(path.resolve()), folder, sys.path])
+        given = json.dumps(
+            [load.__module__, load.__qualname__, str(path.resolve()), folder, options, sys.path]
+        )
         try:
             done = subprocess.run(
                 [sys.executable, "-c", _CHILD, given],
@@ -68,11 +74,11 @@ def _end(code: int, complaint: bytes) -> str:
     return f"cannot be read ({lines[-1] if lines else f'status {code}'})"
 
 
-def serve(module: str, function: str, path: str, out: str) -> None:
+def serve(module: str, function: str, path: str, out: str, options: Mapping[str, float | str]) -> None:
     """The child's part: load, and leave the arrays in a folder, or the line that says why there are none."""
     folder = Path(out)
     try:
-        found = getattr(import_module(module), function)(Path(path))
+        found = getattr(import_module(module), function)(Path(path), **options)
     except InputError as error:
         said: dict[str, object] = {"error": str(error)}
     else:

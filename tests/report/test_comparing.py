@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from bayesdamp.folders import claim
 from bayesdamp.report import render
 from bayesdamp.report.comparing import CATEGORIES, category, compared, true_models, value
 from bayesdamp.report.run import Run
@@ -27,6 +28,7 @@ def source(damping: str, level: float, samples: int = 701) -> dict:
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
+    claim(tmp_path)
     rows, signals, about, rest = [], [], {}, {}
     for damping, (parameter, truth) in TRUTHS.items():
         for level in LEVELS:

@@ -8,8 +8,8 @@ import stat
 import warnings
 from pathlib import Path
 
+from bayesdamp.signals.files import limits
 from bayesdamp.signals.files.contents import Contents, Reader
-from bayesdamp.signals.files.limits import LARGEST
 from bayesdamp.signals.files.packing import read_packed, unpacked
 from bayesdamp.signals.isolated import load_isolated
 from bayesdamp.signals.readers import READERS
@@ -38,15 +38,23 @@ def fault(path: Path, text: object) -> InputError:
 def contents(path: Path | str) -> Contents:
     """What a file holds, by the reader that it belongs to. Raises InputError, one line of less than 300 characters."""
     path = Path(path)
+    try:
+        foreign = getattr(reader_of(path), "foreign", False)  # compiled code that a damaged file may crash
+        if foreign:
+            return unpacked(load_isolated(read_packed, path, largest=limits.LARGEST))
+    except InputError as error:
+        raise fault(path, str(error).removeprefix(f"{path.name}: ")) from None
+    return read_here(path)
+
+
+def read_here(path: Path) -> Contents:
+    """What a file holds, read in this process whatever its reader. Raises InputError as `contents` does."""
     reader = READERS.get(FALLBACK)
     try:
         reader = reader_of(path)
-        if getattr(reader, "foreign", False):  # compiled code that a damaged file may crash
-            found = unpacked(load_isolated(read_packed, path))
-        else:
-            with warnings.catch_warnings(), contextlib.redirect_stdout(io.StringIO()):
-                warnings.simplefilter("ignore")
-                found = reader.read(path)
+        with warnings.catch_warnings(), contextlib.redirect_stdout(io.StringIO()):
+            warnings.simplefilter("ignore")
+            found = reader.read(path)
     except InputError as error:
         raise fault(path, str(error).removeprefix(f"{path.name}: ")) from None
     except ImportError as error:
@@ -81,9 +89,9 @@ def _head(path: Path) -> bytes:
     size = path.stat().st_size
     if size == 0:
         raise InputError("the file is empty; export the record again")
-    if size > LARGEST:
+    if size > limits.LARGEST:
         raise InputError(
-            f"has {size / 2**30:.1f} GiB; more than {LARGEST / 2**30:g} GiB are not read: give a part"
+            f"has {size / 2**30:.1f} GiB; more than {limits.LARGEST / 2**30:g} GiB are not read: give a part"
         )
     try:
         with path.open("rb") as file:

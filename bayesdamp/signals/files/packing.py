@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from bayesdamp.signals.files import limits
 from bayesdamp.signals.files.contents import Column, Contents
 
 _REST = "rest"
@@ -41,9 +42,10 @@ def unpacked(arrays: Mapping[str, np.ndarray]) -> Contents:
     return Contents(columns=columns, lines=arrays.get("lines"), **rest | {"notes": tuple(rest["notes"])})
 
 
-def read_packed(path: Path) -> dict[str, np.ndarray]:
-    """The contents of a file, packed: what a process does that reads for another. Raises InputError, and whatever the
-    format's library raises."""
-    from bayesdamp.signals.files.opening import reader_of
+def read_packed(path: Path, largest: float) -> dict[str, np.ndarray]:
+    """The contents of a file, packed: what a process does that reads for another, whose limit in bytes holds here too.
+    Raises InputError as `contents`."""
+    from bayesdamp.signals.files.opening import read_here
 
-    return packed(reader_of(path).read(path))
+    limits.LARGEST = largest
+    return packed(read_here(path))
