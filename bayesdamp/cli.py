@@ -71,6 +71,7 @@ def study(
         typer.Option(help="A Python file with plug-ins of your own; may be given again."),
     ] = None,
     fresh: Annotated[bool, typer.Option("--fresh", help="Compute everything again.")] = False,
+    quick: Annotated[bool, typer.Option("--quick", help="Only the answers; no sampling.")] = False,
 ) -> int:
     """Run what a study still lacks, and write its report."""
     from rich.console import Console
@@ -79,8 +80,17 @@ def study(
     folder = _folder(out, loaded.name)
     from bayesdamp.study import run_study
 
+    from bayesdamp.report.terminal import answered
+
     status = run_study(
-        loaded, folder, workers=workers, scheduler=scheduler, fresh=fresh, console=Console(stderr=True)
+        loaded,
+        folder,
+        workers=workers,
+        scheduler=scheduler,
+        fresh=fresh,
+        console=Console(stderr=True),
+        quick=quick,
+        answered=None if len(loaded.signals) > FIRST_WORDS else lambda verdict: answered(verdict, Console()),
     )
     report = folder / "report.html"
     if report.is_file():

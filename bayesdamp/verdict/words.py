@@ -77,9 +77,10 @@ def sentence(v: Verdict) -> str:
             f"{_first(named(v.damping))} damping (probability {probability(v.probability)}): "
             f"{size}{frequency}{budget}{_hold(v)}."
         )
-    rivals = [r for r in v.rivals if r.probability >= thresholds.NAMED]
-    between = [f"{named(v.damping)} ({probability(v.probability)})"]
-    between += [f"{named(r.damping)} ({probability(r.probability)})" for r in rivals[:2]]
+    each = [(v.damping, v.probability), *((r.damping, r.probability) for r in v.rivals)]
+    likely = sorted((one for one in each[1:] if one[1] >= thresholds.NAMED), key=lambda one: -one[1])
+    shown = sorted([each[0], *likely[:2]], key=lambda one: -one[1])
+    between = [f"{named(name)} ({probability(p)})" for name, p in shown]
     sure = [s.term for s in v.energy if s.probability >= thresholds.TERM_SURE]
     part = (
         f"; {' and '.join(NAMES.get(t, t) for t in sure)} {'is' if len(sure) == 1 else 'are'} sure"
