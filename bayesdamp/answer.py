@@ -146,11 +146,11 @@ def _rows(weighing: Weighing) -> list[dict[str, object]]:
         for r in weighing.results
         if weighing.results[0].weighed is None or r.weighed is not None
     ]
-    rows += [
+    refused: list[dict[str, object]] = [
         {"damping": "+".join(c.damping), "restoring": c.restoring, "outcome": why}
         for c, why in weighing.refused.items()
     ]
-    return rows
+    return [*rows, *refused]
 
 
 def _fits(weighing: Weighing) -> dict[str, dict[str, float]]:

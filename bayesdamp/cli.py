@@ -78,9 +78,8 @@ def study(
 
     loaded = _load(file, plugin)
     folder = _folder(out, loaded.name)
-    from bayesdamp.study import run_study
-
     from bayesdamp.report.terminal import answered
+    from bayesdamp.study import run_study
 
     status = run_study(
         loaded,

@@ -57,8 +57,8 @@ class Comparison(Result):
         frame = pd.DataFrame(rows)
         for name in ("log_evidence", "log_evidence_exact"):
             if name in frame:
-                values = pd.to_numeric(frame[name])
-                frame[name] = values - values.groupby(frame["record"]).transform("max")
+                frame[name] = frame[name].astype(float)
+                frame[name] -= frame.groupby("record")[name].transform("max")
         return frame.sort_values(["record", "log_evidence"], ascending=[True, False], ignore_index=True)
 
     @property

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 from bayesdamp.estimators import run as run_estimator
 from bayesdamp.estimators.shared import decay_start, start_parameters
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.signals.features import Features
 from bayesdamp.types import Problem, Refusal, Signal
+
+if TYPE_CHECKING:
+    from bayesdamp.study.targets import Record
 
 REGRESSION = "least_squares"
 """The estimator that is asked where a study has none."""
@@ -31,13 +34,13 @@ class Seen(Protocol):
     def seen(self) -> Features: ...
 
 
-def regression(record: Seen, problem: Problem) -> tuple[dict[str, Mapping[str, float]], str]:
+def regression(record: Seen | Record, problem: Problem) -> tuple[dict[str, Mapping[str, float]], str]:
     """Least squares' own values by the seed's name, and what it says where it has none."""
     found = run_estimator(REGRESSION, record.signal, problem, stages=("initial",), seed=0)
     return {f"{REGRESSION}, {e.stage}": e.values for e in found if e.values}, found[0].outcome
 
 
-def observed(record: Seen, problem: Problem) -> dict[str, Mapping[str, float]]:
+def observed(record: Seen | Record, problem: Problem) -> dict[str, Mapping[str, float]]:
     """The restoring law of the record's frequency and midline, its smoothed start, and the damping of its decrements;
     nothing where they cannot be read."""
     try:

@@ -199,7 +199,9 @@ def _beside(weighing: Weighing, approximate: bool) -> dict[str, Any]:
     def weighed(c: Candidate, solver: Solver, starts: list[dict[str, float]]) -> Result | None:
         parameters = parameters_of(c, solver, data, reference, {}, {**fixed, **given})
         first = first_values(c, data, fixed)
-        begun = [{**near, **{n: first[n] for n in _coefficients(c)}, **start} for start in starts]
+        begun: list[Mapping[str, float]] = [
+            {**near, **{n: first[n] for n in _coefficients(c)}, **start} for start in starts
+        ]
         found = searched(c, solver, data, parameters, begun, windows=False)
         return None if found is None else _weighed(c, solver, found, data, noise, approximate)
 

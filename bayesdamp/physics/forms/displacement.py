@@ -12,7 +12,7 @@ class Displacement(Form):
     further = ("rest",)
 
     @staticmethod
-    def kernel(x: float, v: float, epsilon: float, rest: float) -> float:
+    def kernel(x: float, v: float, epsilon: float, rest: float = 0.0) -> float:
         return (x - rest) * (x - rest) * v
 
     def ratio_per_unit(self, amplitude: float, frequency: float) -> float:

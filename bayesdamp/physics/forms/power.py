@@ -13,7 +13,7 @@ class Power(Form):
     further = ("exponent", "reference_velocity")
 
     @staticmethod
-    def kernel(x: float, v: float, epsilon: float, p: float, scale: float) -> float:
+    def kernel(x: float, v: float, epsilon: float, p: float = 1.0, scale: float = 1.0) -> float:
         return v * ((v * v + epsilon * epsilon) / (scale * scale)) ** (0.5 * (p - 1.0))
 
     def ratio_per_unit(self, amplitude: float, frequency: float) -> float:
