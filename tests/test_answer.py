@@ -23,7 +23,7 @@ seed was not chosen among others."""
 @lru_cache
 def answered(number: int) -> tuple[Case, Verdict]:
     made = case("family", SEED, number)
-    return made, answer(made.signal, made.amplitudes, restoring=[made.restoring], measured=False)
+    return made, answer(made.signal, made.amplitudes, restoring=[made.restoring], measured=False).verdict
 
 
 @pytest.mark.parametrize(("number", "damping"), NUMBERS.items())
@@ -50,7 +50,7 @@ def test_the_wrong_law_alone_is_not_the_answer(number: int) -> None:
     """Control: offered only the one term that a record lacks, it deviates, and nothing is decided."""
     made, _ = answered(number)
     wrong = "coulomb" if made.damping == "viscous" else "viscous"
-    found = answer(made.signal, made.amplitudes, damping=[wrong], restoring=[made.restoring])
+    found = answer(made.signal, made.amplitudes, damping=[wrong], restoring=[made.restoring]).verdict
     assert found.damping == wrong
     assert found.deviation is not None
     right = answered(number)[1].deviation
@@ -60,7 +60,7 @@ def test_the_wrong_law_alone_is_not_the_answer(number: int) -> None:
 
 def test_what_does_not_oscillate_has_a_sentence() -> None:
     noise = np.random.default_rng(2).standard_normal(400)
-    found = answer(Signal(np.arange(400) * 0.01, noise, name="silence"))
+    found = answer(Signal(np.arange(400) * 0.01, noise, name="silence")).verdict
     assert found.grade is Grade.NOT_WEIGHED
     assert not found.decided
     assert found.damping == ""

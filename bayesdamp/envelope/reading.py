@@ -8,8 +8,11 @@ from pathlib import Path
 import numpy as np
 
 from bayesdamp.envelope.record import DECIBELS, EnvelopeRecord, made_record, unit_in
-from bayesdamp.signals.columns import ARRAYS, choose_columns
+from bayesdamp.signals.columns import choose_columns
+from bayesdamp.signals.files.opening import FALLBACK, reader_of
 from bayesdamp.signals.read import read_record
+from bayesdamp.signals.readers import READERS
+from bayesdamp.types import InputError
 
 HEAD = 8192
 """Bytes in which a file's head and the names of its columns stand."""
@@ -23,7 +26,7 @@ def is_envelope(path: Path, value: Column | None = None, unit: str | None = None
         return unit in DECIBELS
     if isinstance(value, str) and not value.isdigit():
         return unit_in(value) in DECIBELS
-    if path.suffix.lower() in ARRAYS or not path.is_file():
+    if not path.is_file() or not _is_text(path):
         return False
     with path.open("rb") as file:
         lines = file.read(HEAD).decode("latin-1").splitlines()
@@ -51,7 +54,7 @@ def read_envelope(
     raw = read_record(path, time=time, value=value, rate=rate)
     t = raw.t if raw.t is not None else np.arange(raw.y.size) / (raw.rate or 1.0)
     label = str(raw.provenance.get("value_column", ""))
-    facts = {} if path.suffix.lower() in ARRAYS else _facts(path)
+    facts = _facts(path) if _is_text(path) else {}
     chosen = unit or unit_in(label) or _bracketed(label) or "units"
     notes = [str(note) for note in raw.provenance.get("notes") or () if "header line" not in str(note)]  # type: ignore[union-attr]
     return made_record(
@@ -63,6 +66,14 @@ def read_envelope(
         facts,
         tuple(notes),
     )
+
+
+def _is_text(path: Path) -> bool:
+    """Whether a file is a table of text, whose head can be read as it stands."""
+    try:
+        return reader_of(path) is READERS.get(FALLBACK)
+    except InputError:  # told when it is read
+        return False
 
 
 def _facts(path: Path) -> dict[str, str]:

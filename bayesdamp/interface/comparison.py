@@ -158,8 +158,9 @@ class Comparison(Result):
 
 @overload
 def compare(signals: types.Signal, *, deviation: str = ..., damping: Sequence[str] = ...,
-            restoring: Sequence[str] = ..., known: Mapping[str, float] | None = ..., priors: Mapping[str, Prior] | None = ..., sensor: float = ...,
-            amplitudes: Sequence[float] | None = ..., seed: int = ...) -> Comparison: ...  # fmt: skip
+            restoring: Sequence[str] = ..., known: Mapping[str, float] | None = ...,
+            priors: Mapping[str, Prior] | None = ..., sensor: float = ..., amplitudes: Sequence[float] | None = ...,
+            seed: int = ...) -> Comparison: ...  # fmt: skip
 @overload
 def compare(signals: Sequence[types.Signal], *, repeats: bool, name: str = ..., deviation: str = ...,
             damping: Sequence[str] = ..., restoring: Sequence[str] = ..., known: Mapping[str, float] | None = ...,

@@ -11,7 +11,8 @@ import pytest
 
 from bayesdamp.inference.deviation.candidate import Candidate
 from bayesdamp.inference.deviation.findings import Findings, Quantity, Ratio
-from bayesdamp.verdict import Verdict, decide, thresholds
+from bayesdamp.verdict import Verdict, thresholds
+from bayesdamp.verdict.decide import decide
 from bayesdamp.verdict.types import Grade, Window
 from bayesdamp.verdict.words import digits, probability
 
@@ -37,6 +38,8 @@ def findings(**changed: object) -> Findings:
     given: dict[str, object] = {
         "damping": {"viscous": 0.97, "viscous+coulomb": 0.03},
         "exact": {"viscous": 0.98, "viscous+coulomb": 0.02},
+        "exotic": {},
+        "exponent": None,
         "restoring": {"linear": 0.8, "pendulum": 0.2},
         "term": {"viscous": 1.0, "coulomb": 0.03, "quadratic": 0.01},
         "ratios": (
@@ -44,6 +47,7 @@ def findings(**changed: object) -> Findings:
             Ratio(0.1, 0.0102, 0.0100, 0.0104, 1e-5, 1e-4),
             Ratio(0.03, 0.0103, 0.0100, 0.0106, 1e-5, 1e-4),
         ),
+        "curve": (),
         "frequency": Quantity(0.7118, 0.7117, 0.7119),
         "energy": {
             "viscous": Quantity(0.99, 0.95, 1.0), "coulomb": Quantity(0.0, 0.0, 0.04),
@@ -206,7 +210,9 @@ def test_units_of_a_record_in_metres() -> None:
 
 def test_a_verdict_survives_json() -> None:
     """What is written reads back as the same plain values; what is not known is null."""
-    found = decided(window=Window(1.0, 41.0, 30.0, "after the release"), exponent=Quantity(1.0, 0.9, 1.1))
+    found = decided(
+        findings(exponent=Quantity(1.0, 0.9, 1.1)), window=Window(1.0, 41.0, 30.0, "after the release")
+    )
     back = json.loads(found.to_json(), parse_constant=pytest.fail)
     assert back == found.to_dict() == json.loads(json.dumps(found.to_dict()))
     assert back["grade"] == "exact"
