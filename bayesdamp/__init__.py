@@ -38,6 +38,7 @@ _HOME = {
     "estimate": "bayesdamp.interface.estimate",
     "Fit": "bayesdamp.interface.fit",
     "Prediction": "bayesdamp.interface.fit",
+    "first_words": "bayesdamp.signals.first_look",
     "fit": "bayesdamp.interface.fit",
     "Density": "bayesdamp.interface.density",
     "Posterior": "bayesdamp.interface.posterior",
@@ -95,6 +96,7 @@ __all__ = [
     "estimate",
     "evidence",
     "features",
+    "first_words",
     "fit",
     "load",
     "load_study",
@@ -128,6 +130,7 @@ if TYPE_CHECKING:
     from bayesdamp.priors import HalfNormal, LogNormal, LogUniform, Normal, Uniform
     from bayesdamp.signals.clean import clean
     from bayesdamp.signals.features import features
+    from bayesdamp.signals.first_look import first_words
     from bayesdamp.signals.read import read_record
     from bayesdamp.types import InputError, Refusal
     from bayesdamp.verdict.types import Verdict

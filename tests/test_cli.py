@@ -108,8 +108,14 @@ WRONG = {
     ),
     "nan": (["simulate", "--out", "x.csv", "--damping", "viscous=nan", *SET], "viscous: is nan; it must be"),
     "no out": (["simulate", "--damping", "viscous=1", *SET], "Missing option '--out'"),
-    "record of nothing": (["compare", "nothing.csv"], "nothing.csv: no rows of numbers were found; give"),
-    "record of empty lines": (["compare", "lines.csv"], "lines.csv: no rows of numbers were found; give"),
+    "record of nothing": (
+        ["compare", "nothing.csv"],
+        "nothing.csv: the file is empty; export the record again",
+    ),
+    "record of empty lines": (
+        ["compare", "lines.csv"],
+        "lines.csv: holds nothing but blanks; export the record again",
+    ),
     "out below a file": (
         ["simulate", "--out", "bad.toml/x.csv", "--damping", "viscous=0.05", *SET],
         "--out bad.toml/x.csv: cannot be written",

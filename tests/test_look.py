@@ -62,7 +62,7 @@ def test_look_shows_the_columns_where_none_can_be_chosen(tmp_path, capsys) -> No
     assert "'left', 'right' may each be the record; give --angle NAME" in error
     assert error.count("\n") == 1
     assert main(["look", str(tmp_path / "a.csv"), "--angle", "left", "--html", str(tmp_path)]) == 2
-    assert "cannot be written" in capsys.readouterr().err
+    assert "is a folder and is not replaced; give a regular file" in capsys.readouterr().err
 
 
 def test_a_name_with_marks_of_html_stays_text(tmp_path) -> None:
