@@ -9,16 +9,11 @@ import numpy as np
 
 from bayesdamp.envelope.record import DECIBELS, EnvelopeRecord, made_record, unit_in
 from bayesdamp.signals.columns import choose_columns
-<<<<<<< HEAD
-=======
 from bayesdamp.signals.files.opening import FALLBACK, reader_of
->>>>>>> fixup
 from bayesdamp.signals.read import read_record
 from bayesdamp.signals.readers import READERS
 from bayesdamp.types import InputError
 
-BINARY = {".mat", ".npy", ".npz", ".h5", ".hdf5", ".tdms", ".wav", ".parquet", ".xlsx"}
-"""Endings of files whose heads are not text."""
 HEAD = 8192
 """Bytes in which a file's head and the names of its columns stand."""
 _HERTZ = {"hz": 1.0, "khz": 1e3, "mhz": 1e6, "ghz": 1e9}
@@ -31,11 +26,7 @@ def is_envelope(path: Path, value: Column | None = None, unit: str | None = None
         return unit in DECIBELS
     if isinstance(value, str) and not value.isdigit():
         return unit_in(value) in DECIBELS
-<<<<<<< HEAD
-    if path.suffix.lower() in BINARY or not path.is_file():
-=======
     if not path.is_file() or not _is_text(path):
->>>>>>> fixup
         return False
     with path.open("rb") as file:
         lines = file.read(HEAD).decode("latin-1").splitlines()
@@ -63,11 +54,7 @@ def read_envelope(
     raw = read_record(path, time=time, value=value, rate=rate)
     t = raw.t if raw.t is not None else np.arange(raw.y.size) / (raw.rate or 1.0)
     label = str(raw.provenance.get("value_column", ""))
-<<<<<<< HEAD
-    facts = {} if path.suffix.lower() in BINARY else _facts(path)
-=======
     facts = _facts(path) if _is_text(path) else {}
->>>>>>> fixup
     chosen = unit or unit_in(label) or _bracketed(label) or "units"
     notes = [str(note) for note in raw.provenance.get("notes") or () if "header line" not in str(note)]  # type: ignore[union-attr]
     return made_record(

@@ -154,19 +154,6 @@ class Comparison(Result):
         return cls(Verdict.from_dict(packed.meta["verdict"]), tuple(answers), records)
 
 
-<<<<<<< HEAD
-=======
-@overload
-def compare(signals: types.Signal, *, deviation: str = ..., damping: Sequence[str] = ...,
-            restoring: Sequence[str] = ..., known: Mapping[str, float] | None = ...,
-            priors: Mapping[str, Prior] | None = ..., sensor: float = ..., amplitudes: Sequence[float] | None = ...,
-            seed: int = ...) -> Comparison: ...  # fmt: skip
-@overload
-def compare(signals: Sequence[types.Signal], *, repeats: bool, name: str = ..., deviation: str = ...,
-            damping: Sequence[str] = ..., restoring: Sequence[str] = ..., known: Mapping[str, float] | None = ...,
-            priors: Mapping[str, Prior] | None = ..., sensor: float = ..., amplitudes: Sequence[float] | None = ...,
-            seed: int = ...) -> Comparison: ...  # fmt: skip
->>>>>>> fixup
 def compare(
     signals: types.Signal | Sequence[types.Signal],
     *,

@@ -38,8 +38,6 @@ def findings(**changed: object) -> Findings:
     given: dict[str, object] = {
         "damping": {"viscous": 0.97, "viscous+coulomb": 0.03},
         "exact": {"viscous": 0.98, "viscous+coulomb": 0.02},
-        "exotic": {},
-        "exponent": None,
         "restoring": {"linear": 0.8, "pendulum": 0.2},
         "term": {"viscous": 1.0, "coulomb": 0.03, "quadratic": 0.01},
         "ratios": (
@@ -48,11 +46,8 @@ def findings(**changed: object) -> Findings:
             Ratio(0.03, 0.0103, 0.0100, 0.0106, 1e-5, 1e-4),
         ),
         "curve": (),
-<<<<<<< HEAD
         "exotic": {},
         "exponent": None,
-=======
->>>>>>> fixup
         "frequency": Quantity(0.7118, 0.7117, 0.7119),
         "energy": {
             "viscous": Quantity(0.99, 0.95, 1.0), "coulomb": Quantity(0.0, 0.0, 0.04),
@@ -215,14 +210,8 @@ def test_units_of_a_record_in_metres() -> None:
 
 def test_a_verdict_survives_json() -> None:
     """What is written reads back as the same plain values; what is not known is null."""
-<<<<<<< HEAD
     why = Window(1.0, 41.0, 30.0, "after the release")
     found = decided(findings(exponent=Quantity(1.0, 0.9, 1.1)), window=why)
-=======
-    found = decided(
-        findings(exponent=Quantity(1.0, 0.9, 1.1)), window=Window(1.0, 41.0, 30.0, "after the release")
-    )
->>>>>>> fixup
     back = json.loads(found.to_json(), parse_constant=pytest.fail)
     assert back == found.to_dict() == json.loads(json.dumps(found.to_dict()))
     assert back["grade"] == "exact"
