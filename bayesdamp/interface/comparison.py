@@ -59,7 +59,7 @@ class Comparison(Result):
         frame = pd.DataFrame(rows)
         for name in ("log_evidence", "log_evidence_exact"):
             if name in frame:
-                values = pd.to_numeric(frame[name])
+                values = pd.Series(frame[name], dtype=float)
                 frame[name] = values - values.groupby(frame["record"]).transform("max")
         return frame.sort_values(["record", "log_evidence"], ascending=[True, False], ignore_index=True)
 
