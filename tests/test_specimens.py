@@ -140,10 +140,11 @@ def test_records_of_one_specimen_share_one_friction(monkeypatch):
         what = {"path": "p", "terms": (), "restoring": "linear", "noise": "gaussian", "beside": ()}
         record = SimpleNamespace(target=lambda *_, **more: given.append(more["epsilon"]))
         system = SimpleNamespace(known={"epsilon": usual})
-        return SimpleNamespace(epsilon=epsilon, system=system, record=record, **what)
+        cells = {"mode/p": "key"}
+        return SimpleNamespace(epsilon=epsilon, system=system, record=record, cells=lambda: cells, **what)
 
     one = object.__new__(Specimen)
-    cell = SimpleNamespace(meta={"values": {}, "tolerance": 1e-6})
+    cell = SimpleNamespace(key="key", meta={"values": {}, "tolerance": 1e-6})
     vars(one).update(labels=["a", "b"], reference=None, store=SimpleNamespace(read=lambda _: cell))
     for second in (0.01, None):
         made = [branch(second, 0.1), branch(None, 0.04)]

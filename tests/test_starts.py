@@ -22,6 +22,7 @@ from bayesdamp.priors import HalfNormal, LogNormal, Normal
 from bayesdamp.signals.features import features
 from bayesdamp.store import CellResult, Store
 from bayesdamp.study.cells import Branch
+from bayesdamp.study.law_fits import LawFit
 from bayesdamp.study.noise import NoiseCell
 from bayesdamp.study.records import SignalCell
 from bayesdamp.study.starts import ALL, OBSERVED, observed, of_all, regression
@@ -58,8 +59,9 @@ def test_the_record_itself_says_where_to_start(record) -> None:
 
 
 def test_the_noise_is_chosen_on_a_motion_that_keeps_step(record) -> None:
-    cell = NoiseCell(record.study, record.spec, 0, Store(Path(".")))
-    found = cell._fit(record, "linear", "gaussian")
+    one = LawFit(record.study, record.spec, 0, "linear", Store(Path(".")))
+    vars(one)["record"] = record
+    found = one.fit()
     assert found.mode.climbs[0].seed.startswith(OBSERVED)
     assert float(found.target.values(found.mode.z)["stiffness"]) == pytest.approx(FREQUENCY**2, rel=0.01)
 
