@@ -186,7 +186,7 @@ def compare(
         )
     if frequency is not None:
         raise InputError("--frequency: is for envelopes; give --quantity envelope, or leave it out")
-    from bayesdamp.commands.asking import Options, as_signals, chosen_records
+    from bayesdamp.commands.asking import Options, as_signals, chosen_records, first_words_on
     from bayesdamp.plugins import read_modules
 
     plugins = read_modules(plugin or ())
@@ -197,14 +197,9 @@ def compare(
     found, said = chosen_records(records, reading)
     for line in said:
         typer.echo(line, err=True)
-    for one in found[:FIRST_WORDS]:
-        if one.signal is not None:
-            from bayesdamp.signals.first_look import first_words
-
-            try:
-                typer.echo(f"{one.path.name}: {first_words(one.signal).sentence()}", err=True)
-            except BayesdampError:
-                continue
+    if len(found) <= FIRST_WORDS:
+        for line in first_words_on(found, reading):
+            typer.echo(line, err=True)
     with _early_processes(workers, damping or (), restoring or ()) as pool:
         from rich.console import Console
 

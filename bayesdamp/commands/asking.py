@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -12,7 +13,7 @@ from bayesdamp.signals.decimate import decimated
 from bayesdamp.signals.findings import Finding, findings
 from bayesdamp.signals.read import read_records
 from bayesdamp.signals.record import RawRecord
-from bayesdamp.types import InputError, Signal
+from bayesdamp.types import InputError, Refusal, Signal
 from bayesdamp.units import UNITS
 
 if TYPE_CHECKING:
@@ -92,6 +93,20 @@ def _found(path: Path, raw: RawRecord, options: Options, cleaned: bool) -> Found
     except InputError as error:
         return Found(path, raw, unit, quantity, doubts, None, str(error))
     return Found(path, raw, unit, quantity, doubts, signal)
+
+
+def first_words_on(found: Sequence[Found], options: Options) -> list[str]:
+    """A line on each record before anything is fitted: its frequency and damping without any law; none of a record
+    in which no free decay is found."""
+    from bayesdamp.signals.first_look import first_words  # imports slowly
+
+    said = []
+    for one in found:
+        seen = one if one.signal is not None else _found(one.path, one.raw, options, True)
+        if seen.signal is not None:
+            with suppress(Refusal):
+                said.append(f"{one.path.name}: {first_words(seen.signal).sentence()}")
+    return said
 
 
 def chosen_records(paths: Sequence[Path], options: Options) -> tuple[list[Found], list[str]]:

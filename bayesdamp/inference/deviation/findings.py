@@ -58,7 +58,7 @@ class Findings:
     damping, exact: probability of each sum (its terms joined by +) under laws that hold approximately, and exactly.
     exotic: of sums with another form of damping. exponent: of a power law in the velocity. restoring: of each law.
     term: of each term, summed over the sums that have it. ratios: at the amplitudes asked for, curve: over all.
-    energy: share of the dissipated energy by term, bound: its 95 % upper limit where all terms are in the model.
+    energy: share of the dissipated energy by term; bound: 95 % upper limit of an absent one's beside the likeliest sum.
     deviation, restoring_deviation: energy-weighted mean of the relative deviation of the damping and restoring laws.
     other: 95 % upper limit of the share of any other form. coefficients: under the likeliest sum. unexplained, noise:
     root mean square of what the likeliest candidate leaves beyond noise, and of the noise, as shares of the amplitude.
@@ -156,7 +156,7 @@ def findings(
     terms = next(iter(weighing.solvers.values())).terms
     shares = _shares(weighing, drawn)
     damping = summed(chosen, "damping")
-    absent = _bounds(weighing, chosen, approximate, terms, rng)
+    absent = _bounds(weighing, best, approximate, terms, rng)
     size = np.concatenate([_size(weighing, d, d.g) for d in drawn])
     size_h = np.concatenate([_size(weighing, d, d.h) for d in drawn])
     left = result.about.left if result.about is not None else result.fit.residual
@@ -401,21 +401,23 @@ def _shares(weighing: Weighing, drawn: Sequence[_Drawn]) -> np.ndarray:
 
 
 def _bounds(
-    weighing: Weighing,
-    chosen: Mapping[Candidate, float],
-    approximate: bool,
-    terms: tuple[str, ...],
-    rng: np.random.Generator,
+    weighing: Weighing, best: Candidate, approximate: bool, terms: tuple[str, ...], rng: np.random.Generator
 ) -> dict[str, float]:
-    """95 % upper limits of each term's share where all terms are in the model."""
-    whole = [r for r in weighing.results if set(r.candidate.damping) == set(terms)]
-    if not whole:
-        return {}
-    result = max(whole, key=lambda r: chosen.get(r.candidate, 0.0))
-    if approximate and result.weighed is None:
-        return {}
-    shares = _shares(weighing, [_draws_of(weighing, result, DRAWS // 4, approximate, rng)])
-    return {t: float(np.quantile(shares[:, i], 0.95)) for i, t in enumerate(terms)}
+    """95 % upper limits of the share of each term that the likeliest sum lacks, were it there beside that sum."""
+    found = {}
+    for term in terms:
+        wanted = {*best.damping, term}
+        beside = (
+            r
+            for r in weighing.results
+            if set(r.candidate.damping) == wanted and r.candidate.restoring == best.restoring
+        )
+        result = next(beside, None)
+        if term in best.damping or result is None or (approximate and result.weighed is None):
+            continue
+        shares = _shares(weighing, [_draws_of(weighing, result, DRAWS // 4, approximate, rng)])
+        found[term] = float(np.quantile(shares[:, terms.index(term)], 0.95))
+    return found
 
 
 def _exponent(weighing: Weighing, approximate: bool, rng: np.random.Generator) -> Quantity | None:
