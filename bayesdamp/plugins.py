@@ -195,7 +195,8 @@ def _forget() -> None:
             registry.remove(name)
     _USED.clear()
     for one in gc.get_objects():
-        if isinstance(one, functools._lru_cache_wrapper) and (one.__module__ or "").startswith(_COMPILED):
+        # By type: asking an object for its class may run code of its own.
+        if type(one) is functools._lru_cache_wrapper and (one.__module__ or "").startswith(_COMPILED):
             one.cache_clear()
     if "jax" in sys.modules:
         sys.modules["jax"].clear_caches()

@@ -110,9 +110,10 @@ def test_misuse_is_one_line(attempt, line: str) -> None:
 
 
 def test_columns_are_asked_for_in_the_words_of_python(tmp_path: Path) -> None:
-    path = tmp_path / "three.csv"
-    np.savetxt(path, np.c_[TIMES, TIMES, TIMES], delimiter=",", header="t,a,b", comments="")
-    with pytest.raises(bd.InputError, match="give value and time") as error:
+    path = tmp_path / "two.csv"
+    y = closed_form(TIMES, TRUTH)
+    np.savetxt(path, np.c_[y, 2 * y], delimiter=",", header="a,b", comments="")
+    with pytest.raises(bd.InputError, match=r"time NAME.*rate HZ") as error:
         bd.read(path)
     assert "--" not in str(error.value)
 

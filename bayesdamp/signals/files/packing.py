@@ -42,7 +42,7 @@ def unpacked(arrays: Mapping[str, np.ndarray]) -> Contents:
     return Contents(columns=columns, lines=arrays.get("lines"), **rest | {"notes": tuple(rest["notes"])})
 
 
-def read_packed(path: Path, largest: float) -> dict[str, np.ndarray]:
+def read_packed(path: Path, largest: float = limits.LARGEST) -> dict[str, np.ndarray]:
     """The contents of a file, packed: what a process does that reads for another, whose limit in bytes holds here too.
     Raises InputError as `contents`."""
     from bayesdamp.signals.files.opening import read_here
