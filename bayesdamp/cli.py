@@ -197,9 +197,6 @@ def compare(
     found, said = chosen_records(records, reading)
     for line in said:
         typer.echo(line, err=True)
-    if len(found) <= FIRST_WORDS:
-        for line in first_words_on(found, reading):
-            typer.echo(line, err=True)
     with _early_processes(workers, damping or (), restoring or ()) as pool:
         from rich.console import Console
 
@@ -216,6 +213,9 @@ def compare(
             deviation=deviation,
             sensor=sensor,
         )
+        if len(found) <= FIRST_WORDS:
+            for line in first_words_on(found, reading):
+                typer.echo(line, err=True)
         folder = _folder(out, made.name)
         from bayesdamp.study import run_study
 
