@@ -11,6 +11,7 @@ from bayesdamp.inference.defaults import Reference
 from bayesdamp.inference.deviation.findings import SENSOR, findings
 from bayesdamp.inference.deviation.picture import picture
 from bayesdamp.inference.deviation.quick import weighing_of
+from bayesdamp.inference.deviation.sampling import with_samples
 from bayesdamp.inference.deviation.weighing import Known, Weighing
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.priors import Prior
@@ -57,13 +58,15 @@ def answer(
     measured: bool = True,
     seed: int = 0,
     notes: Sequence[str] = (),
+    sample: bool = True,
 ) -> Answer:
     """Which damping a signal has, how large it is and how well the law holds.
 
     amplitudes: where the damping ratio is given (rad or m); three of the record by default. deviation: "none", laws
     hold exactly; "law" or "auto", they may hold approximately. known: values of parameters, or a function from a law's
     name to them; priors: by parameter. sensor: relative linearity of the sensor, the floor of every rate. measured:
-    whether probabilities are capped. notes: sentences on the record, for the remarks. Of a signal on which nothing can
+    whether probabilities are capped. notes: sentences on the record, for the remarks. sample: whether motions themselves are sampled, and not
+    their linear model alone. Of a signal on which nothing can
     be said the grade is `not_weighed` and the sentence says why.
     """
     if deviation not in DEVIATIONS:
@@ -89,6 +92,8 @@ def answer(
         said = f"{text[:1].upper()}{text[1:]}{'' if text.endswith('.') else '.'}"
         return Answer(Verdict(signal.name, Grade.NOT_WEIGHED, False, "", float("nan"), sentence=said))
     _within(amplitudes or (), weighing)
+    if sample:
+        weighing = with_samples(weighing, approximate, seed)
     found = findings(weighing, amplitudes, approximate=approximate, sensor=sensor, seed=seed)
     start = signal.provenance.get("start", 0.0)
     first = float(start) if isinstance(start, int | float) else 0.0
@@ -138,8 +143,8 @@ def _rows(weighing: Weighing) -> list[dict[str, object]]:
         {
             "damping": "+".join(r.candidate.damping),
             "restoring": r.candidate.restoring,
-            "log_evidence": None if r.weighed is None else r.weighed.log_evidence,
-            "log_evidence_exact": r.exact_weighed.log_evidence,
+            "log_evidence": None if r.weighed is None else r.log_evidence,
+            "log_evidence_exact": r.log_evidence if r.weighed is None else r.exact_weighed.log_evidence,
             "rms": float((r.fit.squares / r.fit.residual.size) ** 0.5),
             "outcome": OK,
         }

@@ -141,7 +141,7 @@ def relinearised(
     at = linearised(candidate, solver, data, found)
     if at is None:
         return None
-    grid = grid_of(solver.knots.size, coarse=True)
+    grid = grid_of(solver.knots.size, coarse=True, absorbed=found.parameters.absorbs)
     for _ in range(RELINEARISED):
         used = variance if variance is not None else _variance(at, data)
         best = mode_of(at.model, grid, used)

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from bayesdamp.inference.deviation.candidate import Candidate
+from bayesdamp.inference.deviation.linear import Weighed
 from bayesdamp.inference.deviation.orbit import Cycle, cycle_at, natural_frequency, rest_of
 from bayesdamp.inference.deviation.orthant import draw
 from bayesdamp.inference.deviation.weighing import Result, Weighing
@@ -106,7 +107,8 @@ def probabilities(weighing: Weighing, exact: bool) -> dict[Candidate, float]:
             continue
         odds = THIRD if len(r.candidate.damping) > 2 else 1.0
         odds *= EXOTIC if r in weighing.forms else 1.0
-        logs[r.candidate] = weighed.log_evidence + np.log(odds)
+        sampled = r.sampled is not None and exact == (r.weighed is None)
+        logs[r.candidate] = (r.log_evidence if sampled else weighed.log_evidence) + np.log(odds)
     if not logs:  # none could be linearised: exact laws are all that is known
         return probabilities(weighing, True)
     top = max(logs.values())
@@ -225,21 +227,26 @@ def _draws_of(
     assert weighed is not None
     d, parameters = result.fit.z.size, result.fit.parameters
     knots = weighing.solvers[result.candidate.restoring].knots.size
-    weights = np.where(weighed.weights > NEGLIGIBLE, weighed.weights, 0.0)
-    numbers = rng.multinomial(count, weights / weights.sum())
-    places = np.flatnonzero(parameters.positive)
-    parts = [
-        draw(rng, weighed.means[i], weighed.factors[i], places, int(numbers[i]))
-        for i in np.flatnonzero(numbers)
-    ]
-    u = np.concatenate(parts)
+    u = _posterior(result, weighed, count, rng)
     z, rest = u[:, :d], u[:, d:]
     if not approximate:
         rest = np.zeros((count, 2 * knots))
     m = len(weighing.solvers[result.candidate.restoring].terms)
     r = len(LAWS.get(result.candidate.restoring).parameters)
-    values = np.array([parameters.values(row) for row in z])
+    values = parameters.values(z)
     return _Drawn(result, values[:, :m], rest[:, :knots], rest[:, knots:], values[:, m : m + r])
+
+
+def _posterior(result: Result, weighed: Weighed, count: int, rng: np.random.Generator) -> np.ndarray:
+    """Draws u, (count, K), of a candidate's posterior: of its motions where they were sampled."""
+    if result.sampled is not None and result.sampled.trusted:
+        drawn = result.sampled.draws
+        return drawn[rng.choice(len(drawn), count, replace=count > len(drawn))]
+    weights = np.where(weighed.weights > NEGLIGIBLE, weighed.weights, 0.0)
+    numbers = rng.multinomial(count, weights / weights.sum())
+    places, taken = np.flatnonzero(result.fit.parameters.positive), np.flatnonzero(numbers)
+    parts = [draw(rng, weighed.means[i], weighed.factors[i], places, int(numbers[i])) for i in taken]
+    return np.concatenate(parts)
 
 
 def _times(result: Result) -> tuple[np.ndarray, np.ndarray]:
@@ -428,14 +435,8 @@ def _exponent(weighing: Weighing, approximate: bool, rng: np.random.Generator) -
         return None
     parameters = result.fit.parameters
     place = parameters.free_names.index("exponent")
-    weights = np.where(weighed.weights > NEGLIGIBLE, weighed.weights, 0.0)
-    numbers = rng.multinomial(DRAWS, weights / weights.sum())
-    positive = np.flatnonzero(parameters.positive)
-    parts = [
-        draw(rng, weighed.means[i], weighed.factors[i], positive, int(numbers[i]))[:, place]
-        for i in np.flatnonzero(numbers)
-    ]
-    return _quantity(parameters.priors["exponent"].value(np.concatenate(parts)))
+    scores = _posterior(result, weighed, DRAWS, rng)[:, place]
+    return _quantity(parameters.priors["exponent"].value(scores))
 
 
 def _size(weighing: Weighing, d: _Drawn, values: np.ndarray) -> np.ndarray:

@@ -34,10 +34,15 @@ def knots_of(duration: float, cycles: float) -> np.ndarray:
 
 
 @lru_cache(maxsize=32)
-def grid_of(knots: int, exact: bool = False, coarse: bool = False) -> Grid:
+def grid_of(
+    knots: int, exact: bool = False, coarse: bool = False, absorbed: tuple[bool, bool] = (False, False)
+) -> Grid:
     """The grid for so many knots.
 
     exact: only that both laws hold exactly; coarse: every other size, and the shortest and the longest length.
+    absorbed: whether a constant deviation of damping, and of frequency, is a parameter's already (a coefficient, the
+    stiffness): then it is taken about its mean over the record. One that is in both is seen by no record, and would
+    only stretch the posterior along a curve that its linear model leaves.
     """
     sizes_g, sizes_h = ((), ()) if exact else (SIZES_G[:: 2 if coarse else 1], SIZES_H[:: 2 if coarse else 1])
     lengths = LENGTHS[::2] if coarse else LENGTHS
@@ -48,16 +53,25 @@ def grid_of(knots: int, exact: bool = False, coarse: bool = False) -> Grid:
     roots = {
         length: np.linalg.cholesky(np.exp(-apart / length) + JITTER * np.eye(knots)) for length in LENGTHS
     }
+    centre = np.eye(knots) - _mean_over(knots)
+    about_g, about_h = (centre if yes else np.eye(knots) for yes in absorbed)
     factors = np.zeros((len(one) * len(other), 2 * knots, 2 * knots))
     rows = []
     for i, (g, length_g, mass_g) in enumerate(one):
         for j, (h, length_h, mass_h) in enumerate(other):
             at = factors[i * len(other) + j]
-            at[:knots, :knots] = g * roots[length_g]
-            at[knots:, knots:] = h * roots[length_h]
+            at[:knots, :knots] = g * about_g @ roots[length_g]
+            at[knots:, knots:] = h * about_h @ roots[length_h]
             rows.append((g, h, mass_g + mass_h))
     size_g, size_h, log_prior = np.array(rows).T
     return Grid(size_g, size_h, log_prior, factors)
+
+
+def _mean_over(knots: int) -> np.ndarray:
+    """The mean over the record of what is linear between knots, as a matrix, (n, n): each row its weights."""
+    weights = np.ones(knots)
+    weights[:1] = weights[-1:] = 0.5
+    return np.tile(weights / np.sum(weights), (knots, 1))
 
 
 def _masses(

@@ -9,7 +9,7 @@ import numpy as np
 
 from bayesdamp.inference.deviation.parameters import Parameters
 from bayesdamp.physics.kernel import Motion, Solver
-from bayesdamp.physics.kernel.solve import NONE, PARAMETERS
+from bayesdamp.physics.kernel.solve import NONE, PARAMETERS, TOLERANCE
 
 FIRST_DAMPING, MORE, LESS, MOST_DAMPING = 1e-3, 8.0, 0.2, 1e8
 """Damping of a step: at first, by what it grows where a step fails and shrinks where it succeeds, and where the search
@@ -18,6 +18,8 @@ MOST_STEPS = 40
 ROUGH, CLOSE = 1e-3, 1e-7
 """Relative fall of the sum of squares from which a window's, and the record's, search has ended."""
 FIRST_CYCLES = 2.0
+SEARCHED = 1e-6
+"""Error of a step, as a share of the amplitude, while a search is under way: a third of the time (measured)."""
 
 
 @dataclass(frozen=True)
@@ -85,11 +87,15 @@ def fit(
         span *= 2
     before = 0
     for stop in stops:
-        part = _search(solver, parameters, active, y, z, noise, stop)
+        part = _search(solver, parameters, active, y, z, noise, stop, SEARCHED)
         if part is None:
             return None
         z, before = part.z, before + part.evaluations
-    found = _search(solver, parameters, active, y, z, noise, None)
+    rough = _search(solver, parameters, active, y, z, noise, None, SEARCHED)
+    if rough is None:
+        return None
+    before += rough.evaluations
+    found = _search(solver, parameters, active, y, rough.z, noise, None, TOLERANCE)
     return None if found is None else replace(found, evaluations=before + found.evaluations)
 
 
@@ -101,11 +107,12 @@ def _search(
     z: np.ndarray,
     noise: float,
     stop: int | None,
+    tolerance: float,
 ) -> Fit | None:
     y = y[:stop]
 
     def at(z: np.ndarray, tangents: int) -> tuple[np.ndarray, np.ndarray, Motion] | None:
-        motion = solver.solve(parameters.values(z), active, tangents=tangents, stop=stop)
+        motion = solver.solve(parameters.values(z), active, tangents=tangents, stop=stop, tolerance=tolerance)
         if motion is None:
             return None
         slopes = parameters.slopes(z)
@@ -116,7 +123,7 @@ def _search(
     if here is None:
         return None
     r, jacobian, motion = here
-    damping, count, close = FIRST_DAMPING, 1, CLOSE if stop is None else ROUGH
+    damping, count, close = FIRST_DAMPING, 1, CLOSE if tolerance == TOLERANCE else ROUGH
     for _ in range(MOST_STEPS):
         variance = max(float(r @ r) / r.size, noise**2)
         cost = float(r @ r) + variance * float(z @ z)

@@ -39,12 +39,22 @@ class Parameters:
         """Which of the scores, (d,), must not be negative: those of half-normal priors."""
         return np.array([isinstance(self.priors[n], HalfNormal) for n in self.free_names], bool)
 
+    @cached_property
+    def _fixed(self) -> np.ndarray:
+        return np.array([self.known.get(n, 0.0) for n in self.names], float)
+
     def values(self, z: np.ndarray) -> np.ndarray:
-        """The kernel's parameters at scores z, (d,): shape (k,)."""
-        p = np.array([self.known.get(n, 0.0) for n in self.names], float)
-        for i, name, score in zip(self.free, self.free_names, z, strict=True):
-            p[i] = float(self.priors[name].value(np.asarray(score)))
+        """The kernel's parameters at scores z, (..., d): shape (..., k)."""
+        p = np.empty((*z.shape[:-1], self._fixed.size))
+        p[...] = self._fixed
+        for j, (i, name) in enumerate(zip(self.free, self.free_names, strict=True)):
+            p[..., i] = self.priors[name].value(z[..., j])
         return p
+
+    @property
+    def absorbs(self) -> tuple[bool, bool]:
+        """Whether a constant deviation of damping, and of frequency, is in a parameter that is inferred already."""
+        return bool(np.any(self.positive)), "stiffness" in self.priors
 
     def scores(self, values: Mapping[str, float]) -> np.ndarray:
         """Scores of values by name, (d,), within ±6."""

@@ -25,10 +25,12 @@ from bayesdamp.inference.deviation.least_squares import Fit, fit
 from bayesdamp.inference.deviation.linear import Linear, Weighed, weigh
 from bayesdamp.inference.deviation.noise import inflation
 from bayesdamp.inference.deviation.orbit import rest_of
+from bayesdamp.inference.deviation.tempered import Sampled
 from bayesdamp.physics.damping import TERMS
 from bayesdamp.physics.forms import acting
 from bayesdamp.physics.kernel import Motion, Solver
 from bayesdamp.priors import Prior
+from bayesdamp.threads import at_once
 from bayesdamp.types import Refusal
 
 SHARES = (0.05, 0.02, 0.01, 0.005, 0.002)
@@ -51,12 +53,22 @@ class Result:
     """One candidate weighed: log evidence (nats) under exact laws and under approximate ones."""
 
     candidate: Candidate
+    solver: Solver
     fit: Fit
     exact: Linear
     exact_weighed: Weighed
     exact_variance: float
     about: Linearised | None = None
     weighed: Weighed | None = None
+    sampled: Sampled | None = None
+
+    @property
+    def log_evidence(self) -> float:
+        """Under the laws that are asked for, in nats: of the motions where they were sampled, else of the linear
+        model."""
+        if self.sampled is not None and self.sampled.trusted:
+            return self.sampled.log_evidence
+        return (self.exact_weighed if self.weighed is None else self.weighed).log_evidence
 
     @property
     def motion(self) -> Motion:
@@ -123,7 +135,6 @@ def weigh_all(
     }
     refused: dict[Candidate, str] = {}
     fits: dict[Candidate, Fit] = {}
-    wholes: dict[str, tuple[Linearised, float]] = {}
 
     def seek(c: Candidate, near: Fit | None) -> None:
         solver, of_law = solvers[c.restoring], known_under(c.restoring)
@@ -140,8 +151,9 @@ def weigh_all(
         else:
             fits[c] = found
 
-    for law in laws:
-        seek(Candidate(terms, law), None)
+    for solver in solvers.values():
+        assert solver.kernel  # compiled before several threads ask for it
+    at_once(lambda law: seek(Candidate(terms, law), None), laws)
     frictions = [] if given is not None else _frictions(data, solvers, fits, reference.peak_velocity)
     if frictions:
         first = max(frictions, key=lambda f: f.weight)
@@ -151,42 +163,45 @@ def weigh_all(
             for law in laws:
                 solvers[law] = replace(solvers[law], epsilon=epsilon)
             _refitted(data, solvers, fits)
-    for law in laws:
-        whole = Candidate(terms, law)
-        if whole in fits:
-            about = relinearised(whole, solvers[law], data, fits[whole], None)
-            if about is not None:
-                wholes[law] = about
+    found_wholes = [Candidate(terms, law) for law in laws if Candidate(terms, law) in fits]
+    relinear = at_once(lambda c: relinearised(c, solvers[c.restoring], data, fits[c], None), found_wholes)
+    wholes = {c.restoring: at for c, at in zip(found_wholes, relinear, strict=True) if at is not None}
     if not wholes:
         raise Refusal("no motion under any of the laws stays in phase with the record")
     variance, kappa = _noise(data, wholes)
     noise = variance, kappa
     kept = _laws_kept(wholes, variance, data.y.size / kappa, knots.size)
-    results = []
+    asked: list[Candidate] = []
     for c in candidates:
-        whole = Candidate(terms, c.restoring)
         if c.restoring not in kept:
             refused.setdefault(c, "its restoring law is out of the question")
             continue
+        asked.append(c)
+
+    def weighed(c: Candidate) -> Result | None:
         if c not in fits:
-            seek(c, fits[whole])
+            seek(c, fits[Candidate(terms, c.restoring)])
         if c not in fits:
-            continue
-        results.append(_weighed(c, solvers[c.restoring], fits[c], data, noise, approximate))
+            return None
+        return _weighed(c, solvers[c.restoring], fits[c], data, noise, approximate)
+
+    results = [r for r in at_once(weighed, asked) if r is not None]
+    # In an order that does not depend on which core was first.
+    every = dict.fromkeys([*found_wholes, *(Candidate(terms, law) for law in laws), *candidates])
+    refused = {c: refused[c] for c in every if c in refused}
     weighing = Weighing(
         data, reference, epsilon, tuple(frictions), solvers, tuple(results), variance, kappa, refused
     )
-    return replace(weighing, **_beside(weighing, approximate)) if forms and results else weighing
+    if forms and results:
+        weighing = replace(weighing, **_beside(weighing, approximate))
+    return weighing
 
 
 def _beside(weighing: Weighing, approximate: bool) -> dict[str, Any]:
     """Rivals with another form of damping, and the power law, under the likeliest restoring law."""
     data, reference = weighing.data, weighing.reference
 
-    def height(r: Result) -> float:
-        return r.exact_weighed.log_evidence if r.weighed is None else r.weighed.log_evidence
-
-    best = max(weighing.results, key=height)
+    best = max(weighing.results, key=lambda r: r.log_evidence)
     law, near = best.candidate.restoring, best.fit.parameters.named(best.fit.z)
     plain = weighing.solvers[law]
     at = rest_of(
@@ -208,9 +223,12 @@ def _beside(weighing: Weighing, approximate: bool) -> dict[str, Any]:
     with_form = replace(plain, terms=(*plain.terms, FORM))
     rest = [t for t in plain.terms if t != LIKE]
     sums = [(*c, FORM) for n in range(len(rest) + 1) for c in combinations(rest, n)]
-    rivals = [weighed(Candidate(terms, law), with_form, [{}]) for terms in sums]
-    alone = Candidate(("power",), law)
-    power = weighed(alone, replace(plain, terms=("power",)), [{"exponent": p} for p in (0.2, 1.0, 1.8)])
+    of_power = replace(plain, terms=("power",))
+    assert with_form.kernel
+    assert of_power.kernel
+    jobs = [(Candidate(terms, law), with_form, [{}]) for terms in sums]
+    jobs.append((Candidate(("power",), law), of_power, [{"exponent": p} for p in (0.2, 1.0, 1.8)]))
+    *rivals, power = at_once(lambda job: weighed(*job), jobs)
     return {"forms": tuple(r for r in rivals if r is not None), "power": power}
 
 
@@ -227,8 +245,9 @@ def _weighed(
     samples, linear = data.y.size / kappa, exact(found)
     own = data.least_variance + kappa * found.squares / max(data.y.size - found.z.size, 1)
     about = relinearised(c, solver, data, found, variance) if approximate else None
-    over = weigh(about[0].model, grid_of(solver.knots.size), variance, samples) if about else None
-    return Result(c, found, linear, _exact(linear, own, samples), own, about[0] if about else None, over)
+    grid = grid_of(solver.knots.size, absorbed=found.parameters.absorbs)
+    over = weigh(about[0].model, grid, variance, samples) if about else None
+    return Result(c, solver, found, linear, _exact(linear, own, samples), own, about[0] if about else None, over)
 
 
 def _frictions(
@@ -246,14 +265,16 @@ def _frictions(
     top = fits[best]
     if not any(top.parameters.values(top.z)[i] > 0 for i in switching):
         return []
-    tried, m = [], len(terms)
-    for share in SHARES:
-        under = replace(solvers[best.restoring], epsilon=share * peak)
-        new = fit(under, top.parameters, top.active, data.y, top.z, noise=data.noise, windows=False)
-        if new is not None:
-            tried.append(
-                (share * peak, -0.5 * data.y.size * np.log(new.squares), new.parameters.values(new.z)[:m])
-            )
+    m = len(terms)
+
+    def under(share: float) -> tuple[float, float, np.ndarray] | None:
+        solver = replace(solvers[best.restoring], epsilon=share * peak)
+        new = fit(solver, top.parameters, top.active, data.y, top.z, noise=data.noise, windows=False)
+        if new is None:
+            return None
+        return share * peak, -0.5 * data.y.size * np.log(new.squares), new.parameters.values(new.z)[:m]
+
+    tried = [found for found in at_once(under, SHARES) if found is not None]
     logs = np.array([log for _, log, _ in tried])
     weights = np.exp(logs - logs.max())
     return [Friction(e, float(w), c) for (e, _, c), w in zip(tried, weights / weights.sum(), strict=True)]
@@ -261,11 +282,16 @@ def _frictions(
 
 def _refitted(data: Data, solvers: Mapping[str, Solver], fits: dict[Candidate, Fit]) -> None:
     """Fits anew under the solvers' ε."""
-    for c in list(fits):
-        solver = solvers[c.restoring]
-        new = fit(
-            solver, fits[c].parameters, fits[c].active, data.y, fits[c].z, noise=data.noise, windows=False
+
+
+    def again(c: Candidate) -> Fit | None:
+        at = fits[c]
+        return fit(
+            solvers[c.restoring], at.parameters, at.active, data.y, at.z, noise=data.noise, windows=False
         )
+
+    every = list(fits)
+    for c, new in zip(every, at_once(again, every), strict=True):
         if new is not None:
             fits[c] = new
 
@@ -274,8 +300,10 @@ def _laws_kept(
     wholes: Mapping[str, tuple[Linearised, float]], variance: float, samples: float, knots: int
 ) -> set[str]:
     """The laws whose sum of all terms is within reach of the best."""
-    grid = grid_of(knots, coarse=True)
-    found = {law: weigh(at.model, grid, variance, samples).log_evidence for law, (at, _) in wholes.items()}
+    found = {}
+    for law, (at, _) in wholes.items():
+        grid = grid_of(knots, coarse=True, absorbed=at.parameters.absorbs)
+        found[law] = weigh(at.model, grid, variance, samples).log_evidence
     best = max(found.values())
     return {law for law, value in found.items() if value > best - REACH}
 
