@@ -95,20 +95,20 @@ def test_no_import_goes_backward() -> None:
 @pytest.mark.parametrize(
     ("module", "source"),
     [
-        ("bayesdamp.physics.oscillator", "from bayesdamp.signals.features import features"),
-        ("bayesdamp.physics.oscillator", "def f():\n    import bayesdamp.study"),
-        ("bayesdamp.signals.read", "from bayesdamp import estimators"),
-        ("bayesdamp.estimators.refine", "from bayesdamp.inference.target import make_target"),
-        ("bayesdamp.inference.target", "from bayesdamp.estimators import ESTIMATORS"),
+        ("bayesdamp.physics.oscillator", "from bayesdamp.records.oscillation.features import features"),
+        ("bayesdamp.physics.oscillator", "def f():\n    import bayesdamp.pipeline"),
+        ("bayesdamp.records.read", "from bayesdamp import estimators"),
+        ("bayesdamp.estimators.refine", "from bayesdamp.inference.model.target import make_target"),
+        ("bayesdamp.inference.model.target", "from bayesdamp.estimators import ESTIMATORS"),
         ("bayesdamp.estimators.methods.pinn", "from ...inference import target"),
         ("bayesdamp.report.render", "from bayesdamp.physics.oscillator import Oscillator"),
         ("bayesdamp.report.render", "if TYPE_CHECKING:\n    from bayesdamp.config import Study"),
         ("bayesdamp.store", "from bayesdamp.report import render"),
         ("bayesdamp.config.load", "from bayesdamp.estimators.methods.pinn import PLUGIN"),
-        ("bayesdamp.config.load", "from bayesdamp.signals.read import read_record"),
+        ("bayesdamp.config.load", "from bayesdamp.records.read import read_record"),
         ("bayesdamp.types", "from bayesdamp.physics.damping import TERMS"),
-        ("bayesdamp.validation.records", "from bayesdamp.physics.integrate import simulate"),
-        ("bayesdamp.inference.target", "from bayesdamp.interface.model import Model"),
+        ("bayesdamp.validation.truth.records", "from bayesdamp.physics.integrate import simulate"),
+        ("bayesdamp.inference.model.target", "from bayesdamp.interface.model import Model"),
     ],
 )
 def test_a_backward_import_is_seen(module: str, source: str) -> None:
@@ -118,10 +118,10 @@ def test_a_backward_import_is_seen(module: str, source: str) -> None:
 @pytest.mark.parametrize(
     ("module", "source"),
     [
-        ("bayesdamp.study", "from bayesdamp.inference.target import make_target"),
+        ("bayesdamp.pipeline", "from bayesdamp.inference.model.target import make_target"),
         ("bayesdamp.config.load", "from bayesdamp.estimators import ESTIMATORS"),
         ("bayesdamp.estimators.methods.pinn", "from ..shared import known"),
-        ("bayesdamp.inference.target", "from bayesdamp import __version__\nimport numpy"),
+        ("bayesdamp.inference.model.target", "from bayesdamp import __version__\nimport numpy"),
     ],
 )
 def test_a_forward_import_passes(module: str, source: str) -> None:
