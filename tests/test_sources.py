@@ -123,7 +123,7 @@ def keys(copy: Path) -> dict[str, str]:
     ("file", "changes"),
     [
         ("report/render.py", ()),
-        ("cli.py", ()),
+        ("cli/app.py", ()),
         ("inference/samplers/emcee.py", ("/emcee", "averaged/")),
         ("physics/damping/quadratic.py", ("quadratic", "viscous/sindy", "averaged/", *AFTER_SINDY)),
         ("physics/integrate.py", ("",)),

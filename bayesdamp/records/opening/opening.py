@@ -8,10 +8,12 @@ import stat
 import warnings
 from pathlib import Path
 
+import numpy as np
+
 from bayesdamp.records.files import limits
 from bayesdamp.records.files.contents import Contents, Reader
 from bayesdamp.records.opening.isolated import load_isolated
-from bayesdamp.records.opening.packing import read_packed, unpacked
+from bayesdamp.records.opening.packing import packed, unpacked
 from bayesdamp.records.readers import READERS
 from bayesdamp.types import InputError
 
@@ -68,6 +70,13 @@ def read_here(path: Path) -> Contents:
     if not found.columns:
         raise fault(path, f"no column of numbers in it ({reader.format}); give one that holds a record")
     return found
+
+
+def read_packed(path: Path, largest: float = limits.LARGEST) -> dict[str, np.ndarray]:
+    """The contents of a file, packed: what a process does that reads for another, whose limit in bytes holds here too.
+    Raises InputError as `contents`."""
+    limits.LARGEST = largest
+    return packed(read_here(path))
 
 
 def reader_of(path: Path) -> Reader:

@@ -4,12 +4,10 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from bayesdamp.records.files import limits
 from bayesdamp.records.files.contents import Column, Contents
 
 _REST = "rest"
@@ -40,12 +38,3 @@ def unpacked(arrays: Mapping[str, np.ndarray]) -> Contents:
         for i, (said, words) in enumerate((said, said.pop("words")) for said in rest.pop("columns"))
     )
     return Contents(columns=columns, lines=arrays.get("lines"), **rest | {"notes": tuple(rest["notes"])})
-
-
-def read_packed(path: Path, largest: float = limits.LARGEST) -> dict[str, np.ndarray]:
-    """The contents of a file, packed: what a process does that reads for another, whose limit in bytes holds here too.
-    Raises InputError as `contents`."""
-    from bayesdamp.records.opening.opening import read_here
-
-    limits.LARGEST = largest
-    return packed(read_here(path))

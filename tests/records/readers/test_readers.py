@@ -13,8 +13,8 @@ import pytest
 from scipy.io import savemat, wavfile
 
 from bayesdamp.records.files.contents import Contents, Reader
-from bayesdamp.records.opening.opening import contents
-from bayesdamp.records.opening.packing import read_packed, unpacked
+from bayesdamp.records.opening.opening import contents, read_packed
+from bayesdamp.records.opening.packing import unpacked
 from bayesdamp.records.read import read_record, read_records
 from bayesdamp.records.readers import READERS
 from bayesdamp.records.record import RawRecord
