@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from bayesdamp.inference.defaults import Reference
 from bayesdamp.inference.deviation.candidate import (
     Candidate,
     Linearised,
@@ -20,17 +19,18 @@ from bayesdamp.inference.deviation.candidate import (
     searched,
 )
 from bayesdamp.inference.deviation.data import Data
-from bayesdamp.inference.deviation.hyperparameters import grid_of, knots_of
+from bayesdamp.inference.deviation.gaussian.hyperparameters import grid_of, knots_of
+from bayesdamp.inference.deviation.gaussian.linear import Linear, Weighed, weigh
+from bayesdamp.inference.deviation.gaussian.noise import inflation
 from bayesdamp.inference.deviation.least_squares import Fit, fit
-from bayesdamp.inference.deviation.linear import Linear, Weighed, weigh
-from bayesdamp.inference.deviation.noise import inflation
 from bayesdamp.inference.deviation.orbit import rest_of
-from bayesdamp.inference.deviation.tempered import Sampled
+from bayesdamp.inference.deviation.sampled.tempered import Sampled
+from bayesdamp.inference.model.defaults import Reference
+from bayesdamp.machine.threads import at_once
 from bayesdamp.physics.damping import TERMS
 from bayesdamp.physics.forms import acting
 from bayesdamp.physics.kernel import Motion, Solver
 from bayesdamp.priors import Prior
-from bayesdamp.threads import at_once
 from bayesdamp.types import Refusal
 
 SHARES = (0.05, 0.02, 0.01, 0.005, 0.002)
@@ -247,7 +247,9 @@ def _weighed(
     about = relinearised(c, solver, data, found, variance) if approximate else None
     grid = grid_of(solver.knots.size, absorbed=found.parameters.absorbs)
     over = weigh(about[0].model, grid, variance, samples) if about else None
-    return Result(c, solver, found, linear, _exact(linear, own, samples), own, about[0] if about else None, over)
+    return Result(
+        c, solver, found, linear, _exact(linear, own, samples), own, about[0] if about else None, over
+    )
 
 
 def _frictions(
@@ -282,7 +284,6 @@ def _frictions(
 
 def _refitted(data: Data, solvers: Mapping[str, Solver], fits: dict[Candidate, Fit]) -> None:
     """Fits anew under the solvers' ε."""
-
 
     def again(c: Candidate) -> Fit | None:
         at = fits[c]

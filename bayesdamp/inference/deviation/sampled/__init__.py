@@ -1,0 +1,1 @@
+"""Posteriors of the motions themselves under laws that hold approximately."""

@@ -1,0 +1,183 @@
+"""The posterior of the motions themselves, by a sequential Monte Carlo sampler that starts from the linear model's.
+
+Draws of the linear posterior are led to the one that solves every motion, along L_linear^(1−β) L^β with β from 0 to 1
+(P. Del Moral, A. Doucet and A. Jasra, J. R. Stat. Soc. B 68, 2006, 411). Both ends share prior and noise, so that a
+draw's weight is the ratio of two likelihoods, and the moves are Crank–Nicolson steps that leave the linear posterior as
+it is (S. L. Cotter, G. O. Roberts, A. M. Stuart and D. White, Stat. Sci. 28, 2013, 424): their acceptance asks for that
+ratio alone, in any number of dimensions.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import brentq
+from scipy.special import logsumexp
+
+from bayesdamp.inference.deviation.data import Data
+from bayesdamp.inference.deviation.gaussian.linear import Linear, Weighed
+from bayesdamp.inference.deviation.gaussian.orthant import draw
+from bayesdamp.inference.deviation.parameters import Parameters
+from bayesdamp.machine.threads import at_once
+from bayesdamp.physics.kernel import Solver
+from bayesdamp.physics.kernel.solve import NONE
+
+NEGLIGIBLE = 1e-4
+"""Weight of a combination of hyperparameters below which none is drawn from it."""
+DRAWS = 400
+KEPT = 0.5
+"""Share of the draws that the weights of one temperature must be worth (conventional)."""
+MOVES, LAST = 3, 6
+"""Moves of every draw at each temperature, and at the last."""
+FIRST_STEP, LEAST_STEP = 0.5, 0.02
+WANTED = 0.35
+"""Acceptance that the step is steered to."""
+MOST_TEMPERATURES = 30
+MOVED = 0.05
+"""Acceptance at the last temperature below which the draws are not trusted."""
+
+
+@dataclass(frozen=True)
+class Sampled:
+    """Draws of the posterior of the motions themselves.
+
+    draws: u = (scores, log g, h), (n, K), with equal weights; log_evidence in nats with its standard error;
+    temperatures: how many were passed; acceptance: of the last moves; solved: motions.
+    """
+
+    draws: np.ndarray
+    log_evidence: float
+    stderr: float
+    temperatures: int
+    acceptance: float
+    solved: int
+
+    @property
+    def trusted(self) -> bool:
+        return self.acceptance >= MOVED
+
+
+@dataclass
+class _Cloud:
+    """Draws on their way: the combination of hyperparameters each came from, (n,), u, (n, K), log of L / L_linear."""
+
+    combo: np.ndarray
+    u: np.ndarray
+    ratio: np.ndarray
+
+    def taken(self, rows: np.ndarray) -> None:
+        self.combo, self.u, self.ratio = self.combo[rows], self.u[rows], self.ratio[rows]
+
+
+def likelihood_ratio(
+    solver: Solver,
+    parameters: Parameters,
+    active: np.ndarray,
+    model: Linear,
+    data: Data,
+    variance: float,
+) -> Callable[[np.ndarray], np.ndarray]:
+    """Log of the likelihood of the motion itself over the linear model's, of draws (n, K): (n,), −∞ where it escapes.
+
+    variance: of the noise that counts, in the record's unit squared.
+    """
+    d, n = parameters.free.size, solver.knots.size
+
+    def squares(row: np.ndarray) -> float:
+        g, h = (np.expm1(row[d : d + n]), row[d + n :]) if row.size > d else (None, None)
+        motion = solver.solve(parameters.values(row[:d]), active, g, h, NONE)
+        return np.inf if motion is None else float(np.sum((data.y - motion.y) ** 2))
+
+    def ratio(u: np.ndarray) -> np.ndarray:
+        exact = np.array(at_once(squares, u))
+        linear = np.sum((u @ model.root.T - model.target) ** 2, axis=1) + model.rest
+        return 0.5 * (linear - exact) / variance
+
+    return ratio
+
+
+def sampled(
+    ratio: Callable[[np.ndarray], np.ndarray],
+    weighed: Weighed,
+    positive: np.ndarray,
+    *,
+    draws: int = DRAWS,
+    seed: int = 0,
+) -> Sampled:
+    """Draws and evidence of the posterior that is `ratio` times the linear one.
+
+    ratio: as `likelihood_ratio` gives it; positive: which scores must not be negative, (d,).
+    """
+    rng = np.random.default_rng(seed)
+    cloud = _first(rng, weighed, positive, draws)
+    cloud.ratio = ratio(cloud.u)
+    solved, beta, step, log_evidence, variance, passed = draws, 0.0, FIRST_STEP, 0.0, 0.0, 0
+    accepted = 1.0
+    while beta < 1.0 and passed < MOST_TEMPERATURES:
+        rise = _rise(cloud.ratio, 1.0 - beta)
+        logs = rise * np.maximum(cloud.ratio, -1e300)
+        log_evidence += float(logsumexp(logs)) - np.log(draws)
+        weights = np.exp(logs - logsumexp(logs))
+        variance += float(np.sum(weights**2)) - 1.0 / draws
+        beta, passed = beta + rise, passed + 1
+        cloud.taken(_systematic(rng, weights))
+        for _ in range(LAST if beta >= 1.0 else MOVES):
+            accepted = _moved(rng, cloud, weighed, positive, ratio, beta, step)
+            step = float(np.clip(step * np.exp(accepted - WANTED), LEAST_STEP, 1.0))
+            solved += draws
+    if beta < 1.0:
+        accepted = 0.0
+    return Sampled(
+        cloud.u, weighed.log_evidence + log_evidence, float(np.sqrt(max(variance, 0.0))), passed, accepted, solved
+    )  # fmt: skip
+
+
+def _first(rng: np.random.Generator, weighed: Weighed, positive: np.ndarray, count: int) -> _Cloud:
+    weights = np.where(weighed.weights > NEGLIGIBLE, weighed.weights, 0.0)
+    numbers = rng.multinomial(count, weights / weights.sum())
+    places, taken = np.flatnonzero(positive), np.flatnonzero(numbers)
+    parts = [draw(rng, weighed.means[i], weighed.factors[i], places, int(numbers[i])) for i in taken]
+    return _Cloud(np.repeat(taken, numbers[taken]), np.concatenate(parts), np.zeros(count))
+
+
+def _rise(ratio: np.ndarray, most: float) -> float:
+    """By how much β may rise so that the weights stay worth `KEPT` of the draws."""
+
+    def worth(rise: float) -> float:
+        logs = rise * np.maximum(ratio, -1e300)
+        return float(np.exp(2 * logsumexp(logs) - logsumexp(2 * logs))) / ratio.size - KEPT
+
+    if worth(most) >= 0:
+        return most
+    return float(brentq(worth, 1e-12, most, xtol=1e-6))
+
+
+def _systematic(rng: np.random.Generator, weights: np.ndarray) -> np.ndarray:
+    """Rows by systematic resampling (Kitagawa 1996)."""
+    at = (rng.random() + np.arange(weights.size)) / weights.size
+    return np.minimum(np.searchsorted(np.cumsum(weights), at), weights.size - 1)
+
+
+def _moved(
+    rng: np.random.Generator,
+    cloud: _Cloud,
+    weighed: Weighed,
+    positive: np.ndarray,
+    ratio: Callable[[np.ndarray], np.ndarray],
+    beta: float,
+    step: float,
+) -> float:
+    """One Crank–Nicolson step of every draw within its combination of hyperparameters; the share that moved."""
+    means, factors = weighed.means[cloud.combo], weighed.factors[cloud.combo]
+    noise = np.einsum("nij,nj->ni", factors, rng.standard_normal(cloud.u.shape))
+    new = means + np.sqrt(1 - step**2) * (cloud.u - means) + step * noise
+    inside = np.all(new[:, np.flatnonzero(positive)] >= 0, axis=1)
+    there = np.full(len(new), -np.inf)
+    if inside.any():
+        there[inside] = ratio(new[inside])
+    gain = beta * (there - np.where(np.isfinite(cloud.ratio), cloud.ratio, -1e300))
+    yes = np.log(rng.random(len(new))) < gain
+    cloud.u[yes], cloud.ratio[yes] = new[yes], there[yes]
+    return float(np.mean(yes))
