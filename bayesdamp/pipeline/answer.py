@@ -65,9 +65,9 @@ def answer(
     amplitudes: where the damping ratio is given (rad or m); three of the record by default. deviation: "none", laws
     hold exactly; "law" or "auto", they may hold approximately. known: values of parameters, or a function from a law's
     name to them; priors: by parameter. sensor: relative linearity of the sensor, the floor of every rate. measured:
-    whether probabilities are capped. notes: sentences on the record, for the remarks. sample: whether motions themselves are sampled, and not
-    their linear model alone. Of a signal on which nothing can
-    be said the grade is `not_weighed` and the sentence says why.
+    whether probabilities are capped. notes: sentences on the record, for the remarks. sample: whether motions
+    themselves are sampled, and not their linear model alone. Of a signal on which nothing can be said the grade is
+    `not_weighed` and the sentence says why.
     """
     if deviation not in DEVIATIONS:
         raise InputError(f"deviation = {deviation!r}: must be one of {', '.join(DEVIATIONS)}")

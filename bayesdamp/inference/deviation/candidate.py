@@ -10,12 +10,12 @@ import numpy as np
 from bayesdamp.inference.deviation.data import Data
 from bayesdamp.inference.deviation.gaussian.hyperparameters import Grid, grid_of
 from bayesdamp.inference.deviation.gaussian.linear import Linear, Weighed, condensed, weigh
-from bayesdamp.inference.deviation.least_squares import Fit, fit, nonnegative
+from bayesdamp.inference.deviation.least_squares import SEARCHED, Fit, fit, nonnegative
 from bayesdamp.inference.deviation.parameters import Parameters
 from bayesdamp.inference.model.defaults import RATIO_SCALE, Reference, default_prior
 from bayesdamp.physics.forms import FORMS, acting
 from bayesdamp.physics.kernel import Motion, Solver
-from bayesdamp.physics.kernel.solve import ALL
+from bayesdamp.physics.kernel.solve import ALL, NONE
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.priors import HalfNormal, Prior, Uniform
@@ -112,12 +112,14 @@ def linearised(
     z, g, h = np.split(u, [found.z.size, found.z.size + n])
     if np.max(np.abs(g), initial=0.0) > MOST_G or np.max(np.abs(h), initial=0.0) > MOST_H:
         return None
-    motion = solver.solve(found.parameters.values(z), found.active, np.expm1(g), h, ALL)
-    if motion is None:
+    p, factor = found.parameters.values(z), np.expm1(g)
+    motion = solver.solve(p, found.active, factor, h, NONE)
+    moved = solver.solve(p, found.active, factor, h, ALL, tolerance=SEARCHED)
+    if motion is None or moved is None:
         return None
     k = len(solver.names)
-    scores = motion.tangents[:, found.parameters.free] * found.parameters.slopes(z)
-    tangents = motion.tangents[:, k:].copy()
+    scores = moved.tangents[:, found.parameters.free] * found.parameters.slopes(z)
+    tangents = moved.tangents[:, k:].copy()
     tangents[:, :n] *= np.exp(g)
     columns = np.column_stack([scores, tangents])
     r = data.y - motion.y

@@ -17,9 +17,12 @@ ends (conventional)."""
 MOST_STEPS = 40
 ROUGH, CLOSE = 1e-3, 1e-7
 """Relative fall of the sum of squares from which a window's, and the record's, search has ended."""
+NOTHING = 0.1
+"""Share of the fall that ends a search which a step must promise to be tried."""
 FIRST_CYCLES = 2.0
 SEARCHED = 1e-6
-"""Error of a step, as a share of the amplitude, while a search is under way: a third of the time (measured)."""
+"""Error of a step, as a share of the amplitude, while a search is under way, and of all tangents: a third of
+the time (measured)."""
 
 
 @dataclass(frozen=True)
@@ -111,42 +114,43 @@ def _search(
 ) -> Fit | None:
     y = y[:stop]
 
-    def at(z: np.ndarray, tangents: int) -> tuple[np.ndarray, np.ndarray, Motion] | None:
-        motion = solver.solve(parameters.values(z), active, tangents=tangents, stop=stop, tolerance=tolerance)
-        if motion is None:
-            return None
-        slopes = parameters.slopes(z)
-        found = motion.tangents[:, parameters.free] * slopes if tangents else motion.tangents
-        return y - motion.y, found, motion
+    def at(z: np.ndarray) -> tuple[np.ndarray, Motion] | None:
+        motion = solver.solve(parameters.values(z), active, tangents=NONE, stop=stop, tolerance=tolerance)
+        return None if motion is None else (y - motion.y, motion)
 
-    here = at(z, PARAMETERS)
+    here = at(z)
     if here is None:
         return None
-    r, jacobian, motion = here
+    (r, motion), jacobian = here, np.zeros((y.size, 0))
     damping, count, close = FIRST_DAMPING, 1, CLOSE if tolerance == TOLERANCE else ROUGH
     for _ in range(MOST_STEPS):
+        moved = solver.solve(parameters.values(z), active, tangents=PARAMETERS, stop=stop, tolerance=SEARCHED)
+        if moved is None:
+            return None
+        jacobian = moved.tangents[:, parameters.free] * parameters.slopes(z)
         variance = max(float(r @ r) / r.size, noise**2)
         cost = float(r @ r) + variance * float(z @ z)
         triangle, target = _triangle(jacobian, r)
         scale = np.linalg.norm(triangle, axis=0) + 1e-300
-        step: tuple[np.ndarray, float] | None = None
-        while step is None and damping < MOST_DAMPING:
-            root = np.concatenate(
-                [triangle, np.sqrt(variance) * np.eye(z.size), np.diag(np.sqrt(damping) * scale)]
+        plain = np.concatenate([triangle, np.sqrt(variance) * np.eye(z.size)])
+        wanted = np.concatenate([target + triangle @ z, np.zeros(z.size)])
+        left = float(r @ r) - float(target @ target)
+        fall = 0.0
+        while damping < MOST_DAMPING:
+            root = np.concatenate([plain, np.diag(np.sqrt(damping) * scale)])
+            new = nonnegative(
+                root, np.concatenate([wanted, np.sqrt(damping) * scale * z]), parameters.positive
             )
-            aim = np.concatenate([target + triangle @ z, np.zeros(z.size), np.sqrt(damping) * scale * z])
-            new = nonnegative(root, aim, parameters.positive)
-            there = at(new, NONE)
-            count += 1
-            if there is not None:
-                after = float(there[0] @ there[0]) + variance * float(new @ new)
-                step = (new, after) if after < cost else None
-            damping = damping if step is not None else max(damping, 1e-6) * MORE
-        there = at(step[0], PARAMETERS) if step is not None else None
-        if step is None or there is None:
-            break
-        fall = (cost - step[1]) / cost
-        z, (r, jacobian, motion), damping = step[0], there, max(damping * LESS, 1e-12)
+            promised = cost - left - float(np.sum((plain @ new - wanted) ** 2))
+            if promised < NOTHING * close * cost:
+                break
+            there, count = at(new), count + 1
+            after = np.inf if there is None else float(there[0] @ there[0]) + variance * float(new @ new)
+            if there is not None and after < cost:
+                fall, z, (r, motion) = (cost - after) / cost, new, there
+                damping = max(damping * LESS, 1e-12)
+                break
+            damping = max(damping, 1e-6) * MORE
         if fall < close:
             break
     return Fit(parameters, active, z, r, jacobian, motion, count)

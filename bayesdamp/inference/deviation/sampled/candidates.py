@@ -8,9 +8,9 @@ from zlib import crc32
 from bayesdamp.inference.deviation.sampled.tempered import DRAWS, likelihood_ratio, sampled
 from bayesdamp.inference.deviation.weighing import Result, Weighing
 
-BEHIND = 6.0
+BEHIND = 5.0
 """Nats behind the best under linear models up to which a candidate is sampled: more than sampling has moved any by."""
-MOST = 8
+MOST = 6
 """Candidates that are sampled at most."""
 
 

@@ -26,11 +26,11 @@ from bayesdamp.physics.kernel.solve import NONE
 
 NEGLIGIBLE = 1e-4
 """Weight of a combination of hyperparameters below which none is drawn from it."""
-DRAWS = 400
+DRAWS = 300
 KEPT = 0.5
 """Share of the draws that the weights of one temperature must be worth (conventional)."""
-MOVES, LAST = 3, 6
-"""Moves of every draw at each temperature, and at the last."""
+MOVES, LAST = 2, 5
+"""Moves of every draw at each temperature, and at the last; none where the first draws are already worth `KEPT`."""
 FIRST_STEP, LEAST_STEP = 0.5, 0.02
 WANTED = 0.35
 """Acceptance that the step is steered to."""
@@ -123,7 +123,8 @@ def sampled(
         variance += float(np.sum(weights**2)) - 1.0 / draws
         beta, passed = beta + rise, passed + 1
         cloud.taken(_systematic(rng, weights))
-        for _ in range(LAST if beta >= 1.0 else MOVES):
+        straight = passed == 1 and beta >= 1.0
+        for _ in range(0 if straight else LAST if beta >= 1.0 else MOVES):
             accepted = _moved(rng, cloud, weighed, positive, ratio, beta, step)
             step = float(np.clip(step * np.exp(accepted - WANTED), LEAST_STEP, 1.0))
             solved += draws
