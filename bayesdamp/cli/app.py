@@ -78,9 +78,10 @@ def study(
 
     loaded = _load(file, plugin)
     folder = _folder(out, loaded.name)
-    from bayesdamp.pipeline import run_study
-    from bayesdamp.report.terminal import answered
+    from bayesdamp.pipeline import Depth, run_study
+    from bayesdamp.report.terminal import Told
 
+    told = Told(Console())
     status = run_study(
         loaded,
         folder,
@@ -88,8 +89,8 @@ def study(
         scheduler=scheduler,
         fresh=fresh,
         console=Console(stderr=True),
-        quick=quick,
-        answered=None if len(loaded.signals) > FIRST_WORDS else lambda verdict: answered(verdict, Console()),
+        depth=Depth.ANSWER if quick else Depth.WHOLE,
+        answered=None if len(loaded.signals) > FIRST_WORDS else told,
     )
     report = folder / "report.html"
     if report.is_file():
@@ -159,6 +160,13 @@ def compare(
     quick: Annotated[
         bool, typer.Option("--quick", help="Only the answer, within seconds; no sampling to confirm it.")
     ] = False,
+    exact: Annotated[
+        bool,
+        typer.Option(
+            "--exact",
+            help="Also a second opinion under laws that hold exactly: NUTS, bridge sampling; minutes.",
+        ),
+    ] = False,
     deviation: Annotated[
         str, typer.Option(help="auto or law: laws may hold approximately; none: they hold exactly.")
     ] = "auto",
@@ -217,14 +225,15 @@ def compare(
             for line in first_words_on(found, reading):
                 typer.echo(line, err=True)
         folder = _folder(out, made.name)
-        from bayesdamp.pipeline import run_study
+        from bayesdamp.pipeline import Depth, run_study
 
         console = Console(stderr=True)
-        from bayesdamp.report.terminal import answered, conclude
+        from bayesdamp.report.terminal import Told, conclude
 
+        depth = Depth.ANSWER if quick else Depth.WHOLE if exact else Depth.SAMPLED
         status = run_study(
-            made, folder, workers=workers, fresh=fresh, console=console, pool=pool, quick=quick,
-            answered=lambda verdict: answered(verdict, Console()),
+            made, folder, workers=workers, fresh=fresh, console=console, pool=pool, depth=depth,
+            answered=Told(Console()),
         )  # fmt: skip
     conclude(folder, Console())
     return status

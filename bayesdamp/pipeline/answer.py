@@ -11,6 +11,7 @@ from bayesdamp.inference.deviation.findings import SENSOR, findings
 from bayesdamp.inference.deviation.picture import picture
 from bayesdamp.inference.deviation.quick import weighing_of
 from bayesdamp.inference.deviation.sampled.candidates import with_samples
+from bayesdamp.inference.deviation.sampled.table import Posterior, posterior_of
 from bayesdamp.inference.deviation.weighing import Known, Weighing
 from bayesdamp.inference.model.defaults import Reference
 from bayesdamp.physics.restoring import LAWS
@@ -31,13 +32,14 @@ class Answer:
 
     candidates: a row (damping, restoring, log_evidence, log_evidence_exact in nats, rms, outcome) for each candidate.
     fits: parameters of the fit of all terms, by restoring law. arrays: what its picture is drawn from, as
-    `inference.deviation.picture` leaves them.
+    `inference.deviation.picture` leaves them. posteriors: of the candidates that were sampled, by (damping, restoring).
     """
 
     verdict: Verdict
     candidates: tuple[Mapping[str, object], ...] = ()
     fits: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     arrays: Mapping[str, np.ndarray] = field(default_factory=dict)
+    posteriors: Mapping[tuple[str, str], Posterior] = field(default_factory=dict)
 
     def of_specimen(self) -> Answered:
         """What a verdict on several records takes of this one."""
@@ -107,7 +109,9 @@ def answer(
         window=window,
         notes=notes,
     )
-    return Answer(verdict, tuple(_rows(weighing)), _fits(weighing), picture(weighing, found))
+    return Answer(
+        verdict, tuple(_rows(weighing)), _fits(weighing), picture(weighing, found), _posteriors(weighing)
+    )
 
 
 def answer_for_validation(
@@ -156,6 +160,14 @@ def _rows(weighing: Weighing) -> list[dict[str, object]]:
         for c, why in weighing.refused.items()
     ]
     return [*rows, *refused]
+
+
+def _posteriors(weighing: Weighing) -> dict[tuple[str, str], Posterior]:
+    return {
+        ("+".join(r.candidate.damping), r.candidate.restoring): posterior_of(weighing, r, r.sampled)
+        for r in weighing.results
+        if r.sampled is not None and r.sampled.trusted
+    }
 
 
 def _fits(weighing: Weighing) -> dict[str, dict[str, float]]:

@@ -15,6 +15,7 @@ _BRANCH = (
 CODE: dict[str, tuple[str, ...]] = {
     "signal": ("bayesdamp.pipeline.records.records",),
     "answer": ("bayesdamp.pipeline.records.answering", "bayesdamp.physics.kernel.march"),
+    "sampled": ("bayesdamp.pipeline.records.answering", "bayesdamp.physics.kernel.march"),
     "fitted": ("bayesdamp.pipeline.records.law_fits",),
     "noise": ("bayesdamp.pipeline.records.noise",),
     "estimate": ("bayesdamp.pipeline.candidates.cells", "bayesdamp.pipeline.records.targets", "bayesdamp.estimators"),

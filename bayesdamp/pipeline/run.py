@@ -7,6 +7,7 @@ import threading
 from collections.abc import Callable, Collection, Iterator
 from concurrent.futures import BrokenExecutor, Executor
 from dataclasses import dataclass
+from enum import StrEnum
 from functools import partial
 from importlib import import_module
 from pathlib import Path
@@ -20,7 +21,7 @@ from bayesdamp.pipeline.candidates.averaging import average, averages
 from bayesdamp.pipeline.candidates.cells import Branch
 from bayesdamp.pipeline.keys import digest, task_key
 from bayesdamp.pipeline.many.many import joint_cells, populated, repeated
-from bayesdamp.pipeline.records.answering import AnswerCell, answers, verdict_of
+from bayesdamp.pipeline.records.answering import ANSWERED, SAMPLED, AnswerCell, answers, verdict_of
 from bayesdamp.pipeline.records.noise import NoiseCell, has_noise_cell
 from bayesdamp.pipeline.records.records import SignalCell
 from bayesdamp.pipeline.spread import KILLED, restart, spread
@@ -41,6 +42,15 @@ _ONE_AT_A_TIME = threading.Lock()
 """A process has one job under way, also where a Dask worker has several threads."""
 
 
+class Depth(StrEnum):
+    """How far a run goes: to the answer from linear models, to its motions sampled, or to everything that the study
+    asks of samplers and evidence under exact laws."""
+
+    ANSWER = "answer"
+    SAMPLED = "sampled"
+    WHOLE = "whole"
+
+
 @dataclass(frozen=True)
 class Cell:
     """One unit of work, by its name, such as `posterior/bench/0/viscous/nuts`."""
@@ -54,9 +64,8 @@ class Job:
     of its "noise" from these, one candidate's branch on it, or, once all of these are done, what joins them: an
     "average" over models, a "specimen" of several records (signal is then its name), the "population" of all specimens.
 
-    part: of a record "read" or "answer"; of a branch "look" (estimates, mode, Laplace's evidence), "weigh" (the other
-    evidence) or "sample"; None for
-    all of it.
+    part: of a record "read", "answer" or "sampled"; of a branch "look" (estimates, mode, Laplace's evidence), "weigh"
+    (the other evidence) or "sample"; None for all of it.
     """
 
     signal: str
@@ -85,12 +94,13 @@ def run_study(
     fresh: bool = False,
     console: Console | None = None,
     pool: Executor | None = None,
-    quick: bool = False,
+    depth: Depth = Depth.WHOLE,
     answered: Callable[[Verdict], None] | None = None,
 ) -> int:
     """Run what `out` does not hold yet, write tables and report; the exit status (0, or 3 with failed cells).
 
-    quick: only the answers, no sampling; answered: told of each record's verdict as soon as it is there.
+    depth: where to stop; answered: told of each record's verdict as soon as it is there, and again once its motions
+    are sampled.
     workers: processes on this machine, None for as many as there are cores; scheduler: address of a Dask
     scheduler in their place; pool: where jobs run, in place of either.
     Raises InputError where the input is wrong; every record is read before anything is written.
@@ -109,7 +119,8 @@ def run_study(
         branches = sum(job.model is not None for job in jobs)
         workers = workers or max(1, min(len(os.sched_getaffinity(0)), branches))
         with progress_bar(console) as progress:
-            names = [name for job in jobs for name in _work(study, store, job)]
+            wanted = [job for job in jobs if _within(job, depth)]
+            names = [name for job in wanted for name in _work(study, store, job)]
             bar, finished = progress.add_task(study.name, total=len(names)), set[str]()
 
             def advance(done: list[str]) -> None:
@@ -120,12 +131,13 @@ def run_study(
                 if pool is not None:
                     pool.submit(_prepare)
                     threading.Thread(target=_prepare, daemon=True).start()
-                for stage in _stages(study, store, quick):
+                for stage in _stages(study, store, depth):
                     _run_jobs(study, store, stage, pool, advance)
-                    if stage and stage[0].part == "answer":
-                        _tell(study, store, answered)
-                        if not quick:  # an answer is kept whatever becomes of the proof
-                            write_verdicts(study, Store(out, _current(study, store)))
+                    if stage and stage[0].part in (ANSWERED, SAMPLED):
+                        current = Store(out, _current(study, store))
+                        _tell(study, current, answered)
+                        if depth is not Depth.ANSWER:  # an answer is kept whatever becomes of the proof
+                            write_verdicts(study, current)
                 progress.update(bar, description="report", completed=len(names))
                 write_tables(study, Store(out, _current(study, store)))
                 _render(out, None if scheduler else pool)
@@ -135,11 +147,17 @@ def run_study(
         return WRONG_CELLS if failed else DONE
 
 
+def _within(job: Job, depth: Depth) -> bool:
+    """Whether a run of this depth comes to a job."""
+    last = {Depth.ANSWER: ("read", ANSWERED), Depth.SAMPLED: ("read", ANSWERED, SAMPLED)}.get(depth)
+    return last is None or (job.part in last and job.model is None)
+
+
 def _jobs(study: Study) -> list[Job]:
     # Repeat by repeat over all signals, so that a run which is cut off has a little of everything.
     most = max(s.repeats for s in study.signals)
     records = [(s, r) for r in range(most) for s in study.signals if r < s.repeats]
-    parts = ("read", *(("answer",) if answers(study) else ()))
+    parts = ("read", *((ANSWERED, SAMPLED) if answers(study) else ()))
     first = [Job(s.name, r, part=part) for part in parts for s, r in records]
     noisy = [(s, r) for s, r in records if has_noise_cell(study)]
     first += [Job(s.name, r, law=law) for s, r in noisy for law in s.restoring]
@@ -184,7 +202,7 @@ def _of_record(
     if job.part == "read":
         cell = SignalCell(study, spec, job.repeat, store)
         return {cell.name: (cell.key, lambda *_: cell.compute())}
-    answer = AnswerCell(study, spec, job.repeat, store)
+    answer = AnswerCell(study, spec, job.repeat, store, sample=job.part == SAMPLED)
     return {answer.name: (answer.key, lambda *_: answer.compute())}
 
 
@@ -268,14 +286,14 @@ def _tell(study: Study, store: Store, answered: Callable[[Verdict], None] | None
             answered(verdict)
 
 
-def _stages(study: Study, store: Store, quick: bool = False) -> Iterator[list[Job]]:
+def _stages(study: Study, store: Store, depth: Depth = Depth.WHOLE) -> Iterator[list[Job]]:
     """Jobs that may run side by side, stage by stage; what a stage holds may depend on what was found before it."""
     jobs = _jobs(study)
     # Records first: every other task reads its record from the store.
-    for part in ("read", "answer"):
+    for part, last in (("read", None), (ANSWERED, Depth.ANSWER), (SAMPLED, Depth.SAMPLED)):
         yield [job for job in jobs if job.part == part and job.model is job.law is None]
-    if quick:
-        return
+        if depth is last:
+            return
     yield [job for job in jobs if job.law is not None]
     yield [job for job in jobs if job.joined == "noise"]
     if staging.staged(study):

@@ -9,12 +9,31 @@ from rich.table import Table
 from rich.text import Text
 
 from bayesdamp.report.results.answers import verdicts
-from bayesdamp.report.results.confirmation import confirmation
+from bayesdamp.report.results.confirmation import confirmation, sampled_words
 from bayesdamp.report.results.run import Run
 from bayesdamp.report.results.specimens import sentences
 from bayesdamp.types import BEWARE, OK
+from bayesdamp.verdict.agreement import agreement
 from bayesdamp.verdict.types import Verdict
 from bayesdamp.verdict.words import energy_of, with_interval
+
+
+class Told:
+    """Tells each record's verdict as it comes, and then what sampling its motions made of it."""
+
+    def __init__(self, console: Console) -> None:
+        self.console = console
+        self.first: dict[str, Verdict] = {}
+
+    def __call__(self, verdict: Verdict) -> None:
+        before = self.first.setdefault(verdict.record, verdict)
+        if before is verdict:
+            answered(verdict, self.console)
+            return
+        found = agreement(before, verdict)
+        self.console.print(Text(sampled_words(found)), soft_wrap=True)
+        if not found.confirms:
+            answered(verdict, self.console)
 
 
 def answered(verdict: Verdict, console: Console) -> None:

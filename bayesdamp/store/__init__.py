@@ -32,8 +32,8 @@ TABLES: dict[str, tuple[str, ...]] = {
         "error_pct", "evaluations", "seconds", "outcome",
     ),
     "posteriors.csv": (
-        "signal", "repeat", "model", "restoring", "sampler", "parameter", "unit", "mean", "sd", "median",
-        "q2.5", "q25", "q75", "q97.5", "hdi_low", "hdi_high", "ess_bulk", "ess_tail", "rhat", "divergences",
+        "signal", "repeat", "model", "restoring", "sampler", "parameter", "unit", "mean", "sd", "sd_noise", "sd_law",
+        "median", "q2.5", "q25", "q75", "q97.5", "hdi_low", "hdi_high", "ess_bulk", "ess_tail", "rhat", "divergences",
         "seconds", "outcome",
     ),
     "evidence.csv": (
@@ -42,7 +42,7 @@ TABLES: dict[str, tuple[str, ...]] = {
     ),
     "fits.csv": (
         "signal", "repeat", "model", "restoring", "rms", "rms_unit", "residual_autocorrelation",
-        "window_spread", "predictive_p", "verdict",
+        "window_spread", "predictive_p", "deviation", "deviation_low", "deviation_high", "unexplained_pct", "verdict",
     ),
 }  # fmt: skip
 

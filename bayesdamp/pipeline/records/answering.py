@@ -8,6 +8,7 @@ from functools import cached_property
 
 from bayesdamp.config import Recording, SignalSpec, Study
 from bayesdamp.config.checks import plain
+from bayesdamp.inference.deviation.sampled.table import Posterior
 from bayesdamp.inference.model.defaults import Reference
 from bayesdamp.physics.damping import TERMS, DampingTerm, parse_model
 from bayesdamp.physics.forms import FORMS
@@ -22,6 +23,8 @@ from bayesdamp.types import OK, Refusal, following
 from bayesdamp.verdict.specimen import Answered
 from bayesdamp.verdict.types import Grade, Verdict
 
+ANSWERED, SAMPLED = "answer", "sampled"
+"""Kinds of the two cells."""
 NO_KERNEL = "not weighed at once: {names} cannot be compiled; give the term a `kernel`"
 
 
@@ -31,11 +34,14 @@ def answers(study: Study) -> bool:
 
 
 class AnswerCell:
-    """The verdict on one record, as `answer/SIGNAL/REPEAT`."""
+    """The verdict on one record, as `answer/SIGNAL/REPEAT`; with the likeliest candidates' motions sampled, as
+    `sampled/SIGNAL/REPEAT`."""
 
-    def __init__(self, study: Study, spec: SignalSpec, repeat: int, store: Store) -> None:
-        self.study, self.spec, self.repeat, self.store = study, spec, repeat, store
-        self.name = f"answer/{spec.name}/{repeat}"
+    def __init__(
+        self, study: Study, spec: SignalSpec, repeat: int, store: Store, sample: bool = False
+    ) -> None:
+        self.study, self.spec, self.repeat, self.store, self.sample = study, spec, repeat, store, sample
+        self.name = f"{SAMPLED if sample else ANSWERED}/{spec.name}/{repeat}"
         self.parent = SignalCell(study, spec, repeat, store)
 
     @property
@@ -57,7 +63,7 @@ class AnswerCell:
         )
         named = [*map(TERMS.source, self._terms), *map(LAWS.source, self.spec.restoring)]
         named += [*map(FORMS.source, FORMS.names())]
-        return task_key("answer", self.parent.key, *parts, named)
+        return task_key(self.name.partition("/")[0], self.parent.key, *parts, named)
 
     def compute(self) -> None:
         began = time.perf_counter()
@@ -83,9 +89,14 @@ class AnswerCell:
             "verdict": found.verdict.to_dict(),
             "candidates": list(found.candidates),
             "fits": dict(found.fits),
+            "posteriors": [_kept(*name, posterior) for name, posterior in found.posteriors.items()],
+        }
+        arrays = {
+            **found.arrays,
+            **{f"draws/{d}@{law}": one.draws for (d, law), one in found.posteriors.items()},
         }
         outcome = found.verdict.sentence if found.verdict.grade is Grade.NOT_WEIGHED else OK
-        self.store.write(CellResult(self.name, self.key, meta, found.arrays, outcome, plain_seconds(began)))
+        self.store.write(CellResult(self.name, self.key, meta, arrays, outcome, plain_seconds(began)))
 
     @property
     def _terms(self) -> tuple[str, ...]:
@@ -116,7 +127,33 @@ class AnswerCell:
             measured=isinstance(self.spec.source, Recording),
             seed=cell_seed(self.study, self.name),
             notes=record.cell.meta.get("anomalies", ()),
+            sample=self.sample,
         )
+
+
+def _kept(damping: str, restoring: str, posterior: Posterior) -> dict[str, object]:
+    return {
+        "damping": damping,
+        "restoring": restoring,
+        "parameters": {n: dict(row) for n, row in posterior.parameters.items()},
+        "deviation": list(posterior.deviation),
+        "log_evidence": posterior.log_evidence,
+        "stderr": posterior.stderr,
+        "acceptance": posterior.acceptance,
+        "temperatures": posterior.temperatures,
+    }
+
+
+def answer_cell(store: Store, signal: str, repeat: int) -> CellResult | None:
+    """The latest answer on a record: with its motions sampled, else the first one; None where there is none."""
+    for kind in (SAMPLED, ANSWERED):
+        try:
+            cell = store.read(f"{kind}/{signal}/{repeat}")
+        except KeyError:
+            continue
+        if cell.outcome == OK:
+            return cell
+    return None
 
 
 def fits_of(store: Store, signal: str, repeat: int) -> Mapping[str, Mapping[str, float]]:
@@ -148,19 +185,13 @@ def shortlist(store: Store, signal: str, repeat: int, nats: float) -> set[tuple[
 
 def verdict_of(store: Store, signal: str, repeat: int) -> Verdict | None:
     """The verdict that is stored of a record; None where there is none."""
-    try:
-        cell = store.read(f"answer/{signal}/{repeat}")
-    except KeyError:
-        return None
-    return Verdict.from_dict(cell.meta["verdict"]) if cell.outcome == OK else None
+    cell = answer_cell(store, signal, repeat)
+    return None if cell is None else Verdict.from_dict(cell.meta["verdict"])
 
 
 def answered_of(store: Store, signal: str, repeat: int) -> Answered | None:
     """What a verdict on several records takes of one; None where it has no answer."""
-    try:
-        cell = store.read(f"answer/{signal}/{repeat}")
-    except KeyError:
-        return None
-    if cell.outcome != OK:
+    cell = answer_cell(store, signal, repeat)
+    if cell is None:
         return None
     return answered_from(Verdict.from_dict(cell.meta["verdict"]), cell.meta["candidates"], cell.arrays)

@@ -15,14 +15,18 @@ from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.physics.units import parameter_unit
 from bayesdamp.pipeline.candidates.weighing import evidence_by_method
+from bayesdamp.pipeline.records.answering import SAMPLED
 from bayesdamp.pipeline.staging import ASIDE
 from bayesdamp.pipeline.tables.specimen_tables import write_specimen_tables
 from bayesdamp.pipeline.tables.verdicts import write_verdicts
 from bayesdamp.store import TABLES, CellResult, Store, provenance, write_json, write_table
-from bayesdamp.types import OK, candidate_parts
+from bayesdamp.types import OK, candidate_name, candidate_parts
 from bayesdamp.units import UNITS, quantity_unit
 
 Row = dict[str, Any]
+
+SMC = "smc"
+"""The sampler and the evidence of sampled motions, under laws that hold approximately where they may."""
 
 
 def write_tables(study: Study, store: Store) -> None:
@@ -128,6 +132,22 @@ def _posteriors(study: Study, store: Store) -> Iterator[Row]:
             common["divergences"] = cell.meta.get("diagnostics", {}).get("divergences")
             for name, s in summary.items():
                 yield {**common, "parameter": name, "unit": cell.meta["units"][name], **s}
+        one = _sampled(store, spec, repeat).get(model)
+        for name, s in (one or {}).get("parameters", {}).items():
+            unit = _unit(spec, name, head["restoring"])
+            yield {**head, "sampler": SMC, "parameter": name, "unit": unit, **s, "outcome": OK}
+
+
+def _sampled(store: Store, spec: SignalSpec, repeat: int) -> dict[str, Row]:
+    """What sampled motions say of a record's candidates, by their names."""
+    cell = _read(store, f"{SAMPLED}/{spec.name}/{repeat}")
+    if cell is None or cell.outcome != OK:
+        return {}
+    many = len(spec.restoring) > 1
+    return {
+        candidate_name(one["damping"], one["restoring"]) if many else one["damping"]: one
+        for one in cell.meta["posteriors"]
+    }
 
 
 def _evidence(study: Study, store: Store) -> Iterator[Row]:
@@ -160,26 +180,39 @@ def _evidence(study: Study, store: Store) -> Iterator[Row]:
                     "diagnostic": one.diagnostic,
                     "outcome": one.outcome,
                 }
+        sampled = _sampled(store, spec, repeat)
+        top = max((one["log_evidence"] for one in sampled.values()), default=math.nan)
+        for model, one in sampled.items():
+            yield {
+                **_head(spec, repeat, model),
+                "method": SMC,
+                "log_evidence": one["log_evidence"],
+                "stderr": one["stderr"],
+                "log_bayes_factor": one["log_evidence"] - top,
+                "probability": math.nan,
+                "diagnostic": f"{one['temperatures']} temperatures, acceptance {one['acceptance']:.2f}",
+                "outcome": OK,
+            }
 
 
 def _fits(study: Study, store: Store) -> Iterator[Row]:
     for spec, repeat, model, head in _branches(study):
         cell = _read(store, f"mode/{spec.name}/{repeat}/{model}")
-        if cell is None:
-            continue
-        if cell.outcome != OK:
-            yield {**head, "verdict": cell.outcome}
-            continue
-        factor = 1.0 / UNITS[spec.source.unit].factor
-        yield {
-            **head,
-            "rms": cell.meta["rms"] * factor,
-            "rms_unit": quantity_unit(spec.source.unit, spec.source.quantity),
-            **{
-                k: cell.meta[k]
-                for k in ("residual_autocorrelation", "window_spread", "predictive_p", "verdict")
-            },
-        }
+        one = _sampled(store, spec, repeat).get(model)
+        row = dict(head)
+        if one is not None:
+            names = ("deviation_low", "deviation", "deviation_high")
+            row |= dict(zip(names, one["deviation"], strict=True))
+        if cell is not None and cell.outcome == OK:
+            factor = 1.0 / UNITS[spec.source.unit].factor
+            row |= {"rms": cell.meta["rms"] * factor}
+            row |= {"rms_unit": quantity_unit(spec.source.unit, spec.source.quantity)}
+            kept = ("residual_autocorrelation", "window_spread", "predictive_p", "verdict")
+            row |= {k: cell.meta[k] for k in kept}
+        elif cell is not None:
+            row["verdict"] = cell.outcome
+        if cell is not None or one is not None:
+            yield row
 
 
 def _run(study: Study, store: Store) -> Row:

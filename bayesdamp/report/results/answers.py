@@ -24,9 +24,10 @@ class Answer:
 
 
 def answer_of(run: Run, signal: str, repeat: int) -> Answer | None:
-    """The answer on one record; None where there is none."""
-    cell = run.cell("answer", signal, repeat)
-    if cell is None or cell.outcome != OK:
+    """The answer on one record, with its motions sampled where they were; None where there is none."""
+    found = (run.cell(kind, signal, repeat) for kind in ("sampled", "answer"))
+    cell = next((c for c in found if c is not None and c.outcome == OK), None)
+    if cell is None:
         return None
     verdict = Verdict.from_dict(cell.meta["verdict"])
     return Answer(signal, repeat, verdict, tuple(cell.meta["candidates"]), cell.arrays)

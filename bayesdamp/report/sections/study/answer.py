@@ -8,7 +8,7 @@ from bayesdamp.report import words
 from bayesdamp.report.figures.records import answer as figures
 from bayesdamp.report.html import Line, Table, fill, folded
 from bayesdamp.report.results.answers import Answer, answer_of
-from bayesdamp.report.results.confirmation import confirmation
+from bayesdamp.report.results.confirmation import confirmation, sampled
 from bayesdamp.report.results.run import Run
 from bayesdamp.report.sections._layout import by_signal
 from bayesdamp.report.sections._section import Section
@@ -51,7 +51,7 @@ def _one(run: Run, signal: str) -> Markup:
         numbers=_numbers(v),
         energy=energy_of(v),
         remarks=v.remarks,
-        confirmed=confirmation(run, signal),
+        confirmed=" ".join(filter(None, (sampled(run, signal), confirmation(run, signal)))),
         picture=picture,
         ratios=_ratios(v),
         coefficients=_coefficients(v),
