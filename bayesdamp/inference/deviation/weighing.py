@@ -22,9 +22,9 @@ from bayesdamp.inference.deviation.data import Data
 from bayesdamp.inference.deviation.gaussian.hyperparameters import grid_of, knots_of
 from bayesdamp.inference.deviation.gaussian.linear import Linear, Weighed, weigh
 from bayesdamp.inference.deviation.gaussian.noise import inflation
+from bayesdamp.inference.deviation.gaussian.tempered import Sampled
 from bayesdamp.inference.deviation.least_squares import Fit, fit
 from bayesdamp.inference.deviation.orbit import rest_of
-from bayesdamp.inference.deviation.sampled.tempered import Sampled
 from bayesdamp.inference.model.defaults import Reference
 from bayesdamp.machine.threads import at_once
 from bayesdamp.physics.damping import TERMS

@@ -2,11 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from zlib import crc32
 
-from bayesdamp.inference.deviation.sampled.tempered import DRAWS, likelihood_ratio, sampled
+import numpy as np
+
+from bayesdamp.inference.deviation.data import Data
+from bayesdamp.inference.deviation.gaussian.linear import Linear
+from bayesdamp.inference.deviation.gaussian.tempered import DRAWS, sampled
+from bayesdamp.inference.deviation.parameters import Parameters
 from bayesdamp.inference.deviation.weighing import Result, Weighing
+from bayesdamp.machine.threads import at_once
+from bayesdamp.physics.kernel import Solver
+from bayesdamp.physics.kernel.solve import NONE
 
 BEHIND = 5.0
 """Nats behind the best under linear models up to which a candidate is sampled: more than sampling has moved any by."""
@@ -51,3 +60,30 @@ def sampled_result(
         ratio, weighed, parameters.positive, draws=draws, seed=crc32(name.encode()) + seed % 2**32
     )
     return replace(result, sampled=found)
+
+
+def likelihood_ratio(
+    solver: Solver,
+    parameters: Parameters,
+    active: np.ndarray,
+    model: Linear,
+    data: Data,
+    variance: float,
+) -> Callable[[np.ndarray], np.ndarray]:
+    """Log of the likelihood of the motion itself over the linear model's, of draws (n, K): (n,), −∞ where it escapes.
+
+    variance: of the noise that counts, in the record's unit squared.
+    """
+    d, n = parameters.free.size, solver.knots.size
+
+    def squares(row: np.ndarray) -> float:
+        g, h = (np.expm1(row[d : d + n]), row[d + n :]) if row.size > d else (None, None)
+        motion = solver.solve(parameters.values(row[:d]), active, g, h, NONE)
+        return np.inf if motion is None else float(np.sum((data.y - motion.y) ** 2))
+
+    def ratio(u: np.ndarray) -> np.ndarray:
+        exact = np.array(at_once(squares, u))
+        linear = np.sum((u @ model.root.T - model.target) ** 2, axis=1) + model.rest
+        return 0.5 * (linear - exact) / variance
+
+    return ratio

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from bayesdamp.inference.deviation.sampled.tempered import Sampled
+from bayesdamp.inference.deviation.gaussian.tempered import Sampled
 from bayesdamp.inference.deviation.weighing import Result, Weighing
 
 SHARE = 0.95

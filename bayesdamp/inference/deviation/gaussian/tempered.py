@@ -16,13 +16,8 @@ import numpy as np
 from scipy.optimize import brentq
 from scipy.special import logsumexp
 
-from bayesdamp.inference.deviation.data import Data
-from bayesdamp.inference.deviation.gaussian.linear import Linear, Weighed
+from bayesdamp.inference.deviation.gaussian.linear import Weighed
 from bayesdamp.inference.deviation.gaussian.orthant import draw
-from bayesdamp.inference.deviation.parameters import Parameters
-from bayesdamp.machine.threads import at_once
-from bayesdamp.physics.kernel import Solver
-from bayesdamp.physics.kernel.solve import NONE
 
 NEGLIGIBLE = 1e-4
 """Weight of a combination of hyperparameters below which none is drawn from it."""
@@ -35,6 +30,7 @@ FIRST_STEP, LEAST_STEP = 0.5, 0.02
 WANTED = 0.35
 """Acceptance that the step is steered to."""
 MOST_TEMPERATURES = 30
+LEAST_RISE = 1e-6
 MOVED = 0.05
 """Acceptance at the last temperature below which the draws are not trusted."""
 
@@ -71,33 +67,6 @@ class _Cloud:
         self.combo, self.u, self.ratio = self.combo[rows], self.u[rows], self.ratio[rows]
 
 
-def likelihood_ratio(
-    solver: Solver,
-    parameters: Parameters,
-    active: np.ndarray,
-    model: Linear,
-    data: Data,
-    variance: float,
-) -> Callable[[np.ndarray], np.ndarray]:
-    """Log of the likelihood of the motion itself over the linear model's, of draws (n, K): (n,), −∞ where it escapes.
-
-    variance: of the noise that counts, in the record's unit squared.
-    """
-    d, n = parameters.free.size, solver.knots.size
-
-    def squares(row: np.ndarray) -> float:
-        g, h = (np.expm1(row[d : d + n]), row[d + n :]) if row.size > d else (None, None)
-        motion = solver.solve(parameters.values(row[:d]), active, g, h, NONE)
-        return np.inf if motion is None else float(np.sum((data.y - motion.y) ** 2))
-
-    def ratio(u: np.ndarray) -> np.ndarray:
-        exact = np.array(at_once(squares, u))
-        linear = np.sum((u @ model.root.T - model.target) ** 2, axis=1) + model.rest
-        return 0.5 * (linear - exact) / variance
-
-    return ratio
-
-
 def sampled(
     ratio: Callable[[np.ndarray], np.ndarray],
     weighed: Weighed,
@@ -108,11 +77,14 @@ def sampled(
 ) -> Sampled:
     """Draws and evidence of the posterior that is `ratio` times the linear one.
 
-    ratio: as `likelihood_ratio` gives it; positive: which scores must not be negative, (d,).
+    ratio: log of the likelihood over the linear model's, of draws (n, K): (n,), −∞ where a motion escapes. positive:
+    which scores must not be negative, (d,).
     """
     rng = np.random.default_rng(seed)
     cloud = _first(rng, weighed, positive, draws)
     cloud.ratio = ratio(cloud.u)
+    if not np.any(np.isfinite(cloud.ratio)):
+        return Sampled(cloud.u, -np.inf, float("nan"), 0, 0.0, draws)
     solved, beta, step, log_evidence, variance, passed = draws, 0.0, FIRST_STEP, 0.0, 0.0, 0
     accepted = 1.0
     while beta < 1.0 and passed < MOST_TEMPERATURES:
@@ -152,7 +124,9 @@ def _rise(ratio: np.ndarray, most: float) -> float:
 
     if worth(most) >= 0:
         return most
-    return float(brentq(worth, 1e-12, most, xtol=1e-6))
+    if worth(LEAST_RISE) < 0:  # motions that escape have no weight at any temperature
+        return LEAST_RISE
+    return float(brentq(worth, LEAST_RISE, most, xtol=LEAST_RISE))
 
 
 def _systematic(rng: np.random.Generator, weights: np.ndarray) -> np.ndarray:
