@@ -14,7 +14,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.optimize import brentq
-from scipy.special import logsumexp
 
 from bayesdamp.inference.deviation.gaussian.linear import Weighed
 from bayesdamp.inference.deviation.gaussian.orthant import draw
@@ -90,8 +89,8 @@ def sampled(
     while beta < 1.0 and passed < MOST_TEMPERATURES:
         rise = _rise(cloud.ratio, 1.0 - beta)
         logs = rise * np.maximum(cloud.ratio, -1e300)
-        log_evidence += float(logsumexp(logs)) - np.log(draws)
-        weights = np.exp(logs - logsumexp(logs))
+        log_evidence += _log_sum(logs) - np.log(draws)
+        weights = np.exp(logs - _log_sum(logs))
         variance += float(np.sum(weights**2)) - 1.0 / draws
         beta, passed = beta + rise, passed + 1
         cloud.taken(_systematic(rng, weights))
@@ -120,13 +119,18 @@ def _rise(ratio: np.ndarray, most: float) -> float:
 
     def worth(rise: float) -> float:
         logs = rise * np.maximum(ratio, -1e300)
-        return float(np.exp(2 * logsumexp(logs) - logsumexp(2 * logs))) / ratio.size - KEPT
+        return float(np.exp(2 * _log_sum(logs) - _log_sum(2 * logs))) / ratio.size - KEPT
 
     if worth(most) >= 0:
         return most
     if worth(LEAST_RISE) < 0:  # motions that escape have no weight at any temperature
         return LEAST_RISE
-    return float(brentq(worth, LEAST_RISE, most, xtol=LEAST_RISE))
+    return float(brentq(worth, LEAST_RISE, most, xtol=LEAST_RISE))  # type: ignore[arg-type]
+
+
+def _log_sum(logs: np.ndarray) -> float:
+    top = float(np.max(logs))
+    return top + float(np.log(np.sum(np.exp(logs - top))))
 
 
 def _systematic(rng: np.random.Generator, weights: np.ndarray) -> np.ndarray:
