@@ -1,0 +1,42 @@
+"""Whether a second verdict confirms the first."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from bayesdamp.verdict.agreement import SMALL, agreement
+from bayesdamp.verdict.types import DampingRatio, Grade, Verdict
+
+
+def verdict(value: float = 0.02, damping: str = "viscous", decided: bool = True) -> Verdict:
+    ratio = DampingRatio(
+        amplitude=0.1,
+        unit="rad",
+        value=value,
+        sd_noise=1e-4,
+        sd_law=0.0,
+        low=value - 1.96e-4,
+        high=value + 1.96e-4,
+    )
+    return replace(Verdict("a", Grade.EXACT, decided, damping, 0.9), damping_ratio=(ratio,))
+
+
+def test_the_same_damping_and_ratio_confirm() -> None:
+    found = agreement(verdict(), verdict(0.02 + 0.9 * SMALL * 1e-4))
+    assert found.same
+    assert found.confirms
+
+
+def test_a_ratio_that_moved_does_not_confirm_and_has_its_size() -> None:
+    found = agreement(verdict(), verdict(0.0203))
+    assert found.same
+    assert not found.confirms
+    assert abs(found.moved - 3.0) < 1e-6
+
+
+def test_another_damping_or_none_does_not_confirm() -> None:
+    assert not agreement(verdict(), verdict(damping="coulomb")).same
+    assert not agreement(verdict(), verdict(decided=False)).same
+    # The order of a sum's terms is no difference, and two records that decide nothing agree.
+    assert agreement(verdict(damping="viscous+coulomb"), verdict(damping="coulomb+viscous")).same
+    assert agreement(verdict(decided=False), verdict(damping="coulomb", decided=False)).same
