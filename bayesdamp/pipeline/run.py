@@ -13,9 +13,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from bayesdamp.config import Recording, SignalSpec, Study
-from bayesdamp.inference.evidence.referee import REFEREE
-from bayesdamp.machine.relief import relieve
-from bayesdamp.pipeline import staging
+from bayesdamp.inference.evidence.adopted import NESTED_CHECK
+from bayesdamp.machine.cache_eviction import evict_programs
+from bayesdamp.pipeline import pruning
 from bayesdamp.pipeline.candidates.averaging import average, averages
 from bayesdamp.pipeline.candidates.cells import Branch
 from bayesdamp.pipeline.keys import digest, task_key
@@ -192,7 +192,7 @@ def _part(name: str) -> str:
     kind, method = name.partition("/")[0], name.rpartition("/")[2]
     if kind == "sensitivity" and method != "savage_dickey":
         return "depend"
-    if kind in ("posterior", "sensitivity") or method in ("bridge", REFEREE):
+    if kind in ("posterior", "sensitivity") or method in ("bridge", NESTED_CHECK):
         return "sample"
     return "weigh" if kind == "curve" or (kind == "evidence" and method != "laplace") else "look"
 
@@ -233,7 +233,7 @@ def _run_job(
 
 def _computed(study: Study, folder: Path, job: Job, given_up: Collection[str]) -> list[str]:
     cache_compilations()
-    relieve()
+    evict_programs()
     store = Store(folder)
     done = []
     for name, (key, compute) in _work(study, store, job).items():
@@ -278,7 +278,7 @@ def _stages(study: Study, store: Store, quick: bool = False) -> Iterator[list[Jo
         return
     yield [job for job in jobs if job.law is not None]
     yield [job for job in jobs if job.joined == "noise"]
-    if staging.staged(study):
+    if pruning.staged(study):
         yield from _staged(study, store)
     else:
         yield [job for job in jobs if job.model is not None]
@@ -291,20 +291,20 @@ def _staged(study: Study, store: Store) -> Iterator[list[Job]]:
     records = [(s, r) for s in study.signals for r in range(s.repeats)]
     records = [(s, r) for s, r in records if store.read(f"signal/{s.name}/{r}").outcome == OK]
     # With one law alone there is none to leave out, and its candidates need not wait for one another.
-    short = _kept(study, store, records, staging.listed, "look")
-    by_record = {(s.name, r): set(staging.heads(study, s)) for s, r in records if len(s.restoring) > 1}
+    short = _kept(study, store, records, pruning.listed, "look")
+    by_record = {(s.name, r): set(pruning.heads(study, s)) for s, r in records if len(s.restoring) > 1}
     yield [job for job in short if job.model in by_record.get((job.signal, job.repeat), {job.model})]
-    yield _kept(study, store, records, staging.laws_left, "look")
-    yield _kept(study, store, records, staging.candidates_left, "weigh")
+    yield _kept(study, store, records, pruning.laws_left, "look")
+    yield _kept(study, store, records, pruning.candidates_left, "weigh")
     last: list[Job] = []
-    for part, chosen in (("sample", staging.best_of), ("depend", staging.likely)):
+    for part, chosen in (("sample", pruning.best_of), ("depend", pruning.likely)):
         for s, r in records:
             left = chosen(study, s, r, store)
             last += [Job(s.name, r, name, part=part) for name in left]
             for name in set(study.compare(s)) - set(left):
                 cells = _work(study, store, Job(s.name, r, name, part=part))
                 stale = {n: key for n, (key, _) in cells.items() if n in store.names()}
-                staging.set_aside(store, stale, staging.NOT_SAMPLED)
+                pruning.set_aside(store, stale, pruning.NOT_SAMPLED)
     yield last
 
 
@@ -322,7 +322,7 @@ def _kept(
             job = Job(spec.name, repeat, name, part=part)
             if why:
                 cells = {n: key for n, (key, _) in _work(study, store, job).items()}
-                staging.set_aside(store, {n: k for n, k in cells.items() if n.startswith("evidence/")}, why)
+                pruning.set_aside(store, {n: k for n, k in cells.items() if n.startswith("evidence/")}, why)
             else:
                 found.append(job)
     return found

@@ -12,8 +12,8 @@ from bayesdamp.pipeline.candidates.cells import Branch
 from bayesdamp.pipeline.candidates.posteriors import CURVE, LEVELS
 from bayesdamp.pipeline.candidates.weighing import evidence_by_method
 from bayesdamp.pipeline.candidates.weighted import weighted_curves
+from bayesdamp.pipeline.pruning import ASIDE
 from bayesdamp.pipeline.records.records import cell_seed
-from bayesdamp.pipeline.staging import ASIDE
 from bayesdamp.store import CellResult, Store
 from bayesdamp.types import OK, Evidence
 

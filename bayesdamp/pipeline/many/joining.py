@@ -30,8 +30,8 @@ from bayesdamp.pipeline.many.specimens import (
     summaries,
     weighed_meta,
 )
+from bayesdamp.pipeline.pruning import ASIDE, LAW_MARGIN, looked
 from bayesdamp.pipeline.records.records import plain_seconds
-from bayesdamp.pipeline.staging import ASIDE, LAW_MARGIN, looked
 from bayesdamp.store import CellResult
 from bayesdamp.types import OK, Refusal
 

@@ -23,8 +23,8 @@ from bayesdamp.inference.model.defaults import Reference
 from bayesdamp.inference.model.target import Target
 from bayesdamp.physics.units import parameter_unit
 from bayesdamp.pipeline.candidates.cells import Branch
+from bayesdamp.pipeline.pruning import ASIDE
 from bayesdamp.pipeline.records.records import cell_seed
-from bayesdamp.pipeline.staging import ASIDE
 from bayesdamp.store import Store
 from bayesdamp.types import Refusal, candidate_parts, following
 

@@ -15,7 +15,7 @@ from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.physics.units import parameter_unit
 from bayesdamp.pipeline.candidates.weighing import evidence_by_method
-from bayesdamp.pipeline.staging import ASIDE
+from bayesdamp.pipeline.pruning import ASIDE
 from bayesdamp.pipeline.tables.specimen_tables import write_specimen_tables
 from bayesdamp.pipeline.tables.verdicts import write_verdicts
 from bayesdamp.store import TABLES, CellResult, Store, provenance, write_json, write_table

@@ -15,7 +15,7 @@ from bayesdamp.config import Study
 from bayesdamp.inference.evidence import EVIDENCES
 from bayesdamp.inference.noise import NOISES
 from bayesdamp.inference.samplers import SAMPLERS
-from bayesdamp.machine.relief import relieve
+from bayesdamp.machine.cache_eviction import evict_programs
 from bayesdamp.physics.damping import TERMS
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.pipeline.keys import task_key
@@ -161,7 +161,7 @@ def _chunk(study: Study, folder: Path, series: Series, first: int) -> CellResult
     """Compute and store one chunk; a fault of the program is stored as one."""
     use(study.plugins)
     cache_compilations()
-    relieve()
+    evict_programs()
     name, key = series.cell(study, first)
     try:
         result = replace(series.compute(study, first), name=name, key=key)
