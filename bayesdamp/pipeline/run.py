@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 from bayesdamp.config import Recording, SignalSpec, Study
 from bayesdamp.inference.evidence.adopted import NESTED_CHECK
 from bayesdamp.machine.cache_eviction import evict_programs
+from bayesdamp.outcomes import Status, status_of
 from bayesdamp.pipeline import pruning
 from bayesdamp.pipeline.candidates.averaging import average, averages
 from bayesdamp.pipeline.candidates.cells import Branch
@@ -30,7 +31,7 @@ from bayesdamp.pipeline.workers import cache_compilations, pool_of, progress_bar
 from bayesdamp.plugins import use
 from bayesdamp.sources import package_digest
 from bayesdamp.store import CellResult, Store
-from bayesdamp.types import FAILED, NOT_COMPUTED, OK, InputError
+from bayesdamp.types import OK, InputError
 from bayesdamp.verdict.types import Verdict
 
 if TYPE_CHECKING:
@@ -129,7 +130,7 @@ def run_study(
                 progress.update(bar, description="report", completed=len(names))
                 write_tables(study, Store(out, _current(study, store)))
                 _render(out, None if scheduler else pool)
-        failed = [(n, c.outcome) for n, c in _results(store, names) if c.outcome.startswith(FAILED)]
+        failed = [(n, c.outcome) for n, c in _results(store, names) if status_of(c.outcome) is Status.FAILED]
         for name, outcome in failed:
             console.print(f"{name}: {outcome}", style="red", highlight=False)
         return WRONG_CELLS if failed else DONE
@@ -246,7 +247,7 @@ def _computed(study: Study, folder: Path, job: Job, given_up: Collection[str]) -
                 if os.environ.get("BAYESDAMP_DEBUG"):
                     raise
                 first = str(fault).strip().splitlines()
-                text = f"{FAILED}{type(fault).__name__}: {first[0] if first else ''}"
+                text = Status.FAILED.because(f"{type(fault).__name__}: {first[0] if first else ''}")
                 store.write(CellResult(name, key, outcome=text))
         done.append(name)
     return done
@@ -258,7 +259,7 @@ def _done(store: Store, name: str, key: str) -> bool:
         found = store.read(name)
     except KeyError:
         return False
-    return found.key == key and not found.outcome.startswith((FAILED, NOT_COMPUTED))
+    return found.key == key and status_of(found.outcome) not in (Status.FAILED, Status.NOT_COMPUTED)
 
 
 def _tell(study: Study, store: Store, answered: Callable[[Verdict], None] | None) -> None:

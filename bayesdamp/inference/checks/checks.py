@@ -19,6 +19,7 @@ from bayesdamp.inference.fit.mode import Mode, whitening
 from bayesdamp.inference.model.residuals import residual, residuals, whitened
 from bayesdamp.inference.model.target import Context, Target
 from bayesdamp.inference.noise import NoiseModel
+from bayesdamp.outcomes import Fitting
 from bayesdamp.types import Refusal
 
 DRAWS = 200
@@ -214,17 +215,17 @@ def check_fit(target: Target, mode: Mode, period: float, seed: int) -> Fit:
 
 
 def _verdict(noise: NoiseModel, p: float, line: Line, form: Other, window_p: float, outliers: bool) -> str:
-    correlated = noise.name == "correlated"
+    correlated, no = noise.name == "correlated", Fitting.DOES_NOT_FIT
     if p < P_LIMIT or line.chance < LINE_LIMIT:
         also = "" if correlated else " with independent noise"
-        return f"does not fit: structure is left in the residuals{also}: {line.words}"
+        return no.because(f"structure is left in the residuals{also}: {line.words}")
     if form.chance < FORM_LIMIT:
-        return f"does not fit: the residuals are as where {form.words}"
+        return no.because(f"the residuals are as where {form.words}")
     if window_p < WINDOW_LIMIT:
-        return "does not fit: the coefficients change from one part of the record to another"
+        return no.because("the coefficients change from one part of the record to another")
     if outliers and not noise.heavy_tailed:
-        return "does not fit: outliers in the residuals, which this noise model does not allow for"
-    return "fits, with correlated noise" if correlated else "fits"
+        return no.because("outliers in the residuals, which this noise model does not allow for")
+    return f"{Fitting.FITS.value}, with correlated noise" if correlated else Fitting.FITS.value
 
 
 def _windows(target: Target, mode: Mode, seed: int) -> tuple[tuple[Window, ...], float, int, Forecast | None]:

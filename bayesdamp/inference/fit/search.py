@@ -15,6 +15,7 @@ from bayesdamp.inference.model.compiled import compiled
 from bayesdamp.inference.model.residuals import residual
 from bayesdamp.inference.model.target import Context, Target
 from bayesdamp.numerics.levenberg_marquardt import Maximum
+from bayesdamp.outcomes import Status
 from bayesdamp.types import Refusal
 
 COARSEST = 0.05
@@ -111,8 +112,9 @@ def find_mode(
                 break
     if not ends and displaced:
         raise Refusal(
-            "set aside: noise takes the motion's place: the likeliest trajectory is farther from the record than its "
-            "mean is"
+            Status.SET_ASIDE.because(
+                "noise takes the motion's place: the likeliest trajectory is farther from the record than its mean is"
+            )
         )
     said = Refusal("no seed leads to a trajectory with a finite likelihood")
     for _, z in sorted(ends, key=lambda end: -end[0]):

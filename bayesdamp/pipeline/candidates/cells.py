@@ -22,6 +22,7 @@ from bayesdamp.inference.fit.starting_points import prior_starts
 from bayesdamp.inference.model.target import Target
 from bayesdamp.inference.noise import NOISES
 from bayesdamp.inference.samplers import SAMPLERS
+from bayesdamp.outcomes import following
 from bayesdamp.physics.damping import PAPER_TERMS, TERMS, parse_model
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.pipeline.candidates.backbones import compute_curve
@@ -35,7 +36,7 @@ from bayesdamp.pipeline.records.starts import REGRESSION, observed, of_all, regr
 from bayesdamp.pipeline.records.stored_modes import alone, packed, unpacked
 from bayesdamp.pipeline.records.targets import Record
 from bayesdamp.store import CellResult, Store
-from bayesdamp.types import OK, Problem, Refusal, System, candidate_parts, following
+from bayesdamp.types import OK, Problem, Refusal, System, candidate_parts
 
 PRIOR_SEEDS = 2
 """Draws from the prior that are climbed from beside the estimates."""

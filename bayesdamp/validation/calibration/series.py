@@ -16,6 +16,7 @@ from bayesdamp.inference.evidence import EVIDENCES
 from bayesdamp.inference.noise import NOISES
 from bayesdamp.inference.samplers import SAMPLERS
 from bayesdamp.machine.cache_eviction import evict_programs
+from bayesdamp.outcomes import Status, status_of
 from bayesdamp.physics.damping import TERMS
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.pipeline.keys import task_key
@@ -23,7 +24,7 @@ from bayesdamp.pipeline.workers import cache_compilations, pool_of, progress_bar
 from bayesdamp.plugins import use
 from bayesdamp.store import CellResult, Store
 from bayesdamp.validation.calibration import ranks, recovery
-from bayesdamp.validation.calibration.problem import FAILED, failure
+from bayesdamp.validation.calibration.problem import failure
 
 MOST = 20
 """Records tried for each that is wanted; with fewer accepted the series ends short, and says so."""
@@ -112,7 +113,7 @@ def _wave(series: Series, results: Sequence[CellResult]) -> list[int]:
 
 
 def _failed(result: CellResult) -> bool:
-    return result.outcome.startswith(FAILED)
+    return status_of(result.outcome) is Status.FAILED
 
 
 def _run(

@@ -12,7 +12,7 @@ import pytest
 from scipy.integrate import dblquad
 
 from bayesdamp.estimators.shared import decay_start, start_parameters
-from bayesdamp.inference.coordinates import bend as bending
+from bayesdamp.inference.coordinates import shear as shearing
 from bayesdamp.inference.coordinates import truncated_normal
 from bayesdamp.inference.coordinates.noise_shear import NoiseShear
 from bayesdamp.inference.coordinates.shear import Shear, shear_of
@@ -55,7 +55,7 @@ def slopes(_: object, z: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray
 @pytest.fixture
 def banana(monkeypatch) -> tuple[Any, Any]:
     """A target and its mode with that density in place of a record's."""
-    monkeypatch.setattr(bending, "compiled", lambda _: SimpleNamespace(curvature=slopes))
+    monkeypatch.setattr(shearing, "compiled", lambda _: SimpleNamespace(curvature=slopes))
     monkeypatch.setattr(truncated_normal, "compiled", lambda _: SimpleNamespace(curvature=slopes))
     monkeypatch.setattr(importance, "reflected_log_posterior", lambda target, mode, y: height(y))
     target = SimpleNamespace(
@@ -113,7 +113,7 @@ def test_the_ridge_of_a_product_and_a_square_is_found(banana) -> None:
         )
         return -0.5 * off @ off, -slope.T @ off, slope.T @ slope
 
-    bending.compiled = lambda _: SimpleNamespace(curvature=at)  # type: ignore[assignment]
+    shearing.compiled = lambda _: SimpleNamespace(curvature=at)  # type: ignore[assignment]
     found = shear_of(target, SimpleNamespace(**{**vars(mode), "z": np.array([1.0, 0.0, 0.0, 0.0])}))  # type: ignore[arg-type]
     assert found is not None
     g, s = (list(found.wide).index(NAMES.index(n)) for n in ("g", "s"))
@@ -130,7 +130,7 @@ def test_a_straight_ridge_is_left_alone(banana) -> None:
     def flat(_: object, z: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         return -0.5 * z @ mode.information @ z, -mode.information @ z, mode.information
 
-    bending.compiled = lambda _: SimpleNamespace(curvature=flat)  # type: ignore[assignment]
+    shearing.compiled = lambda _: SimpleNamespace(curvature=flat)  # type: ignore[assignment]
     assert shear_of(target, SimpleNamespace(**straight)) is None  # type: ignore[arg-type]
 
 
