@@ -14,10 +14,16 @@ import numpy as np
 
 FIRST, LOWEST, HIGHEST = 1e-3, 1e-12, 1e12
 """λ at first, and between which it stays (conventional)."""
-LESS, MORE = 0.2, 6.0
-"""By what λ shrinks where a step gains, and grows where it does not (conventional)."""
 AGAIN = 1e-9
 """λ that grows from at least, so that it leaves the lowest at once."""
+
+
+class Schedule(NamedTuple):
+    """By what λ shrinks where a step gains, and grows where it does not (conventional)."""
+
+    less: float = 0.2
+    more: float = 6.0
+
 
 Retract = Callable[[np.ndarray, np.ndarray], np.ndarray]
 """A point (d,) and a step, (d,), to the point where the curve ends that starts with this step."""
@@ -73,6 +79,7 @@ def levenberg_marquardt(
     *,
     limit: int,
     longest: float = np.inf,
+    schedule: Schedule = Schedule(),  # noqa: B008 - frozen
     retract: Retract = straight_on,
 ) -> Maximum:
     """A local maximum of a function over x ≥ floor, elementwise, from x, (d,).
@@ -97,11 +104,11 @@ def levenberg_marquardt(
         gain = float(new.value - at.value) if np.isfinite(new.value) else -np.inf
         step = Step(x, there - x, at, gain, float(move @ at.gradient), damping)
         if gain >= 0:
-            x, at, damping = there, new, max(damping * LESS, LOWEST)
+            x, at, damping = there, new, max(damping * schedule.less, LOWEST)
         done = ended(step)
         if done or damping > HIGHEST:
             return Maximum(x, float(at.value), at.information, evaluations, done)
-        damping = max(damping, AGAIN) * MORE if gain < 0 else damping
+        damping = max(damping, AGAIN) * schedule.more if gain < 0 else damping
     return Maximum(x, float(at.value), at.information, evaluations, False)
 
 

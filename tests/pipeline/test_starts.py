@@ -190,9 +190,9 @@ def test_a_step_cut_short_by_a_wall_is_no_convergence() -> None:
         return np.array(-0.5 * away @ information @ away), -information @ away, information
 
     for start in ([0.1, 4.9], [3.0, 1.0], [0.5, 6.0]):
-        top = maximise(at, np.array([True, False]), np.array(start))
-        assert top.converged
-        assert top.x == pytest.approx([0.0, 3.0 + 0.95 * 2.0], abs=1e-3)
+        found = maximise(at, np.array([True, False]), np.array(start))
+        assert found.converged
+        assert found.x == pytest.approx([0.0, 3.0 + 0.95 * 2.0], abs=1e-3)
 
 
 def test_noise_is_no_other_zero() -> None:
