@@ -1,6 +1,6 @@
 """Priors of one parameter, as a study file writes them.
 
-Every prior is a monotone map of a standard normal score z (a half-normal is the folded one, x = scale·|z|),
+Every prior is a monotone map of a standard normal score z (a half-normal is the reflected one, x = scale·|z|),
 so that any model's prior in the scores is N(0, 1) in each direction and its density is normalised without
 further ado.
 """
@@ -36,7 +36,7 @@ def _functions(z: Any) -> SimpleNamespace:
 class _Prior(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
-    folded: bool = Field(default=False, exclude=True, init=False, repr=False)
+    reflected: bool = Field(default=False, exclude=True, init=False, repr=False)
 
     def _begin(self, **numbers: float) -> None:
         """A prior that somebody writes in Python. Raises InputError, one line; a study's tables are checked by their
@@ -69,7 +69,7 @@ class _Prior(BaseModel):
         return self.transform(np.asarray(z, float), *self.numbers)
 
     def score(self, x: ArrayLike) -> np.ndarray:
-        """A normal score of the value x, the non-negative one where the prior is folded."""
+        """A normal score of the value x, the non-negative one where the prior is reflected."""
         raise NotImplementedError
 
     def log_density(self, x: ArrayLike) -> np.ndarray:
@@ -118,7 +118,7 @@ class HalfNormal(_Prior):
 
     prior: Literal["halfnormal"] = "halfnormal"
     scale: PositiveFloat
-    folded: bool = Field(default=True, exclude=True, init=False, repr=False)
+    reflected: bool = Field(default=True, exclude=True, init=False, repr=False)
 
     def __init__(self, scale: float) -> None:
         self._begin(scale=scale)

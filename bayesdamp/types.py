@@ -10,8 +10,6 @@ if TYPE_CHECKING:
     import numpy as np
 
 OK = "ok"
-FAILED, NOT_COMPUTED = "failed: ", "not computed: "
-"""Begin the outcome of what a fault of the program ended, and of what depends on that; both are tried again."""
 BEWARE = "Beware: "
 """Begins a note on how a record was read that a user has to know of."""
 LAW_MARK = "@"
@@ -28,14 +26,6 @@ class InputError(BayesdampError):
 
 class Refusal(BayesdampError):  # noqa: N818 - a method's answer, not an error
     """A method cannot work on this record; the text is the sentence that the tables show."""
-
-
-def following(name: str, outcome: str) -> str:
-    """The outcome of what depends on a task with this name and outcome, which is not ok: where it failed, this says
-    which one."""
-    if outcome.startswith(FAILED):
-        return f"{NOT_COMPUTED}{name} {outcome}"
-    return outcome
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, get_args
 
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, model_validator
 
@@ -21,6 +21,9 @@ Levels = Annotated[
     BeforeValidator(lambda x: _floats(_listed(x))),
     Field(min_length=1),
 ]
+Deviation = Literal["auto", "none", "law"]
+DEVIATIONS: tuple[str, ...] = get_args(Deviation)
+"""Whether laws hold exactly: none; approximately: law; auto: as the record says."""
 _A_COUNT = "a whole number, 1 or more"
 
 
@@ -182,7 +185,7 @@ class PosteriorTable(Section):
     best: int | None = Field(
         None, ge=1, description="how many candidates of a signal are sampled, a whole number"
     )
-    deviation: Literal["auto", "none", "law"] = Field(
+    deviation: Deviation = Field(
         "auto", description='"auto", "none" or "law": whether laws may hold approximately'
     )
     sensor: float = Field(

@@ -34,10 +34,6 @@ NOISE = ("noise_sd", "noise_time", "noise_dof")
 REFERENCE = ("amplitude", "frequency", "inertia")
 _MINIMUM = {"epsilon": 0.0, "noise_sd": 0.0}
 _POSITIVE = ("noise_time", "noise_dof", *REFERENCE)
-_RECORDED = (
-    *("angle", "time", "unit", "quantity", "rate", "clock", "start", "stop"),
-    *("run", "channel", "time_unit"),
-)
 _SIMULATED = ("name", "simulate", "system", "compare", "restoring", "estimate", "specimen")
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from jax import numpy as jnp
 
 from bayesdamp.estimators.misfit import misfit
-from bayesdamp.estimators.search import brent, levenberg
+from bayesdamp.estimators.search import brent, least_squares
 from bayesdamp.estimators.shared import (
     checked_features,
     decay_start,
@@ -116,7 +116,7 @@ def refine(signal: Signal, problem: Problem, first: Estimate) -> Estimate:
         x, evaluations = one.x, one.evaluations
         traces.append(np.sqrt(one.costs))
         fit.replan(x)
-    found = levenberg(fit.evaluate, x, floor)
+    found = least_squares(fit.evaluate, x, floor)
     lost = 0.3 * float(np.std(signal.y))
     for start in (x, np.array([{**base, **decay_start(problem, seen)}[name] for name in names])):
         if not _rms(found.costs[-1], signal) < lost:
@@ -128,7 +128,7 @@ def refine(signal: Signal, problem: Problem, first: Estimate) -> Estimate:
         if _rms(found.costs[-1], signal) < 10 * fit.tolerance and fit.tolerance == tolerance:
             fit.tolerance *= FINER  # the record has no noise: what is left over is the solver's
         fit.replan(found.x)
-        last, found = found.x, levenberg(fit.evaluate, found.x, floor)
+        last, found = found.x, least_squares(fit.evaluate, found.x, floor)
         if np.all(np.abs(found.x - last) <= 1e-7 * np.abs(last)):
             break
     evaluations += found.evaluations
@@ -177,10 +177,10 @@ def _growing(fit: _Fit, x: np.ndarray, floor: np.ndarray, seen: Features):
             r, jacobian = fit.evaluate(x)
             return r[early], jacobian[early]
 
-        x = levenberg(part, x, floor).x
+        x = least_squares(part, x, floor).x
         fit.replan(x)
         window *= 2
-    return levenberg(fit.evaluate, x, floor)
+    return least_squares(fit.evaluate, x, floor)
 
 
 def _mean_square(r: np.ndarray, size: float) -> float:

@@ -1,4 +1,4 @@
-"""Two small searches: bounded Brent whose bracket widens by itself, and Levenberg–Marquardt above a floor."""
+"""Two small searches: bounded Brent whose bracket widens by itself, and least squares above a floor."""
 
 from __future__ import annotations
 
@@ -7,6 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.optimize import minimize_scalar
+
+from bayesdamp.numerics.levenberg_marquardt import Expansion, Schedule, Step, levenberg_marquardt
 
 
 @dataclass(frozen=True)
@@ -54,57 +56,34 @@ def brent(cost: Callable[[float], float], guess: float, unit: float, factor: flo
 
 
 Evaluate = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
+STEPS = 400
+SCHEDULE = Schedule(less=0.1, more=10.0)
+"""Near its end the residuals of a refined fit are nearly linear: large factors save steps."""
+STILL, SAME, LEVEL = 1e-9, 1e-13, 1e-12
+"""A search has converged with a step of this share of what changes the residuals as much as all of them are now, of
+this share of the parameters, or that lowers their sum of squares by this share."""
 
 
-def levenberg(evaluate: Evaluate, start: np.ndarray, floor: np.ndarray, rounds: int = 80) -> Found:
-    """The least squares of residuals over x ≥ floor, elementwise, from `start` (k,).
+def least_squares(evaluate: Evaluate, start: np.ndarray, floor: np.ndarray) -> Found:
+    """The least squares of residuals over x ≥ floor, elementwise, from `start` (k,), by Levenberg–Marquardt.
 
     evaluate: x to residuals (n,) and their Jacobian (n, k); residuals that are not finite refuse a step.
-    A parameter at its floor whose gradient holds it there takes no part in a step.
     """
-    x = np.maximum(start, floor)
-    r, jacobian = evaluate(x)
-    cost = _cost(r)
-    costs, damping, converged = [cost], 1e-3, False
-    for _ in range(rounds):
-        if not (np.isfinite(cost) and np.all(np.isfinite(jacobian))):
-            break
-        gradient, hessian = jacobian.T @ r, jacobian.T @ jacobian
-        moving = ~((x <= floor) & (gradient > 0))
-        diagonal = np.where(np.diag(hessian) > 0, np.diag(hessian), 1.0)
-        scale = np.sqrt(diagonal[moving])
-        matrix = hessian[np.ix_(moving, moving)] / np.outer(scale, scale)
-        accepted, small = False, False
-        for _ in range(14):
-            step = np.zeros_like(x)
-            step[moving] = (
-                -np.linalg.solve(matrix + damping * np.eye(scale.size), gradient[moving] / scale) / scale
-            )
-            there = np.maximum(x + step, floor)
-            # The step in units of what changes the residuals as much as all of them are now.
-            small = bool(np.all(np.abs(there - x) * np.sqrt(diagonal) <= 1e-9 * np.sqrt(cost)))
-            relative = np.abs(there - x) <= 1e-13 * np.abs(x)
-            r_new, j_new = evaluate(there)
-            new = _cost(r_new)
-            costs.append(min(new, cost))
-            if new < cost:
-                gain = (cost - new) / cost
-                x, r, jacobian, cost = there, r_new, j_new, new
-                damping, accepted = max(damping / 10, 1e-12), True
-                small = small or gain < 1e-12
-                break
-            if small or np.all(relative):
-                small = True
-                break
-            damping *= 10
-        if small or cost == 0.0:
-            converged = True
-            break
-        if not accepted:
-            break
-    return Found(x, len(costs), np.array(costs), converged)
+    costs: list[float] = []
 
+    def expand(x: np.ndarray) -> Expansion:
+        r, jacobian = evaluate(x)
+        cost = float(r @ r) if np.all(np.isfinite(r)) else np.inf
+        costs.append(min(cost, costs[-1]) if costs else cost)
+        return Expansion(-cost, -2 * jacobian.T @ r, 2 * jacobian.T @ jacobian)
 
-def _cost(r: np.ndarray) -> float:
-    total = float(r @ r) if np.all(np.isfinite(r)) else np.inf
-    return total if np.isfinite(total) else np.inf
+    def ended(step: Step) -> bool:
+        cost = -step.at.value
+        scale = np.sqrt(np.diag(step.at.information) / 2)
+        small = bool(np.all(np.abs(step.move) * scale <= STILL * np.sqrt(cost)))
+        if step.gain > 0:
+            return small or step.gain < LEVEL * cost or step.gain == cost
+        return small or bool(np.all(np.abs(step.move) <= SAME * np.abs(step.x))) or cost == 0.0
+
+    found = levenberg_marquardt(expand, start, floor, ended, limit=STEPS, schedule=SCHEDULE)
+    return Found(found.x, len(costs), np.array(costs), found.converged)

@@ -113,7 +113,7 @@ class Density(Shown):
 
     @cached_property
     def _context(self):
-        return self.mode.context.lean
+        return self.mode.context.compact
 
     def _vector(self, x: ArrayLike) -> Vector:
         try:

@@ -15,7 +15,7 @@ from bayesdamp.inference.checks.checks import laplace_draws
 from bayesdamp.inference.fit.laplace import value_sds
 from bayesdamp.inference.fit.mode import Mode, restore_mode
 from bayesdamp.inference.fit.search import find_mode
-from bayesdamp.inference.fit.seeds import prior_seeds
+from bayesdamp.inference.fit.starting_points import prior_starts
 from bayesdamp.inference.model.residuals import residual
 from bayesdamp.inference.model.target import Target
 from bayesdamp.interface.density import Density
@@ -30,8 +30,8 @@ from bayesdamp.interface.records.signal import Signal
 from bayesdamp.physics.integrate import make_plan
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.physics.solver.plan import QUANTITIES
-from bayesdamp.pipeline.records.climbs import packed as packed_mode
-from bayesdamp.pipeline.records.climbs import unpacked as unpacked_mode
+from bayesdamp.pipeline.records.stored_modes import packed as packed_mode
+from bayesdamp.pipeline.records.stored_modes import unpacked as unpacked_mode
 from bayesdamp.plugins import nearest
 from bayesdamp.records.oscillation.features import features
 from bayesdamp.store import CellResult
@@ -278,8 +278,8 @@ def _searched(
         starts = dict(given)
     choice = choose(case, starts)
     target = case.target(choice.noise, choice.epsilon)
-    seeds = {**choice.starts, **starts, **prior_seeds(target, PRIOR_STARTS, seed)}
+    seeds = {**choice.starts, **starts, **prior_starts(target, PRIOR_STARTS, seed)}
     mode = find_mode(target, seeds, noise_level=case.seen.roughness, period=case.seen.period)
     # Made anew at the mode, as it is where a fit is read from a file, so that both are the same.
-    again = restore_mode(target, mode.z, mode.log_posterior, mode.information, mode.tolerance, mode.climbs)
+    again = restore_mode(target, mode.z, mode.log_posterior, mode.information, mode.tolerance, mode.searches)
     return target, again, choice.notes

@@ -11,6 +11,7 @@ from pydantic import TypeAdapter
 
 from bayesdamp import types
 from bayesdamp.config.checks import StudyError
+from bayesdamp.config.sections import DEVIATIONS
 from bayesdamp.config.signals import canonical_model
 from bayesdamp.inference.noise import NOISES
 from bayesdamp.interface.parts.result import Packed, Result
@@ -25,7 +26,6 @@ from bayesdamp.types import InputError, System
 if TYPE_CHECKING:
     from bayesdamp.interface.density import Density
 
-DEVIATIONS = ("none", "law", "auto")
 POSITIVE = ("noise_sd", "noise_time", "noise_dof")
 """Parameters that are above zero; friction's epsilon may be zero, the sign itself."""
 _KINDS = get_args(get_args(Prior)[0])

@@ -18,6 +18,7 @@ from bayesdamp.config.checks import StudyError
 from bayesdamp.config.load import resolve_study
 from bayesdamp.interface.parts.result import Shown
 from bayesdamp.interface.parts.table import Table, number, said
+from bayesdamp.outcomes import Status, status_of
 from bayesdamp.pipeline.candidates.weighing import evidence_of
 from bayesdamp.plugins import nearest
 from bayesdamp.store import TABLES, CellResult, Store, read_table
@@ -158,7 +159,7 @@ class Run(Shown):
             raise InputError(f"{folder}: holds no run; give the folder that run_study or the command wrote")
         store = Store(folder)
         found = ((n, store.read(n).outcome) for n in store.names())
-        failed = [n for n, outcome in found if outcome.startswith("failed: ")]
+        failed = [n for n, outcome in found if status_of(outcome) is Status.FAILED]
         outcome = f"{len(failed)} cells failed: {', '.join(failed)}" if failed else OK
         return cls(folder, _about(folder)["study"]["name"], outcome)
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from bayesdamp.config.sections import DEVIATIONS
 from bayesdamp.inference.deviation.findings import SENSOR, findings
 from bayesdamp.inference.deviation.picture import picture
 from bayesdamp.inference.deviation.quick import weighing_of
@@ -21,7 +22,6 @@ from bayesdamp.verdict.decide import decide
 from bayesdamp.verdict.specimen import Answered
 from bayesdamp.verdict.types import Grade, Verdict, Window
 
-DEVIATIONS = ("auto", "none", "law")
 BEYOND = 1.3
 """By which factor an amplitude that is asked for may lie outside those of the record."""
 

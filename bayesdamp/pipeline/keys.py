@@ -9,7 +9,7 @@ from bayesdamp.sources import code_digest, reached
 
 _BRANCH = (
     "bayesdamp.pipeline.candidates.cells",
-    "bayesdamp.pipeline.records.climbs",
+    "bayesdamp.pipeline.records.stored_modes",
     "bayesdamp.pipeline.records.targets",
 )
 CODE: dict[str, tuple[str, ...]] = {
@@ -21,7 +21,7 @@ CODE: dict[str, tuple[str, ...]] = {
     "estimate": ("bayesdamp.pipeline.candidates.cells", "bayesdamp.pipeline.records.targets", "bayesdamp.estimators"),
     "mode": (
         *_BRANCH, "bayesdamp.inference.checks.checks", "bayesdamp.inference.fit.search",
-        "bayesdamp.inference.fit.seeds", "bayesdamp.pipeline.records.starts",
+        "bayesdamp.inference.fit.starting_points", "bayesdamp.pipeline.records.starts",
     ),
     "posterior": (*_BRANCH, "bayesdamp.pipeline.candidates.posteriors"),
     "evidence": (*_BRANCH, "bayesdamp.pipeline.candidates.weighing"),

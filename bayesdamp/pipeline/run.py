@@ -14,9 +14,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from bayesdamp.config import Recording, SignalSpec, Study
-from bayesdamp.inference.evidence.referee import REFEREE
-from bayesdamp.machine.relief import relieve
-from bayesdamp.pipeline import staging
+from bayesdamp.inference.evidence.adopted import NESTED_CHECK
+from bayesdamp.machine.cache_eviction import evict_programs
+from bayesdamp.outcomes import Status, status_of
+from bayesdamp.pipeline import pruning
 from bayesdamp.pipeline.candidates.averaging import average, averages
 from bayesdamp.pipeline.candidates.cells import Branch
 from bayesdamp.pipeline.keys import digest, task_key
@@ -31,7 +32,7 @@ from bayesdamp.pipeline.workers import cache_compilations, pool_of, progress_bar
 from bayesdamp.plugins import use
 from bayesdamp.sources import package_digest
 from bayesdamp.store import CellResult, Store
-from bayesdamp.types import FAILED, NOT_COMPUTED, OK, InputError
+from bayesdamp.types import OK, InputError
 from bayesdamp.verdict.types import Verdict
 
 if TYPE_CHECKING:
@@ -141,7 +142,7 @@ def run_study(
                 progress.update(bar, description="report", completed=len(names))
                 write_tables(study, Store(out, _current(study, store)))
                 _render(out, None if scheduler else pool)
-        failed = [(n, c.outcome) for n, c in _results(store, names) if c.outcome.startswith(FAILED)]
+        failed = [(n, c.outcome) for n, c in _results(store, names) if status_of(c.outcome) is Status.FAILED]
         for name, outcome in failed:
             console.print(f"{name}: {outcome}", style="red", highlight=False)
         return WRONG_CELLS if failed else DONE
@@ -210,7 +211,7 @@ def _part(name: str) -> str:
     kind, method = name.partition("/")[0], name.rpartition("/")[2]
     if kind == "sensitivity" and method != "savage_dickey":
         return "depend"
-    if kind in ("posterior", "sensitivity") or method in ("bridge", REFEREE):
+    if kind in ("posterior", "sensitivity") or method in ("bridge", NESTED_CHECK):
         return "sample"
     return "weigh" if kind == "curve" or (kind == "evidence" and method != "laplace") else "look"
 
@@ -251,7 +252,7 @@ def _run_job(
 
 def _computed(study: Study, folder: Path, job: Job, given_up: Collection[str]) -> list[str]:
     cache_compilations()
-    relieve()
+    evict_programs()
     store = Store(folder)
     done = []
     for name, (key, compute) in _work(study, store, job).items():
@@ -264,7 +265,7 @@ def _computed(study: Study, folder: Path, job: Job, given_up: Collection[str]) -
                 if os.environ.get("BAYESDAMP_DEBUG"):
                     raise
                 first = str(fault).strip().splitlines()
-                text = f"{FAILED}{type(fault).__name__}: {first[0] if first else ''}"
+                text = Status.FAILED.because(f"{type(fault).__name__}: {first[0] if first else ''}")
                 store.write(CellResult(name, key, outcome=text))
         done.append(name)
     return done
@@ -276,7 +277,7 @@ def _done(store: Store, name: str, key: str) -> bool:
         found = store.read(name)
     except KeyError:
         return False
-    return found.key == key and not found.outcome.startswith((FAILED, NOT_COMPUTED))
+    return found.key == key and status_of(found.outcome) not in (Status.FAILED, Status.NOT_COMPUTED)
 
 
 def _tell(study: Study, store: Store, answered: Callable[[Verdict], None] | None) -> None:
@@ -296,7 +297,7 @@ def _stages(study: Study, store: Store, depth: Depth = Depth.WHOLE) -> Iterator[
             return
     yield [job for job in jobs if job.law is not None]
     yield [job for job in jobs if job.joined == "noise"]
-    if staging.staged(study):
+    if pruning.staged(study):
         yield from _staged(study, store)
     else:
         yield [job for job in jobs if job.model is not None]
@@ -309,20 +310,20 @@ def _staged(study: Study, store: Store) -> Iterator[list[Job]]:
     records = [(s, r) for s in study.signals for r in range(s.repeats)]
     records = [(s, r) for s, r in records if store.read(f"signal/{s.name}/{r}").outcome == OK]
     # With one law alone there is none to leave out, and its candidates need not wait for one another.
-    short = _kept(study, store, records, staging.listed, "look")
-    by_record = {(s.name, r): set(staging.heads(study, s)) for s, r in records if len(s.restoring) > 1}
+    short = _kept(study, store, records, pruning.listed, "look")
+    by_record = {(s.name, r): set(pruning.heads(study, s)) for s, r in records if len(s.restoring) > 1}
     yield [job for job in short if job.model in by_record.get((job.signal, job.repeat), {job.model})]
-    yield _kept(study, store, records, staging.laws_left, "look")
-    yield _kept(study, store, records, staging.candidates_left, "weigh")
+    yield _kept(study, store, records, pruning.laws_left, "look")
+    yield _kept(study, store, records, pruning.candidates_left, "weigh")
     last: list[Job] = []
-    for part, chosen in (("sample", staging.best_of), ("depend", staging.likely)):
+    for part, chosen in (("sample", pruning.best_of), ("depend", pruning.likely)):
         for s, r in records:
             left = chosen(study, s, r, store)
             last += [Job(s.name, r, name, part=part) for name in left]
             for name in set(study.compare(s)) - set(left):
                 cells = _work(study, store, Job(s.name, r, name, part=part))
                 stale = {n: key for n, (key, _) in cells.items() if n in store.names()}
-                staging.set_aside(store, stale, staging.NOT_SAMPLED)
+                pruning.set_aside(store, stale, pruning.NOT_SAMPLED)
     yield last
 
 
@@ -340,7 +341,7 @@ def _kept(
             job = Job(spec.name, repeat, name, part=part)
             if why:
                 cells = {n: key for n, (key, _) in _work(study, store, job).items()}
-                staging.set_aside(store, {n: k for n, k in cells.items() if n.startswith("evidence/")}, why)
+                pruning.set_aside(store, {n: k for n, k in cells.items() if n.startswith("evidence/")}, why)
             else:
                 found.append(job)
     return found

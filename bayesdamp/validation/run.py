@@ -15,6 +15,7 @@ from pathlib import Path
 import pandas as pd
 
 from bayesdamp.machine.processes import processes
+from bayesdamp.outcomes import Status, status_of
 from bayesdamp.types import InputError
 from bayesdamp.validation.answers import COLUMNS, Row, row_of
 from bayesdamp.validation.scoring import markdown, scores
@@ -22,7 +23,6 @@ from bayesdamp.validation.truth.records import FAMILY, KINDS, case
 
 ANSWER = "bayesdamp.pipeline.answer:answer"
 DISCREPANT = "discrepant"
-FAULT = "failed: "
 
 
 @dataclass(frozen=True)
@@ -77,7 +77,7 @@ def answered(job: Job, path: str, mode: str) -> Row:
         head = {"case": made.name, "kind": made.kind, "oversample": made.oversample, "mode": mode}
         return head | {
             "damping": made.damping, "restoring": made.restoring, "decided": False,
-            "outcome": f"{FAULT}{type(fault).__name__}: {' '.join(str(fault).split())}",
+            "outcome": Status.FAILED.because(f"{type(fault).__name__}: {' '.join(str(fault).split())}"),
         }  # fmt: skip
 
 
@@ -147,7 +147,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return 2
     if len(rows):
         print(markdown(scores(rows)))
-    faults = rows[rows["outcome"].astype(str).str.startswith(FAULT)]
+    faults = rows[[status_of(str(said)) is Status.FAILED for said in rows["outcome"]]]
     for name, outcome in zip(faults["case"], faults["outcome"], strict=True):
         print(f"{name}: {outcome}", file=sys.stderr)
     return 3 if len(faults) else 0

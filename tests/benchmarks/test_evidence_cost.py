@@ -10,7 +10,7 @@ import pytest
 
 from bayesdamp.inference.evidence import EVIDENCES
 from bayesdamp.inference.evidence.methods import nested
-from bayesdamp.inference.fit import climb, search
+from bayesdamp.inference.fit import maximise, search
 from bayesdamp.inference.fit.mode import Mode
 from bayesdamp.inference.fit.search import find_mode
 from bayesdamp.inference.model.density import moving_scores
@@ -25,7 +25,7 @@ RATIO = 10.0
 
 def searched(target: Target, start: dict[str, float], level: float) -> tuple[Mode, int]:
     """The mode, and likelihoods its search took; one with tangents counts as one for each tangent more."""
-    count, real = [0], climb.compiled
+    count, real = [0], maximise.compiled
 
     def counting(layout):
         found = real(layout)
@@ -37,7 +37,7 @@ def searched(target: Target, start: dict[str, float], level: float) -> tuple[Mod
         return replace(found, curvature=curvature)
 
     with pytest.MonkeyPatch.context() as patch:
-        for module in (climb, search):
+        for module in (maximise, search):
             patch.setattr(module, "compiled", counting)
         at = find_mode(target, {"start": start}, noise_level=level)
     return at, count[0]

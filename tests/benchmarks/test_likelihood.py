@@ -123,10 +123,10 @@ def measured(model: str) -> dict[str, float]:
     target = Target(Signal(TIMES, y), osc, "gaussian", priors, known)
     z = target.scores({n: p[n] for n in priors})
     plan = plans(target, z, ERROR)[0]
-    context = target.context(plan).lean
+    context = target.context(plan).compact
     one = jax.jit(partial(log_posterior, target.layout))
     many = jax.jit(jax.vmap(partial(log_posterior, target.layout), in_axes=(None, 0)))
-    # Some posterior standard deviations away: where a plan is anchored it is far better than it need be.
+    # Some posterior standard deviations away: where a plan is corrected it is far better than it need be.
     batch = z + AWAY * np.random.default_rng(0).standard_normal((SIZE, z.size))
     errors = []
     for away in batch[:3]:

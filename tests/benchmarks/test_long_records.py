@@ -78,14 +78,14 @@ def measured(noise: str) -> dict[str, float]:
         functions, at = compiled(target.layout), jnp.asarray(mode.z)
         gradient = jax.jit(partial(value_and_gradient, target.layout))
         for f in (height(target.layout), gradient, functions.curvature):
-            runs.append(lambda f=f, c=mode.context.lean, at=at: jax.block_until_ready(f(c, at)))
+            runs.append(lambda f=f, c=mode.context.compact, at=at: jax.block_until_ready(f(c, at)))
     times = in_turns(*runs)
     for i, name in enumerate(("likelihood", "gradient", "information")):
         found[f"{name} {FEW}"], found[f"{name} {MANY}"] = times[i], times[i + 3]
     rng = np.random.default_rng(2)
     directions = rng.standard_normal((8, mode.z.size))
     points = [mode.z, *(mode.z + mode.factor @ (10 * u / np.linalg.norm(u)) for u in directions)]
-    whole = replace(mode.context, condensed=None)
+    whole = replace(mode.context, compressed=None)
     ours, plain = (
         np.array([float(height(target.layout)(c, jnp.asarray(x))) for x in points])
         for c in (mode.context, whole)
@@ -147,5 +147,5 @@ def test_negative_control_the_plain_sum(noise):
 
 @pytest.mark.parametrize("noise", NOISES)
 def test_agreement(noise):
-    """Log likelihood differences within ten posterior sds of the mode, condensed and by the plain sum."""
+    """Log likelihood differences within ten posterior sds of the mode, compressed and by the plain sum."""
     assert measured(noise)["apart"] < 1e-6

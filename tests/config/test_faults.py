@@ -83,8 +83,8 @@ FAULTS = {
         "system.stiffness.sdd: unknown key; did you mean 'sd'?",
     ),
     "prior inner": (
-        swap("20.0", '{ prior = "halfnormal", scale = 1, folded = false }'),
-        "system.stiffness.folded: unknown key; valid are prior, scale",
+        swap("20.0", '{ prior = "halfnormal", scale = 1, reflected = false }'),
+        "system.stiffness.reflected: unknown key; valid are prior, scale",
     ),
     "prior missing": (
         swap("20.0", '{ prior = "normal", mean = 1 }'),

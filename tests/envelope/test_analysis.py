@@ -9,9 +9,9 @@ from scipy.signal import find_peaks, hilbert
 
 from bayesdamp.envelope import analyse, made_record, pooled
 from bayesdamp.envelope.model.candidates import START_SD, WIDTH, Blocks, weigh
-from bayesdamp.envelope.records.simulate import Ringdown, simulate
 from bayesdamp.envelope.records.window import bounded
 from bayesdamp.types import InputError
+from tests.envelope.ringdowns import Ringdown, simulate
 
 RING = {"fall": 45.0, "scatter": 0.02, "scatter_time": 0.5, "behind": 15.0}
 

@@ -70,7 +70,7 @@ def mode(name: str) -> Mode:
 def height(layout: Layout):
     """Compiled: the log posterior alone, (context, z) to a number."""
     run = jax.jit(partial(log_posterior, layout))
-    return lambda context, z: run(context.lean, z)
+    return lambda context, z: run(context.compact, z)
 
 
 def log_likelihoods(target: Target, mode: Mode, z: np.ndarray) -> np.ndarray:

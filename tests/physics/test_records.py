@@ -70,7 +70,7 @@ def test_side_by_side_equals_one_by_one(epsilon, count):
     """On a plan that is set right at its parameters, and with exact friction, which has no plan of the kind."""
     p = {**P, "epsilon": epsilon}
     coarse = make_plan(OSC, p, TIMES, tolerance=1e-3)
-    plan = coarse.anchored(OSC, coarse.finer(OSC, p, 3, TIMES, "angle"), p)
+    plan = coarse.corrected(OSC, coarse.finer(OSC, p, 3, TIMES, "angle"), p)
     rng = np.random.default_rng(1)
     many = {n: v * (1 + 0.01 * rng.standard_normal(count)) for n, v in p.items()}
     batch = plan.many_at_samples(OSC, many)

@@ -52,15 +52,15 @@ def test_one_noise_is_chosen_and_shown(tmp_path):
     assert found.meta["chosen"] == "gaussian"
     assert "recording step" in found.meta["weighed"][0]["outcome"]
     assert read_table(tmp_path / "out" / "fits.csv")[0]["verdict"] == "fits"
-    climbs = store.read("mode/noisy/0/viscous").meta["climbs"]
-    assert [c["seed"] for c in climbs] == [
+    searches = store.read("mode/noisy/0/viscous").meta["climbs"]
+    assert [c["seed"] for c in searches] == [
         "frequency and decay",
         "least_squares, initial",
         "least_squares, refined",
         "prior 1",
         "prior 2",
     ]
-    assert all(c["mode"] == 0 for c in climbs[:3])
+    assert all(c["mode"] == 0 for c in searches[:3])
     report = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
     assert 'id="noise"' in report
     assert 'id="seeds"' in report

@@ -42,10 +42,10 @@ def test_plain_decimation_would_lose_them():
 
 def test_a_folded_density_is_highest_at_zero():
     draws = np.abs(np.random.default_rng(3).normal(size=20_000))
-    grid, height = outline(draws, folded=True)
+    grid, height = outline(draws, reflected=True)
     assert grid[0] > 0
     assert height[0] > 0.93
-    smeared, low = outline(draws, folded=False)
+    smeared, low = outline(draws, reflected=False)
     assert smeared[0] < 0
     assert low[0] < 0.3
 

@@ -15,11 +15,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bayesdamp import store as module
 from bayesdamp.store import (
     TABLES,
     CellResult,
     Store,
+    files,
+    origin,
     provenance,
     read_table,
     sha256,
@@ -156,7 +157,7 @@ def test_a_failed_write_keeps_the_old_file(tmp_path, monkeypatch):
     def fail(*_):
         raise OSError("disk full")
 
-    monkeypatch.setattr(module.os, "fsync", fail)
+    monkeypatch.setattr(files.os, "fsync", fail)
     with pytest.raises(OSError, match="disk full"):
         store.write(result(key="k2"))
     assert store.has(NAME, "k1")
@@ -305,7 +306,7 @@ def test_provenance_says_what_ran(tmp_path):
 def test_an_installed_copy_gives_its_version(tmp_path, monkeypatch):
     """A copy that lies in somebody else's checkout must not report that checkout's commit."""
     subprocess.run(["git", "init", "-q", str(tmp_path)], check=True)
-    copy = tmp_path / "site-packages" / "bayesdamp" / "store" / "__init__.py"
+    copy = tmp_path / "site-packages" / "bayesdamp" / "store" / "origin.py"
     write_bytes(copy, b"")
-    monkeypatch.setattr(module, "__file__", str(copy))
+    monkeypatch.setattr(origin, "__file__", str(copy))
     assert provenance()["revision"].startswith("version ")

@@ -1,1 +1,1 @@
-"""Envelopes as they were recorded or simulated, and where the free decay stands in them."""
+"""Envelopes as they were recorded, and where the free decay stands in them."""

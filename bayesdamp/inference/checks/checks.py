@@ -10,15 +10,16 @@ import numpy as np
 from scipy.fft import next_fast_len
 
 from bayesdamp.inference.checks.forecast import TOGETHER, Forecast, forecast
-from bayesdamp.inference.checks.lines import Line, orthonormal, standing_out, strongest
-from bayesdamp.inference.checks.other_forms import Other, Rival, other_form
-from bayesdamp.inference.coordinates.cut_normal import about
-from bayesdamp.inference.fit.climb import ROUGHLY, climb
+from bayesdamp.inference.checks.residual_spectrum import Line, orthonormal, standing_out, strongest
+from bayesdamp.inference.checks.score_tests import Other, Rival, other_form
+from bayesdamp.inference.coordinates.truncated_normal import about
 from bayesdamp.inference.fit.laplace import log_evidence_near, value_sds
+from bayesdamp.inference.fit.maximise import ROUGHLY, maximise_posterior
 from bayesdamp.inference.fit.mode import Mode, whitening
 from bayesdamp.inference.model.residuals import residual, residuals, whitened
 from bayesdamp.inference.model.target import Context, Target
 from bayesdamp.inference.noise import NoiseModel
+from bayesdamp.outcomes import Fitting
 from bayesdamp.types import Refusal
 
 DRAWS = 200
@@ -152,11 +153,11 @@ def tangents(target: Target, mode: Mode) -> np.ndarray:
 
     A coefficient that is held at zero has none: the residuals want it below.
     """
-    names, folded = target.names, target.layout.folded
+    names, reflected = target.names, target.layout.reflected
     free = [
         i
         for i, n in enumerate(names)
-        if n in target.oscillator.parameters and not (folded[i] and abs(mode.z[i]) <= HELD)
+        if n in target.oscillator.parameters and not (reflected[i] and abs(mode.z[i]) <= HELD)
     ]
     steps = STEP * mode.sd()
     plan, moved = mode.context.plan, mode.z + np.diag(steps)[free]
@@ -214,17 +215,17 @@ def check_fit(target: Target, mode: Mode, period: float, seed: int) -> Fit:
 
 
 def _verdict(noise: NoiseModel, p: float, line: Line, form: Other, window_p: float, outliers: bool) -> str:
-    correlated = noise.name == "correlated"
+    correlated, no = noise.name == "correlated", Fitting.DOES_NOT_FIT
     if p < P_LIMIT or line.chance < LINE_LIMIT:
         also = "" if correlated else " with independent noise"
-        return f"does not fit: structure is left in the residuals{also}: {line.words}"
+        return no.because(f"structure is left in the residuals{also}: {line.words}")
     if form.chance < FORM_LIMIT:
-        return f"does not fit: the residuals are as where {form.words}"
+        return no.because(f"the residuals are as where {form.words}")
     if window_p < WINDOW_LIMIT:
-        return "does not fit: the coefficients change from one part of the record to another"
+        return no.because("the coefficients change from one part of the record to another")
     if outliers and not noise.heavy_tailed:
-        return "does not fit: outliers in the residuals, which this noise model does not allow for"
-    return "fits, with correlated noise" if correlated else "fits"
+        return no.because("outliers in the residuals, which this noise model does not allow for")
+    return f"{Fitting.FITS.value}, with correlated noise" if correlated else Fitting.FITS.value
 
 
 def _windows(target: Target, mode: Mode, seed: int) -> tuple[tuple[Window, ...], float, int, Forecast | None]:
@@ -242,16 +243,16 @@ def _windows(target: Target, mode: Mode, seed: int) -> tuple[tuple[Window, ...],
     for label, first in (("first half", 0), ("middle half", (n - half) // 2), ("last half", n - half)):
         part = slice(first, first + half)
         context = target.context(mode.context.plan.of(part), part)
-        z, value, information, _, _ = climb(target.layout, context, mode.z, close=ROUGHLY)
-        if not np.isfinite(value):
+        top = maximise_posterior(target.layout, context, mode.z, close=ROUGHLY)
+        if not np.isfinite(top.value):
             continue
         w, factor = _window(
-            target, context, label, z, information, float(t[first]), float(t[first + half - 1])
+            target, context, label, top.x, top.information, float(t[first]), float(t[first + half - 1])
         )
         windows.append(w)
         if first == 0:
             density = whole.log_evidence - w.log_evidence
-            later = forecast(target, mode.context.plan, context, z, factor, density, seed)
+            later = forecast(target, mode.context.plan, context, top.x, factor, density, seed)
         for name in target.oscillator.coefficients:
             if whole.sd[name] == 0.0:  # absent from this model
                 continue

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from bayesdamp.inference.coordinates.cut_normal import near
+from bayesdamp.inference.coordinates.truncated_normal import near
 from bayesdamp.inference.model.residuals import residuals
 from bayesdamp.inference.model.target import Context, Target
 from bayesdamp.physics.solver.plan import Plan

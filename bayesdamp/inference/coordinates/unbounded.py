@@ -1,4 +1,4 @@
-"""Coordinates of the scores without walls: where a folded score must not be negative, theirs may have any value."""
+"""Coordinates of the scores without walls: where a reflected score must not be negative, theirs may have any value."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from jax import Array
 from jax import numpy as jnp
 from jax.scipy.special import log_ndtr, ndtri
 
-from bayesdamp.inference.coordinates.cut_normal import CutNormal
+from bayesdamp.inference.coordinates.truncated_normal import TruncatedNormal
 
 FAINTEST = -500.0
 """Logarithm of a probability below which the quantile is taken from the normal's asymptotic tail."""
@@ -40,7 +40,7 @@ class Unbounded:
     walls: int
 
     @staticmethod
-    def of(normal: CutNormal) -> Unbounded:
+    def of(normal: TruncatedNormal) -> Unbounded:
         """The coordinates in which this normal is round."""
         rest = np.setdiff1d(np.arange(normal.mean.size), normal.walls)
         # The wall that cuts most comes first: what it leaves hardly meets the others.

@@ -1,4 +1,4 @@
-"""Densities on the folded side of the scores."""
+"""Densities on the reflected side of the scores."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from bayesdamp.inference.model import batches
 from bayesdamp.inference.model.target import Target
 
 
-def folded_log_posterior(target: Target, mode: Mode, y: np.ndarray) -> np.ndarray:
-    """The density of scores y, (n, d), of which the folded ones are not negative: they have all the mass of both
+def reflected_log_posterior(target: Target, mode: Mode, y: np.ndarray) -> np.ndarray:
+    """The density of scores y, (n, d), of which the reflected ones are not negative: they have all the mass of both
     mirror images on one side, log 2 more each."""
-    return batches.log_posterior(target, mode.context, y) + np.sum(target.layout.folded) * np.log(2.0)
+    return batches.log_posterior(target, mode.context, y) + np.sum(target.layout.reflected) * np.log(2.0)

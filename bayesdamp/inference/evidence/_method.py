@@ -15,7 +15,7 @@ from bayesdamp.types import OK, Evidence
 
 @dataclass(frozen=True)
 class Draws:
-    """Posterior draws as scores, shape (chain, draw, d), folded ones at or above zero.
+    """Posterior draws as scores, shape (chain, draw, d), reflected ones at or above zero.
 
     outcome: whether the sampler trusts them, `ok` or a sentence.
     """

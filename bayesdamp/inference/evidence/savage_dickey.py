@@ -35,7 +35,7 @@ class Ratio:
 
 
 def savage_dickey(target: Target, y: np.ndarray, parameter: str) -> Ratio:
-    """Log of posterior to prior density of a coefficient at zero, on the folded axis (Dickey, Annals of Mathematical
+    """Log of posterior to prior density of a coefficient at zero, on the reflected axis (Dickey, Annals of Mathematical
     Statistics 42, 1971).
 
     y: posterior draws of the scores, shape (chain, draw, d). Valid under a half-normal prior, where both models share

@@ -51,7 +51,7 @@ def widened(prior: Prior, factor: float) -> Prior | None:
 def against_width(target: Target, mode: Mode, y: np.ndarray, log_weights: np.ndarray, seed: int) -> Widths:
     """Evidence under narrower and wider priors of the damping coefficients, all at once.
 
-    y: importance draws on the folded scores, (n, d); log_weights: their log weights under the prior as it is, (n,).
+    y: importance draws on the reflected scores, (n, d); log_weights: their log weights under the prior as it is, (n,).
     The likelihoods of these draws do not depend on the prior: each width needs prior densities alone.
     """
     values = target.values(y)

@@ -17,27 +17,27 @@ NODES = 24
 def log_evidence_near(target: Target, context: Context, z: np.ndarray) -> float:
     """Laplace's log evidence from the expansion at scores z, (d,), at or near a mode. context: of the record or of a
     part of it."""
-    at = np.where(target.layout.folded, np.abs(z), z)
+    at = np.where(target.layout.reflected, np.abs(z), z)
     value, gradient, information = map(np.asarray, compiled(target.layout).curvature(context, at))
-    return log_integral(float(value), gradient, information, at, np.flatnonzero(target.layout.folded))
+    return log_integral(float(value), gradient, information, at, np.flatnonzero(target.layout.reflected))
 
 
 def log_integral(
-    value: float, gradient: np.ndarray, information: np.ndarray, at: np.ndarray, folded: np.ndarray
+    value: float, gradient: np.ndarray, information: np.ndarray, at: np.ndarray, reflected: np.ndarray
 ) -> float:
-    """log ∫ exp(value + g·(z − at) − (z − at)ᵀ H (z − at)/2) dz over z ≥ 0 in the folded scores, times two for each.
+    """log ∫ exp(value + g·(z − at) − (z − at)ᵀ H (z − at)/2) dz over z ≥ 0 in the reflected scores, times two for each.
 
-    gradient g: (d,); information H: (d, d); folded: their indices.
+    gradient g: (d,); information H: (d, d); reflected: their indices.
     """
     covariance = np.linalg.inv(information)
     mean = at + covariance @ gradient
     log_det = np.linalg.slogdet(information)[1]
     whole = value + 0.5 * gradient @ covariance @ gradient
     whole += 0.5 * at.size * np.log(2 * np.pi) - 0.5 * log_det
-    if not folded.size:
+    if not reflected.size:
         return float(whole)
-    inside = log_orthant(mean[folded], covariance[np.ix_(folded, folded)])
-    return float(whole + inside + folded.size * np.log(2.0))
+    inside = log_orthant(mean[reflected], covariance[np.ix_(reflected, reflected)])
+    return float(whole + inside + reflected.size * np.log(2.0))
 
 
 def log_orthant(mean: np.ndarray, covariance: np.ndarray) -> float:

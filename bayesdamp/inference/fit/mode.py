@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.linalg import solve_triangular
 
-from bayesdamp.inference.fit.climb import climb
+from bayesdamp.inference.fit.maximise import maximise_posterior
 from bayesdamp.inference.model.residuals import log_density, residuals
 from bayesdamp.inference.model.target import Context, Layout, Target
 from bayesdamp.physics.solver.plan import Plan
@@ -24,7 +24,7 @@ FINER = 5
 
 
 @dataclass(frozen=True)
-class Climb:
+class LocalSearch:
     """One seed's way to a mode: where it started and ended (scores, log posterior), and what it cost.
 
     seed: its name; same: names of the seeds that start at the same place and were not climbed again.
@@ -57,7 +57,7 @@ class Mode:
     information: np.ndarray
     factor: np.ndarray
     context: Context
-    climbs: tuple[Climb, ...]
+    searches: tuple[LocalSearch, ...]
     step_error: float
     likelihood_error: float
     tolerance: float
@@ -67,22 +67,22 @@ class Mode:
         return np.sqrt(np.sum(self.factor**2, axis=1))
 
 
-def settle(target: Target, z: np.ndarray, tolerance: float, climbs: tuple[Climb, ...]) -> Mode:
+def settle(target: Target, z: np.ndarray, tolerance: float, searches: tuple[LocalSearch, ...]) -> Mode:
     """Plan the solver at the mode until finer steps change the likelihood by less than the budget."""
     attempts = 0
     while True:
         attempts += 1
         plan, finer, error = plans(target, z, tolerance)
         context = target.context(plan)
-        z, value, information, _, _ = climb(target.layout, context, z)
-        if not np.isfinite(value):
+        top = maximise_posterior(target.layout, context, z)
+        if not np.isfinite(top.value):
             raise Refusal("the posterior is not finite at its mode")
-        factor = whitening(information)
+        z, factor = top.x, whitening(top.information)
         moved, change = _step_errors(target, plan, finer, z, factor)
         if change < BUDGET or attempts == 6:
             break
         tolerance = min(tolerance, error) * np.clip(BUDGET / change, 1e-3, 0.5) * 0.5
-    return Mode(z, value, information, factor, context, climbs, moved, change, tolerance)
+    return Mode(z, top.value, top.information, factor, context, searches, moved, change, tolerance)
 
 
 def plans(target: Target, z: np.ndarray, tolerance: float, stepped: bool = False) -> tuple[Plan, Plan, float]:
@@ -90,7 +90,7 @@ def plans(target: Target, z: np.ndarray, tolerance: float, stepped: bool = False
     plan, error = target.plan(z, tolerance, stepped)
     osc, signal, values = target.oscillator, target.signal, target.all_values(z)
     fine = plan.finer(osc, values, FINER, signal.t, signal.quantity)
-    return plan.anchored(osc, fine, values), fine, error
+    return plan.corrected(osc, fine, values), fine, error
 
 
 def mesh_of(target: Target, mode: Mode) -> MeshPlan:
@@ -124,11 +124,13 @@ def _step_errors(
 def mode_near(layout: Layout, context: Context, mode: Mode, z: np.ndarray) -> Mode:
     """The mode of another posterior close by, such as one of a part of the record: from scores z, (d,), on the same
     steps. Raises Refusal where it is not finite."""
-    z, value, information, _, _ = climb(layout, context, z)
-    if not np.isfinite(value):
+    top = maximise_posterior(layout, context, z)
+    if not np.isfinite(top.value):
         raise Refusal("the posterior is not finite at its mode")
-    factor = whitening(information)
-    return replace(mode, z=z, log_posterior=value, information=information, factor=factor, context=context)
+    factor, information = whitening(top.information), top.information
+    return replace(
+        mode, z=top.x, log_posterior=top.value, information=information, factor=factor, context=context
+    )
 
 
 def whitening(information: np.ndarray) -> np.ndarray:
@@ -151,9 +153,9 @@ def restore_mode(
     log_posterior: float,
     information: np.ndarray,
     tolerance: float,
-    climbs: tuple[Climb, ...] = (),
+    searches: tuple[LocalSearch, ...] = (),
 ) -> Mode:
     """A mode from what was stored of it: the plan of the solver is made anew at z."""
     context = target.context(plans(target, z, tolerance)[0])
     factor = whitening(information)
-    return Mode(z, log_posterior, information, factor, context, climbs, np.nan, np.nan, tolerance)
+    return Mode(z, log_posterior, information, factor, context, searches, np.nan, np.nan, tolerance)

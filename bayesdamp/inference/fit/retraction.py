@@ -3,21 +3,13 @@ step in the law's parameters leaves the ridge at once."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 
 from bayesdamp.inference.model.target import Target
+from bayesdamp.numerics.levenberg_marquardt import Retract, straight_on
 
 SMALL = 1e-5
 """Share of a step over which directions are taken."""
-Retract = Callable[[np.ndarray, np.ndarray], np.ndarray]
-"""Scores (d,) and a step in them, (d,), to the scores where the curve ends that starts with this step."""
-
-
-def straight_on(z: np.ndarray, step: np.ndarray) -> np.ndarray:
-    """Without a curve."""
-    return z + step
 
 
 def retraction(target: Target) -> Retract:

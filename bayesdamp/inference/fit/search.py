@@ -8,19 +8,21 @@ from typing import NamedTuple
 
 import numpy as np
 
-from bayesdamp.inference.fit.climb import ROUGHLY, climb
-from bayesdamp.inference.fit.mode import NEAR, Climb, Mode, plans, settle
+from bayesdamp.inference.fit.maximise import ROUGHLY, maximise_posterior
+from bayesdamp.inference.fit.mode import NEAR, LocalSearch, Mode, plans, settle
 from bayesdamp.inference.fit.retraction import retraction
 from bayesdamp.inference.model.compiled import compiled
 from bayesdamp.inference.model.residuals import residual
 from bayesdamp.inference.model.target import Context, Target
+from bayesdamp.numerics.levenberg_marquardt import Maximum
+from bayesdamp.outcomes import Status
 from bayesdamp.types import Refusal
 
 COARSEST = 0.05
 """Error of the solver's steps at the mode, in units of the noise, with which one begins: plans are set right there, and
 around it only a share of this remains."""
-ANCHORS = 4
-"""Plans that one seed's climb may take."""
+PLANS = 4
+"""Plans that one seed's search may take."""
 MOST_LEFT = 1.5
 """What a mode may leave of a record, in standard deviations of that; a motion out of step leaves √2, and more
 is left where slow noise stands in for another zero."""
@@ -54,11 +56,11 @@ def find_mode(
     """
     # A first guess; `settle` measures what the steps do to the likelihood and shortens them where they must be.
     tolerance = COARSEST * noise_level
-    if target.exact_friction:  # its plans cannot be anchored
+    if target.exact_friction:  # its plans cannot be corrected
         tolerance = 0.5 * noise_level / np.sqrt(target.signal.t.size)
     size = float(np.std(target.signal.y))
     in_step = max(IN_STEP * size, 1.5 * noise_level)
-    climbs: list[Climb] = []
+    searches: list[LocalSearch] = []
     ends: list[tuple[float, np.ndarray]] = []
     displaced = False
     begun: list[_Begun] = []
@@ -83,28 +85,41 @@ def find_mode(
         if keeps:  # and nothing of the next stage is computed
             break
         for names, z0, context, start, _ in stage:
-            z, value, information, count, done = _ascend(target, context, z0, tolerance)
-            volume = -0.5 * float(np.linalg.slogdet(information)[1])
-            climbs.append(Climb(names[0], tuple(names[1:]), start, value, count, z0, z, volume, done))
-            if not np.isfinite(value):
+            top = _ascend(target, context, z0, tolerance)
+            volume = -0.5 * float(np.linalg.slogdet(top.information)[1])
+            searches.append(
+                LocalSearch(
+                    names[0],
+                    tuple(names[1:]),
+                    start,
+                    top.value,
+                    top.evaluations,
+                    z0,
+                    top.x,
+                    volume,
+                    top.converged,
+                )
+            )
+            if not np.isfinite(top.value):
                 continue
-            left = _left(target, z, tolerance)
+            left = _left(target, top.x, tolerance)
             if left > MOST_LEFT * size:
                 displaced = True
                 continue
-            ends.append((value, z))
+            ends.append((top.value, top.x))
             keeps = keeps or left < in_step
             if thrifty and keeps:
                 break
     if not ends and displaced:
         raise Refusal(
-            "set aside: noise takes the motion's place: the likeliest trajectory is farther from the record than its "
-            "mean is"
+            Status.SET_ASIDE.because(
+                "noise takes the motion's place: the likeliest trajectory is farther from the record than its mean is"
+            )
         )
     said = Refusal("no seed leads to a trajectory with a finite likelihood")
     for _, z in sorted(ends, key=lambda end: -end[0]):
         try:
-            return settle(target, z, tolerance, tuple(climbs))
+            return settle(target, z, tolerance, tuple(searches))
         except Refusal as refusal:
             said = refusal
     raise said
@@ -150,8 +165,11 @@ def _grown(
             part = replace(target, signal=replace(target.signal, t=t[:keep], y=y[:keep]))
             # In steps: these share programs, whatever the number of samples.
             there = _begun(part, one.names, z, tolerance, stepped=True)
-            z, value, *_ = climb(part.layout, there.context, there.z, retract=retraction(part), close=ROUGHLY)
-            if not np.isfinite(value):
+            top = maximise_posterior(
+                part.layout, there.context, there.z, retract=retraction(part), close=ROUGHLY
+            )
+            z = top.x
+            if not np.isfinite(top.value):
                 break
         else:
             if not any(np.max(np.abs(z - other)) < SAME for other in found):
@@ -168,20 +186,18 @@ def _size(r: np.ndarray) -> float:
     return float(np.sqrt(np.mean(r**2)))
 
 
-def _ascend(
-    target: Target, context: Context, z: np.ndarray, tolerance: float
-) -> tuple[np.ndarray, float, np.ndarray, int, bool]:
-    """`climb`, and again with a plan made where it ended while that is far from where it began: so are all modes
-    compared on plans that are right at them. The scores, their log posterior, information, evaluations, converged."""
+def _ascend(target: Target, context: Context, z: np.ndarray, tolerance: float) -> Maximum:
+    """`maximise_posterior`, and again with a plan made where it ended while that is far from where it began: so are
+    all modes compared on plans that are right at them."""
     evaluations, attempts, retract = 0, 0, retraction(target)
     while True:
         attempts += 1
-        before = z
-        z, value, information, count, done = climb(target.layout, context, before, retract=retract)
-        evaluations += count
-        near = (z - before) @ information @ (z - before) < NEAR**2
-        if near or not np.isfinite(value) or attempts == ANCHORS:
-            return z, value, information, evaluations, done
+        top = maximise_posterior(target.layout, context, z, retract=retract)
+        evaluations += top.evaluations
+        near = (top.x - z) @ top.information @ (top.x - z) < NEAR**2
+        if near or not np.isfinite(top.value) or attempts == PLANS:
+            return replace(top, evaluations=evaluations)
+        z = top.x
         context = target.context(plans(target, z, tolerance)[0])
 
 

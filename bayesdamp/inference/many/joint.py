@@ -14,11 +14,11 @@ from itertools import pairwise
 
 import numpy as np
 
-from bayesdamp.inference.coordinates.frame import FAR
-from bayesdamp.inference.fit.climb import maximise
+from bayesdamp.inference.coordinates.whitening import FAR
 from bayesdamp.inference.fit.laplace import log_integral
+from bayesdamp.inference.fit.maximise import maximise
 from bayesdamp.inference.fit.mode import NEAR, Mode, restore_mode
-from bayesdamp.inference.fit.search import ANCHORS
+from bayesdamp.inference.fit.search import PLANS
 from bayesdamp.inference.model.compiled import compiled
 from bayesdamp.inference.model.density import LOG_2PI
 from bayesdamp.inference.model.target import Target
@@ -30,7 +30,7 @@ HOPELESS = 1000.0
 """Nats that a common value of what is shared would cost, from which no joint mode is looked for: the search would be
 long, far from all that the records say, and nobody could use what it found."""
 AT_WALLS = 4
-"""Folded scores near zero whose joint orthant Laplace's look takes; of more, those that are cut most."""
+"""Reflected scores near zero whose joint orthant Laplace's look takes; of more, those that are cut most."""
 
 
 class Apart(Refusal):
@@ -85,10 +85,10 @@ class Joint:
         return tuple(np.arange(a, b) for a, b in pairwise(ends))
 
     @cached_property
-    def folded(self) -> np.ndarray:
-        """Which coordinates are folded, (d,) of bool."""
-        first = [self.targets[0].priors[n].folded for n in self.shared]
-        own = [t.priors[n].folded for t, names in zip(self.targets, self.live, strict=True) for n in names]
+    def reflected(self) -> np.ndarray:
+        """Which coordinates are reflected, (d,) of bool."""
+        first = [self.targets[0].priors[n].reflected for n in self.shared]
+        own = [t.priors[n].reflected for t, names in zip(self.targets, self.live, strict=True) for n in names]
         return np.asarray([*first, *own], bool)
 
     def places(self, record: int) -> tuple[np.ndarray, np.ndarray]:
@@ -137,14 +137,14 @@ class JointMode:
 
     def look(self) -> float:
         """Laplace's log evidence: for choosing and setting aside, without an error estimate."""
-        folded = np.flatnonzero(self.joint.folded)
+        reflected = np.flatnonzero(self.joint.reflected)
         sd = np.sqrt(np.diag(np.linalg.inv(self.information)))
         mean = self.x + np.linalg.solve(self.information, self.gradient)
-        room = (mean / sd)[folded]
-        near = folded[np.argsort(room)[:AT_WALLS]]
+        room = (mean / sd)[reflected]
+        near = reflected[np.argsort(room)[:AT_WALLS]]
         near = near[(mean / sd)[near] < FAR]
         inside = log_integral(self.log_posterior, self.gradient, self.information, self.x, near)
-        return inside + (folded.size - near.size) * float(np.log(2.0))
+        return inside + (reflected.size - near.size) * float(np.log(2.0))
 
 
 def find_joint_mode(
@@ -157,7 +157,7 @@ def find_joint_mode(
     posterior is not finite on the way.
     """
     modes = [
-        _anchored(target, target.scores(values), tolerance)
+        _corrected(target, target.scores(values), tolerance)
         for target, values, tolerance in zip(joint.targets, starts, tolerances, strict=True)
     ]
     (x, apart), evaluations, attempts = _start(joint, modes), len(modes), 0
@@ -166,22 +166,31 @@ def find_joint_mode(
     while True:
         attempts += 1
         modes = [
-            mode if _near(mode, z) else _anchored(target, z, tolerance)
+            mode if _near(mode, z) else _corrected(target, z, tolerance)
             for mode, target, z, tolerance in zip(
                 modes, joint.targets, joint.split(x), tolerances, strict=True
             )
         ]
-        x, value, information, count, done = maximise(_curvature(joint, modes), joint.folded, x)
-        evaluations += count * len(modes)
-        if not np.isfinite(value):
+        top = maximise(_curvature(joint, modes), joint.reflected, x)
+        x, evaluations = top.x, evaluations + top.evaluations * len(modes)
+        if not np.isfinite(top.value):
             raise Refusal("the records have no joint mode that can be reached from their own ones")
         near = all(_near(mode, z) for mode, z in zip(modes, joint.split(x), strict=True))
-        if near or attempts == ANCHORS:
+        if near or attempts == PLANS:
             gradient = _curvature(joint, modes)(x)[1]
-            return JointMode(joint, tuple(modes), x, value, gradient, information, evaluations, done and near)
+            return JointMode(
+                joint,
+                tuple(modes),
+                x,
+                top.value,
+                gradient,
+                top.information,
+                evaluations,
+                top.converged and near,
+            )
 
 
-def _anchored(target: Target, z: np.ndarray, tolerance: float) -> Mode:
+def _corrected(target: Target, z: np.ndarray, tolerance: float) -> Mode:
     """A record's part at the scores z, with a plan that is right there. Raises Refusal."""
     at = restore_mode(target, z, np.nan, np.eye(z.size), tolerance)
     value, _, information = compiled(target.layout).curvature(at.context, z)
@@ -222,7 +231,7 @@ def _start(joint: Joint, modes: Sequence[Mode]) -> tuple[np.ndarray, float]:
 
 def _curvature(joint: Joint, modes: Sequence[Mode]):
     """x to the joint log posterior, its gradient (d,) and information (d, d), on the plans of these modes."""
-    k, d = len(joint.shared), joint.folded.size
+    k, d = len(joint.shared), joint.reflected.size
     runs = [compiled(t.layout).curvature for t in joint.targets]
 
     def at(x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -17,8 +17,8 @@ import numpy as np
 from scipy.special import logsumexp
 
 from bayesdamp.inference.checks import diagnostics
-from bayesdamp.inference.coordinates.folded import DEGREES, FoldedT
-from bayesdamp.inference.coordinates.frame import cut_off_moments
+from bayesdamp.inference.coordinates.reflected_t import DEGREES, ReflectedT
+from bayesdamp.inference.coordinates.whitening import truncated_moments
 from bayesdamp.inference.curves.weighted import effective, shares
 from bayesdamp.inference.evidence.methods.importance import K_GOOD, K_LIMIT
 from bayesdamp.inference.many.joint import Joint, JointMode
@@ -65,9 +65,9 @@ class _Own:
     slope: np.ndarray
     factor: np.ndarray
 
-    def given(self, away: np.ndarray, folded: np.ndarray) -> FoldedT:
+    def given(self, away: np.ndarray, reflected: np.ndarray) -> ReflectedT:
         """Their distribution at shared scores so far, (n, k), from the centre."""
-        return FoldedT(self.mean + away @ self.slope.T, self.factor, folded)
+        return ReflectedT(self.mean + away @ self.slope.T, self.factor, reflected)
 
 
 class _Proposal:
@@ -83,7 +83,7 @@ class _Proposal:
     ) -> None:
         k = mean.size
         self.joint = joint
-        self.shared = FoldedT(mean, _factor(covariance), joint.folded[:k])
+        self.shared = ReflectedT(mean, _factor(covariance), joint.reflected[:k])
         self.own = []
         for own_mean, across, own in records:
             slope = np.linalg.solve(covariance, across.T).T
@@ -93,7 +93,9 @@ class _Proposal:
     def at(mode: JointMode) -> _Proposal:
         """The normal of the mode's gradient and information, cut off at zero."""
         joint, k = mode.joint, len(mode.joint.shared)
-        mean, factor = cut_off_moments(mode.information, mode.gradient, mode.x, np.flatnonzero(joint.folded))
+        mean, factor = truncated_moments(
+            mode.information, mode.gradient, mode.x, np.flatnonzero(joint.reflected)
+        )
         c = factor @ factor.T
         parts = [(mean[p], c[p, :k], c[np.ix_(p, p)]) for p in joint.parts]
         return _Proposal(joint, mean[:k], c[:k, :k], parts)
@@ -166,16 +168,16 @@ def _poor(log_weights: np.ndarray) -> str:
 def _draw(mode: JointMode, proposal: _Proposal, rng: np.random.Generator, n: int, inner: int) -> _Drawn:
     joint, k = mode.joint, len(mode.joint.shared)
     shared = proposal.shared.draw(rng, n)
-    weights = _log_normal(shared, joint.folded[:k]) - proposal.shared.log_density(shared)
+    weights = _log_normal(shared, joint.reflected[:k]) - proposal.shared.log_density(shared)
     repeated = np.repeat(shared, inner, axis=0)
     scores, densities = [], []
     for j in range(len(joint.targets)):
         y, density = np.zeros((n * inner, 0)), np.zeros(n * inner)
         if joint.live[j]:
-            folded = joint.folded[joint.parts[j]]
-            given = proposal.own[j].given(repeated - proposal.shared.centre, folded)
+            reflected = joint.reflected[joint.parts[j]]
+            given = proposal.own[j].given(repeated - proposal.shared.centre, reflected)
             y = given.draw(rng, n * inner)
-            density = _log_normal(y, folded) - given.log_density(y)
+            density = _log_normal(y, reflected) - given.log_density(y)
         scores.append(y)
         densities.append(density)
 
@@ -196,9 +198,9 @@ def _threads(records: int) -> int:
     return min(records, len(os.sched_getaffinity(0)))
 
 
-def _log_normal(y: np.ndarray, folded: np.ndarray) -> np.ndarray:
-    """The prior's log density at scores y, (n, m), of which the folded ones have the mass of both sides."""
-    return -0.5 * np.sum(y**2, axis=1) - 0.5 * y.shape[1] * LOG_2PI + np.sum(folded) * np.log(2.0)
+def _log_normal(y: np.ndarray, reflected: np.ndarray) -> np.ndarray:
+    """The prior's log density at scores y, (n, m), of which the reflected ones have the mass of both sides."""
+    return -0.5 * np.sum(y**2, axis=1) - 0.5 * y.shape[1] * LOG_2PI + np.sum(reflected) * np.log(2.0)
 
 
 def _refitted(joint: Joint, drawn: _Drawn) -> _Proposal:

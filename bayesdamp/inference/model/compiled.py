@@ -11,7 +11,6 @@ import numpy as np
 from jax import Array
 from jax import numpy as jnp
 
-from bayesdamp.inference.model.condensed import room_of
 from bayesdamp.inference.model.density import log_posterior
 from bayesdamp.inference.model.gradient import curvature
 from bayesdamp.inference.model.linearised import (
@@ -23,6 +22,7 @@ from bayesdamp.inference.model.linearised import (
     moving_names,
     tight,
 )
+from bayesdamp.inference.model.qr_compression import capacity_of
 from bayesdamp.inference.model.target import Context, Layout
 from bayesdamp.machine.programs import Program
 from bayesdamp.physics.oscillator import Oscillator
@@ -58,17 +58,17 @@ def compiled(layout: Layout) -> Compiled:
     straight = Program(along, "linearised_log_posterior", layout)
 
     def curvature_at(context: Context, z: Scores) -> tuple[Array, Array, Array]:
-        line = lines(context.lean, z)
+        line = lines(context.compact, z)
         # The trajectory is there already: parts of a record share the program.
-        lean = context.lean
-        return curved(replace(lean, plan=lean.plan.whole), line, z)
+        compact = context.compact
+        return curved(replace(compact, plan=compact.plan.whole), line, z)
 
     return Compiled(
-        linearise=lambda context, z: lines(context.lean, z),
+        linearise=lambda context, z: lines(context.compact, z),
         curvature=curvature_at,
-        tight=lambda context, z: tight(layout, context.lean, lines(context.lean, z)),
-        batch=lambda context, z: _in_parts(batch, context.lean, z),
-        linearised_batch=lambda context, line, z: straight(context.lean, line, z),
+        tight=lambda context, z: tight(layout, context.compact, lines(context.compact, z)),
+        batch=lambda context, z: _in_parts(batch, context.compact, z),
+        linearised_batch=lambda context, line, z: straight(context.compact, line, z),
     )
 
 
@@ -95,7 +95,7 @@ def _lines(layout: Layout) -> Callable[[Context, Scores], Line]:
         if not isinstance(plan, MeshPlan):
             found, slopes = plan.record_and_slopes(layout.oscillator, names, p)
             return context.y - found, -slopes, x
-        steps = np.asarray(plan.steps)[: room_of(plan)]
+        steps = np.asarray(plan.steps)[: capacity_of(plan)]
         return *misfit(context, *solver(steps, plan.count, p)), x
 
     return line

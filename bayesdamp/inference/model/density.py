@@ -10,7 +10,7 @@ import numpy as np
 from jax import Array
 from jax import numpy as jnp
 
-from bayesdamp.inference.model import condensed as condensing
+from bayesdamp.inference.model import qr_compression as compression
 from bayesdamp.inference.model.target import Context, Layout
 from bayesdamp.inference.noise import NormalNoise
 from bayesdamp.physics.solver.steps import MeshPlan, nodes
@@ -50,10 +50,10 @@ class Streamed:
 class Reading:
     """How the likelihood reads a record.
 
-    misfit: parameters to the residuals or, condensed, to what has their sums of squares, shape (c,); of_nodes: the
+    misfit: parameters to the residuals or, compressed, to what has their sums of squares, shape (c,); of_nodes: the
     same from the values at the solver's nodes, (m + 1, 3), a straight line in them, where its steps are the plan's own.
     density, root: of a misfit (c,) and the parameters, the log density of the record and a root of its information.
-    streamed: the same from sums of squares alone, where the record is condensed.
+    streamed: the same from sums of squares alone, where the record is compressed.
     """
 
     misfit: Callable[[Arrays], Array]
@@ -64,9 +64,9 @@ class Reading:
 
 
 def reading(layout: Layout, context: Context) -> Reading:
-    """The one place that knows whether a record is condensed."""
-    noise, condensed, plan = layout.noise, context.condensed, context.plan
-    if condensed is None or not isinstance(noise, NormalNoise) or not isinstance(plan, MeshPlan):
+    """The one place that knows whether a record is compressed."""
+    noise, compressed, plan = layout.noise, context.compressed, context.plan
+    if compressed is None or not isinstance(noise, NormalNoise) or not isinstance(plan, MeshPlan):
         return Reading(
             lambda p: context.y - plan.record(layout.oscillator, p),
             lambda e, p: noise.log_likelihood(e, context.gaps, p),
@@ -74,13 +74,13 @@ def reading(layout: Layout, context: Context) -> Reading:
             (lambda state: context.y - plan.of_nodes(state)) if isinstance(plan, MeshPlan) else None,
         )
     return Reading(
-        lambda p: condensed.misfit(nodes(layout.oscillator, plan.steps, plan.count, p)),
-        partial(condensing.log_likelihood, noise, condensed),
-        partial(condensing.information_root, noise, condensed),
-        condensed.misfit,
+        lambda p: compressed.misfit(nodes(layout.oscillator, plan.steps, plan.count, p)),
+        partial(compression.log_likelihood, noise, compressed),
+        partial(compression.information_root, noise, compressed),
+        compressed.misfit,
         Streamed(
-            partial(condensed.sums_along, layout.oscillator, plan.steps, plan.count),
-            partial(condensing.of_sums, noise, condensed),
+            partial(compressed.sums_along, layout.oscillator, plan.steps, plan.count),
+            partial(compression.of_sums, noise, compressed),
         ),
     )
 

@@ -64,11 +64,11 @@ class TightLine:
 
 def tight(layout: Layout, context: Context, line: Line) -> Line | TightLine:
     """The linearisation in as few numbers as the likelihood allows."""
-    if reading(layout, context).streamed is None or context.condensed is None:
+    if reading(layout, context).streamed is None or context.compressed is None:
         return line
     e, slopes, x = line
     columns = np.concatenate([np.asarray(slopes), np.asarray(e)[None]])
-    parts = [context.condensed.split(column) for column in columns]
+    parts = [context.compressed.split(column) for column in columns]
     triangles = {
         name: jax.device_put(
             np.linalg.qr(np.stack([np.asarray(part[name]) for part in parts], axis=1), mode="r")

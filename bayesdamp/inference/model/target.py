@@ -16,7 +16,7 @@ import numpy as np
 from jax import Array
 from jax import numpy as jnp
 
-from bayesdamp.inference.model.condensed import Condensed, condense
+from bayesdamp.inference.model.qr_compression import Compressed, compress
 from bayesdamp.inference.noise import NOISES, NoiseModel
 from bayesdamp.physics.integrate import is_exact, plan_of, plan_with_error
 from bayesdamp.physics.oscillator import Oscillator
@@ -37,7 +37,7 @@ class Layout:
     noise_name: str
     names: tuple[str, ...]
     kinds: tuple[type, ...]
-    folded: tuple[bool, ...]
+    reflected: tuple[bool, ...]
 
     @property
     def noise(self) -> NoiseModel:
@@ -46,14 +46,14 @@ class Layout:
 
 @partial(
     jax.tree_util.register_dataclass,
-    data_fields=["plan", "y", "gaps", "known", "numbers", "condensed"],
+    data_fields=["plan", "y", "gaps", "known", "numbers", "compressed"],
     meta_fields=[],
 )
 @dataclass(frozen=True)
 class Context:
     """The record y, shape (n,), its gaps (s, (n − 1,)), the plan of the solver, what is known, the priors.
 
-    condensed: the record as the likelihood reads it where samples are many; else it reads all of them.
+    compressed: the record as the likelihood reads it where samples are many; else it reads all of them.
     """
 
     plan: Plan
@@ -61,27 +61,27 @@ class Context:
     gaps: Array
     known: Mapping[str, Array]
     numbers: tuple[tuple[Array, ...], ...]
-    condensed: Condensed | None
+    compressed: Compressed | None
 
     @cached_property
-    def lean(self) -> Context:
+    def compact(self) -> Context:
         """Without the samples where the likelihood does not read them: then records of all lengths, and their parts,
         share a compilation."""
-        if self.condensed is None or not isinstance(self.plan, MeshPlan):
+        if self.compressed is None or not isinstance(self.plan, MeshPlan):
             return self
-        steps = np.asarray(self.plan.steps)[: self.condensed.room]
+        steps = np.asarray(self.plan.steps)[: self.compressed.capacity]
         steps, interval, weights, none = jax.device_put(
             (steps, np.zeros(0, int), np.zeros((0, 6)), np.zeros(0))
         )
         plan = MeshPlan(steps, self.plan.count, interval, weights)
         return replace(self, plan=plan, y=none, gaps=none)
 
-    def in_room(self, room: int) -> Context:
-        """A lean context with room for so many steps."""
-        if self.condensed is None or not isinstance(self.plan, MeshPlan):
+    def padded(self, room: int) -> Context:
+        """A compact context padded for so many steps."""
+        if self.compressed is None or not isinstance(self.plan, MeshPlan):
             return self
         steps = jnp.pad(self.plan.steps, (0, room - self.plan.steps.size))
-        return replace(self, plan=replace(self.plan, steps=steps), condensed=self.condensed.in_room(room))
+        return replace(self, plan=replace(self.plan, steps=steps), compressed=self.compressed.padded(room))
 
 
 @dataclass(frozen=True)
@@ -119,8 +119,8 @@ class Target:
     @property
     def layout(self) -> Layout:
         kinds = tuple(type(p) for p in self.priors.values())
-        folded = tuple(p.folded for p in self.priors.values())
-        return Layout(self.oscillator, self.noise, self.names, kinds, folded)
+        reflected = tuple(p.reflected for p in self.priors.values())
+        return Layout(self.oscillator, self.noise, self.names, kinds, reflected)
 
     def context(self, plan: Plan, part: slice = slice(None)) -> Context:
         """The numbers of this target with a plan made near the parameters of interest, for a part of its samples."""
@@ -131,12 +131,12 @@ class Target:
             jax.device_put(np.diff(t)),
             {n: jax.device_put(float(v)) for n, v in sorted(self.known.items()) if n in self._needed},
             numbers_of(self.priors.values()),
-            condense(self.layout.noise, plan, t, y),
+            compress(self.layout.noise, plan, t, y),
         )
 
     def scores(self, values: Mapping[str, float]) -> np.ndarray:
         """Scores of parameter values, shape (d,), within ±6; what is not given is at its prior's centre."""
-        z = [float(p.score(values[n])) if n in values else 0.5 * p.folded for n, p in self.priors.items()]
+        z = [float(p.score(values[n])) if n in values else 0.5 * p.reflected for n, p in self.priors.items()]
         return np.clip(np.nan_to_num(np.asarray(z), nan=0.0, posinf=6.0, neginf=-6.0), -6.0, 6.0)
 
     def values(self, z: np.ndarray) -> dict[str, np.ndarray]:

@@ -12,7 +12,7 @@ import jax
 import numpy as np
 from jax import numpy as jnp
 
-from bayesdamp.inference.coordinates.frame import Frame, frame
+from bayesdamp.inference.coordinates.whitening import Whitening, whitening_of
 from bayesdamp.inference.fit.mode import Mode
 from bayesdamp.inference.model.target import Context, Layout, Target
 from bayesdamp.inference.samplers import nuts
@@ -36,11 +36,11 @@ def sample_many(
     `BATCH` at a time. Whatever is not good enough there, or does not fit in, is sampled by itself.
     """
     found: list[Posterior | None] = [None] * len(targets)
-    groups: dict[object, list[tuple[int, Frame]]] = {}
+    groups: dict[object, list[tuple[int, Whitening]]] = {}
     for i, (target, mode) in enumerate(zip(targets, modes, strict=True)):
-        at = frame(target, mode)
+        at = whitening_of(target, mode)
         if at.good and isinstance(mode.context.plan, MeshPlan):
-            groups.setdefault((target.layout, _kind(mode.context.lean)), []).append((i, at))
+            groups.setdefault((target.layout, _kind(mode.context.compact)), []).append((i, at))
     for members in groups.values():
         for first in range(0, len(members), BATCH):
             part = members[first : first + BATCH]
@@ -66,7 +66,7 @@ def sample_many(
 def _kind(context: Context) -> object:
     """What contexts must share to be stacked: the samples, where these are kept."""
     leaves, tree = jax.tree.flatten(context)
-    return tree, None if context.condensed is not None else tuple(np.shape(leaf) for leaf in leaves)
+    return tree, None if context.compressed is not None else tuple(np.shape(leaf) for leaf in leaves)
 
 
 def stacked(contexts: Sequence[Context]) -> Context:
@@ -74,9 +74,9 @@ def stacked(contexts: Sequence[Context]) -> Context:
 
     So the solver's loop has one end for all records: steps behind a record's own are of length zero.
     """
-    lean = [c.lean for c in contexts]
-    room = max(c.condensed.room if c.condensed is not None else 0 for c in lean)
-    both = jax.tree.map(lambda *leaves: jnp.stack(leaves), *(c.in_room(room) for c in lean))
+    compact = [c.compact for c in contexts]
+    room = max(c.compressed.capacity if c.compressed is not None else 0 for c in compact)
+    both = jax.tree.map(lambda *leaves: jnp.stack(leaves), *(c.padded(room) for c in compact))
     assert isinstance(both.plan, MeshPlan)
     return replace(both, plan=replace(both.plan, count=jnp.max(both.plan.count)))
 

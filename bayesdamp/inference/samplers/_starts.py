@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from bayesdamp.inference.coordinates.frame import Frame
+from bayesdamp.inference.coordinates.whitening import Whitening
 from bayesdamp.inference.fit.mode import Mode
-from bayesdamp.inference.fit.seeds import PRIOR
+from bayesdamp.inference.fit.starting_points import PRIOR
 from bayesdamp.inference.model import batches
 from bayesdamp.inference.model.target import Target
 from bayesdamp.inference.samplers._sampler import Settings
@@ -31,7 +31,7 @@ class Start:
 
 
 def seeded_starts(
-    target: Target, mode: Mode, at: Frame, count: int, settings: Settings
+    target: Target, mode: Mode, at: Whitening, count: int, settings: Settings
 ) -> tuple[np.ndarray, np.ndarray, list[Start]]:
     """Starts in whitened coordinates, shape (count, d), their log posterior, (count,), and the seed each is from.
 
@@ -40,10 +40,10 @@ def seeded_starts(
     chains cover their spread; one of the first two is a draw from the prior where there is one.
     """
     rng = np.random.default_rng(settings.seed)
-    folded = np.asarray(target.layout.folded)
-    names = [c.seed for c in mode.climbs] or ["mode"]
-    origins = [c.origin for c in mode.climbs] or [mode.z]
-    seeds = at.whitened(np.where(folded, np.abs(origins), origins))
+    reflected = np.asarray(target.layout.reflected)
+    names = [c.seed for c in mode.searches] or ["mode"]
+    origins = [c.origin for c in mode.searches] or [mode.z]
+    seeds = at.whitened(np.where(reflected, np.abs(origins), origins))
     order = _spread_out(seeds, names)
     scatter = SPREAD * rng.standard_normal((count, seeds.shape[1]))
     chosen = [order[i % len(order)] for i in range(count)]
@@ -56,7 +56,7 @@ def seeded_starts(
         ]
     )
     z = at.scores(tries)
-    z = np.where(folded, np.abs(z), z)
+    z = np.where(reflected, np.abs(z), z)
     height = batches.log_posterior(target, mode.context, z.reshape(-1, z.shape[-1])).reshape(z.shape[:2])
     good = height > height[-1, 0] - REACH * z.shape[-1]
     good[-1] = True

@@ -20,7 +20,7 @@ from bayesdamp.physics.solver.stepper import step
 from bayesdamp.physics.solver.steps import nodes
 
 HALF_NORMAL = (math.sqrt(2 / math.pi), math.sqrt(1 - 2 / math.pi))
-"""Mean and sd of a folded score under its prior."""
+"""Mean and sd of a reflected score under its prior."""
 
 
 @dataclass(frozen=True)
@@ -38,17 +38,17 @@ def filter_online(target: Target, mode: Mode) -> Online:
 
     The state is (scores, θ, θ̇) with no process noise; its sigma points, 2(k + 2) at √(k + 2) sds with equal weights
     (Julier and Uhlmann's with κ = 0), are drawn anew after each sample and moved to the next by Runge–Kutta steps,
-    short against the period and against the time ε/|θ̈| in which friction turns. A folded score starts with mean and sd
-    of a half-normal: about zero the filter would see no slope. From the mode come the sd of the noise and the step.
+    short against the period and against the time ε/|θ̈| in which friction turns. A reflected score starts with mean and
+    sd of a half-normal: about zero the filter would see no slope. From the mode come the sd of the noise and the step.
     """
     layout, index = target.layout, moving_scores(target.layout)
     k, signal = len(index), target.signal
     p = {n: jnp.asarray(v) for n, v in target.all_values(mode.z).items()}
     gaps = np.r_[0.0, np.diff(signal.t)]
     counts = np.ceil(gaps / _longest_step(target, mode, p)).astype(int)
-    folded = np.asarray(layout.folded)[index]
-    mean = np.where(folded, HALF_NORMAL[0], 0.0)
-    sd = np.where(folded, HALF_NORMAL[1], 1.0)
+    reflected = np.asarray(layout.reflected)[index]
+    mean = np.where(reflected, HALF_NORMAL[0], 0.0)
+    sd = np.where(reflected, HALF_NORMAL[1], 1.0)
     start, run = _pass(layout, signal.quantity)
     noise = float(p["noise_sd"])
     # The noise's own scores are held at the mode.

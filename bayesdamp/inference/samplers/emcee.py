@@ -11,8 +11,8 @@ import jax.numpy as jnp
 import numpy as np
 
 from bayesdamp.inference.checks import diagnostics
-from bayesdamp.inference.coordinates.folded import FoldedT
-from bayesdamp.inference.coordinates.frame import Frame, frame
+from bayesdamp.inference.coordinates.reflected_t import ReflectedT
+from bayesdamp.inference.coordinates.whitening import Whitening, whitening_of
 from bayesdamp.inference.fit.mode import Mode
 from bayesdamp.inference.model.compiled import compiled
 from bayesdamp.inference.model.target import Target
@@ -28,7 +28,7 @@ LONGEST = 40
 """Blocks of sampling after which an ensemble that is not resolved says so."""
 
 
-def _independent(proposal: FoldedT, at: Frame):
+def _independent(proposal: ReflectedT, at: Whitening):
     """Proposals drawn anew from the heavy-tailed Laplace fit, with their Metropolis–Hastings factors."""
 
     def propose(u: np.ndarray, rng: np.random.RandomState) -> tuple[np.ndarray, np.ndarray]:
@@ -58,15 +58,15 @@ class Emcee(Sampler):
         walkers = 4 * max(d + 2, 8, settings.chains)
         batch = compiled(target.layout).batch
 
-        folded = np.asarray(target.layout.folded)
-        at = frame(target, mode)
-        proposal = FoldedT(at.centre, at.factor, folded)
+        reflected = np.asarray(target.layout.reflected)
+        at = whitening_of(target, mode)
+        proposal = ReflectedT(at.centre, at.factor, reflected)
 
-        # Folded scores are kept on their non-negative side: walkers do not get caught in mirror modes.
+        # Reflected scores are kept on their non-negative side: walkers do not get caught in mirror modes.
         def log_probability(u: np.ndarray) -> np.ndarray:
             z = at.scores(u)
             values = np.asarray(batch(mode.context, jnp.asarray(z)))
-            inside = np.isfinite(values) & np.all((z >= -1e-9) | ~folded, axis=1)
+            inside = np.isfinite(values) & np.all((z >= -1e-9) | ~reflected, axis=1)
             return np.where(inside, values, NOWHERE)
 
         moves = [
@@ -132,7 +132,7 @@ class Emcee(Sampler):
         return state
 
     @staticmethod
-    def _resolved(target: Target, at: Frame, draws: np.ndarray) -> bool:
+    def _resolved(target: Target, at: Whitening, draws: np.ndarray) -> bool:
         values = target.values(at.scores(draws))
         total, length = draws.shape[0] * draws.shape[1], draws.shape[1]
         for v in (values[n] for n in target.live):

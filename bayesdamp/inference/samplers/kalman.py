@@ -11,7 +11,7 @@ import numpy as np
 from jax import numpy as jnp
 from scipy.special import log_ndtr, ndtri_exp
 
-from bayesdamp.inference.coordinates.cut_normal import CutNormal
+from bayesdamp.inference.coordinates.truncated_normal import TruncatedNormal
 from bayesdamp.inference.fit.mode import Mode
 from bayesdamp.inference.model.density import moving_scores, residual
 from bayesdamp.inference.model.target import Layout, Target
@@ -35,7 +35,7 @@ class Restarted:
 
     means: np.ndarray
     covariances: np.ndarray
-    final: CutNormal
+    final: TruncatedNormal
     passes: int
 
 
@@ -48,7 +48,7 @@ class Kalman(Sampler):
     to each side, where the pass before ended, until the final mean settles (iterated posterior linearisation:
     García-Fernández, Svensson and Särkkä, IEEE Transactions on Automatic Control 62, 2017). Static parameters and no
     process noise make such a pass a linear Kalman filter whose measurements are the trajectories of the sigma points.
-    Coefficients are folded at zero: the final normal is cut off there.
+    Coefficients are reflected at zero: the final normal is cut off there.
 
     The sd of the noise is not filtered: it is the noise model's at the mode, drawn from its Laplace approximation. Else
     nothing but the length of the solver's steps is taken from the mode. Noise is independent and normal.
@@ -95,13 +95,13 @@ def _restart(target: Target, mode: Mode, online: Online) -> Restarted:
     """Passes from the priors with sigma points where the pass before ended. Raises Refusal where they do not settle."""
     layout, index = target.layout, moving_scores(target.layout)
     k, y = len(index), target.signal.y
-    folded = np.asarray(layout.folded)[index]
+    reflected = np.asarray(layout.reflected)[index]
     noise = target.all_values(mode.z)["noise_sd"]
-    # The first pass may end on the mirrored side of a folded score.
-    side = np.where(folded & (online.means[-1] < 0), -1.0, 1.0)
+    # The first pass may end on the mirrored side of a reflected score.
+    side = np.where(reflected & (online.means[-1] < 0), -1.0, 1.0)
     if not (np.all(np.isfinite(online.means[-1])) and np.all(np.diag(online.covariance) > 0)):
         raise Refusal("the filter lost the motion in its first pass: its covariance is no longer positive")
-    now = CutNormal(side * online.means[-1], side[:, None] * online.covariance * side, folded)
+    now = TruncatedNormal(side * online.means[-1], side[:, None] * online.covariance * side, reflected)
     for passes in range(1, PASSES + 1):
         mean, factor = now.moments
         points = np.tile(mode.z, (2 * k + 1, 1))
@@ -115,7 +115,7 @@ def _restart(target: Target, mode: Mode, online: Online) -> Restarted:
         gathered = np.cumsum(weight[:, None, None] * slope[:, :, None] * slope[:, None, :], axis=0)
         covariances = np.linalg.inv(np.eye(k) + gathered)
         means = np.einsum("nij,nj->ni", covariances, pull)
-        now = CutNormal(means[-1], covariances[-1], folded)
+        now = TruncatedNormal(means[-1], covariances[-1], reflected)
         new, width = now.moments
         if np.max(np.abs(np.linalg.solve(width, new - mean))) < SETTLED:
             return Restarted(means, covariances, now, passes)
@@ -152,10 +152,10 @@ def _running(target: Target, names: list[str], online: Online, last: Restarted) 
 
 
 def natural(prior: Prior, mean: np.ndarray, sd: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Mean and sd of a parameter whose score is normal, (m,), and, where it is folded, cut off at zero."""
+    """Mean and sd of a parameter whose score is normal, (m,), and, where it is reflected, cut off at zero."""
     x, w = np.polynomial.legendre.leggauss(64)
-    mean = np.abs(mean) if prior.folded else mean
-    share = log_ndtr(mean / sd) if prior.folded else np.zeros(mean.size)
+    mean = np.abs(mean) if prior.reflected else mean
+    share = log_ndtr(mean / sd) if prior.reflected else np.zeros(mean.size)
     tail = share[:, None] + np.log(0.5 * (1 - x))
     values = np.asarray(prior.value(mean[:, None] - sd[:, None] * ndtri_exp(tail)))
     first = values @ (0.5 * w)

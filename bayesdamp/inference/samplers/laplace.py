@@ -6,7 +6,7 @@ import time
 
 import numpy as np
 
-from bayesdamp.inference.coordinates.cut_normal import laplace
+from bayesdamp.inference.coordinates.truncated_normal import laplace
 from bayesdamp.inference.fit.mode import Mode
 from bayesdamp.inference.model.target import Target
 from bayesdamp.inference.samplers._approximation import approximate_posterior
@@ -17,7 +17,7 @@ from bayesdamp.types import Posterior
 class Laplace(Sampler):
     """Draws from the normal distribution with the log posterior's gradient and whole Hessian at the mode.
 
-    In scores, and cut off where a folded one is zero: a mode at zero, where the gradient is not zero, makes a normal
+    In scores, and cut off where a reflected one is zero: a mode at zero, where the gradient is not zero, makes a normal
     with its mean beyond the wall, of which the tail inside is left. Curvature that changes within the posterior's
     width (between friction and viscous damping, say) it does not see; its importance weights do.
     """

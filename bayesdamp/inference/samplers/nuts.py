@@ -15,8 +15,8 @@ from jax import Array
 from jax import numpy as jnp
 
 from bayesdamp.inference.checks import diagnostics
-from bayesdamp.inference.coordinates.bend import Bend, bend
-from bayesdamp.inference.coordinates.frame import Frame, frame
+from bayesdamp.inference.coordinates.shear import Shear, shear_of
+from bayesdamp.inference.coordinates.whitening import Whitening, whitening_of
 from bayesdamp.inference.fit.mode import Mode
 from bayesdamp.inference.model.batches import log_prior
 from bayesdamp.inference.model.compiled import compiled
@@ -35,26 +35,26 @@ DOUBLINGS = 7
 
 
 def chain_of(layout: Layout, count: int, exact: bool):
-    """One chain of a layout: (context, force, (centre, factor, bend), step, start, height, key) to draws and so on.
+    """One chain of a layout: (context, force, (centre, factor, shear), step, start, height, key) to draws and so on.
 
     force: the linearised trajectory, and what its curvature lacks at the centre, (d, d); height: log posterior at the
     start, which the chain does not compute so that the solver is in its program once.
     """
-    walls = np.flatnonzero(layout.folded)
+    walls = np.flatnonzero(layout.reflected)
 
     def chain(
         context: Context,
         force: Any,
-        place: tuple[Array, Array, Bend],
+        place: tuple[Array, Array, Shear],
         size: Any,
         start: Array,
         height: Any,
         key: Array,
     ):
-        (line, lacking), (centre, factor, bent) = force, place
+        (line, lacking), (centre, factor, shear) = force, place
 
         def scores(u: Array) -> Array:
-            return bent.scores(centre + factor @ u)
+            return shear.scores(centre + factor @ u)
 
         # Compiled inside: the sampler's program has them in many places, which then are traced once.
         @jax.jit
@@ -64,7 +64,7 @@ def chain_of(layout: Layout, count: int, exact: bool):
         def surrogate(u: Array) -> Array:
             away = factor @ u
             # A straight line stays one: straightened, the ridge is where it has it.
-            there = bent.lift.lifted(bent.level(centre) + away)
+            there = shear.noise.sheared(shear.level(centre) + away)
             there = linearised_log_posterior(layout, context, line, there)
             return there - 0.5 * away @ lacking @ away
 
@@ -121,7 +121,7 @@ class Run:
     left: positions, heights, divergences, steps and acceptance, (chain, warm-up and draw, ...).
     """
 
-    at: Frame
+    at: Whitening
     exact: bool
     warmup: int
     begun: list[Start]
@@ -184,7 +184,7 @@ class Nuts(Sampler):
 
     def sample(self, target: Target, mode: Mode, settings: Settings) -> Posterior:
         began = time.perf_counter()
-        at = frame(target, mode)
+        at = whitening_of(target, mode)
         run = self.attempt(target, mode, at, settings, not at.good)
         found = self.finished(target, mode, settings, run)
         return replace(found, seconds=time.perf_counter() - began)
@@ -193,9 +193,9 @@ class Nuts(Sampler):
         """The posterior of the first attempt where that is good enough, else of the next that is."""
         run, found = self._enough(target, settings, run)
         if found.outcome != OK or poor(found):
-            ridge = bend(target, mode)
+            ridge = shear_of(target, mode)
             if ridge is not None:
-                at = frame(target, mode, ridge)
+                at = whitening_of(target, mode, ridge)
                 run, found = self._enough(
                     target, settings, self.attempt(target, mode, at, settings, not at.good)
                 )
@@ -212,7 +212,7 @@ class Nuts(Sampler):
         self,
         target: Target,
         mode: Mode,
-        at: Frame,
+        at: Whitening,
         settings: Settings,
         exact: bool = False,
         shorter: float = 1.0,
@@ -232,14 +232,14 @@ class Nuts(Sampler):
 
 
 def inputs(
-    target: Target, mode: Mode, at: Frame, settings: Settings, shorter: float = 1.0
+    target: Target, mode: Mode, at: Whitening, settings: Settings, shorter: float = 1.0
 ) -> tuple[tuple[Any, ...], list[Start]]:
     """What the chains of one record are given, in the order of `chain_of`, and where they start."""
-    force = (compiled(target.layout).tight(mode.context, at.bent.scores(at.centre)), at.lacking)
+    force = (compiled(target.layout).tight(mode.context, at.shear.scores(at.centre)), at.lacking)
     step = np.float64(shorter * STEP)
     start, height, begun = seeded_starts(target, mode, at, settings.chains, settings)
     keys = jax.random.split(jax.random.PRNGKey(settings.seed), settings.chains)
-    return (mode.context.lean, force, (at.centre, at.factor, at.bent), step, start, height, keys), begun
+    return (mode.context.compact, force, (at.centre, at.factor, at.shear), step, start, height, keys), begun
 
 
 PLUGIN = Nuts()

@@ -13,7 +13,7 @@ from blackjax.vi import fullrank_vi
 from jax import Array
 from jax import numpy as jnp
 
-from bayesdamp.inference.coordinates.cut_normal import laplace
+from bayesdamp.inference.coordinates.truncated_normal import laplace
 from bayesdamp.inference.coordinates.unbounded import Unbounded, scores
 from bayesdamp.inference.fit.mode import Mode
 from bayesdamp.inference.model.density import log_posterior
@@ -112,7 +112,7 @@ def _train(target: Target, mode: Mode, at: Unbounded, seed: int) -> tuple[np.nda
     place = tuple(map(jnp.asarray, (at.order, at.mean, at.factor)))
     before, halvings = None, 0
     for i, key in enumerate(jax.random.split(jax.random.PRNGKey(seed), BLOCKS)):
-        state, mean, widths, bound = block(mode.context.lean, *place, state, key)
+        state, mean, widths, bound = block(mode.context.compact, *place, state, key)
         now = np.concatenate([mean, widths])
         if not np.all(np.isfinite(now)):
             raise Refusal(

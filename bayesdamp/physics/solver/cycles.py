@@ -120,7 +120,7 @@ class CyclePlan(Plan):
         order = QUANTITIES.index(quantity)
         return cycle_plan(osc, p, times - times[0], order, FINER * self.resolution) or self
 
-    def anchored(self, osc: Oscillator, finer: Plan, p: Parameters) -> CyclePlan:
+    def corrected(self, osc: Oscillator, finer: Plan, p: Parameters) -> CyclePlan:
         lacking = finer.at_samples(osc, p) - self.at_samples(osc, p)
         return replace(self, defect=jax.device_put(np.asarray(self.defect) + lacking))
 

@@ -47,7 +47,7 @@ class Plan(ABC):
         """A much finer one of the same samples, s, (n,). parts: into how many a step is divided, where there are
         steps."""
 
-    def anchored(self, osc: Oscillator, finer: Plan, p: Parameters) -> Plan:
+    def corrected(self, osc: Oscillator, finer: Plan, p: Parameters) -> Plan:
         """Set right at `p`: there its trajectory is that of the finer plan.
 
         Near there the error is a share of the distance to that trajectory, however many samples ask for how

@@ -33,7 +33,7 @@ Node = tuple[Array, Array, Array]
 
 @partial(jax.tree_util.register_dataclass, data_fields=["nodes", "defect"], meta_fields=[])
 @dataclass(frozen=True)
-class Anchor:
+class DefectCorrection:
     """What a plan knows of one trajectory: its values at the nodes, (room + 1, 3), and what the samples lack there
     by the length of the steps, (n,)."""
 
@@ -43,7 +43,7 @@ class Anchor:
 
 @partial(
     jax.tree_util.register_dataclass,
-    data_fields=["steps", "count", "interval", "weights", "anchor"],
+    data_fields=["steps", "count", "interval", "weights", "correction"],
     meta_fields=[],
 )
 @dataclass(frozen=True)
@@ -57,7 +57,7 @@ class MeshPlan(Plan):
     count: Array
     interval: Array
     weights: Array
-    anchor: Anchor | None = None
+    correction: DefectCorrection | None = None
 
     def record(self, osc: Oscillator, p: Parameters) -> Array:
         return self.of_nodes(nodes(osc, self.steps, self.count, p))
@@ -66,11 +66,13 @@ class MeshPlan(Plan):
         """`record` from the values at the nodes, shape (m + 1, 3)."""
         pair = jnp.concatenate([state[self.interval], state[self.interval + 1]], axis=1)
         between = jnp.sum(pair * self.weights, axis=1)
-        return between if self.anchor is None else between + self.anchor.defect
+        return between if self.correction is None else between + self.correction.defect
 
     def of(self, samples: slice) -> MeshPlan:
-        anchor = self.anchor and replace(self.anchor, defect=self.anchor.defect[samples])
-        return replace(self, interval=self.interval[samples], weights=self.weights[samples], anchor=anchor)
+        correction = self.correction and replace(self.correction, defect=self.correction.defect[samples])
+        return replace(
+            self, interval=self.interval[samples], weights=self.weights[samples], correction=correction
+        )
 
     def at(self, times: np.ndarray, quantity: str) -> MeshPlan:
         return mesh_plan(_times(_steps(self)), times, quantity)
@@ -79,10 +81,10 @@ class MeshPlan(Plan):
         del osc, p
         return mesh_plan(_times(np.repeat(_steps(self) / parts, parts)), times - times[0], quantity)
 
-    def anchored(self, osc: Oscillator, finer: Plan, p: Parameters) -> MeshPlan:
+    def corrected(self, osc: Oscillator, finer: Plan, p: Parameters) -> MeshPlan:
         state = _node_values(osc, self, p)
         defect = finer.at_samples(osc, p) - between(self, state)
-        return replace(self, anchor=Anchor(*jax.device_put((state, defect))))
+        return replace(self, correction=DefectCorrection(*jax.device_put((state, defect))))
 
     def at_samples(self, osc: Oscillator, p: Parameters) -> np.ndarray:
         """`record` in numbers, compiled once for a room of steps, whatever the number of samples."""
@@ -93,7 +95,7 @@ class MeshPlan(Plan):
 
     @property
     def _defect(self) -> np.ndarray | float:
-        return 0.0 if self.anchor is None else np.asarray(self.anchor.defect)
+        return 0.0 if self.correction is None else np.asarray(self.correction.defect)
 
 
 def mesh_plan(nodes: np.ndarray, times: np.ndarray, quantity: str, parts: int = 1) -> MeshPlan:
@@ -191,7 +193,7 @@ def _node_values(osc: Oscillator, plan: MeshPlan, p: Parameters) -> np.ndarray:
 
 
 def between(plan: MeshPlan, states: np.ndarray) -> np.ndarray:
-    """The dense output at the samples, shape (..., n), of values at the nodes, (..., m, 3), anchor or no.
+    """The dense output at the samples, shape (..., n), of values at the nodes, (..., m, 3), correction or no.
 
     m: one more than the steps, or than the room for them.
     """

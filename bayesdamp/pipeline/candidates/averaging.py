@@ -8,12 +8,12 @@ import numpy as np
 from scipy.special import logsumexp
 
 from bayesdamp.config import SignalSpec, Study
+from bayesdamp.outcomes import Status, status_of
 from bayesdamp.pipeline.candidates.cells import Branch
 from bayesdamp.pipeline.candidates.posteriors import CURVE, LEVELS
 from bayesdamp.pipeline.candidates.weighing import evidence_by_method
 from bayesdamp.pipeline.candidates.weighted import weighted_curves
 from bayesdamp.pipeline.records.records import cell_seed
-from bayesdamp.pipeline.staging import ASIDE
 from bayesdamp.store import CellResult, Store
 from bayesdamp.types import OK, Evidence
 
@@ -39,7 +39,7 @@ def _one(study: Study, spec: SignalSpec, store: Store, name: str, key: str) -> C
     by_method = evidence_by_method(study, store, record, models)
     method = list(by_method)[-1]
     shares = probabilities(by_method[method])
-    shares |= {m: 0.0 for m, e in by_method[method].items() if e.outcome.startswith(ASIDE)}
+    shares |= {m: 0.0 for m, e in by_method[method].items() if status_of(e.outcome) is Status.SET_ASIDE}
     if len(shares) < len(models):
         return CellResult(name, key, outcome="not applicable: not every model has its evidence")
     drawn = {m: _sampled(store, f"posterior/{record}/{m}/nuts") for m in models}

@@ -9,12 +9,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from bayesdamp.inference.curves.derived import Motions
+from bayesdamp.outcomes import following
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.pipeline.candidates.posteriors import amplitude_grid
 from bayesdamp.pipeline.records.records import plain_seconds
 from bayesdamp.records.oscillation.curves import amplitude_curves
 from bayesdamp.store import CellResult
-from bayesdamp.types import OK, Refusal, following
+from bayesdamp.types import OK, Refusal
 
 if TYPE_CHECKING:
     from bayesdamp.pipeline.candidates.cells import Branch

@@ -18,10 +18,11 @@ from bayesdamp.inference.checks.checks import check_fit
 from bayesdamp.inference.evidence import EVIDENCES
 from bayesdamp.inference.fit.mode import Mode
 from bayesdamp.inference.fit.search import find_mode
-from bayesdamp.inference.fit.seeds import prior_seeds
+from bayesdamp.inference.fit.starting_points import prior_starts
 from bayesdamp.inference.model.target import Target
 from bayesdamp.inference.noise import NOISES
 from bayesdamp.inference.samplers import SAMPLERS
+from bayesdamp.outcomes import following
 from bayesdamp.physics.damping import PAPER_TERMS, TERMS, parse_model
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.pipeline.candidates.backbones import compute_curve
@@ -29,13 +30,13 @@ from bayesdamp.pipeline.candidates.posteriors import compute_posterior
 from bayesdamp.pipeline.candidates.sensitivity import compute_sensitivity, sensitivity_cells
 from bayesdamp.pipeline.candidates.weighing import compute_evidence, evidence_parts
 from bayesdamp.pipeline.keys import task_key, uses_library
-from bayesdamp.pipeline.records.climbs import alone, packed, unpacked
 from bayesdamp.pipeline.records.noise import NoiseCell, noise_cell
 from bayesdamp.pipeline.records.records import NOT_APPLICABLE, SignalCell, cell_seed, plain_seconds
 from bayesdamp.pipeline.records.starts import REGRESSION, observed, of_all, regression
+from bayesdamp.pipeline.records.stored_modes import alone, packed, unpacked
 from bayesdamp.pipeline.records.targets import Record
 from bayesdamp.store import CellResult, Store
-from bayesdamp.types import OK, Problem, Refusal, System, candidate_parts, following
+from bayesdamp.types import OK, Problem, Refusal, System, candidate_parts
 
 PRIOR_SEEDS = 2
 """Draws from the prior that are climbed from beside the estimates."""
@@ -239,7 +240,7 @@ class Branch:
         if not seeds:
             raise Refusal("no estimator found a place to start from")
         count = 0 if self._many else PRIOR_SEEDS
-        from_prior = prior_seeds(self.target, count, cell_seed(self.study, f"seeds/{self.path}"))
+        from_prior = prior_starts(self.target, count, cell_seed(self.study, f"seeds/{self.path}"))
         return seeds | from_prior, refused
 
     def mode(self, name: str, key: str) -> None:

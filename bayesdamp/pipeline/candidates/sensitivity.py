@@ -14,9 +14,10 @@ from bayesdamp.inference.evidence.prediction import log_predictive, predict
 from bayesdamp.inference.evidence.savage_dickey import savage_dickey
 from bayesdamp.inference.evidence.widths import against_width
 from bayesdamp.inference.fit.noise_choice import fit_with
+from bayesdamp.outcomes import following
 from bayesdamp.pipeline.candidates.weighing import evidence_meta, evidence_of
 from bayesdamp.store import CellResult
-from bayesdamp.types import OK, Refusal, candidate_name, candidate_parts, following
+from bayesdamp.types import OK, Refusal, candidate_name, candidate_parts
 
 if TYPE_CHECKING:
     from bayesdamp.pipeline.candidates.cells import Branch

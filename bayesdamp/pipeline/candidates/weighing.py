@@ -9,7 +9,7 @@ import numpy as np
 
 from bayesdamp.config import Study
 from bayesdamp.inference.evidence import EVIDENCES, Draws
-from bayesdamp.inference.evidence.referee import COMBINED, REFEREE, counted, quarrel
+from bayesdamp.inference.evidence.adopted import COMBINED, NESTED_CHECK, adopted, disagreement
 from bayesdamp.store import CellResult, Store
 from bayesdamp.types import OK, Evidence, Refusal
 
@@ -31,8 +31,13 @@ def evidence_parts(study: Study, path: str, found: Mapping[str, str]) -> dict[st
     parts: dict[str, tuple[object, ...]] = {
         f"evidence/{path}/{m}": (m, draws) if EVIDENCES.get(m).needs_draws else (m,) for m in asked
     }
-    if asked and study.evidence.referee != "never" and REFEREE not in asked:
-        parts[f"evidence/{path}/{REFEREE}"] = (REFEREE, study.evidence.referee, sorted(asked), draws)
+    if asked and study.evidence.referee != "never" and NESTED_CHECK not in asked:
+        parts[f"evidence/{path}/{NESTED_CHECK}"] = (
+            NESTED_CHECK,
+            study.evidence.referee,
+            sorted(asked),
+            draws,
+        )
     return parts
 
 
@@ -41,14 +46,14 @@ def compute_evidence(branch: Branch, name: str, key: str, seed: int) -> None:
     method = name.rsplit("/", 1)[1]
     study, store = branch.study.evidence, branch.store
     try:
-        if method == REFEREE and REFEREE not in study.methods and study.referee == "auto":
+        if method == NESTED_CHECK and NESTED_CHECK not in study.methods and study.referee == "auto":
             found = evidences(store, branch.path, [m for m in study.methods if m != FIRST_LOOK])
-            if found and not quarrel(found):
+            if found and not disagreement(found):
                 store.write(CellResult(name, key, {"diagnostic": "not called: the others agree"}))
                 return
         plugin = EVIDENCES.get(method)
         draws = _draws(branch) if plugin.needs_draws else None
-        alone = method == REFEREE  # which would pay for the idle scores of a shared program
+        alone = method == NESTED_CHECK  # which would pay for the idle scores of a shared program
         target, mode = (branch.target, branch.own_mode) if alone else (branch.shared, branch.restored_mode)
         one = plugin.evidence(branch.model, target, mode, seed, draws)
     except Refusal as refusal:
@@ -71,7 +76,7 @@ def _draws(branch: Branch) -> Draws | None:
 def evidences(store: Store, path: str, methods: Sequence[str]) -> list[Evidence]:
     """What the methods found for a branch, the referee among them where it was called; sentences have no number."""
     found = []
-    for method in dict.fromkeys((*methods, REFEREE)):
+    for method in dict.fromkeys((*methods, NESTED_CHECK)):
         try:
             cell = store.read(f"evidence/{path}/{method}")
         except KeyError:
@@ -94,13 +99,13 @@ def evidence_by_method(
     for model, found in every.items():
         for e in found:
             by_method.setdefault(e.method, {})[model] = e
-    if REFEREE not in asked and not any(
-        np.isfinite(e.log_evidence) for e in by_method.get(REFEREE, {}).values()
+    if NESTED_CHECK not in asked and not any(
+        np.isfinite(e.log_evidence) for e in by_method.get(NESTED_CHECK, {}).values()
     ):
-        by_method.pop(REFEREE, None)  # where there is no posterior, the methods asked for say so
+        by_method.pop(NESTED_CHECK, None)  # where there is no posterior, the methods asked for say so
     if len([m for m in by_method if m != FIRST_LOOK]) > 1:
         drawn = {model: [e for e in found if e.method != FIRST_LOOK] for model, found in every.items()}
-        by_method[COMBINED] = {model: counted(found) for model, found in drawn.items() if found}
+        by_method[COMBINED] = {model: adopted(found) for model, found in drawn.items() if found}
     return by_method
 
 

@@ -18,6 +18,7 @@ from scipy.special import logsumexp
 
 from bayesdamp.inference.many.joint import JointMode
 from bayesdamp.inference.many.joint_evidence import Weighed, weigh
+from bayesdamp.outcomes import Status
 from bayesdamp.pipeline.keys import task_key
 from bayesdamp.pipeline.many.agreement import agreement
 from bayesdamp.pipeline.many.specimens import (
@@ -30,8 +31,8 @@ from bayesdamp.pipeline.many.specimens import (
     summaries,
     weighed_meta,
 )
+from bayesdamp.pipeline.pruning import LAW_MARGIN, looked
 from bayesdamp.pipeline.records.records import plain_seconds
-from bayesdamp.pipeline.staging import ASIDE, LAW_MARGIN, looked
 from bayesdamp.store import CellResult
 from bayesdamp.types import OK, Refusal
 
@@ -106,7 +107,7 @@ def _problems(specimen: Specimen) -> tuple[dict[str, Problem], dict[str, str]]:
         sums = {c: sum(one.get(c, -math.inf) for one in apart) for c in found}
         limit = max(sums.values()) - specimen.study.models.prune - LAW_MARGIN
         for candidate in [c for c in found if sums[c] < limit]:
-            aside[candidate] = f"{ASIDE}: far behind on the records one by one"
+            aside[candidate] = Status.SET_ASIDE.because("far behind on the records one by one")
             del found[candidate]
     return found, aside
 
@@ -139,7 +140,9 @@ def _looks(
         if candidate not in own:
             aside[candidate] = refused[candidate]
         elif prune is not None and max(own.values()) - own[candidate] > prune:
-            aside[candidate] = f"{ASIDE}: more than {prune:g} nats behind the best by Laplace's evidence"
+            aside[candidate] = Status.SET_ASIDE.because(
+                f"more than {prune:g} nats behind the best by Laplace's evidence"
+            )
     return {c: m for c, m in modes[sharing].items() if c not in aside}, sharing
 
 

@@ -21,12 +21,12 @@ from bayesdamp.inference.many.joint import (
 from bayesdamp.inference.many.joint_evidence import Weighed
 from bayesdamp.inference.model.defaults import Reference
 from bayesdamp.inference.model.target import Target
+from bayesdamp.outcomes import Status, following
 from bayesdamp.physics.units import parameter_unit
 from bayesdamp.pipeline.candidates.cells import Branch
 from bayesdamp.pipeline.records.records import cell_seed
-from bayesdamp.pipeline.staging import ASIDE
 from bayesdamp.store import Store
-from bayesdamp.types import Refusal, candidate_parts, following
+from bayesdamp.types import Refusal, candidate_parts
 
 BOTH, DAMPING, LAW, NOTHING = "damping and law", "damping", "law", "nothing"
 """What the records of a specimen may share."""
@@ -101,7 +101,9 @@ class Specimen:
                 if cell.key != branch.cells()[name]:
                     raise KeyError(name)  # of an earlier question in the same folder
             except KeyError:
-                raise Refusal(f"{ASIDE}: not fitted to {label}, where its law is far behind") from None
+                raise Refusal(
+                    Status.SET_ASIDE.because(f"not fitted to {label}, where its law is far behind")
+                ) from None
             if "values" not in cell.meta:
                 raise Refusal(f"{label}: {following(cell.name, cell.outcome)}")
             starts.append(cell.meta["values"])

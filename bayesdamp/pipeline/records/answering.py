@@ -10,6 +10,7 @@ from bayesdamp.config import Recording, SignalSpec, Study
 from bayesdamp.config.checks import plain
 from bayesdamp.inference.deviation.sampled.table import Posterior
 from bayesdamp.inference.model.defaults import Reference
+from bayesdamp.outcomes import following
 from bayesdamp.physics.damping import TERMS, DampingTerm, parse_model
 from bayesdamp.physics.forms import FORMS
 from bayesdamp.physics.restoring import LAWS
@@ -19,7 +20,7 @@ from bayesdamp.pipeline.records.records import NOT_APPLICABLE, SignalCell, cell_
 from bayesdamp.pipeline.records.targets import Record
 from bayesdamp.priors import Prior
 from bayesdamp.store import CellResult, Store
-from bayesdamp.types import OK, Refusal, following
+from bayesdamp.types import OK, Refusal
 from bayesdamp.verdict.specimen import Answered
 from bayesdamp.verdict.types import Grade, Verdict
 

@@ -15,16 +15,17 @@ from bayesdamp.estimators import ESTIMATORS
 from bayesdamp.inference.fit.noise_choice import Fitted, first_noise, fit_with
 from bayesdamp.inference.model.target import Target
 from bayesdamp.inference.noise import NOISES
+from bayesdamp.outcomes import following
 from bayesdamp.physics.damping import TERMS, parse_model
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.pipeline.keys import task_key
 from bayesdamp.pipeline.records.answering import AnswerCell, fits_of
-from bayesdamp.pipeline.records.climbs import packed, unpacked
 from bayesdamp.pipeline.records.records import NOT_APPLICABLE, SignalCell, plain_seconds
 from bayesdamp.pipeline.records.starts import REGRESSION, observed, regression
+from bayesdamp.pipeline.records.stored_modes import packed, unpacked
 from bayesdamp.pipeline.records.targets import Record
 from bayesdamp.store import CellResult, Store
-from bayesdamp.types import OK, Problem, Refusal, following
+from bayesdamp.types import OK, Problem, Refusal
 
 
 def all_terms(study: Study, spec: SignalSpec) -> tuple[str, ...]:

@@ -14,6 +14,7 @@ from bayesdamp.inference.fit.friction_choice import SHARES, WORTH, epsilon_note,
 from bayesdamp.inference.fit.noise_choice import Fitted, chosen_noise, first_noise, weigh_noises
 from bayesdamp.inference.model.defaults import Reference
 from bayesdamp.inference.noise import NOISES
+from bayesdamp.outcomes import following
 from bayesdamp.physics.damping import TERMS
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.physics.restoring import LAWS
@@ -23,7 +24,7 @@ from bayesdamp.pipeline.records.records import NOT_APPLICABLE, SignalCell
 from bayesdamp.pipeline.records.starts import REGRESSION
 from bayesdamp.pipeline.records.targets import Record
 from bayesdamp.store import CellResult, Store
-from bayesdamp.types import OK, Refusal, following
+from bayesdamp.types import OK, Refusal
 
 
 class NoiseCell:

@@ -14,6 +14,7 @@ from bayesdamp.config import Recording, SignalSpec, Simulation, Study
 from bayesdamp.estimators.bound import cramer_rao
 from bayesdamp.estimators.shared import noise_level
 from bayesdamp.inference.model.defaults import EPSILON_SHARE, reference_of
+from bayesdamp.outcomes import Status
 from bayesdamp.physics.damping import TERMS
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.physics.restoring import LAWS
@@ -32,7 +33,7 @@ from bayesdamp.units import UNITS
 
 NO_NOISE = 1e-6
 """Noise below this share of the amplitude is none: a likelihood has nothing to weigh by."""
-NOT_APPLICABLE = "not applicable: the record has no noise, so there is no posterior"
+NOT_APPLICABLE = Status.NOT_APPLICABLE.because("the record has no noise, so there is no posterior")
 RAW_POINTS = 20_000
 _NOT_OF_THE_RECORD = ("compare", "estimate", "laws", "alternatives", "specimen")
 

@@ -10,13 +10,13 @@ import numpy as np
 
 from bayesdamp.config import Recording, SignalSpec, Simulation, Study
 from bayesdamp.config.signals import damping_order
+from bayesdamp.outcomes import Status, status_of
 from bayesdamp.physics.damping import TERMS
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.physics.units import parameter_unit
 from bayesdamp.pipeline.candidates.weighing import evidence_by_method
 from bayesdamp.pipeline.records.answering import SAMPLED
-from bayesdamp.pipeline.staging import ASIDE
 from bayesdamp.pipeline.tables.specimen_tables import write_specimen_tables
 from bayesdamp.pipeline.tables.verdicts import write_verdicts
 from bayesdamp.store import TABLES, CellResult, Store, provenance, write_json, write_table
@@ -155,11 +155,13 @@ def _evidence(study: Study, store: Store) -> Iterator[Row]:
         models = study.compare(spec)
         by_method = evidence_by_method(study, store, f"{spec.name}/{repeat}", models)
         every = [(m, e) for found in by_method.values() for m, e in found.items()]
-        weighed = {m for m, e in every if np.isfinite(e.log_evidence) or e.outcome.startswith(ASIDE)}
+        weighed = {
+            m for m, e in every if np.isfinite(e.log_evidence) or status_of(e.outcome) is Status.SET_ASIDE
+        }
         for method, found in by_method.items():
             logs = {m: e.log_evidence for m, e in found.items()}
             lost = [m for m, e in found.items() if m not in weighed and e.outcome != OK]
-            aside = [m for m, e in found.items() if e.outcome.startswith(ASIDE)]
+            aside = [m for m, e in found.items() if status_of(e.outcome) is Status.SET_ASIDE]
             finite = [v for v in logs.values() if np.isfinite(v)]
             best = max(finite, default=math.nan)
             total = sum(math.exp(v - best) for v in finite)

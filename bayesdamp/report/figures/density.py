@@ -8,17 +8,17 @@ from scipy.ndimage import gaussian_filter, gaussian_filter1d
 _BINS = 160
 
 
-def outline(draws: np.ndarray, folded: bool = False) -> tuple[np.ndarray, np.ndarray]:
+def outline(draws: np.ndarray, reflected: bool = False) -> tuple[np.ndarray, np.ndarray]:
     """A smooth density of draws, any shape: grid and height (highest 1), each of shape (bins,).
 
-    folded: the quantity cannot be negative; the density is reflected at zero rather than smeared across it.
+    reflected: the quantity cannot be negative; the density is reflected at zero rather than smeared across it.
     """
     flat = np.ravel(draws)
     flat = flat[np.isfinite(flat)]
     low, high = np.quantile(flat, [0.0005, 0.9995])
     pad = 0.15 * (high - low) or max(abs(high), 1.0) * 1e-6
     low, high = low - pad, high + pad
-    reflect = folded and low < 0
+    reflect = reflected and low < 0
     low = 0.0 if reflect else low
     counts, edges = np.histogram(flat, bins=_BINS, range=(low, high))
     width = 1.06 * flat.std() * flat.size**-0.2 / (edges[1] - edges[0])
@@ -31,16 +31,16 @@ def outline(draws: np.ndarray, folded: bool = False) -> tuple[np.ndarray, np.nda
 def contours(
     x: np.ndarray,
     y: np.ndarray,
-    folded: tuple[bool, bool] = (False, False),
+    reflected: tuple[bool, bool] = (False, False),
     masses: tuple[float, float] = (0.9, 0.5),
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[float]]:
     """Grids of x and y, their smooth joint density (y, x), and its levels that enclose these masses.
 
-    folded: whether x and y cannot be negative, as in `outline`.
+    reflected: whether x and y cannot be negative, as in `outline`.
     """
     x, y = np.ravel(x), np.ravel(y)
     edges, modes = [], []
-    for values, positive in zip((x, y), folded):
+    for values, positive in zip((x, y), reflected):
         low, high = np.quantile(values, [0.001, 0.999])
         pad = 0.2 * (high - low) or 1e-12
         reflect = positive and low - pad < 0

@@ -8,12 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import expit
 
+from bayesdamp.outcomes import Status, status_of
 from bayesdamp.report import words
 from bayesdamp.report.results.run import Row, Run, rows_of
 from bayesdamp.types import OK, candidate_parts
 
 _FIRST = ("combined", "nested", "bridge", "importance", "laplace")
-ASIDE = "set aside"
 MATTERS = 1e-3
 """Probability from which, and below one less it, it matters whether an evidence is to be trusted."""
 _SHIPPED = {"viscous": "zeta", "coulomb": "mu_c", "quadratic": "mu_q"}
@@ -36,7 +36,9 @@ class Ranking:
     @property
     def unsettled(self) -> list[Row]:
         """Rows whose evidence is not to be trusted and might be another by some nats, where that matters."""
-        poor = [r for r in self.rows if r["outcome"] != OK and not r["outcome"].startswith(ASIDE)]
+        poor = [
+            r for r in self.rows if r["outcome"] != OK and status_of(r["outcome"]) is not Status.SET_ASIDE
+        ]
         return [r for r in poor if MATTERS <= r["probability"] <= 1.0 - MATTERS]
 
     @property
@@ -120,7 +122,7 @@ def over_widths(run: Run, signal: str, repeat: int, found: Ranking) -> list[AtWi
                 cell.arrays["log_evidence"] - cell.arrays["log_evidence"][np.argmin(np.abs(np.log(factors)))]
             )
             moved[row["model"]] = np.where(cell.arrays["trusted"], change, np.nan)
-        elif not row["outcome"].startswith(ASIDE):
+        elif status_of(row["outcome"]) is not Status.SET_ASIDE:
             return []
     if len(found.rows) < 2 or not moved:
         return []
@@ -180,7 +182,9 @@ def models_by_rank(run: Run, signal: str, repeat: int) -> list[str]:
 def models_kept(run: Run, signal: str, repeat: int) -> list[str]:
     """Those of all models that were not set aside, in the same order."""
     found = ranking(run, signal, repeat)
-    aside = {r["model"] for r in found.rows if r["outcome"].startswith(ASIDE)} if found else set()
+    aside = (
+        {r["model"] for r in found.rows if status_of(r["outcome"]) is Status.SET_ASIDE} if found else set()
+    )
     return [model for model in models_by_rank(run, signal, repeat) if model not in aside]
 
 

@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from bayesdamp.outcomes import Fitting, fitting_of
 from bayesdamp.report import words
 from bayesdamp.report.results.run import Run, rows_of
-from bayesdamp.report.results.verdict import MISFIT, SURE
+from bayesdamp.report.results.verdict import SURE
 from bayesdamp.store import CellResult
 from bayesdamp.types import OK
 
@@ -50,7 +51,7 @@ def misfits(run: Run, meta: Mapping[str, Any]) -> list[str]:
     found = []
     for label, (signal, repeat) in zip(meta["records"], meta["members"]):
         rows = rows_of(run.fits, signal=signal, repeat=repeat, model=meta["best"])
-        if rows and rows[0]["verdict"].startswith(MISFIT):
+        if rows and fitting_of(rows[0]["verdict"]) is Fitting.DOES_NOT_FIT:
             found.append(label)
     return found
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
+from bayesdamp.outcomes import Fitting, Status, fitting_of, reason_of, status_of
 from bayesdamp.report import words
 from bayesdamp.report.results.reading import (
-    ASIDE,
     Ranking,
     damping_of,
     label,
@@ -26,7 +26,6 @@ HOLDS = 0.8
 any other form of damping beside its own."""
 FEW = 3
 """Forms of damping that a sentence lists."""
-MISFIT = "does not fit"
 
 
 @dataclass(frozen=True)
@@ -51,7 +50,7 @@ def verdict(run: Run, signal: str, repeat: int) -> Verdict:
         return Verdict(
             False, f"nothing was weighed, so no damping can be named{_why(run, signal, repeat)}.", open=True
         )
-    weighed = [row["model"] for row in found.rows if not row["outcome"].startswith(ASIDE)]
+    weighed = [row["model"] for row in found.rows if status_of(row["outcome"]) is not Status.SET_ASIDE]
     checks = {r["model"]: r["verdict"] for r in rows_of(run.fits, signal=signal, repeat=repeat)}
     said = [checks[m] for m in weighed if m in checks]
     best = found.best
@@ -64,17 +63,18 @@ def verdict(run: Run, signal: str, repeat: int) -> Verdict:
             f"all the same, {label(best)} comes first, with probability {share} among them only."
         )
         return Verdict(True, sentence)
-    if said and all(s.startswith(MISFIT) for s in said):
-        why = checks[weighed[0]].removeprefix(MISFIT + ": ")
+    if said and all(fitting_of(s) is Fitting.DOES_NOT_FIT for s in said):
+        why = reason_of(checks[weighed[0]])
         sentence = (
             f"no candidate fits ({why}){_left(run, signal, repeat, weighed[0])}; of those that do not fit, "
             f"{label(best)} is least unlikely, with probability {share} among them only."
         )
         return Verdict(True, sentence)
-    warned = checks.get(best["model"], "").startswith(MISFIT)
+    fitting = {m: fitting_of(text) for m, text in checks.items()}
+    warned = fitting.get(best["model"]) is Fitting.DOES_NOT_FIT
     if warned:
         lead = f"the most probable candidate, {label(best)}, {checks[best['model']]}; {share} is its share among all"
-        fine = [label(r) for r in found.rows if checks.get(r["model"], MISFIT).startswith("fits")]
+        fine = [label(r) for r in found.rows if fitting.get(r["model"]) is Fitting.FITS]
         less = f" Fitting, though less probable: {words.listing(fine)}." if fine else ""
         return Verdict(True, f"{lead}.{less}")
     return _decided(run, signal, repeat, found)

@@ -10,10 +10,10 @@ from typing import Any
 from rich.console import Console
 
 from bayesdamp.config import Study
+from bayesdamp.outcomes import Status, status_of
 from bayesdamp.store import CellResult, Store, provenance, write_json, write_table
 from bayesdamp.types import OK
 from bayesdamp.validation.calibration import probabilities, ranks, recovery, tables
-from bayesdamp.validation.calibration.problem import FAILED
 from bayesdamp.validation.calibration.series import MOST, Series, accepted, gather
 
 DONE, WRONG_CELLS = 0, 3
@@ -44,7 +44,7 @@ def run_calibration(
         if fresh:
             store.clear()
         found = gather(study, _series(study, models), store, workers, console)
-        failed = [c for chunks in found.values() for c in chunks if c.outcome.startswith(FAILED)]
+        failed = [c for chunks in found.values() for c in chunks if status_of(c.outcome) is Status.FAILED]
         whole = {name: [c for c in chunks if c.outcome == OK] for name, chunks in found.items()}
         whole = {name: chunks for name, chunks in whole.items() if chunks}
         if whole:
@@ -71,7 +71,9 @@ def _failures(found: Mapping[str, Sequence[CellResult]]) -> list[str]:
     for chunk in (c for chunks in found.values() for c in chunks):
         said = [chunk.meta["outcomes"], *chunk.meta.get("sampler_outcomes", {}).values()]
         for i in range(len(said[0])):
-            lines += [f"{chunk.name}, record {i + 1}: {s[i]}" for s in said if s[i].startswith(FAILED)]
+            lines += [
+                f"{chunk.name}, record {i + 1}: {s[i]}" for s in said if status_of(s[i]) is Status.FAILED
+            ]
     return lines
 
 

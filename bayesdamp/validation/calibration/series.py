@@ -15,7 +15,8 @@ from bayesdamp.config import Study
 from bayesdamp.inference.evidence import EVIDENCES
 from bayesdamp.inference.noise import NOISES
 from bayesdamp.inference.samplers import SAMPLERS
-from bayesdamp.machine.relief import relieve
+from bayesdamp.machine.cache_eviction import evict_programs
+from bayesdamp.outcomes import Status, status_of
 from bayesdamp.physics.damping import TERMS
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.pipeline.keys import task_key
@@ -23,7 +24,7 @@ from bayesdamp.pipeline.workers import cache_compilations, pool_of, progress_bar
 from bayesdamp.plugins import use
 from bayesdamp.store import CellResult, Store
 from bayesdamp.validation.calibration import ranks, recovery
-from bayesdamp.validation.calibration.problem import FAILED, failure
+from bayesdamp.validation.calibration.problem import failure
 
 MOST = 20
 """Records tried for each that is wanted; with fewer accepted the series ends short, and says so."""
@@ -112,7 +113,7 @@ def _wave(series: Series, results: Sequence[CellResult]) -> list[int]:
 
 
 def _failed(result: CellResult) -> bool:
-    return result.outcome.startswith(FAILED)
+    return status_of(result.outcome) is Status.FAILED
 
 
 def _run(
@@ -161,7 +162,7 @@ def _chunk(study: Study, folder: Path, series: Series, first: int) -> CellResult
     """Compute and store one chunk; a fault of the program is stored as one."""
     use(study.plugins)
     cache_compilations()
-    relieve()
+    evict_programs()
     name, key = series.cell(study, first)
     try:
         result = replace(series.compute(study, first), name=name, key=key)

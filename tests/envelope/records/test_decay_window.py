@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from bayesdamp.envelope import read_envelope
-from bayesdamp.envelope.records.simulate import Ringdown, simulate
 from bayesdamp.envelope.records.window import bounded, find_window
 from bayesdamp.types import Refusal
+from tests.envelope.ringdowns import Ringdown, simulate
 
 DATA = Path(__file__).resolve().parents[3] / ".." / "shared" / "data" / "ringdown"
 # record, start between, stop between: s, read off the pictures by eye

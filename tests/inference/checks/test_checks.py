@@ -110,7 +110,7 @@ def test_wrong_damping_is_seen():
 
 def test_windows_are_climbed_closely_enough(monkeypatch):
     """To a fiftieth of their sd, where the whole record's mode is near (a true model) and where it is far. Negative
-    control: climbs that any step ends."""
+    control: searches that any step ends."""
 
     def values(close: float) -> np.ndarray:
         monkeypatch.setattr(checks, "ROUGHLY", close)
@@ -202,8 +202,8 @@ def test_laplace_draws_stay_where_terms_make_up_for_each_other():
     draws = laplace_draws(target, mode, 2000, 1)
     assert np.all(draws[:, :3] >= 0)
     assert depth(draws) - top < 4.0
-    folded = np.abs(mode.z + np.random.default_rng(1).standard_normal((2000, 5)) @ mode.factor.T)
-    assert depth(folded) - top > 10.0
+    reflected = np.abs(mode.z + np.random.default_rng(1).standard_normal((2000, 5)) @ mode.factor.T)
+    assert depth(reflected) - top > 10.0
 
 
 def test_laplace_draws_lean_on_the_wall():

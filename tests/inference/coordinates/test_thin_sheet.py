@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from bayesdamp.inference.checks import diagnostics
-from bayesdamp.inference.coordinates import cut_normal
+from bayesdamp.inference.coordinates import truncated_normal
 from bayesdamp.inference.evidence.methods import importance
 from bayesdamp.types import OK
 
@@ -21,7 +21,7 @@ over the triangle, e^(−TOTAL²/4) to 1e-6."""
 
 
 def height(z: np.ndarray) -> np.ndarray:
-    """Log density of the three, (..., 3), on the folded side."""
+    """Log density of the three, (..., 3), on the reflected side."""
     off = (z.sum(axis=-1) - TOTAL) / WIDTH
     return -0.5 * (off**2 + np.sum(z**2, axis=-1)) + 1.5 * np.log(2 / np.pi)
 
@@ -34,11 +34,13 @@ def slopes(_: object, z: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray
 @pytest.fixture
 def sheet(monkeypatch: pytest.MonkeyPatch) -> tuple[Any, Any]:
     """A target and its mode, at two of three walls, with that density in place of a record's."""
-    monkeypatch.setattr(cut_normal, "compiled", lambda _: SimpleNamespace(curvature=slopes))
-    monkeypatch.setattr(importance, "folded_log_posterior", lambda target, mode, y: height(y))
-    monkeypatch.setattr(importance, "bend", lambda target, mode: None)
+    monkeypatch.setattr(truncated_normal, "compiled", lambda _: SimpleNamespace(curvature=slopes))
+    monkeypatch.setattr(importance, "reflected_log_posterior", lambda target, mode, y: height(y))
+    monkeypatch.setattr(importance, "shear_of", lambda target, mode: None)
     names = ("a", "b", "c")
-    target = SimpleNamespace(names=names, noise="gaussian", layout=SimpleNamespace(folded=(True, True, True)))
+    target = SimpleNamespace(
+        names=names, noise="gaussian", layout=SimpleNamespace(reflected=(True, True, True))
+    )
     at = np.array([1e-9, 1e-9, TOTAL])
     information = slopes(None, at)[2]
     factor = np.linalg.cholesky(np.linalg.inv(information))
@@ -57,7 +59,7 @@ def test_evidence_on_a_thin_sheet_between_walls(sheet: tuple[Any, Any]) -> None:
 def test_too_few_draws_with_weight_are_said(sheet: tuple[Any, Any], monkeypatch: pytest.MonkeyPatch) -> None:
     """The negative control: from the mode's own normal distribution, mirrored at the walls, hardly a draw meets the
     sheet; the shape of weights that are nought in most shows nothing of it."""
-    monkeypatch.setattr(importance.Importance, "_cut_off", staticmethod(lambda *_: None))
+    monkeypatch.setattr(importance.Importance, "_truncated", staticmethod(lambda *_: None))
     lost = importance.PLUGIN.evidence("m", *sheet, seed=3)
     assert lost.outcome.startswith("not to be trusted: ")
     assert lost.stderr > 0.1

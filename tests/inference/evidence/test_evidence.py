@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from scipy.special import logsumexp
 
-from bayesdamp.inference.coordinates.folded import FoldedT
+from bayesdamp.inference.coordinates.reflected_t import ReflectedT
 from bayesdamp.inference.evidence import EVIDENCES, Draws, EvidenceMethod
-from bayesdamp.inference.evidence._densities import folded_log_posterior
+from bayesdamp.inference.evidence._densities import reflected_log_posterior
 from bayesdamp.inference.evidence.methods import nested
 from bayesdamp.inference.evidence.methods.bridge import fitted, span
 from bayesdamp.inference.model.batches import log_likelihood, log_posterior
@@ -48,7 +48,7 @@ def test_the_two_likelihoods_agree():
 @pytest.mark.parametrize("case", CASES)
 def test_the_cases_are_what_they_are_called(case):
     target, mode = problem(case)
-    away = np.min((mode.z / mode.sd())[np.asarray(target.layout.folded)])
+    away = np.min((mode.z / mode.sd())[np.asarray(target.layout.reflected)])
     assert away < 1.5 if "touching" in case else away > 3
 
 
@@ -79,8 +79,8 @@ def test_nested_sampling_around_the_mode_against_quadrature(case, monkeypatch):
     assert found.outcome == "ok", found
     assert "around the mode" in found.diagnostic
     assert abs(found.log_evidence - quadrature(case)) < LIMIT
-    folded = int(np.sum(target.layout.folded))
-    assert abs(found.log_evidence - folded * np.log(2.0) - quadrature(case)) > LIMIT
+    reflected = int(np.sum(target.layout.reflected))
+    assert abs(found.log_evidence - reflected * np.log(2.0) - quadrature(case)) > LIMIT
 
 
 @pytest.mark.parametrize("method", METHODS)
@@ -177,7 +177,7 @@ def test_negative_control_no_mirror_images(case):
     """A proposal on one side of an unfolded score: log 2 a coefficient is lost where all are far from zero, unseen
     by the weights; near zero what is lost is some part of it."""
     target, mode = problem(case)
-    proposal = FoldedT(mode.z, mode.factor, np.zeros(mode.z.size, bool))
+    proposal = ReflectedT(mode.z, mode.factor, np.zeros(mode.z.size, bool))
     z = proposal.draw(np.random.default_rng(1), 4000)
     weights = log_posterior(target, mode.context, z) - proposal.log_density(z)
     found = float(logsumexp(weights) - np.log(weights.size))
@@ -207,10 +207,10 @@ def test_negative_control_a_bridge_that_forgets_the_fold(case):
 def test_negative_control_draws_folded_density_not():
     """Folding the draws but not the proposal's density claims too much where the posterior touches zero."""
     target, mode = problem("two touching")
-    proposal = FoldedT(mode.z, mode.factor, np.asarray(target.layout.folded))
+    proposal = ReflectedT(mode.z, mode.factor, np.asarray(target.layout.reflected))
     y = proposal.draw(np.random.default_rng(1), 4000)
-    one_sided = FoldedT(mode.z, mode.factor, np.zeros(mode.z.size, bool))
+    one_sided = ReflectedT(mode.z, mode.factor, np.zeros(mode.z.size, bool))
     found = float(
-        logsumexp(folded_log_posterior(target, mode, y) - one_sided.log_density(y)) - np.log(len(y))
+        logsumexp(reflected_log_posterior(target, mode, y) - one_sided.log_density(y)) - np.log(len(y))
     )
     assert found - quadrature("two touching") > LIMIT

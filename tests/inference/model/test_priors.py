@@ -63,13 +63,13 @@ def test_scores_go_back_and_forth(name):
 
 @CASES
 def test_normal_scores_have_the_stated_density(name):
-    """Change of variables: N(z)·|dz/dx| is the density at x, twice that where the score is folded."""
+    """Change of variables: N(z)·|dz/dx| is the density at x, twice that where the score is reflected."""
     prior = PRIORS[name][0]
     z = np.linspace(0.1, 2.5, 13)
     slope = np.abs(
         np.asarray(jax.vmap(lambda x: jax.grad(prior.transform)(x, *prior.numbers))(jnp.asarray(z)))
     )
-    images = 2.0 if prior.folded else 1.0
+    images = 2.0 if prior.reflected else 1.0
     expected = np.log(images * stats.norm.pdf(z) / slope)
     np.testing.assert_allclose(np.asarray(prior.log_density(prior.value(z))), expected, atol=1e-10)
 
@@ -85,8 +85,8 @@ def test_negative_control(name):
 
 
 def test_folded_scores():
-    assert HalfNormal(scale=0.1).folded
-    assert not any(PRIORS[n][0].folded for n in PRIORS if n != "halfnormal")
+    assert HalfNormal(scale=0.1).reflected
+    assert not any(PRIORS[n][0].reflected for n in PRIORS if n != "halfnormal")
     assert float(HalfNormal(scale=0.1).value(-2.0)) == float(HalfNormal(scale=0.1).value(2.0)) == 0.2
 
 

@@ -9,7 +9,7 @@ import jax
 import numpy as np
 import pytest
 
-from bayesdamp.inference.coordinates.cut_normal import CutNormal, laplace
+from bayesdamp.inference.coordinates.truncated_normal import TruncatedNormal, laplace
 from bayesdamp.inference.coordinates.unbounded import Unbounded, scores
 from bayesdamp.inference.samplers import SAMPLERS, Settings, variational
 from bayesdamp.inference.samplers._approximation import approximate_posterior
@@ -54,7 +54,7 @@ def test_a_wrong_normal_is_called_poor(shift, stretch):
     right = laplace(target, mode)
     sd = np.sqrt(np.diag(right.covariance))
     away = shift * sd * np.eye(sd.size)[target.names.index("theta0")]
-    wrong = CutNormal(right.mean + away, stretch**2 * right.covariance, right.folded)
+    wrong = TruncatedNormal(right.mean + away, stretch**2 * right.covariance, right.reflected)
     settings = Settings(draws=1000)
     z = wrong.draw(np.random.default_rng(1), 4000)
     found = approximate_posterior("wrong", target, mode, z, wrong.log_density(z), settings, began=0.0)
@@ -84,7 +84,7 @@ FOLDED = np.array([True, True, False, True])
 
 def test_cut_normal():
     """Draws by both ways against plain rejection (errors of 0.01 sd; 0.06 allowed), and moments."""
-    normal = CutNormal(MEAN, ROOT @ ROOT.T, FOLDED)
+    normal = TruncatedNormal(MEAN, ROOT @ ROOT.T, FOLDED)
     assert list(normal.walls) == [0, 1]
     drawn = MEAN + np.random.default_rng(2).standard_normal((200_000, 4)) @ ROOT.T
     expected = drawn[np.all(drawn[:, :2] > 0, axis=1)]
@@ -103,7 +103,7 @@ def test_cut_normal():
 @pytest.mark.parametrize("far", [0.0, 3.0, 30.0])
 def test_unbounded_coordinates(far):
     """They stay inside the walls, and the log determinant is that of the derivative."""
-    normal = CutNormal(MEAN - far * np.array([1.0, 0, 0, 0]), ROOT @ ROOT.T, FOLDED)
+    normal = TruncatedNormal(MEAN - far * np.array([1.0, 0, 0, 0]), ROOT @ ROOT.T, FOLDED)
     at = Unbounded.of(normal)
     assert list(at.order) == ([1, 0, 2, 3] if far == 0 else [0, 1, 2, 3])
     fun = partial(scores, mean=at.mean, factor=at.factor, walls=at.walls)
@@ -116,7 +116,7 @@ def test_unbounded_coordinates(far):
 
 def test_one_wall_is_exact():
     """A standard normal becomes the cut-off normal: log densities differ by one constant."""
-    normal = CutNormal(MEAN, ROOT @ ROOT.T, np.array([False, True, False, False]))
+    normal = TruncatedNormal(MEAN, ROOT @ ROOT.T, np.array([False, True, False, False]))
     at = Unbounded.of(normal)
     v = np.random.default_rng(5).standard_normal((50, 4))
     z, slope = jax.vmap(partial(scores, mean=at.mean, factor=at.factor, walls=at.walls))(v)

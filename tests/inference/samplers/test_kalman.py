@@ -150,7 +150,7 @@ def test_natural_moments():
     z = rng.standard_normal(1_000_000)
     for prior, mean, sd in ((HalfNormal(scale=2.0), 0.5, 1.0), (LogNormal(median=3.0, sigma=0.5), 0.5, 0.8)):
         u = mean + sd * z
-        x = np.asarray(prior.value(u[u > 0] if prior.folded else u))
+        x = np.asarray(prior.value(u[u > 0] if prior.reflected else u))
         found = natural(prior, np.array([mean]), np.array([sd]))
         assert found[0][0] == pytest.approx(x.mean(), rel=0.01)
         assert found[1][0] == pytest.approx(x.std(), rel=0.02)

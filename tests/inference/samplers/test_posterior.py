@@ -11,7 +11,7 @@ import xarray
 from scipy.stats import genpareto
 
 from bayesdamp.inference.checks import diagnostics
-from bayesdamp.inference.coordinates.frame import frame
+from bayesdamp.inference.coordinates.whitening import whitening_of
 from bayesdamp.inference.fit.search import find_mode
 from bayesdamp.inference.samplers import SAMPLERS, Sampler, Settings, nuts
 from bayesdamp.inference.samplers.nuts import Nuts
@@ -107,7 +107,9 @@ def test_surrogate_force_and_exact_force():
     """The force of the linearised trajectory draws from the same posterior as the exact gradient: 4 errors."""
     name = "viscous_coulomb"
     target, mode = problems.target(name), problems.mode(name)
-    exact = Nuts().attempt(target, mode, frame(target, mode), problems.SETTINGS, True).posterior(target)
+    exact = (
+        Nuts().attempt(target, mode, whitening_of(target, mode), problems.SETTINGS, True).posterior(target)
+    )
     assert departures(exact, name) == []
     assert problems.posterior(name, "nuts").diagnostics["exact_force"] is False
     first, second = moments(problems.posterior(name, "nuts")), moments(exact)
@@ -120,7 +122,7 @@ def test_a_step_is_as_long_as_it_may_be():
     """Half the likelihoods of half the step, for draws that are as good: none below 0.8 of its effective ones, of which
     the estimate has an error of 5 %."""
     target, mode = problems.target("viscous_coulomb"), problems.mode("viscous_coulomb")
-    at, settings = frame(target, mode), Settings(chains=4, warmup=100, draws=1000, seed=2)
+    at, settings = whitening_of(target, mode), Settings(chains=4, warmup=100, draws=1000, seed=2)
     whole, half = (
         Nuts().attempt(target, mode, at, settings, shorter=share).posterior(target) for share in (1.0, 0.5)
     )
@@ -201,7 +203,7 @@ def test_too_few_draws_are_added_to():
     name = "viscous_coulomb"
     target, mode = problems.target(name), problems.mode(name)
     few = Settings(chains=4, warmup=100, draws=130, seed=3)
-    run = Nuts().attempt(target, mode, frame(target, mode), few)
+    run = Nuts().attempt(target, mode, whitening_of(target, mode), few)
     first, found = run.posterior(target), Nuts().sample(target, mode, few)
     assert "too few draws" in first.outcome
     assert found.outcome == OK
@@ -224,7 +226,7 @@ def test_too_few_draws_are_added_to():
 def test_added_draws_go_on_from_the_last(monkeypatch):
     target, mode = problems.target("viscous_coulomb"), problems.mode("viscous_coulomb")
     settings = Settings(chains=4, warmup=10, draws=10, seed=3)
-    run = Nuts().attempt(target, mode, frame(target, mode), settings)
+    run = Nuts().attempt(target, mode, whitening_of(target, mode), settings)
     given = []
     monkeypatch.setattr(nuts, "_chains", lambda *_: lambda *them: given.append(them) or run.left)
     run.longer(target.layout, 20, seed=3)
@@ -240,7 +242,7 @@ def test_shorter_steps_come_before_the_exact_force(monkeypatch, good, tries):
     """good: which attempt's draws are. The first is at the usual step by the cheap force; there is no ridge."""
     target, mode = problems.target("viscous_coulomb"), problems.mode("viscous_coulomb")
     settings = Settings(chains=4, warmup=10, draws=10, seed=3)
-    run = Nuts().attempt(target, mode, frame(target, mode), settings)
+    run = Nuts().attempt(target, mode, whitening_of(target, mode), settings)
     made = [(False, 1.0)]
 
     def attempt(self, target, mode, at, settings, exact=False, shorter=1.0):
@@ -248,7 +250,7 @@ def test_shorter_steps_come_before_the_exact_force(monkeypatch, good, tries):
         return run
 
     monkeypatch.setattr(Nuts, "attempt", attempt)
-    monkeypatch.setattr(nuts, "bend", lambda *_: None)
+    monkeypatch.setattr(nuts, "shear_of", lambda *_: None)
     monkeypatch.setattr(nuts, "poor", lambda found: len(made) < good)
     Nuts().finished(target, mode, replace(settings, draws=1), run)
     assert (

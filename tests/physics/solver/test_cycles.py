@@ -67,7 +67,7 @@ def test_the_map_follows_the_motion(name, quantity):
     assert isinstance(plan, CyclePlan)
     assert stated <= 1e-4 * size
     assert np.max(np.abs(plan.at_samples(osc, p) - truth)) < 1.5 * stated
-    right = plan.anchored(osc, plan.finer(osc, p, 5, TIMES, quantity), p)
+    right = plan.corrected(osc, plan.finer(osc, p, 5, TIMES, quantity), p)
     assert np.max(np.abs(right.at_samples(osc, p) - truth)) < 0.2 * stated
     q = moved(p)
     away = fine.at_samples(osc, q)
@@ -170,7 +170,7 @@ def test_a_batch_in_parts_is_the_batch(ring):
     """However many, and in their order; each as by itself."""
     target, mode = ring
     z = mode.z + 0.5 * np.random.default_rng(2).standard_normal((37, mode.z.size)) @ mode.factor.T
-    z = np.where(np.asarray(target.layout.folded), np.abs(z), z)
+    z = np.where(np.asarray(target.layout.reflected), np.abs(z), z)
     found = np.asarray(compiled(target.layout).batch(mode.context, z))
     alone = [float(log_posterior(target.layout, mode.context, jnp.asarray(one))) for one in z[[0, 16, 36]]]
     np.testing.assert_allclose(found[[0, 16, 36]], alone, atol=1e-6)

@@ -9,9 +9,9 @@ import numpy as np
 from scipy.special import logsumexp
 
 from bayesdamp.inference.checks import diagnostics
-from bayesdamp.inference.coordinates.bend import Bend, bend
-from bayesdamp.inference.coordinates.folded import DEGREES, FoldedT
-from bayesdamp.inference.evidence._densities import folded_log_posterior
+from bayesdamp.inference.coordinates.reflected_t import DEGREES, ReflectedT
+from bayesdamp.inference.coordinates.shear import Shear, shear_of
+from bayesdamp.inference.evidence._densities import reflected_log_posterior
 from bayesdamp.inference.evidence._method import Draws, EvidenceMethod
 from bayesdamp.inference.fit.mode import Mode
 from bayesdamp.inference.model.target import Target
@@ -40,10 +40,10 @@ class Span:
 
 class Bridge(EvidenceMethod):
     """The optimal bridge (Meng and Wong, Statistica Sinica 6, 1996; Gronau et al., Journal of Mathematical Psychology
-    81, 2017) from NUTS draws to a Student t that is folded where a coefficient cannot be negative.
+    81, 2017) from NUTS draws to a Student t that is reflected where a coefficient cannot be negative.
 
     One half of each chain shapes the fit, the other is bridged to it, and the other way round. Draws and fit live on
-    the folded scores, so that no mirror mode is there to be missed; a posterior that the fit hardly meets is
+    the reflected scores, so that no mirror mode is there to be missed; a posterior that the fit hardly meets is
     straightened where its ridge is curved. The standard error is Frühwirth-Schnatter's
     (Econometrics Journal 7, 2004), the autocorrelation of the chains included.
     """
@@ -61,10 +61,10 @@ class Bridge(EvidenceMethod):
             draws = Draws.of(target, found.draws, found.outcome)
             evaluations += int(found.diagnostics["likelihoods"])  # type: ignore[call-overload]
         rng = np.random.default_rng(seed)
-        spans, count = _spans(target, mode, draws.z, Bend.of_noise(target, mode), rng)
+        spans, count = _spans(target, mode, draws.z, Shear.of_noise(target, mode), rng)
         evaluations += count
         if not min(s.overlap for s in spans) > HARDLY:
-            ridge = bend(target, mode)
+            ridge = shear_of(target, mode)
             if ridge is not None:
                 spans, count = _spans(target, mode, draws.z, ridge, rng)
                 evaluations += count
@@ -83,28 +83,28 @@ class Bridge(EvidenceMethod):
 
 
 def _spans(
-    target: Target, mode: Mode, z: np.ndarray, bent: Bend, rng: np.random.Generator
+    target: Target, mode: Mode, z: np.ndarray, shear: Shear, rng: np.random.Generator
 ) -> tuple[list[Span], int]:
     """The bridges of both halves of the chains z, (chains, draws, d), in straightened scores, and the evaluations."""
-    folded = np.asarray(target.layout.folded)
+    reflected = np.asarray(target.layout.reflected)
     half, evaluations = z.shape[1] // 2, 0
-    parts = bent.straight(z[:, :half]), bent.straight(z[:, half : 2 * half])
+    parts = shear.straight(z[:, :half]), shear.straight(z[:, half : 2 * half])
     spans = []
     for shaping, bridged in (parts, parts[::-1]):
-        proposal = fitted(shaping.reshape(-1, folded.size), folded)
+        proposal = fitted(shaping.reshape(-1, reflected.size), reflected)
         there = proposal.draw(rng, PROPOSALS)
-        y = np.concatenate([bridged.reshape(-1, folded.size), there])
-        ratio = folded_log_posterior(target, mode, bent.scores(y)) - proposal.log_density(y)
+        y = np.concatenate([bridged.reshape(-1, reflected.size), there])
+        ratio = reflected_log_posterior(target, mode, shear.scores(y)) - proposal.log_density(y)
         evaluations += len(y)
         cut = len(y) - PROPOSALS
         spans.append(span(ratio[:cut].reshape(bridged.shape[:2]), ratio[cut:]))
     return spans, evaluations
 
 
-def fitted(y: np.ndarray, folded: np.ndarray) -> FoldedT:
-    """A folded t with the mean and covariance of draws on the folded side, shape (n, d)."""
+def fitted(y: np.ndarray, reflected: np.ndarray) -> ReflectedT:
+    """A reflected t with the mean and covariance of draws on the reflected side, shape (n, d)."""
     covariance = np.atleast_2d(np.cov(y.T, ddof=1)) * (DEGREES - 2) / DEGREES
-    return FoldedT(y.mean(axis=0), np.linalg.cholesky(covariance), folded)
+    return ReflectedT(y.mean(axis=0), np.linalg.cholesky(covariance), reflected)
 
 
 def span(at_draws: np.ndarray, at_proposals: np.ndarray) -> Span:

@@ -8,11 +8,11 @@ import numpy as np
 from scipy.special import logsumexp
 
 from bayesdamp.inference.checks import diagnostics
-from bayesdamp.inference.coordinates.bend import Bend, bend
-from bayesdamp.inference.coordinates.cut_normal import about
-from bayesdamp.inference.coordinates.folded import DEGREES, FoldedT
+from bayesdamp.inference.coordinates.reflected_t import DEGREES, ReflectedT
+from bayesdamp.inference.coordinates.shear import Shear, shear_of
+from bayesdamp.inference.coordinates.truncated_normal import about
 from bayesdamp.inference.curves.weighted import effective
-from bayesdamp.inference.evidence._densities import folded_log_posterior
+from bayesdamp.inference.evidence._densities import reflected_log_posterior
 from bayesdamp.inference.evidence._method import Draws, EvidenceMethod
 from bayesdamp.inference.fit.mode import Mode
 from bayesdamp.inference.model.target import Target
@@ -35,8 +35,8 @@ def _good(log_weights: np.ndarray) -> bool:
 class Importance(EvidenceMethod):
     """Evidence as the mean importance weight, from a Laplace-centred Student t (7 degrees of freedom).
 
-    A coefficient that may touch zero is a folded score; its posterior has mirror modes, so proposal and
-    target are both folded: nothing is lost at zero, and weights are judged on the coefficient itself. Where
+    A coefficient that may touch zero is a reflected score; its posterior has mirror modes, so proposal and
+    target are both reflected: nothing is lost at zero, and weights are judged on the coefficient itself. Where
     the pilot weights' Pareto shape or effective number is poor, the fit is that to what a wall leaves of the normal
     distribution, if one is near; then a curved ridge is straightened; and then the fit is moved to the weighted pilot
     draws and tried again. The reported draws are fresh ones. (Vehtari et al., JMLR 25, 2024, for the diagnostic.)
@@ -49,12 +49,12 @@ class Importance(EvidenceMethod):
     ) -> Evidence:
         began = time.perf_counter()
         rng = np.random.default_rng(seed)
-        folded = np.asarray(target.layout.folded)
-        proposal = FoldedT(np.where(folded, np.abs(mode.z), mode.z), mode.factor, folded)
-        place = proposal, Bend.of_noise(target, mode)
+        reflected = np.asarray(target.layout.reflected)
+        proposal = ReflectedT(np.where(reflected, np.abs(mode.z), mode.z), mode.factor, reflected)
+        place = proposal, Shear.of_noise(target, mode)
         y, log_weights = self._weights(target, mode, *place, rng, PILOT)
         evaluations = PILOT
-        for other in (self._cut_off, self._straightened):
+        for other in (self._truncated, self._straightened):
             if _good(log_weights) or (tried := other(target, mode, *place)) is None:
                 continue
             there, weights = self._weights(target, mode, *tried, rng, PILOT)
@@ -62,7 +62,7 @@ class Importance(EvidenceMethod):
             if not effective(log_weights) >= effective(weights):
                 place, y, log_weights = tried, there, weights
         for _ in range(ROUNDS - 1):
-            if _good(log_weights) or (refitted := self._refit(y, log_weights, folded)) is None:
+            if _good(log_weights) or (refitted := self._refit(y, log_weights, reflected)) is None:
                 break  # where a few draws have all the weight, the diagnostic will say it
             place = refitted, place[1]
             y, log_weights = self._weights(target, mode, *place, rng, PILOT)
@@ -91,22 +91,24 @@ class Importance(EvidenceMethod):
 
     @staticmethod
     def _weights(
-        target: Target, mode: Mode, proposal: FoldedT, bent: Bend, rng: np.random.Generator, n: int
+        target: Target, mode: Mode, proposal: ReflectedT, shear: Shear, rng: np.random.Generator, n: int
     ) -> tuple[np.ndarray, np.ndarray]:
         """Straightened draws, (n, d), and their log weights, (n,)."""
         y = proposal.draw(rng, n)
-        return y, folded_log_posterior(target, mode, bent.scores(y)) - proposal.log_density(y)
+        return y, reflected_log_posterior(target, mode, shear.scores(y)) - proposal.log_density(y)
 
     @staticmethod
     def _straightened(
-        target: Target, mode: Mode, proposal: FoldedT, bent: Bend
-    ) -> tuple[FoldedT, Bend] | None:
+        target: Target, mode: Mode, proposal: ReflectedT, shear: Shear
+    ) -> tuple[ReflectedT, Shear] | None:
         """The same along a curved ridge; None where there is none."""
-        ridge = bend(target, mode)
+        ridge = shear_of(target, mode)
         return None if ridge is None else (proposal, ridge)
 
     @staticmethod
-    def _cut_off(target: Target, mode: Mode, proposal: FoldedT, bent: Bend) -> tuple[FoldedT, Bend] | None:
+    def _truncated(
+        target: Target, mode: Mode, proposal: ReflectedT, shear: Shear
+    ) -> tuple[ReflectedT, Shear] | None:
         """A fit to the moments of the mode's normal distribution, cut off where coefficients are zero; None where no
         wall is near. Coefficients that make up for each other there do not on its mirror images."""
         normal = about(target, mode)
@@ -116,23 +118,23 @@ class Importance(EvidenceMethod):
             centre, factor = normal.moments
         except np.linalg.LinAlgError:
             return None
-        return FoldedT(centre, factor * np.sqrt((DEGREES - 2) / DEGREES * 1.2), normal.folded), bent
+        return ReflectedT(centre, factor * np.sqrt((DEGREES - 2) / DEGREES * 1.2), normal.reflected), shear
 
     @staticmethod
-    def _refit(y: np.ndarray, log_weights: np.ndarray, folded: np.ndarray) -> FoldedT | None:
+    def _refit(y: np.ndarray, log_weights: np.ndarray, reflected: np.ndarray) -> ReflectedT | None:
         """A fit to the weighted draws; None where so few of them have weight that they span no volume."""
         # Truncated weights keep one lucky draw from becoming the whole fit.
         w = np.exp(log_weights - logsumexp(log_weights))
         w = np.minimum(w, 50.0 / w.size)
         w /= w.sum()
-        if 1.0 / np.sum(w**2) < folded.size + 1:
+        if 1.0 / np.sum(w**2) < reflected.size + 1:
             return None
         centre = w @ y
         spread = (y - centre) * np.sqrt(w)[:, None]
         covariance = spread.T @ spread * (DEGREES - 2) / DEGREES * 1.2
         covariance += 1e-10 * np.trace(covariance) / centre.size * np.eye(centre.size)
         try:
-            return FoldedT(centre, np.linalg.cholesky(covariance), folded)
+            return ReflectedT(centre, np.linalg.cholesky(covariance), reflected)
         except np.linalg.LinAlgError:
             return None
 

@@ -41,7 +41,7 @@ Map = Callable[[np.ndarray], np.ndarray]
 class Nested(EvidenceMethod):
     """Importance nested sampling (Lange, Monthly Notices of the Royal Astronomical Society 525, 2023) over the prior.
 
-    The unit cube is mapped to normal scores, half-normal ones where they are folded: mirror modes do not arise. One
+    The unit cube is mapped to normal scores, half-normal ones where they are reflected: mirror modes do not arise. One
     parameter alone gets an idle one beside it, as the sampler needs two. Bounds are ellipsoids without the networks
     that nautilus offers: these take fewer likelihoods, but likelihoods are cheap here, and a small one was seen to cut
     the peak off and call the rest finished. So the highest likelihood is held against the mode's.
@@ -57,7 +57,7 @@ class Nested(EvidenceMethod):
         self, model: str, target: Target, mode: Mode, seed: int, draws: Draws | None = None
     ) -> Evidence:
         began = time.perf_counter()
-        folded = np.asarray(target.layout.folded)
+        reflected = np.asarray(target.layout.reflected)
 
         def likelihood(z: np.ndarray) -> np.ndarray:
             return np.maximum(np.nan_to_num(log_likelihood(target, mode.context, z), nan=-np.inf), FAINTEST)
@@ -67,12 +67,12 @@ class Nested(EvidenceMethod):
             needed = top - log_evidence_near(target, mode.context, mode.z)
         except Refusal:
             needed = None
-        sampler, done = _explored(lambda u: scores(u, folded), likelihood, folded.size, seed, needed)
+        sampler, done = _explored(lambda u: scores(u, reflected), likelihood, reflected.size, seed, needed)
         count, how = sampler.n_like, ""
         if not done and count < MOST:
             points, density = around(target, mode)
-            top = float(density(np.where(folded, np.abs(mode.z), mode.z)[None])[0])
-            sampler, done = _explored(points, density, folded.size, seed)
+            top = float(density(np.where(reflected, np.abs(mode.z), mode.z)[None])[0])
+            sampler, done = _explored(points, density, reflected.size, seed)
             count += sampler.n_like
             how = ", around the mode: from the prior it would not come to its end"
         effective, seen = float(np.asarray(sampler.n_eff)), max(float(np.max(x)) for x in sampler.log_l)
@@ -93,24 +93,24 @@ class Nested(EvidenceMethod):
         )
 
 
-def scores(u: np.ndarray, folded: np.ndarray) -> np.ndarray:
-    """Scores of points of the unit cube, both (..., d): normal, or half-normal where folded."""
-    return ndtri(np.where(folded, 0.5 * (1.0 + u), u))
+def scores(u: np.ndarray, reflected: np.ndarray) -> np.ndarray:
+    """Scores of points of the unit cube, both (..., d): normal, or half-normal where reflected."""
+    return ndtri(np.where(reflected, 0.5 * (1.0 + u), u))
 
 
 def around(target: Target, mode: Mode) -> tuple[Map, Map]:
     """A normal distribution about a mode: points of the unit cube, (n, d), to its scores; and of scores, (n, d), the
     log of prior times likelihood over its density, whose integral over it is the evidence."""
-    folded = np.asarray(target.layout.folded)
-    centre, factor = np.where(folded, np.abs(mode.z), mode.z), WIDER * mode.factor
+    reflected = np.asarray(target.layout.reflected)
+    centre, factor = np.where(reflected, np.abs(mode.z), mode.z), WIDER * mode.factor
     log_det = np.linalg.slogdet(factor)[1]
 
     def density(z: np.ndarray) -> np.ndarray:
         normal = np.linalg.solve(factor, (z - centre).T)
         of_normal = -0.5 * np.sum(normal**2, axis=0) - 0.5 * centre.size * LOG_2PI - log_det
-        # A folded score has its half-normal prior, twice the normal one, on its side of zero.
-        found = log_posterior(target, mode.context, z) + folded.sum() * np.log(2.0) - of_normal
-        found = np.where(np.all(z[:, folded] >= 0.0, axis=1), found, -np.inf)
+        # A reflected score has its half-normal prior, twice the normal one, on its side of zero.
+        found = log_posterior(target, mode.context, z) + reflected.sum() * np.log(2.0) - of_normal
+        found = np.where(np.all(z[:, reflected] >= 0.0, axis=1), found, -np.inf)
         return np.maximum(np.nan_to_num(found, nan=-np.inf), FAINTEST)
 
     return lambda u: centre + ndtri(u) @ factor.T, density

@@ -59,7 +59,7 @@ def _one(
     low, high = _window([p.value for p in points], draws, truth)
     top, bottom = -0.6, len(methods) - 0.4
     if draws is not None:
-        grid, height = outline(draws, folded=True)
+        grid, height = outline(draws, reflected=True)
         ax.fill_between(
             grid, bottom, bottom - height * (bottom - top) * 0.94, color=colour(model), alpha=0.18, lw=0
         )

@@ -6,10 +6,11 @@ import math
 
 from markupsafe import Markup
 
+from bayesdamp.outcomes import Status, reason_of, status_of
 from bayesdamp.report import words
 from bayesdamp.report.figures.posteriors.evidence import Bar, bars
 from bayesdamp.report.html import Line, Table, fill, folded
-from bayesdamp.report.results.reading import ASIDE, label, ranking
+from bayesdamp.report.results.reading import label, ranking
 from bayesdamp.report.results.run import Run, rows_of
 from bayesdamp.report.sections._layout import by_signal
 from bayesdamp.report.sections._section import Section
@@ -43,7 +44,7 @@ def _one(run: Run, signal: str) -> Markup:
     repeat = repeats[0]
     found = ranking(run, signal, repeat)
     parts: list[object] = []
-    weighed = [r for r in found.rows if not r["outcome"].startswith(ASIDE)] if found else []
+    weighed = [r for r in found.rows if status_of(r["outcome"]) is not Status.SET_ASIDE] if found else []
     if found and len(weighed) > 1:
         shown = [
             Bar(r["model"], label(r), r["log_bayes_factor"], r["stderr"], r["probability"]) for r in weighed
@@ -71,7 +72,7 @@ def _table(run: Run, signal: str, repeats: list[int]) -> Table:
     lines = []
     for repeat in repeats:
         rows = rows_of(run.evidence, signal=signal, repeat=repeat)
-        out = {r["model"] for r in rows if r["outcome"].startswith(ASIDE)}
+        out = {r["model"] for r in rows if status_of(r["outcome"]) is Status.SET_ASIDE}
         found = ranking(run, signal, repeat)
         order = [r["model"] for r in found.rows] if found else []
         rows.sort(key=lambda r: order.index(r["model"]) if r["model"] in order else len(order))
@@ -107,7 +108,7 @@ def _table(run: Run, signal: str, repeats: list[int]) -> Table:
 def _aside(run: Run, signal: str, repeat: int) -> Table:
     """The candidates that were set aside, the likeliest first, each with its cheap evidence where it came so far."""
     rows = rows_of(run.evidence, signal=signal, repeat=repeat)
-    why = {r["model"]: r["outcome"] for r in rows if r["outcome"].startswith(ASIDE)}
+    why = {r["model"]: r["outcome"] for r in rows if status_of(r["outcome"]) is Status.SET_ASIDE}
     cheap = {r["model"]: r for r in rows if r["method"] == "laplace"}
     first = {r["model"]: r for r in reversed(rows)}
 
@@ -119,7 +120,7 @@ def _aside(run: Run, signal: str, repeat: int) -> Table:
     for model in sorted(why, key=height, reverse=True):
         numbers = cheap.get(model, {})
         shown = [words.nats(numbers.get(key)) for key in ("log_evidence", "log_bayes_factor")]
-        lines.append(Line([label(first[model]), *shown, why[model].removeprefix(ASIDE).lstrip(": ")]))
+        lines.append(Line([label(first[model]), *shown, reason_of(why[model])]))
     headers = ["model", "log evidence / nats", "log Bayes factor", "why"]
     return Table(headers, lines, frozenset({0, 3}), "Laplace's approximation, where the search came so far.")
 

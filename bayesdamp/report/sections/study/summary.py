@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 from typing import Any
 
+from bayesdamp.outcomes import Status, status_of
 from bayesdamp.report import words
 from bayesdamp.report.html import Line, Table, fill, folded
 from bayesdamp.report.results.answers import verdicts
 from bayesdamp.report.results.reading import (
-    ASIDE,
     coefficients,
     damping_of,
     label,
@@ -54,7 +54,7 @@ def _by_sentence(run: Run) -> list[tuple[str, list[str]]]:
     """The sentences that cells ended with, each with the names of its cells."""
     found: dict[str, list[str]] = {}
     for cell in run.not_ok():
-        if cell.outcome.startswith(ASIDE):  # no fault: the evidence section has them
+        if status_of(cell.outcome) is Status.SET_ASIDE:  # no fault: the evidence section has them
             continue
         found.setdefault(cell.outcome, []).append(cell.name)
     return list(found.items())
@@ -136,14 +136,14 @@ def _weigh(run: Run, found, believe: list[str], doubt: list[str]) -> None:
     for row in found.rows[:2]:
         if "poor" in row["diagnostic"]:
             doubt.append(f"the evidence of {label(row)} to the last digit: {row['diagnostic']}.")
-    left = sum(row["outcome"].startswith(ASIDE) for row in found.rows)
+    left = sum(status_of(row["outcome"]) is Status.SET_ASIDE for row in found.rows)
     if left:
         believe.append(
             f"that {left} more candidate{'s' if left > 1 else ''} could be set aside unweighed; the evidence says why."
         )
     for row in rows_of(run.evidence, signal=found.best["signal"], repeat=found.best["repeat"]):
         counts = found.method != "combined" or row["method"] == "combined"
-        if row["outcome"] != OK and not row["outcome"].startswith(ASIDE) and counts:
+        if row["outcome"] != OK and status_of(row["outcome"]) is not Status.SET_ASIDE and counts:
             doubt.append(f"that {label(row)} was weighed by {words.method(row['method'])}: {row['outcome']}")
 
 

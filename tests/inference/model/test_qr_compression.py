@@ -1,4 +1,4 @@
-"""Condensed records: the same likelihood as the plain sum over all samples, at a cost without the samples in it."""
+"""Compressed records: the same likelihood as the plain sum over all samples, at a cost without the samples in it."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ import pytest
 from scipy.signal import lfilter
 
 from bayesdamp.inference.model.compiled import _solver, compiled
-from bayesdamp.inference.model.condensed import Condensed, Singles, condense, room_of
 from bayesdamp.inference.model.density import log_posterior, moving_values, parameters, reading
 from bayesdamp.inference.model.gradient import value_and_gradient
 from bayesdamp.inference.model.linearised import linearise, moving_names
+from bayesdamp.inference.model.qr_compression import Compressed, Singles, capacity_of, compress
 from bayesdamp.inference.model.target import Context, Target
 from bayesdamp.inference.noise import NOISES
 from bayesdamp.physics.integrate import make_plan
@@ -70,14 +70,14 @@ def case(damping: str, noise: str, quantity: str = "angle") -> tuple[Target, np.
     found, truth = target(damping, noise, quantity)
     p = {**truth, **KNOWN}
     coarse = make_plan(found.oscillator, p, TIMES, quantity, 1e-4)
-    plan = coarse.anchored(found.oscillator, coarse.finer(found.oscillator, p, 4, TIMES, quantity), p)
+    plan = coarse.corrected(found.oscillator, coarse.finer(found.oscillator, p, 4, TIMES, quantity), p)
     assert isinstance(plan, MeshPlan)
     return found, found.scores(truth), plan, found.context(plan)
 
 
-def condensed_of(context: Context) -> Condensed:
-    assert context.condensed is not None
-    return context.condensed
+def compressed_of(context: Context) -> Compressed:
+    assert context.compressed is not None
+    return context.compressed
 
 
 def moving(found: Target) -> list[int]:
@@ -134,7 +134,7 @@ def far(found: Target, plan: MeshPlan, z: np.ndarray) -> np.ndarray:
 
 
 def disagreement(found: Target, plan: MeshPlan, context: Context, z: np.ndarray) -> tuple[float, float]:
-    """Largest difference of log posterior differences, condensed and plain, and the smallest drop, over `far`."""
+    """Largest difference of log posterior differences, compressed and plain, and the smallest drop, over `far`."""
     run = problems.height(found.layout)
     points = [z, *far(found, plan, z)]
     ours = np.array([float(run(context, jnp.asarray(x))) for x in points])
@@ -149,7 +149,7 @@ def disagreement(found: Target, plan: MeshPlan, context: Context, z: np.ndarray)
 def test_agrees_with_the_plain_sum(noise, damping, quantity):
     """Within 1e-6 ten posterior sds from the truth, where the posterior is lower by tens of nats."""
     found, z, plan, context = case(damping, noise, quantity)
-    assert isinstance(context.condensed, Condensed)
+    assert isinstance(context.compressed, Compressed)
     apart, drop = disagreement(found, plan, context, z)
     assert apart < 1e-6
     assert drop > 10
@@ -162,17 +162,17 @@ def test_acceleration_too():
 
 def without_straddling(context: Context) -> Context:
     """Pairs of samples on two sides of a node left out."""
-    inside, pairs = condensed_of(context).sums["differences"]
+    inside, pairs = compressed_of(context).sums["differences"]
     assert isinstance(pairs, Singles)
     none = replace(pairs, present=jnp.zeros_like(pairs.present))
-    sums = {**condensed_of(context).sums, "differences": (inside, none)}
-    return replace(context, condensed=replace(condensed_of(context), sums=sums))
+    sums = {**compressed_of(context).sums, "differences": (inside, none)}
+    return replace(context, compressed=replace(compressed_of(context), sums=sums))
 
 
 def wrong_trajectory(context: Context) -> Context:
     """Counted from another trajectory than the one that was taken off the record."""
-    near = condensed_of(context).near
-    return replace(context, condensed=replace(condensed_of(context), near=near.at[5, 0].add(1e-7)))
+    near = compressed_of(context).near
+    return replace(context, compressed=replace(compressed_of(context), near=near.at[5, 0].add(1e-7)))
 
 
 @pytest.mark.parametrize("spoilt", [without_straddling, wrong_trajectory])
@@ -209,19 +209,19 @@ def test_gradient_and_information(noise):
 def test_sums_along_a_trajectory_are_those_of_all_its_nodes(noise):
     """And their tangents: what a sampler needs has no trajectory kept, what Gauss and Newton need has."""
     found, z, _, context = case("viscous+quadratic", noise)
-    lean, sums = context.lean, condensed_of(context)
-    assert isinstance(lean.plan, MeshPlan)
+    compact, sums = context.compact, compressed_of(context)
+    assert isinstance(compact.plan, MeshPlan)
     at = jnp.asarray(z + 0.02)
-    value, gradient = jax.jit(partial(value_and_gradient, found.layout))(lean, at)
+    value, gradient = jax.jit(partial(value_and_gradient, found.layout))(compact, at)
     by_nodes = compiled(found.layout).curvature(context, at)
     assert float(value) == pytest.approx(float(by_nodes[0]), rel=1e-11)
     np.testing.assert_allclose(gradient, by_nodes[1], rtol=1e-8)
     p = {n: jnp.asarray(v) for n, v in found.all_values(np.asarray(at)).items()}
-    kept = sums.split(sums.misfit(nodes(found.oscillator, lean.plan.steps, lean.plan.count, p)))
-    streamed = sums.sums_along(found.oscillator, lean.plan.steps, lean.plan.count, p)
+    kept = sums.split(sums.misfit(nodes(found.oscillator, compact.plan.steps, compact.plan.count, p)))
+    streamed = sums.sums_along(found.oscillator, compact.plan.steps, compact.plan.count, p)
     for name, part in kept.items():
         assert float(streamed[name]) == pytest.approx(float(jnp.sum(part**2)), rel=1e-11)
-    short = sums.sums_along(found.oscillator, lean.plan.steps, lean.plan.count - 1, p)
+    short = sums.sums_along(found.oscillator, compact.plan.steps, compact.plan.count - 1, p)
     assert float(short["squares"]) < 0.999 * float(streamed["squares"])  # negative control: a step too few
 
 
@@ -245,11 +245,11 @@ def test_one_solver_program_serves_all_noises(noise):
     e, slopes, x = compiled(found.layout).linearise(context, at)
     index = jnp.asarray(moving(found))
     direct = jax.jit(
-        lambda z: reading(found.layout, context.lean).misfit(parameters(found.layout, context.lean, z))
+        lambda z: reading(found.layout, context.compact).misfit(parameters(found.layout, context.compact, z))
     )
     np.testing.assert_allclose(e, direct(at), rtol=1e-9, atol=1e-9 * float(jnp.abs(e).max()))
     by_z = jax.jit(jax.jacfwd(direct))(at)[:, index].T
-    values = lambda z: moving_values(found.layout, context.lean, z)  # noqa: E731
+    values = lambda z: moving_values(found.layout, context.compact, z)  # noqa: E731
     by_value = by_z / jax.jvp(values, (at,), (jnp.ones_like(at),))[1][:, None]
     size = float(jnp.abs(by_value).max())
     np.testing.assert_allclose(slopes, by_value, rtol=1e-7, atol=1e-9 * size)
@@ -268,11 +268,11 @@ def test_no_shape_of_the_program_is_that_of_the_record(noise):
     length = re.compile(rf"\b({COUNT}|{COUNT - 1})x")
     for fun in (log_posterior, linearise):
         run = jax.jit(partial(fun, found.layout))
-        assert not length.search(run.lower(context.lean, at).as_text())
-        assert length.search(run.lower(replace(context, condensed=None), at).as_text())
+        assert not length.search(run.lower(context.compact, at).as_text())
+        assert length.search(run.lower(replace(context, compressed=None), at).as_text())
     e, slopes, _ = linearise(found.layout, context, at)
-    assert context.condensed is not None
-    assert e.size <= 14 * context.condensed.room + 2, "fourteen numbers a step, and what is left over"
+    assert context.compressed is not None
+    assert e.size <= 14 * context.compressed.capacity + 2, "fourteen numbers a step, and what is left over"
     assert e.size < COUNT
     assert slopes.shape == (len(moving(found)), e.size)
 
@@ -282,10 +282,10 @@ def test_a_part_of_a_record():
     found, z, plan, _ = case("viscous", "correlated")
     part = slice(COUNT // 2, COUNT)
     context = found.context(plan.of(part), part)
-    assert context.condensed is not None
+    assert context.compressed is not None
     run = problems.height(found.layout)
     points = [jnp.asarray(x) for x in (z, z + 0.01)]
-    ours, theirs = ([float(run(c, x)) for x in points] for c in (context, replace(context, condensed=None)))
+    ours, theirs = ([float(run(c, x)) for x in points] for c in (context, replace(context, compressed=None)))
     assert ours[1] - ours[0] == pytest.approx(theirs[1] - theirs[0], abs=1e-6)
 
 
@@ -293,12 +293,12 @@ def test_steps_without_samples():
     """A gap in the record that swallows whole steps: the pair across it belongs to two distant steps."""
     found, _, plan, context = case("viscous", "correlated")
     kept = np.flatnonzero((TIMES < 4.0) | (TIMES > 5.5))
-    cut = replace(plan, interval=plan.interval[kept], weights=plan.weights[kept], anchor=None)
+    cut = replace(plan, interval=plan.interval[kept], weights=plan.weights[kept], correction=None)
     y = found.signal.y[kept]
     # On a clock of its own: the pairs, not the times, are what is tested.
-    sums = condense(NOISES.get("correlated"), cut, TIMES[: kept.size], y)
+    sums = compress(NOISES.get("correlated"), cut, TIMES[: kept.size], y)
     assert sums is not None
-    state = condensed_of(context).near * 1.001
+    state = compressed_of(context).near * 1.001
     parts = sums.split(sums.misfit(state))
     wide = np.zeros((plan.steps.size + 1, 3))
     wide[: len(state)] = state
@@ -317,9 +317,9 @@ def test_samples_so_far_apart_that_no_step_has_two():
     found, z, plan, _ = case("viscous", "correlated")
     kept = np.searchsorted(np.asarray(plan.interval), np.arange(3, int(plan.count), 3))
     times = np.arange(kept.size) * 0.1  # a clock of its own: the sums, not the times, are what is tested
-    cut = replace(plan, interval=plan.interval[kept], weights=plan.weights[kept], anchor=None)
+    cut = replace(plan, interval=plan.interval[kept], weights=plan.weights[kept], correction=None)
     y = found.signal.y[kept]
-    sums = condense(NOISES.get("correlated"), cut, times, y)
+    sums = compress(NOISES.get("correlated"), cut, times, y)
     assert sums is not None
     p = {n: jnp.asarray(v) for n, v in found.all_values(z).items()}
     r = y - np.asarray(cut.record(found.oscillator, p))
@@ -332,26 +332,26 @@ def test_when_the_plain_sum_stays():
     """Another kind of noise, correlated noise on an uneven clock, exact friction."""
     found, _, plan, context = case("viscous", "gaussian")
     y, gaussian, correlated = found.signal.y, NOISES.get("gaussian"), NOISES.get("correlated")
-    assert context.condensed is not None
-    assert condense(NOISES.get("student_t"), plan, TIMES, y) is None
+    assert context.compressed is not None
+    assert compress(NOISES.get("student_t"), plan, TIMES, y) is None
     jitter = TIMES + 1e-3 * TIMES[1] * np.random.default_rng(0).uniform(-1, 1, COUNT)
-    assert condense(gaussian, plan, jitter, y) is not None
-    assert condense(correlated, plan, TIMES, y) is not None
-    assert condense(correlated, plan, jitter, y) is None
+    assert compress(gaussian, plan, jitter, y) is not None
+    assert compress(correlated, plan, TIMES, y) is not None
+    assert compress(correlated, plan, jitter, y) is None
     sharp = Oscillator(("coulomb",), "linear")
     p = {"mu_c": 0.03, "stiffness": 20.0, "rest_angle": 0.0, "theta0": 0.3, "omega0": 0.0, "epsilon": 0.0}
-    assert condense(gaussian, make_plan(sharp, p, TIMES, tolerance=1e-3), TIMES, y) is None
+    assert compress(gaussian, make_plan(sharp, p, TIMES, tolerance=1e-3), TIMES, y) is None
 
 
 def test_anchored_plan():
-    """Set right at its anchor a coarse plan is as good as one of a fifth of its steps, and near there too; far from
+    """Set right at its correction a coarse plan is as good as one of a fifth of its steps, and near there too; far from
     there (negative control) it is not."""
     osc = Oscillator(("viscous",), "horizontal_pendulum")
     p = {**TRUTHS["viscous"], **MOTION, **KNOWN}
     times = TIMES[::20]
     coarse = make_plan(osc, p, times, tolerance=1e-4)
     finer = coarse.finer(osc, p, 5, times, "angle")
-    plan = coarse.anchored(osc, finer, p)
+    plan = coarse.corrected(osc, finer, p)
 
     def error(of, share: float) -> float:
         q = {**p, "theta0": p["theta0"] * (1 + share), "stiffness": p["stiffness"] * (1 + share)}
@@ -369,4 +369,4 @@ def test_anchored_plan():
 @pytest.mark.parametrize(("count", "most", "room"), [(512, 4096, 512), (513, 4096, 2048), (600, 1024, 1024)])
 def test_all_steps_have_room(count, most, room):
     none = jnp.zeros(0)
-    assert room_of(MeshPlan(jnp.zeros(most), jnp.asarray(count), none, none)) == room
+    assert capacity_of(MeshPlan(jnp.zeros(most), jnp.asarray(count), none, none)) == room

@@ -8,10 +8,10 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
-from bayesdamp.inference.coordinates.frame import frame
+from bayesdamp.inference.coordinates.whitening import whitening_of
 from bayesdamp.inference.fit.mode import Mode
 from bayesdamp.inference.fit.search import find_mode
-from bayesdamp.inference.fit.seeds import basins, prior_seeds
+from bayesdamp.inference.fit.starting_points import basins, prior_starts
 from bayesdamp.inference.model.target import Target
 from bayesdamp.inference.samplers import Settings
 from bayesdamp.inference.samplers._starts import Start, agreement, seeded_starts
@@ -55,8 +55,8 @@ def climbed(jitter: float) -> tuple[Target, Mode]:
 def test_an_aliased_frequency_is_a_second_mode_of_the_same_likelihood():
     target, mode = climbed(0.0)
     found, where = basins(mode)
-    assert [c.seed for c in mode.climbs] == ["slow", "fast"]
-    assert mode.climbs[0].same == ("slow again",)
+    assert [c.seed for c in mode.searches] == ["slow", "fast"]
+    assert mode.searches[0].same == ("slow again",)
     assert len(found) == 2
     assert sorted(where) == [0, 1]
     stiffness = sorted(float(target.values(b.z)["stiffness"]) for b in found)
@@ -78,16 +78,16 @@ def test_without_aliasing_the_other_mode_is_far_below():
 def test_starts_are_spread_over_the_seeds_and_wider_than_the_posterior():
     target = problems.target("viscous_coulomb")
     truth = problems.reference("viscous_coulomb")["truth"]
-    seeds = {"near": truth, "off": {n: 1.3 * v for n, v in truth.items()}, **prior_seeds(target, 2, 3)}
+    seeds = {"near": truth, "off": {n: 1.3 * v for n, v in truth.items()}, **prior_starts(target, 2, 3)}
     mode = find_mode(target, seeds, noise_level=truth["noise_sd"])
     assert basins(mode)[1][:2] == [0, 0]
-    *_, starts = seeded_starts(target, mode, frame(target, mode), 4, Settings(seed=1))
+    *_, starts = seeded_starts(target, mode, whitening_of(target, mode), 4, Settings(seed=1))
     assert {s.seed for s in starts} == {"near", "off", "prior 1", "prior 2"}
-    many, *_ = seeded_starts(target, mode, frame(target, mode), 200, Settings(seed=2))
+    many, *_ = seeded_starts(target, mode, whitening_of(target, mode), 200, Settings(seed=2))
     # A posterior's own draws have a mean square of 1 in these coordinates.
     assert np.mean(many**2) > 1.5
-    z = frame(target, mode).scores(many)
-    assert np.all(z[:, np.asarray(target.layout.folded)] >= 0)
+    z = whitening_of(target, mode).scores(many)
+    assert np.all(z[:, np.asarray(target.layout.reflected)] >= 0)
     heights = problems.log_likelihoods(target, mode, z) - 0.5 * np.sum(z**2, axis=1)
     assert heights.min() > heights.max() - 8 * z.shape[1]
 
@@ -95,7 +95,7 @@ def test_starts_are_spread_over_the_seeds_and_wider_than_the_posterior():
 def test_draws_from_the_prior_have_its_moments():
     # Of 4,000 draws: four standard errors of a mean and an sd; a false alarm in four thousand.
     target = problems.target("viscous_coulomb")
-    drawn = prior_seeds(target, 4000, 8)
+    drawn = prior_starts(target, 4000, 8)
     theta0 = np.array([s["theta0"] for s in drawn.values()])
     zeta = np.array([s["zeta"] for s in drawn.values()])
     assert abs(theta0.mean() - 0.05) < 4 * 0.6 / 4000**0.5
@@ -115,8 +115,8 @@ def test_a_chain_that_stays_apart_is_seen():
 def test_an_end_without_curvature_has_no_share():
     """Its determinant is zero: neither a warning nor a share that is not a number."""
     _, mode = climbed(0.0)
-    flat = replace(mode.climbs[0], seed="flat", z=mode.climbs[0].z + 100.0 * mode.sd(), volume=np.inf)
-    found, _ = basins(replace(mode, climbs=(*mode.climbs, flat)))
+    flat = replace(mode.searches[0], seed="flat", z=mode.searches[0].z + 100.0 * mode.sd(), volume=np.inf)
+    found, _ = basins(replace(mode, searches=(*mode.searches, flat)))
     assert sum(b.share for b in found) == pytest.approx(1.0)
-    alone, _ = basins(replace(mode, climbs=(flat,)))
+    alone, _ = basins(replace(mode, searches=(flat,)))
     assert [b.share for b in alone] == [0.0]

@@ -8,8 +8,8 @@ from typing import Any
 import jax
 import numpy as np
 
-from bayesdamp.inference.coordinates.lift import Lift
-from bayesdamp.inference.fit.climb import maximise
+from bayesdamp.inference.coordinates.noise_shear import NoiseShear
+from bayesdamp.inference.fit.maximise import maximise
 from bayesdamp.inference.fit.mode import Mode
 from bayesdamp.inference.model.compiled import compiled
 from bayesdamp.inference.model.target import Target
@@ -25,48 +25,48 @@ SEEN = 0.02
 
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True)
-class Bend:
+class Shear:
     """Scores are `straight` ones plus a quadratic form of their wide components, which itself moves neither these nor
-    folded scores, and then lifted: two shears, whose Jacobians are one, and which mirror images share. Of NumPy's
-    arrays or of JAX's.
+    reflected scores, and then the shear of its noise (Haario, Saksman and Tamminen's twisted normal, 1999; a coupling
+    of Dinh's, 2014): two shears, whose Jacobians are one, and which mirror images share. Of NumPy's arrays or of JAX's.
 
-    centre: (d,); wide: indices (k,); curve: (d, k, k), zero for the wide and the folded; lift: of the noise.
+    centre: (d,); wide: indices (k,); curve: (d, k, k), zero for the wide and the reflected; noise: its own shear.
     """
 
     centre: np.ndarray
     wide: np.ndarray
     curve: np.ndarray
-    lift: Lift
+    noise: NoiseShear
 
     @classmethod
-    def none(cls, d: int) -> Bend:
-        """No bend at all."""
+    def none(cls, d: int) -> Shear:
+        """No shear at all."""
         wide = np.arange(min(WIDE, d))
-        return cls(np.zeros(d), wide, np.zeros((d, wide.size, wide.size)), Lift.none(d))
+        return cls(np.zeros(d), wide, np.zeros((d, wide.size, wide.size)), NoiseShear.none(d))
 
     @classmethod
-    def of_noise(cls, target: Target, mode: Mode) -> Bend:
-        """The lift alone."""
-        return replace(cls.none(mode.z.size), lift=Lift.of(target, mode))
+    def of_noise(cls, target: Target, mode: Mode) -> Shear:
+        """The noise's shear alone."""
+        return replace(cls.none(mode.z.size), noise=NoiseShear.of(target, mode))
 
     def scores(self, straight: Any) -> Any:
         """Scores of straightened ones, both (..., d)."""
-        return self.lift.lifted(self.level(straight))
+        return self.noise.sheared(self.level(straight))
 
     def level(self, straight: Any) -> Any:
-        """Scores of straightened ones, both (..., d), before they are lifted."""
+        """Scores of straightened ones, both (..., d), before the noise's shear."""
         return straight + self._shift(straight)
 
     def straight(self, scores: Any) -> Any:
         """Straightened scores, both (..., d)."""
-        level = self.lift.level(scores)
+        level = self.noise.level(scores)
         return level - self._shift(level)
 
     def slope(self, straight: np.ndarray) -> np.ndarray:
         """Derivatives of the scores by the straightened ones, (d, d), at one point (d,)."""
         found = np.eye(straight.size)
         found[:, self.wide] += self.curve @ (straight - self.centre)[self.wide]
-        return self.lift.slope(self.level(straight)) @ found
+        return self.noise.slope(self.level(straight)) @ found
 
     def _shift(self, z: Any) -> Any:
         away = z[..., self.wide] - self.centre[self.wide]
@@ -75,19 +75,19 @@ class Bend:
         return 0.5 * both.reshape(*both.shape[:-2], size) @ self.curve.reshape(-1, size).T
 
 
-def bend(target: Target, mode: Mode) -> Bend | None:
+def shear_of(target: Target, mode: Mode) -> Shear | None:
     """The bend of a posterior's ridge; None where there is none to speak of.
 
     The ridge is where the posterior is highest at given wide scores, those that determine each other least; its second
     differences are taken at `REACH` posterior sds. A product of two parameters, of which the data know one direction
     alone, makes such a ridge: gravity and spring of the horizontal pendulum, for one.
     """
-    folded = np.asarray(target.layout.folded)
+    reflected = np.asarray(target.layout.reflected)
     covariance = mode.factor @ mode.factor.T
     moving = [n in target.oscillator.parameters for n in target.names]
-    wide = _widest(covariance, np.flatnonzero(~folded & moving))
+    wide = _widest(covariance, np.flatnonzero(~reflected & moving))
     others = np.setdiff1d(np.arange(mode.z.size), wide)
-    if wide.size < min(WIDE, mode.z.size) or np.all(folded[others]):
+    if wide.size < min(WIDE, mode.z.size) or np.all(reflected[others]):
         return None
     root = np.linalg.cholesky(covariance[np.ix_(wide, wide)])
     k = wide.size
@@ -101,7 +101,7 @@ def bend(target: Target, mode: Mode) -> Bend | None:
                 curve[others, a, b] = curve[others, b, a] = (ends[0] + ends[1] - 2 * top) / REACH**2
     except Refusal:
         return None
-    curve[folded] = 0.0
+    curve[reflected] = 0.0
     # What was taken along (e_a + e_b)/√2 is the half of the two own and the mixed derivative.
     for a in range(k):
         for b in range(a):
@@ -111,8 +111,8 @@ def bend(target: Target, mode: Mode) -> Bend | None:
     if 0.5 * np.max(np.abs(sheared)) < SEEN:
         return None
     inverse = np.linalg.inv(root)
-    return Bend(
-        mode.z.copy(), wide, np.einsum("jab,ac,bd->jcd", curve, inverse, inverse), Lift.of(target, mode)
+    return Shear(
+        mode.z.copy(), wide, np.einsum("jab,ac,bd->jcd", curve, inverse, inverse), NoiseShear.of(target, mode)
     )
 
 
@@ -142,8 +142,8 @@ def _ridge(target: Target, mode: Mode, wide: np.ndarray, others: np.ndarray, ste
 
     inner = mode.information[np.ix_(others, others)]
     start = mode.z[others] - np.linalg.solve(inner, mode.information[np.ix_(others, wide)] @ step)
-    folded = np.asarray(target.layout.folded)[others]
-    z, value, *_ = maximise(at, folded, start, limit=20)
-    if not np.isfinite(value):
+    reflected = np.asarray(target.layout.reflected)[others]
+    top = maximise(at, reflected, start, limit=20)
+    if not np.isfinite(top.value):
         raise Refusal("the ridge ends")
-    return z
+    return top.x

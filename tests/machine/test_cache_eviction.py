@@ -9,20 +9,20 @@ import numpy as np
 import pytest
 from jax import numpy as jnp
 
-from bayesdamp.machine import relief
+from bayesdamp.machine import cache_eviction
 
 pytestmark = pytest.mark.skipif(
-    not relief.PIECES.exists(), reason="only Linux counts a process's memory like this"
+    not cache_eviction.PIECES.exists(), reason="only Linux counts a process's memory like this"
 )
 
 
 def pieces() -> int:
-    return len(relief.PIECES.read_bytes().splitlines())
+    return len(cache_eviction.PIECES.read_bytes().splitlines())
 
 
 def allowed(folder: Path, monkeypatch: pytest.MonkeyPatch, count: int) -> None:
     (folder / "most").write_text(f"{count}\n")
-    monkeypatch.setattr(relief, "MOST", folder / "most")
+    monkeypatch.setattr(cache_eviction, "MOST", folder / "most")
 
 
 def test_where_there_are_many_they_are_given_back_and_come_again(tmp_path, monkeypatch) -> None:
@@ -31,10 +31,10 @@ def test_where_there_are_many_they_are_given_back_and_come_again(tmp_path, monke
     before = [np.asarray(f(np.arange(20.0 + k))) for k, f in enumerate(programs)]
     many = pieces()
     allowed(tmp_path, monkeypatch, 10 * many)
-    assert not relief.relieve(every=0.0)
+    assert not cache_eviction.evict_programs(every=0.0)
     assert pieces() >= many
     allowed(tmp_path, monkeypatch, many)
-    assert relief.relieve(every=0.0)
+    assert cache_eviction.evict_programs(every=0.0)
     assert pieces() < many - 300
     for k, f in enumerate(programs):
         np.testing.assert_array_equal(f(np.arange(20.0 + k)), before[k])
@@ -42,11 +42,11 @@ def test_where_there_are_many_they_are_given_back_and_come_again(tmp_path, monke
 
 def test_it_is_not_asked_too_often(tmp_path, monkeypatch) -> None:
     allowed(tmp_path, monkeypatch, 10**9)
-    relief.relieve(every=0.0)
+    cache_eviction.evict_programs(every=0.0)
     allowed(tmp_path, monkeypatch, 1)
-    assert not relief.relieve()
+    assert not cache_eviction.evict_programs()
 
 
 def test_a_system_that_does_not_say_is_left_alone(tmp_path, monkeypatch) -> None:
-    monkeypatch.setattr(relief, "MOST", tmp_path / "none")
-    assert not relief.relieve(every=0.0)
+    monkeypatch.setattr(cache_eviction, "MOST", tmp_path / "none")
+    assert not cache_eviction.evict_programs(every=0.0)

@@ -12,10 +12,10 @@ import pytest
 from scipy.integrate import dblquad
 
 from bayesdamp.estimators.shared import decay_start, start_parameters
-from bayesdamp.inference.coordinates import bend as bending
-from bayesdamp.inference.coordinates import cut_normal
-from bayesdamp.inference.coordinates.bend import Bend, bend
-from bayesdamp.inference.coordinates.lift import Lift
+from bayesdamp.inference.coordinates import shear as shearing
+from bayesdamp.inference.coordinates import truncated_normal
+from bayesdamp.inference.coordinates.noise_shear import NoiseShear
+from bayesdamp.inference.coordinates.shear import Shear, shear_of
 from bayesdamp.inference.evidence import Draws
 from bayesdamp.inference.evidence.methods import bridge, importance
 from bayesdamp.inference.fit.mode import Mode
@@ -30,12 +30,12 @@ from bayesdamp.types import OK, Problem, Signal, System
 NAMES = ("mu", "k", "g", "s")
 FOLDED = (True, False, False, False)
 WIDTH, TILT = 0.02, 0.6
-"""The ridge k = TILT·g·s, so wide; g and s have their priors, mu is a folded normal of sd 0.3."""
+"""The ridge k = TILT·g·s, so wide; g and s have their priors, mu is a reflected normal of sd 0.3."""
 SCALE = np.array([0.3, 1.0, 1.0, 1.0])
 
 
 def height(z: np.ndarray) -> np.ndarray:
-    """Log density of scores z, (..., 4), all of whose integral over the folded side is known."""
+    """Log density of scores z, (..., 4), all of whose integral over the reflected side is known."""
     mu, k, g, s = np.moveaxis(z, -1, 0)
     return -0.5 * ((mu / SCALE[0]) ** 2 + g**2 + s**2 + ((k - TILT * g * s) / WIDTH) ** 2)
 
@@ -55,13 +55,13 @@ def slopes(_: object, z: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray
 @pytest.fixture
 def banana(monkeypatch) -> tuple[Any, Any]:
     """A target and its mode with that density in place of a record's."""
-    monkeypatch.setattr(bending, "compiled", lambda _: SimpleNamespace(curvature=slopes))
-    monkeypatch.setattr(cut_normal, "compiled", lambda _: SimpleNamespace(curvature=slopes))
-    monkeypatch.setattr(importance, "folded_log_posterior", lambda target, mode, y: height(y))
+    monkeypatch.setattr(shearing, "compiled", lambda _: SimpleNamespace(curvature=slopes))
+    monkeypatch.setattr(truncated_normal, "compiled", lambda _: SimpleNamespace(curvature=slopes))
+    monkeypatch.setattr(importance, "reflected_log_posterior", lambda target, mode, y: height(y))
     target = SimpleNamespace(
         names=NAMES,
         noise="gaussian",
-        layout=SimpleNamespace(folded=FOLDED),
+        layout=SimpleNamespace(reflected=FOLDED),
         oscillator=SimpleNamespace(parameters=NAMES),
     )
     at = np.zeros(4)
@@ -74,9 +74,9 @@ def banana(monkeypatch) -> tuple[Any, Any]:
 def test_a_bend_keeps_volumes_and_mirror_images() -> None:
     rng = np.random.default_rng(0)
     curve = rng.standard_normal((5, 2, 2))
-    curve[[0, 2, 4]] = 0.0  # a folded score and the wide ones
-    lift = Lift(np.array([0.0, 3.0, 0.0, 0.0, 0.0]), np.array([3]), np.array([0.4]))
-    one = Bend(rng.standard_normal(5), np.array([2, 4]), curve + np.swapaxes(curve, 1, 2), lift)
+    curve[[0, 2, 4]] = 0.0  # a reflected score and the wide ones
+    tied = NoiseShear(np.array([0.0, 3.0, 0.0, 0.0, 0.0]), np.array([3]), np.array([0.4]))
+    one = Shear(rng.standard_normal(5), np.array([2, 4]), curve + np.swapaxes(curve, 1, 2), tied)
     z = rng.standard_normal((7, 5))
     np.testing.assert_allclose(one.straight(one.scores(z)), z, atol=1e-12)
     np.testing.assert_allclose(one.scores(z)[:, [0, 2, 4]], z[:, [0, 2, 4]])
@@ -84,11 +84,11 @@ def test_a_bend_keeps_volumes_and_mirror_images() -> None:
     measured = (one.scores(z[0] + steps) - one.scores(z[0] - steps)).T / 2e-6
     np.testing.assert_allclose(one.slope(z[0]), measured, atol=1e-8)
     assert np.linalg.det(one.slope(z[0])) == pytest.approx(1.0)
-    np.testing.assert_array_equal(Bend.none(5).scores(z), z)
+    np.testing.assert_array_equal(Shear.none(5).scores(z), z)
 
 
 def test_the_ridge_of_a_product_is_found(banana) -> None:
-    found = bend(*banana)
+    found = shear_of(*banana)
     assert found is not None
     assert sorted(NAMES[i] for i in found.wide) == ["g", "s"]
     exact = np.zeros((4, 2, 2))
@@ -97,7 +97,7 @@ def test_the_ridge_of_a_product_is_found(banana) -> None:
 
 
 def test_the_ridge_of_a_product_and_a_square_is_found(banana) -> None:
-    """The folded score follows gravity too, which a bend may not say of it."""
+    """The reflected score follows gravity too, which a bend may not say of it."""
     target, mode = banana
 
     def at(_: object, z: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -113,8 +113,8 @@ def test_the_ridge_of_a_product_and_a_square_is_found(banana) -> None:
         )
         return -0.5 * off @ off, -slope.T @ off, slope.T @ slope
 
-    bending.compiled = lambda _: SimpleNamespace(curvature=at)  # type: ignore[assignment]
-    found = bend(target, SimpleNamespace(**{**vars(mode), "z": np.array([1.0, 0.0, 0.0, 0.0])}))  # type: ignore[arg-type]
+    shearing.compiled = lambda _: SimpleNamespace(curvature=at)  # type: ignore[assignment]
+    found = shear_of(target, SimpleNamespace(**{**vars(mode), "z": np.array([1.0, 0.0, 0.0, 0.0])}))  # type: ignore[arg-type]
     assert found is not None
     g, s = (list(found.wide).index(NAMES.index(n)) for n in ("g", "s"))
     assert found.curve[1, g, g] == pytest.approx(0.4, abs=1e-6)
@@ -130,8 +130,8 @@ def test_a_straight_ridge_is_left_alone(banana) -> None:
     def flat(_: object, z: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         return -0.5 * z @ mode.information @ z, -mode.information @ z, mode.information
 
-    bending.compiled = lambda _: SimpleNamespace(curvature=flat)  # type: ignore[assignment]
-    assert bend(target, SimpleNamespace(**straight)) is None  # type: ignore[arg-type]
+    shearing.compiled = lambda _: SimpleNamespace(curvature=flat)  # type: ignore[assignment]
+    assert shear_of(target, SimpleNamespace(**straight)) is None  # type: ignore[arg-type]
 
 
 def test_the_closed_form_itself() -> None:
@@ -149,7 +149,7 @@ def test_importance_along_a_curved_ridge_has_the_closed_form(banana, monkeypatch
     assert abs(found.log_evidence - AREA) < 4 * found.stderr
     z = found.arrays["y"]
     assert np.corrcoef(z[:, 1], z[:, 2] * z[:, 3])[0, 1] > 0.9  # draws are scores, not straightened ones
-    monkeypatch.setattr(importance, "bend", lambda target, mode: None)
+    monkeypatch.setattr(importance, "shear_of", lambda target, mode: None)
     crooked = importance.PLUGIN.evidence("m", *banana, seed=3)
     assert crooked.outcome != OK or crooked.stderr > 3 * found.stderr
 
@@ -157,7 +157,7 @@ def test_importance_along_a_curved_ridge_has_the_closed_form(banana, monkeypatch
 def test_bridge_along_a_curved_ridge_has_the_closed_form(banana, monkeypatch) -> None:
     """From exact draws; four standard errors. Negative control: with the ridge left curved the fit hardly meets
     it."""
-    monkeypatch.setattr(bridge, "folded_log_posterior", lambda target, mode, y: height(y))
+    monkeypatch.setattr(bridge, "reflected_log_posterior", lambda target, mode, y: height(y))
     z = np.random.default_rng(5).standard_normal((4, 1000, 4)) * [SCALE[0], WIDTH, 1.0, 1.0]
     z[..., 0] = np.abs(z[..., 0])
     z[..., 1] += TILT * z[..., 2] * z[..., 3]
@@ -165,7 +165,7 @@ def test_bridge_along_a_curved_ridge_has_the_closed_form(banana, monkeypatch) ->
     assert found.outcome == OK
     assert abs(found.log_evidence - AREA) < 4 * found.stderr
     assert found.stderr < 0.03
-    monkeypatch.setattr(bridge, "bend", lambda target, mode: None)
+    monkeypatch.setattr(bridge, "shear_of", lambda target, mode: None)
     assert bridge.PLUGIN.evidence("m", *banana, seed=3, draws=Draws(z)).stderr > 3 * found.stderr
 
 
@@ -191,7 +191,7 @@ def test_nuts_follows_a_curved_ridge() -> None:
     """
     target, mode = shaken()
     settings = Settings(chains=4, warmup=100, draws=1500, seed=1)
-    ridge = bend(target, mode)
+    ridge = shear_of(target, mode)
     assert ridge is not None
     found = nuts.PLUGIN.sample(target, mode, settings)
     assert found.outcome == OK
@@ -209,25 +209,25 @@ def test_nuts_follows_a_curved_ridge() -> None:
         sd = (quartiles[2] - quartiles[0]) / 1.35
         np.testing.assert_allclose(np.quantile(drawn, [0.25, 0.5, 0.75]), quartiles, atol=0.2 * sd)
     # Negative control: without straightening the force is no good here.
-    plain = nuts.PLUGIN.attempt(target, mode, nuts.frame(target, mode), settings).posterior(target)
+    plain = nuts.PLUGIN.attempt(target, mode, nuts.whitening_of(target, mode), settings).posterior(target)
     assert nuts.poor(plain) or plain.outcome != OK
 
 
 def test_the_exact_force_is_that_of_the_bent_coordinates() -> None:
     """Energy is kept, so that most steps of half the usual length are accepted: 0.78 of them; the control, the force of
-    coordinates that are not bent, keeps 0.26."""
+    coordinates that are not shear, keeps 0.26."""
     target, mode = shaken()
-    at = nuts.frame(target, mode, bend(target, mode))
+    at = nuts.whitening_of(target, mode, shear_of(target, mode))
     settings = Settings(chains=4, warmup=50, draws=50, seed=1)
     found = nuts.PLUGIN.attempt(target, mode, at, settings, True, 0.5).posterior(target)
     assert np.mean(found.stats["acceptance_rate"]) > 0.6
 
 
 def test_the_bent_frame_has_the_gradient_of_its_own_coordinates() -> None:
-    """The force of the linearised trajectory, by differences of the density along the frame's axes near its centre."""
+    """The force of the linearised trajectory, by differences of the density along the whitened axes near its centre."""
     target, mode = shaken()
-    at = nuts.frame(target, mode, bend(target, mode))
+    at = nuts.whitening_of(target, mode, shear_of(target, mode))
     u = 0.3 * np.random.default_rng(0).standard_normal((6, mode.z.size))
     np.testing.assert_allclose(at.whitened(at.scores(u)), u, atol=1e-8)
-    bare = replace(at, bent=Bend.none(mode.z.size))
+    bare = replace(at, shear=Shear.none(mode.z.size))
     assert np.max(np.abs(at.scores(u) - bare.scores(u)) / mode.sd()) > 1e-3

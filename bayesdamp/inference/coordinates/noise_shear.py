@@ -20,7 +20,7 @@ from bayesdamp.priors import LogNormal, LogUniform
 
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True)
-class Lift:
+class NoiseShear:
     """Scores are level ones plus, for one parameter, what holds its ratio to a power of another: a shear, whose
     Jacobian is one, and which is flat at the mode. Of NumPy's arrays or of JAX's.
 
@@ -33,12 +33,12 @@ class Lift:
     centre: np.ndarray
 
     @classmethod
-    def none(cls, d: int) -> Lift:
-        """No lift at all."""
+    def none(cls, d: int) -> NoiseShear:
+        """No shear at all."""
         return cls(np.zeros(d), np.zeros(1, int), np.zeros(1))
 
     @classmethod
-    def of(cls, target: Target, mode: Mode) -> Lift:
+    def of(cls, target: Target, mode: Mode) -> NoiseShear:
         """That of the target's noise; none where it ties nothing, or under priors of another kind."""
         d = mode.z.size
         tied = NOISES.get(target.noise).tied
@@ -52,7 +52,7 @@ class Lift:
         moved[i] = tied.power * np.log(other.high / other.low) / one.sigma
         return cls(moved, np.array([j]), mode.z[[j]])
 
-    def lifted(self, level: Any) -> Any:
+    def sheared(self, level: Any) -> Any:
         """Scores of level ones, both (..., d)."""
         return level + self._height(level) * self.moved
 

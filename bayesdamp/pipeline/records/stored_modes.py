@@ -1,4 +1,4 @@
-"""The stored form of a mode and of the climbs that led to it, both ways."""
+"""The stored form of a mode and of the searches that led to it, both ways."""
 
 from __future__ import annotations
 
@@ -8,15 +8,15 @@ from typing import Any
 import numpy as np
 
 from bayesdamp.inference.fit.laplace import value_sds
-from bayesdamp.inference.fit.mode import Climb, Mode, restore_mode
-from bayesdamp.inference.fit.seeds import basins
+from bayesdamp.inference.fit.mode import LocalSearch, Mode, restore_mode
+from bayesdamp.inference.fit.starting_points import basins
 from bayesdamp.inference.model.target import Target
 from bayesdamp.store import CellResult
 
 CLIMB = ("seed", "same", "start", "end", "evaluations", "volume", "converged")
 """What of a climb is stored as it is; its scores are arrays."""
 SCORES = ("origin", "z")
-"""Scores of a climb, shape (d,) each, stored as one array of all climbs, (climbs, d)."""
+"""Scores of a climb, shape (d,) each, stored as one array of all searches, (searches, d)."""
 
 
 def packed(mode: Mode, target: Target, own: Target) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
@@ -39,7 +39,7 @@ def packed(mode: Mode, target: Target, own: Target) -> tuple[dict[str, Any], dic
         **_climbs(mode, target, own.names),
     }
     arrays = {"z": mode.z, "information": mode.information}
-    return meta, arrays | {f"climbs/{k}": np.array([getattr(c, k) for c in mode.climbs]) for k in SCORES}
+    return meta, arrays | {f"climbs/{k}": np.array([getattr(c, k) for c in mode.searches]) for k in SCORES}
 
 
 def unpacked(cell: CellResult, target: Target) -> Mode:
@@ -47,9 +47,9 @@ def unpacked(cell: CellResult, target: Target) -> Mode:
     meta, arrays = cell.meta, cell.arrays
     rows = [{k: v for k, v in row.items() if k in CLIMB} for row in meta["climbs"]]
     scores = [dict(zip(SCORES, both)) for both in zip(*(arrays[f"climbs/{k}"] for k in SCORES), strict=True)]
-    climbs = tuple(Climb(**row, **at) for row, at in zip(rows, scores, strict=True))
+    searches = tuple(LocalSearch(**row, **at) for row, at in zip(rows, scores, strict=True))
     return restore_mode(
-        target, arrays["z"], meta["log_posterior"], arrays["information"], meta["tolerance"], climbs
+        target, arrays["z"], meta["log_posterior"], arrays["information"], meta["tolerance"], searches
     )
 
 
@@ -62,7 +62,7 @@ def alone(mode: Mode, target: Target, own: Target) -> Mode:
         mode.log_posterior,
         mode.information[np.ix_(live, live)],
         mode.tolerance,
-        tuple(replace(c, origin=c.origin[live], z=c.z[live]) for c in mode.climbs),
+        tuple(replace(c, origin=c.origin[live], z=c.z[live]) for c in mode.searches),
     )
 
 
@@ -73,7 +73,7 @@ def _climbs(mode: Mode, target: Target, own: tuple[str, ...]) -> dict[str, Any]:
     """
     found, where = basins(mode)
     rows = []
-    for c, number in zip(mode.climbs, where, strict=True):
+    for c, number in zip(mode.searches, where, strict=True):
         away = c.origin - mode.z
         distance = float(np.sqrt(max(away @ mode.information @ away, 0.0)))
         rows.append({**{k: getattr(c, k) for k in CLIMB}, "distance": distance, "mode": number})
@@ -88,7 +88,7 @@ def _climbs(mode: Mode, target: Target, own: tuple[str, ...]) -> dict[str, Any]:
     sd = mode.sd()
     touching = [
         n
-        for n, z, s, f in zip(target.names, mode.z, sd, target.layout.folded, strict=True)
+        for n, z, s, f in zip(target.names, mode.z, sd, target.layout.reflected, strict=True)
         if f and n in own and abs(z) < s
     ]
     return {"climbs": rows, "modes": modes, "touching_zero": touching}

@@ -9,7 +9,7 @@ import numpy as np
 from jax import Array
 from scipy.special import log_ndtr, ndtri_exp
 
-from bayesdamp.inference.coordinates.bend import Bend
+from bayesdamp.inference.coordinates.shear import Shear
 from bayesdamp.inference.fit.mode import Mode
 from bayesdamp.inference.model.batches import in_batches
 from bayesdamp.inference.model.compiled import compiled
@@ -25,8 +25,8 @@ FAR = 8.0
 
 
 @dataclass(frozen=True)
-class Frame:
-    """Straightened scores (`bent`) are centre + factor @ u; u has mean about 0 and covariance about the identity.
+class Whitening:
+    """Straightened scores (`shear`) are centre + factor @ u; u has mean about 0 and covariance about the identity.
 
     centre: (d,); factor: (d, d); lacking: what the curvature of the linearised trajectory lacks at the
     centre, (d, d); good: whether it could be measured.
@@ -36,61 +36,61 @@ class Frame:
     factor: np.ndarray
     lacking: np.ndarray
     good: bool
-    bent: Bend
+    shear: Shear
 
     def scores(self, u: np.ndarray) -> np.ndarray:
         """Scores at coordinates u, both (..., d)."""
-        return self.bent.scores(self.centre + u @ self.factor.T)
+        return self.shear.scores(self.centre + u @ self.factor.T)
 
     def whitened(self, z: np.ndarray) -> np.ndarray:
         """Coordinates of scores z, both (m, d)."""
-        return np.linalg.solve(self.factor, (self.bent.straight(z) - self.centre).T).T
+        return np.linalg.solve(self.factor, (self.shear.straight(z) - self.centre).T).T
 
 
-def frame(target: Target, mode: Mode, bent: Bend | None = None) -> Frame:
+def whitening_of(target: Target, mode: Mode, shear: Shear | None = None) -> Whitening:
     """The frame of a posterior from its mode, and the gradient and the whole curvature beside it.
 
-    bent: the bend of its ridge, where that is to be straightened; else that of its noise.
+    shear: the shear of its ridge, where that is to be straightened; else that of its noise.
     """
     layout, d = target.layout, mode.z.size
-    bent = Bend.of_noise(target, mode) if bent is None else bent
-    folded = np.flatnonzero(layout.folded)
-    at = np.where(layout.folded, np.maximum(np.abs(mode.z), 1e-12), mode.z)
+    shear = Shear.of_noise(target, mode) if shear is None else shear
+    reflected = np.flatnonzero(layout.reflected)
+    at = np.where(layout.reflected, np.maximum(np.abs(mode.z), 1e-12), mode.z)
 
     def slope(at: np.ndarray) -> np.ndarray:
-        return np.asarray(compiled(layout).curvature(mode.context, bent.scores(at))[1]) @ bent.slope(at)
+        return np.asarray(compiled(layout).curvature(mode.context, shear.scores(at))[1]) @ shear.slope(at)
 
-    centre, factor = cut_off_moments(mode.information, slope(at), at, folded)
-    whole, linear = _curvatures(target, mode, centre, factor, bent)
+    centre, factor = truncated_moments(mode.information, slope(at), at, reflected)
+    whole, linear = _curvatures(target, mode, centre, factor, shear)
     if not (np.all(np.isfinite(whole)) and np.all(np.isfinite(linear))):
-        return Frame(centre, factor, np.zeros((d, d)), False, bent)
+        return Whitening(centre, factor, np.zeros((d, d)), False, shear)
     values, vectors = np.linalg.eigh(whole)
     inverse = np.linalg.inv(factor)
     believed = inverse.T @ (vectors * np.maximum(values, FLATTEST)) @ vectors.T @ inverse
-    factor = cut_off_moments(believed, slope(centre), centre, folded)[1]
-    return Frame(centre, factor, inverse.T @ (whole - linear) @ inverse, True, bent)
+    factor = truncated_moments(believed, slope(centre), centre, reflected)[1]
+    return Whitening(centre, factor, inverse.T @ (whole - linear) @ inverse, True, shear)
 
 
-def cut_off_moments(
-    information: np.ndarray, gradient: np.ndarray, at: np.ndarray, folded: np.ndarray
+def truncated_moments(
+    information: np.ndarray, gradient: np.ndarray, at: np.ndarray, reflected: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Mean and covariance's factor of the normal distribution with this information and, at `at`, this
-    gradient, cut off at zero in the folded scores."""
+    gradient, cut off at zero in the reflected scores."""
     covariance = np.linalg.inv(information)
     covariance = 0.5 * (covariance + covariance.T)
     mean = at + covariance @ gradient
-    folded = folded[mean[folded] < FAR * np.sqrt(np.diag(covariance)[folded])]
-    if folded.size:
-        inner = covariance[np.ix_(folded, folded)]
-        inside = cut_off(mean[folded], inner)
-        # The other scores follow the folded ones linearly.
-        follow = covariance[:, folded] @ np.linalg.inv(inner)
-        mean = mean + follow @ (inside.mean(axis=0) - mean[folded])
+    reflected = reflected[mean[reflected] < FAR * np.sqrt(np.diag(covariance)[reflected])]
+    if reflected.size:
+        inner = covariance[np.ix_(reflected, reflected)]
+        inside = truncated(mean[reflected], inner)
+        # The other scores follow the reflected ones linearly.
+        follow = covariance[:, reflected] @ np.linalg.inv(inner)
+        mean = mean + follow @ (inside.mean(axis=0) - mean[reflected])
         covariance = covariance + follow @ (np.cov(inside.T, ddof=1).reshape(inner.shape) - inner) @ follow.T
     return mean, np.linalg.cholesky(0.5 * (covariance + covariance.T))
 
 
-def cut_off(
+def truncated(
     mean: np.ndarray,
     covariance: np.ndarray,
     chains: int = 1000,
@@ -132,7 +132,7 @@ def _between(low: np.ndarray, high: np.ndarray, share: np.ndarray) -> np.ndarray
 
 
 def _curvatures(
-    target: Target, mode: Mode, at: np.ndarray, factor: np.ndarray, bent: Bend
+    target: Target, mode: Mode, at: np.ndarray, factor: np.ndarray, shear: Shear
 ) -> tuple[np.ndarray, np.ndarray]:
     """−∂² of the log posterior and of that with the trajectory linearised, in units of factor, both (d, d).
 
@@ -145,7 +145,7 @@ def _curvatures(
     )
     away = H * corners.reshape(-1, d) @ factor.T
     functions = compiled(layout)
-    line = functions.tight(mode.context, bent.scores(at))
+    line = functions.tight(mode.context, shear.scores(at))
 
     def hessian(fun: Callable[[Array], Array], points: np.ndarray) -> np.ndarray:
         f = in_batches(fun, points).reshape(-1, 4)
@@ -154,6 +154,6 @@ def _curvatures(
             found[i, j] = found[j, i] = v
         return found
 
-    whole = hessian(lambda part: functions.batch(mode.context, part), bent.scores(at + away))
-    straight = bent.lift.lifted(bent.level(at) + away)
+    whole = hessian(lambda part: functions.batch(mode.context, part), shear.scores(at + away))
+    straight = shear.noise.sheared(shear.level(at) + away)
     return whole, hessian(lambda part: functions.linearised_batch(mode.context, line, part), straight)

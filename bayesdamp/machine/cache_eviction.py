@@ -23,7 +23,7 @@ class _Last:
     counted = -EVERY
 
 
-def relieve(every: float = EVERY) -> bool:
+def evict_programs(every: float = EVERY) -> bool:
     """Drop all compiled programs where there are very many, and say whether that was done.
 
     Those that are needed again come from the cache on the disk. Nothing happens where the system does not say how many

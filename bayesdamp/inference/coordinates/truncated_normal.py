@@ -1,4 +1,4 @@
-"""A normal distribution of the scores that ends where a folded one is zero."""
+"""A normal distribution of the scores that ends where a reflected one is zero."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from functools import cached_property
 
 import numpy as np
 
-from bayesdamp.inference.coordinates.frame import FAR, cut_off, cut_off_moments
+from bayesdamp.inference.coordinates.whitening import FAR, truncated, truncated_moments
 from bayesdamp.inference.fit.mode import Mode
 from bayesdamp.inference.model.compiled import compiled
 from bayesdamp.inference.model.target import Context, Target
@@ -18,21 +18,21 @@ RARE = 0.02
 """Share inside the walls below which rejection gives way to Gibbs sampling."""
 
 
-class CutNormal:
-    """N(mean, covariance), shapes (d,) and (d, d), where the folded scores, (d,) of bool, are not negative.
+class TruncatedNormal:
+    """N(mean, covariance), shapes (d,) and (d, d), where the reflected scores, (d,) of bool, are not negative.
 
-    walls: indices of the folded scores that are near enough to zero for this to matter.
+    walls: indices of the reflected scores that are near enough to zero for this to matter.
     """
 
-    def __init__(self, mean: np.ndarray, covariance: np.ndarray, folded: np.ndarray) -> None:
-        self.mean, self.covariance, self.folded = mean, 0.5 * (covariance + covariance.T), folded
-        self.walls = np.flatnonzero(folded & (mean < FAR * np.sqrt(np.diag(covariance))))
+    def __init__(self, mean: np.ndarray, covariance: np.ndarray, reflected: np.ndarray) -> None:
+        self.mean, self.covariance, self.reflected = mean, 0.5 * (covariance + covariance.T), reflected
+        self.walls = np.flatnonzero(reflected & (mean < FAR * np.sqrt(np.diag(covariance))))
 
     @cached_property
     def moments(self) -> tuple[np.ndarray, np.ndarray]:
         """Mean (d,) and the Cholesky factor of the covariance (d, d) of what is left."""
         none = np.zeros(self.mean.size)
-        return cut_off_moments(np.linalg.inv(self.covariance), none, self.mean, self.walls)
+        return truncated_moments(np.linalg.inv(self.covariance), none, self.mean, self.walls)
 
     def draw(self, rng: np.random.Generator, n: int) -> np.ndarray:
         """Independent draws, shape (n, d)."""
@@ -49,7 +49,7 @@ class CutNormal:
     def _by_gibbs(self, rng: np.random.Generator, n: int) -> np.ndarray:
         w, c = self.walls, self.covariance
         inner = c[np.ix_(w, w)]
-        ends = rng.permutation(cut_off(self.mean[w], inner, chains=-(-n // 4), rng=rng))[:n]
+        ends = rng.permutation(truncated(self.mean[w], inner, chains=-(-n // 4), rng=rng))[:n]
         # The other scores follow those at the walls linearly.
         follow = c[:, w] @ np.linalg.inv(inner)
         rest = np.linalg.eigh(c - follow @ c[w])
@@ -65,29 +65,29 @@ class CutNormal:
         return np.where(inside, -0.5 * np.sum(white**2, axis=0), -np.inf)
 
 
-def about(target: Target, mode: Mode) -> CutNormal:
+def about(target: Target, mode: Mode) -> TruncatedNormal:
     """The normal with the mode's information and the log posterior's gradient there, cut off."""
     return near(target, mode.context, mode.z, mode.factor)
 
 
-def near(target: Target, context: Context, z: np.ndarray, factor: np.ndarray) -> CutNormal:
+def near(target: Target, context: Context, z: np.ndarray, factor: np.ndarray) -> TruncatedNormal:
     """The normal with this covariance, factor @ factor.T, and the log posterior's gradient at z, (d,), cut off."""
-    folded = np.asarray(target.layout.folded)
-    at = np.where(folded, np.abs(z), z)
+    reflected = np.asarray(target.layout.reflected)
+    at = np.where(reflected, np.abs(z), z)
     slope = np.asarray(compiled(target.layout).curvature(context, at)[1])
     covariance = factor @ factor.T
-    return CutNormal(at + covariance @ slope, covariance, folded)
+    return TruncatedNormal(at + covariance @ slope, covariance, reflected)
 
 
-def laplace(target: Target, mode: Mode) -> CutNormal:
+def laplace(target: Target, mode: Mode) -> TruncatedNormal:
     """The normal with the log posterior's gradient and whole Hessian at the mode, cut off.
 
     The Hessian by differences of gradients, from a point that is moved off a wall so far that none crosses it. A mode
     at zero, where the gradient is not zero, makes a normal with its mean beyond the wall.
     Raises Refusal where the Hessian is not positive definite.
     """
-    folded, factor = np.asarray(target.layout.folded), mode.factor
-    at = np.where(folded, np.maximum(np.abs(mode.z), 2 * H * mode.sd()), mode.z)
+    reflected, factor = np.asarray(target.layout.reflected), mode.factor
+    at = np.where(reflected, np.maximum(np.abs(mode.z), 2 * H * mode.sd()), mode.z)
 
     def slope(z: np.ndarray) -> np.ndarray:
         return np.asarray(compiled(target.layout).curvature(mode.context, z)[1])
@@ -98,4 +98,4 @@ def laplace(target: Target, mode: Mode) -> CutNormal:
     if not np.all(np.isfinite(white)) or np.linalg.eigvalsh(white)[0] <= 0:
         raise Refusal("the posterior has no width at its mode: the Hessian there is not positive definite")
     covariance = factor @ np.linalg.inv(white) @ factor.T
-    return CutNormal(at + covariance @ slope(at), covariance, folded)
+    return TruncatedNormal(at + covariance @ slope(at), covariance, reflected)

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from jax import numpy as jnp
 
-from bayesdamp.inference.coordinates.bend import bend
-from bayesdamp.inference.coordinates.lift import Lift
+from bayesdamp.inference.coordinates.noise_shear import NoiseShear
+from bayesdamp.inference.coordinates.shear import shear_of
 from bayesdamp.inference.evidence import Draws
 from bayesdamp.inference.evidence.methods import bridge, importance
 from bayesdamp.inference.fit.mode import Mode
@@ -58,7 +58,7 @@ def test_a_lift_holds_the_ratio() -> None:
     """Along level lines noise_sd²/noise_time is exponential in the time's score, as if the prior never levelled off;
     the control: in scores it is not."""
     target, mode = slow()
-    lift = Lift.of(target, mode)
+    tied = NoiseShear.of(target, mode)
     z = np.tile(mode.z, (50, 1))
     z[:, 4] += np.linspace(-3, 3, 50)
     away = z[:, 4] - mode.z[4]
@@ -67,39 +67,39 @@ def test_a_lift_holds_the_ratio() -> None:
         values = target.values(scores)
         return 2 * np.log(values["noise_sd"]) - np.log(values["noise_time"])
 
-    line = np.polynomial.Polynomial.fit(away, log_ratio(lift.lifted(z)), 1)
-    np.testing.assert_allclose(line(away), log_ratio(lift.lifted(z)), atol=1e-9)
+    line = np.polynomial.Polynomial.fit(away, log_ratio(tied.sheared(z)), 1)
+    np.testing.assert_allclose(line(away), log_ratio(tied.sheared(z)), atol=1e-9)
     plain = np.polynomial.Polynomial.fit(away, log_ratio(z), 1)
     assert np.max(np.abs(plain(away) - log_ratio(z))) > 0.1
 
 
 def test_a_lift_keeps_volumes_and_is_flat_at_the_mode() -> None:
     target, mode = slow()
-    lift = Lift.of(target, mode)
+    tied = NoiseShear.of(target, mode)
     z = mode.z + np.random.default_rng(0).standard_normal((7, 5))
-    np.testing.assert_allclose(lift.level(lift.lifted(z)), z, atol=1e-12)
-    np.testing.assert_allclose(np.asarray(jax.jit(lift.lifted)(jnp.asarray(z))), lift.lifted(z), atol=1e-12)
-    np.testing.assert_allclose(np.asarray(jax.jit(lift.level)(jnp.asarray(z))), lift.level(z), atol=1e-12)
-    measured = np.asarray(jax.jacfwd(lift.lifted)(jnp.asarray(z[0])))
-    np.testing.assert_allclose(lift.slope(z[0]), measured, atol=1e-12)
+    np.testing.assert_allclose(tied.level(tied.sheared(z)), z, atol=1e-12)
+    np.testing.assert_allclose(np.asarray(jax.jit(tied.lifted)(jnp.asarray(z))), tied.sheared(z), atol=1e-12)
+    np.testing.assert_allclose(np.asarray(jax.jit(tied.level)(jnp.asarray(z))), tied.level(z), atol=1e-12)
+    measured = np.asarray(jax.jacfwd(tied.lifted)(jnp.asarray(z[0])))
+    np.testing.assert_allclose(tied.slope(z[0]), measured, atol=1e-12)
     assert np.linalg.det(measured) == pytest.approx(1.0)
-    np.testing.assert_allclose(lift.slope(mode.z), np.eye(5), atol=1e-12)
+    np.testing.assert_allclose(tied.slope(mode.z), np.eye(5), atol=1e-12)
     assert np.max(np.abs(measured - np.eye(5))) > 0.1
 
 
 def test_other_priors_and_noises_are_left_alone() -> None:
     target, mode = slow(LogNormal)
-    assert not np.any(Lift.of(target, mode).moved)
-    assert np.any(Lift.of(*slow()).moved)
+    assert not np.any(NoiseShear.of(target, mode).moved)
+    assert np.any(NoiseShear.of(*slow()).moved)
 
 
 def test_a_straightened_ridge_keeps_the_lift() -> None:
-    """A ridge's bend and its noise's lift together."""
+    """A ridge's shear and its noise's shear together."""
     target, mode = slow()
-    ridge = bend(target, mode)
+    ridge = shear_of(target, mode)
     assert ridge is not None
     assert np.any(ridge.curve)
-    np.testing.assert_array_equal(ridge.lift.moved, Lift.of(target, mode).moved)
+    np.testing.assert_array_equal(ridge.noise.moved, NoiseShear.of(target, mode).moved)
     z = mode.z + mode.sd()
     np.testing.assert_allclose(ridge.straight(ridge.scores(z)), z, atol=1e-12)
     assert np.max(np.abs(ridge.level(z) - ridge.scores(z))) > 1e-3
@@ -107,11 +107,11 @@ def test_a_straightened_ridge_keeps_the_lift() -> None:
 
 def test_slow_noise_is_sampled(monkeypatch: pytest.MonkeyPatch) -> None:
     """NUTS by the cheap force, at half its usual step; its mean of the noise's time against importance draws, within
-    five of its errors, and the two evidences within four. Negative control: without the lift the noise's size and time
+    five of its errors, and the two evidences within four. Negative control: without the shear the noise's size and time
     hardly move, and the bridge is half as good."""
     target, mode = slow()
     settings = Settings(chains=4, warmup=100, draws=400, seed=2)
-    at = nuts.frame(target, mode)
+    at = nuts.whitening_of(target, mode)
     found = nuts.PLUGIN.attempt(target, mode, at, settings, shorter=0.5).posterior(target)
     assert not nuts.poor(found)
     summary = found.diagnostics["summary"]["noise_time"]  # type: ignore[index]
@@ -127,8 +127,8 @@ def test_slow_noise_is_sampled(monkeypatch: pytest.MonkeyPatch) -> None:
     draws = Draws.of(target, found.draws, OK)
     bridged = bridge.PLUGIN.evidence("m", target, mode, 5, draws)
     assert abs(bridged.log_evidence - weighed.log_evidence) < 4 * np.hypot(bridged.stderr, weighed.stderr)
-    monkeypatch.setattr(Lift, "of", classmethod(lambda cls, target, mode: cls.none(mode.z.size)))
-    at = nuts.frame(target, mode)
+    monkeypatch.setattr(NoiseShear, "of", classmethod(lambda cls, target, mode: cls.none(mode.z.size)))
+    at = nuts.whitening_of(target, mode)
     plain = nuts.PLUGIN.attempt(target, mode, at, settings, shorter=0.5).posterior(target)
     assert plain.diagnostics["summary"]["noise_time"]["ess_bulk"] < 0.1 * summary["ess_bulk"]  # type: ignore[index]
     assert bridge.PLUGIN.evidence("m", target, mode, 5, draws).stderr > 1.5 * bridged.stderr

@@ -11,7 +11,7 @@ from blackjax.mcmc import nuts
 from blackjax.mcmc.hmc import HMCState
 from jax import numpy as jnp
 
-from bayesdamp.inference.coordinates.frame import cut_off, frame
+from bayesdamp.inference.coordinates.whitening import truncated, whitening_of
 from bayesdamp.inference.fit.mode import whitening
 from bayesdamp.inference.samplers._reflect import drift, reflecting_leapfrog
 from bayesdamp.types import Refusal
@@ -106,7 +106,7 @@ def test_cut_off_normal_against_rejection():
     mean, root = np.array([-0.4, 0.6]), np.array([[1.0, 0.0], [-0.8, 0.6]])
     drawn = mean + np.random.default_rng(1).standard_normal((200_000, 2)) @ root.T
     expected = drawn[np.all(drawn > 0, axis=1)]
-    found = cut_off(mean, root @ root.T)
+    found = truncated(mean, root @ root.T)
     assert np.all(found >= 0)
     np.testing.assert_allclose(found.mean(axis=0), expected.mean(axis=0), atol=0.1)
     np.testing.assert_allclose(np.cov(found.T), np.cov(expected.T), atol=0.08)
@@ -118,7 +118,7 @@ def test_cut_off_normal_on_a_thin_sheet():
     the normal's own mean, which is far outside."""
     total, away = 0.03, np.array([-0.2, 0.1, 0.13])
     loose = 0.25**2 * (np.eye(3) - 1 / 3) + (1e-4 * total) ** 2 / 3
-    found = cut_off(away, loose) / total
+    found = truncated(away, loose) / total
     np.testing.assert_allclose(found.sum(axis=1), 1.0, atol=1e-3)
     np.testing.assert_allclose(found.mean(axis=0), 1 / 3, atol=0.03)
     np.testing.assert_allclose(found.std(axis=0), 1 / np.sqrt(18), atol=0.03)
@@ -127,9 +127,9 @@ def test_cut_off_normal_on_a_thin_sheet():
 
 def test_cut_off_far_from_the_wall_and_far_beyond_it():
     """A normal that hardly meets the wall keeps its moments; far beyond, what is left is exponential."""
-    far = cut_off(np.array([30.0]), np.array([[1.0]]))
+    far = truncated(np.array([30.0]), np.array([[1.0]]))
     assert far.mean() == pytest.approx(30.0, abs=0.1)
-    beyond = cut_off(np.array([-50.0]), np.array([[1.0]]))
+    beyond = truncated(np.array([-50.0]), np.array([[1.0]]))
     assert beyond.mean() == pytest.approx(1 / 50, rel=0.1)
     assert beyond.std() == pytest.approx(1 / 50, rel=0.15)
 
@@ -137,9 +137,9 @@ def test_cut_off_far_from_the_wall_and_far_beyond_it():
 @pytest.mark.parametrize("name", ["viscous_coulomb", "touching_zero"])
 def test_the_posterior_is_round_in_its_frame(name):
     target, mode = problems.target(name), problems.mode(name)
-    at = frame(target, mode)
+    at = whitening_of(target, mode)
     assert at.good
-    assert np.all(at.centre[np.asarray(target.layout.folded)] > 0)
+    assert np.all(at.centre[np.asarray(target.layout.reflected)] > 0)
     draws = problems.posterior(name, "nuts").draws.reshape(-1, len(target.names))
     z = np.stack([target.scores(dict(zip(target.names, x))) for x in draws[::4]])
     u = np.linalg.solve(at.factor, (z - at.centre).T)

@@ -9,14 +9,14 @@ import numpy as np
 
 from bayesdamp.types import OK, Evidence
 
-REFEREE = "nested"
+NESTED_CHECK = "nested"
 APART = 3.0
 """Combined standard errors by which two methods may differ."""
 COMBINED = "combined"
 """Name, as a method, of the log evidence that counts."""
 
 
-def quarrel(found: Sequence[Evidence]) -> str:
+def disagreement(found: Sequence[Evidence]) -> str:
     """Why a referee is needed, in words; nothing where all methods are trusted and agree."""
     poor = [e.method for e in found if e.outcome != OK]
     if poor:
@@ -35,7 +35,7 @@ def standard_errors(one: Evidence, other: Evidence) -> float:
     return abs(one.log_evidence - other.log_evidence) / error if error > 0 else np.inf
 
 
-def counted(found: Sequence[Evidence]) -> Evidence:
+def adopted(found: Sequence[Evidence]) -> Evidence:
     """The log evidence that counts: the referee's where it was called and is trusted; else, of the methods that are
     trusted, the mean by inverse variance. Where none is, or these disagree, the outcome says so.
 
@@ -43,18 +43,18 @@ def counted(found: Sequence[Evidence]) -> Evidence:
     """
     if not any(np.isfinite(e.log_evidence) for e in found):
         return replace(found[0], method=COMBINED)
-    why = quarrel([e for e in found if e.method != REFEREE])
+    why = disagreement([e for e in found if e.method != NESTED_CHECK])
     for e in found:
-        if e.method == REFEREE and e.outcome == OK:
+        if e.method == NESTED_CHECK and e.outcome == OK:
             said = f"nested sampling counts: {why}" if why else "nested sampling counts"
             return replace(e, method=COMBINED, diagnostic=said)
-    trusted = [e for e in found if e.outcome == OK and e.method != REFEREE]
+    trusted = [e for e in found if e.outcome == OK and e.method != NESTED_CHECK]
     if not trusted:
         best = min(found, key=lambda e: e.stderr if np.isfinite(e.stderr) else np.inf)
         return replace(best, method=COMBINED, diagnostic=why, outcome=f"not settled: {why}")
     weights = np.array([e.stderr**-2 for e in trusted])
     names = " and ".join(e.method for e in trusted)
-    outcome = OK if len(trusted) < 2 or not (split := quarrel(trusted)) else f"not settled: {split}"
+    outcome = OK if len(trusted) < 2 or not (split := disagreement(trusted)) else f"not settled: {split}"
     one = trusted[0]
     return replace(
         one,

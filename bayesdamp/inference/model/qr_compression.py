@@ -1,10 +1,10 @@
-"""A record condensed, in one pass, to a few numbers a solver step: the likelihood's cost loses the samples.
+"""A record compressed, in one pass, to a few numbers a solver step: the likelihood's cost loses the samples.
 
 Between two nodes the dense output is linear in the node values x (θ, θ̇, θ̈ at both ends), so the residuals of
 the samples in a step are y − W x. The triangle of [W | y] = Q [R | b; 0 | c] gives their sum of squares for
 every x: |b − R x|² + c², with R (6, 6) and b (6,). These are square roots of moments: b − R x is as small as
-the residuals are, and nothing cancels. Taken against the trajectory at which the plan is anchored, R's own
-rounding does not count either. Neighbouring residuals' differences are condensed in the same way, but for
+the residuals are, and nothing cancels. Taken against the trajectory at which the plan is corrected, R's own
+rounding does not count either. Neighbouring residuals' differences are compressed in the same way, but for
 the pairs that straddle a node, which are kept as they are.
 """
 
@@ -36,7 +36,7 @@ CHUNK = 2**18
 
 @partial(jax.tree_util.register_dataclass, data_fields=["root", "value", "rest"], meta_fields=[])
 @dataclass(frozen=True)
-class Triangles:
+class InformationRoots:
     """Sums of squares by step: root R (m, 6, 6), value b (m, 6), and the root of what no x can remove, (1,)."""
 
     root: Array
@@ -109,25 +109,25 @@ class Singles:
 
 @partial(jax.tree_util.register_dataclass, data_fields=["sums", "near", "count", "gap"], meta_fields=[])
 @dataclass(frozen=True)
-class Condensed:
+class Compressed:
     """What the sums of squares of `NormalNoise` are made of, by name; the samples' number and mean gap (s).
 
     near: values at the nodes from which the sums are counted, (m + 1, 3).
     """
 
-    sums: Mapping[str, tuple[Triangles | Singles, ...]]
+    sums: Mapping[str, tuple[InformationRoots | Singles, ...]]
     near: Array
     count: Array
     gap: Array
 
     @property
-    def room(self) -> int:
+    def capacity(self) -> int:
         """Steps that there is room for."""
         return self.near.shape[0] - 1
 
-    def in_room(self, room: int) -> Condensed:
+    def padded(self, room: int) -> Compressed:
         """The same with room for more steps; those are empty."""
-        more = room - self.room
+        more = room - self.capacity
         sums = {name: tuple(_padded(s, more) for s in parts) for name, parts in self.sums.items()}
         return replace(self, sums=sums, near=jnp.pad(self.near, ((0, more), (0, 0))))
 
@@ -163,45 +163,47 @@ class Condensed:
     def split(self, misfit: Array | np.ndarray) -> dict[str, Any]:
         """The parts of such a vector by the name of their sum."""
         names = sorted(self.sums)
-        sizes = [sum(s.value.size + isinstance(s, Triangles) for s in self.sums[n]) for n in names]
+        sizes = [sum(s.value.size + isinstance(s, InformationRoots) for s in self.sums[n]) for n in names]
         split = jnp.split if isinstance(misfit, Array) else np.split
         return dict(zip(names, split(misfit, np.cumsum(sizes)[:-1]), strict=True))
 
 
-def _padded(part: Triangles | Singles, more: int) -> Triangles | Singles:
+def _padded(part: InformationRoots | Singles, more: int) -> InformationRoots | Singles:
     def longer(x: Array) -> Array:
         return jnp.pad(x, ((0, more), *((0, 0),) * (x.ndim - 1)))
 
-    if isinstance(part, Triangles):
-        return Triangles(longer(part.root), longer(part.value), part.rest)
+    if isinstance(part, InformationRoots):
+        return InformationRoots(longer(part.root), longer(part.value), part.rest)
     return Singles(*(longer(getattr(part, f.name)) for f in fields(part)))
 
 
-def log_likelihood(noise: NormalNoise, condensed: Condensed, misfit: Array, p: Mapping[str, Array]) -> Array:
-    """Log density of the record in nats, shape (), from the vector (c,) that `Condensed.misfit` gives."""
-    sums = {name: jnp.sum(part**2) for name, part in condensed.split(misfit).items()}
-    return of_sums(noise, condensed, sums, p)
+def log_likelihood(
+    noise: NormalNoise, compressed: Compressed, misfit: Array, p: Mapping[str, Array]
+) -> Array:
+    """Log density of the record in nats, shape (), from the vector (c,) that `Compressed.misfit` gives."""
+    sums = {name: jnp.sum(part**2) for name, part in compressed.split(misfit).items()}
+    return of_sums(noise, compressed, sums, p)
 
 
 def of_sums(
-    noise: NormalNoise, condensed: Condensed, sums: Mapping[str, Array], p: Mapping[str, Array]
+    noise: NormalNoise, compressed: Compressed, sums: Mapping[str, Array], p: Mapping[str, Array]
 ) -> Array:
     """Log density of the record in nats, shape (), from the sums of squares."""
-    return noise.log_likelihood_of_sums(sums, condensed.count, condensed.gap, p)
+    return noise.log_likelihood_of_sums(sums, compressed.count, compressed.gap, p)
 
 
-def information_root(noise: NormalNoise, condensed: Condensed, v: Array, p: Mapping[str, Array]) -> Array:
+def information_root(noise: NormalNoise, compressed: Compressed, v: Array, p: Mapping[str, Array]) -> Array:
     """R v with RᵀR the Fisher information about a shift of the misfit by v, shape (c,)."""
 
     def density(sums: Mapping[str, Array]) -> Array:
-        return of_sums(noise, condensed, sums, p)
+        return of_sums(noise, compressed, sums, p)
 
-    parts = condensed.split(v)
+    parts = compressed.split(v)
     slopes = jax.grad(density)({name: jnp.zeros(()) for name in parts})
     return jnp.concatenate([jnp.sqrt(-2.0 * slopes[name]) * part for name, part in parts.items()])
 
 
-def condense(noise: NoiseModel, plan: Plan, t: np.ndarray, y: np.ndarray) -> Condensed | None:
+def compress(noise: NoiseModel, plan: Plan, t: np.ndarray, y: np.ndarray) -> Compressed | None:
     """A record's times (s, (n,)) and values (n,) for this noise and plan; None where the plain sum is to be taken:
 
     steps that belong to the parameters (exact friction), noise whose likelihood is not
@@ -214,17 +216,17 @@ def condense(noise: NoiseModel, plan: Plan, t: np.ndarray, y: np.ndarray) -> Con
         return None
     if noise.uniform_clock and not _even(t):
         return None
-    size = room_of(plan)
+    size = capacity_of(plan)
     near, left = np.zeros((size + 1, 3)), np.asarray(y, float)
-    if plan.anchor is not None:
-        near = np.asarray(plan.anchor.nodes)[: size + 1]
-        left = left - np.asarray(plan.anchor.defect) - between(plan, near)
+    if plan.correction is not None:
+        near = np.asarray(plan.correction.nodes)[: size + 1]
+        left = left - np.asarray(plan.correction.defect) - between(plan, near)
     sums = {name: _SUMS[name](plan, left, size) for name in noise.sums}
     gap = (t[-1] - t[0]) / (t.size - 1)
-    return Condensed(sums, *jax.device_put((near, np.asarray(float(t.size)), gap)))
+    return Compressed(sums, *jax.device_put((near, np.asarray(float(t.size)), gap)))
 
 
-def room_of(plan: MeshPlan) -> int:
+def capacity_of(plan: MeshPlan) -> int:
     """Steps that there is to be room for."""
     size = LEAST_ROOM
     while size < int(plan.count):
@@ -237,16 +239,16 @@ def _even(t: np.ndarray) -> bool:
     return bool(np.max(np.abs(gaps / gaps.mean() - 1.0)) <= EVEN)
 
 
-def _squares(plan: MeshPlan, y: np.ndarray, size: int) -> tuple[Triangles]:
+def _squares(plan: MeshPlan, y: np.ndarray, size: int) -> tuple[InformationRoots]:
     rows = np.column_stack([np.asarray(plan.weights), y])
-    return (_triangles(np.asarray(plan.interval), rows, size),)
+    return (_information_roots(np.asarray(plan.interval), rows, size),)
 
 
-def _differences(plan: MeshPlan, y: np.ndarray, size: int) -> tuple[Triangles, Singles]:
+def _differences(plan: MeshPlan, y: np.ndarray, size: int) -> tuple[InformationRoots, Singles]:
     interval, weights = np.asarray(plan.interval), np.asarray(plan.weights)
     rows = np.diff(np.column_stack([weights, y]), axis=0)
     within = interval[1:] == interval[:-1]
-    inside = _triangles(interval[1:][within], rows[within], size)
+    inside = _information_roots(interval[1:][within], rows[within], size)
     # The last sample of a step with samples, and the first of the next such step.
     last = np.flatnonzero(~within)
     leave, arrive = interval[last], interval[last + 1]
@@ -280,8 +282,8 @@ def _no_singles(size: int) -> dict[str, np.ndarray]:
 _SUMS = {"squares": _squares, "differences": _differences, "ends": _ends}
 
 
-def _triangles(step: np.ndarray, rows: np.ndarray, count: int) -> Triangles:
-    """Triangles of the rows [weights | value], shape (n, 7), of each step; step: (n,), not decreasing.
+def _information_roots(step: np.ndarray, rows: np.ndarray, count: int) -> InformationRoots:
+    """InformationRoots of the rows [weights | value], shape (n, 7), of each step; step: (n,), not decreasing.
 
     Steps with about as many rows are stacked, filled up with zeros, which change no triangle.
     """
@@ -297,4 +299,4 @@ def _triangles(step: np.ndarray, rows: np.ndarray, count: int) -> Triangles:
             index = np.where(held, first[part][:, None] + offset, rows.shape[0])
             found[part] = np.linalg.qr(padded[index], mode="r")
     rest = np.sqrt(np.sum(found[:, 6, 6] ** 2))
-    return Triangles(*jax.device_put((found[:, :6, :6], found[:, :6, 6], rest[None])))
+    return InformationRoots(*jax.device_put((found[:, :6, :6], found[:, :6, 6], rest[None])))

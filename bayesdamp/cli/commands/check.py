@@ -1,0 +1,59 @@
+"""`bayesdamp check`: what a study asks for; nothing is run."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from bayesdamp.cli.asked import read_study
+
+if TYPE_CHECKING:
+    from bayesdamp.config import Study
+
+
+def check(
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="A study file (TOML).")],
+    plugin: Annotated[
+        list[Path] | None,
+        typer.Option(help="A Python file with plug-ins of your own; may be given again."),
+    ] = None,
+) -> int:
+    """Read a study, list its cells, say what is wrong; run nothing."""
+    from rich.console import Console
+    from rich.table import Table
+
+    loaded = read_study(file, plugin)
+    from bayesdamp.pipeline import cells
+
+    counts = Counter(re.split(r"[/:]", cell.name)[0] for cell in cells(loaded))
+    console = Console()
+    summary = Table("", "what the study asks for", title=f"{loaded.name}: {file}", title_justify="left")
+    for label, names in _asked(loaded):
+        summary.add_row(label, ", ".join(names) or "none")
+    console.print(summary)
+    table = Table("cells", "number")
+    for kind, number in counts.items():
+        table.add_row(kind, str(number))
+    table.add_row("all", str(sum(counts.values())), style="bold")
+    console.print(table)
+    typer.echo(f"{file}: ok")
+    return 0
+
+
+def _asked(loaded: Study) -> list[tuple[str, Sequence[str]]]:
+    use = loaded.estimators
+    return [
+        ("signals", [f"{s.name} (x{s.repeats})" if s.repeats > 1 else s.name for s in loaded.signals]),
+        ("models", loaded.models.compare),
+        ("restoring laws", list(dict.fromkeys(law for s in loaded.signals for law in s.restoring))),
+        ("estimators", use.use),
+        ("stages", use.stages),
+        ("samplers", loaded.posterior.samplers),
+        ("noise", loaded.noises),
+        ("evidence", loaded.evidence.methods),
+    ]

@@ -1,0 +1,37 @@
+"""`bayesdamp claims`: what the paper claims, measured."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from bayesdamp.types import InputError
+
+
+def claims(
+    paper: Annotated[Path | None, typer.Option(help="Folder of a run of studies/paper.toml.")] = None,
+    noise: Annotated[
+        list[Path] | None, typer.Option(help="Folder of a run of studies/noise*.toml; may be given again.")
+    ] = None,
+    out: Annotated[Path, typer.Option(help="The page to write (Markdown).")] = Path("reports/claims.md"),
+) -> None:
+    """Measure each claim of the paper, and say whether it holds."""
+    from bayesdamp.store import write_bytes
+    from bayesdamp.validation.claims import CLAIMS, judged, written
+    from bayesdamp.validation.claims.judge import Runs
+
+    for option, folder in (("--paper", paper), *(("--noise", folder) for folder in noise or ())):
+        if folder is not None and not (folder / "run.json").is_file():
+            raise InputError(f"{option} {folder}: holds no run; give the folder that bayesdamp study wrote")
+    page = written(judged(CLAIMS, Runs(paper, tuple(noise or ()))))
+    try:
+        out.parent.mkdir(parents=True, exist_ok=True)
+        write_bytes(out, page.encode())
+    except InputError as error:
+        raise InputError(f"--out {error}") from None
+    except OSError as error:
+        what = (error.strerror or str(error)).lower()
+        raise InputError(f"--out {out}: cannot be written: {what}; give a new file's name") from None
+    typer.echo(out)

@@ -1,0 +1,47 @@
+"""`bayesdamp simulate`: a record to play with."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+def simulate(
+    out: Annotated[Path, typer.Option(help="The CSV file to write.")],
+    damping: Annotated[
+        list[str], typer.Option(help="Damping terms with coefficients: viscous=0.05,coulomb=0.03.")
+    ],
+    restoring: Annotated[str, typer.Option(help="The restoring law.")] = "horizontal_pendulum",
+    set_: Annotated[
+        list[str] | None, typer.Option("--set", help="A parameter: stiffness=20,theta0=0.3.")
+    ] = None,
+    duration: Annotated[float, typer.Option(help="Length of the record in s.")] = 10.0,
+    samples: Annotated[int, typer.Option(help="Number of samples.")] = 1001,
+    noise_sd: Annotated[
+        float | None,
+        typer.Option(
+            help="Standard deviation of the noise, in rad; 1 % of the amplitude by default, 0 for none."
+        ),
+    ] = None,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the noise.")] = 0,
+    plugin: Annotated[
+        list[Path] | None,
+        typer.Option(help="A Python file with plug-ins of your own; may be given again."),
+    ] = None,
+) -> int:
+    """Write a simulated record to play with: a CSV of times in s and angles in rad."""
+    from bayesdamp.cli.simulated import pairs, simulated, write_csv
+    from bayesdamp.plugins import read_modules, use
+
+    use(read_modules(plugin or ()))
+    given: dict[str, object] = {**pairs(damping, "--damping"), **pairs(set_ or [], "--set")}
+    given |= {"duration": duration, "samples": samples}
+    given |= {} if noise_sd is None else {"noise_sd": noise_sd}
+    record, sd = simulated(given, restoring, seed)
+    write_csv(record, out)
+    if "noise_sd" not in given:
+        typer.echo(f"noise: sd {sd:g} rad, 1 % of the amplitude (--noise-sd 0 for none)", err=True)
+    typer.echo(out)
+    return 0

@@ -1,0 +1,120 @@
+"""Levenberg–Marquardt's method within lower bounds (Levenberg 1944, Marquardt 1963; Moré 1977 for its scaling).
+
+A step solves (H + λ diag H) s = g for gradient g and information H; λ falls where the step gains and grows where it
+does not.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+FIRST, LOWEST, HIGHEST = 1e-3, 1e-12, 1e12
+"""λ at first, and between which it stays (conventional)."""
+AGAIN = 1e-9
+"""λ that grows from at least, so that it leaves the lowest at once."""
+
+
+class Schedule(NamedTuple):
+    """By what λ shrinks where a step gains, and grows where it does not (conventional)."""
+
+    less: float = 0.2
+    more: float = 6.0
+
+
+Retract = Callable[[np.ndarray, np.ndarray], np.ndarray]
+"""A point (d,) and a step, (d,), to the point where the curve ends that starts with this step."""
+
+
+class Expansion(NamedTuple):
+    """A function at a point: its value, its gradient (d,) and its information, which is minus its Hessian, (d, d)."""
+
+    value: float
+    gradient: np.ndarray
+    information: np.ndarray
+
+
+Expand = Callable[[np.ndarray], Expansion]
+
+
+class Step(NamedTuple):
+    """One trial: from where it started, by how much it moved, (d,), and what it gained; expected: the first-order gain
+    of a step that no bound cuts short. damping: λ."""
+
+    x: np.ndarray
+    move: np.ndarray
+    at: Expansion
+    gain: float
+    expected: float
+    damping: float
+
+
+@dataclass(frozen=True)
+class Maximum:
+    """Where an ascent ended.
+
+    x: (d,); value: the function's, −inf where that is not finite; information: (d, d); evaluations: of the function.
+    """
+
+    x: np.ndarray
+    value: float
+    information: np.ndarray
+    evaluations: int
+    converged: bool
+
+
+def straight_on(x: np.ndarray, step: np.ndarray) -> np.ndarray:
+    """Without a curve."""
+    return x + step
+
+
+def levenberg_marquardt(
+    expand: Expand,
+    x: np.ndarray,
+    floor: np.ndarray,
+    ended: Callable[[Step], bool],
+    *,
+    limit: int,
+    longest: float = np.inf,
+    schedule: Schedule = Schedule(),  # noqa: B008 - frozen
+    retract: Retract = straight_on,
+) -> Maximum:
+    """A local maximum of a function over x ≥ floor, elementwise, from x, (d,).
+
+    floor: (d,), −inf where there is no bound. ended: whether the search has converged with a step, taken or not.
+    limit: of steps; longest: the largest component of one; retract: where steps end.
+    """
+    x = np.maximum(x, floor)
+    at = expand(x)
+    damping, evaluations = FIRST, 1
+    for _ in range(limit):
+        if not np.isfinite(at.value) or not np.all(np.isfinite(at.information)):
+            return Maximum(x, -np.inf, np.eye(x.size), evaluations, False)
+        # Where the slope holds a component at its bound, the others move without it.
+        free = np.flatnonzero(~((x <= floor) & (at.gradient <= 0)))
+        move = np.zeros_like(x)
+        move[free] = _solved(at.information[np.ix_(free, free)], at.gradient[free], damping)
+        move *= min(1.0, longest / max(np.abs(move).max(initial=0.0), 1e-300))
+        there = np.maximum(retract(x, move), floor)
+        new = expand(there)
+        evaluations += 1
+        gain = float(new.value - at.value) if np.isfinite(new.value) else -np.inf
+        step = Step(x, there - x, at, gain, float(move @ at.gradient), damping)
+        if gain >= 0:
+            x, at, damping = there, new, max(damping * schedule.less, LOWEST)
+        done = ended(step)
+        if done or damping > HIGHEST:
+            return Maximum(x, float(at.value), at.information, evaluations, done)
+        damping = max(damping, AGAIN) * schedule.more if gain < 0 else damping
+    return Maximum(x, float(at.value), at.information, evaluations, False)
+
+
+def _solved(information: np.ndarray, gradient: np.ndarray, damping: float) -> np.ndarray:
+    """The step, (d,), in the unit of each component that its own curvature sets."""
+    diagonal = np.diag(information)
+    scale = np.sqrt(np.where(diagonal > 0, diagonal, 1.0))
+    matrix = information / np.outer(scale, scale) + damping * np.eye(scale.size)
+    return np.linalg.solve(matrix, gradient / scale) / scale

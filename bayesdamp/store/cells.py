@@ -1,0 +1,164 @@
+"""The cells of a run's folder: one atomic file each, and a lock."""
+
+from __future__ import annotations
+
+import fcntl
+import io
+import json
+import os
+import struct
+import zipfile
+import zlib
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from bayesdamp.store import folders
+from bayesdamp.store.files import plain, write_bytes
+from bayesdamp.store.tables import CALIBRATION_TABLES, SPECIMEN_TABLES, TABLES
+from bayesdamp.types import OK, InputError
+
+_HEAD = folders.CELL
+_BROKEN = (
+    zipfile.BadZipFile, zlib.error, struct.error, OSError, EOFError, KeyError, ValueError, TypeError,
+    NotImplementedError, RuntimeError, OverflowError, MemoryError,
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class CellResult:
+    """What one cell left behind.
+
+    name: the cell's path-like name, such as `estimate/bench/0/viscous/least_squares`.
+    key: hash of everything the result depends on; a result is reused only under the same key.
+    meta: values that JSON can hold (nan and infinities included); tuples come back as lists.
+    arrays: named numeric arrays.
+    """
+
+    name: str
+    key: str
+    meta: Mapping[str, Any] = field(default_factory=dict)
+    arrays: Mapping[str, np.ndarray] = field(default_factory=dict)
+    outcome: str = OK
+    seconds: float = 0.0
+
+
+class Store:
+    """The cells of one run, each an `.npz` file under `cells/`. Nothing is created before the first write.
+
+    only: name to key of the cells that are seen, where a folder may hold those of another question too; None for all.
+    """
+
+    def __init__(self, folder: Path, only: Mapping[str, str] | None = None) -> None:
+        self.folder = Path(folder)
+        self.only = only
+        self._cells = self.folder / "cells"
+
+    def has(self, cell_name: str, key: str) -> bool:
+        """Whether a whole result is there under this key; a truncated or damaged file counts as absent."""
+        try:
+            return self.read(cell_name).key == key
+        except KeyError:
+            return False
+
+    def read(self, cell_name: str) -> CellResult:
+        """The result of one cell. Raises KeyError where there is none that can be read."""
+        if self.only is not None and cell_name not in self.only:
+            raise KeyError(cell_name)
+        try:
+            found = _unpack(self._path(cell_name), cell_name)
+        except _BROKEN as fault:
+            raise KeyError(cell_name) from fault
+        if self.only is not None and self.only[cell_name] != found.key:
+            raise KeyError(cell_name)
+        return found
+
+    def head(self, cell_name: str) -> tuple[str, str]:
+        """Key and outcome of a cell; its arrays are not looked at. Raises KeyError."""
+        try:
+            with zipfile.ZipFile(self._path(cell_name)) as archive:
+                found = json.loads(archive.read(_HEAD))
+            return found["key"], found["outcome"]
+        except _BROKEN as fault:
+            raise KeyError(cell_name) from fault
+
+    def write(self, result: CellResult) -> None:
+        """Store a result in one step: another process sees the old file or the new one, never a part."""
+        write_bytes(self._path(result.name), _pack(result))
+
+    def names(self) -> list[str]:
+        """Names of all stored cells, sorted; whether each can be read, `read` tells."""
+        found = (p.relative_to(self._cells).as_posix() for p in self._cells.rglob("*.npz"))
+        names = (name.removesuffix(".npz") for name in found)
+        return sorted(name for name in names if self.only is None or name in self.only)
+
+    def clear(self) -> None:
+        """Forget all cells of a folder that is marked as a run's; other files stay."""
+        folders.remove_cells(self.folder)
+
+    @contextmanager
+    def lock(self) -> Iterator[None]:
+        """Hold the folder for writing, and sweep what a killed run left half-written.
+
+        Raises InputError while another process holds it, and where the folder holds what no run wrote. The system drops
+        the lock of a process that dies.
+        """
+        try:
+            folders.claim(self.folder, (*TABLES, *SPECIMEN_TABLES, *CALIBRATION_TABLES))
+            handle = folders.open_lock(self.folder)
+        except OSError as fault:
+            raise InputError(f"{self.folder}: cannot write a run here ({fault.strerror})") from fault
+        with handle:
+            try:
+                fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except OSError as fault:
+                handle.seek(0)
+                holder = handle.read().strip() or "unknown"
+                raise InputError(
+                    f"{self.folder}: another run (process {holder}) is writing here; "
+                    "wait until it is done or choose another folder with --out"
+                ) from fault
+            handle.truncate(0)
+            handle.write(str(os.getpid()))
+            handle.flush()
+            folders.sweep(self.folder)
+            yield
+
+    def _path(self, cell_name: str) -> Path:
+        parts = cell_name.split("/")
+        if any(not p or p[0] == "." or "\\" in p or "\0" in p for p in parts):
+            raise ValueError(f"not a cell's name: {cell_name!r}")
+        return self._cells.joinpath(*parts[:-1], parts[-1] + ".npz")
+
+
+def _pack(result: CellResult) -> bytes:
+    head = {
+        "name": result.name,
+        "key": result.key,
+        "outcome": result.outcome,
+        "seconds": float(result.seconds),
+        "meta": dict(result.meta),
+        "arrays": list(result.arrays),
+    }
+    buffer = io.BytesIO()
+    with zipfile.ZipFile(buffer, "w", zipfile.ZIP_STORED) as archive:
+        archive.writestr(_HEAD, json.dumps(head, default=plain))
+        for i, array in enumerate(result.arrays.values()):
+            with archive.open(f"{i}.npy", "w") as member:
+                np.lib.format.write_array(member, np.asarray(array), allow_pickle=False)  # type: ignore[arg-type]
+    return buffer.getvalue()
+
+
+def _unpack(path: Path, name: str) -> CellResult:
+    with zipfile.ZipFile(path) as archive:
+        head = json.loads(archive.read(_HEAD))
+        # each member is read whole: only then is its checksum compared
+        arrays = {
+            label: np.lib.format.read_array(io.BytesIO(archive.read(f"{i}.npy")), allow_pickle=False)
+            for i, label in enumerate(head["arrays"])
+        }
+    return CellResult(name, head["key"], head["meta"], arrays, head["outcome"], head["seconds"])

@@ -1,0 +1,133 @@
+"""The tables of a run's folder: their columns, written and read so that numbers read back exactly."""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from bayesdamp.store.files import write_bytes
+from bayesdamp.types import InputError
+
+TABLES: dict[str, tuple[str, ...]] = {
+    "estimates.csv": (
+        "signal", "repeat", "model", "restoring", "estimator", "stage", "parameter", "unit", "value", "stderr", "truth",
+        "error_pct", "evaluations", "seconds", "outcome",
+    ),
+    "posteriors.csv": (
+        "signal", "repeat", "model", "restoring", "sampler", "parameter", "unit", "mean", "sd", "sd_noise", "sd_law",
+        "median", "q2.5", "q25", "q75", "q97.5", "hdi_low", "hdi_high", "ess_bulk", "ess_tail", "rhat", "divergences",
+        "seconds", "outcome",
+    ),
+    "evidence.csv": (
+        "signal", "repeat", "model", "restoring", "method", "log_evidence", "stderr", "log_bayes_factor",
+        "probability", "diagnostic", "outcome",
+    ),
+    "fits.csv": (
+        "signal", "repeat", "model", "restoring", "rms", "rms_unit", "residual_autocorrelation",
+        "window_spread", "predictive_p", "deviation", "deviation_low", "deviation_high", "unexplained_pct", "verdict",
+    ),
+}  # fmt: skip
+
+SPECIMEN_TABLES: dict[str, tuple[str, ...]] = {
+    "specimens.csv": (
+        "specimen", "records", "record", "model", "restoring", "shared", "parameter", "unit", "mean", "sd", "median",
+        "q2.5", "q97.5", "log_evidence", "stderr", "probability", "pareto_k", "effective", "outcome",
+    ),
+    "population.csv": (
+        "over", "model", "restoring", "parameter", "unit", "what", "of", "mean", "sd", "median", "q2.5", "q97.5",
+        "effective", "prior_scale", "outcome",
+    ),
+}  # fmt: skip
+"""Tables of a study that names specimens."""
+VERDICTS: tuple[str, ...] = (
+    "record", "grade", "decided", "damping", "probability", "rivals", "restoring", "restoring_probability",
+    "frequency", "frequency_low", "frequency_high", "exponent", "exponent_low", "exponent_high",
+    *(
+        f"{name}_{i}{end}"
+        for i in (1, 2, 3)
+        for name, ends in (
+            ("amplitude", ("",)),
+            ("unit", ("",)),
+            ("ratio", ("", "_low", "_high", "_sd_noise", "_sd_law")),
+        )
+        for end in ends
+    ),
+    "energy", "other_forms", "deviation", "deviation_low", "deviation_high", "unexplained_pct", "noise_pct",
+    "start", "stop", "cycles", "remarks", "sentence",
+)  # fmt: skip
+"""Columns of verdicts.csv."""
+
+CALIBRATION_TABLES = ("calibration.csv", "ranks.csv", "recovery.csv")
+
+_TEXT = frozenset({
+    "signal", "model", "estimator", "stage", "parameter", "unit", "outcome", "sampler", "restoring", "method",
+    "diagnostic", "rms_unit", "verdict", "specimen", "record", "shared", "over", "what", "of",
+})  # fmt: skip
+_WHOLE = frozenset({"repeat", "evaluations", "divergences", "records"})
+_NUMBER = (
+    frozenset(c for t in (TABLES, SPECIMEN_TABLES) for columns in t.values() for c in columns)
+    - _TEXT
+    - _WHOLE
+)
+
+
+def write_table(path: Path, columns: Sequence[str], rows: Iterable[Mapping[str, object]]) -> None:
+    """Write a CSV in one step. Floats read back exactly; nan, None and missing keys are empty fields.
+
+    Raises ValueError on a key that is no column.
+    """
+    buffer = io.StringIO(newline="")
+    writer = csv.writer(buffer, lineterminator="\n")
+    writer.writerow(columns)
+    for row in rows:
+        unknown = set(row) - set(columns)
+        if unknown:
+            raise ValueError(f"{Path(path).name} has no column {', '.join(sorted(unknown))}")
+        writer.writerow([_field(row.get(c)) for c in columns])
+    write_bytes(path, buffer.getvalue().encode())
+
+
+def _field(value: object) -> str:
+    if isinstance(value, np.generic):
+        value = value.item()
+    if value is None:
+        return ""
+    if isinstance(value, float):
+        return "" if math.isnan(value) else repr(float(value))
+    return str(value)
+
+
+def read_table(path: Path) -> list[dict[str, Any]]:
+    """The rows of a table that `write_table` wrote.
+
+    Columns of `TABLES` are typed: text, whole numbers (None where empty) and floats (nan where empty);
+    any other column is text. Raises InputError on a field that is no number where one belongs.
+    """
+    path = Path(path)
+    with path.open(newline="", encoding="utf-8") as handle:
+        reader = csv.DictReader(handle)
+        return [
+            {
+                column: _value(path, reader.line_num, column, text or "")
+                for column, text in row.items()
+                if column
+            }
+            for row in reader
+        ]
+
+
+def _value(path: Path, line: int, column: str, text: str) -> object:
+    try:
+        if column in _WHOLE:
+            return int(text) if text else None
+        if column in _NUMBER:
+            return float(text) if text else math.nan
+    except ValueError:
+        raise InputError(f"{path.name}, line {line}, column {column}: {text!r} is not a number") from None
+    return text
