@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from bayesdamp.inference.deviation.candidate import Candidate
+from bayesdamp.inference.deviation.gaussian.orthant import draw
 from bayesdamp.inference.deviation.orbit import Cycle, cycle_at, natural_frequency, rest_of
-from bayesdamp.inference.deviation.orthant import draw
 from bayesdamp.inference.deviation.weighing import Result, Weighing
 from bayesdamp.physics.damping import TERMS
 from bayesdamp.physics.restoring import LAWS
