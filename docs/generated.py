@@ -82,7 +82,13 @@ def tables(root: Path) -> dict[str, str]:
     after = markdown(
         ("", *SETTINGS.values()),
         [
-            (label, *(number(pick([refined[m][s] for m in refined if not math.isnan(refined[m][s])])) for s in SETTINGS))
+            (
+                label,
+                *(
+                    number(pick([refined[m][s] for m in refined if not math.isnan(refined[m][s])]))
+                    for s in SETTINGS
+                ),
+            )
             for label, pick in (("least of all methods", min), ("largest", max))
         ],
     )

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from bayesdamp.config import Recording, SignalSpec, Simulation, Study
+from bayesdamp.config.again import asked
 from bayesdamp.config.signals import damping_order
 from bayesdamp.physics.damping import TERMS
 from bayesdamp.physics.oscillator import Oscillator
@@ -222,6 +223,7 @@ def _run(study: Study, store: Store) -> Row:
         "description": study.description,
         "seed": study.seed,
         "study": study.resolved(),
+        "asked": asked(study, store.folder),
         **found,
         "seconds": seconds,
         **({"cells": dict(store.only)} if store.only is not None else {}),
