@@ -16,9 +16,12 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from bayesdamp import __version__
+from bayesdamp.cli.commands.completion import completion, prepare
+from bayesdamp.cli.commands.doctor import doctor
 from bayesdamp.cli.commands.init import init
 from bayesdamp.cli.commands.look import look
 from bayesdamp.cli.options import bound as _bound
+from bayesdamp.cli.verdicts import verdicts_json
 from bayesdamp.machine.processes import processes
 from bayesdamp.types import BayesdampError, InputError
 
@@ -26,6 +29,8 @@ if TYPE_CHECKING:
     from bayesdamp.config import Study
 
 FAULT, WRONG_INPUT, INTERRUPTED = 1, 2, 130
+READING, WEIGHED, RUNNING, SAID = "Reading the file", "What is weighed", "The run", "What is said"
+"""Groups of options."""
 FIRST_WORDS = 5
 """Records of one command whose first words are printed."""
 
@@ -37,8 +42,12 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-app.command()(look)
-app.command()(init)
+app.command(epilog="Example: bayesdamp look rig.csv")(look)
+app.command(epilog="Example: bayesdamp init rig.csv")(init)
+app.command(epilog="Example: bayesdamp doctor")(doctor)
+app.command(
+    epilog="Example: bayesdamp completion bash > ~/.local/share/bash-completion/completions/bayesdamp"
+)(completion)
 
 
 def _version(asked: bool) -> None:
@@ -56,22 +65,49 @@ def _main(
     del version
 
 
-@app.command()
+@app.command(epilog="Example: bayesdamp study quickstart")
 def study(
-    file: Annotated[Path, typer.Argument(metavar="FILE", help="A study file (TOML).")],
+    file: Annotated[
+        Path,
+        typer.Argument(
+            metavar="FILE", help="A study file (TOML), the name of one that ships, or a run's run.json."
+        ),
+    ],
     out: Annotated[
-        Path | None, typer.Option(help="The run's folder; reports/NAME where it is not given.")
+        Path | None,
+        typer.Option(help="The run's folder; reports/NAME where it is not given.", rich_help_panel=RUNNING),
     ] = None,
     workers: Annotated[
-        int | None, typer.Option(min=1, help="Processes; as many as there are cores where it is not given.")
+        int | None,
+        typer.Option(
+            min=1,
+            help="Processes; as many as there are cores where it is not given.",
+            rich_help_panel=RUNNING,
+        ),
     ] = None,
-    scheduler: Annotated[str | None, typer.Option(help="Address of a Dask scheduler to run on.")] = None,
+    scheduler: Annotated[
+        str | None, typer.Option(help="Address of a Dask scheduler to run on.", rich_help_panel=RUNNING)
+    ] = None,
     plugin: Annotated[
         list[Path] | None,
-        typer.Option(help="A Python file with plug-ins of your own; may be given again."),
+        typer.Option(
+            help="A Python file with plug-ins of your own; may be given again.", rich_help_panel=WEIGHED
+        ),
     ] = None,
-    fresh: Annotated[bool, typer.Option("--fresh", help="Compute everything again.")] = False,
-    quick: Annotated[bool, typer.Option("--quick", help="Only the answers; no sampling.")] = False,
+    fresh: Annotated[
+        bool, typer.Option("--fresh", help="Compute everything again.", rich_help_panel=RUNNING)
+    ] = False,
+    quick: Annotated[
+        bool, typer.Option("--quick", help="Only the answers; no sampling.", rich_help_panel=RUNNING)
+    ] = False,
+    quiet: Annotated[
+        bool,
+        typer.Option("--quiet", "-q", help="The answer and what failed; nothing else.", rich_help_panel=SAID),
+    ] = False,
+    as_json: Annotated[
+        bool,
+        typer.Option("--json", help="The verdicts as JSON, as in verdict.json.", rich_help_panel=SAID),
+    ] = False,
 ) -> int:
     """Run what a study still lacks, and write its report."""
     from rich.console import Console
@@ -89,91 +125,157 @@ def study(
         fresh=fresh,
         console=Console(stderr=True),
         quick=quick,
-        answered=None if len(loaded.signals) > FIRST_WORDS else lambda verdict: answered(verdict, Console()),
+        answered=None
+        if as_json or len(loaded.signals) > FIRST_WORDS
+        else lambda verdict: answered(verdict, Console()),
+        quiet=quiet,
     )
     report = folder / "report.html"
-    if report.is_file():
+    if as_json:
+        typer.echo(verdicts_json(folder))
+    elif report.is_file():
         typer.echo(report)
     return status
 
 
-@app.command()
+@app.command(epilog="Example: bayesdamp compare rig.csv --quick")
 def compare(
     records: Annotated[list[Path], typer.Argument(metavar="RECORD...", help="Files of measured decays.")],
     angle: Annotated[
-        str | None, typer.Option(help="Column of the recorded quantity, by name or number from 1.")
+        str | None,
+        typer.Option(
+            help="Column of the recorded quantity, by name or number from 1.", rich_help_panel=READING
+        ),
     ] = None,
-    time: Annotated[str | None, typer.Option(help="Column of the times in s, by name or number.")] = None,
-    rate: Annotated[float | None, typer.Option(help="Sampling rate in Hz, for a file without times.")] = None,
+    time: Annotated[
+        str | None, typer.Option(help="Column of the times in s, by name or number.", rich_help_panel=READING)
+    ] = None,
+    rate: Annotated[
+        float | None,
+        typer.Option(help="Sampling rate in Hz, for a file without times.", rich_help_panel=READING),
+    ] = None,
     unit: Annotated[
         str | None,
         typer.Option(
             help="rad, deg, m, mm, V, g and others (a wrong one lists them): of the displacement itself, or g, rpm, "
-            "dps; else as the column's name says, else rad."
+            "dps; else as the column's name says, else rad.",
+            rich_help_panel=READING,
         ),
     ] = None,
     quantity: Annotated[
         str | None,
         typer.Option(
             help="angle, velocity, acceleration, or envelope (amplitude, power or level alone); else as the column's "
-            "name says, else angle."
+            "name says, else angle.",
+            rich_help_panel=READING,
         ),
     ] = None,
     frequency: Annotated[
         float | None,
-        typer.Option(help="Of the oscillation in Hz, for an envelope; else as the file's head says."),
+        typer.Option(
+            help="Of the oscillation in Hz, for an envelope; else as the file's head says.",
+            rich_help_panel=READING,
+        ),
     ] = None,
-    clock: Annotated[str, typer.Option(help="auto, as_logged or uniform.")] = "auto",
-    start: Annotated[str, typer.Option(help="Where the free decay starts, in s, or auto.")] = "auto",
-    stop: Annotated[str, typer.Option(help="Where it stops, in s, or auto.")] = "auto",
+    clock: Annotated[str, typer.Option(help="auto, as_logged or uniform.", rich_help_panel=READING)] = "auto",
+    start: Annotated[
+        str, typer.Option(help="Where the free decay starts, in s, or auto.", rich_help_panel=READING)
+    ] = "auto",
+    stop: Annotated[
+        str, typer.Option(help="Where it stops, in s, or auto.", rich_help_panel=READING)
+    ] = "auto",
     runs: Annotated[
-        str | None, typer.Option(help="Runs of a file that has several: 1,3-5; all by default.")
+        str | None,
+        typer.Option(help="Runs of a file that has several: 1,3-5; all by default.", rich_help_panel=READING),
     ] = None,
     channel: Annotated[
-        list[str] | None, typer.Option(help="A channel of a file that has several, may be given again.")
+        list[str] | None,
+        typer.Option(
+            help="A channel of a file that has several, may be given again.", rich_help_panel=READING
+        ),
     ] = None,
-    time_unit: Annotated[str | None, typer.Option(help="Unit of the times: s, ms, us, ns or min.")] = None,
+    time_unit: Annotated[
+        str | None, typer.Option(help="Unit of the times: s, ms, us, ns or min.", rich_help_panel=READING)
+    ] = None,
     restoring: Annotated[
-        list[str] | None, typer.Option(help="A restoring law to compare, may be given again; all by default.")
+        list[str] | None,
+        typer.Option(
+            help="A restoring law to compare, may be given again; all by default.", rich_help_panel=WEIGHED
+        ),
     ] = None,
     damping: Annotated[
-        list[str] | None, typer.Option(help="A damping sum to compare, may be given again; all by default.")
+        list[str] | None,
+        typer.Option(
+            help="A damping sum to compare, may be given again; all by default.", rich_help_panel=WEIGHED
+        ),
     ] = None,
-    noise: Annotated[str, typer.Option(help="A noise model, or auto: chosen for each record.")] = "auto",
+    noise: Annotated[
+        str, typer.Option(help="A noise model, or auto: chosen for each record.", rich_help_panel=WEIGHED)
+    ] = "auto",
     repeats: Annotated[
         bool,
         typer.Option(
-            "--repeats", help="The records are of one specimen: fit them jointly, each from its own start."
+            "--repeats",
+            help="The records are of one specimen: fit them jointly, each from its own start.",
+            rich_help_panel=WEIGHED,
         ),
     ] = False,
-    seed: Annotated[int, typer.Option(min=0, help="Every random number follows from it.")] = 0,
-    out: Annotated[Path | None, typer.Option(help="The folder to write; reports/NAME by default.")] = None,
+    seed: Annotated[
+        int, typer.Option(min=0, help="Every random number follows from it.", rich_help_panel=WEIGHED)
+    ] = 0,
+    out: Annotated[
+        Path | None,
+        typer.Option(help="The folder to write; reports/NAME by default.", rich_help_panel=RUNNING),
+    ] = None,
     workers: Annotated[
-        int | None, typer.Option(min=1, help="Processes; as many as cores by default.")
+        int | None,
+        typer.Option(min=1, help="Processes; as many as cores by default.", rich_help_panel=RUNNING),
     ] = None,
     plugin: Annotated[
         list[Path] | None,
-        typer.Option(help="A Python file with plug-ins of your own; may be given again."),
+        typer.Option(
+            help="A Python file with plug-ins of your own; may be given again.", rich_help_panel=WEIGHED
+        ),
     ] = None,
-    fresh: Annotated[bool, typer.Option("--fresh", help="Compute everything again.")] = False,
+    fresh: Annotated[
+        bool, typer.Option("--fresh", help="Compute everything again.", rich_help_panel=RUNNING)
+    ] = False,
     quick: Annotated[
-        bool, typer.Option("--quick", help="Only the answer, within seconds; no sampling to confirm it.")
+        bool,
+        typer.Option(
+            "--quick",
+            help="Only the answer, within seconds; no sampling to confirm it.",
+            rich_help_panel=RUNNING,
+        ),
     ] = False,
     deviation: Annotated[
-        str, typer.Option(help="auto or law: laws may hold approximately; none: they hold exactly.")
+        str,
+        typer.Option(
+            help="auto or law: laws may hold approximately; none: they hold exactly.", rich_help_panel=WEIGHED
+        ),
     ] = "auto",
     sensor: Annotated[
-        float, typer.Option(help="The sensor's relative linearity, a floor of every rate.")
+        float,
+        typer.Option(help="The sensor's relative linearity, a floor of every rate.", rich_help_panel=WEIGHED),
     ] = 0.002,
+    quiet: Annotated[
+        bool,
+        typer.Option("--quiet", "-q", help="The answer and what failed; nothing else.", rich_help_panel=SAID),
+    ] = False,
+    as_json: Annotated[
+        bool,
+        typer.Option("--json", help="The verdicts as JSON, as in verdict.json.", rich_help_panel=SAID),
+    ] = False,
 ) -> int:
     """Say which damping records have, how large it is, how well its law holds, and how sure that is."""
     from bayesdamp.envelope.command import compare_envelopes, recognised
 
     if recognised(records, angle, unit, quantity):
-        return compare_envelopes(
+        written: list[Path] = []
+        status = compare_envelopes(
             records,
-            folder=lambda name: _folder(out, name),
-            say=typer.echo,
+            folder=lambda name: written.append(_folder(out, name)) or written[-1],
+            say=(lambda _: None) if as_json else typer.echo,
             time=time,
             value=angle,
             rate=rate,
@@ -184,6 +286,9 @@ def compare(
             repeats=repeats,
             seed=seed,
         )
+        if as_json:
+            typer.echo(verdicts_json(written[-1]))
+        return status
     if frequency is not None:
         raise InputError("--frequency: is for envelopes; give --quantity envelope, or leave it out")
     from bayesdamp.cli.asking import Options, as_signals, chosen_records, first_words_on
@@ -195,7 +300,7 @@ def compare(
         time, angle, rate, time_unit, unit, quantity, clock, *bounds, runs, tuple(channel or ())
     )
     found, said = chosen_records(records, reading)
-    for line in said:
+    for line in said if not quiet else ():
         typer.echo(line, err=True)
     with _early_processes(workers, damping or (), restoring or ()) as pool:
         from rich.console import Console
@@ -213,7 +318,7 @@ def compare(
             deviation=deviation,
             sensor=sensor,
         )
-        if len(found) <= FIRST_WORDS:
+        if len(found) <= FIRST_WORDS and not quiet:
             for line in first_words_on(found, reading):
                 typer.echo(line, err=True)
         folder = _folder(out, made.name)
@@ -224,9 +329,12 @@ def compare(
 
         status = run_study(
             made, folder, workers=workers, fresh=fresh, console=console, pool=pool, quick=quick,
-            answered=lambda verdict: answered(verdict, Console()),
+            answered=None if as_json else lambda verdict: answered(verdict, Console()), quiet=quiet,
         )  # fmt: skip
-    conclude(folder, Console())
+    if as_json:
+        typer.echo(verdicts_json(folder))
+    else:
+        conclude(folder, Console())
     return status
 
 
@@ -243,7 +351,7 @@ def _early_processes(
             yield pool
 
 
-@app.command()
+@app.command(epilog="Example: bayesdamp calibrate studies/calibration.toml --records 100")
 def calibrate(
     file: Annotated[Path, typer.Argument(metavar="FILE", help="A study file (TOML).")],
     out: Annotated[
@@ -293,7 +401,7 @@ def _folder(out: Path | None, name: str) -> Path:
     return folder
 
 
-@app.command()
+@app.command(epilog="Example: bayesdamp check rig.toml")
 def check(
     file: Annotated[Path, typer.Argument(metavar="FILE", help="A study file (TOML).")],
     plugin: Annotated[
@@ -323,7 +431,9 @@ def check(
     return 0
 
 
-@app.command()
+@app.command(
+    epilog="Example: bayesdamp simulate --damping viscous=0.05 --restoring linear --set stiffness=20 --out play.csv"
+)
 def simulate(
     out: Annotated[Path, typer.Option(help="The CSV file to write.")],
     damping: Annotated[
@@ -363,7 +473,7 @@ def simulate(
     return 0
 
 
-@app.command()
+@app.command(epilog="Example: bayesdamp report reports/rig")
 def report(folder: Annotated[Path, typer.Argument(metavar="DIR", help="A run's folder.")]) -> int:
     """Render a run's folder again; nothing is computed."""
     if not folder.is_dir():
@@ -401,7 +511,7 @@ def _asked(loaded: Study) -> list[tuple[str, Sequence[str]]]:
     ]
 
 
-@app.command()
+@app.command(epilog="Example: bayesdamp claims --paper reports/paper --noise reports/noise")
 def claims(
     paper: Annotated[Path | None, typer.Option(help="Folder of a run of studies/paper.toml.")] = None,
     noise: Annotated[
@@ -439,6 +549,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
     0 done, 1 a fault of the program, 2 the input is wrong, 3 done but with failed cells, 130 interrupted.
     """
+    prepare()
     try:
         status = app(args=list(sys.argv[1:] if arguments is None else arguments), standalone_mode=False)
     except BayesdampError as error:
