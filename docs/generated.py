@@ -1,12 +1,22 @@
-"""Tables of the site that follow from elsewhere: from measurements in reports/. Written anew at each build."""
+"""Tables of the site that follow from elsewhere: measurements in reports/, the dictionary of columns.
+
+Written anew at each build.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
 import pandas as pd
+
+from bayesdamp import store
+from bayesdamp.envelope.report.tables import COLUMNS as ENVELOPES
+from bayesdamp.store.columns import SCHEMA, described
+from bayesdamp.validation.calibration.probabilities import RECORD_COLUMNS
+from bayesdamp.validation.calibration.tables import COLUMNS as CHECKS
+from bayesdamp.validation.calibration.tables import RANK_COLUMNS
 
 DAMPINGS = {"viscous": "zeta", "coulomb": "mu_c", "quadratic": "mu_q"}
 SETTINGS = {
@@ -18,6 +28,18 @@ SETTINGS = {
     "length-1p5": "1.5 periods",
 }
 """Cells of studies/noise.toml, and what they change."""
+
+
+WRITTEN: Mapping[str, Sequence[str]] = {
+    **store.TABLES,
+    "verdicts.csv": store.VERDICTS,
+    "verdicts.csv of envelopes": ENVELOPES,
+    **store.SPECIMEN_TABLES,
+    "calibration.csv": CHECKS,
+    "ranks.csv": RANK_COLUMNS,
+    "recovery.csv": RECORD_COLUMNS,
+}
+"""Every table that a run may write, and its columns."""
 
 
 def markdown(header: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
@@ -69,6 +91,20 @@ def clean_errors(estimates: pd.DataFrame) -> dict[str, dict[str, float]]:
     return found
 
 
+def columns() -> str:
+    """The dictionary of columns as sections with a table each."""
+    parts = [f"Version {SCHEMA} of the tables (`schema` in `run.json`).\n"]
+    for table, names in WRITTEN.items():
+        rows = [(f"`{c.name}`", c.unit or "–", c.meaning) for c in described(table, names)]
+        parts.append(f"## {table}\n\n" + markdown(("column", "unit", "what stands there"), escaped(rows)))
+    return "\n".join(parts)
+
+
+def escaped(rows: Iterable[Iterable[str]]) -> list[list[str]]:
+    """Cells in which a bar does not end the cell."""
+    return [[cell.replace("|", "\\|") for cell in row] for row in rows]
+
+
 def tables(root: Path) -> dict[str, str]:
     """File name to text."""
     noise = pd.read_csv(root / "reports/noise/estimates.csv")
@@ -100,7 +136,12 @@ def tables(root: Path) -> dict[str, str]:
             for m in sorted(clean, key=lambda m: max(clean[m][d] for d in DAMPINGS))
         ),
     )
-    return {"methods_noise.md": in_noise, "methods_refined.md": after, "methods_clean.md": exact}
+    return {
+        "methods_noise.md": in_noise,
+        "methods_refined.md": after,
+        "methods_clean.md": exact,
+        "columns.md": columns(),
+    }
 
 
 def write(root: Path) -> None:

@@ -20,6 +20,7 @@ from bayesdamp.pipeline.staging import ASIDE
 from bayesdamp.pipeline.tables.specimen_tables import write_specimen_tables
 from bayesdamp.pipeline.tables.verdicts import write_verdicts
 from bayesdamp.store import TABLES, CellResult, Store, provenance, write_json, write_table
+from bayesdamp.store.columns import SCHEMA
 from bayesdamp.types import OK, candidate_parts
 from bayesdamp.units import UNITS, quantity_unit
 
@@ -224,6 +225,7 @@ def _run(study: Study, store: Store) -> Row:
         "seed": study.seed,
         "study": study.resolved(),
         "asked": asked(study, store.folder),
+        "schema": SCHEMA,
         **found,
         "seconds": seconds,
         **({"cells": dict(store.only)} if store.only is not None else {}),
