@@ -36,6 +36,7 @@ nb_execution_raise_on_error = True
 nb_merge_streams = True
 
 autodoc_typehints = "signature"
+autodoc_type_aliases = {"ArrayLike": "numpy.typing.ArrayLike"}
 autodoc_member_order = "bysource"
 autodoc_default_options = {"members": True, "inherited-members": False}
 
