@@ -15,6 +15,8 @@ from bayesdamp.cli.commands.calibrate import calibrate
 from bayesdamp.cli.commands.check import check
 from bayesdamp.cli.commands.claims import claims
 from bayesdamp.cli.commands.compare import compare
+from bayesdamp.cli.commands.completion import completion, prepare
+from bayesdamp.cli.commands.doctor import doctor
 from bayesdamp.cli.commands.init import init
 from bayesdamp.cli.commands.look import look
 from bayesdamp.cli.commands.report import report
@@ -31,8 +33,22 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-for command in (look, init, study, compare, calibrate, check, simulate, report, claims):
-    app.command()(command)
+EXAMPLES = {
+    look: "bayesdamp look rig.csv",
+    init: "bayesdamp init rig.csv",
+    study: "bayesdamp study quickstart",
+    compare: "bayesdamp compare rig.csv --quick",
+    calibrate: "bayesdamp calibrate studies/calibration.toml --records 100",
+    check: "bayesdamp check rig.toml",
+    simulate: "bayesdamp simulate --damping viscous=0.05 --restoring linear --set stiffness=20 --out play.csv",
+    report: "bayesdamp report reports/rig",
+    claims: "bayesdamp claims --paper reports/paper --noise reports/noise",
+    doctor: "bayesdamp doctor",
+    completion: "bayesdamp completion bash > ~/.local/share/bash-completion/completions/bayesdamp",
+}
+"""The commands in the order of the help, each with an example."""
+for command, example in EXAMPLES.items():
+    app.command(epilog=f"Example: {example}")(command)
 
 
 def _version(asked: bool) -> None:
@@ -60,6 +76,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
     0 done, 1 a fault of the program, 2 the input is wrong, 3 done but with failed cells, 130 interrupted.
     """
+    prepare()
     try:
         status = app(args=list(sys.argv[1:] if arguments is None else arguments), standalone_mode=False)
     except BayesdampError as error:

@@ -27,9 +27,10 @@ def run_folder(out: Path | None, name: str) -> Path:
 def read_study(file: Path, plugins: Sequence[Path] | None = None) -> Study:
     """A study with the options of its estimators checked too. plugins: files besides those that it names."""
     from bayesdamp.config import load_study
+    from bayesdamp.config.shipped import study_file
     from bayesdamp.plugins import read_modules
 
-    loaded = load_study(file, read_modules(plugins or ()))
+    loaded = load_study(study_file(file), read_modules(plugins or ()))
     for name in loaded.estimators.use:
         if name in loaded.estimators.options:
             loaded.estimator_options(name)

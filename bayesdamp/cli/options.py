@@ -8,21 +8,48 @@ import typer
 
 from bayesdamp.types import InputError
 
-Angle = Annotated[str | None, typer.Option(help="Column of the recorded quantity, by name or number from 1.")]
-Time = Annotated[str | None, typer.Option(help="Column of the times, by name or number.")]
-TimeUnit = Annotated[str | None, typer.Option(help="Unit of the times: s, ms, us, ns or min.")]
-Rate = Annotated[float | None, typer.Option(help="Sampling rate in Hz, for a file without times.")]
-Unit = Annotated[str | None, typer.Option(help="Unit of the displacement; else as the file says, else rad.")]
-Quantity = Annotated[
-    str | None, typer.Option(help="angle, velocity or acceleration; else as the file says, else angle.")
+READING, WEIGHED, RUNNING, SAID = "Reading the file", "What is weighed", "The run", "What is said"
+"""Groups of options."""
+
+Angle = Annotated[
+    str | None,
+    typer.Option(help="Column of the recorded quantity, by name or number from 1.", rich_help_panel=READING),
 ]
-Clock = Annotated[str, typer.Option(help="auto, as_logged or uniform.")]
-Start = Annotated[str, typer.Option(help="Where the free decay starts, in s, or auto.")]
-Stop = Annotated[str, typer.Option(help="Where it stops, in s, or auto.")]
-Runs = Annotated[str | None, typer.Option(help="Runs of a file that has several: 1,3-5; all by default.")]
+Time = Annotated[
+    str | None, typer.Option(help="Column of the times, by name or number.", rich_help_panel=READING)
+]
+TimeUnit = Annotated[
+    str | None, typer.Option(help="Unit of the times: s, ms, us, ns or min.", rich_help_panel=READING)
+]
+Rate = Annotated[
+    float | None, typer.Option(help="Sampling rate in Hz, for a file without times.", rich_help_panel=READING)
+]
+Unit = Annotated[
+    str | None,
+    typer.Option(help="Unit of the displacement; else as the file says, else rad.", rich_help_panel=READING),
+]
+Quantity = Annotated[
+    str | None,
+    typer.Option(
+        help="angle, velocity or acceleration; else as the file says, else angle.", rich_help_panel=READING
+    ),
+]
+Clock = Annotated[str, typer.Option(help="auto, as_logged or uniform.", rich_help_panel=READING)]
+Start = Annotated[
+    str, typer.Option(help="Where the free decay starts, in s, or auto.", rich_help_panel=READING)
+]
+Stop = Annotated[str, typer.Option(help="Where it stops, in s, or auto.", rich_help_panel=READING)]
+Runs = Annotated[
+    str | None,
+    typer.Option(help="Runs of a file that has several: 1,3-5; all by default.", rich_help_panel=READING),
+]
 Channels = Annotated[
     list[str] | None,
-    typer.Option("--channel", help="A channel of a file that has several, may be given again."),
+    typer.Option(
+        "--channel",
+        help="A channel of a file that has several, may be given again.",
+        rich_help_panel=READING,
+    ),
 ]
 
 

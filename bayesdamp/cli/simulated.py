@@ -19,6 +19,8 @@ from bayesdamp.types import InputError, Signal
 
 START = {"theta0": 0.3, "omega0": 0.0, "epsilon": 0.0}
 """What holds where it is not given."""
+AT_REST = {"rest_angle": 0.0, "spring_angle": 0.0}
+"""Where the oscillator rests where it is not given, of the laws that have it."""
 
 
 def pairs(texts: Sequence[str], option: str) -> dict[str, float]:
@@ -82,7 +84,9 @@ def write_csv(signal: Signal, out: Path) -> None:
 def _checked(given: Mapping[str, object], restoring: str) -> Simulation:
     if restoring not in LAWS.names():
         raise InputError(f"--restoring {restoring}: unknown restoring law{nearest(restoring, LAWS.names())}")
-    missing = [name for name in LAWS.get(restoring).parameters if name not in given]
+    needed = LAWS.get(restoring).parameters
+    given = {**{name: value for name, value in AT_REST.items() if name in needed}, **given}
+    missing = [name for name in needed if name not in given]
     if missing:
         raise InputError(f"--set: {restoring} needs {', '.join(f'{name}=NUMBER' for name in missing)} too")
     entry = {"name": "simulated", "simulate": {**START, **given}, "system": {"restoring": restoring}}

@@ -13,6 +13,7 @@ from typing import Any
 
 from pydantic import BaseModel
 
+from bayesdamp.config.again import read_asked, same_plugins
 from bayesdamp.config.checks import (
     StudyError,
     as_input_error,
@@ -104,7 +105,7 @@ class Study:
     """A checked study file. `source` is the file; nothing of it depends on the order of its tables.
 
     published: figures from elsewhere that the report shows beside the study's own. plugins: the user's modules with
-    their sources.
+    their sources. tables: those of the file, as it says them.
     """
 
     source: Path
@@ -121,6 +122,7 @@ class Study:
     published: tuple[Published, ...] = ()
     plugins: tuple[PluginModule, ...] = ()
     version: int = 1
+    tables: Mapping[str, Any] = field(default_factory=dict, repr=False, compare=False)
 
     def dampings(self, spec: SignalSpec) -> tuple[str, ...]:
         """The damping sums that one of the signals is compared under."""
@@ -157,8 +159,8 @@ class Study:
 
     def resolved(self) -> dict[str, Any]:
         """All that the study says, defaults written out, as JSON takes it; no path of this machine."""
-        found = plain(replace(self, signals=()))
-        del found["source"], found["plugins"]
+        found = plain(replace(self, signals=(), tables={}))
+        del found["source"], found["plugins"], found["tables"]
         if self.plugins:
             found["plugins"] = [{"file": Path(m.file).name, "sha256": m.digest} for m in self.plugins]
         later = {"models": ("restoring", "prune"), "posterior": ("best",)}
@@ -352,12 +354,18 @@ def _plugins(raw: object, folder: Path) -> tuple[PluginModule, ...]:
 def load_study(path: str | Path, plugins: Sequence[PluginModule] = ()) -> Study:
     """Read and check a study file. Files of signals, and modules of plug-ins, are looked for beside it.
 
-    plugins: modules besides those that the file names.
+    path: of a TOML file, or of the run.json of a run, which asks the same again. plugins: modules besides those that
+    the file names.
     Raises InputError: one line with the file, the key, what is wrong and what would be right.
     """
     path = Path(path)
     try:
-        return resolve_study(_read(path), path, plugins)
+        if path.suffix != ".json":
+            return resolve_study(_read(path), path, plugins)
+        asked = read_asked(path)
+        study = resolve_study(dict(asked.tables), asked.beside / path.name, plugins)
+        same_plugins(path, study.plugins)
+        return study
     except (StudyError, InputError) as error:
         raise as_input_error(path, error) from None
 
@@ -389,6 +397,7 @@ def resolve_study(raw: dict[str, Any], path: Path, plugins: Sequence[PluginModul
         calibration=_calibration(raw.get("calibration", {})),
         recovery=section(RecoveryTable, raw.get("recovery", {}), "recovery"),
         plugins=modules,
+        tables=raw,
     )
     for spec in study.signals:
         for model in spec.estimate or ():

@@ -176,6 +176,16 @@ def compare(
     known: values of parameters; priors: by parameter. sensor: the sensor's relative linearity, the floor of every rate.
     amplitudes: where the damping ratio is given (rad or m).
     Raises InputError for a name that is none; a record on which nothing can be said has it in `outcome`.
+
+    >>> import bayesdamp as bd
+    >>> made = {"stiffness": 20.0, "duration": 10.0, "samples": 200, "noise_sd": 0.003}
+    >>> signal = bd.simulate({"viscous": 0.05}, "linear", seed=1, **made)
+    >>> found = bd.compare(signal, damping=["viscous", "coulomb"], restoring=["linear"])
+    >>> found.verdict.damping
+    'viscous'
+    >>> first = found.verdict.damping_ratio[0]
+    >>> first.low < 0.05 / 20.0**0.5 < first.high
+    True
     """
     for one in damping:
         parse_model(one)

@@ -32,6 +32,15 @@ class Density(Shown):
     values: the parameters where the model fits best; there the solver's steps are set. Within three standard deviations
     of it the log likelihood is good to 0.01 nats, farther out to a share of its depth.
     units: of each parameter. known: what is not inferred.
+
+    >>> import bayesdamp as bd
+    >>> signal = bd.simulate({"viscous": 0.05}, stiffness=20.0, duration=6.0, samples=150, noise_sd=0.003)
+    >>> density = bd.Model("viscous", noise="gaussian", known={"rest_angle": 0.0}).bind(signal)
+    >>> density.names
+    ('zeta', 'stiffness', 'theta0', 'omega0', 'noise_sd')
+    >>> best = density.vector()
+    >>> density.log_posterior(best) > density.log_posterior(density.vector({"zeta": 0.1}))
+    True
     """
 
     signal: types.Signal

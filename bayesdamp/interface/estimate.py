@@ -138,6 +138,13 @@ def estimate(
 
     estimator: a name in `bayesdamp.estimators.ESTIMATORS`, the eleven among them. options: its own, by name. Where the
     method cannot work on the record the outcome of its stage is the sentence. Raises InputError for misuse.
+
+    >>> import bayesdamp as bd
+    >>> signal = bd.simulate({"viscous": 0.05}, stiffness=20.0, duration=6.0, samples=150, noise_sd=0.003)
+    >>> model = bd.Model("viscous", noise="gaussian", known={"rest_angle": 0.0})
+    >>> found = bd.estimate(signal, "envelope", model)
+    >>> [round(stage.values["zeta"], 2) for stage in (found.initial, found.refined)]
+    [0.05, 0.05]
     """
     own = checked(signal, model)
     keep_programs()

@@ -58,6 +58,14 @@ def evidence(source: Posterior | Fit, method: str = "bridge", *, seed: int = 0) 
 
     method: a name in `bayesdamp.inference.evidence.EVIDENCES`: bridge, importance, nested, laplace. Where it cannot be
     computed the result's outcome is a sentence. Raises InputError for misuse.
+
+    >>> import bayesdamp as bd
+    >>> signal = bd.simulate({"viscous": 0.05}, stiffness=20.0, duration=6.0, samples=150, noise_sd=0.003)
+    >>> model = bd.Model("viscous", noise="gaussian", known={"rest_angle": 0.0})
+    >>> fit = bd.fit(signal, model)
+    >>> found = bd.evidence(fit, "laplace")
+    >>> found.outcome
+    'ok'
     """
     if not isinstance(source, Posterior | Fit):
         raise InputError(

@@ -237,6 +237,15 @@ def fit(
     start: parameter values by name, such as those of an estimate. With several noise models in play, the one of highest
     evidence is chosen under this model. seed: of the draws. Where the model cannot be fitted to this record the
     result's outcome is a sentence. Raises InputError for misuse, Refusal where model.deviation is not "none".
+
+    >>> import bayesdamp as bd
+    >>> signal = bd.simulate({"viscous": 0.05}, stiffness=20.0, duration=6.0, samples=150, noise_sd=0.003)
+    >>> model = bd.Model("viscous", noise="gaussian", known={"rest_angle": 0.0})
+    >>> found = bd.fit(signal, model)
+    >>> abs(found.values["zeta"] - 0.05) < 4 * found.sd["zeta"]
+    True
+    >>> found.units["zeta"]
+    '1/s'
     """
     own = checked(signal, model)
     refuse_deviation(model)

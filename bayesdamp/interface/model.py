@@ -43,6 +43,11 @@ class Model(Result):
     refused by what cannot say. amplitude, frequency: the reference that default priors scale with, unit of the
     displacement and rad/s; by default the system's where it is known, else the record's, to two digits.
     Raises InputError, one line with the nearest valid name, where it makes no sense.
+
+    >>> import bayesdamp as bd
+    >>> model = bd.Model("viscous+coulomb", restoring="pendulum", priors={"viscous": bd.HalfNormal(0.1)})
+    >>> model.name, model.terms
+    ('viscous+coulomb@pendulum', ('viscous', 'coulomb'))
     """
 
     damping: str

@@ -22,13 +22,14 @@ from bayesdamp.pipeline.candidates.averaging import average, averages
 from bayesdamp.pipeline.candidates.cells import Branch
 from bayesdamp.pipeline.keys import digest, task_key
 from bayesdamp.pipeline.many.many import joint_cells, populated, repeated
+from bayesdamp.pipeline.progress import REPORT, Step, progress_on, step_of
 from bayesdamp.pipeline.records.answering import ANSWERED, SAMPLED, AnswerCell, answers, verdict_of
 from bayesdamp.pipeline.records.noise import NoiseCell, has_noise_cell
 from bayesdamp.pipeline.records.records import SignalCell
 from bayesdamp.pipeline.spread import KILLED, restart, spread
 from bayesdamp.pipeline.tables.tables import write_tables
 from bayesdamp.pipeline.tables.verdicts import write_verdicts
-from bayesdamp.pipeline.workers import cache_compilations, pool_of, progress_bar
+from bayesdamp.pipeline.workers import cache_compilations, pool_of
 from bayesdamp.plugins import use
 from bayesdamp.sources import package_digest
 from bayesdamp.store import CellResult, Store
@@ -97,20 +98,20 @@ def run_study(
     pool: Executor | None = None,
     depth: Depth = Depth.WHOLE,
     answered: Callable[[Verdict], None] | None = None,
+    quiet: bool = False,
 ) -> int:
     """Run what `out` does not hold yet, write tables and report; the exit status (0, or 3 with failed cells).
 
     depth: where to stop; answered: told of each record's verdict as soon as it is there, and again once its motions
-    are sampled.
+    are sampled; quiet: without progress, but not without what failed.
     workers: processes on this machine, None for as many as there are cores; scheduler: address of a Dask
     scheduler in their place; pool: where jobs run, in place of either.
     Raises InputError where the input is wrong; every record is read before anything is written.
     """
-    use(study.plugins)
-    if console is None:
-        from rich.console import Console
+    from rich.console import Console
 
-        console = Console(stderr=True)
+    use(study.plugins)
+    console = console or Console(stderr=True)
     _read_inputs(study)
     store = Store(out)
     with store.lock():
@@ -119,29 +120,26 @@ def run_study(
         jobs = _jobs(study)
         branches = sum(job.model is not None for job in jobs)
         workers = workers or max(1, min(len(os.sched_getaffinity(0)), branches))
-        with progress_bar(console) as progress:
-            wanted = [job for job in jobs if _within(job, depth)]
-            names = [name for job in wanted for name in _work(study, store, job)]
-            bar, finished = progress.add_task(study.name, total=len(names)), set[str]()
-
-            def advance(done: list[str]) -> None:
-                finished.update(done)
-                progress.update(bar, completed=len(finished), description=done[-1] if done else study.name)
-
+        wanted = [job for job in jobs if _within(job, depth)]
+        names = [name for job in wanted for name in _work(study, store, job)]
+        with progress_on(Console(quiet=True) if quiet else console) as progress:
             with pool_of(workers, scheduler, pool) as pool:
                 if pool is not None:
                     pool.submit(_prepare)
                     threading.Thread(target=_prepare, daemon=True).start()
                 for stage in _stages(study, store, depth):
-                    _run_jobs(study, store, stage, pool, advance)
+                    if stage:
+                        progress.begin(step_of(study, stage))
+                    _run_jobs(study, store, stage, pool, lambda _: progress.advance())
                     if stage and stage[0].part in (ANSWERED, SAMPLED):
                         current = Store(out, _current(study, store))
                         _tell(study, current, answered)
                         if depth is not Depth.ANSWER:  # an answer is kept whatever becomes of the proof
                             write_verdicts(study, current)
-                progress.update(bar, description="report", completed=len(names))
+                progress.begin(Step(REPORT, "drawing the report", 1))
                 write_tables(study, Store(out, _current(study, store)))
                 _render(out, None if scheduler else pool)
+            progress.end()
         failed = [(n, c.outcome) for n, c in _results(store, names) if status_of(c.outcome) is Status.FAILED]
         for name, outcome in failed:
             console.print(f"{name}: {outcome}", style="red", highlight=False)

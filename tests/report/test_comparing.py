@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from pathlib import Path
 
 import pytest
@@ -109,3 +110,32 @@ def test_both_sections_are_in_the_report(folder):
         p.name for p in (folder / "figures").iterdir()
     }
     assert "77.6" not in page  # nothing is printed beside a method that the study's table does not name
+
+
+def test_a_study_with_published_figures_leads_with_its_two_tables(folder):
+    posterior = {
+        "signal": "viscous-twice", "repeat": 0, "model": "viscous", "restoring": "linear", "sampler": "nuts",
+        "parameter": "zeta", "unit": "1/s", "mean": 0.05, "q2.5": 0.049, "q97.5": 0.052, "outcome": "ok",
+    }  # fmt: skip
+    write_table(folder / "posteriors.csv", TABLES["posteriors.csv"], [posterior])
+    page = render(folder).read_text(encoding="utf-8")
+    first = page[page.index("<section") : page.index("</section>")]
+    assert 'id="published"' in first
+    text = re.sub(r"<[^>]+>", " ", first)
+    row = next(line for line in text.split("\n") if line.split()[:1] == ["genetic"])
+    assert row.split() == ["genetic", "4.0", "0.010", "~0", "4.0", "0.010", "~0"]
+    assert "−2.00 to +4.00" in text
+    assert "ζ 0.049 to 0.052 1/s (viscous-twice), truth 0.05" in text
+    assert "2–5 min" in text
+    # The interval of another damping, or of another truth, is not shown: Coulomb has none here.
+    assert text.count(" to +") == 1
+    assert page.count("Time for 2 signals together") == 1
+
+
+def test_a_study_without_published_figures_does_not(folder):
+    run = Run(folder)
+    info = {**run.info, "study": {**run.study, "published": []}}
+    write_json(folder / "run.json", info)
+    page = render(folder).read_text(encoding="utf-8")
+    assert 'id="published"' not in page
+    assert "Time for 8 signals together" in page

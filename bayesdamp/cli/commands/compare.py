@@ -12,7 +12,9 @@ from typing import Annotated
 import typer
 
 from bayesdamp.cli.asked import FIRST_WORDS, run_folder
+from bayesdamp.cli.options import READING, RUNNING, SAID, WEIGHED
 from bayesdamp.cli.options import bound as _bound
+from bayesdamp.cli.verdicts import verdicts_json
 from bayesdamp.machine.processes import processes
 from bayesdamp.types import InputError
 
@@ -20,86 +22,148 @@ from bayesdamp.types import InputError
 def compare(
     records: Annotated[list[Path], typer.Argument(metavar="RECORD...", help="Files of measured decays.")],
     angle: Annotated[
-        str | None, typer.Option(help="Column of the recorded quantity, by name or number from 1.")
+        str | None,
+        typer.Option(
+            help="Column of the recorded quantity, by name or number from 1.", rich_help_panel=READING
+        ),
     ] = None,
-    time: Annotated[str | None, typer.Option(help="Column of the times in s, by name or number.")] = None,
-    rate: Annotated[float | None, typer.Option(help="Sampling rate in Hz, for a file without times.")] = None,
+    time: Annotated[
+        str | None, typer.Option(help="Column of the times in s, by name or number.", rich_help_panel=READING)
+    ] = None,
+    rate: Annotated[
+        float | None,
+        typer.Option(help="Sampling rate in Hz, for a file without times.", rich_help_panel=READING),
+    ] = None,
     unit: Annotated[
         str | None,
         typer.Option(
             help="rad, deg, m, mm, V, g and others (a wrong one lists them): of the displacement itself, or g, rpm, "
-            "dps; else as the column's name says, else rad."
+            "dps; else as the column's name says, else rad.",
+            rich_help_panel=READING,
         ),
     ] = None,
     quantity: Annotated[
         str | None,
         typer.Option(
             help="angle, velocity, acceleration, or envelope (amplitude, power or level alone); else as the column's "
-            "name says, else angle."
+            "name says, else angle.",
+            rich_help_panel=READING,
         ),
     ] = None,
     frequency: Annotated[
         float | None,
-        typer.Option(help="Of the oscillation in Hz, for an envelope; else as the file's head says."),
+        typer.Option(
+            help="Of the oscillation in Hz, for an envelope; else as the file's head says.",
+            rich_help_panel=READING,
+        ),
     ] = None,
-    clock: Annotated[str, typer.Option(help="auto, as_logged or uniform.")] = "auto",
-    start: Annotated[str, typer.Option(help="Where the free decay starts, in s, or auto.")] = "auto",
-    stop: Annotated[str, typer.Option(help="Where it stops, in s, or auto.")] = "auto",
+    clock: Annotated[str, typer.Option(help="auto, as_logged or uniform.", rich_help_panel=READING)] = "auto",
+    start: Annotated[
+        str, typer.Option(help="Where the free decay starts, in s, or auto.", rich_help_panel=READING)
+    ] = "auto",
+    stop: Annotated[
+        str, typer.Option(help="Where it stops, in s, or auto.", rich_help_panel=READING)
+    ] = "auto",
     runs: Annotated[
-        str | None, typer.Option(help="Runs of a file that has several: 1,3-5; all by default.")
+        str | None,
+        typer.Option(help="Runs of a file that has several: 1,3-5; all by default.", rich_help_panel=READING),
     ] = None,
     channel: Annotated[
-        list[str] | None, typer.Option(help="A channel of a file that has several, may be given again.")
+        list[str] | None,
+        typer.Option(
+            help="A channel of a file that has several, may be given again.", rich_help_panel=READING
+        ),
     ] = None,
-    time_unit: Annotated[str | None, typer.Option(help="Unit of the times: s, ms, us, ns or min.")] = None,
+    time_unit: Annotated[
+        str | None, typer.Option(help="Unit of the times: s, ms, us, ns or min.", rich_help_panel=READING)
+    ] = None,
     restoring: Annotated[
-        list[str] | None, typer.Option(help="A restoring law to compare, may be given again; all by default.")
+        list[str] | None,
+        typer.Option(
+            help="A restoring law to compare, may be given again; all by default.", rich_help_panel=WEIGHED
+        ),
     ] = None,
     damping: Annotated[
-        list[str] | None, typer.Option(help="A damping sum to compare, may be given again; all by default.")
+        list[str] | None,
+        typer.Option(
+            help="A damping sum to compare, may be given again; all by default.", rich_help_panel=WEIGHED
+        ),
     ] = None,
-    noise: Annotated[str, typer.Option(help="A noise model, or auto: chosen for each record.")] = "auto",
+    noise: Annotated[
+        str, typer.Option(help="A noise model, or auto: chosen for each record.", rich_help_panel=WEIGHED)
+    ] = "auto",
     repeats: Annotated[
         bool,
         typer.Option(
-            "--repeats", help="The records are of one specimen: fit them jointly, each from its own start."
+            "--repeats",
+            help="The records are of one specimen: fit them jointly, each from its own start.",
+            rich_help_panel=WEIGHED,
         ),
     ] = False,
-    seed: Annotated[int, typer.Option(min=0, help="Every random number follows from it.")] = 0,
-    out: Annotated[Path | None, typer.Option(help="The folder to write; reports/NAME by default.")] = None,
+    seed: Annotated[
+        int, typer.Option(min=0, help="Every random number follows from it.", rich_help_panel=WEIGHED)
+    ] = 0,
+    out: Annotated[
+        Path | None,
+        typer.Option(help="The folder to write; reports/NAME by default.", rich_help_panel=RUNNING),
+    ] = None,
     workers: Annotated[
-        int | None, typer.Option(min=1, help="Processes; as many as cores by default.")
+        int | None,
+        typer.Option(min=1, help="Processes; as many as cores by default.", rich_help_panel=RUNNING),
     ] = None,
     plugin: Annotated[
         list[Path] | None,
-        typer.Option(help="A Python file with plug-ins of your own; may be given again."),
+        typer.Option(
+            help="A Python file with plug-ins of your own; may be given again.", rich_help_panel=WEIGHED
+        ),
     ] = None,
-    fresh: Annotated[bool, typer.Option("--fresh", help="Compute everything again.")] = False,
+    fresh: Annotated[
+        bool, typer.Option("--fresh", help="Compute everything again.", rich_help_panel=RUNNING)
+    ] = False,
     quick: Annotated[
-        bool, typer.Option("--quick", help="Only the answer, within seconds; no sampling to confirm it.")
+        bool,
+        typer.Option(
+            "--quick",
+            help="Only the answer, within seconds; no sampling to confirm it.",
+            rich_help_panel=RUNNING,
+        ),
     ] = False,
     exact: Annotated[
         bool,
         typer.Option(
             "--exact",
             help="Also a second opinion under laws that hold exactly: NUTS, bridge sampling; minutes.",
+            rich_help_panel=RUNNING,
         ),
     ] = False,
     deviation: Annotated[
-        str, typer.Option(help="auto or law: laws may hold approximately; none: they hold exactly.")
+        str,
+        typer.Option(
+            help="auto or law: laws may hold approximately; none: they hold exactly.", rich_help_panel=WEIGHED
+        ),
     ] = "auto",
     sensor: Annotated[
-        float, typer.Option(help="The sensor's relative linearity, a floor of every rate.")
+        float,
+        typer.Option(help="The sensor's relative linearity, a floor of every rate.", rich_help_panel=WEIGHED),
     ] = 0.002,
+    quiet: Annotated[
+        bool,
+        typer.Option("--quiet", "-q", help="The answer and what failed; nothing else.", rich_help_panel=SAID),
+    ] = False,
+    as_json: Annotated[
+        bool,
+        typer.Option("--json", help="The verdicts as JSON, as in verdict.json.", rich_help_panel=SAID),
+    ] = False,
 ) -> int:
     """Say which damping records have, how large it is, how well its law holds, and how sure that is."""
     from bayesdamp.envelope.command import compare_envelopes, recognised
 
     if recognised(records, angle, unit, quantity):
-        return compare_envelopes(
+        written: list[Path] = []
+        status = compare_envelopes(
             records,
-            folder=lambda name: run_folder(out, name),
-            say=typer.echo,
+            folder=lambda name: written.append(run_folder(out, name)) or written[-1],
+            say=(lambda _: None) if as_json else typer.echo,
             time=time,
             value=angle,
             rate=rate,
@@ -110,6 +174,9 @@ def compare(
             repeats=repeats,
             seed=seed,
         )
+        if as_json:
+            typer.echo(verdicts_json(written[-1]))
+        return status
     if frequency is not None:
         raise InputError("--frequency: is for envelopes; give --quantity envelope, or leave it out")
     from bayesdamp.cli.asking import Options, as_signals, chosen_records, first_words_on
@@ -121,7 +188,7 @@ def compare(
         time, angle, rate, time_unit, unit, quantity, clock, *bounds, runs, tuple(channel or ())
     )
     found, said = chosen_records(records, reading)
-    for line in said:
+    for line in said if not quiet else ():
         typer.echo(line, err=True)
     with _early_processes(workers, damping or (), restoring or ()) as pool:
         from rich.console import Console
@@ -139,7 +206,7 @@ def compare(
             deviation=deviation,
             sensor=sensor,
         )
-        if len(found) <= FIRST_WORDS:
+        if len(found) <= FIRST_WORDS and not quiet:
             for line in first_words_on(found, reading):
                 typer.echo(line, err=True)
         folder = run_folder(out, made.name)
@@ -151,9 +218,12 @@ def compare(
         depth = Depth.ANSWER if quick else Depth.WHOLE if exact else Depth.SAMPLED
         status = run_study(
             made, folder, workers=workers, fresh=fresh, console=console, pool=pool, depth=depth,
-            answered=Told(Console()),
+            answered=None if as_json else Told(Console()), quiet=quiet,
         )  # fmt: skip
-    conclude(folder, Console())
+    if as_json:
+        typer.echo(verdicts_json(folder))
+    else:
+        conclude(folder, Console())
     return status
 
 

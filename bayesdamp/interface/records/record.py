@@ -141,6 +141,17 @@ def read(
     file has two columns, or one and a `rate`. rate: sampling rate in Hz, for a file without times. unit, quantity: of
     the values, as in `signal`; by default what the column's name says (`Angle(deg)`, `acc (g)`), else an angle in rad.
     Raises InputError, one line, for all that is wrong with the file or the request.
+
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> import numpy as np
+    >>> import bayesdamp as bd
+    >>> t = np.linspace(0.0, 6.0, 150)
+    >>> path = Path(tempfile.mkdtemp()) / "rig.csv"
+    >>> np.savetxt(path, np.c_[t, 17 * np.exp(-0.05 * t) * np.cos(4.47 * t)], header="t,phi (deg)", delimiter=",")
+    >>> signal = bd.read(path).signal()
+    >>> round(abs(signal.y).max().item(), 2)  # rad
+    0.3
     """
     path = Path(path)
     try:

@@ -125,6 +125,14 @@ def signal(
     cleaned: whether the free decay is cut out, as `read` does it (clock, start and stop as there); else the arrays are
     taken as they are, in SI units, with times from the first sample on.
     Raises InputError, one line, where the arrays are no record or nothing oscillates.
+
+    >>> import numpy as np
+    >>> import bayesdamp as bd
+    >>> t = np.linspace(0.0, 6.0, 150)
+    >>> noise = 0.001 * np.random.default_rng(0).standard_normal(t.size)
+    >>> signal = bd.signal(t, 0.3 * np.exp(-0.05 * t) * np.cos(4.47 * t) + noise)
+    >>> signal.t.size, signal.y_unit
+    (150, 'rad')
     """
     times, values = _vectors(t, y, name)
     if unit not in UNITS:

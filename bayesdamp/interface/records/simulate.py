@@ -49,6 +49,11 @@ def simulate(
     the unit of the quantity. outliers: how many, or their share below 1; gaps: stretches without samples. seed: of all
     random numbers. The signal holds nothing of the truth. For a trajectory alone see `trajectory`.
     Raises InputError, one line.
+
+    >>> import bayesdamp as bd
+    >>> signal = bd.simulate({"viscous": 0.05}, "pendulum", stiffness=20.0, duration=6.0, samples=150)
+    >>> signal.t[-1].item(), round(signal.y[0].item(), 3)
+    (6.0, 0.3)
     """
     if restoring not in LAWS.names():
         raise InputError(f"simulate: unknown restoring law {restoring!r}{nearest(restoring, LAWS.names())}")

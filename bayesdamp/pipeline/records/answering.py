@@ -138,6 +138,7 @@ def _kept(damping: str, restoring: str, posterior: Posterior) -> dict[str, objec
         "restoring": restoring,
         "parameters": {n: dict(row) for n, row in posterior.parameters.items()},
         "deviation": list(posterior.deviation),
+        "unexplained": posterior.unexplained,
         "log_evidence": posterior.log_evidence,
         "stderr": posterior.stderr,
         "acceptance": posterior.acceptance,

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from bayesdamp.config import Recording, SignalSpec, Simulation, Study
+from bayesdamp.config.again import asked
 from bayesdamp.config.signals import damping_order
 from bayesdamp.outcomes import Status, status_of
 from bayesdamp.physics.damping import TERMS
@@ -20,6 +21,7 @@ from bayesdamp.pipeline.records.answering import SAMPLED
 from bayesdamp.pipeline.tables.specimen_tables import write_specimen_tables
 from bayesdamp.pipeline.tables.verdicts import write_verdicts
 from bayesdamp.store import TABLES, CellResult, Store, provenance, write_json, write_table
+from bayesdamp.store.columns import SCHEMA
 from bayesdamp.types import OK, candidate_name, candidate_parts
 from bayesdamp.units import UNITS, quantity_unit
 
@@ -205,6 +207,7 @@ def _fits(study: Study, store: Store) -> Iterator[Row]:
         if one is not None:
             names = ("deviation_low", "deviation", "deviation_high")
             row |= dict(zip(names, one["deviation"], strict=True))
+            row["unexplained_pct"] = 100 * one["unexplained"]
         if cell is not None and cell.outcome == OK:
             factor = 1.0 / UNITS[spec.source.unit].factor
             row |= {"rms": cell.meta["rms"] * factor}
@@ -257,6 +260,8 @@ def _run(study: Study, store: Store) -> Row:
         "description": study.description,
         "seed": study.seed,
         "study": study.resolved(),
+        "asked": asked(study, store.folder),
+        "schema": SCHEMA,
         **found,
         "seconds": seconds,
         **({"cells": dict(store.only)} if store.only is not None else {}),

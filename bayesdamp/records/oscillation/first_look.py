@@ -94,6 +94,11 @@ def first_words(signal: Signal) -> FirstWords:
     A smooth curve is fitted to the log of the distances of turning points from the midline, robustly; its slope gives
     the damping, and the scatter about it, or the noise if that is larger, the errors. Raises Refusal where the record
     does not oscillate.
+
+    >>> import bayesdamp as bd
+    >>> signal = bd.simulate({"viscous": 0.05}, stiffness=20.0, duration=10.0, samples=400, noise_sd=0.003)
+    >>> round(bd.first_words(signal).frequency, 2)  # Hz
+    0.71
     """
     seen = features(signal)
     if seen.turning_times.size < 3:

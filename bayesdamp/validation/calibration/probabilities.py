@@ -21,12 +21,14 @@ EDGES = (0.0, 0.3, 0.5, 0.7, 0.9, 0.99, 1.0)
 """Bins of the highest probability."""
 
 Row = dict[str, Any]
+RECORD_COLUMNS = ("series", "record", "noise", "cycles", "loss", "model", "outcome", "doubts")
+"""Of recovery.csv; a column for each damping sum follows."""
 
 
 def record_table(found: Mapping[str, Sequence[CellResult]]) -> tuple[tuple[str, ...], Iterator[Row]]:
     """Columns and rows of recovery.csv: every record that was tried, and the probability of each model."""
     models = dict.fromkeys(m for chunks in found.values() for m in chunks[0].meta["models"])
-    columns = ("series", "record", "noise", "cycles", "loss", "model", "outcome", "doubts", *models)
+    columns = (*RECORD_COLUMNS, *models)
     return columns, _rows(found)
 
 

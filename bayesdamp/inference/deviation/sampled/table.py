@@ -18,11 +18,13 @@ QUANTILES = {"q2.5": 0.025, "q25": 0.25, "median": 0.5, "q75": 0.75, "q97.5": 0.
 @dataclass(frozen=True)
 class Posterior:
     """One candidate, sampled. parameters: name to mean, sd, sd_noise, sd_law, quantiles and the shortest interval;
-    deviation: of the damping law, energy-weighted, (2.5 %, median, 97.5 %). draws: (n, p), in the order of
+    deviation: of the damping law, energy-weighted, (2.5 %, median, 97.5 %); unexplained: root mean square of what the
+    plain fit leaves beyond noise, as a share of the amplitude. draws: (n, p), in the order of
     `parameters`; evidence and its standard error in nats; acceptance and temperatures of the sampler."""
 
     parameters: Mapping[str, Mapping[str, float]]
     deviation: tuple[float, float, float]
+    unexplained: float
     draws: np.ndarray
     log_evidence: float
     stderr: float
@@ -46,7 +48,7 @@ def posterior_of(weighing: Weighing, result: Result, found: Sampled) -> Posterio
     noise = noise * np.sqrt(weighing.variance / result.exact_variance)
     rows = {name: summary(values[:, i], float(noise[i])) for i, name in enumerate(parameters.free_names)}
     return Posterior(
-        rows, _deviation(weighing, result, found), values, found.log_evidence, found.stderr, found.acceptance,
+        rows, _deviation(weighing, result, found), _unexplained(weighing, result), values, found.log_evidence, found.stderr, found.acceptance,
         found.temperatures,
     )  # fmt: skip
 
@@ -83,3 +85,12 @@ def _deviation(weighing: Weighing, result: Result, found: Sampled) -> tuple[floa
     sizes = np.abs(g - (g @ weight)[:, None]) @ weight
     low, middle, high = (float(q) for q in np.quantile(sizes, (0.025, 0.5, 0.975)))
     return low, middle, high
+
+
+def _unexplained(weighing: Weighing, result: Result) -> float:
+    about, residual = result.about, result.fit.residual
+    if about is None:
+        return 0.0
+    clean = float(about.left @ about.left) / max(residual.size - about.u.size, 1)
+    rest = max(float(residual @ residual) / residual.size - clean, 0.0)
+    return float(np.sqrt(rest)) / weighing.data.recorded_amplitude

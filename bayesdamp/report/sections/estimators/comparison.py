@@ -18,6 +18,7 @@ from bayesdamp.report.results.comparing import STAGES, Comparison, compared, tru
 from bayesdamp.report.results.reading import damping_parameters, truth
 from bayesdamp.report.results.run import Run
 from bayesdamp.report.sections._section import Section
+from bayesdamp.report.sections.estimators.published import times
 from bayesdamp.types import OK
 
 
@@ -39,7 +40,8 @@ class ComparisonSection(Section):
         if not found.errors:
             return Markup("<p>No estimator has an error to compare in this study.</p>")
         known = true_models(run)
-        parts: list[object] = [_errors(found)]
+        # A study with published figures leads with these two tables.
+        parts: list[object] = [] if found.published else [_errors(found)]
         figures = run.drawings
         caption = "Mean error of every method over the signals, at both stages"
         said = caption + (", and the published mean." if found.published else ".")
@@ -49,7 +51,7 @@ class ComparisonSection(Section):
         )
         said = "Errors by category; each point is one method, the line a category's median. Dashed: 0.1 %."
         parts.append(figures.add("categories", said, lambda: categories(found)))
-        parts.append(_times(found))
+        parts += [] if found.published else [times(found)]
         own = damping_parameters(run)
         singles = {s: known[s] for s in found.signals if known[s] in own}
         truths = {s: truth(run, s, own[m]) for s, m in singles.items()}
@@ -64,10 +66,9 @@ class ComparisonSection(Section):
 
 
 def _errors(found: Comparison) -> Table:
-    with_printed = bool(found.published)
     headers = ["method"]
     for signal in found.signals:
-        headers += [signal, "refined"] + (["printed"] if with_printed else [])
+        headers += [signal, "refined"]
     lines = []
     for method in found.methods:
         cells = [words.method(method)]
@@ -76,8 +77,6 @@ def _errors(found: Comparison) -> Table:
                 error = found.errors.get((method, signal, stage), math.nan)
                 outcome = found.outcomes.get((method, signal, stage), OK)
                 cells.append(words.short(error) + ("*" if outcome != OK and math.isfinite(error) else ""))
-            if with_printed:
-                cells.append(found.published.get((method, signal), words.NONE))
         lines.append(Line(cells))
     starred = any(o != OK for o in found.outcomes.values())
     note = (
@@ -85,21 +84,8 @@ def _errors(found: Comparison) -> Table:
         if starred
         else ""
     )
-    said = "Errors in per cent of the truth: the initial stage under the signal's name, the refined one"
-    said += ", and as published (the paper's Table 2)." if with_printed else "."
+    said = "Errors in per cent of the truth: the initial stage under the signal's name, the refined one."
     return Table(headers, lines, frozenset({0}), said + note)
-
-
-def _times(found: Comparison) -> Table:
-    lines = []
-    for method in found.methods:
-        seconds = [found.seconds.get((method, stage), math.nan) for stage in STAGES]
-        printed = [found.times.get(method, words.NONE)] if found.times else []
-        lines.append(Line([words.method(method), *map(words.duration, seconds), *printed]))
-    headers = ["method", "initial", "refined", *(["published"] if found.times else [])]
-    many = f"{len(found.signals)} signals" if len(found.signals) > 1 else "the signal"
-    said = f"Time for {many} together, compilation included where it fell due (the paper's Table 3)."
-    return Table(headers, lines, frozenset({0}), said)
 
 
 def _finals(run: Run, found: Comparison, truths: dict[str, float], models: dict[str, str]) -> Markup:

@@ -1,0 +1,34 @@
+"""`bayesdamp completion`: what a shell needs to complete commands and options."""
+
+from __future__ import annotations
+
+import os
+from typing import Annotated
+
+import typer
+
+from bayesdamp.plugins import nearest
+from bayesdamp.types import InputError
+
+SHELLS = ["bash", "zsh", "fish"]
+VARIABLE = "_BAYESDAMP_COMPLETE"
+
+
+def completion(
+    shell: Annotated[str, typer.Argument(metavar="SHELL", help="bash, zsh or fish.")],
+) -> int:
+    """Print the shell's completion script."""
+    from typer.completion import get_completion_script  # pyright: ignore[reportPrivateImportUsage]
+
+    if shell not in SHELLS:
+        raise InputError(f"completion {shell}: unknown shell{nearest(shell, SHELLS)}")
+    typer.echo(get_completion_script(prog_name="bayesdamp", complete_var=VARIABLE, shell=shell))
+    return 0
+
+
+def prepare() -> None:
+    """Let a shell that asks be answered."""
+    if VARIABLE in os.environ:
+        from typer.completion import completion_init  # pyright: ignore[reportPrivateImportUsage]
+
+        completion_init()

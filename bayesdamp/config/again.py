@@ -1,0 +1,72 @@
+"""A run's run.json as the study that it was: the same question, asked again."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from bayesdamp.config.checks import StudyError
+from bayesdamp.types import InputError
+
+if TYPE_CHECKING:
+    from bayesdamp.config.load import Study
+    from bayesdamp.plugins import PluginModule
+
+
+@dataclass(frozen=True)
+class Asked:
+    """What a run was asked. tables: those of its study file; beside: the folder in which its files are looked for."""
+
+    tables: Mapping[str, Any]
+    beside: Path
+
+
+def asked(study: Study, folder: Path) -> dict[str, Any]:
+    """As run.json in a run's folder holds it. The way to the study's files is relative: both move together."""
+    beside = Path(os.path.relpath(study.source.parent.resolve(), folder.resolve())).as_posix()
+    return {"tables": dict(study.tables), "beside": beside}
+
+
+def read_asked(path: Path) -> Asked:
+    """What a run.json says was asked. Raises StudyError where it is none, or where an input is not what it was."""
+    try:
+        run = json.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise StudyError("", "there is no such file; give a study file (TOML), or a run's run.json") from None
+    except (OSError, UnicodeDecodeError, ValueError):
+        raise StudyError("", "is no JSON; give a study file (TOML), or a run's run.json") from None
+    found = run.get("asked") if isinstance(run, dict) else None
+    if not isinstance(found, dict) or not isinstance(found.get("tables"), dict):
+        what = "does not hold the study that it was made from"
+        raise StudyError("", f"{what}; give that study file (TOML), or a run.json of this version")
+    tables = {"name": run.get("name"), **found["tables"]}
+    return Asked(tables, _folder(path.parent, str(found.get("beside", ".")), run.get("inputs", {})))
+
+
+def same_plugins(path: Path, modules: Sequence[PluginModule]) -> None:
+    """Raises InputError where a run had plug-ins that are not among these as they were."""
+    had = json.loads(path.read_text(encoding="utf-8")).get("study", {}).get("plugins", ())
+    for one in had:
+        if one["sha256"] not in {m.digest for m in modules}:
+            raise InputError(
+                f"the run had the plug-in {one['file']}, which is missing or has changed; give it with --plugin"
+            )
+
+
+def _folder(folder: Path, beside: str, inputs: Mapping[str, str]) -> Path:
+    """Where the run's inputs lie: where they were, else in the run's folder, else here. Raises StudyError."""
+    places = (folder / beside, folder, Path())
+    for name, digest in inputs.items():
+        there = [place / name for place in places if (place / name).is_file()]
+        if not there:
+            raise StudyError("", f"{name} is not there any more; put the file of that run beside it")
+        if hashlib.sha256(there[0].read_bytes()).hexdigest() != digest:
+            raise StudyError("", f"{name} is another file than the run was made from; put that one beside it")
+    if not inputs:
+        return places[0] if places[0].is_dir() else folder
+    return next((place for place in places if all((place / name).is_file() for name in inputs)), places[0])

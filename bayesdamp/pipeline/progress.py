@@ -1,0 +1,206 @@
+"""What is shown while a run goes on: the step in a user's words, and the time that it has left."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import math
+import os
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from platformdirs import user_cache_dir
+
+from bayesdamp.types import candidate_parts
+
+if TYPE_CHECKING:
+    from rich.console import Console
+    from rich.progress import Task
+
+    from bayesdamp.config import Study
+    from bayesdamp.pipeline.run import Job
+
+PLAIN = 15.0
+"""Seconds between lines of one step where there is no terminal (conventional)."""
+NOTHING = 0.2
+"""Seconds for a job below which it is taken to have been done before (conventional)."""
+REPORT = "report"
+
+
+@dataclass(frozen=True)
+class Step:
+    """Jobs that run side by side. kind: of which they are, by which the time of one is remembered."""
+
+    kind: str
+    words: str
+    jobs: int
+
+
+def step_of(study: Study, jobs: list[Job]) -> Step:
+    """A stage of a study in words."""
+    job = jobs[0]
+    records = counted(len({(j.signal, j.repeat) for j in jobs}), "record")
+    if job.part == "read":
+        return Step("read", f"reading {records}", len(jobs))
+    if job.part == "answer":
+        specs = [s for s in study.signals if s.name in {j.signal for j in jobs}]
+        sums = counted(max(len(study.dampings(s)) for s in specs), "damping model")
+        laws = counted(max(len(s.restoring) for s in specs), "restoring law")
+        of = f" for {records}" if len(jobs) > 1 else ""
+        return Step("answer", f"weighing {sums} under {laws}{of}", len(jobs))
+    if job.part == "sampled":
+        return Step("sampled", f"sampling the likeliest damping models of {records}", len(jobs))
+    if job.law is not None:
+        laws = counted(len({j.law for j in jobs}), "restoring law")
+        return Step("law", f"fitting {records} under {laws} to see the noise", len(jobs))
+    joined = {
+        "noise": f"choosing the noise of {records}",
+        "average": "averaging over damping models",
+        "specimen": f"joining the records of {counted(len(jobs), 'specimen')}",
+        "population": "comparing the specimens",
+    }
+    if job.joined:
+        return Step(job.joined, joined[job.joined], len(jobs))
+    return Step(job.part or "model", f"{_DOING[job.part]} {_models(jobs)} on {records}", len(jobs))
+
+
+_DOING = {
+    None: "estimating, fitting, sampling",
+    "look": "estimating and fitting",
+    "weigh": "weighing more closely",
+    "sample": "sampling",
+    "depend": "trying other priors and half the record with",
+}
+
+
+def _models(jobs: list[Job]) -> str:
+    sums = {candidate_parts(j.model)[0] for j in jobs if j.model}
+    return counted(len(sums), "damping model")
+
+
+def counted(number: int, what: str) -> str:
+    return f"{number} {what}{'' if number == 1 else 's'}"
+
+
+def left_words(seconds: float) -> str:
+    """Time left, as coarse as it is known."""
+    if math.isnan(seconds):
+        return ""
+    if seconds < 1.5:
+        return "a moment left"
+    if seconds < 90:
+        return f"{round(seconds) if seconds < 10 else 5 * round(seconds / 5)} s left"
+    if seconds < 5400:
+        return f"{round(seconds / 60)} min left"
+    return f"{seconds / 3600:.1f} h left"
+
+
+class Pace:
+    """Seconds that a job of each kind takes on this machine, kept from run to run in the user's cache."""
+
+    def __init__(self, path: Path | None = None) -> None:
+        home = Path(os.environ.get("BAYESDAMP_CACHE") or user_cache_dir("bayesdamp"))
+        self.path = path or home / "pace.json"
+        self._seconds: dict[str, float] = {}
+        with contextlib.suppress(OSError, ValueError):
+            found = json.loads(self.path.read_text(encoding="utf-8"))
+            self._seconds = {str(k): float(v) for k, v in found.items()}
+
+    def of(self, kind: str) -> float:
+        """Wall seconds for a job, NaN where none was seen."""
+        return self._seconds.get(kind, math.nan)
+
+    def learn(self, kind: str, seconds: float) -> None:
+        """Take what a job of this kind took, half by half with what was known."""
+        if seconds < NOTHING:
+            return
+        known = self.of(kind)
+        self._seconds[kind] = seconds if math.isnan(known) else 0.5 * (known + seconds)
+        partial = self.path.with_name(f".pace.{os.getpid()}")
+        with contextlib.suppress(OSError):
+            self.path.parent.mkdir(parents=True, exist_ok=True)
+            partial.write_text(json.dumps(self._seconds), encoding="utf-8")
+            partial.replace(self.path)
+
+
+class Progress:
+    """One step after the other. show: told of a step's words and the time that it has left."""
+
+    def __init__(self, show: Callable[[Progress], None], pace: Pace | None = None) -> None:
+        self._show, self._pace = show, pace or Pace()
+        self.step = Step("", "", 0)
+        self.done = 0
+        self._began = time.monotonic()
+
+    def begin(self, step: Step) -> None:
+        """The next step; the one before is over."""
+        self.end()
+        self.step, self.done, self._began = step, 0, time.monotonic()
+        self._show(self)
+
+    def advance(self) -> None:
+        """One job of the step is done."""
+        self.done += 1
+        self._show(self)
+
+    def end(self) -> None:
+        """The step is over."""
+        if self.step.jobs:
+            self._pace.learn(self.step.kind, (time.monotonic() - self._began) / self.step.jobs)
+        self.step = Step("", "", 0)
+
+    def left(self) -> float:
+        """Seconds that the step has left, by its own pace or that of earlier runs; NaN where neither is known."""
+        gone = time.monotonic() - self._began
+        each = self._pace.of(self.step.kind)
+        if self.done:
+            return gone / self.done * (self.step.jobs - self.done)
+        return each * self.step.jobs - gone if each * self.step.jobs > gone else math.nan
+
+    def line(self) -> str:
+        """The step and the time left."""
+        return ", ".join(filter(None, (self.step.words, left_words(self.left()))))
+
+
+@contextmanager
+def progress_on(console: Console) -> Iterator[Progress]:
+    """A moving line on a terminal, plain lines elsewhere, nothing on a quiet console."""
+    if not console.is_terminal:
+        yield _plain(console)
+        return
+    from rich.progress import BarColumn, ProgressColumn, TimeElapsedColumn
+    from rich.progress import Progress as Bar
+    from rich.text import Text
+
+    class Line(ProgressColumn):
+        """Drawn anew as time goes."""
+
+        max_refresh = 0.5
+
+        def render(self, task: Task) -> Text:
+            return Text(found.line())
+
+    with Bar(Line(), BarColumn(bar_width=20), TimeElapsedColumn(), console=console, transient=True) as bar:
+        task = bar.add_task("", total=None)
+        found = Progress(lambda p: bar.update(task, total=p.step.jobs or None, completed=p.done))
+        yield found
+        found.end()
+
+
+def _plain(console: Console) -> Progress:
+    last = [-math.inf, ""]
+
+    def show(progress: Progress) -> None:
+        new = progress.step.words != last[1]
+        over = progress.done == progress.step.jobs
+        if progress.step.kind != "read" and (
+            new or (not over and time.monotonic() - float(last[0]) >= PLAIN)
+        ):
+            console.print(progress.line(), soft_wrap=True, highlight=False, markup=False)
+            last[:] = [time.monotonic(), progress.step.words]
+
+    return Progress(show)

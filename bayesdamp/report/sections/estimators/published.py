@@ -1,0 +1,137 @@
+"""What a study with published figures was made for: method by damping, beside what was printed."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from markupsafe import Markup
+
+from bayesdamp.report import words
+from bayesdamp.report.html import Line, Table, fill
+from bayesdamp.report.results.comparing import STAGES, Comparison, compared, true_models
+from bayesdamp.report.results.reading import damping_parameters, truth
+from bayesdamp.report.results.run import Row, Run, rows_of
+from bayesdamp.report.sections._section import Section
+from bayesdamp.types import OK
+
+OWN, REFINED = STAGES
+
+
+class PublishedSection(Section):
+    """The two tables of the publication, errors and times, measured: the first thing that its study shows."""
+
+    order = 3
+    name = "published"
+    title = "Method by damping"
+
+    def applies(self, run: Run) -> bool:
+        return bool(run.study.get("published")) and bool(compared(run).errors)
+
+    def render(self, run: Run) -> str:
+        found = compared(run)
+        posteriors = {s: posterior_of(run, s) for s in found.signals}
+        parts = [Markup("<p>{}</p>").format(lead(found)), errors(run, found, posteriors)]
+        parts += [Markup("<p>{}</p>").format(line) for line in _intervals(run, posteriors)]
+        return fill("stack.html", parts=[*parts, times(found)])
+
+
+def lead(found: Comparison) -> str:
+    """What the first table says, in a sentence or two."""
+    own = {key: e for key, e in found.errors.items() if key[2] == OWN}
+    refined = [e for key, e in found.errors.items() if key[2] == REFINED]
+    said = []
+    if refined:
+        said.append(
+            f"Refined, every method is within {words.short(max(refined))} % of the truth: the fit of the trajectory "
+            "has one optimum, whatever starts it. Methods differ in their own estimates."
+        )
+    if own:
+        worst = max(own, key=lambda key: own[key])
+        said.append(
+            f"The largest error of these is {words.short(own[worst])} % ({words.method(worst[0])}, {worst[1]})."
+        )
+    return " ".join(said)
+
+
+def errors(run: Run, found: Comparison, posteriors: dict[str, Row | None]) -> Table:
+    """Errors in per cent by method and signal; in the last line the posterior's interval about the truth."""
+    headers, lines = ["method"], []
+    for signal in found.signals:
+        headers += [signal, "refined", "published"]
+    for method in found.methods:
+        cells = [words.method(method)]
+        for signal in found.signals:
+            for stage in STAGES:
+                error = found.errors.get((method, signal, stage), math.nan)
+                doubted = found.outcomes.get((method, signal, stage), OK) != OK and math.isfinite(error)
+                cells.append(words.short(error) + ("*" if doubted else ""))
+            cells.append(found.published.get((method, signal), words.NONE))
+        lines.append(Line(cells))
+    if any(posteriors.values()):
+        last = ["posterior, 95 %"]
+        for signal in found.signals:
+            last += ["", _about(run, signal, posteriors[signal]), ""]
+        lines.append(Line(last, "best"))
+    said = "Errors in per cent of the truth: under the signal's name the method's own estimate, then the trajectory "
+    said += "fit that starts there, then what was published."
+    if any(posteriors.values()):
+        said += " Last line: the posterior's 95 % interval about the truth, in per cent, from a record with noise."
+    if any(o != OK for o in found.outcomes.values()):
+        said += " *: the method itself doubts this answer; its sentence stands below."
+    return Table(headers, lines, frozenset({0}), said)
+
+
+def times(found: Comparison) -> Table:
+    """Seconds by method."""
+    lines = []
+    for method in found.methods:
+        seconds = [found.seconds.get((method, stage), math.nan) for stage in STAGES]
+        printed = [found.times.get(method, words.NONE)] if found.times else []
+        lines.append(Line([words.method(method), *map(words.duration, seconds), *printed]))
+    headers = ["method", "own estimate", "refined", *(["published"] if found.times else [])]
+    many = f"{len(found.signals)} signals" if len(found.signals) > 1 else "the signal"
+    said = f"Time for {many} together, compilation included where it fell due."
+    return Table(headers, lines, frozenset({0}), said)
+
+
+def posterior_of(run: Run, signal: str) -> Row | None:
+    """The posterior of the coefficient of a signal's own damping: its own, else that of the first signal that was
+    simulated with the same damping and has one."""
+    known = true_models(run)
+    parameter = damping_parameters(run).get(known[signal])
+    alike: Sequence[str] = [
+        signal,
+        *(s for s in run.signals if s != signal and known.get(s) == known[signal]),
+    ]
+    for name in alike if parameter else ():
+        if truth(run, name, str(parameter)) != truth(run, signal, str(parameter)):
+            continue
+        for row in rows_of(run.posteriors, signal=name, model=known[signal], parameter=parameter):
+            if math.isfinite(row["q2.5"]) and math.isfinite(row["q97.5"]):
+                return row
+    return None
+
+
+def _about(run: Run, signal: str, row: Row | None) -> str:
+    if row is None:
+        return words.NONE
+    value = truth(run, signal, row["parameter"])
+    if not math.isfinite(value) or not value:
+        return words.NONE
+    return " to ".join(f"{100 * (row[q] / value - 1):+.2f}".replace("-", "−") for q in ("q2.5", "q97.5"))
+
+
+def _intervals(run: Run, posteriors: dict[str, Row | None]) -> list[str]:
+    """The intervals as values."""
+    said = [_interval(row, truth(run, signal, row["parameter"])) for signal, row in posteriors.items() if row]
+    return [f"95 % intervals of the posteriors: {'; '.join(said)}."] if said else []
+
+
+def _interval(row: Row, value: float) -> str:
+    symbol = words.symbol(row["parameter"]).text
+    low, high = (f"{row[q]:.5g}" for q in ("q2.5", "q97.5"))
+    return f"{symbol} {low} to {high} {row['unit']} ({row['signal']}), truth {value:g}"
+
+
+PLUGIN = PublishedSection()

@@ -1,0 +1,154 @@
+"""Tables of the site that follow from elsewhere: measurements in reports/, the dictionary of columns.
+
+Written anew at each build.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+
+import pandas as pd
+
+from bayesdamp import store
+from bayesdamp.envelope.report.tables import COLUMNS as ENVELOPES
+from bayesdamp.store.columns import SCHEMA, described
+from bayesdamp.validation.calibration.probabilities import RECORD_COLUMNS
+from bayesdamp.validation.calibration.tables import COLUMNS as CHECKS
+from bayesdamp.validation.calibration.tables import RANK_COLUMNS
+
+DAMPINGS = {"viscous": "zeta", "coulomb": "mu_c", "quadratic": "mu_q"}
+SETTINGS = {
+    "noise-0p1": "0.1 %",
+    "base": "1 %",
+    "noise-3p0": "3 %",
+    "noise-10p0": "10 %",
+    "sampling-10": "10 samples a period",
+    "length-1p5": "1.5 periods",
+}
+"""Cells of studies/noise.toml, and what they change."""
+
+
+WRITTEN: Mapping[str, Sequence[str]] = {
+    **store.TABLES,
+    "verdicts.csv": store.VERDICTS,
+    "verdicts.csv of envelopes": ENVELOPES,
+    **store.SPECIMEN_TABLES,
+    "calibration.csv": CHECKS,
+    "ranks.csv": RANK_COLUMNS,
+    "recovery.csv": RECORD_COLUMNS,
+}
+"""Every table that a run may write, and its columns."""
+
+
+def markdown(header: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
+    """A table in Markdown."""
+    head = list(header)
+    lines = [head, ["---"] * len(head), *rows]
+    return "\n".join("| " + " | ".join(line) + " |" for line in lines) + "\n"
+
+
+def number(value: float) -> str:
+    """Two digits; a dash for none."""
+    if math.isnan(value):
+        return "–"
+    if value < 1e-3:
+        return f"{value:.0e}".replace("e-0", "e-")
+    return f"{value:.2g}"
+
+
+def errors_in_noise(estimates: pd.DataFrame, stage: str) -> dict[str, dict[str, float]]:
+    """Method, setting: the median of |error| in per cent over repeats; NaN where no repeat has an estimate."""
+    found = estimates[(estimates.parameter == "zeta") & (estimates.stage == stage)]
+    found = found.assign(size=found.error_pct.abs())
+    table = found.pivot_table(index="estimator", columns="signal", values="size", aggfunc="median")
+    return {
+        str(m): {s: float(table.at[m, s]) if s in table else math.nan for s in SETTINGS} for m in table.index
+    }
+
+
+def repeats_of(estimates: pd.DataFrame) -> Mapping[str, int]:
+    """How many repeats of the base record each method was given."""
+    base = estimates[estimates.signal == "base"]
+    return {str(m): int(n) for m, n in base.groupby("estimator").repeat.nunique().items()}
+
+
+def clean_errors(estimates: pd.DataFrame) -> dict[str, dict[str, float]]:
+    """Method: initial error in per cent on the paper's three clean records, and seconds for the three."""
+    found: dict[str, dict[str, float]] = {}
+    initial = estimates[estimates.stage == "initial"]
+    for method, rows in initial.groupby("estimator"):
+        own = {}
+        seconds = 0.0
+        for damping, parameter in DAMPINGS.items():
+            one = rows[
+                (rows.signal == damping) & (rows.model == damping) & (rows.parameter == parameter)
+            ].iloc[0]
+            own[damping] = abs(float(one.error_pct))
+            seconds += float(one.seconds)
+        found[str(method)] = own | {"seconds": seconds}
+    return found
+
+
+def columns() -> str:
+    """The dictionary of columns as sections with a table each."""
+    parts = [f"Version {SCHEMA} of the tables (`schema` in `run.json`).\n"]
+    for table, names in WRITTEN.items():
+        rows = [(f"`{c.name}`", c.unit or "–", c.meaning) for c in described(table, names)]
+        parts.append(f"## {table}\n\n" + markdown(("column", "unit", "what stands there"), escaped(rows)))
+    return "\n".join(parts)
+
+
+def escaped(rows: Iterable[Iterable[str]]) -> list[list[str]]:
+    """Cells in which a bar does not end the cell."""
+    return [[cell.replace("|", "\\|") for cell in row] for row in rows]
+
+
+def tables(root: Path) -> dict[str, str]:
+    """File name to text."""
+    noise = pd.read_csv(root / "reports/noise/estimates.csv")
+    repeats, initial = repeats_of(noise), errors_in_noise(noise, "initial")
+    order = sorted(initial, key=lambda m: initial[m]["base"])
+    in_noise = markdown(
+        ("method", *SETTINGS.values(), "repeats"),
+        ((f"`{m}`", *(number(initial[m][s]) for s in SETTINGS), str(repeats[m])) for m in order),
+    )
+    refined = errors_in_noise(noise, "refined")
+    after = markdown(
+        ("", *SETTINGS.values()),
+        [
+            (
+                label,
+                *(
+                    number(pick([refined[m][s] for m in refined if not math.isnan(refined[m][s])]))
+                    for s in SETTINGS
+                ),
+            )
+            for label, pick in (("least of all methods", min), ("largest", max))
+        ],
+    )
+    clean = clean_errors(pd.read_csv(root / "reports/paper/estimates.csv"))
+    exact = markdown(
+        ("method", *DAMPINGS, "seconds for the three"),
+        (
+            (f"`{m}`", *(number(clean[m][d]) for d in DAMPINGS), f"{clean[m]['seconds']:.1f}")
+            for m in sorted(clean, key=lambda m: max(clean[m][d] for d in DAMPINGS))
+        ),
+    )
+    return {
+        "methods_noise.md": in_noise,
+        "methods_refined.md": after,
+        "methods_clean.md": exact,
+        "columns.md": columns(),
+    }
+
+
+def write(root: Path) -> None:
+    """All generated tables, below docs/_generated."""
+    folder = root / "docs" / "_generated"
+    folder.mkdir(exist_ok=True)
+    for name, text in tables(root).items():
+        path = folder / name
+        if not path.is_file() or path.read_text(encoding="utf-8") != text:
+            path.write_text(text, encoding="utf-8")

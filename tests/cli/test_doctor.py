@@ -1,0 +1,85 @@
+"""`bayesdamp doctor` and `bayesdamp completion`."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from bayesdamp.cli import main
+from bayesdamp.cli.commands import doctor
+from bayesdamp.cli.commands.completion import SHELLS, VARIABLE
+
+
+def test_a_fault_in_one_check_is_its_finding(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def broken() -> doctor.Finding:
+        raise OSError("no such library")
+
+    monkeypatch.setattr(doctor.findings, "__defaults__", ((doctor.python, broken),))
+    assert main(["doctor"]) == 1
+    first, second = capsys.readouterr().out.splitlines()
+    assert first.startswith("ok  python")
+    assert second == "NO  broken     OSError: no such library"
+
+
+def test_versions_out_of_range_are_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert doctor.packages().well
+    monkeypatch.setattr(doctor, "requires", lambda _: ["numpy>=2.0", "scipy>=99", "no-such-library>=1"])
+    found = doctor.packages()
+    assert not found.well
+    assert "scipy is" in found.said
+    assert "wanted >=99" in found.said
+    assert "no-such-library is missing" in found.said
+
+
+def test_a_cache_that_cannot_be_written(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("", encoding="utf-8")
+    monkeypatch.setenv("BAYESDAMP_CACHE", str(tmp_path / "file" / "below"))
+    found = doctor.cache()
+    assert not found.well
+    assert "BAYESDAMP_CACHE" in found.said
+    monkeypatch.setenv("BAYESDAMP_CACHE", str(tmp_path / "new"))
+    assert doctor.cache().well
+
+
+@pytest.mark.slow
+def test_all_is_well_here(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["doctor"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert len(lines) == len(doctor.CHECKS)
+    assert all(line.startswith("ok  ") for line in lines)
+
+
+@pytest.mark.parametrize("shell", SHELLS)
+def test_completion_scripts(shell: str, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    assert main(["completion", shell]) == 0
+    text = capsys.readouterr().out
+    assert VARIABLE in text
+    if shutil.which(shell):
+        path = tmp_path / "script"
+        path.write_text(text, encoding="utf-8")
+        assert subprocess.run([shell, "-n", path], check=False).returncode == 0
+
+
+def test_an_unknown_shell(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["completion", "tcsh"]) == 2
+    assert capsys.readouterr().err == "completion tcsh: unknown shell; valid are bash, zsh, fish\n"
+
+
+def test_a_shell_that_asks_is_answered() -> None:
+    code = "import sys; sys.argv[0] = 'bayesdamp'; from bayesdamp.cli import main; sys.exit(main())"
+    asked = {"COMP_WORDS": "bayesdamp compare --qu", "COMP_CWORD": "2", VARIABLE: "complete_bash"}
+    done = subprocess.run(
+        [sys.executable, "-c", code],
+        env=os.environ | asked,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert set(done.stdout.split()) == {"--quantity", "--quick", "--quiet"}

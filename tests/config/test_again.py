@@ -1,0 +1,137 @@
+"""A run.json given back asks the same again, and says so where it cannot."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from bayesdamp.config import load_study
+from bayesdamp.config.again import asked
+from bayesdamp.config.shipped import names, study_file
+from bayesdamp.pipeline import run_study
+from bayesdamp.store import read_table
+from bayesdamp.types import InputError
+
+STUDY = """
+version = 1
+name = "small"
+seed = 5
+[system]
+restoring = "linear"
+stiffness = 20.0
+rest_angle = 0.0
+noise_sd = "free"
+[[signal]]
+name = "made"
+simulate = { viscous = 0.1, theta0 = 0.3, omega0 = 0.0, duration = 8.0, samples = 160, noise_sd = 0.003 }
+system = { theta0 = "free", omega0 = "free" }
+[[signal]]
+name = "read"
+file = "rig.csv"
+time = 1
+angle = 2
+system = { theta0 = "free", omega0 = "free" }
+[estimators]
+use = ["least_squares"]
+[models]
+compare = ["viscous"]
+[posterior]
+samplers = []
+deviation = "none"
+[evidence]
+methods = ["laplace"]
+"""
+
+
+@pytest.fixture
+def study(tmp_path: Path) -> Path:
+    folder = tmp_path / "mine"
+    folder.mkdir()
+    t = np.linspace(0.0, 8.0, 160)
+    y = 0.3 * np.exp(-0.1 * t) * np.cos(4.47 * t) + 0.003 * np.random.default_rng(1).standard_normal(t.size)
+    np.savetxt(folder / "rig.csv", np.c_[t, y], delimiter=",")
+    path = folder / "small.toml"
+    path.write_text(STUDY, encoding="utf-8")
+    return path
+
+
+def remembered(study: Path, out: Path) -> Path:
+    """A run.json with what it says of its question, without the run."""
+    loaded = load_study(study)
+    from bayesdamp.store import provenance
+
+    inputs = {"rig.csv": next(iter(provenance([study.with_name("rig.csv")])["inputs"].values()))}
+    out.mkdir()
+    path = out / "run.json"
+    known = {"name": loaded.name, "study": loaded.resolved(), "asked": asked(loaded, out), "inputs": inputs}
+    path.write_text(json.dumps(known), encoding="utf-8")
+    return path
+
+
+def test_it_is_the_same_question(study: Path, tmp_path: Path) -> None:
+    again = load_study(remembered(study, tmp_path / "out"))
+    assert again.resolved() == load_study(study).resolved()
+    assert again.digest() == load_study(study).digest()
+
+
+def test_the_files_may_have_moved_beside_it(study: Path, tmp_path: Path) -> None:
+    path = remembered(study, tmp_path / "out")
+    shutil.move(study.with_name("rig.csv"), tmp_path / "out" / "rig.csv")
+    assert load_study(path).signals[1].source.path == tmp_path / "out" / "rig.csv"  # type: ignore[union-attr]
+
+
+def test_another_file_is_refused(study: Path, tmp_path: Path) -> None:
+    path = remembered(study, tmp_path / "out")
+    study.with_name("rig.csv").write_text("0,1\n1,2\n", encoding="utf-8")
+    with pytest.raises(InputError, match=r"run\.json: rig\.csv is another file"):
+        load_study(path)
+    study.with_name("rig.csv").unlink()
+    with pytest.raises(InputError, match=r"rig\.csv is not there any more"):
+        load_study(path)
+
+
+@pytest.mark.parametrize("text", ["{", "[]", "{}", '{"asked": {}}'])
+def test_what_is_no_run_is_refused(text: str, tmp_path: Path) -> None:
+    path = tmp_path / "run.json"
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(InputError, match=r"give (a|that) study file"):
+        load_study(path)
+
+
+def test_a_missing_plugin_is_told(study: Path, tmp_path: Path) -> None:
+    path = remembered(study, tmp_path / "out")
+    run = json.loads(path.read_text(encoding="utf-8"))
+    run["study"]["plugins"] = [{"file": "mine.py", "sha256": "0"}]
+    path.write_text(json.dumps(run), encoding="utf-8")
+    with pytest.raises(InputError, match=r"plug-in mine\.py"):
+        load_study(path)
+
+
+@pytest.mark.slow
+def test_the_same_tables(study: Path, tmp_path: Path) -> None:
+    first, second = tmp_path / "first", tmp_path / "second"
+    assert run_study(load_study(study), first, workers=1) == 0
+    assert run_study(load_study(first / "run.json"), second, workers=1) == 0
+    for name in ("estimates.csv", "evidence.csv", "fits.csv", "posteriors.csv"):
+        one, other = (
+            [{k: v for k, v in row.items() if k != "seconds"} for row in read_table(folder / name)]
+            for folder in (first, second)
+        )
+        assert repr(one) == repr(other)
+    assert read_table(first / "estimates.csv")
+
+
+def test_shipped_studies_go_by_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert {"quickstart", "paper"} <= set(names())
+    for given in ("quickstart", "quickstart.toml"):
+        assert load_study(study_file(Path(given))).name == "quickstart"
+    Path("quickstart.toml").write_text(STUDY, encoding="utf-8")
+    assert study_file(Path("quickstart.toml")) == Path("quickstart.toml")
+    with pytest.raises(InputError, match="quickstart"):
+        study_file(Path("quickstat"))
+    assert study_file(Path("other/quickstart.toml")) == Path("other/quickstart.toml")

@@ -1,0 +1,79 @@
+"""The site's pages: generated tables follow their source, numbers in the text are those of reports/, commands exist."""
+
+from __future__ import annotations
+
+import importlib.util
+import re
+import shlex
+import sys
+from pathlib import Path
+from types import ModuleType
+
+import pandas as pd
+import pytest
+import typer
+
+from bayesdamp.cli.app import app
+from tests.store.test_columns import WRITTEN
+
+ROOT = Path(__file__).parents[2]
+PAGES = sorted((ROOT / "docs").glob("*.md")) + sorted((ROOT / "docs" / "howto").glob("*.md"))
+COMMANDS = typer.main.get_command(app).commands  # type: ignore[attr-defined]
+
+
+@pytest.fixture(scope="module")
+def generated() -> ModuleType:
+    spec = importlib.util.spec_from_file_location("generated", ROOT / "docs" / "generated.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules["generated"] = module
+    spec.loader.exec_module(module)
+    return module
+
+
+def test_every_table_is_on_the_page(generated: ModuleType) -> None:
+    assert set(generated.WRITTEN) == set(WRITTEN)
+    page = generated.columns()
+    for table, columns in generated.WRITTEN.items():
+        assert f"## {table}\n" in page
+        assert all(f"| `{name}` |" in page for name in columns)
+
+
+def test_methods_errors_are_those_of_the_reports(generated: ModuleType) -> None:
+    frame = pd.read_csv(ROOT / "reports" / "noise" / "estimates.csv")
+    own = frame[(frame.parameter == "zeta") & (frame.estimator == "envelope") & (frame.stage == "initial")]
+    sizes = sorted(abs(e) for e in own[own.signal == "base"].error_pct)
+    middle = (sizes[24] + sizes[25]) / 2
+    assert generated.errors_in_noise(frame, "initial")["envelope"]["base"] == pytest.approx(middle)
+
+
+def test_numbers_of_validation_are_those_of_the_reports() -> None:
+    text = (ROOT / "docs" / "validation.md").read_text(encoding="utf-8")
+    recovered = pd.read_csv(ROOT / "reports" / "model_recovery" / "recovery.csv")
+    counted = recovered[(recovered.series == "recovery") & (recovered.outcome == "ok")]
+    sums = list(counted.columns[counted.columns.get_loc("doubts") + 1 :])
+    right = (counted[sums].idxmax(axis=1) == counted.model).sum()
+    assert f"{len(counted):,} records drawn" in text
+    assert f"true in {right}; promised {counted[sums].max(axis=1).sum():.1f}" in text
+    claims = (ROOT / "reports" / "claims.md").read_text(encoding="utf-8")
+    no, part, yes = re.search(r"(\d+) does not hold, (\d+) holds in part, (\d+) holds", claims).groups()  # type: ignore[union-attr]
+    assert f"{yes} hold, {part} in part, {no} do not" in text
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda p: p.stem)
+def test_commands_and_options_exist(page: Path) -> None:
+    text = page.read_text(encoding="utf-8").replace("\\\n", " ")
+    for line in re.findall(r"^bayesdamp (.*)$", text, re.MULTILINE):
+        words = shlex.split(line)
+        command = COMMANDS[words[0]]
+        known = {option for p in command.params for option in p.opts}
+        assert {w.partition("=")[0] for w in words if w.startswith("--")} <= known
+
+
+def test_citation_and_version_agree() -> None:
+    from bayesdamp import __version__
+
+    text = (ROOT / "CITATION.cff").read_text(encoding="utf-8")
+    assert f"\nversion: {__version__}\n" in text
+    assert f"## {__version__}" in (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")

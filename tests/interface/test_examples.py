@@ -1,0 +1,64 @@
+"""The examples in docstrings of the public interface give what they show; every entry point has one."""
+
+from __future__ import annotations
+
+import doctest
+import inspect
+from importlib import import_module
+
+import pytest
+
+import bayesdamp
+
+MODULES = sorted(
+    {
+        "bayesdamp.interface.comparison",
+        "bayesdamp.interface.density",
+        "bayesdamp.interface.estimate",
+        "bayesdamp.interface.evidence",
+        "bayesdamp.interface.fit",
+        "bayesdamp.interface.model",
+        "bayesdamp.interface.records.record",
+        "bayesdamp.interface.records.signal",
+        "bayesdamp.interface.records.simulate",
+        "bayesdamp.records.oscillation.first_look",
+    }
+)
+SHOWN = (
+    "read",
+    "signal",
+    "simulate",
+    "first_words",
+    "Model",
+    "estimate",
+    "fit",
+    "evidence",
+    "compare",
+    "Density",
+)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", MODULES)
+def test_examples_of(name: str) -> None:
+    done = doctest.testmod(import_module(name), raise_on_error=False)
+    assert done.attempted > 0
+    assert done.failed == 0
+
+
+@pytest.mark.parametrize("name", SHOWN)
+def test_it_has_an_example(name: str) -> None:
+    assert ">>> " in (inspect.getdoc(getattr(bayesdamp, name)) or "")
+
+
+def test_a_wrong_example_is_seen() -> None:
+    def wrong() -> None:
+        """
+        >>> 1 + 1
+        3
+        """
+
+    finder = doctest.DocTestFinder().find(wrong, "wrong")
+    runner = doctest.DocTestRunner(verbose=False)
+    result = runner.run(finder[0], out=lambda _: None)
+    assert result.failed == 1

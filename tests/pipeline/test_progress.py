@@ -1,0 +1,106 @@
+"""Progress: the step in words, the time left by what was seen, plain lines where there is no terminal."""
+
+from __future__ import annotations
+
+import io
+import math
+from pathlib import Path
+
+import pytest
+from rich.console import Console
+
+from bayesdamp.config import load_study
+from bayesdamp.config.shipped import folder
+from bayesdamp.pipeline import progress as p
+from bayesdamp.pipeline.run import _jobs
+
+
+class Clock:
+    now = 0.0
+
+    def monotonic(self) -> float:
+        return self.now
+
+
+@pytest.fixture
+def clock(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Clock:
+    made = Clock()
+    monkeypatch.setattr(p.time, "monotonic", made.monotonic)
+    monkeypatch.setenv("BAYESDAMP_CACHE", str(tmp_path / "cache"))
+    return made
+
+
+def test_time_left_by_the_steps_own_pace(clock: Clock) -> None:
+    shown = p.Progress(lambda _: None)
+    shown.begin(p.Step("answer", "weighing", 4))
+    assert math.isnan(shown.left())
+    assert shown.line() == "weighing"
+    clock.now = 20.0
+    shown.advance()
+    assert shown.left() == pytest.approx(60.0)
+    assert shown.line() == "weighing, 60 s left"
+
+
+def test_the_pace_of_the_last_run_is_remembered(clock: Clock) -> None:
+    first = p.Progress(lambda _: None)
+    first.begin(p.Step("answer", "weighing", 2))
+    clock.now = 30.0
+    first.end()
+    second = p.Progress(lambda _: None)
+    second.begin(p.Step("answer", "weighing", 3))
+    assert second.left() == pytest.approx(45.0)
+    clock.now += 50.0  # slower than then: nothing is known any more
+    assert math.isnan(second.left())
+
+
+def test_what_was_there_already_is_no_pace(clock: Clock, tmp_path: Path) -> None:
+    pace = p.Pace(tmp_path / "pace.json")
+    pace.learn("look", 0.01)
+    assert math.isnan(pace.of("look"))
+    (tmp_path / "pace.json").write_text("{ broken", encoding="utf-8")
+    assert math.isnan(p.Pace(tmp_path / "pace.json").of("look"))
+
+
+@pytest.mark.parametrize(
+    ("seconds", "words"),
+    [
+        (math.nan, ""),
+        (1.0, "a moment left"),
+        (7.4, "7 s left"),
+        (42.0, "40 s left"),
+        (600.0, "10 min left"),
+        (7200.0, "2.0 h left"),
+    ],
+)
+def test_words_of_time(seconds: float, words: str) -> None:
+    assert p.left_words(seconds) == words
+
+
+def test_plain_lines_where_there_is_no_terminal(clock: Clock) -> None:
+    out = io.StringIO()
+    with p.progress_on(Console(file=out)) as shown:
+        shown.begin(p.Step("read", "reading 1 record", 1))
+        shown.advance()
+        shown.begin(p.Step("look", "estimating", 100))
+        for _ in range(40):
+            clock.now += 1.0
+            shown.advance()
+    assert out.getvalue().splitlines() == ["estimating", "estimating, 85 s left", "estimating, 70 s left"]
+
+
+def test_a_quiet_console_says_nothing(clock: Clock) -> None:
+    out = io.StringIO()
+    with p.progress_on(Console(file=out, quiet=True)) as shown:
+        shown.begin(p.Step("look", "estimating", 1))
+    assert out.getvalue() == ""
+
+
+def test_every_job_of_a_study_has_words() -> None:
+    study = load_study(folder() / "quickstart.toml")
+    kinds = {}
+    for job in _jobs(study):
+        step = p.step_of(study, [job])
+        kinds[step.kind] = step.words
+        assert step.words
+        assert "_" not in step.words
+    assert kinds["answer"] == "weighing 3 damping models under 1 restoring law"
