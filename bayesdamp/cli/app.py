@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from bayesdamp import __version__
+from bayesdamp.cli.border import flush, one_line, refused_by_the_machine, silence
 from bayesdamp.cli.commands.init import init
 from bayesdamp.cli.commands.look import look
 from bayesdamp.cli.options import bound as _bound
@@ -167,6 +168,8 @@ def compare(
     ] = 0.002,
 ) -> int:
     """Say which damping records have, how large it is, how well its law holds, and how sure that is."""
+    if out is not None:
+        _folder(out, "")
     from bayesdamp.envelope.command import compare_envelopes, recognised
 
     if recognised(records, angle, unit, quantity):
@@ -288,8 +291,18 @@ def calibrate(
 def _folder(out: Path | None, name: str) -> Path:
     """A run's folder. Raises InputError where a file has its name."""
     folder = out if out is not None else Path("reports") / name
-    if folder.exists() and not folder.is_dir():
-        raise InputError(f"--out {folder}: is a file; it must be a folder, or a new name")
+    try:
+        present = next(
+            place for place in (folder, *folder.absolute().parents) if os.path.lexists(place.absolute())
+        )
+        if not present.is_dir():
+            raise InputError(f"--out {folder}: {present} is a file; it must be a folder, or a new name")
+        os.lstat(folder)
+    except FileNotFoundError:
+        return folder
+    except OSError as error:
+        what = (error.strerror or str(error)).lower()
+        raise InputError(f"--out {folder}: {what}; it must be a folder, or a new name") from None
     return folder
 
 
@@ -428,38 +441,46 @@ def claims(
     typer.echo(out)
 
 
-def _line(error: BaseException) -> str:
-    """An error's text as one line."""
-    return " ".join(str(error).split())
-
-
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run a command and return its exit status.
 
     0 done, 1 a fault of the program, 2 the input is wrong, 3 done but with failed cells, 130 interrupted.
     """
+    given = list(sys.argv[1:] if arguments is None else arguments)
     try:
-        status = app(args=list(sys.argv[1:] if arguments is None else arguments), standalone_mode=False)
+        if any("\0" in word for word in given):
+            raise InputError(
+                "a word of the command holds a zero byte, which no path or name has; leave it out"
+            )
+        status = app(args=given, standalone_mode=False)
+        flush()
     except BayesdampError as error:
         _trace()
-        print(_line(error), file=sys.stderr)
-        return WRONG_INPUT
+        return _refused(error)
     except KeyboardInterrupt:
         status = INTERRUPTED
     except Exception as error:
         usage = getattr(error, "format_message", None)
         if usage is not None:
-            if usage():
-                print(f"{' '.join(usage().split())} Try: bayesdamp --help", file=sys.stderr)
-            return WRONG_INPUT
+            return _refused(f"{usage()} Try: bayesdamp --help") if usage() else WRONG_INPUT
         _trace()
-        what = f"{type(error).__name__}: {_line(error)}"
+        said = refused_by_the_machine(error)
+        if said is not None:
+            if getattr(error, "filename", None) is None:
+                silence()
+            return _refused(said)
+        what = f"{type(error).__name__}: {error}"
         hint = "BAYESDAMP_DEBUG=1 shows where"
-        print(f"bayesdamp: a fault of the program: {what} ({hint})", file=sys.stderr)
+        print(one_line(f"bayesdamp: a fault of the program: {what} ({hint})"), file=sys.stderr)
         return FAULT
     if status == INTERRUPTED:
         print("interrupted; the same command resumes what was done", file=sys.stderr)
     return int(status or 0)
+
+
+def _refused(what: object) -> int:
+    print(one_line(what), file=sys.stderr)
+    return WRONG_INPUT
 
 
 def _trace() -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import re
+import stat
 import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -52,6 +53,8 @@ from bayesdamp.physics.restoring import LAWS
 from bayesdamp.plugins import PluginModule, read_modules, use
 from bayesdamp.types import InputError, candidate_name, candidate_parts
 
+LARGEST = 2**24
+"""Bytes of a study file (conventional)."""
 _TABLES = (
     "system",
     "signal",
@@ -185,6 +188,13 @@ class Study:
 
 def _read(path: Path) -> dict[str, Any]:
     try:
+        mode = path.stat().st_mode
+        if not (stat.S_ISREG(mode) or stat.S_ISDIR(mode)):
+            raise StudyError("", "is a device or a pipe; give a study file (TOML)")
+        if path.stat().st_size > LARGEST:
+            raise StudyError(
+                "", f"has more than {LARGEST >> 20} MiB; a study file (TOML) is a few KiB of text"
+            )
         raw = tomllib.loads(path.read_text(encoding="utf-8-sig"))
     except FileNotFoundError:
         raise StudyError("", "there is no such file; give the path of a study file (TOML)") from None
@@ -199,6 +209,12 @@ def _read(path: Path) -> dict[str, Any]:
         raise StudyError(
             place or "", f"is not TOML: {what[:1].lower()}{what[1:]}; write key = value"
         ) from None
+    except RecursionError:
+        raise StudyError(
+            "", "has lists or tables in each other too deeply; a study has three levels"
+        ) from None
+    except ValueError as error:  # an integer of more digits than Python reads
+        raise StudyError("", f"holds a number that cannot be read ({error}); write a shorter one") from None
     if not raw:
         raise StudyError("", "is empty; a study starts with version = 1 and has at least one [[signal]]")
     return raw

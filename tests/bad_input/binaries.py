@@ -85,9 +85,21 @@ def uff(path: Path) -> None:
 
 
 def lvm(path: Path) -> None:
-    head = ["LabVIEW Measurement\t", "Writer_Version\t2", "Reader_Version\t2", "Separator\tTab", "Decimal_Separator\t."]
+    head = [
+        "LabVIEW Measurement\t",
+        "Writer_Version\t2",
+        "Reader_Version\t2",
+        "Separator\tTab",
+        "Decimal_Separator\t.",
+    ]
     head += ["Multi_Headings\tNo", "X_Columns\tOne", "***End_of_Header***\t", "\t"]
-    head += ["Channels\t1\t", "Samples\t200\t", "Delta_X\t0.02\t", "***End_of_Header***\t\t", "X_Value\tangle\tComment"]
+    head += [
+        "Channels\t1\t",
+        "Samples\t200\t",
+        "Delta_X\t0.02\t",
+        "***End_of_Header***\t\t",
+        "X_Value\tangle\tComment",
+    ]
     path.write_text("\n".join([*head, *(f"{t:.6f}\t{y:.6f}" for t, y in zip(T, Y))]), encoding="ascii")
 
 
@@ -146,7 +158,13 @@ def damaged(path: Path, form: str, how: str) -> None:
 
 
 DAMAGED = [
-    Case(f"{form} {how}", ("look", "FILE"), f"a.{form}", partial(damaged, form=form, how=how), ends=(READ, REFUSED))
+    Case(
+        f"{form} {how}",
+        ("look", "FILE"),
+        f"a.{form}",
+        partial(damaged, form=form, how=how),
+        ends=(READ, REFUSED),
+    )
     for form in FORMATS
     for how in DAMAGES
 ]
@@ -192,14 +210,18 @@ def hdf_bomb(path: Path) -> None:
 
 def wav_head(path: Path, rate: int = 50, channels: int = 1, bits: int = 16) -> None:
     block = channels * bits // 8
-    form = struct.pack("<4sIHHIIHH", b"fmt ", 16, 1, channels, rate, (rate * block) % 2**32, block % 2**16, bits)
+    form = struct.pack(
+        "<4sIHHIIHH", b"fmt ", 16, 1, channels, rate, (rate * block) % 2**32, block % 2**16, bits
+    )
     data = (Y * 32767).astype("<i2").tobytes()
     body = b"WAVE" + form + struct.pack("<4sI", b"data", len(data)) + data
     path.write_bytes(struct.pack("<4sI", b"RIFF", len(body)) + body)
 
 
 def as_json(value: object) -> Callable[[Path], object]:
-    return lambda path: path.write_text(value if isinstance(value, str) else json.dumps(value), encoding="utf-8")
+    return lambda path: path.write_text(
+        value if isinstance(value, str) else json.dumps(value), encoding="utf-8"
+    )
 
 
 def arrays(**named: object) -> Callable[[Path], object]:

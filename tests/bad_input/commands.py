@@ -21,11 +21,7 @@ def looked(name: str, *options: str) -> list[Case]:
 
 
 def given(option: str, *values: str, more: tuple[str, ...] = ()) -> list[Case]:
-    return [
-        case
-        for value in values
-        for case in looked(f"{option} {value[:20]}", f"{option}={value}", *more)
-    ]
+    return [case for value in values for case in looked(f"{option} {value[:20]}", f"{option}={value}", *more)]
 
 
 READING = [
@@ -38,8 +34,8 @@ READING = [
     *given("--time-unit", "fortnight", WORD),
     *given("--runs", "1", "a-b", "3-1", "1-99999999999", LONG, "-"),
     *given("--channel", "none", WORD),
-    *given("--start", "x", "nan", "inf", "-inf", "1e308", LONG),
-    *given("--stop", "x", "nan", "-inf", "-1", "1e-308", LONG),
+    *given("--start", "x", "nan", "inf", "-inf", LONG),
+    *given("--stop", "x", "nan", "-inf", LONG),
     *looked("a stop before the start", "--start=2", "--stop=1"),
     *looked("a rate and times", "--rate=50", "--time=1"),
 ]
@@ -71,7 +67,7 @@ SIMULATED = [
     Case("simulate an unknown law", ("simulate", "--out", "b.csv", "--restoring", "rubber", *VISCOUS)),
     Case("simulate a law of 5,000 letters", ("simulate", "--out", "b.csv", "--restoring", WORD, *VISCOUS)),
     *(Case(f"simulate to {out[:20]}", ("simulate", "--out", out, "--restoring", "linear", *VISCOUS, *SET), write=rows)
-      for out in ("/", "/dev/full", "/dev/null", "none/b.csv", "a.csv/b.csv", "b" * 5000, "b\0c", "/proc/b.csv", "/sys/b.csv")),
+      for out in ("/", "/dev/full", "/dev/null", "a.csv/b.csv", "b" * 5000, "b\0c", "/proc/b.csv", "/sys/b.csv")),
 ]  # fmt: skip
 
 COMPARED = [
@@ -80,8 +76,8 @@ COMPARED = [
         ("--damping=none",), (f"--damping={WORD}",), ("--damping=viscous+viscous",), ("--damping=+",), ("--damping=",),
         ("--restoring=rubber",), (f"--restoring={WORD}",), ("--noise=loud",), (f"--noise={WORD}",), ("--seed=-1",),
         ("--seed=x",), (f"--seed={LONG}",), ("--deviation=some",), (f"--deviation={WORD}",), ("--sensor=-1",),
-        ("--sensor=nan",), ("--sensor=1e308",), ("--sensor=x",), ("--frequency=5",), ("--out=a.csv",),
-        ("--out=a.csv/b",), ("--out=/dev/null",), ("--out=/proc/none",), (f"--out={WORD}",), ("--out=a\0b",),
+        ("--sensor=nan",), ("--sensor=1e308",), ("--sensor=x",), ("--frequency=5",), ("--start=1e308",), ("--stop=-1",), ("--stop=1e-308",),
+        ("--out=a.csv",), ("--out=a.csv/b",), ("--out=/dev/null",), ("--out=/proc/none",), (f"--out={WORD}",), ("--out=a\0b",),
         ("--plugin=none.py",), ("--plugin=/dev/zero",), ("--plugin=/",), (f"--plugin={WORD}",), ("--plugin=a.csv",),
         ("--workers=0",), ("--workers=x",), (f"--workers={LONG}",), ("--none",), (f"--{WORD}",), ("--damping=viscous", "--damping=viscous"),
     )

@@ -10,7 +10,9 @@ from bayesdamp.config import sections as s
 from tests.bad_input.case import Case, raw, text
 
 SYSTEM = '[system]\nrestoring = "linear"\nstiffness = 20.0\nrest_angle = 0.0\ntheta0 = 0.3\nomega0 = 0.0\nepsilon = 0.0\n'
-SIGNAL = '[[signal]]\nname = "a"\nsimulate = { viscous = 0.05, duration = 5.0, samples = 100, noise_sd = 0.01 }\n'
+SIGNAL = (
+    '[[signal]]\nname = "a"\nsimulate = { viscous = 0.05, duration = 5.0, samples = 100, noise_sd = 0.01 }\n'
+)
 GOOD = "version = 1\n" + SYSTEM + SIGNAL
 
 LEVELS = "[" * 2000 + "]" * 2000
@@ -81,8 +83,12 @@ def _beyond() -> list[Case]:
         for key in model.model_fields
         if key in HUGE and not (table == "estimators")
     ]
-    sweep = '[[sweep]]\nkey = "simulate.{0}"\nvalues = [' + ", ".join(f"0.{i:03d}" for i in range(1, 301)) + "]\n"
-    found.append(study(GOOD + "".join(sweep.format(k) for k in ("noise_sd", "viscous", "coulomb")), "sweeps of 27e6"))
+    sweep = (
+        '[[sweep]]\nkey = "simulate.{0}"\nvalues = [' + ", ".join(f"0.{i:03d}" for i in range(1, 301)) + "]\n"
+    )
+    found.append(
+        study(GOOD + "".join(sweep.format(k) for k in ("noise_sd", "viscous", "coulomb")), "sweeps of 27e6")
+    )
     return found
 
 
@@ -102,7 +108,7 @@ OTHERS = {
     "no value": "version =\n",
     "two values": "version = 1 2\n",
     "a day that is none": "version = 1\nseed = 2024-02-30\n",
-    "a control": "version = 1\nname = \"\x01\"\n",
+    "a control": 'version = 1\nname = "\x01"\n',
     "a return alone": "version = 1\rname = 2\n",
     "a table that is a list": "version = 1\n[signal]\n[[signal]]\n",
     "a list of numbers for signals": "version = 1\nsignal = [1, 2]\n",
@@ -115,10 +121,10 @@ OTHERS = {
     "a sweep of an unknown key": GOOD + '[[sweep]]\nkey = "x.y.z"\nvalues = [1]\n',
     "a sweep of dates": GOOD + '[[sweep]]\nkey = "simulate.noise_sd"\nvalues = [2024-01-01]\n',
     "a sweep of 400 digits": GOOD + f'[[sweep]]\nkey = "simulate.noise_sd"\nvalues = [{"9" * 400}]\n',
-    "an escaping published file": "published = \"../../../etc/passwd\"\n" + GOOD,
-    "a published device": "published = \"/dev/zero\"\n" + GOOD,
-    "a published folder": "published = \"/\"\n" + GOOD,
-    "a published name too long": f"published = \"{'p' * 5000}\"\n" + GOOD,
+    "an escaping published file": 'published = "../../../etc/passwd"\n' + GOOD,
+    "a published device": 'published = "/dev/zero"\n' + GOOD,
+    "a published folder": 'published = "/"\n' + GOOD,
+    "a published name too long": f'published = "{"p" * 5000}"\n' + GOOD,
     "a published name of a zero": 'published = "a\\u0000b"\n' + GOOD,
     "a plug-in that is a device": GOOD + '[plugins]\nmodules = ["/dev/zero"]\n',
     "a plug-in that is a folder": GOOD + '[plugins]\nmodules = ["/"]\n',

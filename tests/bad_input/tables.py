@@ -26,7 +26,11 @@ NO_NUMBERS = {
 
 
 def one_cell(path: Path, cell: str, column: int) -> None:
-    rows(path, t=lambda i: cell if (i, column) == (100, 0) else T[i], y=lambda i: cell if (i, column) == (100, 1) else Y[i])
+    rows(
+        path,
+        t=lambda i: cell if (i, column) == (100, 0) else T[i],
+        y=lambda i: cell if (i, column) == (100, 1) else Y[i],
+    )
 
 
 def all_cells(path: Path, cell: str, column: int) -> None:
@@ -106,7 +110,19 @@ WRONG = [
 
 NAMES = [
     Case(f"a table named {file}", ("look", "FILE"), file, partial(rows), ends=(READ, REFUSED))
-    for file in ("a.npz", "a.npy", "a.mat", "a.h5", "a.wav", "a.uff", "a.tdms", "a.xlsx", "a.json", "a.parquet", "a.lvm")
+    for file in (
+        "a.npz",
+        "a.npy",
+        "a.mat",
+        "a.h5",
+        "a.wav",
+        "a.uff",
+        "a.tdms",
+        "a.xlsx",
+        "a.json",
+        "a.parquet",
+        "a.lvm",
+    )
 ]
 
 CASES = [*CELLS, *SIZES, *WRONG, *NAMES]
