@@ -7,9 +7,10 @@ import re
 import sys
 import traceback
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor
 from contextlib import contextmanager
+from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -452,7 +453,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             raise InputError(
                 "a word of the command holds a zero byte, which no path or name has; leave it out"
             )
-        status = app(args=given, standalone_mode=False)
+        status = _commands()(args=given, standalone_mode=False)
         flush()
     except BayesdampError as error:
         _trace()
@@ -476,6 +477,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if status == INTERRUPTED:
         print("interrupted; the same command resumes what was done", file=sys.stderr)
     return int(status or 0)
+
+
+@lru_cache(maxsize=1)
+def _commands() -> Callable[..., int | None]:
+    """The commands as they are parsed, built once a process: a test runs hundreds."""
+    return typer.main.get_command(app)
 
 
 def _refused(what: object) -> int:
