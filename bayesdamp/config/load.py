@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 import json
 import re
-import stat
 import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -50,11 +49,10 @@ from bayesdamp.config.signals import (
 from bayesdamp.config.specimens import check_specimens
 from bayesdamp.config.sweeps import expand
 from bayesdamp.physics.restoring import LAWS
+from bayesdamp.plain_text import read_plain
 from bayesdamp.plugins import PluginModule, read_modules, use
 from bayesdamp.types import InputError, candidate_name, candidate_parts
 
-LARGEST = 2**24
-"""Bytes of a study file (conventional)."""
 _TABLES = (
     "system",
     "signal",
@@ -188,14 +186,7 @@ class Study:
 
 def _read(path: Path) -> dict[str, Any]:
     try:
-        mode = path.stat().st_mode
-        if not (stat.S_ISREG(mode) or stat.S_ISDIR(mode)):
-            raise StudyError("", "is a device or a pipe; give a study file (TOML)")
-        if path.stat().st_size > LARGEST:
-            raise StudyError(
-                "", f"has more than {LARGEST >> 20} MiB; a study file (TOML) is a few KiB of text"
-            )
-        raw = tomllib.loads(path.read_text(encoding="utf-8-sig"))
+        raw = tomllib.loads(read_plain(path))
     except FileNotFoundError:
         raise StudyError("", "there is no such file; give the path of a study file (TOML)") from None
     except UnicodeDecodeError as error:

@@ -26,6 +26,7 @@ from bayesdamp.inference.noise import NOISES
 from bayesdamp.physics.damping import PAPER_TERMS, TERMS
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.physics.restoring import LAWS, RestoringLaw
+from bayesdamp.plain_text import at_home
 from bayesdamp.plugins import nearest
 from bayesdamp.types import System
 from bayesdamp.units import UNITS
@@ -286,7 +287,7 @@ def damping_order() -> list[str]:
 
 def _recording(entry: SignalTable, system: System, folder: Path, key: str) -> Recording:
     assert entry.file is not None
-    path = folder / Path(entry.file).expanduser()
+    path = folder / at_home(Path(entry.file))
     if not path.is_file():
         raise StudyError(
             below(key, "file"), f"{entry.file!r} is not there; paths start at the study's folder {folder}"
