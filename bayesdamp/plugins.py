@@ -24,6 +24,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any, Generic, TypeVar
 
+from bayesdamp.plain_text import at_home, read_plain
 from bayesdamp.sources import code_digest
 from bayesdamp.types import InputError
 
@@ -157,9 +158,9 @@ def read_modules(files: Iterable[str | Path], folder: Path | None = None) -> tup
     """
     found: list[PluginModule] = []
     for file in dict.fromkeys(str(f) for f in files):
-        path = (folder or Path()) / Path(file).expanduser()
+        path = (folder or Path()) / at_home(Path(file))
         try:
-            text = path.read_text(encoding="utf-8-sig")
+            text = read_plain(path)
         except FileNotFoundError:
             raise InputError(f"plug-in {file}: there is no such file; give a Python file") from None
         except UnicodeDecodeError:

@@ -5,12 +5,14 @@ from __future__ import annotations
 import os
 import sys
 import traceback
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import lru_cache
 from typing import Annotated
 
 import typer
 
 from bayesdamp import __version__
+from bayesdamp.cli.border import flush, one_line, refused_by_the_machine, silence
 from bayesdamp.cli.commands.calibrate import calibrate
 from bayesdamp.cli.commands.check import check
 from bayesdamp.cli.commands.claims import claims
@@ -22,7 +24,7 @@ from bayesdamp.cli.commands.look import look
 from bayesdamp.cli.commands.report import report
 from bayesdamp.cli.commands.simulate import simulate
 from bayesdamp.cli.commands.study import study
-from bayesdamp.types import BayesdampError
+from bayesdamp.types import BayesdampError, InputError
 
 FAULT, WRONG_INPUT, INTERRUPTED = 1, 2, 130
 app = typer.Typer(
@@ -66,39 +68,64 @@ def _main(
     del version
 
 
-def _line(error: BaseException) -> str:
-    """An error's text as one line."""
-    return " ".join(str(error).split())
-
-
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run a command and return its exit status.
 
     0 done, 1 a fault of the program, 2 the input is wrong, 3 done but with failed cells, 130 interrupted.
     """
+    given = list(sys.argv[1:] if arguments is None else arguments)
     prepare()
     try:
-        status = app(args=list(sys.argv[1:] if arguments is None else arguments), standalone_mode=False)
+        if any("\0" in word for word in given):
+            raise InputError(
+                "a word of the command holds a zero byte, which no path or name has; leave it out"
+            )
+        status = _commands()(args=given, standalone_mode=False)
+        flush()
     except BayesdampError as error:
         _trace()
-        print(_line(error), file=sys.stderr)
-        return WRONG_INPUT
+        return _refused(error)
     except KeyboardInterrupt:
         status = INTERRUPTED
     except Exception as error:
         usage = getattr(error, "format_message", None)
         if usage is not None:
-            if usage():
-                print(f"{' '.join(usage().split())} Try: bayesdamp --help", file=sys.stderr)
-            return WRONG_INPUT
+            return _refused(f"{usage()} Try: bayesdamp --help") if usage() else WRONG_INPUT
         _trace()
-        what = f"{type(error).__name__}: {_line(error)}"
+        said = refused_by_the_machine(error)
+        if said is not None:
+            if getattr(error, "filename", None) is None:
+                silence()
+            return _refused(said)
+        what = f"{type(error).__name__}: {error}"
         hint = "BAYESDAMP_DEBUG=1 shows where"
-        print(f"bayesdamp: a fault of the program: {what} ({hint})", file=sys.stderr)
+        print(one_line(f"bayesdamp: a fault of the program: {what} ({hint})"), file=sys.stderr)
         return FAULT
     if status == INTERRUPTED:
         print("interrupted; the same command resumes what was done", file=sys.stderr)
     return int(status or 0)
+
+
+def _writable(out: Path) -> None:
+    """Refuse a file that cannot be written before anything is computed for it. Raises InputError."""
+    from bayesdamp.store.folders import refuse_special
+
+    _folder(out.parent, "")
+    try:
+        refuse_special(out)
+    except InputError as error:
+        raise InputError(f"--out {error}") from None
+
+
+@lru_cache(maxsize=1)
+def _commands() -> Callable[..., int | None]:
+    """The commands as they are parsed, built once a process: a test runs hundreds."""
+    return typer.main.get_command(app)
+
+
+def _refused(what: object) -> int:
+    print(one_line(what), file=sys.stderr)
+    return WRONG_INPUT
 
 
 def _trace() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -19,8 +20,18 @@ FIRST_WORDS = 5
 def run_folder(out: Path | None, name: str) -> Path:
     """A run's folder. Raises InputError where a file has its name."""
     folder = out if out is not None else Path("reports") / name
-    if folder.exists() and not folder.is_dir():
-        raise InputError(f"--out {folder}: is a file; it must be a folder, or a new name")
+    try:
+        present = next(
+            place for place in (folder, *folder.absolute().parents) if os.path.lexists(place.absolute())
+        )
+        if not present.is_dir():
+            raise InputError(f"--out {folder}: {present} is a file; it must be a folder, or a new name")
+        os.lstat(folder)
+    except FileNotFoundError:
+        return folder
+    except OSError as error:
+        what = (error.strerror or str(error)).lower()
+        raise InputError(f"--out {folder}: {what}; it must be a folder, or a new name") from None
     return folder
 
 

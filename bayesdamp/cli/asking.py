@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -19,6 +20,9 @@ from bayesdamp.units import UNITS
 if TYPE_CHECKING:
     from bayesdamp.config.compare import Asked
 
+QUANTITIES = ("angle", "velocity", "acceleration")
+CLOCKS = ("auto", "as_logged", "uniform")
+
 
 @dataclass(frozen=True)
 class Options:
@@ -35,6 +39,20 @@ class Options:
     stop: float | str = "auto"
     runs: str | None = None
     channels: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        """Raises InputError for what no file could be read by."""
+        known = (("unit", tuple(UNITS)), ("quantity", QUANTITIES), ("clock", CLOCKS))
+        for name, valid in known:
+            given = getattr(self, name)
+            if given is not None and given not in valid:
+                raise InputError(f"--{name} {given[:40]!r}: must be one of {', '.join(valid)}")
+        for name in ("start", "stop"):
+            given = getattr(self, name)
+            if isinstance(given, float) and not math.isfinite(given):
+                raise InputError(f"--{name} {given:g}: must be a time in s, or auto")
+        if isinstance(self.start, float) and isinstance(self.stop, float) and self.start >= self.stop:
+            raise InputError(f"--stop {self.stop:g}: must be later than --start ({self.start:g})")
 
 
 @dataclass(frozen=True)

@@ -54,6 +54,8 @@ def simulated(given: Mapping[str, object], restoring: str, seed: int) -> tuple[S
     if "noise_sd" not in given:
         clean = _record(made, restoring, 0.0, seed)
         sd = float(f"{NOISE * np.ptp(clean.y) / 2:.1e}")
+        if sd == 0:
+            raise InputError("simulate: nothing moves; start away from rest, such as --set theta0=0.3")
     return _record(made, restoring, sd, seed), sd
 
 

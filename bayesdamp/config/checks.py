@@ -22,12 +22,16 @@ class StudyError(Exception):
     """What is wrong at a key of the study file; `load_study` adds the file's name."""
 
     def __init__(self, key: str, what: str) -> None:
+        key = key if len(key) <= 80 else f"{key[:50]}...{key[-27:]}"
         super().__init__(f"{key}: {what}" if key else what)
 
 
 def shown(value: object) -> str:
     """A value as the study file writes it, cut to a line's length."""
-    text = str(value).lower() if isinstance(value, bool) else repr(value)
+    try:
+        text = str(value).lower() if isinstance(value, bool) else repr(value)
+    except ValueError:  # Python writes no integer of more than 4,300 digits
+        text = "a number of thousands of digits"
     return text if len(text) <= 60 else f"{text[:57]}..."
 
 
@@ -98,7 +102,10 @@ def _numeric_words(annotation: object, metadata: Iterable[object]) -> str:
 def number(raw: object, key: str, *, positive: bool = False, minimum: float | None = None) -> float:
     """A finite number. Raises StudyError."""
     right = "a positive number" if positive else "a number" if minimum is None else f"at least {minimum:g}"
-    value = float(raw) if isinstance(raw, int | float) and not isinstance(raw, bool) else math.nan
+    try:
+        value = float(raw) if isinstance(raw, int | float) and not isinstance(raw, bool) else math.nan
+    except OverflowError:  # an integer of more than 308 digits
+        value = math.inf
     if not math.isfinite(value) or (positive and value <= 0) or (minimum is not None and value < minimum):
         raise StudyError(key, f"is {shown(raw)}; it must be {right}")
     return value

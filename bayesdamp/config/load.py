@@ -50,6 +50,7 @@ from bayesdamp.config.signals import (
 from bayesdamp.config.specimens import check_specimens
 from bayesdamp.config.sweeps import expand
 from bayesdamp.physics.restoring import LAWS
+from bayesdamp.plain_text import read_plain
 from bayesdamp.plugins import PluginModule, read_modules, use
 from bayesdamp.types import InputError, candidate_name, candidate_parts
 
@@ -187,7 +188,7 @@ class Study:
 
 def _read(path: Path) -> dict[str, Any]:
     try:
-        raw = tomllib.loads(path.read_text(encoding="utf-8-sig"))
+        raw = tomllib.loads(read_plain(path))
     except FileNotFoundError:
         raise StudyError("", "there is no such file; give the path of a study file (TOML)") from None
     except UnicodeDecodeError as error:
@@ -201,6 +202,12 @@ def _read(path: Path) -> dict[str, Any]:
         raise StudyError(
             place or "", f"is not TOML: {what[:1].lower()}{what[1:]}; write key = value"
         ) from None
+    except RecursionError:
+        raise StudyError(
+            "", "has lists or tables in each other too deeply; a study has three levels"
+        ) from None
+    except ValueError as error:  # an integer of more digits than Python reads
+        raise StudyError("", f"holds a number that cannot be read ({error}); write a shorter one") from None
     if not raw:
         raise StudyError("", "is empty; a study starts with version = 1 and has at least one [[signal]]")
     return raw

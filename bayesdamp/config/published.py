@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import csv
+import io
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
 from bayesdamp.config.checks import StudyError, shown
+from bayesdamp.plain_text import read_plain
 from bayesdamp.plugins import nearest
 
 COLUMNS = ("estimator", "signal", "error_pct", "time")
@@ -26,12 +28,12 @@ class Published:
 def read_published(path: Path, signals: Iterable[str], estimators: Iterable[str]) -> tuple[Published, ...]:
     """The rows of a CSV file with the columns of `COLUMNS`. Raises StudyError."""
     try:
-        with path.open(encoding="utf-8-sig", newline="") as file:
-            reader = csv.DictReader(file)
-            missing = [c for c in COLUMNS if c not in (reader.fieldnames or ())]
-            rows = list(reader)
+        reader = csv.DictReader(io.StringIO(read_plain(path), newline=""))
+        missing = [c for c in COLUMNS if c not in (reader.fieldnames or ())]
+        rows = list(reader)
     except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise StudyError("published", f"is {path.name!r}, which cannot be read ({error})") from None
+        reason = getattr(error, "strerror", None) or error
+        raise StudyError("published", f"is {shown(path.name)}, which cannot be read ({reason})") from None
     if missing:
         what = f"is {path.name!r}, which has no column {missing[0]}"
         raise StudyError("published", f"{what}; its columns must be {', '.join(COLUMNS)}")

@@ -24,7 +24,14 @@ Levels = Annotated[
 Deviation = Literal["auto", "none", "law"]
 DEVIATIONS: tuple[str, ...] = get_args(Deviation)
 """Whether laws hold exactly: none; approximately: law; auto: as the record says."""
-_A_COUNT = "a whole number, 1 or more"
+MANY = 10_000_000
+"""The most samples of a record, and draws of a chain, that a study may ask for (conventional)."""
+RECORDS = 1_000_000
+"""The most records, and repeats of one, that it may ask for (conventional)."""
+CHAINS = 1000
+COLUMN = 100_000
+"""The largest number of a column or of a run."""
+_A_COUNT = "a whole number from 1 to 1,000,000"
 
 
 def _floats(values: object) -> object:
@@ -85,10 +92,10 @@ class SignalTable(Section):
         description="a name in quotes, the same for repeats of one specimen: letters, digits, - and _",
     )
     file: str | None = Field(None, min_length=1, description="a file's path in quotes")
-    time: Annotated[int, Field(ge=1)] | Annotated[str, Field(min_length=1)] | None = Field(
+    time: Annotated[int, Field(ge=1, le=COLUMN)] | Annotated[str, Field(min_length=1)] | None = Field(
         None, description="a column's name or its number from 1"
     )
-    angle: Annotated[int, Field(ge=1)] | Annotated[str, Field(min_length=1)] | None = Field(
+    angle: Annotated[int, Field(ge=1, le=COLUMN)] | Annotated[str, Field(min_length=1)] | None = Field(
         None, description="the name of the recorded quantity's column or its number from 1"
     )
     unit: Annotated[str, AfterValidator(_unit)] = Field(
@@ -101,7 +108,7 @@ class SignalTable(Section):
     clock: Literal["auto", "as_logged", "uniform"] = Field(
         "auto", description='"auto", "as_logged" or "uniform"'
     )
-    run: Annotated[int, Field(ge=0)] | Annotated[str, Field(min_length=1)] | None = Field(
+    run: Annotated[int, Field(ge=0, le=COLUMN * COLUMN)] | Annotated[str, Field(min_length=1)] | None = Field(
         None, description="the number of one of the file's runs, or its label in quotes"
     )
     channel: str | None = Field(None, min_length=1, description="the name of one of the file's channels")
@@ -119,8 +126,8 @@ class SimulateTable(Section):
     """How a record is made, besides the true values of the parameters."""
 
     duration: float = Field(gt=0, description="the length of the record in s, a positive number")
-    samples: int = Field(ge=10, description="a whole number, 10 or more")
-    repeats: int = Field(1, ge=1, description=_A_COUNT)
+    samples: int = Field(ge=10, le=MANY, description="a whole number from 10 to 10,000,000")
+    repeats: int = Field(1, ge=1, le=RECORDS, description=_A_COUNT)
     noise: str = Field("gaussian", description="a noise model's name in quotes")
     outliers: float = Field(0.0, ge=0, description="a number of samples, or their share below 1")
     gaps: int = Field(0, ge=0, le=20, description="a whole number from 0 to 20")
@@ -191,9 +198,9 @@ class PosteriorTable(Section):
     sensor: float = Field(
         0.002, ge=0, lt=0.5, description="the sensor's relative linearity, a number from 0 to below 0.5"
     )
-    chains: int = Field(4, ge=2, description="a whole number, 2 or more")
-    warmup: int = Field(500, ge=10, description="a whole number, 10 or more")
-    draws: int = Field(1000, ge=10, description="a whole number, 10 or more")
+    chains: int = Field(4, ge=2, le=CHAINS, description="a whole number from 2 to 1000")
+    warmup: int = Field(500, ge=10, le=MANY, description="a whole number from 10 to 10,000,000")
+    draws: int = Field(1000, ge=10, le=MANY, description="a whole number from 10 to 10,000,000")
 
 
 class EvidenceTable(Section):
@@ -209,10 +216,10 @@ class CalibrationTable(Section):
     draws: thinned draws among which a truth is ranked; bins of the ranks, which are of equal size.
     """
 
-    records: int = Field(500, ge=1, description=_A_COUNT)
+    records: int = Field(500, ge=1, le=RECORDS, description=_A_COUNT)
     samplers: Names = Field(("nuts", "emcee"), description="a list of samplers' names")
-    draws: int = Field(255, ge=15, description="a whole number, 15 or more")
-    bins: int = Field(16, ge=2, description="a whole number that divides draws + 1")
+    draws: int = Field(255, ge=15, le=MANY, description="a whole number from 15 to 10,000,000")
+    bins: int = Field(16, ge=2, le=MANY, description="a whole number that divides draws + 1")
 
     @model_validator(mode="after")
     def _even(self) -> CalibrationTable:
@@ -229,13 +236,13 @@ class RecoveryTable(Section):
     which those count that lose least_loss of their amplitude.
     """
 
-    records: int = Field(1000, ge=1, description=_A_COUNT)
+    records: int = Field(1000, ge=1, le=RECORDS, description=_A_COUNT)
     noise: Levels = Field((0.003, 0.01, 0.03, 0.1), description="a list of positive numbers")
     noise_sigma: float = Field(0.3, gt=0, description="a positive number")
     cycles: Levels = Field((5.0, 10.0, 20.0, 50.0), description="a list of positive numbers")
-    samples: int = Field(600, ge=10, description="a whole number, 10 or more")
-    single: int = Field(0, ge=0, description="a whole number, 0 or more")
+    samples: int = Field(600, ge=10, le=MANY, description="a whole number from 10 to 10,000,000")
+    single: int = Field(0, ge=0, le=RECORDS, description="a whole number from 0 to 1,000,000")
     single_noise: float = Field(0.01, gt=0, description="a positive number")
     single_cycles: float = Field(10.0, gt=0, description="a positive number")
-    single_samples: int = Field(1000, ge=10, description="a whole number, 10 or more")
+    single_samples: int = Field(1000, ge=10, le=MANY, description="a whole number from 10 to 10,000,000")
     least_loss: float = Field(0.3, ge=0, lt=1, description="a share from 0 to below 1")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from pathlib import Path
@@ -25,6 +26,7 @@ from bayesdamp.inference.noise import NOISES
 from bayesdamp.physics.damping import PAPER_TERMS, TERMS
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.physics.restoring import LAWS, RestoringLaw
+from bayesdamp.plain_text import at_home
 from bayesdamp.plugins import nearest
 from bayesdamp.types import System
 from bayesdamp.units import UNITS
@@ -32,6 +34,12 @@ from bayesdamp.units import UNITS
 START = ("theta0", "omega0")
 NOISE = ("noise_sd", "noise_time", "noise_dof")
 REFERENCE = ("amplitude", "frequency", "inertia")
+LARGEST = 1e24
+"""The largest true value that a simulation takes, in its own unit (conventional)."""
+SHORTEST, LONGEST = 1e-12, 1e9
+"""Lengths of a simulated record in s (conventional)."""
+CYCLES = 1e6
+"""The most cycles of a simulated record (conventional)."""
 _MINIMUM = {"epsilon": 0.0, "noise_sd": 0.0}
 _POSITIVE = ("noise_time", "noise_dof", *REFERENCE)
 _SIMULATED = ("name", "simulate", "system", "compare", "restoring", "estimate", "specimen")
@@ -247,11 +255,25 @@ def _simulation(raw: object, system: System, key: str) -> Simulation:
     if missing:
         what = f"{', '.join(missing)} {'is' if len(missing) == 1 else 'are'} missing"
         raise StudyError(key, f"{what}; a simulation needs the true value, here or as a number in [system]")
+    _check_motion(oscillator, truth, settings.duration, key)
+    return Simulation(damping=terms, truth=truth, **settings.model_dump())
+
+
+def _check_motion(oscillator: Oscillator, truth: Mapping[str, float], duration: float, key: str) -> None:
+    """Refuse what does not oscillate, or so often that no computation ends. Raises StudyError."""
+    large = next((n for n, value in truth.items() if abs(value) > LARGEST), None)
+    if large is not None:
+        raise StudyError(below(key, large), f"is {truth[large]:g}; it must be at most {LARGEST:g}")
+    if not SHORTEST <= duration <= LONGEST:
+        right = f"it must be from {SHORTEST:g} to {LONGEST:g} s"
+        raise StudyError(below(key, "duration"), f"is {duration:g}; {right}")
     try:
-        oscillator.equilibrium(truth, near=truth["theta0"])
+        cycles = oscillator.natural_frequency(truth, near=truth["theta0"]) * duration / (2 * math.pi)
     except ValueError as error:
         raise StudyError(key, f"{error}; choose parameters that let it oscillate") from None
-    return Simulation(damping=terms, truth=truth, **settings.model_dump())
+    if cycles > CYCLES:
+        what = f"is {duration:g} s, in which it swings {cycles:.3g} times"
+        raise StudyError(below(key, "duration"), f"{what}; it must be at most {CYCLES:g} cycles")
 
 
 def damping_order() -> list[str]:
@@ -261,7 +283,7 @@ def damping_order() -> list[str]:
 
 def _recording(entry: SignalTable, system: System, folder: Path, key: str) -> Recording:
     assert entry.file is not None
-    path = folder / Path(entry.file).expanduser()
+    path = folder / at_home(Path(entry.file))
     if not path.is_file():
         raise StudyError(
             below(key, "file"), f"{entry.file!r} is not there; paths start at the study's folder {folder}"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import math
 import re
 from itertools import product
 from typing import Any
@@ -11,6 +12,8 @@ from bayesdamp.config.checks import StudyError, below, section, shown
 from bayesdamp.config.sections import SignalTable, SweepTable
 from bayesdamp.plugins import nearest
 
+MOST = 100_000
+"""Signals that the sweeps of a study may make (conventional)."""
 _TABLES = ("simulate", "system")
 _FILE_KEYS = tuple(n for n in SignalTable.model_fields if n not in ("name", *_TABLES))
 
@@ -27,6 +30,11 @@ def expand(signals: list[dict[str, Any]], sweeps: list[Any]) -> list[dict[str, A
     for sweep, key in tables:
         _check(sweep, key, signals)
     expanded = []
+    counts = [math.prod(len(w.values) for w, _ in tables if _touches(w.key, signal)) for signal in signals]
+    if sum(counts) > MOST:
+        raise StudyError(
+            "sweep", f"makes {sum(counts)} signals of these; it must be at most {MOST}: sweep fewer values"
+        )
     for signal in signals:
         touching = [sweep for sweep, _ in tables if _touches(sweep.key, signal)]
         for values in product(*(sweep.values for sweep in touching)):

@@ -16,6 +16,7 @@ import pytest
 
 import bayesdamp
 from bayesdamp.cli import main
+from bayesdamp.pipeline import Depth
 from bayesdamp.types import InputError, Refusal
 
 STUDY = """
@@ -52,6 +53,7 @@ def study_module(monkeypatch: pytest.MonkeyPatch, run_study: Callable[..., int])
     """Put a pipeline in place that does as the test says."""
     fake = ModuleType("bayesdamp.pipeline")
     fake.run_study = run_study  # type: ignore[attr-defined]
+    fake.Depth = Depth  # type: ignore[attr-defined]
     fake.cells = lambda study: [FakeCell("signal/one"), FakeCell("posterior/one/nuts")]  # type: ignore[attr-defined]
     monkeypatch.setitem(sys.modules, "bayesdamp.pipeline", fake)
 

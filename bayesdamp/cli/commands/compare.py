@@ -156,6 +156,8 @@ def compare(
     ] = False,
 ) -> int:
     """Say which damping records have, how large it is, how well its law holds, and how sure that is."""
+    if out is not None:
+        run_folder(out, "")
     from bayesdamp.envelope.command import compare_envelopes, recognised
 
     if recognised(records, angle, unit, quantity):

@@ -37,8 +37,12 @@ def init(
     for line in said:
         typer.echo(line, err=True)
     from bayesdamp.cli.study_file import study_text
+    from bayesdamp.config.checks import StudyError
 
-    text = study_text(as_signals(records, asked), out)
+    try:
+        text = study_text(as_signals(records, asked), out)
+    except StudyError as error:
+        raise InputError(f"{file}: {error}") from None
     try:
         with out.open("x", encoding="utf-8", newline="\n") as handle:
             handle.write(text)

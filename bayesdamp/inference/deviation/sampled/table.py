@@ -48,7 +48,8 @@ def posterior_of(weighing: Weighing, result: Result, found: Sampled) -> Posterio
     noise = noise * np.sqrt(weighing.variance / result.exact_variance)
     rows = {name: summary(values[:, i], float(noise[i])) for i, name in enumerate(parameters.free_names)}
     return Posterior(
-        rows, _deviation(weighing, result, found), _unexplained(weighing, result), values, found.log_evidence, found.stderr, found.acceptance,
+        rows, _deviation(weighing, result, found), _unexplained(weighing, result), values, found.log_evidence,
+        found.stderr, found.acceptance,
         found.temperatures,
     )  # fmt: skip
 

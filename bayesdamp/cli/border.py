@@ -1,0 +1,65 @@
+"""The border to the terminal: one line that is short for whatever went wrong, and what the machine refused by name."""
+
+from __future__ import annotations
+
+import errno
+import os
+import sys
+
+LONGEST = 295
+"""Characters of the one line on stderr."""
+_HEAD = 180
+_FULL = (errno.ENOSPC, errno.EDQUOT)
+_MEMORY = ("RESOURCE_EXHAUSTED", "Out of memory", "bad_alloc")
+
+
+def one_line(text: object) -> str:
+    """A text as one printable line; of a long one the middle is left out, so that the remedy at its end stays."""
+    words = " ".join(str(text).split())
+    line = "".join(c if c.isprintable() else c.encode("unicode_escape").decode("ascii") for c in words)
+    if len(line) <= LONGEST:
+        return line
+    return f"{line[:_HEAD]}...{line[-(LONGEST - _HEAD - 3) :]}"
+
+
+def refused_by_the_machine(error: BaseException) -> str | None:
+    """What is said of a full disk, a closed pipe, too little memory or a path that the system refuses; None of all
+    else."""
+    if isinstance(error, MemoryError) or any(mark in str(error) for mark in _MEMORY):
+        return (
+            "too little memory for this; close other programs, give fewer --workers, or a part of the record"
+        )
+    if not isinstance(error, OSError) or error.errno is None:
+        return None
+    place = error.filename if isinstance(error.filename, str | bytes | os.PathLike) else None
+    where = os.fsdecode(place) if place is not None else ""
+    if error.errno == errno.EPIPE:
+        return "what reads the output has closed it before the end; let it read all, or write to a file"
+    if error.errno in _FULL:
+        return f"{where or 'the output'}: the disk is full; make room there, then run the same command again"
+    if error.errno == errno.ENOMEM:
+        return (
+            "too little memory for this; close other programs, give fewer --workers, or a part of the record"
+        )
+    if not where:
+        return None
+    return f"{where}: {(error.strerror or str(error)).lower()}; mend that, or give another path"
+
+
+def flush() -> None:
+    """Hand over what was printed. Raises OSError where it cannot be, and then nothing is tried again at the end."""
+    try:
+        sys.stdout.flush()
+    except OSError:
+        silence()
+        raise
+
+
+def silence() -> None:
+    """Let what is still to be printed go nowhere: the output is closed or full."""
+    try:
+        nowhere = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(nowhere, sys.stdout.fileno())
+        os.close(nowhere)
+    except (OSError, ValueError):  # a stdout without a file, as under a test
+        return
