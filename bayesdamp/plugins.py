@@ -24,8 +24,8 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any, Generic, TypeVar
 
-from bayesdamp.sources import code_digest
 from bayesdamp.plain_text import at_home, read_plain
+from bayesdamp.sources import code_digest
 from bayesdamp.types import InputError
 
 T = TypeVar("T")

@@ -430,6 +430,7 @@ def claims(
     for option, folder in (("--paper", paper), *(("--noise", folder) for folder in noise or ())):
         if folder is not None and not (folder / "run.json").is_file():
             raise InputError(f"{option} {folder}: holds no run; give the folder that bayesdamp study wrote")
+    _writable(out)
     page = written(judged(CLAIMS, Runs(paper, tuple(noise or ()))))
     try:
         out.parent.mkdir(parents=True, exist_ok=True)
@@ -477,6 +478,17 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if status == INTERRUPTED:
         print("interrupted; the same command resumes what was done", file=sys.stderr)
     return int(status or 0)
+
+
+def _writable(out: Path) -> None:
+    """Refuse a file that cannot be written before anything is computed for it. Raises InputError."""
+    from bayesdamp.store.folders import refuse_special
+
+    _folder(out.parent, "")
+    try:
+        refuse_special(out)
+    except InputError as error:
+        raise InputError(f"--out {error}") from None
 
 
 @lru_cache(maxsize=1)

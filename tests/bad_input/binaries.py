@@ -8,7 +8,7 @@ import struct
 import wave
 import zipfile
 from collections.abc import Callable
-from functools import lru_cache, partial
+from functools import cache, partial
 from pathlib import Path
 
 import numpy as np
@@ -109,7 +109,7 @@ FORMATS: dict[str, Callable[[Path], None]] = {
 }  # fmt: skip
 
 
-@lru_cache(maxsize=None)
+@cache
 def whole(form: str, folder: Path) -> bytes:
     """An undamaged file's bytes."""
     path = folder / f"whole.{form}"
