@@ -1,3 +1,4 @@
+# ruff: noqa: E501
 """Commands that are typed wrongly, and paths that are no files."""
 
 from __future__ import annotations
