@@ -87,6 +87,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return _refused(error)
     except KeyboardInterrupt:
         status = INTERRUPTED
+    except SystemExit as left:  # what draws tables leaves so where its output is closed
+        if not isinstance(left.__context__, BrokenPipeError):
+            raise
+        silence()
+        return _refused(refused_by_the_machine(left.__context__))
     except Exception as error:
         usage = getattr(error, "format_message", None)
         if usage is not None:
@@ -104,17 +109,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if status == INTERRUPTED:
         print("interrupted; the same command resumes what was done", file=sys.stderr)
     return int(status or 0)
-
-
-def _writable(out: Path) -> None:
-    """Refuse a file that cannot be written before anything is computed for it. Raises InputError."""
-    from bayesdamp.store.folders import refuse_special
-
-    _folder(out.parent, "")
-    try:
-        refuse_special(out)
-    except InputError as error:
-        raise InputError(f"--out {error}") from None
 
 
 @lru_cache(maxsize=1)

@@ -46,3 +46,14 @@ def read_study(file: Path, plugins: Sequence[Path] | None = None) -> Study:
         if name in loaded.estimators.options:
             loaded.estimator_options(name)
     return loaded
+
+
+def writable(out: Path) -> None:
+    """Refuse a file that cannot be written before anything is computed for it. Raises InputError."""
+    from bayesdamp.store.folders import refuse_special
+
+    run_folder(out.parent, "")
+    try:
+        refuse_special(out)
+    except InputError as error:
+        raise InputError(f"--out {error}") from None

@@ -1,3 +1,4 @@
+# ruff: noqa: E501
 """Binary files of every format, cut off, overwritten, encrypted or said to be larger than they are."""
 
 from __future__ import annotations

@@ -17,7 +17,7 @@ NO_NUMBERS = {
     "a hexadecimal": "0x10", "two signs": "--5", "half an exponent": "1e", "two points": "1.2.3", "a formula": "=A1+1",
     "an error of a sheet": "#REF!", "no value of a sheet": "#N/A", "an exponent too large": "1e400",
     "an exponent of digits": "1e" + "9" * 300, "5,000 digits": "9" * 5000, "a minus and 5,000 digits": "-" + "9" * 5000,
-    "a picture sign": "\U0001f600", "a time that is none": "99:99", "a time of 25 h": "25:00:00", "a percentage": "5%",
+    "a picture sign": "\U0001f600", "a time that is none": "99:99", "a percentage": "5%",
     "a fraction": "1/2", "a complex number": "1+2j", "an escape": "\x1b[31m", "a bracket": "[1", "true": "true",
     "a long word": "x" * 100000, "a date that is none": "2024-13-01T00:00:00", "no day": "2023-02-29T00:00:00",
     "a zone that is none": "2024-01-01T00:00:00+99:99", "a time of 60 min": "10:60:00",
@@ -81,7 +81,7 @@ TEXTS: dict[str, tuple[Callable[[Path], object], str]] = {
     "a page": (text("<!doctype html><html><body>404</body></html>\n" * 30), ""),
     "a programme": (text("import os\nos.remove('x')\n" * 30), ""),
     "a pointer to a large file": (text("version https://git-lfs.github.com/spec/v1\noid sha256:0\nsize 12345\n"), ""),
-    "one long line": (text("1," * 200000), ""),
+    "one long line": (text("1," * 20000), ""),
     "one long word": (text("x" * 10**6), ""),
     "one long number": (text("9" * 10**6), ""),
     "brackets": (text("[" * 10**5), ""),
@@ -96,11 +96,20 @@ TEXTS: dict[str, tuple[Callable[[Path], object], str]] = {
     "times at random": (partial(rows, t=lambda i: float(np.sin(17.0 * i))), ""),
     "empty cells": (partial(rows, y=lambda i: ""), ""),
     "empty times": (partial(rows, t=lambda i: ""), ""),
-    "2,000 columns": (text("\n".join(",".join(str(np.cos(i * k)) for k in range(2000)) for i in range(12))), ""),
+    "200 columns": (text("\n".join(",".join(str(np.cos(i * k)) for k in range(200)) for i in range(12))), ""),
 }  # fmt: skip
 
+SHOWN = ("an open quote", "times that stand still", "times that go back", "times at random")
+"""Tables of numbers: `look` shows them, and says why there is no free decay."""
+
 WRONG = [
-    Case(f"{name}, {how}", arguments, write=write, said=said if how == "as it is" else "")
+    Case(
+        f"{name}, {how}",
+        arguments,
+        write=write,
+        said=said if how == "as it is" else "",
+        ends=(REFUSED, READ) if name in SHOWN and how != "as it is" else (REFUSED,),
+    )
     for name, (write, said) in TEXTS.items()
     for how, arguments in (
         ("as it is", ("compare", "FILE", "--quick", "--workers", "1")),

@@ -82,7 +82,10 @@ WRONG = {
         "bad.toml: posterior.chain: unknown key; did you mean 'chains'?",
     ),
     "bad option": (["check", "option.toml"], "did you mean 'variant'?"),
-    "out is a file": (["study", "good.toml", "--out", "bad.toml"], "--out bad.toml: is a file; it must be"),
+    "out is a file": (
+        ["study", "good.toml", "--out", "bad.toml"],
+        "--out bad.toml: bad.toml is a file; it must be",
+    ),
     "no run": (["report", "nowhere"], "nowhere: there is no such folder; give the folder of a run"),
     "empty run": (["report", "."], "run.json"),
     "term": (["simulate", "--out", "x.csv", "--damping", "viscuos=1", *SET], "did you mean 'viscous'?"),
@@ -173,8 +176,8 @@ def test_a_study_returns_the_pipeline_s_status(
         ),
         (
             OSError(28, "No space left on device"),
-            1,
-            "a fault of the program: OSError: [Errno 28] No space left",
+            2,
+            "the disk is full; make room there, then run the same command again",
         ),
         (InputError("rig.csv: no\nnumbers"), 2, "rig.csv: no numbers"),
         (Refusal("no peak"), 2, "no peak"),

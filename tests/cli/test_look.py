@@ -10,7 +10,7 @@ import pytest
 
 from bayesdamp.cli import main
 from bayesdamp.cli.asking import Options, as_signals, chosen_records
-from bayesdamp.cli.plot import dots, plot
+from bayesdamp.cli.looking.plot import dots, plot
 from bayesdamp.cli.study_file import written
 from bayesdamp.config import Recording, load_study
 from bayesdamp.config.compare import comparison

@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from bayesdamp.cli.asked import writable
 from bayesdamp.types import InputError
 
 
@@ -25,6 +26,7 @@ def claims(
     for option, folder in (("--paper", paper), *(("--noise", folder) for folder in noise or ())):
         if folder is not None and not (folder / "run.json").is_file():
             raise InputError(f"{option} {folder}: holds no run; give the folder that bayesdamp study wrote")
+    writable(out)
     page = written(judged(CLAIMS, Runs(paper, tuple(noise or ()))))
     try:
         out.parent.mkdir(parents=True, exist_ok=True)

@@ -28,6 +28,8 @@ def init(
     """Write a commented study of a file beside it; nothing is computed, and no file is written over."""
     from bayesdamp.cli.asking import Options, as_signals, chosen_records
 
+    if not file.name:
+        raise InputError(f"{file}: is a folder, not a file; give one of the files in it")
     out = file.with_suffix(".toml")
     if out.exists() or out.is_symlink():
         raise InputError(f"{out}: is there already; it is not written over: move it away first")

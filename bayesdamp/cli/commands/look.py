@@ -49,7 +49,7 @@ def look(
     for i, one in enumerate(found):
         _show_record(console, one, len(found) > 1, i < PLOTS)
     if html is not None:
-        from bayesdamp.cli.look_page import write_page
+        from bayesdamp.cli.looking.page import write_page
 
         write_page(html, file, held, found)
         typer.echo(html)
@@ -59,7 +59,7 @@ def look(
 def _show_file(console: Console, file: Path, held: Contents) -> None:
     from rich.table import Table
 
-    from bayesdamp.cli.said import described
+    from bayesdamp.cli.looking.said import described
 
     table = Table(
         "",
@@ -81,8 +81,8 @@ def _show_file(console: Console, file: Path, held: Contents) -> None:
 
 
 def _show_record(console: Console, one: Found, several: bool, drawn: bool) -> None:
-    from bayesdamp.cli.plot import plot
-    from bayesdamp.cli.said import curve, kept, reading, sentences
+    from bayesdamp.cli.looking.plot import plot
+    from bayesdamp.cli.looking.said import curve, kept, reading, sentences
 
     title = one.label if several else f"{one.raw.channel or 'the record'}"
     console.print(f"\n{title}: {reading(one)}", style="bold", markup=False, highlight=False)

@@ -11,6 +11,7 @@ from scipy.ndimage import uniform_filter1d
 from scipy.special import stdtrit
 
 from bayesdamp.records.oscillation.turning import Turning
+from bayesdamp.types import InputError
 
 Reason = Literal["period", "amplitude", "midline", "shape"]
 
@@ -234,6 +235,10 @@ def _next_fall(logs: np.ndarray) -> tuple[float, float]:
         most = abs(first) * float(np.expm1(0.5 * POWER * abs(first)))
         foretold = float(np.clip(foretold, first - most, first + most))
         return foretold, 2 * scatter + 0.5 * most + 0.1 * abs(foretold)
+    if falls.size == 0:
+        raise InputError(
+            "fewer than three swings can be followed; are there wrong values in it, or another column?"
+        )
     if falls.size == 1:
         return float(falls[0]), 0.4 * abs(float(falls[0]))
     most = abs(float(falls[0])) * float(np.expm1(0.5 * POWER * abs(falls[0])))

@@ -37,6 +37,8 @@ def stamp(cell: str) -> tuple[int | None, float] | None:
         return None, total
     if zone[:1] in ("+", "-"):
         digits = zone[1:].replace(":", "").ljust(4, "0")
+        if int(digits[:2]) > 14 or int(digits[2:]) > 59:
+            return None
         offset = 3600 * int(digits[:2]) + 60 * int(digits[2:])
         total += offset if zone[0] == "-" else -offset
     days, total = divmod(total, DAY)

@@ -13,6 +13,8 @@ from bayesdamp.records.files.stamps import stamp
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eEdD][+-]?\d+)?|[+-]?(nan|inf|infinity)", re.IGNORECASE)
 _FACT = re.compile(r"[^:=]+[:=]\s*[+-]?[\d.]+.*")
 BLANKS = " "
+LONGEST = 400
+"""Characters of a cell up to which it is looked at closely; longer numbers are of digits alone (conventional)."""
 
 
 @dataclass(frozen=True)
@@ -59,6 +61,8 @@ def number(cell: str, decimal: str) -> float | None:
     if ":" in cell:
         found = stamp(cell)
         return None if found is None else found[1]
+    if len(cell) > LONGEST:
+        return float(cell) if cell.lstrip("+-").isdecimal() and cell[1:].isdecimal() else None
     if decimal == ",":
         if "." in cell:
             return None

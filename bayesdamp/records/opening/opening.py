@@ -90,7 +90,9 @@ def _head(path: Path) -> bytes:
         mode = path.stat().st_mode
     except (OSError, ValueError) as error:
         missing = isinstance(error, FileNotFoundError)
-        raise InputError("no such file" if missing else f"cannot be read ({error})") from None
+        raise InputError(
+            "no such file; give the path of a record" if missing else f"cannot be read ({error})"
+        ) from None
     if stat.S_ISDIR(mode):
         raise InputError("is a folder, not a file; give one of the files in it")
     if not stat.S_ISREG(mode):

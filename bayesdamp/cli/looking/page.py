@@ -12,7 +12,7 @@ import numpy as np
 from markupsafe import Markup, escape
 from matplotlib.figure import Figure
 
-from bayesdamp.cli.said import curve, described, kept, reading, sentences
+from bayesdamp.cli.looking.said import curve, described, kept, reading, sentences
 from bayesdamp.report.style import QUIET, RC, WIDTH
 from bayesdamp.store import write_bytes
 from bayesdamp.types import InputError

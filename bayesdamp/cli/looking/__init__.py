@@ -1,0 +1,1 @@
+"""What `bayesdamp look` shows: a page, a small plot, and words."""
