@@ -87,6 +87,10 @@ class Registry(Generic[T]):
         """The names that ship or were asked for, without those that are merely installed; nothing is imported."""
         return sorted(self._modules | set(self._added))
 
+    def added(self) -> list[str]:
+        """The names that were asked for and do not ship; nothing is imported."""
+        return sorted(self._added)
+
     @cached_property
     def _modules(self) -> set[str]:
         path = importlib.import_module(self.package).__path__

@@ -10,8 +10,7 @@ from bayesdamp.answer import Answer, answer, answered_from
 from bayesdamp.config import Recording, SignalSpec, Study
 from bayesdamp.config.checks import plain
 from bayesdamp.inference.defaults import Reference
-from bayesdamp.physics.damping import TERMS, DampingTerm, parse_model
-from bayesdamp.physics.forms import FORMS
+from bayesdamp.physics.damping import TERMS, DampingTerm, others, parse_model
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.priors import Prior
 from bayesdamp.store import CellResult, Store
@@ -56,7 +55,7 @@ class AnswerCell:
             self.study.posterior.sensor,
         )
         named = [*map(TERMS.source, self._terms), *map(LAWS.source, self.spec.restoring)]
-        named += [*map(FORMS.source, FORMS.names())]
+        named += [*map(TERMS.source, others())]
         return task_key("answer", self.parent.key, *parts, named)
 
     def compute(self) -> None:

@@ -6,7 +6,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from bayesdamp.inference.deviation.findings import Findings, cycle_of
+from bayesdamp.inference.deviation.curves import acting, orbit_of
+from bayesdamp.inference.deviation.findings import Findings
 from bayesdamp.inference.deviation.weighing import Weighing
 
 POINTS = 3000
@@ -39,8 +40,12 @@ def picture(weighing: Weighing, found: Findings) -> Mapping[str, np.ndarray]:
     for r in weighing.results:
         if r.candidate.restoring != found.best.restoring:
             continue
-        coefficients = r.fit.parameters.values(r.fit.z)[: len(terms)]
-        cycles = [cycle_of(weighing, best, float(a)) for a in amplitude]
+        values = r.fit.parameters.values(r.fit.z)
+        coefficients = values[: len(terms)]
+        solver = weighing.solvers[r.candidate.restoring]
+        further = acting(weighing, r, values[len(terms) : solver.law_places.start])
+        orbits = [orbit_of(weighing, best, float(a)) for a in amplitude]
+        cycles = [None if o is None else o.cycle(terms, solver.epsilon, further) for o in orbits]
         name = "+".join(r.candidate.damping)
         arrays[f"law/{name}"] = np.array(
             [np.nan if c is None else float(coefficients @ c.ratios) for c in cycles]

@@ -7,8 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
-from bayesdamp.physics.damping import PAPER_TERMS
-from bayesdamp.physics.forms import acting
+from bayesdamp.physics.damping import PAPER_TERMS, TERMS
 from bayesdamp.physics.kernel.build import Kernel, kernel_of
 from bayesdamp.physics.kernel.dense import at_times, slopes_at_times
 from bayesdamp.physics.restoring import LAWS
@@ -20,7 +19,7 @@ MOST_A_CYCLE = 4000
 QUANTITIES = ("angle", "velocity", "acceleration")
 NONE, PARAMETERS, ALL = 0, 1, 2
 SHARED = (*PAPER_TERMS, "displacement")
-"""Terms and forms that every record is weighed under."""
+"""Terms that every record is weighed under."""
 
 
 @dataclass(frozen=True)
@@ -68,12 +67,23 @@ class Solver:
     @cached_property
     def further(self) -> tuple[str, ...]:
         """Names of what the shapes take beside the motion, term by term."""
-        return tuple(n for name in self.terms for n in getattr(acting(name), "further", ()))
+        return tuple(n for name in self.terms for n in TERMS.get(name).further)
 
     @cached_property
     def names(self) -> tuple[str, ...]:
-        coefficients = tuple(acting(name).parameter for name in self.terms)
+        coefficients = tuple(TERMS.get(name).parameter for name in self.terms)
         return (*coefficients, *self.further, *LAWS.get(self.restoring).parameters, "theta0", "omega0")
+
+    @cached_property
+    def law_places(self) -> slice:
+        """Places of the law's parameters among `names`."""
+        first = len(self.terms) + len(self.further)
+        return slice(first, first + len(LAWS.get(self.restoring).parameters))
+
+    @cached_property
+    def inferred(self) -> tuple[str, ...]:
+        """Names of the terms' parameters beside their coefficients."""
+        return tuple(p.name for name in self.terms for p in TERMS.get(name).inferred)
 
     @cached_property
     def _sizes(self) -> np.ndarray:
@@ -104,7 +114,7 @@ class Solver:
         p = np.asarray(p, float)
         coefficients, switched = np.zeros(len(self._compiled)), np.zeros(len(self._compiled), bool)
         coefficients[self._places], switched[self._places] = p[:m], active
-        every = [n for name in self._compiled for n in getattr(acting(name), "further", ())]
+        every = [n for name in self._compiled for n in TERMS.get(name).further]
         given = dict(zip(self.further, p[m:e], strict=True))
         q = np.array([given.get(n, 0.0) for n in every], float)
         times, states, slopes = self.kernel.march(

@@ -1,22 +1,27 @@
-"""A power of the velocity with a free exponent: Coulomb's, viscous and quadratic damping are its 0, 1 and 2."""
+"""A power of the velocity with a free exponent: Coulomb's, viscous and quadratic damping are its 0, 1 and 2
+(R. E. Mickens, K. O. Oyedeji and S. A. Rucker, J. Sound Vib. 268, 839 (2003))."""
 
-from bayesdamp.physics.forms._form import Form
+from bayesdamp.physics.damping._term import DampingTerm, FreeParameter
+from bayesdamp.priors import Uniform
 
 
-class Power(Form):
+class Power(DampingTerm):
     """F = c V |θ̇/V|^p sgn θ̇ with V a reference velocity, c in 1/s; rounded within ε so that it may switch at p = 0."""
 
     name = "power"
     parameter = "c_power"
+    unit = "1/s"
     words = "a power of the velocity"
     switches = True
-    further = ("exponent", "reference_velocity")
+    inferred = (FreeParameter("exponent", "1", lambda amplitude, frequency: Uniform(low=0.0, high=3.0)),)
+    given = ("reference_velocity",)
 
     @staticmethod
     def kernel(x: float, v: float, epsilon: float, p: float = 1.0, scale: float = 1.0) -> float:
         return v * ((v * v + epsilon * epsilon) / (scale * scale)) ** (0.5 * (p - 1.0))
 
     def ratio_per_unit(self, amplitude: float, frequency: float) -> float:
+        """At p = 1: the same whatever the amplitude."""
         return 0.5 / frequency
 
 
