@@ -49,7 +49,7 @@ $(READY): pyproject.toml constraints.txt
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e ".[dev]"; \
 	$(BIN)/python -m compileall -q bayesdamp; \
 	echo "compiling what every record is fitted with; once, about a minute"; \
-	$(BIN)/python -c "from bayesdamp.physics.kernel.build import warm; warm()"; \
+	$(BIN)/python -c "from bayesdamp.physics.kernel.warm import warm; warm()"; \
 	touch $@
 
 clean:

@@ -23,11 +23,11 @@ if "jax" in sys.modules:
 __version__ = "0.1.0"
 
 _HOME = {
-    "Record": "bayesdamp.interface.record",
-    "read": "bayesdamp.interface.record",
-    "Signal": "bayesdamp.interface.signal",
-    "signal": "bayesdamp.interface.signal",
-    "simulate": "bayesdamp.interface.simulate",
+    "Record": "bayesdamp.interface.records.record",
+    "read": "bayesdamp.interface.records.record",
+    "Signal": "bayesdamp.interface.records.signal",
+    "signal": "bayesdamp.interface.records.signal",
+    "simulate": "bayesdamp.interface.records.simulate",
     "Model": "bayesdamp.interface.model",
     "HalfNormal": "bayesdamp.priors",
     "LogNormal": "bayesdamp.priors",
@@ -38,7 +38,7 @@ _HOME = {
     "estimate": "bayesdamp.interface.estimate",
     "Fit": "bayesdamp.interface.fit",
     "Prediction": "bayesdamp.interface.fit",
-    "first_words": "bayesdamp.signals.first_look",
+    "first_words": "bayesdamp.records.oscillation.first_look",
     "fit": "bayesdamp.interface.fit",
     "Density": "bayesdamp.interface.density",
     "Posterior": "bayesdamp.interface.posterior",
@@ -58,9 +58,9 @@ _HOME = {
     "load_study": "bayesdamp.config",
     "DampingTerm": "bayesdamp.physics.damping",
     "Oscillator": "bayesdamp.physics.oscillator",
-    "clean": "bayesdamp.signals.clean",
-    "features": "bayesdamp.signals.features",
-    "read_record": "bayesdamp.signals.read",
+    "clean": "bayesdamp.records.cleaning.clean",
+    "features": "bayesdamp.records.oscillation.features",
+    "read_record": "bayesdamp.records.read",
     "trajectory": "bayesdamp.physics.integrate",
 }
 _THERE = {"trajectory": "simulate"}
@@ -120,18 +120,18 @@ if TYPE_CHECKING:
     from bayesdamp.interface.load import load
     from bayesdamp.interface.model import Model
     from bayesdamp.interface.posterior import Posterior, sample
-    from bayesdamp.interface.record import Record, read
+    from bayesdamp.interface.records.record import Record, read
+    from bayesdamp.interface.records.signal import Signal, signal
+    from bayesdamp.interface.records.simulate import simulate
     from bayesdamp.interface.run import Candidate, Run, run_study
-    from bayesdamp.interface.signal import Signal, signal
-    from bayesdamp.interface.simulate import simulate
     from bayesdamp.physics.damping import DampingTerm
     from bayesdamp.physics.integrate import simulate as trajectory
     from bayesdamp.physics.oscillator import Oscillator
     from bayesdamp.priors import HalfNormal, LogNormal, LogUniform, Normal, Uniform
-    from bayesdamp.signals.clean import clean
-    from bayesdamp.signals.features import features
-    from bayesdamp.signals.first_look import first_words
-    from bayesdamp.signals.read import read_record
+    from bayesdamp.records.cleaning.clean import clean
+    from bayesdamp.records.oscillation.features import features
+    from bayesdamp.records.oscillation.first_look import first_words
+    from bayesdamp.records.read import read_record
     from bayesdamp.types import InputError, Refusal
     from bayesdamp.verdict.types import Verdict
 

@@ -34,14 +34,14 @@ GROUPS = {
     "bayesdamp.physics.restoring": "bayesdamp.restoring",
     "bayesdamp.estimators.methods": "bayesdamp.estimators",
     "bayesdamp.inference.samplers": "bayesdamp.samplers",
-    "bayesdamp.inference.evidence": "bayesdamp.evidence",
+    "bayesdamp.inference.evidence.methods": "bayesdamp.evidence",
     "bayesdamp.inference.noise": "bayesdamp.noise",
-    "bayesdamp.signals.readers": "bayesdamp.readers",
+    "bayesdamp.records.readers": "bayesdamp.readers",
     "bayesdamp.report.sections": "bayesdamp.sections",
 }
 """The entry points' group of each package of plug-ins."""
 _NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
-_COMPILED = ("bayesdamp.physics.", "bayesdamp.inference.", "bayesdamp.estimators.", "bayesdamp.signals.")
+_COMPILED = ("bayesdamp.physics.", "bayesdamp.inference.", "bayesdamp.estimators.", "bayesdamp.records.")
 """Where functions keep what they made of plug-ins under the plug-ins' names."""
 
 _EXTENDED: list[str] = []
@@ -81,20 +81,23 @@ class Registry(Generic[T]):
 
     def names(self) -> list[str]:
         """All names, sorted; nothing is imported."""
-        return sorted(self._modules | set(self._added) | set(self._entries))
+        return sorted({*self._modules, *self._added, *self._entries})
 
     def present(self) -> list[str]:
         """The names that ship or were asked for, without those that are merely installed; nothing is imported."""
-        return sorted(self._modules | set(self._added))
+        return sorted({*self._modules, *self._added})
 
     def added(self) -> list[str]:
         """The names that were asked for and do not ship; nothing is imported."""
         return sorted(self._added)
 
     @cached_property
-    def _modules(self) -> set[str]:
+    def _modules(self) -> dict[str, str]:
+        """Name to module of what ships, in the package or in a folder of it."""
         path = importlib.import_module(self.package).__path__
-        return {m.name for m in pkgutil.iter_modules(path) if not m.name.startswith("_")}
+        found = [m for m in pkgutil.walk_packages(path, f"{self.package}.") if not m.ispkg]
+        names = {m.name.rpartition(".")[2]: m.name for m in found}
+        return {name: module for name, module in names.items() if not name.startswith("_")}
 
     @cached_property
     def _entries(self) -> dict[str, importlib.metadata.EntryPoint]:
@@ -126,7 +129,7 @@ class Registry(Generic[T]):
         if name in self._added:
             return self._added[name]
         if name in self._modules:
-            return importlib.import_module(f"{self.package}.{name}").PLUGIN
+            return importlib.import_module(self._modules[name]).PLUGIN
         if name in self._entries:
             entry = self._entries[name]
             plugin, source = _installed(entry, self.kind)
@@ -140,7 +143,7 @@ class Registry(Generic[T]):
         Raises InputError where there is none of that name.
         """
         if name not in self._added and name in self._modules:
-            return code_digest(f"{self.package}.{name}")
+            return code_digest(self._modules[name])
         self.get(name)
         return hashlib.sha256(self._sources[name].encode()).hexdigest()
 

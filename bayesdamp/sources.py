@@ -10,12 +10,12 @@ from pathlib import Path
 PACKAGE = "bayesdamp"
 ROOT = Path(__file__).parent
 OUTSIDE = (
-    "bayesdamp.cli", "bayesdamp.config", "bayesdamp.folders", "bayesdamp.plugins", "bayesdamp.processes",
-    "bayesdamp.programs", "bayesdamp.report", "bayesdamp.sources", "bayesdamp.store",
+    "bayesdamp.cli", "bayesdamp.config", "bayesdamp.machine", "bayesdamp.plugins", "bayesdamp.report",
+    "bayesdamp.sources", "bayesdamp.store",
 )  # fmt: skip
 """What decides where and when something is computed, and what is made of it, but not the result itself; settings are
 part of a key by their values."""
-LEAVES = ("bayesdamp.study.cells",)
+LEAVES = ("bayesdamp.pipeline.candidates.cells",)
 """Modules that bring many computations together: each counts with its own source, not with what it imports."""
 
 _IMPORT = re.compile(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-from benchmarks.ledger import Ledger, before, losses, write
+from tests.benchmarks.ledger import Ledger, before, losses, write
 
 
 def ledger(**ratios: float) -> Ledger:

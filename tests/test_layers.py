@@ -9,41 +9,52 @@ import pytest
 
 PACKAGE = Path(__file__).resolve().parents[1] / "bayesdamp"
 
-NEUTRAL = {"types", "units", "folders", "plugins", "sources", "priors", "programs", "processes", "numerics"}
+NEUTRAL = {"types", "units", "plugins", "sources", "priors", "machine"}
 REGISTRIES = {"estimators", "inference.samplers", "inference.noise", "inference.evidence"}
 """Packages that `config` asks for names; it imports no module inside them."""
+INFERENCE = ("noise", "model", "fit", "coordinates", "curves", "checks", "samplers", "evidence", "many")
+"""From the ground up: each folder imports those before it, and itself."""
+_BELOW = NEUTRAL | {"physics", "records"}
 
 MAY_IMPORT: dict[str, set[str]] = {
     **{name: NEUTRAL for name in NEUTRAL},
     "physics": NEUTRAL | {"physics"},
-    "signals": NEUTRAL | {"physics", "signals"},
-    "envelope": NEUTRAL | {"signals", "envelope"},
+    "records.files": NEUTRAL | {"records.files"},
+    "records.readers": NEUTRAL | {"records.files", "records.readers"},
+    "records.opening": NEUTRAL | {"records.files", "records.readers", "records.opening"},
+    "records.oscillation": NEUTRAL | {"records.oscillation"},
+    "records.decay": NEUTRAL | {"records.oscillation", "records.decay"},
+    "records.columns": NEUTRAL | {"records.oscillation", "records.files", "records.columns"},
+    "records.cleaning": NEUTRAL
+    | {"records.record", "records.files", "records.oscillation", "records.decay", "records.cleaning"},
+    "records": NEUTRAL | {"physics", "records"},
+    "envelope": NEUTRAL | {"records", "envelope"},
     "config": NEUTRAL | {"physics", "config"} | REGISTRIES,
-    "estimators": NEUTRAL | {"physics", "signals", "estimators"},
-    "inference": NEUTRAL | {"physics", "signals", "inference"},
+    "estimators.networks": _BELOW | {"estimators.shared", "estimators.networks"},
+    "estimators.regression": _BELOW | {"estimators.shared", "estimators.regression"},
+    "estimators.evolution": _BELOW | {"estimators.shared", "estimators.evolution"},
+    "estimators": _BELOW | {"estimators"},
+    **{
+        f"inference.{name}": _BELOW | {f"inference.{below}" for below in INFERENCE[: i + 1]}
+        for i, name in enumerate(INFERENCE)
+    },
+    "inference.deviation": _BELOW | {"inference.model.defaults", "inference.deviation"},
+    "inference": set(),
     "verdict": NEUTRAL | {"physics", "inference", "verdict"},
     "store": NEUTRAL | {"store"},
-    "simulated": NEUTRAL | {"physics", "signals", "config", "store"},
     "report": NEUTRAL | {"store", "verdict", "report"},
+    "validation.calibration": _BELOW
+    | {"config", "estimators", "inference", "store", "pipeline", "report", "validation.calibration"},
+    "validation.claims": _BELOW | {"estimators", "report", "validation.claims"},
     "validation": NEUTRAL | {"validation"},
     "interface": NEUTRAL
     | {
-        "physics",
-        "signals",
-        "config",
-        "estimators",
-        "estimators.shared",
-        "inference",
-        "store",
-        "study",
-        "verdict",
-        "report",
-        "answer",
+        "physics", "records", "config", "estimators", "inference", "store", "pipeline", "verdict", "report",
         "interface",
     },
-}
-ACROSS = {"answer", "study", "calibration", "claims", "commands", "cli", "", "__main__"}
-"""The pipeline, the commands, and the public interface import what they join; nothing imports these."""
+}  # fmt: skip
+ACROSS = {"pipeline", "cli", "", "__main__"}
+"""The pipeline, the commands, and the public interface import what they join."""
 
 
 def imported(source: str, module: str) -> set[str]:
@@ -62,19 +73,25 @@ def imported(source: str, module: str) -> set[str]:
     return {name for name in inside if not name.startswith("__")}
 
 
+def inside(name: str, unit: str) -> bool:
+    return name == unit or name.startswith(f"{unit}.")
+
+
 def backward(source: str, module: str) -> list[str]:
     """What a module imports and may not: `module -> imported`."""
-    unit = module.removeprefix("bayesdamp").removeprefix(".").partition(".")[0]
-    if unit in ACROSS:
+    name = module.removeprefix("bayesdamp").removeprefix(".")
+    if name.partition(".")[0] in ACROSS:
         return []
-    assert unit in MAY_IMPORT, f"{module} is in no layer: give {unit} one in {Path(__file__).name}"
+    units = [unit for unit in MAY_IMPORT if inside(name, unit)]
+    assert units, f"{module} is in no layer: give {name} one in {Path(__file__).name}"
+    unit = max(units, key=len)
     allowed = MAY_IMPORT[unit]
-    whole = {name for name in allowed if name not in REGISTRIES or unit == name}
-    faults = []
-    for name in sorted(imported(source, module)):
-        if name.partition(".")[0] not in whole and name not in allowed:
-            faults.append(f"{module} -> bayesdamp.{name}")
-    return faults
+    whole = allowed - REGISTRIES if unit == "config" else allowed
+    return [
+        f"{module} -> bayesdamp.{other}"
+        for other in sorted(imported(source, module))
+        if other not in allowed and not any(inside(other, one) for one in whole)
+    ]
 
 
 def modules() -> list[tuple[str, Path]]:
@@ -95,20 +112,20 @@ def test_no_import_goes_backward() -> None:
 @pytest.mark.parametrize(
     ("module", "source"),
     [
-        ("bayesdamp.physics.oscillator", "from bayesdamp.signals.features import features"),
-        ("bayesdamp.physics.oscillator", "def f():\n    import bayesdamp.study"),
-        ("bayesdamp.signals.read", "from bayesdamp import estimators"),
-        ("bayesdamp.estimators.refine", "from bayesdamp.inference.target import make_target"),
-        ("bayesdamp.inference.target", "from bayesdamp.estimators import ESTIMATORS"),
+        ("bayesdamp.physics.oscillator", "from bayesdamp.records.oscillation.features import features"),
+        ("bayesdamp.physics.oscillator", "def f():\n    import bayesdamp.pipeline"),
+        ("bayesdamp.records.read", "from bayesdamp import estimators"),
+        ("bayesdamp.estimators.refine", "from bayesdamp.inference.model.target import make_target"),
+        ("bayesdamp.inference.model.target", "from bayesdamp.estimators import ESTIMATORS"),
         ("bayesdamp.estimators.methods.pinn", "from ...inference import target"),
         ("bayesdamp.report.render", "from bayesdamp.physics.oscillator import Oscillator"),
         ("bayesdamp.report.render", "if TYPE_CHECKING:\n    from bayesdamp.config import Study"),
         ("bayesdamp.store", "from bayesdamp.report import render"),
         ("bayesdamp.config.load", "from bayesdamp.estimators.methods.pinn import PLUGIN"),
-        ("bayesdamp.config.load", "from bayesdamp.signals.read import read_record"),
+        ("bayesdamp.config.load", "from bayesdamp.records.read import read_record"),
         ("bayesdamp.types", "from bayesdamp.physics.damping import TERMS"),
-        ("bayesdamp.validation.records", "from bayesdamp.physics.integrate import simulate"),
-        ("bayesdamp.inference.target", "from bayesdamp.interface.model import Model"),
+        ("bayesdamp.validation.truth.records", "from bayesdamp.physics.integrate import simulate"),
+        ("bayesdamp.inference.model.target", "from bayesdamp.interface.model import Model"),
     ],
 )
 def test_a_backward_import_is_seen(module: str, source: str) -> None:
@@ -118,10 +135,10 @@ def test_a_backward_import_is_seen(module: str, source: str) -> None:
 @pytest.mark.parametrize(
     ("module", "source"),
     [
-        ("bayesdamp.study", "from bayesdamp.inference.target import make_target"),
+        ("bayesdamp.pipeline", "from bayesdamp.inference.model.target import make_target"),
         ("bayesdamp.config.load", "from bayesdamp.estimators import ESTIMATORS"),
         ("bayesdamp.estimators.methods.pinn", "from ..shared import known"),
-        ("bayesdamp.inference.target", "from bayesdamp import __version__\nimport numpy"),
+        ("bayesdamp.inference.model.target", "from bayesdamp import __version__\nimport numpy"),
     ],
 )
 def test_a_forward_import_passes(module: str, source: str) -> None:
@@ -131,3 +148,92 @@ def test_a_forward_import_passes(module: str, source: str) -> None:
 def test_a_module_without_a_layer_is_refused() -> None:
     with pytest.raises(AssertionError, match="is in no layer"):
         backward("import numpy", "bayesdamp.helpers")
+
+
+LAZY = {f"interface.{name}" for name in ("model", "fit", "density", "parts.case")}
+"""A model hands out what is made of it, and what is made of it holds the model: imported when it is called."""
+
+
+def runs(source: str) -> str:
+    """A module's source without what only type checkers import."""
+    tree = ast.parse(source)
+    tree.body = [n for n in tree.body if not (isinstance(n, ast.If) and "TYPE_CHECKING" in ast.dump(n.test))]
+    return ast.unparse(tree)
+
+
+def graph_of(sources: dict[str, str]) -> dict[str, set[str]]:
+    """Module to the modules of the package that it imports, at once or later, but for type checkers."""
+    graph: dict[str, set[str]] = {}
+    for module, source in sources.items():
+        found: set[str] = set()
+        for node in ast.walk(ast.parse(runs(source))):
+            if isinstance(node, ast.ImportFrom) and node.module:
+                below = {f"{node.module}.{alias.name}" for alias in node.names}
+                found |= {name if name in sources else node.module for name in below}
+            elif isinstance(node, ast.Import):
+                found |= {alias.name for alias in node.names}
+        graph[module] = (found & set(sources)) - {module}
+    return graph
+
+
+def circles(graph: dict[str, set[str]]) -> list[set[str]]:
+    """Sets of nodes that reach each other."""
+
+    def reached(start: str) -> set[str]:
+        found: set[str] = set()
+        waiting = [start]
+        while waiting:
+            for name in graph.get(waiting.pop(), set()) - found:
+                found.add(name)
+                waiting.append(name)
+        return found
+
+    all_of = {name: reached(name) for name in graph}
+    together = {frozenset({name} | {o for o in all_of[name] if name in all_of[o]}) for name in graph}
+    return [set(one) for one in together if len(one) > 1]
+
+
+def folders_of(graph: dict[str, set[str]]) -> dict[str, set[str]]:
+    """The same between folders: one without folders in it is one node; elsewhere each module is its own."""
+    packages = {path.parent for _, path in modules()}
+    inner = {path.parent for path in packages}
+    leaf = {}
+    for name, path in modules():
+        whole = ".".join(path.parent.relative_to(PACKAGE.parent).parts)
+        leaf[name] = name if path.parent in inner else whole
+    grouped: dict[str, set[str]] = {}
+    for name, others in graph.items():
+        grouped.setdefault(leaf[name], set()).update({leaf[o] for o in others} - {leaf[name]})
+    return grouped
+
+
+def test_no_circle() -> None:
+    sources = {name: path.read_text(encoding="utf-8") for name, path in modules()}
+    graph = graph_of({n: s for n, s in sources.items() if n.removeprefix("bayesdamp.") not in LAZY})
+    assert circles(graph) == []
+
+
+def test_no_circle_between_folders() -> None:
+    sources = {name: path.read_text(encoding="utf-8") for name, path in modules()}
+    graph = graph_of({n: s for n, s in sources.items() if n.removeprefix("bayesdamp.") not in LAZY})
+    assert circles(folders_of(graph)) == []
+
+
+def test_a_circle_is_seen() -> None:
+    sources = {
+        "bayesdamp.a": "from bayesdamp.b import x",
+        "bayesdamp.b": "def f():\n    from bayesdamp import c",
+        "bayesdamp.c": "import bayesdamp.a",
+        "bayesdamp.d": "if TYPE_CHECKING:\n    import bayesdamp.e",
+        "bayesdamp.e": "import bayesdamp.d",
+    }
+    assert circles(graph_of(sources)) == [{"bayesdamp.a", "bayesdamp.b", "bayesdamp.c"}]
+
+
+MOST = 12
+"""Files in a folder, `__init__` among them."""
+
+
+def test_no_folder_is_flat() -> None:
+    counts = {folder: len(list(folder.glob("*.py"))) for folder in {path.parent for _, path in modules()}}
+    assert {str(folder.relative_to(PACKAGE)): n for folder, n in counts.items() if n > MOST} == {}

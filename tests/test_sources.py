@@ -12,8 +12,8 @@ from pathlib import Path
 
 import pytest
 
+from bayesdamp.pipeline.keys import CODE
 from bayesdamp.sources import OUTSIDE, ROOT, imported, reached
-from bayesdamp.study.keys import CODE
 
 SCRIPT = """
 import json, sys
@@ -21,7 +21,7 @@ from pathlib import Path
 import bayesdamp
 from bayesdamp.config import load_study
 from bayesdamp.store import Store
-from bayesdamp.study.run import _jobs, _work
+from bayesdamp.pipeline.run import _jobs, _work
 assert bayesdamp.__file__.startswith(sys.argv[1])
 study = load_study(sys.argv[2])
 print(json.dumps({n: k for job in _jobs(study) for n, (k, _) in _work(study, Store(Path("x")), job).items()}))
@@ -87,7 +87,9 @@ def test_imports_are_found_as_the_parser_finds_them():
         # a text for another process may import the module that it stands in
         assert by_parser(path, set(modules)) - {name} == set(imported(name)) & set(modules) - {name}, name
     # negative control: it does tell apart
-    assert by_parser(modules["bayesdamp.study.run"], set(modules)) != imported("bayesdamp.study.cells")
+    assert by_parser(modules["bayesdamp.pipeline.run"], set(modules)) != imported(
+        "bayesdamp.pipeline.candidates.cells"
+    )
 
 
 @pytest.mark.parametrize("kind", CODE)
@@ -121,7 +123,7 @@ def keys(copy: Path) -> dict[str, str]:
     ("file", "changes"),
     [
         ("report/render.py", ()),
-        ("cli.py", ()),
+        ("cli/app.py", ()),
         ("inference/samplers/emcee.py", ("/emcee", "averaged/")),
         ("physics/damping/quadratic.py", ("quadratic", "viscous/sindy", "averaged/", *AFTER_SINDY)),
         ("physics/integrate.py", ("",)),

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from bayesdamp.envelope.candidates import (
+from bayesdamp.envelope.model.candidates import (
     Blocks,
     Candidate,
     derivatives,
@@ -15,11 +15,12 @@ from bayesdamp.envelope.candidates import (
     weigh,
     weigh_power,
 )
-from bayesdamp.envelope.deviation import KNOTS, MEAN, knot_covariance
-from bayesdamp.envelope.laws import POWERS, SUMS, coefficients, decay, rate
-from bayesdamp.envelope.noise import SLOW, Noise, infer_noise
-from bayesdamp.envelope.posterior import DRIFT, SENSOR, Draws, draw
-from bayesdamp.envelope.record import EnvelopeRecord
+from bayesdamp.envelope.model.deviation import KNOTS, MEAN, knot_covariance
+from bayesdamp.envelope.model.laws import POWERS, SUMS, coefficients, decay, rate
+from bayesdamp.envelope.model.noise import SLOW, Noise, infer_noise
+from bayesdamp.envelope.model.posterior import DRIFT, SENSOR, Draws, draw
+from bayesdamp.envelope.records.record import EnvelopeRecord
+from bayesdamp.envelope.records.window import Window, blocks, find_window
 from bayesdamp.envelope.results import (
     AtAmplitude,
     Coefficient,
@@ -29,7 +30,6 @@ from bayesdamp.envelope.results import (
     Estimated,
     Range,
 )
-from bayesdamp.envelope.window import Window, blocks, find_window
 from bayesdamp.envelope.words import FEW, no_decay, remarks, sentence
 from bayesdamp.types import Refusal
 

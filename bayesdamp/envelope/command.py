@@ -7,17 +7,17 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from bayesdamp.envelope.analysis import analyse
-from bayesdamp.envelope.candidates import WIDTH
-from bayesdamp.envelope.deviation import EXACT, MEAN
-from bayesdamp.envelope.page import page
-from bayesdamp.envelope.picture import picture
+from bayesdamp.envelope.model.candidates import WIDTH
+from bayesdamp.envelope.model.deviation import EXACT, MEAN
+from bayesdamp.envelope.model.posterior import DRIFT, SENSOR
 from bayesdamp.envelope.pooled import pooled
-from bayesdamp.envelope.posterior import DRIFT, SENSOR
-from bayesdamp.envelope.reading import Column, is_envelope, read_envelope
-from bayesdamp.envelope.record import EnvelopeRecord
+from bayesdamp.envelope.records.reading import Column, is_envelope, read_envelope
+from bayesdamp.envelope.records.record import EnvelopeRecord
+from bayesdamp.envelope.records.window import ABOVE_FLOOR, Window, bounded
+from bayesdamp.envelope.report.page import page
+from bayesdamp.envelope.report.picture import picture
+from bayesdamp.envelope.report.tables import verdict_json, verdicts_csv
 from bayesdamp.envelope.results import EnvelopeResult
-from bayesdamp.envelope.tables import verdict_json, verdicts_csv
-from bayesdamp.envelope.window import ABOVE_FLOOR, Window, bounded
 from bayesdamp.types import InputError, Refusal
 
 KEPT = 24

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from bayesdamp.envelope.record import EnvelopeRecord
+from bayesdamp.envelope.records.record import EnvelopeRecord
 from bayesdamp.envelope.results import EnvelopeResult, Estimated
 
 TERMS = {"viscous": "viscous", "coulomb": "Coulomb", "quadratic": "quadratic"}

@@ -11,7 +11,7 @@ from bayesdamp.estimators.refine import with_jacobian
 from bayesdamp.estimators.shared import free_names, oscillator
 from bayesdamp.physics.integrate import make_plan
 from bayesdamp.physics.oscillator import Oscillator
-from bayesdamp.physics.plan import QUANTITIES
+from bayesdamp.physics.solver.plan import QUANTITIES
 from bayesdamp.types import Problem
 
 TOLERANCE = 1e-6

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from bayesdamp.estimators.shared import noise_level
-from bayesdamp.signals.features import Features
+from bayesdamp.records.oscillation.features import Features
 from bayesdamp.types import Signal
 from bayesdamp.units import quantity_unit
 

@@ -20,8 +20,8 @@ from bayesdamp.estimators.shared import (
 )
 from bayesdamp.physics.integrate import make_plan
 from bayesdamp.physics.oscillator import Oscillator
-from bayesdamp.physics.plan import compiled_record
-from bayesdamp.signals.features import Features
+from bayesdamp.physics.solver.plan import compiled_record
+from bayesdamp.records.oscillation.features import Features
 from bayesdamp.types import OK, Estimate, Problem, Refusal, Signal
 
 TOLERANCE = 1e-6

@@ -11,8 +11,8 @@ from scipy.interpolate import BSpline, make_interp_spline, make_lsq_spline
 from scipy.optimize import nnls
 
 from bayesdamp.physics.oscillator import Oscillator
-from bayesdamp.signals.features import Features, features
-from bayesdamp.signals.turning import midpoints, turning_points
+from bayesdamp.records.oscillation.features import Features, features
+from bayesdamp.records.oscillation.turning import midpoints, turning_points
 from bayesdamp.types import Problem, Refusal, Signal
 
 DEGREE = 7

@@ -11,15 +11,15 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 
 from bayesdamp import types
-from bayesdamp.answer import Answer, answer
-from bayesdamp.folders import claim
 from bayesdamp.inference.deviation.findings import SENSOR
 from bayesdamp.interface.parts.result import Packed, Result
 from bayesdamp.interface.parts.table import Table
 from bayesdamp.physics.damping import parse_model
 from bayesdamp.physics.restoring import LAWS
+from bayesdamp.pipeline.answer import Answer, answer
 from bayesdamp.priors import Prior
 from bayesdamp.store import CellResult, Store, write_bytes, write_json
+from bayesdamp.store.folders import claim
 from bayesdamp.types import OK, InputError
 from bayesdamp.verdict.specimen import specimen
 from bayesdamp.verdict.types import Grade, Verdict
@@ -79,7 +79,7 @@ class Comparison(Result):
         """A row a record, as in verdicts.csv."""
         import pandas as pd
 
-        from bayesdamp.study.verdicts import row_of
+        from bayesdamp.pipeline.tables.verdicts import row_of
 
         every = [*(r.verdict for r in self.records), self.verdict]
         return pd.DataFrame([row_of(v) for v in every])
@@ -87,7 +87,7 @@ class Comparison(Result):
     def plot(self) -> Figure:
         """The picture of the answer: record, damping ratio against amplitude, residual, energy by term."""
         from bayesdamp.report.drawing import in_style
-        from bayesdamp.report.figures.answer import answer as drawn
+        from bayesdamp.report.figures.records.answer import answer as drawn
 
         first = next((a for a in self.answers if a.arrays), None)
         if first is None:

@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from bayesdamp import types
-from bayesdamp.inference.batches import in_batches
-from bayesdamp.inference.mode import Mode
-from bayesdamp.inference.natural import compiled_slopes, compiled_values, differentiable
-from bayesdamp.inference.target import Target
+from bayesdamp.inference.fit.mode import Mode
+from bayesdamp.inference.model.batches import in_batches
+from bayesdamp.inference.model.natural import compiled_slopes, compiled_values, differentiable
+from bayesdamp.inference.model.target import Target
 from bayesdamp.interface.model import Model
 from bayesdamp.interface.parts.result import Shown
 from bayesdamp.interface.parts.table import Table, number

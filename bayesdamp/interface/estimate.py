@@ -19,7 +19,7 @@ from bayesdamp.interface.parts.definitions import units_of
 from bayesdamp.interface.parts.programs import keep_programs
 from bayesdamp.interface.parts.result import Packed, Result
 from bayesdamp.interface.parts.table import Table, number
-from bayesdamp.interface.signal import Signal
+from bayesdamp.interface.records.signal import Signal
 from bayesdamp.physics.integrate import simulate
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.types import OK, Refusal

@@ -11,12 +11,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from bayesdamp import types
-from bayesdamp.inference.checks import laplace_draws, value_sds
-from bayesdamp.inference.mode import Mode, restore_mode
-from bayesdamp.inference.residuals import residual
-from bayesdamp.inference.search import find_mode
-from bayesdamp.inference.seeds import prior_seeds
-from bayesdamp.inference.target import Target
+from bayesdamp.inference.checks.checks import laplace_draws
+from bayesdamp.inference.fit.laplace import value_sds
+from bayesdamp.inference.fit.mode import Mode, restore_mode
+from bayesdamp.inference.fit.search import find_mode
+from bayesdamp.inference.fit.seeds import prior_seeds
+from bayesdamp.inference.model.residuals import residual
+from bayesdamp.inference.model.target import Target
 from bayesdamp.interface.density import Density
 from bayesdamp.interface.model import Model, prior_of
 from bayesdamp.interface.parts import axes as drawing
@@ -25,15 +26,15 @@ from bayesdamp.interface.parts.definitions import units_of
 from bayesdamp.interface.parts.programs import keep_programs
 from bayesdamp.interface.parts.result import Packed, Result
 from bayesdamp.interface.parts.table import Table, number, said
-from bayesdamp.interface.signal import Signal
+from bayesdamp.interface.records.signal import Signal
 from bayesdamp.physics.integrate import make_plan
 from bayesdamp.physics.oscillator import Oscillator
-from bayesdamp.physics.plan import QUANTITIES
+from bayesdamp.physics.solver.plan import QUANTITIES
+from bayesdamp.pipeline.records.climbs import packed as packed_mode
+from bayesdamp.pipeline.records.climbs import unpacked as unpacked_mode
 from bayesdamp.plugins import nearest
-from bayesdamp.signals.features import features
+from bayesdamp.records.oscillation.features import features
 from bayesdamp.store import CellResult
-from bayesdamp.study.climbs import packed as packed_mode
-from bayesdamp.study.climbs import unpacked as unpacked_mode
 from bayesdamp.types import OK, InputError, Refusal
 from bayesdamp.units import UNITS
 

@@ -11,8 +11,8 @@ from bayesdamp.plugins import nearest
 from bayesdamp.types import InputError
 
 HOME = {
-    "Record": "record",
-    "Signal": "signal",
+    "Record": "records.record",
+    "Signal": "records.signal",
     "Model": "model",
     "Estimate": "estimate",
     "Fit": "fit",

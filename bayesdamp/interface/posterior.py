@@ -10,16 +10,16 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from bayesdamp.inference import diagnostics
-from bayesdamp.inference.defaults import reference_of
-from bayesdamp.inference.derived import Motions, derive, units
+from bayesdamp.inference.checks import diagnostics
+from bayesdamp.inference.curves.derived import Motions, derive, units
+from bayesdamp.inference.model.defaults import reference_of
 from bayesdamp.inference.samplers import SAMPLERS, Settings
 from bayesdamp.interface.fit import Fit, refuse_deviation
 from bayesdamp.interface.parts import axes as drawing
 from bayesdamp.interface.parts.result import Packed, Result
 from bayesdamp.interface.parts.table import Table, number, said
 from bayesdamp.plugins import nearest
-from bayesdamp.signals.features import features
+from bayesdamp.records.oscillation.features import features
 from bayesdamp.types import OK, InputError, Refusal
 
 if TYPE_CHECKING:

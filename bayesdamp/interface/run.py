@@ -18,9 +18,9 @@ from bayesdamp.config.checks import StudyError
 from bayesdamp.config.load import resolve_study
 from bayesdamp.interface.parts.result import Shown
 from bayesdamp.interface.parts.table import Table, number, said
+from bayesdamp.pipeline.candidates.weighing import evidence_of
 from bayesdamp.plugins import nearest
 from bayesdamp.store import TABLES, CellResult, Store, read_table
-from bayesdamp.study.weighing import evidence_of
 from bayesdamp.types import OK, InputError
 
 if TYPE_CHECKING:
@@ -204,7 +204,7 @@ def run_study(
     one, a script that is run has to stand under `if __name__ == "__main__"`. fresh: compute everything again.
     Cells that failed are named in the run's outcome. Raises InputError, one line, where the input is wrong.
     """
-    from bayesdamp.study import run_study as run
+    from bayesdamp.pipeline import run_study as run
 
     loaded = _loaded(study)
     folder = Path("reports") / loaded.name if out is None else Path(out)

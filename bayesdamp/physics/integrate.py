@@ -6,12 +6,12 @@ from functools import partial
 
 import numpy as np
 
-from bayesdamp.physics import cycles, friction
-from bayesdamp.physics.mesh import frozen_mesh
 from bayesdamp.physics.oscillator import Oscillator, Parameters
-from bayesdamp.physics.plan import QUANTITIES, Plan
-from bayesdamp.physics.steps import MeshPlan, mesh_plan
-from bayesdamp.physics.tableau import ORDER
+from bayesdamp.physics.solver import cycles, friction
+from bayesdamp.physics.solver.mesh import frozen_mesh
+from bayesdamp.physics.solver.plan import QUANTITIES, Plan
+from bayesdamp.physics.solver.steps import MeshPlan, mesh_plan
+from bayesdamp.physics.solver.tableau import ORDER
 
 FIRST_RESOLUTION = 0.6
 Stepped = MeshPlan | friction.TurningPlan

@@ -13,9 +13,9 @@ from jax import numpy as jnp
 from jax.typing import ArrayLike
 from scipy.optimize import brentq
 
+from bayesdamp.machine.programs import Program
 from bayesdamp.physics.damping import TERMS, DampingTerm
 from bayesdamp.physics.restoring import LAWS, RestoringLaw, Scalar
-from bayesdamp.programs import Program
 
 Parameters = Mapping[str, Scalar]
 ROOM = 4096

@@ -9,12 +9,12 @@ from pathlib import Path
 
 from markupsafe import Markup
 
-from bayesdamp.folders import claim, remove_listed
 from bayesdamp.plugins import extended
 from bayesdamp.report.html import fill
-from bayesdamp.report.run import Run
+from bayesdamp.report.results.run import Run
 from bayesdamp.report.sections import SECTIONS, in_order
 from bayesdamp.store import write_bytes
+from bayesdamp.store.folders import claim, remove_listed
 
 DRAWN = ".drawn"
 """In `figures/`, the names of those that the report has, a line each."""

@@ -8,10 +8,10 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from bayesdamp.report.answers import verdicts
-from bayesdamp.report.confirmation import confirmation
-from bayesdamp.report.run import Run
-from bayesdamp.report.specimens import sentences
+from bayesdamp.report.results.answers import verdicts
+from bayesdamp.report.results.confirmation import confirmation
+from bayesdamp.report.results.run import Run
+from bayesdamp.report.results.specimens import sentences
 from bayesdamp.types import BEWARE, OK
 from bayesdamp.verdict.types import Verdict
 from bayesdamp.verdict.words import energy_of, with_interval

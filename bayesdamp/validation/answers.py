@@ -8,8 +8,8 @@ from collections.abc import Sequence
 from typing import Any, Protocol
 
 from bayesdamp.types import OK, Refusal, Signal
-from bayesdamp.validation.oscillator import SUMS
-from bayesdamp.validation.records import Case
+from bayesdamp.validation.truth.oscillator import SUMS
+from bayesdamp.validation.truth.records import Case
 
 LEAST = 1e-12
 """Probabilities below count as this, so that a mean of their logarithms is finite."""

@@ -14,13 +14,13 @@ from pathlib import Path
 
 import pandas as pd
 
-from bayesdamp.processes import processes
+from bayesdamp.machine.processes import processes
 from bayesdamp.types import InputError
 from bayesdamp.validation.answers import COLUMNS, Row, row_of
-from bayesdamp.validation.records import FAMILY, KINDS, case
 from bayesdamp.validation.scoring import markdown, scores
+from bayesdamp.validation.truth.records import FAMILY, KINDS, case
 
-ANSWER = "bayesdamp.answer:answer"
+ANSWER = "bayesdamp.pipeline.answer:answer"
 DISCREPANT = "discrepant"
 FAULT = "failed: "
 

@@ -10,7 +10,7 @@ import pandas as pd
 
 from bayesdamp.types import OK
 from bayesdamp.validation.answers import LEAST, Answer, Row, row_of
-from bayesdamp.validation.records import FAMILY, KINDS, Case
+from bayesdamp.validation.truth.records import FAMILY, KINDS, Case
 
 Z = 1.959963984540054
 """Of a two-sided 95 % interval."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from bayesdamp.inference.deviation.findings import Findings
-from bayesdamp.inference.deviation.quantities import Quantity
+from bayesdamp.inference.deviation.numbers.quantities import Quantity
 from bayesdamp.physics.damping import TERMS
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.verdict import thresholds

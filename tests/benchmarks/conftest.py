@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from .ledger import LEDGER, LOSS, write
+from tests.benchmarks.ledger import LEDGER, LOSS, write
 
 OUT = Path(__file__).parents[2] / "reports" / "benchmarks"
 

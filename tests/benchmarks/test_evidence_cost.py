@@ -8,17 +8,17 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
-from bayesdamp.inference import climb, search
-from bayesdamp.inference.density import moving_scores
-from bayesdamp.inference.evidence import EVIDENCES, nested
-from bayesdamp.inference.mode import Mode
-from bayesdamp.inference.search import find_mode
-from bayesdamp.inference.target import Target
+from bayesdamp.inference.evidence import EVIDENCES
+from bayesdamp.inference.evidence.methods import nested
+from bayesdamp.inference.fit import climb, search
+from bayesdamp.inference.fit.mode import Mode
+from bayesdamp.inference.fit.search import find_mode
+from bayesdamp.inference.model.density import moving_scores
+from bayesdamp.inference.model.target import Target
+from tests.benchmarks import test_sampler
+from tests.benchmarks.ledger import ratio
+from tests.benchmarks.timing import table
 from tests.inference import problems
-
-from . import test_sampler
-from .ledger import ratio
-from .timing import table
 
 RATIO = 10.0
 

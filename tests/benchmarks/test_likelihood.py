@@ -10,21 +10,20 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from physics.independent import LAWS, PAPER, trajectory
 from scipy.integrate import odeint, solve_ivp
 
-from bayesdamp.inference.density import log_posterior
-from bayesdamp.inference.mode import plans
-from bayesdamp.inference.residuals import residual
-from bayesdamp.inference.target import Target
+from bayesdamp.inference.fit.mode import plans
+from bayesdamp.inference.model.density import log_posterior
+from bayesdamp.inference.model.residuals import residual
+from bayesdamp.inference.model.target import Target
 from bayesdamp.physics.damping import TERMS
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.priors import HalfNormal, LogNormal, Normal
 from bayesdamp.types import Signal
-
-from .ledger import ratio
-from .test_trajectories import ERROR, MODELS, TIMES, slope_of
-from .timing import in_turns, table
+from tests.benchmarks.ledger import ratio
+from tests.benchmarks.test_trajectories import ERROR, MODELS, TIMES, slope_of
+from tests.benchmarks.timing import in_turns, table
+from tests.physics.independent import LAWS, PAPER, trajectory
 
 LAW, NOISE, SIZE = "horizontal_pendulum", 0.003, 256
 TOLERANCES = 10.0 ** np.arange(-5.0, -12.0, -0.25)

@@ -12,20 +12,19 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from bayesdamp.inference.compiled import compiled
-from bayesdamp.inference.density import log_posterior
-from bayesdamp.inference.gradient import value_and_gradient
-from bayesdamp.inference.mode import Mode
-from bayesdamp.inference.search import find_mode
-from bayesdamp.inference.target import Layout, Target
+from bayesdamp.inference.fit.mode import Mode
+from bayesdamp.inference.fit.search import find_mode
+from bayesdamp.inference.model.compiled import compiled
+from bayesdamp.inference.model.density import log_posterior
+from bayesdamp.inference.model.gradient import value_and_gradient
+from bayesdamp.inference.model.target import Layout, Target
 from bayesdamp.physics.integrate import simulate
 from bayesdamp.physics.oscillator import Oscillator
-from bayesdamp.physics.steps import MeshPlan
+from bayesdamp.physics.solver.steps import MeshPlan
 from bayesdamp.priors import HalfNormal, LogNormal, Normal, Prior
 from bayesdamp.types import Signal
-
-from .ledger import ratio
-from .timing import in_turns, table
+from tests.benchmarks.ledger import ratio
+from tests.benchmarks.timing import in_turns, table
 
 FEW, MANY, RATIO = 10_000, 1_000_000, 1.5
 NOISE, NOISE_TIME = 0.003, 0.05

@@ -15,21 +15,20 @@ import numpy as np
 from numpyro.infer import MCMC, NUTS
 from scipy.integrate import odeint
 
-from bayesdamp.inference import diagnostics
-from bayesdamp.inference.checks import value_sds
-from bayesdamp.inference.convergence import ess_bulk
-from bayesdamp.inference.density import log_posterior
+from bayesdamp.inference.checks import diagnostics
+from bayesdamp.inference.checks.convergence import ess_bulk
+from bayesdamp.inference.fit.laplace import value_sds
+from bayesdamp.inference.fit.search import find_mode
+from bayesdamp.inference.model.density import log_posterior
+from bayesdamp.inference.model.target import Target
 from bayesdamp.inference.samplers import SAMPLERS, Settings
 from bayesdamp.inference.samplers._many import sample_many
-from bayesdamp.inference.search import find_mode
-from bayesdamp.inference.target import Target
 from bayesdamp.physics.integrate import simulate
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.priors import HalfNormal, LogNormal, Normal
 from bayesdamp.types import Signal
-
-from .ledger import ratio
-from .timing import table
+from tests.benchmarks.ledger import ratio
+from tests.benchmarks.timing import table
 
 RATIO = 15.0
 RATIO_OF_MANY = 50.0

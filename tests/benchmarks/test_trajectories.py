@@ -9,16 +9,15 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from physics.independent import LAWS, PAPER, trajectory
 from scipy.integrate import odeint
 
 from bayesdamp.physics.damping import TERMS
 from bayesdamp.physics.integrate import make_plan
 from bayesdamp.physics.oscillator import Oscillator
-from bayesdamp.physics.plan import compiled_record
-
-from .ledger import ratio
-from .timing import in_turns, table
+from bayesdamp.physics.solver.plan import compiled_record
+from tests.benchmarks.ledger import ratio
+from tests.benchmarks.timing import in_turns, table
+from tests.physics.independent import LAWS, PAPER, trajectory
 
 TIMES = np.linspace(0.0, 10.0, 1001)
 ERROR = 1e-6

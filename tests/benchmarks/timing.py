@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 
-from .ledger import LEDGER
+from tests.benchmarks.ledger import LEDGER
 
 
 def seconds(run: Callable[[], object], least: float = 0.02) -> float:

@@ -8,9 +8,9 @@ from scipy.integrate import solve_ivp
 from scipy.signal import find_peaks, hilbert
 
 from bayesdamp.envelope import analyse, made_record, pooled
-from bayesdamp.envelope.candidates import START_SD, WIDTH, Blocks, weigh
-from bayesdamp.envelope.simulate import Ringdown, simulate
-from bayesdamp.envelope.window import bounded
+from bayesdamp.envelope.model.candidates import START_SD, WIDTH, Blocks, weigh
+from bayesdamp.envelope.records.simulate import Ringdown, simulate
+from bayesdamp.envelope.records.window import bounded
 from bayesdamp.types import InputError
 
 RING = {"fall": 45.0, "scatter": 0.02, "scatter_time": 0.5, "behind": 15.0}

@@ -12,8 +12,8 @@ import pytest
 from bayesdamp.cli import main
 from bayesdamp.envelope import is_envelope, read_envelope
 from bayesdamp.envelope.command import recognised
-from bayesdamp.envelope.record import unit_in
-from bayesdamp.envelope.simulate import Ringdown, simulate
+from bayesdamp.envelope.records.record import unit_in
+from bayesdamp.envelope.records.simulate import Ringdown, simulate
 from bayesdamp.types import InputError
 
 HEAD = "% Frequency [Hz]: 1562325.84\n% Quality factor: 2.5e7\n%\n% time [s], power [dBm]\n"

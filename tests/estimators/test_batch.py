@@ -9,8 +9,7 @@ from bayesdamp.estimators import run
 from bayesdamp.estimators.batch import refine_batch
 from bayesdamp.estimators.bound import cramer_rao
 from bayesdamp.types import Signal
-
-from .truths import PAPER, pendulum
+from tests.estimators.truths import PAPER, pendulum
 
 START = {"stiffness": 20.0, "gravity": 1.0, "spring_angle": 0.0, "theta0": 0.3, "omega0": 0.0, "epsilon": 0.1}
 

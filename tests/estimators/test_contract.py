@@ -11,8 +11,7 @@ import pytest
 
 from bayesdamp.estimators import ELEVEN, ESTIMATORS, Estimator, Options, names_for_all, parse_options, run
 from bayesdamp.types import Estimate, InputError, Refusal, Signal
-
-from .truths import SHORT, pendulum
+from tests.estimators.truths import SHORT, pendulum
 
 NAMES = names_for_all()
 

@@ -6,11 +6,10 @@ import numpy as np
 import pytest
 
 from bayesdamp.estimators import run
+from bayesdamp.estimators.evolution.genes import Genes, alone
 from bayesdamp.estimators.methods import genetic
-from bayesdamp.estimators.methods._genes import Genes, alone
 from bayesdamp.estimators.shared import checked_features, oscillator
-
-from .truths import EVERYTHING, damped_cosine, dry_friction, error, pendulum
+from tests.estimators.truths import EVERYTHING, damped_cosine, dry_friction, error, pendulum
 
 
 def initial(signal, problem, **options):

@@ -7,8 +7,7 @@ import pytest
 
 from bayesdamp.estimators import run
 from bayesdamp.estimators.methods.koopman import Observed, decomposed
-
-from .truths import PAPER, damped_cosine, error, pendulum
+from tests.estimators.truths import PAPER, damped_cosine, error, pendulum
 
 
 def initial(signal, problem, **options):

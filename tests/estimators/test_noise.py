@@ -12,8 +12,7 @@ import pytest
 from bayesdamp.estimators import ESTIMATORS, run
 from bayesdamp.estimators.methods.least_squares import LeastSquares
 from bayesdamp.estimators.shared import checked_features, epsilon_of, known_restoring, motion, oscillator
-
-from .truths import EVERYTHING, PAPER, QUICK, error, pendulum
+from tests.estimators.truths import EVERYTHING, PAPER, QUICK, error, pendulum
 
 BOUND = {"zeta": 0.264, "mu_c": 0.538, "mu_q": 0.529}  # Cramér–Rao, per cent, 1,000 samples, all else known
 

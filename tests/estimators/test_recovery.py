@@ -6,8 +6,16 @@ import numpy as np
 import pytest
 
 from bayesdamp.estimators import run
-
-from .truths import EVERYTHING, INITIAL, PAPER, QUICK, damped_cosine, dry_friction, error, pendulum
+from tests.estimators.truths import (
+    EVERYTHING,
+    INITIAL,
+    PAPER,
+    QUICK,
+    damped_cosine,
+    dry_friction,
+    error,
+    pendulum,
+)
 
 
 def both(name, signal, problem, **options):

@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from bayesdamp.estimators import run
-from bayesdamp.estimators.methods._weak import derivatives, uniform, velocity_map, weights
-
-from .truths import PAPER, error, pendulum
+from bayesdamp.estimators.regression.weak import derivatives, uniform, velocity_map, weights
+from tests.estimators.truths import PAPER, error, pendulum
 
 BOTH = ("sindy", "weak_sindy")
 WRITTEN = {"zeta": "2θ̇", "mu_c": "tanh(θ̇/ε)", "mu_q": "θ̇|θ̇|"}

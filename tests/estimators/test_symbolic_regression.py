@@ -8,10 +8,9 @@ import numpy as np
 import pytest
 
 from bayesdamp.estimators import run
-from bayesdamp.estimators.methods._expressions import Expression
-from bayesdamp.estimators.methods._operon import front
-
-from .truths import EVERYTHING, PAPER, error, pendulum
+from bayesdamp.estimators.evolution.expressions import Expression
+from bayesdamp.estimators.evolution.operon import front
+from tests.estimators.truths import EVERYTHING, PAPER, error, pendulum
 
 V = np.linspace(-1.5, 1.5, 301)
 LAW = {"zeta": "f(v) = 0.1·v", "mu_c": "tanh(", "mu_q": "f(v) = 0.05·|v|·v"}

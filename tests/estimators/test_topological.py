@@ -7,8 +7,7 @@ import pytest
 
 from bayesdamp.estimators import run
 from bayesdamp.estimators.methods.topological import sublevel_pairs
-
-from .truths import PAPER, error, pendulum
+from tests.estimators.truths import PAPER, error, pendulum
 
 PRINTED = {"zeta": (0.011167, 77.67), "mu_c": (0.0085, 71.7), "mu_q": (2.40, 4700.0)}
 

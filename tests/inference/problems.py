@@ -10,15 +10,15 @@ import jax
 import numpy as np
 from pydantic import TypeAdapter
 
-from bayesdamp.inference.batches import log_likelihood
-from bayesdamp.inference.density import log_posterior
-from bayesdamp.inference.mode import Mode
+from bayesdamp.inference.fit.mode import Mode
+from bayesdamp.inference.fit.search import find_mode
+from bayesdamp.inference.model.batches import log_likelihood
+from bayesdamp.inference.model.density import log_posterior
+from bayesdamp.inference.model.target import Layout, Target
 from bayesdamp.inference.samplers import SAMPLERS, Settings
-from bayesdamp.inference.search import find_mode
-from bayesdamp.inference.target import Layout, Target
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.priors import Prior
-from bayesdamp.signals.features import Features
+from bayesdamp.records.oscillation.features import Features
 from bayesdamp.types import Posterior, Signal
 
 REFERENCES = Path(__file__).resolve().parents[1] / "reference"

@@ -9,15 +9,15 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from bayesdamp.inference import batches
-from bayesdamp.inference.build import build_target
-from bayesdamp.inference.defaults import Reference
-from bayesdamp.inference.density import residual
-from bayesdamp.inference.mode import Mode
-from bayesdamp.inference.search import find_mode
-from bayesdamp.inference.target import Target
-from bayesdamp.signals.features import features
-from bayesdamp.signals.read import read_record
+from bayesdamp.inference.fit.mode import Mode
+from bayesdamp.inference.fit.search import find_mode
+from bayesdamp.inference.model import batches
+from bayesdamp.inference.model.build import build_target
+from bayesdamp.inference.model.defaults import Reference
+from bayesdamp.inference.model.density import residual
+from bayesdamp.inference.model.target import Target
+from bayesdamp.records.oscillation.features import features
+from bayesdamp.records.read import read_record
 from bayesdamp.types import Signal, System
 
 FILE = Path(__file__).resolve().parents[2] / ".." / "shared" / "data" / "horizontal_pendulum" / "80P.txt"

@@ -9,7 +9,7 @@ import matplotlib as mpl
 import pytest
 
 import bayesdamp as bd
-from bayesdamp.validation.records import case
+from bayesdamp.validation.truth.records import case
 
 mpl.use("Agg")
 

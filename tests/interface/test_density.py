@@ -7,8 +7,7 @@ import pytest
 from scipy import stats
 
 import bayesdamp as bd
-
-from .problems import MODEL, TIMES, TRUTH, closed_form, fit, record
+from tests.interface.problems import MODEL, TIMES, TRUTH, closed_form, fit, record
 
 PRIORS = [
     bd.Normal(0.3, 2.0),

@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 import bayesdamp as bd
-
-from .problems import MODEL, TRUTH, fit, record
+from tests.interface.problems import MODEL, TRUTH, fit, record
 
 
 def test_refined_is_the_best_fit() -> None:

@@ -11,8 +11,7 @@ from scipy import stats
 from scipy.integrate import quad
 
 import bayesdamp as bd
-
-from .problems import NOISE, TIMES, TRUTH, closed_form, fit, posterior, record
+from tests.interface.problems import NOISE, TIMES, TRUTH, closed_form, fit, posterior, record
 
 SCALE = 0.5
 KNOWN = {n: v for n, v in TRUTH.items() if n != "zeta"} | {"noise_sd": NOISE}

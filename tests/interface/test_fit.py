@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 import bayesdamp as bd
-
-from .problems import MODEL, NOISE, TIMES, TRUTH, closed_form, fit, record
+from tests.interface.problems import MODEL, NOISE, TIMES, TRUTH, closed_form, fit, record
 
 
 def information_sds() -> dict[str, float]:

@@ -14,9 +14,8 @@ from numpyro.infer import MCMC, NUTS
 from numpyro.infer.util import log_density
 
 import bayesdamp as bd
-from bayesdamp.inference.diagnostics import monte_carlo_error
-
-from .problems import fit, posterior
+from bayesdamp.inference.checks.diagnostics import monte_carlo_error
+from tests.interface.problems import fit, posterior
 
 FOUR = 4.0
 """Standard errors: with six parameters a false alarm in two thousand."""

@@ -13,8 +13,7 @@ from scipy import stats
 
 import bayesdamp as bd
 from bayesdamp.inference.noise import NOISES
-
-from .problems import TRUTH, fit, posterior, record
+from tests.interface.problems import TRUTH, fit, posterior, record
 
 GROUPS = {
     "posterior",

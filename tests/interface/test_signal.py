@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 import bayesdamp as bd
-
-from .problems import TIMES, TRUTH, closed_form, record
+from tests.interface.problems import TIMES, TRUTH, closed_form, record
 
 
 def test_simulated_is_the_closed_form() -> None:

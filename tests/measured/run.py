@@ -10,10 +10,10 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 
-from bayesdamp.answer import Answer, answer
-from bayesdamp.commands.asking import Options, found_records
+from bayesdamp.cli.asking import Options, found_records
+from bayesdamp.pipeline.answer import Answer, answer
+from bayesdamp.pipeline.tables.verdicts import row_of
 from bayesdamp.store import VERDICTS, write_table
-from bayesdamp.study.verdicts import row_of
 from bayesdamp.types import Signal
 from bayesdamp.verdict.specimen import specimen
 from bayesdamp.verdict.types import Verdict

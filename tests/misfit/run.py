@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from bayesdamp.study.workers import cache_compilations
+from bayesdamp.pipeline.workers import cache_compilations
 from tests.misfit.cases import INSIDE, OUTSIDE, drawn
 from tests.misfit.scoring import scored
 

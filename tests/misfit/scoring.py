@@ -15,12 +15,12 @@ import numpy as np
 
 from bayesdamp.config import Study
 from bayesdamp.config.compare import Asked, comparison
-from bayesdamp.report.reading import ranking
-from bayesdamp.report.run import Run, rows_of
-from bayesdamp.report.verdict import verdict
+from bayesdamp.pipeline.run import Job, _stages, _work
+from bayesdamp.pipeline.tables.tables import write_tables
+from bayesdamp.report.results.reading import ranking
+from bayesdamp.report.results.run import Run, rows_of
+from bayesdamp.report.results.verdict import verdict
 from bayesdamp.store import Store
-from bayesdamp.study.run import Job, _stages, _work
-from bayesdamp.study.tables import write_tables
 from bayesdamp.types import InputError, candidate_parts
 from tests.misfit.cases import Case
 

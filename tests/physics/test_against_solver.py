@@ -9,8 +9,7 @@ from bayesdamp.physics.damping import TERMS, all_sums
 from bayesdamp.physics.integrate import simulate
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.physics.restoring import LAWS as LAW_PLUGINS
-
-from .independent import LAWS, PAPER, SUMS, trajectory
+from tests.physics.independent import LAWS, PAPER, SUMS, trajectory
 
 TIMES = np.linspace(0.0, 10.0, 501)
 LIMIT = 1e-6

@@ -12,7 +12,7 @@ from scipy.special import ellipe, ellipk
 
 from bayesdamp.physics.orbit import BEYOND, PHI, Cycle, cycle
 from bayesdamp.physics.oscillator import Oscillator
-from physics.independent import trajectory
+from tests.physics.independent import trajectory
 
 K, A = 20.0, 0.3
 W = math.sqrt(K)

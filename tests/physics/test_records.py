@@ -10,9 +10,8 @@ import pytest
 from bayesdamp.physics import integrate
 from bayesdamp.physics.integrate import make_plan, plan_with_error, simulate
 from bayesdamp.physics.oscillator import Oscillator
-from bayesdamp.physics.plan import compiled_record
-
-from .independent import LAWS, PAPER, trajectory
+from bayesdamp.physics.solver.plan import compiled_record
+from tests.physics.independent import LAWS, PAPER, trajectory
 
 TIMES = np.linspace(0.0, 10.0, 401)
 LAW = "horizontal_pendulum"

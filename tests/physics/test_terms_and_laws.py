@@ -17,8 +17,7 @@ from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.physics.restoring import LAWS as LAW_PLUGINS
 from bayesdamp.physics.restoring import RestoringLaw
 from bayesdamp.types import InputError
-
-from .independent import LAWS, drag, restoring
+from tests.physics.independent import LAWS, drag, restoring
 
 GRID = np.linspace(-0.6, 0.7, 57)
 

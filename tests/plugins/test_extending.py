@@ -8,9 +8,9 @@ from pathlib import Path
 import pytest
 
 from bayesdamp.config import load_study
+from bayesdamp.pipeline import run_study
 from bayesdamp.plugins import use
 from bayesdamp.store import read_table
-from bayesdamp.study import run_study
 
 PAGE = Path(__file__).parents[2] / "docs" / "extending.md"
 STUDY = """

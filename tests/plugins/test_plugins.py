@@ -10,11 +10,11 @@ import pytest
 from bayesdamp.config import load_study
 from bayesdamp.physics.damping import TERMS
 from bayesdamp.physics.restoring import LAWS
+from bayesdamp.pipeline import run_study
 from bayesdamp.plugins import read_modules, use
-from bayesdamp.report.reading import coefficients
-from bayesdamp.report.run import Run
+from bayesdamp.report.results.reading import coefficients
+from bayesdamp.report.results.run import Run
 from bayesdamp.store import Store, read_table
-from bayesdamp.study import run_study
 from bayesdamp.types import InputError
 
 HERE = Path(__file__).parent
@@ -158,7 +158,7 @@ def test_what_does_not_use_it_keeps_its_keys(tmp_path):
 
 
 def keys_of(study, folder: Path) -> dict[str, str]:
-    from bayesdamp.study.run import _jobs, _work
+    from bayesdamp.pipeline.run import _jobs, _work
 
     return {n: k for job in _jobs(study) for n, (k, _) in _work(study, Store(folder), job).items()}
 

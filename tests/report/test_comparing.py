@@ -7,12 +7,12 @@ from pathlib import Path
 
 import pytest
 
-from bayesdamp.folders import claim
 from bayesdamp.report import render
-from bayesdamp.report.comparing import CATEGORIES, category, compared, true_models, value
-from bayesdamp.report.run import Run
-from bayesdamp.report.sweeping import series
+from bayesdamp.report.results.comparing import CATEGORIES, category, compared, true_models, value
+from bayesdamp.report.results.run import Run
+from bayesdamp.report.results.sweeping import series
 from bayesdamp.store import TABLES, write_json, write_table
+from bayesdamp.store.folders import claim
 
 ERRORS = {"least_squares": (1.0, 0.01), "genetic": (4.0, 0.01), "topological": (90.0, 0.01)}
 """Method to its error in per cent at 1 % noise, initial and refined; at other noise in proportion."""

@@ -15,10 +15,10 @@ from matplotlib.figure import Figure
 from PIL import Image
 
 from bayesdamp.report.drawing import Drawings
-from bayesdamp.report.figures.backbone import backbone
 from bayesdamp.report.figures.density import contours, outline
-from bayesdamp.report.figures.evidence import Bar, bars
-from bayesdamp.report.figures.record import thinned
+from bayesdamp.report.figures.posteriors.evidence import Bar, bars
+from bayesdamp.report.figures.records.backbone import backbone
+from bayesdamp.report.figures.records.record import thinned
 from bayesdamp.report.style import RC, WIDTH, colour, dash, legend_columns, looks
 
 

@@ -15,15 +15,15 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from bayesdamp.folders import claim
 from bayesdamp.report import render
-from bayesdamp.report.reading import coefficients, models_by_rank, models_kept, ranking
-from bayesdamp.report.run import Run
+from bayesdamp.report.results.reading import coefficients, models_by_rank, models_kept, ranking
+from bayesdamp.report.results.run import Run
 from bayesdamp.report.sections import SECTIONS, Section, in_order
 from bayesdamp.report.sections._layout import drawn
-from bayesdamp.report.sections.asked import _sentences
+from bayesdamp.report.sections.study.asked import _sentences
 from bayesdamp.report.terminal import conclude
 from bayesdamp.store import CellResult, Store, write_json
+from bayesdamp.store.folders import claim
 from bayesdamp.types import InputError
 
 

@@ -8,8 +8,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from bayesdamp.report.sections import summary
-from bayesdamp.report.verdict import verdict
+from bayesdamp.report.results.verdict import verdict
+from bayesdamp.report.sections.study import summary
 
 FITS, LEFT = "fits", "does not fit: structure is left in the residuals"
 

@@ -12,11 +12,11 @@ from scipy.interpolate import CubicSpline
 from scipy.optimize import least_squares
 
 from bayesdamp.types import InputError
-from bayesdamp.validation import discrepancies as odd
-from bayesdamp.validation.drawing import Draw
-from bayesdamp.validation.motion import solved
-from bayesdamp.validation.oscillator import COEFFICIENTS, LAWS, SUMS, Oscillator
-from bayesdamp.validation.records import FAMILY, KINDS, Case, case, discrepant, family, in_turn
+from bayesdamp.validation.truth import discrepancies as odd
+from bayesdamp.validation.truth.drawing import Draw
+from bayesdamp.validation.truth.motion import solved
+from bayesdamp.validation.truth.oscillator import COEFFICIENTS, LAWS, SUMS, Oscillator
+from bayesdamp.validation.truth.records import FAMILY, KINDS, Case, case, discrepant, family, in_turn
 
 
 def oscillator_of(made: Case) -> Oscillator:

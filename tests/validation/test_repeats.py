@@ -89,9 +89,9 @@ def test_the_range_of_amplitudes_is_the_envelopes(noise: float) -> None:
 
 
 def test_measured_runs_have_the_amplitudes_that_an_eye_sees() -> None:
-    from bayesdamp.signals.clean import clean
-    from bayesdamp.signals.features import features
-    from bayesdamp.signals.read import read_record
+    from bayesdamp.records.cleaning.clean import clean
+    from bayesdamp.records.oscillation.features import features
+    from bayesdamp.records.read import read_record
 
     if not DATA.exists():
         pytest.skip("the measured decays are not here")

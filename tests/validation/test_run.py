@@ -8,8 +8,8 @@ import pandas as pd
 import pytest
 
 from bayesdamp.types import InputError
-from bayesdamp.validation.records import KINDS
 from bayesdamp.validation.run import answered, jobs, main, read_rows
+from bayesdamp.validation.truth.records import KINDS
 
 HERE = "tests.validation.answering:"
 

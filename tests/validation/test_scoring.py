@@ -11,10 +11,10 @@ from scipy.stats import binomtest
 
 from bayesdamp.types import Refusal, Signal
 from bayesdamp.validation.answers import probability_of, relation, row_of
-from bayesdamp.validation.oscillator import SUMS
-from bayesdamp.validation.ratio import RatioCurve
-from bayesdamp.validation.records import Case
 from bayesdamp.validation.scoring import markdown, score, scores, wilson
+from bayesdamp.validation.truth.oscillator import SUMS
+from bayesdamp.validation.truth.ratio import RatioCurve
+from bayesdamp.validation.truth.records import Case
 
 
 @dataclass(frozen=True)

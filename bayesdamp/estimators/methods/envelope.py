@@ -18,8 +18,8 @@ from bayesdamp.estimators.shared import (
     start_parameters,
 )
 from bayesdamp.physics.integrate import make_plan
-from bayesdamp.physics.plan import compiled_record
-from bayesdamp.signals.features import Features
+from bayesdamp.physics.solver.plan import compiled_record
+from bayesdamp.records.oscillation.features import Features
 from bayesdamp.types import Estimate, Problem, Refusal, Signal
 
 LEAST_CYCLES = 3.0

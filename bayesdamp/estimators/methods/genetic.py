@@ -10,7 +10,7 @@ from jax import numpy as jnp
 from pydantic import Field
 
 from bayesdamp.estimators._protocol import Estimator, Options
-from bayesdamp.estimators.methods._genes import Genes
+from bayesdamp.estimators.evolution.genes import Genes
 from bayesdamp.estimators.shared import checked_features
 from bayesdamp.physics.integrate import make_plan
 from bayesdamp.physics.oscillator import Oscillator

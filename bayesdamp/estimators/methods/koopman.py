@@ -9,8 +9,8 @@ from pydantic import Field
 from scipy.linalg import logm
 
 from bayesdamp.estimators._protocol import Estimator, Options
-from bayesdamp.estimators.methods._library import Candidate, candidates
-from bayesdamp.estimators.methods._weak import derivatives, uniform
+from bayesdamp.estimators.regression.library import Candidate, candidates
+from bayesdamp.estimators.regression.weak import derivatives, uniform
 from bayesdamp.estimators.shared import (
     Motion,
     checked_features,
@@ -21,7 +21,7 @@ from bayesdamp.estimators.shared import (
     oscillator,
     runs,
 )
-from bayesdamp.signals.features import Features
+from bayesdamp.records.oscillation.features import Features
 from bayesdamp.types import Estimate, Problem, Refusal, Signal
 
 STEP = 1.0 / 1000.0

@@ -20,8 +20,8 @@ from pydantic import Field
 from torch import Tensor
 
 from bayesdamp.estimators._protocol import Estimator, Options
-from bayesdamp.estimators.methods._shooting import Shooting
-from bayesdamp.estimators.methods._training import gauss_newton, generator, single_thread
+from bayesdamp.estimators.networks.shooting import Shooting
+from bayesdamp.estimators.networks.training import gauss_newton, generator, single_thread
 from bayesdamp.estimators.shared import checked_features, free_names
 from bayesdamp.types import OK, Estimate, Problem, Refusal, Signal
 

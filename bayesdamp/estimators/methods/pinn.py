@@ -16,10 +16,10 @@ from pydantic import Field
 from torch import Tensor
 
 from bayesdamp.estimators._protocol import Estimator, Options
-from bayesdamp.estimators.methods._forces import Forces
-from bayesdamp.estimators.methods._jets import jets, slopes
-from bayesdamp.estimators.methods._record import Phase, thinned
-from bayesdamp.estimators.methods._training import (
+from bayesdamp.estimators.networks.forces import Forces
+from bayesdamp.estimators.networks.jets import jets, slopes
+from bayesdamp.estimators.networks.record import Phase, thinned
+from bayesdamp.estimators.networks.training import (
     REAL,
     Trained,
     gauss_newton,
@@ -36,7 +36,7 @@ from bayesdamp.estimators.shared import (
     oscillator,
     start_parameters,
 )
-from bayesdamp.signals.features import Features
+from bayesdamp.records.oscillation.features import Features
 from bayesdamp.types import OK, Estimate, Problem, Refusal, Signal
 
 MOST_SAMPLES = 1500

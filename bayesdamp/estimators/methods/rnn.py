@@ -20,9 +20,9 @@ from pydantic import Field
 from torch import Tensor
 
 from bayesdamp.estimators._protocol import Estimator, Options
-from bayesdamp.estimators.methods._demodulated import Simulator, Stretches
-from bayesdamp.estimators.methods._record import thinned
-from bayesdamp.estimators.methods._training import REAL, generator, single_thread
+from bayesdamp.estimators.networks.demodulated import Simulator, Stretches
+from bayesdamp.estimators.networks.record import thinned
+from bayesdamp.estimators.networks.training import REAL, generator, single_thread
 from bayesdamp.estimators.shared import (
     checked_features,
     free_names,
@@ -30,7 +30,7 @@ from bayesdamp.estimators.shared import (
     oscillator,
     start_parameters,
 )
-from bayesdamp.signals.features import Features
+from bayesdamp.records.oscillation.features import Features
 from bayesdamp.types import Estimate, Problem, Refusal, Signal
 
 MOST_SAMPLES = 2000

@@ -13,9 +13,9 @@ from scipy.special import gammaln
 from sklearn import config_context
 
 from bayesdamp.estimators._protocol import Estimator, Options
-from bayesdamp.estimators.methods._library import Candidate, candidates, judged, restoring_values
-from bayesdamp.estimators.methods._oscillation_spline import OscillationSpline
-from bayesdamp.estimators.methods._prediction import Record, left_over
+from bayesdamp.estimators.regression.library import Candidate, candidates, judged, restoring_values
+from bayesdamp.estimators.regression.oscillation_spline import OscillationSpline
+from bayesdamp.estimators.regression.prediction import Record, left_over
 from bayesdamp.estimators.shared import (
     ORDER,
     checked_features,
@@ -27,7 +27,7 @@ from bayesdamp.estimators.shared import (
     oscillator,
     runs,
 )
-from bayesdamp.signals.features import Features
+from bayesdamp.records.oscillation.features import Features
 from bayesdamp.types import Estimate, Problem, Refusal, Signal
 
 with warnings.catch_warnings():

@@ -7,9 +7,9 @@ from pydantic import Field
 from scipy.optimize import least_squares
 
 from bayesdamp.estimators._protocol import Estimator, Options
-from bayesdamp.estimators.methods._expressions import Expression
-from bayesdamp.estimators.methods._force import Force
-from bayesdamp.estimators.methods._operon import Found, front
+from bayesdamp.estimators.evolution.expressions import Expression
+from bayesdamp.estimators.evolution.force import Force
+from bayesdamp.estimators.evolution.operon import Found, front
 from bayesdamp.estimators.shared import checked_features, epsilon_of, free_names, oscillator
 from bayesdamp.types import Estimate, Problem, Refusal, Signal
 

@@ -27,8 +27,8 @@ from bayesdamp.estimators.shared import (
     oscillator,
     start_parameters,
 )
-from bayesdamp.signals.features import Features
-from bayesdamp.signals.turning import midpoints
+from bayesdamp.records.oscillation.features import Features
+from bayesdamp.records.oscillation.turning import midpoints
 from bayesdamp.types import Estimate, Problem, Refusal, Signal
 
 OPTIMAL_RATIO = 0.3299

@@ -9,15 +9,9 @@ from pydantic import Field
 from scipy import sparse
 
 from bayesdamp.estimators._protocol import Estimator, Options
-from bayesdamp.estimators.methods._library import Candidate, candidates, judged, restoring_values
-from bayesdamp.estimators.methods._weak import (
-    Stretch,
-    kernel_half_width,
-    uniform,
-    velocity_map,
-    weights,
-)
-from bayesdamp.estimators.methods._weak_regression import Rows, Sparse, solved, sparse_path, whitened
+from bayesdamp.estimators.regression.library import Candidate, candidates, judged, restoring_values
+from bayesdamp.estimators.regression.weak import Stretch, kernel_half_width, uniform, velocity_map, weights
+from bayesdamp.estimators.regression.weak_regression import Rows, Sparse, solved, sparse_path, whitened
 from bayesdamp.estimators.shared import (
     ORDER,
     checked_features,
@@ -29,7 +23,7 @@ from bayesdamp.estimators.shared import (
     oscillator,
     runs,
 )
-from bayesdamp.signals.features import Features
+from bayesdamp.records.oscillation.features import Features
 from bayesdamp.types import Estimate, Problem, Refusal, Signal
 
 WIDTHS = (0.75, 1.0, 1.5, 2.0)

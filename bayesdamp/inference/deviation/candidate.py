@@ -8,12 +8,12 @@ from itertools import product
 
 import numpy as np
 
-from bayesdamp.inference.defaults import Reference, default_prior
 from bayesdamp.inference.deviation.data import Data
-from bayesdamp.inference.deviation.hyperparameters import Grid, grid_of
+from bayesdamp.inference.deviation.gaussian.hyperparameters import Grid, grid_of
+from bayesdamp.inference.deviation.gaussian.linear import Linear, Weighed, condensed, weigh
 from bayesdamp.inference.deviation.least_squares import Fit, fit, nonnegative
-from bayesdamp.inference.deviation.linear import Linear, Weighed, condensed, weigh
 from bayesdamp.inference.deviation.parameters import Parameters
+from bayesdamp.inference.model.defaults import Reference, default_prior
 from bayesdamp.physics.damping import TERMS
 from bayesdamp.physics.kernel import Motion, Solver
 from bayesdamp.physics.kernel.solve import ALL

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from bayesdamp.signals.features import Features, features
+from bayesdamp.records.oscillation.features import Features, features
 from bayesdamp.types import Signal
 
 A_CYCLE = 80

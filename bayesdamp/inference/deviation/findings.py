@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from bayesdamp.inference.deviation.candidate import Candidate
-from bayesdamp.inference.deviation.curves import ratio_at, times_of
-from bayesdamp.inference.deviation.draws import (
+from bayesdamp.inference.deviation.numbers.curves import ratio_at, times_of
+from bayesdamp.inference.deviation.numbers.draws import (
     DRAWS,
     Drawn,
     drawn_from,
@@ -18,9 +18,9 @@ from bayesdamp.inference.deviation.draws import (
     scores_of,
     summed,
 )
+from bayesdamp.inference.deviation.numbers.quantities import Quantity, Ratio, quantity
+from bayesdamp.inference.deviation.numbers.shares import shares_of
 from bayesdamp.inference.deviation.orbit import natural_frequency, rest_of
-from bayesdamp.inference.deviation.quantities import Quantity, Ratio, quantity
-from bayesdamp.inference.deviation.shares import shares_of
 from bayesdamp.inference.deviation.weighing import Weighing
 
 SENSOR = 0.002

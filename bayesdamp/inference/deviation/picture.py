@@ -6,8 +6,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from bayesdamp.inference.deviation.curves import acting, orbit_of
 from bayesdamp.inference.deviation.findings import Findings
+from bayesdamp.inference.deviation.numbers.curves import acting, orbit_of
 from bayesdamp.inference.deviation.weighing import Weighing
 
 POINTS = 3000

@@ -6,10 +6,10 @@ from collections.abc import Mapping, Sequence
 
 from threadpoolctl import threadpool_limits
 
-from bayesdamp.inference.defaults import Reference
 from bayesdamp.inference.deviation.candidate import Candidate
 from bayesdamp.inference.deviation.data import prepared
 from bayesdamp.inference.deviation.weighing import Known, Weighing, weigh_all
+from bayesdamp.inference.model.defaults import Reference
 from bayesdamp.physics.damping import all_sums, parse_model
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.priors import Prior

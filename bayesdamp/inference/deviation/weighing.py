@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from bayesdamp.inference.defaults import Reference
 from bayesdamp.inference.deviation.candidate import (
     Candidate,
     Linearised,
@@ -21,11 +20,12 @@ from bayesdamp.inference.deviation.candidate import (
     starts_of,
 )
 from bayesdamp.inference.deviation.data import Data
-from bayesdamp.inference.deviation.hyperparameters import grid_of, knots_of
+from bayesdamp.inference.deviation.gaussian.hyperparameters import grid_of, knots_of
+from bayesdamp.inference.deviation.gaussian.linear import Linear, Weighed, weigh
+from bayesdamp.inference.deviation.gaussian.noise import inflation
 from bayesdamp.inference.deviation.least_squares import Fit, fit
-from bayesdamp.inference.deviation.linear import Linear, Weighed, weigh
-from bayesdamp.inference.deviation.noise import inflation
 from bayesdamp.inference.deviation.orbit import rest_of
+from bayesdamp.inference.model.defaults import Reference
 from bayesdamp.physics.damping import PAPER_TERMS, TERMS
 from bayesdamp.physics.kernel import Motion, Solver
 from bayesdamp.priors import Prior

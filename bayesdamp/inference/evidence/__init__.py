@@ -1,8 +1,10 @@
-"""Model evidence: one method in one module each, found by name."""
+"""Model evidence: its methods, found by name, and how far what they say may be trusted."""
 
 from bayesdamp.inference.evidence._method import Draws, EvidenceMethod
 from bayesdamp.plugins import Registry
 
-EVIDENCES: Registry[EvidenceMethod] = Registry("bayesdamp.inference.evidence", "evidence method")
+EVIDENCES: Registry[EvidenceMethod] = Registry(
+    "bayesdamp.inference.evidence.methods", "evidence method", home="bayesdamp.inference.evidence"
+)
 
 __all__ = ["EVIDENCES", "Draws", "EvidenceMethod"]

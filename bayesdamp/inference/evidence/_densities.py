@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from bayesdamp.inference import batches
-from bayesdamp.inference.mode import Mode
-from bayesdamp.inference.target import Target
+from bayesdamp.inference.fit.mode import Mode
+from bayesdamp.inference.model import batches
+from bayesdamp.inference.model.target import Target
 
 
 def folded_log_posterior(target: Target, mode: Mode, y: np.ndarray) -> np.ndarray:

@@ -8,8 +8,8 @@ from typing import ClassVar
 
 import numpy as np
 
-from bayesdamp.inference.mode import Mode
-from bayesdamp.inference.target import Target
+from bayesdamp.inference.fit.mode import Mode
+from bayesdamp.inference.model.target import Target
 from bayesdamp.types import OK, Evidence
 
 

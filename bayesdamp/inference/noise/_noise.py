@@ -11,7 +11,7 @@ import numpy as np
 from jax import Array
 
 from bayesdamp.priors import Prior
-from bayesdamp.signals.features import Features
+from bayesdamp.records.oscillation.features import Features
 from bayesdamp.types import Refusal, Signal
 
 

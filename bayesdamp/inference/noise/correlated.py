@@ -11,7 +11,7 @@ from jax import numpy as jnp
 from bayesdamp.inference.noise._noise import NormalNoise, Tied
 from bayesdamp.inference.noise.gaussian import LOG_2PI
 from bayesdamp.priors import LogNormal, LogUniform, Prior
-from bayesdamp.signals.features import Features
+from bayesdamp.records.oscillation.features import Features
 
 FASTEST, SLOWEST = 5e-4, 2.0
 """Periods between which the correlation time is. What lasts longer than two is no noise about a motion but another zero

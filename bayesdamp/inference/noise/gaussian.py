@@ -11,7 +11,7 @@ from jax import numpy as jnp
 
 from bayesdamp.inference.noise._noise import NormalNoise
 from bayesdamp.priors import LogNormal, Prior
-from bayesdamp.signals.features import Features
+from bayesdamp.records.oscillation.features import Features
 
 LOG_2PI = math.log(2 * math.pi)
 

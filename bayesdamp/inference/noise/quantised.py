@@ -11,7 +11,7 @@ from jax.scipy.special import log_ndtr
 
 from bayesdamp.inference.noise._noise import NoiseModel
 from bayesdamp.priors import LogNormal, Prior
-from bayesdamp.signals.features import Features
+from bayesdamp.records.oscillation.features import Features
 from bayesdamp.types import Refusal, Signal
 
 

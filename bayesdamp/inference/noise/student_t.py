@@ -11,7 +11,7 @@ from jax.scipy.special import betainc, gammaln, ndtri
 
 from bayesdamp.inference.noise._noise import NoiseModel
 from bayesdamp.priors import LogNormal, Prior
-from bayesdamp.signals.features import Features
+from bayesdamp.records.oscillation.features import Features
 
 
 class StudentT(NoiseModel):

@@ -7,10 +7,12 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from bayesdamp.inference import batches, diagnostics, weighted
-from bayesdamp.inference.mode import Mode
+from bayesdamp.inference.checks import diagnostics
+from bayesdamp.inference.curves import weighted
+from bayesdamp.inference.fit.mode import Mode
+from bayesdamp.inference.model import batches
+from bayesdamp.inference.model.target import Target
 from bayesdamp.inference.samplers._sampler import Settings
-from bayesdamp.inference.target import Target
 from bayesdamp.types import OK, Posterior
 
 K_LIMIT = 0.7

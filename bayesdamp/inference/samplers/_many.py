@@ -12,13 +12,13 @@ import jax
 import numpy as np
 from jax import numpy as jnp
 
-from bayesdamp.inference.frame import Frame, frame
-from bayesdamp.inference.mode import Mode
+from bayesdamp.inference.coordinates.frame import Frame, frame
+from bayesdamp.inference.fit.mode import Mode
+from bayesdamp.inference.model.target import Context, Layout, Target
 from bayesdamp.inference.samplers import nuts
 from bayesdamp.inference.samplers._sampler import Settings
-from bayesdamp.inference.target import Context, Layout, Target
-from bayesdamp.physics.steps import MeshPlan
-from bayesdamp.programs import Program
+from bayesdamp.machine.programs import Program
+from bayesdamp.physics.solver.steps import MeshPlan
 from bayesdamp.types import Posterior
 
 BATCH = 16

@@ -5,8 +5,8 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
 
-from bayesdamp.inference.mode import Mode
-from bayesdamp.inference.target import Target
+from bayesdamp.inference.fit.mode import Mode
+from bayesdamp.inference.model.target import Target
 from bayesdamp.types import Posterior
 
 

@@ -6,12 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from bayesdamp.inference import batches
-from bayesdamp.inference.frame import Frame
-from bayesdamp.inference.mode import Mode
+from bayesdamp.inference.coordinates.frame import Frame
+from bayesdamp.inference.fit.mode import Mode
+from bayesdamp.inference.fit.seeds import PRIOR
+from bayesdamp.inference.model import batches
+from bayesdamp.inference.model.target import Target
 from bayesdamp.inference.samplers._sampler import Settings
-from bayesdamp.inference.seeds import PRIOR
-from bayesdamp.inference.target import Target
 
 SPREAD = 1.5
 """Sds of the scatter around a seed: starts are wider than the posterior also where all seeds agree."""

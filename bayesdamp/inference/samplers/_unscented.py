@@ -11,13 +11,13 @@ import numpy as np
 from jax import Array
 from jax import numpy as jnp
 
-from bayesdamp.inference.density import moving_scores, parameters
-from bayesdamp.inference.mode import Mode, mesh_of
-from bayesdamp.inference.target import Context, Layout, Target
-from bayesdamp.physics.mesh import LAYER, STEPS_PER_PERIOD, fastest_rate
-from bayesdamp.physics.plan import QUANTITIES
-from bayesdamp.physics.stepper import step
-from bayesdamp.physics.steps import nodes
+from bayesdamp.inference.fit.mode import Mode, mesh_of
+from bayesdamp.inference.model.density import moving_scores, parameters
+from bayesdamp.inference.model.target import Context, Layout, Target
+from bayesdamp.physics.solver.mesh import LAYER, STEPS_PER_PERIOD, fastest_rate
+from bayesdamp.physics.solver.plan import QUANTITIES
+from bayesdamp.physics.solver.stepper import step
+from bayesdamp.physics.solver.steps import nodes
 
 HALF_NORMAL = (math.sqrt(2 / math.pi), math.sqrt(1 - 2 / math.pi))
 """Mean and sd of a folded score under its prior."""

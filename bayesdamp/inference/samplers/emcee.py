@@ -10,14 +10,14 @@ import emcee
 import jax.numpy as jnp
 import numpy as np
 
-from bayesdamp.inference import diagnostics
-from bayesdamp.inference.compiled import compiled
-from bayesdamp.inference.folded import FoldedT
-from bayesdamp.inference.frame import Frame, frame
-from bayesdamp.inference.mode import Mode
+from bayesdamp.inference.checks import diagnostics
+from bayesdamp.inference.coordinates.folded import FoldedT
+from bayesdamp.inference.coordinates.frame import Frame, frame
+from bayesdamp.inference.fit.mode import Mode
+from bayesdamp.inference.model.compiled import compiled
+from bayesdamp.inference.model.target import Target
 from bayesdamp.inference.samplers._sampler import Sampler, Settings
 from bayesdamp.inference.samplers._starts import seeded_starts
-from bayesdamp.inference.target import Target
 from bayesdamp.types import OK, Posterior
 
 ENSEMBLES = 2

@@ -11,13 +11,13 @@ import numpy as np
 from jax import numpy as jnp
 from scipy.special import log_ndtr, ndtri_exp
 
-from bayesdamp.inference.cut_normal import CutNormal
-from bayesdamp.inference.density import moving_scores, residual
-from bayesdamp.inference.mode import Mode
+from bayesdamp.inference.coordinates.cut_normal import CutNormal
+from bayesdamp.inference.fit.mode import Mode
+from bayesdamp.inference.model.density import moving_scores, residual
+from bayesdamp.inference.model.target import Layout, Target
 from bayesdamp.inference.samplers._approximation import approximate_posterior
 from bayesdamp.inference.samplers._sampler import Sampler, Settings
 from bayesdamp.inference.samplers._unscented import Online, filter_online
-from bayesdamp.inference.target import Layout, Target
 from bayesdamp.priors import Prior
 from bayesdamp.types import Posterior, Refusal
 

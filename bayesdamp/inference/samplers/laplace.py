@@ -6,11 +6,11 @@ import time
 
 import numpy as np
 
-from bayesdamp.inference.cut_normal import laplace
-from bayesdamp.inference.mode import Mode
+from bayesdamp.inference.coordinates.cut_normal import laplace
+from bayesdamp.inference.fit.mode import Mode
+from bayesdamp.inference.model.target import Target
 from bayesdamp.inference.samplers._approximation import approximate_posterior
 from bayesdamp.inference.samplers._sampler import Sampler, Settings
-from bayesdamp.inference.target import Target
 from bayesdamp.types import Posterior
 
 

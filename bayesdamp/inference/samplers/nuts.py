@@ -14,20 +14,20 @@ from blackjax.mcmc.hmc import HMCState
 from jax import Array
 from jax import numpy as jnp
 
-from bayesdamp.inference import diagnostics
-from bayesdamp.inference.batches import log_prior
-from bayesdamp.inference.bend import Bend, bend
-from bayesdamp.inference.compiled import compiled
-from bayesdamp.inference.density import log_posterior
-from bayesdamp.inference.frame import Frame, frame
-from bayesdamp.inference.gradient import value_and_gradient
-from bayesdamp.inference.linearised import linearised_log_posterior
-from bayesdamp.inference.mode import Mode
+from bayesdamp.inference.checks import diagnostics
+from bayesdamp.inference.coordinates.bend import Bend, bend
+from bayesdamp.inference.coordinates.frame import Frame, frame
+from bayesdamp.inference.fit.mode import Mode
+from bayesdamp.inference.model.batches import log_prior
+from bayesdamp.inference.model.compiled import compiled
+from bayesdamp.inference.model.density import log_posterior
+from bayesdamp.inference.model.gradient import value_and_gradient
+from bayesdamp.inference.model.linearised import linearised_log_posterior
+from bayesdamp.inference.model.target import Context, Layout, Target
 from bayesdamp.inference.samplers._reflect import reflecting_leapfrog
 from bayesdamp.inference.samplers._sampler import Sampler, Settings
 from bayesdamp.inference.samplers._starts import Start, agreement, seeded_starts
-from bayesdamp.inference.target import Context, Layout, Target
-from bayesdamp.programs import Program
+from bayesdamp.machine.programs import Program
 from bayesdamp.types import OK, Posterior
 
 DOUBLINGS = 7

@@ -13,14 +13,14 @@ from blackjax.vi import fullrank_vi
 from jax import Array
 from jax import numpy as jnp
 
-from bayesdamp.inference.cut_normal import laplace
-from bayesdamp.inference.density import log_posterior
-from bayesdamp.inference.gradient import value_and_gradient
-from bayesdamp.inference.mode import Mode
+from bayesdamp.inference.coordinates.cut_normal import laplace
+from bayesdamp.inference.coordinates.unbounded import Unbounded, scores
+from bayesdamp.inference.fit.mode import Mode
+from bayesdamp.inference.model.density import log_posterior
+from bayesdamp.inference.model.gradient import value_and_gradient
+from bayesdamp.inference.model.target import Context, Layout, Target
 from bayesdamp.inference.samplers._approximation import approximate_posterior
 from bayesdamp.inference.samplers._sampler import Sampler, Settings
-from bayesdamp.inference.target import Context, Layout, Target
-from bayesdamp.inference.unbounded import Unbounded, scores
 from bayesdamp.types import Posterior, Refusal
 
 DRAWS = 8

@@ -9,18 +9,18 @@ import numpy as np
 
 from bayesdamp import types
 from bayesdamp.estimators.shared import noise_level
-from bayesdamp.inference.build import build_target
-from bayesdamp.inference.defaults import Reference, reference_of
-from bayesdamp.inference.friction_choice import epsilon_note, weigh_epsilons
-from bayesdamp.inference.noise_choice import chosen_noise, first_noise, fit_with, weigh_noises
-from bayesdamp.inference.target import Target
+from bayesdamp.inference.fit.friction_choice import epsilon_note, weigh_epsilons
+from bayesdamp.inference.fit.noise_choice import chosen_noise, first_noise, fit_with, weigh_noises
+from bayesdamp.inference.model.build import build_target
+from bayesdamp.inference.model.defaults import Reference, reference_of
+from bayesdamp.inference.model.target import Target
 from bayesdamp.interface.model import Model
-from bayesdamp.interface.signal import Signal
+from bayesdamp.interface.records.signal import Signal
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.physics.restoring import LAWS
-from bayesdamp.signals.features import Features, features
-from bayesdamp.study.records import NO_NOISE
-from bayesdamp.study.starts import observed, regression
+from bayesdamp.pipeline.records.records import NO_NOISE
+from bayesdamp.pipeline.records.starts import observed, regression
+from bayesdamp.records.oscillation.features import Features, features
 from bayesdamp.types import InputError, Problem, Refusal
 from bayesdamp.units import UNITS
 

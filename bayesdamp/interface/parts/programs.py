@@ -6,7 +6,7 @@ from functools import cache
 
 import jax
 
-from bayesdamp.study.workers import cache_compilations
+from bayesdamp.pipeline.workers import cache_compilations
 
 
 @cache

@@ -11,9 +11,9 @@ import numpy as np
 import xarray as xr
 
 from bayesdamp import __version__
-from bayesdamp.inference.mode import Mode
+from bayesdamp.inference.fit.mode import Mode
+from bayesdamp.inference.model.target import Target
 from bayesdamp.inference.noise import NOISES
-from bayesdamp.inference.target import Target
 from bayesdamp.interface.parts.definitions import definition
 from bayesdamp.types import Refusal
 

@@ -20,7 +20,6 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-import numpy as np
 from platformdirs import user_cache_dir
 
 from bayesdamp.physics.damping import TERMS, DampingTerm
@@ -53,25 +52,6 @@ def kernel_of(terms: tuple[str, ...], restoring: str) -> Kernel:
     Raises Refusal where a term or the law of a user has no `kernel`, or none of which the source is known.
     """
     return Kernel(terms, restoring, _module(source_of(terms, restoring)).march)
-
-
-def warm() -> None:
-    """Compile what every record is weighed under, so that the first need not wait for it."""
-    # `solve` takes its kernel from here.
-    from bayesdamp.physics.kernel.solve import ALL, SHARED, Solver
-
-    t = np.linspace(0.0, 1.0, 5)
-    for law in LAWS.names():
-        for terms in (SHARED, ("power",)):
-            solver = Solver(terms, law, t, "angle", 0.1, 4.0, 0.01, np.linspace(0.0, 1.0, 4))
-            values = {
-                **LAWS.get(law).start(4.0, 0.0, {}),
-                "theta0": 0.1,
-                "exponent": 1.0,
-                "reference_velocity": 0.4,
-            }
-            p = np.array([values.get(name, 0.0) for name in solver.names])
-            solver.solve(p, np.ones(len(terms), bool), tangents=ALL)
 
 
 def source_of(terms: tuple[str, ...], restoring: str) -> str:

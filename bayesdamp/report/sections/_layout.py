@@ -7,7 +7,7 @@ from collections.abc import Callable
 from markupsafe import Markup
 
 from bayesdamp.report.html import fill, folded
-from bayesdamp.report.run import Run
+from bayesdamp.report.results.run import Run
 
 _OPEN = 4
 _MOST = 4

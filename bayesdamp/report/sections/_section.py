@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 
-from bayesdamp.report.run import Run
+from bayesdamp.report.results.run import Run
 
 
 class Section(ABC):

@@ -6,12 +6,12 @@ import math
 
 import numpy as np
 import pytest
-from physics.independent import trajectory
 
 from bayesdamp.inference.deviation.findings import default_amplitudes, findings, probabilities, summed
 from bayesdamp.inference.deviation.quick import weighing_of
 from bayesdamp.inference.deviation.weighing import Weighing
 from bayesdamp.types import Signal
+from tests.physics.independent import trajectory
 
 W, A, ZETA, MU, SD, EPSILON = 4.5, 0.3, 0.04, 0.04, 0.002, 0.02
 P = {

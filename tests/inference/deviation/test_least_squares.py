@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
-from physics.independent import LAWS, PAPER, trajectory
 from scipy.optimize import nnls
 
 from bayesdamp.inference.deviation.least_squares import Fit, fit, nonnegative
@@ -16,6 +15,7 @@ from bayesdamp.physics.damping import PAPER_TERMS
 from bayesdamp.physics.kernel import Solver
 from bayesdamp.physics.restoring import LAWS as PLUGINS
 from bayesdamp.priors import HalfNormal, LogNormal, Normal, Prior
+from tests.physics.independent import LAWS, PAPER, trajectory
 
 W = math.sqrt(20.0)
 TIMES = np.linspace(0.0, 12.0, 600)

@@ -13,8 +13,7 @@ from bayesdamp.physics.damping import PAPER_TERMS, TERMS, DampingTerm
 from bayesdamp.physics.kernel import Motion, Solver
 from bayesdamp.physics.kernel.solve import ALL, NONE, PARAMETERS, QUANTITIES
 from bayesdamp.types import Refusal
-
-from ..independent import LAWS, drag, restoring
+from tests.physics.independent import LAWS, drag, restoring
 
 END = 8.0
 TIMES = np.linspace(0.0, END, 321)

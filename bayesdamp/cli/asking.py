@@ -1,0 +1,179 @@
+"""From files and options to the records that a command works on, with what looks wrong said first."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from bayesdamp.records.cleaning.decimate import decimated
+from bayesdamp.records.findings import Finding, findings
+from bayesdamp.records.read import read_records
+from bayesdamp.records.record import RawRecord
+from bayesdamp.records.stated_columns import resolved_unit
+from bayesdamp.types import InputError, Refusal, Signal
+from bayesdamp.units import UNITS
+
+if TYPE_CHECKING:
+    from bayesdamp.config.compare import Asked
+
+
+@dataclass(frozen=True)
+class Options:
+    """How to read files, as the command line says it; see `compare`."""
+
+    time: str | None = None
+    angle: str | None = None
+    rate: float | None = None
+    time_unit: str | None = None
+    unit: str | None = None
+    quantity: str | None = None
+    clock: str = "auto"
+    start: float | str = "auto"
+    stop: float | str = "auto"
+    runs: str | None = None
+    channels: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Found:
+    """One record: what the file holds, how it is read, the free decay in it (or why there is none), and what looks
+    wrong. several: whether it is one of several of its file."""
+
+    path: Path
+    raw: RawRecord
+    unit: str
+    quantity: str
+    findings: tuple[Finding, ...]
+    signal: Signal | None = None
+    refusal: str = ""
+    several: bool = False
+
+    @property
+    def label(self) -> str:
+        """The record's run and channel, empty where its file has one record."""
+        run = f"run {self.raw.run}" if self.raw.run else ""
+        return ", ".join(filter(None, (run, self.raw.channel)))
+
+
+def found_records(path: Path, options: Options, *, cleaned: bool = True) -> list[Found]:
+    """The records in a file. cleaned: whether to look for the free decay in each. Raises InputError."""
+    o = options
+    raws = read_records(
+        path,
+        time=o.time,
+        value=o.angle,
+        rate=o.rate,
+        runs=o.runs,
+        channels=o.channels,
+        time_unit=o.time_unit,
+    )
+    return [_found(path, raw, o, cleaned) for raw in raws]
+
+
+def _found(path: Path, raw: RawRecord, options: Options, cleaned: bool) -> Found:
+    unit, quantity = resolved_unit(options.unit, options.quantity, raw.unit, raw.quantity)
+    doubts = findings(raw, unit, quantity) if unit in UNITS else ()
+    if not cleaned:
+        return Found(path, raw, unit, quantity, doubts)
+    from bayesdamp.records.cleaning.clean import clean  # imports slowly
+
+    try:
+        signal = clean(
+            decimated(raw),
+            name=path.name,
+            unit=unit,
+            quantity=quantity,
+            clock=options.clock,
+            start=options.start,
+            stop=options.stop,
+        )
+    except InputError as error:
+        return Found(path, raw, unit, quantity, doubts, None, str(error))
+    return Found(path, raw, unit, quantity, doubts, signal)
+
+
+def first_words_on(found: Sequence[Found], options: Options) -> list[str]:
+    """A line on each record before anything is fitted: its frequency and damping without any law; none of a record
+    in which no free decay is found."""
+    from bayesdamp.records.oscillation.first_look import first_words  # imports slowly
+
+    said = []
+    for one in found:
+        seen = one if one.signal is not None else _found(one.path, one.raw, options, True)
+        if seen.signal is not None:
+            with suppress(Refusal):
+                said.append(f"{one.path.name}: {first_words(seen.signal).sentence()}")
+    return said
+
+
+def chosen_records(paths: Sequence[Path], options: Options) -> tuple[list[Found], list[str]]:
+    """(the records of files, lines to say before anything is computed). Raises InputError.
+
+    Of several records in a file that were not asked for one by one, those without a free decay are left out, and said.
+    """
+    records: list[Found] = []
+    said: list[str] = []
+    for path in paths:
+        all_of_it = options.runs is None and not options.channels and options.angle is None
+        found = found_records(path, options, cleaned=False)
+        several = len(found) > 1
+        if several and all_of_it:
+            tried = found_records(path, options)
+            found = [one for one in tried if one.signal is not None]
+            said += [
+                f"{path.name}: {one.label} is left out: {one.refusal}" for one in tried if one.signal is None
+            ]
+            if not found:
+                raise InputError(
+                    f"{path.name}: none of its {len(tried)} records is a free decay: {tried[0].refusal}"
+                )
+        if several:
+            said.append(f"{path.name}: {len(found)} records: {_labels(found)}")
+        said += [f"{path.name}: {line}" for line in _choices(found[0])]
+        said += _doubts(path, found)
+        records += [replace(one, several=several) for one in found]
+    return records, said
+
+
+def _labels(found: Sequence[Found]) -> str:
+    names = [one.label for one in found]
+    return "; ".join(names[:4]) + (f" and {len(names) - 4} more" if len(names) > 4 else "")
+
+
+def _choices(one: Found) -> list[str]:
+    """What was chosen where there was a choice."""
+    chosen = one.raw.provenance.get("chosen")
+    said = [str(line) for line in chosen] if isinstance(chosen, list) else []
+    return [line for line in said if line.startswith(("Column", "Left out"))]
+
+
+def _doubts(path: Path, found: Sequence[Found]) -> list[str]:
+    """The findings of all records of a file, each kind once."""
+    first = {finding.kind: finding for one in reversed(found) for finding in one.findings}
+    return [f"{path.name}: {finding}" for finding in first.values()]
+
+
+def as_signals(found: Sequence[Found], options: Options) -> list[Asked]:
+    """Records as a study's [[signal]] says them."""
+    from bayesdamp.config.compare import Asked  # imports slowly: what is wrong with a file is told before
+
+    o = options
+    return [
+        Asked(
+            one.path,
+            *one.raw.columns,
+            o.rate,
+            one.unit,
+            one.quantity,
+            o.clock,
+            o.start,
+            o.stop,
+            time_unit=o.time_unit,
+            label=one.label if one.several else "",
+            specimen=f"{one.path.stem} {one.raw.channel}" if one.several and one.raw.repeat else "",
+        )
+        for one in found
+    ]

@@ -1,0 +1,51 @@
+"""`bayesdamp init`: a commented study beside a file, which reads and compares it as `bayesdamp compare` would."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from bayesdamp.cli import options as o
+from bayesdamp.types import InputError
+
+
+def init(
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="A file of measured decays.")],
+    angle: o.Angle = None,
+    time: o.Time = None,
+    time_unit: o.TimeUnit = None,
+    rate: o.Rate = None,
+    unit: o.Unit = None,
+    quantity: o.Quantity = None,
+    clock: o.Clock = "auto",
+    start: o.Start = "auto",
+    stop: o.Stop = "auto",
+    runs: o.Runs = None,
+    channel: o.Channels = None,
+) -> int:
+    """Write a commented study of a file beside it; nothing is computed, and no file is written over."""
+    from bayesdamp.cli.asking import Options, as_signals, chosen_records
+
+    out = file.with_suffix(".toml")
+    if out.exists() or out.is_symlink():
+        raise InputError(f"{out}: is there already; it is not written over: move it away first")
+    bounds = o.bound(start, "--start"), o.bound(stop, "--stop")
+    asked = Options(time, angle, rate, time_unit, unit, quantity, clock, *bounds, runs, tuple(channel or ()))
+    records, said = chosen_records([file], asked)
+    for line in said:
+        typer.echo(line, err=True)
+    from bayesdamp.cli.study_file import study_text
+
+    text = study_text(as_signals(records, asked), out)
+    try:
+        with out.open("x", encoding="utf-8", newline="\n") as handle:
+            handle.write(text)
+    except OSError as error:
+        what = (error.strerror or str(error)).lower()
+        raise InputError(
+            f"{out}: cannot be written: {what}; copy {file.name} to a folder of your own"
+        ) from None
+    typer.echo(f"{out}: next, bayesdamp check {out} and bayesdamp study {out}")
+    return 0

@@ -1,0 +1,94 @@
+"""`bayesdamp look`: what would be read of a file, before anything is computed."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from bayesdamp.cli import options as o
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from bayesdamp.cli.asking import Found
+    from bayesdamp.records.files.contents import Contents
+
+COLUMNS, PLOTS, FACTS = 24, 4, 12
+"""Of each, how many are shown before the rest is counted."""
+
+
+def look(
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="A file of measured decays.")],
+    angle: o.Angle = None,
+    time: o.Time = None,
+    time_unit: o.TimeUnit = None,
+    rate: o.Rate = None,
+    unit: o.Unit = None,
+    quantity: o.Quantity = None,
+    clock: o.Clock = "auto",
+    start: o.Start = "auto",
+    stop: o.Stop = "auto",
+    runs: o.Runs = None,
+    channel: o.Channels = None,
+    html: Annotated[Path | None, typer.Option(help="A page to write it to as well.")] = None,
+) -> int:
+    """Show what would be read of a file: columns, units, clock, the free decay in it, and what looks wrong."""
+    from rich.console import Console
+
+    from bayesdamp.cli.asking import Options, found_records
+    from bayesdamp.records.opening.opening import contents
+
+    bounds = o.bound(start, "--start"), o.bound(stop, "--stop")
+    asked = Options(time, angle, rate, time_unit, unit, quantity, clock, *bounds, runs, tuple(channel or ()))
+    console = Console()
+    held = contents(file)
+    _show_file(console, file, held)
+    found = found_records(file, asked)
+    for i, one in enumerate(found):
+        _show_record(console, one, len(found) > 1, i < PLOTS)
+    if html is not None:
+        from bayesdamp.cli.look_page import write_page
+
+        write_page(html, file, held, found)
+        typer.echo(html)
+    return 0
+
+
+def _show_file(console: Console, file: Path, held: Contents) -> None:
+    from rich.table import Table
+
+    from bayesdamp.cli.said import described
+
+    table = Table(
+        "",
+        "column",
+        "unit",
+        "samples",
+        "from",
+        "to",
+        title=f"{file.name}: {held.format}",
+        title_justify="left",
+    )
+    for row in described(held)[:COLUMNS]:
+        table.add_row(*row)
+    console.print(table)
+    if len(held.columns) > COLUMNS:
+        console.print(f"and {len(held.columns) - COLUMNS} more columns", style="bright_black")
+    for name, value in list(held.facts.items())[:FACTS]:
+        console.print(f"{name}: {value}", style="bright_black", markup=False, highlight=False)
+
+
+def _show_record(console: Console, one: Found, several: bool, drawn: bool) -> None:
+    from bayesdamp.cli.plot import plot
+    from bayesdamp.cli.said import curve, kept, reading, sentences
+
+    title = one.label if several else f"{one.raw.channel or 'the record'}"
+    console.print(f"\n{title}: {reading(one)}", style="bold", markup=False, highlight=False)
+    for line in sentences(one):
+        console.print(f"  {line}", markup=False, highlight=False)
+    for finding in one.findings:
+        console.print(f"  ! {finding}", style="yellow", markup=False, highlight=False)
+    if drawn:
+        console.print(plot(*curve(one), kept(one), min(console.width, 100) - 2))

@@ -1,0 +1,64 @@
+"""What `bayesdamp look` says of a file and of the records in it: on the terminal and on its page."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    import numpy as np
+
+    from bayesdamp.cli.asking import Found
+    from bayesdamp.records.files.contents import Contents
+
+
+def described(held: Contents) -> list[tuple[str, ...]]:
+    """A row for each column: number, name, unit, samples, first and largest values."""
+    import numpy as np
+
+    from bayesdamp.records.columns.names import seconds_of_unit
+    from bayesdamp.records.columns.units_said import unit_said
+    from bayesdamp.units import UNITS
+
+    rows = []
+    for i, column in enumerate(held.columns, start=1):
+        unit, quantity = unit_said(column)
+        said = UNITS[unit].of(quantity or "angle") if unit in UNITS else unit
+        said = "s" if not said and seconds_of_unit(column) else said
+        y = column.values[np.isfinite(column.values)]
+        ends = (f"{y.min():.6g}", f"{y.max():.6g}") if y.size else ("", "")
+        rows.append((str(i), column.name or "-", said or "-", str(y.size), *ends))
+    return rows
+
+
+def reading(one: Found) -> str:
+    """What a record is read as, in a line."""
+    from bayesdamp.units import UNITS
+
+    unit = UNITS[one.unit].of(one.quantity) if one.unit in UNITS else one.unit
+    time, value = one.raw.columns
+    clock = f"times from column {time!r}" if time is not None else f"{one.raw.rate or 0:.6g} Hz"
+    return f"column {value!r} as {one.quantity} in {unit}, {clock}, {one.raw.y.size} samples"
+
+
+def sentences(one: Found) -> list[str]:
+    """What was done to a record, or why there is no free decay in it."""
+    notes = (one.signal.provenance if one.signal else one.raw.provenance).get("notes", [])
+    said = [str(note) for note in notes] if isinstance(notes, list | tuple) else []
+    return said if one.signal else [*said, f"No free decay: {one.refusal}"]
+
+
+def curve(one: Found) -> tuple[np.ndarray, np.ndarray]:
+    """Times in s (n,) and values (n,) in the file's unit."""
+    import numpy as np
+
+    raw = one.raw
+    t = raw.t if raw.t is not None else np.arange(raw.y.size) / (raw.rate or 1.0)
+    return t, raw.y
+
+
+def kept(one: Found) -> tuple[float, float] | None:
+    """From when to when the free decay lasts, in s of `curve`."""
+    if one.signal is None:
+        return None
+    first, last = one.signal.provenance["start"], one.signal.provenance["stop"]
+    return (first, last) if isinstance(first, float) and isinstance(last, float) else None

@@ -1,0 +1,96 @@
+"""A simulated record from the words of a command: checked as a study's own would be, and written as CSV."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from bayesdamp.config import Simulation
+from bayesdamp.config.checks import StudyError
+from bayesdamp.config.signals import resolve_signal
+from bayesdamp.physics.oscillator import Oscillator
+from bayesdamp.physics.restoring import LAWS
+from bayesdamp.plugins import nearest
+from bayesdamp.records.simulate import simulate_signal
+from bayesdamp.store import write_bytes
+from bayesdamp.types import InputError, Signal
+
+START = {"theta0": 0.3, "omega0": 0.0, "epsilon": 0.0}
+"""What holds where it is not given."""
+
+
+def pairs(texts: Sequence[str], option: str) -> dict[str, float]:
+    """`a=1,b=2` as a mapping. Raises InputError."""
+    found: dict[str, float] = {}
+    for part in ",".join(texts).split(","):
+        name, _, value = (piece.strip() for piece in part.partition("="))
+        if not part.strip():
+            continue
+        try:
+            number = float(value)
+        except ValueError:
+            raise InputError(f"{option} {part.strip()}: must be NAME=NUMBER, such as stiffness=20") from None
+        if name in found:
+            raise InputError(f"{option} {name}: is given twice; once is enough")
+        found[name] = number
+    return found
+
+
+NOISE = 0.01
+"""Share of the amplitude that the noise has where it is not given: a record without any has no likelihood."""
+
+
+def simulated(given: Mapping[str, object], restoring: str, seed: int) -> tuple[Signal, float]:
+    """The record of one simulation, whose entries are those of a study's `simulate`, and its noise's sd in rad.
+
+    Without `noise_sd` the sd is a hundredth of the amplitude. Raises InputError in the terms of the command's options.
+    """
+    made = _checked({"noise_sd": 0.0, **given}, restoring)
+    sd = made.truth["noise_sd"]
+    if "noise_sd" not in given:
+        clean = _record(made, restoring, 0.0, seed)
+        sd = float(f"{NOISE * np.ptp(clean.y) / 2:.1e}")
+    return _record(made, restoring, sd, seed), sd
+
+
+def _record(made: Simulation, restoring: str, noise_sd: float, seed: int) -> Signal:
+    return simulate_signal(
+        Oscillator(made.damping, restoring),
+        dict(made.truth),
+        duration=made.duration,
+        samples=made.samples,
+        noise_sd=noise_sd,
+        name="simulated",
+        rng=np.random.default_rng(seed),
+    )
+
+
+def write_csv(signal: Signal, out: Path) -> None:
+    """The record as CSV, all of it or nothing. Raises InputError where it cannot be written."""
+    lines = ["t (s),angle (rad)", *(f"{float(t)!r},{float(y)!r}" for t, y in zip(signal.t, signal.y))]
+    try:
+        write_bytes(out, ("\n".join(lines) + "\n").encode())
+    except InputError as error:
+        raise InputError(f"--out {error}") from None
+    except OSError as error:
+        what = (error.strerror or str(error)).lower()
+        raise InputError(f"--out {out}: cannot be written: {what}; give a new file's name") from None
+
+
+def _checked(given: Mapping[str, object], restoring: str) -> Simulation:
+    if restoring not in LAWS.names():
+        raise InputError(f"--restoring {restoring}: unknown restoring law{nearest(restoring, LAWS.names())}")
+    missing = [name for name in LAWS.get(restoring).parameters if name not in given]
+    if missing:
+        raise InputError(f"--set: {restoring} needs {', '.join(f'{name}=NUMBER' for name in missing)} too")
+    entry = {"name": "simulated", "simulate": {**START, **given}, "system": {"restoring": restoring}}
+    try:
+        made = resolve_signal(entry, {}, Path(), "").source
+    except StudyError as error:
+        raise InputError(
+            f"simulate: {str(error).removeprefix('simulate.').removeprefix('simulate: ')}"
+        ) from None
+    assert isinstance(made, Simulation)
+    return made

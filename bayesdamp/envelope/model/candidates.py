@@ -1,0 +1,290 @@
+"""One damping sum (or a power law) on a record: its fit, and its evidence with the deviation integrated out."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import nnls
+from scipy.special import ndtr
+
+from bayesdamp.envelope.model.deviation import KNOTS, knot_covariance, warp_integrals, weights
+from bayesdamp.envelope.model.laws import decay, power_decay, rate
+from bayesdamp.envelope.model.noise import Noise, whiten
+from bayesdamp.envelope.model.orthant import log_orthant
+
+WIDTH = 2.0
+"""Scale of the half-normal prior of each term's rate at the reference amplitude, in the record's own mean rate."""
+START_SD = 100.0
+"""Of ln A at the start: wide, and the same in all sums."""
+SCALES, SCALES_MANY = (
+    np.exp(np.array([-0.9, -0.6, -0.3, 0.0, 0.3, 0.6, 0.9, 1.3])),
+    np.exp(np.array([-0.25, 0.0, 0.25])),
+)
+"""Factors by which the noise may be other than inferred: few readings do not know it well, MANY do."""
+MANY = 40
+POWER_MOST = 3.0
+STEPS = 25
+_ZERO = 1e-5
+"""Stands for τ = 0."""
+
+
+@dataclass(frozen=True)
+class Blocks:
+    """A free decay: t in s from its start, x = ln(A/A_ref) (means over runs of readings), shape (n,).
+
+    duration in s; mean_rate in 1/s; floor: power of the floor in units of A_ref² (nan where none is seen), constant:
+    its share that does not fluctuate.
+    """
+
+    t: np.ndarray
+    x: np.ndarray
+    duration: float
+    mean_rate: float
+    floor: float
+    constant: float
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """A sum on a record, with all hyperparameters of the grid.
+
+    rates: the fit in 1/s at the reference amplitude, shape (d,). log_evidence (b,) of each point of the grid: noise,
+    scale, τ and ℓ; exact (b,): whether τ is 0. mean (b, d + KNOTS) and covariance of the normal posterior of rates and
+    deviation before rates are cut off at 0.
+    """
+
+    terms: tuple[str, ...]
+    x0: float
+    rates: np.ndarray
+    fit: np.ndarray
+    log_evidence: np.ndarray
+    exact: np.ndarray
+    tau: np.ndarray
+    mean: np.ndarray
+    covariance: np.ndarray
+
+    @property
+    def total(self) -> float:
+        """Log evidence over the whole grid."""
+        return float(np.logaddexp.reduce(self.log_evidence))
+
+    @property
+    def total_exact(self) -> float:
+        """Log evidence, times its prior probability, of the law that holds exactly."""
+        return float(np.logaddexp.reduce(self.log_evidence[self.exact]))
+
+
+def fit_rates(
+    blocks: Blocks, terms: tuple[str, ...], triangle_inverse: np.ndarray, begin: np.ndarray | None = None
+) -> tuple[float, np.ndarray]:
+    """(ln A at the start, rates ≥ 0) of a sum at the mode, the noise being white after triangle_inverse (n, n)."""
+    scale = WIDTH * blocks.mean_rate
+    rates = np.full(len(terms), blocks.mean_rate / len(terms)) if begin is None else begin.copy()
+    x0 = float(blocks.x[: max(1, blocks.x.size // 20)].mean())
+
+    def cost(x0: float, rates: np.ndarray) -> tuple[float, np.ndarray]:
+        r = triangle_inverse @ (blocks.x - decay(blocks.t, x0, terms, rates))
+        return float(r @ r + np.sum((rates / scale) ** 2)), r
+
+    rates = _sane(blocks, terms, rates, x0)
+    value, r = cost(x0, rates)
+    for _ in range(STEPS):
+        h0, h = derivatives(blocks, terms, x0, rates)
+        a0, a = triangle_inverse @ h0, triangle_inverse @ h
+        unit = a0 / np.sqrt(a0 @ a0)
+        left = np.vstack([a - np.outer(unit, unit @ a), np.eye(len(terms)) / scale])
+        goal = r + a @ rates
+        right = np.concatenate([goal - unit * (unit @ goal), np.zeros(len(terms))])
+        norms = np.linalg.norm(left, axis=0)
+        new = nnls(left / norms, right)[0] / norms
+        if new.sum() < 0.3 * rates.sum():  # a line is no guide that far
+            new = np.maximum(new, 0.3 * rates)
+        move = new - rates
+        shift = float(a0 @ (r - a @ move)) / float(a0 @ a0)
+        share = 1.0
+        while share > 1e-4:
+            trial = cost(x0 + share * shift, rates + share * move)
+            if trial[0] < value:
+                break
+            share *= 0.4
+        else:
+            break
+        x0, rates = x0 + share * shift, rates + share * move
+        done = value - trial[0] < 1e-6 * (1.0 + value)
+        value, r = trial
+        if done:
+            break
+    return x0, rates
+
+
+def _sane(blocks: Blocks, terms: Sequence[str], rates: np.ndarray, x0: float) -> np.ndarray:
+    """Rates that leave the amplitude moving until the end of the record."""
+    for _ in range(40):
+        if decay(blocks.t[-1:], x0, terms, rates)[0] > blocks.x.min() - 1.0:
+            break
+        rates = 0.7 * rates
+    return rates
+
+
+def derivatives(
+    blocks: Blocks, terms: Sequence[str], x0: float, rates: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Of x by x0, shape (n,), and by the rates, shape (n, d)."""
+    x = decay(blocks.t, x0, terms, rates)
+    step = 1e-4 * blocks.mean_rate
+    columns = []
+    for i in range(len(terms)):
+        up, down = rates.copy(), rates.copy()
+        up[i] += step
+        down[i] = max(0.0, rates[i] - step)
+        columns.append(
+            (decay(blocks.t, x0, terms, up) - decay(blocks.t, x0, terms, down)) / (up[i] - down[i])
+        )
+    whole = rate(x, terms, rates)
+    at_start = float(rate(np.array([x0]), terms, rates)[0])
+    return whole / max(at_start, 1e-300), np.stack(columns, axis=1)
+
+
+def warp_columns(blocks: Blocks, speed: np.ndarray) -> np.ndarray:
+    """Derivatives of x by the deviation's knots, shape (n, KNOTS); speed: -dx/dt at the blocks."""
+    return -speed[:, None] * warp_integrals(blocks.t / blocks.duration, KNOTS) * blocks.duration
+
+
+def weigh(
+    blocks: Blocks,
+    terms: tuple[str, ...],
+    noises: Sequence[tuple[Noise, np.ndarray]],
+    inverse: np.ndarray,
+    fitted: Candidate | None = None,
+) -> Candidate:
+    """A sum's evidence and posterior over the grid of hyperparameters.
+
+    noises: each with the covariance of the readings; inverse: of the triangle in which the fit is sought; fitted: the
+    same sum with another noise, whose fit is taken.
+    """
+    x0, rates = fit_rates(blocks, terms, inverse) if fitted is None else (fitted.x0, fitted.rates)
+    fit = decay(blocks.t, x0, terms, rates)
+    h0, h = derivatives(blocks, terms, x0, rates)
+    prior = np.full(len(terms), (WIDTH * blocks.mean_rate) ** -2)
+    warp = warp_columns(blocks, rate(fit, terms, rates))
+    parts = [_grid(blocks, blocks.x - fit, h0, h, fit, warp, -rates, prior, c) for _, c in noises]
+    log_z, mean, covariance, tau = (np.concatenate(p) for p in zip(*parts, strict=True))
+    d = len(terms)
+    mean[:, :d] += rates
+    log_z = log_z + d * np.log(2.0) + log_orthant(mean[:, :d], covariance[:, :d, :d]) - np.log(len(noises))
+    return Candidate(terms, x0, rates, fit, log_z, tau == 0.0, tau, mean, covariance)
+
+
+def weigh_power(
+    blocks: Blocks, noises: Sequence[tuple[Noise, np.ndarray]], inverse: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """(log evidence, mean, variance) of the exponent p of dA/dt = -c A^p over the grid of hyperparameters, shape (b,).
+
+    p is uniform on 0 to POWER_MOST, c has the prior of a term's rate.
+    """
+    x0, values = float(blocks.x[0]), np.array([np.log(blocks.mean_rate), 1.0])
+
+    def model(x0: float, values: np.ndarray) -> np.ndarray:
+        return power_decay(blocks.t, x0, values[0], values[1])
+
+    def columns(x0: float, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        h = 1e-4
+        found = [
+            (model(x0 + h * e[0], values + h * e[1:]) - model(x0 - h * e[0], values - h * e[1:])) / (2 * h)
+            for e in np.eye(3)
+        ]
+        return found[0], np.stack(found[1:], axis=1)
+
+    r = inverse @ (blocks.x - model(x0, values))
+    value = r @ r
+    for _ in range(STEPS):
+        h0, h = columns(x0, values)
+        move = np.linalg.lstsq(inverse @ np.column_stack([h0, h]), r, rcond=None)[0]
+        share = 1.0
+        while share > 1e-4:
+            trial = values + share * move[1:]
+            trial[1] = np.clip(trial[1], 0.0, POWER_MOST)
+            new = inverse @ (blocks.x - model(x0 + share * move[0], trial))
+            if new @ new < value:
+                break
+            share *= 0.4
+        else:
+            break
+        x0, values, r = x0 + share * move[0], trial, new
+        done = value - r @ r < 1e-6 * (1.0 + value)
+        value = r @ r
+        if done:
+            break
+    fit = model(x0, values)
+    h0, h = columns(x0, values)
+    # p's uniform prior is a wide normal here, whose height is put right below.
+    prior = np.array([1e-4, 1e-4])
+    warp = warp_columns(blocks, np.exp(values[0] + (values[1] - 1.0) * fit))
+    parts = [_grid(blocks, blocks.x - fit, h0, h, fit, warp, np.zeros(2), prior, c) for _, c in noises]
+    log_z, mean, covariance, _ = (np.concatenate(p) for p in zip(*parts, strict=True))
+    power, variance = mean[:, 1] + values[1], covariance[:, 1, 1]
+    scale = WIDTH * blocks.mean_rate
+    density = np.log(2.0 * np.exp(values[0]) / scale) - 0.5 * (np.exp(values[0]) / scale) ** 2
+    log_z = log_z + density - np.log(POWER_MOST) - np.log(1e-4) + 0.5 * np.log(2 * np.pi)
+    sd = np.sqrt(variance)
+    inside = ndtr((POWER_MOST - power) / sd) - ndtr(-power / sd)
+    log_z = log_z + np.log(np.maximum(inside, 1e-300)) - np.log(len(noises))
+    return log_z, power, variance
+
+
+def _grid(
+    blocks: Blocks,
+    residual: np.ndarray,
+    h0: np.ndarray,
+    h: np.ndarray,
+    fit: np.ndarray,
+    warp: np.ndarray,
+    offset: np.ndarray,
+    prior: np.ndarray,
+    covariance: np.ndarray,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """(log evidence, posterior mean, covariance of (parameters, g), τ) over scales, τ and ℓ.
+
+    offset: prior mean of the parameters less the fit; prior: their prior precision.
+    """
+    tau, length, log_prior = weights()
+    n, d = h.shape
+    constant = blocks.floor * blocks.constant if np.isfinite(blocks.floor) else 0.0
+    extra = [0.5 * constant * np.exp(-2.0 * fit)] if constant > 0 else []
+    white, log_det = whiten(covariance, [h0, *extra, h, warp, residual])
+    columns, r = white[:, :-1], white[:, -1]
+    e = len(extra)
+    gram, b, rr = columns.T @ columns, columns.T @ r, float(r @ r)
+    q = columns.shape[1]
+    places = [np.linalg.inv(knot_covariance(KNOTS, float(one))) for one in length]
+    log_dets = np.array([-np.linalg.slogdet(knot_covariance(KNOTS, float(one)))[1] for one in length])
+    width = np.where(tau > 0, tau, _ZERO)
+    precision = np.zeros((tau.size, q, q))
+    precision[:, 0, 0] = START_SD**-2
+    mu = np.zeros(q)
+    if e:  # the constant part of the floor is as seen behind the decay, to 30 %
+        precision[:, 1, 1] = 0.3**-2
+        mu[1] = 1.0
+    inner = slice(1 + e, 1 + e + d)
+    precision[:, range(1 + e, 1 + e + d), range(1 + e, 1 + e + d)] = prior
+    mu[inner] = offset
+    precision[:, 1 + e + d :, 1 + e + d :] = np.stack(places) / width[:, None, None] ** 2
+    log_det_prior = np.log(prior).sum() - 2 * np.log(START_SD) + e * np.log(0.3**-2)
+    log_det_prior = log_det_prior + log_dets - 2 * KNOTS * np.log(width)
+    pull = precision @ mu
+    quiet = 0.5 * np.einsum("i,bi->b", mu, pull)
+    every = SCALES if n < MANY else SCALES_MANY
+    scales = every[:, None, None, None]
+    whole = gram / scales**2 + precision
+    side = b / scales[..., 0] ** 2 + pull
+    inverse = np.linalg.inv(whole)
+    mean = (inverse @ side[..., None])[..., 0]
+    log_det_whole = 2.0 * np.log(np.einsum("sbii->sbi", np.linalg.cholesky(whole))).sum(axis=-1)
+    s = every[:, None]
+    log_z = -n * np.log(s) - log_det - 0.5 * rr / s**2 - quiet + 0.5 * log_det_prior - 0.5 * log_det_whole
+    log_z = log_z + 0.5 * np.einsum("sbi,sbi->sb", mean, side) + log_prior - np.log(every.size)
+    kept = np.r_[1 + e : q]
+    flat = inverse.reshape(-1, q, q)[:, kept][:, :, kept]
+    return log_z.ravel(), mean.reshape(-1, q)[:, kept], flat, np.tile(tau, every.size)

@@ -1,0 +1,54 @@
+"""A record of an envelope with what was cut out of it, the fit, and what the fit leaves."""
+
+from __future__ import annotations
+
+import io
+
+import numpy as np
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from bayesdamp.envelope.records.record import EnvelopeRecord
+from bayesdamp.envelope.results import EnvelopeResult
+
+POINTS = 1200
+INK, QUIET, FIT, BAND = "#222222", "#8a8a8a", "#0072B2", "#D55E00"
+
+
+def thinned(t: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Least and largest of each of POINTS / 2 runs: a line through them looks as one through all."""
+    if t.size <= POINTS:
+        return t, y
+    edges = np.linspace(0, t.size, POINTS // 2 + 1).round().astype(int)[:-1]
+    low, high = np.minimum.reduceat(y, edges), np.maximum.reduceat(y, edges)
+    return np.repeat(t[edges], 2), np.column_stack([low, high]).ravel()
+
+
+def picture(record: EnvelopeRecord, found: EnvelopeResult) -> bytes:
+    """A PNG."""
+    figure = Figure(figsize=(9.6, 4.2), dpi=90)
+    canvas = FigureCanvasAgg(figure)
+    left = figure.add_axes((0.075, 0.12, 0.53, 0.78))
+    left.plot(*thinned(record.t, record.level), color=QUIET, lw=0.7)
+    left.set_xlabel("time / s", color=INK)
+    unit = record.unit if record.logarithmic else f"dB of 1 {record.unit}"
+    left.set_ylabel(f"level / {unit}", color=INK)
+    left.set_title(found.name, loc="left", fontsize=9)
+    if found.curve is not None and found.cut is not None:
+        curve, cut = found.curve, found.cut
+        left.plot(curve.t, curve.fit, color=FIT, lw=1.4)
+        for at in (cut.start, cut.stop):
+            left.axvline(at, color=BAND, lw=0.8)
+        if np.isfinite(cut.floor):
+            left.axhline(cut.floor, color=QUIET, lw=0.6, ls=":")
+        right = figure.add_axes((0.68, 0.12, 0.305, 0.78))
+        right.fill_between(curve.t, -2 * curve.scatter, 2 * curve.scatter, color=BAND, alpha=0.15, lw=0)
+        right.plot(curve.t, curve.level - curve.fit, color=INK, lw=0.8)
+        right.axhline(0.0, color=FIT, lw=0.8)
+        right.set_xlabel("time / s", color=INK)
+        right.set_title("means of readings less the fit, in dB; ± 2 sd", loc="left", fontsize=9)
+        right.tick_params(labelsize=8)
+    left.tick_params(labelsize=8)
+    held = io.BytesIO()
+    canvas.print_png(held, metadata={"Software": "bayesdamp"})
+    return held.getvalue()

@@ -1,0 +1,1 @@
+"""Numerics that the methods which train a network share."""

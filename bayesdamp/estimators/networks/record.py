@@ -1,0 +1,47 @@
+"""A record as a network is shown it: few enough samples, and a phase that runs with its own oscillation."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from bayesdamp.estimators.shared import noise_level
+from bayesdamp.records.oscillation.features import Features
+from bayesdamp.types import Signal
+
+PER_CYCLE = 40.0
+"""Means are not taken over more than this part of a cycle: the mean of a sinusoid is then 0.1 % small."""
+
+
+def thinned(signal: Signal, seen: Features, most: int) -> tuple[np.ndarray, np.ndarray]:
+    """(t, y), about `most` samples or fewer: means of neighbours where there is noise, else some of them."""
+    t, y = signal.t, signal.y
+    size = float(np.abs(seen.turning_amplitudes).max())
+    if t.size > most and noise_level(signal) > 1e-5 * size:
+        group = min(-(-t.size // most), max(1, int(seen.samples_per_cycle / PER_CYCLE)))
+        blocks = t.size // group
+        times = t[: blocks * group].reshape(blocks, group)
+        whole = times[:, -1] - times[:, 0] <= 1.5 * (group - 1) * float(np.median(np.diff(t)))
+        t, y = times.mean(axis=1)[whole], y[: blocks * group].reshape(blocks, group).mean(axis=1)[whole]
+    rows = np.unique(np.linspace(0, t.size - 1, min(most, t.size)).round().astype(int))
+    return t[rows], y[rows]
+
+
+class Phase:
+    """The phase of a record in rad, growing by π from each crossing of the midline to the next.
+
+    A polynomial in time: of degree 3 where the crossings span most of the record, so that it follows a
+    frequency that drifts with the amplitude, else a straight line.
+    """
+
+    def __init__(self, signal: Signal, seen: Features) -> None:
+        at, count = seen.crossing_times, seen.crossing_times.size
+        span = (at[-1] - at[0]) / (signal.t[-1] - signal.t[0]) if count else 0.0
+        if count >= 8 and span > 0.75:
+            weight = np.abs(seen.turning_amplitudes[1:] * seen.turning_amplitudes[:-1]) ** 0.5
+            self.line = np.polynomial.Polynomial.fit(at, np.pi * np.arange(count), 3, w=weight)
+        else:
+            self.line = np.polynomial.Polynomial([-seen.frequency * seen.turning_times[0], seen.frequency])
+
+    def jet(self, t: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """φ, φ̇, φ̈ at times t (n,), each (n,)."""
+        return self.line(t), self.line.deriv(1)(t), self.line.deriv(2)(t)

@@ -1,0 +1,222 @@
+"""Multiple shooting: segments of a record integrated in one batch, with their sensitivities."""
+
+from __future__ import annotations
+
+import numpy as np
+import torch
+from jax import numpy as jnp
+from torch import Tensor
+from torchdiffeq import odeint
+
+from bayesdamp.estimators.networks.forces import Forces
+from bayesdamp.estimators.networks.jets import jets, slopes
+from bayesdamp.estimators.networks.record import thinned
+from bayesdamp.estimators.networks.training import REAL, layers
+from bayesdamp.estimators.shared import ORDER, epsilon_of, oscillator, start_parameters
+from bayesdamp.physics.solver.hermite import basis
+from bayesdamp.records.oscillation.features import Features
+from bayesdamp.types import Problem, Signal
+
+MOST_SAMPLES = 1500
+MOST_SEGMENTS = 160
+
+
+class Shooting:
+    """The loss of a learnt damping force as a sum of squares.
+
+    Angles are in amplitudes A about the rest, times in 1/ω, forces in Aω². Unknown are the weights of the network, the
+    free restoring parameters in units, and each segment's first angle and velocity.
+    start: the first unknowns. units: of the coefficients. peak: the largest velocity, rad/s.
+    """
+
+    def __init__(
+        self,
+        signal: Signal,
+        problem: Problem,
+        seen: Features,
+        *,
+        width: int,
+        steps: int,
+        continuity: float,
+        random: torch.Generator,
+    ) -> None:
+        osc, known = oscillator(problem), problem.system.known
+        base = start_parameters(signal, problem, seen)
+        self.a, self.w, self.order = seen.amplitude, seen.frequency, ORDER[signal.quantity]
+        self.rest = seen.rest if self.order == 0 else osc.equilibrium(base)
+        self.coefficients = osc.coefficients
+        self.units = np.array([0.1 / term.ratio_per_unit(self.a, self.w) for term in osc.terms])
+        self.restoring = tuple(name for name in osc.law.parameters if name not in known)
+        self.forces = Forces(osc, base, self.restoring, epsilon_of(problem, seen))
+        free = np.array([base[name] for name in self.restoring])
+        self.free_units = np.maximum(np.abs(free), self.a)
+
+        self.sizes = (1, width, width, 1)
+        weights = layers(self.sizes, random, bias=0.5)
+        self.count = weights.numel()
+        decay = np.log(max(seen.amplitude / seen.final_amplitude, 1.05)) / (self.w * signal.t[-1])
+        self.force_unit = 2.0 * decay
+
+        end = float(signal.t[-1]) * self.w
+        self.segments = int(np.clip(round(end / np.pi), 2, MOST_SEGMENTS))
+        length = end / self.segments
+        self.nodes = torch.linspace(
+            0.0, length, max(8, int(np.ceil(steps * length / (2 * np.pi)))) + 1, dtype=REAL
+        )
+
+        t, y = thinned(signal, seen, MOST_SAMPLES)
+        self._place(t * self.w, (y - (self.rest if self.order == 0 else 0.0)) / (self.a * self.w**self.order))
+        self.weight = (1.0 / y.size**0.5, continuity)
+        wanted = [(known.get("theta0"), self.rest, self.a), (known.get("omega0"), 0.0, self.a * self.w)]
+        self.given = [i for i, (value, _, _) in enumerate(wanted) if value is not None]
+        self.begin = torch.tensor(
+            [(v - zero) / unit for v, zero, unit in wanted if v is not None], dtype=REAL
+        )
+        states = self._states(t * self.w, y / (self.a * self.w**self.order), length)
+        self.start = torch.cat(
+            [weights, torch.tensor(free / self.free_units, dtype=REAL), states.reshape(-1)]
+        )
+        self.physical = self.count + free.size
+        self.peak = float(self.a * self.w * states[:, 1].abs().max())
+
+    def _place(self, s: np.ndarray, y: np.ndarray) -> None:
+        """Where each sample lies: its segment, its step in there, and the weights of the nodes on either side."""
+        step = float(self.nodes[1])
+        per = self.nodes.numel() - 1
+        at = np.clip((s / step).astype(int), 0, self.segments * per - 1)
+        weights = basis(jnp.asarray(s / step - at), jnp.full(s.shape, step), self.order)
+        self.segment, self.step = torch.from_numpy(at // per), torch.from_numpy(at % per)
+        self.dense = torch.from_numpy(np.array(weights)).reshape(-1, 2, 3)
+        self.y = torch.from_numpy(y)
+
+    def _states(self, s: np.ndarray, y: np.ndarray, length: float) -> Tensor:
+        """Angle and velocity at the start of each segment (segments, 2), from a sinusoid through the samples near."""
+        found = []
+        for i in range(self.segments):
+            tau = s - i * length
+            near = np.argsort(np.abs(tau), kind="stable")
+            near = near[: max(8, int(np.count_nonzero(np.abs(tau) < 0.75 * np.pi)))]
+            columns = np.stack([np.cos(tau[near]), np.sin(tau[near]), np.ones(near.size)], axis=1)
+            c, d, middle = np.linalg.lstsq(columns, y[near], rcond=1e-6)[0]
+            at_rest = (middle - self.rest / self.a) if self.order == 0 else 0.0
+            found.append([(c + at_rest, d), (-d, c), (-c, -d)][self.order])
+        return torch.tensor(found, dtype=REAL)
+
+    def _force(self, x: Tensor, v: Tensor) -> tuple[Tensor, Tensor]:
+        """f(v) and its slope, both (n,), in units of Aω²: odd in v."""
+        both = torch.cat([v, -v])
+        inputs = torch.stack([both, torch.ones_like(both)], dim=1)[:, :, None]
+        value, slope = jets(x[: self.count], inputs, self.sizes).unbind(1)
+        n = v.numel()
+        return self.force_unit * (value[:n] - value[n:]) / 2, self.force_unit * (slope[:n] + slope[n:]) / 2
+
+    def _by_weights(self, x: Tensor, v: Tensor) -> Tensor:
+        """Derivatives of f(v) by the weights, (n, k)."""
+        by = slopes(x[: self.count], torch.cat([v, -v])[:, None, None], self.sizes)[:, 0]
+        return self.force_unit * (by[: v.numel()] - by[v.numel() :]) / 2
+
+    def _acceleration(
+        self, x: Tensor, angle: Tensor, v: Tensor, tangents: Tensor | None
+    ) -> tuple[Tensor, Tensor]:
+        """The acceleration (n,), and its tangents (n, c) from those of the state (n, 2, c) where they are given.
+
+        Tangents are by the segment's start (2), the weights and the free restoring parameters.
+        """
+        values = x[self.count : self.physical].numpy() * self.free_units
+        force, slope, by = self.forces.restoring((self.rest + self.a * angle).numpy(), values)
+        learnt, steep = self._force(x, v)
+        unit = self.a * self.w**2
+        acceleration = -torch.from_numpy(force / unit) - learnt
+        if tangents is None:
+            return acceleration, acceleration
+        moved = (
+            -torch.from_numpy(slope / self.w**2)[:, None] * tangents[:, 0] - steep[:, None] * tangents[:, 1]
+        )
+        moved[:, 2 : 2 + self.count] -= self._by_weights(x, v)
+        moved[:, 2 + self.count :] -= torch.from_numpy(by * self.free_units / unit)
+        return acceleration, moved
+
+    def _solve(self, x: Tensor, with_tangents: bool) -> tuple[Tensor, Tensor | None]:
+        """Angle, velocity, acceleration at the nodes (segments, nodes, 3), and their tangents (…, 3, c)."""
+        states = x[self.physical :].reshape(self.segments, 2)
+        columns = 2 + self.physical if with_tangents else 0
+        first = torch.zeros(self.segments, 2, 1 + columns, dtype=REAL)
+        first[:, :, 0] = states
+        if with_tangents:
+            first[:, 0, 1] = first[:, 1, 2] = 1.0
+
+        def rate(_: Tensor, state: Tensor) -> Tensor:
+            acceleration, moved = self._acceleration(
+                x, state[:, 0, 0], state[:, 1, 0], state[:, :, 1:] if with_tangents else None
+            )
+            below = acceleration[:, None]
+            return torch.stack(
+                [state[:, 1], torch.cat([below, moved], dim=1) if with_tangents else below], dim=1
+            )
+
+        solved = odeint(rate, first, self.nodes, method="rk4").transpose(0, 1)  # type: ignore[union-attr]
+        flat = solved.reshape(-1, 2, 1 + columns)
+        bent = rate(self.nodes[0], flat)[:, 1].reshape(*solved.shape[:2], 1, 1 + columns)
+        every = torch.cat([solved, bent], dim=2)
+        return every[..., 0], every[..., 1:] if with_tangents else None
+
+    def _sampled(self, nodes: Tensor) -> Tensor:
+        """What is linear in the nodes' (angle, velocity, acceleration), at the samples."""
+        pair = torch.stack([nodes[self.segment, self.step], nodes[self.segment, self.step + 1]], dim=1)
+        weights = self.dense
+        return torch.einsum("nij,nij...->n...", weights, pair)
+
+    def _joined(self, x: Tensor, nodes: Tensor) -> Tensor:
+        states = x[self.physical :].reshape(self.segments, 2)
+        data = self._sampled(nodes) - self.y
+        gaps = (nodes[:-1, -1, :2] - states[1:]).reshape(-1)
+        begin = states[0, self.given] - self.begin
+        return torch.cat([self.weight[0] * data, self.weight[1] * gaps, self.weight[1] * begin])
+
+    def residuals(self, x: Tensor) -> Tensor:
+        """Weighted misfit of the samples, gaps between segments, misfit of a known start, (n,)."""
+        return self._joined(x, self._solve(x, with_tangents=False)[0])
+
+    def linearised(self, x: Tensor) -> tuple[Tensor, Tensor]:
+        """`residuals` (n,), and their Jacobian by the unknowns."""
+        nodes, tangents = self._solve(x, with_tangents=True)
+        assert tangents is not None
+        r = self._joined(x, nodes)
+        jacobian = torch.zeros(r.numel(), x.numel(), dtype=REAL)
+        n, gaps = self.y.numel(), 2 * (self.segments - 1)
+        local = self.weight[0] * self._sampled(tangents)
+        jacobian[:n, : self.physical] = local[:, 2:]
+        rows = torch.arange(n)
+        ends = self.weight[1] * tangents[:-1, -1, :2].reshape(gaps, -1)
+        jacobian[n : n + gaps, : self.physical] = ends[:, 2:]
+        joins = torch.arange(gaps)
+        for j in range(2):
+            jacobian[rows, self.physical + 2 * self.segment + j] = local[:, j]
+            jacobian[n + joins, self.physical + 2 * (joins // 2) + j] = ends[:, j]
+        jacobian[n + joins, self.physical + 2 + joins] = -self.weight[1]
+        for i, which in enumerate(self.given):
+            jacobian[n + gaps + i, self.physical + which] = self.weight[1]
+        return r, jacobian
+
+    def force(self, x: Tensor, velocity: np.ndarray) -> np.ndarray:
+        """The learnt force, rad/s², at velocities in rad/s, (n,)."""
+        learnt, _ = self._force(x, torch.from_numpy(velocity / (self.a * self.w)))
+        return (learnt * self.a * self.w**2).numpy()
+
+    def projected(self, x: Tensor) -> np.ndarray:
+        """Coefficients in units of the law that takes the power of the learnt force in each segment, least squares."""
+        velocity = (self._solve(x, with_tangents=False)[0][..., 1] * self.a * self.w).numpy()
+        flat = velocity.reshape(-1)
+        shapes = self.forces.shapes(flat)[0] * self.units
+        if not np.all(np.isfinite(flat)):
+            return np.full(self.units.size, np.nan)
+        power = (flat * self.force(x, flat)).reshape(velocity.shape).mean(axis=1)
+        of_law = (flat[:, None] * shapes).reshape(*velocity.shape, -1).mean(axis=1)
+        return np.linalg.lstsq(of_law, power, rcond=None)[0]
+
+    def found(self, x: Tensor) -> dict[str, float]:
+        """Free restoring parameters, and the trajectory's own theta0 and omega0."""
+        values = x[self.count : self.physical].numpy() * self.free_units
+        angle, velocity = x[self.physical : self.physical + 2].tolist()
+        start = {"theta0": self.rest + self.a * angle, "omega0": self.a * self.w * velocity}
+        return {**dict(zip(self.restoring, map(float, values))), **start}

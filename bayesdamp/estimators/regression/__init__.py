@@ -1,0 +1,1 @@
+"""Numerics that the methods which regress on candidate terms share."""

@@ -1,0 +1,100 @@
+"""What draws say: summaries, whether they converged, and files as ArviZ reads them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+
+from bayesdamp.inference.checks.convergence import (
+    effective_mean,
+    ess_bulk,
+    ess_tail,
+    monte_carlo_error,
+    rhat,
+)
+from bayesdamp.inference.checks.pareto import pareto_k
+from bayesdamp.types import OK, Posterior
+
+__all__ = ["effective", "effective_mean", "monte_carlo_error", "pareto_k", "save", "summarise", "verdict"]
+
+RHAT_LIMIT = 1.01
+ESS_LIMIT = 400.0
+
+
+def summarise(
+    draws: np.ndarray, ensembles: int | None = None, effective: float | None = None
+) -> dict[str, float]:
+    """Summary of one parameter's draws, shape (chain, draw).
+
+    ensembles: number of independent groups of chains where the chains of a group share their moves (emcee's
+    walkers): R̂ is then taken between groups, while the effective sample size uses each walker's own series.
+    effective: for independent draws of an approximation, how many draws of the posterior they are worth by their
+    importance weights. Both effective sample sizes are then this number and R̂ is nan: there are no chains.
+    """
+    chains = draws if ensembles is None else _grouped(draws, ensembles)
+    flat = draws.reshape(-1)
+    quantiles = np.quantile(flat, [0.025, 0.25, 0.5, 0.75, 0.975])
+    low, high = _densest(flat, 0.95)
+    return {
+        "mean": float(flat.mean()),
+        "sd": float(flat.std(ddof=1)),
+        "median": float(quantiles[2]),
+        "q2.5": float(quantiles[0]),
+        "q25": float(quantiles[1]),
+        "q75": float(quantiles[3]),
+        "q97.5": float(quantiles[4]),
+        "hdi_low": low,
+        "hdi_high": high,
+        "ess_bulk": ess_bulk(draws) if effective is None else effective,
+        "ess_tail": ess_tail(draws) if effective is None else effective,
+        "rhat": rhat(chains) if effective is None else float("nan"),
+    }
+
+
+def _densest(draws: np.ndarray, share: float) -> tuple[float, float]:
+    """The shortest interval between two of these draws, (n,), that holds a share of them."""
+    ordered = np.sort(draws)
+    inside = int(share * ordered.size)
+    start = int(np.argmin(ordered[inside:] - ordered[: ordered.size - inside]))
+    return float(ordered[start]), float(ordered[start + inside])
+
+
+def _grouped(draws: np.ndarray, ensembles: int) -> np.ndarray:
+    """Draws (walker, step) as (ensemble, step · walker), in the order of time."""
+    steps = draws.shape[1]
+    return draws.reshape(ensembles, -1, steps).swapaxes(1, 2).reshape(ensembles, -1)
+
+
+def verdict(summaries: Mapping[str, Mapping[str, float]]) -> str:
+    """`ok`, or a sentence that names the first parameter whose draws are not to be trusted."""
+    for name, s in summaries.items():
+        if not s["rhat"] <= RHAT_LIMIT:
+            return f"not converged: R-hat of {name} is {s['rhat']:.3f}, above {RHAT_LIMIT}"
+        for kind in ("bulk", "tail"):
+            if not s[f"ess_{kind}"] >= ESS_LIMIT:
+                size = s[f"ess_{kind}"]
+                what = f"{kind} effective sample size of {name}"
+                return f"too few draws: {what} is {size:.0f}, below {ESS_LIMIT:.0f}"
+    return OK
+
+
+def effective(draws: np.ndarray) -> float:
+    """The smaller of bulk and tail effective sample sizes of draws, shape (chain, draw)."""
+    return min(ess_bulk(draws), ess_tail(draws))
+
+
+def save(posterior: Posterior, path: Path) -> None:
+    """Write draws, log likelihood and sample statistics as ArviZ reads them (netCDF)."""
+    from arviz_base import from_dict
+
+    groups = {n: posterior.draws[:, :, i] for i, n in enumerate(posterior.names)}
+    data = from_dict(
+        {
+            "posterior": groups,
+            "sample_stats": {k: np.asarray(v) for k, v in posterior.stats.items()},
+            "log_likelihood": {"record": posterior.log_likelihood[:, :, None]},
+        }
+    )
+    data.to_netcdf(path, engine="h5netcdf")

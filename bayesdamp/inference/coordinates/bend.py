@@ -1,0 +1,149 @@
+"""A posterior's curved ridge, straightened without changing volumes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import jax
+import numpy as np
+
+from bayesdamp.inference.coordinates.lift import Lift
+from bayesdamp.inference.fit.climb import maximise
+from bayesdamp.inference.fit.mode import Mode
+from bayesdamp.inference.model.compiled import compiled
+from bayesdamp.inference.model.target import Target
+from bayesdamp.types import Refusal
+
+WIDE = 2
+"""Scores along which a ridge may run."""
+REACH = 1.5
+"""Posterior sds from the mode at which the ridge is looked up."""
+SEEN = 0.02
+"""Whitened units that the ridge must leave its tangent by, at one sd, to be worth straightening."""
+
+
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True)
+class Bend:
+    """Scores are `straight` ones plus a quadratic form of their wide components, which itself moves neither these nor
+    folded scores, and then lifted: two shears, whose Jacobians are one, and which mirror images share. Of NumPy's
+    arrays or of JAX's.
+
+    centre: (d,); wide: indices (k,); curve: (d, k, k), zero for the wide and the folded; lift: of the noise.
+    """
+
+    centre: np.ndarray
+    wide: np.ndarray
+    curve: np.ndarray
+    lift: Lift
+
+    @classmethod
+    def none(cls, d: int) -> Bend:
+        """No bend at all."""
+        wide = np.arange(min(WIDE, d))
+        return cls(np.zeros(d), wide, np.zeros((d, wide.size, wide.size)), Lift.none(d))
+
+    @classmethod
+    def of_noise(cls, target: Target, mode: Mode) -> Bend:
+        """The lift alone."""
+        return replace(cls.none(mode.z.size), lift=Lift.of(target, mode))
+
+    def scores(self, straight: Any) -> Any:
+        """Scores of straightened ones, both (..., d)."""
+        return self.lift.lifted(self.level(straight))
+
+    def level(self, straight: Any) -> Any:
+        """Scores of straightened ones, both (..., d), before they are lifted."""
+        return straight + self._shift(straight)
+
+    def straight(self, scores: Any) -> Any:
+        """Straightened scores, both (..., d)."""
+        level = self.lift.level(scores)
+        return level - self._shift(level)
+
+    def slope(self, straight: np.ndarray) -> np.ndarray:
+        """Derivatives of the scores by the straightened ones, (d, d), at one point (d,)."""
+        found = np.eye(straight.size)
+        found[:, self.wide] += self.curve @ (straight - self.centre)[self.wide]
+        return self.lift.slope(self.level(straight)) @ found
+
+    def _shift(self, z: Any) -> Any:
+        away = z[..., self.wide] - self.centre[self.wide]
+        both = away[..., :, None] * away[..., None, :]
+        size = self.wide.shape[0] ** 2
+        return 0.5 * both.reshape(*both.shape[:-2], size) @ self.curve.reshape(-1, size).T
+
+
+def bend(target: Target, mode: Mode) -> Bend | None:
+    """The bend of a posterior's ridge; None where there is none to speak of.
+
+    The ridge is where the posterior is highest at given wide scores, those that determine each other least; its second
+    differences are taken at `REACH` posterior sds. A product of two parameters, of which the data know one direction
+    alone, makes such a ridge: gravity and spring of the horizontal pendulum, for one.
+    """
+    folded = np.asarray(target.layout.folded)
+    covariance = mode.factor @ mode.factor.T
+    moving = [n in target.oscillator.parameters for n in target.names]
+    wide = _widest(covariance, np.flatnonzero(~folded & moving))
+    others = np.setdiff1d(np.arange(mode.z.size), wide)
+    if wide.size < min(WIDE, mode.z.size) or np.all(folded[others]):
+        return None
+    root = np.linalg.cholesky(covariance[np.ix_(wide, wide)])
+    k = wide.size
+    curve = np.zeros((mode.z.size, k, k))
+    try:
+        top = _ridge(target, mode, wide, others, np.zeros(k))
+        for a in range(k):
+            for b in range(a + 1):
+                step = REACH * (root[:, a] + root[:, b]) / (2 if a == b else np.sqrt(2))
+                ends = [_ridge(target, mode, wide, others, sign * step) for sign in (1, -1)]
+                curve[others, a, b] = curve[others, b, a] = (ends[0] + ends[1] - 2 * top) / REACH**2
+    except Refusal:
+        return None
+    curve[folded] = 0.0
+    # What was taken along (e_a + e_b)/√2 is the half of the two own and the mixed derivative.
+    for a in range(k):
+        for b in range(a):
+            mixed = curve[:, a, b] - 0.5 * (curve[:, a, a] + curve[:, b, b])
+            curve[:, a, b] = curve[:, b, a] = mixed
+    sheared = np.linalg.solve(mode.factor, curve.reshape(mode.z.size, -1))
+    if 0.5 * np.max(np.abs(sheared)) < SEEN:
+        return None
+    inverse = np.linalg.inv(root)
+    return Bend(
+        mode.z.copy(), wide, np.einsum("jab,ac,bd->jcd", curve, inverse, inverse), Lift.of(target, mode)
+    )
+
+
+def _widest(covariance: np.ndarray, among: np.ndarray) -> np.ndarray:
+    """Indices of the scores with the largest sds, each given the ones before it."""
+    left, found = covariance.copy(), []
+    for _ in range(min(WIDE, among.size)):
+        i = among[int(np.argmax(np.diag(left)[among]))]
+        if left[i, i] <= 1e-12:
+            break
+        found.append(int(i))
+        left = left - np.outer(left[:, i], left[:, i]) / left[i, i]
+    return np.array(found, int)
+
+
+def _ridge(target: Target, mode: Mode, wide: np.ndarray, others: np.ndarray, step: np.ndarray) -> np.ndarray:
+    """The highest scores, (d − k,), of `others` where the wide ones are moved by `step`, (k,). Raises Refusal."""
+    curvature = compiled(target.layout).curvature
+    whole = mode.z.copy()
+    whole[wide] += step
+
+    def at(inner: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        z = whole.copy()
+        z[others] = inner
+        value, gradient, information = map(np.asarray, curvature(mode.context, z))
+        return value, gradient[others], information[np.ix_(others, others)]
+
+    inner = mode.information[np.ix_(others, others)]
+    start = mode.z[others] - np.linalg.solve(inner, mode.information[np.ix_(others, wide)] @ step)
+    folded = np.asarray(target.layout.folded)[others]
+    z, value, *_ = maximise(at, folded, start, limit=20)
+    if not np.isfinite(value):
+        raise Refusal("the ridge ends")
+    return z

@@ -1,0 +1,101 @@
+"""A normal distribution of the scores that ends where a folded one is zero."""
+
+from __future__ import annotations
+
+from functools import cached_property
+
+import numpy as np
+
+from bayesdamp.inference.coordinates.frame import FAR, cut_off, cut_off_moments
+from bayesdamp.inference.fit.mode import Mode
+from bayesdamp.inference.model.compiled import compiled
+from bayesdamp.inference.model.target import Context, Target
+from bayesdamp.types import Refusal
+
+H = 0.01
+"""Whitened units to each side over which gradients are compared for the Hessian."""
+RARE = 0.02
+"""Share inside the walls below which rejection gives way to Gibbs sampling."""
+
+
+class CutNormal:
+    """N(mean, covariance), shapes (d,) and (d, d), where the folded scores, (d,) of bool, are not negative.
+
+    walls: indices of the folded scores that are near enough to zero for this to matter.
+    """
+
+    def __init__(self, mean: np.ndarray, covariance: np.ndarray, folded: np.ndarray) -> None:
+        self.mean, self.covariance, self.folded = mean, 0.5 * (covariance + covariance.T), folded
+        self.walls = np.flatnonzero(folded & (mean < FAR * np.sqrt(np.diag(covariance))))
+
+    @cached_property
+    def moments(self) -> tuple[np.ndarray, np.ndarray]:
+        """Mean (d,) and the Cholesky factor of the covariance (d, d) of what is left."""
+        none = np.zeros(self.mean.size)
+        return cut_off_moments(np.linalg.inv(self.covariance), none, self.mean, self.walls)
+
+    def draw(self, rng: np.random.Generator, n: int) -> np.ndarray:
+        """Independent draws, shape (n, d)."""
+        factor = np.linalg.cholesky(self.covariance)
+        kept = np.empty((0, self.mean.size))
+        while len(kept) < n:
+            z = self.mean + rng.standard_normal((max(n, 1000), self.mean.size)) @ factor.T
+            inside = np.all(z[:, self.walls] >= 0, axis=1)
+            if np.mean(inside) < RARE:
+                return self._by_gibbs(rng, n)
+            kept = np.concatenate([kept, z[inside]])
+        return kept[:n]
+
+    def _by_gibbs(self, rng: np.random.Generator, n: int) -> np.ndarray:
+        w, c = self.walls, self.covariance
+        inner = c[np.ix_(w, w)]
+        ends = rng.permutation(cut_off(self.mean[w], inner, chains=-(-n // 4), rng=rng))[:n]
+        # The other scores follow those at the walls linearly.
+        follow = c[:, w] @ np.linalg.inv(inner)
+        rest = np.linalg.eigh(c - follow @ c[w])
+        spread = rest.eigenvectors * np.sqrt(np.maximum(rest.eigenvalues, 0.0))
+        z = self.mean + (ends - self.mean[w]) @ follow.T + rng.standard_normal((n, c.shape[0])) @ spread.T
+        z[:, w] = ends
+        return z
+
+    def log_density(self, z: np.ndarray) -> np.ndarray:
+        """Log density at scores z, (n, d), up to a constant; −∞ beyond a wall."""
+        white = np.linalg.solve(np.linalg.cholesky(self.covariance), (z - self.mean).T)
+        inside = np.all(z[:, self.walls] >= 0, axis=1)
+        return np.where(inside, -0.5 * np.sum(white**2, axis=0), -np.inf)
+
+
+def about(target: Target, mode: Mode) -> CutNormal:
+    """The normal with the mode's information and the log posterior's gradient there, cut off."""
+    return near(target, mode.context, mode.z, mode.factor)
+
+
+def near(target: Target, context: Context, z: np.ndarray, factor: np.ndarray) -> CutNormal:
+    """The normal with this covariance, factor @ factor.T, and the log posterior's gradient at z, (d,), cut off."""
+    folded = np.asarray(target.layout.folded)
+    at = np.where(folded, np.abs(z), z)
+    slope = np.asarray(compiled(target.layout).curvature(context, at)[1])
+    covariance = factor @ factor.T
+    return CutNormal(at + covariance @ slope, covariance, folded)
+
+
+def laplace(target: Target, mode: Mode) -> CutNormal:
+    """The normal with the log posterior's gradient and whole Hessian at the mode, cut off.
+
+    The Hessian by differences of gradients, from a point that is moved off a wall so far that none crosses it. A mode
+    at zero, where the gradient is not zero, makes a normal with its mean beyond the wall.
+    Raises Refusal where the Hessian is not positive definite.
+    """
+    folded, factor = np.asarray(target.layout.folded), mode.factor
+    at = np.where(folded, np.maximum(np.abs(mode.z), 2 * H * mode.sd()), mode.z)
+
+    def slope(z: np.ndarray) -> np.ndarray:
+        return np.asarray(compiled(target.layout).curvature(mode.context, z)[1])
+
+    rows = [(slope(at - H * column) - slope(at + H * column)) / (2 * H) for column in factor.T]
+    white = np.stack(rows) @ factor
+    white = 0.5 * (white + white.T)
+    if not np.all(np.isfinite(white)) or np.linalg.eigvalsh(white)[0] <= 0:
+        raise Refusal("the posterior has no width at its mode: the Hessian there is not positive definite")
+    covariance = factor @ np.linalg.inv(white) @ factor.T
+    return CutNormal(at + covariance @ slope(at), covariance, folded)

@@ -1,0 +1,280 @@
+"""Quantities that follow from a posterior's draws: one class each, in `QUANTITIES`.
+
+| name | unit | what |
+|---|---|---|
+| natural_frequency | rad/s | ω_n = √F′_rest at the equilibrium |
+| damping_ratio | 1 | F′_damp/(2ω_n) at the equilibrium, of the terms that are linear there (friction has none) |
+| quality_factor | 1 | 1/(2 · damping_ratio) |
+| equivalent_ratio | 1 | ΔE/(4πE) of a cycle at the reference amplitude |
+| log_decrement | 1 | fall of ln A a cycle at the reference amplitude, ΔE/(A dE/dA) |
+| half_life | s | time in which the amplitude halves from the reference amplitude |
+| energy_fraction | 1 | ΔE/E of a cycle at the reference amplitude |
+| energy_lost | J | inertia · ΔE |
+| viscous_coefficient | N m s | inertia · 2ζ (N s/m for a translation) |
+| coulomb_torque | N m | inertia · μ_c (N for a translation) |
+| quadratic_coefficient | N m s² | inertia · μ_q (N s²/m² for a translation) |
+
+E and ΔE are those of the undamped motion at an amplitude and of the damping force's work along it, by quadrature
+with the model's own restoring law. Amplitudes follow dA/dn = −ΔE/(dE/dA) a cycle n (averaging to first order; of a
+linear oscillator with viscous damping the half-life is exact, the decrement within half the ratio squared).
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+
+import jax
+import numpy as np
+from jax import numpy as jnp
+
+from bayesdamp.machine.programs import Program
+from bayesdamp.physics.damping import TERMS
+from bayesdamp.physics.orbit import Cycle, cycle, rest_position
+from bayesdamp.physics.oscillator import Oscillator
+
+CURVE_DRAWS = 1000
+"""Draws behind a band over amplitudes: its edges are good to a tenth of an sd."""
+BATCH = 250
+_HALVING = np.polynomial.legendre.leggauss(6)
+
+
+@dataclass(frozen=True)
+class Motions:
+    """The motions that draws stand for.
+
+    values: every parameter of the oscillator, scalars or arrays of one shape; near: where the equilibrium is looked
+    for, amplitude: the reference amplitude (both rad or m); inertia in kg m² (kg), None where it is not known.
+    """
+
+    osc: Oscillator
+    values: Mapping[str, np.ndarray | float]
+    near: float
+    amplitude: float
+    inertia: float | None = None
+
+    @cached_property
+    def _numbers(self) -> tuple[tuple[str, ...], tuple[np.ndarray, ...]]:
+        names = tuple(n for n in self.osc.parameters if n not in ("theta0", "omega0"))
+        return names, tuple(np.broadcast_arrays(*[np.asarray(self.values[n], float) for n in names]))
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        return self._numbers[1][0].shape
+
+    def _mapped(self, function: Callable, *more: np.ndarray):
+        """function(near, numbers, *more) of every draw, in batches of one size, so that it is compiled once."""
+        names, arrays = self._numbers
+        flat = np.stack([a.ravel() for a in (*arrays, *more)])
+        padded = np.pad(flat, ((0, 0), (0, -flat.shape[1] % BATCH)), mode="edge")
+        parts = []
+        for chunk in np.split(padded, padded.shape[1] // BATCH, axis=1):
+            numbers = dict(zip(names, chunk, strict=False))
+            parts.append(function(self.near, numbers, *chunk[len(names) :]))
+        whole = jax.tree.map(lambda *x: np.concatenate(x)[: flat.shape[1]].reshape(self.shape), *parts)
+        return whole
+
+    @cached_property
+    def frequency(self) -> np.ndarray:
+        """ω_n in rad/s; nan where there is no stable equilibrium."""
+        return self._mapped(_frequencies(self.osc))
+
+    def at(self, amplitude: np.ndarray | float) -> Cycle:
+        """The cycle at an amplitude, one for all or one for each draw."""
+        each = np.broadcast_to(np.asarray(amplitude, float), self.shape)
+        return Cycle(*self._mapped(_cycles(self.osc), each))
+
+    @cached_property
+    def cycle(self) -> Cycle:
+        """The cycle at the reference amplitude."""
+        return self.at(self.amplitude)
+
+    def coefficient(self, name: str) -> np.ndarray | None:
+        """A coefficient times the inertia; None where one of the two is not there."""
+        if self.inertia is None or name not in self.osc.coefficients:
+            return None
+        return self.inertia * np.broadcast_to(np.asarray(self.values[name], float), self.shape)
+
+
+@lru_cache(maxsize=64)
+def _frequencies(osc: Oscillator):
+    def one(near, numbers):
+        slope = jax.grad(lambda x: osc.law.force(x, numbers))
+        return jnp.sqrt(slope(rest_position(osc, numbers, near)))
+
+    return Program(jax.vmap(one, in_axes=(None, 0)), "frequencies", osc)
+
+
+@lru_cache(maxsize=64)
+def _cycles(osc: Oscillator):
+    def one(near, numbers, amplitude):
+        found = cycle(osc, numbers, amplitude, near)
+        return found.period, found.energy, found.slope, found.lost
+
+    return Program(jax.vmap(one, in_axes=(None, 0, 0)), "cycles", osc)
+
+
+class Quantity(ABC):
+    """One derived quantity. angular, linear: its unit for an angle in rad and for a displacement in m."""
+
+    name: str
+    angular: str
+    linear: str
+
+    @abstractmethod
+    def of(self, motions: Motions) -> np.ndarray | None:
+        """Its value for each draw; None where the model or what is known has no such thing."""
+
+    def unit(self, displacement: str) -> str:
+        """Its unit where displacements are in rad or in m."""
+        return self.angular if displacement == "rad" else self.linear
+
+
+class NaturalFrequency(Quantity):
+    name, angular, linear = "natural_frequency", "rad/s", "rad/s"
+
+    def of(self, motions: Motions) -> np.ndarray:
+        return motions.frequency
+
+
+@lru_cache(maxsize=64)
+def _slope_at_rest(term: str) -> float:
+    """The slope at rest of a damping term's force per unit of its coefficient."""
+    return float(jax.grad(lambda v: TERMS.get(term).shape(v, 1.0))(0.0))
+
+
+class DampingRatio(Quantity):
+    name, angular, linear = "damping_ratio", "1", "1"
+
+    def of(self, motions: Motions) -> np.ndarray | None:
+        slopes = {t.parameter: _slope_at_rest(t.name) for t in motions.osc.terms if not t.switches}
+        if not any(slopes.values()):
+            return None
+        force = sum(s * np.asarray(motions.values[n], float) for n, s in slopes.items())
+        return force / (2.0 * motions.frequency)
+
+
+class QualityFactor(Quantity):
+    name, angular, linear = "quality_factor", "1", "1"
+
+    def of(self, motions: Motions) -> np.ndarray | None:
+        ratio = DampingRatio().of(motions)
+        return None if ratio is None else 0.5 / ratio
+
+
+class EquivalentRatio(Quantity):
+    name, angular, linear = "equivalent_ratio", "1", "1"
+
+    def of(self, motions: Motions) -> np.ndarray:
+        return _ratio(motions.cycle)
+
+
+class LogDecrement(Quantity):
+    name, angular, linear = "log_decrement", "1", "1"
+
+    def of(self, motions: Motions) -> np.ndarray:
+        return _decrement(motions.cycle, motions.amplitude)
+
+
+class HalfLife(Quantity):
+    name, angular, linear = "half_life", "s", "s"
+
+    def of(self, motions: Motions) -> np.ndarray:
+        time = np.zeros(motions.shape)
+        for x, w in zip(*_HALVING, strict=True):
+            a = motions.amplitude * 2.0 ** (-0.5 * (x + 1.0))
+            at = motions.at(a)
+            time += 0.5 * np.log(2.0) * w * a * np.asarray(at.period * at.slope / at.lost)
+        return time
+
+
+class EnergyFraction(Quantity):
+    name, angular, linear = "energy_fraction", "1", "1"
+
+    def of(self, motions: Motions) -> np.ndarray:
+        return np.asarray(motions.cycle.lost / motions.cycle.energy)
+
+
+class EnergyLost(Quantity):
+    name, angular, linear = "energy_lost", "J", "J"
+
+    def of(self, motions: Motions) -> np.ndarray | None:
+        return None if motions.inertia is None else motions.inertia * np.asarray(motions.cycle.lost)
+
+
+class ViscousCoefficient(Quantity):
+    name, angular, linear = "viscous_coefficient", "N m s", "N s/m"
+
+    def of(self, motions: Motions) -> np.ndarray | None:
+        found = motions.coefficient("zeta")
+        return None if found is None else 2.0 * found
+
+
+class CoulombTorque(Quantity):
+    name, angular, linear = "coulomb_torque", "N m", "N"
+
+    def of(self, motions: Motions) -> np.ndarray | None:
+        return motions.coefficient("mu_c")
+
+
+class QuadraticCoefficient(Quantity):
+    name, angular, linear = "quadratic_coefficient", "N m s²", "N s²/m²"
+
+    def of(self, motions: Motions) -> np.ndarray | None:
+        return motions.coefficient("mu_q")
+
+
+QUANTITIES: tuple[Quantity, ...] = (
+    NaturalFrequency(),
+    DampingRatio(),
+    QualityFactor(),
+    EquivalentRatio(),
+    LogDecrement(),
+    HalfLife(),
+    EnergyFraction(),
+    EnergyLost(),
+    ViscousCoefficient(),
+    CoulombTorque(),
+    QuadraticCoefficient(),
+)
+
+
+def derive(motions: Motions) -> dict[str, np.ndarray]:
+    """Every derived quantity that the model has, of the draws' shape; nan or infinite where a draw has none.
+
+    The natural frequency is left out where no draw changes it.
+    """
+    found = {q.name: q.of(motions) for q in QUANTITIES}
+    fixed = all(np.ndim(motions.values[n]) == 0 for n in motions.osc.law.parameters)
+    return {n: v for n, v in found.items() if v is not None and not (fixed and n == "natural_frequency")}
+
+
+def units(displacement: str) -> dict[str, str]:
+    """Unit of each derived quantity where displacements are in rad or in m."""
+    return {q.name: q.unit(displacement) for q in QUANTITIES}
+
+
+def against_amplitude(
+    motions: Motions, amplitudes: np.ndarray, levels: Sequence[float] = (0.025, 0.5, 0.975)
+) -> dict[str, np.ndarray]:
+    """Quantiles of the logarithmic decrement and of the equivalent ratio at amplitudes (rad or m, shape (m,)): name to
+    a row for each level, shape (levels, m), the median and central 95 % by default. From some 1,000 of the draws."""
+    every = max(1, int(np.prod(motions.shape)) // CURVE_DRAWS)
+    few = {n: v if np.ndim(v) == 0 else np.ravel(v)[::every] for n, v in motions.values.items()}
+    thinned = Motions(motions.osc, few, motions.near, motions.amplitude)
+    curves: dict[str, list[np.ndarray]] = {"log_decrement": [], "equivalent_ratio": []}
+    for a in amplitudes:
+        at = thinned.at(a)
+        curves["log_decrement"].append(_decrement(at, a))
+        curves["equivalent_ratio"].append(_ratio(at))
+    return {n: np.quantile(v, levels, axis=1) for n, v in curves.items()}
+
+
+def _ratio(at: Cycle) -> np.ndarray:
+    return np.asarray(at.lost / (4.0 * np.pi * at.energy))
+
+
+def _decrement(at: Cycle, amplitude: np.ndarray | float) -> np.ndarray:
+    return np.asarray(at.lost / (amplitude * at.slope))

@@ -1,0 +1,76 @@
+"""Leave the future out: what the first half of a record says, alone, and of the second half."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.special import logsumexp
+
+from bayesdamp.inference.checks.checks import DRAWS
+from bayesdamp.inference.checks.forecast import carried_on
+from bayesdamp.inference.evidence.methods.importance import Importance
+from bayesdamp.inference.fit.mode import Mode, mode_near
+from bayesdamp.inference.model.target import Target
+from bayesdamp.types import OK, Evidence, Refusal
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """The second half of a record as the first one predicts it.
+
+    start: its first sample's time in s. centre, sd: predictive mean and sd of each of its samples, noise included,
+    shape (m,). rms: of the error, expected: root mean predictive variance, both in the unit of the record; coverage:
+    share of the samples inside their 95 % interval. evidence: of the first half.
+    """
+
+    start: float
+    centre: np.ndarray
+    sd: np.ndarray
+    rms: float
+    expected: float
+    coverage: float
+    evidence: Evidence
+
+
+def first_half(target: Target, mode: Mode) -> Mode:
+    """The mode on the first half of the samples, on the same plan. Raises Refusal where there is none."""
+    part = slice(0, target.signal.t.size // 2)
+    if part.stop <= len(target.names):
+        raise Refusal(f"half the record has {part.stop} samples for {len(target.names)} parameters")
+    context = target.context(mode.context.plan.of(part), part)
+    return mode_near(target.layout, context, mode, mode.z)
+
+
+def predict(model: str, target: Target, mode: Mode, seed: int) -> Prediction:
+    """Importance evidence on the first half, and its draws carried on over the second.
+
+    Raises Refusal where the first half has no posterior, or no draw goes on.
+    """
+    half = target.signal.t.size // 2
+    found = Importance().evidence(model, target, first_half(target, mode), seed)
+    y, log_weights = found.arrays["y"], found.arrays["log_weights"]
+    chosen = y[_resampled(log_weights, DRAWS, np.random.default_rng(seed))]
+    ahead = carried_on(target, mode.context.plan, chosen, half)
+    return Prediction(
+        start=float(target.signal.t[half]),
+        centre=target.signal.y[half:] - ahead.error,
+        sd=ahead.sd,
+        rms=ahead.rms,
+        expected=ahead.expected,
+        coverage=ahead.coverage,
+        evidence=replace(found, arrays={}),
+    )
+
+
+def log_predictive(whole: Evidence, half: Evidence) -> tuple[float, float]:
+    """Log density of the second half given the first, and its standard error: a difference of log evidences."""
+    if not whole.outcome == half.outcome == OK:
+        return float("nan"), float("nan")
+    return whole.log_evidence - half.log_evidence, float(np.hypot(whole.stderr, half.stderr))
+
+
+def _resampled(log_weights: np.ndarray, count: int, rng: np.random.Generator) -> np.ndarray:
+    """Indices of `count` draws in proportion to their weights, by systematic resampling."""
+    ladder = np.cumsum(np.exp(log_weights - logsumexp(log_weights)))
+    return np.searchsorted(ladder / ladder[-1], (np.arange(count) + rng.uniform()) / count)

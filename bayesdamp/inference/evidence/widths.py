@@ -1,0 +1,101 @@
+"""How the evidence changes with the width of the damping's priors."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.special import logsumexp
+
+from bayesdamp.inference.checks import diagnostics
+from bayesdamp.inference.curves.weighted import effective
+from bayesdamp.inference.evidence.methods.importance import K_LIMIT, Importance
+from bayesdamp.inference.fit.mode import Mode, mode_near
+from bayesdamp.inference.model.target import Target, numbers_of
+from bayesdamp.priors import HalfNormal, LogNormal, Prior
+from bayesdamp.types import OK, Refusal
+
+FACTORS = np.geomspace(0.1, 10.0, 9)
+"""Factors on the prior's scale: two decades."""
+ENOUGH = 400.0
+"""Effective draws below which reweighting gives way to importance sampling under the prior itself."""
+
+
+@dataclass(frozen=True)
+class Widths:
+    """Log evidence against the factor on the prior's scale, each array of shape (m,).
+
+    effective: draws that the reweighted ones are worth; anew: where importance sampling ran under that prior instead;
+    trusted: where the diagnostics are good. varied: the coefficients whose priors changed.
+    """
+
+    varied: tuple[str, ...]
+    factors: np.ndarray
+    log_evidence: np.ndarray
+    stderr: np.ndarray
+    effective: np.ndarray
+    anew: np.ndarray
+    trusted: np.ndarray
+
+
+def widened(prior: Prior, factor: float) -> Prior | None:
+    """The prior with its scale times the factor and its support as it is; None where it has no such scale."""
+    if isinstance(prior, HalfNormal):
+        return HalfNormal(scale=prior.scale * factor)
+    if isinstance(prior, LogNormal):
+        return LogNormal(median=prior.median, sigma=prior.sigma * factor)
+    return None
+
+
+def against_width(target: Target, mode: Mode, y: np.ndarray, log_weights: np.ndarray, seed: int) -> Widths:
+    """Evidence under narrower and wider priors of the damping coefficients, all at once.
+
+    y: importance draws on the folded scores, (n, d); log_weights: their log weights under the prior as it is, (n,).
+    The likelihoods of these draws do not depend on the prior: each width needs prior densities alone.
+    """
+    values = target.values(y)
+    rows = [_one(target, mode, values, log_weights, factor, seed + i) for i, factor in enumerate(FACTORS)]
+    varied = tuple(n for n in _inferred(target) if widened(target.priors[n], 2.0) is not None)
+    return Widths(varied, FACTORS, *(np.array(column) for column in zip(*rows, strict=True)))
+
+
+def _inferred(target: Target) -> list[str]:
+    return [n for n in target.oscillator.coefficients if n in target.live]
+
+
+def _one(
+    target: Target,
+    mode: Mode,
+    values: Mapping[str, np.ndarray],
+    log_weights: np.ndarray,
+    factor: float,
+    seed: int,
+) -> tuple[float, float, float, bool, bool]:
+    priors = dict(target.priors)
+    weights = log_weights.copy()
+    for name in _inferred(target):
+        other = widened(priors[name], factor)
+        if other is not None:
+            weights += np.asarray(other.log_density(values[name]) - priors[name].log_density(values[name]))
+            priors[name] = other
+    log_evidence = float(logsumexp(weights) - np.log(weights.size))
+    w = np.exp(weights - log_evidence)
+    size = effective(weights)
+    if size >= ENOUGH and diagnostics.pareto_k(weights) < K_LIMIT:
+        return log_evidence, float(np.std(w, ddof=1) / np.sqrt(w.size)), size, False, True
+    other = replace(target, priors=priors)
+    try:
+        moved = _moved(target, other, mode)
+    except Refusal:
+        return np.nan, np.nan, size, True, False
+    found = Importance().evidence("", other, moved, seed)
+    return found.log_evidence, found.stderr, size, True, found.outcome == OK
+
+
+def _moved(target: Target, other: Target, mode: Mode) -> Mode:
+    """The mode under another prior, on the same plan."""
+    context = replace(mode.context, numbers=numbers_of(other.priors.values()))
+    values = target.all_values(mode.z)
+    start = np.array([float(p.score(values[n])) for n, p in other.priors.items()])
+    return mode_near(other.layout, context, mode, start)

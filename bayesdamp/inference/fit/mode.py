@@ -1,0 +1,159 @@
+"""A mode of the posterior, how finely it is solved there, and the posterior's shape around it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.linalg import solve_triangular
+
+from bayesdamp.inference.fit.climb import climb
+from bayesdamp.inference.model.residuals import log_density, residuals
+from bayesdamp.inference.model.target import Context, Layout, Target
+from bayesdamp.physics.solver.plan import Plan
+from bayesdamp.physics.solver.steps import MeshPlan
+from bayesdamp.types import Refusal
+
+BUDGET = 0.01
+"""Largest change of the log likelihood (nats) that finer steps of the solver may make within NEAR sds of the mode;
+farther down than there it may grow with the depth."""
+NEAR = 3.0
+"""Posterior sds from the mode."""
+FINER = 5
+"""Parts of a step on which its error is measured and set right; a method of order six leaves 6e-5 of it."""
+
+
+@dataclass(frozen=True)
+class Climb:
+    """One seed's way to a mode: where it started and ended (scores, log posterior), and what it cost.
+
+    seed: its name; same: names of the seeds that start at the same place and were not climbed again.
+    origin, z: scores at the start and the end, (d,). volume: log of the square root of the determinant of the inverse
+    information at the end, by which modes are weighed.
+    """
+
+    seed: str
+    same: tuple[str, ...]
+    start: float
+    end: float
+    evaluations: int
+    origin: np.ndarray
+    z: np.ndarray
+    volume: float
+    converged: bool
+
+
+@dataclass(frozen=True)
+class Mode:
+    """A posterior mode in scores.
+
+    z: shape (d,); information: Gauss–Newton Hessian of −log posterior there, (d, d); factor: its inverse's
+    Cholesky factor, (d, d), which whitens; step_error, likelihood_error: what finer steps of the solver change
+    within three sds of the mode, in the unit of the record and in nats.
+    """
+
+    z: np.ndarray
+    log_posterior: float
+    information: np.ndarray
+    factor: np.ndarray
+    context: Context
+    climbs: tuple[Climb, ...]
+    step_error: float
+    likelihood_error: float
+    tolerance: float
+
+    def sd(self) -> np.ndarray:
+        """Laplace standard deviations of the scores, shape (d,)."""
+        return np.sqrt(np.sum(self.factor**2, axis=1))
+
+
+def settle(target: Target, z: np.ndarray, tolerance: float, climbs: tuple[Climb, ...]) -> Mode:
+    """Plan the solver at the mode until finer steps change the likelihood by less than the budget."""
+    attempts = 0
+    while True:
+        attempts += 1
+        plan, finer, error = plans(target, z, tolerance)
+        context = target.context(plan)
+        z, value, information, _, _ = climb(target.layout, context, z)
+        if not np.isfinite(value):
+            raise Refusal("the posterior is not finite at its mode")
+        factor = whitening(information)
+        moved, change = _step_errors(target, plan, finer, z, factor)
+        if change < BUDGET or attempts == 6:
+            break
+        tolerance = min(tolerance, error) * np.clip(BUDGET / change, 1e-3, 0.5) * 0.5
+    return Mode(z, value, information, factor, context, climbs, moved, change, tolerance)
+
+
+def plans(target: Target, z: np.ndarray, tolerance: float, stepped: bool = False) -> tuple[Plan, Plan, float]:
+    """A plan within `tolerance` at z, set right there by a much finer one; that one; the error it was set right by."""
+    plan, error = target.plan(z, tolerance, stepped)
+    osc, signal, values = target.oscillator, target.signal, target.all_values(z)
+    fine = plan.finer(osc, values, FINER, signal.t, signal.quantity)
+    return plan.anchored(osc, fine, values), fine, error
+
+
+def mesh_of(target: Target, mode: Mode) -> MeshPlan:
+    """A mode's plan where that is in steps; else one at the mode that is. Not of exact friction."""
+    plan = mode.context.plan
+    if not isinstance(plan, MeshPlan):
+        plan, _ = target.plan(mode.z, mode.tolerance, stepped=True)
+    assert isinstance(plan, MeshPlan)
+    return plan
+
+
+def _step_errors(
+    target: Target, plan: Plan, finer: Plan, z: np.ndarray, factor: np.ndarray
+) -> tuple[float, float]:
+    """What finer steps change (unit of the record, nats) at z and three sds from it in each whitened direction."""
+    top: float | None = None
+    moved = change = 0.0
+    around = z + np.concatenate([np.zeros((1, z.size)), NEAR * factor.T, -NEAR * factor.T])
+    both = zip(residuals(target, plan, around), residuals(target, finer, around), strict=True)
+    for at, (coarse, fine) in zip(around, both, strict=True):
+        lower, upper = log_density(target, coarse, at), log_density(target, fine, at)
+        top = upper - 0.5 * float(at @ at) if top is None else top
+        if not (np.isfinite(lower) or np.isfinite(upper)):
+            continue
+        depth = top - (upper - 0.5 * float(at @ at))
+        change = max(change, abs(lower - upper) * min(1.0, 0.5 * NEAR**2 / max(depth, 1e-300)))
+        moved = max(moved, float(np.max(np.abs(coarse - fine))))
+    return moved, change
+
+
+def mode_near(layout: Layout, context: Context, mode: Mode, z: np.ndarray) -> Mode:
+    """The mode of another posterior close by, such as one of a part of the record: from scores z, (d,), on the same
+    steps. Raises Refusal where it is not finite."""
+    z, value, information, _, _ = climb(layout, context, z)
+    if not np.isfinite(value):
+        raise Refusal("the posterior is not finite at its mode")
+    factor = whitening(information)
+    return replace(mode, z=z, log_posterior=value, information=information, factor=factor, context=context)
+
+
+def whitening(information: np.ndarray) -> np.ndarray:
+    """Cholesky factor of the inverse of the information, (d, d). Raises Refusal where that is not positive.
+
+    Factored before it is inverted: an inverse of stiff and loose directions may have lost its positivity to rounding.
+    """
+    try:
+        if not np.all(np.isfinite(information)):
+            raise np.linalg.LinAlgError
+        turned = np.linalg.cholesky(0.5 * (information + information.T)[::-1, ::-1])
+    except np.linalg.LinAlgError:
+        raise Refusal("the posterior has no curvature at its mode") from None
+    return solve_triangular(turned[::-1, ::-1], np.eye(len(information)), trans=1, lower=False)
+
+
+def restore_mode(
+    target: Target,
+    z: np.ndarray,
+    log_posterior: float,
+    information: np.ndarray,
+    tolerance: float,
+    climbs: tuple[Climb, ...] = (),
+) -> Mode:
+    """A mode from what was stored of it: the plan of the solver is made anew at z."""
+    context = target.context(plans(target, z, tolerance)[0])
+    factor = whitening(information)
+    return Mode(z, log_posterior, information, factor, context, climbs, np.nan, np.nan, tolerance)

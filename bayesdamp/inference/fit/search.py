@@ -1,0 +1,212 @@
+"""The highest mode that seeds reach."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from bayesdamp.inference.fit.climb import ROUGHLY, climb
+from bayesdamp.inference.fit.mode import NEAR, Climb, Mode, plans, settle
+from bayesdamp.inference.fit.retraction import retraction
+from bayesdamp.inference.model.compiled import compiled
+from bayesdamp.inference.model.residuals import residual
+from bayesdamp.inference.model.target import Context, Target
+from bayesdamp.types import Refusal
+
+COARSEST = 0.05
+"""Error of the solver's steps at the mode, in units of the noise, with which one begins: plans are set right there, and
+around it only a share of this remains."""
+ANCHORS = 4
+"""Plans that one seed's climb may take."""
+MOST_LEFT = 1.5
+"""What a mode may leave of a record, in standard deviations of that; a motion out of step leaves √2, and more
+is left where slow noise stands in for another zero."""
+IN_STEP = 0.3
+"""What a trajectory that keeps step leaves at most, in the same unit, or a little more than the noise."""
+FEWEST = 8
+"""Samples that a window must have."""
+SAME = 1e-4
+"""Scores within which what grew from two seeds is one start."""
+GROWN = ", over growing windows"
+"""What the name of such a seed ends with."""
+
+
+def find_mode(
+    target: Target,
+    seeds: Mapping[str, Mapping[str, float]],
+    *,
+    noise_level: float,
+    period: float | None = None,
+    thrifty: bool = False,
+) -> Mode:
+    """The highest mode that the seeds reach.
+
+    seeds: name of a seed to parameter values in natural units. noise_level: the record's roughness, which
+    sets how well trajectories are first computed. period: the oscillation's, s; with one, where no seed leads to a
+    motion that keeps step with the record, the search goes on over a window that grows from two cycles. thrifty:
+    seeds are climbed from only until one leads to such a motion: those that keep step already, then the others over
+    growing windows, then these as they are.
+    Raises Refusal where no seed reaches a finite posterior with a curvature, or the noise takes the motion's place in
+    all that do.
+    """
+    # A first guess; `settle` measures what the steps do to the likelihood and shortens them where they must be.
+    tolerance = COARSEST * noise_level
+    if target.exact_friction:  # its plans cannot be anchored
+        tolerance = 0.5 * noise_level / np.sqrt(target.signal.t.size)
+    size = float(np.std(target.signal.y))
+    in_step = max(IN_STEP * size, 1.5 * noise_level)
+    climbs: list[Climb] = []
+    ends: list[tuple[float, np.ndarray]] = []
+    displaced = False
+    begun: list[_Begun] = []
+    keeps = False
+
+    def begin() -> Iterator[_Begun]:
+        """The seeds in turn, each planned when it is asked for."""
+        for names, z in _distinct(target, seeds):
+            begun.append(_begun(target, names, z, tolerance))
+            yield begun[-1]
+
+    def stages() -> Iterator[Iterable[_Begun]]:
+        if thrifty:
+            yield (one for one in begin() if one.left < in_step)
+        else:
+            yield begin()
+        yield _grown(target, begun, tolerance, period)
+        if thrifty:
+            yield (one for one in begun if not one.left < in_step)
+
+    for stage in stages():
+        if keeps:  # and nothing of the next stage is computed
+            break
+        for names, z0, context, start, _ in stage:
+            z, value, information, count, done = _ascend(target, context, z0, tolerance)
+            volume = -0.5 * float(np.linalg.slogdet(information)[1])
+            climbs.append(Climb(names[0], tuple(names[1:]), start, value, count, z0, z, volume, done))
+            if not np.isfinite(value):
+                continue
+            left = _left(target, z, tolerance)
+            if left > MOST_LEFT * size:
+                displaced = True
+                continue
+            ends.append((value, z))
+            keeps = keeps or left < in_step
+            if thrifty and keeps:
+                break
+    if not ends and displaced:
+        raise Refusal(
+            "set aside: noise takes the motion's place: the likeliest trajectory is farther from the record than its "
+            "mean is"
+        )
+    said = Refusal("no seed leads to a trajectory with a finite likelihood")
+    for _, z in sorted(ends, key=lambda end: -end[0]):
+        try:
+            return settle(target, z, tolerance, tuple(climbs))
+        except Refusal as refusal:
+            said = refusal
+    raise said
+
+
+class _Begun(NamedTuple):
+    """A seed's names, its scores (d,) with the noise that they leave, a plan there, the log posterior and the root mean
+    square of what is left of the record."""
+
+    names: list[str]
+    z: np.ndarray
+    context: Context
+    value: float
+    left: float
+
+
+def _begun(
+    target: Target, names: list[str], z: np.ndarray, tolerance: float, stepped: bool = False
+) -> _Begun:
+    context = target.context(plans(target, z, tolerance, stepped)[0])
+    r = residual(target, context.plan, z)
+    z = _with_noise(target, z, r)
+    value = float(compiled(target.layout).curvature(context, z)[0])
+    return _Begun(names, z, context, value, _size(r))
+
+
+def _grown(
+    target: Target, begun: Sequence[_Begun], tolerance: float, period: float | None
+) -> Iterator[_Begun]:
+    """Each seed taken along a window that grows from two cycles to the whole record: a frequency that is a little off
+    loses step over many cycles, and a likelihood knows no way back from there."""
+    if period is None:
+        return
+    t, y = target.signal.t, target.signal.y
+    found: list[np.ndarray] = []
+    for one in begun:
+        z, window = one.z, 2.0 * period
+        while window < t[-1]:
+            keep = int(np.searchsorted(t, window))
+            window *= 2
+            if keep < FEWEST:  # a gap
+                continue
+            part = replace(target, signal=replace(target.signal, t=t[:keep], y=y[:keep]))
+            # In steps: these share programs, whatever the number of samples.
+            there = _begun(part, one.names, z, tolerance, stepped=True)
+            z, value, *_ = climb(part.layout, there.context, there.z, retract=retraction(part), close=ROUGHLY)
+            if not np.isfinite(value):
+                break
+        else:
+            if not any(np.max(np.abs(z - other)) < SAME for other in found):
+                found.append(z)
+                yield _begun(target, [f"{name}{GROWN}" for name in one.names], z, tolerance)
+
+
+def _left(target: Target, z: np.ndarray, tolerance: float) -> float:
+    """Root mean square of what the trajectory at scores z, (d,), leaves of the record."""
+    return _size(residual(target, target.plan(z, tolerance)[0], z))
+
+
+def _size(r: np.ndarray) -> float:
+    return float(np.sqrt(np.mean(r**2)))
+
+
+def _ascend(
+    target: Target, context: Context, z: np.ndarray, tolerance: float
+) -> tuple[np.ndarray, float, np.ndarray, int, bool]:
+    """`climb`, and again with a plan made where it ended while that is far from where it began: so are all modes
+    compared on plans that are right at them. The scores, their log posterior, information, evaluations, converged."""
+    evaluations, attempts, retract = 0, 0, retraction(target)
+    while True:
+        attempts += 1
+        before = z
+        z, value, information, count, done = climb(target.layout, context, before, retract=retract)
+        evaluations += count
+        near = (z - before) @ information @ (z - before) < NEAR**2
+        if near or not np.isfinite(value) or attempts == ANCHORS:
+            return z, value, information, evaluations, done
+        context = target.context(plans(target, z, tolerance)[0])
+
+
+def _distinct(
+    target: Target, seeds: Mapping[str, Mapping[str, float]]
+) -> Sequence[tuple[list[str], np.ndarray]]:
+    """Seeds as scores, (d,), each with the names of those that start there: refined estimates that agree are
+    climbed once."""
+    found: list[tuple[list[str], np.ndarray]] = []
+    for name, values in seeds.items():
+        z = target.scores(values)
+        there = next((names for names, other in found if np.max(np.abs(z - other)) <= 1e-6), None)
+        if there is None:
+            found.append(([name], z))
+        else:
+            there.append(name)
+    return found
+
+
+def _with_noise(target: Target, z: np.ndarray, r: np.ndarray) -> np.ndarray:
+    """Scores (d,) with the noise parameters read from the residuals (n,) there."""
+    layout = target.layout
+    if not np.all(np.isfinite(r)):
+        return z
+    start = target.scores(layout.noise.start(r, np.diff(target.signal.t)))
+    return np.asarray(
+        [start[i] if n in layout.noise.parameters else z[i] for i, n in enumerate(target.names)]
+    )

@@ -1,0 +1,65 @@
+"""Where searches and chains start, and which modes the searches found."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from bayesdamp.inference.fit.mode import Climb, Mode
+from bayesdamp.inference.model.target import Target
+
+PRIOR = "prior"
+"""Name that seeds drawn from the prior begin with."""
+SAME_MODE = 1.0
+"""Posterior sds within which two ends are one mode."""
+
+
+@dataclass(frozen=True)
+class Basin:
+    """A mode that seeds reached: its scores (d,), its log posterior and its share of the posterior's mass by Laplace's
+    approximation."""
+
+    z: np.ndarray
+    log_posterior: float
+    share: float
+
+
+def prior_seeds(target: Target, count: int, seed: int) -> dict[str, Mapping[str, float]]:
+    """Draws from the prior: name to parameter values in natural units."""
+    draws = np.random.default_rng(seed).standard_normal((count, len(target.names)))
+    return {
+        f"{PRIOR} {i + 1}": {n: float(v) for n, v in target.values(z).items()} for i, z in enumerate(draws)
+    }
+
+
+def reached(climb: Climb) -> bool:
+    """Whether a climb ended at a maximum of finite height."""
+    return climb.converged and bool(np.isfinite(climb.end))
+
+
+def basins(mode: Mode) -> tuple[list[Basin], list[int | None]]:
+    """The modes that the seeds reached, the highest first, and which of them each climb ended in (None: in none)."""
+    order = sorted((i for i, c in enumerate(mode.climbs) if reached(c)), key=lambda i: -mode.climbs[i].end)
+    tops: list[int] = []
+    where: list[int | None] = [None] * len(mode.climbs)
+    for i in order:
+        for number, top in enumerate(tops):
+            away = mode.climbs[i].z - mode.climbs[top].z
+            if away @ mode.information @ away < SAME_MODE**2:
+                where[i] = number
+                break
+        else:
+            where[i] = len(tops)
+            tops.append(i)
+    heights = np.array([mode.climbs[i].end + mode.climbs[i].volume for i in tops])
+    # An end without curvature has no volume, and no share.
+    heights = np.where(np.isfinite(heights), heights, -np.inf)
+    mass = np.exp(heights - max(heights.max(initial=-np.inf), -1e300))
+    shares = mass / max(mass.sum(), 1e-300)
+    found = [
+        Basin(mode.climbs[i].z, mode.climbs[i].end, float(share))
+        for i, share in zip(tops, shares, strict=True)
+    ]
+    return found, where

@@ -1,0 +1,1 @@
+"""Several records: a joint posterior, its evidence, and a population of specimens."""

@@ -1,0 +1,240 @@
+"""The joint posterior of one candidate over several records of one specimen, and its mode.
+
+Shared parameters have one prior, and one value in all records; what belongs to a record alone (its start, the angle
+at rest, which an encoder may offset, its noise) keeps a prior of its own. Both as scores, so that the joint log
+density is the sum of the records' log likelihoods and a standard normal in all coordinates.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+
+import numpy as np
+
+from bayesdamp.inference.coordinates.frame import FAR
+from bayesdamp.inference.fit.climb import maximise
+from bayesdamp.inference.fit.laplace import log_integral
+from bayesdamp.inference.fit.mode import NEAR, Mode, restore_mode
+from bayesdamp.inference.fit.search import ANCHORS
+from bayesdamp.inference.model.compiled import compiled
+from bayesdamp.inference.model.density import LOG_2PI
+from bayesdamp.inference.model.target import Target
+from bayesdamp.types import Refusal
+
+ANGLES = ("spring_angle", "rest_angle")
+"""Parameters of a law that are never shared: each record may have been taken with another zero of the encoder."""
+HOPELESS = 1000.0
+"""Nats that a common value of what is shared would cost, from which no joint mode is looked for: the search would be
+long, far from all that the records say, and nobody could use what it found."""
+AT_WALLS = 4
+"""Folded scores near zero whose joint orthant Laplace's look takes; of more, those that are cut most."""
+
+
+class Apart(Refusal):
+    """The records differ too much in what they would share. nats: what a common value of it would cost."""
+
+    def __init__(self, shared: tuple[str, ...], nats: float) -> None:
+        names = ", ".join(shared)
+        super().__init__(
+            f"the records disagree: a common value of {names} would cost {nats:.0f} nats; no joint fit"
+        )
+        self.nats = nats
+
+
+def damping_parameters(target: Target) -> tuple[str, ...]:
+    """Names of the damping parameters that a target infers, ε among them; not those of terms that it lacks."""
+    own = [n for n in target.oscillator.coefficients if n in target.live]
+    return (*own, *(["epsilon"] if "epsilon" in target.priors else []))
+
+
+def law_parameters(target: Target) -> tuple[str, ...]:
+    """Names of the restoring law's parameters that a target infers and records of one specimen can share."""
+    return tuple(n for n in target.oscillator.law.parameters if n in target.priors and n not in ANGLES)
+
+
+@dataclass(frozen=True)
+class Joint:
+    """One candidate over the records of one specimen.
+
+    targets: one for each record; shared: the parameters that have one value in all of them. Coordinates x are the
+    shared scores and then each record's own, shape (d,); scores on which nothing depends are left out of them.
+    Raises Refusal where a shared parameter does not have one prior in all records.
+    """
+
+    targets: tuple[Target, ...]
+    shared: tuple[str, ...]
+
+    def __post_init__(self) -> None:
+        for name in self.shared:
+            priors = [t.priors.get(name) for t in self.targets]
+            if None in priors or any(p != priors[0] for p in priors):
+                raise Refusal(f"{name} cannot be shared: its prior is not the same for all records")
+
+    @cached_property
+    def live(self) -> tuple[tuple[str, ...], ...]:
+        """Of each record, the parameters of its own that something depends on."""
+        return tuple(tuple(n for n in t.live if n not in self.shared) for t in self.targets)
+
+    @cached_property
+    def parts(self) -> tuple[np.ndarray, ...]:
+        """Of each record, the coordinates of its own scores."""
+        ends = np.cumsum([len(self.shared), *map(len, self.live)])
+        return tuple(np.arange(a, b) for a, b in pairwise(ends))
+
+    @cached_property
+    def folded(self) -> np.ndarray:
+        """Which coordinates are folded, (d,) of bool."""
+        first = [self.targets[0].priors[n].folded for n in self.shared]
+        own = [t.priors[n].folded for t, names in zip(self.targets, self.live, strict=True) for n in names]
+        return np.asarray([*first, *own], bool)
+
+    def places(self, record: int) -> tuple[np.ndarray, np.ndarray]:
+        """Where the shared scores and the own ones stand among a record's scores."""
+        names = self.targets[record].names
+        return (
+            np.asarray([names.index(n) for n in self.shared], int),
+            np.asarray([names.index(n) for n in self.live[record]], int),
+        )
+
+    def scores(self, record: int, shared: np.ndarray, own: np.ndarray) -> np.ndarray:
+        """A record's scores, (..., d_j), from the shared ones, (..., k), and its own, (..., m)."""
+        z = np.zeros((*own.shape[:-1], len(self.targets[record].names)))
+        at, mine = self.places(record)
+        z[..., at], z[..., mine] = shared, own
+        return z
+
+    def split(self, x: np.ndarray) -> list[np.ndarray]:
+        """Every record's scores at the coordinates x, (d,)."""
+        k = len(self.shared)
+        return [self.scores(j, x[:k], x[part]) for j, part in enumerate(self.parts)]
+
+    def values(self, shared: np.ndarray) -> dict[str, np.ndarray]:
+        """Shared parameters at their scores, (..., k): name to array of shape (...)."""
+        priors = self.targets[0].priors
+        return {n: np.asarray(priors[n].value(shared[..., i])) for i, n in enumerate(self.shared)}
+
+
+@dataclass(frozen=True)
+class JointMode:
+    """The mode of a joint posterior.
+
+    modes: one for each record, at the joint mode, with plans of the solver that are right there; x: coordinates, (d,);
+    gradient, information: of the joint log posterior there, (d,) and (d, d), with which `log_posterior` is a density
+    of the scores on both sides of zero.
+    """
+
+    joint: Joint
+    modes: tuple[Mode, ...]
+    x: np.ndarray
+    log_posterior: float
+    gradient: np.ndarray
+    information: np.ndarray
+    evaluations: int
+    converged: bool
+
+    def look(self) -> float:
+        """Laplace's log evidence: for choosing and setting aside, without an error estimate."""
+        folded = np.flatnonzero(self.joint.folded)
+        sd = np.sqrt(np.diag(np.linalg.inv(self.information)))
+        mean = self.x + np.linalg.solve(self.information, self.gradient)
+        room = (mean / sd)[folded]
+        near = folded[np.argsort(room)[:AT_WALLS]]
+        near = near[(mean / sd)[near] < FAR]
+        inside = log_integral(self.log_posterior, self.gradient, self.information, self.x, near)
+        return inside + (folded.size - near.size) * float(np.log(2.0))
+
+
+def find_joint_mode(
+    joint: Joint, starts: Sequence[Mapping[str, float]], tolerances: Sequence[float]
+) -> JointMode:
+    """The mode that is reached from the records' own ones.
+
+    starts: each record's parameter values at its own mode; tolerances: of the solver's plans there, in units of the
+    records. Raises Apart where these are too far from each other for a search to make sense, Refusal where the joint
+    posterior is not finite on the way.
+    """
+    modes = [
+        _anchored(target, target.scores(values), tolerance)
+        for target, values, tolerance in zip(joint.targets, starts, tolerances, strict=True)
+    ]
+    (x, apart), evaluations, attempts = _start(joint, modes), len(modes), 0
+    if apart > HOPELESS:
+        raise Apart(joint.shared, apart)
+    while True:
+        attempts += 1
+        modes = [
+            mode if _near(mode, z) else _anchored(target, z, tolerance)
+            for mode, target, z, tolerance in zip(
+                modes, joint.targets, joint.split(x), tolerances, strict=True
+            )
+        ]
+        x, value, information, count, done = maximise(_curvature(joint, modes), joint.folded, x)
+        evaluations += count * len(modes)
+        if not np.isfinite(value):
+            raise Refusal("the records have no joint mode that can be reached from their own ones")
+        near = all(_near(mode, z) for mode, z in zip(modes, joint.split(x), strict=True))
+        if near or attempts == ANCHORS:
+            gradient = _curvature(joint, modes)(x)[1]
+            return JointMode(joint, tuple(modes), x, value, gradient, information, evaluations, done and near)
+
+
+def _anchored(target: Target, z: np.ndarray, tolerance: float) -> Mode:
+    """A record's part at the scores z, with a plan that is right there. Raises Refusal."""
+    at = restore_mode(target, z, np.nan, np.eye(z.size), tolerance)
+    value, _, information = compiled(target.layout).curvature(at.context, z)
+    if not np.isfinite(value):
+        raise Refusal("a record has no finite likelihood where the joint mode is looked for")
+    return Mode(
+        z, float(value), np.asarray(information), at.factor, at.context, (), np.nan, np.nan, tolerance
+    )
+
+
+def _near(mode: Mode, z: np.ndarray) -> bool:
+    """Whether a plan that was made at this mode is still right at the scores z."""
+    return bool((z - mode.z) @ mode.information @ (z - mode.z) < NEAR**2)
+
+
+def _start(joint: Joint, modes: Sequence[Mode]) -> tuple[np.ndarray, float]:
+    """The mean of the records' shared scores, weighted by what each knows of them, and their own ones there; and what
+    meeting there costs, in nats, as far as the log posteriors are parabolas."""
+    k = len(joint.shared)
+    known, pulled, follow, weights = np.zeros((k, k)), np.zeros(k), [], []
+    for j, mode in enumerate(modes):
+        at, mine = joint.places(j)
+        h = mode.information
+        slope = -np.linalg.solve(h[np.ix_(mine, mine)], h[np.ix_(mine, at)])
+        weight = h[np.ix_(at, at)] + h[np.ix_(at, mine)] @ slope
+        known, pulled = known + weight, pulled + weight @ mode.z[at]
+        follow.append(slope)
+        weights.append(weight)
+    mean = np.linalg.solve(known, pulled) if k else pulled
+    own, cost = [], 0.0
+    for j, (mode, slope) in enumerate(zip(modes, follow, strict=True)):
+        at, mine = joint.places(j)
+        away = mean - mode.z[at]
+        own.append(mode.z[mine] + slope @ away)
+        cost += 0.5 * float(away @ weights[j] @ away)
+    return np.concatenate([mean, *own]), cost
+
+
+def _curvature(joint: Joint, modes: Sequence[Mode]):
+    """x to the joint log posterior, its gradient (d,) and information (d, d), on the plans of these modes."""
+    k, d = len(joint.shared), joint.folded.size
+    runs = [compiled(t.layout).curvature for t in joint.targets]
+
+    def at(x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        value = -0.5 * float(x @ x) - 0.5 * d * LOG_2PI
+        gradient, information = -x.copy(), np.eye(d)
+        for j, z in enumerate(joint.split(x)):
+            own, slope, curved = map(np.asarray, runs[j](modes[j].context, z))
+            # The record's own prior goes out again: all coordinates have theirs already.
+            value += float(own) + 0.5 * float(z @ z) + 0.5 * z.size * LOG_2PI
+            names, places = np.concatenate(joint.places(j)), np.r_[np.arange(k), joint.parts[j]]
+            gradient[places] += (slope + z)[names]
+            information[np.ix_(places, places)] += (curved - np.eye(z.size))[np.ix_(names, names)]
+        return np.asarray(value), gradient, information
+
+    return at

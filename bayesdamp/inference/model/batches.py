@@ -1,0 +1,38 @@
+"""Densities at many scores, in batches of one size so that all of them share a compilation."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from jax import Array
+
+from bayesdamp.inference.model.compiled import compiled
+from bayesdamp.inference.model.density import LOG_2PI
+from bayesdamp.inference.model.target import Context, Target
+
+CHUNK = 250
+
+
+def in_batches(fun: Callable[[Any], Array], z: np.ndarray) -> np.ndarray:
+    """fun, of batches (CHUNK, d) to (CHUNK,), over scores z, (n, d): shape (n,)."""
+    padded = np.pad(z, ((0, -len(z) % CHUNK), (0, 0)), mode="edge")
+    return np.concatenate([np.asarray(fun(c)) for c in np.split(padded, len(padded) // CHUNK)])[: len(z)]
+
+
+def log_posterior(target: Target, context: Context, z: np.ndarray) -> np.ndarray:
+    """Log prior plus log likelihood at scores z, (n, d), on the context's plan; −∞ where the trajectory escapes."""
+    batch = compiled(target.layout).batch
+    density = in_batches(lambda part: batch(context, part), z)
+    return np.where(np.isfinite(density), density, -np.inf)
+
+
+def log_prior(z: np.ndarray) -> np.ndarray:
+    """Normalised log density of scores z, (..., d), shape (...)."""
+    return -0.5 * np.sum(z**2, axis=-1) - 0.5 * z.shape[-1] * LOG_2PI
+
+
+def log_likelihood(target: Target, context: Context, z: np.ndarray) -> np.ndarray:
+    """Log density of the record at scores z, (n, d), in nats."""
+    return log_posterior(target, context, z) - log_prior(z)

@@ -1,0 +1,124 @@
+"""Log prior, likelihood and posterior of a target at its scores, and their gradient."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+from jax import Array
+from jax import numpy as jnp
+
+from bayesdamp.inference.model import condensed as condensing
+from bayesdamp.inference.model.target import Context, Layout
+from bayesdamp.inference.noise import NormalNoise
+from bayesdamp.physics.solver.steps import MeshPlan, nodes
+
+Arrays = Mapping[str, Array]
+"""Arrays by name: parameters, or sums of squares."""
+
+LOG_2PI = float(np.log(2 * np.pi))
+
+
+def parameters(layout: Layout, context: Context, z: Array) -> dict[str, Array]:
+    """Every parameter at the scores z."""
+    inferred = {
+        name: kind.transform(z[i], *context.numbers[i])
+        for i, (name, kind) in enumerate(zip(layout.names, layout.kinds, strict=True))
+    }
+    return {**context.known, **inferred}
+
+
+def residual(layout: Layout, context: Context, z: Array) -> Array:
+    """Record minus trajectory, shape (n,)."""
+    return context.y - context.plan.record(layout.oscillator, parameters(layout, context, z))
+
+
+@dataclass(frozen=True)
+class Streamed:
+    """A likelihood that needs no more of a trajectory than sums of squares.
+
+    sums: parameters to these by name; density: of these and the parameters, log density of the record.
+    """
+
+    sums: Callable[[Arrays], dict[str, Array]]
+    density: Callable[[Arrays, Arrays], Array]
+
+
+@dataclass(frozen=True)
+class Reading:
+    """How the likelihood reads a record.
+
+    misfit: parameters to the residuals or, condensed, to what has their sums of squares, shape (c,); of_nodes: the
+    same from the values at the solver's nodes, (m + 1, 3), a straight line in them, where its steps are the plan's own.
+    density, root: of a misfit (c,) and the parameters, the log density of the record and a root of its information.
+    streamed: the same from sums of squares alone, where the record is condensed.
+    """
+
+    misfit: Callable[[Arrays], Array]
+    density: Callable[[Array, Arrays], Array]
+    root: Callable[[Array, Arrays], Array]
+    of_nodes: Callable[[Array], Array] | None = None
+    streamed: Streamed | None = None
+
+
+def reading(layout: Layout, context: Context) -> Reading:
+    """The one place that knows whether a record is condensed."""
+    noise, condensed, plan = layout.noise, context.condensed, context.plan
+    if condensed is None or not isinstance(noise, NormalNoise) or not isinstance(plan, MeshPlan):
+        return Reading(
+            lambda p: context.y - plan.record(layout.oscillator, p),
+            lambda e, p: noise.log_likelihood(e, context.gaps, p),
+            lambda v, p: noise.information_root(v, context.gaps, p),
+            (lambda state: context.y - plan.of_nodes(state)) if isinstance(plan, MeshPlan) else None,
+        )
+    return Reading(
+        lambda p: condensed.misfit(nodes(layout.oscillator, plan.steps, plan.count, p)),
+        partial(condensing.log_likelihood, noise, condensed),
+        partial(condensing.information_root, noise, condensed),
+        condensed.misfit,
+        Streamed(
+            partial(condensed.sums_along, layout.oscillator, plan.steps, plan.count),
+            partial(condensing.of_sums, noise, condensed),
+        ),
+    )
+
+
+def log_noise(layout: Layout, context: Context, e: Array, z: Array) -> Array:
+    """Log density of the record from its misfit, shape ()."""
+    return finite(reading(layout, context).density(e, parameters(layout, context, z)))
+
+
+def finite(density: Array) -> Array:
+    """The log density, −∞ where it is not a number."""
+    return jnp.where(jnp.isfinite(density), density, -jnp.inf)
+
+
+def log_likelihood(layout: Layout, context: Context, z: Array) -> Array:
+    """Log density of the record in nats, shape (); −∞ where the trajectory escapes."""
+    read, p = reading(layout, context), parameters(layout, context, z)
+    if read.streamed is not None:
+        return finite(read.streamed.density(read.streamed.sums(p), p))
+    return log_noise(layout, context, read.misfit(p), z)
+
+
+def log_prior(z: Array) -> Array:
+    """Normalised log density of the scores, shape ()."""
+    return -0.5 * jnp.sum(z**2) - 0.5 * z.size * LOG_2PI
+
+
+def log_posterior(layout: Layout, context: Context, z: Array) -> Array:
+    """Log prior plus log likelihood (not normalised), shape ()."""
+    return log_prior(z) + log_likelihood(layout, context, z)
+
+
+def moving_scores(layout: Layout) -> list[int]:
+    """Indices of the scores that move the trajectory; the others are the noise's."""
+    return [i for i, name in enumerate(layout.names) if name in layout.oscillator.parameters]
+
+
+def moving_values(layout: Layout, context: Context, z: Array) -> Array:
+    """Values of the inferred parameters that move the trajectory, shape (k,)."""
+    p = parameters(layout, context, z)
+    return jnp.stack([p[layout.names[i]] for i in moving_scores(layout)])

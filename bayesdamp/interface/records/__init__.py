@@ -1,0 +1,1 @@
+"""Records and signals: read, cut out, simulated."""

@@ -1,0 +1,169 @@
+"""A measured record: its columns, units and runs, and the free decay of each run."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Self
+
+import numpy as np
+
+from bayesdamp.interface.parts import axes
+from bayesdamp.interface.parts.result import Packed, Result
+from bayesdamp.interface.parts.table import Table, number
+from bayesdamp.interface.records.signal import Signal, cut
+from bayesdamp.plugins import nearest
+from bayesdamp.records.cleaning.clean import QUANTITIES
+from bayesdamp.records.read import read_record
+from bayesdamp.records.record import RawRecord
+from bayesdamp.records.stated_columns import choose_columns, unit_asked
+from bayesdamp.types import InputError
+from bayesdamp.units import UNITS
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+Column = str | int
+_OPTIONS = {"--angle": "value", "--time": "time", "--rate": "rate"}
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Record(Result):
+    """What a file holds, before anything is cut; equal only to itself.
+
+    path: of the file. columns: those of times and values, as the file names them, for each run; empty for times that
+    follow from a rate. unit, quantity: of the values. raw: the runs as they were read.
+    """
+
+    path: Path
+    columns: tuple[tuple[str, str], ...]
+    unit: str
+    quantity: str
+    raw: tuple[RawRecord, ...] = field(repr=False)
+
+    @property
+    def runs(self) -> tuple[int, ...]:
+        """Numbers of the runs in it, from 1."""
+        return tuple(range(1, len(self.raw) + 1))
+
+    def signal(
+        self,
+        run: int = 1,
+        *,
+        clock: str = "auto",
+        start: str | float = "auto",
+        stop: str | float = "auto",
+        name: str | None = None,
+    ) -> Signal:
+        """The free decay of one run.
+
+        clock: "auto", "as_logged" or "uniform" (auto rebuilds a uniform one where stamps repeat in bursts). start,
+        stop: in s of the file's own times, or "auto": after the release, before the rest. name: by default the file's,
+        with the run's number where there are several. Raises InputError, one line, where there are not two periods of
+        an oscillation, or no such run.
+        """
+        if run not in self.runs:
+            raise InputError(f"{self.path.name}: has no run {run!r}; it has {', '.join(map(str, self.runs))}")
+        own = self.path.stem if len(self.raw) == 1 else f"{self.path.stem}-{run}"
+        return cut(
+            self.raw[run - 1],
+            name=name or own,
+            unit=self.unit,
+            quantity=self.quantity,
+            clock=clock,
+            start=start,
+            stop=stop,
+        )
+
+    def signals(self) -> tuple[Signal, ...]:
+        """The free decay of each run. Raises InputError as `signal` does."""
+        return tuple(self.signal(run) for run in self.runs)
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Draw all runs as they were read, in the file's unit; the axes drawn on."""
+        ax = axes.one(ax)
+        for run, raw in zip(self.runs, self.raw, strict=True):
+            times = np.arange(raw.y.size) / (raw.rate or 1.0) if raw.t is None else raw.t
+            ax.plot(times, raw.y, lw=0.8, label=f"run {run}")
+        ax.set_xlabel("time / s")
+        unit = UNITS[self.unit]
+        ax.set_ylabel(f"{unit.called(self.quantity)} / {unit.of(self.quantity)}")
+        ax.set_title(self.path.name, fontsize="small", loc="left")
+        if len(self.raw) > 1:
+            ax.legend(loc="upper right")
+        return ax
+
+    def _table(self) -> Table:
+        rows = [
+            (str(run), time or f"{raw.rate:g} Hz", value, str(raw.y.size), number(float(np.ptp(raw.y))))
+            for run, raw, (time, value) in zip(self.runs, self.raw, self.columns, strict=True)
+        ]
+        unit = UNITS[self.unit]
+        title = f"Record {self.path.name}: {unit.called(self.quantity)} in {unit.of(self.quantity)}"
+        return Table(title, ("run", "time", "values", "samples", "range"), tuple(rows))
+
+    def _packed(self) -> Packed:
+        arrays: dict[str, np.ndarray] = {}
+        heads: list[dict[str, object]] = []
+        for i, raw in enumerate(self.raw):
+            heads.append({"rate": raw.rate, "provenance": dict(raw.provenance)})
+            arrays |= {f"{i}/y": raw.y, f"{i}/rows": raw.rows}
+            arrays |= {} if raw.t is None else {f"{i}/t": raw.t}
+        meta = {"path": str(self.path), "columns": self.columns, "unit": self.unit, "quantity": self.quantity}
+        return Packed("Record", {**meta, "runs": heads}, arrays)
+
+    @classmethod
+    def _unpacked(cls, packed: Packed) -> Self:
+        meta, found = packed.meta, packed.arrays
+        raw = tuple(
+            RawRecord(
+                found.get(f"{i}/t"), found[f"{i}/y"], head["rate"], found[f"{i}/rows"], head["provenance"]
+            )
+            for i, head in enumerate(meta["runs"])
+        )
+        columns = tuple((time, value) for time, value in meta["columns"])
+        return cls(Path(meta["path"]), columns, meta["unit"], meta["quantity"], raw)
+
+
+def read(
+    path: str | Path,
+    *,
+    time: Column | None = None,
+    value: Column | None = None,
+    rate: float | None = None,
+    unit: str | None = None,
+    quantity: str | None = None,
+) -> Record:
+    """The record in a text, MATLAB or NumPy file.
+
+    time, value: columns by name or by number from 1 (in MATLAB and .npz files a path with dots); not needed where the
+    file has two columns, or one and a `rate`. rate: sampling rate in Hz, for a file without times. unit, quantity: of
+    the values, as in `signal`; by default what the column's name says (`Angle(deg)`, `acc (g)`), else an angle in rad.
+    Raises InputError, one line, for all that is wrong with the file or the request.
+    """
+    path = Path(path)
+    try:
+        time, value = choose_columns(path, time, value, rate)
+        unit, quantity = unit_asked(path, value, unit, quantity)
+    except InputError as error:
+        raise InputError(_in_python(str(error))) from None
+    if unit not in UNITS:
+        raise InputError(f"{path.name}: unknown unit {unit!r}{nearest(unit, list(UNITS))}")
+    if quantity not in QUANTITIES:
+        raise InputError(f"{path.name}: unknown quantity {quantity!r}{nearest(quantity, list(QUANTITIES))}")
+    raw = _runs(path, time, value, rate)
+    columns = tuple(
+        (str(r.provenance.get("time_column") or ""), str(r.provenance.get("value_column") or "")) for r in raw
+    )
+    return Record(path, columns, unit, quantity, raw)
+
+
+def _runs(path: Path, time: Column | None, value: Column | None, rate: float | None) -> tuple[RawRecord, ...]:
+    """Every run in a file: the one place that asks a reader."""
+    return (read_record(path, time=time, value=value, rate=rate),)
+
+
+def _in_python(text: str) -> str:
+    """A line in the words of the command's options, in those of the arguments."""
+    return re.sub(r"--(angle|time|rate)\b", lambda found: _OPTIONS[found.group(0)], text)

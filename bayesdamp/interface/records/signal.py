@@ -1,0 +1,183 @@
+"""A free decay, ready to be inferred from; from arrays, or cut out of a record."""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, Self
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from bayesdamp import types
+from bayesdamp.interface.parts import axes
+from bayesdamp.interface.parts.result import Packed, Result
+from bayesdamp.interface.parts.table import Table, number
+from bayesdamp.plugins import nearest
+from bayesdamp.records.cleaning.clean import QUANTITIES, clean
+from bayesdamp.records.cleaning.clock import clock_times
+from bayesdamp.records.cleaning.quantum import recording_step
+from bayesdamp.records.record import RawRecord
+from bayesdamp.types import InputError
+from bayesdamp.units import UNITS
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+LEAST = 10
+"""Samples that a signal must have."""
+_EMPTY = np.empty(0)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Signal(Result, types.Signal):
+    """A record's free decay in SI units; equal only to itself.
+
+    t: times in s, shape (n,), strictly increasing, t[0] = 0 at the first kept sample.
+    y: the recorded quantity, shape (n,): in `unit`, per s or per s² for a velocity or an acceleration.
+    quantity: "angle" (any displacement), "velocity" or "acceleration".
+    unit: base unit of the displacement: "rad", "m", or a sensor's own.
+    step: recording step in the unit of y, 0 where none is seen.
+    provenance: what was done to the record; its `notes` are sentences.
+    whole_t, whole_y: the whole record that it was cut out of, in s on the record's own clock and in the unit of y,
+    shape (N,); empty where nothing was cut.
+    """
+
+    whole_t: NDArray[np.float64] = field(default_factory=lambda: _EMPTY)
+    whole_y: NDArray[np.float64] = field(default_factory=lambda: _EMPTY)
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What was done to the record, in sentences."""
+        notes = self.provenance.get("notes", ())
+        return tuple(str(n) for n in notes) if isinstance(notes, list | tuple) else ()
+
+    @property
+    def y_unit(self) -> str:
+        """Unit of y."""
+        return UNITS[self.unit].of(self.quantity)
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Draw the record: what was cut away faint, what was kept dark, why in the title's lines; the axes drawn on."""
+        ax = axes.one(ax)
+        start = self.provenance.get("start", 0.0) if self.whole_t.size else 0.0
+        begun = float(start) if isinstance(start, int | float) else 0.0
+        if self.whole_t.size:
+            ax.plot(self.whole_t, self.whole_y, color=axes.FAINT, lw=1.0, label="cut away")
+        ax.plot(self.t + begun, self.y, color=axes.INK, lw=0.8, label="kept")
+        ax.set_xlabel("time / s")
+        ax.set_ylabel(f"{UNITS[self.unit].called(self.quantity)} / {self.y_unit}")
+        said = textwrap.wrap(" ".join(self.notes), 110)
+        ax.set_title("\n".join([self.name, *said]), fontsize="x-small", loc="left")
+        if self.whole_t.size:
+            ax.legend(loc="upper right")
+        return ax
+
+    def _table(self) -> Table:
+        gaps = np.diff(self.t)
+        rows = (
+            ("samples", str(self.t.size)),
+            ("length", f"{number(float(self.t[-1]), 5)} s"),
+            (
+                "sampling rate",
+                f"{number(1.0 / float(gaps.mean()), 5)} Hz" + ("" if self.uniform else ", uneven"),
+            ),
+            ("quantity", f"{UNITS[self.unit].called(self.quantity)} in {self.y_unit}"),
+            ("range", f"{number(float(self.y.min()))} to {number(float(self.y.max()))}"),
+        )
+        return Table(f"Signal {self.name}", ("", "value"), rows, self.notes)
+
+    def _packed(self) -> Packed:
+        names = ("quantity", "unit", "name", "step", "provenance")
+        arrays = {n: getattr(self, n) for n in ("t", "y", "whole_t", "whole_y")}
+        return Packed("Signal", {n: getattr(self, n) for n in names}, arrays)
+
+    @classmethod
+    def _unpacked(cls, packed: Packed) -> Self:
+        return cls(**packed.arrays, **packed.meta)
+
+    @classmethod
+    def of(cls, signal: types.Signal, **more: Any) -> Self:
+        """Any signal of the package as one that can be drawn, printed and saved."""
+        if isinstance(signal, cls):
+            return signal
+        names = ("t", "y", "quantity", "unit", "name", "step", "provenance")
+        return cls(**{n: getattr(signal, n) for n in names}, **more)
+
+
+def signal(
+    t: ArrayLike,
+    y: ArrayLike,
+    *,
+    unit: str = "rad",
+    quantity: str = "angle",
+    name: str = "signal",
+    cleaned: bool = True,
+    clock: str = "auto",
+    start: str | float = "auto",
+    stop: str | float = "auto",
+) -> Signal:
+    """A signal from arrays.
+
+    t: times in s, shape (n,); y: the recorded quantity, shape (n,), in `unit` (a name in `bayesdamp.units.UNITS`, of
+    the displacement itself; per s or per s² where quantity is "velocity" or "acceleration").
+    cleaned: whether the free decay is cut out, as `read` does it (clock, start and stop as there); else the arrays are
+    taken as they are, in SI units, with times from the first sample on.
+    Raises InputError, one line, where the arrays are no record or nothing oscillates.
+    """
+    times, values = _vectors(t, y, name)
+    if unit not in UNITS:
+        raise InputError(f"{name}: unknown unit {unit!r}{nearest(unit, list(UNITS))}")
+    if quantity not in QUANTITIES:
+        raise InputError(f"{name}: unknown quantity {quantity!r}{nearest(quantity, list(QUANTITIES))}")
+    raw = RawRecord(times, values, rows=np.arange(times.size))
+    if cleaned:
+        return cut(raw, name=name, unit=unit, quantity=quantity, clock=clock, start=start, stop=stop)
+    if np.any(np.diff(times) <= 0):
+        at = int(np.argmax(np.diff(times) <= 0)) + 1
+        raise InputError(
+            f"{name}: times must increase; sample {at} (from 0) does not come after the one before"
+        )
+    scale = UNITS[unit].factor
+    provenance: Mapping[str, object] = {"unit": unit, "quantity": quantity, "notes": ["Taken as it is."]}
+    step = recording_step(values) * scale
+    return Signal(times - times[0], values * scale, quantity, UNITS[unit].base, name, step, provenance)
+
+
+def cut(
+    raw: RawRecord,
+    *,
+    name: str,
+    unit: str = "rad",
+    quantity: str = "angle",
+    clock: str = "auto",
+    start: str | float = "auto",
+    stop: str | float = "auto",
+) -> Signal:
+    """The free decay in a raw record, with the whole of it beside. Options and errors are those of `clean`."""
+    kept = clean(raw, name=name, unit=unit, quantity=quantity, clock=clock, start=start, stop=stop)
+    offset = kept.provenance.get("offset", 0.0)
+    zero = float(offset) if isinstance(offset, int | float) else 0.0
+    whole = clock_times(raw, clock, name).t
+    return Signal.of(kept, whole_t=np.asarray(whole), whole_y=raw.y * UNITS[unit].factor - zero)
+
+
+def _vectors(t: ArrayLike, y: ArrayLike, name: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    try:
+        times, values = np.array(t, float), np.array(y, float)
+    except (TypeError, ValueError):
+        raise InputError(f"{name}: t and y must be arrays of numbers") from None
+    if times.ndim != 1 or times.shape != values.shape:
+        raise InputError(
+            f"{name}: t and y must be vectors of one length, not of shapes {times.shape} and {values.shape}"
+        )
+    if times.size < LEAST:
+        raise InputError(f"{name}: {times.size} samples, a signal needs at least {LEAST}")
+    for what, column in (("t", times), ("y", values)):
+        if not np.all(np.isfinite(column)):
+            at = int(np.flatnonzero(~np.isfinite(column))[0])
+            raise InputError(f"{name}: {what}[{at}] is {column[at]}, not a finite number")
+    if np.ptp(values) == 0:
+        raise InputError(f"{name}: the values are constant ({values[0]:g}), nothing oscillates")
+    return times, values

@@ -1,0 +1,100 @@
+"""A simulated record, from the damping and the restoring law in words and numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+
+from bayesdamp.config import Simulation
+from bayesdamp.config.checks import StudyError
+from bayesdamp.config.signals import resolve_signal
+from bayesdamp.interface.records.signal import Signal
+from bayesdamp.physics.damping import TERMS
+from bayesdamp.physics.oscillator import Oscillator
+from bayesdamp.physics.restoring import LAWS
+from bayesdamp.plugins import nearest
+from bayesdamp.records.simulate import simulate_signal
+from bayesdamp.types import InputError
+
+START = {"theta0": 0.3, "omega0": 0.0, "epsilon": 0.0}
+AT_REST = {"rest_angle": 0.0, "spring_angle": 0.0}
+"""Where the oscillator rests where nobody says."""
+
+
+def simulate(
+    damping: Mapping[str, float],
+    restoring: str = "linear",
+    *,
+    duration: float,
+    samples: int,
+    noise_sd: float = 0.0,
+    noise: str = "gaussian",
+    outliers: float = 0.0,
+    gaps: int = 0,
+    quantum: float = 0.0,
+    quantity: str = "angle",
+    unit: str = "rad",
+    seed: int = 0,
+    name: str = "simulated",
+    **parameters: float,
+) -> Signal:
+    """A record of an oscillator with noise, as a signal.
+
+    damping: coefficient by damping term, such as {"viscous": 0.05, "coulomb": 0.03}. restoring: the restoring law;
+    parameters: its parameters by name (stiffness=20.0), theta0 (0.3), omega0 (0.0), the friction's epsilon (0.0: the
+    sign itself), noise_time (s) for noise = "correlated", noise_dof for "student_t"; rest_angle and spring_angle are 0
+    where they are not given. samples: equally spaced from 0 to duration (s). noise_sd, quantum (the recording step): in
+    the unit of the quantity. outliers: how many, or their share below 1; gaps: stretches without samples. seed: of all
+    random numbers. The signal holds nothing of the truth. For a trajectory alone see `trajectory`.
+    Raises InputError, one line.
+    """
+    if restoring not in LAWS.names():
+        raise InputError(f"simulate: unknown restoring law {restoring!r}{nearest(restoring, LAWS.names())}")
+    for term in damping:
+        if term not in TERMS.names():
+            raise InputError(f"simulate: unknown damping term {term!r}{nearest(term, TERMS.names())}")
+    needed = LAWS.get(restoring).parameters
+    numbers = (*needed, *START, "noise_time", "noise_dof")
+    for key in parameters:
+        if key not in numbers:
+            raise InputError(f"simulate: {restoring} has no parameter {key!r}{nearest(key, list(numbers))}")
+    given = {**START, **{n: v for n, v in AT_REST.items() if n in needed}, **parameters}
+    if missing := [n for n in needed if n not in given]:
+        raise InputError(f"simulate: {restoring} needs {missing[0]} too; give {missing[0]}=NUMBER")
+    options = {"duration": float(duration), "samples": samples, "noise_sd": float(noise_sd), "noise": noise}
+    options |= {"outliers": float(outliers), "gaps": gaps, "quantum": float(quantum)}
+    options |= {"quantity": quantity, "unit": unit}
+    made = _checked({**damping, **given, **options}, restoring, name)
+    own = {n: made.truth[n] for n in ("noise_time", "noise_dof") if n in made.truth}
+    found = simulate_signal(
+        Oscillator(made.damping, restoring),
+        dict(made.truth),
+        duration=made.duration,
+        samples=made.samples,
+        noise_sd=made.truth["noise_sd"],
+        noise=made.noise,
+        outliers=made.outliers,
+        gaps=made.gaps,
+        quantum=made.quantum,
+        quantity=made.quantity,
+        unit=made.unit,
+        name=name,
+        rng=np.random.default_rng(seed),
+        **own,
+    )
+    return Signal.of(found)
+
+
+def _checked(given: Mapping[str, object], restoring: str, name: str) -> Simulation:
+    """The simulation as a study's own would be checked. Raises InputError in the terms of the arguments."""
+    entry = {"name": "simulated", "simulate": dict(given), "system": {"restoring": restoring}}
+    try:
+        made = resolve_signal(entry, {}, Path(), "").source
+    except StudyError as error:
+        raise InputError(
+            f"{name}: {str(error).removeprefix('simulate.').removeprefix('simulate: ')}"
+        ) from None
+    assert isinstance(made, Simulation)
+    return made

@@ -1,0 +1,1 @@
+"""What a computer lends to a run: compiled programs, processes, memory."""

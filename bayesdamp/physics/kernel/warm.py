@@ -1,0 +1,24 @@
+"""Kernels compiled before the first record asks for them."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from bayesdamp.physics.kernel.solve import ALL, SHARED, Solver
+from bayesdamp.physics.restoring import LAWS
+
+
+def warm() -> None:
+    """Compile what every record is weighed under, so that the first need not wait for it."""
+    t = np.linspace(0.0, 1.0, 5)
+    for law in LAWS.names():
+        for terms in (SHARED, ("power",)):
+            solver = Solver(terms, law, t, "angle", 0.1, 4.0, 0.01, np.linspace(0.0, 1.0, 4))
+            values = {
+                **LAWS.get(law).start(4.0, 0.0, {}),
+                "theta0": 0.1,
+                "exponent": 1.0,
+                "reference_velocity": 0.4,
+            }
+            p = np.array([values.get(name, 0.0) for name in solver.names])
+            solver.solve(p, np.ones(len(terms), bool), tangents=ALL)

@@ -1,0 +1,1 @@
+"""Trajectories: steps, meshes, friction with sticking, very many cycles."""

@@ -1,0 +1,163 @@
+"""The answer on one signal, as a study's task, the command line and Python get it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from bayesdamp.inference.deviation.findings import SENSOR, findings
+from bayesdamp.inference.deviation.picture import picture
+from bayesdamp.inference.deviation.quick import weighing_of
+from bayesdamp.inference.deviation.weighing import Known, Weighing
+from bayesdamp.inference.model.defaults import Reference
+from bayesdamp.physics.restoring import LAWS
+from bayesdamp.priors import Prior
+from bayesdamp.types import OK, InputError, Refusal, Signal
+from bayesdamp.verdict.decide import decide
+from bayesdamp.verdict.specimen import Answered
+from bayesdamp.verdict.types import Grade, Verdict, Window
+
+DEVIATIONS = ("auto", "none", "law")
+BEYOND = 1.3
+"""By which factor an amplitude that is asked for may lie outside those of the record."""
+
+
+@dataclass(frozen=True)
+class Answer:
+    """A verdict and what it rests on.
+
+    candidates: a row (damping, restoring, log_evidence, log_evidence_exact in nats, rms, outcome) for each candidate.
+    fits: parameters of the fit of all terms, by restoring law. arrays: what its picture is drawn from, as
+    `inference.deviation.picture` leaves them.
+    """
+
+    verdict: Verdict
+    candidates: tuple[Mapping[str, object], ...] = ()
+    fits: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    arrays: Mapping[str, np.ndarray] = field(default_factory=dict)
+
+    def of_specimen(self) -> Answered:
+        """What a verdict on several records takes of this one."""
+        return answered_from(self.verdict, self.candidates, self.arrays)
+
+
+def answer(
+    signal: Signal,
+    amplitudes: Sequence[float] | None = None,
+    *,
+    deviation: str = "auto",
+    damping: Sequence[str] = (),
+    restoring: Sequence[str] = (),
+    known: Known | None = None,
+    priors: Mapping[str, Prior] | None = None,
+    reference: Reference | None = None,
+    sensor: float = SENSOR,
+    measured: bool = True,
+    seed: int = 0,
+    notes: Sequence[str] = (),
+) -> Answer:
+    """Which damping a signal has, how large it is and how well the law holds.
+
+    amplitudes: where the damping ratio is given (rad or m); three of the record by default. deviation: "none", laws
+    hold exactly; "law" or "auto", they may hold approximately. known: values of parameters, or a function from a law's
+    name to them; priors: by parameter. sensor: relative linearity of the sensor, the floor of every rate. measured:
+    whether probabilities are capped. notes: sentences on the record, for the remarks. Of a signal on which nothing can
+    be said the grade is `not_weighed` and the sentence says why.
+    """
+    if deviation not in DEVIATIONS:
+        raise InputError(f"deviation = {deviation!r}: must be one of {', '.join(DEVIATIONS)}")
+    wrong = [n for n in restoring if signal.unit != "rad" and not LAWS.get(n).translates]
+    if wrong:
+        raise InputError(
+            f"restoring law {wrong[0]!r} describes an angle, and {signal.name} is in {signal.unit}"
+        )
+    approximate = deviation != "none"
+    try:
+        weighing = weighing_of(
+            signal,
+            damping=damping,
+            restoring=restoring,
+            known=known,
+            priors=priors,
+            reference=reference,
+            approximate=approximate,
+        )
+    except Refusal as refusal:
+        text = str(refusal)
+        said = f"{text[:1].upper()}{text[1:]}{'' if text.endswith('.') else '.'}"
+        return Answer(Verdict(signal.name, Grade.NOT_WEIGHED, False, "", float("nan"), sentence=said))
+    _within(amplitudes or (), weighing)
+    found = findings(weighing, amplitudes, approximate=approximate, sensor=sensor, seed=seed)
+    start = signal.provenance.get("start", 0.0)
+    first = float(start) if isinstance(start, int | float) else 0.0
+    window = Window(first, first + float(weighing.data.t[-1]), weighing.data.cycles, "")
+    verdict = decide(
+        found,
+        record=signal.name,
+        unit=signal.unit,
+        measured=measured,
+        approximate=approximate,
+        window=window,
+        notes=notes,
+    )
+    return Answer(verdict, tuple(_rows(weighing)), _fits(weighing), picture(weighing, found))
+
+
+def answer_for_validation(
+    signal: Signal, amplitudes: Sequence[float] | None = None, deviation: str = "auto"
+) -> Verdict:
+    """The verdict on a simulated record, its probabilities not capped."""
+    return answer(signal, amplitudes, deviation=deviation, measured=False).verdict
+
+
+def answered_from(
+    verdict: Verdict, candidates: Sequence[Mapping[str, object]], arrays: Mapping[str, np.ndarray]
+) -> Answered:
+    """What a verdict on several records takes of one, from what is kept of its answer."""
+    rows = [r for r in candidates if r["outcome"] == OK]
+    exact = any(r["log_evidence"] is None for r in rows)
+    key = "log_evidence_exact" if exact else "log_evidence"
+    logs = {(str(r["damping"]), str(r["restoring"])): float(r[key]) for r in rows}  # type: ignore[arg-type]
+    top = max(logs.values())
+    curve = {name: arrays[name] for name in ("amplitude", "ratio", "low", "high")}
+    return Answered(verdict, {k: v - top for k, v in logs.items()}, curve)
+
+
+def _within(amplitudes: Sequence[float], weighing: Weighing) -> None:
+    """Raises InputError for an amplitude that the record does not have."""
+    high, low = weighing.data.amplitude, weighing.data.final_amplitude
+    for a in amplitudes:
+        if not low / BEYOND <= a <= high * BEYOND:
+            raise InputError(f"amplitude {a:g}: the record has {low:.3g} to {high:.3g}; give one of these")
+
+
+def _rows(weighing: Weighing) -> list[dict[str, object]]:
+    rows: list[dict[str, object]] = [
+        {
+            "damping": "+".join(r.candidate.damping),
+            "restoring": r.candidate.restoring,
+            "log_evidence": None if r.weighed is None else r.weighed.log_evidence,
+            "log_evidence_exact": r.exact_weighed.log_evidence,
+            "rms": float((r.fit.squares / r.fit.residual.size) ** 0.5),
+            "outcome": OK,
+        }
+        for r in weighing.results
+        if weighing.results[0].weighed is None or r.weighed is not None
+    ]
+    refused: list[dict[str, object]] = [
+        {"damping": "+".join(c.damping), "restoring": c.restoring, "outcome": why}
+        for c, why in weighing.refused.items()
+    ]
+    return [*rows, *refused]
+
+
+def _fits(weighing: Weighing) -> dict[str, dict[str, float]]:
+    """Where the fit of all terms ended under each law that was not out of the question."""
+    terms = next(iter(weighing.solvers.values())).terms
+    return {
+        r.candidate.restoring: r.fit.parameters.named(r.fit.z)
+        for r in weighing.results
+        if set(r.candidate.damping) == set(terms)
+    }

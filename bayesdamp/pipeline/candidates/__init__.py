@@ -1,0 +1,1 @@
+"""What is computed of one candidate on one record."""

@@ -1,0 +1,101 @@
+"""Damping against amplitude, averaged over the models by their probabilities."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from scipy.special import logsumexp
+
+from bayesdamp.config import SignalSpec, Study
+from bayesdamp.pipeline.candidates.cells import Branch
+from bayesdamp.pipeline.candidates.posteriors import CURVE, LEVELS
+from bayesdamp.pipeline.candidates.weighing import evidence_by_method
+from bayesdamp.pipeline.candidates.weighted import weighted_curves
+from bayesdamp.pipeline.records.records import cell_seed
+from bayesdamp.pipeline.staging import ASIDE
+from bayesdamp.store import CellResult, Store
+from bayesdamp.types import OK, Evidence
+
+COVERED = 0.95
+"""Probability that the models with draws must hold together: the average is over these."""
+ENOUGH = 0.99
+"""The same from which on no further model's draws are made."""
+
+
+def averages(study: Study, spec: SignalSpec) -> bool:
+    """Whether a signal has several models, and their posteriors and evidence were asked for."""
+    asked = "nuts" in study.posterior.samplers and study.evidence.methods
+    return bool(asked) and len(study.compare(spec)) > 1
+
+
+def average(study: Study, spec: SignalSpec, store: Store, name: str, key: str) -> None:
+    """Store the averaged curve of a signal's first repeat (`averaged/bench/0`), or why there is none."""
+    store.write(_one(study, spec, store, name, key))
+
+
+def _one(study: Study, spec: SignalSpec, store: Store, name: str, key: str) -> CellResult:
+    models, record = study.compare(spec), f"{spec.name}/0"
+    by_method = evidence_by_method(study, store, record, models)
+    method = list(by_method)[-1]
+    shares = probabilities(by_method[method])
+    shares |= {m: 0.0 for m, e in by_method[method].items() if e.outcome.startswith(ASIDE)}
+    if len(shares) < len(models):
+        return CellResult(name, key, outcome="not applicable: not every model has its evidence")
+    drawn = {m: _sampled(store, f"posterior/{record}/{m}/nuts") for m in models}
+    drawn = {m: a for m, a in drawn.items() if _usable(a)}
+    weighed: list[str] = []
+    for model in sorted(set(shares) - set(drawn), key=lambda m: -shares[m]):
+        if sum(shares[m] for m in drawn) >= ENOUGH:
+            break
+        arrays = weighted_curves(Branch(study, spec, 0, model, store), cell_seed(study, f"{name}/{model}"))
+        if _usable(arrays):
+            drawn[model] = arrays
+            weighed.append(model)
+    if not drawn:
+        return CellResult(name, key, outcome="not applicable: no model has damping against amplitude")
+    covered = sum(shares[m] for m in drawn)
+    if covered < COVERED:
+        why = f"not applicable: the models with draws hold {covered:.2f} of the probability, below {COVERED}"
+        return CellResult(name, key, outcome=why)
+    shared = np.array(sorted(set.intersection(*(set(a["amplitudes"]) for a in drawn.values()))))
+    found = {m: a[f"spread/{CURVE}"][:, np.isin(a["amplitudes"], shared)] for m, a in drawn.items()}
+    arrays = {"amplitudes": shared, f"curve/{CURVE}": averaged(found, shares)}
+    arrays |= {f"median/{m}": np.median(c, axis=0) for m, c in found.items()}
+    meta = {"probabilities": shares, "method": method, "covered": covered, "weighed": weighed}
+    return CellResult(name, key, meta, arrays, OK)
+
+
+def _sampled(store: Store, name: str) -> dict[str, np.ndarray]:
+    try:
+        return dict(store.read(name).arrays)
+    except KeyError:
+        return {}
+
+
+def _usable(arrays: Mapping[str, np.ndarray]) -> bool:
+    return f"spread/{CURVE}" in arrays and arrays["amplitudes"].size > 1
+
+
+def probabilities(found: Mapping[str, Evidence]) -> dict[str, float]:
+    """Posterior probability of each model that has its evidence, all equally probable at the start."""
+    logs = {m: e.log_evidence for m, e in found.items() if np.isfinite(e.log_evidence)}
+    total = float(np.asarray(logsumexp(list(logs.values())))) if logs else 0.0
+    return {m: float(np.exp(v - total)) for m, v in logs.items()}
+
+
+def averaged(curves: Mapping[str, np.ndarray], shares: Mapping[str, float]) -> np.ndarray:
+    """Median and central 95 % of a mixture at each of m points, rows 2.5, 50 and 97.5 %, shape (3, m).
+
+    curves: model to values that stand for its draws with equal weight, shape (k, m); shares: the models' weights, which
+    need not sum to one.
+    """
+    values = np.concatenate(list(curves.values()))
+    weights = np.concatenate([np.full(len(c), shares[m] / len(c)) for m, c in curves.items()])
+    return np.stack([_quantiles(column, weights / weights.sum()) for column in values.T], axis=-1)
+
+
+def _quantiles(x: np.ndarray, weights: np.ndarray) -> np.ndarray:
+    order = np.argsort(x)
+    ladder = np.cumsum(weights[order]) - 0.5 * weights[order]
+    return np.interp(LEVELS, ladder, x[order])

@@ -1,0 +1,110 @@
+"""A branch's posteriors: their draws in a file, their summaries, and the damping against amplitude."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from bayesdamp.inference.checks import diagnostics
+from bayesdamp.inference.curves.derived import Motions, against_amplitude, derive, units
+from bayesdamp.inference.samplers import SAMPLERS, Settings
+from bayesdamp.physics.units import parameter_unit
+from bayesdamp.records.oscillation.features import Features
+from bayesdamp.store import CellResult
+from bayesdamp.store.folders import refuse_special, temporary
+from bayesdamp.types import Posterior, Refusal
+
+if TYPE_CHECKING:
+    from bayesdamp.pipeline.candidates.cells import Branch
+
+SUMMARIES = {"ensembles": "ensembles", "effective": "effective_draws"}
+"""What `summarise` is to know of a sampler's draws, and where its diagnostics say it."""
+CURVE = "equivalent_ratio"
+LEVELS = np.array([0.025, 0.5, 0.975])
+SPREAD = (np.arange(100) + 0.5) / 100
+"""Levels of the quantiles that stand for the draws of a curve, with equal weight."""
+CURVE_POINTS = 25
+FAINTEST = 0.02
+"""Least amplitude, as a share of the first, at which a damping is given against amplitude."""
+
+
+def compute_posterior(branch: Branch, name: str, key: str, seed: int) -> None:
+    """Draw with one sampler, and keep what the draws say."""
+    sampler, s = name.rsplit("/", 1)[1], branch.study.posterior
+    plugin = SAMPLERS.get(sampler)
+    settings = Settings(s.chains, s.warmup, s.draws, seed % 2**31)
+    try:
+        # An approximation is one of the candidate's own parameters.
+        alone = plugin.approximate
+        target, mode = (branch.target, branch.own_mode) if alone else (branch.shared, branch.restored_mode)
+        found = plugin.sample(target, mode, settings)
+    except Refusal as refusal:
+        branch.store.write(CellResult(name, key, outcome=str(refusal)))
+        return
+    folder = branch.store.folder
+    file = folder / "posterior" / f"{branch.path.replace('/', '.')}.{sampler}.nc"
+    _save_whole(found, file)
+    motions = _motions(branch, found)
+    meta = {
+        **_tables(branch, found, motions),
+        "diagnostics": {k: v for k, v in found.diagnostics.items() if k not in ("summary", "arrays")},
+        "file": file.relative_to(folder).as_posix(),
+    }
+    own: Mapping[str, np.ndarray] = found.diagnostics.get("arrays", {})  # type: ignore[assignment]
+    arrays = {"draws": found.draws, **curves(motions, branch.record.seen), **own}
+    branch.store.write(CellResult(name, key, meta, arrays, found.outcome, found.seconds))
+
+
+def _tables(branch: Branch, found: Posterior, motions: Motions) -> dict[str, Any]:
+    """Summaries of the parameters and of what follows from them, with units."""
+    summary: dict[str, Any] = dict(found.diagnostics["summary"])  # type: ignore[call-overload]
+    derived = derive(motions)
+    # A draw without such a motion (no stable equilibrium, an escape) leaves no honest mean of the others.
+    partial = {n: int(np.sum(~np.isfinite(v))) for n, v in derived.items() if not np.all(np.isfinite(v))}
+    how = {k: found.diagnostics.get(v) for k, v in SUMMARIES.items()}
+    for n, v in derived.items():
+        if n not in partial:
+            summary[n] = diagnostics.summarise(v, **how)  # type: ignore[arg-type]
+    signal, law = branch.record.signal, branch.system.restoring
+    unit = units(signal.unit)
+    return {
+        "names": [str(n) for n in found.names],
+        "units": {n: unit.get(n) or parameter_unit(n, law, signal.unit, signal.quantity) for n in summary},
+        "summary": summary,
+        "reference_amplitude": motions.amplitude,
+        "without": partial,
+    }
+
+
+def _motions(branch: Branch, found: Posterior) -> Motions:
+    inferred = {n: found.draws[..., i] for i, n in enumerate(found.names)}
+    values = {**branch.target.known, **inferred}
+    amplitude = branch.record.cell.meta["reference"]["amplitude"]
+    return Motions(branch.target.oscillator, values, branch.record.seen.rest, amplitude, branch.spec.inertia)
+
+
+def amplitude_grid(seen: Features) -> np.ndarray:
+    """Amplitudes from the record's last to its first, shape (m,)."""
+    first, last = seen.amplitude, seen.final_amplitude
+    return np.geomspace(max(min(first, last), FAINTEST * first), first, CURVE_POINTS)
+
+
+def curves(motions: Motions, seen: Features) -> dict[str, np.ndarray]:
+    """Decrement and equivalent ratio over a record's amplitudes, (m,); those that have no motion are left out."""
+    grid = amplitude_grid(seen)
+    found = against_amplitude(motions, grid, (*LEVELS, *SPREAD))
+    whole = np.all([np.all(np.isfinite(c), axis=0) for c in found.values()], axis=0)
+    band = {f"curve/{n}": c[: len(LEVELS), whole] for n, c in found.items()}
+    return {"amplitudes": grid[whole], **band, f"spread/{CURVE}": found[CURVE][len(LEVELS) :, whole]}
+
+
+def _save_whole(posterior: Posterior, file: Path) -> None:
+    """Write the netCDF beside its place and move it there, so that a kill leaves no part of it."""
+    file.parent.mkdir(parents=True, exist_ok=True)
+    refuse_special(file)
+    partial = temporary(file)
+    diagnostics.save(posterior, partial)
+    partial.replace(file)

@@ -1,0 +1,133 @@
+"""Cells that say what a branch's evidence depends on: the priors' width, half the record, the posterior at zero."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from bayesdamp.inference.evidence import Draws
+from bayesdamp.inference.evidence.prediction import log_predictive, predict
+from bayesdamp.inference.evidence.savage_dickey import savage_dickey
+from bayesdamp.inference.evidence.widths import against_width
+from bayesdamp.inference.fit.noise_choice import fit_with
+from bayesdamp.pipeline.candidates.weighing import evidence_meta, evidence_of
+from bayesdamp.store import CellResult
+from bayesdamp.types import OK, Refusal, candidate_name, candidate_parts, following
+
+if TYPE_CHECKING:
+    from bayesdamp.pipeline.candidates.cells import Branch
+
+SOURCES = {
+    "widths": "evidence/{}/importance",
+    "half": "evidence/{}/importance",
+    "noises": "evidence/{}/importance",
+    "savage_dickey": "posterior/{}/nuts",
+}
+"""Which cell of the branch each starts from."""
+CLOSE = ("half", "noises")
+"""Those that need searches of their own."""
+SHOWN = 1000
+"""Samples of a prediction that are kept, at least, where there are as many."""
+
+
+def sensitivity_cells(
+    path: str, found: Mapping[str, str], repeat: int, terms: int, noises: int, joined: bool = False
+) -> dict[str, str]:
+    """Names of the cells to what their keys depend on: of the first repeat alone, and only where evidence is asked for.
+
+    found: the branch's other cells, name to key; terms, noises: how many of the candidate's and in play. joined:
+    whether what counts is a fit of this record and others together, so that it is not looked at closely by itself.
+    """
+    asked = repeat == 0 and any(n.startswith("evidence/") for n in found)
+    sources = {kind: source.format(path) for kind, source in SOURCES.items()}
+    return {
+        f"sensitivity/{path}/{kind}": found[source]
+        for kind, source in sources.items()
+        if asked
+        and source in found
+        and not (joined and kind in CLOSE)
+        and {"savage_dickey": terms, "noises": noises}.get(kind, 2) > 1
+    }
+
+
+def compute_sensitivity(branch: Branch, name: str, key: str, seed: int) -> None:
+    """Compute one of these cells."""
+    kind, began = name.rsplit("/", 1)[1], time.perf_counter()
+    source = branch.store.read(SOURCES[kind].format(branch.path))
+    if not source.arrays:
+        none = "not applicable: no draws were kept; run with --fresh"
+        why = following(source.name, source.outcome) if source.outcome != OK else none
+        branch.store.write(CellResult(name, key, outcome=why))
+        return
+    try:
+        meta, arrays = _PRODUCTS[kind](branch, source, seed)
+    except Refusal as refusal:
+        branch.store.write(CellResult(name, key, outcome=str(refusal)))
+        return
+    branch.store.write(CellResult(name, key, meta, arrays, OK, time.perf_counter() - began))
+
+
+Product = tuple[dict[str, Any], dict[str, np.ndarray]]
+
+
+def _widths(branch: Branch, source: CellResult, seed: int) -> Product:
+    y, log_weights = (source.arrays[n].astype(float) for n in ("y", "log_weights"))
+    found = asdict(against_width(branch.shared, branch.restored_mode, y, log_weights, seed))
+    varied = found.pop("varied")
+    return {"varied": list(varied)}, found
+
+
+def _half(branch: Branch, source: CellResult, seed: int) -> Product:
+    found = predict(branch.model, branch.shared, branch.restored_mode, seed)
+    density, error = log_predictive(evidence_of(source.meta), found.evidence)
+    meta = {k: getattr(found, k) for k in ("start", "rms", "expected", "coverage")}
+    meta |= {
+        "log_predictive": density,
+        "log_predictive_stderr": error,
+        "evidence": evidence_meta(found.evidence),
+    }
+    every = max(1, found.centre.size // SHOWN)
+    times = branch.record.signal.t[-found.centre.size :: every]
+    error = branch.record.signal.y[-found.centre.size :] - found.centre
+    return meta, {"t": times, "error": error[::every], "sd": found.sd[::every]}
+
+
+def _ratios(branch: Branch, source: CellResult, seed: int) -> Product:
+    draws = Draws.of(branch.target, source.arrays["draws"])
+    # The model without a term, in the order in which the study writes it.
+    law = candidate_parts(branch.model)[1]
+    pairs = {candidate_name("+".join(x for x in branch.terms if x != t), law): t for t in branch.terms}
+    coefficient = dict(zip(branch.terms, branch.target.oscillator.coefficients, strict=True))
+    return {
+        "against": {
+            m: asdict(savage_dickey(branch.target, draws.z, coefficient[t])) for m, t in pairs.items()
+        }
+    }, {}
+
+
+def _noises(branch: Branch, source: CellResult, seed: int) -> Product:
+    """Laplace's log evidence under each noise model in play, from the mode under the one that was chosen."""
+    del source, seed
+    mode = branch.store.read(f"mode/{branch.path}").meta
+    start, (whole, *_) = mode["values"], mode["windows"]
+    found: dict[str, dict[str, Any]] = {}
+    for noise in branch.study.noises:
+        if noise == branch.noise:
+            found[noise] = {"log_evidence": whole["log_evidence"], "outcome": OK}
+            continue
+        try:
+            target = branch.record.target(
+                branch.terms, branch.restoring, noise, beside=branch.beside, epsilon=branch.epsilon
+            )
+            fit = fit_with(target, {"under the chosen noise": start}, branch.record.seen)
+            found[noise] = {"log_evidence": fit.log_evidence, "outcome": OK}
+        except Refusal as refusal:
+            found[noise] = {"log_evidence": -np.inf, "outcome": str(refusal)}
+    return {"chosen": branch.noise, "evidence": found}, {}
+
+
+_PRODUCTS = {"widths": _widths, "half": _half, "noises": _noises, "savage_dickey": _ratios}

@@ -1,0 +1,114 @@
+"""The evidence of a branch: each method's cell, and the referee's."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from bayesdamp.config import Study
+from bayesdamp.inference.evidence import EVIDENCES, Draws
+from bayesdamp.inference.evidence.referee import COMBINED, REFEREE, counted, quarrel
+from bayesdamp.store import CellResult, Store
+from bayesdamp.types import OK, Evidence, Refusal
+
+if TYPE_CHECKING:
+    from bayesdamp.pipeline.candidates.cells import Branch
+
+FIRST_LOOK = "laplace"
+"""A method without an error estimate, by which candidates are set aside; it does not count where another one does."""
+_FIELDS = ("model", "method", "log_evidence", "stderr", "diagnostic", "evaluations", "seconds", "outcome")
+
+
+def evidence_parts(study: Study, path: str, found: Mapping[str, str]) -> dict[str, tuple[object, ...]]:
+    """Name of each evidence cell of a branch to what its key depends on besides the mode, the referee's last.
+
+    found: the branch's other cells, name to key.
+    """
+    asked = study.evidence.methods
+    draws = found.get(f"posterior/{path}/nuts")
+    parts: dict[str, tuple[object, ...]] = {
+        f"evidence/{path}/{m}": (m, draws) if EVIDENCES.get(m).needs_draws else (m,) for m in asked
+    }
+    if asked and study.evidence.referee != "never" and REFEREE not in asked:
+        parts[f"evidence/{path}/{REFEREE}"] = (REFEREE, study.evidence.referee, sorted(asked), draws)
+    return parts
+
+
+def compute_evidence(branch: Branch, name: str, key: str, seed: int) -> None:
+    """Compute one of these cells; a referee that is not needed says so."""
+    method = name.rsplit("/", 1)[1]
+    study, store = branch.study.evidence, branch.store
+    try:
+        if method == REFEREE and REFEREE not in study.methods and study.referee == "auto":
+            found = evidences(store, branch.path, [m for m in study.methods if m != FIRST_LOOK])
+            if found and not quarrel(found):
+                store.write(CellResult(name, key, {"diagnostic": "not called: the others agree"}))
+                return
+        plugin = EVIDENCES.get(method)
+        draws = _draws(branch) if plugin.needs_draws else None
+        alone = method == REFEREE  # which would pay for the idle scores of a shared program
+        target, mode = (branch.target, branch.own_mode) if alone else (branch.shared, branch.restored_mode)
+        one = plugin.evidence(branch.model, target, mode, seed, draws)
+    except Refusal as refusal:
+        store.write(CellResult(name, key, outcome=str(refusal)))
+        return
+    arrays: Mapping[str, np.ndarray] = {}
+    if branch.repeat == 0:  # for what is asked of the first repeat alone
+        arrays = {n: a.astype(np.float32) if n == "y" else a for n, a in one.arrays.items()}
+    store.write(CellResult(name, key, evidence_meta(one), arrays, one.outcome, one.seconds))
+
+
+def _draws(branch: Branch) -> Draws | None:
+    """The NUTS draws of this branch, where the study has them."""
+    if "nuts" not in branch.study.posterior.samplers:
+        return None
+    cell = branch.store.read(f"posterior/{branch.path}/nuts")
+    return Draws.of(branch.shared, cell.arrays["draws"], cell.outcome) if "draws" in cell.arrays else None
+
+
+def evidences(store: Store, path: str, methods: Sequence[str]) -> list[Evidence]:
+    """What the methods found for a branch, the referee among them where it was called; sentences have no number."""
+    found = []
+    for method in dict.fromkeys((*methods, REFEREE)):
+        try:
+            cell = store.read(f"evidence/{path}/{method}")
+        except KeyError:
+            continue
+        if "log_evidence" in cell.meta:
+            found.append(evidence_of(cell.meta))
+        elif cell.outcome != OK:
+            found.append(Evidence(path.rpartition("/")[2], method, outcome=cell.outcome))
+    return found
+
+
+def evidence_by_method(
+    study: Study, store: Store, record: str, models: Sequence[str]
+) -> dict[str, dict[str, Evidence]]:
+    """Method to model to evidence, as far as there is one, of a record (`bench/0`); last, under `combined`, the one
+    that counts for each model, where there is more than one method."""
+    asked = study.evidence.methods
+    by_method: dict[str, dict[str, Evidence]] = {m: {} for m in asked}
+    every = {model: evidences(store, f"{record}/{model}", asked) for model in models}
+    for model, found in every.items():
+        for e in found:
+            by_method.setdefault(e.method, {})[model] = e
+    if REFEREE not in asked and not any(
+        np.isfinite(e.log_evidence) for e in by_method.get(REFEREE, {}).values()
+    ):
+        by_method.pop(REFEREE, None)  # where there is no posterior, the methods asked for say so
+    if len([m for m in by_method if m != FIRST_LOOK]) > 1:
+        drawn = {model: [e for e in found if e.method != FIRST_LOOK] for model, found in every.items()}
+        by_method[COMBINED] = {model: counted(found) for model, found in drawn.items() if found}
+    return by_method
+
+
+def evidence_of(meta: Mapping[str, Any]) -> Evidence:
+    """An evidence from what a cell holds of it."""
+    return Evidence(**{n: meta[n] for n in _FIELDS})
+
+
+def evidence_meta(found: Evidence) -> dict[str, Any]:
+    """An evidence as a cell holds it."""
+    return {n: getattr(found, n) for n in _FIELDS}

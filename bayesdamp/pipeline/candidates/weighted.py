@@ -1,0 +1,34 @@
+"""Damping against amplitude of a candidate that was weighed but not sampled, from the draws of its evidence."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.special import logsumexp
+
+from bayesdamp.inference.curves.derived import CURVE_DRAWS, Motions
+from bayesdamp.pipeline.candidates.cells import Branch
+from bayesdamp.pipeline.candidates.posteriors import curves
+from bayesdamp.types import OK
+
+
+def weighted_curves(branch: Branch, seed: int) -> dict[str, np.ndarray]:
+    """What a posterior's cell has of its curves; empty where the candidate has no importance draws to be trusted."""
+    try:
+        cell = branch.store.read(f"evidence/{branch.path}/importance")
+    except KeyError:
+        return {}
+    if cell.outcome != OK or "log_weights" not in cell.arrays:
+        return {}
+    chosen = resampled(cell.arrays["log_weights"].astype(float), CURVE_DRAWS, np.random.default_rng(seed))
+    inferred = branch.shared.values(cell.arrays["y"].astype(float)[chosen])
+    values = {**branch.shared.known, **inferred}
+    seen, oscillator = branch.record.seen, branch.target.oscillator
+    own = {n: values[n] for n in oscillator.parameters}
+    return curves(Motions(oscillator, own, seen.rest, seen.amplitude), seen)
+
+
+def resampled(log_weights: np.ndarray, count: int, rng: np.random.Generator) -> np.ndarray:
+    """Which draws, (count,) of them, stand for all by their weights: systematic resampling (Kitagawa, JCGS 5, 1996)."""
+    ladder = np.cumsum(np.exp(log_weights - logsumexp(log_weights)))
+    at = (rng.uniform() + np.arange(count)) / count
+    return np.minimum(np.searchsorted(ladder, at * ladder[-1], side="right"), log_weights.size - 1)

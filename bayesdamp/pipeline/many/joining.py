@@ -1,0 +1,153 @@
+"""Repeats of one specimen, fitted jointly: one damping; each record has a start, an angle at rest and a noise of its
+own.
+
+Whether the restoring law's parameters are shared too is decided once for a specimen, by Laplace's evidence of the best
+candidate.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Mapping
+from dataclasses import fields
+from typing import Any
+
+import numpy as np
+from scipy.special import logsumexp
+
+from bayesdamp.inference.many.joint import JointMode
+from bayesdamp.inference.many.joint_evidence import Weighed, weigh
+from bayesdamp.pipeline.keys import task_key
+from bayesdamp.pipeline.many.agreement import agreement
+from bayesdamp.pipeline.many.specimens import (
+    BOTH,
+    DAMPING,
+    LAW,
+    Problem,
+    Specimen,
+    draws_of,
+    summaries,
+    weighed_meta,
+)
+from bayesdamp.pipeline.records.records import plain_seconds
+from bayesdamp.pipeline.staging import ASIDE, LAW_MARGIN, looked
+from bayesdamp.store import CellResult
+from bayesdamp.types import OK, Refusal
+
+
+def join(specimen: Specimen, name: str, key: str) -> None:
+    """Store the joint fit (`joint/rig`), or why there is none."""
+    began = time.perf_counter()
+    try:
+        meta, arrays = _joined(specimen, key)
+    except Refusal as refusal:
+        specimen.store.write(CellResult(name, key, outcome=str(refusal), seconds=plain_seconds(began)))
+        return
+    specimen.store.write(CellResult(name, key, meta, arrays, meta["said"]["outcome"], plain_seconds(began)))
+
+
+def _joined(specimen: Specimen, key: str) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
+    problems, aside = _problems(specimen)
+    looks, sharing = _looks(specimen, problems, aside)
+    arrays: dict[str, np.ndarray] = {}
+    rows: dict[str, dict[str, Any]] = {c: {"outcome": why} for c, why in aside.items()}
+    for candidate, mode in looks.items():
+        found = _weighed(specimen, candidate, mode, key)
+        rows[candidate] = _row(specimen, candidate, mode, found)
+        arrays |= draws_of(candidate, mode, found)
+    logs = {c: rows[c]["log_evidence"] for c in looks}
+    total = float(np.asarray(logsumexp(list(logs.values()))))
+    for candidate in specimen.candidates:
+        left = candidate in logs
+        rows[candidate]["probability"] = math.exp(logs[candidate] - total) if left else 0.0
+    best = max(logs, key=lambda c: logs[c])
+    sharing = sharing if problems[best].names(LAW) else DAMPING
+    meta = {
+        "records": specimen.labels,
+        "members": [[spec.name, repeat] for spec, repeat in specimen.records],
+        "reference": vars(specimen.reference),
+        "sharing": sharing,
+        "best": best,
+        "candidates": {c: rows[c] for c in specimen.candidates},
+        **agreement(specimen, best, problems[best], sharing, rows[best]),
+    }
+    return meta, arrays
+
+
+def _weighed(specimen: Specimen, candidate: str, mode: JointMode, key: str) -> Weighed:
+    """A candidate's evidence; what a run that was cut off had of it is taken from the store (`weighed/rig/viscous`)."""
+    name, seed = f"weighed/{specimen.name}/{candidate}", specimen.seed(candidate)
+    own = task_key("weighed", key, mode.joint.shared, seed)
+    if specimen.store.has(name, own):
+        cell = specimen.store.read(name)
+        parts: dict[str, Any] = {**cell.meta, **cell.arrays}
+        return Weighed(**parts)
+    began = time.perf_counter()
+    found = weigh(mode, seed)
+    parts = {f.name: getattr(found, f.name) for f in fields(found)}
+    arrays = {n: parts.pop(n) for n in ("scores", "log_weights")}
+    specimen.store.write(CellResult(name, own, parts, arrays, OK, plain_seconds(began)))
+    return found
+
+
+def _problems(specimen: Specimen) -> tuple[dict[str, Problem], dict[str, str]]:
+    """The candidates that may still win, and why the others may not. Raises Refusal where there are none."""
+    found, aside = {}, {}
+    for candidate in specimen.candidates:
+        try:
+            found[candidate] = specimen.problem(candidate)
+        except Refusal as refusal:
+            aside[candidate] = str(refusal)
+    if not found:
+        raise Refusal(f"no candidate was fitted to all records: {next(iter(aside.values()))}")
+    if specimen.study.models.prune is not None:
+        apart = [looked(specimen.study, s, r, specimen.store, tuple(found)) for s, r in specimen.records]
+        sums = {c: sum(one.get(c, -math.inf) for one in apart) for c in found}
+        limit = max(sums.values()) - specimen.study.models.prune - LAW_MARGIN
+        for candidate in [c for c in found if sums[c] < limit]:
+            aside[candidate] = f"{ASIDE}: far behind on the records one by one"
+            del found[candidate]
+    return found, aside
+
+
+def _looks(
+    specimen: Specimen, problems: Mapping[str, Problem], aside: dict[str, str]
+) -> tuple[dict[str, JointMode], str]:
+    """The joint modes of the candidates that are weighed, under the sharing that fits the best of them best.
+
+    aside: takes up why the others are not weighed.
+    """
+    modes: dict[str, dict[str, JointMode]] = {BOTH: {}, DAMPING: {}}
+    refused = {}
+    for candidate, problem in problems.items():
+        for sharing in (BOTH, DAMPING):
+            try:
+                shared = problem.names(sharing)
+                known = modes[BOTH].get(candidate)
+                modes[sharing][candidate] = (
+                    known if known and known.joint.shared == shared else problem.mode(shared)
+                )
+            except Refusal as refusal:
+                refused[candidate] = str(refusal)
+    logs = {s: {c: m.look() for c, m in found.items()} for s, found in modes.items() if found}
+    if not logs:
+        raise Refusal(f"no candidate has a joint mode: {next(iter(refused.values()))}")
+    sharing = max(logs, key=lambda s: max(logs[s].values()))
+    own, prune = logs[sharing], specimen.study.models.prune
+    for candidate in problems:
+        if candidate not in own:
+            aside[candidate] = refused[candidate]
+        elif prune is not None and max(own.values()) - own[candidate] > prune:
+            aside[candidate] = f"{ASIDE}: more than {prune:g} nats behind the best by Laplace's evidence"
+    return {c: m for c, m in modes[sharing].items() if c not in aside}, sharing
+
+
+def _row(specimen: Specimen, candidate: str, mode: JointMode, found: Weighed) -> dict[str, Any]:
+    return {
+        **weighed_meta(found),
+        "converged": mode.converged,
+        "look": mode.look(),
+        "summary": summaries(mode, found),
+        "units": specimen.units(candidate, mode.joint.shared),
+    }

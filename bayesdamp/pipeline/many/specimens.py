@@ -1,0 +1,158 @@
+"""The records of one specimen, as a run holds them, and a candidate on all of them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from bayesdamp.config import SignalSpec, Study
+from bayesdamp.inference.curves.weighted import shares, summarise
+from bayesdamp.inference.many.joint import (
+    Joint,
+    JointMode,
+    damping_parameters,
+    find_joint_mode,
+    law_parameters,
+)
+from bayesdamp.inference.many.joint_evidence import Weighed
+from bayesdamp.inference.model.defaults import Reference
+from bayesdamp.inference.model.target import Target
+from bayesdamp.physics.units import parameter_unit
+from bayesdamp.pipeline.candidates.cells import Branch
+from bayesdamp.pipeline.records.records import cell_seed
+from bayesdamp.pipeline.staging import ASIDE
+from bayesdamp.store import Store
+from bayesdamp.types import Refusal, candidate_parts, following
+
+BOTH, DAMPING, LAW, NOTHING = "damping and law", "damping", "law", "nothing"
+"""What the records of a specimen may share."""
+
+
+@dataclass(frozen=True)
+class Problem:
+    """One candidate on the records of a specimen: targets, values at each record's own mode, tolerances there."""
+
+    targets: tuple[Target, ...]
+    starts: tuple[Mapping[str, float], ...]
+    tolerances: tuple[float, ...]
+
+    def names(self, sharing: str) -> tuple[str, ...]:
+        """The parameters that are shared under a sharing."""
+        damping = damping_parameters(self.targets[0]) if sharing in (BOTH, DAMPING) else ()
+        law = (
+            dict.fromkeys(n for t in self.targets for n in law_parameters(t))
+            if sharing in (BOTH, LAW)
+            else ()
+        )
+        return (*damping, *law)
+
+    def mode(self, shared: tuple[str, ...]) -> JointMode:
+        """The joint mode. Raises Refusal."""
+        return find_joint_mode(Joint(self.targets, shared), self.starts, self.tolerances)
+
+    def alone(self, record: int) -> JointMode:
+        """One record's own mode, as a joint one with all its parameters shared. Raises Refusal."""
+        target = self.targets[record]
+        live = Joint((target,), ()).live[0]
+        return find_joint_mode(Joint((target,), live), [self.starts[record]], [self.tolerances[record]])
+
+
+class Specimen:
+    """The records of one specimen, as the store holds them.
+
+    Their priors are those of one reference, the geometric mean of their own ones; a friction's ε that was not given
+    follows from it too.
+    """
+
+    def __init__(self, study: Study, name: str, specs: Sequence[SignalSpec], store: Store) -> None:
+        self.study, self.name, self.specs, self.store = study, name, tuple(specs), store
+        self.records = [(spec, repeat) for spec in self.specs for repeat in range(spec.repeats)]
+        self.labels = [f"{s.name}, {r + 1}" if s.repeats > 1 else s.name for s, r in self.records]
+        self.candidates = study.compare(self.specs[0])
+
+    def branches(self, candidate: str) -> list[Branch]:
+        """A candidate's branch on each record."""
+        return [Branch(self.study, spec, repeat, candidate, self.store) for spec, repeat in self.records]
+
+    @cached_property
+    def reference(self) -> Reference:
+        """The reference of all records' priors. Raises Refusal where a record has none."""
+        cells = [self.store.read(f"signal/{spec.name}/{repeat}") for spec, repeat in self.records]
+        for label, cell in zip(self.labels, cells, strict=True):
+            if "reference" not in cell.meta:
+                raise Refusal(f"{label}: {following(cell.name, cell.outcome)}")
+        found = {
+            key: float(np.exp(np.mean([np.log(c.meta["reference"][key]) for c in cells])))
+            for key in ("amplitude", "frequency")
+        }
+        return Reference(**found)
+
+    def problem(self, candidate: str) -> Problem:
+        """A candidate on all records. Raises Refusal where it has no mode on one of them."""
+        branches, starts, tolerances = self.branches(candidate), [], []
+        for label, branch in zip(self.labels, branches, strict=True):
+            name = f"mode/{branch.path}"
+            try:
+                cell = self.store.read(name)
+                if cell.key != branch.cells()[name]:
+                    raise KeyError(name)  # of an earlier question in the same folder
+            except KeyError:
+                raise Refusal(f"{ASIDE}: not fitted to {label}, where its law is far behind") from None
+            if "values" not in cell.meta:
+                raise Refusal(f"{label}: {following(cell.name, cell.outcome)}")
+            starts.append(cell.meta["values"])
+            tolerances.append(cell.meta["tolerance"])
+        epsilon = shared_epsilon(branches)
+        targets = [
+            branch.record.target(
+                branch.terms,
+                branch.restoring,
+                branch.noise,
+                beside=branch.beside,
+                reference=self.reference,
+                epsilon=epsilon,
+            )
+            for branch in branches
+        ]
+        return Problem(tuple(targets), tuple(starts), tuple(tolerances))
+
+    def seed(self, *what: str) -> int:
+        return cell_seed(self.study, "/".join(("joint", self.name, *what)))
+
+    def units(self, candidate: str, names: Sequence[str]) -> dict[str, str]:
+        """Units of parameters, as tables have them."""
+        law = candidate_parts(candidate)[1] or self.specs[0].restoring[0]
+        signal = self.branches(candidate)[0].record.signal
+        return {n: parameter_unit(n, law, signal.unit, signal.quantity) for n in names}
+
+
+def shared_epsilon(branches: Sequence[Branch]) -> float | None:
+    """The friction's ε (rad/s) of all records, the geometric mean, where one asks for another than the usual."""
+    if all(b.epsilon is None for b in branches):
+        return None
+    return float(np.exp(np.mean([np.log(b.epsilon or b.system.known["epsilon"]) for b in branches])))
+
+
+def weighed_meta(found: Weighed) -> dict[str, Any]:
+    """What a cell holds of an evidence."""
+    names = ("log_evidence", "stderr", "pareto_k", "effective", "evaluations", "outcome")
+    return {n: getattr(found, n) for n in names}
+
+
+def summaries(mode: JointMode, found: Weighed) -> dict[str, dict[str, float]]:
+    """Summary of each shared parameter."""
+    w = shares(found.log_weights)
+    return {n: summarise(v, w) for n, v in mode.joint.values(found.scores).items()}
+
+
+def draws_of(label: str, mode: JointMode, found: Weighed) -> dict[str, np.ndarray]:
+    """Weighted draws of the damping coefficients, with the log density of their prior, as arrays of a cell."""
+    values, priors = mode.joint.values(found.scores), mode.joint.targets[0].priors
+    coefficients = [n for n in mode.joint.targets[0].oscillator.coefficients if n in values]
+    arrays = {f"{label}/{n}": values[n] for n in coefficients}
+    arrays |= {f"{label}/{n}/log_prior": np.asarray(priors[n].log_density(values[n])) for n in coefficients}
+    return arrays | {f"{label}/log_weights": found.log_weights}

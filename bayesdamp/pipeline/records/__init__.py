@@ -1,0 +1,1 @@
+"""What is computed of a record once for all candidates on it."""

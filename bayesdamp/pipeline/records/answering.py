@@ -1,0 +1,165 @@
+"""The task that answers for one record: candidates weighed under laws that hold approximately, and the verdict."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from functools import cached_property
+
+from bayesdamp.config import Recording, SignalSpec, Study
+from bayesdamp.config.checks import plain
+from bayesdamp.inference.model.defaults import Reference
+from bayesdamp.physics.damping import TERMS, DampingTerm, others, parse_model
+from bayesdamp.physics.restoring import LAWS
+from bayesdamp.pipeline.answer import Answer, answer, answered_from
+from bayesdamp.pipeline.keys import task_key
+from bayesdamp.pipeline.records.records import NOT_APPLICABLE, SignalCell, cell_seed, plain_seconds
+from bayesdamp.pipeline.records.targets import Record
+from bayesdamp.priors import Prior
+from bayesdamp.store import CellResult, Store
+from bayesdamp.types import OK, Refusal, following
+from bayesdamp.verdict.specimen import Answered
+from bayesdamp.verdict.types import Grade, Verdict
+
+NO_KERNEL = "not weighed at once: {names} cannot be compiled; give the term a `kernel`"
+
+
+def answers(study: Study) -> bool:
+    """Whether a study asks which damping its records have."""
+    return bool(study.posterior.samplers or study.evidence.methods)
+
+
+class AnswerCell:
+    """The verdict on one record, as `answer/SIGNAL/REPEAT`."""
+
+    def __init__(self, study: Study, spec: SignalSpec, repeat: int, store: Store) -> None:
+        self.study, self.spec, self.repeat, self.store = study, spec, repeat, store
+        self.name = f"answer/{spec.name}/{repeat}"
+        self.parent = SignalCell(study, spec, repeat, store)
+
+    @property
+    def approximate(self) -> bool:
+        """Whether laws may hold approximately: of measured records, where the study does not say."""
+        asked = self.study.posterior.deviation
+        return asked == "law" or (asked == "auto" and isinstance(self.spec.source, Recording))
+
+    @cached_property
+    def key(self) -> str:
+        priors = {t: str(p) for t, p in self.study.models.prior.items()}
+        systems = [plain(self.spec.under(law)) for law in self.spec.restoring]
+        parts = (
+            self.study.compare(self.spec),
+            priors,
+            systems,
+            self.approximate,
+            self.study.posterior.sensor,
+        )
+        named = [*map(TERMS.source, self._terms), *map(LAWS.source, self.spec.restoring)]
+        named += [*map(TERMS.source, others())]
+        return task_key("answer", self.parent.key, *parts, named)
+
+    def compute(self) -> None:
+        began = time.perf_counter()
+        cell = self.store.read(self.parent.name)
+        outcome = following(cell.name, cell.outcome)
+        if outcome == OK:
+            outcome = "" if cell.meta["noisy"] else NOT_APPLICABLE
+        missing = [t for t in self._terms if TERMS.get(t).kernel is DampingTerm.kernel]
+        if not outcome and missing:
+            outcome = NO_KERNEL.format(names=", ".join(missing))
+        if outcome:
+            self.store.write(CellResult(self.name, self.key, outcome=outcome))
+            return
+        record = Record(self.study, self.spec, cell)
+        try:
+            found = self._answer(record)
+        except Refusal as refusal:
+            self.store.write(
+                CellResult(self.name, self.key, outcome=str(refusal), seconds=plain_seconds(began))
+            )
+            return
+        meta = {
+            "verdict": found.verdict.to_dict(),
+            "candidates": list(found.candidates),
+            "fits": dict(found.fits),
+        }
+        outcome = found.verdict.sentence if found.verdict.grade is Grade.NOT_WEIGHED else OK
+        self.store.write(CellResult(self.name, self.key, meta, found.arrays, outcome, plain_seconds(began)))
+
+    @property
+    def _terms(self) -> tuple[str, ...]:
+        every = (parse_model(m) for m in self.study.dampings(self.spec))
+        return tuple(dict.fromkeys(t for terms in every for t in terms))
+
+    def _answer(self, record: Record) -> Answer:
+        given: dict[str, Prior] = {
+            TERMS.get(t).parameter: p for t, p in self.study.models.prior.items() if p is not None
+        }
+        for law in self.spec.restoring:
+            given |= {k: p for k, p in record.system(law).free.items() if p is not None}  # type: ignore[misc]
+
+        def known(law: str) -> Mapping[str, float]:
+            system = record.system(law)
+            chosen = "epsilon" in self.spec.under(law).known
+            return {k: v for k, v in system.known.items() if chosen or k != "epsilon"}
+
+        return answer(
+            record.signal,
+            deviation="law" if self.approximate else "none",
+            damping=self.study.dampings(self.spec),
+            restoring=self.spec.restoring,
+            known=known,
+            priors=given,
+            reference=Reference(**record.cell.meta["reference"]),
+            sensor=self.study.posterior.sensor,
+            measured=isinstance(self.spec.source, Recording),
+            seed=cell_seed(self.study, self.name),
+            notes=record.cell.meta.get("anomalies", ()),
+        )
+
+
+def fits_of(store: Store, signal: str, repeat: int) -> Mapping[str, Mapping[str, float]]:
+    """The fits of all terms by law, as `AnswerCell` stored them; none where it has none."""
+    try:
+        return store.read(f"answer/{signal}/{repeat}").meta.get("fits", {})
+    except KeyError:
+        return {}
+
+
+def shortlist(store: Store, signal: str, repeat: int, nats: float) -> set[tuple[str, str]] | None:
+    """The candidates, (damping, restoring), that sampling may confirm or correct: those within so many nats of the best
+    under exact laws, and the best under approximate ones; None where nothing was weighed at once."""
+    try:
+        rows = store.read(f"answer/{signal}/{repeat}").meta.get("candidates", ())
+    except KeyError:
+        return None
+    weighed = [r for r in rows if r["outcome"] == OK]
+    if not weighed:
+        return None
+    top = max(r["log_evidence_exact"] for r in weighed)
+    found = {(r["damping"], r["restoring"]) for r in weighed if top - r["log_evidence_exact"] < nats}
+    about = [r for r in weighed if r["log_evidence"] is not None]
+    if about:
+        first = max(about, key=lambda r: r["log_evidence"])
+        found.add((first["damping"], first["restoring"]))
+    return found
+
+
+def verdict_of(store: Store, signal: str, repeat: int) -> Verdict | None:
+    """The verdict that is stored of a record; None where there is none."""
+    try:
+        cell = store.read(f"answer/{signal}/{repeat}")
+    except KeyError:
+        return None
+    return Verdict.from_dict(cell.meta["verdict"]) if cell.outcome == OK else None
+
+
+def answered_of(store: Store, signal: str, repeat: int) -> Answered | None:
+    """What a verdict on several records takes of one; None where it has no answer."""
+    try:
+        cell = store.read(f"answer/{signal}/{repeat}")
+    except KeyError:
+        return None
+    if cell.outcome != OK:
+        return None
+    return answered_from(Verdict.from_dict(cell.meta["verdict"]), cell.meta["candidates"], cell.arrays)

@@ -1,0 +1,211 @@
+"""The cell of one record: read or simulated, cleaned, with its features and what is known of its system."""
+
+from __future__ import annotations
+
+import time
+import zlib
+from dataclasses import asdict, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from bayesdamp.config import Recording, SignalSpec, Simulation, Study
+from bayesdamp.estimators.bound import cramer_rao
+from bayesdamp.estimators.shared import noise_level
+from bayesdamp.inference.model.defaults import EPSILON_SHARE, reference_of
+from bayesdamp.physics.damping import TERMS
+from bayesdamp.physics.oscillator import Oscillator
+from bayesdamp.physics.restoring import LAWS
+from bayesdamp.pipeline.keys import task_key
+from bayesdamp.pipeline.records.recorded import recorded
+from bayesdamp.plugins import sources_below
+from bayesdamp.records.cleaning.clean import clean
+from bayesdamp.records.oscillation.anomalies import anomalies
+from bayesdamp.records.oscillation.curves import amplitude_curves
+from bayesdamp.records.oscillation.features import Features, features
+from bayesdamp.records.record import RawRecord
+from bayesdamp.records.simulate import simulate_signal
+from bayesdamp.store import CellResult, Store, sha256
+from bayesdamp.types import BEWARE, OK, InputError, Problem, Refusal, Signal
+from bayesdamp.units import UNITS
+
+NO_NOISE = 1e-6
+"""Noise below this share of the amplitude is none: a likelihood has nothing to weigh by."""
+NOT_APPLICABLE = "not applicable: the record has no noise, so there is no posterior"
+RAW_POINTS = 20_000
+_NOT_OF_THE_RECORD = ("compare", "estimate", "laws", "alternatives", "specimen")
+
+
+def cell_seed(study: Study, name: str) -> int:
+    """The seed of one cell: a function of the study's seed and the cell's name."""
+    return int(np.random.SeedSequence([study.seed, zlib.crc32(name.encode())]).generate_state(1)[0])
+
+
+def plain_seconds(began: float) -> float:
+    return time.perf_counter() - began
+
+
+class SignalCell:
+    """One record: read or simulated, cleaned, with its features and what is known of its system."""
+
+    def __init__(self, study: Study, spec: SignalSpec, repeat: int, store: Store) -> None:
+        self.study, self.spec, self.repeat, self.store = study, spec, repeat, store
+        self.name = f"signal/{spec.name}/{repeat}"
+
+    @cached_property
+    def key(self) -> str:
+        source = self.spec.source
+        content = sha256(source.path) if isinstance(source, Recording) else ""
+        shown = {k: v for k, v in self.spec.resolved().items() if k not in _NOT_OF_THE_RECORD}
+        return task_key("signal", self.study.seed, shown, self.repeat, content, self._plugins)
+
+    @property
+    def _plugins(self) -> list[str]:
+        """The source of what is found by name to make the record, or to read it."""
+        source, law = self.spec.source, LAWS.source(self.spec.system.restoring)
+        if isinstance(source, Recording):
+            return [law, *sources_below("bayesdamp.records")]
+        return [law, *(TERMS.source(term) for term in source.damping)]
+
+    def compute(self) -> None:
+        began = time.perf_counter()
+        source, arrays = self.spec.source, {}
+        if isinstance(source, Simulation):
+            signal = self._simulated(source)
+        else:
+            raw = recorded(source)
+            try:
+                signal = clean(
+                    raw,
+                    name=self.spec.name,
+                    unit=source.unit,
+                    quantity=source.quantity,
+                    clock=source.clock,
+                    start=source.start,
+                    stop=source.stop,
+                )
+            except InputError as error:
+                raise InputError(f"{source.file}: {error}") from None
+            signal = self._with_noise(signal, source.least_noise)
+            arrays = _raw(raw, source)
+        meta = {
+            "provenance": dict(signal.provenance),
+            "unit": signal.unit,
+            "quantity": signal.quantity,
+            "step": signal.step,
+            "name": signal.name,
+            "bound": self._bound(signal),
+        }
+        arrays |= {"t": signal.t, "y": signal.y}
+        try:
+            meta, outcome = meta | self._known(signal), OK
+            curves = asdict(amplitude_curves(signal, features(signal)))
+            arrays |= {f"against_amplitude/{name}": v for name, v in curves.items()}
+        except Refusal as refusal:
+            if isinstance(source, Recording):
+                raise InputError(f"signal {self.spec.name}: {refusal}") from None
+            outcome = str(refusal)  # of one simulated record in a series; the others go on
+        self.store.write(CellResult(self.name, self.key, meta, arrays, outcome, plain_seconds(began)))
+
+    def _simulated(self, source: Simulation) -> Signal:
+        truth = dict(source.truth)
+        law = self.spec.system.restoring
+        quiet = {k: truth.get(k) for k in ("noise_time", "noise_dof") if k in truth}
+        return simulate_signal(
+            Oscillator(source.damping, law),
+            truth,
+            duration=source.duration,
+            samples=source.samples,
+            noise_sd=truth.get("noise_sd", 0.0),
+            noise=source.noise,
+            outliers=source.outliers,
+            gaps=source.gaps,
+            quantum=source.quantum,
+            quantity=source.quantity,
+            unit=source.unit,
+            name=self.spec.name,
+            rng=np.random.default_rng(cell_seed(self.study, self.name)),
+            **quiet,
+        )
+
+    def _with_noise(self, signal: Signal, share: float) -> Signal:
+        """A record that has no noise with some, this share of its amplitude, and a note on it; others as they are."""
+        if share == 0:
+            return signal
+        try:
+            size = _size(features(signal))
+        except Refusal:
+            return signal
+        if noise_level(signal) > NO_NOISE * size:
+            return signal
+        rng = np.random.default_rng(cell_seed(self.study, f"noise/{self.name}"))
+        y = signal.y + share * size * rng.standard_normal(signal.y.size)
+        note = (
+            f"{BEWARE}the record has no noise (it may be simulated), and without any nothing can be weighed. "
+            f"Noise of {100 * share:g} % of its amplitude was added: what is said is of that record. Give a record "
+            "with its noise, or fit this one with a study's estimators, which need none."
+        )
+        notes = signal.provenance.get("notes", [])
+        assert isinstance(notes, list)
+        return replace(signal, y=y, provenance={**signal.provenance, "notes": [*notes, note]})
+
+    def _known(self, signal: Signal) -> dict[str, Any]:
+        """Features, the reference of the priors, ε where it was not given, and whether there is noise.
+
+        Raises Refusal where the record shows no oscillation.
+        """
+        seen = features(signal)
+        reference = reference_of(self.spec.system, seen)
+        known, note = dict(self.spec.system.known), ""
+        if "epsilon" not in known and "epsilon" not in self.spec.system.free:
+            known["epsilon"] = EPSILON_SHARE * reference.peak_velocity
+            note = f"ε was not given: 2 % of the peak velocity, {known['epsilon']:.3g} {signal.unit}/s."
+        shown = {k: v for k, v in asdict(seen).items() if not isinstance(v, np.ndarray)}
+        return {
+            "features": shown,
+            "anomalies": list(anomalies(signal, seen)),
+            "reference": asdict(reference),
+            "known": known,
+            "epsilon_note": note,
+            "noisy": bool(noise_level(signal) > NO_NOISE * _size(seen)),
+        }
+
+    def _bound(self, signal: Signal) -> dict[str, float]:
+        """The Cramér–Rao bound of a simulated record with white noise: sd by parameter; else nothing.
+        Repeats share it: it stands with the first."""
+        source = self.spec.source
+        if self.repeat or not isinstance(source, Simulation) or source.noise != "gaussian":
+            return {}
+        truth = {**self.spec.system.known, **source.truth}
+        if not truth.get("noise_sd") or (truth.get("epsilon") == 0.0 and "coulomb" in source.damping):
+            return {}
+        problem = Problem(source.damping, self.spec.system)
+        return cramer_rao(problem, truth, signal.t, truth["noise_sd"], signal.quantity)
+
+
+def _size(seen: Features) -> float:
+    """The largest amplitude of a record."""
+    return float(np.abs(seen.turning_amplitudes).max())
+
+
+def _raw(raw: RawRecord, source: Recording) -> dict[str, np.ndarray]:
+    """The record as it was, thinned for the picture: times of the file, values in SI."""
+    times = np.arange(raw.y.size) / raw.rate if raw.t is None and raw.rate else raw.t
+    every = max(1, raw.y.size // RAW_POINTS)
+    scale = UNITS[source.unit].factor
+    return {} if times is None else {"raw_t": np.asarray(times)[::every], "raw_y": raw.y[::every] * scale}
+
+
+def signal_of(record: CellResult) -> Signal:
+    """The record that a SignalCell stored."""
+    m = record.meta
+    return Signal(
+        record.arrays["t"],
+        record.arrays["y"],
+        m["quantity"],
+        m["unit"],
+        m["name"],
+        m["step"],
+        m["provenance"],
+    )

@@ -1,0 +1,263 @@
+"""The four tables and run.json, from a run's cells."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from bayesdamp.config import Recording, SignalSpec, Simulation, Study
+from bayesdamp.config.signals import damping_order
+from bayesdamp.physics.damping import TERMS
+from bayesdamp.physics.oscillator import Oscillator
+from bayesdamp.physics.restoring import LAWS
+from bayesdamp.physics.units import parameter_unit
+from bayesdamp.pipeline.candidates.weighing import evidence_by_method
+from bayesdamp.pipeline.staging import ASIDE
+from bayesdamp.pipeline.tables.specimen_tables import write_specimen_tables
+from bayesdamp.pipeline.tables.verdicts import write_verdicts
+from bayesdamp.store import TABLES, CellResult, Store, provenance, write_json, write_table
+from bayesdamp.types import OK, candidate_parts
+from bayesdamp.units import UNITS, quantity_unit
+
+Row = dict[str, Any]
+
+
+def write_tables(study: Study, store: Store) -> None:
+    """All tables of a run and its run.json; rows in the order of signals, repeats and models.
+
+    store: which sees no cells but those of this study.
+    """
+    for name, rows in (
+        ("estimates.csv", _estimates(study, store)),
+        ("posteriors.csv", _posteriors(study, store)),
+        ("evidence.csv", _evidence(study, store)),
+        ("fits.csv", _fits(study, store)),
+    ):
+        write_table(store.folder / name, TABLES[name], rows)
+    write_specimen_tables(study, store)
+    write_verdicts(study, store)
+    write_json(store.folder / "run.json", _run(study, store))
+
+
+def _records(study: Study) -> Iterator[tuple[SignalSpec, int]]:
+    for spec in study.signals:
+        for repeat in range(spec.repeats):
+            yield spec, repeat
+
+
+def _branches(study: Study) -> Iterator[tuple[SignalSpec, int, str, Row]]:
+    """(signal, repeat, candidate's name, the columns that say which)."""
+    for spec, repeat in _records(study):
+        for name in study.compare(spec):
+            yield spec, repeat, name, _head(spec, repeat, name)
+
+
+def _head(spec: SignalSpec, repeat: int, name: str) -> Row:
+    damping, law = candidate_parts(name)
+    return {
+        "signal": spec.name,
+        "repeat": repeat,
+        "model": damping,
+        "restoring": law or spec.restoring[0],
+    }
+
+
+def _read(store: Store, name: str) -> CellResult | None:
+    try:
+        return store.read(name)
+    except KeyError:
+        return None
+
+
+def _unit(spec: SignalSpec, name: str, restoring: str) -> str:
+    return parameter_unit(name, restoring, UNITS[spec.source.unit].base, spec.source.quantity)
+
+
+def _truth(spec: SignalSpec, name: str, restoring: str) -> float:
+    """The true value of a simulated record's parameter; an absent damping term's is 0. The parameters of another
+    restoring law have none."""
+    if not isinstance(spec.source, Simulation):
+        return math.nan
+    if restoring != spec.system.restoring and name in LAWS.get(restoring).parameters:
+        return math.nan
+    truth = {**spec.system.known, **spec.source.truth}
+    damps = any(TERMS.get(term).parameter == name for term in TERMS.present())
+    return float(truth.get(name, 0.0 if damps else math.nan))
+
+
+def _estimates(study: Study, store: Store) -> Iterator[Row]:
+    for spec, repeat, model, head in _branches(study):
+        for method in study.estimators.use:
+            cell = _read(store, f"estimate/{spec.name}/{repeat}/{model}/{method}")
+            if cell is None:
+                continue
+            if cell.outcome != OK:
+                yield {**head, "estimator": method, "outcome": cell.outcome}
+            for stage in cell.meta.get("stages", []):
+                common = {**head, "estimator": method, "stage": stage["stage"], "outcome": stage["outcome"]}
+                common |= {"evaluations": stage["evaluations"], "seconds": stage["seconds"]}
+                if not stage["values"]:
+                    yield common
+                for name, value in stage["values"].items():
+                    truth = _truth(spec, name, head["restoring"])
+                    error = 100 * abs(value - truth) / abs(truth) if truth else math.nan
+                    yield {
+                        **common,
+                        "parameter": name,
+                        "unit": _unit(spec, name, head["restoring"]),
+                        "value": value,
+                        "stderr": stage["stderr"].get(name, math.nan),
+                        "truth": truth,
+                        "error_pct": error,
+                    }
+
+
+def _posteriors(study: Study, store: Store) -> Iterator[Row]:
+    for spec, repeat, model, head in _branches(study):
+        for sampler in study.posterior.samplers:
+            cell = _read(store, f"posterior/{spec.name}/{repeat}/{model}/{sampler}")
+            if cell is None:
+                continue
+            common = {**head, "sampler": sampler, "seconds": cell.seconds, "outcome": cell.outcome}
+            summary = cell.meta.get("summary", {})
+            if not summary:
+                yield common
+            common["divergences"] = cell.meta.get("diagnostics", {}).get("divergences")
+            for name, s in summary.items():
+                yield {**common, "parameter": name, "unit": cell.meta["units"][name], **s}
+
+
+def _evidence(study: Study, store: Store) -> Iterator[Row]:
+    for spec, repeat in _records(study):
+        models = study.compare(spec)
+        by_method = evidence_by_method(study, store, f"{spec.name}/{repeat}", models)
+        every = [(m, e) for found in by_method.values() for m, e in found.items()]
+        weighed = {m for m, e in every if np.isfinite(e.log_evidence) or e.outcome.startswith(ASIDE)}
+        for method, found in by_method.items():
+            logs = {m: e.log_evidence for m, e in found.items()}
+            lost = [m for m, e in found.items() if m not in weighed and e.outcome != OK]
+            aside = [m for m, e in found.items() if e.outcome.startswith(ASIDE)]
+            finite = [v for v in logs.values() if np.isfinite(v)]
+            best = max(finite, default=math.nan)
+            total = sum(math.exp(v - best) for v in finite)
+            for model, one in found.items():
+                share = (
+                    math.exp(one.log_evidence - best) / total if np.isfinite(one.log_evidence) else math.nan
+                )
+                share = 0.0 if model in aside else share
+                yield {
+                    **_head(spec, repeat, model),
+                    "method": method,
+                    "log_evidence": one.log_evidence,
+                    "stderr": one.stderr,
+                    "log_bayes_factor": one.log_evidence - best,
+                    # every model of the comparison must have its evidence, or be far behind, before it has a share;
+                    # one that no method could weigh has none, and leaves the others theirs
+                    "probability": share if len(finite) + len(aside) + len(lost) == len(models) else math.nan,
+                    "diagnostic": one.diagnostic,
+                    "outcome": one.outcome,
+                }
+
+
+def _fits(study: Study, store: Store) -> Iterator[Row]:
+    for spec, repeat, model, head in _branches(study):
+        cell = _read(store, f"mode/{spec.name}/{repeat}/{model}")
+        if cell is None:
+            continue
+        if cell.outcome != OK:
+            yield {**head, "verdict": cell.outcome}
+            continue
+        factor = 1.0 / UNITS[spec.source.unit].factor
+        yield {
+            **head,
+            "rms": cell.meta["rms"] * factor,
+            "rms_unit": quantity_unit(spec.source.unit, spec.source.quantity),
+            **{
+                k: cell.meta[k]
+                for k in ("residual_autocorrelation", "window_spread", "predictive_p", "verdict")
+            },
+        }
+
+
+def _run(study: Study, store: Store) -> Row:
+    files = [s.source.path for s in study.signals if isinstance(s.source, Recording)]
+    about, seconds, priors, budget = {}, {}, {}, {}
+    for name in store.names():
+        cell = _read(store, name)
+        if cell:
+            seconds[name] = cell.seconds
+    for spec in study.signals:
+        cell = _read(store, f"signal/{spec.name}/0")
+        if cell is None:
+            continue
+        # Where the first repeat shows no oscillation, another one may.
+        seen = _first_seen(store, spec) or cell
+        noise = _read(store, f"noise/{spec.name}/0")
+        about[spec.name] = {
+            **cell.meta.get("provenance", {}),
+            "unit": spec.source.unit,
+            "quantity": spec.source.quantity,
+            "simulated": isinstance(spec.source, Simulation),
+            "restoring": list(spec.restoring),
+            "outcome": seen.outcome,
+            "bound": cell.meta.get("bound", {}),
+            **({"noise": noise.meta["chosen"]} if noise and noise.outcome == OK else {}),
+            **{k: seen.meta[k] for k in ("epsilon_note", "reference", "features") if k in seen.meta},
+            **({"epsilon_note": noise.meta["epsilon_note"]} if noise and noise.meta.get("epsilon") else {}),
+        }
+        modes = {m: _read(store, f"mode/{spec.name}/0/{m}") for m in study.compare(spec)}
+        priors[spec.name] = {m: c.meta.get("priors", {}) for m, c in modes.items() if c}
+        budget[spec.name] = {m: c.meta.get("error_budget", {}) for m, c in modes.items() if c}
+    found = provenance(files)
+    found["inputs"] = {
+        s.source.file: found["inputs"][str(s.source.path)]
+        for s in study.signals
+        if isinstance(s.source, Recording)
+    }
+    return {
+        "name": study.name,
+        "description": study.description,
+        "seed": study.seed,
+        "study": study.resolved(),
+        **found,
+        "seconds": seconds,
+        **({"cells": dict(store.only)} if store.only is not None else {}),
+        "signals": about,
+        "priors": priors,
+        "models": list(
+            dict.fromkeys([*study.models.compare, *(m for s in study.signals for m in study.compare(s))])
+        ),
+        "damping": _terms(study),
+        "error_budget": budget,
+        "equilibrium": {s.name: _equilibrium(s, store) for s in study.signals},
+    }
+
+
+def _terms(study: Study) -> Row:
+    """Coefficient and unit, of an angle in rad, of each damping term that the study compares or simulates."""
+    names = {t for s in study.signals for m in study.dampings(s) for t in m.split("+")}
+    names |= {t for s in study.signals if isinstance(s.source, Simulation) for t in s.source.damping}
+    found = {name: TERMS.get(name) for name in damping_order() if name in names}
+    return {name: {"parameter": term.parameter, "unit": term.unit} for name, term in found.items()}
+
+
+def _first_seen(store: Store, spec: SignalSpec) -> CellResult | None:
+    """The first repeat of a signal that shows an oscillation."""
+    found = (_read(store, f"signal/{spec.name}/{repeat}") for repeat in range(spec.repeats))
+    return next((cell for cell in found if cell and cell.outcome == OK), None)
+
+
+def _equilibrium(spec: SignalSpec, store: Store) -> Row:
+    """The derived equilibrium and natural frequency, where the whole restoring law is known."""
+    cell = _first_seen(store, spec)
+    law = Oscillator(("viscous",), spec.system.restoring)
+    if cell is None or not all(n in spec.system.known for n in law.law.parameters):
+        return {}
+    near = cell.meta["features"]["rest"]
+    return {
+        "equilibrium": law.equilibrium(spec.system.known, near),
+        "natural_frequency": law.natural_frequency(spec.system.known, near),
+    }

@@ -1,0 +1,67 @@
+"""verdict.json and verdicts.csv, from a run's cells."""
+
+from __future__ import annotations
+
+from bayesdamp.config import SignalSpec, Study
+from bayesdamp.pipeline.records.answering import answered_of, verdict_of
+from bayesdamp.store import VERDICTS, Store, write_json, write_table
+from bayesdamp.verdict.specimen import specimen
+from bayesdamp.verdict.types import Verdict
+
+
+def write_verdicts(study: Study, store: Store) -> None:
+    """Both files, an object and a line for each record that has a verdict; none where no record has one."""
+    found: list[Verdict] = []
+    for spec in study.signals:
+        for repeat in range(spec.repeats):
+            verdict = verdict_of(store, spec.name, repeat)
+            if verdict is not None:
+                found.append(verdict)
+    for name, specs in repeated_specs(study).items():
+        answered = [a for a in (answered_of(store, spec.name, 0) for spec in specs) if a is not None]
+        if len(answered) > 1:
+            found.append(specimen(name, answered))
+    if not found:
+        return
+    write_json(store.folder / "verdict.json", [v.to_dict() for v in found])
+    write_table(store.folder / "verdicts.csv", VERDICTS, [row_of(v) for v in found])
+
+
+def repeated_specs(study: Study) -> dict[str, list[SignalSpec]]:
+    """The signals of each specimen that has several."""
+    found: dict[str, list[SignalSpec]] = {}
+    for spec in study.signals:
+        if spec.specimen:
+            found.setdefault(spec.specimen, []).append(spec)
+    return {name: specs for name, specs in found.items() if len(specs) > 1}
+
+
+def row_of(v: Verdict) -> dict[str, object]:
+    """A verdict as a line: three amplitudes, the first three rivals and the terms' shares in columns of their own."""
+    row: dict[str, object] = {
+        "record": v.record,
+        "grade": str(v.grade),
+        "decided": v.decided,
+        "damping": v.damping,
+        "probability": v.probability,
+        "rivals": " ".join(f"{r.damping}:{r.probability:.4g}" for r in v.rivals),
+        "restoring": v.restoring,
+        "restoring_probability": v.restoring_probability,
+        "unexplained_pct": v.unexplained_pct,
+        "noise_pct": v.noise_pct,
+        "energy": " ".join(f"{s.term}:{s.share:.4g}({s.low:.4g},{s.high:.4g})" for s in v.energy),
+        "other_forms": " ".join(f"{b.form.replace(' ', '_')}:{b.share_below:.4g}" for b in v.other_forms),
+        "remarks": " ".join(v.remarks),
+        "sentence": v.sentence,
+    }
+    for name in ("frequency", "exponent", "deviation"):
+        one = getattr(v, name)
+        if one is not None:
+            row |= {name: one.value, f"{name}_low": one.low, f"{name}_high": one.high}
+    for i, ratio in enumerate(v.damping_ratio[:3], start=1):
+        row |= {f"amplitude_{i}": ratio.amplitude, f"unit_{i}": ratio.unit}
+        row |= {f"ratio_{i}": ratio.value, f"ratio_{i}_low": ratio.low, f"ratio_{i}_high": ratio.high}
+        row |= {f"ratio_{i}_sd_noise": ratio.sd_noise, f"ratio_{i}_sd_law": ratio.sd_law}
+    if v.window is not None:
+        row |= {"start": v.window.start, "stop": v.window.stop, "cycles": v.window.cycles}
+    return row

@@ -1,0 +1,83 @@
+"""Processes that share the work of a run, its progress, and the compiled programs that they keep."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from concurrent.futures import CancelledError, Executor
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import jax
+from platformdirs import user_cache_dir
+
+from bayesdamp.machine.processes import processes
+from bayesdamp.machine.programs import keep_in
+from bayesdamp.types import InputError
+
+if TYPE_CHECKING:
+    from rich.console import Console
+    from rich.progress import Progress
+
+
+@contextmanager
+def pool_of(
+    workers: int, scheduler: str | None, running: Executor | None = None
+) -> Iterator[Executor | None]:
+    """Where jobs run; None for this process. running: a pool that is there already."""
+    if running is not None or (workers == 1 and scheduler is None):
+        yield running
+    else:
+        with executor(workers, scheduler) as pool:
+            yield pool
+
+
+@contextmanager
+def executor(workers: int, scheduler: str | None) -> Iterator[Executor]:
+    """Spawned processes on this machine, or those of a Dask scheduler. Raises InputError where there is none."""
+    if scheduler is not None:
+        try:
+            from distributed import Client
+        except ImportError:
+            raise InputError(
+                "--scheduler needs dask.distributed: install bayesdamp[cluster], or use --workers"
+            ) from None
+        try:
+            client = Client(scheduler, timeout=10)
+        except (OSError, ValueError) as error:
+            raise InputError(f"--scheduler {scheduler}: no Dask scheduler answers there ({error})") from None
+        # not pure: the same task in another folder is another one
+        with client, client.get_executor(pure=False) as pool:
+            try:
+                yield pool
+            except CancelledError:
+                lost = "the scheduler or all its workers are gone; the same command resumes"
+                raise InputError(f"--scheduler {scheduler}: {lost}") from None
+        return
+    with processes(workers) as pool:
+        yield pool
+
+
+def progress_bar(console: Console) -> Progress:
+    """What is shown while a run goes on."""
+    # Not for workers, which show nothing.
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
+    return Progress(
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeElapsedColumn(),
+        console=console,
+    )
+
+
+def cache_compilations() -> None:
+    """Keep traced and compiled programs in the user's cache folder, shared by all runs."""
+    folder = user_cache_dir("bayesdamp")
+    keep_in(Path(folder) / "traced")
+    # Caches of the GPU, whose place would be part of every key: a copied folder would not be found again.
+    jax.config.update("jax_persistent_cache_enable_xla_caches", "none")
+    jax.config.update("jax_compilation_cache_dir", folder)
+    jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.02)
+    jax.config.update("jax_persistent_cache_min_entry_size_bytes", -1)

@@ -1,0 +1,182 @@
+"""From a raw record to a signal: SI units, a clock, the free decay cut out, and words on what was done."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, replace
+
+import numpy as np
+
+from bayesdamp.records.cleaning.clock import clock_times
+from bayesdamp.records.cleaning.offset import sensor_offset
+from bayesdamp.records.cleaning.quantum import recording_step
+from bayesdamp.records.decay.window import free_decay
+from bayesdamp.records.files.named_units import unit_and_quantity
+from bayesdamp.records.oscillation.features import features
+from bayesdamp.records.oscillation.rough import residuals
+from bayesdamp.records.record import RawRecord
+from bayesdamp.types import BEWARE, InputError, Refusal, Signal
+from bayesdamp.units import UNITS
+
+QUANTITIES = ("angle", "velocity", "acceleration")
+OUTLIER = 8.0
+"""Standard deviations from a local harmonic fit that make an outlier."""
+
+
+def clean(
+    raw: RawRecord,
+    *,
+    name: str,
+    unit: str = "rad",
+    quantity: str = "angle",
+    clock: str = "auto",
+    start: str | float = "auto",
+    stop: str | float = "auto",
+) -> Signal:
+    """The free decay in a record.
+
+    unit: a name in UNITS, of the displacement itself (per s or s² where a velocity or an acceleration is recorded).
+    clock: "auto", "as_logged" or "uniform", see `clock_times`.
+    start, stop: in seconds of the file's own times (of the rebuilt clock, which begins at the file's first
+    stamp, where it was rebuilt; from 0 where the file has no times), or "auto": after the release, before the
+    rest. Outliers are counted and stay; what a sensor of velocity or acceleration adds to all samples is taken off.
+    Raises InputError, one line, where there are not two periods of an oscillation.
+    """
+    if unit not in UNITS:
+        raise InputError(f"{name}: unknown unit {unit!r}; valid are {', '.join(UNITS)}")
+    if quantity not in QUANTITIES:
+        raise InputError(f"{name}: unknown quantity {quantity!r}; valid are {', '.join(QUANTITIES)}")
+    scale, base = UNITS[unit].factor, UNITS[unit].base
+    times = clock_times(raw, clock, name)
+    a, b = _asked(times.t, start, stop, name)
+    step = recording_step(raw.y) * scale
+    t, y = times.t[a : b + 1], raw.y[a : b + 1] * scale
+    if np.ptp(y) == 0:
+        raise InputError(f"{name}: the values between start and stop are constant, nothing oscillates")
+    window = free_decay(t, y, step, start == "auto", stop == "auto", name)
+    first, last = a + window.first, a + window.last
+    t, y = times.t[first : last + 1], raw.y[first : last + 1] * scale
+    signal = Signal(t - t[0], y, quantity, base, name, step)
+    try:
+        found = features(signal)
+        offset = sensor_offset(signal, found)
+        if offset:
+            signal = replace(signal, y=y - offset)
+            found = features(signal)
+    except Refusal as error:
+        raise InputError(f"{name}: {error}") from None
+    cycles = found.cycles
+    if cycles < 1.95:
+        raise InputError(f"{name}: needs at least two periods of free decay, has {cycles:.1f}")
+    outliers = count_outliers(signal, found.period, float(found.turning_amplitudes.max()))
+    rate = (t.size - 1) / float(t[-1] - t[0])
+    notes = [*_words(raw), *times.notes, *window.notes]
+    said = unit_and_quantity(str(raw.provenance.get("value_column", "")))
+    if said is not None and (_size(said[0]), said[1]) != (_size(unit), quantity):
+        notes.append(
+            f"{BEWARE}the column is named {raw.provenance['value_column']!r}; its values are read as "
+            f"{_many(quantity)} in {UNITS[unit].of(quantity)}."
+        )
+    turns = found.amplitude / (2 * np.pi)
+    if base == "rad" and turns > 0.5:
+        notes.append(
+            f"{BEWARE}it swings by {turns:.2g} turns to either side; if its values are not in {unit} "
+            "(but in degrees, or volts), give the unit."
+        )
+    if step:
+        notes.append(f"The values lie on steps of {step / scale:.4g} {UNITS[unit].of(quantity)}.")
+    if offset:
+        notes.append(
+            f"The sensor's zero, {offset / scale:.4g} {UNITS[unit].of(quantity)}, is taken off: over whole cycles "
+            "of a free decay the mean is zero."
+        )
+    if outliers:
+        many = f"{outliers} sample{'s lie' if outliers > 1 else ' lies'}"
+        notes.append(
+            f"{many} further than {OUTLIER:g} standard deviations from a local fit and stay in the record."
+        )
+    periods = float(t[-1] - t[0]) / found.period
+    clear = f", of which {cycles:.1f} stand out of the noise" if periods > cycles + 1 else ""
+    notes.append(
+        f"Kept are {t.size} samples at {rate:.5g} Hz, {max(periods, cycles):.1f} cycles of {found.period:.4g} s{clear}."
+    )
+    provenance: dict[str, object] = {k: v for k, v in raw.provenance.items() if k != "notes"}
+    provenance |= {
+        "unit": unit,
+        "quantity": quantity,
+        "clock": times.used,
+        "repeated_stamps": times.repeated,
+        "sampling_rate": rate,
+        "start": float(t[0]),
+        "stop": float(t[-1]),
+        "start_sample": first,
+        "stop_sample": last,
+        "samples": int(t.size),
+        "record_samples": int(raw.y.size),
+        "cycles": cycles,
+        "period": found.period,
+        "outliers": outliers,
+        "step": step,
+        "offset": offset,
+        "roughness": found.roughness,
+        "pieces": [asdict(piece) for piece in window.pieces],
+        "notes": notes,
+    }
+    return Signal(signal.t, signal.y, quantity, base, name, step, provenance)
+
+
+def count_outliers(signal: Signal, period: float, amplitude: float) -> int:
+    """Samples further than OUTLIER standard deviations of the noise from local harmonic fits.
+
+    period in s; amplitude in the unit of y: what is smaller than a thousandth of it is no outlier.
+    """
+    found = np.zeros(signal.t.size, bool)
+    for skipped in (0.0, 0.5 * period):  # what lies at the edge of a window pulls its fit along
+        a = int(np.searchsorted(signal.t, skipped))
+        if signal.t.size - a < 14:
+            continue
+        rest, sd, window = residuals(signal.t[a:], signal.y[a:], period)
+        usual = float(np.nanmedian(sd)) if np.any(np.isfinite(sd)) else 0.0
+        limit = OUTLIER * np.maximum(np.nan_to_num(sd)[window], usual)
+        found[a:] |= np.abs(np.nan_to_num(rest)) > np.maximum(limit, 2 * signal.step + 1e-3 * amplitude)
+    return int(found.sum())
+
+
+def _asked(t: np.ndarray, start: str | float, stop: str | float, name: str) -> tuple[int, int]:
+    """Indices of the first and last sample that the start and stop asked for leave."""
+    bounds = []
+    for what, at in (("start", start), ("stop", stop)):
+        if isinstance(at, str):
+            if at != "auto":
+                raise InputError(f'{name}: {what} must be "auto" or a number of seconds, not {at!r}')
+            bounds.append(None)
+        elif not np.isfinite(at) or not t[0] - 1e-9 <= at <= t[-1] + 1e-9:
+            raise InputError(
+                f"{name}: {what} = {at:g} s lies outside the record, "
+                f"which goes from {t[0]:.8g} to {t[-1]:.8g} s"
+            )
+        else:
+            bounds.append(float(at))
+    if None not in bounds and bounds[0] >= bounds[1]:
+        raise InputError(f"{name}: start = {bounds[0]:g} s must be before stop = {bounds[1]:g} s")
+    slack = 1e-6 * float(t[-1] - t[0]) / t.size
+    a = 0 if bounds[0] is None else int(np.searchsorted(t, bounds[0] - slack))
+    b = t.size - 1 if bounds[1] is None else int(np.searchsorted(t, bounds[1] + slack)) - 1
+    if b - a + 1 < 10:
+        raise InputError(
+            f"{name}: between start and stop are {max(b - a + 1, 0)} samples, at least 10 are needed"
+        )
+    return a, b
+
+
+def _words(raw: RawRecord) -> list[str]:
+    notes = raw.provenance.get("notes", [])
+    return [str(note) for note in notes] if isinstance(notes, list | tuple) else []
+
+
+def _size(unit: str) -> tuple[str, float]:
+    """What a unit amounts to, so that deg/s and dps are one."""
+    return UNITS[unit].base, UNITS[unit].factor
+
+
+def _many(quantity: str) -> str:
+    return {"angle": "displacements", "velocity": "velocities", "acceleration": "accelerations"}[quantity]

@@ -1,0 +1,112 @@
+"""The times of the samples: as logged, or a uniform clock rebuilt from stamps that come in bursts."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from bayesdamp.records.record import RawRecord
+from bayesdamp.types import InputError
+
+MANY = 0.05
+"""Share of repeated stamps from which they are taken for bursts of a uniform sampling."""
+
+
+@dataclass(frozen=True)
+class Clock:
+    """Times (n,) in the file's own seconds, the clock's name, the share of repeated stamps, and what was
+    done.
+    """
+
+    t: np.ndarray
+    used: str
+    repeated: float
+    notes: tuple[str, ...]
+
+
+def clock_times(raw: RawRecord, clock: str, name: str) -> Clock:
+    """The times of a record on the clock "auto", "as_logged" or "uniform".
+
+    A uniform clock is index × mean step from the first stamp on, the step from a robust line of stamps
+    against index. "auto" is that where at least a twentieth of the stamps repeat, else as logged. Raises
+    InputError where stamps run backwards, where they repeat and the clock is to be as logged, and where they
+    repeat on no straight line.
+    """
+    if clock not in ("auto", "as_logged", "uniform"):
+        raise InputError(f"{name}: unknown clock {clock!r}; valid are auto, as_logged, uniform")
+    rows = raw.rows - raw.rows[0] if raw.rows.size else np.arange(raw.y.size)
+    if raw.t is None:
+        if raw.rate is None:
+            raise InputError(f"{name}: the record has neither times nor a sampling rate; give rate in Hz")
+        note = f"No times in the file: samples taken as equally spaced at the given {raw.rate:g} Hz."
+        return Clock(rows / raw.rate, "rate", 0.0, (note,))
+    gaps = np.diff(raw.t)
+    if np.any(gaps < 0):
+        at = int(np.argmax(gaps < 0))
+        raise InputError(
+            f"{name}, {_place(raw, at + 1)}: the time goes back from {raw.t[at]:.10g} to "
+            f"{raw.t[at + 1]:.10g} s; sort the file, or name the right time column"
+        )
+    if raw.t[-1] == raw.t[0]:
+        raise InputError(
+            f"{name}: all times are {raw.t[0]:g}; name the right time column, or give rate in Hz"
+        )
+    repeated = float(np.mean(gaps == 0))
+    first = int(np.argmax(gaps == 0)) + 1
+    if clock == "as_logged" and repeated:
+        raise InputError(
+            f"{name}, {_place(raw, first)}: {_share(repeated)} of the times repeat, which "
+            'clock = "as_logged" cannot take; use "uniform"'
+        )
+    if clock == "auto" and 0 < repeated < MANY:
+        raise InputError(
+            f"{name}, {_place(raw, first)}: the time {raw.t[first]:.10g} s repeats, as {_share(repeated)} of "
+            'the times do, too few for bursts; mend the file, or use clock = "uniform"'
+        )
+    if clock == "as_logged" or (clock == "auto" and not repeated):
+        return Clock(raw.t, "as_logged", repeated, ())
+    step, off = robust_step(rows, raw.t)
+    usual = float(np.median(gaps[gaps > 0]))
+    if clock == "auto" and off > 8 * usual:
+        raise InputError(
+            f"{name}: {_share(repeated)} of the times repeat, but a uniform clock would miss them by "
+            f"up to {off:.3g} s; "
+            'is there a pause in the record? clock = "uniform" insists'
+        )
+    what = f"{_share(repeated)} of the time stamps repeat (they come in bursts)" if repeated else "As asked"
+    note = (
+        f"{what}: times rebuilt as index × {step * 1e3:.6g} ms ({1 / step:.2f} Hz) from the first stamp, "
+        f"{raw.t[0]:.10g} s, on; the stamps lie within {off:.2g} s of that."
+    )
+    return Clock(raw.t[0] + step * rows, "uniform", repeated, (note,))
+
+
+def robust_step(rows: np.ndarray, t: np.ndarray) -> tuple[float, float]:
+    """(step in s, largest distance of a stamp from the line in s) of a robust line of t (n,) against rows
+    (n,).
+    """
+    x = rows - rows.mean()
+    weights = np.ones(t.size)
+    step, left = 0.0, t
+    for _ in range(20):
+        mean_x, mean_t = np.average(x, weights=weights), np.average(t, weights=weights)
+        before = step
+        step = float(np.sum(weights * (x - mean_x) * (t - mean_t)) / np.sum(weights * (x - mean_x) ** 2))
+        left = t - mean_t - step * (x - mean_x)
+        scale = 1.4826 * float(np.median(np.abs(left))) + 1e-12 * float(np.ptp(t))
+        weights = 1 / np.maximum(np.abs(left) / (1.5 * scale), 1.0)
+        if abs(step - before) <= 1e-12 * step:
+            break
+    return step, float(np.abs(left).max())
+
+
+def _share(share: float) -> str:
+    return f"{100 * share:.3g} %"
+
+
+def _place(raw: RawRecord, index: int) -> str:
+    line = raw.provenance.get("first_line")
+    if isinstance(line, int) and raw.rows.size:
+        return f"line {int(raw.rows[index]) + line}"
+    return f"sample {index} (from 0)"

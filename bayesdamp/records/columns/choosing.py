@@ -1,0 +1,342 @@
+"""Which columns of a file are a record: the times, and what swings and dies down, a displacement before its
+derivatives."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from bayesdamp.records.columns.names import (
+    asked_for,
+    listed,
+    names_index,
+    names_time,
+    parted,
+    runs_asked,
+    seconds_of_unit,
+)
+from bayesdamp.records.columns.swings import Swing, derivative, proportional, swing
+from bayesdamp.records.columns.units_said import unit_said
+from bayesdamp.records.files.contents import Column, Contents
+from bayesdamp.records.files.facts import sampling_rate
+from bayesdamp.types import InputError
+from bayesdamp.units import UNITS
+
+LEAST = 10
+"""Samples that a record must have."""
+LEVELS = 3
+"""A column with no more values than these is a switch or a sensor at rest."""
+_ORDER = {"angle": 0, "": 0, "velocity": 1, "acceleration": 2}
+_DERIVED = re.compile(r"\b(abs|absolute|magnitude|total|norm|resultant|rms)\b", re.IGNORECASE)
+_BACK = 0.02
+"""Share of steps back in time that a column named after times may have."""
+_FAR = 10.0
+"""Of columns without units, one that swings so many times as much as the next is the record."""
+_PAIRS = 40
+"""Columns that are compared with each other; among more than these no choice is plain."""
+_MINOR = 1 / 3
+"""Of sensors alike, one that swings less than this share of the largest says little that that one does not."""
+
+
+@dataclass(frozen=True, eq=False)
+class Series:
+    """The columns of one record. rate: in Hz, where there is no column of times; why: sentences on what was chosen;
+    still: names of columns beside it that do not change."""
+
+    value: Column
+    time: Column | None = None
+    rate: float | None = None
+    run: str = ""
+    why: tuple[str, ...] = ()
+    still: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class _Block:
+    """Columns that belong together: those of one run and group."""
+
+    run: str
+    columns: tuple[Column, ...]
+    time: Column | None
+    rate: float | None
+    said: tuple[str, ...] = ()
+
+
+def series(
+    found: Contents,
+    *,
+    time: str | int | None = None,
+    values: Sequence[str | int] = (),
+    rate: float | None = None,
+    runs: str | None = None,
+) -> list[Series]:
+    """The records in a file, as asked for or as chosen. Raises InputError, one line that lists what there is."""
+    wanted = [column for one in values for column in asked_for(found.columns, one)]
+    timed = asked_for(found.columns, time) if time is not None else []
+    blocks = [_block(found, run, group, timed, rate) for run, group in _places(found.columns)]
+    labels = list(dict.fromkeys(block.run for block in blocks if block.run))
+    if runs is not None:
+        kept = runs_asked(runs, labels)
+        blocks = [block for run in kept for block in blocks if block.run == run]
+    if wanted:
+        chosen = [
+            s for column in wanted for s in _given(found, column, blocks, time is None and rate is None)
+        ]
+        if not chosen:
+            raise InputError(
+                "the column asked for belongs to none of the runs asked for; leave out --runs or it"
+            )
+        return chosen
+    blocks = [block for block in blocks if _candidates(block)] or [b for b in blocks if _rest(b)]
+    if not blocks:
+        raise InputError(_nothing(found))
+    if len(found.columns) == 2 and _clockless(blocks[0]) and names_time(found.columns[0]):
+        blocks = [replace(blocks[0], time=found.columns[0])]
+    chosen = _same_in_all(found, blocks)
+    return [_with_clock(s, found) for s in chosen]
+
+
+def _places(columns: Sequence[Column]) -> list[tuple[str, str]]:
+    """Run and group of the columns, each once, in the order of the file."""
+    places = list(dict.fromkeys((parted(c)[1], c.group) for c in columns))
+    # Where runs are marked in the names, what is marked by none, one column of times say, belongs to all of them.
+    return [p for p in places if p[0] or not any(q[0] and q[1] == p[1] for q in places)]
+
+
+def _block(found: Contents, run: str, group: str, timed: list[Column], rate: float | None) -> _Block:
+    columns = tuple(c for c in found.columns if c.group == group and parted(c)[1] in (run, ""))
+    own = tuple(c for c in columns if parted(c)[1] == run) if run else columns
+    if rate is not None:
+        return _Block(run, own, None, rate)
+    if timed:
+        mine = [c for c in timed if parted(c)[1] == run] or timed
+        return _Block(run, own, mine[0], None)
+    size = max((c.values.size for c in own), default=0)
+    outside = tuple(
+        c for c in found.columns if c.group == "" and group and names_time(c) and c.values.size == size
+    )
+    time = _time_column(own) or _time_column(columns) or _time_column(outside)
+    if time is not None:
+        return _Block(run, own, time, None, _times_said(time, found))
+    said = sampling_rate(found.facts)
+    if said is not None:
+        return _Block(run, own, None, said[0], (f"The file says {said[1]!r}: {said[0]:g} Hz.",))
+    return _Block(run, own, None, None)
+
+
+def _times_said(time: Column, found: Contents) -> tuple[str, ...]:
+    return (f"Times are those of column {time.name!r}.",) if time.name and len(found.columns) > 2 else ()
+
+
+def _time_column(columns: Sequence[Column]) -> Column | None:
+    """The column that holds the times, None where there is none."""
+    scored = [(score, -i, c) for i, c in enumerate(columns) if (score := _time_score(c, i == 0)) > 0]
+    return max(scored, key=lambda one: one[:2])[2] if scored else None
+
+
+def _time_score(column: Column, first: bool) -> int:
+    """How much like times a column looks; 0 for not at all."""
+    y = column.values[np.isfinite(column.values)]
+    if y.size < 2 or column.rate is not None or names_index(column):
+        return 0
+    steps = np.diff(y)
+    back = float(np.mean(steps < 0))
+    if back > _BACK or not np.any(steps > 0):
+        return 0
+    if back:
+        return int(names_time(column))  # a clock that was set back; what to do about it is said later
+    if names_time(column):
+        unit = seconds_of_unit(column) is not None
+        return 4 + 2 * unit - column.clock
+    return 2 if first and np.all(steps > 0) else 0
+
+
+def _candidates(block: _Block) -> list[Column]:
+    """Columns that may be a record's values: numbers that change."""
+    return [c for c in _rest(block) if _changes(c)]
+
+
+def _rest(block: _Block) -> list[Column]:
+    """The columns that are no times and no numbers of samples."""
+    size = block.time.values.size if block.time is not None else None
+    return [
+        c
+        for c in block.columns
+        if c is not block.time
+        and (size is None or c.values.size == size or c.rate is not None)
+        and not (names_time(c) and _time_score(c, False))
+        and not (names_index(c) and _counts(c.values))
+    ]
+
+
+def _changes(column: Column) -> bool:
+    y = column.values[np.isfinite(column.values)]
+    return y.size >= LEAST and np.unique(y[:: max(1, y.size // 20000)]).size > LEVELS
+
+
+def _counts(y: np.ndarray) -> bool:
+    y = y[np.isfinite(y)]
+    return bool(y.size > 1 and np.all(np.diff(y) == 1))
+
+
+def _given(found: Contents, column: Column, blocks: list[_Block], clockless: bool) -> list[Series]:
+    """The record of a column that was asked for."""
+    run, group = parted(column)[1], column.group
+    home = [b for b in blocks if any(c is column for c in b.columns)]
+    home = home or [b for b in blocks if not run and any(c.group == group for c in b.columns)]
+    if not home:
+        return []
+    block = home[0]
+    time = block.time if block.time is not column else None
+    record = Series(
+        column, time, None if time is not None else block.rate, run, block.said if time is not None else ()
+    )
+    if clockless and time is None and len(found.columns) == 2 and record.rate is None and column.rate is None:
+        other = next(c for c in found.columns if c is not column)
+        if other.values.size == column.values.size:
+            record = replace(record, time=other)
+    return [_with_clock(record, found, block.said)]
+
+
+def _with_clock(record: Series, found: Contents, said: tuple[str, ...] = ()) -> Series:
+    """The record with its column's own rate where it has no times. Raises InputError where it has no clock at all."""
+    if record.time is not None or record.rate is not None:
+        why = record.why or said
+        return replace(record, why=why)
+    if record.value.rate is not None:
+        note = f"The file gives the sampling rate: {record.value.rate:.9g} Hz."
+        return replace(record, rate=record.value.rate, why=(*record.why, note))
+    raise InputError(
+        "no time given: name the time column (--time NAME) or give the rate in Hz (--rate HZ); columns are "
+        f"{listed(found.columns)}"
+    )
+
+
+def _nothing(found: Contents) -> str:
+    if len(found.columns) == 1:
+        return "has one column, and it holds the times; export the recorded quantity too"
+    return f"no column but the times holds numbers that change; columns are {listed(found.columns)}"
+
+
+def _clockless(block: _Block) -> bool:
+    return block.time is None and block.rate is None and all(c.rate is None for c in block.columns)
+
+
+def _same_in_all(found: Contents, blocks: list[_Block]) -> list[Series]:
+    """The choice in each block; of several runs, the column that most of them would choose."""
+    picks = [_chosen(found, block) for block in blocks]
+    bases = Counter(tuple(parted(c)[0] for c in some) for some, _ in picks)
+    runs = len({block.run for block in blocks}) > 1
+    usual = bases.most_common(1)[0][0]
+    records: list[Series] = []
+    for block, (some, why) in zip(blocks, picks, strict=True):
+        if runs:
+            named = [c for base in usual for c in block.columns if parted(c)[0] == base]
+            some = named or some
+        rate = None if block.time is not None else block.rate
+        still = tuple(c.name for c in _rest(block) if c.name and not _changes(c))
+        records += [Series(c, block.time, rate, block.run, (*block.said, *why), still) for c in some]
+    for run in dict.fromkeys(record.run for record in records):
+        _plain(found, [record.value for record in records if record.run == run])
+    return records
+
+
+def _plain(found: Contents, some: list[Column]) -> None:
+    """Refuse a choice among columns that are no channels alike. Raises InputError."""
+    kinds = {unit_said(c) for c in some}
+    bare = {c.name.removeprefix(f"{c.group}.") for c in some}
+    if len(bare) == 1 and len({c.group for c in some}) == len(some):
+        return  # the same column of several sheets
+    alike = len(kinds) == 1 and all(unit for unit, _ in kinds)
+    if len(some) > 1 and not (alike or found.channels):
+        names = ", ".join(repr(c.name[:40]) if c.name else str(found.columns.index(c) + 1) for c in some[:3])
+        more = f" and {len(some) - 3} more" if len(some) > 3 else ""
+        raise InputError(
+            f"has {len(found.columns)} columns, and {names}{more} may each be the record; give --angle NAME (or its "
+            f"number), or --channel NAME for several; columns are {listed(found.columns)}"
+        )
+
+
+def _chosen(found: Contents, block: _Block) -> tuple[list[Column], tuple[str, ...]]:
+    """The columns of one run that are a record each, and why."""
+    rest = _rest(block)
+    left = _candidates(block) or rest
+    still = len(rest) - len(left)
+    if len(left) == 1 and len(found.columns) <= 2:
+        return left, ()
+    why = f"{still} column{'s' * (still != 1)} that do{'es' * (still == 1)} not change" if still else ""
+    seen = {id(c): swing(c.values) for c in left}
+    moving = [c for c in left if seen[id(c)].swings] or left
+    if found.channels and not all(unit_said(c)[0] for c in moving):
+        return moving, _because(left, moving, why)
+    moving = _lowest_derivative(moving)
+    if len(moving) <= _PAIRS:
+        moving = _independent(moving, seen)
+    plain = [c for c in moving if not _DERIVED.search(parted(c)[0])] or moving
+    dying = [c for c in plain if seen[id(c)].dies] or plain
+    dying = _major(dying, seen) if not found.channels else dying
+    return dying, _because(left, dying, why)
+
+
+def _independent(columns: list[Column], seen: dict[int, Swing]) -> list[Column]:
+    """Without what is another column in another unit, or its derivative where no name says what is which."""
+    kept: list[Column] = []
+    for column in columns:
+        twin = next((b for b in kept if proportional(b.values, column.values)), None)
+        if twin is None:
+            kept.append(column)
+        elif unit_said(twin) == unit_said(column) and seen[id(column)].size > seen[id(twin)].size:
+            kept[kept.index(twin)] = (
+                column  # of one unit, as the axes of a sensor are: the one that shows more
+            )
+
+    def derived(column: Column) -> bool:
+        others = [b for b in kept if b is not column]
+        return any(derivative(b.values, column.values, seen[id(b)].period) for b in others)
+
+    return [c for c in kept if unit_said(c)[1] or not derived(c)] or kept
+
+
+def _because(left: list[Column], kept: list[Column], still: str) -> tuple[str, ...]:
+    if len(kept) > 1:
+        out = [repr(c.name) for c in left if c not in kept]
+        return (f"Left out are columns that do not swing and die down: {', '.join(out[:6])}.",) if out else ()
+    reason = f"of {len(left)} that change it swings and dies down, and is a displacement before a derivative"
+    if len(left) == 1:
+        reason = f"beside it are only {still}" if still else "nothing else goes with these times"
+    return (f"Column {kept[0].name or 'without a name'!r} is taken: {reason}.",)
+
+
+def _lowest_derivative(columns: list[Column]) -> list[Column]:
+    """Without the derivatives of what is there itself: a velocity beside a displacement of the same kind."""
+    orders: dict[str, int] = {}
+    for column in columns:
+        unit, quantity = unit_said(column)
+        base = UNITS[unit].base if unit in UNITS else unit
+        orders[base] = min(orders.get(base, 9), _ORDER[quantity])
+    kept = []
+    for column in columns:
+        unit, quantity = unit_said(column)
+        base = UNITS[unit].base if unit in UNITS else unit
+        if _ORDER[quantity] == orders[base]:
+            kept.append(column)
+    return kept
+
+
+def _major(columns: list[Column], seen: dict[int, Swing]) -> list[Column]:
+    """Of sensors of one unit, those that swing nearly as much as the largest; where no unit is said, the one that
+    swings far more than all others."""
+    if not columns:
+        return columns
+    sizes = [seen[id(c)].size for c in columns]
+    kinds = {unit_said(c) for c in columns}
+    if not any(unit for unit, _ in kinds):
+        far = [c for c, size in zip(columns, sizes, strict=True) if size >= _FAR * sorted(sizes)[-2:][0]]
+        return far if len(far) == 1 else columns
+    if len(kinds) > 1:
+        return columns
+    return [c for c, size in zip(columns, sizes, strict=True) if size >= _MINOR * max(sizes)]

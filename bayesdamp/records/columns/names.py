@@ -1,0 +1,144 @@
+"""What the names of columns say: which run, which channel, whether they are times, and what a user means by a name."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from difflib import get_close_matches
+
+from bayesdamp.records.files.contents import Column
+from bayesdamp.records.files.named_units import seconds_in
+from bayesdamp.types import InputError
+
+_WORD = r"(?:run|trial|take|test|rep|repeat|repetition|lauf|versuch|messung|durchgang|essai|prova|ensayo)"
+_BEHIND = re.compile(
+    rf"^(.+?)[\s,;:_-]*[(\[]?(?<![A-Za-z]){_WORD}\s*[#_:.-]?\s*(\d+)[)\]]?\s*$", re.IGNORECASE
+)
+_BEFORE = re.compile(rf"^{_WORD}\s*[#_.-]?\s*(\d+)\s*[:,;._\s-]\s*(.+)$", re.IGNORECASE)
+_SECONDS = re.compile(r"^(elapsed[\s_]*)?seconds([\s_]*elapsed)?$", re.IGNORECASE)
+_LATEST = re.compile(r"^(latest)\s*:\s*(.+)$", re.IGNORECASE)
+"""How Vernier's Logger Pro marks the run that has no number yet."""
+_ALONE = re.compile(rf"^{_WORD}?\s*[#_.-]?\s*(\d+)$", re.IGNORECASE)
+_TIME = re.compile(
+    r"^t\d*$|time|elapsed|stamp|zeit|temps|tiempo|tempo|second|sekunde|uhr|epoch|x_value", re.IGNORECASE
+)
+_INDEX = re.compile(
+    r"^(unnamed: 0|index|idx|sample|samples|no|nr|n|i|row|frame|frames|count|counter|#|id)$", re.I
+)
+MOST = 12
+WIDTH = 110
+"""Names that a line lists, and characters that they take."""
+
+
+def parted(column: Column) -> tuple[str, str]:
+    """(name without the mark of a run, the run's label), empty where the file says none."""
+    name = column.name
+    bare = name.removeprefix(f"{column.group}.") if column.group else name
+    for pattern, run, rest in ((_BEHIND, 2, 1), (_BEFORE, 1, 2)):
+        at = pattern.match(bare)
+        if at is not None:
+            return at[rest].strip(), column.run or str(int(at[run][:9]))
+    latest = _LATEST.match(bare)
+    if latest is not None:
+        return latest[2].strip(), column.run or "latest"
+    alone = _ALONE.match(column.group)
+    if column.run or (alone and not column.group.isdigit()):
+        return bare, column.run or str(int(alone[1][:9]) if alone else "")
+    return name, ""
+
+
+def seconds_of_unit(column: Column) -> float | None:
+    """Seconds in the unit that a column of times says, in its name or beside it; None where it says none."""
+    said = seconds_in(parted(column)[0]) or seconds_in(f"({column.unit})")
+    return 1.0 if said is None and _SECONDS.match(column.name) else said
+
+
+def names_time(column: Column) -> bool:
+    """Whether a column's name or unit says that it holds times."""
+    bare = re.sub(r"[(\[{].*?[)\]}]", "", parted(column)[0]).rpartition(".")[2].strip()
+    return bool(_TIME.search(bare)) or column.clock or seconds_of_unit(column) is not None
+
+
+def names_index(column: Column) -> bool:
+    """Whether a column's name says that it counts the samples."""
+    return bool(_INDEX.match(parted(column)[0].rpartition(".")[2].strip()))
+
+
+def listed(columns: Sequence[Column]) -> str:
+    """The names that a user may type."""
+    if not any(column.name for column in columns):
+        return f"1 to {len(columns)} (they have no names)"
+    names = [repr(c.name) if c.name else str(i) for i, c in enumerate(columns, start=1)]
+    fit = next(
+        (k for k in range(len(names)) if k == MOST or len(", ".join(names[: k + 1])) > WIDTH), len(names)
+    )
+    return ", ".join(names[:fit]) + (f" and {len(names) - fit} more" if len(names) > fit else "")
+
+
+def asked_for(columns: Sequence[Column], asked: str | int) -> list[Column]:
+    """The columns that a user means: the one of that name, or of that number from 1, or, of several runs, those of that
+    name without the run and the unit. Raises InputError with the nearest name."""
+    name = str(asked).strip()
+    exact = [column for column in columns if name and column.name == name]
+    if len(exact) == 1:
+        return exact
+    if exact:
+        raise InputError(f"{len(exact)} columns are named {name!r}; give the column's number")
+    if name.isdigit():
+        if len(name) < 9 and 1 <= int(name) <= len(columns):
+            return [columns[int(name) - 1]]
+        raise InputError(f"there is no column {name[:20]}, the file has {len(columns)}")
+    for form in _FORMS:
+        found = [column for column in columns if column.name and form(column) == name.casefold()]
+        if found and len({parted(column)[1] for column in found}) == len(found):
+            return found
+    valid = list(dict.fromkeys(column.name for column in columns if column.name))
+    close = get_close_matches(name, [*valid, *(parted(c)[0] for c in columns)], n=1, cutoff=0.6)
+    if close:
+        raise InputError(f"unknown column {name[:60]!r}; did you mean {close[0]!r}?")
+    what = f"valid are {', '.join(valid)}" if 0 < len(valid) <= MOST else f"columns are {listed(columns)}"
+    raise InputError(f"unknown column {name[:60]!r}; {what}")
+
+
+def without_unit(name: str) -> str:
+    """A name without the unit in brackets at its end."""
+    return re.sub(r"\s*[(\[{][^()\[\]{}]*[)\]}]\s*$", "", name).strip() or name
+
+
+_FORMS = (
+    lambda column: column.name.casefold(),
+    lambda column: column.label.casefold(),
+    lambda column: parted(column)[0].casefold(),
+    lambda column: without_unit(parted(column)[0]).casefold(),
+)
+
+
+def runs_asked(text: str, labels: Sequence[str]) -> list[str]:
+    """The labels that `1,3-5` means among those of a file. Raises InputError."""
+    wanted: list[str] = []
+    for part in filter(None, (piece.strip() for piece in text.split(","))):
+        at = re.fullmatch(r"(\d{1,6})(?:\s*-\s*(\d{1,6}))?", part)
+        if part in labels:
+            wanted.append(part)
+        elif at is None or int(at[2] or at[1]) < int(at[1]):
+            raise InputError(f"--runs {text[:40]}: must be numbers such as 1,3-5; it has {_few(labels)}")
+        else:
+            span = [
+                label
+                for label in labels
+                if label.isdigit() and int(at[1]) <= int(label) <= int(at[2] or at[1])
+            ]
+            if not span:
+                raise InputError(f"--runs {part}: the file has no such run; it has {_few(labels)}")
+            wanted += span
+    if not wanted:
+        raise InputError(f"--runs {text[:40]!r}: names none; it has {_few(labels)}")
+    return list(dict.fromkeys(wanted))
+
+
+def _few(labels: Sequence[str]) -> str:
+    if not labels:
+        return "no runs: leave --runs out"
+    return (
+        "runs " + ", ".join(labels[:MOST]) + (f" and {len(labels) - MOST} more" if len(labels) > MOST else "")
+    )

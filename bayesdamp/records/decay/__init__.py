@@ -1,0 +1,1 @@
+"""Where a free decay stands in a record."""

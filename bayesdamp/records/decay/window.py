@@ -1,0 +1,300 @@
+"""Where a free decay begins and ends in a record: after the release, before the rest."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from bayesdamp.records.decay.continuation import Reach, Reason, Swings, reach
+from bayesdamp.records.decay.pieces import Piece, Scale, pieces_before
+from bayesdamp.records.decay.stretches import stretches, worth
+from bayesdamp.records.oscillation.rough import roughness
+from bayesdamp.records.oscillation.spectrum import coarse_periods
+from bayesdamp.records.oscillation.turning import Turning, midpoints, thinned, turning_points
+from bayesdamp.types import InputError
+
+STEPS = 2.0
+"""A turning point nearer to the midline than so many recording steps tells nothing of the damping."""
+SIGMAS = 2.0
+"""The same in standard deviations of the noise."""
+ERRORS = 4.0
+"""The same in standard errors of a turning value: noise itself has turning points of one or two."""
+SHARE = 0.3
+"""Share that an oscillation must have in a record, beyond what white noise would give."""
+CLEAR = 0.85
+"""Share from which on no other period is tried."""
+HEAD = 24
+"""Swings at the head of a stretch that are set against the later ones, at most half of them."""
+MARGIN = 0.2
+"""Share of a swing that is left out after a hand where a start lies in the midst of a swing."""
+FEW = 30
+"""Swings below which half a swing more is worth a start in its midst."""
+
+
+@dataclass(frozen=True)
+class Window:
+    """First and last sample (counted from 0, both kept), why, in sentences, and all pieces of the record."""
+
+    first: int
+    last: int
+    notes: tuple[str, ...]
+    pieces: tuple[Piece, ...] = ()
+
+
+@dataclass(frozen=True)
+class _Found:
+    """The turning points of a record, its stretches of free decay, and the noise that they were told by."""
+
+    turns: Turning
+    stretches: list[tuple[int, int]]
+    best: tuple[int, int]
+    noise: float
+    period: float
+    floor: float
+
+    @property
+    def decay(self) -> Turning:
+        return self.turns.cut(*self.best)
+
+
+@dataclass(frozen=True)
+class _Series:
+    """A record's times t (n,) in s, and its values (m,) on an equally spaced grid (m,) with their noise and step."""
+
+    t: np.ndarray
+    grid: np.ndarray
+    values: np.ndarray
+    step: float
+    noise: float
+
+    @property
+    def spacing(self) -> float:
+        return float(self.grid[1] - self.grid[0])
+
+    def reach(self, turns: Turning) -> Reach:
+        return reach(self.grid, self.values, turns, self.step, self.noise)
+
+    def turned(self) -> _Series:
+        """The same with the time running backwards."""
+        return replace(self, grid=-self.grid[::-1], values=self.values[::-1])
+
+
+def free_decay(
+    t: np.ndarray, y: np.ndarray, step: float, seek_start: bool, seek_stop: bool, name: str
+) -> Window:
+    """The window of a record t (s), y, shape (n,), in which it decays freely.
+
+    step: the recording step in the unit of y. seek_start, seek_stop: which of the two ends to look for; the
+    other stays. Of several free decays it is the one that tells most of the damping. Raises InputError where nothing
+    oscillates.
+    """
+    found = _found(t, y, step, name)
+    grid, values, _ = thinned(t, y, found.period, smooth=False)
+    grid, values = grid[grid <= t[-1]], values[grid <= t[-1]]
+    series = _Series(t, grid, values, step, found.noise * float(np.sqrt(min(grid.size / t.size, 1.0))))
+    head, why = _head(t, y, found, step)
+    if head == 0 and _begins_at_a_break(found):
+        why = "amplitude"
+    decay = found.turns.cut(found.best[0] + head, found.best[1])
+    notes: list[str] = []
+    first, tail = 0, _Tail(t.size - 1, "")
+    if seek_start:
+        floor = 2 * found.noise + step
+        before = float(found.decay.times[head - 1]) if head else None
+        first = _start(series, Swings(t, y, decay, floor), why, before, notes)
+    if seek_stop:
+        tail = _stop(series, decay, found)
+        if tail.why:
+            notes.append(f"The stop ({t[tail.last]:.6g} s, sample {tail.last} from 0) is {tail.why}")
+    last = tail.last
+    smooth = thinned(t, y, found.period)[1][: grid.size]
+    pieces = _pieces(t, grid, smooth, found, decay, first, last, tail, 2 * (step + 4 * found.noise))
+    others = [p for p in pieces if p.kind == "free decay" and (p.stop <= t[first] or p.start >= t[last])]
+    if others:
+        told = ", ".join(f"{p.start:.4g} to {p.stop:.4g} s" for p in others)
+        notes.append(f"Other free decays are in the record and not used: {told}.")
+    return Window(first, last, tuple(notes), tuple(pieces))
+
+
+def _found(t: np.ndarray, y: np.ndarray, step: float, name: str) -> _Found:
+    """The stretches of free decay of a record. Raises InputError where nothing oscillates."""
+    seen: list[_Found] = []
+    periods = coarse_periods(t, y, float(t[-1] - t[0]))
+    for period, share in periods:
+        if share >= SHARE and (one := _decays(t, y, step, period)):
+            seen.append(one)
+        if share > CLEAR and seen:
+            break
+    if not seen:
+        share = max(share for _, share in periods)
+        if share < SHARE:
+            raise InputError(
+                f"{name}: no oscillation stands out of the noise (share of the best sinusoid {share:.2f})"
+            )
+        raise InputError(
+            f"{name}: no oscillation: fewer than three turning points stand out of noise and rounding"
+        )
+    return max(seen, key=lambda one: worth(one.turns, one.best))
+
+
+def _decays(t: np.ndarray, y: np.ndarray, step: float, period: float) -> _Found | None:
+    """The stretches of free decay at about a period in s, if there are any."""
+    noise = roughness(t, y, period)
+    turns = turning_points(t, y, period, noise)
+    sigmas = max(SIGMAS, ERRORS * float(np.median(turns.gain))) if turns.gain.size else SIGMAS
+    floor = max(STEPS * step, sigmas * noise)
+    found = stretches(t, turns, floor)
+    if found:  # the noise at rest says little of the noise in motion
+        a, b = max(found, key=lambda s: worth(turns, s))
+        inside = slice(*np.searchsorted(t, (turns.times[a], turns.times[b - 1] + 1e-12)))
+        noise = roughness(t[inside], y[inside], period) if t[inside].size >= 10 else noise
+        floor = max(STEPS * step, sigmas * noise)
+        found = stretches(t, turns, floor)
+    if not found:
+        return None
+    best = max(found, key=lambda s: worth(turns, s))
+    period = 2 * float(np.median(np.diff(turns.times[slice(*best)])))
+    return _Found(turns, found, best, noise, period, floor)
+
+
+def _head(t: np.ndarray, y: np.ndarray, found: _Found, step: float) -> tuple[int, Reason | None]:
+    """(turning points to leave out, in what the last of them breaks) at the head of the best stretch."""
+    swings = Swings(t, y, found.decay, 2 * found.noise + step)
+    most = min(HEAD, swings.gaps.size // 2)
+    why: Reason | None = None
+    for i in range(most + 1):
+        here = swings.breaks(i)
+        if here is None and (i + 1 > most or swings.breaks(i + 1) is None):
+            return i, why
+        why = here or swings.breaks(i + 1)
+    return 0, None
+
+
+def _begins_at_a_break(found: _Found) -> bool:
+    """Whether the best stretch is cut off from swings before it that are in step with it."""
+    return any(end in (found.best[0], found.best[0] + 1) for _, end in found.stretches)
+
+
+def _start(
+    series: _Series, swings: Swings, why: Reason | None, before: float | None, notes: list[str]
+) -> int:
+    """The first sample of the free decay: the record's own, the release, or the first clean turning point.
+
+    why: in what the swing before breaks the curve of the later ones. before: the turning point (s) that it begins at.
+    """
+    t, decay = series.t, swings.turns
+    gap = float(swings.gaps[0])
+    far = series.reach(decay)
+    if far.whole and far.at - t[0] <= 1.01 * series.spacing and swings.opens_like_later(far.at):
+        return 0
+    at, what = float(decay.times[0]), "the first turning point of the free decay"
+    if why in (None, "period", "shape"):  # of that swing some may be free, unless it was seen whole
+        if (
+            far.whole
+            and far.at > t[0] + 1.01 * series.spacing
+            and not (before and abs(far.at - before) < 0.08 * gap)
+        ):
+            at, what = far.at, "the release"
+        elif not far.whole and decay.times.size <= FEW and far.share > 0.5:
+            at, what = far.at + MARGIN * gap, "where it begins to follow its later swings"
+    first = int(np.searchsorted(t, at - 1e-12))
+    told = {
+        "period": "lasts longer or shorter than the later ones foretell",
+        "amplitude": "is larger or smaller than the later ones foretell",
+        "midline": "goes about another midline than the later ones",
+        "shape": "has another shape than the later ones",
+        None: "does not continue the later ones",
+    }[why]
+    notes.append(
+        f"The start ({t[first]:.6g} s, sample {first} from 0) is {what}: "
+        f"what is before it is rest, a hand or a disturbed release, and its last swing {told}."
+    )
+    return first
+
+
+@dataclass(frozen=True)
+class _Tail:
+    """The last sample, why it is that, and whether friction or the noise ends what is seen."""
+
+    last: int
+    why: str
+    sticks: bool = False
+    noise: bool = False
+
+
+def _stop(series: _Series, decay: Turning, found: _Found) -> _Tail:
+    """The last sample of the free decay: the record's, or the last turning point that tells something."""
+    t, times, values = series.t, decay.times, decay.values
+    k = times.size - 1
+    gap = float(np.median(np.diff(times)[-5:]))
+    before = float(abs(values[k] - values[k - 1]))
+    after = series.values[(series.grid > times[k] + 0.1 * gap) & (series.grid < times[k] + 0.9 * gap)]
+    still = max(2 * series.step + 4.5 * series.noise, 0.1 * before)
+    left = float(t[-1] - times[k])
+    if left > 0.8 * gap and k >= 3 and before > 4 * found.floor and np.abs(after - values[k]).max() <= still:
+        return _Tail(
+            _index(t, times[k - 1]),
+            "the last turning point from which it swings back; in the swing after it it comes to rest, and stays.",
+            sticks=True,
+        )
+    if left <= 1.2 * gap:
+        turned = Turning(-times[::-1], values[::-1], decay.gain[::-1])
+        if k < 4 or left < 0.2 * gap or series.turned().reach(turned).whole:
+            return _Tail(t.size - 1, "")
+        return _Tail(
+            _index(t, times[k]), "the last turning point; what is after it does not continue the free decay."
+        )
+    why = "the last turning point that stands out of noise and rounding; after it the record is at rest or all but."
+    noisy = SIGMAS * found.noise > STEPS * series.step
+    return _Tail(_index(t, times[k]), why, noise=noisy, sticks=not noisy)
+
+
+def _index(t: np.ndarray, at: float) -> int:
+    return int(np.searchsorted(t, at + 1e-12)) - 1
+
+
+def _pieces(
+    t: np.ndarray,
+    grid: np.ndarray,
+    smooth: np.ndarray,
+    found: _Found,
+    decay: Turning,
+    first: int,
+    last: int,
+    tail: _Tail,
+    floor: float,
+) -> list[Piece]:
+    """All pieces of the record in their order in time."""
+    middle = midpoints(decay.values)
+    size = 0.5 * float(np.abs(np.diff(decay.values[:4])).max())
+    scale = Scale(found.period, size, float(np.median(middle)), floor)
+    used = [
+        Piece(float(t[first]), float(t[last]), "free decay", "Used: each swing continues the later ones.")
+    ]
+    for a, b in found.stretches:
+        begin, end = float(found.turns.times[a]), float(found.turns.times[b - 1])
+        if (a, b) != found.best and b - a >= 4 and (end <= t[first] or begin >= t[last]):
+            why = "Not used: it tells less of the damping than the one that is used."
+            used.append(Piece(begin, end, "free decay", why))
+    used.sort(key=lambda piece: piece.start)
+    out: list[Piece] = []
+    at = float(t[0])
+    for piece in [*used, Piece(float(t[-1]), float(t[-1]), "noise", "")]:
+        inside = (grid >= at) & (grid <= piece.start)
+        if piece.start > at + 0.02 * found.period and np.count_nonzero(inside) > 1:
+            ended = bool(out) and out[-1].why.startswith("Used")
+            if ended and tail.noise:
+                out.append(
+                    Piece(at, piece.start, "noise", "Turning points no longer stand out of the noise.")
+                )
+            elif ended and tail.sticks and piece.why == "":
+                why = "Friction or rounding holds it: turning points no longer show."
+                out.append(Piece(at, piece.start, "sticking", why))
+            else:
+                here = pieces_before(grid[inside], smooth[inside], scale)
+                out += [*here[:-1], *(replace(p, stop=piece.start) for p in here[-1:])]
+        if piece.why:
+            out.append(piece)
+        at = max(at, piece.stop)
+    return out

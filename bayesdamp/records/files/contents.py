@@ -1,0 +1,84 @@
+"""What a reader finds in a file: columns of numbers, and the facts that stand beside them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Protocol
+
+import numpy as np
+
+Fact = str | float
+
+
+@dataclass(frozen=True, eq=False)
+class Column:
+    """One column, array or channel of a file.
+
+    name: what a user types for it, one of its kind in the file; empty where the file gives none. values: shape (n,),
+    NaN where a cell is empty or holds no number.
+    group: the sheet, group or variable that it belongs to: only columns of one group go with one another's times.
+    run: which of several runs of the file it belongs to, empty where the file does not say.
+    unit: as the file writes it apart from the name. quantity: "angle", "velocity", "acceleration", or empty.
+    rate: its own sampling rate in Hz, start: the time of its first sample in s, where the file says so.
+    clock: whether its cells are written as times of day. empty: cells without anything, shape (n,), or None for none.
+    words: what stands in the cells that hold no number, by row.
+    """
+
+    name: str
+    values: np.ndarray
+    group: str = ""
+    run: str = ""
+    unit: str = ""
+    quantity: str = ""
+    rate: float | None = None
+    start: float = 0.0
+    clock: bool = False
+    empty: np.ndarray | None = None
+    words: Mapping[int, str] = field(default_factory=dict)
+
+    @property
+    def label(self) -> str:
+        """The name with its unit."""
+        return f"{self.name} ({self.unit})" if self.name and self.unit else self.name
+
+
+@dataclass(frozen=True, eq=False)
+class Contents:
+    """All that a file holds.
+
+    format: what it is, in a word or two. facts: what it says beside its columns, as it is written there.
+    first_line: line of a text file (from 1) that holds the first row of numbers; lines: the line of each row, from 0
+    at that one. channels: whether the format says of its columns that each is a sensor's channel.
+    """
+
+    format: str
+    columns: tuple[Column, ...]
+    facts: Mapping[str, Fact] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
+    layout: Mapping[str, object] = field(default_factory=dict)
+    first_line: int | None = None
+    lines: np.ndarray | None = None
+    channels: bool = False
+
+
+class Reader(Protocol):
+    """A plug-in: one file format. A module in `bayesdamp.records.readers` binds one to the name PLUGIN and imports the
+    format's library only in `read`.
+
+    format: the format's name with its article, as in "this is an Excel file". extensions: small letters with the dot.
+    extra: the extra of this package that its library comes with, empty where it always does.
+    """
+
+    format: str
+    extensions: tuple[str, ...]
+    extra: str
+
+    def claims(self, head: bytes, path: Path) -> bool:
+        """Whether the first bytes (up to HEAD of them) show the file to be of this format."""
+        ...
+
+    def read(self, path: Path) -> Contents:
+        """What the file holds. Raises InputError, or whatever its library raises on a damaged file."""
+        ...

@@ -1,0 +1,119 @@
+"""What a file says beside its columns: a sampling rate, a unit, when it was recorded."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterable, Mapping
+
+from bayesdamp.records.files.contents import Fact
+from bayesdamp.records.files.named_units import SECONDS
+
+MOST, LONGEST = 60, 200
+"""Facts of a file that are kept, and characters of one."""
+_PAIR = re.compile(r"\s*([^\W\d][^:=\t;]{0,60}?)\s*(?:[:=]\s*|[\t;])\s*(\S.*?)\s*")
+_NUMBER = re.compile(r"[+-]?(?:\d+[.,]?\d*|[.,]\d+)(?:[eE][+-]?\d+)?")
+_HERTZ = {
+    "": 1.0,
+    "hz": 1.0,
+    "khz": 1e3,
+    "mhz": 1e6,
+    "s/s": 1.0,
+    "sa/s": 1.0,
+    "ks/s": 1e3,
+    "1/s": 1.0,
+    "sps": 1.0,
+}
+_RATES = re.compile(
+    r"(sample|sampling|samples|acquisition|scan|frame)(rate|frequency|freq|persecond|spersecond)|fs|fps"
+)
+_STEPS = re.compile(
+    r"(sample|sampling|time|horizontal)?(interval|step|increment)|dt|deltat|sampletime|sampleperiod"
+)
+
+
+def header_facts(lines: Iterable[str]) -> dict[str, Fact]:
+    """The facts in lines above a table: `key: value`, `key = value`, `key,value,unit`, or a line of names with a line
+    of as many values below it."""
+    found: dict[str, Fact] = {}
+    before: list[str] = []
+    for line in lines:
+        line = line.strip().lstrip("#%;/ ").strip().rstrip(",;\t")
+        cells = [cell.strip().strip('"') for cell in re.split(r"[,;\t]", line)]
+        numbers = sum(bool(_NUMBER.fullmatch(cell)) for cell in cells)
+        pair = _PAIR.fullmatch(line)
+        if len(before) == len(cells) > 1 and numbers and not any(map(_NUMBER.fullmatch, before)):
+            found |= dict(zip(before, cells, strict=True))
+        elif pair and not (len(cells) > 2 and numbers > 1):
+            found[pair[1].strip('"')] = pair[2].strip('"')
+        elif len(cells) == 2 and cells[1] and re.search(r"\bunits?$", cells[0], re.IGNORECASE):
+            found[cells[0]] = cells[1]
+        elif 2 <= len(cells) <= 3 and numbers == 1 and _NUMBER.fullmatch(cells[1]):
+            found[cells[0]] = " ".join(cells[1:])
+        before = cells
+    return kept(found)
+
+
+def kept(facts: Mapping[str, object]) -> dict[str, Fact]:
+    """The facts that are worth keeping, cut to a length that a page can show."""
+    found: dict[str, Fact] = {}
+    for name, value in facts.items():
+        text = " ".join(str(name).split())[:LONGEST]
+        if not text or len(found) >= MOST:
+            continue
+        if isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value):
+            found[text] = float(value)
+        elif isinstance(value, str) and value.strip():
+            found[text] = " ".join(value.split())[:LONGEST]
+    return found
+
+
+def sampling_rate(facts: Mapping[str, Fact]) -> tuple[float, str] | None:
+    """(rate in Hz, the fact that says it), None where none does, or several that differ do."""
+    found: dict[float, str] = {}
+    for name, value in facts.items():
+        rate = _rate(name, value)
+        if rate is not None and math.isfinite(rate) and rate > 0:
+            found.setdefault(float(f"{rate:.9g}"), name)
+    if len(found) != 1:
+        return None
+    ((rate, name),) = found.items()
+    return rate, name
+
+
+def _rate(name: str, value: Fact) -> float | None:
+    bare, unit = _parted(name)
+    is_rate, is_step = bool(_RATES.fullmatch(bare)), bool(_STEPS.fullmatch(bare))
+    if not (is_rate or is_step):
+        return None
+    if isinstance(value, str):
+        at = _NUMBER.match(value)
+        if at is None:
+            return None
+        unit = value[at.end() :].strip(" ()[]").lower() or unit
+        number = float(at[0].replace(",", "."))
+    else:
+        number = float(value)
+    if is_rate:
+        return number * _HERTZ[unit] if unit in _HERTZ else None
+    seconds = SECONDS.get(unit or "s")
+    return 1 / (number * seconds) if seconds is not None and number > 1e-300 else None
+
+
+def _parted(name: str) -> tuple[str, str]:
+    """A fact's last name, letters alone, and the unit in brackets behind it."""
+    last = re.split(r"[./]", name)[-1] if not re.search(r"[(\[]", name) else name
+    at = re.search(r"[(\[]([^)\]]*)[)\]]\s*$", last)
+    unit = at[1].strip().lower() if at else ""
+    bare = re.sub(r"[^a-z]", "", (last[: at.start()] if at else last).lower())
+    if not unit:
+        ending = re.fullmatch(r"(.*?)(?:in)?(khz|hz)", bare)
+        bare, unit = (ending[1], ending[2]) if ending and ending[1] else (bare, "")
+    return bare, unit
+
+
+def said_unit(facts: Mapping[str, Fact]) -> str:
+    """The unit that a fact gives for the values, empty where none does."""
+    wanted = ("unit", "units", "yunit", "yunits", "verticalunits", "angleunit")
+    found = {str(v) for n, v in facts.items() if _parted(n)[0] in wanted}
+    return found.pop() if len(found) == 1 else ""

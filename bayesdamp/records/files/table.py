@@ -1,0 +1,165 @@
+"""The layout of a table of numbers in a text file: separator, decimal mark, header."""
+
+from __future__ import annotations
+
+import csv
+import re
+from collections import Counter
+from dataclasses import dataclass
+
+from bayesdamp.records.files.named_units import SECONDS, unit_written
+from bayesdamp.records.files.stamps import stamp
+
+_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eEdD][+-]?\d+)?|[+-]?(nan|inf|infinity)", re.IGNORECASE)
+_FACT = re.compile(r"[^:=]+[:=]\s*[+-]?[\d.]+.*")
+BLANKS = " "
+
+
+@dataclass(frozen=True)
+class Layout:
+    """How a text file writes its table.
+
+    separator: one character, BLANKS for any run of blanks; decimal: "." or ","; columns: cells in a row;
+    first: index of the first line of numbers; names: the header's names, stripped, or empty strings;
+    units: those of a line below the names, as they stand there.
+    """
+
+    separator: str
+    decimal: str
+    columns: int
+    first: int
+    names: tuple[str, ...]
+    units: tuple[str, ...] = ()
+
+    def label(self, column: int) -> str:
+        """A column's name (index from 0) with its unit, where the file has a line of them; empty without a name."""
+        name, unit = self.names[column], self.units[column].strip("()[] -") if self.units else ""
+        return f"{name} ({unit})" if name and unit else name
+
+    def cells(self, line: str) -> list[str]:
+        """The cells of a line, stripped."""
+        return split(line, self.separator)
+
+    def number(self, cell: str) -> float | None:
+        """The number (or the time of day in s) that a cell holds, None where it holds something else."""
+        return number(cell, self.decimal)
+
+
+def split(line: str, separator: str) -> list[str]:
+    """The cells of a line, stripped of blanks and quotes."""
+    if separator == BLANKS:
+        return [cell.strip("\"'") for cell in re.findall(r'"[^"]*"|\S+', line)]
+    if '"' in line:
+        return [cell.strip() for cell in next(csv.reader([line], delimiter=separator, skipinitialspace=True))]
+    return [cell.strip() for cell in line.split(separator)]
+
+
+def number(cell: str, decimal: str) -> float | None:
+    """The number in a cell; a time of day, with a date or without, in s of its day (see `stamp`); else None."""
+    if ":" in cell:
+        found = stamp(cell)
+        return None if found is None else found[1]
+    if decimal == ",":
+        if "." in cell:
+            return None
+        cell = cell.replace(",", ".")
+    if _NUMBER.fullmatch(cell):
+        return (
+            float(cell.replace("d", "e").replace("D", "e"))
+            if cell[-1:].isdigit() or "." in cell
+            else float(cell)
+        )
+    return None
+
+
+def find_layout(lines: list[str]) -> Layout | None:
+    """The layout of lines, or None where they hold no numbers."""
+    filled = [line for line in lines if line.strip()]
+    if not filled:
+        return None
+    sample = filled[len(filled) // 2 :][:: max(1, len(filled) // 120)]
+    best: tuple[tuple[float, int], str, str, int] | None = None
+    for separator, decimal in (
+        (";", ","),
+        (";", "."),
+        ("\t", ","),
+        ("\t", "."),
+        (",", "."),
+        (" ", ","),
+        (" ", "."),
+    ):
+        rows = [split(line, separator) for line in sample]
+        columns = Counter(map(len, rows)).most_common(1)[0][0]
+        rows = [row for row in rows if len(row) == columns]
+        cells = [cell for row in rows for cell in row if cell]
+        if not cells:
+            continue
+        share = (
+            sum(number(cell, decimal) is not None for cell in cells) / len(cells) * len(rows) / len(sample)
+        )
+        score = (round(share, 2), columns)
+        if share > 0 and (best is None or score > best[0]):
+            best = (score, separator, decimal, columns)
+    if best is None:
+        return None
+    _, separator, decimal, columns = best
+    first = _first_row(lines, separator, decimal, columns)
+    if first is None:
+        return None
+    top = [line.strip().lstrip("#% ") for line in lines[:first] if line.strip()]
+    heads = [split(line, separator) for line in top]
+    if (
+        separator == ","
+        and columns == 2
+        and any(_named(cell) for h in heads for cell in h)
+        and all(len(h) == 1 for h in heads)
+    ):
+        separator, decimal, columns = BLANKS, ",", 1
+        first = _first_row(lines, separator, decimal, columns) or first
+    names, units = _names([h for h in heads if len(h) == columns], columns)
+    if columns == 1:
+        single = (line.strip('"') for line in top if not _FACT.fullmatch(line))
+        names = next(([line] for line in single if _named(line) and not re.search("[,;\\t]", line)), None)
+    elif names is None and separator == BLANKS:
+        wide = [[c.strip() for c in re.split(r"\t|\s{2,}", line)] for line in top]
+        names = next((h for h in wide if len(h) == columns and all(map(_named, h))), None)
+    return Layout(separator, decimal, columns, first, tuple(names or [""] * columns), tuple(units))
+
+
+def _names(heads: list[list[str]], columns: int) -> tuple[list[str] | None, list[str]]:
+    """Of the lines above the numbers that have their columns: the last of those with most names (None where none is a
+    header), and the units that stand in a line below it.
+
+    What an instrument says of itself ("Model,DSO") stands above and has as many cells.
+    """
+    units = heads[-1] if len(heads) > 1 and all(map(_is_unit, heads[-1])) else []
+    if units:
+        heads = heads[:-1]
+    named = [sum(map(_named, h)) for h in heads]
+    most = max(named, default=0)
+    if most < max(1, columns // 2):
+        return None, []
+    return [h for h, many in zip(heads, named, strict=True) if many == most][-1], units
+
+
+def _is_unit(cell: str) -> bool:
+    """Whether a cell below a column's name is its unit, or empty."""
+    said = cell.strip("()[] ")
+    return said in ("", "-") or said.lower() in SECONDS or unit_written(said) is not None
+
+
+def _named(cell: str) -> bool:
+    return bool(re.search(r"[^\W\d_]", cell)) and number(cell, ".") is None
+
+
+def _first_row(lines: list[str], separator: str, decimal: str, columns: int) -> int | None:
+    """The first of two lines in a row (or the last line) that hold numbers in the table's columns."""
+    good = []
+    for line in lines:
+        cells = split(line, separator)
+        filled = [c for c in cells if c]
+        numbers = sum(number(c, decimal) is not None for c in filled)
+        good.append(len(cells) == columns and numbers > 0 and 2 * numbers >= len(filled))
+        if len(good) > 1 and good[-1] and good[-2]:
+            return len(good) - 2
+    return good.index(True) if True in good else None

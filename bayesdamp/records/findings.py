@@ -1,0 +1,145 @@
+"""What looks wrong with a record before anything is computed, and the option that mends it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from enum import Enum
+
+import numpy as np
+
+from bayesdamp.records.columns.swings import Swing, swing
+from bayesdamp.records.files.facts import sampling_rate
+from bayesdamp.records.record import RawRecord
+from bayesdamp.units import UNITS
+
+HALF_TURN = math.pi
+MANY_TURNS = 6 * math.pi
+"""Amplitudes in rad: beyond the first a pendulum goes over the top, beyond the second hardly anything swings."""
+LONG, SHORT = 600.0, 1e-6
+"""Periods in s that a rate given by hand hardly means."""
+SLOW = 30.0
+"""A period in s from which times whose unit nobody says are doubted."""
+COARSE = 0.5
+"""The step in s of such times from which they are doubted."""
+DIFFER = 0.01
+"""Share by which a given rate may differ from what the file says."""
+
+
+class Kind(Enum):
+    """What is doubted."""
+
+    DEGREES = "degrees taken for radians"
+    TURNS = "swings of many turns"
+    PERIOD = "a rate that makes the period absurd"
+    RATE = "a rate that differs from the file's"
+    TIME_UNIT = "times in another unit than s"
+    SAMPLE_NUMBERS = "numbers of samples taken for times"
+    UNIT = "a unit that is none of displacement"
+    CONSTANT = "columns that do not change"
+
+
+@dataclass(frozen=True)
+class Finding:
+    """A doubt: a sentence for the user, and the option that mends it as it is typed."""
+
+    kind: Kind
+    sentence: str
+    option: str
+
+    def __str__(self) -> str:
+        return f"{self.sentence} ({self.option})"
+
+
+def findings(raw: RawRecord, unit: str, quantity: str) -> tuple[Finding, ...]:
+    """What looks wrong with a record that is read in a unit of UNITS as a quantity; nothing is changed."""
+    seen = swing(raw.y)
+    doubts = (
+        _turns(raw, unit, quantity),
+        _unit(raw, unit),
+        _times(raw, seen),
+        _rate(raw, seen),
+        _differing(raw),
+        _constant(raw),
+    )
+    return tuple(doubt for doubt in doubts if doubt is not None)
+
+
+def _turns(raw: RawRecord, unit: str, quantity: str) -> Finding | None:
+    if UNITS[unit].base != "rad" or quantity != "angle" or (raw.unit and raw.unit not in UNITS):
+        return None
+    size = float(np.ptp(raw.y)) / 2
+    amplitude = size * UNITS[unit].factor
+    turns = amplitude / (2 * math.pi)
+    if unit == "rad" and raw.unit == "" and amplitude > HALF_TURN:
+        said = f"values reach {size:.3g} about their middle: {turns:.2g} turns to either side if they are radians"
+        return Finding(
+            Kind.DEGREES, f"its {said}; are they degrees?", "--unit deg, or --unit rad if they are"
+        )
+    if amplitude > MANY_TURNS:
+        sentence = f"it swings by {turns:.2g} turns to either side; is its unit {unit}?"
+        return Finding(Kind.TURNS, sentence, "--unit")
+    return None
+
+
+def _unit(raw: RawRecord, unit: str) -> Finding | None:
+    if not raw.unit or raw.unit in UNITS:
+        return None
+    sentence = f"its unit is {raw.unit!r}, which is none of a displacement; it is read as {unit}"
+    return Finding(Kind.UNIT, sentence, "--unit counts for a sensor of unknown scale")
+
+
+def _times(raw: RawRecord, seen: Swing) -> Finding | None:
+    if raw.t is None or raw.columns[0] is None or raw.provenance.get("time_unit"):
+        return None
+    steps = np.diff(raw.t)
+    step = float(np.median(steps))
+    if steps.size and np.all(steps == 1.0) and float(raw.t[0]).is_integer():
+        sentence = (
+            f"its times are {raw.t[0]:.0f}, {raw.t[1]:.0f}, {raw.t[2]:.0f}, ...: are they numbers of samples?"
+        )
+        return Finding(Kind.SAMPLE_NUMBERS, sentence, "--rate HZ")
+    period = seen.period * step
+    if not seen.swings or step < COARSE or period < SLOW:
+        return None
+    better = next((u for u, s in (("ms", 1e-3), ("us", 1e-6), ("ns", 1e-9)) if period * s < SLOW), "us")
+    sentence = f"its times step by {step:.4g} and a period would last {period:.3g} s; are they in {better}?"
+    return Finding(Kind.TIME_UNIT, sentence, f"--time-unit {better}, or s if they are")
+
+
+def _rate(raw: RawRecord, seen: Swing) -> Finding | None:
+    if raw.rate is None or not seen.swings:
+        return None
+    period = seen.period / raw.rate
+    if SHORT < period < LONG and raw.rate >= 1:
+        return None
+    if raw.rate < 1:
+        sentence = f"at {raw.rate:.4g} Hz a period lasts {period:.3g} s; is {raw.rate:.4g} the interval in s?"
+        return Finding(Kind.PERIOD, sentence, f"--rate {1 / raw.rate:.6g}")
+    sentence = f"at {raw.rate:.4g} Hz a period lasts {period:.3g} s; is the rate in Hz?"
+    return Finding(Kind.PERIOD, sentence, "--rate HZ")
+
+
+def _differing(raw: RawRecord) -> Finding | None:
+    facts = raw.provenance.get("facts")
+    found = sampling_rate(facts) if isinstance(facts, dict) else None
+    said = found[0] if found else None
+    if said is None:
+        return None
+    used = raw.rate
+    if used is None and raw.t is not None and raw.t.size > 1 and raw.t[-1] > raw.t[0]:
+        used = (raw.t.size - 1) / float(raw.t[-1] - raw.t[0])
+    if used is None or abs(used / said - 1) <= DIFFER:
+        return None
+    sentence = f"its file says {said:.6g} Hz, and it is read at {used:.6g} Hz"
+    return Finding(Kind.RATE, sentence, f"--rate {said:.6g} takes the file's")
+
+
+def _constant(raw: RawRecord) -> Finding | None:
+    still = raw.provenance.get("constant_columns")
+    if not isinstance(still, list) or not still:
+        return None
+    names = ", ".join(repr(str(name)[:40]) for name in still[:4])
+    more = f" and {len(still) - 4} more" if len(still) > 4 else ""
+    sentence = f"left out because {'they do' if len(still) > 1 else 'it does'} not change: {names}{more}"
+    return Finding(Kind.CONSTANT, sentence, "--angle NAME takes another column")

@@ -1,0 +1,144 @@
+"""The border to files: which reader a file belongs to, and one line for whatever is wrong with it."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import stat
+import warnings
+from pathlib import Path
+
+import numpy as np
+
+from bayesdamp.records.files import limits
+from bayesdamp.records.files.contents import Contents, Reader
+from bayesdamp.records.opening.isolated import load_isolated
+from bayesdamp.records.opening.packing import packed, unpacked
+from bayesdamp.records.readers import READERS
+from bayesdamp.types import InputError
+
+HEAD = 65536
+"""Bytes of a file that tell its format."""
+LONGEST = 280
+"""Characters of a line that says what is wrong."""
+FALLBACK = "text"
+_OPEN = "a text table, .mat, .npy, .npz, .uff, .tdms, .lvm, .wav, .h5, .parquet, .xlsx or .json file"
+
+
+def called(path: Path) -> str:
+    """A file's name for a line that says what is wrong, cut where it is very long."""
+    name = path.name or str(path)
+    return name if len(name) <= 80 else f"{name[:50]}...{name[-27:]}"
+
+
+def fault(path: Path, text: object) -> InputError:
+    """One line about a file, cut to its length and without line breaks."""
+    line = " ".join(f"{called(path)}: {text}".split())
+    return InputError(line if len(line) <= LONGEST else f"{line[: LONGEST - 3]}...")
+
+
+def contents(path: Path | str) -> Contents:
+    """What a file holds, by the reader that it belongs to. Raises InputError, one line of less than 300 characters."""
+    path = Path(path)
+    try:
+        foreign = getattr(reader_of(path), "foreign", False)  # compiled code that a damaged file may crash
+        if foreign:
+            return unpacked(load_isolated(read_packed, path, largest=limits.LARGEST))
+    except InputError as error:
+        raise fault(path, str(error).removeprefix(f"{path.name}: ")) from None
+    return read_here(path)
+
+
+def read_here(path: Path) -> Contents:
+    """What a file holds, read in this process whatever its reader. Raises InputError as `contents` does."""
+    reader = READERS.get(FALLBACK)
+    try:
+        reader = reader_of(path)
+        with warnings.catch_warnings(), contextlib.redirect_stdout(io.StringIO()):
+            warnings.simplefilter("ignore")
+            found = reader.read(path)
+    except InputError as error:
+        raise fault(path, str(error).removeprefix(f"{path.name}: ")) from None
+    except ImportError as error:
+        raise fault(path, _missing(reader, error)) from None
+    except MemoryError:
+        raise fault(path, "is larger than the memory; give a part of it, or a lower sampling rate") from None
+    except OSError as error:
+        raise fault(path, _unreadable(reader, error) if error.errno is None else _refused(error)) from None
+    except Exception as error:  # whatever a format's library does with a damaged file
+        raise fault(path, _unreadable(reader, error)) from None
+    if not found.columns:
+        raise fault(path, f"no column of numbers in it ({reader.format}); give one that holds a record")
+    return found
+
+
+def read_packed(path: Path, largest: float = limits.LARGEST) -> dict[str, np.ndarray]:
+    """The contents of a file, packed: what a process does that reads for another, whose limit in bytes holds here too.
+    Raises InputError as `contents`."""
+    limits.LARGEST = largest
+    return packed(read_here(path))
+
+
+def reader_of(path: Path) -> Reader:
+    """The reader that a file belongs to. Raises InputError where there is none."""
+    return _reader(path, _head(path))
+
+
+def _head(path: Path) -> bytes:
+    """The first bytes of a plain file. Raises InputError for all that is none."""
+    try:
+        mode = path.stat().st_mode
+    except (OSError, ValueError) as error:
+        missing = isinstance(error, FileNotFoundError)
+        raise InputError("no such file" if missing else f"cannot be read ({error})") from None
+    if stat.S_ISDIR(mode):
+        raise InputError("is a folder, not a file; give one of the files in it")
+    if not stat.S_ISREG(mode):
+        raise InputError("is a device or a pipe, not a file; write its data to a file first")
+    size = path.stat().st_size
+    if size == 0:
+        raise InputError("the file is empty; export the record again")
+    if size > limits.LARGEST:
+        raise InputError(
+            f"has {size / 2**30:.1f} GiB; more than {limits.LARGEST / 2**30:g} GiB are not read: give a part"
+        )
+    try:
+        with path.open("rb") as file:
+            head = file.read(HEAD)
+    except OSError as error:
+        raise InputError(_refused(error)) from None
+    if not head.strip(b" \t\r\n\0\xef\xbb\xbf"):
+        raise InputError("holds nothing but blanks; export the record again")
+    return head
+
+
+def _reader(path: Path, head: bytes) -> Reader:
+    """The reader of a file: by its content, else by its extension, else the one of text."""
+    readers = {name: READERS.get(name) for name in READERS.names() if name != FALLBACK}
+    for reader in readers.values():
+        if reader.claims(head, path):
+            return reader
+    text = READERS.get(FALLBACK)
+    named = next((r for r in readers.values() if path.suffix.lower() in r.extensions), None)
+    if text.claims(head, path):
+        # A table under a wrong name is still a table; its name promises something else only of binary formats.
+        return text
+    if named is not None:
+        raise InputError(
+            f"not readable: named {path.suffix}, but its content is not {named.format}; export it again"
+        )
+    raise InputError(f"a binary file of an unknown format; give {_OPEN}")
+
+
+def _missing(reader: Reader, error: ImportError) -> str:
+    name = f"bayesdamp[{reader.extra}]" if reader.extra else (error.name or "bayesdamp")
+    return f'this is {reader.format}: pip install "{name}"'
+
+
+def _unreadable(reader: Reader, error: Exception) -> str:
+    said = " ".join(str(error).split())[:120] or type(error).__name__
+    return f"not readable as {reader.format}, damaged or cut off ({said}); export it again, or as CSV"
+
+
+def _refused(error: OSError) -> str:
+    return f"cannot be read ({error.strerror or error}); mend that, or give another file"

@@ -1,0 +1,133 @@
+"""What a record shows by itself that no freely decaying oscillator does: cut-off peaks, an amplitude that rises."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from bayesdamp.records.oscillation.features import Features, regular
+from bayesdamp.records.oscillation.turning import turning_points
+from bayesdamp.types import Signal
+
+RISE = 5.0
+"""Standard deviations by which later swings must exceed earlier ones."""
+TOGETHER = 3
+"""Swings that must rise together."""
+FLAT = 3
+"""Samples in a row at the extreme value that are no chance where values are not rounded."""
+MARGIN = 1.5
+"""How much longer than a sinusoid's a rounded record's stay at its extreme must be: a pendulum's at 2.8 rad is."""
+
+CLIPPED = "its peaks are cut off: the record stays at its extreme value"
+RISES = "its amplitude rises again: beats, a second mode or a drive"
+
+
+def anomalies(signal: Signal, seen: Features) -> tuple[str, ...]:
+    """What is wrong with a record as a free decay, in words that follow "no candidate fits: "."""
+    found = []
+    if clipped(signal.y, seen.samples_per_cycle):
+        found.append(CLIPPED)
+    if rise(signal, seen) > RISE:
+        found.append(RISES)
+    return tuple(found)
+
+
+def clipped(y: np.ndarray, per_cycle: float) -> bool:
+    """Whether values y (n,), so many a cycle, stay at an extreme because they were cut off there.
+
+    A peak is flat for other reasons: few levels, a sensor that holds its values for some samples, a body that rests
+    against friction, a hand that holds it at the start. Of these the record comes to its extreme with no speed; what is
+    cut off arrives at full speed and leaves at full speed.
+    """
+    size = 0.5 * float(np.ptp(y))
+    levels = np.unique(y)
+    gaps = np.diff(levels)
+    gaps = gaps[gaps > 1e-9 * size]
+    if gaps.size == 0:
+        return False
+    step = float(gaps.min())
+    # A sinusoid that just reaches the extreme level stays within one step of it for this share of a cycle.
+    usual = np.arccos(max(1.0 - step / size, -1.0)) / np.pi * per_cycle
+    limit = max(FLAT, MARGIN * usual + 1) * _held(y, size)
+    for edge in (levels[0], levels[-1]):
+        begins, ends = _runs(np.abs(y - edge) <= 1e-9 * size)
+        for begin, end in zip(begins, ends):
+            inside = begin > 0 and end < y.size  # at its ends a record may be held, or stick
+            if (
+                inside
+                and limit <= end - begin < 0.5 * per_cycle
+                and _cornered(y, begin, end, per_cycle, step)
+            ):
+                return True
+    return False
+
+
+def _held(y: np.ndarray, size: float) -> int:
+    """For how many samples in a row a sensor repeats a value in the middle of the swings, where all moves."""
+    edges = np.flatnonzero(np.diff(y)) + 1
+    begins, ends = np.concatenate([[0], edges]), np.concatenate([edges, [y.size]])
+    fast = np.abs(y[begins] - 0.5 * (y.max() + y.min())) < 0.5 * size
+    # Few levels repeat as well, but then the steps between them are what the record does in so many samples.
+    lone = np.abs(np.diff(y, prepend=y[0])[begins]) > 1.5 * float(
+        np.min(np.diff(np.unique(y)), initial=np.inf)
+    )
+    moving = fast & lone
+    return max(int(np.median((ends - begins)[moving])), 1) if np.count_nonzero(moving) >= 5 else 1
+
+
+def _cornered(y: np.ndarray, begin: int, end: int, per_cycle: float, step: float) -> bool:
+    """Whether a sinusoid that is cut off explains better how y leaves its flat peak than one that turns there."""
+    flat = end - begin
+    phase = np.pi * flat / per_cycle  # half of what is flat
+    away = max(round(per_cycle / 24), 2)
+    near = y[max(begin - round(per_cycle), 0) : end + round(per_cycle)]
+    height = abs(float(y[begin] - np.median(near)))  # which a cut leaves where it is
+    if begin < away or end + away > y.size or phase > 1.4 or per_cycle <= 2.5 * flat:
+        return False
+    angle = 2 * np.pi * (away - 0.5) / per_cycle  # the flat part ends between two samples
+    cut = height * (1 - np.cos(phase + angle) / np.cos(phase))
+    # Where it rests at each turn, it swings the faster in between.
+    turned = height * (1 - np.cos(min(angle / (1 - 2 * flat / per_cycle), np.pi)))
+    fallen = float(np.mean(np.abs(y[begin] - y[[begin - away, end - 1 + away]])))
+    return bool(fallen > max(0.5 * (cut + turned), turned + step))
+
+
+def _runs(flags: np.ndarray) -> tuple[list[int], list[int]]:
+    """(first, last + 1) of the runs of true ones in flags (n,)."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], flags.astype(int), [0]])))
+    return edges[::2].tolist(), edges[1::2].tolist()
+
+
+def rise(signal: Signal, seen: Features) -> float:
+    """The largest rise of the swings from three in a row to a later three, in standard deviations; 0 if there is none.
+
+    The least of the later is set against the largest of the earlier ones, so that a spike, which spoils one turning
+    point and with it two swings, is no rise. Damping of any law takes energy: of a free decay this is noise.
+    """
+    t, y = np.asarray(signal.t, float), np.asarray(signal.y, float)
+    turns = regular(turning_points(t, y, seen.period, seen.roughness), seen.roughness)
+    # Rounding shifts all samples about a turning point alike.
+    variance = (seen.roughness * turns.gain) ** 2 + (0.5 * signal.step) ** 2
+    ranges, variance = np.abs(np.diff(turns.values)), variance[:-1] + variance[1:] + 1e-300
+    whole = _sampled(t, turns.times, seen.period)
+    ranges, variance = ranges[whole], variance[whole]
+    if ranges.size < 2 * TOGETHER:
+        return 0.0
+    runs = np.lib.stride_tricks.sliding_window_view(np.arange(ranges.size), TOGETHER)
+    most = runs[np.arange(len(runs)), np.argmax(ranges[runs], axis=1)]
+    least = runs[np.arange(len(runs)), np.argmin(ranges[runs], axis=1)]
+    if len(runs) <= TOGETHER:
+        return 0.0
+    # The lowest of the earlier runs, which a run may be set against from TOGETHER later on.
+    lowest = np.maximum.accumulate(-ranges[most])
+    at = most[np.maximum.accumulate(np.where(-ranges[most] == lowest, np.arange(len(runs)), 0))][:-TOGETHER]
+    later = least[TOGETHER:]
+    lifted = (ranges[later] - ranges[at]) / np.sqrt(variance[later] + variance[at])
+    return max(float(np.max(lifted)), 0.0)
+
+
+def _sampled(t: np.ndarray, times: np.ndarray, period: float) -> np.ndarray:
+    """Of the swings between turning points at `times` (k,): those with samples about both, shape (k - 1,)."""
+    begin, end = np.maximum(times - period / 8, t[0]), np.minimum(times + period / 8, t[-1])
+    seen = np.searchsorted(t, end, side="right") - np.searchsorted(t, begin)
+    good = seen >= 0.75 * (end - begin) / float(np.median(np.diff(t)))
+    return good[:-1] & good[1:]

@@ -1,0 +1,173 @@
+"""Plain features of a decaying oscillation, the one set that all estimators share."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+
+from bayesdamp.records.oscillation.rough import roughness as noise_of
+from bayesdamp.records.oscillation.spectrum import coarse_period
+from bayesdamp.records.oscillation.turning import BLOCK, Turning, midpoints, turning_points
+from bayesdamp.types import Refusal, Signal
+
+LEAST_SHARE = 0.3
+"""An oscillation must have this share in what a record does within a period or two."""
+
+
+@dataclass(frozen=True)
+class Features:
+    """Features of a record.
+
+    rest: the midline of the last half of the turning points (rad or m; 0 for velocity and acceleration).
+    amplitude, final_amplitude: displacement amplitude at the first and last sample (rad or m).
+    frequency (rad/s) and period (s): mean over the record, weighted to where the crossings are sharp.
+    cycles: cycles in the record, as far as turning points stand out of the noise.
+    samples_per_cycle: samples in a mean period.
+    roughness: sd of the noise, in the unit of the recorded quantity.
+    turning_times (k,) in s, turning_values (k,): alternating maxima and minima of the recorded quantity.
+    turning_amplitudes (k,): distance of the turning values from the midline.
+    crossing_times (k−1,) in s: where the record crosses its midline between turning points.
+    """
+
+    rest: float
+    amplitude: float
+    final_amplitude: float
+    frequency: float
+    period: float
+    cycles: float
+    samples_per_cycle: float
+    roughness: float
+    turning_times: np.ndarray
+    turning_values: np.ndarray
+    turning_amplitudes: np.ndarray
+    crossing_times: np.ndarray
+
+
+@lru_cache(maxsize=16)
+def features(signal: Signal) -> Features:
+    """The features of a signal, kept for the last few. Raises Refusal, with a sentence, where it does not oscillate."""
+    t, y = np.asarray(signal.t, float), np.asarray(signal.y, float)
+    if t.size < 10:
+        raise Refusal(f"the record has {t.size} samples, and an oscillation needs at least 10")
+    if np.ptp(y) == 0:
+        raise Refusal("the record is constant: nothing oscillates")
+    period, share = coarse_period(t, y)
+    if share < LEAST_SHARE:
+        raise Refusal("no oscillation stands out of the noise")
+    noise = noise_of(t, y, period)
+    turns = regular(turning_points(t, y, period, noise), noise)
+    if turns.times.size < 3:
+        raise Refusal("no oscillation is seen: fewer than three turning points stand out of the noise")
+    middle = midpoints(turns.values)
+    sizes = np.abs(turns.values - middle)
+    crossings, sharp = crossing_times(t, y, turns, middle)
+    period = mean_period(crossings, sharp, turns.times)
+    noise = noise_of(t, y, period)
+    gaps = np.diff(turns.times)
+    before = min((turns.times[0] - t[0]) / (2 * gaps[0]), 0.5)
+    after = min((t[-1] - turns.times[-1]) / (2 * gaps[-1]), 0.5)
+    frequency = 2 * np.pi / period
+    order = {"angle": 0, "velocity": 1, "acceleration": 2}[signal.quantity]
+    return Features(
+        rest=float(np.median(middle[middle.size // 2 :])) if order == 0 else 0.0,
+        amplitude=extrapolated(turns.times - t[0], sizes) / frequency**order,
+        final_amplitude=extrapolated((t[-1] - turns.times)[::-1], sizes[::-1]) / frequency**order,
+        frequency=frequency,
+        period=period,
+        cycles=float((turns.times.size - 1) / 2 + before + after),
+        samples_per_cycle=float(period * (t.size - 1) / (t[-1] - t[0])),
+        roughness=noise,
+        turning_times=turns.times,
+        turning_values=turns.values,
+        turning_amplitudes=sizes,
+        crossing_times=crossings,
+    )
+
+
+def regular(turns: Turning, noise: float) -> Turning:
+    """The longest run of turning points that follow each other in step and stand out of the noise."""
+    if turns.times.size < 3:
+        return turns
+    gaps = np.diff(turns.times)
+    ranges = np.abs(np.diff(turns.values))
+    typical = np.array([np.median(gaps[max(i - 4, 0) : i + 5]) for i in range(gaps.size)])
+    seen = ranges > 4 * noise * np.hypot(turns.gain[:-1], turns.gain[1:])
+    least = np.full(gaps.size, 0.7)
+    least[[0, -1]] = 0.85  # noise likes to turn at the very end of a record
+    good = (gaps > least * typical) & (gaps < 1.5 * typical) & seen
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], good.astype(int), [0]])))
+    if edges.size == 0:
+        return turns.cut(0, 0)
+    starts, stops = edges[::2], edges[1::2]
+    best = int(np.argmax(stops - starts))
+    return turns.cut(int(starts[best]), int(stops[best]) + 1)
+
+
+def _swing(x: np.ndarray) -> np.ndarray:
+    """Columns (..., 4) for half an oscillation, x (...) from −1/2 to 1/2 between its turning points."""
+    return np.stack([np.ones_like(x), np.sin(np.pi * x), np.cos(np.pi * x) - 1, x], axis=-1)
+
+
+def crossing_times(
+    t: np.ndarray, y: np.ndarray, turns: Turning, middle: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """(times in s, weights) of the crossings of the midline between turning points, shapes (k−1,).
+
+    A sinusoid with a slow drift is fitted to the samples in the middle half of each swing; the weight is its
+    range squared times the number of samples.
+    """
+    gaps, weights = np.diff(turns.times), np.zeros(turns.times.size - 1)
+    centres = (turns.times[:-1] + turns.times[1:]) / 2
+    levels = (middle[:-1] + middle[1:]) / 2
+    half = 0.25 * gaps
+    few = np.searchsorted(t, centres + half) - np.searchsorted(t, centres - half) < 4
+    half = np.where(few, 0.6 * gaps, half)
+    begins = np.searchsorted(t, centres - half)
+    sizes = np.searchsorted(t, centres + half) - begins
+    times = centres.copy()
+    grid = np.linspace(-0.4, 0.4, 801)
+    for n in np.unique(sizes):
+        alike = np.flatnonzero(sizes == n)
+        for part in np.array_split(alike, -(-alike.size * max(int(n), grid.size) // BLOCK)) if n >= 3 else ():
+            rows = begins[part][:, None] + np.arange(n)
+            x = (t[rows] - centres[part][:, None]) / gaps[part][:, None]
+            columns = _swing(x)[:, :, : 4 if n > 5 else 2]
+            values = (y[rows] - levels[part][:, None])[:, :, None]
+            c = (np.linalg.pinv(columns, rcond=1e-10) @ values)[:, :, 0]
+            curve = c @ _swing(grid)[:, : c.shape[1]].T
+            sign = np.signbit(curve[:, 1:]) != np.signbit(curve[:, :-1])
+            crosses = np.flatnonzero(sign.any(axis=1))
+            j = np.argmin(np.where(sign[crosses], np.abs(grid[:-1]), np.inf), axis=1)
+            before, after = curve[crosses, j], curve[crosses, j + 1]
+            z = grid[j] - before * (grid[1] - grid[0]) / (after - before)
+            which = part[crosses]
+            times[which] += z * gaps[which]
+            weights[which] = np.diff(turns.values)[which] ** 2 * n
+    return times, weights
+
+
+def mean_period(crossings: np.ndarray, weights: np.ndarray, turning_times: np.ndarray) -> float:
+    """The period in s: a weighted line through crossings (k,), rising and falling ones offset."""
+    if np.count_nonzero(weights) < 4:
+        ready = crossings if crossings.size >= 3 else turning_times
+        return float(2 * (ready[-1] - ready[0]) / (ready.size - 1))
+    k = np.arange(crossings.size)
+    columns = np.stack([np.ones(k.size), k / 2, (-1.0) ** k], axis=1)
+    root = np.sqrt(weights / weights.max())
+    return float(np.linalg.lstsq(columns * root[:, None], crossings * root, rcond=None)[0][1])
+
+
+def extrapolated(times: np.ndarray, sizes: np.ndarray) -> float:
+    """The amplitude at time 0 from amplitudes (k,) at times (k,) after it: a smooth curve through the first
+    ones.
+
+    More than half a period before the first one nothing is extrapolated: that is its amplitude then.
+    """
+    if sizes.size < 3 or times[0] <= 0 or times[0] > 0.7 * (times[2] - times[0]):
+        return float(sizes[0])
+    n = min(sizes.size, 8)
+    line = np.polynomial.Polynomial.fit(times[:n], np.log(np.maximum(sizes[:n], 1e-300)), 1 if n < 6 else 2)
+    there = float(np.exp(line(0.0)))
+    return float(np.clip(there, 0.5 * sizes[0], 2.0 * sizes[0]))

@@ -1,0 +1,83 @@
+"""Excel workbooks, every sheet (openpyxl)."""
+
+from __future__ import annotations
+
+import datetime
+import zipfile
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from bayesdamp.records.files.contents import Column, Contents, Fact
+from bayesdamp.records.files.limits import allowed_archive
+from bayesdamp.records.readers.text import from_lines
+from bayesdamp.types import InputError
+
+_OLE = bytes.fromhex("d0cf11e0a1b11ae1")
+"""Begins what Excel wrote before 2007, and what it encrypts."""
+
+
+class ExcelReader:
+    format = "an Excel file"
+    extensions = (".xlsx", ".xlsm", ".xls")
+    extra = "excel"
+
+    def claims(self, head: bytes, path: Path) -> bool:
+        if head.startswith(_OLE):
+            return path.suffix.lower() in self.extensions
+        if not head.startswith(b"PK"):
+            return False
+        try:
+            with zipfile.ZipFile(path) as archive:
+                return "xl/workbook.xml" in archive.namelist()
+        except (zipfile.BadZipFile, OSError):
+            return path.suffix.lower() in self.extensions
+
+    def read(self, path: Path) -> Contents:
+        with path.open("rb") as file:
+            if file.read(8) == _OLE:
+                raise InputError(
+                    "is encrypted or from before Excel 2007; save it as .xlsx without a password"
+                )
+        allowed_archive(path)
+        import openpyxl
+
+        with path.open("rb") as file:  # whatever its name: openpyxl goes by that
+            book = openpyxl.load_workbook(file, read_only=True, data_only=True, keep_links=False)
+            sheets = {sheet.title: _lines(sheet) for sheet in book.worksheets}
+            book.close()
+        columns: list[Column] = []
+        facts: dict[str, Fact] = {}
+        held = 0
+        for title, lines in sheets.items():
+            try:
+                found = from_lines(lines, "Excel")
+            except InputError:  # a sheet of text or of charts
+                continue
+            held += 1
+            facts |= {f"{title}.{name}": value for name, value in found.facts.items()}
+            columns += [replace(column, group=title) for column in found.columns]
+        if not held:
+            raise InputError("no sheet of it has rows of numbers; give a table with a row for each sample")
+        if held > 1:
+            columns = [replace(c, name=f"{c.group}.{c.name or i}") for i, c in enumerate(columns, start=1)]
+        return Contents("Excel", tuple(columns), facts)
+
+
+def _lines(sheet: Any) -> list[str]:
+    """A sheet's rows as lines of text, numbers written so that they read back exactly."""
+    lines = ["\t".join(map(_cell, row)) for row in sheet.iter_rows(values_only=True)]
+    return [line if line.strip() else "" for line in lines]
+
+
+def _cell(value: object) -> str:
+    if value is None:
+        return ""
+    if isinstance(value, datetime.datetime | datetime.time):
+        return value.isoformat()
+    if isinstance(value, datetime.timedelta):
+        return repr(value.total_seconds())
+    return repr(value) if isinstance(value, int | float) else " ".join(str(value).split())
+
+
+PLUGIN = ExcelReader()

@@ -1,0 +1,118 @@
+"""HDF5, and MATLAB 7.3, which is HDF5 (h5py)."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from bayesdamp.records.files.contents import Contents
+from bayesdamp.records.files.facts import kept
+from bayesdamp.records.files.limits import allowed
+from bayesdamp.records.files.tree import DEEPEST, Walk, described
+from bayesdamp.types import InputError
+
+_MAGIC = b"\x89HDF\r\n\x1a\n"
+
+
+class Hdf5Reader:
+    foreign = True
+    format = "an HDF5 or MATLAB 7.3 file"
+    extensions = (".h5", ".hdf5", ".hdf", ".he5")
+    extra = ""
+
+    def claims(self, head: bytes, path: Path) -> bool:
+        return any(head[at : at + 8] == _MAGIC for at in (0, 512, 1024, 2048)) or head.startswith(
+            b"MATLAB 7.3"
+        )
+
+    def read(self, path: Path) -> Contents:
+        import h5py
+
+        walk = Walk()
+        with h5py.File(path, "r") as file:
+            _Tree(h5py, walk, "MATLAB_version" in file.attrs or _matlab(path)).visit("", file, "", 0)
+        return walk.contents("MATLAB 7.3" if _matlab(path) else "HDF5")
+
+
+def _matlab(path: Path) -> bool:
+    with path.open("rb") as file:
+        return b"MATLAB 7.3" in file.read(128) or path.suffix.lower() == ".mat"
+
+
+class _Tree:
+    """Groups and datasets, with the references of MATLAB's cells and structs followed."""
+
+    def __init__(self, h5py: Any, walk: Walk, matlab: bool) -> None:
+        self.h5py, self.walk, self.matlab = h5py, walk, matlab
+        self.total = 0
+
+    def visit(self, path: str, item: Any, run: str, depth: int) -> None:
+        if depth > DEEPEST:
+            return
+        if isinstance(item, self.h5py.Group):
+            self._facts(path, item)
+            for key in item:
+                # Only what lies in this file: a link may point anywhere on the machine.
+                if not key.startswith("#") and isinstance(item.get(key, getlink=True), self.h5py.HardLink):
+                    self.visit(f"{path}.{key}" if path else key, item[key], run, depth + 1)
+        elif isinstance(item, self.h5py.Dataset):
+            self._dataset(path, item, run, depth)
+
+    def _facts(self, path: str, item: Any) -> dict[str, Any]:
+        found = {
+            str(name): _plain(value) for name, value in item.attrs.items() if not name.startswith("MATLAB")
+        }
+        self.walk.facts |= {f"{path}.{name}" if path else name: value for name, value in found.items()}
+        return found
+
+    def _dataset(self, path: str, item: Any, run: str, depth: int) -> None:
+        if item.is_virtual or item.external:
+            raise InputError(f"{path[:60]!r} lies in another file; copy the data into one file")
+        if item.shape is None:
+            return
+        self.total += item.dtype.itemsize * int(np.prod(item.shape, dtype=object))
+        allowed(self.total)
+        if item.dtype == self.h5py.ref_dtype:
+            refs = [ref for ref in np.asarray(item[()]).ravel() if ref]
+            for i, ref in enumerate(refs, start=1):
+                self.visit(f"{path}.{i}", item.file[ref], run or (str(i) if len(refs) > 1 else ""), depth + 1)
+            return
+        data = item[()]
+        if self.h5py.check_string_dtype(item.dtype) is not None:
+            if np.size(data) == 1:
+                text = np.ravel(data)[0]
+                self.walk.facts[path] = (
+                    text.decode("utf-8", "replace") if isinstance(text, bytes) else str(text)
+                )
+            return
+        if _attribute(item, "MATLAB_class") == "char":
+            self.walk.facts[path] = "".join(chr(c) for c in np.ravel(data)[:200])
+            return
+        if "MATLAB_empty" in item.attrs:
+            return
+        said = described(kept(self._facts(path, item)))
+        before = len(self.walk.columns)
+        array = np.asarray(data)
+        self.walk.add(path, array.T if self.matlab else array, run, depth)
+        if any(said.values()):
+            self.walk.columns[before:] = [replace(c, **said) for c in self.walk.columns[before:]]
+
+
+def _attribute(item: Any, name: str) -> str:
+    value = item.attrs.get(name, b"")
+    return value.decode("latin-1") if isinstance(value, bytes) else str(value)
+
+
+def _plain(value: Any) -> Any:
+    """An attribute as a number or a word, where it is one."""
+    if isinstance(value, bytes):
+        return value.decode("utf-8", "replace")
+    if isinstance(value, np.ndarray) and value.size == 1:
+        return _plain(value.ravel()[0])
+    return value.item() if isinstance(value, np.generic) else value
+
+
+PLUGIN = Hdf5Reader()

@@ -1,0 +1,94 @@
+"""JSON: lists of numbers by name, or a list of samples."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from bayesdamp.records.files.contents import Column, Contents
+from bayesdamp.records.files.stamps import seconds, stamp
+from bayesdamp.records.files.table import number
+from bayesdamp.records.files.tree import Walk
+from bayesdamp.records.readers.text import decoded
+from bayesdamp.types import InputError
+
+LARGEST = 2**28
+"""Bytes of a text that is read as JSON (conventional)."""
+
+
+class JsonReader:
+    format = "a JSON file"
+    extensions = (".json", ".jsonl", ".ndjson")
+    extra = ""
+
+    def claims(self, head: bytes, path: Path) -> bool:
+        bare = head.removeprefix(b"\xef\xbb\xbf").lstrip()
+        named = path.suffix.lower() in self.extensions
+        return (named and bare[:1] in (b"{", b"[")) or bare[:2] in (b'{"', b"[{")
+
+    def read(self, path: Path) -> Contents:
+        if path.stat().st_size > LARGEST:
+            raise InputError(f"a JSON text of more than {LARGEST >> 20} MiB; save it as CSV, .npy or HDF5")
+        text = decoded(path.read_bytes())
+        try:
+            data = json.loads(text)
+        except json.JSONDecodeError:
+            lines = [line for line in text.splitlines() if line.strip()]
+            if len(lines) < 2:
+                raise
+            data = [json.loads(line) for line in lines]
+        walk = Walk()
+        _add(walk, "", data)
+        return walk.contents("JSON")
+
+
+def _add(walk: Walk, path: str, item: Any, depth: int = 0) -> None:
+    if isinstance(item, list) and len(item) > 1:
+        if all(isinstance(row, dict) for row in item) and not any(
+            isinstance(x, list | dict) for row in item[:3] for x in row.values()
+        ):
+            _samples(walk, path, item)
+            return
+        if _table(item):
+            walk.add(path, np.array(item, float))
+            return
+        if all(isinstance(x, int | float | None) for x in item) and None in item:
+            item = [np.nan if x is None else x for x in item]
+    if isinstance(item, dict) and depth < 20:
+        for key, below in item.items():
+            _add(walk, f"{path}.{key}" if path else str(key), below, depth + 1)
+        return
+    walk.add(path, item)
+
+
+def _table(rows: list[Any]) -> bool:
+    """Whether a list is one of lists of as many numbers."""
+    if not all(isinstance(row, list) for row in rows) or len({len(row) for row in rows}) > 1:
+        return False
+    return all(isinstance(x, int | float) for row in rows for x in row)
+
+
+def _samples(walk: Walk, path: str, rows: list[dict[str, Any]]) -> None:
+    """Columns out of a list of samples, each a table of names and values; numbers may be in quotes."""
+    for key in dict.fromkeys(key for row in rows for key in row):
+        cells = [row.get(key) for row in rows]
+        texts = ["" if x is None or isinstance(x, bool) else str(x).strip() for x in cells]
+        found = [number(text, ".") if text else None for text in texts]
+        if all(x is None for x in found):
+            continue
+        values = np.array([np.nan if x is None else x for x in found])
+        clock = any(":" in text for text in texts)
+        if clock:
+            said = [stamp(text) for text in texts]
+            at = [i for i, x in enumerate(said) if x is not None]
+            values[at] = seconds([said[i][0] for i in at], values[at])  # type: ignore[index]
+        words = {i: t[:40] for i, (t, x) in enumerate(zip(texts, found, strict=True)) if t and x is None}
+        empty = np.array([not text for text in texts])
+        name = f"{path}.{key}" if path else str(key)
+        walk.columns.append(Column(name, values, path, clock=clock, empty=empty, words=words))
+
+
+PLUGIN = JsonReader()

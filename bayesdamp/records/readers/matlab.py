@@ -1,0 +1,68 @@
+"""MATLAB files: version 4 to 7 (scipy), with structs and cells."""
+
+from __future__ import annotations
+
+import zlib
+from pathlib import Path
+
+from bayesdamp.records.files import limits
+from bayesdamp.records.files.contents import Contents
+from bayesdamp.records.files.tree import Walk
+from bayesdamp.types import InputError
+
+_COMPRESSED = 15
+"""Data type of a compressed element, in MathWorks' MAT-File Format, table 1-1."""
+
+
+class MatlabReader:
+    foreign = True
+    format = "a MATLAB file"
+    extensions = (".mat",)
+    extra = ""
+
+    def claims(self, head: bytes, path: Path) -> bool:
+        if b"MATLAB 7.3" in head[:128] or b"\x89HDF\r\n" in head[:1024]:
+            return False
+        return head.startswith(b"MATLAB 5.0 MAT-file") or (
+            path.suffix.lower() == ".mat" and b"\0" in head[:64]
+        )
+
+    def read(self, path: Path) -> Contents:
+        from scipy.io import loadmat  # imports slowly, and few records need it
+        from scipy.io.matlab import MatlabFunction, MatlabOpaque
+
+        _unpacked(path)
+        data = loadmat(path, simplify_cells=True)
+        walk = Walk()
+        opaque = [name for name, item in data.items() if isinstance(item, MatlabOpaque | MatlabFunction)]
+        walk.add("", {n: item for n, item in data.items() if n not in opaque and not n.startswith("__")})
+        if not walk.columns and "__function_workspace__" in data:
+            right = "save its arrays: t = x.Time; y = x.Data; save('record.mat', 't', 'y')"
+            raise InputError(
+                f"holds a MATLAB object (a timeseries or table?), which only MATLAB reads; {right}"
+            )
+        return walk.contents("MATLAB")
+
+
+def _unpacked(path: Path) -> None:
+    """Refuse a file whose compressed elements unpack to too much. Raises InputError, zlib.error."""
+    with path.open("rb") as file:
+        head = file.read(128)
+        if not head.startswith(b"MATLAB 5.0"):
+            return
+        order = "little" if head[126:128] == b"IM" else "big"
+        total = 0
+        while len(tag := file.read(8)) == 8:
+            kind, size = (int.from_bytes(tag[i : i + 4], order) for i in (0, 4))
+            data = file.read(size)
+            if kind != _COMPRESSED:
+                total += size
+                continue
+            unpack = zlib.decompressobj()
+            while data and total <= limits.LARGEST:
+                total += len(unpack.decompress(data, 2**24))
+                data = unpack.unconsumed_tail
+            limits.allowed(total)
+
+
+PLUGIN = MatlabReader()

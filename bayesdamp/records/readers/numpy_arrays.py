@@ -1,0 +1,74 @@
+"""NumPy's .npy and .npz; never pickles."""
+
+from __future__ import annotations
+
+import math
+import zipfile
+from pathlib import Path
+
+import numpy as np
+
+from bayesdamp.records.files.contents import Contents
+from bayesdamp.records.files.limits import allowed, allowed_archive
+from bayesdamp.records.files.tree import Walk
+from bayesdamp.types import InputError
+
+_MAGIC = b"\x93NUMPY"
+
+
+class NumpyReader:
+    format = "a NumPy file"
+    extensions = (".npy", ".npz")
+    extra = ""
+
+    def claims(self, head: bytes, path: Path) -> bool:
+        if head.startswith(_MAGIC):
+            return True
+        if not head.startswith(b"PK"):
+            return False
+        try:
+            with zipfile.ZipFile(path) as archive:
+                names = archive.namelist()
+            return bool(names) and all(name.endswith(".npy") for name in names)
+        except (zipfile.BadZipFile, OSError):
+            return path.suffix.lower() == ".npz"
+
+    def read(self, path: Path) -> Contents:
+        walk = Walk()
+        with path.open("rb") as file:
+            single = file.read(len(_MAGIC)) == _MAGIC
+        if single:
+            _claimed(path)
+            walk.add("", np.load(path, allow_pickle=False))
+            return walk.contents("NumPy array")
+        allowed_archive(path)
+        with np.load(path, allow_pickle=False) as data:
+            for key in data.files:
+                try:
+                    array = data[key]
+                except ValueError as error:
+                    if "pickle" in str(error):  # objects: not read, and no record
+                        continue
+                    raise
+                walk.add(key, array)
+        return walk.contents("NumPy archive")
+
+
+def _claimed(path: Path) -> None:
+    """Refuse a header that claims more than the file holds. Raises InputError and ValueError."""
+    with path.open("rb") as file:
+        version = np.lib.format.read_magic(file)
+        reads = (
+            np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
+        )
+        shape, _, dtype = reads(file)
+        left = path.stat().st_size - file.tell()
+    if dtype.hasobject:
+        raise InputError("holds pickled objects, which are not read; save plain arrays of numbers")
+    size = math.prod(shape) * dtype.itemsize
+    allowed(size)
+    if size > left:
+        raise InputError(f"is cut off: its header claims {size} bytes, it has {left}; save it again")
+
+
+PLUGIN = NumpyReader()

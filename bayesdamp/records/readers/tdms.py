@@ -1,0 +1,65 @@
+"""National Instruments' TDMS (npTDMS)."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from bayesdamp.records.files.contents import Column, Contents
+from bayesdamp.records.files.facts import kept
+from bayesdamp.records.files.limits import allowed
+from bayesdamp.records.files.tree import seconds_of
+
+
+class TdmsReader:
+    format = "a TDMS file"
+    extensions = (".tdms",)
+    extra = ""
+
+    def claims(self, head: bytes, path: Path) -> bool:
+        return head[:4] == b"TDSm"
+
+    def read(self, path: Path) -> Contents:
+        from nptdms import TdmsFile
+
+        columns: list[Column] = []
+        with TdmsFile.open(path) as file:
+            facts: dict[str, Any] = {str(k): _plain(v) for k, v in file.properties.items()}
+            groups = [group for group in file.groups() if any(len(c) for c in group.channels())]
+            allowed(sum(8 * len(channel) for group in groups for channel in group.channels()))
+            for group in groups:
+                facts |= {f"{group.name}.{k}": _plain(v) for k, v in group.properties.items()}
+                for channel in group.channels():
+                    column = _column(channel, group.name, len(groups) > 1)
+                    columns += [column] if column is not None else []
+        return Contents("TDMS", tuple(columns), kept(facts), channels=True)
+
+
+def _column(channel: Any, group: str, several: bool) -> Column | None:
+    data = np.asarray(channel[:])
+    said = channel.properties
+    name = f"{group}.{channel.name}" if several else channel.name
+    if data.dtype.kind == "M":
+        return Column(name, seconds_of(data), group, unit="s")
+    if data.dtype.kind not in "fiub" or data.size == 0:
+        return None
+    step = float(said.get("wf_increment", 0.0) or 0.0)
+    unit = str(
+        said.get("unit_string", "") or said.get("NI_UnitDescription", "") or said.get("unit", "") or ""
+    )
+    start = float(said.get("wf_start_offset", 0.0) or 0.0)
+    return Column(
+        name, data.astype(float), group, unit=unit.strip(), rate=1 / step if step > 0 else None, start=start
+    )
+
+
+def _plain(value: Any) -> Any:
+    """A property as a number or a word."""
+    if isinstance(value, np.datetime64):
+        return str(value)
+    return value.item() if isinstance(value, np.generic) else value
+
+
+PLUGIN = TdmsReader()

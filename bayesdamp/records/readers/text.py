@@ -1,0 +1,140 @@
+"""Text tables: CSV and its relatives, of loggers, phones and oscilloscopes."""
+
+from __future__ import annotations
+
+import codecs
+from pathlib import Path
+
+import numpy as np
+
+from bayesdamp.records.files.contents import Column, Contents
+from bayesdamp.records.files.facts import header_facts
+from bayesdamp.records.files.stamps import seconds, stamp
+from bayesdamp.records.files.table import BLANKS, Layout, find_layout
+from bayesdamp.types import InputError
+
+LARGEST = 2**29
+"""Bytes of a text that is read; as lines it takes some ten times that (conventional)."""
+_CONTROLS = bytes(set(range(32)) - {9, 10, 12, 13, 26, 27})
+_WORD = 40
+"""Characters of a cell without a number that are kept."""
+
+
+class TextReader:
+    format = "a text table"
+    extensions = (".csv", ".tsv", ".txt", ".dat", ".asc", ".log")
+    extra = ""
+
+    def claims(self, head: bytes, path: Path) -> bool:
+        if head.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+            return True
+        controls = len(head) - len(head.translate(None, _CONTROLS))
+        return b"\0" not in head and controls <= 0.01 * len(head)
+
+    def read(self, path: Path) -> Contents:
+        if path.stat().st_size > LARGEST:
+            raise InputError(
+                f"a text of more than {LARGEST >> 20} MiB; give a part of it, or save it as .npy or HDF5"
+            )
+        return from_lines(decoded(path.read_bytes()).splitlines())
+
+
+def decoded(data: bytes) -> str:
+    """The text of bytes in UTF-8, UTF-16 with a mark, or else Latin-1."""
+    if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        return data.decode("utf-16", errors="replace")
+    try:
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        return data.decode("latin-1")
+
+
+def from_lines(lines: list[str], form: str = "text") -> Contents:
+    """The table in lines of text, whatever its separator. Raises InputError where there is none."""
+    layout = find_layout(lines)
+    if layout is None:
+        raise InputError("no rows of numbers were found; give a table with a row for each sample")
+    body = lines[layout.first :]
+    table = _plain(body, layout)
+    if table is not None:
+        at = np.arange(len(table))
+        columns = [
+            Column(name, np.ascontiguousarray(table[:, i]), unit=unit)
+            for i, (name, unit) in enumerate(_heads(layout))
+        ]
+    else:
+        filled = [(i, line) for i, line in enumerate(body) if line.strip()]
+        at = np.array([i for i, _ in filled])
+        rows = [layout.cells(line) for _, line in filled]
+        columns = [_column(rows, i, layout, *head) for i, head in enumerate(_heads(layout))]
+    first = layout.first
+    notes = [f"{first} header line{'s' if first > 1 else ''} skipped."] if first else []
+    return Contents(
+        form,
+        tuple(columns),
+        header_facts(line for line in lines[:first] if not _names_columns(line, layout)),
+        tuple(notes),
+        {
+            "separator": "blanks" if layout.separator == BLANKS else layout.separator,
+            "decimal": layout.decimal,
+            "first_line": first + 1,
+        },
+        first + 1,
+        at,
+    )
+
+
+def _names_columns(line: str, layout: Layout) -> bool:
+    """Whether a line above the table is that of its columns' names."""
+    return layout.cells(line.strip().lstrip("#% ")) == list(layout.names)
+
+
+def _heads(layout: Layout) -> list[tuple[str, str]]:
+    """Name and unit of each column."""
+    units = [u.strip("()[] -") for u in layout.units] or [""] * layout.columns
+    return list(zip(layout.names, units, strict=True))
+
+
+def _plain(body: list[str], layout: Layout) -> np.ndarray | None:
+    """The table where every cell of it holds a number and no line is blank, else None."""
+    while body and not body[-1].strip():
+        body = body[:-1]
+    if not all(map(str.strip, body)) or '"' in body[0]:
+        return None
+    if layout.decimal == ",":
+        if any("." in line for line in body):
+            return None
+        body = [line.replace(",", ".") for line in body]
+    try:
+        delimiter = None if layout.separator == BLANKS else layout.separator
+        table = np.loadtxt(body, delimiter=delimiter, comments=None, ndmin=2)
+    except ValueError:
+        return None
+    return table if table.shape == (len(body), layout.columns) else None
+
+
+def _column(rows: list[list[str]], index: int, layout: Layout, name: str, unit: str) -> Column:
+    cells = [row[index] if index < len(row) else "" for row in rows]
+    values = np.full(len(cells), np.nan)
+    days: list[int | None] = [None] * len(cells)
+    words: dict[int, str] = {}
+    clock = False
+    for i, cell in enumerate(cells):
+        if not cell:
+            continue
+        found = layout.number(cell)
+        if found is None:
+            words[i] = cell[:_WORD]
+            continue
+        values[i] = found
+        if ":" in cell:
+            clock, said = True, stamp(cell)
+            days[i] = said[0] if said else None
+    if clock:
+        timed = [i for i, cell in enumerate(cells) if cell and i not in words]
+        values[timed] = seconds([days[i] for i in timed], values[timed])
+    empty = np.array([not cell for cell in cells])
+    return Column(name, values, unit=unit, clock=clock, empty=empty, words=words)
+
+
+PLUGIN = TextReader()

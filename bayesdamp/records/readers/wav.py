@@ -1,0 +1,36 @@
+"""Sound in WAV files (scipy)."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from bayesdamp.records.files.contents import Column, Contents
+from bayesdamp.types import InputError
+
+
+class WavReader:
+    format = "a WAV file"
+    extensions = (".wav", ".wave")
+    extra = ""
+
+    def claims(self, head: bytes, path: Path) -> bool:
+        return head[:4] in (b"RIFF", b"RIFX", b"RF64") and head[8:12] == b"WAVE"
+
+    def read(self, path: Path) -> Contents:
+        from scipy.io import wavfile
+
+        rate, data = wavfile.read(path)
+        if rate <= 0:
+            raise InputError("its header gives no sampling rate; export it again")
+        table = np.asarray(data, float).reshape(len(data), -1)
+        names = ["sound"] if table.shape[1] == 1 else [f"channel {i + 1}" for i in range(table.shape[1])]
+        columns = [
+            Column(name, np.ascontiguousarray(table[:, i]), unit="counts", rate=float(rate))
+            for i, name in enumerate(names)
+        ]
+        return Contents("WAV", tuple(columns), {"sampling rate (Hz)": float(rate)}, channels=True)
+
+
+PLUGIN = WavReader()

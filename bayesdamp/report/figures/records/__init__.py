@@ -1,0 +1,1 @@
+"""Figures of a record and its fits."""

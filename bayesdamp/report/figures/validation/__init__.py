@@ -1,0 +1,1 @@
+"""Figures of calibration and model recovery."""

@@ -1,0 +1,1 @@
+"""What a run's folder holds, read once and put into order and words."""

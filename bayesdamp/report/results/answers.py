@@ -1,0 +1,38 @@
+"""The verdicts that a run's folder holds."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from bayesdamp.report.results.run import Run
+from bayesdamp.types import OK
+from bayesdamp.verdict.types import Verdict
+
+
+@dataclass(frozen=True)
+class Answer:
+    """A record's verdict, what was weighed for it, and what its picture is drawn from."""
+
+    signal: str
+    repeat: int
+    verdict: Verdict
+    candidates: tuple[Mapping[str, object], ...]
+    arrays: Mapping[str, np.ndarray]
+
+
+def answer_of(run: Run, signal: str, repeat: int) -> Answer | None:
+    """The answer on one record; None where there is none."""
+    cell = run.cell("answer", signal, repeat)
+    if cell is None or cell.outcome != OK:
+        return None
+    verdict = Verdict.from_dict(cell.meta["verdict"])
+    return Answer(signal, repeat, verdict, tuple(cell.meta["candidates"]), cell.arrays)
+
+
+def verdicts(run: Run) -> list[Verdict]:
+    """The verdict of every record's first repeat, in the study's order."""
+    found = (answer_of(run, signal, run.repeats(signal)[0]) for signal in run.signals)
+    return [one.verdict for one in found if one is not None]

@@ -1,0 +1,227 @@
+"""What the tables say, put into order and into words: no more than comparisons of their numbers."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import expit
+
+from bayesdamp.report import words
+from bayesdamp.report.results.run import Row, Run, rows_of
+from bayesdamp.types import OK, candidate_parts
+
+_FIRST = ("combined", "nested", "bridge", "importance", "laplace")
+ASIDE = "set aside"
+MATTERS = 1e-3
+"""Probability from which, and below one less it, it matters whether an evidence is to be trusted."""
+_SHIPPED = {"viscous": "zeta", "coulomb": "mu_c", "quadratic": "mu_q"}
+
+
+@dataclass(frozen=True)
+class Ranking:
+    """The models of one signal by one method, best first. others: methods that name another best; lost: rows of models
+    that could not be weighed, which have no share."""
+
+    method: str
+    rows: list[Row]
+    others: dict[str, str]
+    lost: tuple[Row, ...] = ()
+
+    @property
+    def best(self) -> Row:
+        return self.rows[0]
+
+    @property
+    def unsettled(self) -> list[Row]:
+        """Rows whose evidence is not to be trusted and might be another by some nats, where that matters."""
+        poor = [r for r in self.rows if r["outcome"] != OK and not r["outcome"].startswith(ASIDE)]
+        return [r for r in poor if MATTERS <= r["probability"] <= 1.0 - MATTERS]
+
+    @property
+    def dampings(self) -> dict[str, float]:
+        """The probability of each damping, summed over the restoring laws, the most probable first."""
+        found: dict[str, float] = {}
+        for row in self.rows:
+            damping = damping_of(row)
+            found[damping] = found.get(damping, 0.0) + row["probability"]
+        return dict(sorted(found.items(), key=lambda one: -one[1]))
+
+
+def damping_of(row: Row) -> str:
+    """The damping of a row's candidate, whatever its restoring law."""
+    return candidate_parts(row["model"])[0]
+
+
+def label(row: Row) -> str:
+    """The candidate of a row in words."""
+    return words.model(row["model"])
+
+
+def ranking(run: Run, signal: str, repeat: int) -> Ranking | None:
+    """The ranking by the method that covers the most models; None where no evidence was computed. An evidence that is
+    not to be trusted counts as it is, and is named in `unsettled`.
+
+    Of several such methods the order is that of trust: a combination, nested sampling, bridge, importance.
+    """
+    every = rows_of(run.evidence, signal=signal, repeat=repeat)
+    by_method: dict[str, list[Row]] = {}
+    for row in every:
+        if math.isfinite(row["probability"]):
+            by_method.setdefault(row["method"], []).append(row)
+    if not by_method:
+        return None
+
+    def trust(name: str) -> tuple[int, int, str]:
+        place = _FIRST.index(name) if name in _FIRST else len(_FIRST)
+        return -len(by_method[name]), place, name
+
+    def sort(found: list[Row]) -> list[Row]:
+        return sorted(
+            found, key=lambda row: (-row["probability"], -np.nan_to_num(row["log_evidence"], nan=-1e300))
+        )
+
+    chosen = min(by_method, key=trust)
+    ordered = sort(by_method[chosen])
+    best = ordered[0]["model"]
+    others = {}
+    for name, found in by_method.items():
+        top = sort(found)[0]
+        if len(found) == len(ordered) and top["model"] != best:
+            others[name] = label(top)
+    lost = tuple(r for r in every if r["method"] == chosen and not math.isfinite(r["probability"]))
+    return Ranking(chosen, ordered, others, lost)
+
+
+@dataclass(frozen=True)
+class AtWidth:
+    """The ranking under damping priors so many times as wide, summed over the restoring laws: the probability there of
+    the damping that is the most probable under the study's own, and which come first and second there."""
+
+    factor: float
+    probability: float
+    first: str
+    second: str
+
+
+def over_widths(run: Run, signal: str, repeat: int, found: Ranking) -> list[AtWidth]:
+    """A ranking over the widths for which the evidence of all its candidates is known; empty where it is not.
+
+    Candidates that were set aside keep their share.
+    """
+    moved: dict[str, np.ndarray] = {}
+    factors = np.empty(0)
+    for row in found.rows:
+        cell = run.cell("sensitivity", signal, repeat, row["model"], "widths")
+        if cell is not None and cell.outcome == OK and cell.arrays:
+            factors = cell.arrays["factors"]
+            change = (
+                cell.arrays["log_evidence"] - cell.arrays["log_evidence"][np.argmin(np.abs(np.log(factors)))]
+            )
+            moved[row["model"]] = np.where(cell.arrays["trusted"], change, np.nan)
+        elif not row["outcome"].startswith(ASIDE):
+            return []
+    if len(found.rows) < 2 or not moved:
+        return []
+    log_p = np.array(
+        [
+            np.log(max(r["probability"], 1e-300)) + moved.get(r["model"], np.zeros(factors.size))
+            for r in found.rows
+        ]
+    )
+    p = np.exp(log_p - log_p.max(axis=0))
+    p /= p.sum(axis=0)
+    dampings = list(found.dampings)
+    if len(dampings) < 2:
+        return []
+    own = np.array([[damping_of(row) == damping for row in found.rows] for damping in dampings], float)
+    summed = own @ p
+    order = np.argsort(-summed, axis=0)
+    return [
+        AtWidth(float(factor), float(summed[0, i]), *(words.model(dampings[k]) for k in order[:2, i]))
+        for i, factor in enumerate(factors)
+        if np.all(np.isfinite(summed[:, i]))
+    ]
+
+
+@dataclass(frozen=True)
+class OtherForm:
+    """A form of damping that no candidate has: log Bayes factor, in nats, of a candidate with it beside its own damping
+    against that candidate alone, and the probability at equal odds."""
+
+    words: str
+    log_bayes: float
+
+    @property
+    def probability(self) -> float:
+        return float(expit(self.log_bayes))
+
+
+def other_forms(run: Run, signal: str, repeat: int, model: str) -> list[OtherForm]:
+    """The forms that were set beside a candidate, the likeliest first; none where they could not be."""
+    cell = run.cell("mode", signal, repeat, model)
+    found = (cell.meta.get("rivals") or ()) if cell else ()
+    return sorted((OtherForm(r["words"], r["log_bayes"]) for r in found), key=lambda form: -form.log_bayes)
+
+
+def models_by_rank(run: Run, signal: str, repeat: int) -> list[str]:
+    """All models of a signal, the most probable first, then in the study's order."""
+    found = ranking(run, signal, repeat)
+    ranked = [row["model"] for row in found.rows] if found else []
+    rows = (*run.estimates, *run.posteriors, *run.evidence, *run.fits)
+    seen = {r["model"] for r in rows if r["signal"] == signal} | {
+        cell.name.split("/")[3] for cell in run.cells("mode", signal, repeat)
+    }
+    order = [*ranked, *(m for m in run.models if m in seen), *sorted(seen)]
+    return list(dict.fromkeys(order))
+
+
+def models_kept(run: Run, signal: str, repeat: int) -> list[str]:
+    """Those of all models that were not set aside, in the same order."""
+    found = ranking(run, signal, repeat)
+    aside = {r["model"] for r in found.rows if r["outcome"].startswith(ASIDE)} if found else set()
+    return [model for model in models_by_rank(run, signal, repeat) if model not in aside]
+
+
+def summary_rows(run: Run, signal: str, repeat: int, model: str) -> tuple[str, list[Row]]:
+    """The sampler to quote (the first that is `ok`, else the first) and its rows of posteriors.csv."""
+    rows = rows_of(run.posteriors, signal=signal, repeat=repeat, model=model)
+    samplers = list(dict.fromkeys(row["sampler"] for row in rows))
+    if not samplers:
+        return "", []
+
+    def fine(sampler: str) -> bool:
+        found = rows_of(rows, sampler=sampler)
+        return all(r["outcome"] == OK for r in found) and any(math.isfinite(r["mean"]) for r in found)
+
+    samplers.sort(key=lambda s: (not fine(s), s != "nuts"))
+    return samplers[0], [r for r in rows_of(rows, sampler=samplers[0]) if math.isfinite(r["mean"])]
+
+
+def truth(run: Run, signal: str, parameter: str) -> float:
+    """The true value of a simulated signal's parameter, nan where none is known."""
+    if not run.simulated(signal):
+        return math.nan
+    for row in run.estimates:
+        if row["signal"] == signal and row["parameter"] == parameter and math.isfinite(row["truth"]):
+            return row["truth"]
+    return math.nan
+
+
+def damping_parameters(run: Run) -> dict[str, str]:
+    """Each damping term to its coefficient: those that ship, and those that the run says of a user's own."""
+    own = run.info.get("damping") or {}
+    return {**_SHIPPED, **{term: about["parameter"] for term, about in own.items()}}
+
+
+def coefficients(run: Run, model: str) -> list[str]:
+    """The damping coefficients of a model, by the parameters that its terms are known to have."""
+    own = damping_parameters(run)
+    terms = candidate_parts(model)[0].split("+")
+    named = [own[term] for term in terms if term in own]
+    if len(named) == len(terms):
+        return named
+    # an earlier run does not say: the parameter is the one that no other kind of parameter explains
+    seen = dict.fromkeys(r["parameter"] for r in (*run.posteriors, *run.estimates) if r["model"] == model)
+    return [p for p in seen if p in named or p not in words.KNOWN]

@@ -1,0 +1,154 @@
+"""Every estimator beside the others and beside what was published."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from markupsafe import Markup
+
+from bayesdamp.report import words
+from bayesdamp.report.figures._panels import ABREAST
+from bayesdamp.report.figures.estimators.convergence import convergence
+from bayesdamp.report.figures.estimators.finals import finals
+from bayesdamp.report.figures.estimators.heatmap import heatmap
+from bayesdamp.report.figures.estimators.ranking import categories, ranking, responses
+from bayesdamp.report.html import Line, Table, fill, folded
+from bayesdamp.report.results.comparing import STAGES, Comparison, compared, true_models
+from bayesdamp.report.results.reading import damping_parameters, truth
+from bayesdamp.report.results.run import Run
+from bayesdamp.report.sections._section import Section
+from bayesdamp.types import OK
+
+
+class ComparisonSection(Section):
+    """Errors and times of all methods under the model that made each record."""
+
+    order = 35
+    name = "comparison"
+    title = "The estimators compared"
+
+    def applies(self, run: Run) -> bool:
+        if run.study.get("published"):
+            return True
+        found = compared(run)
+        return len(found.methods) > 1 and len(found.signals) > 1 and bool(found.errors)
+
+    def render(self, run: Run) -> str:
+        found = compared(run)
+        if not found.errors:
+            return Markup("<p>No estimator has an error to compare in this study.</p>")
+        known = true_models(run)
+        parts: list[object] = [_errors(found)]
+        figures = run.drawings
+        caption = "Mean error of every method over the signals, at both stages"
+        said = caption + (", and the published mean." if found.published else ".")
+        parts.append(figures.add("ranking", f"{said} Dashed: 0.1 %.", lambda: ranking(found)))
+        parts.append(
+            figures.add("heatmap", "Errors in per cent, on a logarithmic scale.", lambda: heatmap(found))
+        )
+        said = "Errors by category; each point is one method, the line a category's median. Dashed: 0.1 %."
+        parts.append(figures.add("categories", said, lambda: categories(found)))
+        parts.append(_times(found))
+        own = damping_parameters(run)
+        singles = {s: known[s] for s in found.signals if known[s] in own}
+        truths = {s: truth(run, s, own[m]) for s, m in singles.items()}
+        truths = {s: v for s, v in truths.items() if math.isfinite(v) and v}
+        if truths:
+            parts.append(_finals(run, found, truths, singles))
+            course = _convergence(run, truths, singles)
+            if course is not None:
+                parts.append(course)
+        parts.append(_responses(run, found, known))
+        return fill("stack.html", parts=parts)
+
+
+def _errors(found: Comparison) -> Table:
+    with_printed = bool(found.published)
+    headers = ["method"]
+    for signal in found.signals:
+        headers += [signal, "refined"] + (["printed"] if with_printed else [])
+    lines = []
+    for method in found.methods:
+        cells = [words.method(method)]
+        for signal in found.signals:
+            for stage in STAGES:
+                error = found.errors.get((method, signal, stage), math.nan)
+                outcome = found.outcomes.get((method, signal, stage), OK)
+                cells.append(words.short(error) + ("*" if outcome != OK and math.isfinite(error) else ""))
+            if with_printed:
+                cells.append(found.published.get((method, signal), words.NONE))
+        lines.append(Line(cells))
+    starred = any(o != OK for o in found.outcomes.values())
+    note = (
+        " *: the method itself doubts this answer; its sentence stands in the next section."
+        if starred
+        else ""
+    )
+    said = "Errors in per cent of the truth: the initial stage under the signal's name, the refined one"
+    said += ", and as published (the paper's Table 2)." if with_printed else "."
+    return Table(headers, lines, frozenset({0}), said + note)
+
+
+def _times(found: Comparison) -> Table:
+    lines = []
+    for method in found.methods:
+        seconds = [found.seconds.get((method, stage), math.nan) for stage in STAGES]
+        printed = [found.times.get(method, words.NONE)] if found.times else []
+        lines.append(Line([words.method(method), *map(words.duration, seconds), *printed]))
+    headers = ["method", "initial", "refined", *(["published"] if found.times else [])]
+    many = f"{len(found.signals)} signals" if len(found.signals) > 1 else "the signal"
+    said = f"Time for {many} together, compilation included where it fell due (the paper's Table 3)."
+    return Table(headers, lines, frozenset({0}), said)
+
+
+def _finals(run: Run, found: Comparison, truths: dict[str, float], models: dict[str, str]) -> Markup:
+    values, labels, own = {}, {}, damping_parameters(run)
+    for row in run.estimates:
+        signal = row["signal"]
+        if signal not in truths or row["model"] != models[signal] or row["repeat"] != run.repeats(signal)[0]:
+            continue
+        if row["parameter"] == own[models[signal]]:
+            values[row["estimator"], signal, row["stage"]] = row["value"]
+            labels[signal] = words.axis(row["parameter"], row["unit"])
+    ordered = {k: values[k] for m in found.methods for k in values if k[0] == m}
+    shown = {s: v for s, v in truths.items() if s in labels}
+    said = "What every method found, by itself and refined. Triangles point to values off the axis."
+    return run.drawings.add("finals", said, lambda: finals(ordered, shown, labels, models))
+
+
+def _convergence(run: Run, truths: dict[str, float], models: dict[str, str]) -> Markup | None:
+    courses: dict[tuple[str, str], np.ndarray] = {}
+    own = damping_parameters(run)
+    for signal in truths:
+        parameter = own[models[signal]]
+        for cell in run.cells("estimate", signal, run.repeats(signal)[0], models[signal]):
+            course = cell.arrays.get(f"initial/{parameter}")
+            if course is not None and course.ndim == 1 and course.size > 2:
+                courses[cell.name.split("/")[4], signal] = course
+    if not courses:
+        return None
+    first = list(dict.fromkeys(signal for _, signal in courses))[:ABREAST]
+    many = len(first) < len({signal for _, signal in courses})
+    courses = {k: v for k, v in sorted(courses.items(), key=lambda item: item[0][0]) if k[1] in first}
+    said = "The coefficient after each iteration. Dashed: the truth; grey: 1 % about it."
+    said += f" Of the first {len(first)} signals." if many else ""
+    names = {s: own[models[s]] for s in truths}
+    return run.drawings.add("convergence", said, lambda: convergence(courses, truths, names, models))
+
+
+def _responses(run: Run, found: Comparison, models: dict[str, str]) -> Markup:
+    records = {}
+    for signal in found.signals[:ABREAST]:
+        cell = run.cell("signal", signal, run.repeats(signal)[0])
+        if cell is not None and "t" in cell.arrays:
+            records[signal] = (cell.arrays["t"], cell.arrays["y"])
+    if not records:
+        return Markup("")
+    drawing = run.drawings.add(
+        "responses", "The records.", lambda: responses(records, models, "record / (rad or m, SI)")
+    )
+    return folded("The records themselves", drawing)
+
+
+PLUGIN = ComparisonSection()

@@ -1,0 +1,194 @@
+"""The estimators: what each one found, by itself and refined."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from markupsafe import Markup
+
+from bayesdamp.report import words
+from bayesdamp.report.figures.estimators.estimates import Point, estimates
+from bayesdamp.report.figures.estimators.traces import traces
+from bayesdamp.report.html import Line, Table, fill, folded
+from bayesdamp.report.results.reading import coefficients, models_by_rank, truth
+from bayesdamp.report.results.run import Row, Run, rows_of
+from bayesdamp.report.sections._layout import by_signal, drawn
+from bayesdamp.report.sections._section import Section
+from bayesdamp.types import OK
+
+
+class Estimates(Section):
+    """Tables and figures of estimates.csv, the best model open, the others folded."""
+
+    order = 40
+    name = "estimates"
+    title = "The estimators"
+
+    def applies(self, run: Run) -> bool:
+        return bool(run.signals)
+
+    def render(self, run: Run) -> str:
+        if not run.estimates:
+            return Markup("<p>No estimator ran in this study.</p>")
+        wanted = [s for s in run.signals if any(r["signal"] == s for r in run.estimates)]
+        return fill("estimates.html", body=by_signal(run, lambda signal: _one(run, signal), wanted))
+
+
+def _one(run: Run, signal: str) -> Markup:
+    repeats = run.repeats(signal)
+    parts: list[Markup] = []
+    for place, model in enumerate(models_by_rank(run, signal, repeats[0])):
+        rows = rows_of(run.estimates, signal=signal, model=model)
+        if not rows:
+            continue
+        content: list[object] = [_figure(run, signal, model, rows)] if drawn(run, place) else []
+        content.append(_table(run, signal, model, rows, repeats))
+        others = [r for r in rows if r["repeat"] == repeats[0] and math.isfinite(r["value"])]
+        others = [r for r in others if r["parameter"] not in coefficients(run, model)]
+        if others:
+            content.append(folded("The other parameters", _others(others)))
+        curves = _traces(run, signal, repeats[0], model) if drawn(run, place) else None
+        if curves:
+            content.append(folded("How the iterative methods converged", curves))
+        if not parts:
+            parts.append(
+                Markup("<h4>{}</h4>").format(f"Under {words.model(model)}")
+                + fill("stack.html", parts=content)
+            )
+        else:
+            parts.append(folded(f"Under {words.model(model)}", *content))
+    return fill("stack.html", parts=parts)
+
+
+def _figure(run: Run, signal: str, model: str, rows: Sequence[Row]) -> Markup:
+    names = coefficients(run, model)
+    points = {
+        name: [
+            Point(
+                r["estimator"],
+                r["stage"],
+                r["value"],
+                r["stderr"] if len(run.repeats(signal)) == 1 else math.nan,
+            )
+            for r in rows
+            if r["parameter"] == name and math.isfinite(r["value"])
+        ]
+        for name in names
+    }
+    points = {name: found for name, found in points.items() if found}
+    if not points:
+        return Markup("")
+    units = {r["parameter"]: r["unit"] for r in rows}
+    repeat = run.repeats(signal)[0]
+    draws: dict[str, np.ndarray] = {}
+    for cell in run.cells("posterior", signal, repeat, model):
+        if "draws" in cell.arrays and not draws:
+            named = enumerate(cell.meta.get("names") or [])
+            draws = {n: cell.arrays["draws"][..., i] for i, n in named if n in names}
+    if not draws and all(len(found) == 1 for found in points.values()):
+        return Markup("")  # a single number needs no axis
+    true = {name: truth(run, signal, name) for name in names}
+    what = (
+        "Estimates of all repeats" if len(run.repeats(signal)) > 1 else "Estimates with their standard errors"
+    )
+    over = " over the posterior" if draws else ""
+    caption = f"{signal}, {words.model(model)}: {what}{over}. A triangle points to an estimate off the axis."
+    return run.drawings.add(
+        f"estimates-{signal}-{model}", caption, lambda: estimates(model, points, draws, units, true)
+    )
+
+
+def _table(run: Run, signal: str, model: str, rows: Sequence[Row], repeats: Sequence[int]) -> Table:
+    names = [n for n in coefficients(run, model) if any(r["parameter"] == n for r in rows)]
+    known = {n: truth(run, signal, n) for n in names}
+    units = {r["parameter"]: words.unit(r["unit"]) for r in rows}
+    headers = ["estimator", "stage"]
+    for name in names:
+        headers.append(f"{words.symbol(name).text} / ({units.get(name, '')})")
+        if known[name] and math.isfinite(known[name]):
+            headers.append("error / %")
+    headers += ["evaluations", "time", "outcome"]
+    left = frozenset({0, 1, len(headers) - 1})
+    lines = []
+    for estimator, stage in dict.fromkeys((r["estimator"], r["stage"]) for r in rows):
+        own = rows_of(rows, estimator=estimator, stage=stage)
+        cells = [words.method(estimator), stage]
+        for name in names:
+            found = [r for r in own if r["parameter"] == name and math.isfinite(r["value"])]
+            cells.append(_value(found))
+            if known[name] and math.isfinite(known[name]):
+                cells.append(_error(found))
+        bad = [r["outcome"] for r in own if r["outcome"] != OK]
+        outcome = OK if not bad else bad[0] if len(repeats) == 1 else f"{len(bad)} × {bad[0]}"
+        seconds = [r["seconds"] for r in own]
+        counts = [r["evaluations"] for r in own if r["evaluations"] is not None]
+        cells += [
+            f"{max(counts):,}".replace(",", "\u202f") if counts else words.NONE,
+            words.duration(max(seconds)),
+        ]
+        lines.append(
+            Line([*cells, outcome], "quiet" if not any(math.isfinite(r["value"]) for r in own) else "")
+        )
+    caption = "Truth: " + words.listing(
+        f"{words.symbol(n).text} = {words.given(v)} {units.get(n, '')}"
+        for n, v in known.items()
+        if math.isfinite(v)
+    )
+    many = (
+        f"Range over {len(repeats)} repeats; evaluations and time: the largest." if len(repeats) > 1 else ""
+    )
+    said = caption + ". " if any(math.isfinite(v) for v in known.values()) else ""
+    return Table(headers, lines, left, said + many)
+
+
+def _value(found: Sequence[Row]) -> str:
+    if not found:
+        return words.NONE
+    if len(found) == 1:
+        return words.with_error(found[0]["value"], found[0]["stderr"])
+    values = [r["value"] for r in found if math.isfinite(r["value"])]
+    return words.spread(min(values), max(values)) if values else words.NONE
+
+
+def _error(found: Sequence[Row]) -> str:
+    errors = [abs(r["error_pct"]) for r in found if math.isfinite(r["error_pct"])]
+    if not errors:
+        return words.NONE
+    if len(errors) == 1:
+        return words.number(errors[0], 3)
+    return f"{words.number(min(errors), 2)} to {words.number(max(errors), 2)}"
+
+
+def _others(rows: Sequence[Row]) -> Table:
+    lines = [
+        Line(
+            [
+                words.method(r["estimator"]),
+                r["stage"],
+                words.symbol(r["parameter"]).text,
+                words.with_error(r["value"], r["stderr"]),
+                words.unit(r["unit"]),
+            ]
+        )
+        for r in rows
+    ]
+    headers = ["estimator", "stage", "parameter", "value", "unit"]
+    return Table(headers, lines, frozenset({0, 1, 2, 4}))
+
+
+def _traces(run: Run, signal: str, repeat: int, model: str) -> Markup | None:
+    curves: dict[str, np.ndarray] = {}
+    for cell in run.cells("estimate", signal, repeat, model):
+        estimator = cell.name.split("/")[4]
+        for name, curve in cell.arrays.items():
+            if curve.ndim == 1 and curve.size >= 3 and np.issubdtype(curve.dtype, np.number):
+                curves[f"{words.method(estimator)}: {name.replace('_', ' ').replace('/', ' ')}"] = curve
+    if not curves:
+        return None
+    caption = f"{signal}, {words.model(model)}: progress of the iterative methods."
+    return run.drawings.add(f"traces-{signal}-{model}", caption, lambda: traces(curves))
+
+
+PLUGIN = Estimates()

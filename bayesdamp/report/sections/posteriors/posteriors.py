@@ -1,0 +1,216 @@
+"""The posteriors: marginals, pairs of coefficients, and the samplers' diagnostics."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from markupsafe import Markup
+from matplotlib.figure import Figure
+
+from bayesdamp.report import words
+from bayesdamp.report.figures.posteriors.amplitude import amplitude
+from bayesdamp.report.figures.posteriors.posterior import marginals, pairs
+from bayesdamp.report.html import Line, Table, fill, folded
+from bayesdamp.report.results.reading import coefficients, models_by_rank, truth
+from bayesdamp.report.results.run import Row, Run, rows_of
+from bayesdamp.report.sections._layout import by_signal, drawn
+from bayesdamp.report.sections._section import Section
+from bayesdamp.types import OK
+
+
+class Posteriors(Section):
+    """Every model's posterior, the best model open; a table says whether the samplers may be trusted."""
+
+    order = 50
+    name = "posteriors"
+    title = "The posteriors"
+
+    def applies(self, run: Run) -> bool:
+        return bool(run.signals)
+
+    def render(self, run: Run) -> str:
+        if not run.posteriors and not any(run.cells("posterior", s) for s in run.signals):
+            return Markup("<p>No posterior was sampled in this study.</p>")
+        return by_signal(run, lambda signal: _one(run, signal))
+
+
+def _one(run: Run, signal: str) -> Markup:
+    repeats = run.repeats(signal)
+    repeat = repeats[0]
+    parts: list[Markup] = []
+    for place, model in enumerate(models_by_rank(run, signal, repeat)):
+        content: list[object] = []
+        if drawn(run, place):
+            content += _figures(run, signal, repeat, model)
+        content += _tables(run, signal, repeat, model)
+        if not content:
+            continue
+        if len(repeats) > 1:
+            content.append(folded(f"All {len(repeats)} repeats", _repeats(run, signal, model)))
+        if not parts:
+            said = f" (repeat 1 of {len(repeats)})" if len(repeats) > 1 else ""
+            heading = Markup("<h4>{}</h4>").format(
+                words.model(model)[:1].upper() + words.model(model)[1:] + said
+            )
+            parts.append(heading + fill("stack.html", parts=content))
+        else:
+            parts.append(folded(f"{words.model(model)[:1].upper()}{words.model(model)[1:]}", *content))
+    return fill("stack.html", parts=parts or [Markup("<p>No posterior was sampled for this signal.</p>")])
+
+
+def _figures(run: Run, signal: str, repeat: int, model: str) -> list[Markup]:
+    draws: dict[str, dict[str, np.ndarray]] = {}
+    units = {r["parameter"]: r["unit"] for r in rows_of(run.posteriors, signal=signal, model=model)}
+    for cell in sorted(
+        run.cells("posterior", signal, repeat, model), key=lambda c: not c.name.endswith("/nuts")
+    ):
+        array = cell.arrays.get("draws")
+        names: Sequence[str] = cell.meta.get("names") or []
+        if array is None or array.ndim != 3 or array.shape[2] != len(names) or not np.isfinite(array).all():
+            continue
+        draws[cell.name.split("/")[4]] = {name: array[:, :, i] for i, name in enumerate(names)}
+        listed = cell.meta.get("units") or {}
+        units = {**(listed if isinstance(listed, Mapping) else dict(zip(names, listed))), **units}
+    if not draws:
+        return []
+    true = {name: truth(run, signal, name) for found in draws.values() for name in found}
+    who = words.listing(map(words.method, draws))
+    caption = f"{signal}, {words.model(model)}: marginal posterior of each parameter by {who}."
+    figures = [
+        run.drawings.add(f"marginals-{signal}-{model}", caption, lambda: marginals(model, draws, units, true))
+    ]
+    names = [n for n in coefficients(run, model) if all(n in found for found in draws.values())]
+    if len(names) > 1:
+        caption = (
+            f"{signal}, {words.model(model)}: damping coefficients in pairs; contours hold 50 % and 90 %."
+        )
+        chosen = {n: true[n] for n in names}
+        figures.append(
+            run.drawings.add(
+                f"pairs-{signal}-{model}", caption, lambda: pairs(model, names, draws, units, chosen)
+            )
+        )
+    return [*figures, *_against_amplitude(run, signal, repeat, model, next(iter(draws)))]
+
+
+def _against_amplitude(run: Run, signal: str, repeat: int, model: str, sampler: str) -> list[Markup]:
+    """Decrement and equivalent ratio over the amplitudes, where the cell has them."""
+    cell = run.cell("posterior", signal, repeat, model, sampler)
+    if cell is None or cell.arrays.get("amplitudes", np.empty(0)).size < 2:
+        return []
+    shown = run.unit(signal).displacement
+    unit, scale = shown.name, shown.scale
+    grid, reference = scale * cell.arrays["amplitudes"], scale * cell.meta["reference_amplitude"]
+    curves = {n.removeprefix("curve/"): c for n, c in cell.arrays.items() if n.startswith("curve/")}
+    caption = (
+        f"{signal}, {words.model(model)}: logarithmic decrement and equivalent viscous damping ratio over the record's "
+        f"amplitudes, median and 95 % band by {words.method(sampler)}; dotted: the amplitude of the tables."
+    )
+
+    def draw() -> Figure:
+        return amplitude(model, grid, curves, reference, unit)
+
+    return [run.drawings.add(f"amplitude-{signal}-{model}", caption, draw)]
+
+
+def _tables(run: Run, signal: str, repeat: int, model: str) -> list[Table | Markup]:
+    rows = rows_of(run.posteriors, signal=signal, repeat=repeat, model=model)
+    if not rows:
+        return []
+    good = [r for r in rows if math.isfinite(r["mean"])]
+    sentences = {(r["sampler"], r["outcome"]) for r in rows if r["outcome"] != OK}
+    parts: list[Table | Markup] = []
+    if good:
+        simulated = any(math.isfinite(truth(run, signal, r["parameter"])) for r in good)
+        headers = ["parameter", "unit", "sampler", "mean ± sd", "95 % interval"]
+        headers += ["truth"] if simulated else []
+        headers += ["R̂", "ESS bulk", "ESS tail", "divergences"]
+        lines = [_line(run, signal, row, simulated) for row in _by_parameter(good)]
+        caption = "To be trusted: R̂ ≤ 1.01 and effective sample sizes (ESS) of 400 and more."
+        if any(math.isnan(r["rhat"]) for r in good):
+            caption += " Without R̂: independent draws of an approximation, their ESS by importance weights."
+        parts.append(
+            Table(
+                headers,
+                lines,
+                frozenset({0, 1, 2}),
+                caption,
+            )
+        )
+    sentences |= _left_out(run, signal, repeat, model)
+    parts += [
+        Markup('<p class="quiet">{}: {}</p>').format(words.method(sampler), outcome)
+        for sampler, outcome in sorted(sentences)
+    ]
+    return parts
+
+
+def _left_out(run: Run, signal: str, repeat: int, model: str) -> set[tuple[str, str]]:
+    """By sampler, which derived quantities are not shown because some draws have none."""
+    found = set()
+    for cell in run.cells("posterior", signal, repeat, model):
+        without: Mapping[str, int] = cell.meta.get("without") or {}
+        if without:
+            names = words.listing(words.symbol(n).text for n in without)
+            draws = max(without.values())
+            said = f"no {names}: {draws} draws have no such motion (no stable equilibrium, or an escape)"
+            found.add((cell.name.split("/")[4], said))
+    return found
+
+
+def _by_parameter(rows: Sequence[Row]) -> list[Row]:
+    order = list(dict.fromkeys(r["parameter"] for r in rows))
+    return sorted(rows, key=lambda r: order.index(r["parameter"]))
+
+
+def _line(run: Run, signal: str, row: Row, simulated: bool) -> Line:
+    true = truth(run, signal, row["parameter"])
+    cells = [
+        words.symbol(row["parameter"]).text,
+        words.unit(row["unit"]),
+        words.method(row["sampler"]),
+        words.with_error(row["mean"], row["sd"]),
+        words.interval(row["q2.5"], row["q97.5"]),
+    ]
+    if simulated:
+        cells.append(words.given(true) if math.isfinite(true) else words.NONE)
+    divergences = row["divergences"]
+    cells += [
+        f"{row['rhat']:.3f}" if math.isfinite(row["rhat"]) else words.NONE,
+        f"{row['ess_bulk']:.0f}" if math.isfinite(row["ess_bulk"]) else words.NONE,
+        f"{row['ess_tail']:.0f}" if math.isfinite(row["ess_tail"]) else words.NONE,
+        words.NONE if divergences is None else str(divergences),
+    ]
+    poor = row["rhat"] > 1.01 or row["ess_bulk"] < 400 or row["ess_tail"] < 400 or bool(divergences)
+    return Line(cells, "alert" if poor else "")
+
+
+def _repeats(run: Run, signal: str, model: str) -> Table:
+    wanted = coefficients(run, model)
+    rows = [r for r in rows_of(run.posteriors, signal=signal, model=model) if r["parameter"] in wanted]
+    lines = []
+    for r in rows:
+        true = truth(run, signal, r["parameter"])
+        inside = words.NONE
+        if math.isfinite(true) and math.isfinite(r["q2.5"]):
+            inside = "inside" if r["q2.5"] <= true <= r["q97.5"] else "outside"
+        lines.append(
+            Line(
+                [
+                    str(r["repeat"] + 1),
+                    words.symbol(r["parameter"]).text,
+                    words.method(r["sampler"]),
+                    words.with_error(r["mean"], r["sd"]),
+                    words.interval(r["q2.5"], r["q97.5"]),
+                    inside,
+                    r["outcome"],
+                ]
+            )
+        )
+    headers = ["repeat", "parameter", "sampler", "mean ± sd", "95 % interval", "truth", "outcome"]
+    return Table(headers, lines, frozenset({1, 2, 5, 6}))
+
+
+PLUGIN = Posteriors()

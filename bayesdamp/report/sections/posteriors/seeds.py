@@ -1,0 +1,170 @@
+"""Where searches and chains started, and where they ended."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from markupsafe import Markup
+
+from bayesdamp.report import words
+from bayesdamp.report.html import Line, Table, fill, folded
+from bayesdamp.report.results.reading import models_by_rank
+from bayesdamp.report.results.run import Run
+from bayesdamp.report.sections._layout import by_signal
+from bayesdamp.report.sections._section import Section
+from bayesdamp.store import CellResult
+
+Row = Mapping[str, Any]
+SHOWN = 4
+"""Candidates that are shown at once; the others unfold."""
+ALIKE = 0.1
+"""Posterior sds within which the means of chains are called the same; R̂ judges in the table of the posterior."""
+
+
+class Seeds(Section):
+    """Each seed's climb, the modes found, and what each chain made of its start."""
+
+    order = 57
+    name = "seeds"
+    title = "Where the searches started, and where they ended"
+
+    def applies(self, run: Run) -> bool:
+        return any(_climbs(cell) for s in run.signals for cell in run.cells("mode", s))
+
+    def render(self, run: Run) -> str:
+        said = (
+            "Every estimate, at each of its stages, and a few draws from the prior are climbed from. "
+            "Chains start at seeds, scattered by more than the posterior's width; a seed that is too far "
+            "off for a chain is moved towards the mode until it is not."
+        )
+        return fill(
+            "stack.html", parts=[Markup("<p>{}</p>").format(said), by_signal(run, lambda s: _one(run, s))]
+        )
+
+
+def _climbs(cell: CellResult | None) -> Sequence[Row]:
+    return (cell.meta.get("climbs") or []) if cell else []
+
+
+def _one(run: Run, signal: str) -> Markup:
+    repeat = run.repeats(signal)[0]
+    parts: list[Markup] = []
+    rest: list[object] = []
+    for model in models_by_rank(run, signal, repeat):
+        cell = run.cell("mode", signal, repeat, model)
+        if cell is None or not _climbs(cell):
+            continue
+        name = words.model(model)[:1].upper() + words.model(model)[1:]
+        summary = Markup("<p><strong>{}.</strong> {}</p>").format(name, " ".join(_sentences(cell)))
+        tables: list[object] = [_table(cell)]
+        tables += _chains(run, signal, repeat, model)
+        told = [summary, folded(f"Seeds and chains of {words.model(model)}", *tables)]
+        if len(parts) < 2 * SHOWN:
+            parts += told
+        else:
+            rest += told
+    if rest:
+        parts.append(folded(f"{len(rest) // 2} more candidates", *rest))
+    return fill("stack.html", parts=parts or [Markup("<p>No model was fitted to this signal.</p>")])
+
+
+def _sentences(cell: CellResult) -> list[str]:
+    climbs, modes = _climbs(cell), cell.meta.get("modes") or []
+    ended = [c for c in climbs if c.get("mode") == 0]
+    reached = _count(sum(1 + len(c["same"]) for c in ended))
+    every = "All " if len(ended) == len(climbs) and reached != _count(1) else ""
+    found = [f"{every}{reached} reached the mode."]
+    elsewhere = [c for c in climbs if c.get("mode")]
+    if elsewhere:
+        best = modes[1] if len(modes) > 1 else None
+        depth = modes[0]["log_posterior"] - best["log_posterior"] if best else math.nan
+        share = (
+            f", about {100 * best['share']:.2g} % of the posterior" if best and best["share"] > 1e-3 else ""
+        )
+        found.append(
+            f"{_names(elsewhere)} ended in another maximum; the highest of these is {words.number(depth, 3)} "
+            f"nats lower{share}, and was not sampled."
+        )
+    failed = [c for c in climbs if c.get("mode") is None]
+    if failed:
+        found.append(f"{_names(failed)} came to no maximum.")
+    refused = cell.meta.get("refused") or {}
+    if refused:
+        found.append(f"No values to start from: {words.listing(map(_name, refused))}.")
+    touching = [words.symbol(n).text for n in cell.meta.get("touching_zero") or []]
+    if touching:
+        found.append(f"The posterior of {words.listing(touching)} touches zero.")
+    return found
+
+
+def _count(seeds: int) -> str:
+    return f"{seeds} seed{'s' if seeds != 1 else ''}"
+
+
+def _name(label: str) -> str:
+    method, _, stage = label.partition(", ")
+    return f"{words.method(method)} {stage}".strip() if stage else words.method(method)
+
+
+def _names(climbs: Sequence[Row]) -> str:
+    listed = [_name(n) for c in climbs for n in (c["seed"], *c["same"])]
+    text = words.listing(listed)
+    return text[:1].upper() + text[1:]
+
+
+def _table(cell: CellResult) -> Table:
+    top = cell.meta["log_posterior"]
+    lines = []
+    for c in _climbs(cell):
+        number = c.get("mode")
+        where = "no maximum" if number is None else "the mode" if number == 0 else f"maximum {number + 1}"
+        below = top - c["end"] if c["end"] is not None else math.nan
+        lines.append(
+            Line(
+                [
+                    words.listing(_name(n) for n in (c["seed"], *c["same"])),
+                    _nats(top, c["start"]),
+                    words.number(c["distance"], 3),
+                    str(c["evaluations"]),
+                    where,
+                    words.fixed(max(below, 0.0), 2) if below < 1e4 else words.number(below, 2),
+                ],
+                "alert" if number is None else "quiet" if number else "",
+            )
+        )
+    headers = ["seed", "start: nats below", "sds from the mode", "likelihoods", "ended in", "end: nats below"]
+    return Table(headers, lines, frozenset({0, 4}))
+
+
+def _nats(top: float, value: float | None) -> str:
+    return words.number(top - value, 3) if value is not None and math.isfinite(value) else "not finite"
+
+
+def _chains(run: Run, signal: str, repeat: int, model: str) -> list[Table]:
+    tables = []
+    for cell in run.cells("posterior", signal, repeat, model):
+        starts = (cell.meta.get("diagnostics") or {}).get("starts")
+        if not starts:
+            continue
+        sampler = words.method(cell.name.rsplit("/", 1)[1])
+        lines = [
+            Line(
+                [
+                    str(i + 1),
+                    _name(s["seed"]),
+                    words.number(s["seed_distance"], 3),
+                    words.number(s["distance"], 2),
+                    words.fixed(s["shift"], 2),
+                ],
+                "alert" if s["shift"] > ALIKE else "",
+            )
+            for i, s in enumerate(starts)
+        ]
+        headers = ["chain", "seed", "sds from the mode", "start moved to", "mean off that of all / sd"]
+        tables.append(Table(headers, lines, frozenset({0, 1}), f"Chains of {sampler}"))
+    return tables
+
+
+PLUGIN = Seeds()

@@ -1,0 +1,263 @@
+"""What the evidence depends on: the priors' width, half the record, a third check; and the average over the models."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from markupsafe import Markup
+from matplotlib.figure import Figure
+
+from bayesdamp.report import words
+from bayesdamp.report.figures.posteriors import sensitivity as figures
+from bayesdamp.report.html import Line, Table, fill
+from bayesdamp.report.results.reading import models_by_rank, ranking
+from bayesdamp.report.results.run import Run
+from bayesdamp.report.sections._layout import by_signal
+from bayesdamp.report.sections._section import Section
+from bayesdamp.store import CellResult
+from bayesdamp.types import OK
+
+
+class Sensitivity(Section):
+    """Of a signal's first repeat: Bayes factors over prior widths, the first half, Savage and Dickey, the average."""
+
+    order = 62
+    name = "sensitivity"
+    title = "What the evidence depends on"
+
+    def applies(self, run: Run) -> bool:
+        return bool(self._signals(run))
+
+    def render(self, run: Run) -> str:
+        return by_signal(run, lambda signal: _one(run, signal), self._signals(run))
+
+    @staticmethod
+    def _signals(run: Run) -> list[str]:
+        return [s for s in run.signals if any(c.meta for c in run.cells("sensitivity", s))]
+
+
+def _one(run: Run, signal: str) -> Markup:
+    models = models_by_rank(run, signal, 0)
+    parts = [
+        part(run, signal, models) for part in (_widths, _elsewhere, _halves, _prediction, _ratios, _average)
+    ]
+    return fill("stack.html", parts=[p for p in parts if p])
+
+
+def _cells(run: Run, signal: str, models: list[str], kind: str) -> dict[str, CellResult]:
+    found = {m: run.cell("sensitivity", signal, 0, m, kind) for m in models}
+    return {m: c for m, c in found.items() if c is not None and c.outcome == OK and c.meta}
+
+
+def _widths(run: Run, signal: str, models: list[str]) -> Markup | None:
+    cells = _cells(run, signal, models, "widths")
+    if len(cells) < 2:
+        return None
+    best = next(iter(cells))
+    reference = cells[best].arrays["log_evidence"]
+    lines = [
+        figures.Line(m, c.arrays["log_evidence"] - reference, c.arrays["anew"], c.arrays["trusted"])
+        for m, c in cells.items()
+    ]
+    least = min(
+        (float(c.arrays["effective"][~c.arrays["anew"]].min(initial=math.inf)) for c in cells.values()),
+        default=math.inf,
+    )
+    caption = (
+        f"{signal}: log Bayes factor to {words.model(best)} as the scales of all damping priors are multiplied. Dots: "
+        f"the importance draws reweighted ({words.number(least, 2)} effective ones or more); open: sampled anew under "
+        "that prior; crosses: diagnostics are poor."
+    )
+    factors = cells[best].arrays["factors"]
+    return run.drawings.add(f"widths-{signal}", caption, lambda: figures.widths(factors, lines))
+
+
+def _elsewhere(run: Run, signal: str, models: list[str]) -> Table | None:
+    """Over windows of the record, and under each noise model."""
+    found: dict[str, dict[str, float]] = {}
+    noises = _cells(run, signal, models, "noises")
+    if len(_cells(run, signal, models, "widths")) < 2:
+        return None
+    for model in models:
+        mode = run.cell("mode", signal, 0, model)
+        windows = [w for w in (mode.meta.get("windows") or []) if "log_evidence" in w] if mode else []
+        of_parts = {w["label"]: w["log_evidence"] for w in windows if math.isfinite(w["log_evidence"])}
+        if not of_parts:
+            continue
+        found[model] = of_parts
+        if model in noises:
+            under = noises[model].meta
+            found[model] |= {
+                f"{words.method(n)}{', chosen' * (n == under['chosen'])}": e["log_evidence"]
+                for n, e in under["evidence"].items()
+            }
+    best: dict[str, float] = {}
+    for label, log_evidence in (item for logs in found.values() for item in logs.items()):
+        best[label] = max(log_evidence, best.get(label, -math.inf))
+    headers = [label for label, log_evidence in best.items() if math.isfinite(log_evidence)]
+    if not headers:
+        return None
+    lines = [
+        Line([words.model(model), *(words.fixed(logs.get(h, math.nan) - best[h], 1) for h in headers)])
+        for model, logs in found.items()
+    ]
+    caption = (
+        "Log Bayes factors (nats) to the best of each column, by Laplace's approximation: of parts of the record, "
+        "and of all of it under each noise model (the likelier candidates only)."
+    )
+    return Table(["model", *headers], lines, frozenset({0}), caption)
+
+
+@dataclass(frozen=True)
+class _Half:
+    """What the first half of the record says alone: its log evidence, and how it predicts the second half."""
+
+    log_evidence: float
+    stderr: float
+    diagnostic: str
+    sound: bool
+    told: Mapping[str, Any]
+    """rms, expected, coverage, log_predictive and its standard error."""
+
+
+def _half(run: Run, signal: str, model: str, sampled: Mapping[str, CellResult]) -> _Half | None:
+    """By importance sampling where that was done, else by Laplace's approximation."""
+    if model in sampled:
+        meta = sampled[model].meta
+        found = meta["evidence"]
+        return _Half(
+            found["log_evidence"], found["stderr"], found["diagnostic"], found["outcome"] == OK, meta
+        )
+    mode = run.cell("mode", signal, 0, model)
+    told = mode.meta.get("forecast") if mode else None
+    if mode is None or not told:
+        return None
+    first = next(w["log_evidence"] for w in mode.meta["windows"] if w["label"] == "first half")
+    return _Half(first, math.nan, "Laplace's approximation", True, told)
+
+
+def _halves(run: Run, signal: str, models: list[str]) -> Table | None:
+    sampled = _cells(run, signal, models, "half")
+    halves = {m: half for m in models if (half := _half(run, signal, m, sampled))}
+    if not sampled:
+        return None
+    found = ranking(run, signal, 0)
+    whole = {r["model"]: r["log_bayes_factor"] for r in found.rows} if found else {}
+    best = max(half.log_evidence for half in halves.values())
+    densities = [half.told["log_predictive"] for half in halves.values()]
+    ahead = max(filter(math.isfinite, densities), default=math.nan)  # what is not to be trusted has none
+    lines = [
+        Line(
+            [
+                words.model(model),
+                words.nats(whole.get(model)),
+                words.nats(half.log_evidence - best, half.stderr),
+                words.number(half.told["rms"] / half.told["expected"], 3),
+                f"{100 * half.told['coverage']:.0f} %",
+                words.nats(
+                    half.told["log_predictive"] - ahead, half.told.get("log_predictive_stderr", math.nan)
+                ),
+                half.diagnostic,
+            ],
+            "" if half.sound else "alert",
+        )
+        for model, half in halves.items()
+    ]
+    headers = [
+        "model", "log Bayes factor", "from the first half", "error / expected", "inside 95 %", "log predictive density",
+        "diagnostic",
+    ]  # fmt: skip
+    caption = (
+        "The first half of the record alone: what it says of the models, and how well it predicts the second half. "
+        "Error (rms) in units of what its interval expects, share of the samples inside their 95 % interval, and log "
+        "density of the second half given the first, against the best (nats)."
+    )
+    return Table(headers, lines, frozenset({0, 6}), caption)
+
+
+def _prediction(run: Run, signal: str, models: list[str]) -> Markup | None:
+    cells = list(_cells(run, signal, models, "half").items())[: figures.PANELS]
+    if not cells:
+        return None
+    unit = run.unit(signal)
+    scale = unit.scale
+    shown = {m: (c.arrays["t"], scale * c.arrays["error"], scale * c.arrays["sd"]) for m, c in cells}
+    caption = (
+        f"{signal}: the second half of the record minus its prediction from the first half, and the 95 % interval "
+        "of that prediction; the most probable models."
+    )
+    recorded = unit.of(run.about(signal).get("quantity") or "angle")
+    return run.drawings.add(f"prediction-{signal}", caption, lambda: figures.prediction(shown, recorded))
+
+
+def _ratios(run: Run, signal: str, models: list[str]) -> Table | None:
+    found = ranking(run, signal, 0)
+    logs = {frozenset(r["model"].split("+")): r for r in found.rows} if found else {}
+    lines = []
+    for model, cell in _cells(run, signal, models, "savage_dickey").items():
+        for smaller, ratio in cell.meta["against"].items():
+            one, other = (logs.get(frozenset(m.split("+"))) for m in (smaller, model))
+            if one is None or other is None:
+                continue
+            valid = ratio["outcome"] == OK
+            lines.append(
+                Line(
+                    [
+                        f"{words.model(smaller)} to {words.model(model)}",
+                        words.nats(ratio["log_bayes_factor"], ratio["stderr"]) if valid else words.NONE,
+                        words.nats(
+                            one["log_evidence"] - other["log_evidence"],
+                            math.hypot(one["stderr"], other["stderr"]),
+                        ),
+                        ratio["outcome"],
+                    ],
+                    "" if valid else "quiet",
+                )
+            )
+    if not lines:
+        return None
+    caption = (
+        "A third check of nested pairs: the log Bayes factor by Savage and Dickey, from the density of the larger "
+        "model's posterior where the term is zero, beside the difference of the log evidences."
+    )
+    headers = ["pair", "Savage–Dickey / nats", "evidence / nats", "outcome"]
+    return Table(headers, lines, frozenset({0, 3}), caption)
+
+
+def _average(run: Run, signal: str, models: list[str]) -> Markup | None:
+    cell = run.cell("averaged", signal, 0)
+    if cell is None or cell.outcome != OK or cell.arrays["amplitudes"].size < 2:
+        return None
+    shown = run.unit(signal).displacement
+    unit, scale = shown.name, shown.scale
+    medians: dict[str, tuple[np.ndarray, np.ndarray]] = {}
+    for model in models:
+        own = cell.arrays.get(f"median/{model}")
+        if own is not None:
+            medians[model] = (scale * cell.arrays["amplitudes"], own)
+    covered, weighed = cell.meta.get("covered", 1.0), cell.meta.get("weighed", [])
+    part = "" if covered > 0.9995 else f" that hold {words.probability(covered)} of the probability"
+    how = (
+        f" Not sampled, by the weighted draws of the evidence: {words.listing(map(words.model, weighed))}."
+        if weighed
+        else ""
+    )
+    caption = (
+        f"{signal}: equivalent viscous damping ratio against amplitude, averaged over the models{part} by their "
+        f"probabilities ({words.method(cell.meta['method'])}): median and 95 % band; thin: each model's own "
+        f"median.{how}"
+    )
+
+    def draw() -> Figure:
+        return figures.averaged(
+            scale * cell.arrays["amplitudes"], cell.arrays["curve/equivalent_ratio"], medians, unit
+        )
+
+    return run.drawings.add(f"averaged-{signal}", caption, draw)
+
+
+PLUGIN = Sensitivity()

@@ -1,0 +1,203 @@
+"""Many records: repeats of one specimen together, and specimens beside each other."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from markupsafe import Markup
+
+from bayesdamp.report import words
+from bayesdamp.report.figures.posteriors.intervals import Interval, Panel, intervals
+from bayesdamp.report.html import Line, Table, fill
+from bayesdamp.report.results.run import Run
+from bayesdamp.report.results.specimens import (
+    coefficients,
+    joint_cells,
+    joint_sentence,
+    over,
+    population_cell,
+    population_sentence,
+    size,
+)
+from bayesdamp.report.sections._section import Section
+from bayesdamp.report.style import colour
+from bayesdamp.store import CellResult
+from bayesdamp.types import OK
+
+_SHARED = {
+    "damping and law": "the damping and the restoring law's parameters but its angles",
+    "damping": "the damping alone; each record has its own restoring parameters",
+}
+
+
+class Specimens(Section):
+    """Of each specimen with several records its joint fit; over several specimens their population."""
+
+    order = 13
+    name = "specimens"
+    title = "Many records"
+
+    def applies(self, run: Run) -> bool:
+        return bool(joint_cells(run)) or population_cell(run) is not None
+
+    def render(self, run: Run) -> str:
+        parts: list[object] = []
+        for name, cell in joint_cells(run).items():
+            parts += [Markup("<h3>{}</h3>").format(f"Repeats of {name}"), *_joint(run, name, cell)]
+        cell = population_cell(run)
+        if cell is not None:
+            parts += [Markup("<h3>Over the specimens</h3>"), *_population(run, cell)]
+        return fill("stack.html", parts=parts)
+
+
+def _text(*said: str) -> Markup:
+    return Markup("<p>{}</p>").format(" ".join(said))
+
+
+def _interval(one: Mapping[str, float]) -> Interval:
+    return one["q2.5"], one["median"], one["q97.5"]
+
+
+def _joint(run: Run, name: str, cell: CellResult) -> list[object]:
+    said = joint_sentence(run, cell)
+    if "best" not in cell.meta:
+        return [_text(said[:1].upper() + said[1:])]
+    meta = cell.meta
+    best, row = meta["best"], meta["candidates"][meta["best"]]
+    how = (
+        f"Shared: {_SHARED[meta['sharing']]}. Each record's own: its start, its angle at rest (an encoder "
+        "may be offset) and its noise. The joint interval is right if the records share what they are said to "
+        "share and the candidate and each record's noise are right; it is not widened for what differs from "
+        "record to record."
+    )
+    law = f"As to the law, {meta['said']['law']}." if "law" in meta["said"] else ""
+    parts: list[object] = [
+        _text(said[:1].upper() + said[1:]),
+        _text(how, law),
+        _candidates(meta),
+        _sharings(meta),
+    ]
+    names = list(row["summary"])
+    panels = [
+        Panel(
+            words.axis(n, row["units"][n]),
+            [_interval(alone["summary"][n]) for alone in meta["alone"].values()],
+            _interval(row["summary"][n]),
+        )
+        for n in names
+    ]
+    caption = f"{name}, {words.model(best)}: each record's own median and 95 % interval; grey: that of the joint fit."
+    labels = list(meta["alone"])
+    parts.append(run.drawings.add(f"joint-{name}", caption, lambda: intervals(labels, panels, colour(best))))
+    spreads = [
+        f"{words.symbol(n).text} {over(meta['repeats'][n], row['units'][n], 'spread')}"
+        for n in coefficients(meta)
+    ]
+    warning = next((p["outcome"] for p in meta["repeats"].values() if p["outcome"] != OK), "")
+    text = "From repeat to repeat, beyond what each record's own interval allows, the coefficients spread (sd) by "
+    parts.append(_text(f"{text}{words.listing(spreads)}{f' ({warning})' if warning else ''}."))
+    return parts
+
+
+def _candidates(meta: Mapping[str, Any]) -> Table:
+    names = list(dict.fromkeys(n for r in meta["candidates"].values() for n in r.get("summary", {})))
+    top = meta["candidates"][meta["best"]]["log_evidence"]
+    rows = sorted(meta["candidates"].items(), key=lambda item: -item[1].get("log_evidence", -np.inf))
+    lines = []
+    for candidate, row in rows:
+        sizes = [size(row, n) if n in row.get("summary", {}) else words.NONE for n in names]
+        log = row.get("log_evidence")
+        shown = words.nats(None if log is None else log - top, row.get("stderr", np.nan))
+        kind = "best" if candidate == meta["best"] else "" if row["outcome"] == OK else "quiet"
+        share = words.probability(row["probability"])
+        drawn = words.number(row.get("effective"), 3)
+        lines.append(Line([words.model(candidate), share, shown, *sizes, drawn, row["outcome"]], kind))
+    headers = ["candidate", "probability", "log Bayes factor", *(words.symbol(n).text for n in names)]
+    caption = (
+        "All records together: evidence of the joint posterior by importance sampling, and what is shared "
+        "(mean ± sd)."
+    )
+    last = len(headers) + 1
+    return Table([*headers, "effective draws", "outcome"], lines, frozenset({0, last}), caption)
+
+
+def _sharings(meta: Mapping[str, Any]) -> Table:
+    order = [s for s in ("damping and law", "damping", "law", "nothing") if s in meta["sharings"]]
+    logs = {s: meta["sharings"][s].get("log_evidence", np.nan) for s in order}
+    top = np.nanmax(list(logs.values()))
+    lines = [
+        Line(
+            [
+                s,
+                words.nats(logs[s] - top, meta["sharings"][s].get("stderr", np.nan)),
+                meta["sharings"][s]["outcome"],
+            ],
+            "best" if logs[s] == top else "",
+        )
+        for s in order
+    ]
+    caption = (
+        f"{words.model(meta['best'])}: log evidence by what the records share, against the best. Where it has no "
+        "error it is so far off that Laplace's evidence, or the distance of the records' own modes, will do."
+    )
+    return Table(["shared", "nats", "outcome"], lines, frozenset({0, 2}), caption)
+
+
+def _population(run: Run, cell: CellResult) -> list[object]:
+    parts: list[object] = [_text(population_sentence(cell))]
+    if "populations" not in cell.meta:
+        return parts
+    meta = cell.meta
+    best, labels = meta["best"], list(meta["specimens"])
+    scales = [
+        f"{words.number(p['scale'], 2)} {words.unit(meta['units'][n])} for {words.symbol(n).text}"
+        for n, p in meta["populations"].items()
+    ]
+    behind = [f"{label} ({words.nats(gap)} nats)" for label, gap in meta["behind"].items() if gap > 1]
+    how = (
+        "Specimens' coefficients are taken as normal, cut off at zero; the mean and the spread are of what is "
+        "left. The normal's location has a half-normal prior with the scale of the coefficient's own, "
+        f"{words.listing(scales)}, and its width one with the scale of the location: specimens of one kind hardly "
+        "spread by more than their size. The candidate is the one with the greatest evidence over all specimens "
+        "together."
+    )
+    if behind:
+        how += f" Another candidate is ahead for {words.listing(behind)}."
+    parts += [_text(how), _values(meta)]
+    panels = [
+        Panel(
+            words.axis(n, meta["units"][n]),
+            [_interval(meta["specimens"][label]["summary"][n]) for label in labels],
+            _interval(found["mean"]),
+            [_interval(found["shrunk"][label]) for label in labels],
+        )
+        for n, found in meta["populations"].items()
+    ]
+    caption = (
+        "Each specimen's own median and 95 % interval (dots) and once the others have had their say (open); grey: the "
+        "population's mean."
+    )
+    parts.append(run.drawings.add("population", caption, lambda: intervals(labels, panels, colour(best))))
+    return parts
+
+
+def _values(meta: Mapping[str, Any]) -> Table:
+    lines = []
+    for name, found in meta["populations"].items():
+        unit = words.unit(meta["units"][name])
+        for what in ("mean", "spread"):
+            one = found[what]
+            bounds = words.interval(one["q2.5"], one["q97.5"])
+            lines.append(
+                Line([f"{words.symbol(name).text}, {what}", words.number(one["median"], 3), bounds, unit])
+            )
+        for label, one in found["shrunk"].items():
+            cells = [f"{words.symbol(name).text} of {label}", words.number(one["median"], 4)]
+            lines.append(Line([*cells, words.interval(one["q2.5"], one["q97.5"]), unit], "quiet"))
+    caption = "The population's mean and spread (sd), and each specimen's value given all of them."
+    return Table(["quantity", "median", "95 %", "unit"], lines, frozenset({0, 3}), caption)
+
+
+PLUGIN = Specimens()

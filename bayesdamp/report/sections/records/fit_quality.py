@@ -1,0 +1,125 @@
+"""How good the fits are, and how far the coefficients move with the window."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from markupsafe import Markup
+
+from bayesdamp.report import words
+from bayesdamp.report.figures.records.windows import windows
+from bayesdamp.report.html import Line, Table, fill, folded
+from bayesdamp.report.results.reading import coefficients, models_by_rank, other_forms
+from bayesdamp.report.results.run import Run, rows_of
+from bayesdamp.report.sections._layout import by_signal, drawn
+from bayesdamp.report.sections._section import Section
+
+
+class FitQuality(Section):
+    """fits.csv, and the fits to parts of the record."""
+
+    order = 70
+    name = "fit_quality"
+    title = "How good the fits are"
+
+    def applies(self, run: Run) -> bool:
+        return bool(run.signals)
+
+    def render(self, run: Run) -> str:
+        if not run.fits and not any(run.cells("mode", s) for s in run.signals):
+            return Markup("<p>No model was fitted in this study.</p>")
+        return fill("fit_quality.html", body=by_signal(run, lambda signal: _one(run, signal)))
+
+
+def _one(run: Run, signal: str) -> Markup:
+    repeats = run.repeats(signal)
+    repeat = repeats[0]
+    ranked = models_by_rank(run, signal, repeat)
+    parts: list[object] = []
+    if rows_of(run.fits, signal=signal, repeat=repeat):
+        parts.append(_table(run, signal, [repeat]))
+        if len(repeats) > 1:
+            parts.append(folded(f"All {len(repeats)} repeats", _table(run, signal, repeats)))
+    shown = 0
+    for place, model in enumerate(ranked):
+        if not drawn(run, place):
+            continue
+        content = _windows(run, signal, repeat, model)
+        if content is None:
+            continue
+        parts.append(content if shown == 0 else folded(f"Windows of {words.model(model)}", content))
+        shown += 1
+    forms = _other_forms(run, signal, repeat, ranked[0]) if ranked else None
+    if forms is not None:
+        parts.append(folded(f"Other forms of damping beside {words.model(ranked[0])}", forms))
+    return fill("stack.html", parts=parts or [Markup("<p>No model was fitted to this signal.</p>")])
+
+
+def _table(run: Run, signal: str, repeats: list[int]) -> Table:
+    lines = []
+    for repeat in repeats:
+        ranked = models_by_rank(run, signal, repeat)
+        rows = rows_of(run.fits, signal=signal, repeat=repeat)
+        for r in sorted(rows, key=lambda r: ranked.index(r["model"])):
+            lead = [str(repeat + 1)] if len(repeats) > 1 else []
+            lines.append(
+                Line(
+                    [
+                        *lead,
+                        words.model(r["model"]),
+                        f"{words.number(r['rms'], 3)} {r['rms_unit']}",
+                        words.fixed(r["residual_autocorrelation"], 2),
+                        words.number(r["window_spread"], 2),
+                        words.number(r["predictive_p"], 2),
+                        r["verdict"] or words.NONE,
+                    ]
+                )
+            )
+    headers = ["model", "rms residual", "autocorrelation", "window spread", "predictive p", "verdict"]
+    if len(repeats) > 1:
+        return Table(["repeat", *headers], lines, frozenset({1, 6}))
+    return Table(headers, lines, frozenset({0, 5}))
+
+
+def _other_forms(run: Run, signal: str, repeat: int, model: str) -> Table | None:
+    """Of each form of damping that no candidate has: with it beside its own damping, how likely is the candidate?"""
+    lines = [
+        Line([form.words, words.fixed(form.log_bayes, 2), words.probability(form.probability)])
+        for form in other_forms(run, signal, repeat, model)
+    ]
+    headers = ["what there might be beside it", "ln Bayes factor", "probability, against none"]
+    return Table(headers, lines, frozenset({0})) if lines else None
+
+
+def _windows(run: Run, signal: str, repeat: int, model: str) -> Markup | None:
+    cell = run.cell("mode", signal, repeat, model)
+    found: list[dict[str, Any]] = (
+        [w for w in (cell.meta.get("windows") or []) if w.get("values")] if cell else []
+    )
+    names = [n for n in coefficients(run, model) if any(n in w["values"] for w in found)]
+    if len(found) < 2 or not names:
+        return None
+    units = {r["parameter"]: r["unit"] for r in (*run.posteriors, *run.estimates) if r["model"] == model}
+    caption = (
+        f"{signal}, {words.model(model)}: damping coefficients from parts of the record. Where they "
+        "scatter by more than their bars, the model is not the whole truth and the posterior is too narrow."
+    )
+    drawing = run.drawings.add(
+        f"windows-{signal}-{model}", caption, lambda: windows(model, names, found, units)
+    )
+    headers = ["window", "from / s", "to / s", *(words.symbol(n).text for n in names)]
+    lines = [
+        Line(
+            [
+                str(w.get("label", "")),
+                words.number(w.get("start"), 4),
+                words.number(w.get("stop"), 4),
+                *(words.with_error(w["values"].get(n), (w.get("sd") or {}).get(n)) for n in names),
+            ]
+        )
+        for w in found
+    ]
+    return fill("stack.html", parts=[drawing, folded("These numbers", Table(headers, lines))])
+
+
+PLUGIN = FitQuality()

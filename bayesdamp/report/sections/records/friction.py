@@ -1,0 +1,80 @@
+"""How sharply friction turns over, where nobody said and the record was asked."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from markupsafe import Markup
+
+from bayesdamp.report import words
+from bayesdamp.report.html import Line, Table, fill
+from bayesdamp.report.results.run import Run
+from bayesdamp.report.sections._layout import by_signal
+from bayesdamp.report.sections._section import Section
+from bayesdamp.store import CellResult
+from bayesdamp.types import OK
+
+STAYS = "the usual one stays: no other is clearly ahead"
+HARDLY_ANY = "the usual one: the record has hardly any friction, and no other was tried"
+
+
+class Friction(Section):
+    """The evidence of each width ε within which friction was tried to turn over."""
+
+    order = 46
+    name = "friction"
+    title = "How sharply friction turns over"
+
+    def applies(self, run: Run) -> bool:
+        return any(_cell(run, signal) for signal in run.signals)
+
+    def render(self, run: Run) -> str:
+        said = (
+            "Friction turns over within a velocity ε, of which a precise record shows something near rest and at each "
+            "turning point. Chosen once for each record, under all damping terms together, and taken as known by all "
+            "candidates: their evidence does not pay for the choice, and their intervals are under that ε. How far the "
+            "coefficients move with it is seen here, in the fits of all terms together. Estimators take the usual one. "
+            "The evidence here is by Laplace's approximation."
+        )
+        return fill(
+            "stack.html", parts=[Markup("<p>{}</p>").format(said), by_signal(run, lambda s: _one(run, s))]
+        )
+
+
+def _cell(run: Run, signal: str) -> CellResult | None:
+    """The cell that chose, if any."""
+    cell = run.cell("noise", signal, run.repeats(signal)[0])
+    return cell if cell is not None and cell.meta.get("epsilons") else None
+
+
+def _one(run: Run, signal: str) -> Markup:
+    cell = _cell(run, signal)
+    if cell is None:
+        return Markup("<p>ε of this signal was given, or is inferred, or no candidate has friction.</p>")
+    tried, taken = cell.meta["epsilons"], cell.meta["epsilon"] or cell.meta["usual_epsilon"]
+    best = max((t["log_evidence"] for t in tried if t["outcome"] == OK), default=math.nan)
+    names = list(tried[0].get("coefficients", {}))
+    headers = [
+        "share of the peak velocity",
+        f"ε / ({cell.meta['epsilon_unit']})",
+        "log evidence below the best",
+        *(words.symbol(name).text for name in names),
+        "",
+    ]
+    usual = HARDLY_ANY if len(tried) == 1 else STAYS
+    why = usual if cell.meta["epsilon"] is None else "chosen"
+    lines = [_line(t, best, names, why if t["epsilon"] == taken else "") for t in tried]
+    return fill("stack.html", parts=[Table(headers, lines, frozenset({3 + len(names)}))])
+
+
+def _line(t: Mapping[str, Any], best: float, names: Sequence[str], taken: str) -> Line:
+    below = words.fixed(best - t["log_evidence"], 1) if t["outcome"] == OK else words.NONE
+    said = t["outcome"] if t["outcome"] != OK else taken
+    found = [words.with_error(*t["coefficients"].get(name, (None, None))) for name in names]
+    shown = [f"{100 * t['share']:g} %", words.number(t["epsilon"], 3), below, *found, said]
+    return Line(shown, "best" if taken else "")
+
+
+PLUGIN = Friction()

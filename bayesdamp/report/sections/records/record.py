@@ -1,0 +1,130 @@
+"""The record: what cleaning did, the fits of the likeliest models and their residuals."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from markupsafe import Markup
+
+from bayesdamp.report import words
+from bayesdamp.report.figures.records.record import Fit, raw, record
+from bayesdamp.report.html import fill
+from bayesdamp.report.results.reading import models_kept
+from bayesdamp.report.results.run import Run
+from bayesdamp.report.sections._layout import by_signal, drawn
+from bayesdamp.report.sections._section import Section
+from bayesdamp.types import OK
+
+
+class Record(Section):
+    """Each signal as read, as used, and as every model explains it."""
+
+    order = 30
+    name = "record"
+    title = "The record and the fits"
+
+    def applies(self, run: Run) -> bool:
+        return bool(run.signals)
+
+    def render(self, run: Run) -> str:
+        return by_signal(run, lambda signal: _one(run, signal))
+
+
+def _one(run: Run, signal: str) -> Markup:
+    repeats = run.repeats(signal)
+    repeat = repeats[0]
+    cell = run.cell("signal", signal, repeat)
+    about = run.about(signal)
+    said = [str(note) for note in about.get("notes") or []]
+    if about.get("epsilon_note"):
+        said.append(str(about["epsilon_note"]))
+    if about.get("noise"):
+        said.append(
+            f"Noise is taken as {words.method(about['noise'])}: chosen once for all candidates, see below."
+        )
+    if about.get("outcome", OK) != OK:
+        said.append(str(about["outcome"]))
+    if cell is None or "t" not in cell.arrays:
+        why = cell.outcome if cell else "The record is not in this folder."
+        return fill("record.html", notes=said, figures=[], missing=[why], repeats=len(repeats))
+    quantity = about.get("quantity") or "angle"
+    factor = run.unit(signal).scale
+    unit = run.unit(signal).of(quantity)
+    name = run.unit(signal).called(quantity)
+    axis = f"{name} / {f'({unit})' if '/' in unit else unit}"
+    t, y = cell.arrays["t"], cell.arrays["y"]
+    fits, missing = _fits(run, signal, repeat, factor, unit, len(t))
+    figures = []
+    if _has_raw(cell.arrays, len(t)):
+        start, stop = _window(about, cell.meta)
+        raw_t, raw_y = cell.arrays["raw_t"], cell.arrays["raw_y"] * factor
+        pieces = (cell.meta.get("provenance") or {}).get("pieces", [])
+        caption = f"{signal}: the record as it was read."
+        figures.append(
+            run.drawings.add(f"raw-{signal}", caption, lambda: raw(raw_t, raw_y, start, stop, axis, pieces))
+        )
+    caption = f"{signal}: the record as used" + (
+        "; the fits of the likeliest models at their posterior modes, best first, and their residuals."
+        if fits
+        else "."
+    )
+    if any(len(fit.autocorrelation) for fit in fits):
+        caption += " Grey band: what white noise would give."
+    period = _period(cell.meta, t)
+    figures.append(
+        run.drawings.add(f"record-{signal}", caption, lambda: record(t, y * factor, fits, axis, period))
+    )
+    return fill("record.html", notes=said, figures=figures, missing=missing, repeats=len(repeats))
+
+
+def _fits(
+    run: Run, signal: str, repeat: int, factor: float, unit: str, samples: int
+) -> tuple[list[Fit], list[str]]:
+    fits, missing = [], []
+    for place, model in enumerate(models_kept(run, signal, repeat)):
+        if not drawn(run, place):
+            continue
+        cell = run.cell("mode", signal, repeat, model)
+        if cell is None:
+            missing.append(f"No fit of {words.model(model)} is stored.")
+        elif len(cell.arrays.get("fit", ())) != samples:
+            missing.append(f"No fit of {words.model(model)}: {cell.outcome}")
+        else:
+            residual = cell.arrays["residual"] * factor
+            rms = next(
+                (r for r in run.fits if (r["signal"], r["repeat"], r["model"]) == (signal, repeat, model)),
+                None,
+            )
+            text = (
+                f"{words.number(rms['rms'], 3)} {rms['rms_unit']}"
+                if rms
+                else f"not in fits.csv (axis in {unit})"
+            )
+            autocorrelation = np.asarray(cell.arrays.get("autocorrelation", []), float)
+            fits.append(Fit(model, cell.arrays["fit"] * factor, residual, autocorrelation, text))
+    return fits, missing
+
+
+def _has_raw(arrays: Mapping[str, np.ndarray], samples: int) -> bool:
+    if not {"raw_t", "raw_y"} <= set(arrays) or len(arrays["raw_t"]) < 2:
+        return False
+    same = len(arrays["raw_t"]) == samples and np.array_equal(arrays["raw_y"], arrays["y"])
+    return not same
+
+
+def _window(about: Mapping[str, Any], meta: Mapping[str, Any]) -> tuple[float | None, float | None]:
+    for source in (about, meta.get("provenance") or {}):
+        start, stop = source.get("start"), source.get("stop")
+        if isinstance(start, (int, float)) and isinstance(stop, (int, float)):
+            return float(start), float(stop)
+    return None, None
+
+
+def _period(meta: Mapping[str, Any], t: np.ndarray) -> float:
+    period = (meta.get("features") or {}).get("period")
+    return float(period) if isinstance(period, (int, float)) and period > 0 else 0.04 * float(t[-1] - t[0])
+
+
+PLUGIN = Record()

@@ -1,0 +1,1 @@
+"""Sections on the study as a whole."""

@@ -1,0 +1,139 @@
+"""The answer: the first thing on the page."""
+
+from __future__ import annotations
+
+from markupsafe import Markup
+
+from bayesdamp.report import words
+from bayesdamp.report.figures.records import answer as figures
+from bayesdamp.report.html import Line, Table, fill, folded
+from bayesdamp.report.results.answers import Answer, answer_of
+from bayesdamp.report.results.confirmation import confirmation
+from bayesdamp.report.results.run import Run
+from bayesdamp.report.sections._layout import by_signal
+from bayesdamp.report.sections._section import Section
+from bayesdamp.types import OK
+from bayesdamp.verdict.words import digits, energy_of, with_interval
+
+
+class AnswerSection(Section):
+    """The verdict of each record: a sentence, three numbers, one picture, what it does not say."""
+
+    order = 5
+    name = "answer"
+    title = "Which damping, and how large"
+
+    def applies(self, run: Run) -> bool:
+        return bool(self._answered(run))
+
+    def render(self, run: Run) -> str:
+        return by_signal(run, lambda signal: _one(run, signal), self._answered(run))
+
+    @staticmethod
+    def _answered(run: Run) -> list[str]:
+        return [s for s in run.signals if answer_of(run, s, run.repeats(s)[0]) is not None]
+
+
+def _one(run: Run, signal: str) -> Markup:
+    answer = answer_of(run, signal, run.repeats(signal)[0])
+    assert answer is not None
+    v = answer.verdict
+    unit = v.damping_ratio[0].unit if v.damping_ratio else "rad"
+    picture = run.drawings.add(
+        f"answer-{signal}",
+        "The record with its fit; damping ratio against amplitude, with its 95 % band and what each law fitted alone "
+        "says; what the fit leaves; energy lost in a cycle by each term.",
+        lambda: figures.answer(answer.arrays, unit, v.damping),
+    )
+    return fill(
+        "answer.html",
+        sentence=v.sentence,
+        numbers=_numbers(v),
+        energy=energy_of(v),
+        remarks=v.remarks,
+        confirmed=confirmation(run, signal),
+        picture=picture,
+        ratios=_ratios(v),
+        coefficients=_coefficients(v),
+        candidates=folded("Every candidate that was weighed at once", _candidates(answer)),
+    )
+
+
+def _numbers(v) -> list[tuple[str, str]]:
+    found = []
+    if v.frequency is not None:
+        f = v.frequency
+        found.append(
+            ("natural frequency", f"{digits(f.value, max(f.high - f.low, 1e-4 * f.value))} {f.unit}")
+        )
+    if v.damping_ratio:
+        r = v.damping_ratio[len(v.damping_ratio) // 2]
+        found.append(
+            (
+                f"equivalent damping ratio at {r.amplitude:.2g} {r.unit}",
+                with_interval(r.value, r.low, r.high, " %", 100),
+            )
+        )
+        found.append(
+            (f"Q at {r.amplitude:.2g} {r.unit}", with_interval(0.5 / r.value, 0.5 / r.high, 0.5 / r.low))
+        )
+    return found
+
+
+def _ratios(v) -> Table:
+    lines = [
+        Line([
+            f"{r.amplitude:.3g} {r.unit}",
+            with_interval(r.value, r.low, r.high, " %", 100),
+            f"{100 * r.sd_noise:.2g} %",
+            f"{100 * r.sd_law:.2g} %",
+        ])
+        for r in v.damping_ratio
+    ]  # fmt: skip
+    head = ["amplitude", "equivalent damping ratio (95 %)", "± noise", "± law"]
+    return Table(head, lines, frozenset({0}), "Damping ratio against amplitude")
+
+
+def _coefficients(v) -> Table:
+    lines = [
+        Line(
+            [
+                c.name,
+                with_interval(c.value, c.low, c.high),
+                f"{c.sd_noise:.2g}",
+                f"{c.sd_law:.2g}",
+                words.unit(c.unit),
+            ]
+        )
+        for c in v.coefficients
+    ]
+    head = ["parameter", "value (95 %)", "± noise", "± law", "unit"]
+    return Table(head, lines, frozenset({0, 4}), f"Under {v.damping}, {v.restoring}")
+
+
+def _candidates(answer: Answer) -> Markup:
+    rows = [r for r in answer.candidates if r["outcome"] == OK]
+    key = "log_evidence" if rows and rows[0]["log_evidence"] is not None else "log_evidence_exact"
+    top = {k: max(float(r[k]) for r in rows) for k in {key, "log_evidence_exact"}}  # type: ignore[arg-type]
+    lines = [
+        Line([
+            str(r["damping"]), str(r["restoring"]),
+            f"{float(r[key]) - top[key]:.1f}",  # type: ignore[arg-type]
+            f"{float(r['log_evidence_exact']) - top['log_evidence_exact']:.1f}",  # type: ignore[arg-type]
+            f"{float(r['rms']):.3g}",  # type: ignore[arg-type]
+        ])
+        for r in sorted(rows, key=lambda r: -float(r[key]))  # type: ignore[arg-type]
+    ]  # fmt: skip
+    head = [
+        "damping",
+        "restoring law",
+        "log Bayes factor",
+        "the same under exact laws",
+        "rms of the plain fit",
+    ]
+    return fill(
+        "stack.html", parts=[Table(head, lines, frozenset({0, 1}), "Log Bayes factors to the best, in nats")]
+    )
+
+
+PLUGIN = AnswerSection()

@@ -1,0 +1,103 @@
+"""With what, on what and in what time it was made."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from bayesdamp.report import words
+from bayesdamp.report.html import Line, Table, fill, folded
+from bayesdamp.report.results.run import Run
+from bayesdamp.report.sections._section import Section
+
+
+class Provenance(Section):
+    """Versions, revision, machine, inputs, and the seconds of each kind of cell."""
+
+    order = 90
+    name = "provenance"
+    title = "How this was made"
+
+    def applies(self, run: Run) -> bool:
+        return True
+
+    def render(self, run: Run) -> str:
+        info = run.info
+        facts = [
+            ("source revision", info.get("revision")),
+            *_machine(info.get("machine")),
+            ("seed", info.get("seed")),
+        ]
+        lines = [Line([name, str(value)]) for name, value in facts if value is not None]
+        text = frozenset({0, 1})
+        parts: list[object] = [Table(["fact", "value"], lines, text)] if lines else []
+        inputs: Mapping[str, str] = info.get("inputs") or {}
+        if inputs:
+            parts.append(Table(["input", "SHA-256"], [Line([k, v]) for k, v in inputs.items()], text))
+        versions: Mapping[str, str] = info.get("versions") or {}
+        if versions:
+            table = Table(["package", "version"], [Line([k, v]) for k, v in versions.items()], text)
+            parts.append(folded(f"Versions of {len(versions)} packages", table))
+        parts += _timing(info.get("seconds") or {})
+        parts += _budget(info.get("error_budget") or {})
+        return fill("stack.html", parts=parts)
+
+
+def _machine(machine: object) -> list[tuple[str, Any]]:
+    if isinstance(machine, Mapping):
+        return [(str(k), v) for k, v in machine.items()]
+    return [("machine", machine)]
+
+
+def _timing(seconds: Mapping[str, float]) -> list[object]:
+    known = {name: s for name, s in seconds.items() if isinstance(s, (int, float))}
+    if not known:
+        return []
+    kinds: dict[str, list[float]] = {}
+    for name, s in known.items():
+        kinds.setdefault(name.split("/")[0], []).append(s)
+    lines = [
+        Line([kind, str(len(found)), words.duration(sum(found)), words.duration(max(found))])
+        for kind, found in kinds.items()
+    ]
+    total = Line(
+        ["all", str(len(known)), words.duration(sum(known.values())), words.duration(max(known.values()))]
+    )
+    table = Table(
+        ["stage", "cells", "together", "the longest"], [*lines, total], caption="Time, summed over workers"
+    )
+    longest = sorted(known, key=lambda name: -known[name])[:20]
+    cells = Table(["cell", "time"], [Line([name, words.duration(known[name])]) for name in longest])
+    return [table, folded(f"The {len(longest)} longest cells", cells)]
+
+
+def _budget(budget: Mapping[str, Any]) -> list[object]:
+    if not budget:
+        return []
+    rows = _leaves(budget)
+    columns = list(dict.fromkeys(key for found in rows.values() for key in found))
+    lines = [Line([name or "all", *(_show(found.get(c)) for c in columns)]) for name, found in rows.items()]
+    headers = ["where", *(c.replace("_", " ") for c in columns)]
+    caption = (
+        "What finer integration steps change within three sds of the mode: the error budget of the solver"
+    )
+    return [Table(headers, lines, caption=caption)]
+
+
+def _leaves(table: Mapping[str, Any], at: str = "") -> dict[str, dict[str, Any]]:
+    """Nested tables as one row each: the path to it, and the plain values that it holds."""
+    own = {k: v for k, v in table.items() if not isinstance(v, Mapping)}
+    found = {at: own} if own else {}
+    for key, value in table.items():
+        if isinstance(value, Mapping):
+            found.update(_leaves(value, f"{at}/{key}" if at else str(key)))
+    return found
+
+
+def _show(value: object) -> str:
+    if isinstance(value, (int, float)) and not isinstance(value, bool):
+        return words.number(float(value), 2)
+    return words.NONE if value is None else str(value)
+
+
+PLUGIN = Provenance()

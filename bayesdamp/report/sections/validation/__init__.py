@@ -1,0 +1,1 @@
+"""Sections on calibration and model recovery."""

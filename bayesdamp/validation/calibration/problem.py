@@ -1,0 +1,192 @@
+"""Records drawn from a study's own prior: what is drawn is the prior object that the posterior will use."""
+
+from __future__ import annotations
+
+import os
+import zlib
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from bayesdamp.config import Simulation, Study
+from bayesdamp.estimators import run as run_estimator
+from bayesdamp.inference.fit.mode import Mode
+from bayesdamp.inference.fit.search import find_mode
+from bayesdamp.inference.model.build import build_target
+from bayesdamp.inference.model.defaults import Reference
+from bayesdamp.inference.model.target import Target
+from bayesdamp.inference.noise import NOISES
+from bayesdamp.physics.damping import parse_model
+from bayesdamp.physics.oscillator import Oscillator
+from bayesdamp.physics.restoring import LAWS
+from bayesdamp.priors import Prior
+from bayesdamp.records.oscillation.features import Features, features
+from bayesdamp.records.simulate import simulate_signal
+from bayesdamp.types import OK, Estimate, InputError, Problem, Signal, System
+
+ESTIMATOR = "least_squares"
+SECOND = "envelope"
+"""Asked where the first one's fit is not in order."""
+ESCAPES = 100
+"""Draws in a row whose trajectory does not stay finite, after which the prior is to blame."""
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """A record, the parameters behind it (all that are inferred), and its target."""
+
+    truth: Mapping[str, float]
+    signal: Signal
+    target: Target
+
+
+@dataclass(frozen=True)
+class Generator:
+    """One damping model with its priors, before there is a record.
+
+    blank: its target with an empty record: a real one has the same priors, for they depend on no record.
+    """
+
+    model: str
+    source: Simulation
+    system: System
+    blank: Target
+
+    def draw(self, rng: np.random.Generator, name: str) -> Drawn:
+        """Parameters from the prior and a record with them.
+
+        Where a trajectory escapes the parameters are drawn again: no record has a likelihood there, so that
+        the posterior is the same under the prior without them.
+        """
+        escaped = InputError("nothing was drawn")
+        for _ in range(ESCAPES):
+            z = rng.standard_normal(len(self.blank.names))
+            truth = {k: float(v) for k, v in self.blank.values(z).items()}
+            try:
+                signal = self._simulated({**self.blank.known, **truth}, rng, name)
+            except InputError as fault:
+                escaped = fault
+                continue
+            return Drawn(truth, signal, replace(self.blank, signal=signal))
+        raise InputError(f"{self.model}: {ESCAPES} draws from the prior in a row, and {escaped}")
+
+    def _simulated(self, p: Mapping[str, float], rng: np.random.Generator, name: str) -> Signal:
+        s = self.source
+        return simulate_signal(
+            self.blank.oscillator,
+            p,
+            duration=s.duration,
+            samples=s.samples,
+            noise_sd=p["noise_sd"],
+            noise=self.blank.layout.noise.name,
+            noise_time=p.get("noise_time"),
+            noise_dof=p.get("noise_dof"),
+            outliers=s.outliers,
+            gaps=s.gaps,
+            quantum=s.quantum,
+            quantity=s.quantity,
+            unit=s.unit,
+            name=name,
+            rng=rng,
+        )
+
+
+def record_rng(seed: int, *labels: object) -> np.random.Generator:
+    """The random numbers of one record: a function of the study's seed and the record's labels."""
+    return np.random.default_rng([seed, zlib.crc32("/".join(map(str, labels)).encode())])
+
+
+FAILED = "failed: "
+
+
+def failure(fault: Exception) -> str:
+    """What is stored of a fault of the program in one record; under BAYESDAMP_DEBUG it is raised."""
+    if isinstance(fault, InputError) or os.environ.get("BAYESDAMP_DEBUG"):
+        raise fault
+    lines = str(fault).strip().splitlines()
+    return f"{FAILED}{type(fault).__name__}: {lines[0] if lines else ''}"
+
+
+def generator(
+    study: Study, model: str, *, source: Simulation | None = None, priors: Mapping[str, Prior] | None = None
+) -> Generator:
+    """The generator of one model of a study, after its first signal.
+
+    source: another record than the first signal's; priors: in place of the study's, by parameter.
+    Raises InputError where the prior would depend on the record.
+    """
+    spec = study.signals[0]
+    if not isinstance(spec.source, Simulation):
+        raise InputError(
+            f"{study.source}: signal[{spec.name}] is a file; calibration simulates: the first signal must too"
+        )
+    free = {**spec.system.free, **(priors or {})}
+    known = {k: v for k, v in spec.system.known.items() if k not in free}
+    system = replace(spec.system, known=known, free=free)
+    reference = _reference(study, system)
+    terms = parse_model(model)
+    given = {t: p for t, p in study.models.prior.items() if t in terms}
+    noise, *others = study.noises
+    if others:
+        raise InputError(
+            f"{study.source}: posterior.noise names {1 + len(others)} models; records are drawn from one"
+        )
+    if NOISES.get(noise).constants:
+        raise InputError(
+            f"{study.source}: posterior.noise is {noise}, which depends on the record; nothing can be drawn from it"
+        )
+    empty = Signal(np.arange(3.0), np.zeros(3), spec.source.quantity, spec.source.unit)
+    one, other = (
+        build_target(empty, terms, system, seen, reference, noise=noise, term_priors=given)
+        for seen in (_features(1.0), _features(2.0))
+    )
+    moved = [name for name in one.names if one.priors[name] != other.priors[name]]
+    if moved:
+        raise InputError(
+            f"{study.source}: the default prior of {' and '.join(moved)} depends on the record, so nothing can be "
+            f'drawn from it; give one in [system], such as {moved[0]} = {{ prior = "normal", ... }}'
+        )
+    return Generator(model, source or spec.source, replace(system, known=dict(one.known)), one)
+
+
+def _features(x: float) -> Features:
+    """Features of no record, all of this value."""
+    none = np.empty(0)
+    return Features(x, x, x, x, x, x, x, x, none, none, none, none)
+
+
+def _reference(study: Study, system: System) -> Reference:
+    """The reference of the priors, from the study alone."""
+    amplitude, frequency = system.amplitude, system.frequency
+    if all(name in system.known for name in LAWS.get(system.restoring).parameters):
+        law = Oscillator((), system.restoring)
+        start = system.known.get("theta0", 0.0)
+        frequency = frequency or law.natural_frequency(system.known, start)
+        if "theta0" in system.known:
+            amplitude = amplitude or abs(start - law.equilibrium(system.known, start)) or None
+    if amplitude is None or frequency is None:
+        name = "amplitude" if amplitude is None else "frequency"
+        raise InputError(
+            f"{study.source}: system.{name} is missing; the widths of default priors scale with it, and a record's own "
+            "would make the prior depend on the data; it must be a positive number"
+        )
+    return Reference(amplitude, frequency)
+
+
+def mode_of(drawn: Drawn, system: System) -> tuple[Mode, Estimate]:
+    """The mode from seeds that know the record alone, and the refined estimate.
+
+    Raises Refusal where the record shows no oscillation, or no seed leads anywhere.
+    """
+    seen = features(drawn.signal)
+    problem = Problem(drawn.target.oscillator.damping, system)
+    first = run_estimator(ESTIMATOR, drawn.signal, problem, seed=0)
+    refined = first[-1]
+    seeds = {"refined": refined.values} if refined.values else {}
+    if refined.outcome != OK:
+        second = run_estimator(SECOND, drawn.signal, problem, stages=["initial"], seed=0)
+        more = [*first[:-1], *second]
+        seeds |= {f"{e.estimator} {e.stage}": e.values for e in more if e.values}
+        seeds["prior centre"] = {}
+    return find_mode(drawn.target, seeds, noise_level=seen.roughness), refined

@@ -1,0 +1,79 @@
+"""A claim, what was measured, and the verdict; and all of them as a page."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Literal
+
+from bayesdamp.report.results.comparing import Comparison, compared
+from bayesdamp.report.results.run import Run
+from bayesdamp.report.results.sweeping import Series, series
+
+Verdict = Literal["holds", "does not hold", "holds in part", "cannot be told"]
+
+
+@dataclass(frozen=True)
+class Judgement:
+    """What was measured, in a sentence or two with its numbers, and what that says of the claim."""
+
+    verdict: Verdict
+    measured: str
+
+
+@dataclass(frozen=True)
+class Runs:
+    """The runs that claims are judged by: the folder of `paper`, None where there is none, those of `noise`."""
+
+    paper: Path | None = None
+    noise: tuple[Path, ...] = ()
+
+    @cached_property
+    def compared(self) -> Comparison | None:
+        """The clean pendulums of the paper."""
+        return compared(Run(self.paper)) if self.paper else None
+
+    @cached_property
+    def series(self) -> list[Series]:
+        """Errors along noise, sampling and length."""
+        return [found for folder in self.noise for found in series(Run(folder))]
+
+
+@dataclass(frozen=True)
+class Claim:
+    """text: in our words; where: in the paper; judge: measures and judges."""
+
+    text: str
+    where: str
+    judge: Callable[[Runs], Judgement]
+
+
+NO_RUN = Judgement("cannot be told", "The run that would tell is not here.")
+
+
+def judged(claims: Iterable[Claim], runs: Runs) -> list[tuple[Claim, Judgement]]:
+    """Every claim with its judgement, in order."""
+    return [(claim, claim.judge(runs)) for claim in claims]
+
+
+def written(found: Iterable[tuple[Claim, Judgement]]) -> str:
+    """The page, in Markdown."""
+    found = list(found)
+    counts = {v: sum(j.verdict == v for _, j in found) for v in dict.fromkeys(j.verdict for _, j in found)}
+    lines = [
+        "# The paper's claims, measured",
+        "",
+        "Made by `bayesdamp claims`. Errors are in per cent of the truth; *initial* is what a method finds by itself,",
+        "*refined* the trajectory fit that starts there.",
+        "",
+        ", ".join(f"{count} {verdict}" for verdict, count in counts.items()) + ".",
+        "",
+        "| claim | where | measured | verdict |",
+        "|---|---|---|---|",
+    ]
+    for claim, judgement in found:
+        cells = (claim.text, claim.where, judgement.measured, f"**{judgement.verdict}**")
+        lines.append("| " + " | ".join(c.replace("|", "\\|") for c in cells) + " |")
+    return "\n".join(lines) + "\n"

@@ -1,0 +1,297 @@
+"""The commands: one line for each error, an exit status that means something, and nothing half-written."""
+
+from __future__ import annotations
+
+import csv
+import os
+import subprocess
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+import pytest
+
+import bayesdamp
+from bayesdamp.cli import main
+from bayesdamp.types import InputError, Refusal
+
+STUDY = """
+version = 1
+name = "small"
+[system]
+restoring = "linear"
+stiffness = 20.0
+rest_angle = 0.0
+theta0 = 0.3
+omega0 = 0.0
+[[signal]]
+name = "one"
+simulate = { viscous = 0.05, duration = 10.0, samples = 100, noise_sd = 0.003 }
+[estimators]
+use = ["least_squares"]
+"""
+SET = ["--set", "stiffness=20,gravity=1", "--set", "spring_angle=0"]
+
+
+@dataclass(frozen=True)
+class FakeCell:
+    name: str
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.delenv("BAYESDAMP_DEBUG", raising=False)
+    return tmp_path
+
+
+def study_module(monkeypatch: pytest.MonkeyPatch, run_study: Callable[..., int]) -> None:
+    """Put a pipeline in place that does as the test says."""
+    fake = ModuleType("bayesdamp.pipeline")
+    fake.run_study = run_study  # type: ignore[attr-defined]
+    fake.cells = lambda study: [FakeCell("signal/one"), FakeCell("posterior/one/nuts")]  # type: ignore[attr-defined]
+    monkeypatch.setitem(sys.modules, "bayesdamp.pipeline", fake)
+
+
+def one_line(capsys: pytest.CaptureFixture[str]) -> str:
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    assert captured.err.endswith("\n")
+    line = captured.err.removesuffix("\n")
+    assert line
+    assert "\n" not in line
+    assert "Traceback" not in line
+    return line
+
+
+WRONG = {
+    "no command": (["stud"], "No such command 'stud'"),
+    "no file": (["study"], "Missing argument"),
+    "option": (["study", "a.toml", "--worker", "2"], "No such option"),
+    "workers": (["study", "a.toml", "--workers", "0"], "'--workers'"),
+    "missing study": (["study", "none.toml"], "none.toml: there is no such file; give"),
+    "missing check": (["check", "none.toml"], "none.toml: there is no such file; give"),
+    "bad study": (["check", "bad.toml"], "bad.toml: posterior.chain: unknown key; did you mean 'chains'?"),
+    "bad study run": (
+        ["study", "bad.toml"],
+        "bad.toml: posterior.chain: unknown key; did you mean 'chains'?",
+    ),
+    "bad option": (["check", "option.toml"], "did you mean 'variant'?"),
+    "out is a file": (["study", "good.toml", "--out", "bad.toml"], "--out bad.toml: is a file; it must be"),
+    "no run": (["report", "nowhere"], "nowhere: there is no such folder; give the folder of a run"),
+    "empty run": (["report", "."], "run.json"),
+    "term": (["simulate", "--out", "x.csv", "--damping", "viscuos=1", *SET], "did you mean 'viscous'?"),
+    "no number": (
+        ["simulate", "--out", "x.csv", "--damping", "viscous", *SET],
+        "--damping viscous: must be NAME=",
+    ),
+    "twice": (["simulate", "--out", "x.csv", "--damping", "viscous=1,viscous=2", *SET], "is given twice"),
+    "negative": (
+        ["simulate", "--out", "x.csv", "--damping", "viscous=-1", *SET],
+        "viscous: is -1.0; it must be at",
+    ),
+    "law": (
+        ["simulate", "--out", "x.csv", "--damping", "viscous=1", "--restoring", "pendulm"],
+        "did you mean 'pendul",
+    ),
+    "not set": (
+        ["simulate", "--out", "x.csv", "--damping", "viscous=1"],
+        "needs stiffness=NUMBER, gravity=NUMBER",
+    ),
+    "set": (["simulate", "--out", "x.csv", "--damping", "viscous=1", *SET, "--set", "thet0=1"], "'theta0'"),
+    "samples": (
+        ["simulate", "--out", "x.csv", "--damping", "viscous=1", *SET, "--samples", "1"],
+        "samples: is 1; it",
+    ),
+    "nan": (["simulate", "--out", "x.csv", "--damping", "viscous=nan", *SET], "viscous: is nan; it must be"),
+    "no out": (["simulate", "--damping", "viscous=1", *SET], "Missing option '--out'"),
+    "record of nothing": (
+        ["compare", "nothing.csv"],
+        "nothing.csv: the file is empty; export the record again",
+    ),
+    "record of empty lines": (
+        ["compare", "lines.csv"],
+        "lines.csv: holds nothing but blanks; export the record again",
+    ),
+    "out below a file": (
+        ["simulate", "--out", "bad.toml/x.csv", "--damping", "viscous=0.05", *SET],
+        "--out bad.toml/x.csv: cannot be written",
+    ),
+}
+
+
+@pytest.mark.parametrize(("arguments", "expected"), WRONG.values(), ids=WRONG)
+def test_wrong_input_is_one_line_exit_status_2_and_nothing_written(
+    folder: Path,
+    arguments: list[str],
+    expected: str,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    (folder / "good.toml").write_text(STUDY)
+    (folder / "bad.toml").write_text(STUDY + "[posterior]\nchain = 2\n")
+    (folder / "option.toml").write_text(STUDY + "[estimators.least_squares]\nvarant = 3\n")
+    (folder / "nothing.csv").write_text("")
+    (folder / "lines.csv").write_text("\n \n\t\n\n")
+    before = sorted(folder.rglob("*"))
+    assert main(arguments) == 2
+    assert expected in one_line(capsys)
+    assert sorted(folder.rglob("*")) == before
+
+
+def test_a_study_returns_the_pipeline_s_status(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    asked = {}
+
+    def run_study(study, out, **options) -> int:  # type: ignore[no-untyped-def]
+        asked.update(options, name=study.name, out=out)
+        out.mkdir(parents=True)
+        (out / "report.html").write_text("")
+        return 3
+
+    study_module(monkeypatch, run_study)
+    (folder / "study.toml").write_text(STUDY)
+    assert main(["study", "study.toml", "--workers", "2", "--fresh"]) == 3
+    assert asked["out"] == Path("reports/small")
+    assert (asked["name"], asked["workers"], asked["fresh"], asked["scheduler"]) == ("small", 2, True, None)
+    assert capsys.readouterr().out.strip() == "reports/small/report.html"
+
+
+@pytest.mark.parametrize(
+    ("error", "status", "expected"),
+    [
+        (KeyboardInterrupt(), 130, "interrupted; the same command resumes"),
+        (
+            RuntimeError("a\nb"),
+            1,
+            "a fault of the program: RuntimeError: a b (BAYESDAMP_DEBUG=1 shows where)",
+        ),
+        (
+            OSError(28, "No space left on device"),
+            1,
+            "a fault of the program: OSError: [Errno 28] No space left",
+        ),
+        (InputError("rig.csv: no\nnumbers"), 2, "rig.csv: no numbers"),
+        (Refusal("no peak"), 2, "no peak"),
+    ],
+)
+def test_what_stops_a_study_is_one_line(
+    folder: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    error: BaseException,
+    status: int,
+    expected: str,
+) -> None:
+    def run_study(*_: object, **__: object) -> int:
+        raise error
+
+    study_module(monkeypatch, run_study)
+    (folder / "study.toml").write_text(STUDY)
+    assert main(["study", "study.toml"]) == status
+    assert expected in one_line(capsys)
+
+
+def test_debugging_shows_where(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def run_study(*_: object, **__: object) -> int:
+        raise RuntimeError("deep")
+
+    study_module(monkeypatch, run_study)
+    monkeypatch.setenv("BAYESDAMP_DEBUG", "1")
+    (folder / "study.toml").write_text(STUDY)
+    assert main(["study", "study.toml"]) == 1
+    assert "Traceback" in capsys.readouterr().err
+
+
+def test_check_lists_what_a_study_asks_for_and_writes_nothing(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    study_module(monkeypatch, lambda *_, **__: 1)
+    (folder / "study.toml").write_text(STUDY)
+    assert main(["check", "study.toml"]) == 0
+    out = capsys.readouterr().out
+    for word in ("one", "viscous", "least_squares", "nuts", "importance", "posterior", "study.toml: ok"):
+        assert word in out
+    assert [p.name for p in folder.iterdir()] == ["study.toml"]
+
+
+def test_simulate_writes_a_record_that_reads_back(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    simulate = ["simulate", "--damping", "viscous=0.05", *SET, "--samples", "201", "--noise-sd", "0.003"]
+    assert main([*simulate, "--out", "a.csv", "--seed", "1"]) == 0
+    assert capsys.readouterr().out.strip() == "a.csv"
+    assert main([*simulate, "--out", "b.csv", "--seed", "1"]) == 0
+    assert main([*simulate, "--out", "c.csv", "--seed", "2"]) == 0
+    with (folder / "a.csv").open(newline="") as stream:
+        header, *rows = csv.reader(stream)
+    assert header == ["t (s)", "angle (rad)"]
+    assert len(rows) == 201
+    assert (float(rows[0][0]), float(rows[-1][0])) == (0.0, 10.0)
+    assert float(rows[0][1]) == pytest.approx(0.3, abs=0.02)
+    assert (folder / "a.csv").read_bytes() == (folder / "b.csv").read_bytes()
+    assert (folder / "a.csv").read_bytes() != (folder / "c.csv").read_bytes()
+
+
+def test_a_simulation_has_noise_unless_it_is_told_not_to(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """It swings from 0.3 rad about cos θ/20 = 0.05 rad: 0.25 rad. The noise is the difference of the two files, its sd
+    within a tenth (200 samples: a false alarm once in twenty seeds; the seed is fixed)."""
+    simulate = ["simulate", "--damping", "viscous=0.05", *SET, "--samples", "201"]
+    assert main([*simulate, "--out", "noisy.csv"]) == 0
+    said = capsys.readouterr()
+    assert said.out == "noisy.csv\n"
+    assert said.err == "noise: sd 0.0025 rad, 1 % of the amplitude (--noise-sd 0 for none)\n"
+    assert main([*simulate, "--out", "clean.csv", "--noise-sd", "0"]) == 0
+    assert capsys.readouterr().err == ""
+    noisy, clean = (np.loadtxt(folder / f"{n}.csv", delimiter=",", skiprows=1) for n in ("noisy", "clean"))
+    assert np.array_equal(noisy[:, 0], clean[:, 0])
+    assert np.std(noisy[:, 1] - clean[:, 1]) == pytest.approx(0.0025, rel=0.1)
+
+
+def test_help_lists_the_commands_and_needs_no_method() -> None:
+    code = (
+        "import sys\nfrom bayesdamp.cli import main\nstatus = main(['--help'])\n"
+        "heavy = {'torch', 'numpyro', 'arviz_stats', 'matplotlib', 'scipy', 'numpy'} & set(sys.modules)\n"
+        "sys.exit(status or (f'imported {heavy}' if heavy else 0))"
+    )
+    environment = {**os.environ, "COLUMNS": "100"}
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env=environment)
+    assert run.returncode == 0, run.stderr
+    for command in ("study", "check", "simulate", "report"):
+        assert command in run.stdout
+
+
+@pytest.mark.parametrize("option", ["-h", "--help"])
+@pytest.mark.parametrize("command", [[], ["check"]])
+def test_help_has_a_short_name(command: list[str], option: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main([*command, option]) == 0
+    assert "Usage" in capsys.readouterr().out
+
+
+def test_the_version(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["--version"]) == 0
+    assert capsys.readouterr().out == f"bayesdamp {bayesdamp.__version__}\n"
+
+
+def test_a_worker_needs_no_terminal() -> None:
+    code = (
+        "import sys\nimport bayesdamp.pipeline\n"
+        "heavy = {'rich', 'typer', 'arviz_stats', 'arviz_base', 'xarray', 'pandas', 'matplotlib'} & set(sys.modules)\n"
+        "sys.exit(f'imported {heavy}' if heavy else 0)"
+    )
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert run.returncode == 0, run.stderr
+
+
+def test_the_installed_command_returns_the_status(folder: Path) -> None:
+    run = subprocess.run(
+        [sys.executable, "-m", "bayesdamp.cli", "check", "none.toml"], capture_output=True, text=True
+    )
+    assert run.returncode == 2
+    assert run.stderr == "none.toml: there is no such file; give the path of a study file (TOML)\n"
+    assert run.stdout == ""

@@ -1,0 +1,178 @@
+"""`bayesdamp look` and `bayesdamp init`, and what `compare` and a study make of a file with several records."""
+
+from __future__ import annotations
+
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from bayesdamp.cli import main
+from bayesdamp.cli.asking import Options, as_signals, chosen_records
+from bayesdamp.cli.plot import dots, plot
+from bayesdamp.cli.study_file import written
+from bayesdamp.config import Recording, load_study
+from bayesdamp.config.compare import comparison
+from bayesdamp.pipeline.records.recorded import recorded
+
+T = np.arange(600) / 50
+Y = 0.3 * np.exp(-0.1 * T) * np.cos(6 * T)
+NOISE = np.random.default_rng(4).normal(0, 0.01, T.size)
+
+
+def runs(path: Path, unit: str = "deg") -> Path:
+    """Three runs, of which the second is none: nothing was let go."""
+    names, columns = [], []
+    for i, y in ((1, 40 * Y), (2, NOISE), (3, 30 * Y)):
+        names += [f"Time (s) Run #{i}", f"Angle, left ({unit}) Run #{i}", f"Supply (V) Run #{i}"]
+        columns += [T, y, np.full(T.size, 5.0)]
+    rows = [";".join(f"{x:.6f}".replace(".", ",") for x in row) for row in zip(*columns, strict=True)]
+    path.write_text("\n".join([";".join(names), *rows]), encoding="utf-8-sig")
+    return path
+
+
+def test_look_shows_columns_units_clock_and_the_free_decay(tmp_path, capsys) -> None:
+    file = runs(tmp_path / "rig.csv")
+    page = tmp_path / "page.html"
+    assert main(["look", str(file), "--html", str(page)]) == 0
+    shown = capsys.readouterr().out
+    flat = " ".join(shown.split())
+    assert "rig.csv: text" in shown
+    assert "run 1, Angle, left (deg): column 'Angle, left (deg) Run #1' as angle in deg" in flat
+    assert "No free decay" in flat
+    assert "11.5 cycles of 1.047 s" in flat or "11.4 cycles of 1.047 s" in flat
+    assert "'Supply (V) Run #1' (--angle NAME takes another column)" in flat
+    assert sum(0x2800 < ord(c) < 0x2900 for c in shown) > 100
+    text = page.read_text(encoding="utf-8")
+    assert text.count("<svg") == 3
+    assert "http://" not in text.replace("http://www.w3.org", "").replace("http://purl.org", "").replace(
+        "http://creativecommons.org", ""
+    )
+    assert main(["look", str(file), "--runs", "3"]) == 0
+    assert "run 3" not in capsys.readouterr().out.replace("Run #3", "")  # a single record needs no label
+
+
+def test_look_shows_the_columns_where_none_can_be_chosen(tmp_path, capsys) -> None:
+    rows = [f"{t},{y},{z}" for t, y, z in zip(T, Y, np.cos(5 * T) * np.exp(-0.2 * T), strict=True)]
+    (tmp_path / "a.csv").write_text("\n".join(["t,left,right", *rows]), encoding="utf-8")
+    assert main(["look", str(tmp_path / "a.csv")]) == 2
+    out, error = capsys.readouterr()
+    assert "left" in out
+    assert "'left', 'right' may each be the record; give --angle NAME" in error
+    assert error.count("\n") == 1
+    assert main(["look", str(tmp_path / "a.csv"), "--angle", "left", "--html", str(tmp_path)]) == 2
+    assert "is a folder and is not replaced; give a regular file" in capsys.readouterr().err
+
+
+def test_a_name_with_marks_of_html_stays_text(tmp_path) -> None:
+    rows = [f"{t},{y}" for t, y in zip(T, Y, strict=True)]
+    (tmp_path / "a.csv").write_text("\n".join(["t,<b>x</b>", *rows]), encoding="utf-8")
+    assert main(["look", str(tmp_path / "a.csv"), "--html", str(tmp_path / "a.html")]) == 0
+    assert "<b>" not in (tmp_path / "a.html").read_text(encoding="utf-8")
+
+
+def test_dots_of_a_line_and_of_a_wave() -> None:
+    n = np.arange(400.0)
+    rising = dots(n, n, 4, 2)
+    assert rising[0][:2] == "⠀⠀"
+    assert rising[1][2:] == "⠀⠀"
+    assert rising[1][0] != "⠀"
+    assert rising[0][3] != "⠀"
+    assert dots(n, np.zeros(400), 3, 1) == ["⣀⣀⣀"]
+    full = dots(n, np.cos(n), 3, 1)
+    assert full == ["⣿⣿⣿"]
+    text = plot(n, np.cos(n / 30), (100.0, 200.0), 20, 3).plain.splitlines()
+    assert text[3] == f"{' ' * 5}{'─' * 6}{' ' * 9}"
+
+
+def test_init_writes_a_study_that_checks_and_reads(tmp_path, capsys) -> None:
+    file = runs(tmp_path / "my rig.csv")
+    out = tmp_path / "my rig.toml"
+    assert main(["init", str(file)]) == 0
+    shown, said = capsys.readouterr()
+    assert "run 2, Angle, left (deg) is left out" in said
+    assert f"bayesdamp check {out}" in shown
+    study = load_study(out)
+    assert [s.specimen for s in study.signals] == ["my_rig_Angle__left__deg_"] * 2
+    for spec, size in zip(study.signals, (40, 30), strict=True):
+        assert isinstance(spec.source, Recording)
+        assert spec.source.unit == "deg"
+        np.testing.assert_allclose(recorded(spec.source).y, size * Y, atol=1e-6)
+    assert main(["check", str(out)]) == 0
+    capsys.readouterr()
+    before = out.read_bytes()
+    assert main(["init", str(file)]) == 2
+    assert "it is not written over" in capsys.readouterr().err
+    assert out.read_bytes() == before
+
+
+def test_what_init_writes_is_what_compare_asks(tmp_path) -> None:
+    file = runs(tmp_path / "rig.csv")
+    assert main(["init", str(file), "--runs", "1,3"]) == 0
+    found, _ = chosen_records([file], Options(runs="1,3"))
+    asked = comparison(as_signals(found, Options(runs="1,3")))
+    written_ = load_study(tmp_path / "rig.toml")
+    ours, theirs = asked.resolved(), written_.resolved()
+    for signal in (*ours["signals"], *theirs["signals"]):
+        signal["source"].pop("file")
+    assert ours == theirs
+
+
+@pytest.mark.parametrize(
+    "value", ["a", 'q"\\\n\t\x7f\x01é', 1, 2.5, 1e-300, True, ["a", 1], {"a": 1.0, "b": "x"}, []]
+)
+def test_values_are_written_as_toml_reads_them(value: object) -> None:
+    assert tomllib.loads(f"x = {written(value)}")["x"] == value
+
+
+def test_compare_says_its_choice_and_takes_runs_for_repeats(tmp_path) -> None:
+    file = runs(tmp_path / "rig.csv")
+    found, said = chosen_records([file], Options())
+    assert [one.raw.run for one in found] == ["1", "3"]
+    assert "rig.csv: run 2, Angle, left (deg) is left out" in said[0]
+    assert said[1] == "rig.csv: 2 records: run 1, Angle, left (deg); run 3, Angle, left (deg)"
+    assert any("Column 'Angle, left (deg) Run #1' is taken" in line for line in said)
+    study = comparison(as_signals(found, Options()))
+    assert len({s.name for s in study.signals}) == 2
+    assert len(study.specimens) == 1
+    alone, _ = chosen_records([file], Options(runs="3"))
+    assert not comparison(as_signals(alone, Options())).specimens
+
+
+def test_a_file_of_which_no_record_is_a_decay(tmp_path, capsys) -> None:
+    columns = {f"{name} Run #{i}": x for i in (1, 2) for name, x in (("t (s)", T), ("x (m)", NOISE))}
+    rows = [",".join(f"{x:.6f}" for x in row) for row in zip(*columns.values(), strict=True)]
+    (tmp_path / "a.csv").write_text("\n".join([",".join(columns), *rows]), encoding="utf-8")
+    assert main(["compare", str(tmp_path / "a.csv"), "--out", str(tmp_path / "out")]) == 2
+    assert "none of its 2 records is a free decay" in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
+
+
+STUDY = """
+version = 1
+[system]
+restoring = "linear"
+[[signal]]
+name = "third"
+file = "rig.csv"
+{}
+unit = "deg"
+system = {{ stiffness = "free", rest_angle = "free", theta0 = "free", omega0 = "free", noise_sd = "free" }}
+"""
+
+
+def test_a_study_names_run_and_channel(tmp_path) -> None:
+    runs(tmp_path / "rig.csv")
+    for keys in ('run = 3\nchannel = "Angle, left (deg)"', 'run = "3"\nchannel = "angle, LEFT"', "run = 3"):
+        (tmp_path / "a.toml").write_text(STUDY.format(keys), encoding="utf-8")
+        source = load_study(tmp_path / "a.toml").signals[0].source
+        assert isinstance(source, Recording)
+        np.testing.assert_allclose(recorded(source).y, 30 * Y, atol=1e-6)
+
+
+def test_a_study_without_these_keys_reads_as_it_always_did(tmp_path) -> None:
+    runs(tmp_path / "rig.csv")
+    (tmp_path / "a.toml").write_text(STUDY.format("rate = 50.0\nangle = 2"), encoding="utf-8")
+    source = load_study(tmp_path / "a.toml").signals[0].resolved()["source"]
+    assert not {"run", "channel", "time_unit"} & set(source)

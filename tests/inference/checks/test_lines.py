@@ -1,0 +1,66 @@
+"""What stands out of white noise: calibrated where nothing does, named where something does."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from bayesdamp.inference.checks import lines
+from bayesdamp.inference.checks.lines import standing_out
+
+T = np.arange(300) * 0.02
+PERIOD = 0.5
+PHASE = 2 * np.pi * T / PERIOD
+TANGENTS = np.array([np.cos(PHASE), np.sin(PHASE), T * np.cos(PHASE), T * np.sin(PHASE), np.ones(T.size)])
+ABSORBED = lines.orthonormal(TANGENTS.T)
+
+
+def fitted(values: np.ndarray) -> np.ndarray:
+    """What a least-squares fit by the tangents leaves, in units of its own noise."""
+    q = np.linalg.qr(TANGENTS.T)[0]
+    left = values - q @ (q.T @ values)
+    return left / np.sqrt(np.sum(left**2) / (T.size - len(TANGENTS)))
+
+
+def white(seed: int) -> np.ndarray:
+    return np.random.default_rng(seed).standard_normal(T.size)
+
+
+def test_chances_are_those_of_white_noise() -> None:
+    """1,000 series of noise after a fit, seeds fixed. Bonferroni's bound over four parts: at or below the nominal
+    share, by at most three binomial standard deviations above it (two tests: 0.3 %), and not empty at a fifth."""
+    chances = np.array([standing_out(T, fitted(white(s)), PERIOD, ABSORBED).chance for s in range(1000)])
+    for share in (0.01, 0.05):
+        assert np.mean(chances < share) <= share + 3 * np.sqrt(share * (1 - share) / chances.size)
+    assert np.mean(chances < 0.2) > 0.1
+
+
+@pytest.mark.parametrize(
+    ("added", "words"),
+    [
+        (T**2 * np.cos(PHASE) / 4, lines.AT_OSCILLATION),
+        (0.5 * np.cos(2 * PHASE + 1), lines.AT_OVERTONES),
+        (1.5 * T / T[-1], lines.SLOW),
+        (0.8 * np.sin(2 * np.pi * T / 0.142), lines.LINE.format(ratio=3.5)),
+    ],
+)  # fmt: skip
+def test_what_is_left_is_named(added: np.ndarray, words: str) -> None:
+    """Each alone against the same noise; the noise alone has none of them."""
+    found = standing_out(T, fitted(white(1) + added), PERIOD, ABSORBED)
+    assert found.chance < 1e-3
+    assert found.words == words
+    assert standing_out(T, fitted(white(1)), PERIOD, ABSORBED).chance > 0.05
+
+
+def test_what_a_fit_absorbs_does_not_count() -> None:
+    """Counted among the waves all the same, the little that is left would hide (the negative control)."""
+    left = fitted(white(2) + 0.15 * T**2 * np.cos(PHASE))
+    assert (
+        standing_out(T, left, PERIOD, ABSORBED).chance
+        < standing_out(T, left, PERIOD, np.empty((T.size, 0))).chance
+    )
+
+
+def test_where_most_power_is() -> None:
+    assert lines.strongest(T, 3 * T + white(3), PERIOD) == lines.SLOW
+    assert lines.strongest(T, np.cos(PHASE) + 0.1 * white(3), PERIOD) == lines.AT_OSCILLATION

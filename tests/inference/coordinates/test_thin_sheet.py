@@ -1,0 +1,70 @@
+"""Evidence of coefficients that make up for each other between the walls, and what is said where it is not found."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from bayesdamp.inference.checks import diagnostics
+from bayesdamp.inference.coordinates import cut_normal
+from bayesdamp.inference.evidence.methods import importance
+from bayesdamp.types import OK
+
+TOTAL, WIDTH = 0.03, 3e-5
+"""Three coefficients whose sum alone the data tell, so exactly; under half-normal priors of scale 1."""
+AREA = np.log((2 / np.pi) ** 1.5 * 0.5 * TOTAL**2 * WIDTH * np.sqrt(2 * np.pi)) - TOTAL**2 / 4
+"""Log of their integral: the prior's density there times the triangle's area, over the sum; e^(−Σx²/2) is, on average
+over the triangle, e^(−TOTAL²/4) to 1e-6."""
+
+
+def height(z: np.ndarray) -> np.ndarray:
+    """Log density of the three, (..., 3), on the folded side."""
+    off = (z.sum(axis=-1) - TOTAL) / WIDTH
+    return -0.5 * (off**2 + np.sum(z**2, axis=-1)) + 1.5 * np.log(2 / np.pi)
+
+
+def slopes(_: object, z: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    gradient = -(z.sum() - TOTAL) / WIDTH**2 - z
+    return height(z), gradient, np.eye(3) + np.ones((3, 3)) / WIDTH**2
+
+
+@pytest.fixture
+def sheet(monkeypatch: pytest.MonkeyPatch) -> tuple[Any, Any]:
+    """A target and its mode, at two of three walls, with that density in place of a record's."""
+    monkeypatch.setattr(cut_normal, "compiled", lambda _: SimpleNamespace(curvature=slopes))
+    monkeypatch.setattr(importance, "folded_log_posterior", lambda target, mode, y: height(y))
+    monkeypatch.setattr(importance, "bend", lambda target, mode: None)
+    names = ("a", "b", "c")
+    target = SimpleNamespace(names=names, noise="gaussian", layout=SimpleNamespace(folded=(True, True, True)))
+    at = np.array([1e-9, 1e-9, TOTAL])
+    information = slopes(None, at)[2]
+    factor = np.linalg.cholesky(np.linalg.inv(information))
+    sds = np.sqrt(np.diag(factor @ factor.T))
+    return target, SimpleNamespace(z=at, information=information, factor=factor, sd=lambda: sds, context=None)
+
+
+def test_evidence_on_a_thin_sheet_between_walls(sheet: tuple[Any, Any]) -> None:
+    """Against the closed form: four standard errors, a false alarm in 16,000."""
+    found = importance.PLUGIN.evidence("m", *sheet, seed=3)
+    assert found.outcome == OK
+    assert found.stderr < 0.05
+    assert abs(found.log_evidence - AREA) < 4 * found.stderr
+
+
+def test_too_few_draws_with_weight_are_said(sheet: tuple[Any, Any], monkeypatch: pytest.MonkeyPatch) -> None:
+    """The negative control: from the mode's own normal distribution, mirrored at the walls, hardly a draw meets the
+    sheet; the shape of weights that are nought in most shows nothing of it."""
+    monkeypatch.setattr(importance.Importance, "_cut_off", staticmethod(lambda *_: None))
+    lost = importance.PLUGIN.evidence("m", *sheet, seed=3)
+    assert lost.outcome.startswith("not to be trusted: ")
+    assert lost.stderr > 0.1
+
+
+def test_equal_weights_have_no_tail_and_few_have_no_shape() -> None:
+    assert diagnostics.pareto_k(np.full(1000, -1299.27)) == -np.inf
+    assert diagnostics.pareto_k(np.random.default_rng(0).standard_normal(1000)) > -np.inf
+    few = np.r_[np.zeros(3), np.full(997, -1000.0)]
+    assert diagnostics.pareto_k(few) == np.inf

@@ -1,0 +1,125 @@
+"""Derived quantities against closed forms of the linear law, and against trajectories."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from bayesdamp.inference.curves.derived import QUANTITIES, Motions, against_amplitude, derive, units
+from bayesdamp.physics.oscillator import Oscillator
+from tests.physics.independent import trajectory
+
+K, A, INERTIA = 20.0, 0.3, 0.7
+W = math.sqrt(K)
+SIZES = np.array([[0.01, 0.05], [0.1, 0.2]])
+LINEAR = {"stiffness": K, "rest_angle": 0.1}
+
+
+def motions(damping: tuple[str, ...], inertia: float | None = INERTIA, **p: object) -> Motions:
+    return Motions(Oscillator(damping, "linear"), {**LINEAR, **p}, 0.0, A, inertia)  # type: ignore[arg-type]
+
+
+EXPECTED = {
+    "viscous": {
+        "damping_ratio": SIZES / W,
+        "quality_factor": W / (2 * SIZES),
+        "equivalent_ratio": SIZES / W,
+        "log_decrement": 2 * math.pi * SIZES / W,
+        "half_life": math.log(2) / SIZES,
+        "energy_fraction": 4 * math.pi * SIZES / W,
+        "energy_lost": INERTIA * 2 * math.pi * SIZES * W * A**2,
+        "viscous_coefficient": 2 * INERTIA * SIZES,
+    },
+    "coulomb": {
+        "equivalent_ratio": 2 * SIZES / (math.pi * K * A),
+        "log_decrement": 4 * SIZES / (K * A),
+        "half_life": math.pi * W * A / (4 * SIZES),
+        "energy_fraction": 4 * SIZES * A / (K * A**2 / 2),
+        "energy_lost": INERTIA * 4 * SIZES * A,
+        "coulomb_torque": INERTIA * SIZES,
+    },
+    "quadratic": {
+        "equivalent_ratio": 4 * SIZES * A / (3 * math.pi),
+        "log_decrement": 8 / 3 * SIZES * A,
+        "half_life": 3 * math.pi / (4 * SIZES * W * A),
+        "energy_fraction": 16 / 3 * SIZES * A,
+        "energy_lost": INERTIA * 8 / 3 * SIZES * K * A**3,
+        "quadratic_coefficient": INERTIA * SIZES,
+    },
+}
+
+
+@pytest.mark.parametrize("term", EXPECTED)
+def test_closed_forms_of_the_linear_law(term):
+    name = {"viscous": "zeta", "coulomb": "mu_c", "quadratic": "mu_q"}[term]
+    found = derive(motions((term,), **{name: SIZES}, epsilon=1e-5 * A * W))
+    assert set(found) == set(EXPECTED[term])
+    for quantity, expected in EXPECTED[term].items():
+        np.testing.assert_allclose(found[quantity], expected, rtol=1e-6, err_msg=quantity)
+
+
+def test_a_sum_loses_the_sum():
+    """Energies and ratios add; a half-life does not (negative control)."""
+    one = derive(motions(("viscous",), zeta=SIZES))
+    two = derive(motions(("quadratic",), mu_q=SIZES))
+    both = derive(motions(("viscous", "quadratic"), zeta=SIZES, mu_q=SIZES))
+    for quantity in ("equivalent_ratio", "log_decrement", "energy_fraction", "energy_lost"):
+        np.testing.assert_allclose(both[quantity], one[quantity] + two[quantity], rtol=1e-9)
+    np.testing.assert_allclose(both["damping_ratio"], one["damping_ratio"])
+    assert not np.allclose(both["half_life"], one["half_life"] + two["half_life"], rtol=0.1)
+
+
+@pytest.mark.parametrize(
+    ("term", "name", "size"),
+    [("viscous", "zeta", 0.08), ("coulomb", "mu_c", 0.3), ("quadratic", "mu_q", 0.1)],
+)
+def test_half_life_and_decrement_of_a_trajectory(term, name, size):
+    """A pendulum let go at 1.2 rad, by an independent solver: maxima halve when said to (averaging: within 1 %)."""
+    p = {"stiffness": K, "rest_angle": 0.0, "theta0": 1.2, "omega0": 0.0, name: size}
+    force = {"viscous": lambda v, s: 2 * size * v, "coulomb": lambda v, s: size * np.tanh(v / 0.01)}.get(
+        term, lambda v, s: size * v * abs(v)
+    )
+    t = np.linspace(0.0, 15.0, 7501)
+    x = trajectory("pendulum", p, t, force=force)[:, 0]
+    at = 1 + np.flatnonzero((x[1:-1] > x[:-2]) & (x[1:-1] >= x[2:]))
+    times, maxima = np.r_[0.0, t[at]], np.r_[1.2, x[at]]
+    halved = float(np.interp(math.log(2), -np.log(maxima / 1.2), times))
+    osc = Oscillator((term,), "pendulum")
+    found = derive(Motions(osc, {**p, "epsilon": 0.01, name: np.array([size])}, 0.0, 1.2))
+    assert found["half_life"][0] == pytest.approx(halved, rel=0.01)
+    # Two successive maxima: the decrement belongs to the amplitude between them.
+    middle = math.sqrt(maxima[2] * maxima[3])
+    there = derive(Motions(osc, {**p, "epsilon": 0.01, name: np.array([size])}, 0.0, middle))
+    assert there["log_decrement"][0] == pytest.approx(math.log(maxima[2] / maxima[3]), rel=0.01)
+
+
+def test_natural_frequency_where_draws_change_it():
+    assert "natural_frequency" not in derive(motions(("viscous",), zeta=SIZES))
+    found = derive(motions(("viscous",), zeta=SIZES, stiffness=100 * SIZES))
+    np.testing.assert_allclose(found["natural_frequency"], 10 * np.sqrt(SIZES))
+    np.testing.assert_allclose(found["damping_ratio"], 0.1 * np.sqrt(SIZES))
+
+
+def test_without_inertia_no_physical_units():
+    found = derive(motions(("viscous", "coulomb"), None, zeta=SIZES, mu_c=SIZES, epsilon=0.01))
+    assert not {"energy_lost", "viscous_coefficient", "coulomb_torque"} & set(found)
+    assert "energy_fraction" in found
+
+
+def test_curves_are_quantiles_of_the_draws():
+    zeta = np.abs(np.random.default_rng(0).normal(0.05, 0.01, (4, 1000)))
+    grid = np.array([0.05, 0.1, 0.3])
+    found = against_amplitude(motions(("viscous",), zeta=zeta), grid)
+    expected = np.quantile(zeta.ravel()[::4] / W, [0.025, 0.5, 0.975])
+    np.testing.assert_allclose(found["equivalent_ratio"], np.tile(expected[:, None], 3), rtol=1e-9)
+    friction = against_amplitude(motions(("coulomb",), mu_c=zeta, epsilon=0.0), grid)["log_decrement"][1]
+    np.testing.assert_allclose(friction * grid, friction[0] * grid[0], rtol=1e-9)
+
+
+def test_every_quantity_has_a_name_and_units():
+    assert len({q.name for q in QUANTITIES}) == len(QUANTITIES)
+    assert units("rad")["viscous_coefficient"] == "N m s"
+    assert units("m")["viscous_coefficient"] == "N s/m"
+    assert units("m")["coulomb_torque"] == "N"

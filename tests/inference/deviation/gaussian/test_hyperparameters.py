@@ -1,0 +1,76 @@
+"""The grid over sizes and lengths of deviations: masses and covariances as stated."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from scipy.stats import expon
+
+from bayesdamp.inference.deviation.gaussian.hyperparameters import (
+    EXACT,
+    JITTER,
+    LENGTHS,
+    MEAN_G,
+    MEAN_H,
+    grid_of,
+    knots_of,
+)
+
+
+@pytest.mark.parametrize(("exact", "coarse"), [(False, False), (False, True), (True, False)])
+def test_masses_sum_to_one(exact: bool, coarse: bool) -> None:
+    grid = grid_of(5, exact=exact, coarse=coarse)
+    mass = np.exp(grid.log_prior)
+    assert mass.sum() == pytest.approx(1.0, abs=1e-12)
+    assert mass[grid.size_g == 0].sum() == pytest.approx(1.0 if exact else EXACT)
+    assert mass[grid.size_h == 0].sum() == pytest.approx(1.0 if exact else EXACT)
+    assert mass[(grid.size_g == 0) & (grid.size_h == 0)].sum() == pytest.approx(1.0 if exact else EXACT**2)
+    assert grid.factors.shape == (mass.size, 10, 10)
+
+
+@pytest.mark.parametrize(("sizes", "mean"), [("size_g", MEAN_G), ("size_h", MEAN_H)])
+def test_sizes_are_exponential(sizes: str, mean: float) -> None:
+    """Masses below each edge between neighbouring sizes are those of the exponential distribution."""
+    grid = grid_of(4)
+    size, mass = getattr(grid, sizes), np.exp(grid.log_prior)
+    values = np.unique(size[size > 0])
+    for low, high in pairwise(values):
+        edge = np.sqrt(low * high)
+        below = mass[(size > 0) & (size < edge)].sum() / (1 - EXACT)
+        assert below == pytest.approx(expon.cdf(edge, scale=mean))
+        assert abs(below - expon.cdf(edge, scale=1.2 * mean)) > 1e-4  # control
+
+
+def test_covariances_are_exponential_in_the_distance() -> None:
+    n = 6
+    grid = grid_of(n)
+    s = np.linspace(0, 1, n)
+    kernels = {length: np.exp(-np.abs(s[:, None] - s) / length) for length in LENGTHS}
+    seen = set()
+    for size_g, size_h, factor in zip(grid.size_g, grid.size_h, grid.factors):
+        whole = factor @ factor.T
+        assert not np.any(whole[:n, n:])
+        for size, part in ((size_g, whole[:n, :n]), (size_h, whole[n:, n:])):
+            if size == 0:
+                assert not np.any(part)
+                continue
+            near = [
+                length
+                for length, k in kernels.items()
+                if np.allclose(part, size**2 * k, atol=2 * JITTER * size**2)
+            ]
+            assert len(near) == 1
+            seen.add(near[0])
+    assert seen == set(LENGTHS)
+
+
+@pytest.mark.parametrize(
+    ("cycles", "knots"), [(1.0, 4), (6.0, 4), (8.2, 5), (20.0, 11), (31.0, 16), (300.0, 16)]
+)
+def test_a_knot_for_two_cycles(cycles: float, knots: int) -> None:
+    found = knots_of(12.5, cycles)
+    assert found.size == knots
+    assert found[[0, -1]] == pytest.approx([0.0, 12.5], abs=0)
+    assert np.diff(found) == pytest.approx(12.5 / (knots - 1))

@@ -1,0 +1,124 @@
+"""The linear model's evidence and posteriors against dense normals and quadrature over the coefficients."""
+
+from __future__ import annotations
+
+import mpmath
+import numpy as np
+import pytest
+from scipy.special import logsumexp
+from scipy.stats import multivariate_normal
+
+from bayesdamp.inference.deviation.gaussian.hyperparameters import Grid, grid_of
+from bayesdamp.inference.deviation.gaussian.linear import condensed, weigh
+
+N, KNOTS, SD = 30, 4, 0.3
+
+
+def problem(seed: int, d: int, knots: int = KNOTS) -> tuple[np.ndarray, np.ndarray]:
+    """Columns (n, d + 2 knots) and a record less the constant part, (n,)."""
+    rng = np.random.default_rng(seed)
+    columns = rng.standard_normal((N, d + 2 * knots))
+    return columns, columns[:, :d] @ rng.standard_normal(d) + SD * rng.standard_normal(N)
+
+
+def dense(columns: np.ndarray, y: np.ndarray, d: int, grid: Grid) -> np.ndarray:
+    """Log evidence of each combination: y is normal, its covariance that of noise, scores and deviations."""
+    each = []
+    for log_prior, factor in zip(grid.log_prior, grid.factors):
+        rest = columns[:, d:] @ factor
+        covariance = SD**2 * np.eye(N) + columns[:, :d] @ columns[:, :d].T + rest @ rest.T
+        each.append(log_prior + multivariate_normal.logpdf(y, np.zeros(N), covariance))
+    return np.array(each)
+
+
+def test_evidence_is_that_of_a_dense_normal() -> None:
+    columns, y = problem(1, 3)
+    grid = grid_of(KNOTS, coarse=True)
+    model = condensed(columns, y, np.zeros(3, bool))
+    found = weigh(model, grid, SD**2, N)
+    truth = dense(columns, y, 3, grid)
+    assert found.log_each == pytest.approx(truth, abs=1e-7)
+    assert found.log_evidence == pytest.approx(float(logsumexp(truth)), abs=1e-7)
+    assert found.weights.sum() == pytest.approx(1.0)
+    other = weigh(model, grid, (1.1 * SD) ** 2, N)
+    assert abs(other.log_evidence - float(logsumexp(truth))) > 0.1  # control: another noise
+
+
+def test_posterior_is_that_of_a_dense_normal() -> None:
+    """Means and covariances by the formula of conditioning, in the space of the samples."""
+    columns, y = problem(2, 3)
+    grid = grid_of(KNOTS, coarse=True)
+    found = weigh(condensed(columns, y, np.zeros(3, bool)), grid, SD**2, N)
+    for i in (0, 5, len(grid.log_prior) - 1):
+        prior = np.eye(3 + 2 * KNOTS)
+        prior[3:, 3:] = grid.factors[i] @ grid.factors[i].T
+        gain = prior @ columns.T @ np.linalg.inv(columns @ prior @ columns.T + SD**2 * np.eye(N))
+        assert found.means[i] == pytest.approx(gain @ y, abs=1e-8)
+        assert found.factors[i] @ found.factors[i].T == pytest.approx(
+            prior - gain @ columns @ prior, abs=1e-8
+        )
+
+
+@pytest.mark.parametrize("shift", [1.0, 0.0, -0.4])
+@pytest.mark.parametrize("positive", [1, 2])
+def test_half_normal_coefficients(shift: float, positive: int) -> None:
+    """Coefficients well inside, at, and beyond the border, by quadrature on a grid over those that are half-normal."""
+    rng = np.random.default_rng(4)
+    columns = rng.standard_normal((N, 3)) * [0.4, 0.4, 1.0]
+    columns[:, 1] = -0.9 * columns[:, 0] + 0.2 * columns[:, 1]
+    y = columns @ [shift, shift, 0.7] + SD * rng.standard_normal(N)
+    mask = np.array([i < positive for i in range(3)])
+    found = weigh(condensed(columns, y, mask), grid_of(0, exact=True), SD**2, N)
+    step = 0.01
+    axis = np.arange(0.5 * step, 5.0, step)
+    points = np.stack(np.meshgrid(*[axis] * positive, indexing="ij"), axis=-1).reshape(-1, positive)
+    free = columns[:, ~mask]
+    lower = np.linalg.cholesky(SD**2 * np.eye(N) + free @ free.T)
+    white = np.linalg.solve(lower, y)[:, None] - np.linalg.solve(lower, columns[:, mask]) @ points.T
+    logs = -0.5 * np.sum(white**2, axis=0) - 0.5 * np.sum(points**2, axis=1)
+    constant = -np.sum(np.log(np.diag(lower))) - 0.5 * N * np.log(2 * np.pi)
+    constant += positive * (np.log(2 * step) - 0.5 * np.log(2 * np.pi))
+    truth = float(logsumexp(logs)) + constant
+    assert found.log_evidence == pytest.approx(truth, abs=2e-3)
+    whole = weigh(condensed(columns, y, np.zeros(3, bool)), grid_of(0, exact=True), SD**2, N)
+    assert abs(whole.log_evidence - truth) > 0.03  # control: without the half-normals' factors
+
+
+def test_condensed_keeps_the_sum_of_squares() -> None:
+    columns, y = problem(3, 2)
+    model = condensed(columns, y, np.zeros(2, bool))
+    for u in np.random.default_rng(0).standard_normal((5, columns.shape[1])):
+        left = np.sum((model.root @ u - model.target) ** 2) + model.rest
+        assert left == pytest.approx(np.sum((y - columns @ u) ** 2))
+    assert model.count == N
+
+
+@pytest.mark.parametrize("sd", [1e-5, 1e-8])
+def test_hardly_any_noise(sd: float) -> None:
+    """A record of nine digits: evidence against Woodbury's identity in numbers of fifty digits."""
+    columns, y = problem(6, 2)
+    y = columns[:, :2] @ [0.7, -0.4] + sd * np.random.default_rng(1).standard_normal(N)
+    grid = grid_of(KNOTS, coarse=True)
+    found = weigh(condensed(columns, y, np.zeros(2, bool)), grid, sd**2, N)
+    assert np.all(np.isfinite(found.log_each))
+    with mpmath.workdps(50):
+        for i in (0, len(grid.log_prior) - 1):
+            rest = mpmath.matrix(columns[:, 2:].tolist()) * mpmath.matrix(grid.factors[i].tolist())
+            scores = mpmath.matrix(columns[:, :2].tolist())
+            covariance = mpmath.mpf(sd) ** 2 * mpmath.eye(N) + scores * scores.T + rest * rest.T
+            record = mpmath.matrix(y.tolist())
+            squares = (record.T * mpmath.lu_solve(covariance, record))[0]
+            truth = -(squares + mpmath.log(mpmath.det(covariance)) + N * mpmath.log(2 * mpmath.pi)) / 2
+            assert found.log_each[i] == pytest.approx(float(truth) + grid.log_prior[i], abs=0.02)
+
+
+def test_fewer_samples_than_directions() -> None:
+    """Seven samples, eleven directions: the dense normal's evidence all the same."""
+    rng = np.random.default_rng(8)
+    columns, y = rng.standard_normal((7, 11)), rng.standard_normal(7)
+    grid = grid_of(KNOTS, exact=True)
+    found = weigh(condensed(columns, y, np.zeros(3, bool)), grid, SD**2, 7)
+    covariance = SD**2 * np.eye(7) + columns[:, :3] @ columns[:, :3].T
+    assert found.log_evidence == pytest.approx(
+        multivariate_normal.logpdf(y, np.zeros(7), covariance), abs=1e-8
+    )

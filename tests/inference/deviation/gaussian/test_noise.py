@@ -1,0 +1,69 @@
+"""κ, the noise near the oscillation over that of all frequencies, on noise that is made to be so."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from bayesdamp.inference.deviation.gaussian.noise import BAND, inflation
+
+W, PER_CYCLE = 5.0, 40
+Z = 4.3
+"""Standard deviations that a normal exceeds with a probability of 1e-5: the false-alarm rate of each comparison."""
+
+
+def times(cycles: int) -> np.ndarray:
+    return np.arange(cycles * PER_CYCLE) * 2 * np.pi / W / PER_CYCLE
+
+
+def coloured(rng: np.random.Generator, t: np.ndarray, factor: float) -> np.ndarray:
+    """Normal noise whose power near the oscillation is `factor` times that of the rest."""
+    n = t.size
+    omega = 2 * np.pi * np.fft.rfftfreq(n, t[1] - t[0])
+    inside = (omega > BAND[0] * W) & (omega < BAND[1] * W)
+    return np.fft.irfft(np.fft.rfft(rng.standard_normal(n)) * np.where(inside, np.sqrt(factor), 1.0), n)
+
+
+@pytest.mark.parametrize("cycles", [10, 60])
+def test_white_noise_is_not_inflated(cycles: int) -> None:
+    """κ of 60 white records: at least 1, and none above 1 by more than the scatter of a χ² with the band's modes."""
+    rng, t = np.random.default_rng(cycles), times(cycles)
+    found = np.array([inflation(t, rng.standard_normal(t.size), W, 0) for _ in range(60)])
+    modes = 2 * cycles * (BAND[1] - BAND[0])
+    assert np.all(found >= 1)
+    assert np.all(found < 1 + 1.5 * Z * np.sqrt(2 / modes))
+    assert np.median(found) < 1 + np.sqrt(2 / modes)
+
+
+@pytest.mark.parametrize("factor", [3.0, 10.0])
+def test_a_louder_band_is_seen(factor: float) -> None:
+    """Mean κ of 60 records over that of the whole power, within Z standard errors."""
+    rng, t = np.random.default_rng(7), times(40)
+    found = np.array([inflation(t, coloured(rng, t, factor), W, 0) for _ in range(60)])
+    share = 2 * 40 * (BAND[1] - BAND[0]) / t.size
+    expected = factor / (1 + share * (factor - 1))
+    assert abs(found.mean() - expected) < Z * found.std() / np.sqrt(60) + 0.03 * expected
+    assert found.min() > 1.5  # control: of white noise it is 1 to 1.4
+
+
+def test_what_a_fit_took_is_given_back() -> None:
+    """Directions of the band that are projected out of noise: κ is right with their count, too small without."""
+    rng, t = np.random.default_rng(9), times(30)
+    x = W * t
+    columns = np.column_stack([f(x * (1 + d / 30)) for d in range(-8, 8) for f in (np.sin, np.cos)])
+    found = []
+    for _ in range(60):
+        noise = coloured(rng, t, 4.0)
+        left = noise - columns @ np.linalg.lstsq(columns, noise, rcond=None)[0]
+        found.append(
+            (inflation(t, left, W, columns.shape[1]), inflation(t, left, W, 0), inflation(t, noise, W, 0))
+        )
+    given, ignored, whole = np.mean(found, axis=0)
+    assert given == pytest.approx(whole, rel=0.1)
+    assert ignored < 0.8 * whole
+
+
+def test_two_cycles_tell_nothing() -> None:
+    t = times(1)
+    assert inflation(t, np.sin(W * t), W, 0) == 1.0
+    assert inflation(times(20), np.zeros(20 * PER_CYCLE), W, 5) == 1.0

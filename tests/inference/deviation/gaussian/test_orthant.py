@@ -1,0 +1,123 @@
+"""Orthant probabilities against SciPy and quadrature; draws against rejection."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.integrate import quad
+from scipy.stats import ks_2samp, multivariate_normal, norm
+
+from bayesdamp.inference.deviation.gaussian.orthant import draw, log_probability, truncated
+
+FALSE_ALARM = 1e-4
+"""Of each comparison of draws."""
+
+
+def covariance_of(rng: np.random.Generator, k: int) -> np.ndarray:
+    root = rng.standard_normal((k, k + 1))
+    return root @ root.T
+
+
+@pytest.mark.parametrize("k", [1, 2, 3])
+def test_probability_is_scipys(k: int) -> None:
+    rng = np.random.default_rng(k)
+    means = rng.normal(0, 1.5, (8, k))
+    covariances = np.array([covariance_of(rng, k) for _ in means])
+    found = np.exp(log_probability(means, covariances))
+    truth = [
+        multivariate_normal.cdf(m, np.zeros(k), c, abseps=1e-8, releps=1e-8, maxpts=10**6)
+        for m, c in zip(means, covariances)
+    ]
+    assert found == pytest.approx(truth, abs=1e-4, rel=2e-3)
+    wrong = np.exp(log_probability(-means, covariances))  # control
+    assert np.max(np.abs(wrong - truth)) > 0.1
+
+
+def by_quadrature(mean: np.ndarray, r: float) -> float:
+    """Log of P(both ≥ 0), unit variances and correlation r, over the second in units of its density at its mode."""
+    s = np.sqrt(1 - r * r)
+
+    def log_density(y: float) -> float:
+        return float(norm.logpdf(y, mean[1]) + norm.logcdf((mean[0] + r * (y - mean[1])) / s))
+
+    grid = np.linspace(0, max(mean[1], 0) + 10, 40001)
+    values = [log_density(y) for y in grid[::40]]
+    at = int(np.argmax(values))
+    top, centre = values[at], grid[::40][at]
+    near = [p for p in (centre - 0.1, centre, centre + 0.1) if p > 0]
+    part = quad(
+        lambda y: np.exp(log_density(y) - top), max(centre - 12, 0), centre + 12, points=near, limit=400
+    )
+    return top + float(np.log(part[0]))
+
+
+@pytest.mark.parametrize("r", [-0.99, -0.9, -0.3, 0.6, 0.98])
+@pytest.mark.parametrize(
+    "mean", [(12.0, -5.0), (-5.0, 12.0), (8.0, -2.0), (0.0, 0.0), (-2.0, -1.5), (1.0, -3.0)]
+)
+def test_unlikely_coordinates_in_either_order(mean: tuple[float, float], r: float) -> None:
+    """A coefficient that a record would have negative, bound to one that it shows well: logs to a thousandth."""
+    covariance = np.array([[1.0, r], [r, 1.0]])
+    found = log_probability(np.array([mean]), covariance[None])[0]
+    assert found == pytest.approx(by_quadrature(np.array(mean), r), abs=2e-3)
+
+
+def test_scales_do_not_matter() -> None:
+    mean, covariance = np.array([0.5, -1.0, 0.2]), covariance_of(np.random.default_rng(5), 3)
+    scale = np.array([1e-3, 1.0, 1e4])
+    one = log_probability(mean[None], covariance[None])
+    other = log_probability((mean * scale)[None], (covariance * np.outer(scale, scale))[None])
+    assert other == pytest.approx(one, abs=1e-12)
+
+
+def test_no_coordinate_is_certain() -> None:
+    assert log_probability(np.zeros((3, 0)), np.zeros((3, 0, 0))) == pytest.approx([0, 0, 0])
+
+
+def test_truncated_quantiles() -> None:
+    shares = np.array([[0.01, 0.5, 0.99]])
+    for mean, sd in ((2.0, 1.0), (-3.0, 0.7), (0.0, 2.0)):
+        found = truncated(np.array([mean]), np.array([sd]), shares)[0]
+        above = norm.sf(0, mean, sd)
+        assert norm.sf(found, mean, sd) == pytest.approx((1 - shares[0]) * above, rel=1e-9)
+
+
+def rejected(rng: np.random.Generator, mean: np.ndarray, factor: np.ndarray, places: list[int]) -> np.ndarray:
+    """Draws by rejection, as many as remain of 400,000."""
+    draws = mean + rng.standard_normal((400_000, mean.size)) @ factor.T
+    return draws[np.all(draws[:, places] >= 0, axis=1)]
+
+
+def apart(found: np.ndarray, truth: np.ndarray) -> float:
+    """Least p-value of two-sample Kolmogorov–Smirnov tests of all coordinates and their sums in pairs."""
+    rows, columns = np.triu_indices(found.shape[1])
+    return min(
+        float(ks_2samp(found[:, i] + found[:, j], truth[:, i] + truth[:, j]).pvalue)
+        for i, j in zip(rows, columns)
+    )
+
+
+@pytest.mark.parametrize("places", [[], [1], [0, 2], [0, 1, 3]])
+def test_draws_are_those_of_rejection(places: list[int]) -> None:
+    """False alarm: 1e-4 of each of four; a draw in four is a repeat by resampling, and a quarter of them are taken."""
+    rng = np.random.default_rng(11 + len(places))
+    mean, factor = np.array([0.3, -0.8, 1.0, 0.4]), rng.standard_normal((4, 4))
+    found = draw(rng, mean, factor, np.array(places, int), 8000)
+    assert found.shape == (8000, 4)
+    assert np.all(found[:, places] >= 0)
+    truth = rejected(rng, mean, factor, places)
+    assert apart(found[::4], truth) > FALSE_ALARM / 10
+    plain = mean + rng.standard_normal((2000, 4)) @ factor.T
+    if places:
+        assert apart(np.maximum(plain, 0), truth) < FALSE_ALARM / 10  # control: cut off by clipping
+
+
+def test_draws_at_the_border() -> None:
+    """A coefficient at −4 sd bound by −0.98 to a large one: means and sds within 6 % of rejection's."""
+    factor = np.linalg.cholesky(np.array([[1.0, -0.98], [-0.98, 1.0]]))
+    mean = np.array([9.0, -4.0])
+    found = draw(np.random.default_rng(3), mean, factor, np.array([0, 1]), 20_000)
+    lower = truncated(mean[1:], np.ones(1), (np.arange(4000) + 0.5)[None] / 4000)[0]
+    assert found[:, 1].mean() == pytest.approx(lower.mean(), rel=0.06)
+    assert found[:, 0].mean() == pytest.approx(9 - 0.98 * (lower.mean() + 4), rel=0.01)
+    assert found[:, 0].std() == pytest.approx(np.hypot(0.98 * lower.std(), np.sqrt(1 - 0.98**2)), rel=0.06)

@@ -1,0 +1,216 @@
+"""Evidence against quadrature over the natural parameters, with a likelihood by other means, and closed forms."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import numpy as np
+import pytest
+from scipy.special import logsumexp
+
+from bayesdamp.inference.coordinates.folded import FoldedT
+from bayesdamp.inference.evidence import EVIDENCES, Draws, EvidenceMethod
+from bayesdamp.inference.evidence._densities import folded_log_posterior
+from bayesdamp.inference.evidence.methods import nested
+from bayesdamp.inference.evidence.methods.bridge import fitted, span
+from bayesdamp.inference.model.batches import log_likelihood, log_posterior
+from bayesdamp.types import Evidence
+from tests.inference.evidence.weighing_problems import (
+    CASES,
+    KNOWN,
+    LIMIT,
+    exact_draws,
+    line,
+    log_density,
+    problem,
+    quadrature,
+    squares,
+)
+
+METHODS = [
+    pytest.param(m, marks=[pytest.mark.slow] if m == "nested" else [])
+    for m in EVIDENCES.names()
+    if not EVIDENCES.get(m).approximate
+]
+
+
+def test_the_two_likelihoods_agree():
+    for case in CASES:
+        target, mode = problem(case)
+        p = target.all_values(mode.z)
+        square = squares(CASES[case][1], *(np.array([p.get(n, 0.0)]) for n in ("zeta", "mu_c")))
+        ours = log_likelihood(target, mode.context, mode.z[None])
+        assert float(ours[0]) == pytest.approx(
+            log_density(square, p.get("noise_sd", KNOWN["noise_sd"]))[0], abs=0.01
+        )
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_the_cases_are_what_they_are_called(case):
+    target, mode = problem(case)
+    away = np.min((mode.z / mode.sd())[np.asarray(target.layout.folded)])
+    assert away < 1.5 if "touching" in case else away > 3
+
+
+@lru_cache
+def evidence(case: str, method: str, seed: int = 1) -> Evidence:
+    target, mode = problem(case)
+    draws = exact_draws(case, seed) if EVIDENCES.get(method).needs_draws else None
+    return EVIDENCES.get(method).evidence("model", target, mode, seed, draws)
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("case", CASES)
+def test_against_quadrature(case, method):
+    found = evidence(case, method)
+    assert found.outcome == "ok", found
+    assert abs(found.log_evidence - quadrature(case)) < LIMIT
+    assert found.stderr < LIMIT / 2
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_nested_sampling_around_the_mode_against_quadrature(case, monkeypatch):
+    """As where from the prior it would take too long. Negative control: with the half-normal priors' two left out."""
+    monkeypatch.setattr(nested, "LEG", 1)  # it asks at once
+    monkeypatch.setattr(nested, "log_evidence_near", lambda *_: -1e9)  # and has a billion nats to go
+    monkeypatch.setattr(nested, "EFFECTIVE", 10_000)
+    target, mode = problem(case)
+    found = EVIDENCES.get("nested").evidence("model", target, mode, 1)
+    assert found.outcome == "ok", found
+    assert "around the mode" in found.diagnostic
+    assert abs(found.log_evidence - quadrature(case)) < LIMIT
+    folded = int(np.sum(target.layout.folded))
+    assert abs(found.log_evidence - folded * np.log(2.0) - quadrature(case)) > LIMIT
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_against_the_closed_form(method):
+    target, mode, exact, mean, covariance = line()
+    rng = np.random.default_rng(1)
+    draws = Draws(rng.multivariate_normal(mean, covariance, (4, 1000)))
+    found = EVIDENCES.get(method).evidence("model", target, mode, 1, draws)
+    assert found.outcome == "ok", found
+    assert abs(found.log_evidence - exact) < LIMIT
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_contract(method):
+    plugin = EVIDENCES.get(method)
+    assert isinstance(plugin, EvidenceMethod)
+    assert plugin.name == method
+    case = "one touching"
+    found, other = evidence(case, method), evidence(case, method, 2)
+    assert found.method == method
+    assert found.model == "model"
+    assert found.diagnostic
+    assert found.evaluations > 0
+    evidence.cache_clear()
+    again = evidence(case, method)
+    assert again.log_evidence == found.log_evidence
+    assert again.stderr == found.stderr
+    assert other.log_evidence != found.log_evidence
+    # Two seeds within five standard errors of each other: false-alarm rate below 1e-6.
+    assert abs(other.log_evidence - found.log_evidence) < 5 * np.hypot(found.stderr, other.stderr)
+
+
+@pytest.mark.parametrize("method", ["importance", "bridge"])
+def test_stated_error_is_honest(method):
+    """Thirty seeds on one target: their scatter is the stated standard error (99.9 % bounds of chi²/29)."""
+    values = [evidence("two touching", method, seed) for seed in range(30)]
+    ratio = np.var([v.log_evidence for v in values], ddof=1) / np.mean([v.stderr**2 for v in values])
+    assert 0.40 < ratio < 2.1
+
+
+def chain_ratio(shuffled: bool) -> float:
+    """Variance of 150 bridges between normals one sd apart, over the variance that they state; the draws come from
+    chains whose neighbours correlate by 0.9, in their order or shuffled."""
+    rng = np.random.default_rng(3)
+    found = []
+    for _ in range(150):
+        x = rng.standard_normal((4, 400))
+        for i in range(1, 400):
+            x[:, i] = 0.9 * x[:, i - 1] + np.sqrt(1 - 0.81) * x[:, i]
+        if shuffled:
+            x = rng.permutation(x.ravel()).reshape(x.shape)
+        found.append(span(x + 0.5, rng.standard_normal(1000) - 0.5))
+    return float(np.var([s.log_evidence for s in found], ddof=1) / np.mean([s.stderr**2 for s in found]))
+
+
+def test_bridge_counts_autocorrelation():
+    """99.9 % bounds of chi²/149; shuffled chains, the negative control, claim to know too much."""
+    assert 0.66 < chain_ratio(shuffled=False) < 1.43
+    assert chain_ratio(shuffled=True) > 1.43
+
+
+@pytest.mark.slow
+def test_bridge_takes_its_own_draws():
+    """NUTS, where it is given none; the same number within five standard errors (false-alarm rate below 1e-6)."""
+    target, mode = problem("two touching")
+    found = EVIDENCES.get("bridge").evidence("model", target, mode, 5)
+    assert found.outcome == "ok", found
+    assert abs(found.log_evidence - quadrature("two touching")) < LIMIT
+    given = evidence("two touching", "bridge")
+    assert abs(found.log_evidence - given.log_evidence) < 5 * np.hypot(found.stderr, given.stderr)
+    assert found.evaluations > given.evaluations
+
+
+def test_bridge_distrusts_draws_that_their_sampler_distrusts():
+    target, mode = problem("one far")
+    draws = exact_draws("one far", 1)
+    found = EVIDENCES.get("bridge").evidence(
+        "m", target, mode, 1, Draws(draws.z, "not converged: R-hat is 1.2")
+    )
+    assert found.outcome == "not to be trusted: its posterior draws are not converged: R-hat is 1.2"
+
+
+def test_bridge_distrusts_halves_that_disagree():
+    """Negative control: chains that have moved on to somewhere else by their second half."""
+    target, mode = problem("one far")
+    z = exact_draws("one far", 1).z.copy()
+    z[:, 500:] += 3 * mode.sd()
+    found = EVIDENCES.get("bridge").evidence("m", target, mode, 1, Draws(z))
+    assert found.outcome.startswith("not to be trusted")
+
+
+@pytest.mark.parametrize("case", ["two touching", "two far"])
+def test_negative_control_no_mirror_images(case):
+    """A proposal on one side of an unfolded score: log 2 a coefficient is lost where all are far from zero, unseen
+    by the weights; near zero what is lost is some part of it."""
+    target, mode = problem(case)
+    proposal = FoldedT(mode.z, mode.factor, np.zeros(mode.z.size, bool))
+    z = proposal.draw(np.random.default_rng(1), 4000)
+    weights = log_posterior(target, mode.context, z) - proposal.log_density(z)
+    found = float(logsumexp(weights) - np.log(weights.size))
+    if case == "two far":
+        assert quadrature(case) - found == pytest.approx(2 * np.log(2), abs=LIMIT)
+    assert abs(found - quadrature(case)) > LIMIT
+
+
+@pytest.mark.parametrize("case", ["one far", "one touching"])
+def test_negative_control_a_bridge_that_forgets_the_fold(case):
+    """Draws on one side and the unfolded density: log 2 is lost, and no diagnostic of the bridge sees it."""
+    target, mode = problem(case)
+    z = exact_draws(case, 1).z
+    proposal = fitted(z.reshape(-1, 1), np.zeros(1, bool))
+    there = proposal.draw(np.random.default_rng(1), 2000)
+
+    def ratio(y: np.ndarray) -> np.ndarray:
+        return log_posterior(target, mode.context, y) - proposal.log_density(y)
+
+    found = span(ratio(z.reshape(-1, 1)).reshape(4, -1), ratio(there))
+    assert found.overlap > 0.5
+    assert abs(found.log_evidence - quadrature(case)) > LIMIT
+    if case == "one far":
+        assert quadrature(case) - found.log_evidence == pytest.approx(np.log(2), abs=LIMIT)
+
+
+def test_negative_control_draws_folded_density_not():
+    """Folding the draws but not the proposal's density claims too much where the posterior touches zero."""
+    target, mode = problem("two touching")
+    proposal = FoldedT(mode.z, mode.factor, np.asarray(target.layout.folded))
+    y = proposal.draw(np.random.default_rng(1), 4000)
+    one_sided = FoldedT(mode.z, mode.factor, np.zeros(mode.z.size, bool))
+    found = float(
+        logsumexp(folded_log_posterior(target, mode, y) - one_sided.log_density(y)) - np.log(len(y))
+    )
+    assert found - quadrature("two touching") > LIMIT

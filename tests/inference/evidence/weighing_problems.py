@@ -1,0 +1,175 @@
+"""Problems whose evidence is known by other means: quadrature with a solver of its own, or a closed form."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import numpy as np
+from scipy.special import logsumexp
+from scipy.stats import multivariate_normal
+
+from bayesdamp.inference.evidence import Draws
+from bayesdamp.inference.fit.mode import Mode
+from bayesdamp.inference.fit.search import find_mode
+from bayesdamp.inference.model.target import Target
+from bayesdamp.physics.oscillator import Oscillator
+from bayesdamp.priors import HalfNormal, LogNormal, Normal
+from bayesdamp.types import Signal
+
+KNOWN = {"stiffness": 20.0, "rest_angle": 0.0, "epsilon": 0.1, "theta0": 0.3, "omega0": 0.0, "noise_sd": 0.02}
+TIMES = np.linspace(0.0, 6.0, 151)
+LIMIT = 0.05
+"""nats"""
+PRIORS = {
+    "zeta": HalfNormal(scale=0.45),
+    "mu_c": HalfNormal(scale=0.9),
+    "noise_sd": LogNormal(median=0.01, sigma=1.0),
+}
+
+
+def trajectories(zeta: np.ndarray, mu_c: np.ndarray, substeps: int = 20) -> np.ndarray:
+    """θ at TIMES of many parameter sets, shape (m, n): classical Runge–Kutta in NumPy, here within 1e-8 rad."""
+    k, eps = KNOWN["stiffness"], KNOWN["epsilon"]
+
+    def slope(state):
+        x, v = state
+        return np.stack([v, -2 * zeta * v - mu_c * np.tanh(v / eps) - k * x])
+
+    state = np.stack([np.full(zeta.shape, KNOWN["theta0"]), np.full(zeta.shape, KNOWN["omega0"])])
+    out = [state[0]]
+    h = (TIMES[1] - TIMES[0]) / substeps
+    for _ in range(TIMES.size - 1):
+        for _ in range(substeps):
+            k1 = slope(state)
+            k2 = slope(state + 0.5 * h * k1)
+            k3 = slope(state + 0.5 * h * k2)
+            k4 = slope(state + h * k3)
+            state = state + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
+        out.append(state[0])
+    return np.stack(out, axis=-1)
+
+
+def record(zeta: float, mu_c: float, seed: int) -> np.ndarray:
+    clean = trajectories(np.array([zeta]), np.array([mu_c]))[0]
+    return clean + KNOWN["noise_sd"] * np.random.default_rng(seed).standard_normal(TIMES.size)
+
+
+def squares(y: np.ndarray, zeta: np.ndarray, mu_c: np.ndarray) -> np.ndarray:
+    """Σ (y − θ)² over matching arrays, shape (m,)."""
+    return np.sum((y - trajectories(zeta, mu_c)) ** 2, axis=-1)
+
+
+def log_density(square: np.ndarray, sd: np.ndarray | float, n: int = TIMES.size) -> np.ndarray:
+    """Normal log density of residuals with this sum of squares."""
+    return -0.5 * square / np.square(sd) - n * np.log(np.asarray(sd) * np.sqrt(2 * np.pi))
+
+
+CASES: dict[str, tuple[tuple[str, ...], np.ndarray, dict[str, tuple[float, float]]]] = {
+    # damping, the record, and the range of each parameter that holds the posterior
+    "one far": (("coulomb",), record(0.0, 0.12, 4), {"mu_c": (0.06, 0.18)}),
+    "one touching": (("coulomb",), record(0.0, 0.0, 3), {"mu_c": (0.0, 0.12)}),
+    "two far": (("viscous", "coulomb"), record(0.2, 0.2, 5), {"zeta": (0.0, 0.45), "mu_c": (0.0, 0.4)}),
+    "two touching": (
+        ("viscous", "coulomb"),
+        record(0.06, 0.0, 3),
+        {"zeta": (0.0, 0.14), "mu_c": (0.0, 0.16)},
+    ),
+    "three far": (
+        ("viscous", "coulomb"),
+        record(0.2, 0.2, 5),
+        {"zeta": (0.08, 0.4), "mu_c": (0.0, 0.33), "noise_sd": (0.0135, 0.028)},
+    ),
+    "three touching": (
+        ("viscous", "coulomb"),
+        record(0.06, 0.0, 3),
+        {"zeta": (0.0, 0.14), "mu_c": (0.0, 0.16), "noise_sd": (0.014, 0.028)},
+    ),
+}
+
+
+@lru_cache
+def problem(case: str) -> tuple[Target, Mode]:
+    damping, y, ranges = CASES[case]
+    known = {n: v for n, v in KNOWN.items() if n not in ranges}
+    priors = {n: PRIORS[n] for n in ranges}
+    target = Target(Signal(TIMES, y), Oscillator(damping, "linear"), "gaussian", priors, known)  # type: ignore[arg-type]
+    seed = {n: 0.5 * (low + high) for n, (low, high) in ranges.items()}
+    return target, find_mode(target, {"middle": seed}, noise_level=KNOWN["noise_sd"])
+
+
+@lru_cache
+def posterior_grid(case: str, count: int) -> tuple[tuple[np.ndarray, ...], np.ndarray]:
+    """Gauss–Legendre nodes of each natural parameter, and the log of prior · likelihood · weight on their product."""
+    _, y, ranges = CASES[case]
+    nodes, weights = np.polynomial.legendre.leggauss(count)
+    axes = {n: low + 0.5 * (high - low) * (nodes + 1) for n, (low, high) in ranges.items()}
+    motion = [n for n in ranges if n != "noise_sd"]
+    grids = np.meshgrid(*(axes[n] for n in motion), indexing="ij")
+    given = dict(zip(motion, (g.ravel() for g in grids)))
+    still = np.zeros(count ** len(motion))
+    square = squares(y, given.get("zeta", still), given.get("mu_c", still)).reshape(grids[0].shape)
+    free = "noise_sd" in ranges
+    logs = (
+        log_density(square[..., None], axes["noise_sd"]) if free else log_density(square, KNOWN["noise_sd"])
+    )
+    for i, (name, (low, high)) in enumerate(ranges.items()):
+        along = np.asarray(PRIORS[name].log_density(axes[name])) + np.log(0.5 * (high - low) * weights)
+        logs = logs + along.reshape([-1 if j == i else 1 for j in range(len(ranges))])
+    return tuple(axes.values()), logs
+
+
+@lru_cache
+def quadrature(case: str) -> float:
+    """log ∫ prior · likelihood over the natural parameters, to 1e-3 nats."""
+    found = [float(logsumexp(posterior_grid(case, count)[1])) for count in (44, 56)]
+    assert abs(found[0] - found[1]) < 1e-3, "the grid is too coarse"
+    logs = posterior_grid(case, 56)[1]
+    for axis, (low, _) in enumerate(CASES[case][2].values()):
+        edges = (-1,) if low == 0.0 else (0, -1)
+        assert all(np.take(logs, e, axis).max() < logs.max() - 12 for e in edges), (
+            "the grid cuts the posterior"
+        )
+    return found[1]
+
+
+def exact_draws(case: str, seed: int, chains: int = 4, count: int = 1000) -> Draws:
+    """Independent draws of the posterior, from a fine grid of it and a uniform step inside its cells."""
+    axes, logs = posterior_grid(case, 56)
+    rng = np.random.default_rng(seed)
+    p = np.exp(logs - logs.max()).ravel()
+    index = np.unravel_index(rng.choice(p.size, chains * count, p=p / p.sum()), logs.shape)
+    columns = []
+    for (low, high), axis, i in zip(CASES[case][2].values(), axes, index):
+        walls = np.concatenate([[low], 0.5 * (axis[1:] + axis[:-1]), [high]])
+        columns.append(walls[i] + rng.uniform(size=i.size) * (walls[i + 1] - walls[i]))
+    target, _ = problem(case)
+    return Draws.of(target, np.stack(columns, axis=-1).reshape(chains, count, -1))
+
+
+LINE_PRIORS = {
+    "rest_angle": Normal(mean=0.02, sd=0.1),
+    "theta0": Normal(mean=0.25, sd=0.2),
+    "omega0": Normal(mean=0.0, sd=0.8),
+}
+
+
+@lru_cache
+def line() -> tuple[Target, Mode, float, np.ndarray, np.ndarray]:
+    """A linear oscillator whose damping is known: linear in its start and its rest angle, with normal priors. The
+    target, its mode, the log evidence in closed form, and mean and covariance of the posterior in scores."""
+    zeta, k, sd = 0.3, 20.0, 0.02
+    w = np.sqrt(k - zeta**2)
+    decay = np.exp(-zeta * TIMES)
+    cosine = decay * (np.cos(w * TIMES) + zeta / w * np.sin(w * TIMES))
+    design = np.stack([1 - cosine, cosine, decay * np.sin(w * TIMES) / w], axis=-1)
+    y = design @ [0.03, 0.3, 0.1] + sd * np.random.default_rng(8).standard_normal(TIMES.size)
+    centre = np.array([p.mean for p in LINE_PRIORS.values()])
+    scale = np.diag([p.sd for p in LINE_PRIORS.values()])
+    spread = design @ scale
+    covariance = spread @ spread.T + sd**2 * np.eye(TIMES.size)
+    log_evidence = float(multivariate_normal(design @ centre, covariance).logpdf(y))
+    known = {"zeta": zeta, "stiffness": k, "noise_sd": sd}
+    target = Target(Signal(TIMES, y), Oscillator(("viscous",), "linear"), "gaussian", LINE_PRIORS, known)
+    mode = find_mode(target, {"s": {"rest_angle": 0.0, "theta0": 0.3, "omega0": 0.0}}, noise_level=sd)
+    inside = np.linalg.inv(spread.T @ spread / sd**2 + np.eye(3))
+    return target, mode, log_evidence, inside @ spread.T @ (y - design @ centre) / sd**2, inside

@@ -1,0 +1,121 @@
+"""The noise of a record: each kind is chosen where it is the truth."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from bayesdamp.inference.fit.noise_choice import (
+    Weighed,
+    chosen_noise,
+    first_noise,
+    fit_with,
+    held_evidence,
+    weigh_noises,
+)
+from bayesdamp.inference.model.build import build_target
+from bayesdamp.inference.model.defaults import Reference
+from bayesdamp.inference.model.target import Target
+from bayesdamp.inference.noise import NOISES
+from bayesdamp.physics.integrate import simulate
+from bayesdamp.physics.oscillator import Oscillator
+from bayesdamp.records.cleaning.quantum import recording_step
+from bayesdamp.records.oscillation.features import features
+from bayesdamp.types import Refusal, Signal, System
+
+TIMES = np.linspace(0.0, 10.0, 301)
+KNOWN = {"stiffness": 20.0, "rest_angle": 0.0, "epsilon": 0.02}
+SD = 0.004
+
+
+@lru_cache
+def motion(mu_q: float) -> np.ndarray:
+    p = {**KNOWN, "zeta": 0.05, "mu_q": mu_q, "theta0": 0.3, "omega0": 0.0}
+    return simulate(Oscillator(("viscous", "quadratic"), "linear"), p, TIMES)
+
+
+def noise(kind: str, rng: np.random.Generator) -> np.ndarray:
+    e = SD * rng.standard_normal(TIMES.size)
+    if kind == "student_t":
+        return SD * rng.standard_t(2.5, TIMES.size)
+    if kind == "correlated":
+        rho = np.exp(-TIMES[1] / 0.1)
+        for i in range(1, e.size):
+            e[i] = rho * e[i - 1] + np.sqrt(1 - rho**2) * e[i]
+    return e
+
+
+def weighed(kind: str, damping: tuple[str, ...] = ("viscous", "quadratic")) -> list[Weighed]:
+    rng = np.random.default_rng(21)
+    if kind == "quantised":
+        step = 5 * SD
+        y = step * np.round((motion(0.2) + noise("gaussian", rng)) / step)
+    else:
+        y = motion(0.2) + noise(kind, rng)
+    signal = Signal(TIMES, y, step=recording_step(y))
+    seeds = {"near": {"zeta": 0.06, "mu_q": 0.15, "theta0": 0.29, "omega0": 0.01}}
+    system = System("linear", KNOWN)
+    seen = features(signal)
+
+    def build(name: str) -> Target:
+        return build_target(signal, damping, system, seen, Reference(0.3, 4.5), noise=name)
+
+    fitted = fit_with(build(first_noise(NOISES.names(), signal)), seeds, seen)
+    return weigh_noises(build, fitted, seen, NOISES.names())
+
+
+@pytest.mark.parametrize("kind", NOISES.names())
+def test_the_true_noise_is_chosen(kind):
+    """Deterministic records: the true kind is ahead by more than 5 nats (odds of 150) of any that is no limit of it
+    (a Student t of many degrees and a short correlation are normal noise but for the price of a parameter)."""
+    found = weighed(kind)
+    assert chosen_noise(found) == kind
+    by_name = {w.noise: w for w in found}
+    others = [w.log_evidence for w in found if w.noise != kind]
+    assert by_name[kind].log_evidence > max(others) + (0.0 if kind == "gaussian" else 5.0)
+    if kind != "quantised":
+        assert "recording step" in by_name["quantised"].outcome
+
+
+def test_held_evidence_against_quadrature():
+    """Of normal residuals, over the logarithm of their sd on a fine grid."""
+    r = SD * np.random.default_rng(3).standard_normal(TIMES.size)
+    signal = Signal(TIMES, motion(0.2) + r)
+    seen = features(signal)
+    found, values = held_evidence("gaussian", r, signal, seen)
+    z = np.linspace(-3.0, 3.0, 20_001)
+    sd = seen.roughness * np.exp(z)
+    log = stats.norm.logpdf(z) - 0.5 * np.sum(r**2) / sd**2 - r.size * np.log(sd * np.sqrt(2 * np.pi))
+    expected = log.max() + np.log(np.trapezoid(np.exp(log - log.max()), z))
+    assert found == pytest.approx(expected, abs=0.01)
+    assert values["noise_sd"] == pytest.approx(np.sqrt(np.mean(r**2)), rel=0.01)
+
+
+def test_a_term_that_is_missing_looks_like_correlated_noise():
+    """Why all terms in play take part: without the quadratic one its traces are taken for noise."""
+    assert chosen_noise(weighed("gaussian", ("viscous",))) == "correlated"
+
+
+def test_no_noise_to_choose_from():
+    with pytest.raises(Refusal, match="finite"):
+        chosen_noise([Weighed("gaussian", outcome="no seed leads anywhere")])
+
+
+@pytest.mark.parametrize("rest", [0.0, 2.0])
+def test_noise_does_not_stand_in_for_another_zero(rest: float) -> None:
+    """A record that swings about 2 rad, which is said to swing about 0 or, the control, 2 rad."""
+    signal = Signal(TIMES, 2.0 + motion(0.2) + noise("correlated", np.random.default_rng(22)))
+    seen = features(signal)
+    system = System("linear", {**KNOWN, "rest_angle": rest})
+    made = build_target(
+        signal, ("viscous", "quadratic"), system, seen, Reference(0.3, 4.5), noise="correlated"
+    )
+    seeds = {"near": {"zeta": 0.06, "mu_q": 0.15, "theta0": rest + 0.3, "omega0": 0.0}}
+    if rest == 0.0:
+        with pytest.raises(Refusal, match=r"^set aside: noise takes the motion's place"):
+            fit_with(made, seeds, seen)
+    else:
+        assert fit_with(made, seeds, seen).target is made

@@ -1,0 +1,122 @@
+"""Seeds: modes found from several, starts of chains that are spread over them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import lru_cache
+
+import numpy as np
+import pytest
+
+from bayesdamp.inference.coordinates.frame import frame
+from bayesdamp.inference.fit.mode import Mode
+from bayesdamp.inference.fit.search import find_mode
+from bayesdamp.inference.fit.seeds import basins, prior_seeds
+from bayesdamp.inference.model.target import Target
+from bayesdamp.inference.samplers import Settings
+from bayesdamp.inference.samplers._starts import Start, agreement, seeded_starts
+from bayesdamp.physics.oscillator import Oscillator
+from bayesdamp.priors import HalfNormal, LogNormal, Normal
+from bayesdamp.types import Signal
+from tests.inference import problems
+
+STEP, FREQUENCY, RATE, SD = 0.35, 4.5, 0.06, 0.005
+ALIAS = 2 * np.pi / STEP - FREQUENCY
+"""A damped cosine at this frequency has the same values at all multiples of STEP."""
+
+
+def aliased_target(jitter: float) -> Target:
+    """A linear oscillator sampled four times a period, on a clock with so much jitter (s)."""
+    rng = np.random.default_rng(5)
+    t = STEP * np.arange(60) + np.concatenate([[0.0], jitter * rng.uniform(-1, 1, 59)])
+    y = 0.3 * np.exp(-RATE * t) * np.cos(FREQUENCY * t) + SD * rng.standard_normal(t.size)
+    priors = {
+        "zeta": HalfNormal(scale=0.5),
+        "stiffness": LogNormal(median=50.0, sigma=1.0),
+        "theta0": Normal(mean=0.0, sd=0.6),
+        "omega0": Normal(mean=0.0, sd=3.0),
+    }
+    known = {"rest_angle": 0.0, "noise_sd": SD, "epsilon": 0.1}
+    return Target(Signal(t, y), Oscillator(("viscous",), "linear"), "gaussian", priors, known)
+
+
+@lru_cache
+def climbed(jitter: float) -> tuple[Target, Mode]:
+    target = aliased_target(jitter)
+    common = {"zeta": RATE, "theta0": 0.3}
+    seeds = {
+        "slow": {**common, "stiffness": FREQUENCY**2, "omega0": 0.0},
+        "slow again": {**common, "stiffness": FREQUENCY**2, "omega0": 0.0},
+        "fast": {**common, "stiffness": ALIAS**2, "omega0": 0.0},
+    }
+    return target, find_mode(target, seeds, noise_level=SD)
+
+
+def test_an_aliased_frequency_is_a_second_mode_of_the_same_likelihood():
+    target, mode = climbed(0.0)
+    found, where = basins(mode)
+    assert [c.seed for c in mode.climbs] == ["slow", "fast"]
+    assert mode.climbs[0].same == ("slow again",)
+    assert len(found) == 2
+    assert sorted(where) == [0, 1]
+    stiffness = sorted(float(target.values(b.z)["stiffness"]) for b in found)
+    np.testing.assert_allclose(stiffness, [FREQUENCY**2 + RATE**2, ALIAS**2 + RATE**2], rtol=0.01)
+    # The likelihood is the same at both, so what differs is the prior.
+    prior = [-0.5 * float(b.z @ b.z) for b in found]
+    assert found[0].log_posterior - found[1].log_posterior == pytest.approx(prior[0] - prior[1], abs=0.02)
+    assert sum(b.share for b in found) == pytest.approx(1.0)
+    assert min(b.share for b in found) > 0.02
+
+
+def test_without_aliasing_the_other_mode_is_far_below():
+    _, mode = climbed(0.1)
+    found, where = basins(mode)
+    assert where[0] == 0
+    assert all(b.share < 1e-6 for b in found[1:])
+
+
+def test_starts_are_spread_over_the_seeds_and_wider_than_the_posterior():
+    target = problems.target("viscous_coulomb")
+    truth = problems.reference("viscous_coulomb")["truth"]
+    seeds = {"near": truth, "off": {n: 1.3 * v for n, v in truth.items()}, **prior_seeds(target, 2, 3)}
+    mode = find_mode(target, seeds, noise_level=truth["noise_sd"])
+    assert basins(mode)[1][:2] == [0, 0]
+    *_, starts = seeded_starts(target, mode, frame(target, mode), 4, Settings(seed=1))
+    assert {s.seed for s in starts} == {"near", "off", "prior 1", "prior 2"}
+    many, *_ = seeded_starts(target, mode, frame(target, mode), 200, Settings(seed=2))
+    # A posterior's own draws have a mean square of 1 in these coordinates.
+    assert np.mean(many**2) > 1.5
+    z = frame(target, mode).scores(many)
+    assert np.all(z[:, np.asarray(target.layout.folded)] >= 0)
+    heights = problems.log_likelihoods(target, mode, z) - 0.5 * np.sum(z**2, axis=1)
+    assert heights.min() > heights.max() - 8 * z.shape[1]
+
+
+def test_draws_from_the_prior_have_its_moments():
+    # Of 4,000 draws: four standard errors of a mean and an sd; a false alarm in four thousand.
+    target = problems.target("viscous_coulomb")
+    drawn = prior_seeds(target, 4000, 8)
+    theta0 = np.array([s["theta0"] for s in drawn.values()])
+    zeta = np.array([s["zeta"] for s in drawn.values()])
+    assert abs(theta0.mean() - 0.05) < 4 * 0.6 / 4000**0.5
+    assert abs(zeta.mean() - 0.4 * (2 / np.pi) ** 0.5) < 4 * 0.4 * 0.6 / 4000**0.5
+
+
+def test_a_chain_that_stays_apart_is_seen():
+    rng = np.random.default_rng(0)
+    draws = rng.standard_normal((4, 1000, 2))
+    starts = [Start(f"seed {i}", 3.0, 2.0) for i in range(4)]
+    assert all(row["shift"] < 0.15 for row in agreement(starts, draws))
+    draws[2] += 3.0
+    shifts = [row["shift"] for row in agreement(starts, draws)]
+    assert shifts[2] == max(shifts) > 1.0
+
+
+def test_an_end_without_curvature_has_no_share():
+    """Its determinant is zero: neither a warning nor a share that is not a number."""
+    _, mode = climbed(0.0)
+    flat = replace(mode.climbs[0], seed="flat", z=mode.climbs[0].z + 100.0 * mode.sd(), volume=np.inf)
+    found, _ = basins(replace(mode, climbs=(*mode.climbs, flat)))
+    assert sum(b.share for b in found) == pytest.approx(1.0)
+    alone, _ = basins(replace(mode, climbs=(flat,)))
+    assert [b.share for b in alone] == [0.0]

@@ -1,0 +1,254 @@
+"""The posterior as a function: against SciPy, its gradient, its error budget, escapes, frozen plans."""
+
+from __future__ import annotations
+
+from functools import lru_cache, partial
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy import stats
+
+from bayesdamp.inference.fit.mode import BUDGET
+from bayesdamp.inference.fit.search import find_mode
+from bayesdamp.inference.model.batches import log_likelihood, log_prior
+from bayesdamp.inference.model.build import build_target
+from bayesdamp.inference.model.compiled import compiled
+from bayesdamp.inference.model.defaults import EPSILON_RANGE, EPSILON_SHARE, Reference, default_prior
+from bayesdamp.inference.model.density import log_posterior, parameters
+from bayesdamp.inference.model.gradient import value_and_gradient
+from bayesdamp.inference.model.linearised import linearise, linearised_log_posterior
+from bayesdamp.inference.model.target import Target
+from bayesdamp.inference.noise import NOISES
+from bayesdamp.physics.integrate import make_plan
+from bayesdamp.physics.oscillator import Oscillator
+from bayesdamp.physics.solver.plan import compiled_record
+from bayesdamp.priors import HalfNormal, LogNormal, Normal, Prior, Uniform
+from bayesdamp.types import Refusal, Signal, System
+from tests.inference import problems
+from tests.inference.problems import FEATURES
+from tests.physics.independent import trajectory
+
+
+@lru_cache
+def heavy() -> tuple[Target, np.ndarray]:
+    """The viscous + Coulomb record again, under Student's t; scores near its mode."""
+    base = problems.target("viscous_coulomb")
+    priors = {**base.priors, "noise_dof": LogNormal(median=6.0, sigma=0.8)}
+    target = Target(base.signal, base.oscillator, "student_t", priors, base.known)
+    values = problems.target("viscous_coulomb").values(problems.mode("viscous_coulomb").z)
+    return target, target.scores({**{n: float(v) for n, v in values.items()}, "noise_dof": 5.0})
+
+
+def case(noise: str) -> tuple[Target, np.ndarray]:
+    if noise == "student_t":
+        return heavy()
+    name = "viscous_coulomb" if noise == "gaussian" else "coulomb_correlated"
+    return problems.target(name), problems.mode(name).z
+
+
+@pytest.mark.parametrize("name", problems.NAMES)
+def test_posterior_at_the_truth(name):
+    """Prior and likelihood against those of the reference's own code, on LSODA trajectories."""
+    made, target = problems.reference(name), problems.target(name)
+    z = target.scores(made["truth"])
+    plan, _ = target.plan(z, 1e-8)
+    found = float(log_likelihood(target, target.context(plan), z[None])[0])
+    assert found == pytest.approx(made["at_truth"]["log_likelihood"], abs=2e-3)
+    prior = sum(float(p.log_density(made["truth"][n])) for n, p in target.priors.items())
+    assert prior == pytest.approx(made["at_truth"]["log_prior"], abs=1e-9)
+
+
+@pytest.mark.parametrize("noise", NOISES.names())
+def test_gradient_is_that_of_differences(noise):
+    """Off the mode, so that nothing vanishes; every score, those of the noise too."""
+    target, z = case(noise)
+    z = z + 0.3 * np.linspace(-0.02, 0.03, z.size)
+    context = target.context(target.plan(z, 1e-7)[0])
+    value, gradient = jax.jit(partial(value_and_gradient, target.layout))(context, jnp.asarray(z))
+    run = problems.height(target.layout)
+    assert float(value) == pytest.approx(float(run(context, jnp.asarray(z))), abs=1e-9)
+    d = 1e-6
+    differences = []
+    for i in range(z.size):
+        up, down = (float(run(context, jnp.asarray(z).at[i].add(s * d))) for s in (1, -1))
+        differences.append((up - down) / (2 * d))
+    scale = np.max(np.abs(differences))
+    np.testing.assert_allclose(np.asarray(gradient), differences, atol=1e-6 * scale + 1e-3)
+    assert scale > 10  # negative control: the gradient does not vanish here
+
+
+def test_information_is_the_curvature_at_the_mode():
+    """Gauss–Newton against differences of the gradient; they differ by what the residuals contribute. (Where a
+    coefficient touches zero the posterior has a kink in its score, and no curvature.)"""
+    target, mode = problems.target("coulomb_correlated"), problems.mode("coulomb_correlated")
+    run = jax.jit(partial(value_and_gradient, target.layout))
+    d, n = 1e-5, mode.z.size
+    hessian = np.empty((n, n))
+    for i in range(n):
+        up, down = (run(mode.context, jnp.asarray(mode.z).at[i].add(s * d))[1] for s in (1, -1))
+        hessian[i] = -(np.asarray(up) - np.asarray(down)) / (2 * d)
+    white = mode.factor.T @ hessian @ mode.factor
+    np.testing.assert_allclose(white, np.eye(n), atol=0.3)
+    np.testing.assert_allclose(mode.factor @ mode.factor.T @ mode.information, np.eye(n), atol=1e-6)
+
+
+def test_linearised_posterior_touches_the_exact_one():
+    """Equal at the mode, and with the same gradient; elsewhere they part."""
+    target, mode = problems.target("viscous_coulomb"), problems.mode("viscous_coulomb")
+    at = jnp.asarray(mode.z)
+    line = jax.jit(partial(linearise, target.layout))(mode.context, at)
+    surrogate = jax.jit(partial(linearised_log_posterior, target.layout))
+    exact = problems.height(target.layout)
+    assert float(surrogate(mode.context, line, at)) == pytest.approx(float(exact(mode.context, at)), abs=1e-9)
+    slope = jax.grad(lambda z: surrogate(mode.context, line, z))(at)
+    gradient = jax.jit(partial(value_and_gradient, target.layout))(mode.context, at)[1]
+    np.testing.assert_allclose(np.asarray(slope), np.asarray(gradient), atol=1e-4)
+    far = at + jnp.asarray(mode.factor @ np.full(mode.z.size, 30.0))
+    assert abs(float(surrogate(mode.context, line, far) - exact(mode.context, far))) > 0.1
+
+
+@pytest.mark.parametrize("name", problems.NAMES)
+def test_error_budget(name):
+    """Halving the steps changes the log likelihood by less than the budget, and so does any better trajectory."""
+    target, mode = problems.target(name), problems.mode(name)
+    assert mode.likelihood_error < BUDGET
+    run = problems.height(target.layout)
+    at = jnp.asarray(mode.z)
+    finer = target.context(target.plan(mode.z, mode.step_error / 1000)[0])
+    assert abs(float(run(mode.context, at) - run(finer, at))) < BUDGET
+    # Negative control: a trajectory as rough as a tenth of the noise is out of budget.
+    p = {n: jnp.asarray(v) for n, v in target.all_values(mode.z).items()}
+    clean = compiled_record(target.oscillator)(
+        mode.context.plan, {n: p[n] for n in target.oscillator.parameters}
+    )
+    wobble = 0.1 * float(p["noise_sd"]) * np.sin(4 * target.signal.t)
+    r = jnp.asarray(target.signal.y) - clean
+    gaps = mode.context.gaps
+    noise = target.layout.noise
+    change = noise.log_likelihood(r, gaps, p) - noise.log_likelihood(r + wobble, gaps, p)
+    assert abs(float(change)) > BUDGET
+
+
+def test_frozen_plan_three_sds_away():
+    """A plan made at the mode (ε at 2 % of the peak velocity), used at parameters three posterior sds away in
+    sixteen directions, against the independent solver: still below 1e-6 rad."""
+    target, mode = problems.target("coulomb_correlated"), problems.mode("coulomb_correlated")
+    osc = target.oscillator
+    plan = make_plan(osc, target.all_values(mode.z), target.signal.t)
+    rng = np.random.default_rng(8)
+    worst, moved = 0.0, 0.0
+    at_mode = trajectory(osc.restoring, target.all_values(mode.z), target.signal.t, longest=0.01)[:, 0]
+    for _ in range(16):
+        direction = rng.standard_normal(mode.z.size)
+        z = mode.z + 3 * mode.factor @ (direction / np.linalg.norm(direction))
+        p = target.all_values(z)
+        y = compiled_record(osc)(plan, {n: jnp.asarray(p[n]) for n in osc.parameters})
+        truth = trajectory(osc.restoring, p, target.signal.t, longest=0.01)[:, 0]
+        worst = max(worst, float(np.max(np.abs(np.asarray(y) - truth))))
+        moved = max(moved, float(np.max(np.abs(truth - at_mode))))
+    assert worst < 1e-6
+    assert moved > 1e-3  # the parameters do move the trajectory
+
+
+def duffing(theta0: float) -> tuple[Target, Signal]:
+    t = np.linspace(0, 6, 80)
+    signal = Signal(t, 0.3 * np.cos(4 * t))
+    priors: dict[str, Prior] = {
+        "zeta": HalfNormal(scale=0.4),
+        "cubic": Normal(mean=-60.0, sd=30.0),
+        "theta0": Normal(mean=theta0, sd=0.3),
+    }
+    known = {"stiffness": 20.0, "rest_angle": 0.0, "omega0": 0.0, "noise_sd": 0.01}
+    return Target(signal, Oscillator(("viscous",), "duffing"), "gaussian", priors, known), signal
+
+
+def test_escape_has_no_likelihood_and_no_nan():
+    """A softening Duffing beyond its hilltop: −∞, in batches too, and the inner ones are finite."""
+    target, _ = duffing(0.3)
+    context = target.context(
+        target.plan(target.scores({"zeta": 0.1, "cubic": -60.0, "theta0": 0.3}), 1e-6)[0]
+    )
+    starts = [0.3, 0.5, 0.65, 0.8, 1.2, 3.0]
+    z = np.array([target.scores({"zeta": 0.1, "cubic": -60.0, "theta0": x}) for x in starts])
+    found = np.asarray(compiled(target.layout).batch(context, jnp.asarray(z)))
+    assert not np.any(np.isnan(found))
+    assert np.all(np.isfinite(found[:2]))
+    assert np.all(found[3:] == -np.inf)
+    single = float(problems.height(target.layout)(context, jnp.asarray(z[4])))
+    assert single == -np.inf
+
+
+def test_nothing_but_escapes_is_refused():
+    target, _ = duffing(3.0)
+    with pytest.raises(Refusal, match="finite likelihood"):
+        find_mode(target, {"outside": {"zeta": 0.1, "cubic": -60.0, "theta0": 3.0}}, noise_level=0.01)
+
+
+def test_scores_and_values_go_back_and_forth():
+    target = problems.target("viscous_coulomb")
+    truth = problems.reference("viscous_coulomb")["truth"]
+    z = target.scores(truth)
+    assert {n: float(v) for n, v in target.values(z).items()} == pytest.approx(truth)
+    every = parameters(target.layout, target.context(target.plan(z, 1e-3)[0]), jnp.asarray(z))
+    assert {n: float(v) for n, v in every.items()} == pytest.approx({**target.known, **truth})
+    assert np.all(np.abs(target.scores({"noise_sd": 1e30, "zeta": 1e30})) <= 6)
+
+
+def test_prior_of_the_scores_is_standard_normal():
+    target, mode = problems.target("viscous_coulomb"), problems.mode("viscous_coulomb")
+    prior = float(log_prior(mode.z))
+    assert prior == pytest.approx(stats.norm.logpdf(mode.z).sum(), abs=1e-12)
+    total = float(log_posterior(target.layout, mode.context, jnp.asarray(mode.z)))
+    likelihood = float(log_likelihood(target, mode.context, mode.z[None])[0])
+    assert likelihood + prior == pytest.approx(total, abs=1e-9)
+
+
+REFERENCE = Reference(0.3, 4.47)
+
+
+def test_default_priors_scale_with_the_study():
+    """Damping: the same equivalent ratio for every term; the others follow amplitude, frequency and roughness."""
+    osc = Oscillator(("viscous", "coulomb", "quadratic"), "horizontal_pendulum")
+    for term in osc.terms:
+        prior = default_prior(term.parameter, osc, "gaussian", REFERENCE, FEATURES)
+        assert isinstance(prior, HalfNormal)
+        assert prior.scale * term.ratio_per_unit(0.3, 4.47) == pytest.approx(0.1)
+    gravity = default_prior("gravity", osc, "gaussian", REFERENCE, FEATURES)
+    assert isinstance(gravity, Normal)
+    assert gravity.mean == 0  # either sign
+    epsilon = default_prior("epsilon", osc, "gaussian", REFERENCE, FEATURES)
+    assert epsilon.high == pytest.approx(EPSILON_RANGE[1] * REFERENCE.peak_velocity)  # type: ignore[union-attr]
+    double = default_prior("theta0", osc, "gaussian", Reference(0.6, 4.47), FEATURES)
+    assert double.sd == 2 * default_prior("theta0", osc, "gaussian", REFERENCE, FEATURES).sd  # type: ignore[union-attr]
+    with pytest.raises(KeyError):
+        default_prior("colour", osc, "gaussian", REFERENCE, FEATURES)
+
+
+def test_build_target():
+    """What is known is known, what is free has its prior, ε is stated where it is neither."""
+    t = np.linspace(0, 5, 100)
+    signal = Signal(t, np.cos(4.5 * t))
+    system = System(
+        "linear",
+        {"stiffness": 20.0, "rest_angle": 0.0},
+        {"theta0": None, "omega0": Uniform(low=-1, high=1), "noise_sd": None},
+    )
+    term = {"coulomb": HalfNormal(scale=7.0)}
+    target = build_target(signal, ("viscous", "coulomb"), system, FEATURES, REFERENCE, term_priors=term)
+    assert target.names == ("zeta", "mu_c", "theta0", "omega0", "noise_sd")
+    assert target.priors["mu_c"] == HalfNormal(scale=7.0)
+    assert target.priors["omega0"] == Uniform(low=-1, high=1)
+    assert target.known["epsilon"] == pytest.approx(EPSILON_SHARE * 0.3 * 4.47)
+    assert not target.exact_friction
+    sharp = System("linear", {**system.known, "epsilon": 0.0}, system.free)
+    assert build_target(signal, ("coulomb",), sharp, FEATURES, REFERENCE).exact_friction
+    with pytest.raises(ValueError, match="neither known nor inferred: noise_sd"):
+        Target(
+            signal,
+            target.oscillator,
+            "gaussian",
+            {},
+            {**target.known, **dict.fromkeys(target.names[:4], 1.0)},
+        )

@@ -1,0 +1,126 @@
+"""The fast answers against reference posteriors, and whether they say where they are poor."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import partial
+
+import jax
+import numpy as np
+import pytest
+
+from bayesdamp.inference.coordinates.cut_normal import CutNormal, laplace
+from bayesdamp.inference.coordinates.unbounded import Unbounded, scores
+from bayesdamp.inference.samplers import SAMPLERS, Settings, variational
+from bayesdamp.inference.samplers._approximation import approximate_posterior
+from bayesdamp.types import Refusal
+from tests.inference import problems
+
+CASES = [
+    ("laplace", "viscous_coulomb"),
+    ("laplace", "touching_zero"),
+    ("laplace", "coulomb_correlated"),
+    ("variational", "viscous_coulomb"),
+    ("variational", "touching_zero"),
+    pytest.param("variational", "coulomb_correlated", marks=pytest.mark.slow),
+]
+BEYOND = {("laplace", "coulomb_correlated"): {"noise_sd", "noise_time"}}
+"""What misses the tolerances: the posterior of correlated noise is skewed, and its mode is not its mean."""
+
+
+@pytest.mark.parametrize(("sampler", "name"), CASES)
+def test_against_the_reference(sampler, name):
+    """Means within 0.3 sd and sds within 20 %, also where friction touches zero. Where not, the outcome says so."""
+    found = problems.posterior(name, sampler)
+    missed = set()
+    for parameter, s in problems.reference(name)["posterior"].items():
+        x = found.draws[..., found.names.index(parameter)]
+        if abs(x.mean() - s["mean"]) > 0.3 * s["sd"] or not 0.8 < x.std() / s["sd"] < 1.2:
+            missed.add(parameter)
+    assert missed == BEYOND.get((sampler, name), set())
+    if missed:
+        assert found.outcome.startswith("a poor approximation")
+    elif name != "coulomb_correlated":
+        assert found.outcome == "ok"
+    for s in found.diagnostics["summary"].values():  # type: ignore[union-attr]
+        assert np.isnan(s["rhat"])
+        assert s["ess_bulk"] == s["ess_tail"] == found.diagnostics["effective_draws"]
+
+
+@pytest.mark.parametrize(("shift", "stretch"), [(0.0, 1.0), (0.6, 1.0), (0.0, 0.6), (0.0, 2.0), (8.0, 1.0)])
+def test_a_wrong_normal_is_called_poor(shift, stretch):
+    """Negative controls: a normal that is shifted by so many sds, or of another width."""
+    target, mode = problems.target("viscous_coulomb"), problems.mode("viscous_coulomb")
+    right = laplace(target, mode)
+    sd = np.sqrt(np.diag(right.covariance))
+    away = shift * sd * np.eye(sd.size)[target.names.index("theta0")]
+    wrong = CutNormal(right.mean + away, stretch**2 * right.covariance, right.folded)
+    settings = Settings(draws=1000)
+    z = wrong.draw(np.random.default_rng(1), 4000)
+    found = approximate_posterior("wrong", target, mode, z, wrong.log_density(z), settings, began=0.0)
+    assert (found.outcome == "ok") is (shift == 0.0 and stretch == 1.0)
+
+
+def test_what_does_not_converge_is_refused(monkeypatch):
+    monkeypatch.setattr(variational, "BLOCKS", 2)
+    target, mode = problems.target("viscous_coulomb"), problems.mode("viscous_coulomb")
+    with pytest.raises(Refusal, match="did not converge in 100 steps"):
+        SAMPLERS.get("variational").sample(target, mode, Settings())
+
+
+def test_no_laplace_away_from_a_mode():
+    """Half a period out of phase the Hessian is indefinite."""
+    target, mode = problems.target("coulomb_correlated"), problems.mode("coulomb_correlated")
+    z = mode.z.copy()
+    z[target.names.index("stiffness")] += 0.4
+    with pytest.raises(Refusal, match="not positive definite"):
+        SAMPLERS.get("laplace").sample(target, replace(mode, z=z), Settings())
+
+
+MEAN = np.array([0.3, -0.5, 1.0, 20.0])
+ROOT = np.array([[1.0, 0, 0, 0], [-0.8, 0.6, 0, 0], [0.3, 0.5, 1.0, 0], [0.2, 0.1, 0.4, 1.0]])
+FOLDED = np.array([True, True, False, True])
+
+
+def test_cut_normal():
+    """Draws by both ways against plain rejection (errors of 0.01 sd; 0.06 allowed), and moments."""
+    normal = CutNormal(MEAN, ROOT @ ROOT.T, FOLDED)
+    assert list(normal.walls) == [0, 1]
+    drawn = MEAN + np.random.default_rng(2).standard_normal((200_000, 4)) @ ROOT.T
+    expected = drawn[np.all(drawn[:, :2] > 0, axis=1)]
+    rng = np.random.default_rng(3)
+    for z in (normal.draw(rng, 10_000), normal._by_gibbs(rng, 10_000)):
+        assert z.shape == (10_000, 4)
+        assert np.all(z[:, :2] >= 0)
+        np.testing.assert_allclose(z.mean(axis=0), expected.mean(axis=0), atol=0.06)
+        np.testing.assert_allclose(np.cov(z.T), np.cov(expected.T), atol=0.08)
+    mean, factor = normal.moments
+    np.testing.assert_allclose(mean, expected.mean(axis=0), atol=0.08)
+    np.testing.assert_allclose(factor @ factor.T, np.cov(expected.T), atol=0.08)
+    assert np.all(np.isneginf(normal.log_density(drawn[drawn[:, 0] < 0])))
+
+
+@pytest.mark.parametrize("far", [0.0, 3.0, 30.0])
+def test_unbounded_coordinates(far):
+    """They stay inside the walls, and the log determinant is that of the derivative."""
+    normal = CutNormal(MEAN - far * np.array([1.0, 0, 0, 0]), ROOT @ ROOT.T, FOLDED)
+    at = Unbounded.of(normal)
+    assert list(at.order) == ([1, 0, 2, 3] if far == 0 else [0, 1, 2, 3])
+    fun = partial(scores, mean=at.mean, factor=at.factor, walls=at.walls)
+    for v in 2.0 * np.random.default_rng(4).standard_normal((5, 4)):
+        z, slope = fun(v)
+        assert np.all(np.asarray(z)[: at.walls] >= 0)
+        jacobian = np.asarray(jax.jacobian(lambda v: fun(v)[0])(v))
+        assert float(slope) == pytest.approx(np.linalg.slogdet(jacobian)[1], abs=1e-6)
+
+
+def test_one_wall_is_exact():
+    """A standard normal becomes the cut-off normal: log densities differ by one constant."""
+    normal = CutNormal(MEAN, ROOT @ ROOT.T, np.array([False, True, False, False]))
+    at = Unbounded.of(normal)
+    v = np.random.default_rng(5).standard_normal((50, 4))
+    z, slope = jax.vmap(partial(scores, mean=at.mean, factor=at.factor, walls=at.walls))(v)
+    whole = np.empty((50, 4))
+    whole[:, at.order] = np.asarray(z)
+    constant = normal.log_density(whole) + 0.5 * np.sum(v**2, axis=1) + np.asarray(slope)
+    np.testing.assert_allclose(constant, constant[0], atol=1e-8)

@@ -1,0 +1,153 @@
+"""What a study and `compare` say of specimens, before anything is computed."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+
+from bayesdamp.cli import main
+from bayesdamp.config import load_study
+from bayesdamp.config.compare import SPECIMEN, Asked, comparison
+from bayesdamp.pipeline import cells
+from bayesdamp.pipeline.many.specimens import Specimen
+from bayesdamp.types import InputError
+
+HEAD = """
+version = 1
+name = "many"
+seed = 5
+[system]
+restoring = "linear"
+stiffness = 20.0
+rest_angle = 0.0
+theta0 = "free"
+omega0 = 0.0
+"""
+SIGNAL = """
+[[signal]]
+name = "{name}"
+specimen = "{specimen}"
+simulate = {{ viscous = {viscous}, duration = 8.0, samples = 240, noise_sd = 0.003, theta0 = {start} }}
+"""
+RECORDS = [
+    ("a1", "a", 0.05, 0.3),
+    ("a2", "a", 0.05, 0.25),
+    ("b1", "b", 0.06, 0.3),
+    ("b2", "b", 0.09, 0.3),
+    ("c", "c", 0.04, 0.3),
+]
+REST = """
+[estimators]
+use = ["least_squares"]
+[models]
+compare = ["viscous"]
+[posterior]
+samplers = []
+[evidence]
+methods = ["importance"]
+"""
+
+
+def signals(records) -> str:
+    return "".join(SIGNAL.format(name=n, specimen=s, viscous=z, start=a) for n, s, z, a in records)
+
+
+def write(folder: Path, records=RECORDS, more: str = "") -> Path:
+    file = folder / "many.toml"
+    file.write_text(HEAD + signals(records) + REST + more, encoding="utf-8")
+    return file
+
+
+def test_cells_are_listed(tmp_path):
+    names = {c.name for c in cells(load_study(write(tmp_path)))}
+    assert {"joint/a", "joint/b", "population/specimens"} <= names
+    assert "joint/c" not in names
+
+
+def test_a_study_without_specimens_has_none_of_this(tmp_path):
+    text = (HEAD + signals(RECORDS[:2]) + REST).replace('specimen = "a"\n', "")
+    (tmp_path / "s.toml").write_text(text, encoding="utf-8")
+    study = load_study(tmp_path / "s.toml")
+    assert not any(c.name.startswith(("joint/", "population/")) for c in cells(study))
+    assert "specimen" not in str(study.resolved())
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ('specimen = "a"', 'specimn = "a"', "did you mean 'specimen'"),
+        ('specimen = "a"', 'specimen = "a b"', "it must be a name in quotes"),
+        ('specimen = "a"', "specimen = 3", "it must be a name in quotes"),
+        ("theta0 = 0.25", 'theta0 = 0.25, unit = "m"', "in m and rad"),
+        ('name = "a2"\n', 'name = "a2"\ncompare = ["quadratic"]\n', "under other models"),
+        ("[estimators]", '[[sweep]]\nkey = "simulate.noise_sd"\nvalues = [0.003]\n[estimators]', "[[sweep]]"),
+    ],
+)  # fmt: skip
+def test_what_cannot_be_joined_is_one_line(tmp_path, capsys, old, new, said):
+    file = write(tmp_path, RECORDS[:2])
+    text = file.read_text(encoding="utf-8")
+    assert old in text
+    file.write_text(text.replace(old, new), encoding="utf-8")
+    assert main(["check", str(file)]) == 2
+    error = capsys.readouterr().err
+    assert said in error
+    assert error.count("\n") == 1
+
+
+def test_compare_takes_records_as_specimens_or_as_repeats(tmp_path, capsys):
+    paths = [tmp_path / "a.csv", tmp_path / "b.csv"]
+    for path in paths:
+        path.write_text(
+            "t,angle\n" + "\n".join(f"{i / 50},{0.3 - 0.1 * (i % 5)}" for i in range(50)), encoding="utf-8"
+        )
+    asked = [Asked(p, "t", "angle") for p in paths]
+    assert set(comparison(asked).specimens) == {"a", "b"}
+    together = comparison(asked, repeats=True)
+    assert set(together.specimens) == {SPECIMEN}
+    assert not comparison(asked[:1]).specimens
+    with pytest.raises(InputError, match="two or more of one specimen"):
+        comparison(asked[:1], repeats=True)
+    assert main(["compare", str(paths[0]), "--repeats"]) == 2
+    assert capsys.readouterr().err.startswith("--repeats: there is one record")
+
+
+def test_of_repeats_nothing_is_computed_that_a_joint_fit_does_not_read(tmp_path):
+    """Negative control: records that stand each for itself have draws, and are predicted from their halves."""
+    asked = [Asked(tmp_path / f"{name}.csv", "t", "angle") for name in "ab"]
+    for one in asked:
+        one.path.write_text("t,angle\n0,0\n", encoding="utf-8")
+    wanted = {"posterior", "bridge", "half", "noises"}
+
+    def found(repeats: bool) -> set[str]:
+        made = comparison(asked, repeats=repeats)
+        return {part for cell in cells(made) for part in cell.name.split("/")} & {
+            *wanted,
+            "mode",
+            "importance",
+        }
+
+    assert found(repeats=True) == {"mode", "importance"}
+    assert found(repeats=False) == {"mode", "importance", *wanted}
+
+
+def test_records_of_one_specimen_share_one_friction(monkeypatch):
+    """The geometric mean of what they ask for, the usual one of a record that asks for none; none where none asks."""
+    given = []
+
+    def branch(epsilon, usual):
+        what = {"path": "p", "terms": (), "restoring": "linear", "noise": "gaussian", "beside": ()}
+        record = SimpleNamespace(target=lambda *_, **more: given.append(more["epsilon"]))
+        system = SimpleNamespace(known={"epsilon": usual})
+        cells = {"mode/p": "key"}
+        return SimpleNamespace(epsilon=epsilon, system=system, record=record, cells=lambda: cells, **what)
+
+    one = object.__new__(Specimen)
+    cell = SimpleNamespace(key="key", meta={"values": {}, "tolerance": 1e-6})
+    vars(one).update(labels=["a", "b"], reference=None, store=SimpleNamespace(read=lambda _: cell))
+    for second in (0.01, None):
+        made = [branch(second, 0.1), branch(None, 0.04)]
+        monkeypatch.setattr(Specimen, "branches", lambda self, _, made=made: made)
+        one.problem("coulomb")
+    assert given == [pytest.approx(0.02), pytest.approx(0.02), None, None]

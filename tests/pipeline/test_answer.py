@@ -1,0 +1,69 @@
+"""The answer to simulated records of another solver: the damping by its name, intervals that hold the truth."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import numpy as np
+import pytest
+
+from bayesdamp.pipeline.answer import answer
+from bayesdamp.types import Signal
+from bayesdamp.validation.truth.records import Case, case
+from bayesdamp.verdict import Verdict
+from bayesdamp.verdict.types import Grade
+
+SEED = 21
+NUMBERS = {0: "viscous", 1: "coulomb", 2: "quadratic", 4: "viscous+quadratic"}
+"""Under four sums and three laws. Of such records 97 % are named right where one is named, and an interval holds the
+truth in 97 to 99 %: of four records and their twelve ratios a right program fails here for about one seed in four. The
+seed was not chosen among others."""
+
+
+@lru_cache
+def answered(number: int) -> tuple[Case, Verdict]:
+    made = case("family", SEED, number)
+    return made, answer(made.signal, made.amplitudes, restoring=[made.restoring], measured=False).verdict
+
+
+@pytest.mark.parametrize(("number", "damping"), NUMBERS.items())
+def test_named_right_with_intervals_that_hold_the_truth(number: int, damping: str) -> None:
+    made, found = answered(number)
+    assert made.damping == damping
+    assert (found.damping, found.decided) == (damping, True)
+    assert found.probability > 0.95
+    assert found.grade in (Grade.EXACT, Grade.APPROXIMATE)
+    assert tuple(r.amplitude for r in found.damping_ratio) == made.amplitudes
+    for ratio in found.damping_ratio:
+        truth = made.ratio(ratio.amplitude)
+        assert ratio.low < truth < ratio.high
+        assert (ratio.high - ratio.low) / truth < 0.4
+        assert not ratio.low < 1.3 * truth < ratio.high  # control
+    for share in found.energy:
+        assert share.low <= made.shares.get(share.term, 0.0) + 0.02
+        assert share.high >= made.shares.get(share.term, 0.0) - 0.02
+    assert found.sentence
+
+
+@pytest.mark.parametrize("number", [0, 1])
+def test_the_wrong_law_alone_is_not_the_answer(number: int) -> None:
+    """Control: offered only the one term that a record lacks, it deviates, and nothing is decided."""
+    made, _ = answered(number)
+    wrong = "coulomb" if made.damping == "viscous" else "viscous"
+    found = answer(made.signal, made.amplitudes, damping=[wrong], restoring=[made.restoring]).verdict
+    assert found.damping == wrong
+    assert found.deviation is not None
+    right = answered(number)[1].deviation
+    assert right is not None
+    assert found.deviation.value > 5 * max(right.value, 0.01)
+
+
+def test_what_does_not_oscillate_has_a_sentence() -> None:
+    noise = np.random.default_rng(2).standard_normal(400)
+    found = answer(Signal(np.arange(400) * 0.01, noise, name="silence")).verdict
+    assert found.grade is Grade.NOT_WEIGHED
+    assert not found.decided
+    assert found.damping == ""
+    assert found.record == "silence"
+    assert found.sentence[0].isupper()
+    assert found.sentence.endswith(".")

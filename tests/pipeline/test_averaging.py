@@ -1,0 +1,83 @@
+"""The average of curves over models by their probabilities."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from scipy.stats import norm
+
+from bayesdamp.pipeline.candidates import averaging
+from bayesdamp.pipeline.candidates.averaging import averaged, probabilities
+from bayesdamp.pipeline.candidates.posteriors import SPREAD
+from bayesdamp.pipeline.candidates.weighted import resampled
+from bayesdamp.store import CellResult
+from bayesdamp.types import Evidence
+
+
+def quantiles(mean: float, sd: float) -> np.ndarray:
+    return norm(mean, sd).ppf(SPREAD)[:, None] + np.array([0.0, 10.0])
+
+
+def test_one_model_alone_is_its_own_average():
+    low, median, high = averaged({"a": quantiles(1.0, 0.1)}, {"a": 1.0})
+    np.testing.assert_allclose(median, [1.0, 11.0], atol=1e-3)
+    np.testing.assert_allclose([low[0], high[0]], 1.0 + 0.196 * np.array([-1, 1]), atol=5e-3)
+
+
+def test_two_models_make_a_mixture():
+    """A quarter at 0 and three quarters at 1: its quantiles by bisection of the mixture's distribution."""
+    low, median, high = averaged({"a": quantiles(0.0, 0.1), "b": quantiles(1.0, 0.2)}, {"a": 0.25, "b": 0.75})
+    x = np.linspace(-1, 2, 300_001)
+    exact = np.interp([0.025, 0.5, 0.975], 0.25 * norm(0, 0.1).cdf(x) + 0.75 * norm(1, 0.2).cdf(x), x)
+    np.testing.assert_allclose([low[0], median[0], high[0]], exact, atol=0.01)
+    # Negative control: the mean of the models' own quantiles is another thing.
+    assert abs(0.75 + 0.25 * norm(0, 0.1).ppf(0.025) + 0.75 * norm(0, 0.2).ppf(0.025) - exact[0]) > 0.2
+
+
+def test_probabilities_are_of_evidence_alone():
+    found = probabilities({"a": Evidence("a", "m", -1000.0), "b": Evidence("b", "m", -1000.0 + np.log(3))})
+    assert found == pytest.approx({"a": 0.25, "b": 0.75})
+    assert probabilities({"a": Evidence("a", "m")}) == {}
+
+
+@pytest.mark.parametrize(
+    ("left", "said"), [(0.02, "ok"), (0.1, "not applicable: the models with draws hold 0.90")]
+)
+def test_the_average_is_over_what_has_draws_if_that_is_nearly_all(monkeypatch, left, said) -> None:
+    found = {"a": Evidence("a", "m", np.log(1 - left)), "b": Evidence("b", "m", np.log(left))}
+    monkeypatch.setattr(averaging, "evidence_by_method", lambda *_: {"m": found})
+
+    def read(name: str) -> CellResult:
+        if name != "posterior/s/0/a/nuts":
+            raise KeyError(name)
+        return CellResult(
+            name, "", {}, {"amplitudes": np.arange(2.0), "spread/equivalent_ratio": quantiles(1.0, 0.1)}
+        )
+
+    monkeypatch.setattr(averaging, "Branch", lambda *_: None)
+    monkeypatch.setattr(averaging, "weighted_curves", lambda *_: {})
+    study = SimpleNamespace(seed=1, compare=lambda spec: ("a", "b"))
+    cell = averaging._one(study, SimpleNamespace(name="s"), SimpleNamespace(read=read), "averaged/s/0", "")  # type: ignore[arg-type]
+    assert cell.outcome.startswith(said)
+    if said == "ok":
+        assert cell.meta["covered"] == pytest.approx(0.98)
+    # With weighted draws of the other it is over both.
+    own = {"amplitudes": np.arange(2.0), "spread/equivalent_ratio": quantiles(3.0, 0.1)}
+    monkeypatch.setattr(averaging, "weighted_curves", lambda *_: own)
+    both = averaging._one(study, SimpleNamespace(name="s"), SimpleNamespace(read=read), "averaged/s/0", "")  # type: ignore[arg-type]
+    assert both.meta["weighed"] == ["b"]
+    assert both.meta["covered"] == pytest.approx(1.0)
+    assert (both.arrays["curve/equivalent_ratio"][2, 0] > 2.5) == (left > 0.025)
+    np.testing.assert_allclose(both.arrays["median/b"], [3.0, 13.0], atol=1e-9)
+
+
+def test_draws_are_chosen_by_their_weights():
+    """Each as often as its share says, to within one. Negative control: by chance alone they are not."""
+    rng = np.random.default_rng(3)
+    log_weights = rng.normal(scale=2.0, size=50)
+    shares = np.exp(log_weights) / np.exp(log_weights).sum()
+    often = np.bincount(resampled(log_weights, 1000, rng), minlength=50)
+    assert np.max(np.abs(often - 1000 * shares)) < 1.0
+    assert np.max(np.abs(rng.multinomial(1000, shares) - 1000 * shares)) > 1.0

@@ -1,0 +1,123 @@
+"""What the evidence is over parts of a record and under other noise, beside the answer."""
+
+from __future__ import annotations
+
+import shutil
+from dataclasses import replace
+
+import pytest
+
+from bayesdamp.config import load_study
+from bayesdamp.inference.evidence import EVIDENCES
+from bayesdamp.inference.fit.search import find_mode
+from bayesdamp.pipeline import run_study
+from bayesdamp.pipeline.candidates.cells import Branch
+from bayesdamp.report import render
+from bayesdamp.store import Store
+
+STUDY = """
+version = 1
+name = "elsewhere"
+seed = 3
+[system]
+restoring = "linear"
+stiffness = "free"
+rest_angle = 0.0
+theta0 = "free"
+omega0 = "free"
+[[signal]]
+name = "noisy"
+simulate = { viscous = 0.08, stiffness = 20.0, theta0 = 0.3, omega0 = 0.0, duration = 12.0, samples = 300, noise_sd = 0.006 }
+[estimators]
+use = ["least_squares"]
+[models]
+compare = ["viscous", "quadratic"]
+[posterior]
+samplers = []
+noise = ["gaussian", "student_t"]
+[evidence]
+methods = ["importance"]
+referee = "never"
+"""  # noqa: E501
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("elsewhere")
+    (folder / "s.toml").write_text(STUDY, encoding="utf-8")
+    study = load_study(folder / "s.toml")
+    assert run_study(study, folder / "out", workers=1) == 0
+    return study, Store(folder / "out")
+
+
+def evidence_of(store: Store, name: str) -> float:
+    meta = store.read(name).meta
+    return meta.get("evidence", meta)["log_evidence"]
+
+
+def test_parts_of_the_record_are_weighed(run):
+    """The first half as importance sampling weighs it, to a tenth of a nat. Negative control: the other model's."""
+    _, store = run
+    halves: dict[str, list[float]] = {}
+    for model in ("viscous", "quadratic"):
+        windows = {w["label"]: w["log_evidence"] for w in store.read(f"mode/noisy/0/{model}").meta["windows"]}
+        assert list(windows) == ["whole record", "first half", "middle half", "last half"]
+        whole = evidence_of(store, f"evidence/noisy/0/{model}/importance")
+        assert windows["whole record"] == pytest.approx(whole, abs=0.1)
+        halves[model] = [windows["first half"], evidence_of(store, f"sensitivity/noisy/0/{model}/half")]
+        assert halves[model][0] == pytest.approx(halves[model][1], abs=0.1)
+    assert abs(halves["viscous"][0] - halves["quadratic"][1]) > 0.3
+
+
+def test_each_noise_is_weighed(run):
+    """As importance sampling does under each. Negative control: the two noises are not one."""
+    study, store = run
+    for model in ("viscous", "quadratic"):
+        branch = Branch(study, study.signals[0], 0, model, store)
+        cell = store.read(f"sensitivity/noisy/0/{model}/noises")
+        assert cell.meta["chosen"] == "gaussian"
+        for noise, found in cell.meta["evidence"].items():
+            target = branch.record.target(branch.terms, "linear", noise)
+            start = store.read(f"mode/noisy/0/{model}").meta["values"]
+            mode = find_mode(target, {"start": start}, noise_level=branch.record.seen.roughness)
+            other = EVIDENCES.get("importance").evidence(model, target, mode, 7)
+            assert found["log_evidence"] == pytest.approx(other.log_evidence, abs=0.15)
+        by_noise = cell.meta["evidence"]
+        assert abs(by_noise["gaussian"]["log_evidence"] - by_noise["student_t"]["log_evidence"]) > 0.3
+
+
+def test_the_report_shows_them(run):
+    _, store = run
+    page = (store.folder / "report.html").read_text(encoding="utf-8")
+    table = page[page.index("Log Bayes factors (nats) to the best of each column") :]
+    heads = ["whole record", "first half", "middle half", "last half", "gaussian, chosen", "Student t"]
+    places = [table.index(head) for head in heads]
+    assert places == sorted(places)
+
+
+def test_each_candidates_first_half_foretells_the_second(run):
+    """By Laplace's approximation as by importance sampling. Negative control: what the other candidate foretells."""
+    _, store = run
+    told = {}
+    for model in ("viscous", "quadratic"):
+        laplace = store.read(f"mode/noisy/0/{model}").meta["forecast"]
+        sampled = store.read(f"sensitivity/noisy/0/{model}/half").meta
+        for what in ("rms", "expected", "coverage"):
+            assert laplace[what] == pytest.approx(sampled[what], rel=0.05)
+        assert laplace["log_predictive"] == pytest.approx(sampled["log_predictive"], abs=0.2)
+        told[model] = laplace
+    assert told["quadratic"]["rms"] > 1.2 * told["viscous"]["rms"]
+
+
+def test_the_report_shows_it_of_candidates_that_were_not_sampled(run, tmp_path):
+    _, store = run
+    folder = tmp_path / "out"
+    shutil.copytree(store.folder, folder)
+    cell = Store(folder).read("sensitivity/noisy/0/quadratic/half")
+    Store(folder).write(replace(cell, outcome="not sampled", meta={}))
+    said = []
+    for page in (store.folder / "report.html", render(folder)):
+        text = page.read_text(encoding="utf-8")
+        table = text[text.index("The first half of the record alone") :]
+        said.append("Laplace&#39;s approximation" in table[: table.index("</table>")])
+    assert said == [False, True]

@@ -1,0 +1,91 @@
+"""A task that fails says why; what depends on it says which one failed; and the report goes on."""
+
+from __future__ import annotations
+
+import pytest
+
+from bayesdamp.config import load_study
+from bayesdamp.pipeline import run_study
+from bayesdamp.pipeline.candidates.cells import Branch
+from bayesdamp.pipeline.records.records import SignalCell
+from bayesdamp.store import Store, read_table
+
+STUDY = """
+version = 1
+name = "failing"
+seed = 3
+[system]
+restoring = "linear"
+stiffness = 20.0
+rest_angle = 0.0
+theta0 = 0.3
+omega0 = 0.0
+[[signal]]
+name = "good"
+simulate = { viscous = 0.1, duration = 10.0, samples = 200, noise_sd = 0.003 }
+[[signal]]
+name = "bad"
+simulate = { viscous = 0.1, duration = 10.0, samples = 200, noise_sd = 0.003 }
+[estimators]
+use = ["least_squares"]
+stages = ["initial"]
+[models]
+compare = ["viscous"]
+[posterior]
+samplers = ["laplace"]
+noise = NOISE
+[evidence]
+methods = ["laplace", "importance"]
+referee = "never"
+"""
+
+
+@pytest.fixture
+def study(tmp_path, monkeypatch, request):
+    monkeypatch.delenv("BAYESDAMP_DEBUG", raising=False)
+    (tmp_path / "s.toml").write_text(STUDY.replace("NOISE", request.param), encoding="utf-8")
+    return load_study(tmp_path / "s.toml")
+
+
+@pytest.mark.parametrize("study", ['"gaussian"', '["gaussian", "student_t"]'], indirect=True)
+def test_a_failed_record(study, tmp_path, monkeypatch, capsys):
+    whole = SignalCell._simulated
+
+    def failing(self, source):
+        if self.spec.name == "bad":
+            raise ArithmeticError("made to fail")
+        return whole(self, source)
+
+    out = tmp_path / "out"
+    with monkeypatch.context() as patch:
+        patch.setattr(SignalCell, "_simulated", failing)
+        assert run_study(study, out, workers=1) == 3
+    said = capsys.readouterr().err.replace("\n", " ")
+    assert "signal/bad/0: failed: ArithmeticError: made to fail" in said
+    assert "bad/0/viscous" not in said  # one failure, one line
+    store = Store(out)
+    below = [n for n in store.names() if n.split("/")[1] == "bad" and n != "signal/bad/0"]
+    assert len(below) >= 4
+    for name in below:
+        assert store.read(name).outcome == "not computed: signal/bad/0 failed: ArithmeticError: made to fail"
+    rows = read_table(out / "estimates.csv")
+    assert {r["outcome"] for r in rows if r["signal"] == "good"} == {"ok"}
+    assert "made to fail" in (out / "report.html").read_text(encoding="utf-8")
+    # once it can be computed, it is, with all that depends on it
+    assert run_study(study, out, workers=1) == 0
+    assert {store.read(n).outcome for n in store.names()} == {"ok"}
+
+
+@pytest.mark.parametrize("study", ['"gaussian"'], indirect=True)
+def test_a_failed_mode(study, tmp_path, monkeypatch):
+    def failing(self, name, key):
+        raise ArithmeticError("made to fail")
+
+    monkeypatch.setattr(Branch, "mode", failing)
+    assert run_study(study, tmp_path / "out", workers=1) == 3
+    store = Store(tmp_path / "out")
+    assert store.read("mode/good/0/viscous").outcome == "failed: ArithmeticError: made to fail"
+    for name in ("posterior/good/0/viscous/laplace", "evidence/good/0/viscous/importance"):
+        said = "not computed: mode/good/0/viscous failed: ArithmeticError: made to fail"
+        assert store.read(name).outcome == said
+    assert store.read("estimate/good/0/viscous/least_squares").outcome == "ok"

@@ -1,0 +1,74 @@
+"""A second study in a folder: the report and the tables show nothing of the first."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+
+from bayesdamp.config import load_study
+from bayesdamp.pipeline import run_study
+from bayesdamp.report.results.run import Run
+from bayesdamp.store import Store, read_table
+
+STUDY = """
+version = 1
+name = "two"
+seed = 3
+[system]
+restoring = "linear"
+stiffness = 20.0
+rest_angle = 0.0
+theta0 = 0.3
+omega0 = 0.0
+[[signal]]
+name = "rig"
+simulate = { viscous = 0.1, duration = 10.0, samples = 200, noise_sd = 0.003 }
+[estimators]
+use = ["least_squares"]
+stages = ["initial"]
+[models]
+compare = ["viscous", "quadratic"]
+[posterior]
+samplers = []
+[evidence]
+methods = ["laplace"]
+referee = "never"
+"""
+
+
+def modes(run: Run) -> set[str]:
+    return {cell.name.split("/")[3] for cell in run.cells("mode")}
+
+
+def test_the_first_question_does_not_show(tmp_path):
+    out, file = tmp_path / "out", tmp_path / "two.toml"
+    file.write_text(STUDY, encoding="utf-8")
+    assert run_study(load_study(file), out, workers=1) == 0
+    assert modes(Run(out)) == {"viscous", "quadratic"}
+    first = Store(out).names()
+    file.write_text(STUDY.replace('"viscous", "quadratic"', '"viscous"'), encoding="utf-8")
+    assert run_study(load_study(file), out, workers=1) == 0
+    assert Store(out).names() == first  # they are there still, and do not show
+    assert modes(Run(out)) == {"viscous"}
+    assert not any("quadratic" in n for n in json.loads((out / "run.json").read_text())["seconds"])
+    assert {r["model"] for r in read_table(out / "fits.csv")} == {"viscous"}
+    # what the first had computed is not computed again
+    hidden = [n for n in first if "quadratic" in n]
+    stamps = {n: (out / "cells" / f"{n}.npz").stat().st_mtime_ns for n in hidden}
+    file.write_text(STUDY, encoding="utf-8")
+    assert run_study(load_study(file), out, workers=1) == 0
+    assert {n: (out / "cells" / f"{n}.npz").stat().st_mtime_ns for n in hidden} == stamps
+    assert modes(Run(out)) == {"viscous", "quadratic"}
+
+
+def test_a_cell_of_the_same_name_under_another_key_does_not_show(tmp_path):
+    """As one of a candidate that this question leaves out and the one before had fitted to another record."""
+    out, file = tmp_path / "out", tmp_path / "two.toml"
+    file.write_text(STUDY, encoding="utf-8")
+    assert run_study(load_study(file), out, workers=1) == 0
+    cell = Store(out).read("mode/rig/0/quadratic")
+    assert modes(Run(out)) == {"viscous", "quadratic"}
+    Store(out).write(replace(cell, key="another"))
+    assert modes(Run(out)) == {"viscous"}
+    Store(out).write(cell)
+    assert modes(Run(out)) == {"viscous", "quadratic"}

@@ -1,0 +1,203 @@
+"""Where searches for a mode start, and which of several starts they take."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from bayesdamp.config.compare import Asked, comparison
+from bayesdamp.inference.fit import search
+from bayesdamp.inference.fit.climb import maximise
+from bayesdamp.inference.fit.mode import Mode
+from bayesdamp.inference.fit.search import GROWN, find_mode
+from bayesdamp.inference.model.target import Target
+from bayesdamp.inference.noise import NOISES
+from bayesdamp.physics.integrate import simulate
+from bayesdamp.physics.oscillator import Oscillator
+from bayesdamp.pipeline.candidates.cells import Branch
+from bayesdamp.pipeline.records.law_fits import LawFit
+from bayesdamp.pipeline.records.noise import NoiseCell
+from bayesdamp.pipeline.records.records import SignalCell
+from bayesdamp.pipeline.records.starts import ALL, OBSERVED, observed, of_all, regression
+from bayesdamp.pipeline.records.targets import Record
+from bayesdamp.priors import HalfNormal, LogNormal, Normal
+from bayesdamp.records.oscillation.features import features
+from bayesdamp.store import CellResult, Store
+from bayesdamp.types import Problem, Refusal, Signal
+
+FREQUENCY, RATE = 2 * np.pi * 0.3, 0.02
+
+
+@pytest.fixture(scope="module")
+def record(tmp_path_factory) -> Record:
+    """An accelerometer on a tower: 24 cycles whose noise, differentiated twice over, hides the regression's terms."""
+    folder = tmp_path_factory.mktemp("tower")
+    t = np.arange(0, 80, 0.05)
+    y = 0.05 * np.exp(-RATE * t) * np.cos(FREQUENCY * t) + 0.005 * np.random.default_rng(4).standard_normal(
+        t.size
+    )
+    np.savetxt(folder / "tower.csv", np.c_[t, y], delimiter=",", header="t,a", comments="")
+    study = comparison([Asked(folder / "tower.csv", "t", "a", quantity="acceleration")])
+    store = Store(folder / "out")
+    cell = SignalCell(study, study.signals[0], 0, store)
+    cell.compute()
+    return Record(study, study.signals[0], store.read(cell.name))
+
+
+def test_the_record_itself_says_where_to_start(record) -> None:
+    """Truth from the closed form of the damped cosine. Negative control: the regression is lost."""
+    problem = Problem(("viscous", "coulomb"), record.system("linear"))
+    (values,) = observed(record, problem).values()
+    assert values["stiffness"] == pytest.approx(FREQUENCY**2, rel=0.02)
+    assert values["zeta"] < 2 * RATE
+    (lost,) = regression(record, problem)[0].values()
+    assert not 0.5 * FREQUENCY**2 < lost["stiffness"] < 2 * FREQUENCY**2
+
+
+def test_the_noise_is_chosen_on_a_motion_that_keeps_step(record) -> None:
+    one = LawFit(record.study, record.spec, 0, "linear", Store(Path(".")))
+    vars(one)["record"] = record
+    found = one.fit()
+    assert found.mode.climbs[0].seed.startswith(OBSERVED)
+    assert float(found.target.values(found.mode.z)["stiffness"]) == pytest.approx(FREQUENCY**2, rel=0.01)
+
+
+@pytest.mark.parametrize("damping", [("viscous",), ("coulomb",), ("viscous", "coulomb", "quadratic")])
+def test_no_damping_misses_its_mode_on_a_noisy_acceleration(record, damping) -> None:
+    target = record.target(damping, "linear", "gaussian")
+    problem = Problem(damping, record.system("linear"))
+    seeds = observed(record, problem) | regression(record, problem)[0]
+    found = find_mode(target, seeds, noise_level=record.seen.roughness, thrifty=True)
+    assert [c.seed for c in found.climbs] == [OBSERVED]  # it keeps step: the other need not be climbed from
+    assert float(target.values(found.z)["stiffness"]) == pytest.approx(FREQUENCY**2, rel=0.01)
+
+
+def test_the_fit_of_all_dampings_is_where_each_begins(record, tmp_path) -> None:
+    """Its motion keeps step: no other start is climbed from, and the three terms begin at their mode."""
+    study, store = record.study, Store(tmp_path)
+    store.write(record.cell)
+    NoiseCell(study, record.spec, 0, store).compute()
+    fits = store.read("noise/tower/0").meta["fits"]
+    assert fits["linear"]["stiffness"] == pytest.approx(FREQUENCY**2, rel=0.01)
+    for model, most in (("coulomb@linear", 20), ("viscous+coulomb+quadratic@linear", 6)):
+        branch = Branch(study, record.spec, 0, model, store)
+        estimate, *_ = (n for n in branch.cells() if n.startswith("estimate/"))
+        store.write(CellResult(estimate, "", outcome="none"))
+        seeds, _ = branch._seeds()
+        found = find_mode(branch.shared, seeds, noise_level=record.seen.roughness, thrifty=True)
+        assert [c.seed for c in found.climbs] == [ALL]
+        assert found.climbs[0].evaluations <= most
+    decay = seeds[OBSERVED]
+    few = of_all(
+        fits["linear"],
+        ["viscous", "coulomb", "quadratic"],
+        Problem(("coulomb",), record.system("linear")),
+        seeds,
+    )
+    assert few[ALL]["mu_c"] == decay["mu_c"]
+    assert few[ALL]["stiffness"] == fits["linear"]["stiffness"]
+    assert "zeta" not in few[ALL]
+
+
+TRUTH = {"zeta": 0.01, "stiffness": 20.0, "rest_angle": 0.0, "theta0": 2.0, "omega0": 0.0, "epsilon": 0.1}
+PERIOD, NOISE = 1.9, 0.01
+FAST = {**TRUTH, "stiffness": 24.0}
+"""A start whose frequency is a tenth off: over 40 cycles no way leads from there."""
+
+
+@lru_cache
+def swing() -> Target:
+    """A large swing, whose frequency changes on the way."""
+    t = np.linspace(0.0, 75.0, 3000)
+    pendulum = Oscillator(("viscous",), "pendulum")
+    y = simulate(pendulum, TRUTH, t) + NOISE * np.random.default_rng(3).standard_normal(t.size)
+    priors = {
+        "zeta": HalfNormal(scale=0.3),
+        "stiffness": LogNormal(median=15.0, sigma=0.5),
+        "theta0": Normal(mean=0.0, sd=4.0),
+        "omega0": Normal(mean=0.0, sd=18.0),
+    }
+    known = {"rest_angle": 0.0, "epsilon": 0.1, "noise_sd": NOISE}
+    return Target(Signal(t, y), pendulum, "gaussian", priors, known)
+
+
+def stiffness(found: Mode) -> float:
+    return float(swing().values(found.z)["stiffness"])
+
+
+def test_the_start_that_keeps_step_is_climbed_from_alone() -> None:
+    seeds = {"fast": FAST, "right": TRUTH}
+    both = find_mode(swing(), seeds, noise_level=NOISE, thrifty=True)
+    assert [c.seed for c in both.climbs] == ["right"]
+    every = find_mode(swing(), seeds, noise_level=NOISE)
+    assert [c.seed for c in every.climbs] == ["fast", "right"]
+    lost = find_mode(swing(), {"fast": FAST, "slow": {**FAST, "zeta": 0.3}}, noise_level=NOISE, thrifty=True)
+    assert [c.seed for c in lost.climbs][:1] == ["fast"]
+
+
+def test_a_start_that_loses_step_is_taken_along_growing_windows(monkeypatch) -> None:
+    """Truth: the record's own stiffness, by six of its errors. Negative control: the whole record at once."""
+    lost = find_mode(swing(), {"fast": FAST}, noise_level=NOISE)
+    assert abs(stiffness(lost) - TRUTH["stiffness"]) > 1.0
+    found = find_mode(swing(), {"fast": FAST}, noise_level=NOISE, period=PERIOD)
+    assert [c.seed for c in found.climbs] == ["fast", f"fast{GROWN}"]
+    assert abs(stiffness(found) - TRUTH["stiffness"]) < 6 * 4e-4
+    # Windows that a gap leaves empty are passed over.
+    t, y = swing().signal.t, swing().signal.y
+    kept = (t < 0.01) | (t > 5.0)
+    gappy = replace(swing(), signal=Signal(t[kept], y[kept]))
+    begun = search._begun(gappy, ["fast"], gappy.scores(FAST), 1e-4)
+    (after,) = search._grown(gappy, [begun], 1e-4, PERIOD)
+    assert abs(float(gappy.values(after.z)["stiffness"]) - TRUTH["stiffness"]) < 0.01
+    # Where a seed keeps step no window is needed, nor computed.
+    monkeypatch.setattr(search, "_grown", lambda *_: (pytest.fail("grown for nothing") for _ in range(1)))
+    near = find_mode(swing(), {"right": TRUTH}, noise_level=NOISE, period=PERIOD)
+    assert [c.seed for c in near.climbs] == ["right"]
+
+
+def test_a_mode_without_curvature_gives_way_to_the_next(monkeypatch) -> None:
+    seeds = {"right": TRUTH, "fast": FAST}
+    settle, asked = search.settle, []
+
+    def refusing(target, z, *rest):
+        asked.append(z)
+        if len(asked) == 1:
+            raise Refusal("the posterior has no curvature at its mode")
+        return settle(target, z, *rest)
+
+    monkeypatch.setattr(search, "settle", refusing)
+    second = find_mode(swing(), seeds, noise_level=NOISE)
+    assert len(asked) == 2
+    assert np.max(np.abs(asked[0] - asked[1])) > 0.1
+    assert abs(stiffness(second) - TRUTH["stiffness"]) > 1.0
+    monkeypatch.setattr(search, "settle", lambda *_: (_ for _ in ()).throw(Refusal("no curvature")))
+    with pytest.raises(Refusal, match="no curvature"):
+        find_mode(swing(), seeds, noise_level=NOISE)
+
+
+def test_a_step_cut_short_by_a_wall_is_no_convergence() -> None:
+    """The full step from (0.1, 4.9) leads to the top, where x is below zero; cut short at x = 0 it ends lower than it
+    began. The highest point that is left is known: x = 0, y = 3 + 0.95 · 2."""
+    information = np.array([[1.0, -0.95], [-0.95, 1.0]])
+    top = np.array([-2.0, 3.0])
+
+    def at(z: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        away = z - top
+        return np.array(-0.5 * away @ information @ away), -information @ away, information
+
+    for start in ([0.1, 4.9], [3.0, 1.0], [0.5, 6.0]):
+        z, _, _, _, done = maximise(at, np.array([True, False]), np.array(start))
+        assert done
+        assert z == pytest.approx([0.0, 3.0 + 0.95 * 2.0], abs=1e-3)
+
+
+def test_noise_is_no_other_zero() -> None:
+    """However slow, noise ends at two periods, and a constant offset of the record is no noise."""
+    seen = features(swing().signal)
+    slow = NOISES.get("correlated").priors(seen)["noise_time"]
+    assert float(slow.value(6.0)) < 2.001 * seen.period
+    assert np.isneginf(slow.log_density(2.5 * seen.period))

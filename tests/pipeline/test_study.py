@@ -1,0 +1,303 @@
+"""A whole study from its file: tables, determinism, resume, refusals, and what the user is told."""
+
+from __future__ import annotations
+
+import json
+import math
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from bayesdamp.config import load_study
+from bayesdamp.pipeline import cells, run_study
+from bayesdamp.pipeline.candidates.cells import Branch
+from bayesdamp.pipeline.candidates.weighted import weighted_curves
+from bayesdamp.store import Store, read_table
+
+SMALL = """
+version = 1
+name = "small"
+seed = 3
+[system]
+restoring = "linear"
+stiffness = 20.0
+rest_angle = 0.0
+theta0 = 0.3
+omega0 = 0.0
+[[signal]]
+name = "noisy"
+simulate = { viscous = 0.05, duration = 10.0, samples = 400, noise_sd = 0.003 }
+[[signal]]
+name = "clean"
+simulate = { viscous = 0.05, duration = 10.0, samples = 400, noise_sd = 0.0 }
+[estimators]
+use = ["least_squares"]
+[models]
+compare = ["viscous", "quadratic"]
+[posterior]
+warmup = 200
+draws = 500
+"""
+
+
+def write(folder: Path, text: str = SMALL) -> Path:
+    file = folder / "small.toml"
+    file.write_text(text, encoding="utf-8")
+    return file
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory) -> Path:
+    """The small study, run once in this process. Not to be changed by a test."""
+    folder = tmp_path_factory.mktemp("study")
+    status = run_study(load_study(write(folder)), folder / "out", workers=1)
+    assert status == 0
+    return folder / "out"
+
+
+def test_all_files_are_there(run):
+    for name in ("estimates.csv", "posteriors.csv", "evidence.csv", "fits.csv", "run.json", "report.html"):
+        assert (run / name).stat().st_size > 0
+    assert len(list((run / "posterior").glob("*.nc"))) == 4
+    assert not list(run.rglob(".*.tmp"))
+
+
+def test_truth_is_inside_and_the_right_model_first(run):
+    rows = [
+        r for r in read_table(run / "posteriors.csv") if r["signal"] == "noisy" and r["model"] == "viscous"
+    ]
+    zeta = {r["sampler"]: r for r in rows if r["parameter"] == "zeta"}
+    assert set(zeta) == {"nuts", "emcee"}
+    for row in zeta.values():
+        # four posterior sds: a false alarm once in 16,000 seeds
+        assert abs(row["mean"] - 0.05) < 4 * row["sd"]
+        assert row["outcome"] == "ok"
+        assert row["rhat"] <= 1.01
+    # negative control: the wrong damping is behind by hundreds of nats and does not fit
+    evidence = {r["model"]: r for r in read_table(run / "evidence.csv") if r["signal"] == "noisy"}
+    assert evidence["viscous"]["probability"] > 0.99
+    assert evidence["quadratic"]["log_bayes_factor"] < -20
+    fits = {r["model"]: r for r in read_table(run / "fits.csv") if r["signal"] == "noisy"}
+    assert fits["viscous"]["verdict"] == "fits"
+    assert fits["quadratic"]["verdict"].startswith("does not fit")
+
+
+def test_weighted_draws_give_the_curves_that_sampling_gives(run, tmp_path):
+    """Of a candidate that was not sampled its evidence has the draws. Medians of a thousand draws and of more, and the
+    widths of their bands: four standard errors are 0.2 sds and 12 %. Negative control: weights of another posterior."""
+    study = load_study(run.parent / "small.toml")
+    spec = next(s for s in study.signals if s.name == "noisy")
+    sampled = Store(run).read("posterior/noisy/0/viscous/nuts").arrays["spread/equivalent_ratio"]
+    sd = sampled.std(axis=0)
+
+    def apart(store: Store) -> tuple[float, float]:
+        found = weighted_curves(Branch(study, spec, 0, "viscous", store), 5)["spread/equivalent_ratio"]
+        shift = np.max(np.abs(np.median(found, axis=0) - np.median(sampled, axis=0)) / sd)
+        return float(shift), float(np.max(np.abs(found.std(axis=0) / sd - 1)))
+
+    shift, wider = apart(Store(run))
+    assert shift < 0.2
+    assert wider < 0.12
+    shutil.copytree(run, tmp_path / "out")
+    other = Store(tmp_path / "out")
+    cell = other.read("evidence/noisy/0/viscous/importance")
+    zeta = cell.arrays["y"][:, 0]
+    tilted = cell.arrays["log_weights"] + 2.0 * (zeta - zeta.mean()) / zeta.std()
+    other.write(replace(cell, arrays={**cell.arrays, "log_weights": tilted}))
+    assert apart(other)[0] > 1.0
+    other.write(replace(cell, outcome="not to be trusted"))
+    assert weighted_curves(Branch(study, spec, 0, "viscous", other), 5) == {}
+    assert weighted_curves(Branch(study, spec, 0, "coulomb", other), 5) == {}
+
+
+def test_samplers_agree_within_monte_carlo_error(run):
+    rows = [
+        r for r in read_table(run / "posteriors.csv") if r["signal"] == "noisy" and r["model"] == "viscous"
+    ]
+    for name in ("zeta", "noise_sd"):
+        a, b = (
+            next(r for r in rows if r["sampler"] == s and r["parameter"] == name) for s in ("nuts", "emcee")
+        )
+        error = math.hypot(a["sd"] / math.sqrt(a["ess_bulk"]), b["sd"] / math.sqrt(b["ess_bulk"]))
+        # four Monte Carlo errors: a false alarm once in 16,000 seeds for each parameter
+        assert abs(a["mean"] - b["mean"]) < 4 * error
+
+
+def test_a_record_without_noise_has_no_posterior_and_is_no_failure(run):
+    rows = [r for r in read_table(run / "posteriors.csv") if r["signal"] == "clean"]
+    assert rows
+    assert all(r["outcome"].startswith("not applicable") for r in rows)
+    estimates = [
+        r for r in read_table(run / "estimates.csv") if r["signal"] == "clean" and r["model"] == "viscous"
+    ]
+    assert all(
+        r["error_pct"] < 1e-4 for r in estimates if r["parameter"] == "zeta" and r["stage"] == "refined"
+    )
+
+
+def test_step_errors_are_within_the_budget(run):
+    store = Store(run)
+    for model in ("viscous", "quadratic"):
+        budget = store.read(f"mode/noisy/0/{model}").meta["error_budget"]
+        assert 0 <= budget["log_likelihood_change"] < 0.01
+    assert json.loads((run / "run.json").read_text())["error_budget"]["noisy"]["viscous"]
+
+
+def test_cells_are_listed_without_running(run, tmp_path):
+    listed = {c.name for c in cells(load_study(write(tmp_path)))}
+    assert listed == set(Store(run).names())
+    assert not (tmp_path / "cells").exists()
+
+
+def _without_seconds(run: Path) -> dict[str, list]:
+    return {
+        name: [{k: v for k, v in row.items() if k != "seconds"} for row in read_table(run / name)]
+        for name in ("estimates.csv", "posteriors.csv", "evidence.csv", "fits.csv")
+    }
+
+
+def _equal(a: object, b: object) -> bool:
+    both_nan = isinstance(a, float) and isinstance(b, float) and math.isnan(a) and math.isnan(b)
+    return both_nan or a == b
+
+
+def test_same_seed_same_tables_also_after_losing_some_cells(run, tmp_path):
+    """A run in another folder, its store seeded with half of the cells, ends with the same tables."""
+    import shutil
+
+    out = tmp_path / "out"
+    shutil.copytree(run, out)
+    lost = [
+        n
+        for n in Store(out).names()
+        if n.startswith(("mode/noisy/0/viscous", "posterior/noisy/0/viscous/emcee"))
+    ]
+    kept = (out / "cells" / "signal" / "noisy" / "0.npz").stat().st_mtime_ns
+    for name in lost:
+        (out / "cells" / f"{name}.npz").unlink()
+    cut = out / "cells" / "evidence" / "noisy" / "0" / "viscous" / "importance.npz"
+    cut.write_bytes(cut.read_bytes()[:100])
+    run_study(load_study(write(tmp_path)), out, workers=1)
+    assert (out / "cells" / "signal" / "noisy" / "0.npz").stat().st_mtime_ns == kept
+    for name, rows in _without_seconds(run).items():
+        again = _without_seconds(out)[name]
+        assert len(again) == len(rows)
+        for old, new in zip(rows, again, strict=True):
+            assert all(_equal(old[k], new[k]) for k in old), (name, old, new)
+
+
+def test_another_seed_gives_another_record(run, tmp_path):
+    text = (
+        SMALL.replace("seed = 3", "seed = 4")
+        .replace("samplers", "#")
+        .replace("[posterior]", "[posterior]\nsamplers = []")
+    )
+    text = text + "\n[evidence]\nmethods = []\n"
+    run_study(load_study(write(tmp_path, text)), tmp_path / "out", workers=1)
+    a = Store(run).read("signal/noisy/0").arrays["y"]
+    b = Store(tmp_path / "out").read("signal/noisy/0").arrays["y"]
+    assert np.std(a - b) > 0.003
+    assert not any(n.startswith(("mode", "posterior", "evidence")) for n in Store(tmp_path / "out").names())
+
+
+def test_killed_in_the_middle_it_resumes(tmp_path):
+    file = write(tmp_path, SMALL.replace('"least_squares"', '"least_squares", "envelope"'))
+    command = [
+        sys.executable,
+        "-m",
+        "bayesdamp.cli",
+        "study",
+        str(file),
+        "--out",
+        str(tmp_path / "out"),
+        "--workers",
+        "1",
+    ]
+    first = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    deadline = time.monotonic() + 300
+    while not list((tmp_path / "out").glob("cells/mode/noisy/0/*.npz")) and first.poll() is None:
+        assert time.monotonic() < deadline
+        time.sleep(0.05)
+    first.send_signal(signal.SIGKILL)
+    first.wait()
+    stamps = {p: p.stat().st_mtime_ns for p in (tmp_path / "out").glob("cells/**/*.npz")}
+    assert stamps
+    assert run_study(load_study(file), tmp_path / "out", workers=1) == 0
+    assert all(p.stat().st_mtime_ns == at for p, at in stamps.items())
+    assert (tmp_path / "out" / "report.html").exists()
+
+
+def test_a_fault_in_one_cell_is_named_and_the_rest_goes_on(tmp_path, monkeypatch, capsys):
+    from bayesdamp.inference.evidence import EVIDENCES
+
+    monkeypatch.delenv("BAYESDAMP_DEBUG", raising=False)
+
+    def broken(*_args, **_kwargs):
+        raise ArithmeticError("made to fail")
+
+    monkeypatch.setattr(type(EVIDENCES.get("importance")), "evidence", broken)
+    text = SMALL.replace("[posterior]", "[posterior]\nsamplers = []").replace(
+        'compare = ["viscous", "quadratic"]', 'compare = ["viscous"]'
+    )
+    text += '[evidence]\nmethods = ["importance"]\nreferee = "never"\n'
+    status = run_study(load_study(write(tmp_path, text)), tmp_path / "out", workers=1)
+    assert status == 3
+    assert (
+        "evidence/noisy/0/viscous/importance: failed: ArithmeticError: made to fail"
+        in capsys.readouterr().err.replace("\n", " ")
+    )
+    assert read_table(tmp_path / "out" / "fits.csv")
+
+
+def test_a_simulated_record_without_an_oscillation_is_refused_and_the_rest_goes_on(tmp_path):
+    text = SMALL.replace('name = "clean"', 'name = "short"').replace(
+        "duration = 10.0, samples = 400, noise_sd = 0.0 }",
+        "duration = 0.3, samples = 400, noise_sd = 0.003 }",
+    )
+    text = text.replace("warmup = 200\ndraws = 500", 'samplers = ["emcee"]\nwarmup = 20\ndraws = 50')
+    assert run_study(load_study(write(tmp_path, text)), tmp_path / "out", workers=1) == 0
+    for table in ("estimates.csv", "posteriors.csv", "evidence.csv"):
+        rows = read_table(tmp_path / "out" / table)
+        refused = [r for r in rows if r["signal"] == "short"]
+        assert refused
+        assert all("no oscillation" in str(r["outcome"]) for r in refused), table
+        # negative control: the other record has its rows, with numbers
+        assert any(r["signal"] == "noisy" and r["outcome"] == "ok" for r in rows), table
+    assert "short" in (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+    about = json.loads((tmp_path / "out" / "run.json").read_text())["signals"]
+    assert "no oscillation" in about["short"]["outcome"]
+    assert about["noisy"]["outcome"] == "ok"
+    # The bound is a simulated record's, whether it shows an oscillation or not.
+    assert about["short"]["bound"]["zeta"] > about["noisy"]["bound"]["zeta"] > 0
+
+
+IMPORTS = """
+import sys
+from pathlib import Path
+from bayesdamp.config import load_study
+from bayesdamp.pipeline import run_study
+assert run_study(load_study(sys.argv[1]), Path(sys.argv[2]), workers=1) == 0
+print(sorted({name.partition(".")[0] for name in sys.modules} & {"torch", "pysindy", "pyoperon", "gudhi", "optax"}))
+"""
+
+
+@pytest.mark.parametrize(
+    ("use", "loaded"), [('"least_squares", "envelope"', "[]"), ('"least_squares", "sindy"', "['pysindy']")]
+)
+def test_a_study_imports_what_its_methods_need_and_no_more(tmp_path, use, loaded):
+    text = SMALL.partition("[posterior]")[0].replace('"least_squares"', use)
+    file = write(tmp_path, text + "[posterior]\nsamplers = []\n[evidence]\nmethods = []\n")
+    done = subprocess.run(
+        [sys.executable, "-c", IMPORTS, str(file), str(tmp_path / "out")],
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert done.stdout.strip() == loaded

@@ -1,0 +1,199 @@
+"""A run spread over processes: the same tables as one process, and a killed process costs its task and no more."""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+import time
+from collections.abc import Collection
+from concurrent.futures import Future
+from pathlib import Path
+
+import pytest
+
+from bayesdamp.config import load_study
+from bayesdamp.machine.processes import processes
+from bayesdamp.pipeline import run_study
+from bayesdamp.pipeline.spread import spread
+from bayesdamp.pipeline.workers import executor
+from bayesdamp.plugins import use
+from bayesdamp.store import Store, read_table
+from bayesdamp.types import InputError
+
+STUDY = """
+version = 1
+name = "tiny"
+seed = 3
+[system]
+restoring = "linear"
+stiffness = 20.0
+rest_angle = 0.0
+theta0 = 0.3
+omega0 = 0.0
+[[signal]]
+name = "noisy"
+simulate = { viscous = 0.05, duration = 10.0, samples = 300, noise_sd = 0.003 }
+[estimators]
+use = ["least_squares"]
+stages = ["initial"]
+[models]
+compare = ["viscous", "quadratic"]
+[posterior]
+samplers = []
+[evidence]
+methods = ["laplace"]
+referee = "never"
+"""
+TABLES = ("estimates.csv", "evidence.csv", "fits.csv")
+
+
+@pytest.fixture(autouse=True)
+def _no_plug_in_stays():
+    yield
+    use(())
+
+
+@pytest.fixture(scope="module")
+def study(tmp_path_factory):
+    file = tmp_path_factory.mktemp("study") / "tiny.toml"
+    file.write_text(STUDY, encoding="utf-8")
+    return load_study(file)
+
+
+def tables(run: Path) -> dict[str, list[str]]:
+    """The rows of a run's tables, without seconds."""
+    return {n: [repr({**row, "seconds": 0}) for row in read_table(run / n)] for n in TABLES}
+
+
+@pytest.fixture(scope="module")
+def alone(study, tmp_path_factory) -> Path:
+    out = tmp_path_factory.mktemp("alone") / "out"
+    assert run_study(study, out, workers=1) == 0
+    return out
+
+
+@pytest.fixture(scope="module")
+def scheduler(tmp_path_factory):
+    """The address of a Dask cluster of two worker processes on this machine."""
+    dask = pytest.importorskip("dask")
+    distributed = pytest.importorskip("distributed")
+    settings = {"distributed.worker.daemon": False, "distributed.scheduler.allowed-failures": 0}
+    with (
+        dask.config.set(settings),
+        distributed.LocalCluster(
+            n_workers=2,
+            threads_per_worker=1,
+            processes=True,
+            host="127.0.0.1",
+            dashboard_address=None,
+            local_directory=str(tmp_path_factory.mktemp("dask")),
+        ) as cluster,
+    ):
+        yield cluster.scheduler_address
+
+
+@pytest.mark.slow
+def test_a_dask_cluster_gives_the_tables_of_one_process(study, alone, scheduler, tmp_path):
+    assert run_study(study, tmp_path / "out", scheduler=scheduler) == 0
+    assert tables(tmp_path / "out") == tables(alone)
+    assert (tmp_path / "out" / "report.html").is_file()
+    # the cells were computed by the workers: this process had none to compute
+    assert Store(tmp_path / "out").names() == Store(alone).names()
+
+
+@pytest.mark.slow
+def test_dask_workers_have_a_study_s_plug_ins(scheduler, tmp_path):
+    """And those of the next study in place of them: the same workers, another source under the same name."""
+    source = (Path(__file__).parents[2] / "plugins" / "cubic_drag.py").read_text(encoding="utf-8")
+    text = STUDY.replace("[system]", '[plugins]\nmodules = ["own.py"]\n[system]')
+    (tmp_path / "s.toml").write_text(text.replace("quadratic", "cubic_drag"), encoding="utf-8")
+    found = []
+    for factor in (1.0, 0.5):
+        (tmp_path / "own.py").write_text(source.replace("1.0 *", f"{factor} *"), encoding="utf-8")
+        out = tmp_path / f"out{factor}"
+        assert run_study(load_study(tmp_path / "s.toml"), out, scheduler=scheduler) == 0
+        found.append(Store(out).read("mode/noisy/0/cubic_drag").meta["values"]["drag3"])
+    # the same motion, and a coefficient twice as large but for its prior's width
+    assert found[1] == pytest.approx(2 * found[0], rel=0.01)
+    assert abs(found[1] - found[0]) > 0.5 * found[0]
+
+
+def test_no_scheduler_is_one_line(study, tmp_path):
+    pytest.importorskip("distributed")
+    with pytest.raises(
+        InputError, match=r"--scheduler tcp://127\.0\.0\.1:1: no Dask scheduler answers there"
+    ):
+        run_study(study, tmp_path / "out", scheduler="tcp://127.0.0.1:1")
+
+
+def job(folder: Path, name: str, given_up: Collection[str]) -> list[str]:
+    """A job of two tasks, `name/1` and `name/2`; a task whose file says so kills its process, once or always."""
+    for task in (f"{name}1", f"{name}2"):
+        if task in given_up or (folder / task).exists():
+            continue
+        order = folder / f"{task}.kill"
+        if order.exists():
+            if order.read_text() == "once":
+                order.unlink()
+            os.kill(os.getpid(), signal.SIGKILL)
+        time.sleep(0.02)
+        (folder / task).write_text("done")
+    return [f"{name}1", f"{name}2"]
+
+
+def spread_out(folder: Path, names: str, pool) -> tuple[list[str], list[str]]:
+    """(tasks that were reported, tasks that were given up)."""
+    reported: list[str] = []
+    lost: list[str] = []
+
+    def under_way(name: str, given_up: Collection[str]) -> str | None:
+        left = (t for t in (f"{name}1", f"{name}2") if t not in given_up and not (folder / t).exists())
+        return next(left, None)
+
+    def submit(name: str, given_up: Collection[str]) -> Future[list[str]]:
+        return pool.submit(job, folder, name, given_up)
+
+    spread(list(names), pool, submit, under_way, lambda _, task: lost.append(task), reported.extend)
+    return sorted(reported), lost
+
+
+def test_a_process_that_is_killed_once_costs_nothing(tmp_path):
+    (tmp_path / "c1.kill").write_text("once")
+    with processes(2) as pool:
+        reported, lost = spread_out(tmp_path, "abcdef", pool)
+    assert reported == sorted(f"{n}{i}" for n in "abcdef" for i in (1, 2))
+    assert lost == []
+    assert all((tmp_path / task).exists() for task in reported)
+
+
+def test_a_task_that_kills_its_process_costs_itself_and_no_more(tmp_path):
+    for task in ("b1", "e2"):
+        (tmp_path / f"{task}.kill").write_text("always")
+    with processes(2) as pool:
+        reported, lost = spread_out(tmp_path, "abcdef", pool)
+    assert sorted(lost) == ["b1", "e2"]
+    assert reported == sorted(f"{n}{i}" for n in "abcdef" for i in (1, 2))
+    assert all((tmp_path / task).exists() for task in reported if task not in lost)
+
+
+@pytest.mark.slow
+def test_a_task_that_kills_its_dask_worker_costs_itself_and_no_more(scheduler, tmp_path):
+    cloudpickle = pytest.importorskip("cloudpickle")
+    cloudpickle.register_pickle_by_value(sys.modules[__name__])  # the workers do not have this file
+    (tmp_path / "b1.kill").write_text("always")
+    try:
+        with executor(1, scheduler) as pool:
+            reported, lost = spread_out(tmp_path, "abc", pool)
+    finally:
+        cloudpickle.unregister_pickle_by_value(sys.modules[__name__])
+    assert lost == ["b1"]
+    assert reported == sorted(f"{n}{i}" for n in "abc" for i in (1, 2))
+    assert all((tmp_path / task).exists() for task in reported if task not in lost)
+
+
+def test_a_fault_is_no_kill(tmp_path):
+    """Negative control: an exception of a job is not tried again."""
+    (tmp_path / "file").write_text("")
+    with processes(1) as pool, pytest.raises(NotADirectoryError):
+        spread_out(tmp_path / "file", "a", pool)

@@ -1,0 +1,192 @@
+"""Clocks, windows and outliers on records made by hand, for which all of it is known."""
+
+import numpy as np
+import pytest
+
+from bayesdamp.records.cleaning.clean import clean
+from bayesdamp.records.cleaning.quantum import recording_step
+from bayesdamp.records.record import RawRecord
+from bayesdamp.types import InputError
+
+
+def record(t, y, rate=None):
+    return RawRecord(t, np.asarray(y, float), rate, np.arange(len(y)), {})
+
+
+def decay(t, zeta=0.3, w=9.0):
+    return np.where(t < 0, 0.5, 0.5 * np.exp(-zeta * t) * np.cos(w * t)) + 0.1
+
+
+def bursts(seed=0):
+    """(raw, step): held for 1.5 s, then released; stamps come in bursts of 10 to 20, from 100 s on."""
+    rng = np.random.default_rng(seed)
+    step = 0.004
+    index = np.arange(2500)
+    y = decay(step * index - 1.5) + 0.001 * rng.standard_normal(index.size)
+    ends = np.cumsum(rng.integers(10, 21, 400))
+    stamp = 100 + step * ends[np.searchsorted(ends, index, side="right")]
+    return record(np.round(stamp, 3), y), step
+
+
+def test_burst_clock_and_release():
+    raw, step = bursts()
+    signal = clean(raw, name="x")
+    numbers = signal.provenance
+    assert numbers["clock"] == "uniform"
+    assert numbers["repeated_stamps"] > 0.9
+    assert numbers["sampling_rate"] == pytest.approx(1 / step, rel=1e-3)
+    # from the release (sample 375) to a turning point within a period (175 samples) of it
+    assert 365 <= numbers["start_sample"] <= 375 + 180
+    assert signal.t[0] == 0.0
+    assert signal.uniform
+    assert any("burst" in note for note in numbers["notes"])
+    assert any("start" in note for note in numbers["notes"])
+    assert numbers["start"] == pytest.approx(raw.t[0] + step * numbers["start_sample"], abs=0.01)
+
+
+def test_no_prelude_nothing_cut():
+    """Negative control of the release: a free decay from its first sample on is kept whole."""
+    t = np.arange(2000) * 0.004
+    for phase in (0.0, 1.0, 2.5):
+        y = np.exp(-0.2 * t) * np.cos(9 * t + phase)
+        for noise in (0.0, 0.01, 0.1):
+            noisy = y + noise * np.random.default_rng(1).standard_normal(t.size)
+            signal = clean(record(t, noisy), name="x")
+            assert signal.provenance["start_sample"] == 0
+            assert signal.provenance["clock"] == "as_logged"
+
+
+def test_stop_before_rest():
+    t = np.arange(6000) * 0.01
+    y = 2.0 + np.round(np.maximum(1 - 0.05 * t, 0) * np.cos(6 * t) / 0.01) * 0.01
+    signal = clean(record(t, y), name="x")
+    assert 18.5 < signal.provenance["stop"] < 20.0
+    assert signal.step == pytest.approx(0.01, rel=1e-6)
+
+
+def test_asked_window_in_the_files_own_seconds():
+    t = 50 + np.arange(2000) * 0.01
+    signal = clean(record(t, decay(t - 50, 0.1)), name="x", start=52.0, stop=60.0)
+    assert signal.provenance["start"] == pytest.approx(52.0)
+    assert signal.provenance["stop"] == pytest.approx(60.0)
+    assert (signal.provenance["start_sample"], signal.provenance["stop_sample"]) == (200, 1000)
+    assert signal.t[-1] == pytest.approx(8.0)
+
+
+@pytest.mark.parametrize(
+    ("unit", "scale", "base"),
+    [("deg", np.pi / 180, "rad"), ("mm", 1e-3, "m"), ("m", 1, "m"), ("in", 0.0254, "m"), ("mV", 1e-3, "V")],
+)
+@pytest.mark.parametrize("quantity", ["angle", "velocity", "acceleration"])
+def test_units(unit, scale, base, quantity):
+    t = np.arange(1000) * 0.01
+    signal = clean(record(t, decay(t)), name="x", unit=unit, quantity=quantity)
+    zero = signal.provenance["offset"]
+    np.testing.assert_allclose(signal.y + zero, scale * decay(t)[: signal.y.size], atol=1e-12 * scale)
+    assert zero == (0.0 if quantity == "angle" else pytest.approx(0.1 * scale, rel=0.02))
+    assert (signal.unit, signal.quantity) == (base, quantity)
+
+
+def test_a_swing_of_more_than_half_a_turn_is_told_of():
+    """Degrees that nobody said are degrees; not a length, nor an angle below it."""
+    t = np.arange(1000) * 0.01
+    told = []
+    for size, unit in ((30.0, "rad"), (30.0, "deg"), (30.0, "m"), (2.0, "rad"), (30.0, "V")):
+        notes = clean(record(t, size * decay(t)), name="x", unit=unit).provenance["notes"]
+        told.append([n for n in notes if n.startswith("Beware: it swings by")])
+    assert [len(n) for n in told] == [1, 0, 0, 0, 0]
+    assert "give the unit" in told[0][0]
+
+
+def test_outliers_are_counted_and_stay():
+    t = np.arange(2000) * 0.01
+    y = decay(t, 0.1) + 0.002 * np.random.default_rng(0).standard_normal(t.size)
+    assert clean(record(t, y), name="x").provenance["outliers"] == 0
+    y[[300, 700, 1100, 1500]] += 0.2
+    signal = clean(record(t, y), name="x")
+    assert signal.provenance["outliers"] == 4
+    assert signal.y.size == 2000
+    assert any("4 samples lie" in note for note in signal.provenance["notes"])
+
+
+def test_cycles_below_the_noise_are_told_from_those_above_it():
+    t = np.arange(4000) * 0.01
+    y = decay(t, 0.1) + 0.05 * np.random.default_rng(0).standard_normal(t.size)
+    whole = clean(record(t, y), name="x", stop=39.9)
+    said = whole.provenance["notes"][-1]
+    periods, clear = 39.9 / whole.provenance["period"], whole.provenance["cycles"]
+    assert clear < periods - 1
+    assert f"{periods:.1f} cycles" in said
+    assert f"of which {clear:.1f} stand out of the noise" in said
+    assert "stand out" not in clean(record(t, decay(t, 0.1)), name="x").provenance["notes"][-1]
+
+
+def test_jitter_stays_and_gaps_stay():
+    rng = np.random.default_rng(0)
+    t = np.arange(2000) * 0.01 + rng.uniform(-0.002, 0.002, 2000)
+    keep = np.ones(2000, bool)
+    keep[500:540] = False
+    signal = clean(record(t[keep], decay(t - t[0], 0.1)[keep]), name="x")
+    np.testing.assert_allclose(signal.t, t[keep] - t[0])
+
+
+def test_rate():
+    signal = clean(record(None, decay(np.arange(1000) * 0.01), 100.0), name="x")
+    assert signal.provenance["sampling_rate"] == pytest.approx(100.0)
+
+
+def test_two_cycles_pass_and_one_does_not():
+    t = np.linspace(0, 2.2 * 2 * np.pi / 9, 400)
+    assert clean(record(t, decay(t)), name="x").provenance["cycles"] == pytest.approx(2.2, abs=0.05)
+    t = np.linspace(0, 1.1 * 2 * np.pi / 9, 400)
+    with pytest.raises(InputError, match=r"x: needs at least two periods of free decay, has 1\.1"):
+        clean(record(t, decay(t)), name="x")
+
+
+T = np.arange(1000) * 0.01
+SWAPPED = T.copy()
+SWAPPED[[400, 401]] = SWAPPED[[401, 400]]
+TWICE = T.copy()
+TWICE[400] = TWICE[399]
+PAUSE = np.floor(T / 0.1) * 0.1 + np.where(T > 5, 30.0, 0.0)
+BAD = {
+    "backwards": (SWAPPED, {}, "goes back"),
+    "backwards, uniform": (SWAPPED, {"clock": "uniform"}, "goes back"),
+    "one repeated": (TWICE, {}, "repeats"),
+    "bursts as logged": (np.floor(T / 0.1) * 0.1, {"clock": "as_logged"}, "cannot take"),
+    "pause between bursts": (PAUSE, {}, "pause"),
+    "no times, no rate": (None, {}, "rate in Hz"),
+    "one time": (np.zeros(1000), {}, "all times are 0"),
+    "clock": (T, {"clock": "atomic"}, "unknown clock 'atomic'"),
+    "unit": (T, {"unit": "inch"}, "unknown unit 'inch'"),
+    "quantity": (T, {"quantity": "jerk"}, "unknown quantity 'jerk'"),
+    "start": (T, {"start": 11.0}, "start = 11 s lies outside the record"),
+    "word": (T, {"stop": "end"}, "stop must be"),
+    "order": (T, {"start": 5.0, "stop": 4.0}, "must be before"),
+    "short": (T, {"start": 5.0, "stop": 5.05}, "at least 10"),
+}
+
+
+@pytest.mark.parametrize("what", BAD)
+def test_bad_requests(what):
+    t, options, message = BAD[what]
+    with pytest.raises(InputError) as caught:
+        clean(record(t, decay(T)), name="rig", **options)
+    assert message in str(caught.value)
+    assert str(caught.value).startswith("rig")
+    assert "\n" not in str(caught.value)
+
+
+def test_no_oscillation_is_refused():
+    rng = np.random.default_rng(0)
+    for y in (rng.standard_normal(1000), rng.permutation(decay(T)), np.exp(-T), T):
+        with pytest.raises(InputError, match=r"oscillation|periods"):
+            clean(record(T, y), name="x")
+
+
+def test_recording_step():
+    y = decay(T)
+    assert recording_step(np.round(y / 0.013) * 0.013) == pytest.approx(0.013, rel=1e-6)
+    assert recording_step(np.round(np.round(y / 0.013) * 0.013, 3)) == pytest.approx(0.013, rel=1e-2)
+    assert recording_step(y) == 0.0
+    assert recording_step(np.random.default_rng(0).standard_normal(2000)) == 0.0

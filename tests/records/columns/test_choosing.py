@@ -1,0 +1,208 @@
+"""Which columns are taken for a record, by hand-made tables of which the right answer is plain, and some of which none
+is."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from bayesdamp.records.columns.names import parted
+from bayesdamp.records.files.contents import Column
+from bayesdamp.records.read import read_record, read_records
+from bayesdamp.types import InputError
+
+T = np.arange(600) / 50
+Y = 0.3 * np.exp(-0.1 * T) * np.cos(6 * T)
+V = np.gradient(Y, T)
+A = np.gradient(V, T)
+OTHER = 0.2 * np.exp(-0.15 * T) * np.cos(5 * T + 1)
+NOISE = np.random.default_rng(1).normal(0, 0.1, T.size)
+STEADY = 0.3 * np.cos(6 * T)
+INDEX = np.arange(T.size)
+FLAT = np.full(T.size, 1.5)
+
+
+def write(path: Path, columns: dict[str, np.ndarray], *above: str, named: bool = True) -> Path:
+    rows = [",".join(repr(float(x)) for x in row) for row in zip(*columns.values(), strict=True)]
+    path.write_text("\n".join([*above, *([",".join(columns)] if named else []), *rows]), encoding="utf-8")
+    return path
+
+
+PLAIN: dict[str, tuple[dict[str, np.ndarray], str | None, str]] = {
+    "two columns": ({"t": T, "x": Y}, "t", "x"),
+    "an index before": ({"sample": INDEX, "time": T, "x": Y}, "time", "x"),
+    "times last": ({"phi (deg)": Y, "Elapsed (s)": T}, "Elapsed (s)", "phi (deg)"),
+    "noise beside": ({"t": T, "temperature": NOISE, "x": Y}, "t", "x"),
+    "a switch beside": ({"t": T, "trigger": (T > 3) * 5.0, "voltage": FLAT, "x": Y}, "t", "x"),
+    "derivatives named": ({"t": T, "acceleration": A, "velocity": V, "position": Y}, "t", "position"),
+    "derivatives by unit": ({"t": T, "a (m/s²)": A, "v (m/s)": V, "s (m)": Y}, "t", "s (m)"),
+    "derivatives not named": ({"t": T, "a": Y, "b": V, "c": A}, "t", "a"),
+    "only derivatives": ({"t": T, "acc (rad/s²)": A, "gyro (rad/s)": V}, "t", "gyro (rad/s)"),
+    "the same in two units": ({"t": T, "angle (rad)": Y, "arc (mm)": 210 * Y + 3}, "t", "angle (rad)"),
+    "what does not die down": ({"t": T, "drive": np.cos(6 * T + 1), "reference": STEADY, "x": Y}, "t", "x"),
+    "axes of a phone": ({"t": T, "ax (g)": 0.1 * OTHER, "ay (g)": Y, "absolute (g)": abs(Y)}, "t", "ay (g)"),
+    "axes alike, without units": ({"t": T, "z": 0.1 * Y, "y": Y, "x": 0.03 * OTHER}, "t", "y"),
+    "far larger, without units": ({"t": T, "x": 0.02 * OTHER, "phi": Y}, "t", "phi"),
+    "a drift beside": ({"t": T, "x": Y, "y": 3 * np.exp(-0.2 * T) + 0.5 * np.cos(0.8 * T)}, "t", "x"),
+    "a phone's clock": ({"time": 1.7e18 + 1e9 * T, "seconds_elapsed": T, "x": Y}, "seconds_elapsed", "x"),
+    "two times": ({"Time (s)": T, "Time (ms)": 1000 * T, "x": Y}, "Time (s)", "x"),
+}
+
+
+@pytest.mark.parametrize("what", PLAIN)
+def test_a_plain_choice_is_made_and_said(tmp_path: Path, what: str) -> None:
+    columns, time, value = PLAIN[what]
+    record = read_record(write(tmp_path / "a.csv", columns))
+    assert record.columns == (time, value)
+    np.testing.assert_allclose(record.y, columns[value], atol=1e-12)
+    assert record.t is not None
+    np.testing.assert_allclose(record.t, T, atol=1e-12)
+    notes = " ".join(map(str, record.provenance["notes"]))  # type: ignore[call-overload]
+    assert (f"Column {value!r} is taken" in notes) == (len(columns) > 2)
+
+
+OPEN: dict[str, tuple[dict[str, np.ndarray], bool, str]] = {
+    "two that swing": ({"t": T, "x": Y, "y": OTHER}, True, "'x', 'y' may each be the record; give --angle NAME"),
+    "without names": ({"t": T, "x": Y, "y": OTHER}, False, "2, 3 may each be the record"),
+    "no time": ({"x": Y, "y": OTHER}, True, "may each be the record"),
+    "times alone": ({"t": T}, True, "has one column, and it holds the times"),
+    "nothing that changes": ({"t": T, "x": FLAT, "y": FLAT}, True, "may each be the record"),
+    "one without time": ({"x": Y}, True, "no time given: name the time column (--time NAME) or give the rate"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("what", OPEN)
+def test_where_no_choice_is_plain_one_line_lists_what_there_is(tmp_path: Path, what: str) -> None:
+    columns, named, said = OPEN[what]
+    with pytest.raises(InputError) as caught:
+        read_records(write(tmp_path / "a.csv", columns, named=named))
+    assert said in str(caught.value)
+    assert len(str(caught.value)) < 300
+
+
+def test_sensors_of_one_unit_are_a_record_each(tmp_path: Path) -> None:
+    path = write(tmp_path / "a.csv", {"t (ms)": 1000 * T, "left (g)": Y, "right (g)": OTHER})
+    found = read_records(path)
+    assert [record.channel for record in found] == ["left (g)", "right (g)"]
+    assert not any(record.repeat for record in found)
+    assert read_records(path, channels=["right"])[0].y[0] == OTHER[0]
+    with pytest.raises(InputError, match="holds 2 records; give one's run or channel: 'left"):
+        read_record(path)
+
+
+RUNS = {
+    "behind": ("Time (s) Run #{}", "Angle (deg) Run #{}"),
+    "before": ("Run {}: Time (s)", "Run {}: Angle (deg)"),
+    "in brackets": ("t (s) (trial {})", "Angle (deg) (trial {})"),
+    "underscores": ("t_run{}", "Angle_deg_run{}"),
+    "one column of times": ("Time (s)", "Angle (deg) Run {}"),
+}
+
+
+@pytest.mark.parametrize("what", RUNS)
+def test_runs_of_a_file_are_repeats(tmp_path: Path, what: str) -> None:
+    time, value = RUNS[what]
+    columns: dict[str, np.ndarray] = {}
+    for i in (1, 2, 3, 4):
+        columns |= {time.format(i): T, value.format(i): i * Y}
+    path = write(tmp_path / "a.csv", columns)
+    found = read_records(path)
+    assert [record.run for record in found] == ["1", "2", "3", "4"]
+    assert all(record.repeat and record.unit == "deg" for record in found)
+    assert len({record.channel for record in found}) == 1
+    for i, record in enumerate(found, start=1):
+        np.testing.assert_allclose(record.y, i * Y, atol=1e-12)
+    assert [r.run for r in read_records(path, runs="1,3-4")] == ["1", "3", "4"]
+    assert [r.run for r in read_records(path, runs=" 4 , 2 ")] == ["4", "2"]
+    assert read_record(path, run=3, channel=found[0].channel).columns == found[2].columns
+    for wrong, said in (
+        ("7", "no such run; it has runs 1, 2, 3, 4"),
+        ("3-1", "must be numbers"),
+        ("", "names none"),
+    ):
+        with pytest.raises(InputError, match=said):
+            read_records(path, runs=wrong)
+
+
+def test_the_latest_run_of_a_logger_is_one_too(tmp_path: Path) -> None:
+    names = [f"{run}: {what}" for run in ("Latest", "Run 1") for what in ("Time (s)", "Position (m)")]
+    found = read_records(write(tmp_path / "a.csv", dict(zip(names, (T, Y, T, 2 * Y), strict=True))))
+    assert [(record.run, record.channel) for record in found] == [
+        ("latest", "Position (m)"),
+        ("1", "Position (m)"),
+    ]
+    assert read_record(tmp_path / "a.csv", run="latest").y[0] == Y[0]
+
+
+def test_an_oscilloscopes_preamble_gives_the_unit(tmp_path: Path) -> None:
+    path = write(
+        tmp_path / "a.csv", {"TIME": T, "CH1": Y}, "Model,DPO", "Sample Interval,0.02,s", "Vertical Units,V"
+    )
+    assert read_record(path).unit == "V"
+
+
+def test_one_column_is_chosen_for_all_runs(tmp_path: Path) -> None:
+    """Run 2 was not let go, so by itself it would give another column or none."""
+    columns = {"t": T}
+    for i, y in ((1, Y), (2, 1e-3 * NOISE), (3, Y)):
+        columns |= {f"roll (deg) Run {i}": y, f"temperature Run {i}": NOISE + i}
+    found = read_records(write(tmp_path / "a.csv", columns))
+    assert [record.channel for record in found] == ["roll (deg)"] * 3
+
+
+@pytest.mark.parametrize(
+    ("above", "rate"),
+    [
+        (["# sample_rate = 1000"], 1000.0),
+        (["Sampling rate: 2 kHz"], 2000.0),
+        (["sample rate (Hz);500"], 500.0),
+        (["fs: 44100 Hz"], 44100.0),
+        (["Sample Interval,4e-3,s"], 250.0),
+        (["dt = 0.5 ms"], 2000.0),
+        (["start_deg, sample_rate, duration", "90, 1000, 5"], 1000.0),
+        (["Frequency [Hz]: 1562325"], None),
+        (["sample_rate = fast"], None),
+    ],
+)
+def test_rates_in_headers(tmp_path: Path, above: list[str], rate: float | None) -> None:
+    path = write(tmp_path / "a.txt", {"angle": Y}, *above, named=False)
+    if rate is None:
+        with pytest.raises(InputError, match="no time given"):
+            read_record(path)
+        return
+    record = read_record(path)
+    assert record.rate == pytest.approx(rate)
+    assert record.t is None
+    np.testing.assert_allclose(record.y, Y, atol=1e-12)
+    assert read_record(path, rate=7.0).rate == 7.0
+
+
+def test_a_unit_in_a_header_is_that_of_the_only_column(tmp_path: Path) -> None:
+    path = write(tmp_path / "a.csv", {"t": T, "x": Y}, "# unit: mm", "# recorded: 2024-05-03")
+    record = read_record(path)
+    assert record.unit == "mm"
+    assert record.provenance["facts"] == {"unit": "mm", "recorded": "2024-05-03"}
+
+
+def test_a_powers_unit_and_the_headers_facts_are_kept(tmp_path: Path) -> None:
+    above = ["% Frequency [Hz]: 1562325.84", "% Quality factor: 28283338.4", "%", "% time [s], power [dBm]"]
+    record = read_record(write(tmp_path / "a.txt", {"t": T, "p": -40 - T}, *above, named=False))
+    assert (record.unit, record.columns) == ("dBm", ("time [s]", "power [dBm]"))
+    assert record.provenance["facts"] == {"Frequency [Hz]": "1562325.84", "Quality factor": "28283338.4"}
+
+
+@pytest.mark.parametrize(
+    ("name", "group", "bare", "run"),
+    [
+        ("Angle, Ch 1+2 (rad) Run #3", "", "Angle, Ch 1+2 (rad)", "3"),
+        ("Run 12: x", "", "x", "12"),
+        ("x", "Trial 2", "x", "2"),
+        ("Prune 3", "", "Prune 3", ""),
+        ("channel 3", "", "channel 3", ""),
+        ("x", "Sheet3", "x", ""),
+    ],
+)
+def test_the_mark_of_a_run(name: str, group: str, bare: str, run: str) -> None:
+    assert parted(Column(name, Y, group)) == (bare, run)

@@ -1,0 +1,106 @@
+"""Features against damped cosines, whose features are known; noise and shuffled records must be refused."""
+
+import numpy as np
+import pytest
+
+from bayesdamp.records.oscillation.features import features
+from bayesdamp.types import Refusal, Signal
+
+
+def cosine(cycles=7.0, per_cycle=200, zeta=0.05, noise=0.0, rest=0.0, phase=0.0, quantum=0.0, seed=0):
+    """(signal, ω, decay at its end) of 0.3·exp(−ζt)·cos(ωt + phase) + rest, noise in units of 0.3."""
+    w = 2 * np.pi / 1.4
+    t = np.linspace(0, 1.4 * cycles, int(per_cycle * cycles) + 1)
+    y = rest + 0.3 * np.exp(-zeta * t) * np.cos(w * t + phase)
+    y = y + 0.3 * noise * np.random.default_rng(seed).standard_normal(t.size)
+    y = np.round(y / quantum) * quantum if quantum else y
+    return Signal(t, y), w, float(np.exp(-zeta * t[-1]))
+
+
+CASES = [
+    # what, tolerance of frequency (relative), of amplitude (relative), of rest (in 0.3), of cycles
+    ({}, 1e-6, 1e-3, 1e-6, 0.01),
+    ({"rest": 1.0, "phase": 1.0}, 1e-5, 2e-3, 1e-4, 0.01),
+    ({"zeta": 0.5}, 1e-4, 1e-2, 1e-3, 0.05),
+    ({"per_cycle": 10}, 1e-4, 1e-2, 1e-3, 0.02),
+    ({"per_cycle": 10, "noise": 0.02}, 3e-3, 0.06, 0.02, 0.1),
+    ({"noise": 0.1}, 3e-3, 0.06, 0.02, 0.1),
+    ({"quantum": 0.02}, 1e-3, 0.05, 0.02, 0.1),
+    ({"cycles": 2.1}, 1e-4, 1e-3, 1e-3, 0.02),
+    ({"cycles": 2.3, "noise": 0.05, "rest": -2.0}, 1e-2, 0.05, 0.03, 0.1),
+    ({"cycles": 67.3, "zeta": 0.02, "noise": 0.1}, 6e-4, 0.05, 0.01, 0.5),
+    ({"cycles": 67.3, "zeta": 0.005, "noise": 0.02, "per_cycle": 10}, 6e-4, 0.05, 0.01, 0.5),
+]
+
+
+@pytest.mark.parametrize(("what", "of_frequency", "of_amplitude", "of_rest", "of_cycles"), CASES)
+def test_damped_cosine(what, of_frequency, of_amplitude, of_rest, of_cycles):
+    signal, w, last = cosine(**what)
+    found = features(signal)
+    assert abs(found.frequency / w - 1) < of_frequency
+    assert abs(found.amplitude / 0.3 - 1) < of_amplitude
+    assert abs(found.rest - what.get("rest", 0.0)) < 0.3 * of_rest
+    assert abs(found.cycles - what.get("cycles", 7.0)) < of_cycles
+    assert found.period == pytest.approx(2 * np.pi / found.frequency)
+    if not what.get("noise") and not what.get("quantum"):
+        assert found.final_amplitude == pytest.approx(0.3 * last, rel=0.01)
+    out_of_step = abs(found.frequency / w - 1) * what.get("cycles", 7.0)
+    assert out_of_step < 0.1, "the record and a sinusoid of the frequency found drift apart"
+
+
+@pytest.mark.parametrize("noise", [0.001, 0.01, 0.1])
+@pytest.mark.parametrize("per_cycle", [24, 200])
+def test_roughness_is_the_noise(noise, per_cycle):
+    """Standard error of the estimate is below 4 %: 15 % is passed wrongly fewer than once in 1,000 seeds."""
+    signal, _, _ = cosine(cycles=14, per_cycle=per_cycle, noise=noise, seed=3)
+    assert features(signal).roughness == pytest.approx(0.3 * noise, rel=0.15)
+
+
+def test_turning_points_alternate_and_lie_on_the_envelope():
+    signal, w, _ = cosine(phase=0.4)
+    found = features(signal)
+    expected = (np.pi * np.arange(1, found.turning_times.size + 1) - 0.4 - np.arctan(0.05 / w)) / w
+    np.testing.assert_allclose(found.turning_times, expected, atol=1e-5)
+    np.testing.assert_allclose(
+        found.turning_values, 0.3 * np.exp(-0.05 * expected) * np.cos(w * expected + 0.4), atol=1e-7
+    )
+    assert np.all(np.diff(np.sign(np.diff(found.turning_values))) != 0)
+
+
+@pytest.mark.parametrize(("quantity", "order"), [("velocity", 1), ("acceleration", 2)])
+def test_displacement_amplitude_of_other_quantities(quantity, order):
+    signal, w, _ = cosine(rest=0.0)
+    found = features(Signal(signal.t, signal.y, quantity))
+    assert found.rest == 0.0
+    assert found.amplitude == pytest.approx(0.3 / w**order, rel=2e-3)
+
+
+def test_spikes_change_little():
+    signal, w, _ = cosine(noise=0.01)
+    y = signal.y.copy()
+    y[np.random.default_rng(5).choice(y.size, 14, replace=False)] += 0.5
+    found = features(Signal(signal.t, y))
+    assert abs(found.frequency / w - 1) < 3e-3
+    assert abs(found.amplitude / 0.3 - 1) < 0.05
+    assert found.roughness == pytest.approx(0.003, rel=0.3)
+
+
+@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("samples", [60, 300, 3000])
+def test_noise_is_refused(seed, samples):
+    t = np.linspace(0, 10, samples)
+    with pytest.raises(Refusal):
+        features(Signal(t, np.random.default_rng(seed).standard_normal(samples)))
+
+
+def test_a_shuffled_record_is_refused():
+    signal, _, _ = cosine()
+    with pytest.raises(Refusal):
+        features(Signal(signal.t, np.random.default_rng(0).permutation(signal.y)))
+
+
+def test_a_constant_and_a_trend_are_refused():
+    t = np.linspace(0, 1, 100)
+    for y in (np.ones(100), t, np.exp(-3 * t)):
+        with pytest.raises(Refusal):
+            features(Signal(t, y))

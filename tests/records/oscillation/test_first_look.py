@@ -1,0 +1,79 @@
+"""The first words on a record, against what its damping is by the laws that it was simulated with."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from bayesdamp.records.oscillation.first_look import first_words
+from bayesdamp.types import Refusal, Signal
+from tests.records.hands import Rig, W
+
+T = np.arange(0, 20, 1 / 40)
+LAWS = {"viscous": Rig(0.1), "coulomb": Rig(mu_c=0.4), "quadratic": Rig(mu_q=0.3)}
+
+
+def truth(rig: Rig, amplitude: float) -> float:
+    """Energy lost in a cycle of a sinusoid over 4π its energy, in closed form."""
+    return rig.zeta / W + 2 * rig.mu_c / (np.pi * W**2 * amplitude) + 4 * rig.mu_q * amplitude / (3 * np.pi)
+
+
+def record(law: str, noise: float, seed: int = 0, row: int = 0) -> Signal:
+    y = LAWS[law].run(T, 1.0)[row]
+    rng = np.random.default_rng(seed)
+    size = 0.5 * float(np.ptp(y))
+    quantity = ("angle", "velocity", "acceleration")[row]
+    return Signal(T, y + 0.3 * size * (row == 0) + noise * size * rng.standard_normal(T.size), quantity)
+
+
+@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize("row", [0, 1])
+def test_the_damping_ratio_to_a_few_per_cent(law: str, row: int) -> None:
+    found = first_words(record(law, 3e-4, row=row))
+    for at, allowed in zip(found.damping, (0.04, 0.02, 0.06), strict=True):
+        assert at.ratio == pytest.approx(truth(LAWS[law], at.amplitude), rel=allowed)
+    assert found.damping[0].amplitude > found.damping[1].amplitude > found.damping[2].amplitude
+    assert found.frequency == pytest.approx(1.0, abs=2e-3)
+    assert found.quality == pytest.approx(0.5 / found.damping[1].ratio)
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_errors_are_as_large_as_stated(law: str) -> None:
+    """30 records with noise of a hundredth: the scores at three amplitudes have an rms below 2, and are no nothing."""
+    scores = []
+    for seed in range(30):
+        found = first_words(record(law, 1e-2, seed))
+        scores.append([(d.ratio - truth(LAWS[law], d.amplitude)) / d.stderr for d in found.damping])
+    rms = np.sqrt(np.mean(np.square(scores), axis=0))
+    assert np.all(rms < 2.0), rms
+    assert np.all(rms > 0.3), rms
+
+
+def test_the_sentence_tells_the_laws_apart() -> None:
+    said = {law: first_words(record(law, 1e-3)).sentence() for law in LAWS}
+    assert "does not clearly change" in said["viscous"]
+    assert "grows as the amplitude falls" in said["coulomb"]
+    assert "grows with the amplitude" in said["quadratic"]
+    assert all("Hz" in words and "Q about" in words for words in said.values())
+
+
+def test_what_does_not_oscillate_is_refused() -> None:
+    with pytest.raises(Refusal):
+        first_words(Signal(T, np.random.default_rng(0).standard_normal(T.size)))
+
+
+def test_no_model_is_loaded_for_it() -> None:
+    code = (
+        "import sys, numpy as np\n"
+        "from bayesdamp.records.oscillation.first_look import first_words\n"
+        "from bayesdamp.types import Signal\n"
+        "t = np.arange(0, 20, 0.02)\n"
+        "first_words(Signal(t, np.exp(-0.1 * t) * np.cos(6 * t))).sentence()\n"
+        "assert not {'jax', 'torch', 'matplotlib'} & set(sys.modules)\n"
+    )
+    subprocess.run(
+        [sys.executable, "-c", code], check=True, env={"PYTHONPATH": ":".join(filter(None, sys.path))}
+    )

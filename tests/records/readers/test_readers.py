@@ -1,0 +1,396 @@
+"""Every format written by its own library, or by hand, and read back: values, rates, units, names, runs."""
+
+from __future__ import annotations
+
+import json
+import re
+import wave
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.io import savemat, wavfile
+
+from bayesdamp.records.files.contents import Contents, Reader
+from bayesdamp.records.opening.opening import contents, read_packed
+from bayesdamp.records.opening.packing import unpacked
+from bayesdamp.records.read import read_record, read_records
+from bayesdamp.records.readers import READERS
+from bayesdamp.records.record import RawRecord
+from bayesdamp.types import InputError
+
+RATE = 50.0
+T = np.arange(600) / RATE
+Y = 0.3 * np.exp(-0.1 * T) * np.cos(6 * T)
+Z = 0.2 * np.exp(-0.15 * T) * np.cos(7 * T + 1)
+
+
+def uff(path: Path, even: int = 1, names: tuple[str, ...] = ("arm", "beam")) -> None:
+    import pyuff
+
+    file = pyuff.UFF(str(path))
+    for name, y in zip(names, (Y, Z), strict=False):
+        data = pyuff.prepare_58(
+            binary=0,
+            func_type=1,
+            rsp_ent_name=name,
+            rsp_node=0,
+            rsp_dir=0,
+            ref_node=0,
+            ref_dir=0,
+            data=y,
+            x=T,
+            id1="a record",
+            abscissa_spacing=even,
+            abscissa_min=0.0,
+            abscissa_inc=1 / RATE,
+            abscissa_spec_data_type=17,
+            ordinate_spec_data_type=12,
+            orddenom_spec_data_type=0,
+            ordinate_axis_units_lab="m/s^2",
+        )
+        file.write_sets(data, mode="add" if path.exists() else "overwrite")
+
+
+def binary_uff(path: Path) -> None:
+    """A data set 58b by hand, after the standard: pyuff's own writer doubles the first line."""
+    uff(path.with_suffix(".ascii"))
+    sets = path.with_suffix(".ascii").read_text(encoding="utf-8")
+    sets = re.split(r"    -1\n    58 *\n", sets)[1:]
+    parts = []
+    for text, y in zip(sets, (Y, Z), strict=True):
+        head = "".join(text.splitlines(keepends=True)[:11])
+        mark = f"    -1\n{58:6d}b{1:6d}{2:6d}{11:12d}{8 * y.size:12d}{0:6d}{0:6d}{0:12d}{0:12d}\n"
+        parts.append((mark + head).encode() + y.astype("<f8").tobytes() + b"\n    -1\n")
+    path.write_bytes(b"".join(parts))
+
+
+def tdms(path: Path) -> None:
+    from nptdms import ChannelObject, RootObject, TdmsWriter
+
+    said = {"wf_increment": 1 / RATE, "wf_start_offset": 0.0, "unit_string": "deg"}
+    with TdmsWriter(path) as writer:
+        writer.write_segment(
+            [
+                RootObject({"operator": "somebody"}),
+                ChannelObject("Bench", "roll", Y, said),
+                ChannelObject("Bench", "pitch", Z, said),
+            ]
+        )
+
+
+def lvm(path: Path) -> None:
+    head = [
+        "LabVIEW Measurement\t",
+        "Writer_Version\t2",
+        "Separator\tTab",
+        "Decimal_Separator\t,",
+        "X_Columns\tNo",
+        "Date\t2024/05/03",
+        "***End_of_Header***\t",
+        "\t",
+        "Channels\t2\t\t",
+        "Samples\t600\t600\t",
+        "Y_Unit_Label\tmm\tmm\t",
+        "X0\t0,0\t0,0\t",
+        "Delta_X\t0,02\t0,02\t",
+        "***End_of_Header***\t\t\t",
+        "X_Value\tfront\tback\tComment",
+    ]
+    rows = [f"\t{y!r}\t{z!r}".replace(".", ",") for y, z in zip(Y.tolist(), Z.tolist())]
+    path.write_text("\n".join([*head, *rows]) + "\n", encoding="utf-8")
+
+
+def excel(path: Path) -> None:
+    import openpyxl
+
+    book = openpyxl.Workbook()
+    for i, y in enumerate((Y, Z)):
+        sheet = book.active if i == 0 else book.create_sheet("Second")
+        assert sheet is not None
+        sheet.title = ("First", "Second")[i]
+        sheet.append(["Time (s)", "Angle (deg)"])
+        for row in zip(T.tolist(), y.tolist()):
+            sheet.append(row)
+    book.create_sheet("Remarks").append(["nothing here"])
+    book.save(path)
+
+
+def parquet(path: Path) -> None:
+    import pyarrow
+    import pyarrow.parquet
+
+    stamps = (
+        np.datetime64("2024-05-03T10:00:00", "us") + np.round(T * 1e6).astype("timedelta64[us]")
+    ).astype("M8[us]")
+    schema = pyarrow.schema(
+        [
+            pyarrow.field("stamp", pyarrow.timestamp("us")),
+            pyarrow.field("x", pyarrow.float64(), metadata={"unit": "mm"}),
+        ]
+    )
+    pyarrow.parquet.write_table(pyarrow.table([stamps, Y], schema=schema), path)
+
+
+def hdf5(path: Path) -> None:
+    import h5py
+
+    with h5py.File(path, "w") as file:
+        data = file.create_dataset("bench/accelerometer", data=Y)
+        data.attrs["units"] = "g"
+        data.attrs["sample_rate"] = RATE
+
+
+def matlab_73(path: Path) -> None:
+    """As MATLAB lays it out: cells are references, words are numbers of characters."""
+    import h5py
+
+    with h5py.File(path, "w", userblock_size=512) as file:
+        file["t"] = T[None, :]
+        cells = []
+        for i, y in enumerate((Y, Z)):
+            file[f"#refs#/{'ab'[i]}"] = y[None, :]
+            cells.append(file[f"#refs#/{'ab'[i]}"].ref)
+        runs = file.create_dataset("angles", (2, 1), dtype=h5py.ref_dtype)
+        runs[:, 0] = cells
+        runs.attrs["MATLAB_class"] = np.bytes_("cell")
+        note = file.create_dataset("who", data=np.array([[97], [98]], np.uint16))
+        note.attrs["MATLAB_class"] = np.bytes_("char")
+    with path.open("r+b") as file:
+        file.write(b"MATLAB 7.3 MAT-file, Platform: GLNXA64".ljust(124) + b"\0\2IM")
+
+
+def wav(path: Path) -> None:
+    wavfile.write(path, int(RATE), np.round(1e4 * np.stack([Y, Z], axis=1)).astype(np.int16))
+
+
+def write_json(path: Path) -> None:
+    path.write_text(json.dumps({"sample_rate": RATE, "unit": "deg", "roll": Y.tolist()}), encoding="utf-8")
+
+
+Check = tuple[Callable[[Path], object], int, str, str, float | None]
+FORMATS: dict[str, tuple[str, Callable[[Path], object], list[str], str, str, float | None]] = {
+    # file, writer, channels, unit, quantity, rate where the file has no column of times
+    "UFF ascii": ("a.uff", uff, ["arm", "beam"], "m", "acceleration", RATE),
+    "UFF binary": ("b.unv", binary_uff, ["arm", "beam"], "m", "acceleration", RATE),
+    "UFF uneven": ("c.uff", lambda p: uff(p, even=0), ["arm", "beam"], "m", "acceleration", None),
+    "UFF named as text": ("d.txt", uff, ["arm", "beam"], "m", "acceleration", RATE),
+    "TDMS": ("a.tdms", tdms, ["roll", "pitch"], "deg", "angle", RATE),
+    "LVM": ("a.lvm", lvm, ["front", "back"], "mm", "angle", RATE),
+    "Excel": ("a.xlsx", excel, ["First.Angle (deg)", "Second.Angle (deg)"], "deg", "angle", None),
+    "Parquet": ("a.parquet", parquet, ["x"], "mm", "angle", None),
+    "HDF5": ("a.h5", hdf5, ["bench.accelerometer"], "g", "acceleration", RATE),
+    "WAV": ("a.wav", wav, ["channel 1", "channel 2"], "counts", "angle", RATE),
+    "JSON": ("a.json", write_json, ["roll"], "deg", "angle", RATE),
+}
+
+
+@pytest.mark.parametrize("what", FORMATS)
+def test_a_format_written_by_its_library_reads_back(tmp_path: Path, what: str) -> None:
+    name, write, channels, unit, quantity, rate = FORMATS[what]
+    path = tmp_path / name
+    write(path)
+    found = read_records(path)
+    assert [record.channel for record in found] == channels
+    for record, truth in zip(found, (Y, Z)):
+        assert (record.unit, record.quantity) == (unit, quantity)
+        assert not record.repeat
+        times(record, rate)
+        scale = 1e4 if what == "WAV" else 1.0
+        near = {
+            "WAV": 0.5,
+            "Excel": 1e-16,
+            "UFF uneven": 1e-9,
+            "UFF ascii": 1e-9,
+            "UFF named as text": 1e-9,
+        }.get(what, 0.0)
+        np.testing.assert_allclose(record.y, scale * truth, rtol=0, atol=near)
+        again = read_record(path, time=record.columns[0], value=record.columns[1])
+        np.testing.assert_array_equal(again.y, record.y)
+
+
+def times(record: RawRecord, rate: float | None) -> None:
+    if rate is None:
+        assert record.t is not None
+        np.testing.assert_allclose(record.t - record.t[0], T, rtol=0, atol=1e-9)
+    else:
+        assert record.t is None
+        assert record.rate == pytest.approx(rate, rel=1e-12)
+
+
+def test_cells_and_structs_of_matlab_are_runs(tmp_path: Path) -> None:
+    cells = np.empty(2, object)
+    cells[:] = [{"t": T, "x": Y}, {"t": T, "x": Z}]
+    savemat(tmp_path / "a.mat", {"runs": cells, "fs": RATE})
+    savemat(tmp_path / "b.mat", {"angle": Y, "Fs": RATE, "who": "me"}, do_compression=True)
+    matlab_73(tmp_path / "c.mat")
+    for file in ("a.mat", "c.mat"):
+        found = read_records(tmp_path / file)
+        assert [record.run for record in found] == ["1", "2"]
+        assert all(record.repeat for record in found)
+        for record, truth in zip(found, (Y, Z), strict=True):
+            times(record, None)
+            np.testing.assert_array_equal(record.y, truth)
+        assert read_record(tmp_path / file, run=2).y[0] == Z[0]
+    (single,) = read_records(tmp_path / "b.mat")
+    assert single.provenance["facts"] == {"Fs": RATE, "who": "me"}
+    times(single, RATE)
+
+
+def test_npz_has_a_rate_beside_its_array_and_no_pickle(tmp_path: Path) -> None:
+    np.savez(tmp_path / "a.npz", theta=Y, dt=1 / RATE)
+    times(read_record(tmp_path / "a.npz"), RATE)
+    objects = np.array([{"a": 1}], object)
+    np.save(tmp_path / "b.npy", objects, allow_pickle=True)
+    with pytest.raises(InputError, match="pickled objects, which are not read"):
+        read_record(tmp_path / "b.npy")
+    np.savez(tmp_path / "c.npz", theta=Y, dt=1 / RATE, secret=objects)
+    np.testing.assert_array_equal(read_record(tmp_path / "c.npz").y, Y)
+
+
+def test_lists_of_samples_in_json(tmp_path: Path) -> None:
+    samples = [{"seconds_elapsed": repr(t), "phi_deg": y} for t, y in zip(T.tolist(), Y.tolist())]
+    (tmp_path / "a.json").write_text(json.dumps(samples), encoding="utf-8")
+    (tmp_path / "b.json").write_text("\n".join(map(json.dumps, samples)), encoding="utf-8")
+    (tmp_path / "c.json").write_text(json.dumps(np.stack([T, Y], axis=1).tolist()), encoding="utf-8")
+    for file, unit in (("a.json", "deg"), ("b.json", "deg"), ("c.json", "")):
+        record = read_record(tmp_path / file)
+        times(record, None)
+        assert record.unit == unit
+        np.testing.assert_array_equal(record.y, Y)
+
+
+def test_a_uff_of_spectra_or_of_geometry_is_no_record(tmp_path: Path) -> None:
+    import pyuff
+
+    data = pyuff.prepare_58(
+        binary=0, func_type=4, data=Y + 1j * Z, x=T, abscissa_spacing=1, abscissa_spec_data_type=18,
+        abscissa_min=0.0, abscissa_inc=0.1, rsp_node=1, rsp_dir=1, ref_node=1, ref_dir=1, ordinate_spec_data_type=12,
+        orddenom_spec_data_type=0,
+    )  # fmt: skip
+    pyuff.UFF(str(tmp_path / "a.uff")).write_sets(data, mode="overwrite")
+    with pytest.raises(InputError, match="no records in time"):
+        read_records(tmp_path / "a.uff")
+    (tmp_path / "b.uff").write_text("    -1\n    15\n         1         0\n    -1\n", encoding="utf-8")
+    with pytest.raises(InputError, match="its data sets are 15"):
+        read_records(tmp_path / "b.uff")
+
+
+@pytest.mark.parametrize("break_", ["cut", "crlf", "blank lines first", "letters behind"])
+def test_a_uff_is_never_a_plain_table(tmp_path: Path, break_: str) -> None:
+    """However it is damaged, and whatever it is called: its header's and its data's numbers are no columns."""
+    path = tmp_path / "a.uff"
+    uff(path, names=("arm",))
+    text = path.read_text(encoding="utf-8")
+    damaged = {
+        "cut": text[: len(text) // 2],
+        "crlf": text.replace("\n", "\r\n"),
+        "blank lines first": f"\n\n{text}",
+        "letters behind": f"{text}\nend of file\n",
+    }[break_]
+    renamed = tmp_path / "a.csv"
+    renamed.write_bytes(damaged.encode())
+    try:
+        assert contents(renamed).format == "UFF 58"
+        np.testing.assert_allclose(read_record(renamed).y, Y, atol=1e-9)
+    except InputError as error:
+        assert "universal file" in str(error) or "cut off" in str(error)  # noqa: PT017 - either is right
+
+
+def test_a_column_that_begins_like_a_uff_is_still_a_table(tmp_path: Path) -> None:
+    """The negative control: -1 above 58 without the six columns of a data set's mark."""
+    lines = ["-1", "58", *(f"{y:.6f}" for y in Y)]
+    (tmp_path / "a.txt").write_text("\n".join(lines), encoding="utf-8")
+    assert contents(tmp_path / "a.txt").format == "text"
+
+
+@pytest.mark.parametrize(
+    ("file", "module", "line"),
+    [
+        ("a.xlsx", "openpyxl", 'this is an Excel file: pip install "bayesdamp[excel]"'),
+        ("a.parquet", "pyarrow", 'this is a Parquet file: pip install "bayesdamp[parquet]"'),
+        ("a.uff", "pyuff", 'this is a universal file (UFF): pip install "pyuff"'),
+    ],
+)
+def test_a_missing_library_is_asked_for_in_one_line(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, file: str, module: str, line: str
+) -> None:
+    {"a.xlsx": excel, "a.parquet": parquet, "a.uff": uff}[file](tmp_path / file)
+    monkeypatch.setitem(__import__("sys").modules, module, None)
+    with pytest.raises(InputError) as caught:
+        read_records(tmp_path / file)
+    assert str(caught.value) == f"{file}: {line}"
+
+
+def test_a_reader_of_ones_own_is_found_by_content(tmp_path: Path) -> None:
+    class Own:
+        format = "a file of my rig"
+        extensions = (".rig",)
+        extra = ""
+
+        def claims(self, head: bytes, path: Path) -> bool:
+            return head.startswith(b"RIG1")
+
+        def read(self, path: Path) -> Contents:
+            from bayesdamp.records.files.contents import Column
+
+            return Contents("rig", (Column("theta", np.frombuffer(path.read_bytes()[4:]), rate=RATE),))
+
+    own: Reader = Own()
+    (tmp_path / "a.dat").write_bytes(b"RIG1" + Y.tobytes())
+    READERS.add("rig", own)
+    try:
+        times(read_record(tmp_path / "a.dat"), RATE)
+    finally:
+        READERS.remove("rig")
+
+
+def test_every_reader_says_what_it_is() -> None:
+    for name in READERS.names():
+        reader = READERS.get(name)
+        assert reader.format.startswith(("a ", "an "))
+        assert reader.extensions
+        assert not reader.claims(b"t,x\n0,1\n0.1,0.9\n", Path("a.csv")) or name == "text"
+
+
+def test_a_table_under_a_wrong_name_is_read_as_what_it_is(tmp_path: Path) -> None:
+    rows = [f"{t:.2f},{y:.6f}" for t, y in zip(T, Y)]
+    (tmp_path / "a.xlsx").write_text("\n".join(["t,x", *rows]), encoding="utf-8")
+    assert contents(tmp_path / "a.xlsx").format == "text"
+    excel(tmp_path / "b.csv")
+    assert contents(tmp_path / "b.csv").format == "Excel"
+
+
+def test_a_wav_of_one_channel_is_one_record(tmp_path: Path) -> None:
+    with wave.open(str(tmp_path / "a.wav"), "wb") as file:
+        file.setnchannels(1)
+        file.setsampwidth(2)
+        file.setframerate(8000)
+        file.writeframes(np.round(1e4 * Y).astype("<i2").tobytes())
+    (record,) = read_records(tmp_path / "a.wav")
+    assert (record.channel, record.rate) == ("sound", 8000.0)
+
+
+@pytest.mark.parametrize("what", ["UFF ascii", "Excel", "Parquet", "LVM", "JSON"])
+def test_contents_pass_from_one_process_to_another(tmp_path: Path, what: str) -> None:
+    name, write, *_ = FORMATS[what]
+    write(tmp_path / name)
+    there, here = unpacked(read_packed(tmp_path / name)), contents(tmp_path / name)
+    assert [c.name for c in there.columns] == [c.name for c in here.columns]
+    for a, b in zip(there.columns, here.columns, strict=True):
+        np.testing.assert_array_equal(a.values, b.values)
+        assert (a.unit, a.rate, a.group, a.words) == (b.unit, b.rate, b.group, b.words)
+    assert (there.facts, there.notes, there.channels) == (here.facts, here.notes, here.channels)
+
+
+def test_words_and_empty_cells_pass_too(tmp_path: Path) -> None:
+    rows = [f"{t},{y}" for t, y in zip(T, Y)]
+    (tmp_path / "a.csv").write_text(
+        "\n".join(["t,x", *rows[:50], "9,oops", ",", *rows[50:]]), encoding="utf-8"
+    )
+    there, here = unpacked(read_packed(tmp_path / "a.csv")), contents(tmp_path / "a.csv")
+    assert there.columns[1].words == here.columns[1].words == {50: "oops"}
+    np.testing.assert_array_equal(there.columns[0].empty, here.columns[0].empty)
+    np.testing.assert_array_equal(there.lines, here.lines)
+    assert there.first_line == here.first_line

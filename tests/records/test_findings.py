@@ -1,0 +1,64 @@
+"""What looks wrong is said, with the option that mends it; what is right is not."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from bayesdamp.records.findings import Kind, findings
+from bayesdamp.records.read import read_record
+from bayesdamp.records.stated_columns import resolved_unit
+
+T = np.arange(600) / 50
+Y = 0.3 * np.exp(-0.1 * T) * np.cos(6 * T)
+
+CASES = {
+    # names, times, values, options of reading, unit asked for, kinds, what the option says
+    "right": ("t,angle", T, Y, {}, None, [], ""),
+    "degrees": ("t,angle", T, 50 * Y, {}, None, [Kind.DEGREES], "--unit deg"),
+    "degrees, said": ("t,angle (deg)", T, 50 * Y, {}, None, [], ""),
+    "degrees, asked": ("t,angle", T, 50 * Y, {}, "deg", [], ""),
+    "over the top in rad": ("t,angle (rad)", T, 15 * Y, {}, None, [], ""),
+    "many turns": ("t,angle (rad)", T, 100 * Y, {}, None, [Kind.TURNS], "--unit"),
+    "velocity": ("t,gyro (rad/s)", T, 50 * Y, {}, None, [], ""),
+    "metres": ("t,x (m)", T, 50 * Y, {}, None, [], ""),
+    "ms": ("t,angle", 1e3 * T, Y, {}, None, [Kind.TIME_UNIT], "--time-unit ms"),
+    "ms, said": ("t (ms),angle", 1e3 * T, Y, {}, None, [], ""),
+    "ms, asked": ("t,angle", 1e3 * T, Y, {"time_unit": "ms"}, None, [], ""),
+    "us": ("t,angle", 1e6 * T, Y, {}, None, [Kind.TIME_UNIT], "--time-unit us"),
+    "slow, said": ("t (s),angle", 1e3 * T, Y, {}, None, [], ""),
+    "slow, asked": ("t,angle", 1e3 * T, Y, {"time_unit": "s"}, None, [], ""),
+    "numbers of samples": ("t,angle", np.arange(600.0), Y, {}, None, [Kind.SAMPLE_NUMBERS], "--rate HZ"),
+    "interval as rate": ("x,angle", Y[::-1], Y, {"rate": 0.02, "value": 2}, None, [Kind.PERIOD], "--rate 50"),
+    "kHz as Hz": ("x,angle", Y[::-1], Y, {"rate": 0.5e9, "value": 2}, None, [Kind.PERIOD], "--rate HZ"),
+    "rate": ("x,angle", Y[::-1], Y, {"rate": 50.0, "value": 2}, None, [], ""),
+    "rate against the file's": (
+        "# sample rate: 50 Hz\nx,angle", Y[::-1], Y, {"rate": 500.0, "value": 2}, None, [Kind.RATE], "--rate 50",
+    ),
+    "times against the file's rate": ("# fs = 25\nt,angle", T, Y, {}, None, [Kind.RATE], "--rate 25"),
+    "newtons": ("t,load (N)", T, Y, {}, None, [Kind.UNIT], "--unit counts"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("what", CASES)
+def test_a_doubt_is_told_where_there_is_one(tmp_path: Path, what: str) -> None:
+    names, t, y, options, unit, kinds, option = CASES[what]
+    rows = [f"{a!r},{b!r}" for a, b in zip(t.tolist(), y.tolist(), strict=True)]
+    (tmp_path / "a.csv").write_text("\n".join([names, *rows]), encoding="utf-8")
+    raw = read_record(tmp_path / "a.csv", **options)  # type: ignore[arg-type]
+    found = findings(raw, *resolved_unit(unit, None, raw.unit, raw.quantity))
+    assert [finding.kind for finding in found] == kinds
+    for finding in found:
+        assert option in finding.option
+        assert len(str(finding)) < 250
+
+
+def test_constant_columns_are_told(tmp_path: Path) -> None:
+    rows = [f"{a!r},{b!r},2.5,1" for a, b in zip(T.tolist(), Y.tolist(), strict=True)]
+    (tmp_path / "a.csv").write_text("\n".join(["t,angle,volts,lamp", *rows]), encoding="utf-8")
+    raw = read_record(tmp_path / "a.csv")
+    (found,) = findings(raw, "rad", "angle")
+    assert found.kind is Kind.CONSTANT
+    assert "'volts', 'lamp'" in found.sentence

@@ -1,0 +1,87 @@
+"""Simulated records: their times, their faults, and that they hold no truth."""
+
+import json
+
+import numpy as np
+import pytest
+
+from bayesdamp.physics.oscillator import Oscillator
+from bayesdamp.records.oscillation.features import features
+from bayesdamp.records.simulate import simulate_signal
+from bayesdamp.types import InputError
+
+OSC = Oscillator(("viscous",), "linear")
+P = {"zeta": 0.0537, "stiffness": 20.731, "rest_angle": 0.1, "theta0": 0.4, "omega0": 0.0}
+
+
+def made(seed=0, **options):
+    settings = {"duration": 10.0, "samples": 2001, "name": "x", "rng": np.random.default_rng(seed), **options}
+    return simulate_signal(OSC, P, **settings)
+
+
+def test_closed_form_and_times():
+    signal = made()
+    np.testing.assert_array_equal(signal.t, np.linspace(0, 10, 2001))
+    w = np.sqrt(P["stiffness"] - P["zeta"] ** 2)
+    exact = 0.1 + 0.3 * np.exp(-P["zeta"] * signal.t) * (
+        np.cos(w * signal.t) + P["zeta"] / w * np.sin(w * signal.t)
+    )
+    np.testing.assert_allclose(signal.y, exact, atol=1e-7)
+    assert features(signal).frequency == pytest.approx(w, rel=1e-5)
+
+
+def test_holds_no_truth():
+    text = json.dumps(dict(made(noise_sd=0.0123).provenance))
+    for number in ("0.0537", "20.731", "0.0123"):
+        assert number not in text
+
+
+def test_same_seed_same_record():
+    np.testing.assert_array_equal(made(3, noise_sd=0.1).y, made(3, noise_sd=0.1).y)
+    assert not np.array_equal(made(3, noise_sd=0.1).y, made(4, noise_sd=0.1).y)
+
+
+def test_noise():
+    """Bounds are five standard errors wide: fewer than one seed in a million fails by chance."""
+    still = made(samples=20001).y
+    white = made(noise_sd=0.1, samples=20001).y - still
+    assert white.std() == pytest.approx(0.1, abs=5 * 0.1 / np.sqrt(40000))
+    assert abs(np.corrcoef(white[1:], white[:-1])[0, 1]) < 5 / np.sqrt(20000)
+    slow = made(noise_sd=0.1, noise="correlated", noise_time=0.01, samples=20001).y - still
+    rho = np.exp(-0.0005 / 0.01)
+    assert np.corrcoef(slow[1:], slow[:-1])[0, 1] == pytest.approx(rho, abs=5 * np.sqrt((1 - rho**2) / 20000))
+    heavy = made(noise_sd=0.1, noise="student_t", noise_dof=3.0, samples=20001).y - still
+    assert np.median(np.abs(heavy)) == pytest.approx(0.1 * 0.7649, rel=0.05)
+
+
+def test_outliers_gaps_and_quantum():
+    still = made().y
+    assert np.sum(made(outliers=7).y != still) == 7
+    assert np.sum(made(outliers=0.01).y != still) == 20
+    assert made(gaps=2).t.size == 2001 - 2 * 40
+    assert made(gaps=0.1).t.size == pytest.approx(2001 * 0.9, abs=10)
+    assert np.sum(np.diff(made(gaps=2).t) > 0.006) == 2
+    assert made(gaps=2).t[-1] == 10.0
+    rounded = made(quantum=0.01)
+    np.testing.assert_allclose(np.round(rounded.y / 0.01), rounded.y / 0.01, atol=1e-9)
+    assert rounded.step == 0.01
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"duration": 0.0}, "duration"),
+        ({"samples": 3}, "samples"),
+        ({"noise_sd": -1.0}, "noise_sd"),
+        ({"noise": "pink"}, "unknown noise 'pink'"),
+        ({"noise": "correlated"}, "noise_time"),
+        ({"noise": "student_t"}, "noise_dof"),
+        ({"gaps": 0.9}, "gaps"),
+        ({"outliers": -1}, "outliers"),
+        ({"quantum": -1.0}, "quantum"),
+        ({"unit": "deg"}, "unit"),
+    ],
+)
+def test_nonsense_is_refused(options, message):
+    with pytest.raises(InputError, match=message):
+        made(**options)

@@ -1,0 +1,176 @@
+"""Nothing is replaced or removed that a run did not write, and nothing through a link."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from bayesdamp.cli import main
+from bayesdamp.store import CellResult, Store, write_bytes
+from bayesdamp.store.folders import MARK, temporary
+from bayesdamp.types import InputError
+
+CELL = CellResult("signal/a/0", "k")
+
+
+def tree(folder: Path) -> dict[str, bytes | str]:
+    """All that is in a folder: files with their content, links with where they lead."""
+    found: dict[str, bytes | str] = {}
+    for path in sorted(folder.rglob("*")):
+        if path.is_symlink():
+            found[str(path.relative_to(folder))] = os.readlink(path)
+        elif path.is_file():
+            found[str(path.relative_to(folder))] = path.read_bytes()
+    return found
+
+
+def cells_of_another(folder: Path) -> None:
+    (folder / "cells").mkdir()
+    (folder / "cells" / "photo.npz").write_bytes(b"mine")
+
+
+def report_of_another(folder: Path) -> None:
+    (folder / "report.html").write_text("mine")
+
+
+def about_another(folder: Path) -> None:
+    (folder / "run.json").write_text('{"name": "mine"}')
+
+
+def lock_of_another(folder: Path) -> None:
+    (folder / ".lock").write_text("mine")
+
+
+def mark_of_another(folder: Path) -> None:
+    (folder / MARK).write_text("mine")
+
+
+def a_linked_lock(folder: Path) -> None:
+    with Store(folder).lock():
+        pass
+    (folder / ".lock").unlink()
+    (folder / "diary").write_text("mine")
+    (folder / ".lock").symlink_to(folder / "diary")
+
+
+def a_shared_lock(folder: Path) -> None:
+    a_linked_lock(folder)
+    (folder / ".lock").unlink()
+    os.link(folder / "diary", folder / ".lock")
+
+
+def linked_cells(folder: Path) -> None:
+    with Store(folder).lock():
+        pass
+    (folder / "other").mkdir()
+    (folder / "other" / "a.npz").write_bytes(b"mine")
+    (folder / "cells").symlink_to(folder / "other")
+
+
+def a_link_among_cells(folder: Path) -> None:
+    linked_cells(folder)
+    (folder / "cells").unlink()
+    (folder / "cells" / "signal").mkdir(parents=True)
+    (folder / "cells" / "signal" / "a").symlink_to(folder / "other")
+
+
+def linked_figures(folder: Path) -> None:
+    linked_cells(folder)
+    (folder / "cells").rename(folder / "figures")
+
+
+OTHERS = (
+    cells_of_another, report_of_another, about_another, lock_of_another, mark_of_another, a_linked_lock, a_shared_lock,
+    linked_cells, a_link_among_cells, linked_figures,
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("make", OTHERS, ids=lambda make: make.__name__)
+def test_a_folder_that_holds_what_no_run_wrote_is_refused_and_left_alone(
+    make: Callable[[Path], None], tmp_path: Path
+) -> None:
+    make(tmp_path)
+    before = tree(tmp_path)
+    store = Store(tmp_path)
+    with pytest.raises(InputError, match=r"--out") as caught, store.lock():
+        store.clear()
+    assert "\n" not in str(caught.value)
+    assert tree(tmp_path) == before
+
+
+def test_other_files_beside_a_run_stay(tmp_path: Path) -> None:
+    """In a folder of the user's, with what a killed run left: only that is removed, and only cells with --fresh."""
+    store = Store(tmp_path)
+    (tmp_path / "rig.csv").write_text("mine")
+    (tmp_path / "sub").mkdir()
+    mine = [tmp_path / "rig.csv", tmp_path / ".notes.tmp", temporary(tmp_path / "sub" / "x")]
+    with store.lock():
+        store.write(CELL)
+    mine += [tmp_path / "cells" / "notes.txt", tmp_path / "cells" / "signal" / ".0123.tmp"]
+    for path in mine:
+        path.write_text("mine")
+    half = temporary(tmp_path / "cells" / "signal" / "b.npz")
+    half.write_text("half")
+    with store.lock():
+        assert not half.exists()
+        assert store.names() == [CELL.name]
+        store.clear()
+        assert store.names() == []
+    assert [path for path in mine if not path.exists()] == []
+    assert not (tmp_path / "cells" / "signal" / "a").exists()
+
+
+def test_a_run_of_an_earlier_version_is_known(tmp_path: Path) -> None:
+    """By its description, or, where it was cut off, by its cells."""
+    for name in ("done", "cut_off"):
+        Store(tmp_path / name).write(CELL)
+    (tmp_path / "done" / "run.json").write_text(json.dumps({"name": "a", "seed": 1, "study": {}}))
+    (tmp_path / "done" / "report.html").write_text("")
+    (tmp_path / "cut_off" / ".lock").write_text("77")
+    for name in ("done", "cut_off"):
+        with Store(tmp_path / name).lock():
+            assert Store(tmp_path / name).has(CELL.name, "k")
+        assert (tmp_path / name / MARK).is_file()
+
+
+def test_the_folder_itself_may_be_a_link(tmp_path: Path) -> None:
+    (tmp_path / "disk").mkdir()
+    (tmp_path / "out").symlink_to(tmp_path / "disk")
+    with Store(tmp_path / "out").lock():
+        Store(tmp_path / "out").write(CELL)
+    assert (tmp_path / "disk" / "cells").is_dir()
+
+
+def test_only_a_regular_file_is_replaced(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("mine")
+    (tmp_path / "link").symlink_to(tmp_path / "file")
+    (tmp_path / "dangling").symlink_to(tmp_path / "nowhere")
+    (tmp_path / "folder").mkdir()
+    os.mkfifo(tmp_path / "pipe")
+    for name, what in (
+        ("link", "a link"),
+        ("dangling", "a link"),
+        ("folder", "a folder"),
+        ("pipe", "a device"),
+    ):
+        with pytest.raises(InputError, match=f"{name}: is {what} and is not replaced"):
+            write_bytes(tmp_path / name, b"new")
+    write_bytes(tmp_path / "file", b"new")
+    assert (tmp_path / "file").read_bytes() == b"new"
+    assert (tmp_path / "pipe").is_fifo()
+
+
+def test_a_simulation_does_not_replace_a_device(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    os.mkfifo(tmp_path / "full")
+    command = ["simulate", "--damping", "viscous=0.05", "--restoring", "linear"]
+    command += ["--set", "stiffness=20,rest_angle=0", "--out", str(tmp_path / "full")]
+    assert main(command) == 2
+    said = capsys.readouterr()
+    assert said.out == ""
+    assert said.err.startswith("--out ")
+    assert said.err.endswith("give a regular file or a new file's name\n")
+    assert (tmp_path / "full").is_fifo()

@@ -1,0 +1,311 @@
+"""The store: whole results or none, exact floats, one writer."""
+
+from __future__ import annotations
+
+import csv
+import json
+import math
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from bayesdamp import store as module
+from bayesdamp.store import (
+    TABLES,
+    CellResult,
+    Store,
+    provenance,
+    read_table,
+    sha256,
+    write_bytes,
+    write_json,
+    write_table,
+)
+from bayesdamp.store.folders import temporary
+from bayesdamp.types import InputError
+
+NAME = "estimate/bench/0/viscous+coulomb/least_squares"
+AWKWARD = [0.1, 1 / 3, math.pi * 1e-300, 5e-324, 1.7976931348623157e308, -0.0, math.inf, -math.inf, math.nan]
+
+
+def result(name: str = NAME, key: str = "k1") -> CellResult:
+    arrays = {
+        "draws": np.random.default_rng(1).normal(size=(2, 5, 3)),
+        "values / odd name": np.array(AWKWARD),
+        "counts": np.arange(4),
+        "empty": np.zeros((0, 2)),
+    }
+    meta = {"floats": AWKWARD, "nested": {"a": [1, None, "é"]}, "np": np.float64(1 / 3), "whole": np.int64(7)}
+    return CellResult(name, key, meta, arrays, "ok", 1.25)
+
+
+def same(a: float, b: float) -> bool:
+    return (math.isnan(a) and math.isnan(b)) or (a == b and math.copysign(1, a) == math.copysign(1, b))
+
+
+def equal(a: CellResult, b: CellResult) -> bool:
+    def bits(r: CellResult):
+        arrays = {k: (v.dtype.str, v.shape, v.tobytes()) for k, v in r.arrays.items()}
+        meta = json.dumps(r.meta, default=lambda v: v.item())
+        return r.name, r.key, r.outcome, r.seconds, meta, arrays
+
+    return bits(a) == bits(b)
+
+
+def test_a_result_comes_back_bit_for_bit(tmp_path):
+    Store(tmp_path).write(result())
+    back = Store(tmp_path).read(NAME)
+    assert equal(back, result())
+    assert all(same(a, b) for a, b in zip(back.meta["floats"], AWKWARD, strict=True))
+
+
+def test_comparison_notices_one_bit(tmp_path):
+    other = result()
+    arrays = dict(other.arrays)
+    arrays["draws"] = np.nextafter(arrays["draws"], np.inf)
+    assert not equal(other, CellResult(NAME, "k1", other.meta, arrays, "ok", 1.25))
+
+
+def test_resume_needs_the_same_key(tmp_path):
+    store = Store(tmp_path)
+    assert not store.has(NAME, "k1")
+    store.write(result())
+    assert store.has(NAME, "k1")
+    assert not store.has(NAME, "k2")
+    store.write(result(key="k2"))
+    assert store.has(NAME, "k2")
+    assert not store.has(NAME, "k1")
+
+
+def test_names_and_clear(tmp_path):
+    store = Store(tmp_path)
+    assert store.names() == []
+    names = ["evidence/a/0/viscous/importance", "signal/a/0", "signal/a/0/deeper", "signal/noise_sd=0.003/0"]
+    for name in names:
+        store.write(result(name))
+    assert store.names() == names
+    with store.lock():
+        store.clear()
+        assert store.names() == []
+        store.clear()
+
+
+def test_nothing_is_created_by_reading(tmp_path):
+    store = Store(tmp_path / "absent")
+    assert store.names() == []
+    assert not store.has(NAME, "k1")
+    with pytest.raises(KeyError, match="least_squares"):
+        store.read(NAME)
+    assert not (tmp_path / "absent").exists()
+
+
+@pytest.mark.parametrize("name", ["", "/abs", "a//b", "../up", "a/../b", "a/.hidden", "a\\b", "a/"])
+def test_a_name_cannot_leave_the_folder(tmp_path, name):
+    with pytest.raises(ValueError, match="not a cell's name"):
+        Store(tmp_path).write(result(name))
+    assert list(tmp_path.rglob("*.npz")) == []
+
+
+def test_every_truncation_counts_as_absent(tmp_path):
+    store = Store(tmp_path)
+    store.write(result())
+    path = tmp_path / "cells" / f"{NAME}.npz"
+    whole = path.read_bytes()
+    for length in {*range(0, len(whole), 37), len(whole) - 1}:
+        path.write_bytes(whole[:length])
+        assert not store.has(NAME, "k1"), length
+    path.write_bytes(whole)
+    assert store.has(NAME, "k1")
+
+
+def test_no_flipped_byte_changes_a_result(tmp_path):
+    store = Store(tmp_path)
+    store.write(result())
+    path = tmp_path / "cells" / f"{NAME}.npz"
+    whole = path.read_bytes()
+    absent = 0
+    for place in range(0, len(whole), 3):
+        damaged = bytearray(whole)
+        damaged[place] ^= 0x5A
+        path.write_bytes(damaged)
+        try:
+            assert equal(store.read(NAME), result()), place
+        except KeyError:
+            absent += 1
+    assert absent > 0.5 * len(whole) / 3
+
+
+def test_an_object_that_json_cannot_hold_is_a_misuse(tmp_path):
+    with pytest.raises(TypeError, match="cannot hold a set"):
+        Store(tmp_path).write(CellResult(NAME, "k", {"bad": {1}}))
+    with pytest.raises(ValueError, match=r"[Oo]bject arrays"):
+        Store(tmp_path).write(CellResult(NAME, "k", {}, {"bad": np.array([{}], dtype=object)}))
+    assert Store(tmp_path).names() == []
+
+
+def test_a_failed_write_keeps_the_old_file(tmp_path, monkeypatch):
+    store = Store(tmp_path)
+    store.write(result())
+
+    def fail(*_):
+        raise OSError("disk full")
+
+    monkeypatch.setattr(module.os, "fsync", fail)
+    with pytest.raises(OSError, match="disk full"):
+        store.write(result(key="k2"))
+    assert store.has(NAME, "k1")
+    assert [p for p in tmp_path.rglob("*") if p.suffix == ".tmp"] == []
+
+
+WRITER = """
+import sys, numpy as np
+from pathlib import Path
+from bayesdamp.store import Store, CellResult
+store = Store(Path(sys.argv[1]))
+with store.lock():
+    print("locked", flush=True)
+    i = 0
+    while True:
+        i += 1
+        array = np.full(300_000, float(i))
+        store.write(CellResult("a/b", str(i), {"i": i}, {"x": array}))
+"""
+
+
+def writer(folder: Path) -> subprocess.Popen[str]:
+    return subprocess.Popen([sys.executable, "-c", WRITER, str(folder)], stdout=subprocess.PIPE, text=True)
+
+
+def test_a_kill_leaves_a_whole_file_and_no_lock(tmp_path):
+    store = Store(tmp_path)
+    process = writer(tmp_path)
+    assert process.stdout
+    with process, process.stdout:
+        assert process.stdout.readline() == "locked\n"
+        seen: set[int] = set()
+        end = time.monotonic() + 20
+        while len(seen) < 5 and time.monotonic() < end:
+            if store.names():
+                found = store.read("a/b")
+                assert np.all(found.arrays["x"] == found.meta["i"])
+                seen.add(found.meta["i"])
+        with pytest.raises(InputError, match=rf"process {process.pid}\) is writing here"), store.lock():
+            pass
+        process.send_signal(signal.SIGKILL)
+        process.wait()
+    assert len(seen) >= 5
+    found = store.read("a/b")
+    assert np.all(found.arrays["x"] == found.meta["i"])
+    others = tmp_path / "cells" / "a" / ".0123.tmp"
+    for half in (temporary(tmp_path / "cells" / "a" / "b.npz"), temporary(tmp_path / "run.json"), others):
+        half.write_bytes(b"half")
+    with store.lock():
+        assert [p for p in tmp_path.rglob("*") if p.suffix == ".tmp"] == [others]
+        assert store.names() == ["a/b"]
+
+
+def test_the_lock_names_its_holder_and_is_dropped(tmp_path):
+    with Store(tmp_path).lock():
+        assert (tmp_path / ".lock").read_text() == str(os.getpid())
+        with pytest.raises(InputError, match="choose another folder with --out"), Store(tmp_path).lock():
+            pass
+    with Store(tmp_path).lock():
+        pass
+
+
+def test_a_folder_that_cannot_be_written_is_an_input_error(tmp_path):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(InputError, match="cannot write a run here"), Store(tmp_path / "file" / "run").lock():
+        pass
+
+
+def test_a_table_reads_back_exactly(tmp_path):
+    columns = TABLES["estimates.csv"]
+    rng = np.random.default_rng(2)
+    numbers = [*AWKWARD, *np.exp(rng.normal(0, 100, 200))]
+    rows = [
+        {
+            "signal": "60",
+            "repeat": i,
+            "model": "viscous+coulomb",
+            "value": v,
+            "stderr": np.float64(v),
+            "outcome": 'it said "no", twice\nand left',
+        }
+        for i, v in enumerate(numbers)
+    ]
+    write_table(tmp_path / "estimates.csv", columns, rows)
+    back = read_table(tmp_path / "estimates.csv")
+    assert len(back) == len(rows)
+    for row, found in zip(rows, back, strict=True):
+        assert tuple(found) == columns
+        assert same(found["value"], row["value"])
+        assert same(found["stderr"], row["value"])
+        assert (found["signal"], found["repeat"], found["outcome"]) == ("60", row["repeat"], row["outcome"])
+        assert math.isnan(found["truth"])
+        assert found["evaluations"] is None
+
+
+def test_nan_is_an_empty_field(tmp_path):
+    rows = [{"signal": "a", "value": math.nan}, {"signal": "b"}]
+    write_table(tmp_path / "t.csv", ("signal", "value"), rows)
+    assert (tmp_path / "t.csv").read_text() == "signal,value\na,\nb,\n"
+
+
+def test_a_rounding_writer_would_be_noticed(tmp_path):
+    """Negative control: ten digits do not read back exactly."""
+    with (tmp_path / "estimates.csv").open("w", newline="") as handle:
+        csv.writer(handle).writerows([["value"], [f"{1 / 3:.10g}"]])
+    assert read_table(tmp_path / "estimates.csv")[0]["value"] != 1 / 3
+
+
+def test_an_unknown_column_is_a_misuse(tmp_path):
+    with pytest.raises(ValueError, match="no column valeu"):
+        write_table(tmp_path / "t.csv", ("signal", "value"), [{"valeu": 1.0}])
+    assert not (tmp_path / "t.csv").exists()
+
+
+def test_a_field_that_is_no_number_names_its_place(tmp_path):
+    (tmp_path / "estimates.csv").write_text("signal,value\na,1.0\nb,1,\nc,x\n")
+    with pytest.raises(InputError, match=r"estimates\.csv, line 4, column value: 'x' is not a number"):
+        read_table(tmp_path / "estimates.csv")
+
+
+def test_json_is_strict_and_exact(tmp_path):
+    content = {"x": 1 / 3, "nan": math.nan, "inf": -math.inf, "a": np.arange(2), "p": (1, 2)}
+    write_json(tmp_path / "run.json", content)
+    text = (tmp_path / "run.json").read_text()
+
+    def refuse(word: str):
+        raise AssertionError(word)
+
+    back = json.loads(text, parse_constant=refuse)
+    assert back == {"x": 1 / 3, "nan": None, "inf": "-inf", "a": [0, 1], "p": [1, 2]}
+
+
+def test_provenance_says_what_ran(tmp_path):
+    write_bytes(tmp_path / "in.txt", b"abc")
+    found = provenance([tmp_path / "in.txt"])
+    abc = "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad"
+    assert found["inputs"] == {str(tmp_path / "in.txt"): abc}
+    assert {"numpy", "scipy", "jax", "arviz-stats"} <= set(found["versions"])
+    assert found["machine"]["cpus"] >= 1
+    assert found["revision"]
+    assert set(provenance(packages=["numpy", "no-such-package"])["versions"]) == {"numpy"}
+    write_bytes(tmp_path / "in.txt", b"abd")
+    assert sha256(tmp_path / "in.txt") != abc
+
+
+def test_an_installed_copy_gives_its_version(tmp_path, monkeypatch):
+    """A copy that lies in somebody else's checkout must not report that checkout's commit."""
+    subprocess.run(["git", "init", "-q", str(tmp_path)], check=True)
+    copy = tmp_path / "site-packages" / "bayesdamp" / "store" / "__init__.py"
+    write_bytes(copy, b"")
+    monkeypatch.setattr(module, "__file__", str(copy))
+    assert provenance()["revision"].startswith("version ")
