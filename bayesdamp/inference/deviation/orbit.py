@@ -63,17 +63,11 @@ class Orbit:
     speed: np.ndarray
     width: np.ndarray
 
-    def cycle(
-        self, terms: Sequence[str], epsilon: float, further: Mapping[str, float], every: int = 1
-    ) -> Cycle:
-        """The work of each term along it. every: which of its points are used, for a coarser one."""
-        part = slice(every // 2, None, every)
-        x, speed, width = self.x[part], self.speed[part], self.width[part]
-        width = width * (self.width.sum() / width.sum())
+    def cycle(self, terms: Sequence[str], epsilon: float, further: Mapping[str, float]) -> Cycle:
+        """The work of each term along it."""
         shapes = [_shape(name, further) for name in terms]
-        return Cycle(
-            self.amplitude, self.energy, np.array([_work(f, x, speed, width, epsilon) for f in shapes])
-        )
+        work = [_work(f, self.x, self.speed, self.width, epsilon) for f in shapes]
+        return Cycle(self.amplitude, self.energy, np.array(work))
 
 
 def _shape(name: str, further: Mapping[str, float]) -> Callable[..., float] | None:

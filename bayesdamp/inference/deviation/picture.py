@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from bayesdamp.inference.deviation.findings import Findings
-from bayesdamp.inference.deviation.numbers.curves import acting, orbit_of
+from bayesdamp.inference.deviation.numbers.curves import further_of, orbit_of, works_on
 from bayesdamp.inference.deviation.weighing import Weighing
 
 POINTS = 3000
@@ -43,17 +43,15 @@ def picture(weighing: Weighing, found: Findings) -> Mapping[str, np.ndarray]:
         values = r.fit.parameters.values(r.fit.z)
         coefficients = values[: len(terms)]
         solver = weighing.solvers[r.candidate.restoring]
-        further = acting(weighing, r, values[len(terms) : solver.law_places.start])
+        further = further_of(weighing, r, values)
         orbits = [orbit_of(weighing, best, float(a)) for a in amplitude]
-        cycles = [None if o is None else o.cycle(terms, solver.epsilon, further) for o in orbits]
-        name = "+".join(r.candidate.damping)
-        arrays[f"law/{name}"] = np.array(
-            [np.nan if c is None else float(coefficients @ c.ratios) for c in cycles]
-        )
+        none = np.full(len(terms), np.nan)
+        work = coefficients * np.array([
+            none if o is None else works_on(o, solver, further, r.fit.active)[0] for o in orbits
+        ])  # fmt: skip
+        energy = np.array([np.nan if o is None else o.energy for o in orbits])
+        arrays[f"law/{'+'.join(r.candidate.damping)}"] = work.sum(axis=1) / (4 * np.pi * energy)
         if r is best:
-            work = np.array(
-                [np.full(len(terms), np.nan) if c is None else coefficients * c.work for c in cycles]
-            )
             arrays |= {f"work/{t}": work[:, i] for i, t in enumerate(terms) if t in r.candidate.damping}
     return arrays
 

@@ -44,6 +44,7 @@ class Kernel:
     terms: tuple[str, ...]
     restoring: str
     march: Callable[..., Any]
+    sums: Callable[..., Any]
 
 
 def kernel_of(terms: tuple[str, ...], restoring: str) -> Kernel:
@@ -51,7 +52,8 @@ def kernel_of(terms: tuple[str, ...], restoring: str) -> Kernel:
 
     Raises Refusal where a term or the law of a user has no `kernel`, or none of which the source is known.
     """
-    return Kernel(terms, restoring, _module(source_of(terms, restoring)).march)
+    module = _module(source_of(terms, restoring))
+    return Kernel(terms, restoring, module.march, module.sums)
 
 
 def source_of(terms: tuple[str, ...], restoring: str) -> str:

@@ -135,6 +135,31 @@ class Solver:
                 found = found[:, np.concatenate([self._places, np.array(taken, int), rest])]
         return Motion(y, found, times, states)
 
+    def works(
+        self,
+        x: np.ndarray,
+        v: np.ndarray,
+        weight: np.ndarray,
+        further: np.ndarray,
+        active: np.ndarray,
+        epsilon: float | None = None,
+    ) -> np.ndarray:
+        """Weighted sums of the terms' shapes over points (n,), 0 for terms that do not act: (d, m).
+
+        further: rows of the terms' further parameters, (d, e); active: which terms act, (m,); epsilon: in place of the
+        solver's own.
+        """
+        whole, every = len(self._compiled), [n for name in self._compiled for n in TERMS.get(name).further]
+        switched, q = np.zeros(whole, bool), np.zeros((len(further), len(every)))
+        switched[self._places] = active
+        for i, name in enumerate(every):
+            if name in self.further:
+                q[:, i] = further[:, self.further.index(name)]
+        out = np.zeros((len(further), whole))
+        points = (np.array(one, float) for one in (x, v, weight))
+        self.kernel.sums(*points, float(self.epsilon if epsilon is None else epsilon), q, switched, out)
+        return out[:, self._places]
+
     def _deviations(
         self, stop: float, g: np.ndarray | None, h: np.ndarray | None
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

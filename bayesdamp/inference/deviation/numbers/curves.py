@@ -8,12 +8,10 @@ import numpy as np
 
 from bayesdamp.inference.deviation.numbers.draws import Drawn
 from bayesdamp.inference.deviation.numbers.quantities import Ratio, quantity
-from bayesdamp.inference.deviation.orbit import Cycle, Orbit, orbit_at, rest_of
+from bayesdamp.inference.deviation.orbit import Orbit, orbit_at, rest_of
 from bayesdamp.inference.deviation.weighing import Result, Weighing
 from bayesdamp.physics.damping import TERMS
-
-COARSE = 5
-"""Of an orbit's points, one in so many is used where the work is found draw by draw."""
+from bayesdamp.physics.kernel import Solver
 
 
 def times_of(result: Result) -> tuple[np.ndarray, np.ndarray]:
@@ -55,23 +53,20 @@ def values_of(result: Result) -> np.ndarray:
     return result.fit.parameters.values(z)
 
 
-def acting(weighing: Weighing, result: Result, row: np.ndarray | None = None) -> dict[str, float]:
-    """Values of the further parameters, (e,), of the terms that a result has; those at its mode by default."""
+def further_of(weighing: Weighing, result: Result, values: np.ndarray | None = None) -> np.ndarray:
+    """The terms' further parameters, (1, e), among a result's parameters; at its mode by default."""
     solver = weighing.solvers[result.candidate.restoring]
-    if row is None:
-        row = values_of(result)[len(solver.terms) : solver.law_places.start]
-    own = {n for t in result.candidate.damping for n in TERMS.get(t).further}
-    return {n: float(v) for n, v in zip(solver.further, row, strict=True) if n in own}
+    values = values_of(result) if values is None else values
+    return values[None, len(solver.terms) : solver.law_places.start]
 
 
-def cycle_of(
-    weighing: Weighing, result: Result, amplitude: float, epsilon: float | None = None
-) -> Cycle | None:
-    """The cycle of an amplitude under a result's own law, at its mode; epsilon: in place of its own."""
-    orbit, solver = orbit_of(weighing, result, amplitude), weighing.solvers[result.candidate.restoring]
-    if orbit is None:
-        return None
-    return orbit.cycle(solver.terms, solver.epsilon if epsilon is None else epsilon, acting(weighing, result))
+def works_on(
+    orbit: Orbit, solver: Solver, further: np.ndarray, active: np.ndarray, epsilon: float | None = None
+) -> np.ndarray:
+    """Work per unit of each coefficient in a cycle on an orbit, (d, m), for rows of further parameters, (d, e)."""
+    x, v = np.tile(orbit.x, 2), np.concatenate([orbit.speed, -orbit.speed])
+    weight = np.concatenate([orbit.width, -orbit.width])
+    return solver.works(x, v, weight, further, active, epsilon)
 
 
 def ratios_per_unit(
@@ -79,16 +74,12 @@ def ratios_per_unit(
 ) -> np.ndarray | None:
     """Ratios per unit of each coefficient, (n, m) or (1, m) where they are the same for all draws."""
     solver = weighing.solvers[d.result.candidate.restoring]
-    if not set(solver.inferred) & set(d.result.fit.parameters.free_names):
-        cycle = cycle_of(weighing, d.result, amplitude, epsilon)
-        return None if cycle is None else cycle.ratios[None, :]
     orbit = orbit_of(weighing, d.result, amplitude)
     if orbit is None:
         return None
     rows, place = np.unique(d.further, axis=0, return_inverse=True)
-    width = solver.epsilon if epsilon is None else epsilon
-    each = [orbit.cycle(solver.terms, width, acting(weighing, d.result, row), COARSE).ratios for row in rows]
-    return np.array(each)[place.ravel()]
+    found = works_on(orbit, solver, rows, d.result.fit.active, epsilon) / (4 * np.pi * orbit.energy)
+    return found[place.ravel()] if len(rows) > 1 else found
 
 
 def at_share(values: np.ndarray, share: float) -> np.ndarray:
@@ -104,16 +95,13 @@ def ratio_at(
 ) -> Ratio:
     values, noises, weights = [], [], []
     for d in drawn:
-        cycle, per_unit = (
-            cycle_of(weighing, d.result, amplitude),
-            ratios_per_unit(weighing, d, amplitude),
-        )
-        if cycle is None or per_unit is None:
+        per_unit = ratios_per_unit(weighing, d, amplitude)
+        if per_unit is None:
             continue
         share = share_of_time(weighing, d.result, amplitude)
         each = _under_frictions(weighing, d, amplitude, per_unit, rng)
         values.append(each * np.exp(at_share(d.g, share)) / (1 + at_share(d.h, share)))
-        noises.append(_noise_sd(weighing, d.result, cycle))
+        noises.append(_noise_sd(weighing, d.result, per_unit.mean(axis=0)))
         weights.append(len(d.coefficients))
     if not values:
         return Ratio(amplitude, *(float("nan"),) * 5)
@@ -151,14 +139,14 @@ def _under_frictions(
     return found
 
 
-def _noise_sd(weighing: Weighing, result: Result, cycle: Cycle) -> float:
+def _noise_sd(weighing: Weighing, result: Result, per_unit: np.ndarray) -> float:
     """The ratio's standard deviation from noise alone, under exact laws."""
     factor = result.exact_weighed.factors[0]
-    parameters, m = result.fit.parameters, cycle.ratios.size
+    parameters, m = result.fit.parameters, per_unit.size
     slopes = parameters.slopes(result.fit.z)
     gradient = np.zeros(parameters.free.size)
     for i, place in enumerate(parameters.free):
         if place < m:
-            gradient[i] = cycle.ratios[place] * slopes[i]
+            gradient[i] = per_unit[place] * slopes[i]
     scale = np.sqrt(weighing.variance / result.exact_variance)
     return float(np.linalg.norm(gradient @ factor)) * float(scale)
