@@ -20,9 +20,5 @@ class Power(DampingTerm):
     def kernel(x: float, v: float, epsilon: float, p: float = 1.0, scale: float = 1.0) -> float:
         return v * ((v * v + epsilon * epsilon) / (scale * scale)) ** (0.5 * (p - 1.0))
 
-    def ratio_per_unit(self, amplitude: float, frequency: float) -> float:
-        """At p = 1: the same whatever the amplitude."""
-        return 0.5 / frequency
-
 
 PLUGIN = Power()
