@@ -60,6 +60,11 @@ class DampingTerm(ABC):
     """Values of parameters at which the term is a simpler one; how much it has beyond that is what is bounded."""
 
     @property
+    def traced(self) -> bool:
+        """Whether JAX has its force."""
+        return type(self).shape is not DampingTerm.shape
+
+    @property
     def further(self) -> tuple[str, ...]:
         """Names of what the kernel takes beside θ, θ̇ and ε."""
         return (*(p.name for p in self.inferred), *self.given)
