@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from bayesdamp.inference.deviation.candidate import Candidate
+from bayesdamp.inference.deviation.numbers.bounds import bounds_of_others
 from bayesdamp.inference.deviation.numbers.curves import ratio_at, times_of
 from bayesdamp.inference.deviation.numbers.draws import (
     DRAWS,
@@ -98,6 +99,7 @@ def findings(
     shares = shares_of(weighing, drawn)
     damping = summed(chosen, "damping")
     absent = _bounds(weighing, best, approximate, terms, rng)
+    forms = bounds_of_others(weighing, result, approximate, np.random.default_rng([seed, 1]))
     size = np.concatenate([_size(weighing, d, d.g) for d in drawn])
     size_h = np.concatenate([_size(weighing, d, d.h) for d in drawn])
     left = result.about.left if result.about is not None else result.fit.residual
@@ -116,7 +118,7 @@ def findings(
         ),
         frequency=_frequency(weighing, drawn),
         energy={t: quantity(shares[:, i]) for i, t in enumerate(terms)},
-        bound=absent,
+        bound=forms | absent,
         deviation=quantity(size),
         restoring_deviation=quantity(size_h),
         other=float(np.quantile(size, 0.95)),

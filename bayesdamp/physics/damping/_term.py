@@ -56,6 +56,8 @@ class DampingTerm(ABC):
     """Parameters beside the coefficient, in the kernel's order."""
     given: tuple[str, ...] = ()
     """What the kernel takes after these, of `GIVEN`."""
+    bounded: bool = True
+    """Whether its share of the energy is bounded where it is not in the answer."""
     reduces: tuple[tuple[str, float], ...] = ()
     """Values of parameters at which the term is a simpler one; how much it has beyond that is what is bounded."""
 

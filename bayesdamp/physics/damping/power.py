@@ -13,6 +13,7 @@ class Power(DampingTerm):
     unit = "1/s"
     words = "a power of the velocity"
     switches = True
+    bounded = False  # its exponent says more
     inferred = (FreeParameter("exponent", "1", lambda amplitude, frequency: Uniform(low=0.0, high=3.0)),)
     given = ("reference_velocity",)
 
