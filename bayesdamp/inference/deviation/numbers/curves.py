@@ -11,12 +11,16 @@ from bayesdamp.inference.deviation.numbers.quantities import Ratio, quantity
 from bayesdamp.inference.deviation.orbit import Orbit, orbit_at, rest_of
 from bayesdamp.inference.deviation.weighing import Result, Weighing
 from bayesdamp.physics.damping import TERMS
-from bayesdamp.physics.kernel import Solver
+from bayesdamp.physics.kernel import Motion, Solver
 
 
 def times_of(result: Result) -> tuple[np.ndarray, np.ndarray]:
+    """Times in s of a result's half cycles, and half the distance of their turning points, in falling order."""
+    return turning_amplitudes(result.motion)
+
+
+def turning_amplitudes(motion: Motion) -> tuple[np.ndarray, np.ndarray]:
     """Times in s of a motion's half cycles, and half the distance of their turning points, in falling order."""
-    motion = result.motion
     v = motion.states[:, 1]
     turns = np.flatnonzero(v[:-1] * v[1:] <= 0)
     share = v[turns] / np.where(v[turns] == v[turns + 1], 1.0, v[turns] - v[turns + 1])
