@@ -65,6 +65,7 @@ def decide(
             *([Bound("any other form", found.other)] if approximate else []),
         ),
         deviation=_interval(found.deviation) if approximate else None,
+        unnamed=None if found.unnamed is None else _interval(found.unnamed),
         unexplained_pct=100 * found.unexplained,
         noise_pct=100 * found.noise,
         coefficients=_coefficients(found, unit),

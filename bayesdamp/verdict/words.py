@@ -136,6 +136,11 @@ def _kind(e: Interval) -> str:
     return f": {held[0]}" if len(held) == 1 else ""
 
 
+def _plain(name: str) -> str:
+    """A parameter's name in a sentence."""
+    return name.replace("_", " ")
+
+
 def remarks(v: Verdict, found: Findings, same: bool, notes: Sequence[str]) -> tuple[str, ...]:
     """Reservations, the largest first, each with its size."""
     said: list[tuple[float, str]] = []
@@ -158,5 +163,11 @@ def remarks(v: Verdict, found: Findings, same: bool, notes: Sequence[str]) -> tu
                 f"{_kind(e)}.",
             )
         )
+    for name in found.untold:
+        said.append(
+            (0.6, f"The record does not tell the {_plain(name)}: its interval is that of what was assumed.")
+        )
+    for one, other in found.tied:
+        said.append((0.6, f"{_plain(one)} and {_plain(other)} are told together only, not each by itself."))
     said += [(0.0, note) for note in notes]
     return tuple(text for _, text in sorted(said, key=lambda item: -item[0]))

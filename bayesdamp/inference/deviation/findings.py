@@ -19,8 +19,10 @@ from bayesdamp.inference.deviation.numbers.draws import (
     scores_of,
     summed,
 )
+from bayesdamp.inference.deviation.numbers.free import FreeCurve, free_curve
 from bayesdamp.inference.deviation.numbers.quantities import Quantity, Ratio, quantity
 from bayesdamp.inference.deviation.numbers.shares import shares_of
+from bayesdamp.inference.deviation.numbers.unnamed import as_wide, tied, unnamed_share, untold
 from bayesdamp.inference.deviation.orbit import natural_frequency, rest_of
 from bayesdamp.inference.deviation.weighing import Weighing
 
@@ -41,6 +43,8 @@ class Findings:
     deviation, restoring_deviation: energy-weighted mean of the relative deviation of the damping and restoring laws.
     other: 95 % upper limit of the share of any other form. coefficients: under the likeliest sum. unexplained, noise:
     root mean square of what the likeliest candidate leaves beyond noise, and of the noise, as shares of the amplitude.
+    free: the damping curve without a law; unnamed: share of the energy that no sum of the terms explains; untold, tied:
+    parameters of the likeliest sum that the record does not tell, and pairs that it tells only together.
     """
 
     damping: Mapping[str, float]
@@ -63,6 +67,10 @@ class Findings:
     noise: float
     amplitudes: tuple[float, float]
     cycles: float
+    free: FreeCurve | None = None
+    unnamed: Quantity | None = None
+    untold: tuple[str, ...] = ()
+    tied: tuple[tuple[str, str], ...] = ()
 
 
 def default_amplitudes(weighing: Weighing) -> tuple[float, float, float]:
@@ -104,18 +112,20 @@ def findings(
     size_h = np.concatenate([_size(weighing, d, d.h) for d in drawn])
     left = result.about.left if result.about is not None else result.fit.residual
     clean = float(left @ left) / max(left.size - (result.about.u.size if result.about else 0), 1)
+    curve = tuple(ratio_at(weighing, drawn, a, sensor if approximate else 0.0, rng) for a in _grid(weighing))
+    solver = weighing.solvers[best.restoring]
+    of_best = next((d for d in drawn if d.result.candidate == best), None)
+    exponent = _exponent(weighing, approximate, rng)
     rest = max(float(result.fit.residual @ result.fit.residual) / left.size - clean, 0.0)
     return Findings(
         damping={n: p * (1 - exotic) for n, p in damping.items()},
         exotic=summed({c: p for c, p in everything.items() if c not in own}, "damping"),
-        exponent=_exponent(weighing, approximate, rng),
+        exponent=exponent,
         exact=summed({c: p for c, p in exact_all.items() if c in own}, "damping"),
         restoring=summed(chosen, "restoring"),
         term={t: sum(p for c, p in chosen.items() if t in c.damping) for t in terms},
         ratios=tuple(ratio_at(weighing, drawn, a, sensor if approximate else 0.0, rng) for a in wanted),
-        curve=tuple(
-            ratio_at(weighing, drawn, a, sensor if approximate else 0.0, rng) for a in _grid(weighing)
-        ),
+        curve=curve,
         frequency=_frequency(weighing, drawn),
         energy={t: quantity(shares[:, i]) for i, t in enumerate(terms)},
         bound=forms | absent,
@@ -128,6 +138,13 @@ def findings(
         noise=float(np.sqrt(clean)) / weighing.data.recorded_amplitude,
         amplitudes=(weighing.data.amplitude, weighing.data.final_amplitude),
         cycles=weighing.data.cycles,
+        free=free_curve(weighing, best.restoring, curve, np.random.default_rng([seed, 2])),
+        unnamed=unnamed_share(weighing, drawn, _grid(weighing)) if approximate else None,
+        untold=(
+            *(untold(of_best, solver) if of_best is not None else ()),
+            *_untold_exponent(weighing, exponent),
+        ),
+        tied=tied(of_best, solver) if of_best is not None else (),
     )
 
 
@@ -193,6 +210,14 @@ def _size(weighing: Weighing, d: Drawn, values: np.ndarray) -> np.ndarray:
     weight = weight / weight.sum()
     centred = values - (values @ weight)[:, None]
     return np.abs(centred) @ weight
+
+
+def _untold_exponent(weighing: Weighing, exponent: Quantity | None) -> tuple[str, ...]:
+    """The exponent's name where its interval is as wide as what was assumed."""
+    if exponent is None or weighing.power is None:
+        return ()
+    prior = weighing.power.fit.parameters.priors["exponent"]
+    return ("exponent",) if as_wide(prior, exponent.low, exponent.high) else ()
 
 
 def _coefficients(weighing: Weighing, drawn: Sequence[Drawn], best: Candidate) -> dict[str, Quantity]:

@@ -17,9 +17,9 @@ NATS = 12.0
 
 
 def picture(weighing: Weighing, found: Findings) -> Mapping[str, np.ndarray]:
-    """Arrays by name: t, record, fit, residual (thinned, (p,)); amplitude, ratio, low, high (a,) of the answer;
-    law/SUM the ratio of each sum's own fit under exact laws; work/TERM the energy lost in a cycle by each term, per
-    unit of inertia."""
+    """Arrays by name: t, record, fit, residual (thinned, (p,)); amplitude, ratio, low, high (a,) of the answer; free/*
+    the curve without a law and the energy lost in a cycle under it; law/SUM the ratio of each sum's own fit under exact
+    laws; work/TERM the energy lost in a cycle by each term, per unit of inertia."""
     data = weighing.data
     best = next(r for r in weighing.results if r.candidate == found.best)
     motion = best.motion
@@ -36,6 +36,11 @@ def picture(weighing: Weighing, found: Findings) -> Mapping[str, np.ndarray]:
         "low": np.array([r.low for r in curve]),
         "high": np.array([r.high for r in curve]),
     }
+    if found.free is not None:
+        arrays["free/amplitude"] = found.free.amplitude
+        for name, values in (("ratio", found.free.ratio), ("lost", found.free.lost)):
+            for end, column in zip(("", "_low", "_high"), values.T, strict=True):
+                arrays[f"free/{name}{end}"] = column
     terms = next(iter(weighing.solvers.values())).terms
     for r in weighing.results:
         if r.candidate.restoring != found.best.restoring:

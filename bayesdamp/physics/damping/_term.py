@@ -77,8 +77,8 @@ class DampingTerm(ABC):
         Raises Refusal where the term has more than that.
         """
         raise Refusal(
-            f"{self.name} damping is weighed and simulated only: its force is no function of the velocity and one "
-            "coefficient, which is what sampling and estimators take"
+            f"{self.name} damping is weighed and simulated only: sampling and estimators take one coefficient times "
+            "a function of the velocity"
         )
 
     @staticmethod

@@ -6,6 +6,8 @@ import time
 from collections.abc import Mapping
 from functools import cached_property
 
+import numpy as np
+
 from bayesdamp.config import Recording, SignalSpec, Study
 from bayesdamp.config.checks import plain
 from bayesdamp.inference.model.defaults import Reference
@@ -152,6 +154,14 @@ def verdict_of(store: Store, signal: str, repeat: int) -> Verdict | None:
     except KeyError:
         return None
     return Verdict.from_dict(cell.meta["verdict"]) if cell.outcome == OK else None
+
+
+def arrays_of(store: Store, signal: str, repeat: int) -> Mapping[str, np.ndarray]:
+    """What a record's picture is drawn from; nothing where it has no answer."""
+    try:
+        return store.read(f"answer/{signal}/{repeat}").arrays
+    except KeyError:
+        return {}
 
 
 def answered_of(store: Store, signal: str, repeat: int) -> Answered | None:

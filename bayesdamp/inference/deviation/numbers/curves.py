@@ -74,15 +74,25 @@ def works_on(
 
 
 def ratios_per_unit(
-    weighing: Weighing, d: Drawn, amplitude: float, epsilon: float | None = None
+    weighing: Weighing,
+    d: Drawn,
+    amplitude: float,
+    epsilon: float | None = None,
+    *,
+    every_term: bool = False,
 ) -> np.ndarray | None:
-    """Ratios per unit of each coefficient, (n, m) or (1, m) where they are the same for all draws."""
+    """Ratios per unit of each coefficient, (n, m) or (1, m) where they are the same for all draws.
+
+    every_term: also of terms without parameters of their own that the draws do not have.
+    """
     solver = weighing.solvers[d.result.candidate.restoring]
     orbit = orbit_of(weighing, d.result, amplitude)
     if orbit is None:
         return None
     rows, place = np.unique(d.further, axis=0, return_inverse=True)
-    found = works_on(orbit, solver, rows, d.result.fit.active, epsilon) / (4 * np.pi * orbit.energy)
+    simple = np.array([not TERMS.get(t).inferred for t in solver.terms])
+    active = d.result.fit.active | simple if every_term else d.result.fit.active
+    found = works_on(orbit, solver, rows, active, epsilon) / (4 * np.pi * orbit.energy)
     return found[place.ravel()] if len(rows) > 1 else found
 
 
