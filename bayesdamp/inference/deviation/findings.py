@@ -22,12 +22,16 @@ from bayesdamp.inference.deviation.numbers.draws import (
 from bayesdamp.inference.deviation.numbers.free import FreeCurve, free_curve
 from bayesdamp.inference.deviation.numbers.quantities import Quantity, Ratio, quantity
 from bayesdamp.inference.deviation.numbers.shares import shares_of
-from bayesdamp.inference.deviation.numbers.unnamed import as_wide, tied, unnamed_share, untold
+from bayesdamp.inference.deviation.numbers.unnamed import AS_WIDE, tied, unnamed_share, untold
 from bayesdamp.inference.deviation.orbit import natural_frequency, rest_of
 from bayesdamp.inference.deviation.weighing import Weighing
 
 SENSOR = 0.002
 """Relative standard deviation below which no rate is known: the sensor's linearity and the clock's."""
+EXPONENTS = (0.0, 3.0)
+"""Between which a power law's exponent is uniform beforehand."""
+ENOUGH = 100
+"""Draws between these that an interval is made of."""
 CURVE = 12
 """Amplitudes of a curve."""
 
@@ -198,7 +202,10 @@ def _exponent(weighing: Weighing, approximate: bool, rng: np.random.Generator) -
     parameters = result.fit.parameters
     place = parameters.free_names.index("exponent")
     scores = scores_of(weighed, parameters.positive, DRAWS, rng)[:, place]
-    return quantity(parameters.priors["exponent"].value(scores))
+    values = parameters.priors["exponent"].value(scores)
+    inside = values[(values >= EXPONENTS[0]) & (values <= EXPONENTS[1])]
+    # Uniform between these: the wider prior of the term, where it is inside of them.
+    return quantity(inside if inside.size > ENOUGH else np.clip(values, *EXPONENTS))
 
 
 def _size(weighing: Weighing, d: Drawn, values: np.ndarray) -> np.ndarray:
@@ -216,8 +223,8 @@ def _untold_exponent(weighing: Weighing, exponent: Quantity | None) -> tuple[str
     """The exponent's name where its interval is as wide as what was assumed."""
     if exponent is None or weighing.power is None:
         return ()
-    prior = weighing.power.fit.parameters.priors["exponent"]
-    return ("exponent",) if as_wide(prior, exponent.low, exponent.high) else ()
+    whole = 0.95 * (EXPONENTS[1] - EXPONENTS[0])
+    return ("exponent",) if exponent.high - exponent.low > AS_WIDE * whole else ()
 
 
 def _coefficients(weighing: Weighing, drawn: Sequence[Drawn], best: Candidate) -> dict[str, Quantity]:

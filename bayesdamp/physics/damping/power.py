@@ -6,7 +6,10 @@ from bayesdamp.priors import Uniform
 
 
 class Power(DampingTerm):
-    """F = c V |θ̇/V|^p sgn θ̇ with V a reference velocity, c in 1/s; rounded within ε so that it may switch at p = 0."""
+    """F = c V |θ̇/V|^p sgn θ̇ with V a reference velocity, c in 1/s; rounded within ε so that it may switch at p = 0.
+
+    The exponent may be a little outside 0 to 3, so that neither end is where its score ends.
+    """
 
     name = "power"
     parameter = "c_power"
@@ -14,7 +17,7 @@ class Power(DampingTerm):
     words = "a power of the velocity"
     switches = True
     bounded = False  # its exponent says more
-    inferred = (FreeParameter("exponent", "1", lambda amplitude, frequency: Uniform(low=0.0, high=3.0)),)
+    inferred = (FreeParameter("exponent", "1", lambda amplitude, frequency: Uniform(low=-0.3, high=3.3)),)
     given = ("reference_velocity",)
 
     @staticmethod
