@@ -137,7 +137,11 @@ def compare(
         list[str] | None, typer.Option(help="A restoring law to compare, may be given again; all by default.")
     ] = None,
     damping: Annotated[
-        list[str] | None, typer.Option(help="A damping sum to compare, may be given again; all by default.")
+        list[str] | None,
+        typer.Option(
+            help="Damping sums to compare, such as stribeck,viscous+cubic, may be given again; by default all of viscous, "
+            "Coulomb and quadratic damping."
+        ),
     ] = None,
     noise: Annotated[str, typer.Option(help="A noise model, or auto: chosen for each record.")] = "auto",
     repeats: Annotated[
@@ -190,6 +194,7 @@ def compare(
     from bayesdamp.plugins import read_modules
 
     plugins = read_modules(plugin or ())
+    sums = [one.strip() for given in damping or () for one in given.split(",")]
     bounds = _bound(start, "--start"), _bound(stop, "--stop")
     reading = Options(
         time, angle, rate, time_unit, unit, quantity, clock, *bounds, runs, tuple(channel or ())
@@ -197,7 +202,7 @@ def compare(
     found, said = chosen_records(records, reading)
     for line in said:
         typer.echo(line, err=True)
-    with _early_processes(workers, damping or (), restoring or ()) as pool:
+    with _early_processes(workers, sums, restoring or ()) as pool:
         from rich.console import Console
 
         from bayesdamp.config.compare import comparison
@@ -205,7 +210,7 @@ def compare(
         made = comparison(
             as_signals(found, reading),
             restoring=restoring or (),
-            damping=damping or (),
+            damping=sums,
             noise=noise,
             seed=seed,
             repeats=repeats,
@@ -348,11 +353,11 @@ def simulate(
     ] = None,
 ) -> int:
     """Write a simulated record to play with: a CSV of times in s and angles in rad."""
-    from bayesdamp.cli.simulated import pairs, simulated, write_csv
+    from bayesdamp.cli.simulated import pairs, simulated, terms_and_set, write_csv
     from bayesdamp.plugins import read_modules, use
 
     use(read_modules(plugin or ()))
-    given: dict[str, object] = {**pairs(damping, "--damping"), **pairs(set_ or [], "--set")}
+    given = terms_and_set(pairs(damping, "--damping"), pairs(set_ or [], "--set"), restoring)
     given |= {"duration": duration, "samples": samples}
     given |= {} if noise_sd is None else {"noise_sd": noise_sd}
     record, sd = simulated(given, restoring, seed)

@@ -95,7 +95,9 @@ class AnswerCell:
 
     def _answer(self, record: Record) -> Answer:
         given: dict[str, Prior] = {
-            TERMS.get(t).parameter: p for t, p in self.study.models.prior.items() if p is not None
+            TERMS.get(t).parameter if t in TERMS.names() else t: p
+            for t, p in self.study.models.prior.items()
+            if p is not None
         }
         for law in self.spec.restoring:
             given |= {k: p for k, p in record.system(law).free.items() if p is not None}  # type: ignore[misc]
