@@ -139,8 +139,8 @@ def compare(
     damping: Annotated[
         list[str] | None,
         typer.Option(
-            help="Damping sums to compare, such as stribeck,viscous+cubic, may be given again; by default all of viscous, "
-            "Coulomb and quadratic damping."
+            help="Damping sums to compare, such as stribeck,viscous+cubic, may be given again; by default all of "
+            "viscous, Coulomb and quadratic damping."
         ),
     ] = None,
     noise: Annotated[str, typer.Option(help="A noise model, or auto: chosen for each record.")] = "auto",
