@@ -194,7 +194,7 @@ def _bounds(
 
 
 def _exponent(weighing: Weighing, approximate: bool, rng: np.random.Generator) -> Quantity | None:
-    """The exponent of the power law, with its interval; None where it has no fit."""
+    """The exponent of the power law, with its interval; None where it has no fit, or none between 0 and 3."""
     result = weighing.power
     weighed = None if result is None else result.weighed if approximate else result.exact_weighed
     if result is None or weighed is None:
@@ -205,7 +205,7 @@ def _exponent(weighing: Weighing, approximate: bool, rng: np.random.Generator) -
     values = parameters.priors["exponent"].value(scores)
     inside = values[(values >= EXPONENTS[0]) & (values <= EXPONENTS[1])]
     # Uniform between these: the wider prior of the term, where it is inside of them.
-    return quantity(inside if inside.size > ENOUGH else np.clip(values, *EXPONENTS))
+    return quantity(inside) if inside.size > ENOUGH else None
 
 
 def _size(weighing: Weighing, d: Drawn, values: np.ndarray) -> np.ndarray:
