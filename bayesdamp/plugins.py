@@ -88,6 +88,10 @@ class Registry(Generic[T]):
         """The names that ship or were asked for, without those that are merely installed; nothing is imported."""
         return sorted({*self._modules, *self._added})
 
+    def added(self) -> list[str]:
+        """The names that were asked for and do not ship; nothing is imported."""
+        return sorted(self._added)
+
     @cached_property
     def _modules(self) -> dict[str, str]:
         """Name to module of what ships, in the package or in a folder of it."""

@@ -9,7 +9,7 @@ import numpy as np
 
 from bayesdamp.config import Simulation
 from bayesdamp.config.checks import StudyError
-from bayesdamp.config.signals import resolve_signal
+from bayesdamp.config.signals import resolve_signal, term_keys
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.plugins import nearest
@@ -38,6 +38,15 @@ def pairs(texts: Sequence[str], option: str) -> dict[str, float]:
             raise InputError(f"{option} {name}: is given twice; once is enough")
         found[name] = number
     return found
+
+
+def terms_and_set(
+    damping: Mapping[str, float], other: Mapping[str, float], restoring: str
+) -> dict[str, object]:
+    """Coefficients by damping term and other parameters by name, as a study's `simulate` has them in one table."""
+    law = LAWS.get(restoring).parameters if restoring in LAWS.names() else ()
+    keys = {term: name for name, term in term_keys(law).items()}
+    return {**{keys.get(term, term): value for term, value in damping.items()}, **other}
 
 
 NOISE = 0.01

@@ -97,8 +97,8 @@ def comparison(
 
 
 def _sums() -> list[str]:
-    """All sums of the terms that ship, and each of the user's own, alone and beside each of these."""
-    own = [name for name in TERMS.present() if name not in PAPER_TERMS]
+    """All sums of the paper's terms, and each of the user's own, alone and beside each of these."""
+    own = TERMS.added()
     return all_sums() + [sum_ for name in own for sum_ in (name, *(f"{t}+{name}" for t in PAPER_TERMS))]
 
 

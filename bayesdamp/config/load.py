@@ -304,15 +304,16 @@ def _published(
 
 
 def _models(raw: object) -> Models:
-    from bayesdamp.physics.damping import all_sums
+    from bayesdamp.physics.damping import TERMS, all_sums
 
     checked = section(ModelsTable, raw, "models")
     names = all_sums() if checked.compare == "all" else checked.compare
     compare = canonical_models(tuple(names), "models.compare")
-    known_keys(checked.prior, damping_order(), "models.prior")
+    further = [p.name for t in damping_order() for p in TERMS.get(t).inferred]
+    known_keys(checked.prior, [*damping_order(), *further], "models.prior")
     return Models(
         compare,
-        {n: prior(v, f"models.prior.{n}", negative=False) for n, v in checked.prior.items()},
+        {n: prior(v, f"models.prior.{n}", negative=n in further) for n, v in checked.prior.items()},
         restoring_laws(checked.restoring or (), "models.restoring"),
         checked.prune,
     )

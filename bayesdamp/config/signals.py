@@ -218,10 +218,16 @@ def _system(
 
 def _simulation(raw: object, system: System, key: str) -> Simulation:
     law = LAWS.get(system.restoring)
-    numbers = (*law.parameters, *START, "epsilon", *NOISE)
+    own = (
+        {n for t in damping_order() if t in raw for n in TERMS.get(t).further}
+        if isinstance(raw, dict)
+        else set()
+    )
+    numbers = (*law.parameters, *START, "epsilon", *NOISE, *sorted(own - {"rest"}))
     options = SimulateTable.model_fields
     given = table(raw, key)
-    known_keys(given, [*TERMS.names(), *numbers, *options], key)
+    named = term_keys(law.parameters)
+    known_keys(given, [*named, *numbers, *options], key)
     settings = section(SimulateTable, {n: v for n, v in given.items() if n in options}, key)
 
     _check_translation(settings.unit, system.restoring, below(key, "unit"))
@@ -229,13 +235,17 @@ def _simulation(raw: object, system: System, key: str) -> Simulation:
         right = f"it must be at most samples ({settings.samples}), or their share below 1"
         raise StudyError(below(key, "outliers"), f"is {settings.outliers:g}; {right}")
 
-    terms = tuple(name for name in damping_order() if name in given)
+    terms = tuple(term for name, term in named.items() if name in given)
     if not terms:
-        valid = ", ".join(TERMS.names())
+        valid = ", ".join(named)
         raise StudyError(
             key, f"names no damping; give at least one of {valid} with its coefficient (0 for none)"
         )
-    truth = {TERMS.get(t).parameter: number(given[t], below(key, t), minimum=0.0) for t in terms}
+    truth = {
+        TERMS.get(t).parameter: number(given[name], below(key, name), minimum=0.0)
+        for name, t in named.items()
+        if name in given
+    }
     truth |= {n: system.known[n] for n in numbers if n in system.known}
     truth |= {
         n: number(given[n], below(key, n), positive=n in _POSITIVE, minimum=_MINIMUM.get(n))
@@ -274,6 +284,12 @@ def _check_motion(oscillator: Oscillator, truth: Mapping[str, float], duration: 
     if cycles > CYCLES:
         what = f"is {duration:g} s, in which it swings {cycles:.3g} times"
         raise StudyError(below(key, "duration"), f"{what}; it must be at most {CYCLES:g} cycles")
+
+
+def term_keys(law: tuple[str, ...]) -> dict[str, str]:
+    """The damping terms by the names that a simulation gives their coefficients under, the term's own; one that is a
+    parameter of the restoring law too goes by its coefficient's (`mu_3` for cubic damping beside a cubic spring)."""
+    return {TERMS.get(t).parameter if t in law else t: t for t in damping_order()}
 
 
 def damping_order() -> list[str]:

@@ -18,7 +18,7 @@ from bayesdamp.physics.damping import parse_model
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.pipeline.answer import Answer, answer
 from bayesdamp.priors import Prior
-from bayesdamp.store import CellResult, Store, write_bytes, write_json
+from bayesdamp.store import DAMPING_CURVES, CellResult, Store, write_bytes, write_json
 from bayesdamp.store.folders import claim
 from bayesdamp.types import OK, InputError
 from bayesdamp.verdict.specimen import specimen
@@ -63,17 +63,27 @@ class Comparison(Result):
 
     @property
     def curve(self) -> pd.DataFrame:
-        """Equivalent damping ratio against amplitude (unit of the displacement), with its 95 % interval."""
+        """The damping curve without a law: equivalent damping ratio, and energy lost in a cycle per unit of inertia
+        (rad²/s², or m), against amplitude (unit of the displacement), each with its 95 % interval."""
+        return self._joined({n: f"free/{n}" for n in DAMPING_CURVES})
+
+    @property
+    def law_curve(self) -> pd.DataFrame:
+        """Equivalent damping ratio against amplitude under the laws that were weighed, averaged over them by their
+        probability, with its 95 % interval."""
+        names = {"amplitude": "amplitude", "ratio": "ratio", "ratio_low": "low", "ratio_high": "high"}
+        return self._joined(names)
+
+    def _joined(self, names: Mapping[str, str]) -> pd.DataFrame:
+        """Arrays as columns, one record after the other; without rows where no record has them."""
         import pandas as pd
 
         parts = [
-            pd.DataFrame({n: a.arrays[n] for n in ("amplitude", "ratio", "low", "high")}).assign(
-                record=a.verdict.record
-            )
+            pd.DataFrame({column: a.arrays[n] for column, n in names.items()}).assign(record=a.verdict.record)
             for a in self.answers
-            if "amplitude" in a.arrays
+            if all(n in a.arrays for n in names.values())
         ]
-        return pd.concat(parts, ignore_index=True) if parts else pd.DataFrame()
+        return pd.concat(parts, ignore_index=True) if parts else pd.DataFrame(columns=[*names, "record"])
 
     def summary(self) -> pd.DataFrame:
         """A row a record, as in verdicts.csv."""

@@ -6,6 +6,7 @@ from functools import partial
 
 import numpy as np
 
+from bayesdamp.physics.kernel.trajectory import trajectory
 from bayesdamp.physics.oscillator import Oscillator, Parameters
 from bayesdamp.physics.solver import cycles, friction
 from bayesdamp.physics.solver.mesh import frozen_mesh
@@ -108,5 +109,7 @@ def simulate(
         raise ValueError(f"parameter {missing[0]!r} is missing; needed are {', '.join(osc.parameters)}")
     if quantity not in QUANTITIES:
         raise ValueError(f"quantity {quantity!r} is none of {', '.join(QUANTITIES)}")
+    if not all(term.traced for term in osc.terms):
+        return trajectory(osc, p, times, quantity)  # type: ignore[arg-type]
     plan = make_plan(osc, p, times, quantity, tolerance)
     return plan.at_samples(osc, p)

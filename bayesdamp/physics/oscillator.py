@@ -46,6 +46,11 @@ class Oscillator:
         return tuple(term.parameter for term in self.terms)
 
     @property
+    def further(self) -> tuple[str, ...]:
+        """Names of the terms' parameters beside their coefficients."""
+        return tuple(p.name for term in self.terms for p in term.inferred)
+
+    @property
     def switches(self) -> bool:
         """Whether ε matters: a term jumps with the sign of the velocity."""
         return any(term.switches for term in self.terms)
@@ -54,7 +59,7 @@ class Oscillator:
     def parameters(self) -> tuple[str, ...]:
         """Every parameter that a trajectory needs."""
         epsilon = ("epsilon",) if self.switches else ()
-        return (*self.coefficients, *self.law.parameters, *epsilon, "theta0", "omega0")
+        return (*self.coefficients, *self.further, *self.law.parameters, *epsilon, "theta0", "omega0")
 
     def damping_force(self, omega: ArrayLike, p: Parameters) -> Array:
         """F_damp(θ̇) in rad/s², of the shape of θ̇."""

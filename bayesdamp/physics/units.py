@@ -19,5 +19,6 @@ def parameter_unit(name: str, restoring: str, unit: str = "rad", quantity: str =
         return "rad/s"
     for term in map(TERMS.get, TERMS.present()):
         fixed[term.parameter] = term.unit
+        fixed |= {p.name: p.unit for p in term.inferred}
     found = fixed.get(name) or LAWS.get(restoring).unit(name)
     return found.replace("rad", unit)

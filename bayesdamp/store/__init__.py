@@ -5,6 +5,7 @@ from bayesdamp.store.files import write_bytes, write_json
 from bayesdamp.store.origin import provenance, sha256
 from bayesdamp.store.tables import (
     CALIBRATION_TABLES,
+    DAMPING_CURVES,
     SPECIMEN_TABLES,
     TABLES,
     VERDICTS,
@@ -14,6 +15,7 @@ from bayesdamp.store.tables import (
 
 __all__ = [
     "CALIBRATION_TABLES",
+    "DAMPING_CURVES",
     "SPECIMEN_TABLES",
     "TABLES",
     "VERDICTS",

@@ -124,6 +124,7 @@ _TABLES: dict[str, dict[str, tuple[str, str]]] = {
         "ratio_#": ("", "equivalent viscous damping ratio there"),
         "ratio_#_sd_noise": ("", "standard deviation of it from noise"),
         "ratio_#_sd_law": ("", "standard deviation of it from what the law does not hold"),
+        "unnamed": ("", "share of the energy lost that no sum of the terms explains"),
         "energy": ("", "share of the energy lost by each term, as `term:share(low,high)`"),
         "other_forms": ("", "share of it that an absent form takes at most (95 %), as `form:share`"),
         "cycles": ("", "cycles of the free decay"),

@@ -58,10 +58,15 @@ VERDICTS: tuple[str, ...] = (
         )
         for end in ends
     ),
-    "energy", "other_forms", "deviation", "deviation_low", "deviation_high", "unexplained_pct", "noise_pct",
+    "energy", "other_forms", "deviation", "deviation_low", "deviation_high", "unnamed", "unnamed_low", "unnamed_high",
+    "unexplained_pct", "noise_pct",
     "start", "stop", "cycles", "remarks", "sentence",
 )  # fmt: skip
 """Columns of verdicts.csv."""
+
+DAMPING_CURVES = ("amplitude", "ratio", "ratio_low", "ratio_high", "lost", "lost_low", "lost_high")
+"""Columns of damping_curves.csv after the record's name and the unit of the amplitude; arrays `free/NAME` of an
+answer."""
 
 CALIBRATION_TABLES = ("calibration.csv", "ranks.csv", "recovery.csv")
 

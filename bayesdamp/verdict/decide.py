@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from bayesdamp.inference.deviation.findings import Findings, Quantity
+from bayesdamp.inference.deviation.findings import Findings
+from bayesdamp.inference.deviation.numbers.quantities import Quantity
 from bayesdamp.physics.damping import TERMS
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.verdict import thresholds
@@ -64,6 +65,7 @@ def decide(
             *([Bound("any other form", found.other)] if approximate else []),
         ),
         deviation=_interval(found.deviation) if approximate else None,
+        unnamed=None if found.unnamed is None else _interval(found.unnamed),
         unexplained_pct=100 * found.unexplained,
         noise_pct=100 * found.noise,
         coefficients=_coefficients(found, unit),
@@ -108,6 +110,7 @@ def _energy(found: Findings) -> tuple[Share, ...]:
 def _coefficients(found: Findings, unit: str) -> tuple[Coefficient, ...]:
     units: Mapping[str, str] = {
         **{TERMS.get(t).parameter: TERMS.get(t).unit for t in found.best.damping},
+        **{p.name: p.unit for t in found.best.damping for p in TERMS.get(t).inferred},
         **{n: LAWS.get(found.best.restoring).unit(n) for n in LAWS.get(found.best.restoring).parameters},
     }
     return tuple(

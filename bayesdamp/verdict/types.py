@@ -102,8 +102,8 @@ class Verdict:
     """What is said of one record; the file `verdict.json` holds a list of these.
 
     decided: whether one damping is named without reservation. deviation: energy-weighted mean of the relative
-    deviation from the law. unexplained_pct, noise_pct: root mean square beyond the noise, and of the noise, in % of
-    the amplitude.
+    deviation from the law. unnamed: share of the energy that no named law explains. unexplained_pct, noise_pct: root
+    mean square beyond the noise, and of the noise, in % of the amplitude.
     """
 
     record: str
@@ -120,6 +120,7 @@ class Verdict:
     energy: tuple[Share, ...] = ()
     other_forms: tuple[Bound, ...] = ()
     deviation: Interval | None = None
+    unnamed: Interval | None = None
     unexplained_pct: float = float("nan")
     noise_pct: float = float("nan")
     coefficients: tuple[Coefficient, ...] = ()
@@ -166,7 +167,13 @@ class Verdict:
         return json.dumps(self.to_dict(), indent=1, ensure_ascii=False)
 
 
-_SINGLE = {"frequency": Interval, "exponent": Interval, "deviation": Interval, "window": Window}
+_SINGLE = {
+    "frequency": Interval,
+    "exponent": Interval,
+    "deviation": Interval,
+    "unnamed": Interval,
+    "window": Window,
+}
 _LISTS = {
     "rivals": Rival,
     "damping_ratio": DampingRatio,

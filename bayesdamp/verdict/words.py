@@ -6,19 +6,12 @@ from collections.abc import Sequence
 from math import floor, isfinite, log10
 from typing import TYPE_CHECKING
 
+from bayesdamp.physics.damping import words_of
 from bayesdamp.verdict import thresholds
 from bayesdamp.verdict.types import DampingRatio, Grade, Interval, Verdict
 
 if TYPE_CHECKING:
     from bayesdamp.inference.deviation.findings import Findings
-
-NAMES = {
-    "viscous": "viscous",
-    "coulomb": "Coulomb (dry friction)",
-    "quadratic": "quadratic (drag)",
-    "displacement": "one that grows with the square of the displacement",
-}
-
 
 UNSEEN = 1e-3
 """Deviation from a law below which it is not given a size."""
@@ -26,7 +19,7 @@ UNSEEN = 1e-3
 
 def named(damping: str) -> str:
     """A sum's name in words."""
-    return " + ".join(NAMES.get(term, term) for term in damping.split("+"))
+    return " + ".join(words_of(term) for term in damping.split("+"))
 
 
 def digits(value: float, width: float) -> str:
@@ -83,7 +76,7 @@ def sentence(v: Verdict) -> str:
     between = [f"{named(name)} ({probability(p)})" for name, p in shown]
     sure = [s.term for s in v.energy if s.probability >= thresholds.TERM_SURE]
     part = (
-        f"; {' and '.join(NAMES.get(t, t) for t in sure)} {'is' if len(sure) == 1 else 'are'} sure"
+        f"; {' and '.join(words_of(t) for t in sure)} {'is' if len(sure) == 1 else 'are'} sure"
         if sure
         else ""
     )
@@ -103,8 +96,7 @@ def _budget(v: Verdict) -> str:
     if len(shares) < 2:
         return ""
     parts = [
-        f"{NAMES.get(s.term, s.term)} {100 * s.share:.0f} % ({100 * s.low:.0f} to {100 * s.high:.0f})"
-        for s in shares
+        f"{words_of(s.term)} {100 * s.share:.0f} % ({100 * s.low:.0f} to {100 * s.high:.0f})" for s in shares
     ]
     return f"; of the energy lost, {', '.join(parts)}"
 
@@ -112,11 +104,11 @@ def _budget(v: Verdict) -> str:
 def energy_of(v: Verdict) -> str:
     """The energy budget, and what is bounded of other forms."""
     parts = [
-        f"{NAMES.get(s.term, s.term)} {100 * s.share:.0f} % ({100 * s.low:.0f} to {100 * s.high:.0f})"
+        f"{words_of(s.term)} {100 * s.share:.0f} % ({100 * s.low:.0f} to {100 * s.high:.0f})"
         for s in v.energy
         if s.high > 0.005
     ]
-    absent = [f"{NAMES.get(b.form, b.form)} below {100 * b.share_below:.2g} %" for b in v.other_forms]
+    absent = [f"{words_of(b.form)} below {100 * b.share_below:.2g} %" for b in v.other_forms]
     budget = f"energy lost: {', '.join(parts)}" if parts else ""
     return "; ".join(part for part in (budget, ", ".join(absent)) if part)
 
@@ -144,6 +136,11 @@ def _kind(e: Interval) -> str:
     return f": {held[0]}" if len(held) == 1 else ""
 
 
+def _plain(name: str) -> str:
+    """A parameter's name in a sentence."""
+    return name.replace("_", " ")
+
+
 def remarks(v: Verdict, found: Findings, same: bool, notes: Sequence[str]) -> tuple[str, ...]:
     """Reservations, the largest first, each with its size."""
     said: list[tuple[float, str]] = []
@@ -166,5 +163,11 @@ def remarks(v: Verdict, found: Findings, same: bool, notes: Sequence[str]) -> tu
                 f"{_kind(e)}.",
             )
         )
+    for name in found.untold:
+        said.append(
+            (0.6, f"The record does not tell the {_plain(name)}: its interval is that of what was assumed.")
+        )
+    for one, other in found.tied:
+        said.append((0.6, f"{_plain(one)} and {_plain(other)} are told together only, not each by itself."))
     said += [(0.0, note) for note in notes]
     return tuple(text for _, text in sorted(said, key=lambda item: -item[0]))

@@ -26,7 +26,9 @@ def test_a_comparison_names_the_damping(tmp_path: Path) -> None:
     assert result.verdict.damping == "viscous"
     assert {"damping", "log_evidence", "outcome"} <= set(result.table.columns)
     assert result.table.groupby("record")["log_evidence"].max().eq(0).all()
-    assert (result.curve["low"] <= result.curve["high"]).all()
+    assert (result.curve["ratio_low"] <= result.curve["ratio_high"]).all()
+    assert (result.curve["lost_low"] <= result.curve["lost_high"]).all()
+    assert list(result.law_curve.columns) == ["amplitude", "ratio", "ratio_low", "ratio_high", "record"]
     assert result.verdict.sentence in repr(result)
     page = result.report(tmp_path / "rig.html").read_text(encoding="utf-8")
     assert result.verdict.sentence.split(":")[0] in page

@@ -11,47 +11,103 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from bayesdamp.physics.damping import TERMS, DampingTerm, all_sums, model_name, parse_model
+from bayesdamp.physics.damping import GIVEN, TERMS, DampingTerm, all_sums, median, model_name, parse_model
 from bayesdamp.physics.elementary import cosine, sine, smooth_sign
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.physics.restoring import LAWS as LAW_PLUGINS
 from bayesdamp.physics.restoring import RestoringLaw
-from bayesdamp.types import InputError
+from bayesdamp.types import InputError, Refusal
 from tests.physics.independent import LAWS, drag, restoring
 
+TRACED = [name for name in TERMS.names() if type(TERMS.get(name)).shape is not DampingTerm.shape]
 GRID = np.linspace(-0.6, 0.7, 57)
 
 
 @pytest.mark.parametrize("name", TERMS.names())
 def test_contract_of_a_term(name):
+    """Odd in the velocity about rest, and it takes energy out, wherever it is."""
     term = TERMS.get(name)
     assert isinstance(term, DampingTerm)
     assert term.name == name
     assert term.parameter
     assert term.unit
-    v = jnp.asarray(np.linspace(-3, 3, 13))
-    for epsilon in (0.0, 1e-3, 0.1) if term.switches else (0.1,):
-        force = np.asarray(term.shape(v, epsilon))
-        assert force.shape == v.shape
-        assert np.all(force * np.asarray(v) >= 0)  # takes energy out
-        np.testing.assert_allclose(force, -force[::-1], atol=5e-13)  # no side is preferred
+    assert term.words
+    assert set(term.given) <= set(GIVEN)
+    further = {p.name: median(p.prior(0.3, 4.5)) for p in term.inferred}
+    assert set(further) >= {n for n, _ in term.reduces}
+    force = term.at({"rest": 0.1, "reference_velocity": 1.3, "reference_amplitude": 0.3, **further})
+    for epsilon in (1e-3, 0.1):
+        for x in (-0.2, 0.1, 0.35):
+            for v in np.linspace(0.0, 3, 13):
+                assert force(x, v, epsilon) * v >= 0
+                assert force(x, -v, epsilon) == pytest.approx(-force(x, v, epsilon), abs=5e-13)
+
+
+@pytest.mark.parametrize("name", TRACED)
+def test_the_traced_force_is_the_kernel(name):
+    term, v = TERMS.get(name), jnp.asarray(np.linspace(-3, 3, 13))
+    force = np.asarray(term.shape(v, 0.1))
+    assert force.shape == v.shape
+    np.testing.assert_allclose(force, [term.kernel(0.2, float(one), 0.1) for one in v], atol=1e-12)
     assert np.all(np.isfinite(np.asarray(jax.vmap(jax.grad(lambda x: term.shape(x, 0.1)))(v))))
+    if term.switches:
+        np.testing.assert_allclose(np.asarray(term.shape(v, 0.0)), np.sign(v), atol=0)
+
+
+@pytest.mark.parametrize("name", sorted(set(TERMS.names()) - set(TRACED)))
+def test_a_term_that_cannot_be_traced_says_so(name):
+    with pytest.raises(Refusal, match=f"{name} damping is weighed and simulated only"):
+        TERMS.get(name).shape(1.0, 0.1)
 
 
 @pytest.mark.parametrize("name", TERMS.names())
 @pytest.mark.parametrize(("amplitude", "frequency"), [(0.3, 4.47), (1.7, 0.6)])
 def test_equivalent_ratio(name, amplitude, frequency):
-    """Energy lost in a cycle of a harmonic motion, by quadrature, over that of a viscous ratio of 1."""
+    """Energy lost in a cycle of a harmonic motion, by SciPy's quadrature, over that of a viscous ratio of 1."""
     term = TERMS.get(name)
+    known = {"rest": 0.2, "reference_velocity": amplitude * frequency, "reference_amplitude": amplitude}
+    known |= {p.name: median(p.prior(amplitude, frequency)) for p in term.inferred}
+    force = term.at(known)
 
     def power(t: float) -> float:
         v = -amplitude * frequency * math.sin(frequency * t)
-        return float(term.shape(v, 0.0 if term.switches else 1.0)) * v
+        return force(0.2 + amplitude * math.cos(frequency * t), v, 1e-12) * v
 
     quarter = math.pi / 2 / frequency
-    lost = 4 * quad(power, 0, quarter, epsabs=1e-12, epsrel=1e-10, limit=20)[0]
+    lost = sum(
+        quad(power, i * quarter, (i + 1) * quarter, epsabs=1e-12, epsrel=1e-10, limit=50)[0] for i in range(4)
+    )
     expected = lost / (2 * math.pi * frequency**2 * amplitude**2)
-    assert term.ratio_per_unit(amplitude, frequency) == pytest.approx(expected, rel=1e-7)
+    assert term.ratio_per_unit(amplitude, frequency) == pytest.approx(expected, rel=1e-6)
+    by_rule = term.work(amplitude, frequency, {n: v for n, v in known.items() if n not in GIVEN})
+    assert by_rule == pytest.approx(lost, rel=1e-6)
+    assert by_rule != pytest.approx(1.01 * lost, rel=1e-6)  # control
+
+
+CLOSED = {
+    "cubic": ({}, lambda a, w: 3 * math.pi / 4 * w**3 * a**4),
+    "displacement": ({}, lambda a, w: math.pi / 4 * w * a**4),
+    "structural": ({}, lambda a, w: 2 * a**2),
+    "power": ({"exponent": 2.0, "reference_velocity": 1.0}, lambda a, w: 8 / 3 * w**2 * a**3),
+    "stribeck": ({"static_excess": 0.0, "stribeck_velocity": 0.3}, lambda a, w: 4 * a),
+    "dry_position": (
+        {"friction_slope": 0.3, "friction_curvature": 0.7, "reference_amplitude": 0.5},
+        lambda a, w: 4 * a * (1 + 0.7 * (a / 0.5) ** 2 / 3),
+    ),
+}
+
+
+@pytest.mark.parametrize("name", CLOSED)
+def test_energy_in_a_cycle_by_closed_forms(name):
+    further, lost = CLOSED[name]
+    assert TERMS.get(name).work(0.4, 3.0, further) == pytest.approx(lost(0.4, 3.0), rel=1e-6)
+
+
+def test_a_stribeck_friction_that_nowhere_rises_is_its_kinetic_one():
+    """At a Stribeck velocity far above the motion's it is the static friction all along."""
+    term = TERMS.get("stribeck")
+    static = term.work(0.4, 3.0, {"static_excess": 0.5, "stribeck_velocity": 1e4})
+    assert static == pytest.approx(1.5 * 4 * 0.4, rel=1e-6)
 
 
 @pytest.mark.parametrize("model", all_sums())

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from bayesdamp.config import load_study
-from bayesdamp.physics.damping import TERMS
+from bayesdamp.physics.damping import PAPER_TERMS, TERMS, others
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.pipeline import run_study
 from bayesdamp.plugins import read_modules, use
@@ -192,7 +192,7 @@ def test_a_wrong_module_is_one_line(name, tmp_path):
     with pytest.raises(InputError, match=said) as caught:
         use(read_modules([tmp_path / name]))
     assert "\n" not in str(caught.value)
-    assert set(TERMS.names()) == {"viscous", "coulomb", "quadratic"}
+    assert set(TERMS.names()) == {*PAPER_TERMS, *others()}
 
 
 def test_one_module_after_another():

@@ -86,7 +86,9 @@ def compare(
     damping: Annotated[
         list[str] | None,
         typer.Option(
-            help="A damping sum to compare, may be given again; all by default.", rich_help_panel=WEIGHED
+            help="Damping sums to compare, such as stribeck,viscous+cubic, may be given again; by default all of "
+            "viscous, Coulomb and quadratic damping.",
+            rich_help_panel=WEIGHED,
         ),
     ] = None,
     noise: Annotated[
@@ -185,6 +187,7 @@ def compare(
     from bayesdamp.plugins import read_modules
 
     plugins = read_modules(plugin or ())
+    sums = [one.strip() for given in damping or () for one in given.split(",")]
     bounds = _bound(start, "--start"), _bound(stop, "--stop")
     reading = Options(
         time, angle, rate, time_unit, unit, quantity, clock, *bounds, runs, tuple(channel or ())
@@ -192,7 +195,7 @@ def compare(
     found, said = chosen_records(records, reading)
     for line in said if not quiet else ():
         typer.echo(line, err=True)
-    with _early_processes(workers, damping or (), restoring or ()) as pool:
+    with _early_processes(workers, sums, restoring or ()) as pool:
         from rich.console import Console
 
         from bayesdamp.config.compare import comparison
@@ -200,7 +203,7 @@ def compare(
         made = comparison(
             as_signals(found, reading),
             restoring=restoring or (),
-            damping=damping or (),
+            damping=sums,
             noise=noise,
             seed=seed,
             repeats=repeats,

@@ -32,11 +32,11 @@ def simulate(
     ] = None,
 ) -> int:
     """Write a simulated record to play with: a CSV of times in s and angles in rad."""
-    from bayesdamp.cli.simulated import pairs, simulated, write_csv
+    from bayesdamp.cli.simulated import pairs, simulated, terms_and_set, write_csv
     from bayesdamp.plugins import read_modules, use
 
     use(read_modules(plugin or ()))
-    given: dict[str, object] = {**pairs(damping, "--damping"), **pairs(set_ or [], "--set")}
+    given = terms_and_set(pairs(damping, "--damping"), pairs(set_ or [], "--set"), restoring)
     given |= {"duration": duration, "samples": samples}
     given |= {} if noise_sd is None else {"noise_sd": noise_sd}
     record, sd = simulated(given, restoring, seed)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 
@@ -12,16 +13,16 @@ from bayesdamp.inference.deviation.gaussian.hyperparameters import Grid, grid_of
 from bayesdamp.inference.deviation.gaussian.linear import Linear, Weighed, condensed, weigh
 from bayesdamp.inference.deviation.least_squares import SEARCHED, Fit, fit, nonnegative
 from bayesdamp.inference.deviation.parameters import Parameters
-from bayesdamp.inference.model.defaults import RATIO_SCALE, Reference, default_prior
-from bayesdamp.physics.forms import FORMS, acting
+from bayesdamp.inference.model.defaults import Reference, default_prior
+from bayesdamp.physics.damping import TERMS
 from bayesdamp.physics.kernel import Motion, Solver
 from bayesdamp.physics.kernel.solve import ALL, NONE
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.physics.restoring import LAWS
-from bayesdamp.priors import HalfNormal, Prior, Uniform
+from bayesdamp.priors import Prior
 
-OF_FORMS: Mapping[str, Prior] = {"exponent": Uniform(low=0.0, high=3.0)}
-"""Priors of what forms take further and is inferred."""
+STARTS = (-1.0, 0.0, 1.0)
+"""Scores of a further parameter from which searches start."""
 RELINEARISED = 8
 """Gauss–Newton steps of parameters and deviations together, at most."""
 SETTLED = 0.3
@@ -63,13 +64,8 @@ def parameters_of(
     known: Mapping[str, float],
 ) -> Parameters:
     """Default priors for what is neither known nor given one."""
-    terms = tuple(t for t in candidate.damping if t not in FORMS.names())
-    osc = Oscillator(terms, candidate.restoring)
+    osc = Oscillator(candidate.damping, candidate.restoring)
     found: dict[str, Prior] = {}
-    for form in (FORMS.get(t) for t in candidate.damping if t not in terms):
-        per_unit = form.ratio_per_unit(reference.amplitude, reference.frequency)
-        found[form.parameter] = HalfNormal(scale=RATIO_SCALE / per_unit)
-        found |= {n: OF_FORMS[n] for n in form.further if n in OF_FORMS}
     for name in solver.names:
         absent = name not in osc.parameters
         if absent or (name in known and name not in osc.coefficients):
@@ -87,7 +83,7 @@ def first_values(candidate: Candidate, data: Data, known: Mapping[str, float]) -
     ratio = fallen / (2 * np.pi * max(data.cycles, 1.0)) / len(candidate.damping)
     middle = np.sqrt(data.amplitude * max(data.final_amplitude, 1e-3 * data.amplitude))
     found = {
-        acting(t).parameter: ratio / acting(t).ratio_per_unit(float(middle), data.frequency)
+        TERMS.get(t).parameter: ratio / TERMS.get(t).ratio_per_unit(float(middle), data.frequency)
         for t in candidate.damping
     }
     given = {k: v for k, v in known.items() if k in law.parameters}
@@ -97,6 +93,19 @@ def first_values(candidate: Candidate, data: Data, known: Mapping[str, float]) -
         "theta0": data.start[0],
         "omega0": data.start[1],
     }
+
+
+def starts_of(candidate: Candidate, parameters: Parameters) -> list[dict[str, float]]:
+    """Values of the terms' further parameters that searches start from: low, middle and high in their priors."""
+    names = [p.name for t in candidate.damping for p in TERMS.get(t).inferred if p.name in parameters.priors]
+    scores = [
+        (0.7,) if parameters.priors[n].reflected else (STARTS if len(names) == 1 else STARTS[::2])
+        for n in names
+    ]
+    return [
+        {n: float(parameters.priors[n].value(np.asarray(z))) for n, z in zip(names, row, strict=True)}
+        for row in product(*scores)
+    ]
 
 
 def active_of(candidate: Candidate, solver: Solver) -> np.ndarray:
@@ -205,5 +214,5 @@ def searched(
 
 __all__ = [
     "Candidate", "Linearised", "Weighed", "active_of", "exact", "first_values", "linearised", "mode_of",
-    "parameters_of", "relinearised", "searched",
+    "parameters_of", "relinearised", "searched", "starts_of",
 ]  # fmt: skip

@@ -1,4 +1,4 @@
-"""What a weighing says: draws over candidates, hyperparameters and coefficients, and the numbers that follow."""
+"""What a weighing says: the numbers that a verdict is made of."""
 
 from __future__ import annotations
 
@@ -8,48 +8,32 @@ from dataclasses import dataclass
 import numpy as np
 
 from bayesdamp.inference.deviation.candidate import Candidate
-from bayesdamp.inference.deviation.gaussian.linear import Weighed
-from bayesdamp.inference.deviation.gaussian.orthant import draw
-from bayesdamp.inference.deviation.orbit import Cycle, cycle_at, natural_frequency, rest_of
-from bayesdamp.inference.deviation.weighing import Result, Weighing
-from bayesdamp.physics.damping import TERMS
-from bayesdamp.physics.restoring import LAWS
+from bayesdamp.inference.deviation.numbers.bounds import bounds_of_others
+from bayesdamp.inference.deviation.numbers.curves import ratio_at, times_of
+from bayesdamp.inference.deviation.numbers.draws import (
+    DRAWS,
+    Drawn,
+    drawn_from,
+    draws_of,
+    posterior_scores,
+    probabilities,
+    summed,
+)
+from bayesdamp.inference.deviation.numbers.free import FreeCurve, free_curve
+from bayesdamp.inference.deviation.numbers.quantities import Quantity, Ratio, quantity
+from bayesdamp.inference.deviation.numbers.shares import shares_of
+from bayesdamp.inference.deviation.numbers.unnamed import AS_WIDE, tied, unnamed_share, untold
+from bayesdamp.inference.deviation.orbit import natural_frequency, rest_of
+from bayesdamp.inference.deviation.weighing import Weighing
 
-DRAWS = 4000
 SENSOR = 0.002
 """Relative standard deviation below which no rate is known: the sensor's linearity and the clock's."""
-EXOTIC = 0.1
-"""Prior weight of a sum with another form of damping."""
-THIRD = 0.5
-"""Prior weight of a sum of three terms beside sums of one or two."""
-NEGLIGIBLE = 1e-4
+EXPONENTS = (0.0, 3.0)
+"""Between which a power law's exponent is uniform beforehand."""
+ENOUGH = 100
+"""Draws between these that an interval is made of."""
 CURVE = 12
 """Amplitudes of a curve."""
-SHOWN = 0.99
-"""Probability of the candidates together from which the others are not drawn from."""
-
-
-@dataclass(frozen=True)
-class Quantity:
-    """A number: median, 95 % interval, and the parts of its standard deviation from noise and from the law."""
-
-    value: float
-    low: float
-    high: float
-    sd_noise: float = float("nan")
-    sd_law: float = float("nan")
-
-
-@dataclass(frozen=True)
-class Ratio:
-    """Equivalent viscous damping ratio at an amplitude (rad or m)."""
-
-    amplitude: float
-    value: float
-    low: float
-    high: float
-    sd_noise: float
-    sd_law: float
 
 
 @dataclass(frozen=True)
@@ -63,6 +47,8 @@ class Findings:
     deviation, restoring_deviation: energy-weighted mean of the relative deviation of the damping and restoring laws.
     other: 95 % upper limit of the share of any other form. coefficients: under the likeliest sum. unexplained, noise:
     root mean square of what the likeliest candidate leaves beyond noise, and of the noise, as shares of the amplitude.
+    free: the damping curve without a law; unnamed: share of the energy that no sum of the terms explains; untold, tied:
+    parameters of the likeliest sum that the record does not tell, and pairs that it tells only together.
     """
 
     damping: Mapping[str, float]
@@ -85,44 +71,10 @@ class Findings:
     noise: float
     amplitudes: tuple[float, float]
     cycles: float
-
-
-@dataclass(frozen=True)
-class _Drawn:
-    """Draws of one candidate: coefficients (n, m), log g and h at the knots (n, k), law's parameters (n, r)."""
-
-    result: Result
-    coefficients: np.ndarray
-    g: np.ndarray
-    h: np.ndarray
-    law: np.ndarray
-
-
-def probabilities(weighing: Weighing, exact: bool) -> dict[Candidate, float]:
-    """Posterior probability of each candidate. Prior: the sums alike, of three half; laws alike."""
-    logs: dict[Candidate, float] = {}
-    for r in (*weighing.results, *weighing.forms):
-        weighed = r.exact_weighed if exact else r.weighed
-        if weighed is None:
-            continue
-        odds = THIRD if len(r.candidate.damping) > 2 else 1.0
-        odds *= EXOTIC if r in weighing.forms else 1.0
-        sampled = r.sampled is not None and exact == (r.weighed is None)
-        logs[r.candidate] = (r.log_evidence if sampled else weighed.log_evidence) + np.log(odds)
-    if not logs:  # none could be linearised: exact laws are all that is known
-        return probabilities(weighing, True)
-    top = max(logs.values())
-    total = sum(np.exp(v - top) for v in logs.values())
-    return {c: float(np.exp(v - top) / total) for c, v in logs.items()}
-
-
-def summed(found: Mapping[Candidate, float], key: str) -> dict[str, float]:
-    """Probabilities by damping sum ("damping") or by law ("restoring"), the largest first."""
-    totals: dict[str, float] = {}
-    for c, p in found.items():
-        name = "+".join(c.damping) if key == "damping" else c.restoring
-        totals[name] = totals.get(name, 0.0) + p
-    return dict(sorted(totals.items(), key=lambda item: -item[1]))
+    free: FreeCurve | None = None
+    unnamed: Quantity | None = None
+    untold: tuple[str, ...] = ()
+    tied: tuple[tuple[str, str], ...] = ()
 
 
 def default_amplitudes(weighing: Weighing) -> tuple[float, float, float]:
@@ -152,32 +104,37 @@ def findings(
     exotic = sum(p for c, p in everything.items() if c not in own)
     chosen = {c: p / max(1 - exotic, 1e-300) for c, p in everything.items() if c in own}
     wanted = tuple(amplitudes) if amplitudes is not None else default_amplitudes(weighing)
-    drawn = _drawn(weighing, chosen, approximate, rng)
+    drawn = drawn_from(weighing, chosen, approximate, rng)
     best = max(chosen, key=lambda c: chosen[c])
     result = next(r for r in weighing.results if r.candidate == best)
     terms = next(iter(weighing.solvers.values())).terms
-    shares = _shares(weighing, drawn)
+    shares = shares_of(weighing, drawn)
     damping = summed(chosen, "damping")
     absent = _bounds(weighing, best, approximate, terms, rng)
+    forms = bounds_of_others(weighing, result, approximate, np.random.default_rng([seed, 1]))
     size = np.concatenate([_size(weighing, d, d.g) for d in drawn])
     size_h = np.concatenate([_size(weighing, d, d.h) for d in drawn])
     left = result.about.left if result.about is not None else result.fit.residual
     clean = float(left @ left) / max(left.size - (result.about.u.size if result.about else 0), 1)
+    curve = tuple(ratio_at(weighing, drawn, a, sensor if approximate else 0.0, rng) for a in _grid(weighing))
+    solver = weighing.solvers[best.restoring]
+    of_best = next((d for d in drawn if d.result.candidate == best), None)
+    exponent = _exponent(weighing, approximate, rng)
     rest = max(float(result.fit.residual @ result.fit.residual) / left.size - clean, 0.0)
     return Findings(
         damping={n: p * (1 - exotic) for n, p in damping.items()},
         exotic=summed({c: p for c, p in everything.items() if c not in own}, "damping"),
-        exponent=_exponent(weighing, approximate, rng),
+        exponent=exponent,
         exact=summed({c: p for c, p in exact_all.items() if c in own}, "damping"),
         restoring=summed(chosen, "restoring"),
         term={t: sum(p for c, p in chosen.items() if t in c.damping) for t in terms},
-        ratios=tuple(_ratio(weighing, drawn, a, sensor if approximate else 0.0, rng) for a in wanted),
-        curve=tuple(_ratio(weighing, drawn, a, sensor if approximate else 0.0, rng) for a in _grid(weighing)),
+        ratios=tuple(ratio_at(weighing, drawn, a, sensor if approximate else 0.0, rng) for a in wanted),
+        curve=curve,
         frequency=_frequency(weighing, drawn),
-        energy={t: _quantity(shares[:, i]) for i, t in enumerate(terms)},
-        bound=absent,
-        deviation=_quantity(size),
-        restoring_deviation=_quantity(size_h),
+        energy={t: quantity(shares[:, i]) for i, t in enumerate(terms)},
+        bound=forms | absent,
+        deviation=quantity(size),
+        restoring_deviation=quantity(size_h),
         other=float(np.quantile(size, 0.95)),
         coefficients=_coefficients(weighing, drawn, best),
         best=best,
@@ -185,6 +142,13 @@ def findings(
         noise=float(np.sqrt(clean)) / weighing.data.recorded_amplitude,
         amplitudes=(weighing.data.amplitude, weighing.data.final_amplitude),
         cycles=weighing.data.cycles,
+        free=free_curve(weighing, best.restoring, curve, np.random.default_rng([seed, 2])),
+        unnamed=unnamed_share(weighing, drawn, _grid(weighing)) if approximate else None,
+        untold=(
+            *(untold(of_best, solver) if of_best is not None else ()),
+            *_untold_exponent(weighing, exponent),
+        ),
+        tied=tied(of_best, solver) if of_best is not None else (),
     )
 
 
@@ -194,217 +158,19 @@ def _grid(weighing: Weighing) -> tuple[float, ...]:
     return tuple(map(float, np.geomspace(data.amplitude, data.final_amplitude, CURVE)))
 
 
-def _quantity(values: np.ndarray, noise: float = float("nan")) -> Quantity:
-    low, middle, high = (float(q) for q in np.quantile(values, (0.025, 0.5, 0.975)))
-    law = float(np.sqrt(max(float(np.var(values)) - noise**2, 0.0))) if np.isfinite(noise) else float("nan")
-    return Quantity(middle, low, high, noise, law)
-
-
-def _drawn(
-    weighing: Weighing, chosen: Mapping[Candidate, float], approximate: bool, rng: np.random.Generator
-) -> list[_Drawn]:
-    """Draws of the candidates that count, each as often as it is probable."""
-    order = sorted(chosen.items(), key=lambda item: -item[1])
-    kept, total = [], 0.0
-    for c, p in order:
-        kept.append((c, p))
-        total += p
-        if total > SHOWN:
-            break
-    found = []
-    for c, p in kept:
-        result = next(r for r in weighing.results if r.candidate == c)
-        count = round(DRAWS * p / total)
-        if count:
-            found.append(_draws_of(weighing, result, count, approximate, rng))
-    return found
-
-
-def _draws_of(
-    weighing: Weighing, result: Result, count: int, approximate: bool, rng: np.random.Generator
-) -> _Drawn:
-    weighed = result.weighed if approximate else result.exact_weighed
-    assert weighed is not None
-    d, parameters = result.fit.z.size, result.fit.parameters
-    knots = weighing.solvers[result.candidate.restoring].knots.size
-    u = _posterior(result, weighed, count, rng)
-    z, rest = u[:, :d], u[:, d:]
-    if not approximate:
-        rest = np.zeros((count, 2 * knots))
-    m = len(weighing.solvers[result.candidate.restoring].terms)
-    r = len(LAWS.get(result.candidate.restoring).parameters)
-    values = parameters.values(z)
-    return _Drawn(result, values[:, :m], rest[:, :knots], rest[:, knots:], values[:, m : m + r])
-
-
-def _posterior(result: Result, weighed: Weighed, count: int, rng: np.random.Generator) -> np.ndarray:
-    """Draws u, (count, K), of a candidate's posterior: of its motions where they were sampled."""
-    if result.sampled is not None and result.sampled.trusted:
-        drawn = result.sampled.draws
-        return drawn[rng.choice(len(drawn), count, replace=count > len(drawn))]
-    weights = np.where(weighed.weights > NEGLIGIBLE, weighed.weights, 0.0)
-    numbers = rng.multinomial(count, weights / weights.sum())
-    places, taken = np.flatnonzero(result.fit.parameters.positive), np.flatnonzero(numbers)
-    parts = [draw(rng, weighed.means[i], weighed.factors[i], places, int(numbers[i])) for i in taken]
-    return np.concatenate(parts)
-
-
-def _times(result: Result) -> tuple[np.ndarray, np.ndarray]:
-    """Times in s of a motion's half cycles, and half the distance of their turning points, in falling order."""
-    motion = result.motion
-    v = motion.states[:, 1]
-    turns = np.flatnonzero(v[:-1] * v[1:] <= 0)
-    share = v[turns] / np.where(v[turns] == v[turns + 1], 1.0, v[turns] - v[turns + 1])
-    t = motion.times[turns] + share * (motion.times[turns + 1] - motion.times[turns])
-    h = motion.times[turns + 1] - motion.times[turns]
-    x = motion.states[turns, 0] + h * share * (
-        motion.states[turns, 1] + 0.5 * h * share * motion.states[turns, 2]
-    )
-    sizes, at = 0.5 * np.abs(np.diff(x)), 0.5 * (t[1:] + t[:-1])
-    good = sizes > 0
-    return at[good], np.minimum.accumulate(sizes[good])
-
-
-def _share_of_time(weighing: Weighing, result: Result, amplitude: float) -> float:
-    """When the motion has this amplitude, as a share of the record."""
-    at, sizes = _times(result)
-    if at.size < 2:
-        return 0.5
-    t = np.interp(-np.log(amplitude), -np.log(sizes), at)
-    return float(np.clip(t / weighing.data.t[-1], 0.0, 1.0))
-
-
-def cycle_of(
-    weighing: Weighing, result: Result, amplitude: float, epsilon: float | None = None
-) -> Cycle | None:
-    """The cycle of an amplitude under a result's own law; epsilon: in place of its own."""
-    c, solver = result.candidate, weighing.solvers[result.candidate.restoring]
-    z = result.about.u[: result.fit.z.size] if result.about is not None else result.fit.z
-    p = result.fit.parameters.values(z)
-    m, r = len(solver.terms), len(LAWS.get(c.restoring).parameters)
-    law = p[m : m + r]
-    rest = rest_of(c.restoring, law, weighing.data.rest, 2 * weighing.data.amplitude)
-    if rest is None:
-        return None
-    return cycle_at(
-        amplitude, solver.terms, solver.epsilon if epsilon is None else epsilon, c.restoring, law, rest
-    )
-
-
-def _at(values: np.ndarray, share: float) -> np.ndarray:
-    """Values at equidistant knots, (n, k), at a share of the record: (n,)."""
-    k = values.shape[1]
-    at = share * (k - 1)
-    i = min(int(at), k - 2)
-    return (1 - at + i) * values[:, i] + (at - i) * values[:, i + 1]
-
-
-def _ratio(
-    weighing: Weighing, drawn: Sequence[_Drawn], amplitude: float, sensor: float, rng: np.random.Generator
-) -> Ratio:
-    values, noises, weights = [], [], []
-    for d in drawn:
-        cycle = cycle_of(weighing, d.result, amplitude)
-        if cycle is None:
-            continue
-        share = _share_of_time(weighing, d.result, amplitude)
-        each = _under_frictions(weighing, d, amplitude, cycle, rng)
-        values.append(each * np.exp(_at(d.g, share)) / (1 + _at(d.h, share)))
-        noises.append(_noise_sd(weighing, d.result, cycle))
-        weights.append(len(d.coefficients))
-    if not values:
-        return Ratio(amplitude, *(float("nan"),) * 5)
-    found = np.concatenate(values)
-    found = found * (1 + sensor * rng.standard_normal(found.size))
-    noise = float(np.average(noises, weights=weights))
-    q = _quantity(found, min(noise, float(np.std(found))))
-    return Ratio(amplitude, q.value, q.low, q.high, q.sd_noise, q.sd_law)
-
-
-def _under_frictions(
-    weighing: Weighing, d: _Drawn, amplitude: float, cycle: Cycle, rng: np.random.Generator
-) -> np.ndarray:
-    """Ratios of the draws, (n,), each under one of the widths of friction by their probability."""
-    found = d.coefficients @ cycle.ratios
-    active = d.result.fit.active
-    solver = weighing.solvers[d.result.candidate.restoring]
-    switching = any(TERMS.get(t).switches and on for t, on in zip(solver.terms, active, strict=True))
-    if not switching or not weighing.frictions:
-        return found
-    used = min(weighing.frictions, key=lambda f: abs(f.epsilon - solver.epsilon))
-    chosen = rng.choice(len(weighing.frictions), len(found), p=[f.weight for f in weighing.frictions])
-    for i, friction in enumerate(weighing.frictions):
-        rows = chosen == i
-        other = cycle_of(weighing, d.result, amplitude, friction.epsilon) if rows.any() else None
-        if other is None:
-            continue
-        scale = np.where(
-            used.coefficients > 0,
-            friction.coefficients / np.where(used.coefficients > 0, used.coefficients, 1),
-            1,
-        )
-        scale = np.clip(scale, 0.5, 2.0)
-        found[rows] = d.coefficients[rows] * scale @ other.ratios
-    return found
-
-
-def _noise_sd(weighing: Weighing, result: Result, cycle: Cycle) -> float:
-    """The ratio's standard deviation from noise alone, under exact laws."""
-    factor = result.exact_weighed.factors[0]
-    parameters, m = result.fit.parameters, cycle.ratios.size
-    slopes = parameters.slopes(result.fit.z)
-    gradient = np.zeros(parameters.free.size)
-    for i, place in enumerate(parameters.free):
-        if place < m:
-            gradient[i] = cycle.ratios[place] * slopes[i]
-    scale = np.sqrt(weighing.variance / result.exact_variance)
-    return float(np.linalg.norm(gradient @ factor)) * float(scale)
-
-
-def _frequency(weighing: Weighing, drawn: Sequence[_Drawn]) -> Quantity:
+def _frequency(weighing: Weighing, drawn: Sequence[Drawn]) -> Quantity:
     values = []
     for d in drawn:
         name = d.result.candidate.restoring
         z = d.result.fit.z
-        m = len(weighing.solvers[name].terms)
-        centre = d.result.fit.parameters.values(z)[m : m + d.law.shape[1]]
+        centre = d.result.fit.parameters.values(z)[weighing.solvers[name].law_places]
         rest = rest_of(name, centre, weighing.data.rest, 2 * weighing.data.amplitude)
         # Draws come by their hyperparameters: some of each.
         every = slice(None, None, max(1, len(d.law) // 200))
         for row, h in zip(d.law[every], d.h.mean(axis=1)[every], strict=True):
             at = weighing.data.rest if rest is None else rest
             values.append(natural_frequency(name, row, at, weighing.data.amplitude) * (1 + h) / (2 * np.pi))
-    return _quantity(np.array(values))
-
-
-def _work(weighing: Weighing, result: Result) -> np.ndarray:
-    """Work of each term per unit of its coefficient over the record's own motion, (m,)."""
-    solver = weighing.solvers[result.candidate.restoring]
-    at, times, states = _even(result)
-    x, v = np.interp(at, times, states[:, 0]), np.interp(at, times, states[:, 1])
-    works = (
-        [
-            abs(TERMS.get(n).kernel(float(a), float(s), solver.epsilon) * float(s))
-            for a, s in zip(x, v, strict=True)
-        ]
-        for n in solver.terms
-    )
-    return np.array([np.mean(work) for work in works])
-
-
-def _even(result: Result) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Even times over a motion, its nodes' times and states."""
-    motion = result.motion
-    return np.linspace(motion.times[0], motion.times[-1], 4000), motion.times, motion.states
-
-
-def _shares(weighing: Weighing, drawn: Sequence[_Drawn]) -> np.ndarray:
-    """Share of the dissipated energy by term, (draws, m)."""
-    found = []
-    for d in drawn:
-        each = d.coefficients * _work(weighing, d.result)
-        found.append(each / np.maximum(each.sum(axis=1, keepdims=True), 1e-300))
-    return np.concatenate(found)
+    return quantity(np.array(values))
 
 
 def _bounds(
@@ -422,26 +188,29 @@ def _bounds(
         result = next(beside, None)
         if term in best.damping or result is None or (approximate and result.weighed is None):
             continue
-        shares = _shares(weighing, [_draws_of(weighing, result, DRAWS // 4, approximate, rng)])
+        shares = shares_of(weighing, [draws_of(weighing, result, DRAWS // 4, approximate, rng)])
         found[term] = float(np.quantile(shares[:, terms.index(term)], 0.95))
     return found
 
 
 def _exponent(weighing: Weighing, approximate: bool, rng: np.random.Generator) -> Quantity | None:
-    """The exponent of the power law, with its interval; None where it has no fit."""
+    """The exponent of the power law, with its interval; None where it has no fit, or none between 0 and 3."""
     result = weighing.power
     weighed = None if result is None else result.weighed if approximate else result.exact_weighed
     if result is None or weighed is None:
         return None
     parameters = result.fit.parameters
     place = parameters.free_names.index("exponent")
-    scores = _posterior(result, weighed, DRAWS, rng)[:, place]
-    return _quantity(parameters.priors["exponent"].value(scores))
+    scores = posterior_scores(result, weighed, DRAWS, rng)[:, place]
+    values = parameters.priors["exponent"].value(scores)
+    inside = values[(values >= EXPONENTS[0]) & (values <= EXPONENTS[1])]
+    # Uniform between these: the wider prior of the term, where it is inside of them.
+    return quantity(inside) if inside.size > ENOUGH else None
 
 
-def _size(weighing: Weighing, d: _Drawn, values: np.ndarray) -> np.ndarray:
+def _size(weighing: Weighing, d: Drawn, values: np.ndarray) -> np.ndarray:
     """Energy-weighted mean of |deviation| over the record, about its own mean there, (n,)."""
-    at, sizes = _times(d.result)
+    at, sizes = times_of(d.result)
     share = np.linspace(0, 1, values.shape[1])
     few = at.size < 2
     weight = np.ones(share.size) if few else np.interp(share * weighing.data.t[-1], at, sizes) ** 2
@@ -450,7 +219,15 @@ def _size(weighing: Weighing, d: _Drawn, values: np.ndarray) -> np.ndarray:
     return np.abs(centred) @ weight
 
 
-def _coefficients(weighing: Weighing, drawn: Sequence[_Drawn], best: Candidate) -> dict[str, Quantity]:
+def _untold_exponent(weighing: Weighing, exponent: Quantity | None) -> tuple[str, ...]:
+    """The exponent's name where its interval is as wide as what was assumed."""
+    if exponent is None or weighing.power is None:
+        return ()
+    whole = 0.95 * (EXPONENTS[1] - EXPONENTS[0])
+    return ("exponent",) if exponent.high - exponent.low > AS_WIDE * whole else ()
+
+
+def _coefficients(weighing: Weighing, drawn: Sequence[Drawn], best: Candidate) -> dict[str, Quantity]:
     names = weighing.solvers[best.restoring].names
     d = next((d for d in drawn if d.result.candidate == best), None)
     if d is None:
@@ -460,9 +237,9 @@ def _coefficients(weighing: Weighing, drawn: Sequence[_Drawn], best: Candidate) 
     sds = np.linalg.norm(factor, axis=1) * np.abs(parameters.slopes(d.result.fit.z))
     sds *= np.sqrt(weighing.variance / d.result.exact_variance)
     by_name = dict(zip(parameters.free_names, map(float, sds), strict=True))
-    values = np.column_stack([d.coefficients, d.law])
+    values = np.column_stack([d.coefficients, d.further, d.law])
     return {
-        name: _quantity(values[:, i], by_name[name])
+        name: quantity(values[:, i], by_name[name])
         for i, name in enumerate(names[: values.shape[1]])
         if name in by_name
     }

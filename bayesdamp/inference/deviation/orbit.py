@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from scipy.optimize import brentq
@@ -34,17 +35,57 @@ class Cycle:
 
 
 def cycle_at(
-    amplitude: float, terms: Sequence[str], epsilon: float, restoring: str, law: np.ndarray, rest: float
+    amplitude: float,
+    terms: Sequence[str],
+    epsilon: float,
+    restoring: str,
+    law: np.ndarray,
+    rest: float,
+    further: Mapping[str, float] | None = None,
 ) -> Cycle | None:
     """The cycle whose turning points are twice the amplitude (rad or m) apart; None where there is none about `rest`.
 
-    epsilon: in rad/s or m/s, above 0; law: the restoring law's parameters in its order, (r,).
+    epsilon: in rad/s or m/s, above 0; law: the restoring law's parameters in its order, (r,); further: values of the
+    terms' further parameters.
     """
-    force = LAWS.get(restoring).kernel
+    orbit = orbit_at(amplitude, restoring, tuple(map(float, law)), rest)
+    return None if orbit is None else orbit.cycle(terms, epsilon, further or {})
+
+
+@dataclass(frozen=True)
+class Orbit:
+    """Positions x and speeds of an undamped half cycle, with the widths that x is integrated by, each (n,); energy:
+    potential energy at its turning points, per unit of inertia."""
+
+    amplitude: float
+    energy: float
+    x: np.ndarray
+    speed: np.ndarray
+    width: np.ndarray
+
+    def cycle(self, terms: Sequence[str], epsilon: float, further: Mapping[str, float]) -> Cycle:
+        """The work of each term along it."""
+        shapes = [_shape(name, further) for name in terms]
+        work = [_work(f, self.x, self.speed, self.width, epsilon) for f in shapes]
+        return Cycle(self.amplitude, self.energy, np.array(work))
+
+
+def _shape(name: str, further: Mapping[str, float]) -> Callable[..., float] | None:
+    """A term at values of its further parameters; None where it does not act, which has none."""
+    term = TERMS.get(name)
+    return term.at(further) if all(n in further for n in term.further) else None
+
+
+@lru_cache(maxsize=256)
+def orbit_at(amplitude: float, restoring: str, law: tuple[float, ...], rest: float) -> Orbit | None:
+    """The orbit of an amplitude (rad or m) about `rest`; None where there is none."""
+    force, values = LAWS.get(restoring).kernel, np.array(law)
 
     def potential(x: float) -> float:
         half = 0.5 * (x - rest)
-        return float(half * sum(w * force(rest + half * (u + 1), law) for u, w in zip(_X, _W, strict=True)))
+        return float(
+            half * sum(w * force(rest + half * (u + 1), values) for u, w in zip(_X, _W, strict=True))
+        )
 
     def uneven(shift: float) -> float:
         return potential(rest + shift + amplitude) - potential(rest + shift - amplitude)
@@ -62,13 +103,14 @@ def cycle_at(
         return None
     speed = np.sqrt(2 * np.maximum(energy - inside, 0.0))
     width = amplitude * np.cos(_PHASE) * np.pi / POINTS
-    work = [_work(TERMS.get(name).kernel, x, speed, width, epsilon) for name in terms]
-    return Cycle(amplitude, energy, np.array(work))
+    return Orbit(amplitude, energy, x, speed, width)
 
 
 def _work(
-    shape: Callable[..., float], x: np.ndarray, speed: np.ndarray, width: np.ndarray, epsilon: float
+    shape: Callable[..., float] | None, x: np.ndarray, speed: np.ndarray, width: np.ndarray, epsilon: float
 ) -> float:
+    if shape is None:
+        return 0.0
     forth = sum(
         shape(float(a), float(v), epsilon) * float(w) for a, v, w in zip(x, speed, width, strict=True)
     )

@@ -6,7 +6,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from bayesdamp.inference.deviation.findings import Findings, cycle_of
+from bayesdamp.inference.deviation.findings import Findings
+from bayesdamp.inference.deviation.numbers.curves import further_of, orbit_of, works_on
 from bayesdamp.inference.deviation.weighing import Weighing
 
 POINTS = 3000
@@ -16,9 +17,9 @@ NATS = 12.0
 
 
 def picture(weighing: Weighing, found: Findings) -> Mapping[str, np.ndarray]:
-    """Arrays by name: t, record, fit, residual (thinned, (p,)); amplitude, ratio, low, high (a,) of the answer;
-    law/SUM the ratio of each sum's own fit under exact laws; work/TERM the energy lost in a cycle by each term, per
-    unit of inertia."""
+    """Arrays by name: t, record, fit, residual (thinned, (p,)); amplitude, ratio, low, high (a,) of the answer; free/*
+    the curve without a law and the energy lost in a cycle under it; law/SUM the ratio of each sum's own fit under exact
+    laws; work/TERM the energy lost in a cycle by each term, per unit of inertia."""
     data = weighing.data
     best = next(r for r in weighing.results if r.candidate == found.best)
     motion = best.motion
@@ -35,20 +36,27 @@ def picture(weighing: Weighing, found: Findings) -> Mapping[str, np.ndarray]:
         "low": np.array([r.low for r in curve]),
         "high": np.array([r.high for r in curve]),
     }
+    if found.free is not None:
+        arrays["free/amplitude"] = found.free.amplitude
+        for name, values in (("ratio", found.free.ratio), ("lost", found.free.lost)):
+            for end, column in zip(("", "_low", "_high"), values.T, strict=True):
+                arrays[f"free/{name}{end}"] = column
     terms = next(iter(weighing.solvers.values())).terms
     for r in weighing.results:
         if r.candidate.restoring != found.best.restoring:
             continue
-        coefficients = r.fit.parameters.values(r.fit.z)[: len(terms)]
-        cycles = [cycle_of(weighing, best, float(a)) for a in amplitude]
-        name = "+".join(r.candidate.damping)
-        arrays[f"law/{name}"] = np.array(
-            [np.nan if c is None else float(coefficients @ c.ratios) for c in cycles]
-        )
+        values = r.fit.parameters.values(r.fit.z)
+        coefficients = values[: len(terms)]
+        solver = weighing.solvers[r.candidate.restoring]
+        further = further_of(weighing, r, values)
+        orbits = [orbit_of(weighing, best, float(a)) for a in amplitude]
+        none = np.full(len(terms), np.nan)
+        work = coefficients * np.array([
+            none if o is None else works_on(o, solver, further, r.fit.active)[0] for o in orbits
+        ])  # fmt: skip
+        energy = np.array([np.nan if o is None else o.energy for o in orbits])
+        arrays[f"law/{'+'.join(r.candidate.damping)}"] = work.sum(axis=1) / (4 * np.pi * energy)
         if r is best:
-            work = np.array(
-                [np.full(len(terms), np.nan) if c is None else coefficients * c.work for c in cycles]
-            )
             arrays |= {f"work/{t}": work[:, i] for i, t in enumerate(terms) if t in r.candidate.damping}
     return arrays
 

@@ -17,6 +17,7 @@ from bayesdamp.inference.deviation.candidate import (
     parameters_of,
     relinearised,
     searched,
+    starts_of,
 )
 from bayesdamp.inference.deviation.data import Data
 from bayesdamp.inference.deviation.gaussian.hyperparameters import grid_of, knots_of
@@ -27,8 +28,7 @@ from bayesdamp.inference.deviation.least_squares import Fit, fit
 from bayesdamp.inference.deviation.orbit import rest_of
 from bayesdamp.inference.model.defaults import Reference
 from bayesdamp.machine.threads import at_once
-from bayesdamp.physics.damping import TERMS
-from bayesdamp.physics.forms import acting
+from bayesdamp.physics.damping import PAPER_TERMS, TERMS
 from bayesdamp.physics.kernel import Motion, Solver
 from bayesdamp.priors import Prior
 from bayesdamp.types import Refusal
@@ -44,6 +44,7 @@ LEAD = 3.0
 FORM, LIKE = "displacement", "quadratic"
 """The form that is weighed as a rival, and the term whose place it takes: both grow with the amplitude."""
 Known = Mapping[str, float] | Callable[[str], Mapping[str, float]]
+START = ("theta0", "omega0")
 REACH = 30.0
 """Nats behind the best, with all dampings under both, from which a restoring law is out of the question."""
 
@@ -136,24 +137,33 @@ def weigh_all(
     refused: dict[Candidate, str] = {}
     fits: dict[Candidate, Fit] = {}
 
+    given_to = {law: _given(solvers[law], data, reference, priors, known_under(law)) for law in laws}
+
     def seek(c: Candidate, near: Fit | None) -> None:
-        solver, of_law = solvers[c.restoring], known_under(c.restoring)
+        solver, of_law = solvers[c.restoring], {**given_to[c.restoring], **known_under(c.restoring)}
         start = first_values(c, data, of_law)
         parameters = parameters_of(c, solver, data, reference, priors, of_law)
-        found = None
+        found, each = None, starts_of(c, parameters)
         if near is not None:
             begun = near.parameters.named(near.z) | {k: v for k, v in start.items() if k in _coefficients(c)}
-            found = searched(c, solver, data, parameters, [begun], windows=False)
+            found = searched(c, solver, data, parameters, [begun | one for one in each], windows=False)
         if found is None:
-            found = searched(c, solver, data, parameters, [start], windows=True)
+            found = searched(c, solver, data, parameters, [start | one for one in each], windows=True)
         if found is None:
             refused[c] = "no motion under it stays in phase with the record"
         else:
             fits[c] = found
 
+    plain = tuple(t for t in terms if not TERMS.get(t).inferred)
+
+    def seek_whole(law: str) -> None:
+        if plain and plain != terms:
+            seek(Candidate(plain, law), None)
+        seek(Candidate(terms, law), fits.get(Candidate(plain, law)))
+
     for solver in solvers.values():
         assert solver.kernel  # compiled before several threads ask for it
-    at_once(lambda law: seek(Candidate(terms, law), None), laws)
+    at_once(seek_whole, laws)
     frictions = [] if given is not None else _frictions(data, solvers, fits, reference.peak_velocity)
     if frictions:
         first = max(frictions, key=lambda f: f.weight)
@@ -163,9 +173,11 @@ def weigh_all(
             for law in laws:
                 solvers[law] = replace(solvers[law], epsilon=epsilon)
             _refitted(data, solvers, fits)
-    found_wholes = [Candidate(terms, law) for law in laws if Candidate(terms, law) in fits]
-    relinear = at_once(lambda c: relinearised(c, solvers[c.restoring], data, fits[c], None), found_wholes)
-    wholes = {c.restoring: at for c, at in zip(found_wholes, relinear, strict=True) if at is not None}
+    every = [Candidate(terms, law) for law in laws]
+    every = [c if c in fits else Candidate(plain, c.restoring) for c in every]
+    whole = [c for c in every if c in fits]
+    relinear = at_once(lambda c: relinearised(c, solvers[c.restoring], data, fits[c], None), whole)
+    wholes = {c.restoring: at for c, at in zip(whole, relinear, strict=True) if at is not None}
     if not wholes:
         raise Refusal("no motion under any of the laws stays in phase with the record")
     variance, kappa = _noise(data, wholes)
@@ -180,15 +192,15 @@ def weigh_all(
 
     def weighed(c: Candidate) -> Result | None:
         if c not in fits:
-            seek(c, fits[Candidate(terms, c.restoring)])
+            seek(c, fits.get(Candidate(terms, c.restoring), fits.get(Candidate(plain, c.restoring))))
         if c not in fits:
             return None
         return _weighed(c, solvers[c.restoring], fits[c], data, noise, approximate)
 
     results = [r for r in at_once(weighed, asked) if r is not None]
     # In an order that does not depend on which core was first.
-    every = dict.fromkeys([*found_wholes, *(Candidate(terms, law) for law in laws), *candidates])
-    refused = {c: refused[c] for c in every if c in refused}
+    order = dict.fromkeys([*every, *(Candidate(terms, law) for law in laws), *candidates])
+    refused = {c: refused[c] for c in order if c in refused}
     weighing = Weighing(
         data, reference, epsilon, tuple(frictions), solvers, tuple(results), variance, kappa, refused
     )
@@ -204,11 +216,12 @@ def _beside(weighing: Weighing, approximate: bool) -> dict[str, Any]:
     best = max(weighing.results, key=lambda r: r.log_evidence)
     law, near = best.candidate.restoring, best.fit.parameters.named(best.fit.z)
     plain = weighing.solvers[law]
-    at = rest_of(
-        law, best.fit.parameters.values(best.fit.z)[len(plain.terms) : -2], data.rest, 2 * data.amplitude
-    )
-    given = {"rest": data.rest if at is None else at, "reference_velocity": reference.peak_velocity}
-    fixed = {n: v for n, v in best.fit.parameters.known.items() if n in plain.names}
+    values = best.fit.parameters.values(best.fit.z)[plain.law_places]
+    at = rest_of(law, values, data.rest, 2 * data.amplitude)
+    given = _scales(data.rest if at is None else at, reference)
+    fixed = {
+        n: v for n, v in best.fit.parameters.known.items() if n in plain.names[plain.law_places] or n in START
+    }
     noise = weighing.variance, weighing.inflation
 
     def weighed(c: Candidate, solver: Solver, starts: list[dict[str, float]]) -> Result | None:
@@ -220,9 +233,11 @@ def _beside(weighing: Weighing, approximate: bool) -> dict[str, Any]:
         found = searched(c, solver, data, parameters, begun, windows=False)
         return None if found is None else _weighed(c, solver, found, data, noise, approximate)
 
-    with_form = replace(plain, terms=(*plain.terms, FORM))
-    rest = [t for t in plain.terms if t != LIKE]
+    paper = tuple(t for t in plain.terms if t in PAPER_TERMS)
+    with_form = replace(plain, terms=(*paper, FORM))
+    rest = [t for t in paper if t != LIKE]
     sums = [(*c, FORM) for n in range(len(rest) + 1) for c in combinations(rest, n)]
+    sums = [] if FORM in plain.terms else sums
     of_power = replace(plain, terms=("power",))
     assert with_form.kernel
     assert of_power.kernel
@@ -230,6 +245,30 @@ def _beside(weighing: Weighing, approximate: bool) -> dict[str, Any]:
     jobs.append((Candidate(("power",), law), of_power, [{"exponent": p} for p in (0.2, 1.0, 1.8)]))
     *rivals, power = at_once(lambda job: weighed(*job), jobs)
     return {"forms": tuple(r for r in rivals if r is not None), "power": power}
+
+
+def _scales(rest: float, reference: Reference) -> dict[str, float]:
+    """What terms may ask for that is no parameter."""
+    return {
+        "rest": rest,
+        "reference_velocity": reference.peak_velocity,
+        "reference_amplitude": reference.amplitude,
+    }
+
+
+def _given(
+    solver: Solver, data: Data, reference: Reference, priors: Mapping[str, Prior], known: Mapping[str, float]
+) -> dict[str, float]:
+    """What terms are given under a law: where the motion comes to rest is that of a viscous fit."""
+    at = None
+    if "rest" in solver.further:
+        c, viscous = Candidate(("viscous",), solver.restoring), replace(solver, terms=("viscous",))
+        parameters = parameters_of(c, viscous, data, reference, priors, known)
+        found = searched(c, viscous, data, parameters, [first_values(c, data, known)], windows=True)
+        if found is not None:
+            law = found.parameters.values(found.z)[viscous.law_places]
+            at = rest_of(solver.restoring, law, data.rest, 2 * data.amplitude)
+    return _scales(data.rest if at is None else at, reference)
 
 
 def _weighed(
@@ -315,7 +354,7 @@ def _exact(linear: Linear, variance: float, samples: float) -> Weighed:
 
 
 def _coefficients(candidate: Candidate) -> set[str]:
-    return {acting(t).parameter for t in candidate.damping}
+    return {TERMS.get(t).parameter for t in candidate.damping}
 
 
 def _noise(data: Data, wholes: Mapping[str, tuple[Linearised, float]]) -> tuple[float, float]:

@@ -56,6 +56,9 @@ def default_prior(name: str, osc: Oscillator, noise: str, reference: Reference, 
     for term in osc.terms:
         if term.parameter == name:
             return HalfNormal(scale=RATIO_SCALE / term.ratio_per_unit(a, w))
+        for parameter in term.inferred:
+            if parameter.name == name:
+                return parameter.prior(a, w)
     priors: Mapping[str, Prior] = {
         "stiffness": LogNormal(median=w**2, sigma=0.5),
         "gravity": Normal(mean=0.0, sd=0.5 * w**2),

@@ -9,7 +9,7 @@ import numpy as np
 
 from bayesdamp.config import Simulation
 from bayesdamp.config.checks import StudyError
-from bayesdamp.config.signals import resolve_signal
+from bayesdamp.config.signals import resolve_signal, term_keys
 from bayesdamp.interface.records.signal import Signal
 from bayesdamp.physics.damping import TERMS
 from bayesdamp.physics.oscillator import Oscillator
@@ -42,7 +42,8 @@ def simulate(
 ) -> Signal:
     """A record of an oscillator with noise, as a signal.
 
-    damping: coefficient by damping term, such as {"viscous": 0.05, "coulomb": 0.03}. restoring: the restoring law;
+    damping: coefficient by damping term, such as {"viscous": 0.05, "coulomb": 0.03}; what a term has beside it is given
+    by name (exponent=1.5). restoring: the restoring law;
     parameters: its parameters by name (stiffness=20.0), theta0 (0.3), omega0 (0.0), the friction's epsilon (0.0: the
     sign itself), noise_time (s) for noise = "correlated", noise_dof for "student_t"; rest_angle and spring_angle are 0
     where they are not given. samples: equally spaced from 0 to duration (s). noise_sd, quantum (the recording step): in
@@ -61,7 +62,10 @@ def simulate(
         if term not in TERMS.names():
             raise InputError(f"simulate: unknown damping term {term!r}{nearest(term, TERMS.names())}")
     needed = LAWS.get(restoring).parameters
-    numbers = (*needed, *START, "noise_time", "noise_dof")
+    keys = {term: name for name, term in term_keys(needed).items()}
+    damping = {keys[term]: value for term, value in damping.items()}
+    further = [n for term in keys if keys[term] in damping for n in TERMS.get(term).further if n != "rest"]
+    numbers = (*needed, *START, "noise_time", "noise_dof", *further)
     for key in parameters:
         if key not in numbers:
             raise InputError(f"simulate: {restoring} has no parameter {key!r}{nearest(key, list(numbers))}")

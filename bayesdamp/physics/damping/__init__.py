@@ -4,14 +4,17 @@ from __future__ import annotations
 
 from itertools import combinations
 
-from bayesdamp.physics.damping._term import DampingTerm
+from bayesdamp.physics.damping._term import GIVEN, DampingTerm, FreeParameter, median
 from bayesdamp.plugins import Registry
 from bayesdamp.types import InputError
 
 TERMS: Registry[DampingTerm] = Registry("bayesdamp.physics.damping", "damping term")
 PAPER_TERMS = ("viscous", "coulomb", "quadratic")
 
-__all__ = ["PAPER_TERMS", "TERMS", "DampingTerm", "all_sums", "model_name", "parse_model"]
+__all__ = [
+    "GIVEN", "PAPER_TERMS", "TERMS", "DampingTerm", "FreeParameter", "all_sums", "median", "model_name", "others",
+    "parse_model",    "words_of",
+]  # fmt: skip
 
 
 def parse_model(name: str) -> tuple[str, ...]:
@@ -22,14 +25,29 @@ def parse_model(name: str) -> tuple[str, ...]:
     terms = tuple(part.strip() for part in name.split("+"))
     if len(set(terms)) != len(terms) or not all(terms):
         raise InputError(f"damping model {name!r} must be a sum of different terms, such as viscous+coulomb")
+    owner: dict[str, str] = {}
     for term in terms:
-        TERMS.get(term)
+        for parameter in TERMS.get(term).inferred:
+            if parameter.name in owner:
+                both = f"{owner[parameter.name]} and {term} both have a parameter {parameter.name!r}"
+                raise InputError(f"damping model {name!r}: {both}; compare them one by one")
+            owner[parameter.name] = term
     return terms
 
 
 def model_name(terms: tuple[str, ...]) -> str:
     """The name of a sum of terms."""
     return "+".join(terms)
+
+
+def others() -> list[str]:
+    """The terms that ship beside the paper's."""
+    return [name for name in TERMS.names() if TERMS.ships(name) and name not in PAPER_TERMS]
+
+
+def words_of(term: str) -> str:
+    """A term in a sentence; its name where it is not known here or says nothing."""
+    return (TERMS.get(term).words if term in TERMS.names() else "") or term
 
 
 def all_sums(terms: tuple[str, ...] = PAPER_TERMS) -> list[str]:

@@ -2,37 +2,130 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
+import math
+from abc import ABC
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 
+import numpy as np
 from jax import Array
 from jax.typing import ArrayLike
 
+from bayesdamp.priors import Prior
+from bayesdamp.types import Refusal
+
+NODES = 48
+"""Of Gauss and Legendre's rule in a quarter of a cycle."""
+SHARP = 1e-9
+"""Width in peak velocities within which a switching force turns over where its own limit is meant."""
+REFLECTED_MEDIAN = 0.6745
+"""Score of the median of a folded normal."""
+GIVEN = ("rest", "reference_velocity", "reference_amplitude")
+"""What a kernel may ask for that is no parameter: where the motion rests, and scales of velocity and displacement."""
+
+
+@dataclass(frozen=True)
+class FreeParameter:
+    """A parameter of a term beside its coefficient.
+
+    unit: for an angle in rad. prior: of a reference amplitude (rad or m) and frequency (rad/s); its support are the
+    parameter's bounds.
+    """
+
+    name: str
+    unit: str
+    prior: Callable[[float, float], Prior]
+
 
 class DampingTerm(ABC):
-    """A force F(θ̇) = coefficient · shape(θ̇) that takes energy out of the oscillation."""
+    """A force coefficient · shape(θ, θ̇; further parameters) that takes energy out of the oscillation.
+
+    A term has a `kernel`, by which it is weighed and simulated, a `shape`, by which it is sampled and estimated too
+    where it depends on the velocity and the coefficient alone, or both.
+    """
 
     name: str
     parameter: str
     unit: str
     """Unit of the coefficient for an angle in rad; `m` in place of rad for a record in metres."""
+    words: str = ""
+    """The term in a sentence, its name where nothing is said."""
     switches: bool = False
     """Whether the shape jumps with the sign of the velocity within the width ε."""
+    inferred: tuple[FreeParameter, ...] = ()
+    """Parameters beside the coefficient, in the kernel's order."""
+    given: tuple[str, ...] = ()
+    """What the kernel takes after these, of `GIVEN`."""
+    bounded: bool = True
+    """Whether its share of the energy is bounded where it is not in the answer."""
+    reduces: tuple[tuple[str, float], ...] = ()
+    """Values of parameters at which the term is a simpler one; how much it has beyond that is what is bounded."""
 
-    @abstractmethod
+    @property
+    def traced(self) -> bool:
+        """Whether JAX has its force."""
+        return type(self).shape is not DampingTerm.shape
+
+    @property
+    def further(self) -> tuple[str, ...]:
+        """Names of what the kernel takes beside θ, θ̇ and ε."""
+        return (*(p.name for p in self.inferred), *self.given)
+
     def shape(self, velocity: ArrayLike, epsilon: ArrayLike) -> Array:
-        """Force per unit of the coefficient; velocity in rad/s, any shape."""
+        """Force per unit of the coefficient; velocity in rad/s, any shape. JAX traces it.
+
+        Raises Refusal where the term has more than that.
+        """
+        raise Refusal(
+            f"{self.name} damping is weighed and simulated only: sampling and estimators take one coefficient times "
+            "a function of the velocity"
+        )
 
     @staticmethod
     def kernel(x: float, v: float, epsilon: float) -> float:
         """`shape` at one displacement x (rad) and velocity v (rad/s), ε > 0 (rad/s): what compiled kernels are made of.
 
-        Plain Python with `math` and `np` alone. A term may depend on x too, which `shape` cannot.
+        Plain Python with `math` and `np` alone. After ε it takes the term's `further` parameters.
         """
         raise NotImplementedError
 
-    @abstractmethod
     def ratio_per_unit(self, amplitude: float, frequency: float) -> float:
         """Equivalent viscous damping ratio per unit of the coefficient.
 
-        amplitude in rad, frequency in rad/s; from the energy lost in a cycle of a harmonic motion.
+        amplitude in rad, frequency in rad/s; from the energy lost in a cycle of a harmonic motion, by quadrature and at
+        the medians of the further parameters' priors where a term gives no closed form.
         """
+        medians = {p.name: median(p.prior(amplitude, frequency)) for p in self.inferred}
+        return self.work(amplitude, frequency, medians) / (2 * math.pi * (frequency * amplitude) ** 2)
+
+    def work(self, amplitude: float, frequency: float, further: Mapping[str, float]) -> float:
+        """Energy lost in a cycle x = A sin ωt per unit of the coefficient and inertia, rad²/s², by quadrature.
+
+        further: values of the parameters by name; what is `given` has its value for this motion where it is not there.
+        """
+        peak = amplitude * frequency
+        known = {"rest": 0.0, "reference_velocity": peak, "reference_amplitude": amplitude, **further}
+        force, rest = self.at({n: known[n] for n in self.further}), known["rest"]
+        total = 0.0
+        for phase, weight in zip(_PHASES, _WEIGHTS, strict=True):
+            x, v = rest + amplitude * math.sin(phase), peak * math.cos(phase)
+            total += weight * math.cos(phase) * (force(x, v, SHARP * peak) - force(x, -v, SHARP * peak))
+        return float(amplitude * total)
+
+    def at(self, further: Mapping[str, float]) -> Callable[[float, float, float], float]:
+        """The shape of (x, v, ε) at values of the further parameters, by name."""
+        kernel, values = self.kernel, [further[n] for n in self.further]
+        if type(self).kernel is DampingTerm.kernel:
+            return lambda x, v, epsilon: float(self.shape(v, epsilon))  # type: ignore[arg-type]
+        return lambda x, v, epsilon: kernel(x, v, epsilon, *values)
+
+
+def median(prior: Prior) -> float:
+    """Of a prior."""
+    return float(prior.value(np.asarray(REFLECTED_MEDIAN if prior.reflected else 0.0)))
+
+
+_X, _W = np.polynomial.legendre.leggauss(NODES)
+_QUARTER = 0.25 * math.pi * (_X + 1)
+_PHASES = np.concatenate([_QUARTER - 0.5 * math.pi, _QUARTER])
+_WEIGHTS = np.concatenate([_W, _W]) * 0.25 * math.pi

@@ -16,6 +16,7 @@ class Coulomb(DampingTerm):
     name = "coulomb"
     parameter = "mu_c"
     unit = "rad/s²"
+    words = "Coulomb (dry friction)"
     switches = True
 
     def shape(self, velocity: ArrayLike, epsilon: ArrayLike) -> Array:

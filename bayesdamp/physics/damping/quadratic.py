@@ -15,6 +15,7 @@ class Quadratic(DampingTerm):
     name = "quadratic"
     parameter = "mu_q"
     unit = "1/rad"
+    words = "quadratic (drag)"
 
     def shape(self, velocity: ArrayLike, epsilon: ArrayLike) -> Array:
         velocity = jnp.asarray(velocity)

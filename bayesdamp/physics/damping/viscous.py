@@ -13,6 +13,7 @@ class Viscous(DampingTerm):
     name = "viscous"
     parameter = "zeta"
     unit = "1/s"
+    words = "viscous"
 
     def shape(self, velocity: ArrayLike, epsilon: ArrayLike) -> Array:
         return 2.0 * jnp.asarray(velocity)

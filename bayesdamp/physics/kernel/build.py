@@ -22,8 +22,7 @@ from typing import Any
 
 from platformdirs import user_cache_dir
 
-from bayesdamp.physics.damping import DampingTerm
-from bayesdamp.physics.forms import acting
+from bayesdamp.physics.damping import TERMS, DampingTerm
 from bayesdamp.physics.restoring import LAWS, RestoringLaw
 from bayesdamp.types import Refusal
 
@@ -45,6 +44,7 @@ class Kernel:
     terms: tuple[str, ...]
     restoring: str
     march: Callable[..., Any]
+    sums: Callable[..., Any]
 
 
 def kernel_of(terms: tuple[str, ...], restoring: str) -> Kernel:
@@ -52,20 +52,19 @@ def kernel_of(terms: tuple[str, ...], restoring: str) -> Kernel:
 
     Raises Refusal where a term or the law of a user has no `kernel`, or none of which the source is known.
     """
-    return Kernel(terms, restoring, _module(source_of(terms, restoring)).march)
+    module = _module(source_of(terms, restoring))
+    return Kernel(terms, restoring, module.march, module.sums)
 
 
 def source_of(terms: tuple[str, ...], restoring: str) -> str:
     """The source of a kernel's module."""
     parts, calls, at = [_HEAD], [], 0
     for number, name in enumerate(terms):
-        term = acting(name)
-        if isinstance(term, DampingTerm):
-            _own(term, DampingTerm, f"damping term {name!r}")
+        term = TERMS.get(name)
+        _own(term, DampingTerm, f"damping term {name!r}")
         parts.append(_function(term.kernel, f"_shape_{number}", f"damping term {name!r}"))
-        further = getattr(term, "further", ())
-        inside = ", ".join(["x", "v", "epsilon", *(f"q[{at + i}]" for i in range(len(further)))])
-        at += len(further)
+        inside = ", ".join(["x", "v", "epsilon", *(f"q[{at + i}]" for i in range(len(term.further)))])
+        at += len(term.further)
         calls.append(f"    out[{number}] = _shape_{number}({inside}) if active[{number}] else 0.0")
     parts.append("@njit\ndef shapes(x, v, epsilon, q, active, out):\n" + "\n".join(calls) + "\n")
     law = LAWS.get(restoring)

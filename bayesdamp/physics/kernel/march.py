@@ -164,6 +164,18 @@ def advance_tangents(
 
 
 @njit(cache=True, nogil=True)
+def sums(x, v, weight, epsilon, q, active, out):
+    """Weighted sums over points, (n,), of the terms' shapes, (d, m), for rows of further parameters, (d, e)."""
+    work = np.zeros(out.shape[1])
+    out[:] = 0.0
+    for d in range(out.shape[0]):
+        for i in range(x.size):
+            shapes(x[i], v[i], epsilon, q[d], active, work)
+            for j in range(work.size):
+                out[d, j] += weight[i] * work[j]
+
+
+@njit(cache=True, nogil=True)
 def march(coefficients, q, active, law, epsilon, start, knots, g, h, tolerance, sizes, tangents, most):
     """Node times (s,), states (s, 3): θ, θ̇, θ̈, and tangents (s, k, 3); the times are empty where it escapes.
 

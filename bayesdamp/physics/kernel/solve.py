@@ -7,8 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
-from bayesdamp.physics.damping import PAPER_TERMS
-from bayesdamp.physics.forms import acting
+from bayesdamp.physics.damping import PAPER_TERMS, TERMS
 from bayesdamp.physics.kernel.build import Kernel, kernel_of
 from bayesdamp.physics.kernel.dense import at_times, slopes_at_times
 from bayesdamp.physics.restoring import LAWS
@@ -20,7 +19,7 @@ MOST_A_CYCLE = 4000
 QUANTITIES = ("angle", "velocity", "acceleration")
 NONE, PARAMETERS, ALL = 0, 1, 2
 SHARED = (*PAPER_TERMS, "displacement")
-"""Terms and forms that every record is weighed under."""
+"""Terms that every record is weighed under."""
 
 
 @dataclass(frozen=True)
@@ -68,12 +67,23 @@ class Solver:
     @cached_property
     def further(self) -> tuple[str, ...]:
         """Names of what the shapes take beside the motion, term by term."""
-        return tuple(n for name in self.terms for n in getattr(acting(name), "further", ()))
+        return tuple(n for name in self.terms for n in TERMS.get(name).further)
 
     @cached_property
     def names(self) -> tuple[str, ...]:
-        coefficients = tuple(acting(name).parameter for name in self.terms)
+        coefficients = tuple(TERMS.get(name).parameter for name in self.terms)
         return (*coefficients, *self.further, *LAWS.get(self.restoring).parameters, "theta0", "omega0")
+
+    @cached_property
+    def law_places(self) -> slice:
+        """Places of the law's parameters among `names`."""
+        first = len(self.terms) + len(self.further)
+        return slice(first, first + len(LAWS.get(self.restoring).parameters))
+
+    @cached_property
+    def inferred(self) -> tuple[str, ...]:
+        """Names of the terms' parameters beside their coefficients."""
+        return tuple(p.name for name in self.terms for p in TERMS.get(name).inferred)
 
     @cached_property
     def _sizes(self) -> np.ndarray:
@@ -105,7 +115,7 @@ class Solver:
         p = np.asarray(p, float)
         coefficients, switched = np.zeros(len(self._compiled)), np.zeros(len(self._compiled), bool)
         coefficients[self._places], switched[self._places] = p[:m], active
-        every = [n for name in self._compiled for n in getattr(acting(name), "further", ())]
+        every = [n for name in self._compiled for n in TERMS.get(name).further]
         given = dict(zip(self.further, p[m:e], strict=True))
         q = np.array([given.get(n, 0.0) for n in every], float)
         times, states, slopes = self.kernel.march(
@@ -125,6 +135,31 @@ class Solver:
                 rest = np.arange(whole + len(every), found.shape[1])
                 found = found[:, np.concatenate([self._places, np.array(taken, int), rest])]
         return Motion(y, found, times, states)
+
+    def works(
+        self,
+        x: np.ndarray,
+        v: np.ndarray,
+        weight: np.ndarray,
+        further: np.ndarray,
+        active: np.ndarray,
+        epsilon: float | None = None,
+    ) -> np.ndarray:
+        """Weighted sums of the terms' shapes over points (n,), 0 for terms that do not act: (d, m).
+
+        further: rows of the terms' further parameters, (d, e); active: which terms act, (m,); epsilon: in place of the
+        solver's own.
+        """
+        whole, every = len(self._compiled), [n for name in self._compiled for n in TERMS.get(name).further]
+        switched, q = np.zeros(whole, bool), np.zeros((len(further), len(every)))
+        switched[self._places] = active
+        for i, name in enumerate(every):
+            if name in self.further:
+                q[:, i] = further[:, self.further.index(name)]
+        out = np.zeros((len(further), whole))
+        points = (np.array(one, float) for one in (x, v, weight))
+        self.kernel.sums(*points, float(self.epsilon if epsilon is None else epsilon), q, switched, out)
+        return out[:, self._places]
 
     def _deviations(
         self, stop: float, g: np.ndarray | None, h: np.ndarray | None

@@ -6,13 +6,14 @@ import time
 from collections.abc import Mapping
 from functools import cached_property
 
+import numpy as np
+
 from bayesdamp.config import Recording, SignalSpec, Study
 from bayesdamp.config.checks import plain
 from bayesdamp.inference.deviation.sampled.table import Posterior
 from bayesdamp.inference.model.defaults import Reference
 from bayesdamp.outcomes import following
-from bayesdamp.physics.damping import TERMS, DampingTerm, parse_model
-from bayesdamp.physics.forms import FORMS
+from bayesdamp.physics.damping import TERMS, DampingTerm, others, parse_model
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.pipeline.answer import Answer, answer, answered_from
 from bayesdamp.pipeline.keys import task_key
@@ -63,7 +64,7 @@ class AnswerCell:
             self.study.posterior.sensor,
         )
         named = [*map(TERMS.source, self._terms), *map(LAWS.source, self.spec.restoring)]
-        named += [*map(FORMS.source, FORMS.names())]
+        named += [*map(TERMS.source, others())]
         return task_key(self.name.partition("/")[0], self.parent.key, *parts, named)
 
     def compute(self) -> None:
@@ -106,7 +107,9 @@ class AnswerCell:
 
     def _answer(self, record: Record) -> Answer:
         given: dict[str, Prior] = {
-            TERMS.get(t).parameter: p for t, p in self.study.models.prior.items() if p is not None
+            TERMS.get(t).parameter if t in TERMS.names() else t: p
+            for t, p in self.study.models.prior.items()
+            if p is not None
         }
         for law in self.spec.restoring:
             given |= {k: p for k, p in record.system(law).free.items() if p is not None}  # type: ignore[misc]
@@ -189,6 +192,12 @@ def verdict_of(store: Store, signal: str, repeat: int) -> Verdict | None:
     """The verdict that is stored of a record; None where there is none."""
     cell = answer_cell(store, signal, repeat)
     return None if cell is None else Verdict.from_dict(cell.meta["verdict"])
+
+
+def arrays_of(store: Store, signal: str, repeat: int) -> Mapping[str, np.ndarray]:
+    """What a record's picture is drawn from; nothing where it has no answer."""
+    cell = answer_cell(store, signal, repeat)
+    return {} if cell is None else cell.arrays
 
 
 def answered_of(store: Store, signal: str, repeat: int) -> Answered | None:

@@ -178,6 +178,8 @@ class SignalCell:
         source = self.spec.source
         if self.repeat or not isinstance(source, Simulation) or source.noise != "gaussian":
             return {}
+        if not all(TERMS.get(term).traced for term in source.damping):
+            return {}
         truth = {**self.spec.system.known, **source.truth}
         if not truth.get("noise_sd") or (truth.get("epsilon") == 0.0 and "coulomb" in source.damping):
             return {}

@@ -1,16 +1,16 @@
-"""verdict.json and verdicts.csv, from a run's cells."""
+"""verdict.json, verdicts.csv and damping_curves.csv, from a run's cells."""
 
 from __future__ import annotations
 
 from bayesdamp.config import SignalSpec, Study
-from bayesdamp.pipeline.records.answering import answered_of, verdict_of
-from bayesdamp.store import VERDICTS, Store, write_json, write_table
+from bayesdamp.pipeline.records.answering import answered_of, arrays_of, verdict_of
+from bayesdamp.store import DAMPING_CURVES, VERDICTS, Store, write_json, write_table
 from bayesdamp.verdict.specimen import specimen
 from bayesdamp.verdict.types import Verdict
 
 
 def write_verdicts(study: Study, store: Store) -> None:
-    """Both files, an object and a line for each record that has a verdict; none where no record has one."""
+    """The files, an object, a line and a curve for each record that has a verdict; none where no record has one."""
     found: list[Verdict] = []
     for spec in study.signals:
         for repeat in range(spec.repeats):
@@ -25,6 +25,23 @@ def write_verdicts(study: Study, store: Store) -> None:
         return
     write_json(store.folder / "verdict.json", [v.to_dict() for v in found])
     write_table(store.folder / "verdicts.csv", VERDICTS, [row_of(v) for v in found])
+    curves = [
+        row for spec in study.signals for repeat in range(spec.repeats) for row in _curve(store, spec, repeat)
+    ]
+    write_table(store.folder / "damping_curves.csv", ("record", "unit", *DAMPING_CURVES), curves)
+
+
+def _curve(store: Store, spec: SignalSpec, repeat: int) -> list[dict[str, object]]:
+    """A record's damping curve without a law, a line an amplitude."""
+    verdict, arrays = verdict_of(store, spec.name, repeat), arrays_of(store, spec.name, repeat)
+    if verdict is None or "free/amplitude" not in arrays:
+        return []
+    unit = verdict.damping_ratio[0].unit if verdict.damping_ratio else "rad"
+    columns = [arrays[f"free/{name}"].tolist() for name in DAMPING_CURVES]
+    return [
+        {"record": verdict.record, "unit": unit, **dict(zip(DAMPING_CURVES, row, strict=True))}
+        for row in zip(*columns, strict=True)
+    ]
 
 
 def repeated_specs(study: Study) -> dict[str, list[SignalSpec]]:
@@ -54,7 +71,7 @@ def row_of(v: Verdict) -> dict[str, object]:
         "remarks": " ".join(v.remarks),
         "sentence": v.sentence,
     }
-    for name in ("frequency", "exponent", "deviation"):
+    for name in ("frequency", "exponent", "deviation", "unnamed"):
         one = getattr(v, name)
         if one is not None:
             row |= {name: one.value, f"{name}_low": one.low, f"{name}_high": one.high}

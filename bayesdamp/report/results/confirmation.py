@@ -44,9 +44,14 @@ def confirmation(run: Run, signal: str) -> str:
     answer, found = answer_of(run, signal, repeat), ranking(run, signal, repeat)
     if answer is None or found is None or found.method == "laplace":
         return ""
+    own = set(answer.verdict.damping.split("+"))
+    lost = next((row for row in found.lost if set(damping_of(row).split("+")) == own), None)
+    if lost is not None:
+        why = lost["outcome"].rpartition(": ")[2] or lost["outcome"]
+        return f"{words.model(answer.verdict.damping)}: sampling has nothing to say of it ({why})."
     first = damping_of(found.best)
     share = words.probability(found.dampings[first])
-    if set(first.split("+")) == set(answer.verdict.damping.split("+")):
+    if set(first.split("+")) == own:
         return f"Exact laws, sampled, agree: {words.model(first)} has probability {share} under them."
     return (
         f"Exact laws, sampled, put {words.model(first)} first, with probability {share}: the choice hangs on how "

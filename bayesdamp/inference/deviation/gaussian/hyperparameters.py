@@ -74,6 +74,33 @@ def _mean_over(knots: int) -> np.ndarray:
     return np.tile(weights / np.sum(weights), (knots, 1))
 
 
+WIDE = (0.1, 0.3, 1.0, 3.0)
+"""Sizes of a log deviation that may be anything: up to a factor of 20 either way."""
+WIDE_LENGTHS = (0.1, 0.3, 1.0)
+
+
+@lru_cache(maxsize=8)
+def wide_grid(knots: int) -> Grid:
+    """The grid of a damping that follows no law: g of any size, all alike; h as it is elsewhere, coarsely."""
+    lengths = LENGTHS[::2]
+    other = [(0.0, 1.0, np.log(EXACT)), *_masses(SIZES_H[::2], MEAN_H, lengths)]
+    s = np.linspace(0.0, 1.0, knots)
+    apart = np.abs(s[:, None] - s)
+    roots = {
+        n: np.linalg.cholesky(np.exp(-apart / n) + JITTER * np.eye(knots)) for n in (*WIDE_LENGTHS, *LENGTHS)
+    }
+    rows, factors = [], []
+    for size in WIDE:
+        for length in WIDE_LENGTHS:
+            for h, length_h, mass in other:
+                at = np.zeros((2 * knots, 2 * knots))
+                at[:knots, :knots], at[knots:, knots:] = size * roots[length], h * roots[length_h]
+                rows.append((size, h, mass - np.log(len(WIDE) * len(WIDE_LENGTHS))))
+                factors.append(at)
+    size_g, size_h, log_prior = np.array(rows).T
+    return Grid(size_g, size_h, log_prior, np.array(factors))
+
+
 def _masses(
     sizes: np.ndarray | tuple[()], mean: float, lengths: tuple[float, ...]
 ) -> list[tuple[float, float, float]]:

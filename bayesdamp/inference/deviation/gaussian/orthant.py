@@ -6,6 +6,9 @@ import numpy as np
 from scipy.special import log_ndtr, ndtr, ndtri
 
 POINTS = 24
+NESTED, LATTICE = 3, 256
+"""Coordinates up to which rules are nested, and points for more."""
+PRIMES = np.array([2, 3, 5, 7, 11, 13, 17, 19, 23, 29, 31, 37, 41, 43, 47, 53], float)
 _X, _W = np.polynomial.legendre.leggauss(POINTS)
 SHARES, WEIGHTS = 0.5 * (_X + 1), 0.5 * _W
 
@@ -22,6 +25,8 @@ def log_probability(mean: np.ndarray, covariance: np.ndarray) -> np.ndarray:
         return np.zeros(count)
     if k > 1:
         mean, covariance = _least_likely_first(mean, covariance)
+    if k > NESTED:
+        return _by_lattice(mean, covariance)
     sd = np.sqrt(np.maximum(covariance[:, 0, 0], 1e-300))
     first = log_ndtr(mean[:, 0] / sd)
     if k == 1:
@@ -33,6 +38,26 @@ def log_probability(mean: np.ndarray, covariance: np.ndarray) -> np.ndarray:
     inner = log_probability(means.reshape(-1, k - 1), np.repeat(rest, POINTS, axis=0)).reshape(count, POINTS)
     top = inner.max(axis=1, keepdims=True)
     return first + top[:, 0] + np.log(np.exp(inner - top) @ WEIGHTS)
+
+
+def _by_lattice(mean: np.ndarray, covariance: np.ndarray) -> np.ndarray:
+    """The same of many coordinates, by Geweke, Hajivassiliou and Keane's product of conditional probabilities over a
+    lattice of shares (R. D. Richtmyer 1951), which nested rules would be too many for."""
+    count, k = mean.shape
+    scale = np.sqrt(np.maximum(np.diagonal(covariance, axis1=1, axis2=2), 1e-300))
+    part = covariance / (scale[:, :, None] * scale[:, None, :]) + 1e-9 * np.eye(k)
+    lower, centres = np.linalg.cholesky(part), mean / scale
+    shares = np.mod(0.5 + np.arange(1, LATTICE + 1)[:, None] * np.sqrt(PRIMES[:k]), 1.0)
+    scores, log = np.zeros((count, LATTICE, k)), np.zeros((count, LATTICE))
+    for i in range(k):
+        centre = centres[:, i, None] + np.einsum("cpj,cj->cp", scores[:, :, :i], lower[:, i, :i])
+        sd = np.broadcast_to(lower[:, i, i, None], centre.shape)
+        log += log_ndtr(centre / sd)
+        at = np.broadcast_to(shares[:, i], centre.shape).reshape(-1, 1)
+        value = truncated(centre.ravel(), sd.ravel(), at)[:, 0].reshape(centre.shape)
+        scores[:, :, i] = (value - centre) / sd
+    top = log.max(axis=1, keepdims=True)
+    return top[:, 0] + np.log(np.mean(np.exp(log - top), axis=1))
 
 
 def _least_likely_first(mean: np.ndarray, covariance: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -13,6 +13,8 @@ from bayesdamp.report import words
 from bayesdamp.report.style import FAINT, INK, QUIET, WIDTH, colour, dash
 
 HEIGHT = 5.6
+FREE = "#c9b27c"
+"""The band of the damping curve without a law."""
 
 
 def answer(arrays: Mapping[str, np.ndarray], unit: str, damping: str) -> Figure:
@@ -39,6 +41,9 @@ def _ratios(ax: Axes, arrays: Mapping[str, np.ndarray], unit: str) -> None:
     )
     ax.plot(a, 100 * arrays["ratio"], color=INK, lw=1.8, label="this record")
     top = 100 * float(np.nanmax(arrays["high"]))
+    if "free/amplitude" in arrays:
+        free, low, high = (arrays[f"free/{n}"] for n in ("amplitude", "ratio_low", "ratio_high"))
+        ax.fill_between(free, 100 * low, 100 * high, color=FREE, alpha=0.45, lw=0, label="without a law")
     for name, values in sorted(arrays.items()):
         if not name.startswith("law/"):
             continue

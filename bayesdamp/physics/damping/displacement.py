@@ -1,15 +1,17 @@
-"""Damping that grows with the square of the displacement, (θ − θ_e)² θ̇ (van der Pol's sign turned)."""
+"""Damping that grows with the square of the displacement, (θ − θ_e)² θ̇: van der Pol's with its sign turned
+(B. van der Pol, Phil. Mag. 2, 978 (1926))."""
 
-from bayesdamp.physics.forms._form import Form
+from bayesdamp.physics.damping._term import DampingTerm
 
 
-class Displacement(Form):
-    """F = c (θ − θ_e)² θ̇, c in 1/s: a cycle takes π c ω A⁴/4, as much as θ̇³ does."""
+class Displacement(DampingTerm):
+    """F = c (θ − θ_e)² θ̇, c in 1/(s rad²): a cycle takes π c ω A⁴/4, as much as θ̇³ does."""
 
     name = "displacement"
     parameter = "c_xxv"
+    unit = "1/(s rad²)"
     words = "one that grows with the square of the displacement"
-    further = ("rest",)
+    given = ("rest",)
 
     @staticmethod
     def kernel(x: float, v: float, epsilon: float, rest: float = 0.0) -> float:

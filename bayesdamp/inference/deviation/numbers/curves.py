@@ -1,0 +1,166 @@
+"""The damping ratio at an amplitude, from draws."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from bayesdamp.inference.deviation.numbers.draws import Drawn
+from bayesdamp.inference.deviation.numbers.quantities import Ratio, quantity
+from bayesdamp.inference.deviation.orbit import Orbit, orbit_at, rest_of
+from bayesdamp.inference.deviation.weighing import Result, Weighing
+from bayesdamp.physics.damping import TERMS
+from bayesdamp.physics.kernel import Motion, Solver
+
+
+def times_of(result: Result) -> tuple[np.ndarray, np.ndarray]:
+    """Times in s of a result's half cycles, and half the distance of their turning points, in falling order."""
+    return turning_amplitudes(result.motion)
+
+
+def turning_amplitudes(motion: Motion) -> tuple[np.ndarray, np.ndarray]:
+    """Times in s of a motion's half cycles, and half the distance of their turning points, in falling order."""
+    v = motion.states[:, 1]
+    turns = np.flatnonzero(v[:-1] * v[1:] <= 0)
+    share = v[turns] / np.where(v[turns] == v[turns + 1], 1.0, v[turns] - v[turns + 1])
+    t = motion.times[turns] + share * (motion.times[turns + 1] - motion.times[turns])
+    h = motion.times[turns + 1] - motion.times[turns]
+    x = motion.states[turns, 0] + h * share * (
+        motion.states[turns, 1] + 0.5 * h * share * motion.states[turns, 2]
+    )
+    sizes, at = 0.5 * np.abs(np.diff(x)), 0.5 * (t[1:] + t[:-1])
+    good = sizes > 0
+    return at[good], np.minimum.accumulate(sizes[good])
+
+
+def share_of_time(weighing: Weighing, result: Result, amplitude: float) -> float:
+    """When the motion has this amplitude, as a share of the record."""
+    at, sizes = times_of(result)
+    if at.size < 2:
+        return 0.5
+    t = np.interp(-np.log(amplitude), -np.log(sizes), at)
+    return float(np.clip(t / weighing.data.t[-1], 0.0, 1.0))
+
+
+def orbit_of(weighing: Weighing, result: Result, amplitude: float) -> Orbit | None:
+    """The orbit of an amplitude under a result's own law."""
+    name = result.candidate.restoring
+    law = values_of(result)[weighing.solvers[name].law_places]
+    rest = rest_of(name, law, weighing.data.rest, 2 * weighing.data.amplitude)
+    return None if rest is None else orbit_at(float(amplitude), name, tuple(map(float, law)), rest)
+
+
+def values_of(result: Result) -> np.ndarray:
+    """A result's parameters at its mode, as its solver takes them."""
+    z = result.about.u[: result.fit.z.size] if result.about is not None else result.fit.z
+    return result.fit.parameters.values(z)
+
+
+def further_of(weighing: Weighing, result: Result, values: np.ndarray | None = None) -> np.ndarray:
+    """The terms' further parameters, (1, e), among a result's parameters; at its mode by default."""
+    solver = weighing.solvers[result.candidate.restoring]
+    values = values_of(result) if values is None else values
+    return values[None, len(solver.terms) : solver.law_places.start]
+
+
+def works_on(
+    orbit: Orbit, solver: Solver, further: np.ndarray, active: np.ndarray, epsilon: float | None = None
+) -> np.ndarray:
+    """Work per unit of each coefficient in a cycle on an orbit, (d, m), for rows of further parameters, (d, e)."""
+    x, v = np.tile(orbit.x, 2), np.concatenate([orbit.speed, -orbit.speed])
+    weight = np.concatenate([orbit.width, -orbit.width])
+    return solver.works(x, v, weight, further, active, epsilon)
+
+
+def ratios_per_unit(
+    weighing: Weighing,
+    d: Drawn,
+    amplitude: float,
+    epsilon: float | None = None,
+    *,
+    every_term: bool = False,
+) -> np.ndarray | None:
+    """Ratios per unit of each coefficient, (n, m) or (1, m) where they are the same for all draws.
+
+    every_term: also of terms without parameters of their own that the draws do not have.
+    """
+    solver = weighing.solvers[d.result.candidate.restoring]
+    orbit = orbit_of(weighing, d.result, amplitude)
+    if orbit is None:
+        return None
+    rows, place = np.unique(d.further, axis=0, return_inverse=True)
+    simple = np.array([not TERMS.get(t).inferred for t in solver.terms])
+    active = d.result.fit.active | simple if every_term else d.result.fit.active
+    found = works_on(orbit, solver, rows, active, epsilon) / (4 * np.pi * orbit.energy)
+    return found[place.ravel()] if len(rows) > 1 else found
+
+
+def at_share(values: np.ndarray, share: float) -> np.ndarray:
+    """Values at equidistant knots, (n, k), at a share of the record: (n,)."""
+    k = values.shape[1]
+    at = share * (k - 1)
+    i = min(int(at), k - 2)
+    return (1 - at + i) * values[:, i] + (at - i) * values[:, i + 1]
+
+
+def ratio_at(
+    weighing: Weighing, drawn: Sequence[Drawn], amplitude: float, sensor: float, rng: np.random.Generator
+) -> Ratio:
+    values, noises, weights = [], [], []
+    for d in drawn:
+        per_unit = ratios_per_unit(weighing, d, amplitude)
+        if per_unit is None:
+            continue
+        share = share_of_time(weighing, d.result, amplitude)
+        each = _under_frictions(weighing, d, amplitude, per_unit, rng)
+        values.append(each * np.exp(at_share(d.g, share)) / (1 + at_share(d.h, share)))
+        noises.append(_noise_sd(weighing, d.result, per_unit.mean(axis=0)))
+        weights.append(len(d.coefficients))
+    if not values:
+        return Ratio(amplitude, *(float("nan"),) * 5)
+    found = np.concatenate(values)
+    found = found * (1 + sensor * rng.standard_normal(found.size))
+    noise = float(np.average(noises, weights=weights))
+    q = quantity(found, min(noise, float(np.std(found))))
+    return Ratio(amplitude, q.value, q.low, q.high, q.sd_noise, q.sd_law)
+
+
+def _under_frictions(
+    weighing: Weighing, d: Drawn, amplitude: float, per_unit: np.ndarray, rng: np.random.Generator
+) -> np.ndarray:
+    """Ratios of the draws, (n,), each under one of the widths of friction by their probability."""
+    found = np.sum(d.coefficients * per_unit, axis=1)
+    active = d.result.fit.active
+    solver = weighing.solvers[d.result.candidate.restoring]
+    switching = any(TERMS.get(t).switches and on for t, on in zip(solver.terms, active, strict=True))
+    if not switching or not weighing.frictions:
+        return found
+    used = min(weighing.frictions, key=lambda f: abs(f.epsilon - solver.epsilon))
+    chosen = rng.choice(len(weighing.frictions), len(found), p=[f.weight for f in weighing.frictions])
+    for i, friction in enumerate(weighing.frictions):
+        rows = chosen == i
+        other = ratios_per_unit(weighing, d, amplitude, friction.epsilon) if rows.any() else None
+        if other is None:
+            continue
+        scale = np.where(
+            used.coefficients > 0,
+            friction.coefficients / np.where(used.coefficients > 0, used.coefficients, 1),
+            1,
+        )
+        scale = np.clip(scale, 0.5, 2.0)
+        found[rows] = np.sum(d.coefficients * scale * other, axis=1)[rows]
+    return found
+
+
+def _noise_sd(weighing: Weighing, result: Result, per_unit: np.ndarray) -> float:
+    """The ratio's standard deviation from noise alone, under exact laws."""
+    factor = result.exact_weighed.factors[0]
+    parameters, m = result.fit.parameters, per_unit.size
+    slopes = parameters.slopes(result.fit.z)
+    gradient = np.zeros(parameters.free.size)
+    for i, place in enumerate(parameters.free):
+        if place < m:
+            gradient[i] = per_unit[place] * slopes[i]
+    scale = np.sqrt(weighing.variance / result.exact_variance)
+    return float(np.linalg.norm(gradient @ factor)) * float(scale)

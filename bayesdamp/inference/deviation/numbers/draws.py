@@ -1,0 +1,125 @@
+"""Draws over candidates, hyperparameters and coefficients, and how probable the candidates are."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from bayesdamp.inference.deviation.candidate import Candidate
+from bayesdamp.inference.deviation.gaussian.linear import Weighed
+from bayesdamp.inference.deviation.gaussian.orthant import draw
+from bayesdamp.inference.deviation.weighing import Result, Weighing
+
+DRAWS = 4000
+EXOTIC = 0.1
+"""Prior weight of a sum with another form of damping."""
+THIRD = 0.5
+"""Prior weight of a sum of three terms beside sums of one or two."""
+NEGLIGIBLE = 1e-4
+SHOWN = 0.99
+"""Probability of the candidates together from which the others are not drawn from."""
+DISTINCT = 200
+"""Draws of a candidate whose work must be found by quadrature for each of them."""
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """Draws of one candidate: coefficients (n, m), the terms' further parameters (n, e), the law's (n, r), log g and h
+    at the knots (n, k)."""
+
+    result: Result
+    coefficients: np.ndarray
+    further: np.ndarray
+    law: np.ndarray
+    g: np.ndarray
+    h: np.ndarray
+
+
+def probabilities(weighing: Weighing, exact: bool) -> dict[Candidate, float]:
+    """Posterior probability of each candidate. Prior: the sums alike, of three half; laws alike."""
+    logs: dict[Candidate, float] = {}
+    for r in (*weighing.results, *weighing.forms):
+        weighed = r.exact_weighed if exact else r.weighed
+        if weighed is None:
+            continue
+        odds = THIRD if len(r.candidate.damping) > 2 else 1.0
+        odds *= EXOTIC if r in weighing.forms else 1.0
+        sampled = r.sampled is not None and exact == (r.weighed is None)
+        logs[r.candidate] = (r.log_evidence if sampled else weighed.log_evidence) + np.log(odds)
+    if not logs:  # none could be linearised: exact laws are all that is known
+        return probabilities(weighing, True)
+    top = max(logs.values())
+    total = sum(np.exp(v - top) for v in logs.values())
+    return {c: float(np.exp(v - top) / total) for c, v in logs.items()}
+
+
+def summed(found: Mapping[Candidate, float], key: str) -> dict[str, float]:
+    """Probabilities by damping sum ("damping") or by law ("restoring"), the largest first."""
+    totals: dict[str, float] = {}
+    for c, p in found.items():
+        name = "+".join(c.damping) if key == "damping" else c.restoring
+        totals[name] = totals.get(name, 0.0) + p
+    return dict(sorted(totals.items(), key=lambda item: -item[1]))
+
+
+def drawn_from(
+    weighing: Weighing, chosen: Mapping[Candidate, float], approximate: bool, rng: np.random.Generator
+) -> list[Drawn]:
+    """Draws of the candidates that count, each as often as it is probable."""
+    order = sorted(chosen.items(), key=lambda item: -item[1])
+    kept, total = [], 0.0
+    for c, p in order:
+        kept.append((c, p))
+        total += p
+        if total > SHOWN:
+            break
+    found = []
+    for c, p in kept:
+        result = next(r for r in weighing.results if r.candidate == c)
+        count = round(DRAWS * p / total)
+        if count:
+            found.append(draws_of(weighing, result, count, approximate, rng))
+    return found
+
+
+def draws_of(
+    weighing: Weighing, result: Result, count: int, approximate: bool, rng: np.random.Generator
+) -> Drawn:
+    """Draws of one candidate; where it has further parameters that are inferred, `DISTINCT` ones, repeated."""
+    weighed = result.weighed if approximate else result.exact_weighed
+    assert weighed is not None
+    d, parameters = result.fit.z.size, result.fit.parameters
+    solver = weighing.solvers[result.candidate.restoring]
+    knots = solver.knots.size
+    few = min(count, DISTINCT) if set(solver.inferred) & set(parameters.free_names) else count
+    u = posterior_scores(result, weighed, few, rng)
+    u = u[np.arange(count) * few // count]
+    z, rest = u[:, :d], u[:, d:]
+    if not approximate:
+        rest = np.zeros((count, 2 * knots))
+    m, law = len(solver.terms), solver.law_places
+    values = parameters.values(z)
+    return Drawn(
+        result, values[:, :m], values[:, m : law.start], values[:, law], rest[:, :knots], rest[:, knots:]
+    )
+
+
+def posterior_scores(result: Result, weighed: Weighed, count: int, rng: np.random.Generator) -> np.ndarray:
+    """Draws of a candidate's scores, g and h, (count, K): of its motions where they were sampled."""
+    if result.sampled is None or not result.sampled.trusted:
+        return scores_of(weighed, result.fit.parameters.positive, count, rng)
+    drawn = result.sampled.draws
+    return drawn[rng.choice(len(drawn), count, replace=count > len(drawn))]
+
+
+def scores_of(weighed: Weighed, positive: np.ndarray, count: int, rng: np.random.Generator) -> np.ndarray:
+    """Draws of scores, g and h, (count, d + 2k), over all hyperparameters."""
+    weights = np.where(weighed.weights > NEGLIGIBLE, weighed.weights, 0.0)
+    numbers = rng.multinomial(count, weights / weights.sum())
+    places = np.flatnonzero(positive)
+    return np.concatenate([
+        draw(rng, weighed.means[i], weighed.factors[i], places, int(numbers[i]))
+        for i in np.flatnonzero(numbers)
+    ])  # fmt: skip

@@ -1,0 +1,30 @@
+"""Cubic damping μ₃ θ̇³, of ships in roll (J. F. Dalzell, J. Ship Res. 22, 178 (1978))."""
+
+from jax import Array
+from jax import numpy as jnp
+from jax.typing import ArrayLike
+
+from bayesdamp.physics.damping._term import DampingTerm
+
+
+class Cubic(DampingTerm):
+    """F = μ₃ θ̇³, μ₃ in s/rad²: a cycle takes 3π/4 μ₃ ω³ A⁴."""
+
+    name = "cubic"
+    parameter = "mu_3"
+    unit = "s/rad²"
+    words = "cubic (the third power of the velocity)"
+
+    def shape(self, velocity: ArrayLike, epsilon: ArrayLike) -> Array:
+        velocity = jnp.asarray(velocity)
+        return velocity * velocity * velocity
+
+    @staticmethod
+    def kernel(x: float, v: float, epsilon: float) -> float:
+        return v * v * v
+
+    def ratio_per_unit(self, amplitude: float, frequency: float) -> float:
+        return 3.0 / 8.0 * amplitude**2 * frequency
+
+
+PLUGIN = Cubic()

@@ -1,0 +1,41 @@
+"""Dry friction that varies with the position, as under a normal force that does (B. F. Feeny and F. C. Moon,
+J. Sound Vib. 170, 303 (1994)), to second order in the displacement."""
+
+import math
+
+from bayesdamp.physics.damping._term import DampingTerm, FreeParameter
+from bayesdamp.priors import Normal
+
+
+class DryPosition(DampingTerm):
+    """F = μ_p max(1 + s u + q u², 0) tanh(θ̇/ε), u = (θ − θ_e)/A with A a reference amplitude; μ_p, in rad/s², is the
+    friction at rest. A cycle of amplitude a takes 4 μ_p a (1 + q (a/A)²/3): the slope s takes no energy by itself.
+    """
+
+    name = "dry_position"
+    parameter = "mu_p"
+    unit = "rad/s²"
+    words = "friction that varies with the position"
+    switches = True
+    inferred = (
+        FreeParameter("friction_slope", "1", lambda amplitude, frequency: Normal(mean=0.0, sd=0.5)),
+        FreeParameter("friction_curvature", "1", lambda amplitude, frequency: Normal(mean=0.0, sd=1.0)),
+    )
+    given = ("rest", "reference_amplitude")
+    reduces = (("friction_slope", 0.0), ("friction_curvature", 0.0))
+
+    @staticmethod
+    def kernel(
+        x: float,
+        v: float,
+        epsilon: float,
+        slope: float = 0.0,
+        curvature: float = 0.0,
+        rest: float = 0.0,
+        scale: float = 1.0,
+    ) -> float:
+        u = (x - rest) / scale
+        return max(1.0 + slope * u + curvature * u * u, 0.0) * math.tanh(v / epsilon)
+
+
+PLUGIN = DryPosition()

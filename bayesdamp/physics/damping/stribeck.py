@@ -1,0 +1,39 @@
+"""Stribeck friction: dry friction that rises from its kinetic to its static value as the velocity goes to zero
+(B. Armstrong-Hélouvry, P. Dupont and C. Canudas de Wit, Automatica 30, 1083 (1994))."""
+
+import math
+
+from bayesdamp.physics.damping._term import DampingTerm, FreeParameter
+from bayesdamp.priors import HalfNormal, LogUniform
+
+SLOWEST, FASTEST = 0.02, 1.0
+"""Stribeck velocities that are possible, as shares of the reference's peak velocity: below, friction is static nowhere
+but at the turning points; above, everywhere."""
+
+
+class Stribeck(DampingTerm):
+    """F = μ_k [1 + s exp(−(θ̇/v_s)²)] tanh(θ̇/ε), kinetic friction μ_k in rad/s², static friction (1 + s) μ_k, Stribeck
+    velocity v_s in rad/s."""
+
+    name = "stribeck"
+    parameter = "mu_k"
+    unit = "rad/s²"
+    words = "Stribeck friction"
+    switches = True
+    inferred = (
+        FreeParameter("static_excess", "1", lambda amplitude, frequency: HalfNormal(scale=1.0)),
+        FreeParameter(
+            "stribeck_velocity", "rad/s",
+            lambda amplitude, frequency: LogUniform(
+                low=SLOWEST * amplitude * frequency, high=FASTEST * amplitude * frequency
+            ),
+        ),
+    )  # fmt: skip
+    reduces = (("static_excess", 0.0),)
+
+    @staticmethod
+    def kernel(x: float, v: float, epsilon: float, excess: float = 0.0, slow: float = 1.0) -> float:
+        return (1.0 + excess * math.exp(-(v * v) / (slow * slow))) * math.tanh(v / epsilon)
+
+
+PLUGIN = Stribeck()

@@ -1,0 +1,31 @@
+"""Structural (hysteretic) damping: a force that follows the displacement and turns with the velocity, so that what a
+cycle loses does not depend on its frequency (T. J. Reid, J. R. Aeronaut. Soc. 60, 283 (1956))."""
+
+import math
+
+from bayesdamp.physics.damping._term import DampingTerm
+
+
+class Structural(DampingTerm):
+    """F = κ |θ − θ_e| tanh(θ̇/ε), κ in 1/s²: a cycle takes 2κA², a loss factor of 2κ/(πω²).
+
+    Unlike the complex stiffness of the frequency domain it is causal and has solutions; in a free decay its amplitude
+    falls exponentially, as viscous damping's does, and only the shape within a cycle tells the two apart.
+    """
+
+    name = "structural"
+    parameter = "kappa"
+    unit = "1/s²"
+    words = "structural (rate independent)"
+    switches = True
+    given = ("rest",)
+
+    @staticmethod
+    def kernel(x: float, v: float, epsilon: float, rest: float = 0.0) -> float:
+        return abs(x - rest) * math.tanh(v / epsilon)
+
+    def ratio_per_unit(self, amplitude: float, frequency: float) -> float:
+        return 1.0 / (math.pi * frequency**2)
+
+
+PLUGIN = Structural()

@@ -1,0 +1,103 @@
+"""Forms that are not in the answer, bounded one by one about the likeliest candidate's mode."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from bayesdamp.inference.deviation.numbers import bounds
+from bayesdamp.inference.deviation.numbers.bounds import bounds_of_others
+from bayesdamp.inference.deviation.numbers.draws import probabilities
+from bayesdamp.inference.deviation.quick import weighing_of
+from bayesdamp.inference.deviation.weighing import Result, Weighing
+from bayesdamp.physics.damping import others
+from bayesdamp.physics.kernel.solve import PARAMETERS
+from bayesdamp.types import Signal
+from tests.physics.independent import trajectory
+
+Force = Callable[[Any, Any], Any]
+W, A, ZETA = 4.5, 0.3, 0.04
+P = {"zeta": ZETA, "stiffness": W**2, "rest_angle": 0.1, "theta0": 0.1 + A, "omega0": 0.0, "epsilon": 0.1}
+TIMES = np.arange(1000) * 2 * math.pi / W / 40
+
+
+@lru_cache
+def weighed(noise: float) -> tuple[Weighing, Result]:
+    """A viscous decay; the likeliest candidate."""
+    y = trajectory("linear", P, TIMES)[:, 0] + noise * np.random.default_rng(5).standard_normal(TIMES.size)
+    weighing = weighing_of(Signal(TIMES, y), restoring=["linear"])
+    each = probabilities(weighing, False)
+    return weighing, max(weighing.results, key=lambda r: each[r.candidate])
+
+
+def test_tangents_are_the_kernel_s_own() -> None:
+    """Of terms that the kernel has too: the same variational equation by another method and another force."""
+    weighing, result = weighed(0.002)
+    solver, about = weighing.solvers["linear"], result.about
+    assert about is not None
+    forms = [f for name in ("cubic", "displacement") for f in bounds._forms(weighing, result, name)]
+    found = bounds._tangents(weighing, result, bounds._sources(weighing, result, forms)[0])
+    d, n = result.fit.z.size, solver.knots.size
+    wider = replace(solver, terms=(*solver.terms, "cubic", "displacement"))
+    known = {**result.fit.parameters.named(about.u[:d]), "rest": bounds._rest(weighing, result)}
+    p = np.array([known.get(name, 0.0) for name in wider.names])
+    active = np.array([*result.fit.active, True, True])
+    motion = wider.solve(p, active, np.expm1(about.u[d : d + n]), about.u[d + n :], PARAMETERS)
+    assert motion is not None
+    for i, name in enumerate(("mu_3", "c_xxv")):
+        truth = motion.tangents[:, wider.names.index(name)]
+        np.testing.assert_allclose(found[:, i], truth, atol=2e-3 * np.abs(truth).max())
+        assert np.abs(found[:, i] - 1.01 * truth).max() > 2e-3 * np.abs(truth).max()  # control
+
+
+def test_every_form_is_bounded_by_itself() -> None:
+    weighing, result = weighed(0.002)
+    found = bounds_of_others(weighing, result, True, np.random.default_rng(0))
+    assert set(found) == set(others()) - {"power"}
+    assert all(0 < share < 1 for share in found.values())
+    # Rate independent damping has viscous damping's envelope: a record bounds it worst.
+    assert max(found, key=lambda name: found[name]) == "structural"
+    assert found["cubic"] < 0.1
+
+
+def test_less_noise_bounds_more() -> None:
+    """Noise eight times as large: bounds of a form that the amplitude tells apart are larger by two at least."""
+    small, large = (
+        bounds_of_others(*weighed(noise), False, np.random.default_rng(0)) for noise in (0.0005, 0.004)
+    )
+    for name in ("cubic", "displacement"):
+        assert large[name] > 2 * small[name]
+
+
+@pytest.mark.parametrize("name", ["cubic", "displacement"])
+def test_a_bound_holds_what_is_there(name: str) -> None:
+    """A tenth of the loss in the middle of the record is cubic: beside viscous damping alone, whose fit leaves it to
+    the form, the bound is above the share that was put in and below three times of it."""
+    share, middle = 0.1, 0.15
+    unit = 3 / 8 * middle**2 * W if name == "cubic" else middle**2 / (8 * W)
+    c = share / (1 - share) * ZETA / W / unit
+    forces: dict[str, Force] = {"cubic": lambda x, v: c * v**3, "displacement": lambda x, v: c * x * x * v}
+    more = forces[name]
+    x, v = _decay(more)
+    y = x + 0.001 * np.random.default_rng(2).standard_normal(TIMES.size)
+    weighing = weighing_of(Signal(TIMES, y), damping=["viscous"], restoring=["linear"], approximate=False)
+    found = bounds_of_others(weighing, weighing.results[0], False, np.random.default_rng(0))
+    own, viscous = float(np.mean(more(x, v) * v)), float(np.mean(2 * ZETA * v * v))
+    lost = own / (own + viscous)
+    assert lost < found[name] < 3 * lost
+
+
+def _decay(more: Force) -> tuple[np.ndarray, np.ndarray]:
+    """Displacement and velocity of viscous damping and one force more."""
+    run = solve_ivp(
+        lambda _, s: [s[1], -2 * ZETA * s[1] - more(s[0], s[1]) - W**2 * s[0]], (0, TIMES[-1]), [A, 0.0],
+        t_eval=TIMES, rtol=1e-10, atol=1e-12,
+    )  # fmt: skip
+    return run.y[0], run.y[1]

@@ -1,0 +1,108 @@
+"""Terms with parameters of their own, on records of the validation's solver: found again, or refused."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import numpy as np
+import pytest
+
+from bayesdamp.inference.deviation.numbers.unnamed import as_wide
+from bayesdamp.physics.damping import TERMS, others
+from bayesdamp.physics.oscillator import Oscillator
+from bayesdamp.pipeline.answer import answer
+from bayesdamp.priors import HalfNormal, LogUniform, Normal, Uniform
+from bayesdamp.records.simulate import simulate_signal
+from bayesdamp.types import InputError
+from bayesdamp.verdict.types import Verdict
+from tests.validation.laws import case
+
+SEEDS = {
+    "cubic": 1001,
+    "displacement": 1000,
+    "power": 1000,
+    "structural": 1009,
+    "stribeck": 1001,
+    "dry_position": 1000,
+}
+
+
+@lru_cache
+def found(term: str) -> tuple[Verdict, dict[str, float], float]:
+    """A record of a term among five candidates, its true parameters, and its share of the energy."""
+    made = case(term, SEEDS[term])
+    damping = ["viscous", "coulomb", "quadratic", term, f"viscous+{term}"]
+    return answer(made.signal, damping=damping, restoring=["linear"]).verdict, made.values, made.share
+
+
+@pytest.mark.parametrize(
+    "term", ["cubic", *(pytest.param(n, marks=pytest.mark.slow) for n in others() if n != "cubic")]
+)
+def test_a_term_is_found_again(term: str) -> None:
+    """Its parameters lie in their 95 % intervals under their own names and units; of one seed each."""
+    verdict, truth, share = found(term)
+    assert term in verdict.damping.split("+")
+    held = {c.name: c for c in verdict.coefficients if c.name in truth}
+    assert TERMS.get(term).parameter in held
+    assert set(held) >= {p.name for p in TERMS.get(term).inferred}
+    for name, c in held.items():
+        assert c.low <= truth[name] <= c.high, name
+        assert c.unit
+    own = next(s for s in verdict.energy if s.term == term)
+    assert own.low - 0.05 <= share <= own.high + 0.05
+    assert len(verdict.damping_ratio) == 3
+    assert all(0 < r.low < r.value < r.high for r in verdict.damping_ratio)
+
+
+def test_what_is_there_already_is_not_bounded() -> None:
+    verdict, *_ = found("cubic")
+    assert "cubic" not in {b.form for b in verdict.other_forms}
+    assert "structural" in {b.form for b in verdict.other_forms}
+
+
+def test_terms_that_a_record_cannot_tell_are_said() -> None:
+    """Five per cent of the amplitude is lost: no exponent follows from that, and it is said."""
+    osc, k = Oscillator(("power",), "linear"), 20.0
+    p = {
+        "c_power": 0.003,
+        "exponent": 1.4,
+        "stiffness": k,
+        "rest_angle": 0.0,
+        "theta0": 0.3,
+        "omega0": 0.0,
+        "epsilon": 0.001,
+    }
+    signal = simulate_signal(
+        osc, p, duration=25.0, samples=900, noise_sd=0.006, rng=np.random.default_rng(1), name="weak"
+    )
+    verdict = answer(signal, damping=["power"], restoring=["linear"]).verdict
+    assert any("does not tell the exponent" in remark for remark in verdict.remarks)
+    sure, *_ = found("cubic")
+    assert not any("does not tell" in remark for remark in sure.remarks)  # control
+
+
+def test_an_interval_as_wide_as_the_prior() -> None:
+    for prior in (
+        Uniform(low=0, high=3),
+        Normal(mean=0, sd=0.5),
+        LogUniform(low=0.1, high=2),
+        HalfNormal(scale=1),
+    ):
+        low, high = (0.05, 2.2) if prior.folded else (-1.9, 1.9)
+        ends = [float(prior.value(np.asarray(z))) for z in (low, high)]
+        assert as_wide(prior, *ends)
+        half = [float(prior.value(np.asarray(z))) for z in (low / 2, high / 2)]
+        assert not as_wide(prior, *half)
+
+
+def test_two_terms_with_one_parameter_are_refused() -> None:
+    from bayesdamp.physics.damping import DampingTerm, parse_model
+
+    other = type("Other", (type(TERMS.get("power")),), {"name": "other", "parameter": "c_other"})()
+    assert isinstance(other, DampingTerm)
+    TERMS.add("other", other, "")
+    try:
+        with pytest.raises(InputError, match="power and other both have a parameter 'exponent'"):
+            parse_model("power+other")
+    finally:
+        TERMS.remove("other")
