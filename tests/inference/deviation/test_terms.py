@@ -88,7 +88,7 @@ def test_an_interval_as_wide_as_the_prior() -> None:
         LogUniform(low=0.1, high=2),
         HalfNormal(scale=1),
     ):
-        low, high = (0.05, 2.2) if prior.folded else (-1.9, 1.9)
+        low, high = (0.05, 2.2) if prior.reflected else (-1.9, 1.9)
         ends = [float(prior.value(np.asarray(z))) for z in (low, high)]
         assert as_wide(prior, *ends)
         half = [float(prior.value(np.asarray(z))) for z in (low / 2, high / 2)]
