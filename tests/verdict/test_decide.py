@@ -225,8 +225,8 @@ def test_a_verdict_survives_json() -> None:
     lost = json.loads(replace(found, unexplained_pct=math.nan).to_json(), parse_constant=pytest.fail)
     assert lost["unexplained_pct"] is None
     assert {"record", "grade", "decided", "damping", "probability", "rivals", "restoring", "restoring_probability",
-            "frequency", "exponent", "damping_ratio", "energy", "other_forms", "deviation", "unexplained_pct",
-            "noise_pct", "coefficients", "window", "remarks", "sentence"} == set(back)  # fmt: skip
+            "frequency", "exponent", "damping_ratio", "energy", "other_forms", "deviation", "unnamed",
+            "unexplained_pct", "noise_pct", "coefficients", "window", "remarks", "sentence"} == set(back)  # fmt: skip
 
 
 @pytest.mark.parametrize(

@@ -21,4 +21,6 @@ def warm() -> None:
                 "reference_velocity": 0.4,
             }
             p = np.array([values.get(name, 0.0) for name in solver.names])
-            solver.solve(p, np.ones(len(terms), bool), tangents=ALL)
+            active = np.ones(len(terms), bool)
+            solver.solve(p, active, tangents=ALL)
+            solver.works(t, t, t, np.ones((1, len(solver.further))), active)

@@ -12,6 +12,7 @@ import pytest
 
 from bayesdamp.physics.kernel import build
 from bayesdamp.physics.kernel.solve import SHARED
+from bayesdamp.physics.kernel.warm import warm
 from bayesdamp.physics.restoring import LAWS
 
 SOLVE = """
@@ -116,7 +117,9 @@ def test_warm_compiles_what_ships(monkeypatch: pytest.MonkeyPatch) -> None:
         "bayesdamp.physics.kernel.solve.kernel_of",
         lambda terms, law: asked.append((terms, law)) or kept(terms, law),
     )
-    build.warm()
+    warm()
     assert asked == [(terms, law) for law in LAWS.names() for terms in (SHARED, ("power",))]
     for law in LAWS.names():
-        assert len(build.kernel_of(SHARED, law).march.signatures) == 1  # type: ignore[attr-defined]
+        kernel = build.kernel_of(SHARED, law)
+        assert len(kernel.march.signatures) == 1  # type: ignore[attr-defined]
+        assert len(kernel.sums.signatures) == 1  # type: ignore[attr-defined]
