@@ -176,15 +176,18 @@ def compare(
     priors: Mapping[str, Prior] | None = None,
     sensor: float = SENSOR,
     amplitudes: Sequence[float] | None = None,
+    sample: bool = True,
     seed: int = 0,
 ) -> Comparison:
-    """Which damping a record has, how large it is, and how well the law holds; within seconds.
+    """Which damping a record has, how large it is, and how well the law holds; within seconds, or half a minute where
+    many cycles are sampled.
 
     signals: one, or several of one specimen with `repeats`: one damping for all, whose size differs from record to
     record by a spread that is inferred. deviation: "auto" or "law", laws may hold approximately; "none", they hold
     exactly. damping, restoring: what is compared, by default every sum under every law that the record's unit allows.
     known: values of parameters; priors: by parameter. sensor: the sensor's relative linearity, the floor of every rate.
-    amplitudes: where the damping ratio is given (rad or m).
+    amplitudes: where the damping ratio is given (rad or m). sample: whether the motions themselves are sampled, and not
+    their linear model alone.
     Raises InputError for a name that is none; a record on which nothing can be said has it in `outcome`.
 
     >>> import bayesdamp as bd
@@ -214,6 +217,7 @@ def compare(
             known=known,
             priors=priors,
             sensor=sensor,
+            sample=sample,
             seed=seed,
         )
         for s in every

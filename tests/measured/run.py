@@ -1,6 +1,6 @@
 """The answers on measured decays: `python -m tests.measured.run FOLDER [NAME ...]`.
 
-Each record is read with no options but its columns and unit and answered as `bayesdamp compare --quick` does; the runs
+Each record is read with no options but its columns and unit and answered as `bayesdamp compare` does; the runs
 of one file are also taken as one specimen. `verdicts.csv` and `README.md` in FOLDER have a row for each.
 """
 
@@ -54,7 +54,7 @@ def main(folder: Path, wanted: list[str]) -> None:
     found = list(verdicts(wanted))
     write_table(folder / "verdicts.csv", VERDICTS, [row_of(v) for v in found])
     lines = [f"| {v.record} | {v.grade} | {v.sentence} |" for v in found]
-    page = "# Measured decays\n\nWhat `bayesdamp compare --quick` says of records that others measured.\n\n"
+    page = "# Measured decays\n\nWhat `bayesdamp compare` says of records that others measured.\n\n"
     page += "| record | grade | answer |\n|---|---|---|\n" + "\n".join(lines) + "\n"
     (folder / "README.md").write_text(page, encoding="utf-8")
 
