@@ -37,3 +37,8 @@ def verdicts(run: Run) -> list[Verdict]:
     """The verdict of every record's first repeat, in the study's order."""
     found = (answer_of(run, signal, run.repeats(signal)[0]) for signal in run.signals)
     return [one.verdict for one in found if one is not None]
+
+
+def only_answered(run: Run) -> bool:
+    """Whether a run went no further than to answers: exact laws were neither fitted nor sampled."""
+    return bool(verdicts(run)) and not any(run.cells("mode", signal) for signal in run.signals)

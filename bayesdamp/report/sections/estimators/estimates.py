@@ -12,6 +12,7 @@ from bayesdamp.report import words
 from bayesdamp.report.figures.estimators.estimates import Point, estimates
 from bayesdamp.report.figures.estimators.traces import traces
 from bayesdamp.report.html import Line, Table, fill, folded
+from bayesdamp.report.results.answers import only_answered
 from bayesdamp.report.results.reading import coefficients, models_by_rank, truth
 from bayesdamp.report.results.run import Row, Run, rows_of
 from bayesdamp.report.sections._layout import by_signal, drawn
@@ -27,7 +28,7 @@ class Estimates(Section):
     title = "The estimators"
 
     def applies(self, run: Run) -> bool:
-        return bool(run.signals)
+        return bool(run.estimates) or (bool(run.signals) and not only_answered(run))
 
     def render(self, run: Run) -> str:
         if not run.estimates:

@@ -10,6 +10,7 @@ from bayesdamp.outcomes import Status, reason_of, status_of
 from bayesdamp.report import words
 from bayesdamp.report.figures.posteriors.evidence import Bar, bars
 from bayesdamp.report.html import Line, Table, fill, folded
+from bayesdamp.report.results.answers import only_answered
 from bayesdamp.report.results.reading import label, ranking
 from bayesdamp.report.results.run import Run, rows_of
 from bayesdamp.report.sections._layout import by_signal
@@ -30,7 +31,7 @@ class EvidenceSection(Section):
     title = "Which damping: the evidence"
 
     def applies(self, run: Run) -> bool:
-        return bool(run.signals)
+        return bool(run.signals) and not only_answered(run)
 
     def render(self, run: Run) -> str:
         if not run.evidence:

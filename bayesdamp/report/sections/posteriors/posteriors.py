@@ -13,6 +13,7 @@ from bayesdamp.report import words
 from bayesdamp.report.figures.posteriors.amplitude import amplitude
 from bayesdamp.report.figures.posteriors.posterior import marginals, pairs
 from bayesdamp.report.html import Line, Table, fill, folded
+from bayesdamp.report.results.answers import only_answered
 from bayesdamp.report.results.reading import coefficients, models_by_rank, truth
 from bayesdamp.report.results.run import Row, Run, rows_of
 from bayesdamp.report.sections._layout import by_signal, drawn
@@ -28,7 +29,7 @@ class Posteriors(Section):
     title = "The posteriors"
 
     def applies(self, run: Run) -> bool:
-        return bool(run.signals)
+        return bool(run.posteriors) or (bool(run.signals) and not only_answered(run))
 
     def render(self, run: Run) -> str:
         if not run.posteriors and not any(run.cells("posterior", s) for s in run.signals):

@@ -9,6 +9,7 @@ from markupsafe import Markup
 from bayesdamp.report import words
 from bayesdamp.report.figures.records.windows import windows
 from bayesdamp.report.html import Line, Table, fill, folded
+from bayesdamp.report.results.answers import only_answered
 from bayesdamp.report.results.reading import coefficients, models_by_rank, other_forms
 from bayesdamp.report.results.run import Run, rows_of
 from bayesdamp.report.sections._layout import by_signal, drawn
@@ -23,7 +24,7 @@ class FitQuality(Section):
     title = "How good the fits are"
 
     def applies(self, run: Run) -> bool:
-        return bool(run.signals)
+        return bool(run.signals) and not only_answered(run)
 
     def render(self, run: Run) -> str:
         if not run.fits and not any(run.cells("mode", s) for s in run.signals):

@@ -11,6 +11,7 @@ from markupsafe import Markup
 from bayesdamp.report import words
 from bayesdamp.report.figures.records.record import Fit, raw, record
 from bayesdamp.report.html import fill
+from bayesdamp.report.results.answers import only_answered
 from bayesdamp.report.results.reading import models_kept
 from bayesdamp.report.results.run import Run
 from bayesdamp.report.sections._layout import by_signal, drawn
@@ -88,6 +89,8 @@ def _fits(
             continue
         cell = run.cell("mode", signal, repeat, model)
         if cell is None:
+            if only_answered(run):
+                continue
             missing.append(f"No fit of {words.model(model)} is stored.")
         elif len(cell.arrays.get("fit", ())) != samples:
             missing.append(f"No fit of {words.model(model)}: {cell.outcome}")

@@ -8,7 +8,7 @@ from typing import Any
 from bayesdamp.outcomes import Status, status_of
 from bayesdamp.report import words
 from bayesdamp.report.html import Line, Table, fill, folded
-from bayesdamp.report.results.answers import verdicts
+from bayesdamp.report.results.answers import only_answered, verdicts
 from bayesdamp.report.results.reading import (
     coefficients,
     damping_of,
@@ -36,7 +36,9 @@ class Summary(Section):
     title = "What to believe, and what not"
 
     def applies(self, run: Run) -> bool:
-        return run.info.get("kind") is None  # a calibration has a verdict of its own
+        return run.info.get("kind") is None and not only_answered(
+            run
+        )  # a calibration has a verdict of its own
 
     def render(self, run: Run) -> str:
         signals = run.signals
