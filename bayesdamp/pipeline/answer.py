@@ -32,7 +32,8 @@ class Answer:
 
     candidates: a row (damping, restoring, log_evidence, log_evidence_exact in nats, rms, outcome) for each candidate.
     fits: parameters of the fit of all terms, by restoring law. arrays: what its picture is drawn from, as
-    `inference.deviation.picture` leaves them. posteriors: of the candidates that were sampled, by (damping, restoring).
+    `inference.deviation.picture` leaves them. posteriors: of the candidates that were sampled, priors: of
+    all, in words by parameter; both by (damping, restoring).
     """
 
     verdict: Verdict
@@ -40,6 +41,7 @@ class Answer:
     fits: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     arrays: Mapping[str, np.ndarray] = field(default_factory=dict)
     posteriors: Mapping[tuple[str, str], Posterior] = field(default_factory=dict)
+    priors: Mapping[tuple[str, str], Mapping[str, str]] = field(default_factory=dict)
 
     def of_specimen(self) -> Answered:
         """What a verdict on several records takes of this one."""
@@ -110,7 +112,12 @@ def answer(
         notes=notes,
     )
     return Answer(
-        verdict, tuple(_rows(weighing)), _fits(weighing), picture(weighing, found), _posteriors(weighing)
+        verdict,
+        tuple(_rows(weighing)),
+        _fits(weighing),
+        picture(weighing, found),
+        _posteriors(weighing),
+        _priors(weighing),
     )
 
 
@@ -167,6 +174,15 @@ def _posteriors(weighing: Weighing) -> dict[tuple[str, str], Posterior]:
         ("+".join(r.candidate.damping), r.candidate.restoring): posterior_of(weighing, r, r.sampled)
         for r in weighing.results
         if r.sampled is not None and r.sampled.trusted
+    }
+
+
+def _priors(weighing: Weighing) -> dict[tuple[str, str], dict[str, str]]:
+    return {
+        ("+".join(r.candidate.damping), r.candidate.restoring): {
+            n: p.describe() for n, p in r.fit.parameters.priors.items()
+        }
+        for r in weighing.results
     }
 
 

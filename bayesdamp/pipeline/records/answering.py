@@ -91,6 +91,10 @@ class AnswerCell:
             "verdict": found.verdict.to_dict(),
             "candidates": list(found.candidates),
             "fits": dict(found.fits),
+            "priors": [
+                {"damping": d, "restoring": law, "priors": dict(said)}
+                for (d, law), said in found.priors.items()
+            ],
             "posteriors": [_kept(*name, posterior) for name, posterior in found.posteriors.items()],
         }
         arrays = {

@@ -17,7 +17,7 @@ from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.physics.units import parameter_unit
 from bayesdamp.pipeline.candidates.weighing import evidence_by_method
-from bayesdamp.pipeline.records.answering import SAMPLED
+from bayesdamp.pipeline.records.answering import SAMPLED, answer_cell
 from bayesdamp.pipeline.tables.specimen_tables import write_specimen_tables
 from bayesdamp.pipeline.tables.verdicts import write_verdicts
 from bayesdamp.store import TABLES, CellResult, Store, provenance, write_json, write_table
@@ -247,7 +247,9 @@ def _run(study: Study, store: Store) -> Row:
             **({"epsilon_note": noise.meta["epsilon_note"]} if noise and noise.meta.get("epsilon") else {}),
         }
         modes = {m: _read(store, f"mode/{spec.name}/0/{m}") for m in study.compare(spec)}
-        priors[spec.name] = {m: c.meta.get("priors", {}) for m, c in modes.items() if c}
+        priors[spec.name] = {m: c.meta.get("priors", {}) for m, c in modes.items() if c} or _answered_priors(
+            store, spec
+        )
         budget[spec.name] = {m: c.meta.get("error_budget", {}) for m, c in modes.items() if c}
     found = provenance(files)
     found["inputs"] = {
@@ -273,6 +275,16 @@ def _run(study: Study, store: Store) -> Row:
         "damping": _terms(study),
         "error_budget": budget,
         "equilibrium": {s.name: _equilibrium(s, store) for s in study.signals},
+    }
+
+
+def _answered_priors(store: Store, spec: SignalSpec) -> Row:
+    """Of what was weighed for an answer."""
+    cell = answer_cell(store, spec.name, 0)
+    many = len(spec.restoring) > 1
+    return {
+        candidate_name(one["damping"], one["restoring"]) if many else one["damping"]: one["priors"]
+        for one in (cell.meta.get("priors", []) if cell else [])
     }
 
 

@@ -10,6 +10,7 @@ from markupsafe import Markup, escape
 
 from bayesdamp.report import words
 from bayesdamp.report.html import Line, Table, fill, folded
+from bayesdamp.report.results.answers import only_answered
 from bayesdamp.report.results.run import Run
 from bayesdamp.report.sections._section import Section
 from bayesdamp.types import candidate_parts
@@ -42,6 +43,9 @@ def _sentences(run: Run, study: Mapping[str, Any]) -> list[str]:
             f"{words.listing(words.model(d) for d in dampings)}."
         )
     found.extend(_systems(run, study))
+    sampled = any(run.cells("sampled", signal) for signal in run.signals)
+    how = [f"Weighed by linear models{', and the likeliest by sampled motions' if sampled else ''}."]
+    found.extend(how if only_answered(run) else [])
     found.extend(
         sentence
         for sentence in (
@@ -49,7 +53,7 @@ def _sentences(run: Run, study: Mapping[str, Any]) -> list[str]:
             _used("Posteriors", (study.get("posterior") or {}).get("samplers"), _noise(study)),
             _used("Evidence", (study.get("evidence") or {}).get("methods")),
         )
-        if sentence
+        if sentence and not only_answered(run)
     )
     if run.info.get("seed") is not None:
         found.append(f"Every random number follows from the seed {run.info['seed']}.")

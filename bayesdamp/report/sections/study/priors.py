@@ -6,9 +6,16 @@ from markupsafe import Markup
 
 from bayesdamp.report import words
 from bayesdamp.report.html import Line, Table, fill
+from bayesdamp.report.results.answers import only_answered
 from bayesdamp.report.results.run import Run
 from bayesdamp.report.sections._layout import by_signal
 from bayesdamp.report.sections._section import Section
+
+ALIKE = "The models are equally probable before the record is seen."
+ANSWERED = (
+    "Before the record is seen single terms and sums of two are equally probable, the sum of three half as much, a sum "
+    "with another form of damping a tenth; restoring laws are alike."
+)
 
 
 class Priors(Section):
@@ -19,11 +26,12 @@ class Priors(Section):
     title = "What was assumed: the priors"
 
     def applies(self, run: Run) -> bool:
-        return bool(run.info.get("priors"))
+        return any((run.info.get("priors") or {}).values())
 
     def render(self, run: Run) -> str:
         wanted = [s for s in run.signals if run.info["priors"].get(s)]
-        return fill("priors.html", body=by_signal(run, lambda signal: _one(run, signal), wanted))
+        odds = ANSWERED if only_answered(run) else ALIKE
+        return fill("priors.html", odds=odds, body=by_signal(run, lambda signal: _one(run, signal), wanted))
 
 
 def _one(run: Run, signal: str) -> Markup:
