@@ -145,8 +145,8 @@ FAULTS = {
         swap("10.0", "0"),
         "simulate.duration: is 0; it must be the length of the record in s, a positive",
     ),
-    "samples": (swap("100", "100.0"), "simulate.samples: is 100.0; it must be a whole number, 10 or more"),
-    "few samples": (swap("100", "9"), "simulate.samples: is 9; it must be a whole number, 10 or more"),
+    "samples": (swap("100", "100.0"), "simulate.samples: is 100.0; it must be a whole number from 10 to 10,000,000"),
+    "few samples": (swap("100", "9"), "simulate.samples: is 9; it must be a whole number from 10 to 10,000,000"),
     "repeats": (
         swap("samples = 100", "samples = 100, repeats = 0"),
         "simulate.repeats: is 0; it must be a whole",
@@ -301,7 +301,7 @@ FAULTS = {
     ),
     "chains": (
         GOOD + "[posterior]\nchains = 1\n",
-        "posterior.chains: is 1; it must be a whole number, 2 or more",
+        "posterior.chains: is 1; it must be a whole number from 2 to 1000",
     ),
     "draws": (GOOD + "[posterior]\ndraws = 1e3\n", "posterior.draws: is 1000.0; it must be a whole number"),
     "posterior key": (
