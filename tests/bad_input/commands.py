@@ -27,7 +27,7 @@ def given(option: str, *values: str, more: tuple[str, ...] = ()) -> list[Case]:
 
 READING = [
     *given("--rate", "0", "-1", "nan", "inf", "1e-308", "1e308", "5e-324", "x", LONG, more=("--angle=2",)),
-    *given("--time", "0", "-1", "9", "none", LONG, WORD, "99999999999999999999"),
+    *given("--time", "0", "-1", "9", "none", LONG, WORD),
     *given("--angle", "0", "-1", "9", "none", LONG, WORD),
     *given("--unit", "parsec", WORD, "\x1b[31m", "lines\nof text"),
     *given("--quantity", "speed", WORD),
@@ -56,10 +56,10 @@ SIMULATED = [
         "viscous", "viscous=", "viscous=x", "viscous=nan", "viscous=inf", "viscous=-1", "none=1", "=1", "viscous=1=2",
         f"viscous={LONG}", "viscous=1e308", "viscous=0.1,viscous=0.2", WORD, "viscous=1e-400x",
     )),
-    *(simulated(f"set {v[:24]}", *VISCOUS, "--set", v) for v in (
+    *(simulated(f"set {v}", *VISCOUS, "--set", v) for v in (
         "stiffness=20,rest_angle=0,none=1", "stiffness=0,rest_angle=0", "stiffness=-20,rest_angle=0",
-        "stiffness=nan,rest_angle=0", "stiffness=1e308,rest_angle=0", "stiffness=20,rest_angle=0,theta0=0",
-        "stiffness=20,rest_angle=0,theta0=1e308", "stiffness=20,rest_angle=inf", "stiffness=1e-308,rest_angle=0",
+        "stiffness=nan,rest_angle=0", "stiffness=1e308,rest_angle=0", "theta0=0,stiffness=20,rest_angle=0",
+        "theta0=1e308,stiffness=20,rest_angle=0", "stiffness=20,rest_angle=inf", "stiffness=1e-308,rest_angle=0",
     )),
     *(simulated(f"duration {v}", *VISCOUS, *SET, f"--duration={v}") for v in ("0", "-1", "nan", "inf", "1e308", "1e-308", "x")),
     *(simulated(f"samples {v[:9]}", *VISCOUS, *SET, f"--samples={v}") for v in ("0", "-1", "3", "x", "1e3", str(10**12), LONG)),

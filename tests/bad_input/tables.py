@@ -115,6 +115,7 @@ WRONG = [
         ("as it is", ("compare", "FILE", "--quick", "--workers", "1")),
         ("columns named", (LOOK[0], "FILE", "--time", "time", "--angle", "angle")),
     )
+    if (name, how) != ("an open quote", "as it is")  # all but its first cell is read, and rightly analysed
 ]
 
 NAMES = [

@@ -99,6 +99,5 @@ def test_a_file_that_may_not_be_read(case: Case, tmp_path: Path, capsys: pytest.
             os.seteuid(0)
     said = capsys.readouterr().err
     assert status == REFUSED
-    assert "cannot be read: permission denied" in said.lower().replace("(", ": ").replace("  ", " ").replace(
-        ":: ", ": "
-    )
+    assert "cannot be read" in said
+    assert "permission denied" in said.lower()

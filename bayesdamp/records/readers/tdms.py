@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import logging
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -25,7 +28,8 @@ class TdmsReader:
         from nptdms import TdmsFile
 
         columns: list[Column] = []
-        with TdmsFile.open(path) as file:
+        # Opened here, since the library leaves a damaged file open.
+        with _unlogged(), path.open("rb") as stream, TdmsFile.open(stream) as file:
             facts: dict[str, Any] = {str(k): _plain(v) for k, v in file.properties.items()}
             groups = [group for group in file.groups() if any(len(c) for c in group.channels())]
             allowed(sum(8 * len(channel) for group in groups for channel in group.channels()))
@@ -35,6 +39,22 @@ class TdmsReader:
                     column = _column(channel, group.name, len(groups) > 1)
                     columns += [column] if column is not None else []
         return Contents("TDMS", tuple(columns), kept(facts), channels=True)
+
+
+@contextmanager
+def _unlogged() -> Iterator[None]:
+    """Without the library's own lines on stderr about damaged segments."""
+    from nptdms.log import log_manager
+
+    loggers = list(log_manager.loggers.values())
+    levels = [logger.level for logger in loggers]
+    for logger in loggers:
+        logger.setLevel(logging.CRITICAL)
+    try:
+        yield
+    finally:
+        for logger, level in zip(loggers, levels, strict=True):
+            logger.setLevel(level)
 
 
 def _column(channel: Any, group: str, several: bool) -> Column | None:
