@@ -145,8 +145,14 @@ FAULTS = {
         swap("10.0", "0"),
         "simulate.duration: is 0; it must be the length of the record in s, a positive",
     ),
-    "samples": (swap("100", "100.0"), "simulate.samples: is 100.0; it must be a whole number from 10 to 10,000,000"),
-    "few samples": (swap("100", "9"), "simulate.samples: is 9; it must be a whole number from 10 to 10,000,000"),
+    "samples": (
+        swap("100", "100.0"),
+        "simulate.samples: is 100.0; it must be a whole number from 10 to 10,000,000",
+    ),
+    "few samples": (
+        swap("100", "9"),
+        "simulate.samples: is 9; it must be a whole number from 10 to 10,000,000",
+    ),
     "repeats": (
         swap("samples = 100", "samples = 100, repeats = 0"),
         "simulate.repeats: is 0; it must be a whole",

@@ -143,7 +143,7 @@ def test_a_candidate_that_cannot_be_weighed_leaves_the_others_theirs(tmp_path, m
     for method in found.values():
         method["coulomb@duffing"] = Evidence("coulomb@duffing", "any", outcome="set aside: far behind")
     monkeypatch.setattr(tables, "evidence_by_method", lambda *_: found)
-    rows = list(tables._evidence(study, None))  # type: ignore[arg-type]
+    rows = list(tables._evidence(study, Store(tmp_path / "run")))
     shares = {(r["method"], r["model"], r["restoring"]): r["probability"] for r in rows}
     first = 1 / (1 + math.exp(-2.0))
     assert shares["importance", "viscous", "linear"] == pytest.approx(first)

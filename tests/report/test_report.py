@@ -294,10 +294,12 @@ def test_one_model_is_no_comparison(maker_of):
 def test_a_user_s_own_term_is_a_damping_coefficient(maker):
     folder = maker.make()
     run = Run(folder)
-    run.posteriors.extend({**row, "model": "cubic_drag", "parameter": "mu_3"} for row in run.posteriors[:1])
-    assert coefficients(run, "cubic_drag") == ["mu_3"]
+    run.posteriors.extend(
+        {**row, "model": "drag_of_my_own", "parameter": "mu_own"} for row in run.posteriors[:1]
+    )
+    assert coefficients(run, "drag_of_my_own") == ["mu_own"]
     assert coefficients(run, "viscous+coulomb") == ["zeta", "mu_c"]
-    assert models_by_rank(run, "sim", 0) == ["viscous", "viscous+coulomb", "cubic_drag"]
+    assert models_by_rank(run, "sim", 0) == ["viscous", "viscous+coulomb", "drag_of_my_own"]
 
 
 def test_draws_with_nan_are_not_drawn(maker):
@@ -418,6 +420,8 @@ def test_what_was_asked_names_dampings_and_laws_once() -> None:
     made = SimpleNamespace(
         models=["viscous", "coulomb", "viscous@linear", "coulomb@linear", "viscous@duffing"],
         info={},
+        signals=[],
+        cells=lambda *_: [],
         about=lambda name: {"restoring": ["linear", "duffing"]},
     )
     system = {"restoring": "linear", "known": {}, "free": {"cubic": None}}

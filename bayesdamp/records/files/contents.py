@@ -38,6 +38,10 @@ class Column:
     empty: np.ndarray | None = None
     words: Mapping[int, str] = field(default_factory=dict)
 
+    def __post_init__(self) -> None:
+        # Half a letter (a lone surrogate) can be in a name of JSON, HDF5 or MATLAB, and be printed nowhere.
+        object.__setattr__(self, "name", self.name.encode("utf-8", "replace").decode("utf-8"))
+
     @property
     def label(self) -> str:
         """The name with its unit."""

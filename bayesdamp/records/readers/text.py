@@ -49,12 +49,20 @@ def decoded(data: bytes) -> str:
         return data.decode("latin-1")
 
 
+MOST_COLUMNS = 5000
+"""Columns beyond which a text is no table of samples (conventional)."""
+
+
 def from_lines(lines: list[str], form: str = "text") -> Contents:
     """The table in lines of text, whatever its separator. Raises InputError where there is none."""
     layout = find_layout(lines)
     if layout is None:
         raise InputError("no rows of numbers were found; give a table with a row for each sample")
     body = lines[layout.first :]
+    if layout.columns > MOST_COLUMNS:
+        raise InputError(
+            f"has {layout.columns:,} columns; a record has a row for each sample: give a table that is turned round"
+        )
     table = _plain(body, layout)
     if table is not None:
         at = np.arange(len(table))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
@@ -13,7 +14,8 @@ from bayesdamp.types import BEWARE, OK, InputError, candidate_name
 from bayesdamp.units import UNITS, Unit
 
 Row = dict[str, Any]
-LATER = {"restoring": ""}
+_NUMBERS = ("sd_noise", "sd_law", "deviation", "deviation_low", "deviation_high", "unexplained_pct")
+LATER: dict[str, object] = {"restoring": "", **dict.fromkeys(_NUMBERS, math.nan)}
 """Columns that earlier runs did not write, and what stands in for them."""
 
 
