@@ -99,12 +99,12 @@ class Solver:
         h: np.ndarray | None = None,
         tangents: int = PARAMETERS,
         stop: int | None = None,
-        tolerance: float = TOLERANCE,
+        tolerance: float | None = None,
     ) -> Motion | None:
         """The motion at parameters p, (k,), with deviations g and h at the knots; None where it escapes.
 
         active: which terms act, (m,). tangents: NONE, by PARAMETERS, or by ALL: parameters, g, h. stop: samples that
-        are wanted, the first ones. tolerance: error of a step as a share of the amplitude.
+        are wanted, the first ones. tolerance: error of a step as a share of the amplitude, `TOLERANCE` by default.
         """
         m, r = len(self.terms), len(LAWS.get(self.restoring).parameters)
         e = m + len(self.further)
@@ -120,7 +120,7 @@ class Solver:
         q = np.array([given.get(n, 0.0) for n in every], float)
         times, states, slopes = self.kernel.march(
             coefficients, q, switched, p[e : e + r].copy(), float(self.epsilon),
-            p[e + r :].copy(), knots, g, h, tolerance, self._sizes, tangents, most,
+            p[e + r :].copy(), knots, g, h, tolerance or TOLERANCE, self._sizes, tangents, most,
         )  # fmt: skip
         if times.size == 0:
             return None
