@@ -69,7 +69,7 @@ def test_one_noise_is_chosen_and_shown(tmp_path):
 def test_a_noise_that_is_none_for_the_record_is_refused(tmp_path):
     made = study(tmp_path, '"quantised"')
     assert run_study(made, tmp_path / "out", workers=1) == 0
-    (row,) = read_table(tmp_path / "out" / "posteriors.csv")
+    (row,) = (r for r in read_table(tmp_path / "out" / "posteriors.csv") if r["sampler"] != "smc")
     assert "recording step" in row["outcome"]
 
 

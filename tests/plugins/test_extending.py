@@ -82,12 +82,13 @@ def test_all_kinds_in_one_study(tmp_path):
     estimates = {r["model"]: r for r in read_table(out / "estimates.csv")}
     assert estimates["viscous"]["value"] == pytest.approx(0.1, rel=0.1)
     assert estimates["cubic_drag"]["outcome"] == "it knows viscous damping alone"
-    drawn = {r["parameter"]: r for r in read_table(out / "posteriors.csv") if r["model"] == "viscous"}
+    posteriors = [r for r in read_table(out / "posteriors.csv") if r["sampler"] != "smc"]
+    drawn = {r["parameter"]: r for r in posteriors if r["model"] == "viscous"}
     # four sds: a false alarm once in 16,000 seeds
     assert abs(drawn["zeta"]["mean"] - 0.1) < 4 * drawn["zeta"]["sd"]
-    own = [r for r in read_table(out / "posteriors.csv") if r["parameter"] == "drag3"]
+    own = [r for r in posteriors if r["parameter"] == "drag3"]
     assert [r["unit"] for r in own] == ["s/rad²"]
-    evidence = {r["model"]: r for r in read_table(out / "evidence.csv")}
+    evidence = {r["model"]: r for r in read_table(out / "evidence.csv") if r["method"] != "smc"}
     assert evidence["viscous"]["method"] == "unit_information"
     assert evidence["cubic_drag"]["log_bayes_factor"] < -20
     assert "weighed and simulated only" in evidence["thinning"]["outcome"]
