@@ -95,7 +95,7 @@ def test_the_same_interval_as_arviz(size: int) -> None:
 
 def test_nothing_of_arviz_is_imported() -> None:
     code = (
-        "import sys, numpy as np\nfrom bayesdamp.inference.checks.checks import diagnostics\n"
+        "import sys, numpy as np\nfrom bayesdamp.inference.checks import diagnostics\n"
         "diagnostics.summarise(np.random.default_rng(0).standard_normal((4, 100)))\n"
         "diagnostics.pareto_k(np.random.default_rng(0).standard_normal(100))\n"
         "found = {'arviz_stats', 'arviz_base', 'xarray', 'pandas'} & set(sys.modules)\n"

@@ -24,8 +24,8 @@ from tests.physics.independent import trajectory
 class Cubic(DampingTerm):
     """F = μ₃ θ̇³."""
 
-    name = "cubic"
-    parameter = "mu_3"
+    name = "cubed"
+    parameter = "mu_cubed"
     unit = "s/rad²"
 
     def shape(self, velocity, epsilon):
@@ -36,15 +36,15 @@ class Cubic(DampingTerm):
 
 
 TRUTH = 0.08
-P = {"mu_3": TRUTH, "stiffness": 20.0, "gravity": 1.0, "spring_angle": 0.0, "theta0": 0.3, "omega0": 0.0}
+P = {"mu_cubed": TRUTH, "stiffness": 20.0, "gravity": 1.0, "spring_angle": 0.0, "theta0": 0.3, "omega0": 0.0}
 TIMES = np.linspace(0.0, 10.0, 400)
 
 
 @pytest.fixture(scope="module", autouse=True)
 def cubic():
-    TERMS.add("cubic", Cubic())
+    TERMS.add("cubed", Cubic())
     yield
-    TERMS.remove("cubic")
+    TERMS.remove("cubed")
 
 
 def clean() -> np.ndarray:
@@ -52,8 +52,8 @@ def clean() -> np.ndarray:
 
 
 def test_simulated():
-    osc = Oscillator(parse_model("cubic"), "horizontal_pendulum")
-    assert osc.coefficients == ("mu_3",)
+    osc = Oscillator(parse_model("cubed"), "horizontal_pendulum")
+    assert osc.coefficients == ("mu_cubed",)
     assert np.max(np.abs(simulate(osc, P, TIMES) - clean())) < 1e-6
 
 
@@ -68,29 +68,29 @@ def test_ratio():
 def test_inferred():
     """The truth lies in the 99.9 % interval, and the evidence prefers the true term to the viscous one."""
     y = clean() + 0.003 * np.random.default_rng(2).standard_normal(TIMES.size)
-    signal = Signal(TIMES, y, name="cubic")
+    signal = Signal(TIMES, y, name="cubed")
     found = features(signal)
     known = {n: P[n] for n in ("stiffness", "gravity", "spring_angle", "theta0", "omega0")}
     system = System("horizontal_pendulum", known, {"noise_sd": None})
     reference = Reference(0.3, 4.5)
     log_evidence = {}
-    for term, seed in (("cubic", {"mu_3": 0.05}), ("viscous", {"zeta": 0.05})):
+    for term, seed in (("cubed", {"mu_cubed": 0.05}), ("viscous", {"zeta": 0.05})):
         target = build_target(signal, (term,), system, found, reference)
         mode = find_mode(target, {"s": seed}, noise_level=found.roughness)
         evidence = EVIDENCES.get("importance").evidence(term, target, mode, 1)
         assert evidence.outcome == "ok"
         log_evidence[term] = evidence.log_evidence
-        if term == "cubic":
+        if term == "cubed":
             posterior = SAMPLERS.get("nuts").sample(target, mode, Settings(draws=500, warmup=300, seed=1))
             assert posterior.outcome == "ok"
             low, high = np.quantile(posterior.draws[..., 0], [0.0005, 0.9995])
             assert low < TRUTH < high
             assert high - low < 0.02
-    assert log_evidence["cubic"] > log_evidence["viscous"] + 20
+    assert log_evidence["cubed"] > log_evidence["viscous"] + 20
 
 
 def test_forgotten_again():
-    TERMS.remove("cubic")
-    assert "cubic" not in TERMS.names()
-    with pytest.raises(InputError, match="unknown damping term 'cubic'"):
-        parse_model("cubic")
+    TERMS.remove("cubed")
+    assert "cubed" not in TERMS.names()
+    with pytest.raises(InputError, match="unknown damping term 'cubed'"):
+        parse_model("cubed")
