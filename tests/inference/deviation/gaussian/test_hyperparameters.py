@@ -74,3 +74,15 @@ def test_a_knot_for_two_cycles(cycles: float, knots: int) -> None:
     assert found.size == knots
     assert found[[0, -1]] == pytest.approx([0.0, 12.5], abs=0)
     assert np.diff(found) == pytest.approx(12.5 / (knots - 1))
+
+
+def test_what_a_parameter_absorbs_has_no_mean_over_the_record() -> None:
+    """The trapezoid's mean of every deviation is nought where a parameter has it already, and only there."""
+    knots = 6
+    weights = np.ones(knots)
+    weights[[0, -1]] = 0.5
+    for absorbed in ((True, False), (False, True), (True, True)):
+        factors = grid_of(knots, coarse=True, absorbed=absorbed).factors
+        means = np.stack([weights @ factors[:, :knots, :knots], weights @ factors[:, knots:, knots:]])
+        for size, yes in zip(np.abs(means).max(axis=(1, 2)), absorbed, strict=True):
+            assert (size < 1e-12) == yes
