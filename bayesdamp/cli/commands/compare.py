@@ -11,9 +11,9 @@ from typing import Annotated
 
 import typer
 
+from bayesdamp.cli import options as o
 from bayesdamp.cli.asked import FIRST_WORDS, run_folder
 from bayesdamp.cli.options import READING, RUNNING, SAID, WEIGHED
-from bayesdamp.cli.options import bound as _bound
 from bayesdamp.cli.verdicts import verdicts_json
 from bayesdamp.machine.processes import processes
 from bayesdamp.types import InputError
@@ -21,19 +21,9 @@ from bayesdamp.types import InputError
 
 def compare(
     records: Annotated[list[Path], typer.Argument(metavar="RECORD...", help="Files of measured decays.")],
-    angle: Annotated[
-        str | None,
-        typer.Option(
-            help="Column of the recorded quantity, by name or number from 1.", rich_help_panel=READING
-        ),
-    ] = None,
-    time: Annotated[
-        str | None, typer.Option(help="Column of the times in s, by name or number.", rich_help_panel=READING)
-    ] = None,
-    rate: Annotated[
-        float | None,
-        typer.Option(help="Sampling rate in Hz, for a file without times.", rich_help_panel=READING),
-    ] = None,
+    angle: o.Angle = None,
+    time: o.Time = None,
+    rate: o.Rate = None,
     unit: Annotated[
         str | None,
         typer.Option(
@@ -57,26 +47,12 @@ def compare(
             rich_help_panel=READING,
         ),
     ] = None,
-    clock: Annotated[str, typer.Option(help="auto, as_logged or uniform.", rich_help_panel=READING)] = "auto",
-    start: Annotated[
-        str, typer.Option(help="Where the free decay starts, in s, or auto.", rich_help_panel=READING)
-    ] = "auto",
-    stop: Annotated[
-        str, typer.Option(help="Where it stops, in s, or auto.", rich_help_panel=READING)
-    ] = "auto",
-    runs: Annotated[
-        str | None,
-        typer.Option(help="Runs of a file that has several: 1,3-5; all by default.", rich_help_panel=READING),
-    ] = None,
-    channel: Annotated[
-        list[str] | None,
-        typer.Option(
-            help="A channel of a file that has several, may be given again.", rich_help_panel=READING
-        ),
-    ] = None,
-    time_unit: Annotated[
-        str | None, typer.Option(help="Unit of the times: s, ms, us, ns or min.", rich_help_panel=READING)
-    ] = None,
+    clock: o.Clock = "auto",
+    start: o.Start = "auto",
+    stop: o.Stop = "auto",
+    runs: o.Runs = None,
+    channel: o.Channels = None,
+    time_unit: o.TimeUnit = None,
     restoring: Annotated[
         list[str] | None,
         typer.Option(
@@ -173,8 +149,8 @@ def compare(
             rate=rate,
             unit=unit,
             frequency=frequency,
-            start=_bound(start, "--start"),
-            stop=_bound(stop, "--stop"),
+            start=o.bound(start, "--start"),
+            stop=o.bound(stop, "--stop"),
             repeats=repeats,
             seed=seed,
         )
@@ -188,13 +164,11 @@ def compare(
 
     plugins = read_modules(plugin or ())
     sums = [one.strip() for given in damping or () for one in given.split(",")]
-    bounds = _bound(start, "--start"), _bound(stop, "--stop")
+    bounds = o.bound(start, "--start"), o.bound(stop, "--stop")
     reading = Options(
         time, angle, rate, time_unit, unit, quantity, clock, *bounds, runs, tuple(channel or ())
     )
     found, said = chosen_records(records, reading)
-    for line in said if not quiet else ():
-        typer.echo(line, err=True)
     with _early_processes(workers, sums, restoring or ()) as pool:
         from rich.console import Console
 
@@ -211,9 +185,9 @@ def compare(
             deviation=deviation,
             sensor=sensor,
         )
-        if len(found) <= FIRST_WORDS and not quiet:
-            for line in first_words_on(found, reading):
-                typer.echo(line, err=True)
+        first = first_words_on(found, reading) if len(found) <= FIRST_WORDS and not quiet else []
+        for line in [*first, *said] if not quiet else ():  # the answer comes before how the file was read
+            typer.echo(line, err=True)
         folder = run_folder(out, made.name)
         from bayesdamp.pipeline import Depth, run_study
 

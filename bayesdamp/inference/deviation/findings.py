@@ -9,7 +9,8 @@ import numpy as np
 
 from bayesdamp.inference.deviation.candidate import Candidate
 from bayesdamp.inference.deviation.numbers.bounds import bounds_of_others
-from bayesdamp.inference.deviation.numbers.curves import ratio_at, times_of
+from bayesdamp.inference.deviation.numbers.curves import ratio_at
+from bayesdamp.inference.deviation.numbers.deviations import left_over, size_of
 from bayesdamp.inference.deviation.numbers.draws import (
     DRAWS,
     Drawn,
@@ -112,15 +113,13 @@ def findings(
     damping = summed(chosen, "damping")
     absent = _bounds(weighing, best, approximate, terms, rng)
     forms = bounds_of_others(weighing, result, approximate, np.random.default_rng([seed, 1]))
-    size = np.concatenate([_size(weighing, d, d.g) for d in drawn])
-    size_h = np.concatenate([_size(weighing, d, d.h) for d in drawn])
-    left = result.about.left if result.about is not None else result.fit.residual
-    clean = float(left @ left) / max(left.size - (result.about.u.size if result.about else 0), 1)
+    size = np.concatenate([size_of(weighing, d.result, d.g) for d in drawn])
+    size_h = np.concatenate([size_of(weighing, d.result, d.h) for d in drawn])
     curve = tuple(ratio_at(weighing, drawn, a, sensor if approximate else 0.0, rng) for a in _grid(weighing))
     solver = weighing.solvers[best.restoring]
     of_best = next((d for d in drawn if d.result.candidate == best), None)
     exponent = _exponent(weighing, approximate, rng)
-    rest = max(float(result.fit.residual @ result.fit.residual) / left.size - clean, 0.0)
+    unexplained, noise = left_over(weighing, result)
     return Findings(
         damping={n: p * (1 - exotic) for n, p in damping.items()},
         exotic=summed({c: p for c, p in everything.items() if c not in own}, "damping"),
@@ -138,8 +137,8 @@ def findings(
         other=float(np.quantile(size, 0.95)),
         coefficients=_coefficients(weighing, drawn, best),
         best=best,
-        unexplained=float(np.sqrt(rest)) / weighing.data.recorded_amplitude,
-        noise=float(np.sqrt(clean)) / weighing.data.recorded_amplitude,
+        unexplained=unexplained,
+        noise=noise,
         amplitudes=(weighing.data.amplitude, weighing.data.final_amplitude),
         cycles=weighing.data.cycles,
         free=free_curve(weighing, best.restoring, curve, np.random.default_rng([seed, 2])),
@@ -206,17 +205,6 @@ def _exponent(weighing: Weighing, approximate: bool, rng: np.random.Generator) -
     inside = values[(values >= EXPONENTS[0]) & (values <= EXPONENTS[1])]
     # Uniform between these: the wider prior of the term, where it is inside of them.
     return quantity(inside) if inside.size > ENOUGH else None
-
-
-def _size(weighing: Weighing, d: Drawn, values: np.ndarray) -> np.ndarray:
-    """Energy-weighted mean of |deviation| over the record, about its own mean there, (n,)."""
-    at, sizes = times_of(d.result)
-    share = np.linspace(0, 1, values.shape[1])
-    few = at.size < 2
-    weight = np.ones(share.size) if few else np.interp(share * weighing.data.t[-1], at, sizes) ** 2
-    weight = weight / weight.sum()
-    centred = values - (values @ weight)[:, None]
-    return np.abs(centred) @ weight
 
 
 def _untold_exponent(weighing: Weighing, exponent: Quantity | None) -> tuple[str, ...]:

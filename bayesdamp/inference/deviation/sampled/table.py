@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from bayesdamp.inference.deviation.gaussian.tempered import Sampled
+from bayesdamp.inference.deviation.numbers.deviations import left_over, size_of
 from bayesdamp.inference.deviation.weighing import Result, Weighing
 
 SHARE = 0.95
@@ -48,7 +49,7 @@ def posterior_of(weighing: Weighing, result: Result, found: Sampled) -> Posterio
     noise = noise * np.sqrt(weighing.variance / result.exact_variance)
     rows = {name: summary(values[:, i], float(noise[i])) for i, name in enumerate(parameters.free_names)}
     return Posterior(
-        rows, _deviation(weighing, result, found), _unexplained(weighing, result), values, found.log_evidence,
+        rows, _deviation(weighing, result, found), left_over(weighing, result)[0], values, found.log_evidence,
         found.stderr, found.acceptance,
         found.temperatures,
     )  # fmt: skip
@@ -74,24 +75,10 @@ def summary(values: np.ndarray, noise: float) -> dict[str, float]:
 
 
 def _deviation(weighing: Weighing, result: Result, found: Sampled) -> tuple[float, float, float]:
-    """Quantiles of the energy-weighted mean of |g| about its own mean."""
+    """Quantiles of the damping law's deviation over the draws."""
     d, n = result.fit.z.size, result.solver.knots.size
     if found.draws.shape[1] == d:
         return 0.0, 0.0, 0.0
-    g = found.draws[:, d : d + n]
-    data = weighing.data
-    fall = 2 * np.log(data.amplitude / data.final_amplitude)
-    weight = np.exp(-fall * np.linspace(0, 1, n))
-    weight /= weight.sum()
-    sizes = np.abs(g - (g @ weight)[:, None]) @ weight
+    sizes = size_of(weighing, result, found.draws[:, d : d + n])
     low, middle, high = (float(q) for q in np.quantile(sizes, (0.025, 0.5, 0.975)))
     return low, middle, high
-
-
-def _unexplained(weighing: Weighing, result: Result) -> float:
-    about, residual = result.about, result.fit.residual
-    if about is None:
-        return 0.0
-    clean = float(about.left @ about.left) / max(residual.size - about.u.size, 1)
-    rest = max(float(residual @ residual) / residual.size - clean, 0.0)
-    return float(np.sqrt(rest)) / weighing.data.recorded_amplitude
