@@ -121,11 +121,18 @@ def answer(
     )
 
 
-def answer_for_validation(
+def sampled_verdict(
     signal: Signal, amplitudes: Sequence[float] | None = None, deviation: str = "auto"
 ) -> Verdict:
     """The verdict on a simulated record, its probabilities not capped."""
     return answer(signal, amplitudes, deviation=deviation, measured=False).verdict
+
+
+def quick_verdict(
+    signal: Signal, amplitudes: Sequence[float] | None = None, deviation: str = "auto"
+) -> Verdict:
+    """The same from linear models alone."""
+    return answer(signal, amplitudes, deviation=deviation, measured=False, sample=False).verdict
 
 
 def answered_from(

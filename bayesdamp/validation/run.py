@@ -21,7 +21,7 @@ from bayesdamp.validation.answers import COLUMNS, Row, row_of
 from bayesdamp.validation.scoring import markdown, scores
 from bayesdamp.validation.truth.records import FAMILY, KINDS, case
 
-ANSWER = "bayesdamp.pipeline.answer:answer"
+ANSWER = "bayesdamp.pipeline.answer:sampled_verdict"
 DISCREPANT = "discrepant"
 
 

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import inspect
 from pathlib import Path
+from typing import get_type_hints
 
 import pandas as pd
 import pytest
 
 from bayesdamp.types import InputError
-from bayesdamp.validation.run import answered, jobs, main, read_rows
+from bayesdamp.validation.run import ANSWER, answered, answering_of, jobs, main, read_rows
 from bayesdamp.validation.truth.records import KINDS
+from bayesdamp.verdict.types import Verdict
 
 HERE = "tests.validation.answering:"
 
@@ -94,3 +97,10 @@ def test_another_table_is_left_alone(tmp_path: Path) -> None:
     out.write_text("a,b\n1,2\n", encoding="utf-8")
     with pytest.raises(InputError, match="its columns are not those"):
         read_rows(out)
+
+
+def test_the_answer_that_is_judged_by_default_is_one() -> None:
+    """The default was once a function whose result no row could be made of."""
+    parameters = inspect.signature(answering_of(ANSWER)).parameters
+    assert list(parameters)[:2] == ["signal", "amplitudes"]
+    assert get_type_hints(answering_of(ANSWER))["return"] is Verdict
