@@ -116,13 +116,17 @@ def _found(path: Path, raw: RawRecord, options: Options, cleaned: bool) -> Found
 def first_words_on(found: Sequence[Found], options: Options) -> list[str]:
     """A line on each record before anything is fitted: its frequency and damping without any law; none of a record
     in which no free decay is found."""
+    from bayesdamp.pipeline.not_one import no_free_decay
     from bayesdamp.records.oscillation.first_look import first_words  # imports slowly
 
     said = []
     for one in found:
         seen = one if one.signal is not None else _found(one.path, one.raw, options, True)
         if seen.signal is not None:
+            other = no_free_decay(seen.signal)
             with suppress(Refusal):
+                if other is not None:
+                    continue  # its verdict comes at once
                 said.append(f"{one.path.name}: {first_words(seen.signal).sentence()}")
     return said
 

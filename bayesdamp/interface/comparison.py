@@ -30,6 +30,9 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
+_CANDIDATES = ["record", "damping", "restoring", "log_evidence", "log_evidence_exact", "rms", "outcome"]
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class Comparison(Result):
     """Every damping sum weighed on one record, or on several of one specimen.
@@ -54,7 +57,7 @@ class Comparison(Result):
         import pandas as pd
 
         rows = [{"record": a.verdict.record, **row} for a in self.answers for row in a.candidates]
-        frame = pd.DataFrame(rows)
+        frame = pd.DataFrame(rows) if rows else pd.DataFrame(columns=_CANDIDATES)
         for name in ("log_evidence", "log_evidence_exact"):
             if name in frame:
                 frame[name] = frame[name].astype(float)

@@ -16,6 +16,7 @@ from bayesdamp.inference.deviation.sampled.table import Posterior, posterior_of
 from bayesdamp.inference.deviation.weighing import Known, Weighing
 from bayesdamp.inference.model.defaults import Reference
 from bayesdamp.physics.restoring import LAWS
+from bayesdamp.pipeline.not_one import no_free_decay, remark_on
 from bayesdamp.priors import Prior
 from bayesdamp.types import OK, InputError, Refusal, Signal
 from bayesdamp.verdict.decide import decide
@@ -71,7 +72,8 @@ def answer(
     name to them; priors: by parameter. sensor: relative linearity of the sensor, the floor of every rate. measured:
     whether probabilities are capped. notes: sentences on the record, for the remarks. sample: whether motions
     themselves are sampled, and not their linear model alone. Of a signal on which nothing can be said the grade is
-    `not_weighed` and the sentence says why.
+    `not_weighed` and the sentence says why; of one that is no free decay of one oscillator it is `no_free_decay`, and
+    nothing is weighed.
     """
     if deviation not in DEVIATIONS:
         raise InputError(f"deviation = {deviation!r}: must be one of {', '.join(DEVIATIONS)}")
@@ -80,6 +82,9 @@ def answer(
         raise InputError(
             f"restoring law {wrong[0]!r} describes an angle, and {signal.name} is in {signal.unit}"
         )
+    other = no_free_decay(signal)
+    if other is not None:
+        return Answer(other)
     approximate = deviation != "none"
     try:
         weighing = weighing_of(
@@ -109,7 +114,7 @@ def answer(
         measured=measured,
         approximate=approximate,
         window=window,
-        notes=notes,
+        notes=[*notes, *filter(None, [remark_on(signal)])],
     )
     return Answer(
         verdict,

@@ -14,7 +14,7 @@ from bayesdamp.report.results.run import Run
 from bayesdamp.report.results.specimens import sentences
 from bayesdamp.types import BEWARE, OK
 from bayesdamp.verdict.agreement import agreement
-from bayesdamp.verdict.types import Verdict
+from bayesdamp.verdict.types import Grade, Verdict
 from bayesdamp.verdict.words import energy_of, with_interval
 
 
@@ -27,6 +27,8 @@ class Told:
 
     def __call__(self, verdict: Verdict) -> None:
         before = self.first.setdefault(verdict.record, verdict)
+        if verdict.grade is Grade.NO_FREE_DECAY and before is not verdict:
+            return  # there was nothing to sample
         if before is verdict:
             answered(verdict, self.console)
             return
@@ -42,6 +44,8 @@ def answered(verdict: Verdict, console: Console) -> None:
     console.print(Text.assemble((f"{verdict.record}: ", "bold"), verdict.sentence), soft_wrap=True)
     if verdict.damping_ratio:
         console.print(_ratios(verdict))
+    if verdict.modes:
+        console.print(_modes(verdict))
     for remark in verdict.remarks:
         console.print(Text(f"- {remark}"), soft_wrap=True)
 
@@ -70,6 +74,14 @@ def _why(run: Run, signal: str) -> str:
     cell = run.cell("answer", signal, run.repeats(signal)[0])
     outcome = cell.outcome if cell is not None else str(run.about(signal).get("outcome", OK))
     return f"no verdict{'' if outcome == OK else ': ' + outcome.rstrip('.')}."
+
+
+def _modes(verdict: Verdict) -> Table:
+    table = Table("frequency", "damping ratio (95 %)", "amplitude, first to last")
+    for m in verdict.modes:
+        ratio = with_interval(m.damping_ratio, m.low, m.high, " %", 100)
+        table.add_row(f"{m.frequency:.5g} Hz", ratio, f"{m.first:.3g} to {m.last:.3g} {m.unit}")
+    return table
 
 
 def _ratios(verdict: Verdict) -> Table:

@@ -98,10 +98,37 @@ class Window:
 
 
 @dataclass(frozen=True)
+class Mode:
+    """One of the oscillations of a record that is no free decay of one oscillator: a damped sinusoid.
+
+    frequency in Hz; damping_ratio: with its 95 % interval, below 0 where it grows; first, last: amplitude at the ends
+    of the record.
+    """
+
+    frequency: float
+    damping_ratio: float
+    low: float
+    high: float
+    first: float
+    last: float
+    unit: str
+
+
+class Motion(StrEnum):
+    """What a record is that is no free decay of one oscillator."""
+
+    GROWING = "growing"
+    BEATS = "beats"
+    TWO_MODES = "two modes"
+    DRIVEN = "driven"
+
+
+@dataclass(frozen=True)
 class Verdict:
     """What is said of one record; the file `verdict.json` holds a list of these.
 
-    decided: whether one damping is named without reservation. deviation: energy-weighted mean of the relative
+    decided: whether one damping is named without reservation. motion, modes: of a record that is no free decay of one
+    oscillator, what it is and its oscillations, the largest first. deviation: energy-weighted mean of the relative
     deviation from the law. unnamed: share of the energy that no named law explains. unexplained_pct, noise_pct: root
     mean square beyond the noise, and of the noise, in % of the amplitude.
     """
@@ -124,6 +151,8 @@ class Verdict:
     unexplained_pct: float = float("nan")
     noise_pct: float = float("nan")
     coefficients: tuple[Coefficient, ...] = ()
+    motion: Motion | None = None
+    modes: tuple[Mode, ...] = ()
     window: Window | None = None
     remarks: tuple[str, ...] = ()
     sentence: str = ""
@@ -142,6 +171,7 @@ class Verdict:
         found = asdict(self)
         found.pop("provenance")
         found["grade"] = str(self.grade)
+        found["motion"] = None if self.motion is None else str(self.motion)
         return _plain(found)  # type: ignore[return-value]
 
     @classmethod
@@ -161,6 +191,7 @@ class Verdict:
             made[name] = tuple(one(kind, v) for v in given.get(name, ()))
         numbers = ("probability", "restoring_probability", "unexplained_pct", "noise_pct")
         made |= {n: nan if given.get(n) is None else given[n] for n in numbers}
+        made["motion"] = Motion(given["motion"]) if given.get("motion") else None
         return cls(**{**made, "grade": Grade(given["grade"]), "remarks": tuple(given.get("remarks", ()))})
 
     def to_json(self) -> str:
@@ -180,6 +211,7 @@ _LISTS = {
     "energy": Share,
     "other_forms": Bound,
     "coefficients": Coefficient,
+    "modes": Mode,
 }
 
 

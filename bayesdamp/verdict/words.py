@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from bayesdamp.physics.damping import words_of
 from bayesdamp.verdict import thresholds
-from bayesdamp.verdict.types import DampingRatio, Grade, Interval, Verdict
+from bayesdamp.verdict.types import DampingRatio, Grade, Interval, Mode, Motion, Verdict
 
 if TYPE_CHECKING:
     from bayesdamp.inference.deviation.findings import Findings
@@ -52,6 +52,8 @@ def _ratio(r: DampingRatio) -> str:
 
 def sentence(v: Verdict) -> str:
     """The answer in a sentence: the damping, how large it is, how well the law holds."""
+    if v.motion is not None:
+        return _no_free_decay(v, v.motion)
     ratios = [r for r in v.damping_ratio if isfinite(r.value)]
     size = "the size of the damping cannot be told"
     if ratios:
@@ -81,6 +83,35 @@ def sentence(v: Verdict) -> str:
         else ""
     )
     return f"{_first(size)}{frequency}; damping {' or '.join(between)}{part}{_hold(v)}."
+
+
+def _no_free_decay(v: Verdict, motion: Motion) -> str:
+    """What is seen in place of the free decay of one oscillator, and how large it is."""
+    lead = "Not the free decay of one oscillator:"
+    one = v.modes[0]
+    if motion is Motion.GROWING:
+        return f"{lead} its oscillation at {_mode(one)} grows, from {one.first:.2g} to {one.last:.2g} {one.unit}."
+    other = v.modes[1]
+    share = f"{100 * max(other.first, other.last) / max(one.first, one.last):.2g} %"
+    if motion is Motion.DRIVEN:
+        kept, falls = sorted((one, other), key=lambda m: abs(m.damping_ratio))
+        return (
+            f"{lead} something keeps it in motion at {digits(kept.frequency, _slack(kept))} Hz with an amplitude of "
+            f"{kept.last:.2g} {kept.unit}, beside what decays at {_mode(falls)}."
+        )
+    what = "two oscillations beat" if motion is Motion.BEATS else "two modes are in it"
+    second = f"the second with {share} of the amplitude of the first"
+    return f"{lead} {what}, at {_mode(one)} and at {_mode(other)}, {second}."
+
+
+def _mode(m: Mode) -> str:
+    ratio = with_interval(m.damping_ratio, m.low, m.high, " %", 100).replace(" (", ", ").rstrip(")")
+    return f"{digits(m.frequency, _slack(m))} Hz (damping ratio {ratio})"
+
+
+def _slack(m: Mode) -> float:
+    """A frequency in Hz is known about as well as the damping ratio's width in it."""
+    return max((m.high - m.low) * m.frequency, 1e-4 * m.frequency)
 
 
 def _first(text: str) -> str:

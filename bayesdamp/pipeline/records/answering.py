@@ -205,8 +205,8 @@ def arrays_of(store: Store, signal: str, repeat: int) -> Mapping[str, np.ndarray
 
 
 def answered_of(store: Store, signal: str, repeat: int) -> Answered | None:
-    """What a verdict on several records takes of one; None where it has no answer."""
+    """What a verdict on several records takes of one; None where nothing was weighed."""
     cell = answer_cell(store, signal, repeat)
-    if cell is None:
+    if cell is None or not cell.meta["candidates"]:
         return None
     return answered_from(Verdict.from_dict(cell.meta["verdict"]), cell.meta["candidates"], cell.arrays)

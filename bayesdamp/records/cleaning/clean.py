@@ -9,6 +9,7 @@ import numpy as np
 from bayesdamp.records.cleaning.clock import clock_times
 from bayesdamp.records.cleaning.offset import sensor_offset
 from bayesdamp.records.cleaning.quantum import recording_step
+from bayesdamp.records.decay.others import no_free_decay
 from bayesdamp.records.decay.window import free_decay
 from bayesdamp.records.files.named_units import unit_and_quantity
 from bayesdamp.records.oscillation.features import features
@@ -52,7 +53,9 @@ def clean(
     t, y = times.t[a : b + 1], raw.y[a : b + 1] * scale
     if np.ptp(y) == 0:
         raise InputError(f"{name}: the values between start and stop are constant, nothing oscillates")
-    window = free_decay(t, y, step, start == "auto", stop == "auto", name)
+    window = no_free_decay(t, y, start == "auto", stop == "auto")
+    if window is None:
+        window = free_decay(t, y, step, start == "auto", stop == "auto", name)
     first, last = a + window.first, a + window.last
     t, y = times.t[first : last + 1], raw.y[first : last + 1] * scale
     signal = Signal(t - t[0], y, quantity, base, name, step)

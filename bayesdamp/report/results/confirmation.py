@@ -8,7 +8,7 @@ from bayesdamp.report.results.reading import damping_of, ranking
 from bayesdamp.report.results.run import Run
 from bayesdamp.types import OK
 from bayesdamp.verdict.agreement import Agreement, agreement
-from bayesdamp.verdict.types import Verdict
+from bayesdamp.verdict.types import Grade, Verdict
 
 
 def sampled_words(found: Agreement) -> str:
@@ -25,7 +25,7 @@ def sampled(run: Run, signal: str) -> str:
     repeat = run.repeats(signal)[0]
     cells = [run.cell(kind, signal, repeat) for kind in ("answer", "sampled")]
     verdicts = [Verdict.from_dict(c.meta["verdict"]) for c in cells if c is not None and c.outcome == OK]
-    if len(verdicts) < 2:
+    if len(verdicts) < 2 or verdicts[0].grade is Grade.NO_FREE_DECAY:
         return ""
     found = agreement(*verdicts)
     if found.confirms:

@@ -13,6 +13,7 @@ from bayesdamp.report.results.run import Run
 from bayesdamp.report.sections._layout import by_signal
 from bayesdamp.report.sections._section import Section
 from bayesdamp.types import OK
+from bayesdamp.verdict.types import Grade
 from bayesdamp.verdict.words import digits, energy_of, with_interval
 
 
@@ -39,6 +40,11 @@ def _one(run: Run, signal: str) -> Markup:
     assert answer is not None
     v = answer.verdict
     unit = v.damping_ratio[0].unit if v.damping_ratio else "rad"
+    if v.grade is Grade.NO_FREE_DECAY:
+        nothing = dict.fromkeys(("energy", "confirmed", "picture", "coefficients", "candidates"), "")
+        return fill(
+            "answer.html", sentence=v.sentence, numbers=(), remarks=v.remarks, ratios=_modes(v), **nothing
+        )
     picture = run.drawings.add(
         f"answer-{signal}",
         "The record with its fit; damping ratio against amplitude, with its 95 % band and what each law fitted alone "
@@ -78,6 +84,20 @@ def _numbers(v) -> list[tuple[str, str]]:
             (f"Q at {r.amplitude:.2g} {r.unit}", with_interval(0.5 / r.value, 0.5 / r.high, 0.5 / r.low))
         )
     return found
+
+
+def _modes(v) -> Table:
+    lines = [
+        Line([
+            f"{m.frequency:.5g} Hz",
+            with_interval(m.damping_ratio, m.low, m.high, " %", 100),
+            f"{m.first:.3g} {m.unit}",
+            f"{m.last:.3g} {m.unit}",
+        ])
+        for m in v.modes
+    ]  # fmt: skip
+    head = ["frequency", "damping ratio (95 %)", "first amplitude", "last amplitude"]
+    return Table(head, lines, frozenset(), "The oscillations that are in it")
 
 
 def _ratios(v) -> Table:

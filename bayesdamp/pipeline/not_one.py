@@ -1,0 +1,74 @@
+"""The verdict on a record that is no free decay of one oscillator."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import lru_cache
+
+import numpy as np
+
+from bayesdamp.records.oscillation.features import features
+from bayesdamp.records.oscillation.modes import Modes
+from bayesdamp.records.oscillation.one import NotOne, other_than_one
+from bayesdamp.types import Refusal, Signal
+from bayesdamp.verdict import thresholds
+from bayesdamp.verdict.types import Grade, Interval, Mode, Motion, Verdict, Window
+from bayesdamp.verdict.words import sentence
+
+ORDER = {"angle": 0, "velocity": 1, "acceleration": 2}
+TWO_SIDED = 1.96
+
+
+@lru_cache(maxsize=8)
+def seen_in(signal: Signal) -> NotOne | None:
+    """What a signal is if not the free decay of one oscillator; None where it may be one."""
+    try:
+        period = features(signal).period
+    except Refusal:
+        return None
+    return other_than_one(signal.t, signal.y, period)
+
+
+def no_free_decay(signal: Signal) -> Verdict | None:
+    """The verdict on a signal in which something else is seen that is large enough; None where it is to be weighed."""
+    found = seen_in(signal)
+    if found is None or found.size < thresholds.OTHER_MOTION:
+        return None
+    modes = _modes(found.modes, signal)
+    start = signal.provenance.get("start", 0.0)
+    first = float(start) if isinstance(start, int | float) else 0.0
+    duration = float(signal.t[-1] - signal.t[0])
+    spread = (modes[0].high - modes[0].low) * modes[0].frequency
+    f = modes[0].frequency
+    verdict = Verdict(
+        signal.name,
+        Grade.NO_FREE_DECAY,
+        False,
+        "",
+        float("nan"),
+        frequency=Interval(f, f - 0.5 * spread, f + 0.5 * spread, "Hz"),
+        motion=Motion(found.seen),
+        modes=modes,
+        window=Window(first, first + duration, duration * f, ""),
+        remarks=("Each oscillation is taken as a sinusoid with viscous damping.",),
+    )
+    return replace(verdict, sentence=sentence(verdict))
+
+
+def remark_on(signal: Signal) -> str:
+    """A remark on a second oscillation that is too small to matter much; empty where there is none."""
+    found = seen_in(signal)
+    if found is None or len(found.modes.frequencies) < 2:
+        return ""
+    at = f"{found.modes.frequencies[1]:.4g} Hz"
+    return f"A second oscillation, at {at}, has {100 * found.size:.2g} % of the amplitude."
+
+
+def _modes(found: Modes, signal: Signal) -> tuple[Mode, ...]:
+    ratios = found.ratios
+    half = TWO_SIDED * found.errors / (2 * np.pi * found.frequencies)
+    scale = (2 * np.pi * found.frequencies) ** ORDER[signal.quantity]
+    columns = np.column_stack([
+        found.frequencies, ratios, ratios - half, ratios + half, found.first / scale, found.last / scale
+    ])  # fmt: skip
+    return tuple(Mode(f, r, low, high, a, b, signal.unit) for f, r, low, high, a, b in columns.tolist())
