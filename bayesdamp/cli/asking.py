@@ -174,6 +174,20 @@ def _doubts(path: Path, found: Sequence[Found]) -> list[str]:
     return [f"{path.name}: {finding}" for finding in first.values()]
 
 
+def _own_label(one: Found, found: Sequence[Found]) -> str:
+    """What tells a record from the others of its file: its run, or its channel, or both."""
+    others = [other for other in found if other.path == one.path]
+    if one.raw.run and len({other.raw.channel for other in others}) == 1:
+        return f"run {one.raw.run}"
+    return one.label
+
+
+def _specimen(one: Found, found: Sequence[Found]) -> str:
+    """A name for what runs of one channel are repeats of."""
+    channels = {other.raw.channel for other in found if other.path == one.path}
+    return one.path.stem if len(channels) == 1 else f"{one.path.stem} {one.raw.channel}"
+
+
 def as_signals(found: Sequence[Found], options: Options) -> list[Asked]:
     """Records as a study's [[signal]] says them."""
     from bayesdamp.config.compare import Asked  # imports slowly: what is wrong with a file is told before
@@ -190,8 +204,8 @@ def as_signals(found: Sequence[Found], options: Options) -> list[Asked]:
             o.start,
             o.stop,
             time_unit=o.time_unit,
-            label=one.label if one.several else "",
-            specimen=f"{one.path.stem} {one.raw.channel}" if one.several and one.raw.repeat else "",
+            label=_own_label(one, found) if one.several else "",
+            specimen=_specimen(one, found) if one.several and one.raw.repeat else "",
         )
         for one in found
     ]

@@ -23,6 +23,9 @@ PHONE = 640
 """Width in CSS pixels up to which a page is a phone's, as in style.css."""
 SVG = 150_000
 """Bytes up to which a figure stands in the page as SVG: beyond are those with thousands of samples."""
+NARROW, LEGIBLE = 440, 0.8
+"""Width in CSS pixels from which a figure scrolls sideways on a phone, and the share of its size below which letters
+cannot be read."""
 COLOURS = 64
 """A figure has few colours and their shades: a PNG with a palette is a quarter of one without."""
 
@@ -56,11 +59,12 @@ class Drawings:
         write_bytes(self.folder / f"{name}.png", png)
         self.names.append(name)
         width = round(figure.get_figwidth() * 100)
-        picture = f'<img src="{_embedded(svg, png, webp)}" alt="{escape(caption)}" style="width:{width}px">'
+        size = f"width:{width}px;--least:{round(LEGIBLE * width)}px"
+        picture = f'<img src="{_embedded(svg, png, webp)}" alt="{escape(caption)}" style="{size}">'
         if small:
             source = f'<source media="screen and (max-width: {PHONE}px)" srcset="{_embedded(*small)}">'
             picture = f"<picture>{source}{picture}</picture>"
-        scrolls = ' class="wide"' if width > PHONE and not small else ""
+        scrolls = ' class="wide"' if width > NARROW and not small else ""
         caption = f"<figcaption>{escape(caption)}</figcaption>"
         return Markup(f"<figure{scrolls}><div>{picture}</div>{caption}</figure>")
 

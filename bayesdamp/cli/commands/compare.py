@@ -197,7 +197,7 @@ def compare(
         depth = Depth.ANSWER if quick else Depth.WHOLE if exact else Depth.SAMPLED
         status = run_study(
             made, folder, workers=workers, fresh=fresh, console=console, pool=pool, depth=depth,
-            answered=None if as_json else Told(Console()), quiet=quiet,
+            answered=None if as_json or len(found) > FIRST_WORDS else Told(Console()), quiet=quiet,
         )  # fmt: skip
     if as_json:
         typer.echo(verdicts_json(folder))

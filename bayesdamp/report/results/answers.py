@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -37,6 +38,15 @@ def verdicts(run: Run) -> list[Verdict]:
     """The verdict of every record's first repeat, in the study's order."""
     found = (answer_of(run, signal, run.repeats(signal)[0]) for signal in run.signals)
     return [one.verdict for one in found if one is not None]
+
+
+def specimens(run: Run) -> list[Verdict]:
+    """The verdict of every specimen that has several records."""
+    try:
+        found = json.loads((run.folder / "verdict.json").read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return []
+    return [Verdict.from_dict(one) for one in found if one["record"] not in run.signals]
 
 
 def only_answered(run: Run) -> bool:

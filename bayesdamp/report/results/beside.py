@@ -26,7 +26,7 @@ class Beside:
     """One coefficient of one signal.
 
     own, refined: method to the estimate at each stage, first repeat; published: method to the printed error in per
-    cent, without a sign. posterior: 2.5 %, 50 %, 97.5 %, None where there is none; source: the signal whose
+    cent, without a sign. posterior: its 95 % interval, None where there is none; source: the signal whose
     posterior it is; truth: nan where it is not known.
     """
 
@@ -38,7 +38,7 @@ class Beside:
     own: dict[str, float]
     refined: dict[str, float]
     published: dict[str, float]
-    posterior: tuple[float, float, float] | None
+    posterior: tuple[float, float] | None
     source: str
 
     @property
@@ -121,6 +121,6 @@ def _of(run: Run, found: Comparison, signal: str, model: str, parameter: str) ->
         own,
         refined,
         {m: e for m, e in errors.items() if math.isfinite(e)},
-        (row["q2.5"], row["median"], row["q97.5"]) if row else None,
+        (row["q2.5"], row["q97.5"]) if row else None,
         str(row["signal"]) if row else "",
     )

@@ -42,7 +42,7 @@ def _panel(ax: Axes, one: Beside, methods: Sequence[str]) -> None:
     shade = colour(one.model)
     low, high = _window(one)
     if one.posterior is not None:
-        ax.axvspan(one.posterior[0], one.posterior[2], color=shade, alpha=0.18, lw=0, zorder=0.2)
+        ax.axvspan(*one.posterior, color=shade, alpha=0.18, lw=0, zorder=0.2)
     if np.isfinite(one.truth):
         ax.axvline(one.truth, color=INK, lw=0.9, ls=(0, (2, 2)))
     apart = 0.26 if one.published else 0.15
@@ -88,7 +88,8 @@ def _window(one: Beside) -> tuple[float, float]:
     if one.posterior is None:
         reach = ALONE * abs(middle) or 1.0
         return middle - reach, middle + reach
-    low, middle, high = one.posterior
+    low, high = one.posterior
+    middle = 0.5 * (low + high)
     reach = REACH * 0.5 * (high - low) or ALONE * abs(middle) or 1.0
     if np.isfinite(one.truth):
         reach = max(reach, 1.2 * abs(one.truth - middle))

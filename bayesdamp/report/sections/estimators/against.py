@@ -19,7 +19,7 @@ from bayesdamp.report.sections._section import Section
 class AgainstSection(Section):
     """One panel a coefficient. A study with published figures has the picture beside its tables."""
 
-    order = 8
+    order = 16
     name = "against"
     title = "The estimators against the posterior"
 
@@ -46,7 +46,7 @@ def inside(found: Sequence[Beside]) -> str:
 
 def _values(found: Sequence[Beside], stage: str) -> list[tuple[float, float, float]]:
     return [
-        (value, one.posterior[0], one.posterior[2])
+        (value, *one.posterior)
         for one in found
         if one.posterior is not None and one.source == one.signal
         for value in getattr(one, stage).values()

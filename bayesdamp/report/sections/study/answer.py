@@ -10,7 +10,7 @@ from bayesdamp.report.html import Line, Table, fill, folded
 from bayesdamp.report.results.answers import Answer, answer_of
 from bayesdamp.report.results.confirmation import confirmation, sampled
 from bayesdamp.report.results.run import Run
-from bayesdamp.report.sections._layout import by_signal
+from bayesdamp.report.sections._layout import ANCHOR, by_signal
 from bayesdamp.report.sections._section import Section
 from bayesdamp.types import OK
 from bayesdamp.verdict.words import energy_of, with_interval
@@ -18,9 +18,10 @@ from bayesdamp.verdict.words import energy_of, with_interval
 GIVEN = 1e-6
 """Width of a frequency's interval, as a share of it, below which the frequency was given and not found."""
 CAPTION = (
-    "Equivalent damping ratio: level means viscous, rising to small amplitudes friction, to large ones drag; a law "
-    "whose line leaves both bands is not this record's. What the fit leaves should look like noise: a wave in it is what no "
-    "law of these explains. Energy lost in a cycle: the highest line is the term that brakes at that amplitude."
+    "Equivalent damping ratio: level means viscous, rising to small amplitudes friction, to large ones drag; "
+    "a law whose line leaves both bands is not this record's. What the fit leaves should look like noise: a "
+    "wave in it is what no law of these explains. Energy lost in a cycle: the highest line is the term that brakes "
+    "most at that amplitude."
 )
 
 
@@ -35,7 +36,7 @@ class AnswerSection(Section):
         return bool(self._answered(run))
 
     def render(self, run: Run) -> str:
-        return by_signal(run, lambda signal: _one(run, signal), self._answered(run))
+        return by_signal(run, lambda signal: _one(run, signal), self._answered(run), anchor=ANCHOR)
 
     @staticmethod
     def _answered(run: Run) -> list[str]:
