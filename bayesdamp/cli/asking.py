@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from bayesdamp.records.cleaning.decimate import decimated
+from bayesdamp.records.files.named_units import unit_written
 from bayesdamp.records.findings import Finding, findings
 from bayesdamp.records.read import read_records
 from bayesdamp.records.record import RawRecord
@@ -42,6 +43,9 @@ class Options:
 
     def __post_init__(self) -> None:
         """Raises InputError for what no file could be read by."""
+        if self.unit is not None and self.unit not in UNITS and (said := unit_written(self.unit)):
+            object.__setattr__(self, "unit", said[0])  # `degrees`, as the head of a column may say it
+            object.__setattr__(self, "quantity", self.quantity or (said[1] if said[1] != "angle" else None))
         known = (("unit", tuple(UNITS)), ("quantity", QUANTITIES), ("clock", CLOCKS))
         for name, valid in known:
             given = getattr(self, name)

@@ -229,7 +229,7 @@ def _read_inputs(study: Study) -> None:
             options = {k: getattr(source, k) for k in ("unit", "quantity", "clock", "start", "stop")}
             clean(raw, name=spec.name, **options)
         except InputError as error:
-            text = str(error)
+            text = str(error).removeprefix(f"{spec.name}: ")
             where = "" if source.file in text or str(source.path) in text else f"{source.file}: "
             raise InputError(f"{where}{text}") from None
 
