@@ -102,7 +102,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
         usage = getattr(error, "format_message", None)
         if usage is not None:
             said = usage().rstrip(".")
-            return _refused(f"{said}{'' if said.endswith('?') else ';'} see {_help_of(given)}") if said else WRONG_INPUT
+            return (
+                _refused(f"{said}{'' if said.endswith('?') else ';'} see {_help_of(given)}")
+                if said
+                else WRONG_INPUT
+            )
         _trace()
         said = refused_by_the_machine(error)
         if said is not None:

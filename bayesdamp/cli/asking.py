@@ -127,7 +127,8 @@ def first_words_on(found: Sequence[Found], options: Options) -> list[str]:
         seen = one if one.signal is not None else _found(one.path, one.raw, options, True)
         if seen.signal is not None:
             with suppress(Refusal):
-                said.append(f"{one.path.name}: {first_words(seen.signal).sentence()}")
+                first = first_words(seen.signal).in_unit(UNITS[one.unit])
+                said.append(f"{one.path.name}: {first.sentence()}")
     return said
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from rich.box import SIMPLE
@@ -16,27 +16,33 @@ from bayesdamp.report.results.confirmation import confirmation, sampled_words
 from bayesdamp.report.results.run import Run
 from bayesdamp.report.results.specimens import sentences
 from bayesdamp.types import BEWARE, OK
+from bayesdamp.units import UNITS
 from bayesdamp.verdict.agreement import agreement
 from bayesdamp.verdict.types import Verdict
-from bayesdamp.verdict.words import energy_of, with_interval
+from bayesdamp.verdict.words import energy_of, in_unit, with_interval
 
 
 class Told:
     """Tells each record's verdict as it comes, and then what sampling its motions made of it."""
 
-    def __init__(self, console: Console) -> None:
-        self.console = console
+    def __init__(self, console: Console, units: Mapping[str, str] | None = None) -> None:
+        """units: of each record's displacement, by its name; else the verdict's own."""
+        self.console, self._units = console, units or {}
         self.first: dict[str, Verdict] = {}
 
     def __call__(self, verdict: Verdict) -> None:
         before = self.first.setdefault(verdict.record, verdict)
         if before is verdict:
-            answered(verdict, self.console)
+            answered(self._shown(verdict), self.console)
             return
         found = agreement(before, verdict)
         self.console.print(Text(sampled_words(found)), soft_wrap=True)
         if not found.confirms:
-            answered(verdict, self.console)
+            answered(self._shown(verdict), self.console)
+
+    def _shown(self, verdict: Verdict) -> Verdict:
+        unit = self._units.get(verdict.record)
+        return in_unit(verdict, UNITS[unit]) if unit else verdict
 
 
 def answered(verdict: Verdict, console: Console) -> None:

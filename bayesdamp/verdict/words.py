@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from math import floor, isfinite, log10
 from typing import TYPE_CHECKING
 
 from bayesdamp.physics.damping import words_of
+from bayesdamp.units import Unit
 from bayesdamp.verdict import thresholds
 from bayesdamp.verdict.types import DampingRatio, Grade, Interval, Verdict
 
@@ -81,6 +83,17 @@ def sentence(v: Verdict) -> str:
         else ""
     )
     return f"{_first(size)}{frequency}; damping {' or '.join(between)}{part}{_hold(v)}."
+
+
+def in_unit(v: Verdict, unit: Unit) -> Verdict:
+    """The verdict with its amplitudes in a record's own unit of displacement; coefficients stay in those of the
+    equation of motion."""
+    own = unit.displacement
+    if own.base == own.name or any(r.unit != own.base for r in v.damping_ratio):
+        return v
+    ratios = tuple(replace(r, amplitude=r.amplitude * own.scale, unit=own.name) for r in v.damping_ratio)
+    shown = replace(v, damping_ratio=ratios)
+    return replace(shown, sentence=v.sentence.replace(sentence(v), sentence(shown)))
 
 
 def _first(text: str) -> str:

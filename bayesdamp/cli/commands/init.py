@@ -31,7 +31,7 @@ def init(
     from bayesdamp.cli.asking import Options, as_signals, chosen_records
 
     file = files[0]
-    if len({one.resolve().parent for one in files}) > 1:
+    if len({one.absolute().parent for one in files}) > 1:
         raise InputError(
             f"{files[-1]}: is in another folder than {file}; a study names the files that lie beside it"
         )
