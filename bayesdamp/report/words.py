@@ -159,10 +159,16 @@ def given(value: float) -> str:
     return _signed(f"{value:.6g}") if 1e-4 <= abs(value) < 1e6 or value == 0 else number(value, 3)
 
 
+NEGLIGIBLE = 1e-7
+"""Share of a value below which its error is that of a record without noise, and not written."""
+
+
 def with_error(value: float | None, error: float | None) -> str:
-    """value ± error, to two significant digits of the error; the value alone where there is none."""
+    """value ± error, to two significant digits of the error; the value alone where there is none, or next to none."""
     if value is None or not math.isfinite(value) or error is None or not math.isfinite(error) or error <= 0:
         return number(value)
+    if error < NEGLIGIBLE * abs(value):
+        return number(value, 7)
     decimals = 1 - _power(error, 2)
     top = max(_power(value, 4), _power(error, 2)) if value else _power(error, 2)
     if -4 <= top < 6 and decimals <= 8:

@@ -48,9 +48,9 @@ def _answers(run: Run) -> list[Answer]:
 
 
 def _together(v: Verdict) -> Markup:
-    card = '<div class="verdict"><p class="claim">{}</p><p>{}{}.</p></div>'
     energy = energy_of(v)
-    return Markup(card).format(v.sentence, energy[:1].upper(), energy[1:]) if energy else Markup("")
+    more = Markup("<p>{}{}.</p>").format(energy[:1].upper(), energy[1:]) if energy else ""
+    return Markup('<div class="verdict"><p class="claim">{}</p>{}</div>').format(v.sentence, more)
 
 
 def _pictures(answers: Sequence[Answer]) -> Markup:
