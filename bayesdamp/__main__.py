@@ -1,8 +1,8 @@
-"""`python -m bayesdamp`, the same as `bayesdamp`."""
+"""`python -m bayesdamp`: the command line."""
 
 import sys
 
-from bayesdamp.cli import main
+from bayesdamp.cli.app import main
 
-if __name__ == "__main__":  # a worker that is spawned imports this under another name
+if __name__ == "__main__":
     sys.exit(main())

@@ -11,6 +11,7 @@ os.environ.setdefault("MPLBACKEND", "agg")
 
 import generated  # noqa: E402
 import mathml  # noqa: E402
+import pictures  # noqa: E402
 
 from bayesdamp import __version__  # noqa: E402
 
@@ -27,6 +28,9 @@ myst_heading_anchors = 3
 html_theme = "furo"
 html_theme_options = {"source_directory": "docs/"}
 html_show_sourcelink = False
+html_show_copyright = False
+html_static_path = ["_static"]
+html_css_files = ["site.css"]
 html_math_renderer = "mathml"
 python_maximum_signature_line_length = 90
 
@@ -60,5 +64,6 @@ def _as_restructured(app, what, name, obj, options, lines):
 
 def setup(app):
     generated.write(HERE.parent)
+    pictures.write(HERE.parent)
     mathml.register(app)
     app.connect("autodoc-process-docstring", _as_restructured)

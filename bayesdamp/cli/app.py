@@ -53,6 +53,12 @@ for command, example in EXAMPLES.items():
     app.command(epilog=f"Example: {example}")(command)
 
 
+def _help_of(given: Sequence[str]) -> str:
+    """The help of the command that was typed, or of all."""
+    known = given[:1] and given[0] in {command.__name__ for command in EXAMPLES}
+    return f"bayesdamp {given[0]} --help" if known else "bayesdamp --help"
+
+
 def _version(asked: bool) -> None:
     if asked:
         typer.echo(f"bayesdamp {__version__}")
@@ -95,7 +101,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except Exception as error:
         usage = getattr(error, "format_message", None)
         if usage is not None:
-            return _refused(f"{usage()} Try: bayesdamp --help") if usage() else WRONG_INPUT
+            said = usage().rstrip(".")
+            return (
+                _refused(f"{said}{'' if said.endswith('?') else ';'} see {_help_of(given)}")
+                if said
+                else WRONG_INPUT
+            )
         _trace()
         said = refused_by_the_machine(error)
         if said is not None:

@@ -35,6 +35,11 @@ def run_folder(out: Path | None, name: str) -> Path:
     return folder
 
 
+def units_of(study: Study) -> dict[str, str]:
+    """The unit that each record came in, by its signal's name."""
+    return {spec.name: getattr(spec.source, "unit", "rad") for spec in study.signals}
+
+
 def read_study(file: Path, plugins: Sequence[Path] | None = None) -> Study:
     """A study with the options of its estimators checked too. plugins: files besides those that it names."""
     from bayesdamp.config import load_study

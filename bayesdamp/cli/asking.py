@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from bayesdamp.records.cleaning.decimate import decimated
+from bayesdamp.records.files.named_units import unit_written
 from bayesdamp.records.findings import Finding, findings
 from bayesdamp.records.read import read_records
 from bayesdamp.records.record import RawRecord
@@ -42,6 +43,9 @@ class Options:
 
     def __post_init__(self) -> None:
         """Raises InputError for what no file could be read by."""
+        if self.unit is not None and self.unit not in UNITS and (said := unit_written(self.unit)):
+            object.__setattr__(self, "unit", said[0])  # `degrees`, as the head of a column may say it
+            object.__setattr__(self, "quantity", self.quantity or (said[1] if said[1] != "angle" else None))
         known = (("unit", tuple(UNITS)), ("quantity", QUANTITIES), ("clock", CLOCKS))
         for name, valid in known:
             given = getattr(self, name)
@@ -127,7 +131,8 @@ def first_words_on(found: Sequence[Found], options: Options) -> list[str]:
             with suppress(Refusal):
                 if other is not None:
                     continue  # its verdict comes at once
-                said.append(f"{one.path.name}: {first_words(seen.signal).sentence()}")
+                first = first_words(seen.signal).in_unit(UNITS[one.unit])
+                said.append(f"{one.path.name}: {first.sentence()}")
     return said
 
 
@@ -178,6 +183,20 @@ def _doubts(path: Path, found: Sequence[Found]) -> list[str]:
     return [f"{path.name}: {finding}" for finding in first.values()]
 
 
+def _own_label(one: Found, found: Sequence[Found]) -> str:
+    """What tells a record from the others of its file: its run, or its channel, or both."""
+    others = [other for other in found if other.path == one.path]
+    if one.raw.run and len({other.raw.channel for other in others}) == 1:
+        return f"run {one.raw.run}"
+    return one.label
+
+
+def _specimen(one: Found, found: Sequence[Found]) -> str:
+    """A name for what runs of one channel are repeats of."""
+    channels = {other.raw.channel for other in found if other.path == one.path}
+    return one.path.stem if len(channels) == 1 else f"{one.path.stem} {one.raw.channel}"
+
+
 def as_signals(found: Sequence[Found], options: Options) -> list[Asked]:
     """Records as a study's [[signal]] says them."""
     from bayesdamp.config.compare import Asked  # imports slowly: what is wrong with a file is told before
@@ -194,8 +213,8 @@ def as_signals(found: Sequence[Found], options: Options) -> list[Asked]:
             o.start,
             o.stop,
             time_unit=o.time_unit,
-            label=one.label if one.several else "",
-            specimen=f"{one.path.stem} {one.raw.channel}" if one.several and one.raw.repeat else "",
+            label=_own_label(one, found) if one.several else "",
+            specimen=_specimen(one, found) if one.several and one.raw.repeat else "",
         )
         for one in found
     ]

@@ -129,7 +129,7 @@ def comparison_tables(
     samplers, methods = ([], JOINT_METHODS) if repeats else (["nuts"], METHODS)
     return {
         "version": 1,
-        "name": names[0] if len(names) == 1 else f"{names[0]}-and-{len(names) - 1}-more",
+        "name": _question(records, names),
         "seed": seed,
         "description": f"Which damping has {', '.join(dict.fromkeys(a.path.name for a in records))}?"[:200],
         "signal": signals,
@@ -146,6 +146,15 @@ def comparison_tables(
         },
         "evidence": {"methods": list(methods), "referee": "auto"},
     }
+
+
+def _question(records: Sequence[Asked], names: Sequence[str]) -> str:
+    """A name for them all: of their one file, else of the first and how many follow."""
+    if len(names) == 1:
+        return names[0]
+    if len({asked.path for asked in records}) == 1:
+        return f"{_name(records[0].path.stem) or 'record'}-{len(names)}-records"
+    return f"{names[0]}-and-{len(names) - 1}-more"
 
 
 def _signal(asked: Asked, name: str, restoring: tuple[str, ...]) -> dict[str, Any]:

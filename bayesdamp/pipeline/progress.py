@@ -1,4 +1,4 @@
-"""What is shown while a run goes on: the step in a user's words, and the time that it has left."""
+"""What is shown while a run goes on: the step in a user's words, and the time that the whole run has left."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ import json
 import math
 import os
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence, Set
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -29,6 +29,8 @@ PLAIN = 15.0
 NOTHING = 0.2
 """Seconds for a job below which it is taken to have been done before (conventional)."""
 REPORT = "report"
+SAMPLED = 2
+"""Candidates of a record that a staged study samples, about."""
 
 
 @dataclass(frozen=True)
@@ -68,6 +70,25 @@ def step_of(study: Study, jobs: list[Job]) -> Step:
     return Step(job.part or "model", f"{_DOING[job.part]} {_models(jobs)} on {records}", len(jobs))
 
 
+def planned(study: Study, jobs: Sequence[Job], stored: Set[str]) -> list[Step]:
+    """The steps of a run, as far as they are known before it, without what is stored already; the report ends them.
+
+    Of a study that leaves candidates out as it goes all are looked at, and `SAMPLED` of each record sampled.
+    """
+    staged = study.models.prune is not None or study.posterior.best is not None
+    kinds: dict[str, list[Job]] = {}
+    for job in jobs:
+        kind = "mode" if job.model else {"read": "signal"}.get(job.part or "", job.part)
+        if f"{kind}/{job.signal}/{job.repeat}{f'/{job.model}' if job.model else ''}" in stored:
+            continue
+        job = replace(job, part="look") if staged and job.model else job
+        kinds.setdefault(step_of(study, [job]).kind, []).append(job)
+    steps = [step_of(study, found) for found in kinds.values()]
+    looked = {(job.signal, job.repeat) for job in kinds.get("look", ())}
+    steps += [Step("sample", "sampling", SAMPLED * len(looked))] if looked else []
+    return [*steps, Step(REPORT, "drawing the report", 1)]
+
+
 _DOING = {
     None: "estimating, fitting, sampling",
     "look": "estimating and fitting",
@@ -99,6 +120,13 @@ def left_words(seconds: float) -> str:
     return f"{seconds / 3600:.1f} h left"
 
 
+USUAL = {
+    "answer": 12.0, "sampled": 8.0, "model": 12.0, "look": 4.0, "weigh": 3.0, "sample": 10.0, "depend": 6.0,
+    "law": 6.0, "noise": 2.0, "average": 1.0, "specimen": 20.0, "population": 10.0, REPORT: 6.0,
+}  # fmt: skip
+"""Wall seconds of a job of each kind where this machine has done none (measured: two cores, 1,000 samples)."""
+
+
 class Pace:
     """Seconds that a job of each kind takes on this machine, kept from run to run in the user's cache."""
 
@@ -128,17 +156,25 @@ class Pace:
 
 
 class Progress:
-    """One step after the other. show: told of a step's words and the time that it has left."""
+    """One step after the other. show: told of a step's words and the time that is left."""
 
     def __init__(self, show: Callable[[Progress], None], pace: Pace | None = None) -> None:
         self._show, self._pace = show, pace or Pace()
         self.step = Step("", "", 0)
         self.done = 0
+        self._later: list[Step] = []
         self._began = time.monotonic()
 
+    def plan(self, steps: Sequence[Step]) -> None:
+        """What the run will do, as far as it is known before: each step as it begins takes its kind out of it."""
+        self._later = list(steps)
+
     def begin(self, step: Step) -> None:
-        """The next step; the one before is over."""
+        """The next step; the one before is over, and what was planned before its kind is not done."""
         self.end()
+        kinds = [one.kind for one in self._later]
+        if step.kind in kinds:
+            self._later = self._later[kinds.index(step.kind) + 1 :]
         self.step, self.done, self._began = step, 0, time.monotonic()
         self._show(self)
 
@@ -154,15 +190,23 @@ class Progress:
         self.step = Step("", "", 0)
 
     def left(self) -> float:
-        """Seconds that the step has left, by its own pace or that of earlier runs; NaN where neither is known."""
+        """Seconds that the whole run has left: of this step by its own pace or that of earlier runs, of later ones by
+        that or by what is usual; NaN where nothing is known of the step, or it has taken longer than was thought."""
+        return self._of_step() + sum(self._seconds(one) for one in self._later)
+
+    def _of_step(self) -> float:
         gone = time.monotonic() - self._began
-        each = self._pace.of(self.step.kind)
         if self.done:
             return gone / self.done * (self.step.jobs - self.done)
-        return each * self.step.jobs - gone if each * self.step.jobs > gone else math.nan
+        whole = self._seconds(self.step)
+        return whole - gone if whole > gone else math.nan
+
+    def _seconds(self, step: Step) -> float:
+        each = self._pace.of(step.kind)
+        return step.jobs * (USUAL.get(step.kind, math.nan) if math.isnan(each) else each)
 
     def line(self) -> str:
-        """The step and the time left."""
+        """The step, and the time that the run has left."""
         return ", ".join(filter(None, (self.step.words, left_words(self.left()))))
 
 

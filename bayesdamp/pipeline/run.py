@@ -22,7 +22,7 @@ from bayesdamp.pipeline.candidates.averaging import average, averages
 from bayesdamp.pipeline.candidates.cells import Branch
 from bayesdamp.pipeline.keys import digest, task_key
 from bayesdamp.pipeline.many.many import joint_cells, populated, repeated
-from bayesdamp.pipeline.progress import REPORT, Step, progress_on, step_of
+from bayesdamp.pipeline.progress import REPORT, Step, planned, progress_on, step_of
 from bayesdamp.pipeline.records.answering import ANSWERED, SAMPLED, AnswerCell, answers, verdict_of
 from bayesdamp.pipeline.records.noise import NoiseCell, has_noise_cell
 from bayesdamp.pipeline.records.records import SignalCell
@@ -127,6 +127,7 @@ def run_study(
                 if pool is not None:
                     pool.submit(_prepare)
                     threading.Thread(target=_prepare, daemon=True).start()
+                progress.plan(planned(study, wanted, set(store.names())))
                 for stage in _stages(study, store, depth):
                     if stage:
                         progress.begin(step_of(study, stage))
@@ -228,7 +229,7 @@ def _read_inputs(study: Study) -> None:
             options = {k: getattr(source, k) for k in ("unit", "quantity", "clock", "start", "stop")}
             clean(raw, name=spec.name, **options)
         except InputError as error:
-            text = str(error)
+            text = str(error).removeprefix(f"{spec.name}: ")
             where = "" if source.file in text or str(source.path) in text else f"{source.file}: "
             raise InputError(f"{where}{text}") from None
 

@@ -4,12 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from bayesdamp.records.columns.names import asked_for
-from bayesdamp.records.columns.units_said import unit_said
-from bayesdamp.records.files.contents import Column, Contents
-from bayesdamp.records.opening.opening import contents
 from bayesdamp.records.read import read_record
-from bayesdamp.types import InputError
 from bayesdamp.units import UNITS
 
 ColumnName = str | int
@@ -29,29 +24,8 @@ def choose_columns(
     return time if time is not None else found[0], value if value is not None else found[1]
 
 
-def unit_asked(
-    path: Path, value: ColumnName | None, unit: str | None, quantity: str | None
-) -> tuple[str, str]:
-    """The unit and the quantity of a record: as given, else as its column says, else an angle in rad.
-
-    value: the column, by name or number from 1.
-    """
-    if unit is None or quantity is None:
-        said = ("", "") if value is None else _said(contents(path), value)
-        return resolved_unit(unit, quantity, *said)
-    return unit, quantity
-
-
 def resolved_unit(unit: str | None, quantity: str | None, said: str, what: str) -> tuple[str, str]:
     """The unit and the quantity: those given, else those that a file says, else an angle in rad."""
     only = UNITS[unit].quantity if unit in UNITS else None
     chosen = unit or (said if said in UNITS else "rad")
     return chosen, quantity or only or what or "angle"
-
-
-def _said(found: Contents, value: ColumnName) -> tuple[str, str]:
-    try:
-        columns: list[Column] = asked_for(found.columns, value)
-    except InputError:  # told when it is read
-        return "", ""
-    return unit_said(columns[0])

@@ -19,6 +19,13 @@ from PIL import Image
 from bayesdamp.report.style import RC
 from bayesdamp.store import write_bytes
 
+PHONE = 640
+"""Width in CSS pixels up to which a page is a phone's, as in style.css."""
+SVG = 150_000
+"""Bytes up to which a figure stands in the page as SVG: beyond are those with thousands of samples."""
+NARROW, LEGIBLE = 440, 0.8
+"""Width in CSS pixels from which a figure scrolls sideways on a phone, and the share of its size below which letters
+cannot be read."""
 COLOURS = 64
 """A figure has few colours and their shades: a PNG with a palette is a quarter of one without."""
 
@@ -36,23 +43,37 @@ class Drawings:
         self.folder = folder
         self.names: list[str] = []
 
-    def add(self, name: str, caption: str, draw: Callable[[], Figure]) -> Markup:
-        """Draw under the common style, save `name`.svg and `name`.png, and give the HTML that shows it."""
+    def add(
+        self, name: str, caption: str, draw: Callable[[], Figure], narrow: Callable[[], Figure] | None = None
+    ) -> Markup:
+        """Draw under the common style, save `name`.svg and `name`.png, and give the HTML that shows it.
+
+        narrow: the same for a phone, in the page only; without it a phone scrolls a wide figure sideways.
+        """
         name = re.sub(r"[^A-Za-z0-9_.=+-]+", "-", name)
         with mpl.rc_context(RC):
             figure = draw()
             svg, png, webp = _saved(figure)
+            small = _saved(narrow()) if narrow else None
         write_bytes(self.folder / f"{name}.svg", svg)
         write_bytes(self.folder / f"{name}.png", png)
         self.names.append(name)
-        # The smallest, so that the page opens fast.
-        kind, data = min(("svg+xml", svg), ("png", png), ("webp", webp), key=lambda one: len(one[1]))
-        source = f"data:image/{kind};base64,{base64.b64encode(data).decode()}"
         width = round(figure.get_figwidth() * 100)
-        return Markup(
-            f'<figure><img src="{source}" alt="{escape(caption)}" style="width:{width}px">'
-            f"<figcaption>{escape(caption)}</figcaption></figure>"
-        )
+        size = f"width:{width}px;--least:{round(LEGIBLE * width)}px"
+        picture = f'<img src="{_embedded(svg, png, webp)}" alt="{escape(caption)}" style="{size}">'
+        if small:
+            source = f'<source media="screen and (max-width: {PHONE}px)" srcset="{_embedded(*small)}">'
+            picture = f"<picture>{source}{picture}</picture>"
+        scrolls = ' class="wide"' if width > NARROW and not small else ""
+        caption = f"<figcaption>{escape(caption)}</figcaption>"
+        return Markup(f"<figure{scrolls}><div>{picture}</div>{caption}</figure>")
+
+
+def _embedded(svg: bytes, png: bytes, webp: bytes) -> str:
+    """SVG, sharp at every size; where that is long, the smallest, so that the page opens fast."""
+    kinds = [("svg+xml", svg), ("png", png), ("webp", webp)]
+    kind, data = kinds[0] if len(svg) <= SVG else min(kinds, key=lambda one: len(one[1]))
+    return f"data:image/{kind};base64,{base64.b64encode(data).decode()}"
 
 
 def _saved(figure: Figure) -> tuple[bytes, bytes, bytes]:
@@ -67,7 +88,7 @@ def _saved(figure: Figure) -> tuple[bytes, bytes, bytes]:
     drawn = Image.fromarray(np.asarray(canvas.buffer_rgba())).convert("RGB")
     svg = io.BytesIO()
     FigureCanvasSVG(figure).print_svg(svg, metadata={"Date": None, "Creator": "bayesdamp"})
-    return _renamed(svg.getvalue().decode()).encode(), *_with_palette(drawn)
+    return _short(_renamed(svg.getvalue().decode())).encode(), *_with_palette(drawn)
 
 
 def _with_palette(drawn: Image.Image) -> tuple[bytes, bytes]:
@@ -79,6 +100,16 @@ def _with_palette(drawn: Image.Image) -> tuple[bytes, bytes]:
     few.save(png, "PNG")
     few.convert("RGB").save(webp, "WEBP", lossless=True, quality=50, method=3)
     return png.getvalue(), webp.getvalue()
+
+
+def _short(svg: str) -> str:
+    """Paths to a hundredth of a point."""
+    number = re.compile(r"-?\d+\.\d{3,}")
+    return re.sub(
+        r' d="[^"]*"',
+        lambda d: number.sub(lambda found: f"{float(found[0]):.2f}".rstrip("0").rstrip("."), d[0]),
+        svg,
+    )
 
 
 def _renamed(svg: str) -> str:

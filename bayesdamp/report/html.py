@@ -52,9 +52,9 @@ def _environment() -> Environment:
 def _symbols(text: str) -> Markup:
     """Escaped text in which the index of a symbol is set below the line."""
     shown = str(escape(text))
-    for letters in ("μc", "μq", "θs", "θe"):
+    for letters in ("μc", "μq", "μk", "μp", "θs", "θe"):
         shown = shown.replace(letters, f"{letters[0]}<sub>{letters[1]}</sub>")
-    return Markup(shown)
+    return Markup(shown.replace("F_damp", "F<sub>damp</sub>").replace("F_rest", "F<sub>rest</sub>"))
 
 
 def fill(template: str, **values: object) -> Markup:

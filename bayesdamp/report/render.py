@@ -16,6 +16,7 @@ from bayesdamp.report.sections import SECTIONS, in_order
 from bayesdamp.store import write_bytes
 from bayesdamp.store.folders import claim, remove_listed
 
+TEMPLATES = Path(__file__).parent / "templates"
 DRAWN = ".drawn"
 """In `figures/`, the names of those that the report has, a line each."""
 
@@ -42,10 +43,17 @@ def render(folder: Path, pool: Executor | None = None) -> Path:
         {"name": section.name, "title": section.title, "body": Markup(done.body)}
         for section, done in zip(wanted, bodies, strict=True)
     ]
-    css = Markup((Path(__file__).parent / "templates" / "style.css").read_text(encoding="utf-8"))
+    css, script = (
+        Markup((TEMPLATES / name).read_text(encoding="utf-8")) for name in ("style.css", "page.js")
+    )
     name = run.info.get("name") or run.folder.resolve().name
     page = fill(
-        "report.html", name=name, description=run.info.get("description") or "", css=css, sections=sections
+        "report.html",
+        name=name,
+        description=run.info.get("description") or "",
+        css=css,
+        script=script,
+        sections=sections,
     )
     _sweep_figures(run.drawings.folder, {name for done in bodies for name in done.figures})
     path = run.folder / "report.html"

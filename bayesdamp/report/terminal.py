@@ -2,27 +2,32 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+from rich.box import SIMPLE
 from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from bayesdamp.report.results.answers import verdicts
+from bayesdamp.report import words
+from bayesdamp.report.results.answers import specimens, verdicts
 from bayesdamp.report.results.confirmation import confirmation, sampled_words
 from bayesdamp.report.results.run import Run
 from bayesdamp.report.results.specimens import sentences
 from bayesdamp.types import BEWARE, OK
+from bayesdamp.units import UNITS
 from bayesdamp.verdict.agreement import agreement
 from bayesdamp.verdict.types import Grade, Verdict
-from bayesdamp.verdict.words import energy_of, with_interval
+from bayesdamp.verdict.words import energy_of, in_unit, with_interval
 
 
 class Told:
     """Tells each record's verdict as it comes, and then what sampling its motions made of it."""
 
-    def __init__(self, console: Console) -> None:
-        self.console = console
+    def __init__(self, console: Console, units: Mapping[str, str] | None = None) -> None:
+        """units: of each record's displacement, by its name; else the verdict's own."""
+        self.console, self._units = console, units or {}
         self.first: dict[str, Verdict] = {}
 
     def __call__(self, verdict: Verdict) -> None:
@@ -30,12 +35,16 @@ class Told:
         if verdict.grade is Grade.NO_FREE_DECAY and before is not verdict:
             return  # there was nothing to sample
         if before is verdict:
-            answered(verdict, self.console)
+            answered(self._shown(verdict), self.console)
             return
         found = agreement(before, verdict)
         self.console.print(Text(sampled_words(found)), soft_wrap=True)
         if not found.confirms:
-            answered(verdict, self.console)
+            answered(self._shown(verdict), self.console)
+
+    def _shown(self, verdict: Verdict) -> Verdict:
+        unit = self._units.get(verdict.record)
+        return in_unit(verdict, UNITS[unit]) if unit else verdict
 
 
 def answered(verdict: Verdict, console: Console) -> None:
@@ -44,6 +53,9 @@ def answered(verdict: Verdict, console: Console) -> None:
     console.print(Text.assemble((f"{verdict.record}: ", "bold"), verdict.sentence), soft_wrap=True)
     if verdict.damping_ratio:
         console.print(_ratios(verdict))
+        energy = energy_of(verdict)
+        if energy:
+            console.print(Text(f"{energy[:1].upper()}{energy[1:]}."), soft_wrap=True)
     if verdict.modes:
         console.print(_modes(verdict))
     for remark in verdict.remarks:
@@ -53,13 +65,21 @@ def answered(verdict: Verdict, console: Console) -> None:
 def conclude(folder: Path, console: Console) -> None:
     """Print how sampling changed what was said, what one has to know of the records, and where the report is."""
     run = Run(folder)
-    said = {v.record for v in verdicts(run)}
+    found = verdicts(run)
+    said = {v.record for v in found}
+    if len(found) > 1:
+        console.print()
+        console.print(_overview(found))
+    for together in specimens(run):
+        console.print()
+        console.print(Text.assemble((f"{together.record}: ", "bold"), together.sentence), soft_wrap=True)
     for signal in run.signals:
         if signal not in said:
             console.print()
             console.print(Text(f"{signal}: {_why(run, signal)}"), soft_wrap=True)
         for warning in run.warnings(signal):
-            console.print(Text(BEWARE + warning), soft_wrap=True)
+            whose = f"{signal}: " if len(run.signals) > 1 else ""
+            console.print(Text(f"{BEWARE}{whose}{warning}"), soft_wrap=True)
         confirmed = confirmation(run, signal)
         if confirmed:
             console.print(Text(confirmed), soft_wrap=True)
@@ -84,10 +104,25 @@ def _modes(verdict: Verdict) -> Table:
     return table
 
 
+def _overview(found: Sequence[Verdict]) -> Table:
+    """A line a record."""
+    table = Table("record", "damping", "probability", "frequency", "damping ratio (95 %)", "at", box=SIMPLE)
+    for v in found:
+        ratio = v.damping_ratio[len(v.damping_ratio) // 2] if v.damping_ratio else None
+        table.add_row(
+            v.record,
+            words.model(v.damping) if v.damping else f"no free decay: {v.motion}",
+            words.probability(v.probability) if v.damping else words.NONE,
+            f"{v.frequency.value:.4g} {v.frequency.unit}" if v.frequency else words.NONE,
+            with_interval(ratio.value, ratio.low, ratio.high, " %", 100) if ratio else words.NONE,
+            f"{ratio.amplitude:.2g} {ratio.unit}" if ratio else words.NONE,
+        )
+    return table
+
+
 def _ratios(verdict: Verdict) -> Table:
     table = Table("amplitude", "equivalent damping ratio (95 %)", "Q")
     for r in verdict.damping_ratio:
         q = with_interval(0.5 / r.value, 0.5 / r.high, 0.5 / r.low) if r.low > 0 else f"{0.5 / r.value:.3g}"
         table.add_row(f"{r.amplitude:.3g} {r.unit}", with_interval(r.value, r.low, r.high, " %", 100), q)
-    table.caption = energy_of(verdict)
     return table

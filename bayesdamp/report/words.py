@@ -21,7 +21,7 @@ class Symbol:
 
 
 _SYMBOLS = {
-    "zeta": Symbol("ζ", r"$\zeta$", "viscous damping"),
+    "zeta": Symbol("ζ", r"$\zeta$", "decay rate"),
     "mu_c": Symbol("μc", r"$\mu_c$", "Coulomb friction"),
     "mu_q": Symbol("μq", r"$\mu_q$", "quadratic damping"),
     "mu_3": Symbol("μ₃", r"$\mu_3$", "cubic damping"),
@@ -42,7 +42,7 @@ _SYMBOLS = {
     "spring_angle": Symbol("spring angle θs", r"spring angle $\theta_s$", "angle of the relaxed spring"),
     "rest_angle": Symbol("rest angle θe", r"rest angle $\theta_e$", "angle at rest"),
     "cubic": Symbol("cubic β", r"cubic $\beta$", "cubic stiffness"),
-    "epsilon": Symbol("ε", r"$\epsilon$", "smoothing width of friction"),
+    "epsilon": Symbol("ε", r"$\epsilon$", "friction regularisation velocity"),
     "theta0": Symbol("θ₀", r"$\theta_0$", "angle at the start"),
     "omega0": Symbol("θ̇₀", r"$\dot\theta_0$", "velocity at the start"),
     "noise_sd": Symbol("noise sd", "noise sd", "standard deviation of the noise"),
@@ -52,12 +52,14 @@ _SYMBOLS = {
     "damping_ratio": Symbol("damping ratio at rest", "damping ratio at rest", "linear damping ratio at rest"),
     "quality_factor": Symbol("Q", r"$Q$", "quality factor at rest"),
     "equivalent_ratio": Symbol(
-        "equivalent ratio", "equivalent damping ratio", "equivalent viscous damping ratio"
+        "equivalent damping ratio", "equivalent damping ratio", "equivalent viscous damping ratio"
     ),
-    "log_decrement": Symbol("log decrement", "logarithmic decrement", "logarithmic decrement"),
+    "log_decrement": Symbol("logarithmic decrement", "logarithmic decrement", "logarithmic decrement"),
     "half_life": Symbol("half-life", "half-life", "time in which the amplitude halves"),
-    "energy_fraction": Symbol("energy lost a cycle", "energy lost a cycle", "share of energy lost a cycle"),
-    "energy_lost": Symbol("energy lost a cycle", "energy lost a cycle", "energy lost a cycle"),
+    "energy_fraction": Symbol(
+        "specific damping capacity", "specific damping capacity", "share of the energy lost in a cycle"
+    ),
+    "energy_lost": Symbol("energy lost in a cycle", "energy lost in a cycle", "energy lost in a cycle"),
     "viscous_coefficient": Symbol("viscous coefficient", "viscous coefficient", "inertia times 2ζ"),
     "coulomb_torque": Symbol("friction", "friction", "inertia times μc"),
     "quadratic_coefficient": Symbol("quadratic coefficient", "quadratic coefficient", "inertia times μq"),
@@ -108,9 +110,14 @@ def method(name: str) -> str:
         "sindy": "SINDy",
         "weak_sindy": "weak SINDy",
     }
-    special |= {"combined": "all methods combined"}
+    special |= {"combined": "adopted evidence", "smc": "sequential Monte Carlo", "nested": "nested sampling"}
     special |= {"neural_ode": "neural ODE", "koopman": "Koopman", "student_t": "Student t"}
     return special.get(name, name.replace("_", " "))
+
+
+def stage(name: str) -> str:
+    """A stage of an estimator in words."""
+    return {"initial": "own estimate"}.get(name, name)
 
 
 def unit(text: str) -> str:
@@ -152,10 +159,16 @@ def given(value: float) -> str:
     return _signed(f"{value:.6g}") if 1e-4 <= abs(value) < 1e6 or value == 0 else number(value, 3)
 
 
+NEGLIGIBLE = 1e-7
+"""Share of a value below which its error is that of a record without noise, and not written."""
+
+
 def with_error(value: float | None, error: float | None) -> str:
-    """value ± error, to two significant digits of the error; the value alone where there is none."""
+    """value ± error, to two significant digits of the error; the value alone where there is none, or next to none."""
     if value is None or not math.isfinite(value) or error is None or not math.isfinite(error) or error <= 0:
         return number(value)
+    if error < NEGLIGIBLE * abs(value):
+        return number(value, 7)
     decimals = 1 - _power(error, 2)
     top = max(_power(value, 4), _power(error, 2)) if value else _power(error, 2)
     if -4 <= top < 6 and decimals <= 8:

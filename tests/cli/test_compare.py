@@ -62,7 +62,7 @@ def test_the_study_has_every_damping_under_every_law_and_all_is_free(tmp_path) -
         (["--angle", "2", "--time", "1", "--unit", "m", "--restoring", "pendulum"], "--unit: is 'm'"),
         (["--angle", "2", "--time", "1", "--restoring", "pendulm"], "did you mean 'pendulum'"),
         (["--angle", "2", "--time", "1", "--damping", "viscos"], "did you mean 'viscous'"),
-        (["--angle", "2", "--time", "1", "--unit", "feet"], "--unit 'feet': must be one of rad"),
+        (["--angle", "2", "--time", "1", "--unit", "furlong"], "--unit 'furlong': must be one of rad"),
         (["--angle", "2", "--time", "1", "--start", "soon"], "--start soon: must be a time in s"),
         (["--angle", "2", "--time", "nothing"], "unknown column"),
         (["--angle", "2", "--time", "1", "--noise", "pink"], "unknown noise model"),

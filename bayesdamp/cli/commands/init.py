@@ -12,7 +12,9 @@ from bayesdamp.types import InputError
 
 
 def init(
-    file: Annotated[Path, typer.Argument(metavar="FILE", help="A file of measured decays.")],
+    files: Annotated[
+        list[Path], typer.Argument(metavar="FILE...", help="Files of measured decays, all in one folder.")
+    ],
     angle: o.Angle = None,
     time: o.Time = None,
     time_unit: o.TimeUnit = None,
@@ -25,9 +27,14 @@ def init(
     runs: o.Runs = None,
     channel: o.Channels = None,
 ) -> int:
-    """Write a commented study of a file beside it; nothing is computed, and no file is written over."""
+    """Write a commented study of files beside them; nothing is computed, and no file is written over."""
     from bayesdamp.cli.asking import Options, as_signals, chosen_records
 
+    file = files[0]
+    if len({one.absolute().parent for one in files}) > 1:
+        raise InputError(
+            f"{files[-1]}: is in another folder than {file}; a study names the files that lie beside it"
+        )
     if not file.name:
         raise InputError(f"{file}: is a folder, not a file; give one of the files in it")
     out = file.with_suffix(".toml")
@@ -35,7 +42,7 @@ def init(
         raise InputError(f"{out}: is there already; it is not written over: move it away first")
     bounds = o.bound(start, "--start"), o.bound(stop, "--stop")
     asked = Options(time, angle, rate, time_unit, unit, quantity, clock, *bounds, runs, tuple(channel or ()))
-    records, said = chosen_records([file], asked)
+    records, said = chosen_records(files, asked)
     for line in said:
         typer.echo(line, err=True)
     from bayesdamp.cli.study_file import study_text

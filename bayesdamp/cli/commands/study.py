@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from bayesdamp.cli.asked import FIRST_WORDS, read_study, run_folder
+from bayesdamp.cli.asked import FIRST_WORDS, read_study, run_folder, units_of
 from bayesdamp.cli.options import RUNNING, SAID, WEIGHED
 from bayesdamp.cli.verdicts import verdicts_json
 
@@ -71,7 +71,7 @@ def study(
         fresh=fresh,
         console=Console(stderr=True),
         depth=Depth.ANSWER if quick else Depth.WHOLE,
-        answered=None if as_json or len(loaded.signals) > FIRST_WORDS else Told(Console()),
+        answered=None if as_json or len(loaded.signals) > FIRST_WORDS else Told(Console(), units_of(loaded)),
         quiet=quiet,
     )
     report = folder / "report.html"

@@ -37,7 +37,8 @@ def reading(one: Found) -> str:
     unit = UNITS[one.unit].of(one.quantity) if one.unit in UNITS else one.unit
     time, value = one.raw.columns
     clock = f"times from column {time!r}" if time is not None else f"{one.raw.rate or 0:.6g} Hz"
-    return f"column {value!r} as {one.quantity} in {unit}, {clock}, {one.raw.y.size} samples"
+    what = UNITS[one.unit].called(one.quantity) if one.unit in UNITS else one.quantity
+    return f"column {value!r} as {what} in {unit}, {clock}, {one.raw.y.size} samples"
 
 
 def sentences(one: Found) -> list[str]:

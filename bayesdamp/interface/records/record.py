@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Self
@@ -15,9 +16,9 @@ from bayesdamp.interface.parts.table import Table, number
 from bayesdamp.interface.records.signal import Signal, cut
 from bayesdamp.plugins import nearest
 from bayesdamp.records.cleaning.clean import QUANTITIES
-from bayesdamp.records.read import read_record
+from bayesdamp.records.read import read_records
 from bayesdamp.records.record import RawRecord
-from bayesdamp.records.stated_columns import choose_columns, unit_asked
+from bayesdamp.records.stated_columns import resolved_unit
 from bayesdamp.types import InputError
 from bayesdamp.units import UNITS
 
@@ -25,7 +26,9 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 Column = str | int
-_OPTIONS = {"--angle": "value", "--time": "time", "--rate": "rate"}
+_OPTIONS = {
+    "--angle": "value", "--time": "time", "--rate": "rate", "--runs": "runs", "--channel": "channels"
+}  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -134,13 +137,16 @@ def read(
     rate: float | None = None,
     unit: str | None = None,
     quantity: str | None = None,
+    runs: str | int | None = None,
+    channels: Sequence[str] = (),
 ) -> Record:
-    """The record in a text, MATLAB or NumPy file.
+    """What a file holds: all its runs and channels that swing, in any of the formats that are read.
 
-    time, value: columns by name or by number from 1 (in MATLAB and .npz files a path with dots); not needed where the
-    file has two columns, or one and a `rate`. rate: sampling rate in Hz, for a file without times. unit, quantity: of
-    the values, as in `signal`; by default what the column's name says (`Angle(deg)`, `acc (g)`), else an angle in rad.
-    Raises InputError, one line, for all that is wrong with the file or the request.
+    time, value: columns by name or by number from 1 (in MATLAB and .npz files a path with dots); chosen where one
+    choice makes sense. rate: sampling rate in Hz, for a file without times. unit, quantity: of the values, as in
+    `signal`; by default what the file says (`Angle(deg)`, `acc (g)`), else an angle in rad. runs: of a file that has
+    several, such as `2` or `"1,3-5"`, channels: their names; all by default, numbered from 1 in the record.
+    Raises InputError, one line, for all that is wrong with the file or the request, several units at once among it.
 
     >>> import tempfile
     >>> from pathlib import Path
@@ -155,26 +161,37 @@ def read(
     """
     path = Path(path)
     try:
-        time, value = choose_columns(path, time, value, rate)
-        unit, quantity = unit_asked(path, value, unit, quantity)
+        raw = _runs(path, time, value, rate, runs, channels)
     except InputError as error:
         raise InputError(_in_python(str(error))) from None
+    said = {resolved_unit(unit, quantity, one.unit, one.quantity): one.channel for one in raw}
+    if len(said) > 1:
+        each = ", ".join(f"{channel!r} ({u})" for (u, _), channel in said.items())
+        raise InputError(f"{path.name}: holds records in several units: {each}; choose with channels=[...]")
+    unit, quantity = next(iter(said))
     if unit not in UNITS:
         raise InputError(f"{path.name}: unknown unit {unit!r}{nearest(unit, list(UNITS))}")
     if quantity not in QUANTITIES:
         raise InputError(f"{path.name}: unknown quantity {quantity!r}{nearest(quantity, list(QUANTITIES))}")
-    raw = _runs(path, time, value, rate)
     columns = tuple(
         (str(r.provenance.get("time_column") or ""), str(r.provenance.get("value_column") or "")) for r in raw
     )
     return Record(path, columns, unit, quantity, raw)
 
 
-def _runs(path: Path, time: Column | None, value: Column | None, rate: float | None) -> tuple[RawRecord, ...]:
+def _runs(
+    path: Path,
+    time: Column | None,
+    value: Column | None,
+    rate: float | None,
+    runs: str | int | None,
+    channels: Sequence[str],
+) -> tuple[RawRecord, ...]:
     """Every run in a file: the one place that asks a reader."""
-    return (read_record(path, time=time, value=value, rate=rate),)
+    chosen = None if runs is None else str(runs)
+    return tuple(read_records(path, time=time, value=value, rate=rate, runs=chosen, channels=tuple(channels)))
 
 
 def _in_python(text: str) -> str:
     """A line in the words of the command's options, in those of the arguments."""
-    return re.sub(r"--(angle|time|rate)\b", lambda found: _OPTIONS[found.group(0)], text)
+    return re.sub(r"--(angle|time|rate|runs|channel)\b", lambda found: _OPTIONS[found.group(0)], text)

@@ -50,6 +50,8 @@ class DampingTerm(ABC):
     """Unit of the coefficient for an angle in rad; `m` in place of rad for a record in metres."""
     words: str = ""
     """The term in a sentence, its name where nothing is said."""
+    formula: str = ""
+    """The force as a report shows it."""
     switches: bool = False
     """Whether the shape jumps with the sign of the velocity within the width ε."""
     inferred: tuple[FreeParameter, ...] = ()

@@ -17,6 +17,7 @@ class Coulomb(DampingTerm):
     parameter = "mu_c"
     unit = "rad/s²"
     words = "Coulomb (dry friction)"
+    formula = "μc tanh(θ̇/ε)"
     switches = True
 
     def shape(self, velocity: ArrayLike, epsilon: ArrayLike) -> Array:

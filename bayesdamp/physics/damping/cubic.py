@@ -14,6 +14,7 @@ class Cubic(DampingTerm):
     parameter = "mu_3"
     unit = "s/rad²"
     words = "cubic (the third power of the velocity)"
+    formula = "μ₃ θ̇³"
 
     def shape(self, velocity: ArrayLike, epsilon: ArrayLike) -> Array:
         velocity = jnp.asarray(velocity)

@@ -11,6 +11,7 @@ class Displacement(DampingTerm):
     parameter = "c_xxv"
     unit = "1/(s rad²)"
     words = "one that grows with the square of the displacement"
+    formula = "c (θ − θe)² θ̇"
     given = ("rest",)
 
     @staticmethod

@@ -16,6 +16,7 @@ class DryPosition(DampingTerm):
     parameter = "mu_p"
     unit = "rad/s²"
     words = "friction that varies with the position"
+    formula = "μp max(1 + s u + q u², 0) tanh(θ̇/ε), u = (θ − θe)/A"
     switches = True
     inferred = (
         FreeParameter("friction_slope", "1", lambda amplitude, frequency: Normal(mean=0.0, sd=0.5)),

@@ -15,6 +15,7 @@ class Power(DampingTerm):
     parameter = "c_power"
     unit = "1/s"
     words = "a power of the velocity"
+    formula = "c V |θ̇/V|ᵖ sgn θ̇"
     switches = True
     bounded = False  # its exponent says more
     inferred = (FreeParameter("exponent", "1", lambda amplitude, frequency: Uniform(low=-0.3, high=3.3)),)

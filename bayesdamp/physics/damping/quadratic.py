@@ -16,6 +16,7 @@ class Quadratic(DampingTerm):
     parameter = "mu_q"
     unit = "1/rad"
     words = "quadratic (drag)"
+    formula = "μq θ̇|θ̇|"
 
     def shape(self, velocity: ArrayLike, epsilon: ArrayLike) -> Array:
         velocity = jnp.asarray(velocity)

@@ -19,6 +19,7 @@ class Stribeck(DampingTerm):
     parameter = "mu_k"
     unit = "rad/s²"
     words = "Stribeck friction"
+    formula = "μk [1 + s exp(−(θ̇/vs)²)] tanh(θ̇/ε)"
     switches = True
     inferred = (
         FreeParameter("static_excess", "1", lambda amplitude, frequency: HalfNormal(scale=1.0)),

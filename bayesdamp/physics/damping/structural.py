@@ -17,6 +17,7 @@ class Structural(DampingTerm):
     parameter = "kappa"
     unit = "1/s²"
     words = "structural (rate independent)"
+    formula = "κ |θ − θe| tanh(θ̇/ε)"
     switches = True
     given = ("rest",)
 

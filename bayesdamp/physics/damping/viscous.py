@@ -14,6 +14,7 @@ class Viscous(DampingTerm):
     parameter = "zeta"
     unit = "1/s"
     words = "viscous"
+    formula = "2ζθ̇"
 
     def shape(self, velocity: ArrayLike, epsilon: ArrayLike) -> Array:
         return 2.0 * jnp.asarray(velocity)

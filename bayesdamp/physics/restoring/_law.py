@@ -32,6 +32,8 @@ class RestoringLaw(ABC):
 
     name: str
     parameters: tuple[str, ...]
+    formula: str = ""
+    """The force as a report shows it."""
     translates: bool = False
     """Whether the law also describes a translation in metres."""
 

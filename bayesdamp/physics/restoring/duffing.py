@@ -16,6 +16,7 @@ class Duffing(RestoringLaw):
     """F = k x + β x³ with x = θ − θ_e; β may be negative, and then a trajectory can escape."""
 
     name = "duffing"
+    formula = "k(θ − θe) + β(θ − θe)³"
     parameters = ("stiffness", "rest_angle", "cubic")
     translates = True
 

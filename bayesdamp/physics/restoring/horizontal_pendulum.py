@@ -21,6 +21,7 @@ class HorizontalPendulum(RestoringLaw):
     """F = k(θ − θ_s) − γ cos θ: an arm on a torsion spring; γ is signed and may be as large as k."""
 
     name = "horizontal_pendulum"
+    formula = "k(θ − θs) − γ cos θ"
     parameters = ("stiffness", "gravity", "spring_angle")
 
     def force(self, theta: ArrayLike, p: Mapping[str, Scalar]) -> Array:

@@ -16,6 +16,7 @@ class Linear(RestoringLaw):
     """F = k(θ − θ_e)."""
 
     name = "linear"
+    formula = "k(θ − θe)"
     parameters = ("stiffness", "rest_angle")
     translates = True
 

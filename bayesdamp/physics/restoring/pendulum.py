@@ -18,6 +18,7 @@ class Pendulum(RestoringLaw):
     """F = k sin(θ − θ_e), θ_e the hanging position."""
 
     name = "pendulum"
+    formula = "k sin(θ − θe)"
     parameters = ("stiffness", "rest_angle")
 
     def force(self, theta: ArrayLike, p: Mapping[str, Scalar]) -> Array:

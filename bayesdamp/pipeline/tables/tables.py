@@ -273,6 +273,9 @@ def _run(study: Study, store: Store) -> Row:
             dict.fromkeys([*study.models.compare, *(m for s in study.signals for m in study.compare(s))])
         ),
         "damping": _terms(study),
+        "restoring": {
+            law: LAWS.get(law).formula for law in dict.fromkeys(n for s in study.signals for n in s.restoring)
+        },
         "error_budget": budget,
         "equilibrium": {s.name: _equilibrium(s, store) for s in study.signals},
     }
@@ -289,11 +292,11 @@ def _answered_priors(store: Store, spec: SignalSpec) -> Row:
 
 
 def _terms(study: Study) -> Row:
-    """Coefficient and unit, of an angle in rad, of each damping term that the study compares or simulates."""
+    """Coefficient, unit for an angle in rad, and force of each damping term that the study compares or simulates."""
     names = {t for s in study.signals for m in study.dampings(s) for t in m.split("+")}
     names |= {t for s in study.signals if isinstance(s.source, Simulation) for t in s.source.damping}
     found = {name: TERMS.get(name) for name in damping_order() if name in names}
-    return {name: {"parameter": term.parameter, "unit": term.unit} for name, term in found.items()}
+    return {n: {"parameter": t.parameter, "unit": t.unit, "force": t.formula} for n, t in found.items()}
 
 
 def _first_seen(store: Store, spec: SignalSpec) -> CellResult | None:

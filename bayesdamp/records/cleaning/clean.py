@@ -21,6 +21,8 @@ from bayesdamp.units import UNITS
 QUANTITIES = ("angle", "velocity", "acceleration")
 OUTLIER = 8.0
 """Standard deviations from a local harmonic fit that make an outlier."""
+TURNS, TURNS_SAID = 0.5, 3.0
+"""Turns to either side that an angle in rad seldom swings by, and where its column says the unit (conventional)."""
 
 
 def clean(
@@ -80,7 +82,7 @@ def clean(
             f"{_many(quantity)} in {UNITS[unit].of(quantity)}."
         )
     turns = found.amplitude / (2 * np.pi)
-    if base == "rad" and turns > 0.5:
+    if base == "rad" and turns > (TURNS if said is None else TURNS_SAID):
         notes.append(
             f"{BEWARE}it swings by {turns:.2g} turns to either side; if its values are not in {unit} "
             "(but in degrees, or volts), give the unit."

@@ -305,7 +305,7 @@ def _because(left: list[Column], kept: list[Column], still: str) -> tuple[str, .
     if len(kept) > 1:
         out = [repr(c.name) for c in left if c not in kept]
         return (f"Left out are columns that do not swing and die down: {', '.join(out[:6])}.",) if out else ()
-    reason = f"of {len(left)} that change it swings and dies down, and is a displacement before a derivative"
+    reason = f"of {len(left)} that change it alone swings and dies down, but for copies and derivatives of it"
     if len(left) == 1:
         reason = f"beside it are only {still}" if still else "nothing else goes with these times"
     return (f"Column {kept[0].name or 'without a name'!r} is taken: {reason}.",)

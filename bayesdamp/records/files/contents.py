@@ -9,6 +9,8 @@ from typing import Protocol
 
 import numpy as np
 
+from bayesdamp.units import UNITS
+
 Fact = str | float
 
 
@@ -45,7 +47,8 @@ class Column:
     @property
     def label(self) -> str:
         """The name with its unit."""
-        return f"{self.name} ({self.unit})" if self.name and self.unit else self.name
+        unit = UNITS[self.unit].of(self.quantity) if self.unit in UNITS and self.quantity else self.unit
+        return f"{self.name} ({unit})" if self.name and unit else self.name
 
 
 @dataclass(frozen=True, eq=False)

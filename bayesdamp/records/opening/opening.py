@@ -6,6 +6,9 @@ import contextlib
 import io
 import stat
 import warnings
+from collections import Counter
+from difflib import get_close_matches
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
@@ -21,6 +24,8 @@ HEAD = 65536
 """Bytes of a file that tell its format."""
 LONGEST = 280
 """Characters of a line that says what is wrong."""
+LISTED = 5000
+"""Names of a folder that are looked through for what was meant."""
 FALLBACK = "text"
 _OPEN = "a text table, .mat, .npy, .npz, .uff, .tdms, .lvm, .wav, .h5, .parquet, .xlsx or .json file"
 
@@ -84,17 +89,39 @@ def reader_of(path: Path) -> Reader:
     return _reader(path, _head(path))
 
 
+def _near(path: Path) -> str:
+    """What to give in place of a file that is not there."""
+    try:
+        names = [one.name for one in islice(path.parent.iterdir(), LISTED)]
+    except (OSError, ValueError):
+        names = []
+    close = get_close_matches(path.name, names, 1)
+    return f"did you mean {close[0]!r}?" if close else "give the path of a record"
+
+
+def _inside(path: Path) -> str:
+    """What to give in place of a folder: the files of the kind that it has most of."""
+    try:
+        kinds = Counter(one.suffix for one in islice(path.iterdir(), LISTED) if one.suffix and one.is_file())
+    except OSError:
+        kinds = Counter[str]()
+    read = {extension for name in READERS.names() for extension in READERS.get(name).extensions}
+    known = [(kind, count) for kind, count in kinds.most_common() if kind.lower() in read]
+    if not known:
+        return "one of the files in it"
+    kind, count = known[0]
+    return f"the files in it: {str(path)[:80]}/*{kind} ({count} file{'s' if count > 1 else ''})"
+
+
 def _head(path: Path) -> bytes:
     """The first bytes of a plain file. Raises InputError for all that is none."""
     try:
         mode = path.stat().st_mode
     except (OSError, ValueError) as error:
         missing = isinstance(error, FileNotFoundError)
-        raise InputError(
-            "no such file; give the path of a record" if missing else f"cannot be read ({error})"
-        ) from None
+        raise InputError(f"no such file; {_near(path)}" if missing else f"cannot be read ({error})") from None
     if stat.S_ISDIR(mode):
-        raise InputError("is a folder, not a file; give one of the files in it")
+        raise InputError(f"is a folder, not a file; give {_inside(path)}")
     if not stat.S_ISREG(mode):
         raise InputError("is a device or a pipe, not a file; write its data to a file first")
     size = path.stat().st_size

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from bayesdamp.records.oscillation.features import Features, features
 from bayesdamp.types import Refusal, Signal
+from bayesdamp.units import Unit
 
 POINTS = 240
 """Amplitudes that the curve is fitted to at most; of more, neighbours are averaged."""
@@ -65,6 +66,14 @@ class FirstWords:
     def quality(self) -> float:
         """The quality factor at the middle amplitude."""
         return self.damping[1].quality
+
+    def in_unit(self, unit: Unit) -> FirstWords:
+        """The same with amplitudes in a record's own unit of displacement."""
+        own = unit.displacement
+        if own.base != self.unit:
+            return self
+        top, middle, least = (replace(d, amplitude=d.amplitude * own.scale) for d in self.damping)
+        return replace(self, damping=(top, middle, least), unit=own.name)
 
     def sentence(self) -> str:
         """All of it in words."""

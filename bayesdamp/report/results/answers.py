@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -10,11 +11,12 @@ import numpy as np
 from bayesdamp.report.results.run import Run
 from bayesdamp.types import OK
 from bayesdamp.verdict.types import Verdict
+from bayesdamp.verdict.words import in_unit
 
 
 @dataclass(frozen=True)
 class Answer:
-    """A record's verdict, what was weighed for it, and what its picture is drawn from."""
+    """A record's verdict, what was weighed for it, and what its picture is drawn from; lengths in the record's unit."""
 
     signal: str
     repeat: int
@@ -29,14 +31,36 @@ def answer_of(run: Run, signal: str, repeat: int) -> Answer | None:
     cell = next((c for c in found if c is not None and c.outcome == OK), None)
     if cell is None:
         return None
-    verdict = Verdict.from_dict(cell.meta["verdict"])
-    return Answer(signal, repeat, verdict, tuple(cell.meta["candidates"]), cell.arrays)
+    unit = run.unit(signal)
+    verdict = in_unit(Verdict.from_dict(cell.meta["verdict"]), unit)
+    arrays = _in_unit(cell.arrays, unit.displacement.scale)
+    return Answer(signal, repeat, verdict, tuple(cell.meta["candidates"]), arrays)
+
+
+def _in_unit(arrays: Mapping[str, np.ndarray], scale: float) -> dict[str, np.ndarray]:
+    """What a picture is drawn from with lengths multiplied by a scale, and energies by its square."""
+    lengths = ("record", "fit", "residual", "amplitude", "free/amplitude")
+    powers = {name: 1 if name in lengths else 2 if name.startswith("work/") else 0 for name in arrays}
+    return {
+        name: values * scale ** powers[name] if powers[name] else values for name, values in arrays.items()
+    }
 
 
 def verdicts(run: Run) -> list[Verdict]:
     """The verdict of every record's first repeat, in the study's order."""
     found = (answer_of(run, signal, run.repeats(signal)[0]) for signal in run.signals)
     return [one.verdict for one in found if one is not None]
+
+
+def specimens(run: Run) -> list[Verdict]:
+    """The verdict of every specimen that has several records."""
+    try:
+        found = json.loads((run.folder / "verdict.json").read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return []
+    together = [Verdict.from_dict(one) for one in found if one["record"] not in run.signals]
+    units = {run.unit(signal) for signal in run.signals}
+    return [in_unit(v, next(iter(units))) for v in together] if len(units) == 1 else together
 
 
 def only_answered(run: Run) -> bool:

@@ -66,6 +66,15 @@ def binary_uff(path: Path) -> None:
     path.write_bytes(b"".join(parts))
 
 
+def test_a_tdms_file_that_was_cut_off_says_so(tmp_path: Path) -> None:
+    whole, cut = tmp_path / "whole.tdms", tmp_path / "cut.tdms"
+    tdms(whole)
+    cut.write_bytes(whole.read_bytes()[:-800])
+    assert contents(whole).notes == ()
+    (note,) = contents(cut).notes
+    assert re.search(r"^Beware: the file is cut off .* \d+ samples of a channel are missing", note)
+
+
 def tdms(path: Path) -> None:
     from nptdms import ChannelObject, RootObject, TdmsWriter
 

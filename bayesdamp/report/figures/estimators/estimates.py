@@ -124,7 +124,9 @@ def _window(values: Sequence[float], draws: np.ndarray | None, truth: float) -> 
 
 def _handles(model: str, posterior: bool, truth: Mapping[str, float]) -> list[Line2D | Patch]:
     kinds: list[Line2D | Patch] = [
-        Line2D([], [], ls="", marker="o", ms=4.5, mfc="white", mec=colour(model), label="initial"),
+        Line2D(
+            [], [], ls="", marker="o", ms=4.5, mfc="white", mec=colour(model), label=words.stage("initial")
+        ),
         Line2D([], [], ls="", marker="o", ms=4.5, mfc=colour(model), mec=colour(model), label="refined"),
     ]
     if posterior:

@@ -39,7 +39,7 @@ def heatmap(found: Comparison) -> Figure:
             ax.text(j, i, text, ha="center", va="center", fontsize=7.5, color=shade)
         slanted = {"rotation": 35, "ha": "right", "rotation_mode": "anchor"} if stacked else {}
         ax.set_xticks(range(len(found.signals)), found.signals, **slanted)
-        ax.set_title(stage)
+        ax.set_title(words.stage(stage))
         ax.tick_params(length=0)
         for spine in ax.spines.values():
             spine.set_visible(False)

@@ -35,7 +35,7 @@ def sweep(found: Series, methods: list[str]) -> Figure:
             ax.plot(x, y, lw=0.9, ls=dash, ms=4, mfc="white", label=label, **look)
         ax.plot(x, found.bounds, color=INK, lw=1.4, ls=(0, (3, 2)), label="Cramér–Rao bound")
         _finish(ax, x, found)
-        ax.set_title(stage)
+        ax.set_title(words.stage(stage))
     axes[0].set_ylabel("rms error / %")
     handles, labels = axes[0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside right upper", title="method, repeats")

@@ -10,22 +10,27 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator
 
 from bayesdamp.report import words
+from bayesdamp.report.figures._panels import NARROW
 from bayesdamp.report.style import FAINT, INK, QUIET, WIDTH, colour, dash
 
-HEIGHT = 5.6
+HEIGHT, PANEL = 5.6, 2.5
+"""Inches: of the figure, and of a panel where they stand below each other."""
 FREE = "#c9b27c"
 """The band of the damping curve without a law."""
 
 
-def answer(arrays: Mapping[str, np.ndarray], unit: str, damping: str) -> Figure:
-    """Four panels; arrays as `inference.deviation.picture` leaves them, unit: of the displacement."""
-    figure = Figure(figsize=(WIDTH, HEIGHT))
-    (whole, ratio), (left, energy) = figure.subplots(2, 2)
+def answer(arrays: Mapping[str, np.ndarray], unit: str, damping: str, narrow: bool = False) -> Figure:
+    """Four panels; arrays as `inference.deviation.picture` leaves them, unit: of the displacement.
+
+    narrow: below each other, for a phone.
+    """
+    figure = Figure(figsize=(NARROW, 4 * PANEL) if narrow else (WIDTH, HEIGHT))
+    whole, ratio, left, energy = figure.subplots(*((4, 1) if narrow else (2, 2))).flat
     t = arrays["t"]
     whole.plot(t, arrays["record"], color=FAINT, lw=1.8, label="record")
     whole.plot(t, arrays["fit"], color=colour(damping), lw=0.6, label=f"fit of {words.model(damping)}")
     _finish(whole, "Record and fit", "time / s", unit)
-    whole.legend(loc="upper right")
+    whole.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, borderaxespad=0.1, fontsize=7.5)
     left.plot(t, arrays["residual"], color=INK, lw=0.5)
     left.axhline(0.0, color=QUIET, lw=0.6)
     _finish(left, "What the fit leaves", "time / s", unit)

@@ -10,7 +10,6 @@ from markupsafe import Markup
 from bayesdamp.report import words
 from bayesdamp.report.figures._panels import ABREAST
 from bayesdamp.report.figures.estimators.convergence import convergence
-from bayesdamp.report.figures.estimators.finals import finals
 from bayesdamp.report.figures.estimators.heatmap import heatmap
 from bayesdamp.report.figures.estimators.ranking import categories, ranking, responses
 from bayesdamp.report.html import Line, Table, fill, folded
@@ -57,7 +56,6 @@ class ComparisonSection(Section):
         truths = {s: truth(run, s, own[m]) for s, m in singles.items()}
         truths = {s: v for s, v in truths.items() if math.isfinite(v) and v}
         if truths:
-            parts.append(_finals(run, found, truths, singles))
             course = _convergence(run, truths, singles)
             if course is not None:
                 parts.append(course)
@@ -84,23 +82,10 @@ def _errors(found: Comparison) -> Table:
         if starred
         else ""
     )
-    said = "Errors in per cent of the truth: the initial stage under the signal's name, the refined one."
+    said = (
+        "Errors in per cent of the truth: the method's own estimate under the signal's name, the refined one."
+    )
     return Table(headers, lines, frozenset({0}), said + note)
-
-
-def _finals(run: Run, found: Comparison, truths: dict[str, float], models: dict[str, str]) -> Markup:
-    values, labels, own = {}, {}, damping_parameters(run)
-    for row in run.estimates:
-        signal = row["signal"]
-        if signal not in truths or row["model"] != models[signal] or row["repeat"] != run.repeats(signal)[0]:
-            continue
-        if row["parameter"] == own[models[signal]]:
-            values[row["estimator"], signal, row["stage"]] = row["value"]
-            labels[signal] = words.axis(row["parameter"], row["unit"])
-    ordered = {k: values[k] for m in found.methods for k in values if k[0] == m}
-    shown = {s: v for s, v in truths.items() if s in labels}
-    said = "What every method found, by itself and refined. Triangles point to values off the axis."
-    return run.drawings.add("finals", said, lambda: finals(ordered, shown, labels, models))
 
 
 def _convergence(run: Run, truths: dict[str, float], models: dict[str, str]) -> Markup | None:

@@ -13,6 +13,7 @@ from bayesdamp.report.figures.estimators.estimates import Point, estimates
 from bayesdamp.report.figures.estimators.traces import traces
 from bayesdamp.report.html import Line, Table, fill, folded
 from bayesdamp.report.results.answers import only_answered
+from bayesdamp.report.results.beside import covered
 from bayesdamp.report.results.reading import coefficients, models_by_rank, truth
 from bayesdamp.report.results.run import Row, Run, rows_of
 from bayesdamp.report.sections._layout import by_signal, drawn
@@ -44,7 +45,8 @@ def _one(run: Run, signal: str) -> Markup:
         rows = rows_of(run.estimates, signal=signal, model=model)
         if not rows:
             continue
-        content: list[object] = [_figure(run, signal, model, rows)] if drawn(run, place) else []
+        shown = len(repeats) == 1 and covered(run, signal, model)  # in the section that compares them
+        content: list[object] = [_figure(run, signal, model, rows)] if drawn(run, place) and not shown else []
         content.append(_table(run, signal, model, rows, repeats))
         others = [r for r in rows if r["repeat"] == repeats[0] and math.isfinite(r["value"])]
         others = [r for r in others if r["parameter"] not in coefficients(run, model)]
@@ -115,7 +117,7 @@ def _table(run: Run, signal: str, model: str, rows: Sequence[Row], repeats: Sequ
     lines = []
     for estimator, stage in dict.fromkeys((r["estimator"], r["stage"]) for r in rows):
         own = rows_of(rows, estimator=estimator, stage=stage)
-        cells = [words.method(estimator), stage]
+        cells = [words.method(estimator), words.stage(stage)]
         for name in names:
             found = [r for r in own if r["parameter"] == name and math.isfinite(r["value"])]
             cells.append(_value(found))
@@ -167,7 +169,7 @@ def _others(rows: Sequence[Row]) -> Table:
         Line(
             [
                 words.method(r["estimator"]),
-                r["stage"],
+                words.stage(r["stage"]),
                 words.symbol(r["parameter"]).text,
                 words.with_error(r["value"], r["stderr"]),
                 words.unit(r["unit"]),

@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 
 from markupsafe import Markup
 
 from bayesdamp.report import words
 from bayesdamp.report.html import Line, Table, fill
+from bayesdamp.report.results.beside import beside, posterior_of
 from bayesdamp.report.results.comparing import STAGES, Comparison, compared, true_models
 from bayesdamp.report.results.reading import damping_parameters, truth
-from bayesdamp.report.results.run import Row, Run, rows_of
+from bayesdamp.report.results.run import Row, Run
 from bayesdamp.report.sections._section import Section
+from bayesdamp.report.sections.estimators.against import inside, picture
 from bayesdamp.types import OK
 
 OWN, REFINED = STAGES
@@ -30,10 +31,14 @@ class PublishedSection(Section):
 
     def render(self, run: Run) -> str:
         found = compared(run)
-        posteriors = {s: posterior_of(run, s) for s in found.signals}
-        parts = [Markup("<p>{}</p>").format(lead(found)), errors(run, found, posteriors)]
+        posteriors = {s: _posterior(run, s) for s in found.signals}
+        parts = [Markup("<p>{}</p>").format(lead(found)), errors(run, found, posteriors), times(found)]
+        side_by_side = beside(run)
+        if side_by_side:
+            parts.append(picture(run, side_by_side))
+            parts += [Markup("<p>{}</p>").format(said) for said in (inside(side_by_side),) if said]
         parts += [Markup("<p>{}</p>").format(line) for line in _intervals(run, posteriors)]
-        return fill("stack.html", parts=[*parts, times(found)])
+        return fill("stack.html", parts=parts)
 
 
 def lead(found: Comparison) -> str:
@@ -58,7 +63,7 @@ def errors(run: Run, found: Comparison, posteriors: dict[str, Row | None]) -> Ta
     """Errors in per cent by method and signal; in the last line the posterior's interval about the truth."""
     headers, lines = ["method"], []
     for signal in found.signals:
-        headers += [signal, "refined", "published"]
+        headers += [f"{signal}: own", "refined", "published"]
     for method in found.methods:
         cells = [words.method(method)]
         for signal in found.signals:
@@ -73,7 +78,7 @@ def errors(run: Run, found: Comparison, posteriors: dict[str, Row | None]) -> Ta
         for signal in found.signals:
             last += ["", _about(run, signal, posteriors[signal]), ""]
         lines.append(Line(last, "best"))
-    said = "Errors in per cent of the truth: under the signal's name the method's own estimate, then the trajectory "
+    said = "Errors in per cent of the truth: the method's own estimate, then the trajectory "
     said += "fit that starts there, then what was published."
     if any(posteriors.values()):
         said += " Last line: the posterior's 95 % interval about the truth, in per cent, from a record with noise."
@@ -95,22 +100,10 @@ def times(found: Comparison) -> Table:
     return Table(headers, lines, frozenset({0}), said)
 
 
-def posterior_of(run: Run, signal: str) -> Row | None:
-    """The posterior of the coefficient of a signal's own damping: its own, else that of the first signal that was
-    simulated with the same damping and has one."""
-    known = true_models(run)
-    parameter = damping_parameters(run).get(known[signal])
-    alike: Sequence[str] = [
-        signal,
-        *(s for s in run.signals if s != signal and known.get(s) == known[signal]),
-    ]
-    for name in alike if parameter else ():
-        if truth(run, name, str(parameter)) != truth(run, signal, str(parameter)):
-            continue
-        for row in rows_of(run.posteriors, signal=name, model=known[signal], parameter=parameter):
-            if math.isfinite(row["q2.5"]) and math.isfinite(row["q97.5"]):
-                return row
-    return None
+def _posterior(run: Run, signal: str) -> Row | None:
+    model = true_models(run)[signal]
+    parameter = damping_parameters(run).get(model)
+    return posterior_of(run, signal, model, parameter) if parameter else None
 
 
 def _about(run: Run, signal: str, row: Row | None) -> str:

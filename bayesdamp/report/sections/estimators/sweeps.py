@@ -49,7 +49,7 @@ def _methods(found: Series) -> list[str]:
 
 
 def _table(found: Series, methods: list[str], stage: str) -> Table:
-    headers = [f"{stage} stage", *(words.given(v) for v in found.values)]
+    headers = [words.stage(stage), *(words.given(v) for v in found.values)]
     lines = [Line(["Cramér–Rao bound", *(words.number(b, 2) for b in found.bounds)], "best")]
     for method in methods:
         errors = found.errors.get((method, stage))

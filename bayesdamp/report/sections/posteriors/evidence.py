@@ -18,7 +18,7 @@ from bayesdamp.report.sections._section import Section
 from bayesdamp.types import OK
 
 COUNTS = (
-    "What counts is all methods combined: nested sampling where it ran as the referee (unless the study wants it "
+    "The adopted evidence: nested sampling where it ran as a check (unless the study wants it "
     "always: where the others are more than three standard errors apart or poor), else their mean by inverse variance."
 )
 
@@ -52,7 +52,7 @@ def _one(run: Run, signal: str) -> Markup:
         ]
         said = f", repeat 1 of {len(repeats)}" if len(repeats) > 1 else ""
         left = len(found.rows) - len(weighed)
-        those = f"; not shown: {left} that {'were' if left > 1 else 'was'} set aside" if left else ""
+        those = f"; not shown: {left} that {'were' if left > 1 else 'was'} pruned" if left else ""
         caption = (
             f"{signal}{said}: log Bayes factor to the best model (axis logarithmic beyond one nat) and "
             f"probability of each model, all equally probable at the start, by {words.method(found.method)}{those}."
@@ -62,7 +62,7 @@ def _one(run: Run, signal: str) -> Markup:
     aside = _aside(run, signal, repeat)
     if aside.lines:
         count = f"{len(aside.lines)} candidate{'s' * (len(aside.lines) > 1)}"
-        parts.append(folded(f"{count} set aside by cheap evidence, and why", aside))
+        parts.append(folded(f"{count} pruned by Laplace's evidence, and why", aside))
     if len(repeats) > 1:
         parts.append(folded(f"All {len(repeats)} repeats", _table(run, signal, repeats)))
     return fill("stack.html", parts=parts)
@@ -92,7 +92,8 @@ def _table(run: Run, signal: str, repeats: list[int]) -> Table:
                         words.nats(r["log_evidence"], r["stderr"]),
                         words.nats(r["log_bayes_factor"]) if r["log_bayes_factor"] else "0",
                         words.probability(r["probability"]),
-                        (r["diagnostic"] if r["outcome"] == OK else r["outcome"]) or words.NONE,
+                        (r["diagnostic"].replace(" -", " −") if r["outcome"] == OK else r["outcome"])
+                        or words.NONE,
                     ],
                     "best" if top else "" if r["outcome"] == OK else "quiet",
                 )

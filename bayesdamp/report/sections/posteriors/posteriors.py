@@ -20,6 +20,8 @@ from bayesdamp.report.sections._layout import by_signal, drawn
 from bayesdamp.report.sections._section import Section
 from bayesdamp.types import OK
 
+RATIO = "curve/equivalent_ratio"
+
 
 class Posteriors(Section):
     """Every model's posterior, the best model open; a table says whether the samplers may be trusted."""
@@ -97,21 +99,22 @@ def _figures(run: Run, signal: str, repeat: int, model: str) -> list[Markup]:
 
 
 def _against_amplitude(run: Run, signal: str, repeat: int, model: str, sampler: str) -> list[Markup]:
-    """Decrement and equivalent ratio over the amplitudes, where the cell has them."""
+    """The equivalent damping ratio over the amplitudes, where the cell has it."""
     cell = run.cell("posterior", signal, repeat, model, sampler)
-    if cell is None or cell.arrays.get("amplitudes", np.empty(0)).size < 2:
+    if cell is None or cell.arrays.get("amplitudes", np.empty(0)).size < 2 or RATIO not in cell.arrays:
         return []
     shown = run.unit(signal).displacement
     unit, scale = shown.name, shown.scale
     grid, reference = scale * cell.arrays["amplitudes"], scale * cell.meta["reference_amplitude"]
-    curves = {n.removeprefix("curve/"): c for n, c in cell.arrays.items() if n.startswith("curve/")}
+    ratio = cell.arrays[RATIO]
     caption = (
-        f"{signal}, {words.model(model)}: logarithmic decrement and equivalent viscous damping ratio over the record's "
-        f"amplitudes, median and 95 % band by {words.method(sampler)}; dotted: the amplitude of the tables."
+        f"{signal}, {words.model(model)}: equivalent damping ratio over the record's amplitudes, median and 95 % band "
+        f"by {words.method(sampler)}. Level: viscous; rising to small amplitudes: friction; to large ones: drag. "
+        "Dotted: the amplitude of the tables."
     )
 
     def draw() -> Figure:
-        return amplitude(model, grid, curves, reference, unit)
+        return amplitude(model, grid, ratio, reference, unit)
 
     return [run.drawings.add(f"amplitude-{signal}-{model}", caption, draw)]
 
@@ -129,7 +132,11 @@ def _tables(run: Run, signal: str, repeat: int, model: str) -> list[Table | Mark
         headers += ["truth"] if simulated else []
         headers += ["R̂", "ESS bulk", "ESS tail", "divergences"]
         lines = [_line(run, signal, row, simulated) for row in _by_parameter(good)]
-        caption = "To be trusted: R̂ ≤ 1.01 and effective sample sizes (ESS) of 400 and more."
+        caption = (
+            "To be trusted: R̂ ≤ 1.01 and effective sample sizes (ESS) of 400 and more. Equivalent damping ratio, "
+            "decrement and capacity are those at the reference amplitude; the decrement is the fall of ln A in a "
+            "cycle, 2π times the ratio where both are small."
+        )
         if any(math.isnan(r["rhat"]) for r in good):
             caption += " Without R̂: independent draws of an approximation, their ESS by importance weights."
         parts.append(

@@ -35,9 +35,9 @@ class Seeds(Section):
 
     def render(self, run: Run) -> str:
         said = (
-            "Every estimate, at each of its stages, and a few draws from the prior are climbed from. "
-            "Chains start at seeds, scattered by more than the posterior's width; a seed that is too far "
-            "off for a chain is moved towards the mode until it is not."
+            "An optimisation (Levenberg–Marquardt) starts at every estimate, at each of its stages, and at a few draws "
+            "from the prior. Chains start there too, scattered by more than the posterior's width; a starting point "
+            "that is too far off for a chain is moved towards the mode until it is not."
         )
         return fill(
             "stack.html", parts=[Markup("<p>{}</p>").format(said), by_signal(run, lambda s: _one(run, s))]
@@ -60,7 +60,7 @@ def _one(run: Run, signal: str) -> Markup:
         summary = Markup("<p><strong>{}.</strong> {}</p>").format(name, " ".join(_sentences(cell)))
         tables: list[object] = [_table(cell)]
         tables += _chains(run, signal, repeat, model)
-        told = [summary, folded(f"Seeds and chains of {words.model(model)}", *tables)]
+        told = [summary, folded(f"Starting points and chains of {words.model(model)}", *tables)]
         if len(parts) < 2 * SHOWN:
             parts += told
         else:
@@ -100,7 +100,7 @@ def _sentences(cell: CellResult) -> list[str]:
 
 
 def _count(seeds: int) -> str:
-    return f"{seeds} seed{'s' if seeds != 1 else ''}"
+    return f"{seeds} starting point{'s' if seeds != 1 else ''}"
 
 
 def _name(label: str) -> str:
@@ -134,7 +134,14 @@ def _table(cell: CellResult) -> Table:
                 "alert" if number is None else "quiet" if number else "",
             )
         )
-    headers = ["seed", "start: nats below", "sds from the mode", "likelihoods", "ended in", "end: nats below"]
+    headers = [
+        "starting point",
+        "start: nats below",
+        "sds from the mode",
+        "likelihoods",
+        "ended in",
+        "end: nats below",
+    ]
     return Table(headers, lines, frozenset({0, 4}))
 
 
@@ -162,7 +169,13 @@ def _chains(run: Run, signal: str, repeat: int, model: str) -> list[Table]:
             )
             for i, s in enumerate(starts)
         ]
-        headers = ["chain", "seed", "sds from the mode", "start moved to", "mean off that of all / sd"]
+        headers = [
+            "chain",
+            "starting point",
+            "sds from the mode",
+            "start moved to",
+            "mean off that of all / sd",
+        ]
         tables.append(Table(headers, lines, frozenset({0, 1}), f"Chains of {sampler}"))
     return tables
 

@@ -22,7 +22,7 @@ class Backbone(Section):
 
     order = 15
     name = "backbone"
-    title = "First, no law at all: damping and frequency against amplitude"
+    title = "Without any law: damping curve and backbone"
 
     def applies(self, run: Run) -> bool:
         return any(run.cells("curve", s) for s in run.signals)

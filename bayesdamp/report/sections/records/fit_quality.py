@@ -76,7 +76,14 @@ def _table(run: Run, signal: str, repeats: list[int]) -> Table:
                     ]
                 )
             )
-    headers = ["model", "rms residual", "autocorrelation", "window spread", "predictive p", "verdict"]
+    headers = [
+        "model",
+        "rms residual",
+        "autocorrelation",
+        "stability over sub-records",
+        "predictive p",
+        "verdict",
+    ]
     if len(repeats) > 1:
         return Table(["repeat", *headers], lines, frozenset({1, 6}))
     return Table(headers, lines, frozenset({0, 5}))

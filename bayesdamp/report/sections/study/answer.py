@@ -10,11 +10,20 @@ from bayesdamp.report.html import Line, Table, fill, folded
 from bayesdamp.report.results.answers import Answer, answer_of
 from bayesdamp.report.results.confirmation import confirmation, sampled
 from bayesdamp.report.results.run import Run
-from bayesdamp.report.sections._layout import by_signal
+from bayesdamp.report.sections._layout import ANCHOR, by_signal
 from bayesdamp.report.sections._section import Section
 from bayesdamp.types import OK
 from bayesdamp.verdict.types import Grade
-from bayesdamp.verdict.words import digits, energy_of, with_interval
+from bayesdamp.verdict.words import energy_of, with_interval
+
+GIVEN = 1e-6
+"""Width of a frequency's interval, as a share of it, below which the frequency was given and not found."""
+CAPTION = (
+    "Equivalent damping ratio: level means viscous, rising to small amplitudes friction, to large ones drag; "
+    "a law whose line leaves both bands is not this record's. What the fit leaves should look like noise: a "
+    "wave in it is what no law of these explains. Energy lost in a cycle: the highest line is the term that brakes "
+    "most at that amplitude."
+)
 
 
 class AnswerSection(Section):
@@ -28,7 +37,7 @@ class AnswerSection(Section):
         return bool(self._answered(run))
 
     def render(self, run: Run) -> str:
-        return by_signal(run, lambda signal: _one(run, signal), self._answered(run))
+        return by_signal(run, lambda signal: _one(run, signal), self._answered(run), anchor=ANCHOR)
 
     @staticmethod
     def _answered(run: Run) -> list[str]:
@@ -47,9 +56,9 @@ def _one(run: Run, signal: str) -> Markup:
         )
     picture = run.drawings.add(
         f"answer-{signal}",
-        "The record with its fit; damping ratio against amplitude, with its 95 % band and what each law fitted alone "
-        "says; what the fit leaves; energy lost in a cycle by each term.",
+        CAPTION,
         lambda: figures.answer(answer.arrays, unit, v.damping),
+        narrow=lambda: figures.answer(answer.arrays, unit, v.damping, narrow=True),
     )
     return fill(
         "answer.html",
@@ -69,9 +78,11 @@ def _numbers(v) -> list[tuple[str, str]]:
     found = []
     if v.frequency is not None:
         f = v.frequency
-        found.append(
-            ("natural frequency", f"{digits(f.value, max(f.high - f.low, 1e-4 * f.value))} {f.unit}")
+        known = f.high - f.low <= GIVEN * f.value
+        shown = (
+            f"{f.value:.5g} {f.unit}, given" if known else with_interval(f.value, f.low, f.high, f" {f.unit}")
         )
+        found.append(("natural frequency", shown))
     if v.damping_ratio:
         r = v.damping_ratio[len(v.damping_ratio) // 2]
         found.append(
@@ -118,7 +129,7 @@ def _coefficients(v) -> Table:
     lines = [
         Line(
             [
-                c.name,
+                words.symbol(c.name).text,
                 with_interval(c.value, c.low, c.high),
                 f"{c.sd_noise:.2g}",
                 f"{c.sd_law:.2g}",
@@ -128,7 +139,12 @@ def _coefficients(v) -> Table:
         for c in v.coefficients
     ]
     head = ["parameter", "value (95 %)", "± noise", "± law", "unit"]
-    return Table(head, lines, frozenset({0, 4}), f"Under {v.damping}, {v.restoring}")
+    return Table(
+        head,
+        lines,
+        frozenset({0, 4}),
+        f"Coefficients under {words.model(v.damping)} damping, {words.law(v.restoring)}",
+    )
 
 
 def _candidates(answer: Answer) -> Markup:
@@ -137,7 +153,7 @@ def _candidates(answer: Answer) -> Markup:
     top = {k: max(float(r[k]) for r in rows) for k in {key, "log_evidence_exact"}}  # type: ignore[arg-type]
     lines = [
         Line([
-            str(r["damping"]), str(r["restoring"]),
+            words.model(str(r["damping"])), words.law(str(r["restoring"])),
             f"{float(r[key]) - top[key]:.1f}",  # type: ignore[arg-type]
             f"{float(r['log_evidence_exact']) - top['log_evidence_exact']:.1f}",  # type: ignore[arg-type]
             f"{float(r['rms']):.3g}",  # type: ignore[arg-type]

@@ -42,6 +42,7 @@ def _sentences(run: Run, study: Mapping[str, Any]) -> list[str]:
             f"{'One damping model was' if count == 1 else f'{count} damping models were'} in play: "
             f"{words.listing(words.model(d) for d in dampings)}."
         )
+    found.extend(_equation(run))
     found.extend(_systems(run, study))
     sampled = any(run.cells("sampled", signal) for signal in run.signals)
     how = [f"Weighed by linear models{', and the likeliest by sampled motions' if sampled else ''}."]
@@ -58,6 +59,20 @@ def _sentences(run: Run, study: Mapping[str, Any]) -> list[str]:
     if run.info.get("seed") is not None:
         found.append(f"Every random number follows from the seed {run.info['seed']}.")
     return found
+
+
+def _equation(run: Run) -> list[str]:
+    """The equation of motion with the forces in play."""
+    own, laws = run.info.get("damping") or {}, run.info.get("restoring") or {}
+    forces = [f"{about['force']} ({words.model(term)})" for term, about in own.items() if about.get("force")]
+    rests = [f"{formula} ({words.law(law)})" for law, formula in laws.items() if formula]
+    if not forces or not rests:
+        return []
+    metres = " θ stands for the position in m." if any(run.unit(s).base == "m" for s in run.signals) else ""
+    return [
+        f"Equation of motion: θ̈ + F_damp + F_rest = 0, where F_damp is made of {words.listing(forces)} and F_rest is "
+        f"{words.listing(rests, 'or')}; θ in rad, time in s.{metres}"
+    ]
 
 
 def _systems(run: Run, study: Mapping[str, Any]) -> list[str]:

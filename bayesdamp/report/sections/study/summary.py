@@ -33,7 +33,7 @@ class Summary(Section):
 
     order = 10
     name = "summary"
-    title = "What to believe, and what not"
+    title = "Conclusions and caveats"
 
     def applies(self, run: Run) -> bool:
         return run.info.get("kind") is None and not only_answered(
@@ -141,7 +141,7 @@ def _weigh(run: Run, found, believe: list[str], doubt: list[str]) -> None:
     left = sum(status_of(row["outcome"]) is Status.SET_ASIDE for row in found.rows)
     if left:
         believe.append(
-            f"that {left} more candidate{'s' if left > 1 else ''} could be set aside unweighed; the evidence says why."
+            f"that {left} more candidate{'s' if left > 1 else ''} could be pruned unweighed; the evidence says why."
         )
     for row in rows_of(run.evidence, signal=found.best["signal"], repeat=found.best["repeat"]):
         counts = found.method != "combined" or row["method"] == "combined"

@@ -1,0 +1,155 @@
+"""Many records at a glance: what they say together, a small picture of each, a table to sort."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from itertools import takewhile
+
+import numpy as np
+from markupsafe import Markup
+
+from bayesdamp.report import words
+from bayesdamp.report.html import Line, Table, fill
+from bayesdamp.report.results.answers import Answer, answer_of, specimens
+from bayesdamp.report.results.run import Run
+from bayesdamp.report.sections._layout import ANCHOR
+from bayesdamp.report.sections._section import Section
+from bayesdamp.verdict.types import Verdict
+from bayesdamp.verdict.words import energy_of, with_interval
+
+FEWEST = 3
+"""Records from which an overview stands before them."""
+MOST = 60
+"""Records that are drawn; the table has all."""
+BOX = (200.0, 64.0)
+"""Width and height of a small picture, in its own units."""
+
+
+class Overview(Section):
+    """The specimens' verdicts, small multiples of the damping curves, and a line a record with a link to it."""
+
+    order = 4
+    name = "overview"
+    title = "All records"
+
+    def applies(self, run: Run) -> bool:
+        return not run.study.get("published") and len(_answers(run)) >= FEWEST
+
+    def render(self, run: Run) -> str:
+        answers = _answers(run)
+        cards = [_together(v) for v in specimens(run)]
+        return fill("stack.html", parts=[*cards, _pictures(answers), _table(answers)])
+
+
+def _answers(run: Run) -> list[Answer]:
+    found = (answer_of(run, signal, run.repeats(signal)[0]) for signal in run.signals)
+    return [one for one in found if one is not None]
+
+
+def _together(v: Verdict) -> Markup:
+    energy = energy_of(v)
+    more = Markup("<p>{}{}.</p>").format(energy[:1].upper(), energy[1:]) if energy else ""
+    return Markup('<div class="verdict"><p class="claim">{}</p>{}</div>').format(v.sentence, more)
+
+
+def _pictures(answers: Sequence[Answer]) -> Markup:
+    """Each record's damping ratio against amplitude, all on the same axes."""
+    shown = [a for a in answers[:MOST] if _curve(a) is not None]
+    if not shown:
+        return Markup("")
+    curves = [c for a in shown if (c := _curve(a)) is not None]
+    amplitudes = np.concatenate([c[0] for c in curves])
+    tops = [float(np.nanmax(c[1])) for c in curves]
+    left, right, top = float(amplitudes.min()), float(amplitudes.max()), 1.15 * float(np.median(tops))
+    top = max(top, 1.05 * float(np.nanquantile(np.concatenate([c[1] for c in curves]), 0.9)))
+    names = _short([a.signal for a in answers])
+    panels = [_panel(a, names[a.signal], left, right, top) for a in shown]
+    unit = shown[0].verdict.damping_ratio[0].unit
+    said = (
+        f"Damping ratio against amplitude with its 95 % band, all on one scale: across {left:.2g} to {right:.2g} "
+        f"{unit} (logarithmic), up from 0 to {100 * top:.2g} %. Level: viscous; falling to the right: "
+        "friction; rising: drag."
+    )
+    more = f" The first {MOST} of {len(answers)}." if len(answers) > MOST else ""
+    return Markup('<div class="panels">{}</div><p class="small">{}</p>').format(
+        Markup("").join(panels), said + more
+    )
+
+
+def _short(names: Sequence[str]) -> dict[str, str]:
+    """Names without the words that all begin with."""
+    alike = takewhile(lambda letters: len(set(letters)) == 1, zip(*names))
+    common = "".join(letters[0] for letters in alike)
+    cut = max(common.rfind(mark) + 1 for mark in "_-")
+    return {name: name[cut:] if all(len(n) > cut for n in names) else name for name in names}
+
+
+def _curve(answer: Answer) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray] | None:
+    """Amplitude, ratio and the ends of its interval, without what is not finite."""
+    a = answer.arrays
+    if not answer.verdict.damping_ratio or not {"amplitude", "ratio", "low", "high"} <= set(a):
+        return None
+    columns = np.array([a[name] for name in ("amplitude", "ratio", "low", "high")], float)
+    columns = columns[:, np.isfinite(columns).all(axis=0) & (columns[0] > 0)]
+    return (columns[0], columns[1], columns[2], columns[3]) if columns.shape[1] > 1 else None
+
+
+def _panel(answer: Answer, name: str, left: float, right: float, top: float) -> Markup:
+    curve = _curve(answer)
+    assert curve is not None
+    width, height = BOX
+    span = math.log(right / left) or 1.0
+    x = width * np.log(curve[0] / left) / span
+    ratio, low, high = (height * (1.0 - np.clip(v / top, 0.0, 1.0)) for v in curve[1:])
+    band = _points(np.concatenate([x, x[::-1]]), np.concatenate([high, low[::-1]]))
+    drawing = (
+        f'<svg viewBox="0 -2 {width:g} {height + 4:g}" aria-hidden="true"><path d="M0 {height:g}H{width:g}" '
+        'stroke="currentColor" stroke-opacity=".35" stroke-width=".7"/>'
+        f'<polygon points="{band}" fill="currentColor" fill-opacity=".2"/>'
+        f'<polyline points="{_points(x, ratio)}" fill="none" stroke="currentColor" stroke-width="1.6"/></svg>'
+    )
+    v = answer.verdict
+    said = f"{words.model(v.damping)} ({words.probability(v.probability)})"
+    return Markup('<a href="#{}"><b>{}</b>{}<span>{}</span></a>').format(
+        ANCHOR + answer.signal, name, Markup(drawing), said
+    )
+
+
+def _points(x: np.ndarray, y: np.ndarray) -> str:
+    return " ".join(f"{a:.1f},{b:.1f}" for a, b in zip(x, y))
+
+
+def _table(answers: Sequence[Answer]) -> Table:
+    names = _short([a.signal for a in answers])
+    lines = [_line(a, names[a.signal]) for a in answers]
+    headers = [
+        "record", "damping", "probability", "frequency / Hz", "amplitude", "damping ratio / %", "law holds within / %",
+        "unexplained / %",
+    ]  # fmt: skip
+    said = (
+        "A line a record; a click on a header sorts. Damping ratio: equivalent viscous, at the amplitude beside it, in "
+        "the middle of the record."
+    )
+    return Table(headers, lines, frozenset({0, 1}), said)
+
+
+def _line(answer: Answer, name: str) -> Line:
+    v = answer.verdict
+    ratio = v.damping_ratio[len(v.damping_ratio) // 2] if v.damping_ratio else None
+    return Line(
+        [
+            Markup('<a href="#{}">{}</a>').format(ANCHOR + answer.signal, name),
+            words.model(v.damping),
+            words.probability(v.probability),
+            words.number(v.frequency.value, 4) if v.frequency else words.NONE,
+            f"{ratio.amplitude:.3g} {ratio.unit}" if ratio else words.NONE,
+            with_interval(100 * ratio.value, 100 * ratio.low, 100 * ratio.high) if ratio else words.NONE,
+            words.number(100 * v.deviation.value, 2) if v.deviation else words.NONE,
+            words.number(v.unexplained_pct, 2),
+        ],
+        "" if v.decided else "quiet",
+    )
+
+
+PLUGIN = Overview()

@@ -1,0 +1,71 @@
+// Tables sort at a click on a header, long ones filter; a printed page has everything open. Works without a network.
+"use strict";
+const SECONDS = { h: 3600, min: 60, s: 1, ms: 1e-3 };
+const RAISED = "⁰¹²³⁴⁵⁶⁷⁸⁹";
+
+/** The number that a cell begins with, a duration in seconds; null for words. */
+function valueOf(text) {
+  const plain = text.replace(/−/g, "-").replace(/[\u202f\u00a0]/g, "").replace(/^[<>≈~[]\s*/, "").trim();
+  const times = [...plain.matchAll(/(\d+(?:\.\d+)?)\s*(h|min|ms|s)\b/g)];
+  if (times.length && times[0].index === 0) return times.reduce((sum, t) => sum + Number(t[1]) * SECONDS[t[2]], 0);
+  const first = /^\(?(-?\d+(?:\.\d+)?(?:e-?\d+)?)/.exec(plain);
+  if (!first) return null;
+  const power = /× 10(⁻?)([⁰¹²³⁴⁵⁶⁷⁸⁹]+)/.exec(text);
+  const raised = power ? (power[1] ? -1 : 1) * Number([...power[2]].map((c) => RAISED.indexOf(c)).join("")) : 0;
+  return Number(first[1]) * 10 ** raised;
+}
+
+function sort(table, column, header) {
+  const up = header.getAttribute("aria-sort") !== "ascending";
+  for (const other of header.parentNode.children) other.setAttribute("aria-sort", "none");
+  header.setAttribute("aria-sort", up ? "ascending" : "descending");
+  const rows = [...table.tBodies[0].rows].map((row) => {
+    const text = row.cells[column].textContent.trim();
+    return { row, text, value: valueOf(text) };
+  });
+  const missing = (one) => one.text === "–" || one.text === "";
+  rows.sort((a, b) => {
+    if (missing(a) !== missing(b)) return missing(a) ? 1 : -1;
+    const order = a.value !== null && b.value !== null ? a.value - b.value
+      : a.text.localeCompare(b.text, undefined, { numeric: true });
+    return up ? order : -order;
+  });
+  table.tBodies[0].append(...rows.map((one) => one.row));
+}
+
+for (const table of document.querySelectorAll("table")) {
+  const rows = table.tBodies[0] ? table.tBodies[0].rows : [];
+  if (rows.length < 3) continue;
+  [...table.tHead.rows[0].cells].forEach((header, column) => {
+    header.setAttribute("aria-sort", "none");
+    header.tabIndex = 0;
+    header.addEventListener("click", () => sort(table, column, header));
+    header.addEventListener("keydown", (event) => { if (event.key === "Enter") sort(table, column, header); });
+  });
+  if (rows.length < 16) continue;
+  const field = document.createElement("input");
+  field.className = "filter";
+  field.type = "search";
+  field.placeholder = `filter ${rows.length} rows`;
+  field.setAttribute("aria-label", "Filter the rows of this table");
+  field.addEventListener("input", () => {
+    const wanted = field.value.toLowerCase();
+    for (const row of rows) row.hidden = !row.textContent.toLowerCase().includes(wanted);
+  });
+  table.parentNode.before(field);  // between caption and table
+}
+
+const shut = new Set();
+addEventListener("beforeprint", () => {
+  for (const one of document.querySelectorAll("details:not([open])")) { shut.add(one); one.open = true; }
+});
+addEventListener("afterprint", () => { for (const one of shut) one.open = false; shut.clear(); });
+
+/** A link into a folded part opens it. */
+function reveal() {
+  const target = location.hash && document.getElementById(decodeURIComponent(location.hash.slice(1)));
+  for (let one = target; one; one = one.parentElement) if (one.tagName === "DETAILS") one.open = true;
+  if (target) target.scrollIntoView();
+}
+addEventListener("hashchange", reveal);
+if (location.hash) reveal();

@@ -1,0 +1,143 @@
+"""The page in a browser: nothing wider than the window, figures drawn, tables that sort and filter, all of it in print.
+
+Needs Chromium or Chrome; skipped where there is none.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+import shutil
+import subprocess
+from html import escape
+from pathlib import Path
+
+import pytest
+
+from bayesdamp.report import render
+
+NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
+BROWSER = next((path for name in NAMES if (path := shutil.which(name))), "")
+pytestmark = pytest.mark.skipif(not BROWSER, reason=f"no browser: none of {', '.join(NAMES)} is installed")
+
+WIDTHS = (1280, 768, 390)
+HEIGHT = 900
+PROBE = """<script>
+const seen = (one) => one.getClientRects().length > 0;
+const box = (one) => one.getBoundingClientRect();
+const out = {width: innerWidth, page: document.documentElement.scrollWidth};
+out.broken = [...document.images].filter((i) => seen(i) && !i.naturalWidth).length;
+out.figures = [...document.images].filter(seen).length;
+out.smallest = Math.min(...[...document.querySelectorAll("main *")].filter((e) => seen(e) && e.children.length === 0
+  && e.textContent.trim() && !e.closest("svg, sub")).map((e) => parseFloat(getComputedStyle(e).fontSize)));
+out.scrolled = [...document.querySelectorAll(".scroll, figure > div")].filter((e) => e.scrollWidth > e.clientWidth + 1
+  && getComputedStyle(e).overflowX !== "auto").length;
+out.scales = [...document.images].filter(seen).map((i) => box(i).width
+  / (i.currentSrc === i.src ? parseFloat(i.style.width) : 430));
+const table = [...document.querySelectorAll("table")].find((t) => seen(t) && t.tHead.querySelector("[aria-sort]"));
+const column = (i) => [...table.tBodies[0].rows].map((r) => r.cells[i].textContent);
+if (table) {
+  const heads = [...table.tHead.rows[0].cells];
+  heads[0].click(); out.up = column(0); heads[0].click(); out.down = column(0);
+  out.sort = heads[0].getAttribute("aria-sort");
+}
+const field = document.querySelector(".filter");
+if (field) {
+  const rows = [...field.parentNode.querySelector("table").tBodies[0].rows];
+  field.value = rows[0].textContent.slice(0, 6); field.dispatchEvent(new Event("input"));
+  out.kept = rows.filter((r) => !r.hidden).length; out.rows = rows.length;
+}
+const folded = () => document.querySelectorAll("details:not([open])").length;
+out.folded = folded(); dispatchEvent(new Event("beforeprint")); out.printing = folded();
+dispatchEvent(new Event("afterprint")); out.after = folded();
+const told = parent.document.createElement("pre");
+told.id = "probe"; told.textContent = JSON.stringify(out); parent.document.body.replaceChildren(told);
+</script>"""
+
+
+def browse(*arguments: str) -> str:
+    """What the browser says on its standard output."""
+    fixed = ("--headless", "--no-sandbox", "--disable-gpu", "--hide-scrollbars", "--virtual-time-budget=4000")
+    done = subprocess.run(
+        [BROWSER, *fixed, *arguments], capture_output=True, text=True, timeout=120, check=True
+    )
+    return done.stdout
+
+
+def probed(html: str, folder: Path, width: int) -> dict:
+    """What the probe finds of a page in a window of this width."""
+    at = folder / f"probe{width}.html"
+    # In a frame: a window of its own is never narrower than 500 pixels.
+    inside = escape(html.replace("</body>", f"{PROBE}</body>"))
+    frame = f'<iframe width="{width}" height="{HEIGHT}" style="border:0" srcdoc="{inside}"></iframe>'
+    at.write_text(f'<!DOCTYPE html><meta charset="utf-8"><body>{frame}</body>', encoding="utf-8")
+    dom = browse("--window-size=1400,1000", "--dump-dom", at.as_uri())
+    found = re.search(r'<pre id="probe">(.*?)</pre>', dom, re.DOTALL)
+    assert found, "the page's script did not run to its end"
+    return json.loads(found[1].replace("&gt;", ">").replace("&lt;", "<").replace("&amp;", "&"))
+
+
+def pages(html: str, folder: Path, name: str) -> int:
+    """Sheets of paper that a page takes."""
+    at, pdf = folder / f"{name}.html", folder / f"{name}.pdf"
+    at.write_text(html, encoding="utf-8")
+    browse(f"--print-to-pdf={pdf}", at.as_uri())
+    return len(re.findall(rb"/Type\s*/Page\b", pdf.read_bytes()))
+
+
+@pytest.fixture(scope="module")
+def html(whole_run: Path) -> str:
+    return render(whole_run).read_text(encoding="utf-8")
+
+
+@pytest.fixture(scope="module")
+def found(html: str, tmp_path_factory) -> dict[int, dict]:
+    folder = tmp_path_factory.mktemp("browser")
+    return {width: probed(html, folder, width) for width in WIDTHS}
+
+
+@pytest.mark.parametrize("width", WIDTHS)
+def test_nothing_is_wider_than_the_window(found, width):
+    assert found[width]["width"] == width
+    assert found[width]["page"] <= width
+    assert found[width]["scrolled"] == 0
+
+
+def test_a_page_that_is_too_wide_is_seen(html, tmp_path):
+    """Negative control: a block of 3,000 pixels."""
+    wide = html.replace("<main>", '<main><div style="width:3000px">wide</div>')
+    assert probed(wide, tmp_path, 390)["page"] > 2900
+
+
+@pytest.mark.parametrize("width", WIDTHS)
+def test_figures_are_drawn_and_text_is_legible(found, width):
+    assert found[width]["figures"] > 5
+    assert found[width]["broken"] == 0
+    assert found[width]["smallest"] >= 12
+
+
+def test_figures_shrink_no_further_than_their_letters_can_be_read_on_a_phone(found):
+    """Letters are 7 pt and more where drawn: four fifths of that are read at arm's length, two fifths are not."""
+    assert min(found[390]["scales"]) >= 0.75
+
+
+def test_tables_sort_and_filter(found):
+    one = found[1280]
+    assert one["up"] != one["down"]
+    assert sorted(one["up"]) == sorted(one["down"])
+    assert one["sort"] == "descending"
+    assert 0 < one["kept"] < one["rows"]
+
+
+def test_all_that_is_folded_is_open_in_print(found, html, tmp_path):
+    one = found[1280]
+    assert one["folded"] > 3
+    assert one["printing"] == 0
+    assert one["after"] == one["folded"]
+    printed = pages(html, tmp_path, "whole")
+    shut = pages(re.sub(r"<details.*?</details>", "", html, flags=re.DOTALL), tmp_path, "shut")
+    assert printed > 1.3 * shut
+
+
+def test_the_page_asks_nothing_of_a_network(html):
+    assert not re.search(r'(?:src|href|srcset)="(?!data:|#)', html)

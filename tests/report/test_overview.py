@@ -1,0 +1,112 @@
+"""Many records at a glance, and the estimators against the posterior."""
+
+from __future__ import annotations
+
+import io
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from rich.console import Console
+
+from bayesdamp.report import render
+from bayesdamp.report.results.beside import beside
+from bayesdamp.report.results.run import Run
+from bayesdamp.report.sections.estimators.against import inside
+from bayesdamp.report.sections.study.overview import _short
+from bayesdamp.report.terminal import conclude
+from bayesdamp.store import CellResult, Store, write_json
+from bayesdamp.store.folders import claim
+from bayesdamp.verdict.types import DampingRatio, Grade, Interval, Verdict
+
+SIZES = {"rig_run_1": 0.01, "rig_run_2": 0.03, "rig_run_3": 0.02}
+
+
+def verdict(record: str, size: float) -> Verdict:
+    ratio = DampingRatio(0.2, "rad", size, 1e-4, 1e-4, 0.9 * size, 1.1 * size)
+    return Verdict(
+        record, Grade.EXACT, True, "viscous", 0.98, frequency=Interval(1.2, 1.19, 1.21, "Hz"), damping_ratio=(ratio,),
+        sentence=f"{record} is viscous.",
+    )  # fmt: skip
+
+
+@pytest.fixture
+def folder(tmp_path: Path, sketchy: None) -> Path:
+    claim(tmp_path)
+    store, a = Store(tmp_path), np.geomspace(0.05, 0.3, 20)
+    t = np.linspace(0, 5, 50)
+    for name, size in SIZES.items():
+        arrays = {"amplitude": a, "ratio": np.full(20, size), "low": np.full(20, 0.9 * size), "t": t}
+        arrays |= {
+            "work/viscous": a**2,
+            "high": np.full(20, 1.1 * size),
+            "record": np.cos(t),
+            "fit": np.cos(t),
+            "residual": 0 * t,
+        }
+        weighed = {
+            "damping": "viscous",
+            "restoring": "linear",
+            "log_evidence": 0.0,
+            "log_evidence_exact": 0.0,
+        }
+        candidates = [{**weighed, "rms": 0.01, "outcome": "ok"}]
+        meta = {"verdict": verdict(name, size).to_dict(), "candidates": candidates}
+        store.write(CellResult(f"answer/{name}/0", "key", meta, arrays))
+    about = {name: {"unit": "deg", "quantity": "angle", "simulated": False} for name in SIZES}
+    write_json(tmp_path / "run.json", {"name": "rig", "signals": about, "models": ["viscous"]})
+    together = [verdict(n, s).to_dict() for n, s in SIZES.items()] + [verdict("rig", 0.02).to_dict()]
+    write_json(tmp_path / "verdict.json", together)
+    return tmp_path
+
+
+def test_every_record_has_a_picture_and_a_line_that_lead_to_its_answer(folder: Path) -> None:
+    page = render(folder).read_text(encoding="utf-8")
+    section = page[page.index('id="overview"') : page.index('id="answer"')]
+    assert "rig is viscous." in section, "what they say together comes first"
+    assert section.index("rig is viscous.") < section.index("<svg")
+    for name in SIZES:
+        assert section.count(f'href="#answer-{name}"') == 2
+        assert f'id="answer-{name}"' in page
+    assert section.count("<svg") == 3
+    assert "11.5 deg" in section, "in the unit that the record came in"
+    points = [re.findall(r"polyline points=\"([^\"]+)", part)[0] for part in section.split("<b>")[1:]]
+    heights = [float(p.split(",")[-1]) for p in points]
+    assert heights[1] < heights[2] < heights[0], "a larger damping ratio stands higher, on one scale"
+
+
+def test_two_records_need_no_overview(folder: Path) -> None:
+    info = Run(folder).info
+    (folder / "cells" / "answer" / "rig_run_3").rename(folder / "elsewhere")
+    write_json(folder / "run.json", {**info, "signals": {n: info["signals"][n] for n in list(SIZES)[:2]}})
+    assert 'id="overview"' not in render(folder).read_text(encoding="utf-8")
+
+
+def test_the_terminal_has_a_line_a_record_and_the_specimen(folder: Path) -> None:
+    out = io.StringIO()
+    conclude(folder, Console(file=out, width=120))
+    text = out.getvalue()
+    assert all(text.count(name) == 1 for name in SIZES)
+    assert "rig: rig is viscous." in text
+    assert "11 deg" in text
+
+
+def test_names_are_shown_without_what_all_begin_with() -> None:
+    assert list(_short(list(SIZES)).values()) == ["1", "2", "3"]
+    assert _short(["a", "b"]) == {"a": "a", "b": "b"}
+    assert _short(["rig_", "rig_2"])["rig_2"] == "rig_2", "no name may become empty"
+
+
+def test_estimates_stand_against_the_posterior_of_their_own_record(whole_run: Path) -> None:
+    found = {one.signal: one for one in beside(Run(whole_run)) if one.parameter == "zeta"}
+    one = found["sim"]
+    assert one.source == "sim"
+    assert one.truth == 0.05
+    assert len(one.own) == len(one.refined) == 11
+    assert one.posterior is not None
+    low, high = one.posterior
+    assert low < 0.0501 < high
+    count = sum(low <= value <= high for value in one.refined.values())
+    assert f"{count} of the 11 refined ones" in inside([one])
+    assert np.isnan(found["bench"].truth)

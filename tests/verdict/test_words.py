@@ -1,0 +1,27 @@
+"""A verdict in words, in the unit that its record came in."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import pytest
+
+from bayesdamp.units import UNITS
+from bayesdamp.verdict.types import DampingRatio, Grade, Verdict
+from bayesdamp.verdict.words import in_unit, sentence
+
+
+def test_a_verdict_in_the_records_own_unit_has_all_its_amplitudes_in_it() -> None:
+    ratio = DampingRatio(0.2, "rad", 0.01, 1e-4, 1e-4, 0.0098, 0.0102)
+    one = Verdict("rig", Grade.EXACT, True, "viscous", 0.99, damping_ratio=(ratio,))
+    one = replace(one, sentence=f"10 records: {sentence(one)}")
+    shown = in_unit(one, UNITS["deg"])
+    assert shown.damping_ratio[0].amplitude == pytest.approx(math.degrees(0.2))
+    assert (shown.damping_ratio[0].unit, shown.damping_ratio[0].value) == ("deg", 0.01)
+    assert "at 11 deg" in shown.sentence
+    assert "rad" not in shown.sentence
+    assert shown.sentence.startswith("10 records: ")
+    assert in_unit(one, UNITS["rad"]) is one
+    assert in_unit(one, UNITS["rpm"]) is one, "a unit of velocity: amplitudes are told in the base"
+    assert in_unit(one, UNITS["mm"]) is one, "a unit of another kind changes nothing"
