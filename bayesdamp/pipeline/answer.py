@@ -95,7 +95,7 @@ def answer(
         text = str(refusal)
         said = f"{text[:1].upper()}{text[1:]}{'' if text.endswith('.') else '.'}"
         return Answer(Verdict(signal.name, Grade.NOT_WEIGHED, False, "", float("nan"), sentence=said))
-    _within(amplitudes or (), weighing)
+    check_amplitudes(amplitudes or (), weighing)
     if sample:
         weighing = with_samples(weighing, approximate, seed)
     found = findings(weighing, amplitudes, approximate=approximate, sensor=sensor, seed=seed)
@@ -141,7 +141,7 @@ def answered_from(
     return Answered(verdict, {k: v - top for k, v in logs.items()}, curve)
 
 
-def _within(amplitudes: Sequence[float], weighing: Weighing) -> None:
+def check_amplitudes(amplitudes: Sequence[float], weighing: Weighing) -> None:
     """Raises InputError for an amplitude that the record does not have."""
     high, low = weighing.data.amplitude, weighing.data.final_amplitude
     for a in amplitudes:
