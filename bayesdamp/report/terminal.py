@@ -26,6 +26,7 @@ class Told:
         self.first: dict[str, Verdict] = {}
 
     def __call__(self, verdict: Verdict) -> None:
+        """Tell of a record's verdict: the first in full, and of a later one whether it confirms that."""
         before = self.first.setdefault(verdict.record, verdict)
         if before is verdict:
             answered(verdict, self.console)

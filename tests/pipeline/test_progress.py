@@ -12,7 +12,7 @@ from rich.console import Console
 from bayesdamp.config import load_study
 from bayesdamp.config.shipped import folder
 from bayesdamp.pipeline import progress as p
-from bayesdamp.pipeline.run import _jobs
+from bayesdamp.pipeline.jobs import jobs_of
 
 
 class Clock:
@@ -98,7 +98,7 @@ def test_a_quiet_console_says_nothing(clock: Clock) -> None:
 def test_every_job_of_a_study_has_words() -> None:
     study = load_study(folder() / "quickstart.toml")
     kinds = {}
-    for job in _jobs(study):
+    for job in jobs_of(study):
         step = p.step_of(study, [job])
         kinds[step.kind] = step.words
         assert step.words

@@ -17,14 +17,18 @@ from bayesdamp.records.files.tree import seconds_of
 
 
 class TdmsReader:
+    """National Instruments' TDMS by npTDMS."""
+
     format = "a TDMS file"
     extensions = (".tdms",)
     extra = ""
 
     def claims(self, head: bytes, path: Path) -> bool:
+        """The tag of its first segment."""
         return head[:4] == b"TDSm"
 
     def read(self, path: Path) -> Contents:
+        """Channels of all groups, with their increments where they have a waveform."""
         from nptdms import TdmsFile
 
         columns: list[Column] = []

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from bayesdamp.report.results.run import Run
+from bayesdamp.store.contents.answers import AnswerContent, WeighedCandidate
 from bayesdamp.types import OK
 from bayesdamp.verdict.types import Verdict
 
@@ -19,7 +20,7 @@ class Answer:
     signal: str
     repeat: int
     verdict: Verdict
-    candidates: tuple[Mapping[str, object], ...]
+    candidates: tuple[WeighedCandidate, ...]
     arrays: Mapping[str, np.ndarray]
 
 
@@ -29,8 +30,8 @@ def answer_of(run: Run, signal: str, repeat: int) -> Answer | None:
     cell = next((c for c in found if c is not None and c.outcome == OK), None)
     if cell is None:
         return None
-    verdict = Verdict.from_dict(cell.meta["verdict"])
-    return Answer(signal, repeat, verdict, tuple(cell.meta["candidates"]), cell.arrays)
+    content = AnswerContent.of(cell)
+    return Answer(signal, repeat, Verdict.from_dict(content.verdict), content.candidates, cell.arrays)
 
 
 def verdicts(run: Run) -> list[Verdict]:

@@ -6,6 +6,7 @@ from bayesdamp.report import words
 from bayesdamp.report.results.answers import answer_of
 from bayesdamp.report.results.reading import damping_of, ranking
 from bayesdamp.report.results.run import Run
+from bayesdamp.store.contents.answers import AnswerContent
 from bayesdamp.types import OK
 from bayesdamp.verdict.agreement import Agreement, agreement
 from bayesdamp.verdict.types import Verdict
@@ -24,7 +25,9 @@ def sampled(run: Run, signal: str) -> str:
     """The same of a record's stored answers; empty where it was not sampled."""
     repeat = run.repeats(signal)[0]
     cells = [run.cell(kind, signal, repeat) for kind in ("answer", "sampled")]
-    verdicts = [Verdict.from_dict(c.meta["verdict"]) for c in cells if c is not None and c.outcome == OK]
+    verdicts = [
+        Verdict.from_dict(AnswerContent.of(c).verdict) for c in cells if c is not None and c.outcome == OK
+    ]
     if len(verdicts) < 2:
         return ""
     found = agreement(*verdicts)
