@@ -188,7 +188,8 @@ class SignalCell:
         if not all(TERMS.get(term).traced for term in source.damping):
             return {}
         truth = {**self.spec.system.known, **source.truth}
-        if not truth.get("noise_sd") or (truth.get("epsilon") == 0.0 and "coulomb" in source.damping):
+        exact = truth.get("epsilon") == 0.0 and any(TERMS.get(term).switches for term in source.damping)
+        if not truth.get("noise_sd") or exact:
             return {}
         problem = Problem(source.damping, self.spec.system)
         return cramer_rao(problem, truth, signal.t, truth["noise_sd"], signal.quantity)

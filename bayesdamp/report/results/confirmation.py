@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from bayesdamp.outcomes import reason_of
 from bayesdamp.report import words
 from bayesdamp.report.results.answers import answer_of
 from bayesdamp.report.results.reading import damping_of, ranking
@@ -50,7 +51,7 @@ def confirmation(run: Run, signal: str) -> str:
     own = set(answer.verdict.damping.split("+"))
     lost = next((row for row in found.lost if set(damping_of(row).split("+")) == own), None)
     if lost is not None:
-        why = lost["outcome"].rpartition(": ")[2] or lost["outcome"]
+        why = reason_of(lost["outcome"])
         return f"{words.model(answer.verdict.damping)}: sampling has nothing to say of it ({why})."
     first = damping_of(found.best)
     share = words.probability(found.dampings[first])
