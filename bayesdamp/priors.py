@@ -101,15 +101,19 @@ class Normal(_Prior):
 
     @staticmethod
     def transform(z: Any, mean: Scalar, sd: Scalar) -> Any:
+        """mean + sd z."""
         return mean + sd * z
 
     def score(self, x: ArrayLike) -> np.ndarray:
+        """(x − mean)/sd."""
         return np.asarray((np.asarray(x, float) - self.mean) / self.sd)
 
     def log_density(self, x: ArrayLike) -> np.ndarray:
+        """log N(x; mean, sd²)."""
         return -0.5 * self.score(x) ** 2 - _HALF_LOG_2PI - math.log(self.sd)
 
     def slope(self, x: ArrayLike) -> np.ndarray:
+        """−(x − mean)/sd²."""
         return -self.score(x) / self.sd
 
 
@@ -125,18 +129,22 @@ class HalfNormal(_Prior):
 
     @staticmethod
     def transform(z: Any, scale: Scalar) -> Any:
+        """scale · |z|: reflected at zero."""
         return scale * abs(z)
 
     def score(self, x: ArrayLike) -> np.ndarray:
+        """|x|/scale."""
         with np.errstate(divide="ignore", invalid="ignore"):  # a coefficient that is absent has a scale of 0
             return np.asarray(np.abs(x) / self.scale)
 
     def log_density(self, x: ArrayLike) -> np.ndarray:
+        """log 2 N(x; 0, scale²) at x ≥ 0, −∞ below."""
         x = np.asarray(x, float)
         inside = -0.5 * (x / self.scale) ** 2 - _HALF_LOG_2PI - math.log(self.scale) + math.log(2)
         return np.where(x >= 0, inside, -np.inf)
 
     def slope(self, x: ArrayLike) -> np.ndarray:
+        """−x/scale²."""
         return -np.asarray(x, float) / self.scale**2
 
 
@@ -152,19 +160,23 @@ class LogNormal(_Prior):
 
     @staticmethod
     def transform(z: Any, median: Scalar, sigma: Scalar) -> Any:
+        """median · exp(sigma z)."""
         return median * _functions(z).exp(sigma * z)
 
     def score(self, x: ArrayLike) -> np.ndarray:
+        """log(x/median)/sigma."""
         with np.errstate(divide="ignore", invalid="ignore"):
             return np.log(np.asarray(x, float) / self.median) / self.sigma
 
     def log_density(self, x: ArrayLike) -> np.ndarray:
+        """log N(log x; log median, sigma²) − log x at x > 0, −∞ below."""
         x = np.asarray(x, float)
         safe = np.where(x > 0, x, self.median)
         inside = -0.5 * self.score(safe) ** 2 - _HALF_LOG_2PI - math.log(self.sigma) - np.log(safe)
         return np.where(x > 0, inside, -np.inf)
 
     def slope(self, x: ArrayLike) -> np.ndarray:
+        """−(1 + score/sigma)/x."""
         return -(1.0 + self.score(x) / self.sigma) / np.asarray(x, float)
 
 
@@ -186,17 +198,21 @@ class Uniform(_Prior):
 
     @staticmethod
     def transform(z: Any, low: Scalar, high: Scalar) -> Any:
+        """low + (high − low) Φ(z)."""
         return low + (high - low) * _functions(z).ndtr(z)
 
     def score(self, x: ArrayLike) -> np.ndarray:
+        """Φ⁻¹((x − low)/(high − low))."""
         share = (np.asarray(x, float) - self.low) / (self.high - self.low)
         return host.ndtri(np.clip(share, 1e-300, 1 - 1e-16))
 
     def log_density(self, x: ArrayLike) -> np.ndarray:
+        """−log(high − low) within, −∞ outside."""
         x = np.asarray(x, float)
         return np.where((x >= self.low) & (x <= self.high), -math.log(self.high - self.low), -np.inf)
 
     def slope(self, x: ArrayLike) -> np.ndarray:
+        """0 within."""
         return np.zeros_like(np.asarray(x, float))
 
 
@@ -218,21 +234,25 @@ class LogUniform(_Prior):
 
     @staticmethod
     def transform(z: Any, low: Scalar, high: Scalar) -> Any:
+        """low · (high/low)^Φ(z)."""
         f = _functions(z)
         return low * f.exp(f.log(high / low) * f.ndtr(z))
 
     def score(self, x: ArrayLike) -> np.ndarray:
+        """Φ⁻¹(log(x/low)/log(high/low))."""
         with np.errstate(divide="ignore", invalid="ignore"):
             share = np.log(np.asarray(x, float) / self.low) / math.log(self.high / self.low)
         return host.ndtri(np.clip(share, 1e-300, 1 - 1e-16))
 
     def log_density(self, x: ArrayLike) -> np.ndarray:
+        """−log x − log log(high/low) within, −∞ outside."""
         x = np.asarray(x, float)
         safe = np.where(x > 0, x, self.low)
         inside = -np.log(safe) - math.log(math.log(self.high / self.low))
         return np.where((x >= self.low) & (x <= self.high), inside, -np.inf)
 
     def slope(self, x: ArrayLike) -> np.ndarray:
+        """−1/x within."""
         return -1.0 / np.asarray(x, float)
 
 

@@ -21,10 +21,10 @@ from pathlib import Path
 import bayesdamp
 from bayesdamp.config import load_study
 from bayesdamp.store import Store
-from bayesdamp.pipeline.run import _jobs, _work
+from bayesdamp.pipeline.jobs import jobs_of, work_of
 assert bayesdamp.__file__.startswith(sys.argv[1])
 study = load_study(sys.argv[2])
-print(json.dumps({n: k for job in _jobs(study) for n, (k, _) in _work(study, Store(Path("x")), job).items()}))
+print(json.dumps({n: k for job in jobs_of(study) for n, (k, _) in work_of(study, Store(Path("x")), job).items()}))
 """
 STUDY = """
 version = 1

@@ -14,7 +14,7 @@ from bayesdamp.config.checks import StudyError
 from bayesdamp.types import InputError
 
 if TYPE_CHECKING:
-    from bayesdamp.config.load import Study
+    from bayesdamp.config.study import Study
     from bayesdamp.plugins import PluginModule
 
 

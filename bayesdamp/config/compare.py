@@ -9,7 +9,8 @@ from pathlib import Path
 from typing import Any
 
 from bayesdamp.config.checks import StudyError
-from bayesdamp.config.load import Study, resolve_study
+from bayesdamp.config.load import resolve_study
+from bayesdamp.config.study import Study
 from bayesdamp.physics.damping import PAPER_TERMS, TERMS, all_sums
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.plugins import PluginModule, use

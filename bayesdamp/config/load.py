@@ -2,16 +2,11 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
 import re
 import tomllib
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
-
-from pydantic import BaseModel
 
 from bayesdamp.config.again import read_asked, same_plugins
 from bayesdamp.config.checks import (
@@ -20,7 +15,6 @@ from bayesdamp.config.checks import (
     below,
     distinct,
     known_keys,
-    plain,
     plugin_name,
     prior,
     section,
@@ -40,7 +34,6 @@ from bayesdamp.config.sections import (
     RecoveryTable,
 )
 from bayesdamp.config.signals import (
-    SignalSpec,
     canonical_models,
     check_base,
     damping_order,
@@ -48,11 +41,12 @@ from bayesdamp.config.signals import (
     restoring_laws,
 )
 from bayesdamp.config.specimens import check_specimens
+from bayesdamp.config.study import Estimators, Models, SignalSpec, Study
 from bayesdamp.config.sweeps import expand
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.plain_text import read_plain
 from bayesdamp.plugins import PluginModule, read_modules, use
-from bayesdamp.types import InputError, candidate_name, candidate_parts
+from bayesdamp.types import InputError
 
 _TABLES = (
     "system",
@@ -66,124 +60,6 @@ _TABLES = (
     "recovery",
     "plugins",
 )
-
-
-@dataclass(frozen=True)
-class Estimators:
-    """use: estimators' names; stages: "initial", "refined"; options: a method's own table by its name; repeats: on
-    how many repeats of a signal a method runs at most, where not on all; variants: the estimator behind a name
-    that the study gives to one with other options."""
-
-    use: tuple[str, ...]
-    stages: tuple[str, ...]
-    options: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
-    repeats: Mapping[str, int] = field(default_factory=dict)
-    variants: Mapping[str, str] = field(default_factory=dict)
-
-    def method(self, name: str) -> str:
-        """The estimator that runs under a name of `use`."""
-        return self.variants.get(name, name)
-
-    def on(self, repeat: int) -> tuple[str, ...]:
-        """The methods that run on a repeat, numbered from 0."""
-        return tuple(name for name in self.use if repeat < self.repeats.get(name, repeat + 1))
-
-
-@dataclass(frozen=True)
-class Models:
-    """compare: damping sums such as `viscous+coulomb`; prior: a prior by damping term, where one is given;
-    restoring: the laws that each of them is combined with, none where a signal's own law is the only one; prune:
-    how many nats behind the best, by Laplace's evidence, a candidate is not weighed further, None to weigh all."""
-
-    compare: tuple[str, ...]
-    prior: Mapping[str, Any] = field(default_factory=dict)
-    restoring: tuple[str, ...] = ()
-    prune: float | None = None
-
-
-@dataclass(frozen=True)
-class Study:
-    """A checked study file. `source` is the file; nothing of it depends on the order of its tables.
-
-    published: figures from elsewhere that the report shows beside the study's own. plugins: the user's modules with
-    their sources. tables: those of the file, as it says them.
-    """
-
-    source: Path
-    name: str
-    signals: tuple[SignalSpec, ...]
-    estimators: Estimators
-    models: Models
-    posterior: PosteriorTable
-    evidence: EvidenceTable
-    calibration: CalibrationTable
-    recovery: RecoveryTable
-    seed: int = 0
-    description: str = ""
-    published: tuple[Published, ...] = ()
-    plugins: tuple[PluginModule, ...] = ()
-    version: int = 1
-    tables: Mapping[str, Any] = field(default_factory=dict, repr=False, compare=False)
-
-    def dampings(self, spec: SignalSpec) -> tuple[str, ...]:
-        """The damping sums that one of the signals is compared under."""
-        return self.models.compare if spec.compare is None else spec.compare
-
-    def compare(self, spec: SignalSpec) -> tuple[str, ...]:
-        """Names of the candidates for one of the signals: its damping sums, each under each of its restoring laws.
-
-        With one law a candidate's name is its damping sum; with several, see `candidate_name`.
-        """
-        laws = spec.restoring if len(spec.restoring) > 1 else ("",)
-        return tuple(candidate_name(m, law) for m in self.dampings(spec) for law in laws)
-
-    def estimate(self, spec: SignalSpec) -> tuple[str, ...]:
-        """Those of them under which estimators run."""
-        wanted = self.dampings(spec) if spec.estimate is None else spec.estimate
-        return tuple(name for name in self.compare(spec) if candidate_parts(name)[0] in wanted)
-
-    @property
-    def specimens(self) -> dict[str, tuple[SignalSpec, ...]]:
-        """The signals of each specimen that the study names."""
-        named = dict.fromkeys(s.specimen for s in self.signals if s.specimen)
-        return {name: tuple(s for s in self.signals if s.specimen == name) for name in named}
-
-    @property
-    def noises(self) -> tuple[str, ...]:
-        """The noise models in play; of several, one is chosen for each record."""
-        from bayesdamp.inference.noise import NOISES
-
-        given = self.posterior.noise
-        if isinstance(given, str):
-            return tuple(NOISES.present()) if given == "auto" else (given,)
-        return given
-
-    def resolved(self) -> dict[str, Any]:
-        """All that the study says, defaults written out, as JSON takes it; no path of this machine."""
-        found = plain(replace(self, signals=(), tables={}))
-        del found["source"], found["plugins"], found["tables"]
-        if self.plugins:
-            found["plugins"] = [{"file": Path(m.file).name, "sha256": m.digest} for m in self.plugins]
-        later = {"models": ("restoring", "prune"), "posterior": ("best",)}
-        for table_, keys in later.items():  # a study that does not have them reads as it always did
-            found[table_] = {k: v for k, v in found[table_].items() if v or k not in keys}
-        return {**found, "signals": [s.resolved() for s in self.signals]}
-
-    def digest(self) -> str:
-        """SHA-256 of `resolved()`, in hexadecimal."""
-        return hashlib.sha256(json.dumps(self.resolved(), sort_keys=True).encode()).hexdigest()
-
-    def estimator_options(self, name: str) -> BaseModel:
-        """The options of an estimator, defaults filled in; imports the estimator.
-
-        Raises InputError for an option that it does not have or that has a wrong value.
-        """
-        from bayesdamp.estimators import parse_options
-
-        try:
-            return parse_options(self.estimators.method(name), self.estimators.options.get(name), name)
-        except InputError as error:
-            raise as_input_error(self.source, error) from None
 
 
 def _read(path: Path) -> dict[str, Any]:

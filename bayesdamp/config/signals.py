@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +14,6 @@ from bayesdamp.config.checks import (
     distinct,
     known_keys,
     number,
-    plain,
     plugin_name,
     prior,
     section,
@@ -22,6 +21,7 @@ from bayesdamp.config.checks import (
     table,
 )
 from bayesdamp.config.sections import SignalTable, SimulateTable
+from bayesdamp.config.study import Recording, SignalSpec, Simulation
 from bayesdamp.inference.noise import NOISES
 from bayesdamp.physics.damping import PAPER_TERMS, TERMS
 from bayesdamp.physics.oscillator import Oscillator
@@ -43,105 +43,6 @@ CYCLES = 1e6
 _MINIMUM = {"epsilon": 0.0, "noise_sd": 0.0}
 _POSITIVE = ("noise_time", "noise_dof", *REFERENCE)
 _SIMULATED = ("name", "simulate", "system", "compare", "restoring", "estimate", "specimen")
-
-
-@dataclass(frozen=True)
-class Simulation:
-    """A record to make. Estimators and inference never see it.
-
-    damping: the true model's terms; truth: the parameters' true values by name (`zeta`, `stiffness`, ...).
-    duration in s, quantum in the unit of the quantity; outliers: a number of samples or their share below 1;
-    gaps: stretches without samples; unit: "rad" or "m", that of the displacement.
-    """
-
-    damping: tuple[str, ...]
-    truth: Mapping[str, float]
-    duration: float
-    samples: int
-    repeats: int = 1
-    noise: str = "gaussian"
-    outliers: float = 0.0
-    gaps: int = 0
-    quantum: float = 0.0
-    quantity: str = "angle"
-    unit: str = "rad"
-
-
-@dataclass(frozen=True)
-class Recording:
-    """A record to read. `file` as written, `path` where it is; columns by name or by number from 1.
-
-    angle: the recorded quantity's column, whatever the quantity; None where the file has only that one.
-    rate in Hz; start and stop in s of the record's own clock, or "auto". run, channel: which of a file's records;
-    time_unit: of its times. What of them is not given the file says, or it is chosen. least_noise: the share of the
-    amplitude that is added as noise where the record has none, 0 for none.
-    """
-
-    file: str
-    path: Path
-    angle: str | int | None = None
-    time: str | int | None = None
-    unit: str = "rad"
-    quantity: str = "angle"
-    rate: float | None = None
-    clock: str = "auto"
-    start: float | str = "auto"
-    stop: float | str = "auto"
-    run: str | int | None = None
-    channel: str | None = None
-    time_unit: str | None = None
-    least_noise: float = 0.0
-
-
-@dataclass(frozen=True)
-class SignalSpec:
-    """One record of the study, either simulated or read, and what is known of its system.
-
-    inertia: kg m² (kg for a translation), only for showing results in physical units.
-    compare: its own damping models, None for the study's; estimate: those under which estimators run, None for
-    all that it compares. laws: the restoring laws that it is compared under; alternatives: what is known of its
-    system under those that are not `system`'s own. specimen: what it is a record of; records of one specimen are fitted
-    jointly, several specimens summarised. Empty where the study does not say.
-    """
-
-    name: str
-    system: System
-    source: Simulation | Recording
-    inertia: float | None = None
-    compare: tuple[str, ...] | None = None
-    estimate: tuple[str, ...] | None = None
-    laws: tuple[str, ...] = ()
-    alternatives: tuple[System, ...] = ()
-    specimen: str = ""
-
-    def resolved(self) -> dict[str, Any]:
-        """All that the study says of the record, as JSON takes it; no path of this machine."""
-        found = plain(self)
-        found["source"].pop("path", None)
-        if not found["source"].get("least_noise"):
-            found["source"].pop("least_noise", None)
-        for key in ("run", "channel", "time_unit"):  # a study that does not have them reads as it always did
-            if found["source"].get(key) is None:
-                found["source"].pop(key, None)
-        if not self.alternatives:
-            del found["laws"], found["alternatives"]
-        if not self.specimen:
-            del found["specimen"]
-        return found
-
-    @property
-    def restoring(self) -> tuple[str, ...]:
-        """The restoring laws that it is compared under."""
-        return self.laws or (self.system.restoring,)
-
-    def under(self, restoring: str) -> System:
-        """What is known of the system under one of these laws, by default the system's own."""
-        return next((s for s in self.alternatives if s.restoring == restoring), self.system)
-
-    @property
-    def repeats(self) -> int:
-        """How many records are made of it; one where it is read."""
-        return self.source.repeats if isinstance(self.source, Simulation) else 1
 
 
 def _law(name: object, key: str) -> RestoringLaw:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from bayesdamp.config.checks import StudyError
-from bayesdamp.config.signals import SignalSpec
+from bayesdamp.config.study import SignalSpec
 from bayesdamp.units import UNITS
 
 

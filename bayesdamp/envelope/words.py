@@ -22,6 +22,7 @@ def damping_words(name: str) -> str:
 
 
 def probability_words(value: float) -> str:
+    """A probability with two digits, never above the cap of what is claimed."""
     return f"> {CAP:.2f}" if value > CAP else f"{value:.2f}"
 
 
@@ -48,6 +49,7 @@ def with_interval(found: Estimated, unit: str = "") -> str:
 
 
 def no_decay(name: str, why: str) -> str:
+    """The sentence on a record without a free decay."""
     return f"{name}: no free decay: {why}."
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import tempfile
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
@@ -19,6 +19,7 @@ from bayesdamp.physics.restoring import LAWS
 from bayesdamp.pipeline.answer import Answer, answer
 from bayesdamp.priors import Prior
 from bayesdamp.store import DAMPING_CURVES, CellResult, Store, write_bytes, write_json
+from bayesdamp.store.contents.answers import AnswerContent
 from bayesdamp.store.folders import claim
 from bayesdamp.types import OK, InputError
 from bayesdamp.verdict.specimen import specimen
@@ -56,7 +57,7 @@ class Comparison(Result):
         best), rms of the plain fit (unit of the record), outcome."""
         import pandas as pd
 
-        rows = [{"record": a.verdict.record, **row} for a in self.answers for row in a.candidates]
+        rows = [{"record": a.verdict.record, **asdict(row)} for a in self.answers for row in a.candidates]
         frame = pd.DataFrame(rows) if rows else pd.DataFrame(columns=_CANDIDATES)
         for name in ("log_evidence", "log_evidence_exact"):
             if name in frame:
@@ -117,13 +118,8 @@ class Comparison(Result):
             claim(folder)
             store = Store(folder)
             for a in self.answers:
-                meta = {
-                    "verdict": a.verdict.to_dict(),
-                    "candidates": list(a.candidates),
-                    "fits": dict(a.fits),
-                }
                 key = f"answer/{a.verdict.record}/0"
-                store.write(CellResult(key, "comparison", meta, a.arrays))
+                store.write(CellResult(key, "comparison", a.content().meta(), a.arrays))
             about = {a.verdict.record: {} for a in self.answers}
             write_json(folder / "run.json", {"name": self.verdict.record, "signals": about, "models": []})
             page = render(folder).read_bytes()
@@ -148,10 +144,7 @@ class Comparison(Result):
     def _packed(self) -> Packed:
         meta: dict[str, Any] = {
             "verdict": self.verdict.to_dict(),
-            "answers": [
-                {"verdict": a.verdict.to_dict(), "candidates": list(a.candidates), "fits": dict(a.fits)}
-                for a in self.answers
-            ],
+            "answers": [replace(a.content(), posteriors=()).meta() for a in self.answers],
         }
         arrays = {f"{i}/{n}": np.asarray(v) for i, a in enumerate(self.answers) for n, v in a.arrays.items()}
         return Packed("Comparison", meta, arrays)
@@ -161,8 +154,9 @@ class Comparison(Result):
         answers = []
         for i, one in enumerate(packed.meta["answers"]):
             arrays = {n.removeprefix(f"{i}/"): v for n, v in packed.arrays.items() if n.startswith(f"{i}/")}
-            verdict = Verdict.from_dict(one["verdict"])
-            answers.append(Answer(verdict, tuple(one["candidates"]), one["fits"], arrays))
+            content = AnswerContent.of_meta(one)
+            verdict = Verdict.from_dict(content.verdict)
+            answers.append(Answer(verdict, content.candidates, content.fits, arrays))
         records = tuple(cls(a.verdict, (a,)) for a in answers) if len(answers) > 1 else ()
         return cls(Verdict.from_dict(packed.meta["verdict"]), tuple(answers), records)
 

@@ -6,12 +6,15 @@ from dataclasses import dataclass, replace
 from typing import Self
 
 from bayesdamp.inference.evidence import EVIDENCES, Draws
-from bayesdamp.interface.fit import Fit, refuse_deviation
+from bayesdamp.interface.fit import Fit
+from bayesdamp.interface.parts.approximate import Approximate
 from bayesdamp.interface.parts.result import Packed, Result
 from bayesdamp.interface.parts.table import Table, number, said
-from bayesdamp.interface.posterior import Posterior
+from bayesdamp.interface.posterior import TEMPERED, Posterior, sample
 from bayesdamp.types import OK, InputError, Refusal
 
+EXACT_METHOD, LINEAR = "bridge", "linear"
+"""The method by default where laws hold exactly; and where they may hold approximately, the linear model's own."""
 FROM_DRAWS = "nuts"
 """The sampler whose draws a method starts from; others leave thinned or weighted ones."""
 
@@ -53,11 +56,16 @@ class Evidence(Result):
         return cls(**packed.meta)
 
 
-def evidence(source: Posterior | Fit, method: str = "bridge", *, seed: int = 0) -> Evidence:
+def evidence(source: Posterior | Fit, method: str | None = None, *, seed: int = 0) -> Evidence:
     """The evidence of the model of a fit, or of a posterior, of which a method takes the draws where it needs some.
 
-    method: a name in `bayesdamp.inference.evidence.EVIDENCES`: bridge, importance, nested, laplace. Where it cannot be
-    computed the result's outcome is a sentence. Raises InputError for misuse.
+    method: a name in `bayesdamp.inference.evidence.EVIDENCES`: bridge, by default, importance, nested, laplace. Where
+    it cannot be computed the result's outcome is a sentence. Raises InputError for misuse.
+
+    Where laws may hold approximately it is "smc", by default, that of the motions themselves, a posterior's own, or
+    "linear", that of the model which is linear about the best motion, without sampling and without an error. The noise
+    is the record's under one restoring law: evidence of dampings under one law may be compared, under two laws where
+    the noise is known; else `compare` weighs both under one.
 
     >>> import bayesdamp as bd
     >>> signal = bd.simulate({"viscous": 0.05}, stiffness=20.0, duration=6.0, samples=150, noise_sd=0.003)
@@ -71,10 +79,20 @@ def evidence(source: Posterior | Fit, method: str = "bridge", *, seed: int = 0) 
         raise InputError(
             f"evidence: the first argument is {type(source).__name__}; it must be a Posterior or a Fit"
         )
-    plugin = EVIDENCES.get(method)
     fit = source.fit if isinstance(source, Posterior) else source
-    refuse_deviation(fit.model)
+    approximate = fit.model.approximate
+    method = method or (TEMPERED if approximate else EXACT_METHOD)
+    if approximate and method not in (TEMPERED, LINEAR):
+        raise InputError(
+            f"evidence: {method!r} is of laws that hold exactly; under deviation {fit.model.deviation!r} give "
+            f'"{TEMPERED}" or "{LINEAR}"'
+        )
     blank = Evidence(fit.model.name, fit.signal.name, method, noise=fit.noise)
+    if fit.law is not None:
+        return _approximate(replace(blank, method=method), source, fit.law, seed)
+    if fit.outcome != OK:
+        return replace(blank, outcome=fit.outcome)
+    plugin = EVIDENCES.get(method)
     draws: Draws | None = None
     try:
         target, mode = fit.engine
@@ -94,6 +112,26 @@ def evidence(source: Posterior | Fit, method: str = "bridge", *, seed: int = 0) 
         stderr=found.stderr,
         diagnostic=found.diagnostic,
         evaluations=found.evaluations,
+        seconds=found.seconds,
+        outcome=found.outcome,
+    )
+
+
+def _approximate(blank: Evidence, source: Posterior | Fit, law: Approximate, seed: int) -> Evidence:
+    if blank.method == LINEAR:
+        weighed = law.single.result.weighed
+        assert weighed is not None
+        about = "deviations and parameters integrated out in closed form, the motion linear in both"
+        return replace(blank, log_evidence=weighed.log_evidence, diagnostic=about)
+    found = source if isinstance(source, Posterior) else sample(source, seed=seed)
+    log_evidence, stderr = (float(str(found.diagnostics[n])) for n in ("log_evidence", "stderr"))
+    runs = found.stats["temperatures"][:, 0]
+    return replace(
+        blank,
+        log_evidence=log_evidence,
+        stderr=stderr,
+        diagnostic=f"{runs.size} runs through {runs.min()} to {runs.max()} temperatures",
+        evaluations=int(found.log_likelihood.size),
         seconds=found.seconds,
         outcome=found.outcome,
     )

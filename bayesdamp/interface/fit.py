@@ -12,16 +12,16 @@ from numpy.typing import ArrayLike, NDArray
 
 from bayesdamp import types
 from bayesdamp.inference.checks.checks import laplace_draws
-from bayesdamp.inference.fit.laplace import value_sds
-from bayesdamp.inference.fit.mode import Mode, restore_mode
-from bayesdamp.inference.fit.search import find_mode
-from bayesdamp.inference.fit.starting_points import prior_starts
+from bayesdamp.inference.deviation.numbers.quantities import Quantity, quantity
+from bayesdamp.inference.fit.laplace import value_intervals, value_sds
+from bayesdamp.inference.fit.mode import Mode
 from bayesdamp.inference.model.residuals import residual
 from bayesdamp.inference.model.target import Target
 from bayesdamp.interface.density import Density
-from bayesdamp.interface.model import Model, prior_of
+from bayesdamp.interface.model import GAUSSIAN, Model, prior_of
 from bayesdamp.interface.parts import axes as drawing
-from bayesdamp.interface.parts.case import NO_POSTERIOR, Case, checked, choose
+from bayesdamp.interface.parts.approximate import Approximate, ratios_of
+from bayesdamp.interface.parts.case import NO_POSTERIOR, Case, checked, searched
 from bayesdamp.interface.parts.definitions import units_of
 from bayesdamp.interface.parts.programs import keep_programs
 from bayesdamp.interface.parts.result import Packed, Result
@@ -33,6 +33,7 @@ from bayesdamp.physics.solver.plan import QUANTITIES
 from bayesdamp.pipeline.records.stored_modes import packed as packed_mode
 from bayesdamp.pipeline.records.stored_modes import unpacked as unpacked_mode
 from bayesdamp.plugins import nearest
+from bayesdamp.priors import Prior
 from bayesdamp.records.oscillation.features import features
 from bayesdamp.store import CellResult
 from bayesdamp.types import OK, InputError, Refusal
@@ -43,12 +44,16 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 Vector = NDArray[np.float64]
-PRIOR_STARTS = 2
-"""Draws from the prior that are climbed from beside what the record says."""
 BAND = 200
 """Draws behind a prediction's standard deviation, which they make good to a twentieth of itself."""
 PRECISION = 1e-6
 """Of a predicted motion, as a share of the record's range."""
+NO_DENSITY = (
+    'deviations are integrated out, and there is no density of the parameters alone; give deviation="none"'
+)
+EXACT = (
+    'laws are taken to hold exactly: draws have the ratio, in sample(fit).derived; or give deviation="law"'
+)
 _EMPTY = np.empty(0)
 
 
@@ -69,11 +74,19 @@ class Fit(Result):
     """The mode of a posterior: of the density of the parameters' scores, in which every prior is a standard normal.
 
     noise: the noise model, as given or as chosen for the record. values, sd, units: of each inferred parameter, in
-    natural units; sd is that of the normal distribution about the mode. known: all that was held, by name.
+    natural units; sd is that of the normal distribution about the mode. intervals: of 95 %, (low, high), by name.
+    known: all that was held, by name.
     fitted, residuals: trajectory, and record minus it, in the unit of the record, shape (n,).
     log_posterior: log prior plus log likelihood of the values (nats, per natural units, not normalised).
     outcome: "ok", or a sentence why there is no fit; then values are empty. notes: what was chosen, in sentences.
     target, mode: what samplers start from; None without a fit.
+
+    Where laws may hold approximately (model.deviation) values are medians under the model that is linear about the best
+    motion, deviations integrated out; sd is the whole, sd_noise what noise alone would leave, sd_law the rest, and
+    intervals are the ones to quote. deviation, frequency_deviation: by how much damping and frequency differ from their
+    laws, as shares, mean over the record. fitted has the deviations of the best motion in it, and is nan where the
+    record is not read (below 5 % of its first amplitude). log_posterior is nan, target and mode None: law is there
+    in their place.
     """
 
     signal: Signal
@@ -90,6 +103,12 @@ class Fit(Result):
     notes: tuple[str, ...] = ()
     target: Target | None = None
     mode: Mode | None = None
+    intervals: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    sd_noise: Mapping[str, float] = field(default_factory=dict)
+    sd_law: Mapping[str, float] = field(default_factory=dict)
+    deviation: Quantity | None = None
+    frequency_deviation: Quantity | None = None
+    law: Approximate | None = field(default=None, repr=False)
 
     @cached_property
     def density(self) -> Density:
@@ -99,24 +118,50 @@ class Fit(Result):
 
     @property
     def engine(self) -> tuple[Target, Mode]:
-        """The target and its mode. Raises Refusal, with the outcome, without a fit."""
+        """The target and its mode. Raises Refusal, with the outcome, without a fit, and where laws may hold
+        approximately: deviations are integrated out, and there is no density of the parameters alone."""
+        if self.law is not None:
+            raise Refusal(f'under deviation "{self.model.deviation}" {NO_DENSITY}')
         if self.target is None or self.mode is None:
             raise Refusal(self.outcome)
         return self.target, self.mode
 
-    def predict(self, t: ArrayLike, quantity: str | None = None) -> Prediction:
-        """The motion at times t (s from the first sample, shape (m,)), within the record or beyond it.
+    @property
+    def priors(self) -> Mapping[str, Prior]:
+        """Of each inferred parameter, defaults filled in; empty without a fit."""
+        if self.law is not None:
+            return self.law.single.found.priors
+        return {} if self.target is None else self.target.priors
 
-        quantity: "angle", "velocity" or "acceleration"; by default the recorded one. Raises InputError for times before
-        the first sample, Refusal without a fit.
+    @property
+    def oscillator(self) -> Oscillator:
+        """Damping and restoring law that are fitted."""
+        return Oscillator(self.model.terms, self.model.restoring)
+
+    def damping_ratio(self, amplitudes: Sequence[float] | None = None) -> pd.DataFrame:
+        """Equivalent damping ratio at amplitudes (rad or m, three of the record by default), with its parts and 95 %
+        interval, in which are the law's deviation and the sensor's linearity. Raises Refusal where laws are taken to
+        hold exactly: there draws have it, as `sample(fit).derived`, and without a fit."""
+        if self.law is None:
+            raise Refusal(EXACT if self.outcome == OK else self.outcome)
+        return ratios_of(self.law, amplitudes, self.law.scores)
+
+    def predict(self, t: ArrayLike, quantity: str | None = None) -> Prediction:
+        """The motion at times t (s from the first sample, shape (m,)), within the record or beyond it; where laws may
+        hold approximately within it, for how they deviate later is not known.
+
+        quantity: "angle", "velocity" or "acceleration"; by default the recorded one. Raises InputError for times that
+        are outside, Refusal without a fit.
         """
-        target, mode = self.engine
         times = np.atleast_1d(np.array(t, float))
         wanted = quantity or self.signal.quantity
         if wanted not in QUANTITIES:
             raise InputError(f"predict: unknown quantity {wanted!r}{nearest(wanted, list(QUANTITIES))}")
         if times.ndim != 1 or not np.all(np.isfinite(times)) or np.any(times < 0):
             raise InputError("predict: t must be finite times in s from the first sample on, 0 or more")
+        if self.law is not None:
+            return self._predicted(self.law, times, wanted)
+        target, mode = self.engine
         grid, at = np.unique(np.concatenate([[0.0], times]), return_inverse=True)
         derivatives = QUANTITIES.index(wanted) - QUANTITIES.index(self.signal.quantity)
         size = float(np.ptp(self.signal.y)) * features(self.signal).frequency ** derivatives
@@ -129,23 +174,47 @@ class Fit(Result):
         unit = UNITS[self.signal.unit].of(wanted)
         return Prediction(times, value[here], band.std(axis=0)[here], wanted, unit)
 
+    def _predicted(self, law: Approximate, times: Vector, wanted: str) -> Prediction:
+        """Within the part of the record that was read."""
+        end = float(law.knots[-1])
+        if times.max(initial=0.0) > end:
+            raise InputError(
+                f"predict: t goes to {times.max():.6g} s; the record is read to {end:.6g} s, and how the law deviates "
+                'later is not known; give deviation="none" to go on'
+            )
+        grid, at = np.unique(times, return_inverse=True)
+        every = law.motions(np.concatenate([law.best, law.scores[:: len(law.scores) // BAND]]), grid, wanted)
+        band = np.nanstd(every[1:], axis=0)
+        return Prediction(times, every[0][at], band[at], wanted, UNITS[self.signal.unit].of(wanted))
+
     def summary(self) -> pd.DataFrame:
-        """A row for each inferred parameter: value, sd, unit, prior."""
+        """A row for each inferred parameter: value, sd (and its parts where laws may hold approximately), the 95 %
+        interval, unit, prior."""
         import pandas as pd
 
-        priors = {} if self.target is None else self.target.priors
+        columns = ["value", "sd", *(["sd_noise", "sd_law"] if self.law is not None else []), "low", "high"]
         rows = {
-            n: {"value": v, "sd": self.sd[n], "unit": self.units[n], "prior": priors[n].describe()}
+            n: {
+                "value": v,
+                "sd": self.sd[n],
+                "sd_noise": self.sd_noise.get(n),
+                "sd_law": self.sd_law.get(n),
+                "low": self.intervals[n][0],
+                "high": self.intervals[n][1],
+                "unit": self.units[n],
+                "prior": self.priors[n].describe(),
+            }
             for n, v in self.values.items()
         }
-        return pd.DataFrame.from_dict(rows, orient="index", columns=["value", "sd", "unit", "prior"])
+        return pd.DataFrame.from_dict(rows, orient="index", columns=[*columns, "unit", "prior"])
 
     def plot(self, axes: Sequence[Axes] | None = None, until: float | None = None) -> tuple[Axes, Axes]:
         """Draw the record with the fit, and the residuals below; the two axes drawn on.
 
         until: time in s up to which the fit goes on beyond the record. Raises Refusal without a fit.
         """
-        _, _ = self.engine
+        if not self.values:
+            raise Refusal(self.outcome)
         above, below = drawing.several(axes, 2, heights=(2, 1))
         t = self.signal.t
         end = float(t[-1]) if until is None else max(float(until), float(t[-1]))
@@ -168,13 +237,38 @@ class Fit(Result):
         return above, below
 
     def _table(self) -> Table:
-        rows = [(n, self.units[n], number(v, 6), number(self.sd[n], 2)) for n, v in self.values.items()]
-        rows += [(n, "", number(v, 6), "known") for n, v in self.known.items()]
         title = f"Fit of {self.model.name} to {self.signal.name}"
         if self.values:
-            rms = float(np.sqrt(np.mean(self.residuals**2)))
+            rms = float(np.sqrt(np.nanmean(self.residuals**2)))
             title += f": {self.noise} noise, residual {number(rms, 3)} {self.signal.y_unit} rms"
-        return Table(title, ("parameter", "unit", "value", "sd"), tuple(rows), said(self.outcome, self.notes))
+        parts = (self.sd_noise, self.sd_law) if self.law is not None else (self.sd,)
+        rows = [
+            (n, self.units[n], number(v, 6), *(number(p[n], 2) for p in parts))
+            for n, v in self.values.items()
+        ]
+        columns = (
+            "parameter",
+            "unit",
+            "value",
+            *(("sd noise", "sd law") if self.law is not None else ("sd",)),
+        )
+        if self.law is not None:
+            columns = (*columns, "95 %")
+            ends = [f"{number(low, 4)} to {number(high, 4)}" for low, high in self.intervals.values()]
+            rows = [(*row, end) for row, end in zip(rows, ends, strict=True)]
+        empty = ("",) * (len(columns) - 4)
+        rows += [(n, "", number(v, 6), "known", *empty) for n, v in self.known.items()]
+        return Table(title, columns, tuple(rows), said(self.outcome, (*self.notes, *self._deviates)))
+
+    @property
+    def _deviates(self) -> tuple[str, ...]:
+        """How well the laws hold, in sentences."""
+        both = (("damping", self.deviation), ("frequency", self.frequency_deviation))
+        return tuple(
+            f"The {what} follows its law within {100 * q.value:.2g} % (95 %: below {100 * q.high:.2g} %)."
+            for what, q in both
+            if q is not None
+        )
 
     def _packed(self) -> Packed:
         signal, model = self.signal._packed(), self.model._packed()
@@ -183,9 +277,13 @@ class Fit(Result):
         arrays = signal.within("signal")
         if self.target is not None and self.mode is not None:
             found, scores = packed_mode(self.mode, self.target, self.target)
-            meta |= {"solved": True, "mode": found, "known": dict(self.target.known)}
+            meta |= {"solved": True, "mode": found.meta(), "known": dict(self.target.known)}
             meta["priors"] = {n: p.model_dump() for n, p in self.target.priors.items()}
             arrays |= {f"mode/{n}": a for n, a in scores.items()}
+        if self.law is not None:
+            found, scores = self.law.packed()
+            meta |= {"law": found}
+            arrays |= {f"law/{n}": a for n, a in scores.items()}
         return Packed("Fit", meta, arrays)
 
     @classmethod
@@ -194,6 +292,9 @@ class Fit(Result):
         signal = Signal._unpacked(packed.part("signal"))
         model = Model._unpacked(packed.part("model"))
         notes = tuple(meta["notes"])
+        if "law" in meta:
+            law = Approximate.unpacked(signal, model, meta["law"], packed.part("law").arrays)
+            return cls._approximated(signal, model, law)
         if not meta["solved"]:
             return cls(signal, model, outcome=meta["outcome"], notes=notes)
         priors = {n: prior_of(p) for n, p in meta["priors"].items()}
@@ -210,12 +311,14 @@ class Fit(Result):
         left = residual(target, mode.context.plan, mode.z)
         units = units_of(target.names, model.restoring, signal)
         density = Density(signal, model, values, units, target, mode)
+        covariance = np.linalg.inv(mode.information)
         return cls(
             signal=signal,
             model=model,
             noise=target.noise,
             values=values,
-            sd=value_sds(target, mode.z, np.linalg.inv(mode.information)),
+            sd=value_sds(target, mode.z, covariance),
+            intervals=value_intervals(target, mode.z, np.sqrt(np.diag(covariance))),
             units=units,
             known=dict(target.known),
             fitted=signal.y - left,
@@ -227,6 +330,33 @@ class Fit(Result):
             mode=mode,
         )
 
+    @classmethod
+    def _approximated(cls, signal: Signal, model: Model, law: Approximate) -> Self:
+        found = law.quantities()
+        times = signal.t - signal.t[0]
+        read = times <= law.knots[-1]
+        fitted = np.full(times.size, np.nan)
+        fitted[read] = law.motions(law.best, times[read])[0]
+        of_damping, of_frequency = (quantity(x) for x in law.sizes(law.scores))
+        sd = {n: float(np.hypot(q.sd_noise, q.sd_law)) for n, q in found.items()}
+        return cls(
+            signal=signal,
+            model=model,
+            noise=GAUSSIAN,
+            values={n: q.value for n, q in found.items()},
+            sd=sd,
+            units=units_of(law.names, model.restoring, signal),
+            known=law.known,
+            fitted=fitted,
+            residuals=signal.y - fitted,
+            intervals={n: (q.low, q.high) for n, q in found.items()},
+            sd_noise={n: q.sd_noise for n, q in found.items()},
+            sd_law={n: q.sd_law for n, q in found.items()},
+            deviation=of_damping,
+            frequency_deviation=of_frequency,
+            law=law,
+        )
+
 
 def fit(
     signal: types.Signal, model: Model, *, start: Mapping[str, float] | None = None, seed: int = 0
@@ -236,7 +366,11 @@ def fit(
     Searches start from what the record's turning points and a regression say, from two draws of the prior, and from
     start: parameter values by name, such as those of an estimate. With several noise models in play, the one of highest
     evidence is chosen under this model. seed: of the draws. Where the model cannot be fitted to this record the
-    result's outcome is a sentence. Raises InputError for misuse, Refusal where model.deviation is not "none".
+    result's outcome is a sentence. Raises InputError for misuse.
+
+    Where laws may hold approximately (model.deviation) the search is that of `compare`, over windows that grow from the
+    first two cycles, and takes no start; noise, and friction's width where it is not known, are those under all of
+    viscous, Coulomb and quadratic damping.
 
     >>> import bayesdamp as bd
     >>> signal = bd.simulate({"viscous": 0.05}, stiffness=20.0, duration=6.0, samples=150, noise_sd=0.003)
@@ -248,47 +382,16 @@ def fit(
     '1/s'
     """
     own = checked(signal, model)
-    refuse_deviation(model)
+    if model.approximate and start is not None:
+        raise InputError(f"fit: start is of no use under deviation {model.deviation!r}; leave it out")
     keep_programs()
     try:
         case = Case.of(own, model)
         if not case.noisy:
             return Fit(own, model, outcome=NO_POSTERIOR)
-        target, mode, notes = _searched(case, start, seed)
+        if model.approximate:
+            return Fit._approximated(own, model, Approximate.of(case))
+        target, mode, notes = searched(case, start, seed)
     except Refusal as refusal:
         return Fit(own, model, outcome=str(refusal))
     return Fit._solved(own, model, target, mode, OK, notes)
-
-
-def refuse_deviation(model: Model) -> None:
-    """Raises Refusal where a model asks what a single fit does not say yet."""
-    if model.deviation != "none":
-        raise Refusal(
-            f"deviation {model.deviation!r} is not fitted yet: a fit takes the law to hold exactly; "
-            'give deviation="none"'
-        )
-
-
-def _searched(
-    case: Case, start: Mapping[str, float] | None, seed: int
-) -> tuple[Target, Mode, tuple[str, ...]]:
-    """The target, its highest mode with the solver's steps set right there, and what was chosen on the way."""
-    given = {} if start is None else {"given": dict(start)}
-    for name in given.get("given", {}):
-        if name not in case.model.parameters:
-            raise InputError(
-                f"fit: start has unknown parameter {name!r}{nearest(name, list(case.model.parameters))}"
-            )
-    try:
-        starts = given | dict(case.starts())
-    except Refusal:
-        if not given:
-            raise
-        starts = dict(given)
-    choice = choose(case, starts)
-    target = case.target(choice.noise, choice.epsilon)
-    seeds = {**choice.starts, **starts, **prior_starts(target, PRIOR_STARTS, seed)}
-    mode = find_mode(target, seeds, noise_level=case.seen.roughness, period=case.seen.period)
-    # Made anew at the mode, as it is where a fit is read from a file, so that both are the same.
-    again = restore_mode(target, mode.z, mode.log_posterior, mode.information, mode.tolerance, mode.searches)
-    return target, again, choice.notes

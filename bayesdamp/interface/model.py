@@ -13,6 +13,7 @@ from bayesdamp import types
 from bayesdamp.config.checks import StudyError
 from bayesdamp.config.sections import DEVIATIONS
 from bayesdamp.config.signals import canonical_model
+from bayesdamp.inference.deviation.findings import SENSOR
 from bayesdamp.inference.noise import NOISES
 from bayesdamp.interface.parts.result import Packed, Result
 from bayesdamp.interface.parts.table import Table
@@ -28,6 +29,9 @@ if TYPE_CHECKING:
 
 POSITIVE = ("noise_sd", "noise_time", "noise_dof")
 """Parameters that are above zero; friction's epsilon may be zero, the sign itself."""
+GAUSSIAN = "gaussian"
+HELD = (*POSITIVE, "epsilon")
+"""Parameters that are not inferred where laws hold approximately: known, or read from the record once."""
 _KINDS = get_args(get_args(Prior)[0])
 _ADAPTER: TypeAdapter[Any] = TypeAdapter(Prior)
 
@@ -39,8 +43,10 @@ class Model(Result):
     damping: a sum of damping terms, such as "viscous+coulomb". restoring: the restoring law. noise: a noise model's
     name, several of which one is chosen for the record by evidence, or "auto": all there are. priors: by damping term
     or parameter name; what has none has the default. known: parameter name to its value, which is then not inferred
-    (damping coefficients always are). deviation: "none"; "law" and "auto" ask whether the law holds exactly, and are
-    refused by what cannot say. amplitude, frequency: the reference that default priors scale with, unit of the
+    (damping coefficients always are). deviation: "none", laws hold exactly; "law" or "auto", they may hold
+    approximately, with deviations that are inferred; the noise is then Gaussian, its size known or read from what
+    neither parameters nor deviations take. sensor: then, its relative linearity, below which no damping ratio is known.
+    amplitude, frequency: the reference that default priors scale with, unit of the
     displacement and rad/s; by default the system's where it is known, else the record's, to two digits.
     Raises InputError, one line with the nearest valid name, where it makes no sense.
 
@@ -56,6 +62,7 @@ class Model(Result):
     priors: Mapping[str, Prior] = field(default_factory=dict)
     known: Mapping[str, float] = field(default_factory=dict)
     deviation: str = "none"
+    sensor: float = SENSOR
     amplitude: float | None = None
     frequency: float | None = None
 
@@ -75,6 +82,8 @@ class Model(Result):
         object.__setattr__(self, "damping", damping)
         object.__setattr__(self, "noise", self.noise if isinstance(self.noise, str) else tuple(self.noise))
         _check_noise(self.noises)
+        if self.approximate:
+            self._check_approximate()
         object.__setattr__(self, "known", self._checked_known())
         object.__setattr__(self, "priors", self._checked_priors())
         for name in ("amplitude", "frequency"):
@@ -87,7 +96,7 @@ class Model(Result):
             tuple(sorted(self.known.items())),
             tuple(sorted(self.priors.items(), key=lambda item: item[0])),
         )
-        return hash((self.damping, self.restoring, self.noise, self.deviation, *mappings))
+        return hash((self.damping, self.restoring, self.noise, self.deviation, self.sensor, *mappings))
 
     @property
     def name(self) -> str:
@@ -105,6 +114,11 @@ class Model(Result):
         if self.noise == "auto":
             return tuple(NOISES.names())
         return (self.noise,) if isinstance(self.noise, str) else self.noise
+
+    @property
+    def approximate(self) -> bool:
+        """Whether laws may hold approximately."""
+        return self.deviation != "none"
 
     @property
     def parameters(self) -> tuple[str, ...]:
@@ -140,6 +154,21 @@ class Model(Result):
     def _coefficients(self) -> dict[str, str]:
         """Coefficient to term."""
         return {TERMS.get(t).parameter: t for t in self.terms}
+
+    def _check_approximate(self) -> None:
+        """What is asked of a law that may hold approximately. Raises InputError."""
+        if GAUSSIAN not in self.noises:
+            raise InputError(
+                f'Model: noise is {self.noise!r}; under deviation {self.deviation!r} it must be "{GAUSSIAN}" or "auto"'
+            )
+        if not 0 <= _number(self.sensor) < 0.5:
+            raise InputError(f"Model: sensor is {self.sensor!r}; it must be a number from 0 to below 0.5")
+        for name in self.priors:
+            if name in HELD:
+                raise InputError(
+                    f"Model: the prior of {name!r} has no meaning under deviation {self.deviation!r}, which holds it; "
+                    "leave it out, or give it as known"
+                )
 
     def _checked_known(self) -> dict[str, float]:
         valid = [n for n in self.parameters if n not in self._coefficients]
@@ -188,7 +217,7 @@ class Model(Result):
     def _table(self) -> Table:
         rows = [("damping", self.damping), ("restoring", self.restoring)]
         rows += [("noise", self.noise if isinstance(self.noise, str) else " or ".join(self.noise))]
-        rows += [("deviation", self.deviation)] * (self.deviation != "none")
+        rows += [("deviation", self.deviation), ("sensor", f"{self.sensor:.3g}")] * self.approximate
         rows += [(f"prior of {n}", p.describe()) for n, p in self.priors.items()]
         rows += [(n, f"{v:.6g} (known)") for n, v in self.known.items()]
         return Table(f"Model {self.name}", ("", ""), tuple(rows))

@@ -14,8 +14,9 @@ from bayesdamp.inference.checks import diagnostics
 from bayesdamp.inference.curves.derived import Motions, derive, units
 from bayesdamp.inference.model.defaults import reference_of
 from bayesdamp.inference.samplers import SAMPLERS, Settings
-from bayesdamp.interface.fit import Fit, refuse_deviation
+from bayesdamp.interface.fit import Fit
 from bayesdamp.interface.parts import axes as drawing
+from bayesdamp.interface.parts.approximate import Approximate, ratios_of, runs_of, summaries_of
 from bayesdamp.interface.parts.result import Packed, Result
 from bayesdamp.interface.parts.table import Table, number, said
 from bayesdamp.plugins import nearest
@@ -31,6 +32,9 @@ Array = NDArray[np.float64]
 COLUMNS = ("mean", "sd", "median", "q2.5", "q97.5", "hdi_low", "hdi_high", "ess_bulk", "ess_tail", "rhat")
 HOW = {"ensembles": "ensembles", "effective": "effective_draws"}
 """What summaries are to know of a sampler's draws, and where its diagnostics say it."""
+TEMPERED = "smc"
+"""The sampler where laws may hold approximately."""
+EXACT_SAMPLER = "nuts"
 _NO_DRAWS, _NO_VALUES = np.empty((0, 0, 0)), np.empty((0, 0))
 
 
@@ -42,6 +46,8 @@ class Posterior(Result):
     draw), nats; stats: of the sampler, by name, (chain, draw); diagnostics: what else it says of its run.
     seed: of all random numbers. outcome: "ok", or a sentence why the draws are not to be trusted, or why there are
     none.
+    u: where laws may hold approximately, each draw with its deviations, as `Approximate` reads them, (chain, draw, K);
+    a chain is then a run of its own, in no order of time.
     """
 
     fit: Fit
@@ -54,6 +60,7 @@ class Posterior(Result):
     seed: int = 0
     seconds: float = 0.0
     outcome: str = OK
+    u: Array = field(default_factory=lambda: _NO_DRAWS, repr=False)
 
     @cached_property
     def data(self) -> xr.DataTree:
@@ -63,37 +70,52 @@ class Posterior(Result):
         leave-one-out cross-validation weighs it), sample_stats, observed_data, constant_data; units and definitions are
         attributes of the variables. Of very many samples and draws the two groups along the record are thinned, to a
         size of 160 MB each. Raises Refusal without draws.
+
+        Where laws may hold approximately, posterior and prior have the deviations at their knots too, and their sizes
+        over the record; the groups along the record have the samples that were fitted.
         """
+        law = self._law
+        if law is not None:
+            from bayesdamp.interface.parts.approximate_tree import approximate_tree
+
+            return approximate_tree(self, law)
         from bayesdamp.interface.parts.tree import tree_of
 
-        self._there()
         return tree_of(self)
 
     @cached_property
     def derived(self) -> xr.Dataset:
         """What follows from the draws (chain, draw): natural frequency, damping ratio, half-life and others, with their
-        units and definitions as attributes; the reference amplitude is that of the priors. Raises Refusal without
-        draws.
+        units and definitions as attributes; the reference amplitude is that of the priors. They are of the laws alone;
+        where these hold approximately, `damping_ratio` has what the deviations make of them. Raises Refusal without
+        draws, and for a term that is not a function of the velocity alone.
         """
         import xarray as xr
 
-        target, _ = self._there()
+        self._there()
         signal, model = self.fit.signal, self.fit.model
         seen = features(signal)
         amplitude = reference_of(model.system, seen).amplitude
-        values = {**target.known, **{n: self.draws[..., i] for i, n in enumerate(self.names)}}
-        found = derive(Motions(target.oscillator, values, seen.rest, amplitude))
+        values = {**self.fit.known, **{n: self.draws[..., i] for i, n in enumerate(self.names)}}
+        found = derive(Motions(self.fit.oscillator, values, seen.rest, amplitude))
         unit = units(signal.unit)
         attributes = {n: {"units": unit[n], "amplitude": f"{amplitude:g} {signal.unit}"} for n in found}
         return xr.Dataset({n: (("chain", "draw"), v, attributes[n]) for n, v in found.items()})
 
+    def damping_ratio(self, amplitudes: Sequence[float] | None = None) -> pd.DataFrame:
+        """`Fit.damping_ratio` of these draws. Raises Refusal where laws are taken to hold exactly, or without draws."""
+        law = self._law
+        if law is None:
+            return self.fit.damping_ratio(amplitudes)
+        return ratios_of(law, amplitudes, self.u.reshape(-1, self.u.shape[-1]))
+
     @property
     def log_prior(self) -> Array:
-        """Log density of the prior in natural units at each draw, (chain, draw)."""
-        target, _ = self._there()
-        return np.sum(
-            [target.priors[n].log_density(self.draws[..., i]) for i, n in enumerate(self.names)], axis=0
-        )
+        """Log density of the parameters' prior in natural units at each draw, (chain, draw); deviations have none, as
+        they are 0 with a probability of their own."""
+        self._there()
+        priors = self.fit.priors
+        return np.sum([priors[n].log_density(self.draws[..., i]) for i, n in enumerate(self.names)], axis=0)
 
     def summary(self, derived: bool = True) -> pd.DataFrame:
         """A row for each parameter, and each derived quantity that all draws have: mean, sd, quantiles, the shortest
@@ -101,13 +123,14 @@ class Posterior(Result):
         import pandas as pd
 
         rows = {n: {**s, "unit": self.fit.units[n]} for n, s in self._summaries.items()}
-        if derived and self.names:
+        if derived and self.names and all(t.traced for t in self.fit.oscillator.terms):
             how: dict[str, Any] = {k: self.diagnostics.get(v) for k, v in HOW.items()}
             for name, values in self.derived.data_vars.items():
                 if np.all(np.isfinite(values.values)):
                     found = diagnostics.summarise(values.values, **how)
                     rows[str(name)] = {**found, "unit": values.attrs["units"]}
-        return pd.DataFrame.from_dict(rows, orient="index", columns=[*COLUMNS, "unit"])
+        parts = ["sd_noise", "sd_law"] if self.fit.law is not None else []
+        return pd.DataFrame.from_dict(rows, orient="index", columns=[*COLUMNS, *parts, "unit"])
 
     def plot(
         self, axes: Sequence[Axes] | None = None, names: Sequence[str] | None = None
@@ -117,7 +140,7 @@ class Posterior(Result):
         names: of the parameters to draw, all by default. Raises InputError for a name that is none, Refusal without
         draws.
         """
-        target, _ = self._there()
+        self._there()
         chosen = list(self.names if names is None else names)
         for name in chosen:
             if name not in self.names:
@@ -133,7 +156,7 @@ class Posterior(Result):
             grid = np.linspace(*density.get_xlim(), 200)
             density.plot(
                 grid,
-                np.exp(target.priors[name].log_density(grid)),
+                np.exp(self.fit.priors[name].log_density(grid)),
                 color=drawing.QUIET,
                 ls="--",
                 label="prior",
@@ -152,11 +175,16 @@ class Posterior(Result):
     def _summaries(self) -> Mapping[str, Mapping[str, float]]:
         return self.diagnostics.get("summary", {})  # type: ignore[return-value]
 
-    def _there(self):
-        """Target and mode. Raises Refusal without draws."""
+    def _there(self) -> None:
+        """Raises Refusal without draws."""
         if not self.names:
             raise Refusal(self.outcome)
-        return self.fit.engine
+
+    @property
+    def _law(self) -> Approximate | None:
+        """Where laws may hold approximately. Raises Refusal without draws."""
+        self._there()
+        return self.fit.law
 
     def _table(self) -> Table:
         columns = ("mean", "sd", "q2.5", "q97.5", "ess_bulk", "rhat")
@@ -172,6 +200,7 @@ class Posterior(Result):
         meta = {"fit": fit.meta, "sampler": self.sampler, "names": self.names, "diagnostics": plain}
         meta |= {"seed": self.seed, "seconds": self.seconds, "outcome": self.outcome}
         arrays = {"draws": self.draws, "log_likelihood": self.log_likelihood}
+        arrays |= {"u": self.u} if self.u.size else {}
         arrays |= {f"stats/{n}": np.asarray(v) for n, v in self.stats.items()}
         return Packed("Posterior", meta, arrays | fit.within("fit"))
 
@@ -186,26 +215,33 @@ class Posterior(Result):
             draws=own["draws"],
             log_likelihood=own["log_likelihood"],
             stats=stats,
+            u=own.get("u", _NO_DRAWS),
             **meta,
         )
 
 
 def sample(
-    fit: Fit, sampler: str = "nuts", *, chains: int = 4, warmup: int = 500, draws: int = 1000, seed: int = 0
+    fit: Fit,
+    sampler: str | None = None,
+    *,
+    chains: int = 4,
+    warmup: int = 500,
+    draws: int = 1000,
+    seed: int = 0,
 ) -> Posterior:
     """Draw from the posterior of a fit.
 
-    sampler: a name in `bayesdamp.inference.samplers.SAMPLERS`: nuts, emcee, kalman, laplace, variational. chains,
-    warmup, draws: how long; a sampler may add draws where these are too few. Where there is no fit, or the sampler
-    cannot work on it, the result's outcome is the sentence. Raises InputError for misuse, Refusal where the model's
-    deviation is not "none".
+    sampler: a name in `bayesdamp.inference.samplers.SAMPLERS`: nuts, by default, emcee, kalman, laplace, variational.
+    chains, warmup, draws: how long; a sampler may add draws where these are too few. Where there is no fit, or the
+    sampler cannot work on it, the result's outcome is the sentence. Raises InputError for misuse.
+
+    Where laws may hold approximately the sampler is "smc": each chain is a run of its own that leads so many draws from
+    the linear model to the motions themselves; warmup has no meaning there.
     """
     if not isinstance(fit, Fit):
         raise InputError(
             f"sample: the first argument is {type(fit).__name__}; it must be a Fit, as fit(signal, model) gives it"
         )
-    refuse_deviation(fit.model)
-    plugin = SAMPLERS.get(sampler)
     for name, value, least in (
         ("chains", chains, 2),
         ("warmup", warmup, 10),
@@ -214,6 +250,18 @@ def sample(
     ):
         if not isinstance(value, int) or isinstance(value, bool) or value < least:
             raise InputError(f"sample: {name} is {value!r}; it must be a whole number, {least} or more")
+    approximate = fit.model.approximate
+    sampler = sampler or (TEMPERED if approximate else EXACT_SAMPLER)
+    if approximate and sampler != TEMPERED:
+        raise InputError(
+            f"sample: {sampler!r} draws under laws that hold exactly; under deviation {fit.model.deviation!r} "
+            "leave it out"
+        )
+    if fit.law is not None:
+        return _tempered(fit, fit.law, chains, draws, seed)
+    if fit.outcome != OK:
+        return Posterior(fit, sampler, seed=seed, outcome=fit.outcome)
+    plugin = SAMPLERS.get(sampler)
     try:
         target, mode = fit.engine
         found = plugin.sample(target, mode, Settings(chains, warmup, draws, seed % 2**31))
@@ -230,4 +278,29 @@ def sample(
         seed=seed,
         seconds=found.seconds,
         outcome=found.outcome,
+    )
+
+
+def _tempered(fit: Fit, law: Approximate, chains: int, draws: int, seed: int) -> Posterior:
+    runs = runs_of(law, chains, draws, seed)
+    values = law.values(runs.u)
+    summary = summaries_of(law, values)
+    log_evidence, stderr = runs.log_evidence
+    own = {
+        "acceptance_rate": np.repeat([[r.acceptance] for r in runs.each], draws, axis=1),
+        "temperatures": np.repeat([[r.temperatures] for r in runs.each], draws, axis=1),
+    }
+    outcome = runs.outcome
+    return Posterior(
+        fit=fit,
+        sampler=TEMPERED,
+        names=law.names,
+        draws=values,
+        log_likelihood=runs.log_likelihood,
+        stats=own,
+        diagnostics={"summary": summary, "log_evidence": log_evidence, "stderr": stderr},
+        seed=seed,
+        seconds=runs.seconds,
+        outcome=diagnostics.verdict(summary) if outcome == OK else outcome,
+        u=runs.u,
     )

@@ -22,6 +22,7 @@ from bayesdamp.outcomes import Status, status_of
 from bayesdamp.pipeline.candidates.weighing import evidence_of
 from bayesdamp.plugins import nearest
 from bayesdamp.store import TABLES, CellResult, Store, read_table
+from bayesdamp.store.contents.candidates import ModeContent
 from bayesdamp.types import OK, InputError
 
 if TYPE_CHECKING:
@@ -256,7 +257,7 @@ def _candidate(
 ) -> Candidate:
     damping, restoring = types.candidate_parts(key[2])
     mode = cells.get("mode")
-    meta = {} if mode is None else mode.meta
+    found = None if mode is None or mode.outcome != OK else ModeContent.of(mode)
     estimates: dict[str, tuple[types.Estimate, ...]] = {}
     posteriors: dict[str, types.Posterior] = {}
     evidence: dict[str, types.Evidence] = {}
@@ -276,9 +277,9 @@ def _candidate(
         repeat=int(key[1]),
         damping=damping,
         restoring=restoring or law,
-        values=meta.get("values", {}),
-        sd=meta.get("sd", {}),
-        log_posterior=meta.get("log_posterior", float("nan")),
+        values=found.values if found else {},
+        sd=found.sd if found else {},
+        log_posterior=found.log_posterior if found else float("nan"),
         estimates=estimates,
         posteriors=posteriors,
         evidence=evidence,

@@ -57,6 +57,7 @@ class Program:
         self._loaded: dict[Any, Callable[..., Any]] = {}
 
     def __call__(self, *args: Any) -> Any:
+        """What the function gives; by the stored program where there is one for arguments of these shapes."""
         leaves, tree = jax.tree.flatten(args)
         if _Kept.folder is None or extended() or any(isinstance(leaf, Tracer) for leaf in leaves):
             return self._traced(*args)

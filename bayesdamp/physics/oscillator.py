@@ -34,10 +34,12 @@ class Oscillator:
 
     @property
     def terms(self) -> tuple[DampingTerm, ...]:
+        """The damping terms themselves."""
         return tuple(TERMS.get(name) for name in self.damping)
 
     @property
     def law(self) -> RestoringLaw:
+        """The restoring law itself."""
         return LAWS.get(self.restoring)
 
     @property

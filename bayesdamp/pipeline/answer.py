@@ -18,6 +18,12 @@ from bayesdamp.inference.model.defaults import Reference
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.pipeline.not_one import no_free_decay, remark_on
 from bayesdamp.priors import Prior
+from bayesdamp.store.contents.answers import (
+    AnswerContent,
+    CandidatePriors,
+    SampledPosterior,
+    WeighedCandidate,
+)
 from bayesdamp.types import OK, InputError, Refusal, Signal
 from bayesdamp.verdict.decide import decide
 from bayesdamp.verdict.specimen import Answered
@@ -31,18 +37,28 @@ BEYOND = 1.3
 class Answer:
     """A verdict and what it rests on.
 
-    candidates: a row (damping, restoring, log_evidence, log_evidence_exact in nats, rms, outcome) for each candidate.
+    candidates: each that was asked for, in the order of the question, refused ones last.
     fits: parameters of the fit of all terms, by restoring law. arrays: what its picture is drawn from, as
     `inference.deviation.picture` leaves them. posteriors: of the candidates that were sampled, priors: of
     all, in words by parameter; both by (damping, restoring).
     """
 
     verdict: Verdict
-    candidates: tuple[Mapping[str, object], ...] = ()
+    candidates: tuple[WeighedCandidate, ...] = ()
     fits: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     arrays: Mapping[str, np.ndarray] = field(default_factory=dict)
     posteriors: Mapping[tuple[str, str], Posterior] = field(default_factory=dict)
     priors: Mapping[tuple[str, str], Mapping[str, str]] = field(default_factory=dict)
+
+    def content(self) -> AnswerContent:
+        """As a cell or a file keeps it, beside its arrays."""
+        return AnswerContent(
+            verdict=self.verdict.to_dict(),
+            candidates=self.candidates,
+            fits=self.fits,
+            priors=tuple(CandidatePriors(d, law, said) for (d, law), said in self.priors.items()),
+            posteriors=tuple(_kept(*name, one) for name, one in self.posteriors.items()),
+        )
 
     def of_specimen(self) -> Answered:
         """What a verdict on several records takes of this one."""
@@ -100,7 +116,7 @@ def answer(
         text = str(refusal)
         said = f"{text[:1].upper()}{text[1:]}{'' if text.endswith('.') else '.'}"
         return Answer(Verdict(signal.name, Grade.NOT_WEIGHED, False, "", float("nan"), sentence=said))
-    _within(amplitudes or (), weighing)
+    check_amplitudes(amplitudes or (), weighing)
     if sample:
         weighing = with_samples(weighing, approximate, seed)
     found = findings(weighing, amplitudes, approximate=approximate, sensor=sensor, seed=seed)
@@ -141,19 +157,20 @@ def quick_verdict(
 
 
 def answered_from(
-    verdict: Verdict, candidates: Sequence[Mapping[str, object]], arrays: Mapping[str, np.ndarray]
+    verdict: Verdict, candidates: Sequence[WeighedCandidate], arrays: Mapping[str, np.ndarray]
 ) -> Answered:
     """What a verdict on several records takes of one, from what is kept of its answer."""
-    rows = [r for r in candidates if r["outcome"] == OK]
-    exact = any(r["log_evidence"] is None for r in rows)
-    key = "log_evidence_exact" if exact else "log_evidence"
-    logs = {(str(r["damping"]), str(r["restoring"])): float(r[key]) for r in rows}  # type: ignore[arg-type]
+    rows = [r for r in candidates if r.outcome == OK]
+    exact = any(r.log_evidence is None for r in rows)
+    logs = {
+        (r.damping, r.restoring): r.exact if exact or r.log_evidence is None else r.log_evidence for r in rows
+    }
     top = max(logs.values())
     curve = {name: arrays[name] for name in ("amplitude", "ratio", "low", "high")}
     return Answered(verdict, {k: v - top for k, v in logs.items()}, curve)
 
 
-def _within(amplitudes: Sequence[float], weighing: Weighing) -> None:
+def check_amplitudes(amplitudes: Sequence[float], weighing: Weighing) -> None:
     """Raises InputError for an amplitude that the record does not have."""
     high, low = weighing.data.amplitude, weighing.data.final_amplitude
     for a in amplitudes:
@@ -161,24 +178,36 @@ def _within(amplitudes: Sequence[float], weighing: Weighing) -> None:
             raise InputError(f"amplitude {a:g}: the record has {low:.3g} to {high:.3g}; give one of these")
 
 
-def _rows(weighing: Weighing) -> list[dict[str, object]]:
-    rows: list[dict[str, object]] = [
-        {
-            "damping": "+".join(r.candidate.damping),
-            "restoring": r.candidate.restoring,
-            "log_evidence": None if r.weighed is None else r.log_evidence,
-            "log_evidence_exact": r.log_evidence if r.weighed is None else r.exact_weighed.log_evidence,
-            "rms": float((r.fit.squares / r.fit.residual.size) ** 0.5),
-            "outcome": OK,
-        }
+def _rows(weighing: Weighing) -> list[WeighedCandidate]:
+    rows = [
+        WeighedCandidate(
+            damping="+".join(r.candidate.damping),
+            restoring=r.candidate.restoring,
+            log_evidence=None if r.weighed is None else r.log_evidence,
+            log_evidence_exact=r.log_evidence if r.weighed is None else r.exact_weighed.log_evidence,
+            rms=float((r.fit.squares / r.fit.residual.size) ** 0.5),
+        )
         for r in weighing.results
         if weighing.results[0].weighed is None or r.weighed is not None
     ]
-    refused: list[dict[str, object]] = [
-        {"damping": "+".join(c.damping), "restoring": c.restoring, "outcome": why}
-        for c, why in weighing.refused.items()
+    refused = [
+        WeighedCandidate("+".join(c.damping), c.restoring, outcome=why) for c, why in weighing.refused.items()
     ]
     return [*rows, *refused]
+
+
+def _kept(damping: str, restoring: str, posterior: Posterior) -> SampledPosterior:
+    return SampledPosterior(
+        damping=damping,
+        restoring=restoring,
+        parameters={n: dict(row) for n, row in posterior.parameters.items()},
+        deviation=posterior.deviation,
+        unexplained=posterior.unexplained,
+        log_evidence=posterior.log_evidence,
+        stderr=posterior.stderr,
+        acceptance=posterior.acceptance,
+        temperatures=posterior.temperatures,
+    )
 
 
 def _posteriors(weighing: Weighing) -> dict[tuple[str, str], Posterior]:

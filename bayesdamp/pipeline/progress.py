@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from rich.progress import Task
 
     from bayesdamp.config import Study
-    from bayesdamp.pipeline.run import Job
+    from bayesdamp.pipeline.jobs import Job
 
 PLAIN = 15.0
 """Seconds between lines of one step where there is no terminal (conventional)."""
@@ -104,6 +104,7 @@ def _models(jobs: list[Job]) -> str:
 
 
 def counted(number: int, what: str) -> str:
+    """A number with its noun, in the plural where it is not one."""
     return f"{number} {what}{'' if number == 1 else 's'}"
 
 

@@ -31,6 +31,7 @@ class Told:
         self.first: dict[str, Verdict] = {}
 
     def __call__(self, verdict: Verdict) -> None:
+        """Tell of a record's verdict: the first in full, and of a later one whether it confirms that."""
         before = self.first.setdefault(verdict.record, verdict)
         if verdict.grade is Grade.NO_FREE_DECAY and before is not verdict:
             return  # there was nothing to sample

@@ -52,6 +52,7 @@ def _strict(value: object) -> object:
 
 
 def plain(value: object) -> object:
+    """A NumPy scalar or array, or a path, as JSON can hold it."""
     if isinstance(value, np.generic):
         return value.item()
     if isinstance(value, np.ndarray):

@@ -19,18 +19,28 @@ class Span(Protocol):
     """A value with the ends of its 95 % interval."""
 
     @property
-    def value(self) -> float: ...
+    def value(self) -> float:
+        """The number itself."""
+        ...
+
     @property
-    def low(self) -> float: ...
+    def low(self) -> float:
+        """Lower end of the 95 % interval."""
+        ...
+
     @property
-    def high(self) -> float: ...
+    def high(self) -> float:
+        """Upper end of the 95 % interval."""
+        ...
 
 
 class RatioAt(Span, Protocol):
     """A damping ratio at an amplitude (rad)."""
 
     @property
-    def amplitude(self) -> float: ...
+    def amplitude(self) -> float:
+        """Where the ratio is given, rad or m."""
+        ...
 
 
 class Answer(Protocol):
@@ -41,23 +51,42 @@ class Answer(Protocol):
     """
 
     @property
-    def decided(self) -> bool: ...
+    def decided(self) -> bool:
+        """Whether one damping is named without reservation."""
+        ...
+
     @property
-    def damping(self) -> str: ...
+    def damping(self) -> str:
+        """The damping sum that is named."""
+        ...
+
     @property
-    def probability(self) -> float: ...
+    def probability(self) -> float:
+        """Of that sum."""
+        ...
+
     @property
-    def grade(self) -> str: ...
+    def grade(self) -> str:
+        """How well the law holds."""
+        ...
+
     @property
-    def damping_ratio(self) -> Sequence[RatioAt]: ...
+    def damping_ratio(self) -> Sequence[RatioAt]:
+        """Ratios at the amplitudes that were asked for."""
+        ...
+
     @property
-    def deviation(self) -> Span | None: ...
+    def deviation(self) -> Span | None:
+        """Of the damping law, with its interval."""
+        ...
 
 
 class Answering(Protocol):
     """From a record and three amplitudes (rad) to an answer. Raises Refusal where there is none."""
 
-    def __call__(self, signal: Signal, amplitudes: tuple[float, ...], /) -> Answer: ...
+    def __call__(self, signal: Signal, amplitudes: tuple[float, ...], /) -> Answer:
+        """The answer on a signal, its damping ratio at these amplitudes (rad)."""
+        ...
 
 
 COLUMNS = (

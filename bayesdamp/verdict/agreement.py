@@ -21,6 +21,7 @@ class Agreement:
 
     @property
     def confirms(self) -> bool:
+        """Whether the sum is the same and no ratio moved by more than a little."""
         return self.same and self.moved < SMALL
 
 

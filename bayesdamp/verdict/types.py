@@ -195,6 +195,7 @@ class Verdict:
         return cls(**{**made, "grade": Grade(given["grade"]), "remarks": tuple(given.get("remarks", ()))})
 
     def to_json(self) -> str:
+        """As `verdict.json` has it."""
         return json.dumps(self.to_dict(), indent=1, ensure_ascii=False)
 
 

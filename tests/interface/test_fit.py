@@ -95,13 +95,23 @@ def test_saved(tmp_path: Path) -> None:
 def test_shown_and_drawn() -> None:
     assert "zeta" in repr(fit())
     assert "<td>zeta</td>" in fit()._repr_html_()
-    assert list(fit().summary().columns) == ["value", "sd", "unit", "prior"]
+    assert list(fit().summary().columns) == ["value", "sd", "low", "high", "unit", "prior"]
     above, below = fit().plot(until=10.0)
     assert below.get_xlabel() == "time / s"
     assert fit().plot((above, below)) == (above, below)
     with pytest.raises(bd.InputError, match="1 given; 2 are drawn on"):
         fit().plot([above])
     plt.close("all")
+
+
+def test_intervals_are_the_normal_ones_of_the_scores() -> None:
+    """Of a normal prior, value ± 1.96 sd; of a half-normal one none is below zero."""
+    low, high = fit().intervals["theta0"]
+    half = 1.959964 * fit().sd["theta0"]
+    assert (low, high) == pytest.approx((fit().values["theta0"] - half, fit().values["theta0"] + half))
+    both = bd.fit(record(), bd.Model("viscous+coulomb", "linear", noise="gaussian", known={"epsilon": 0.02}))
+    assert both.intervals["mu_c"][0] >= 0
+    assert both.intervals["mu_c"][0] < both.values["mu_c"] < both.intervals["mu_c"][1]
 
 
 def test_without_noise_the_outcome_says_so(tmp_path: Path) -> None:
@@ -123,12 +133,6 @@ def test_without_an_oscillation_the_outcome_says_so() -> None:
     found = bd.fit(bd.signal(TIMES, noise, cleaned=False), MODEL)
     assert found.outcome == "no oscillation stands out of the noise"
     assert bd.estimate(bd.signal(TIMES, noise, cleaned=False), "koopman", MODEL).outcome != "ok"
-
-
-@pytest.mark.parametrize("deviation", ["law", "auto"])
-def test_a_deviation_is_refused(deviation: str) -> None:
-    with pytest.raises(bd.Refusal, match="takes the law to hold exactly"):
-        bd.fit(record(), bd.Model("viscous", deviation=deviation))
 
 
 @pytest.mark.parametrize(

@@ -15,7 +15,7 @@ import numpy as np
 
 from bayesdamp.config import Study
 from bayesdamp.config.compare import Asked, comparison
-from bayesdamp.pipeline.run import Job, _stages, _work
+from bayesdamp.pipeline.jobs import Job, stages, work_of
 from bayesdamp.pipeline.tables.tables import write_tables
 from bayesdamp.report.results.reading import ranking
 from bayesdamp.report.results.run import Run, rows_of
@@ -54,7 +54,7 @@ def score(case: Case, laws: Sequence[str], folder: Path) -> dict[str, object]:
             ),
         )
         store = Store(folder / "run")
-        for stage in _stages(study, store):
+        for stage in stages(study, store):
             for job in stage:
                 _compute(study, store, job)
         write_tables(study, store)
@@ -65,7 +65,7 @@ def score(case: Case, laws: Sequence[str], folder: Path) -> dict[str, object]:
 
 def _compute(study: Study, store: Store, job: Job) -> None:
     """The cells of a job that a verdict depends on."""
-    for name, (key, compute) in _work(study, store, job).items():
+    for name, (key, compute) in work_of(study, store, job).items():
         if not UNREAD.match(name):
             compute(name, key)
 

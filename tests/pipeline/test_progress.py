@@ -12,7 +12,7 @@ from rich.console import Console
 from bayesdamp.config import load_study
 from bayesdamp.config.shipped import folder
 from bayesdamp.pipeline import progress as p
-from bayesdamp.pipeline.run import _jobs
+from bayesdamp.pipeline.jobs import jobs_of
 
 
 class Clock:
@@ -83,7 +83,7 @@ def test_a_step_that_is_left_out_is_no_longer_waited_for(clock: Clock) -> None:
 
 def test_a_plan_has_what_a_run_will_do() -> None:
     study = load_study(folder() / "quickstart.toml")
-    jobs = _jobs(study)
+    jobs = jobs_of(study)
     kinds = [step.kind for step in p.planned(study, jobs, set())]
     assert kinds == ["read", "answer", "sampled", "model", "average", "report"]
     done = {"signal/viscous/0", "answer/viscous/0", *(f"mode/viscous/0/{m}" for m in study.models.compare)}
@@ -137,7 +137,7 @@ def test_a_quiet_console_says_nothing(clock: Clock) -> None:
 def test_every_job_of_a_study_has_words() -> None:
     study = load_study(folder() / "quickstart.toml")
     kinds = {}
-    for job in _jobs(study):
+    for job in jobs_of(study):
         step = p.step_of(study, [job])
         kinds[step.kind] = step.words
         assert step.words

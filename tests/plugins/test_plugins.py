@@ -158,9 +158,9 @@ def test_what_does_not_use_it_keeps_its_keys(tmp_path):
 
 
 def keys_of(study, folder: Path) -> dict[str, str]:
-    from bayesdamp.pipeline.run import _jobs, _work
+    from bayesdamp.pipeline.jobs import jobs_of, work_of
 
-    return {n: k for job in _jobs(study) for n, (k, _) in _work(study, Store(folder), job).items()}
+    return {n: k for job in jobs_of(study) for n, (k, _) in work_of(study, Store(folder), job).items()}
 
 
 WRONG = {

@@ -32,7 +32,8 @@ def run(
             width(parts[3], widths or {})
             if parts[0] == "sensitivity"
             else SimpleNamespace(
-                meta={"anomalies": odd, "rivals": [{"words": w, "log_bayes": b} for w, b in rivals]}
+                meta={"anomalies": odd, "rivals": [{"words": w, "log_bayes": b} for w, b in rivals]},
+                outcome="ok",
             )
         ),
     )
@@ -222,10 +223,11 @@ def test_an_evidence_that_is_not_to_be_trusted_decides_nothing_if_it_matters(
 def test_an_interval_that_another_epsilon_moves_is_told_of(monkeypatch, lead, sd, own, told) -> None:
     def tried(log_evidence: float, value: float) -> dict[str, object]:
         found = {"mu_c": [value, 0.001], "zeta": [value, 0.001]}
-        return {"outcome": "ok", "log_evidence": log_evidence, "coefficients": found}
+        return {"share": 0.02, "epsilon": 0.1, "log_evidence": log_evidence, "coefficients": found}
 
     meta = {"friction": ["mu_c"], "epsilons": [tried(-lead, 0.0807), tried(0.0, 0.0799)]}
-    run = SimpleNamespace(cell=lambda *_: SimpleNamespace(meta=meta))
+    meta |= {"chosen": "gaussian", "damping": ["coulomb"], "restoring": "linear", "fits": {}, "weighed": []}
+    run = SimpleNamespace(cell=lambda *_: SimpleNamespace(meta=meta, outcome="ok"))
     rows = [{"parameter": own, "sd": sd, "unit": "rad/s2"}]
     monkeypatch.setattr(summary, "summary_rows", lambda *_: ("nuts", rows))
     monkeypatch.setattr(summary, "coefficients", lambda *_: [own])

@@ -30,6 +30,7 @@ class Finding:
 
 
 def python() -> Finding:
+    """Whether Python's version is one that is tested."""
     own = ".".join(map(str, sys.version_info[:3]))
     least = ".".join(map(str, PYTHON))
     well = sys.version_info >= PYTHON
@@ -86,6 +87,7 @@ def kernels() -> Finding:
 
 
 def machine() -> Finding:
+    """Cores and memory (GiB) that this process may use."""
     cores = len(os.sched_getaffinity(0))
     memory = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / 2**30
     well = memory >= LEAST_MEMORY

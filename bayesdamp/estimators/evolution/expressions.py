@@ -27,10 +27,12 @@ class Expression:
 
     @classmethod
     def constant(cls, value: float) -> Expression:
+        """An expression that is one number at every velocity."""
         return cls((((), float(value)),))
 
     @classmethod
     def variable(cls, weight: float) -> Expression:
+        """The velocity times a weight."""
         return cls((((Atom("v"),), float(weight)),))
 
     @property

@@ -47,11 +47,13 @@ class Envelope(Estimator):
     options = EnvelopeOptions
 
     def refuses(self, damping: tuple[str, ...]) -> str | None:
+        """None: trajectories of any sum have an envelope."""
         return None
 
     def initial(
         self, signal: Signal, problem: Problem, options: Options, rng: np.random.Generator
     ) -> Estimate:
+        """Coefficients of the trajectory whose Hilbert envelope is closest to the record's."""
         assert isinstance(options, EnvelopeOptions)
         seen = checked_features(signal)
         if seen.cycles < LEAST_CYCLES:

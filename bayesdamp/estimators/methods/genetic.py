@@ -58,11 +58,13 @@ class Genetic(Estimator):
     options = GeneticOptions
 
     def refuses(self, damping: tuple[str, ...]) -> str | None:
+        """None: the genes are the coefficients of any sum."""
         return None
 
     def initial(
         self, signal: Signal, problem: Problem, options: Options, rng: np.random.Generator
     ) -> Estimate:
+        """The fittest individual of the last generation, by the misfit of its trajectory."""
         assert isinstance(options, GeneticOptions)
         seen = checked_features(signal)
         genes = Genes(signal, problem, seen)

@@ -81,11 +81,13 @@ class Koopman(Estimator):
     options = KoopmanOptions
 
     def refuses(self, damping: tuple[str, ...]) -> str | None:
+        """None: the library is built from the problem's own terms."""
         return None
 
     def initial(
         self, signal: Signal, problem: Problem, options: Options, rng: np.random.Generator
     ) -> Estimate:
+        """Coefficients from the generator on a library of the state, the logarithm of its operator over a step."""
         assert isinstance(options, KoopmanOptions)
         seen = checked_features(signal)
         library = candidates(problem, epsilon_of(problem, seen), signal.unit, mixed=True)

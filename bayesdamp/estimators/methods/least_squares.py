@@ -38,11 +38,13 @@ class LeastSquares(Estimator):
     options = LeastSquaresOptions
 
     def refuses(self, damping: tuple[str, ...]) -> str | None:
+        """None: the equation of motion is linear in every coefficient."""
         return None
 
     def initial(
         self, signal: Signal, problem: Problem, options: Options, rng: np.random.Generator
     ) -> Estimate:
+        """Coefficients by regression of the equation of motion over the samples."""
         assert isinstance(options, LeastSquaresOptions)
         seen = checked_features(signal)
         moving = motion(signal, problem, seen)

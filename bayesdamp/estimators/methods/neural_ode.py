@@ -52,11 +52,13 @@ class NeuralOde(Estimator):
     options = NeuralOdeOptions
 
     def refuses(self, damping: tuple[str, ...]) -> str | None:
+        """None: the network is a force, on which any sum is projected."""
         return None
 
     def initial(
         self, signal: Signal, problem: Problem, options: Options, rng: np.random.Generator
     ) -> Estimate:
+        """Coefficients from the force that a network in the equation of motion has learnt."""
         assert isinstance(options, NeuralOdeOptions)
         seen = checked_features(signal)
         with single_thread(), torch.no_grad():

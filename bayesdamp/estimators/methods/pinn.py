@@ -71,11 +71,13 @@ class Pinn(Estimator):
     options = PinnOptions
 
     def refuses(self, damping: tuple[str, ...]) -> str | None:
+        """None: coefficients are weights of the loss's equation, whichever there are."""
         return None
 
     def initial(
         self, signal: Signal, problem: Problem, options: Options, rng: np.random.Generator
     ) -> Estimate:
+        """Coefficients that were trained with a network for the motion, by its residual in the equation."""
         assert isinstance(options, PinnOptions)
         seen = checked_features(signal)
         with single_thread():

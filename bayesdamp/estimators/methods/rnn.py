@@ -67,6 +67,7 @@ class Rnn(Estimator):
     options = RnnOptions
 
     def refuses(self, damping: tuple[str, ...]) -> str | None:
+        """Sums of terms, and what the network was not trained for."""
         if len(damping) > 1:
             return "the network is trained to give one damping coefficient, not a sum of terms"
         return None
@@ -74,6 +75,7 @@ class Rnn(Estimator):
     def initial(
         self, signal: Signal, problem: Problem, options: Options, rng: np.random.Generator
     ) -> Estimate:
+        """The coefficient that a recurrent network reads off the record, trained on simulated ones."""
         assert isinstance(options, RnnOptions)
         seen = checked_features(signal)
         drawn = _Drawn(signal, problem, seen, rng)

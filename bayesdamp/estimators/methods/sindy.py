@@ -108,11 +108,13 @@ class Sindy(Estimator):
     options = SindyOptions
 
     def refuses(self, damping: tuple[str, ...]) -> str | None:
+        """None: the library holds the problem's own terms."""
         return None
 
     def initial(
         self, signal: Signal, problem: Problem, options: Options, rng: np.random.Generator
     ) -> Estimate:
+        """Coefficients by sparse regression of the acceleration (Brunton, Proctor and Kutz 2016)."""
         assert isinstance(options, SindyOptions)
         features = checked_features(signal)
         seen = differentiated(signal, problem, features)

@@ -58,11 +58,13 @@ class SymbolicRegression(Estimator):
     options = SymbolicRegressionOptions
 
     def refuses(self, damping: tuple[str, ...]) -> str | None:
+        """None: any sum is projected on the expression."""
         return None
 
     def initial(
         self, signal: Signal, problem: Problem, options: Options, rng: np.random.Generator
     ) -> Estimate:
+        """Coefficients from the expression on the Pareto front that was chosen for the force."""
         assert isinstance(options, SymbolicRegressionOptions)
         seen = checked_features(signal)
         force = Force(signal, problem, seen)

@@ -61,6 +61,7 @@ class Pairs:
 
     @property
     def lifetimes(self) -> np.ndarray:
+        """Persistence p − v of each pair of a peak and a valley, in the unit of the record, (n,)."""
         return self.p - self.v
 
 
@@ -71,6 +72,7 @@ class Topological(Estimator):
     options = TopologicalOptions
 
     def refuses(self, damping: tuple[str, ...]) -> str | None:
+        """Sums of terms, and terms without a formula for the fall of the lifetimes."""
         if len(damping) != 1:
             return "persistence lifetimes give one damping coefficient, not a sum of terms"
         if damping[0] not in PUBLISHED:
@@ -80,6 +82,7 @@ class Topological(Estimator):
     def initial(
         self, signal: Signal, problem: Problem, options: Options, rng: np.random.Generator
     ) -> Estimate:
+        """The coefficient from the fall of the persistence lifetimes."""
         assert isinstance(options, TopologicalOptions)
         seen = checked_features(signal)
         value = self._value(signal, problem, options, seen)

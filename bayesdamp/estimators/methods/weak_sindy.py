@@ -54,11 +54,13 @@ class WeakSindy(Estimator):
     options = WeakSindyOptions
 
     def refuses(self, damping: tuple[str, ...]) -> str | None:
+        """None: the library holds the problem's own terms."""
         return None
 
     def initial(
         self, signal: Signal, problem: Problem, options: Options, rng: np.random.Generator
     ) -> Estimate:
+        """Coefficients by regression of the equation's weak form (Messenger and Bortz 2021)."""
         assert isinstance(options, WeakSindyOptions)
         seen = checked_features(signal)
         sigma = noise_level(signal)

@@ -62,6 +62,7 @@ class Motions:
 
     @property
     def shape(self) -> tuple[int, ...]:
+        """Of the draws."""
         return self._numbers[1][0].shape
 
     def _mapped(self, function: Callable, *more: np.ndarray):
@@ -133,9 +134,12 @@ class Quantity(ABC):
 
 
 class NaturalFrequency(Quantity):
+    """ω_n = √F′_rest at the equilibrium."""
+
     name, angular, linear = "natural_frequency", "rad/s", "rad/s"
 
     def of(self, motions: Motions) -> np.ndarray:
+        """ω_n in rad/s; nan where there is no stable equilibrium."""
         return motions.frequency
 
 
@@ -146,9 +150,12 @@ def _slope_at_rest(term: str) -> float:
 
 
 class DampingRatio(Quantity):
+    """ζ = F′_damp/(2ω_n) at the equilibrium, of the terms that are linear there."""
+
     name, angular, linear = "damping_ratio", "1", "1"
 
     def of(self, motions: Motions) -> np.ndarray | None:
+        """ζ; None where no term is linear at rest."""
         slopes = {t.parameter: _slope_at_rest(t.name) for t in motions.osc.terms if not t.switches}
         if not any(slopes.values()):
             return None
@@ -157,31 +164,43 @@ class DampingRatio(Quantity):
 
 
 class QualityFactor(Quantity):
+    """Q = 1/(2ζ)."""
+
     name, angular, linear = "quality_factor", "1", "1"
 
     def of(self, motions: Motions) -> np.ndarray | None:
+        """Q; None where there is no damping ratio at rest."""
         ratio = DampingRatio().of(motions)
         return None if ratio is None else 0.5 / ratio
 
 
 class EquivalentRatio(Quantity):
+    """ΔE/(4πE) of a cycle at the reference amplitude."""
+
     name, angular, linear = "equivalent_ratio", "1", "1"
 
     def of(self, motions: Motions) -> np.ndarray:
+        """The ratio of the cycle at the reference amplitude."""
         return _ratio(motions.cycle)
 
 
 class LogDecrement(Quantity):
+    """Fall of ln A in a cycle at the reference amplitude."""
+
     name, angular, linear = "log_decrement", "1", "1"
 
     def of(self, motions: Motions) -> np.ndarray:
+        """ΔE/(A dE/dA) at the reference amplitude."""
         return _decrement(motions.cycle, motions.amplitude)
 
 
 class HalfLife(Quantity):
+    """Time in which the amplitude halves from the reference amplitude."""
+
     name, angular, linear = "half_life", "s", "s"
 
     def of(self, motions: Motions) -> np.ndarray:
+        """∫ T/δ d ln A from half the amplitude to it, in s, by Gauss and Legendre's rule."""
         time = np.zeros(motions.shape)
         for x, w in zip(*_HALVING, strict=True):
             a = motions.amplitude * 2.0 ** (-0.5 * (x + 1.0))
@@ -191,38 +210,53 @@ class HalfLife(Quantity):
 
 
 class EnergyFraction(Quantity):
+    """ΔE/E of a cycle at the reference amplitude."""
+
     name, angular, linear = "energy_fraction", "1", "1"
 
     def of(self, motions: Motions) -> np.ndarray:
+        """Energy lost over energy, of the cycle at the reference amplitude."""
         return np.asarray(motions.cycle.lost / motions.cycle.energy)
 
 
 class EnergyLost(Quantity):
+    """Inertia · ΔE of a cycle at the reference amplitude."""
+
     name, angular, linear = "energy_lost", "J", "J"
 
     def of(self, motions: Motions) -> np.ndarray | None:
+        """In J; None where the inertia is not known."""
         return None if motions.inertia is None else motions.inertia * np.asarray(motions.cycle.lost)
 
 
 class ViscousCoefficient(Quantity):
+    """c = 2ζ · inertia."""
+
     name, angular, linear = "viscous_coefficient", "N m s", "N s/m"
 
     def of(self, motions: Motions) -> np.ndarray | None:
+        """In N m s, or N s/m; None without inertia or viscous damping."""
         found = motions.coefficient("zeta")
         return None if found is None else 2.0 * found
 
 
 class CoulombTorque(Quantity):
+    """μ_c · inertia."""
+
     name, angular, linear = "coulomb_torque", "N m", "N"
 
     def of(self, motions: Motions) -> np.ndarray | None:
+        """In N m, or N; None without inertia or friction."""
         return motions.coefficient("mu_c")
 
 
 class QuadraticCoefficient(Quantity):
+    """μ_q · inertia."""
+
     name, angular, linear = "quadratic_coefficient", "N m s²", "N s²/m²"
 
     def of(self, motions: Motions) -> np.ndarray | None:
+        """In N m s², or N s²/m²; None without inertia or quadratic damping."""
         return motions.coefficient("mu_q")
 
 

@@ -109,6 +109,7 @@ def starts_of(candidate: Candidate, parameters: Parameters) -> list[dict[str, fl
 
 
 def active_of(candidate: Candidate, solver: Solver) -> np.ndarray:
+    """Which of the solver's terms act in a candidate, (m,)."""
     return np.array([t in candidate.damping for t in solver.terms])
 
 

@@ -43,6 +43,7 @@ class Fit:
 
     @property
     def squares(self) -> float:
+        """Sum of the squared residuals, in the record's unit squared."""
         return float(self.residual @ self.residual)
 
 

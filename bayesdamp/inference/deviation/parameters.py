@@ -32,6 +32,7 @@ class Parameters:
 
     @cached_property
     def free_names(self) -> tuple[str, ...]:
+        """Names of what is inferred, in the kernel's order."""
         return tuple(self.names[i] for i in self.free)
 
     @cached_property
@@ -71,6 +72,7 @@ class Parameters:
         return np.array(found)
 
     def named(self, z: np.ndarray) -> dict[str, float]:
+        """All of the kernel's parameters at scores z, (d,), by name."""
         return dict(zip(self.names, map(float, self.values(z)), strict=True))
 
 

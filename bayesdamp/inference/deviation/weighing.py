@@ -102,6 +102,7 @@ class Weighing:
     refused: Mapping[Candidate, str] = field(default_factory=dict)
     forms: tuple[Result, ...] = ()
     power: Result | None = None
+    noise_known: bool = False
 
 
 def weigh_all(
@@ -116,9 +117,9 @@ def weigh_all(
 ) -> Weighing:
     """Fit and weigh candidates; those under one law begin with the sum of all terms.
 
-    known: values of parameters, or a function of a law's name that gives them; priors: by parameter; approximate:
-    whether deviations from the laws are weighed too; forms: whether rivals with another form of damping
-    and the power law are.
+    known: values of parameters, `noise_sd` among them, or a function of a law's name that gives them; priors: by
+    parameter; approximate: whether deviations from the laws are weighed too; forms: whether rivals with another form
+    of damping and the power law are.
     """
     priors = dict(priors or {})
     known_under = known if callable(known) else lambda _: known or {}
@@ -180,7 +181,8 @@ def weigh_all(
     wholes = {c.restoring: at for c, at in zip(whole, relinear, strict=True) if at is not None}
     if not wholes:
         raise Refusal("no motion under any of the laws stays in phase with the record")
-    variance, kappa = _noise(data, wholes)
+    stated = known_under(laws[0]).get("noise_sd")
+    variance, kappa = _noise(data, wholes) if stated is None else (_stated(data, stated), 1.0)
     noise = variance, kappa
     kept = _laws_kept(wholes, variance, data.y.size / kappa, knots.size)
     asked: list[Candidate] = []
@@ -195,15 +197,16 @@ def weigh_all(
             seek(c, fits.get(Candidate(terms, c.restoring), fits.get(Candidate(plain, c.restoring))))
         if c not in fits:
             return None
-        return _weighed(c, solvers[c.restoring], fits[c], data, noise, approximate)
+        return _weighed(c, solvers[c.restoring], fits[c], data, noise, approximate, stated is not None)
 
     results = [r for r in at_once(weighed, asked) if r is not None]
     # In an order that does not depend on which core was first.
     order = dict.fromkeys([*every, *(Candidate(terms, law) for law in laws), *candidates])
     refused = {c: refused[c] for c in order if c in refused}
     weighing = Weighing(
-        data, reference, epsilon, tuple(frictions), solvers, tuple(results), variance, kappa, refused
-    )
+        data, reference, epsilon, tuple(frictions), solvers, tuple(results), variance, kappa, refused,
+        noise_known=stated is not None,
+    )  # fmt: skip
     if forms and results:
         weighing = replace(weighing, **_beside(weighing, approximate))
     return weighing
@@ -222,7 +225,7 @@ def _beside(weighing: Weighing, approximate: bool) -> dict[str, Any]:
     fixed = {
         n: v for n, v in best.fit.parameters.known.items() if n in plain.names[plain.law_places] or n in START
     }
-    noise = weighing.variance, weighing.inflation
+    noise, stated = (weighing.variance, weighing.inflation), weighing.noise_known
 
     def weighed(c: Candidate, solver: Solver, starts: list[dict[str, float]]) -> Result | None:
         parameters = parameters_of(c, solver, data, reference, {}, {**fixed, **given})
@@ -231,7 +234,7 @@ def _beside(weighing: Weighing, approximate: bool) -> dict[str, Any]:
             {**near, **{n: first[n] for n in _coefficients(c)}, **start} for start in starts
         ]
         found = searched(c, solver, data, parameters, begun, windows=False)
-        return None if found is None else _weighed(c, solver, found, data, noise, approximate)
+        return None if found is None else _weighed(c, solver, found, data, noise, approximate, stated)
 
     paper = tuple(t for t in plain.terms if t in PAPER_TERMS)
     with_form = replace(plain, terms=(*paper, FORM))
@@ -278,11 +281,14 @@ def _weighed(
     data: Data,
     noise: tuple[float, float],
     approximate: bool,
+    stated: bool,
 ) -> Result:
-    """A candidate's fit, weighed. noise: the variance that counts, and the inflation in it."""
+    """A candidate's fit, weighed. noise: the variance that counts, and the inflation in it; stated: it is known, and
+    not read from the record, so that it counts under exact laws too."""
     variance, kappa = noise
     samples, linear = data.y.size / kappa, exact(found)
     own = data.least_variance + kappa * found.squares / max(data.y.size - found.z.size, 1)
+    own = variance if stated else own
     about = relinearised(c, solver, data, found, variance) if approximate else None
     grid = grid_of(solver.knots.size, absorbed=found.parameters.absorbs)
     over = weigh(about[0].model, grid, variance, samples) if about else None
@@ -355,6 +361,11 @@ def _exact(linear: Linear, variance: float, samples: float) -> Weighed:
 
 def _coefficients(candidate: Candidate) -> set[str]:
     return {TERMS.get(t).parameter for t in candidate.damping}
+
+
+def _stated(data: Data, noise_sd: float) -> float:
+    """The variance of a noise whose sd is known, in the record's unit, after thinning."""
+    return data.least_variance + noise_sd**2 / data.thinned
 
 
 def _noise(data: Data, wholes: Mapping[str, tuple[Linearised, float]]) -> tuple[float, float]:

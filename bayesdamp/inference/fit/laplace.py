@@ -12,6 +12,8 @@ from bayesdamp.inference.model.compiled import compiled
 from bayesdamp.inference.model.target import Context, Target
 
 NODES = 24
+TWO_SIDED = 1.959964
+"""Standard deviations of a normal's 95 % interval."""
 
 
 def log_evidence_near(target: Target, context: Context, z: np.ndarray) -> float:
@@ -74,3 +76,12 @@ def value_sds(target: Target, z: np.ndarray, covariance: np.ndarray) -> dict[str
 def _slope(kind: type):
     """Compiled, (score, *numbers): by how much a parameter changes with its score under this kind of prior."""
     return jax.jit(jax.grad(kind.transform))
+
+
+def value_intervals(target: Target, z: np.ndarray, sd: np.ndarray) -> dict[str, tuple[float, float]]:
+    """The 95 % interval of each parameter, by name: from the normal distribution of each score about the mode,
+    none beyond a half-normal prior's edge."""
+    low, high = z - TWO_SIDED * sd, z + TWO_SIDED * sd
+    low = np.where(target.layout.reflected, np.maximum(low, 0.0), low)
+    ends = target.values(low), target.values(high)
+    return {n: (float(ends[0][n]), float(ends[1][n])) for n in target.names}

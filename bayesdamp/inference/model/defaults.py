@@ -29,6 +29,7 @@ class Reference:
 
     @property
     def peak_velocity(self) -> float:
+        """Amplitude times frequency, rad/s or m/s."""
         return self.amplitude * self.frequency
 
 

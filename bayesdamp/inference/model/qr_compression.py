@@ -62,6 +62,7 @@ class InformationRoots:
 
     @staticmethod
     def total(made: Array) -> Array:
+        """The sum of squares over all steps."""
         return made
 
 
@@ -104,6 +105,7 @@ class Singles:
 
     @staticmethod
     def total(made: tuple[Array, Array]) -> Array:
+        """The sum of squares, without where the last samples were left."""
         return made[0]
 
 

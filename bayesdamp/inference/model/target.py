@@ -41,6 +41,7 @@ class Layout:
 
     @property
     def noise(self) -> NoiseModel:
+        """The noise model itself."""
         return NOISES.get(self.noise_name)
 
 
@@ -109,6 +110,7 @@ class Target:
 
     @property
     def names(self) -> tuple[str, ...]:
+        """Of the inferred parameters, in the order of the scores."""
         return tuple(self.priors)
 
     @property
@@ -118,6 +120,7 @@ class Target:
 
     @property
     def layout(self) -> Layout:
+        """What compiled code depends on."""
         kinds = tuple(type(p) for p in self.priors.values())
         reflected = tuple(p.reflected for p in self.priors.values())
         return Layout(self.oscillator, self.noise, self.names, kinds, reflected)

@@ -32,12 +32,14 @@ class Correlated(NormalNoise):
     uniform_clock = True
 
     def priors(self, features: Features) -> dict[str, Prior]:
+        """The sd lognormal about the record's roughness; the time log-uniform between the sampling and the record."""
         return {
             "noise_sd": LogNormal(median=features.roughness, sigma=1.0),
             "noise_time": LogUniform(low=FASTEST * features.period, high=SLOWEST * features.period),
         }
 
     def start(self, r: np.ndarray, gaps: np.ndarray) -> dict[str, float]:
+        """The sd of the residuals, and the time from their correlation at one lag."""
         rho = float(np.clip(np.sum(r[1:] * r[:-1]) / np.sum(r**2), 0.01, 0.9999))
         return {
             "noise_sd": float(np.sqrt(np.mean(r**2))),
@@ -45,12 +47,14 @@ class Correlated(NormalNoise):
         }
 
     def whiten(self, r: Array, gaps: Array, p: Mapping[str, Array]) -> Array:
+        """Innovations of the exponential kernel over their sds (Ornstein and Uhlenbeck 1930)."""
         sd, exponent = p["noise_sd"], -gaps / p["noise_time"]
         # 1 − ρ² by expm1: ρ is close to 1 where the clock is fast.
         steps = (r[1:] - jnp.exp(exponent) * r[:-1]) / jnp.sqrt(-jnp.expm1(2 * exponent))
         return jnp.concatenate([r[:1], steps]) / sd
 
     def log_likelihood(self, r: Array, gaps: Array, p: Mapping[str, Array]) -> Array:
+        """Σ log N(innovation; 0, σ²(1 − ρ²)), ρ = exp(−Δt/τ): exact for an exponential kernel."""
         innovations = jnp.log(-jnp.expm1(-2 * gaps / p["noise_time"]))
         log_scale = r.size * (jnp.log(p["noise_sd"]) + 0.5 * LOG_2PI) + 0.5 * jnp.sum(innovations)
         return -0.5 * jnp.sum(self.whiten(r, gaps, p) ** 2) - log_scale
@@ -59,6 +63,7 @@ class Correlated(NormalNoise):
         self, sums: Mapping[str, Array], count: Array, gap: Array, p: Mapping[str, Array]
     ) -> Array:
         # r_1² + Σ (r_{i+1} − ρ r_i)²/(1 − ρ²), ordered by 1 − ρ so that no two large terms are subtracted.
+        """The same from sums over samples of one gap."""
         sd, exponent = p["noise_sd"], -gap / p["noise_time"]
         rho, lost = jnp.exp(exponent), -jnp.expm1(exponent)
         square = (rho / lost * sums["differences"] + lost * sums["squares"] + rho * sums["ends"]) / (1 + rho)
@@ -66,6 +71,7 @@ class Correlated(NormalNoise):
         return -0.5 * square / sd**2 - count * (jnp.log(sd) + 0.5 * LOG_2PI) - 0.5 * innovations
 
     def information_root(self, v: Array, gaps: Array, p: Mapping[str, Array]) -> Array:
+        """Whitening of the slopes: the noise is Gaussian, and whitening linear."""
         return self.whiten(v, gaps, p)
 
     def log_likelihoods(self, r: Array, gaps: Array, p: Mapping[str, Array]) -> Array:
@@ -79,6 +85,7 @@ class Correlated(NormalNoise):
         return -0.5 * score**2 - jnp.log(p["noise_sd"]) + 0.5 * jnp.log(own) - 0.5 * LOG_2PI
 
     def draw(self, rng: np.random.Generator, gaps: np.ndarray, p: Mapping[str, float]) -> np.ndarray:
+        """A stationary Ornstein–Uhlenbeck process at the samples."""
         exponent, r = -gaps / p["noise_time"], rng.standard_normal(gaps.size + 1)
         rho, fresh = np.exp(exponent), np.sqrt(-np.expm1(2 * exponent))
         for i in range(gaps.size):

@@ -53,6 +53,8 @@ class Emcee(Sampler):
     name = "emcee"
 
     def sample(self, target: Target, mode: Mode, settings: Settings) -> Posterior:
+        """Walkers about the mode by affine-invariant moves (Goodman and Weare 2010), with draws added where too
+        few."""
         began = time.perf_counter()
         d = mode.z.size
         walkers = 4 * max(d + 2, 8, settings.chains)

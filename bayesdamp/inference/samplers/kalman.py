@@ -58,6 +58,7 @@ class Kalman(Sampler):
     approximate = True
 
     def sample(self, target: Target, mode: Mode, settings: Settings) -> Posterior:
+        """Draws from an unscented Kalman filter and its restarts. Raises Refusal under exact friction."""
         began = time.perf_counter()
         if target.exact_friction:
             raise Refusal(

@@ -26,6 +26,7 @@ class Laplace(Sampler):
     approximate = True
 
     def sample(self, target: Target, mode: Mode, settings: Settings) -> Posterior:
+        """Independent draws of the normal distribution about the mode, with their importance weights' worth."""
         began = time.perf_counter()
         normal = laplace(target, mode)
         z = normal.draw(np.random.default_rng(settings.seed), settings.chains * settings.draws)

@@ -130,6 +130,7 @@ class Run:
 
     @property
     def draws(self) -> int:
+        """How many of each chain are kept, without the warm-up."""
         return self.left[0].shape[1] - self.warmup
 
     def posterior(self, target: Target) -> Posterior:
@@ -183,6 +184,7 @@ class Nuts(Sampler):
     name = "nuts"
 
     def sample(self, target: Target, mode: Mode, settings: Settings) -> Posterior:
+        """Chains from the mode's neighbourhood, longer or again with other steps where they are not good enough."""
         began = time.perf_counter()
         at = whitening_of(target, mode)
         run = self.attempt(target, mode, at, settings, not at.good)

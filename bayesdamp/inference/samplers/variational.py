@@ -49,6 +49,7 @@ class Variational(Sampler):
     approximate = True
 
     def sample(self, target: Target, mode: Mode, settings: Settings) -> Posterior:
+        """Draws of the full-rank normal distribution that is closest to the posterior, weighed by importance."""
         began = time.perf_counter()
         at = Unbounded.of(laplace(target, mode))
         mean, factor, steps, bound = _train(target, mode, at, settings.seed)

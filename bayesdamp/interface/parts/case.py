@@ -10,7 +10,10 @@ import numpy as np
 from bayesdamp import types
 from bayesdamp.estimators.shared import noise_level
 from bayesdamp.inference.fit.friction_choice import epsilon_note, weigh_epsilons
+from bayesdamp.inference.fit.mode import Mode, restore_mode
 from bayesdamp.inference.fit.noise_choice import chosen_noise, first_noise, fit_with, weigh_noises
+from bayesdamp.inference.fit.search import find_mode
+from bayesdamp.inference.fit.starting_points import prior_starts
 from bayesdamp.inference.model.build import build_target
 from bayesdamp.inference.model.defaults import Reference, reference_of
 from bayesdamp.inference.model.target import Target
@@ -20,10 +23,13 @@ from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.pipeline.records.records import NO_NOISE
 from bayesdamp.pipeline.records.starts import observed, regression
+from bayesdamp.plugins import nearest
 from bayesdamp.records.oscillation.features import Features, features
 from bayesdamp.types import InputError, Problem, Refusal
 from bayesdamp.units import UNITS
 
+PRIOR_STARTS = 2
+"""Draws from the prior that are climbed from beside what the record says."""
 Starts = Mapping[str, Mapping[str, float]]
 NO_POSTERIOR = "the record has no noise, so there is no posterior; give noise_sd to simulate"
 
@@ -132,6 +138,31 @@ def choose(case: Case, starts: Starts) -> Choice:
         notes.append(f"Noise: {noise}, {ahead:.3g} nats ahead of {order[1].noise}.")
     values = {n: float(v) for n, v in fit.target.values(fit.mode.z).items()}
     return Choice(noise, epsilon, tuple(notes), {"fit that chose the noise": values})
+
+
+def searched(
+    case: Case, start: Mapping[str, float] | None, seed: int
+) -> tuple[Target, Mode, tuple[str, ...]]:
+    """The target, its highest mode with the solver's steps set right there, and what was chosen on the way."""
+    given = {} if start is None else {"given": dict(start)}
+    for name in given.get("given", {}):
+        if name not in case.model.parameters:
+            raise InputError(
+                f"fit: start has unknown parameter {name!r}{nearest(name, list(case.model.parameters))}"
+            )
+    try:
+        starts = given | dict(case.starts())
+    except Refusal:
+        if not given:
+            raise
+        starts = dict(given)
+    choice = choose(case, starts)
+    target = case.target(choice.noise, choice.epsilon)
+    seeds = {**choice.starts, **starts, **prior_starts(target, PRIOR_STARTS, seed)}
+    mode = find_mode(target, seeds, noise_level=case.seen.roughness, period=case.seen.period)
+    # Made anew at the mode, as it is where a fit is read from a file, so that both are the same.
+    again = restore_mode(target, mode.z, mode.log_posterior, mode.information, mode.tolerance, mode.searches)
+    return target, again, choice.notes
 
 
 def _noise_knows(case: Case, noise: str) -> bool:

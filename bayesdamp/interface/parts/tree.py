@@ -24,6 +24,9 @@ CELLS = 20_000_000
 """Numbers that a pointwise group may hold (160 MB): beyond them draws are thinned, evenly, to every so manieth."""
 TOGETHER = 500_000
 """Numbers that are computed at a time."""
+ORDER = (
+    "posterior", "prior", "posterior_predictive", "log_likelihood", "sample_stats", "observed_data", "constant_data",
+)  # fmt: skip
 RECORD = "record"
 """The one variable of observed, predicted and pointwise groups."""
 
@@ -41,17 +44,19 @@ def tree_of(post: Posterior) -> xr.DataTree:
         "constant_data": _constant(post),
         "sample_stats": _stats(post),
     }
-    order = (
-        "posterior",
-        "prior",
-        "posterior_predictive",
-        "log_likelihood",
-        "sample_stats",
-        "observed_data",
-        "constant_data",
-    )
-    tree = xr.DataTree.from_dict({name: groups[name] for name in order if name in groups})
-    tree.attrs |= {
+    tree = xr.DataTree.from_dict(in_order(groups))
+    tree.attrs |= origin_of(post)
+    return tree
+
+
+def in_order(groups: Mapping[str, xr.Dataset]) -> dict[str, xr.Dataset]:
+    """Groups in the order in which ArviZ lists them."""
+    return {name: groups[name] for name in ORDER if name in groups}
+
+
+def origin_of(post: Posterior) -> dict[str, str]:
+    """What a tree says of where it is from."""
+    return {
         "inference_library": "bayesdamp",
         "inference_library_version": __version__,
         "sampler": post.sampler,
@@ -60,7 +65,6 @@ def tree_of(post: Posterior) -> xr.DataTree:
         "signal": post.fit.signal.name,
         "outcome": post.outcome,
     }
-    return tree
 
 
 def parameters(post: Posterior, draws: np.ndarray, numbers: np.ndarray) -> xr.Dataset:

@@ -21,15 +21,18 @@ class Coulomb(DampingTerm):
     switches = True
 
     def shape(self, velocity: ArrayLike, epsilon: ArrayLike) -> Array:
+        """tanh(θ̇/ε), the sign at ε = 0."""
         velocity = jnp.asarray(velocity)
         smooth = smooth_sign(velocity / jnp.where(epsilon == 0.0, 1.0, epsilon))
         return jnp.where(epsilon == 0.0, jnp.sign(velocity), smooth)
 
     @staticmethod
     def kernel(x: float, v: float, epsilon: float) -> float:
+        """tanh(v/ε)."""
         return math.tanh(v / epsilon)
 
     def ratio_per_unit(self, amplitude: float, frequency: float) -> float:
+        """2/(πω²A): it grows as the amplitude falls."""
         return 2.0 / (math.pi * frequency**2 * amplitude)
 
 

@@ -17,14 +17,17 @@ class Cubic(DampingTerm):
     formula = "μ₃ θ̇³"
 
     def shape(self, velocity: ArrayLike, epsilon: ArrayLike) -> Array:
+        """θ̇³."""
         velocity = jnp.asarray(velocity)
         return velocity * velocity * velocity
 
     @staticmethod
     def kernel(x: float, v: float, epsilon: float) -> float:
+        """v³."""
         return v * v * v
 
     def ratio_per_unit(self, amplitude: float, frequency: float) -> float:
+        """3A²ω/8."""
         return 3.0 / 8.0 * amplitude**2 * frequency
 
 

@@ -16,9 +16,11 @@ class Displacement(DampingTerm):
 
     @staticmethod
     def kernel(x: float, v: float, epsilon: float, rest: float = 0.0) -> float:
+        """(x − x₀)²v."""
         return (x - rest) * (x - rest) * v
 
     def ratio_per_unit(self, amplitude: float, frequency: float) -> float:
+        """A²/(8ω)."""
         return amplitude**2 / (8.0 * frequency)
 
 

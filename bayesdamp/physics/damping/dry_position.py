@@ -35,6 +35,7 @@ class DryPosition(DampingTerm):
         rest: float = 0.0,
         scale: float = 1.0,
     ) -> float:
+        """max(1 + a u + b u², 0) tanh(v/ε), u = (x − x₀)/A_ref."""
         u = (x - rest) / scale
         return max(1.0 + slope * u + curvature * u * u, 0.0) * math.tanh(v / epsilon)
 

@@ -23,6 +23,7 @@ class Power(DampingTerm):
 
     @staticmethod
     def kernel(x: float, v: float, epsilon: float, p: float = 1.0, scale: float = 1.0) -> float:
+        """v ((v² + ε²)/v_ref²)^((p − 1)/2): a power p of the velocity, smooth at rest."""
         return v * ((v * v + epsilon * epsilon) / (scale * scale)) ** (0.5 * (p - 1.0))
 
 

@@ -19,14 +19,17 @@ class Quadratic(DampingTerm):
     formula = "μq θ̇|θ̇|"
 
     def shape(self, velocity: ArrayLike, epsilon: ArrayLike) -> Array:
+        """θ̇|θ̇|."""
         velocity = jnp.asarray(velocity)
         return velocity * jnp.abs(velocity)
 
     @staticmethod
     def kernel(x: float, v: float, epsilon: float) -> float:
+        """v|v|."""
         return v * abs(v)
 
     def ratio_per_unit(self, amplitude: float, frequency: float) -> float:
+        """4A/(3π)."""
         return 4.0 * amplitude / (3.0 * math.pi)
 
 

@@ -34,6 +34,7 @@ class Stribeck(DampingTerm):
 
     @staticmethod
     def kernel(x: float, v: float, epsilon: float, excess: float = 0.0, slow: float = 1.0) -> float:
+        """(1 + s exp(−(v/v_s)²)) tanh(v/ε) (Stribeck 1902)."""
         return (1.0 + excess * math.exp(-(v * v) / (slow * slow))) * math.tanh(v / epsilon)
 
 

@@ -23,9 +23,11 @@ class Structural(DampingTerm):
 
     @staticmethod
     def kernel(x: float, v: float, epsilon: float, rest: float = 0.0) -> float:
+        """|x − x₀| tanh(v/ε)."""
         return abs(x - rest) * math.tanh(v / epsilon)
 
     def ratio_per_unit(self, amplitude: float, frequency: float) -> float:
+        """1/(πω²): the same at every amplitude."""
         return 1.0 / (math.pi * frequency**2)
 
 

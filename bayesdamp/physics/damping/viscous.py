@@ -17,13 +17,16 @@ class Viscous(DampingTerm):
     formula = "2ζθ̇"
 
     def shape(self, velocity: ArrayLike, epsilon: ArrayLike) -> Array:
+        """2θ̇."""
         return 2.0 * jnp.asarray(velocity)
 
     @staticmethod
     def kernel(x: float, v: float, epsilon: float) -> float:
+        """2v."""
         return 2.0 * v
 
     def ratio_per_unit(self, amplitude: float, frequency: float) -> float:
+        """1/ω."""
         return 1.0 / frequency
 
 

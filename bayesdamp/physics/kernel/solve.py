@@ -52,6 +52,7 @@ class Solver:
 
     @cached_property
     def kernel(self) -> Kernel:
+        """Compiled when it is first called."""
         return kernel_of(self._compiled, self.restoring)
 
     @cached_property
@@ -71,6 +72,7 @@ class Solver:
 
     @cached_property
     def names(self) -> tuple[str, ...]:
+        """Of the parameters that `solve` takes, in order."""
         coefficients = tuple(TERMS.get(name).parameter for name in self.terms)
         return (*coefficients, *self.further, *LAWS.get(self.restoring).parameters, "theta0", "omega0")
 

@@ -21,17 +21,21 @@ class Duffing(RestoringLaw):
     translates = True
 
     def force(self, theta: ArrayLike, p: Mapping[str, Scalar]) -> Array:
+        """k(θ − θ_e) + β(θ − θ_e)³, rad/s²."""
         x = jnp.asarray(theta) - p["rest_angle"]
         return p["stiffness"] * x + p["cubic"] * x**3
 
     @staticmethod
     def kernel(x: float, p: Sequence[float] | np.ndarray) -> float:
+        """The same of p = (k, θ_e, β)."""
         return (p[0] + p[2] * (x - p[1]) ** 2) * (x - p[1])
 
     def start(self, frequency: float, rest: float, known: Mapping[str, float]) -> dict[str, float]:
+        """k = ω², θ_e at rest, β = 0, but for what is known."""
         return {"stiffness": frequency**2, "rest_angle": rest, "cubic": 0.0, **known}
 
     def linear_form(self, theta: np.ndarray, known: Mapping[str, float]) -> LinearForm:
+        """Linear in k and β where θ_e is known."""
         if "rest_angle" in known:
             x = theta - known["rest_angle"]
             free = [n for n in ("stiffness", "cubic") if n not in known]

@@ -25,14 +25,17 @@ class HorizontalPendulum(RestoringLaw):
     parameters = ("stiffness", "gravity", "spring_angle")
 
     def force(self, theta: ArrayLike, p: Mapping[str, Scalar]) -> Array:
+        """k(θ − θ_s) − γ cos θ, rad/s²."""
         theta = jnp.asarray(theta)
         return p["stiffness"] * (theta - p["spring_angle"]) - p["gravity"] * cosine(theta)
 
     @staticmethod
     def kernel(x: float, p: Sequence[float] | np.ndarray) -> float:
+        """The same of p = (k, γ, θ_s)."""
         return p[0] * (x - p[2]) - p[1] * math.cos(x)
 
     def start(self, frequency: float, rest: float, known: Mapping[str, float]) -> dict[str, float]:
+        """k from ω² = k + γ sin θ at rest, and θ_s from the balance there, but for what is known."""
         gravity = known.get("gravity", 0.0)
         stiffness = known.get("stiffness", frequency**2 - gravity * math.sin(rest))
         spring = rest - gravity * math.cos(rest) / stiffness
@@ -54,6 +57,7 @@ class HorizontalPendulum(RestoringLaw):
         return None
 
     def from_natural(self, p: Mapping[str, float]) -> dict[str, float] | None:
+        """From the angle at rest, γ and ω²: k = ω² − γ sin θ there, and θ_s by balance."""
         rest, gravity = p["spring_angle"], p["gravity"]
         k = p["stiffness"] - gravity * math.sin(rest)
         if k <= 0:
@@ -64,6 +68,7 @@ class HorizontalPendulum(RestoringLaw):
 
     def linear_form(self, theta: np.ndarray, known: Mapping[str, float]) -> LinearForm:
         # F = kθ − kθ_s − γ cos θ: linear in (k, kθ_s, γ), or in (k, γ) where θ_s is known.
+        """Linear in k, kθ_s and γ, or in what of them is not known."""
         names, columns, offset = [], [], np.zeros_like(theta)
         spring = known.get("spring_angle")
         lever = theta if spring is None else theta - spring

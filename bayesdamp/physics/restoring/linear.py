@@ -21,16 +21,20 @@ class Linear(RestoringLaw):
     translates = True
 
     def force(self, theta: ArrayLike, p: Mapping[str, Scalar]) -> Array:
+        """k(θ − θ_e), rad/s²."""
         return p["stiffness"] * (jnp.asarray(theta) - p["rest_angle"])
 
     @staticmethod
     def kernel(x: float, p: Sequence[float] | np.ndarray) -> float:
+        """The same of p = (k, θ_e)."""
         return p[0] * (x - p[1])
 
     def start(self, frequency: float, rest: float, known: Mapping[str, float]) -> dict[str, float]:
+        """k = ω², θ_e at rest, but for what is known."""
         return {"stiffness": frequency**2, "rest_angle": rest, **known}
 
     def linear_form(self, theta: np.ndarray, known: Mapping[str, float]) -> LinearForm:
+        """Linear in k and kθ_e, or in what of them is not known."""
         k, rest = known.get("stiffness"), known.get("rest_angle")
         none, one = np.zeros((theta.size, 0)), np.ones_like(theta)
         if k is not None and rest is not None:

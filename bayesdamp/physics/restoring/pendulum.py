@@ -22,16 +22,20 @@ class Pendulum(RestoringLaw):
     parameters = ("stiffness", "rest_angle")
 
     def force(self, theta: ArrayLike, p: Mapping[str, Scalar]) -> Array:
+        """k sin(θ − θ_e), rad/s²."""
         return p["stiffness"] * sine(jnp.asarray(theta) - p["rest_angle"])
 
     @staticmethod
     def kernel(x: float, p: Sequence[float] | np.ndarray) -> float:
+        """The same of p = (k, θ_e)."""
         return p[0] * math.sin(x - p[1])
 
     def start(self, frequency: float, rest: float, known: Mapping[str, float]) -> dict[str, float]:
+        """k = ω², θ_e at rest, but for what is known."""
         return {"stiffness": frequency**2, "rest_angle": rest, **known}
 
     def linear_form(self, theta: np.ndarray, known: Mapping[str, float]) -> LinearForm:
+        """Linear in k cos θ_e and k sin θ_e, or in k where θ_e is known."""
         k, rest = known.get("stiffness"), known.get("rest_angle")
         zero = np.zeros_like(theta)
         if rest is not None:

@@ -82,13 +82,16 @@ class CyclePlan(Plan):
 
     @property
     def whole(self) -> CyclePlan:
+        """The plan of all samples."""
         return replace(self, part=None)
 
     @property
     def kept(self) -> slice:
+        """Which samples of the whole are in the part."""
         return slice(*self.part) if self.part else slice(None)
 
     def of(self, samples: slice) -> CyclePlan:
+        """Of a run of samples, read from the same cycles."""
         kept = range(self.times.size)[self.kept][samples]
         return replace(self, part=(kept.start, kept.stop))
 
@@ -121,10 +124,12 @@ class CyclePlan(Plan):
         return cycle_plan(osc, p, times - times[0], order, FINER * self.resolution) or self
 
     def corrected(self, osc: Oscillator, finer: Plan, p: Parameters) -> CyclePlan:
+        """With the defect to a finer plan added at every sample (defect correction, Stetter 1978)."""
         lacking = finer.at_samples(osc, p) - self.at_samples(osc, p)
         return replace(self, defect=jax.device_put(np.asarray(self.defect) + lacking))
 
     def many_at_samples(self, osc: Oscillator, values: Mapping[str, np.ndarray]) -> np.ndarray:
+        """Motions of many parameters, (m, n), in batches of one size."""
         count, found = len(values["theta0"]), []
         for first in range(0, count, TOGETHER):
             rows = np.minimum(np.arange(first, first + TOGETHER), count - 1)

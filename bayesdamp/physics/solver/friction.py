@@ -41,6 +41,7 @@ class TurningPlan(Plan):
     derivative: int
 
     def record(self, osc: Oscillator, p: Parameters) -> Array:
+        """The motion at the samples, from half cycles between turning points, until friction holds it."""
         nodes = _half_cycles(osc, self.steps, self.per_half_cycle, p)
         turning = nodes[:, -1, 0]
         cycle = jnp.clip(jnp.searchsorted(turning, self.times), 0, nodes.shape[0] - 1)
@@ -59,15 +60,18 @@ class TurningPlan(Plan):
         return jnp.sum(pair * weights, axis=1)
 
     def of(self, samples: slice) -> TurningPlan:
+        """Of some of the samples."""
         return replace(self, times=self.times[samples])
 
     def at(self, times: np.ndarray, quantity: str) -> TurningPlan:
+        """At other times, of another derivative."""
         derivative = QUANTITIES.index(quantity)
         return replace(self, times=jax.device_put(np.asarray(times, float)), derivative=derivative)
 
     def finer(
         self, osc: Oscillator, p: Parameters, parts: int, times: np.ndarray, quantity: str
     ) -> TurningPlan:
+        """With so many times the steps in each half cycle."""
         del osc, p, times, quantity
         return replace(self, steps=self.steps / parts, per_half_cycle=parts * self.per_half_cycle)
 

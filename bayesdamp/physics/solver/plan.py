@@ -31,6 +31,7 @@ class Plan(ABC):
 
     @property
     def kept(self) -> slice:
+        """Which samples of the whole plan are in it: all."""
         return slice(None)
 
     @abstractmethod

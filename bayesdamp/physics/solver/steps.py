@@ -60,6 +60,7 @@ class MeshPlan(Plan):
     correction: DefectCorrection | None = None
 
     def record(self, osc: Oscillator, p: Parameters) -> Array:
+        """The motion at the samples, between the mesh's nodes."""
         return self.of_nodes(nodes(osc, self.steps, self.count, p))
 
     def of_nodes(self, state: Array) -> Array:
@@ -69,19 +70,23 @@ class MeshPlan(Plan):
         return between if self.correction is None else between + self.correction.defect
 
     def of(self, samples: slice) -> MeshPlan:
+        """Of some of the samples, on the same mesh."""
         correction = self.correction and replace(self.correction, defect=self.correction.defect[samples])
         return replace(
             self, interval=self.interval[samples], weights=self.weights[samples], correction=correction
         )
 
     def at(self, times: np.ndarray, quantity: str) -> MeshPlan:
+        """At other times, of another derivative, on the same mesh."""
         return mesh_plan(_times(_steps(self)), times, quantity)
 
     def finer(self, osc: Oscillator, p: Parameters, parts: int, times: np.ndarray, quantity: str) -> MeshPlan:
+        """With each step in so many parts."""
         del osc, p
         return mesh_plan(_times(np.repeat(_steps(self) / parts, parts)), times - times[0], quantity)
 
     def corrected(self, osc: Oscillator, finer: Plan, p: Parameters) -> MeshPlan:
+        """With the defect to a finer plan added at every sample (defect correction, Stetter 1978)."""
         state = _node_values(osc, self, p)
         defect = finer.at_samples(osc, p) - between(self, state)
         return replace(self, correction=DefectCorrection(*jax.device_put((state, defect))))
@@ -91,6 +96,7 @@ class MeshPlan(Plan):
         return between(self, _node_values(osc, self, p)) + self._defect
 
     def many_at_samples(self, osc: Oscillator, values: Mapping[str, np.ndarray]) -> np.ndarray:
+        """Motions of many parameters, (m, n), by one compiled program."""
         return between(self, many_nodes(osc, self, values)) + self._defect
 
     @property

@@ -15,6 +15,7 @@ from bayesdamp.pipeline.candidates.posteriors import amplitude_grid
 from bayesdamp.pipeline.records.records import plain_seconds
 from bayesdamp.records.oscillation.curves import amplitude_curves
 from bayesdamp.store import CellResult
+from bayesdamp.store.contents.candidates import ModeContent
 from bayesdamp.types import OK, Refusal
 
 if TYPE_CHECKING:
@@ -34,7 +35,8 @@ def compute_curve(branch: Branch, name: str, key: str) -> None:
         return
     seen = branch.record.seen
     grid = amplitude_grid(seen)
-    values = {**found.meta["known"], **found.meta["values"]}
+    mode = ModeContent.of(found)
+    values = {**mode.known, **mode.values}
 
     def undamped(amplitudes: np.ndarray) -> dict[str, np.ndarray]:
         motions = Motions(

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 
@@ -36,6 +35,8 @@ from bayesdamp.pipeline.records.starts import REGRESSION, observed, of_all, regr
 from bayesdamp.pipeline.records.stored_modes import alone, packed, unpacked
 from bayesdamp.pipeline.records.targets import Record
 from bayesdamp.store import CellResult, Store
+from bayesdamp.store.contents.candidates import BesideIt, Part, SecondHalf
+from bayesdamp.store.contents.records import NoiseContent
 from bayesdamp.types import OK, Problem, Refusal, System, candidate_parts
 
 PRIOR_SEEDS = 2
@@ -121,10 +122,12 @@ class Branch:
 
     @cached_property
     def record(self) -> Record:
+        """The record as its cell holds it."""
         return Record(self.study, self.spec, self.store.read(self.parent.name))
 
     @cached_property
     def system(self) -> System:
+        """What is known of the system under the candidate's law."""
         return self.record.system(self.restoring)
 
     @cached_property
@@ -133,23 +136,23 @@ class Branch:
         return noise_cell(self.study, self.spec, self.repeat, self.store)
 
     @cached_property
-    def _chosen(self) -> Mapping[str, Any]:
+    def _chosen(self) -> NoiseContent:
         """What was chosen for the record. Raises Refusal where nothing could be."""
         assert self.noise_cell is not None
         found = self.store.read(self.noise_cell.name)
         if found.outcome != OK:
             raise Refusal(following(found.name, found.outcome))
-        return found.meta
+        return NoiseContent.of(found)
 
     @property
     def noise(self) -> str:
         """The noise model. Raises Refusal where none could be chosen."""
-        return self._chosen["chosen"] if self.noise_cell else self.study.noises[0]
+        return self._chosen.chosen if self.noise_cell else self.study.noises[0]
 
     @property
     def epsilon(self) -> float | None:
         """The friction's ε (rad/s) that suits the record better than the usual one, where nobody gave one."""
-        return self._chosen["epsilon"] if self.noise_cell else None
+        return self._chosen.epsilon if self.noise_cell else None
 
     @cached_property
     def target(self) -> Target:
@@ -192,6 +195,7 @@ class Branch:
         return alone(mode, self.shared, self.target) if self.beside else mode
 
     def estimate(self, name: str, key: str) -> None:
+        """Store both stages of one estimator, and its curves."""
         began = time.perf_counter()
         method, use = name.rsplit("/", 1)[1], self.study.estimators
         found = run_estimator(
@@ -234,9 +238,9 @@ class Branch:
             seeds |= regression(self.record, problem)[0]
         decays = observed(self.record, problem)
         seeds = decays | seeds
-        fit = self._chosen.get("fits", {}).get(self.restoring) if self._many and self.noise_cell else None
+        fit = self._chosen.fits.get(self.restoring) if self._many and self.noise_cell else None
         if fit:
-            seeds = of_all(fit, self._chosen["damping"], problem, decays) | seeds
+            seeds = of_all(fit, list(self._chosen.damping), problem, decays) | seeds
         if not seeds:
             raise Refusal("no estimator found a place to start from")
         count = 0 if self._many else PRIOR_SEEDS
@@ -244,8 +248,9 @@ class Branch:
         return seeds | from_prior, refused
 
     def mode(self, name: str, key: str) -> None:
+        """Store the highest mode with what was checked of its fit, or why there is none."""
         began = time.perf_counter()
-        if not self.record.cell.meta["noisy"]:
+        if not self.record.content.noisy:
             self.store.write(CellResult(name, key, outcome=NOT_APPLICABLE))
             return
         try:
@@ -259,24 +264,31 @@ class Branch:
         seed = cell_seed(self.study, f"checks/{self.spec.name}/{self.repeat}")
         fit = check_fit(self.shared, mode, self.record.seen.period, seed)
         found, scores = packed(mode, self.shared, self.target)
-        meta = {
-            **found,
-            "refused": refused,
-            "windows": [asdict(w) for w in fit.windows],
-            **{k: v for k, v in asdict(fit).items() if k not in (*CHECKS, "windows")},
-        }
+        later = fit.forecast
+        checked = replace(
+            found,
+            refused=refused,
+            windows=tuple(Part(**vars(w)) for w in fit.windows),
+            forecast=None if later is None else SecondHalf(**vars(later)),
+            rivals=tuple(BesideIt(r.words, r.log_bayes) for r in fit.rivals),
+            **{k: v for k, v in vars(fit).items() if k not in (*CHECKS, "windows", "forecast", "rivals")},
+        )
         arrays = {"t": self.record.signal.t, **scores, **{k: getattr(fit, k) for k in CHECKS}}
         self.restored_mode = mode
-        self.store.write(CellResult(name, key, meta, arrays, OK, plain_seconds(began)))
+        self.store.write(CellResult(name, key, checked.meta(), arrays, OK, plain_seconds(began)))
 
     def posterior(self, name: str, key: str) -> None:
+        """Store one sampler's draws and their summaries."""
         compute_posterior(self, name, key, cell_seed(self.study, name))
 
     def curve(self, name: str, key: str) -> None:
+        """Store the damping ratio and frequency of the mode against amplitude."""
         compute_curve(self, name, key)
 
     def evidence(self, name: str, key: str) -> None:
+        """Store one method's evidence, or why there is none."""
         compute_evidence(self, name, key, cell_seed(self.study, name))
 
     def sensitivity(self, name: str, key: str) -> None:
+        """Store what one change of the assumptions does."""
         compute_sensitivity(self, name, key, cell_seed(self.study, name))

@@ -82,7 +82,7 @@ def _tables(branch: Branch, found: Posterior, motions: Motions) -> dict[str, Any
 def _motions(branch: Branch, found: Posterior) -> Motions:
     inferred = {n: found.draws[..., i] for i, n in enumerate(found.names)}
     values = {**branch.target.known, **inferred}
-    amplitude = branch.record.cell.meta["reference"]["amplitude"]
+    amplitude = branch.record.reference.amplitude
     return Motions(branch.target.oscillator, values, branch.record.seen.rest, amplitude, branch.spec.inertia)
 
 

@@ -17,6 +17,7 @@ from bayesdamp.inference.fit.noise_choice import fit_with
 from bayesdamp.outcomes import following
 from bayesdamp.pipeline.candidates.weighing import evidence_meta, evidence_of
 from bayesdamp.store import CellResult
+from bayesdamp.store.contents.candidates import ModeContent
 from bayesdamp.types import OK, Refusal, candidate_name, candidate_parts
 
 if TYPE_CHECKING:
@@ -113,12 +114,12 @@ def _ratios(branch: Branch, source: CellResult, seed: int) -> Product:
 def _noises(branch: Branch, source: CellResult, seed: int) -> Product:
     """Laplace's log evidence under each noise model in play, from the mode under the one that was chosen."""
     del source, seed
-    mode = branch.store.read(f"mode/{branch.path}").meta
-    start, (whole, *_) = mode["values"], mode["windows"]
+    mode = ModeContent.of(branch.store.read(f"mode/{branch.path}"))
+    start, (whole, *_) = mode.values, mode.windows
     found: dict[str, dict[str, Any]] = {}
     for noise in branch.study.noises:
         if noise == branch.noise:
-            found[noise] = {"log_evidence": whole["log_evidence"], "outcome": OK}
+            found[noise] = {"log_evidence": whole.log_evidence, "outcome": OK}
             continue
         try:
             target = branch.record.target(

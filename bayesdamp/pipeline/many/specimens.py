@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 from functools import cached_property
 from typing import Any
 
@@ -26,7 +26,9 @@ from bayesdamp.physics.units import parameter_unit
 from bayesdamp.pipeline.candidates.cells import Branch
 from bayesdamp.pipeline.records.records import cell_seed
 from bayesdamp.store import Store
-from bayesdamp.types import Refusal, candidate_parts
+from bayesdamp.store.contents.candidates import ModeContent
+from bayesdamp.store.contents.records import RecordContent
+from bayesdamp.types import OK, Refusal, candidate_parts
 
 BOTH, DAMPING, LAW, NOTHING = "damping and law", "damping", "law", "nothing"
 """What the records of a specimen may share."""
@@ -83,13 +85,13 @@ class Specimen:
         """The reference of all records' priors. Raises Refusal where a record has none."""
         cells = [self.store.read(f"signal/{spec.name}/{repeat}") for spec, repeat in self.records]
         for label, cell in zip(self.labels, cells, strict=True):
-            if "reference" not in cell.meta:
+            if cell.outcome != OK:
                 raise Refusal(f"{label}: {following(cell.name, cell.outcome)}")
-        found = {
-            key: float(np.exp(np.mean([np.log(c.meta["reference"][key]) for c in cells])))
-            for key in ("amplitude", "frequency")
-        }
-        return Reference(**found)
+        scales = [RecordContent.of(cell).scales for cell in cells]
+        amplitude, frequency = (
+            float(np.exp(np.mean(np.log(one)))) for one in zip(*map(astuple, scales), strict=True)
+        )
+        return Reference(amplitude, frequency)
 
     def problem(self, candidate: str) -> Problem:
         """A candidate on all records. Raises Refusal where it has no mode on one of them."""
@@ -104,10 +106,11 @@ class Specimen:
                 raise Refusal(
                     Status.SET_ASIDE.because(f"not fitted to {label}, where its law is far behind")
                 ) from None
-            if "values" not in cell.meta:
+            if cell.outcome != OK:
                 raise Refusal(f"{label}: {following(cell.name, cell.outcome)}")
-            starts.append(cell.meta["values"])
-            tolerances.append(cell.meta["tolerance"])
+            mode = ModeContent.of(cell)
+            starts.append(mode.values)
+            tolerances.append(mode.tolerance)
         epsilon = shared_epsilon(branches)
         targets = [
             branch.record.target(
@@ -123,6 +126,7 @@ class Specimen:
         return Problem(tuple(targets), tuple(starts), tuple(tolerances))
 
     def seed(self, *what: str) -> int:
+        """Of what is drawn for this specimen."""
         return cell_seed(self.study, "/".join(("joint", self.name, *what)))
 
     def units(self, candidate: str, names: Sequence[str]) -> dict[str, str]:

@@ -10,8 +10,6 @@ import numpy as np
 
 from bayesdamp.config import Recording, SignalSpec, Study
 from bayesdamp.config.checks import plain
-from bayesdamp.inference.deviation.sampled.table import Posterior
-from bayesdamp.inference.model.defaults import Reference
 from bayesdamp.outcomes import following
 from bayesdamp.physics.damping import TERMS, DampingTerm, others, parse_model
 from bayesdamp.physics.restoring import LAWS
@@ -21,6 +19,8 @@ from bayesdamp.pipeline.records.records import NOT_APPLICABLE, SignalCell, cell_
 from bayesdamp.pipeline.records.targets import Record
 from bayesdamp.priors import Prior
 from bayesdamp.store import CellResult, Store
+from bayesdamp.store.contents.answers import AnswerContent
+from bayesdamp.store.contents.records import RecordContent
 from bayesdamp.types import OK, Refusal
 from bayesdamp.verdict.specimen import Answered
 from bayesdamp.verdict.types import Grade, Verdict
@@ -54,6 +54,7 @@ class AnswerCell:
 
     @cached_property
     def key(self) -> str:
+        """Of the record, the question, and the source of terms and laws."""
         priors = {t: str(p) for t, p in self.study.models.prior.items()}
         systems = [plain(self.spec.under(law)) for law in self.spec.restoring]
         parts = (
@@ -68,11 +69,12 @@ class AnswerCell:
         return task_key(self.name.partition("/")[0], self.parent.key, *parts, named)
 
     def compute(self) -> None:
+        """Store the verdict with what it rests on, or why nothing was weighed."""
         began = time.perf_counter()
         cell = self.store.read(self.parent.name)
         outcome = following(cell.name, cell.outcome)
         if outcome == OK:
-            outcome = "" if cell.meta["noisy"] else NOT_APPLICABLE
+            outcome = "" if RecordContent.of(cell).noisy else NOT_APPLICABLE
         missing = [t for t in self._terms if TERMS.get(t).kernel is DampingTerm.kernel]
         if not outcome and missing:
             outcome = NO_KERNEL.format(names=", ".join(missing))
@@ -87,22 +89,14 @@ class AnswerCell:
                 CellResult(self.name, self.key, outcome=str(refusal), seconds=plain_seconds(began))
             )
             return
-        meta = {
-            "verdict": found.verdict.to_dict(),
-            "candidates": list(found.candidates),
-            "fits": dict(found.fits),
-            "priors": [
-                {"damping": d, "restoring": law, "priors": dict(said)}
-                for (d, law), said in found.priors.items()
-            ],
-            "posteriors": [_kept(*name, posterior) for name, posterior in found.posteriors.items()],
-        }
         arrays = {
             **found.arrays,
             **{f"draws/{d}@{law}": one.draws for (d, law), one in found.posteriors.items()},
         }
         outcome = found.verdict.sentence if found.verdict.grade is Grade.NOT_WEIGHED else OK
-        self.store.write(CellResult(self.name, self.key, meta, arrays, outcome, plain_seconds(began)))
+        self.store.write(
+            CellResult(self.name, self.key, found.content().meta(), arrays, outcome, plain_seconds(began))
+        )
 
     @property
     def _terms(self) -> tuple[str, ...]:
@@ -130,27 +124,13 @@ class AnswerCell:
             restoring=self.spec.restoring,
             known=known,
             priors=given,
-            reference=Reference(**record.cell.meta["reference"]),
+            reference=record.reference,
             sensor=self.study.posterior.sensor,
             measured=isinstance(self.spec.source, Recording),
             seed=cell_seed(self.study, self.name),
-            notes=record.cell.meta.get("anomalies", ()),
+            notes=record.content.anomalies,
             sample=self.sample,
         )
-
-
-def _kept(damping: str, restoring: str, posterior: Posterior) -> dict[str, object]:
-    return {
-        "damping": damping,
-        "restoring": restoring,
-        "parameters": {n: dict(row) for n, row in posterior.parameters.items()},
-        "deviation": list(posterior.deviation),
-        "unexplained": posterior.unexplained,
-        "log_evidence": posterior.log_evidence,
-        "stderr": posterior.stderr,
-        "acceptance": posterior.acceptance,
-        "temperatures": posterior.temperatures,
-    }
 
 
 def answer_cell(store: Store, signal: str, repeat: int) -> CellResult | None:
@@ -168,34 +148,35 @@ def answer_cell(store: Store, signal: str, repeat: int) -> CellResult | None:
 def fits_of(store: Store, signal: str, repeat: int) -> Mapping[str, Mapping[str, float]]:
     """The fits of all terms by law, as `AnswerCell` stored them; none where it has none."""
     try:
-        return store.read(f"answer/{signal}/{repeat}").meta.get("fits", {})
+        cell = store.read(f"{ANSWERED}/{signal}/{repeat}")
     except KeyError:
         return {}
+    return AnswerContent.of(cell).fits if cell.meta else {}
 
 
 def shortlist(store: Store, signal: str, repeat: int, nats: float) -> set[tuple[str, str]] | None:
     """The candidates, (damping, restoring), that sampling may confirm or correct: those within so many nats of the best
     under exact laws, and the best under approximate ones; None where nothing was weighed at once."""
     try:
-        rows = store.read(f"answer/{signal}/{repeat}").meta.get("candidates", ())
+        cell = store.read(f"{ANSWERED}/{signal}/{repeat}")
     except KeyError:
         return None
-    weighed = [r for r in rows if r["outcome"] == OK]
+    weighed = [r for r in AnswerContent.of(cell).candidates if r.outcome == OK] if cell.meta else []
     if not weighed:
         return None
-    top = max(r["log_evidence_exact"] for r in weighed)
-    found = {(r["damping"], r["restoring"]) for r in weighed if top - r["log_evidence_exact"] < nats}
-    about = [r for r in weighed if r["log_evidence"] is not None]
+    top = max(r.exact for r in weighed)
+    found = {(r.damping, r.restoring) for r in weighed if top - r.exact < nats}
+    about = [(r.log_evidence, r) for r in weighed if r.log_evidence is not None]
     if about:
-        first = max(about, key=lambda r: r["log_evidence"])
-        found.add((first["damping"], first["restoring"]))
+        _, first = max(about, key=lambda pair: pair[0])
+        found.add((first.damping, first.restoring))
     return found
 
 
 def verdict_of(store: Store, signal: str, repeat: int) -> Verdict | None:
     """The verdict that is stored of a record; None where there is none."""
     cell = answer_cell(store, signal, repeat)
-    return None if cell is None else Verdict.from_dict(cell.meta["verdict"])
+    return None if cell is None else Verdict.from_dict(AnswerContent.of(cell).verdict)
 
 
 def arrays_of(store: Store, signal: str, repeat: int) -> Mapping[str, np.ndarray]:
@@ -207,6 +188,7 @@ def arrays_of(store: Store, signal: str, repeat: int) -> Mapping[str, np.ndarray
 def answered_of(store: Store, signal: str, repeat: int) -> Answered | None:
     """What a verdict on several records takes of one; None where nothing was weighed."""
     cell = answer_cell(store, signal, repeat)
-    if cell is None or not cell.meta["candidates"]:
+    if cell is None or not AnswerContent.of(cell).candidates:
         return None
-    return answered_from(Verdict.from_dict(cell.meta["verdict"]), cell.meta["candidates"], cell.arrays)
+    content = AnswerContent.of(cell)
+    return answered_from(Verdict.from_dict(content.verdict), content.candidates, cell.arrays)

@@ -5,8 +5,8 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping
+from dataclasses import replace
 from functools import cached_property
-from typing import Any
 
 from bayesdamp.config import SignalSpec, Study
 from bayesdamp.config.checks import plain
@@ -25,6 +25,7 @@ from bayesdamp.pipeline.records.starts import REGRESSION, observed, regression
 from bayesdamp.pipeline.records.stored_modes import packed, unpacked
 from bayesdamp.pipeline.records.targets import Record
 from bayesdamp.store import CellResult, Store
+from bayesdamp.store.contents.candidates import ModeContent
 from bayesdamp.types import OK, Problem, Refusal
 
 
@@ -45,6 +46,7 @@ class LawFit:
 
     @cached_property
     def key(self) -> str:
+        """Of the record, the law, the terms in play and the answer that it starts from."""
         priors = {t: str(self.study.models.prior.get(t)) for t in self.terms}
         law = plain(self.spec.under(self.law))
         answer = AnswerCell(self.study, self.spec, self.repeat, self.store).key
@@ -59,6 +61,7 @@ class LawFit:
 
     @cached_property
     def record(self) -> Record:
+        """The record as its cell holds it."""
         return Record(self.study, self.spec, self.store.read(self.parent.name))
 
     def compute(self) -> None:
@@ -66,7 +69,7 @@ class LawFit:
         began = time.perf_counter()
         cell, meta, arrays = self.record.cell, {}, {}
         outcome = following(cell.name, cell.outcome)
-        if outcome == OK and not cell.meta["noisy"]:
+        if outcome == OK and not self.record.content.noisy:
             outcome = NOT_APPLICABLE
         if outcome == OK:
             try:
@@ -74,8 +77,8 @@ class LawFit:
             except Refusal as refusal:
                 outcome = str(refusal)
             else:
-                meta, arrays = packed(fit.mode, fit.target, fit.target)
-                meta |= {"log_evidence": fit.log_evidence}
+                content, arrays = packed(fit.mode, fit.target, fit.target)
+                meta = replace(content, log_evidence=fit.log_evidence).meta()
         self.store.write(CellResult(self.name, self.key, meta, arrays, outcome, plain_seconds(began)))
 
     def fit(self) -> Fitted:
@@ -94,20 +97,19 @@ class LawFit:
             raise Refusal(said)
         return fit_with(self._target(), seeds, self.record.seen)
 
-    def found(self) -> dict[str, Any]:
-        """What was stored of the fit, which is made where it was not; `log_evidence` and `values` among it. Raises
-        Refusal where there is none."""
+    def found(self) -> ModeContent:
+        """What was stored of the fit, which is made where it was not. Raises Refusal where there is none."""
         if not self.store.has(self.name, self.key):
             self.compute()
         cell = self.store.read(self.name)
         if cell.outcome != OK:
             raise Refusal(cell.outcome)
-        return dict(cell.meta)
+        return ModeContent.of(cell)
 
     def restored(self) -> Fitted:
         """The fit as it was stored."""
         cell, target = self.store.read(self.name), self._target()
-        return Fitted(target, unpacked(cell, target), cell.meta["log_evidence"])
+        return Fitted(target, unpacked(cell, target), ModeContent.of(cell).log_evidence)
 
     def _target(self) -> Target:
         return self.record.target(self.terms, self.law, first_noise(self.study.noises, self.record.signal))

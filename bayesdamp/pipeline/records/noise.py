@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 import time
-from dataclasses import asdict
 from functools import cached_property
-from typing import Any
 
 from bayesdamp.config import SignalSpec, Study
 from bayesdamp.config.checks import plain
 from bayesdamp.estimators import ESTIMATORS
 from bayesdamp.inference.fit.friction_choice import SHARES, WORTH, epsilon_note, weigh_epsilons
 from bayesdamp.inference.fit.noise_choice import Fitted, chosen_noise, first_noise, weigh_noises
-from bayesdamp.inference.model.defaults import Reference
 from bayesdamp.inference.noise import NOISES
 from bayesdamp.outcomes import following
 from bayesdamp.physics.damping import TERMS
@@ -24,6 +21,8 @@ from bayesdamp.pipeline.records.records import NOT_APPLICABLE, SignalCell
 from bayesdamp.pipeline.records.starts import REGRESSION
 from bayesdamp.pipeline.records.targets import Record
 from bayesdamp.store import CellResult, Store
+from bayesdamp.store.contents.candidates import ModeContent
+from bayesdamp.store.contents.records import NoiseContent, NoiseTried, RecordContent, WidthTried
 from bayesdamp.types import OK, Refusal
 
 
@@ -39,6 +38,7 @@ class NoiseCell:
 
     @cached_property
     def key(self) -> str:
+        """Of the record, the noise models and terms in play, and the fits under each law."""
         priors = {t: str(self.study.models.prior.get(t)) for t in self.terms}
         laws = [plain(self.spec.under(law)) for law in self.spec.restoring]
         named = [*map(TERMS.source, self.terms), *map(LAWS.source, self.spec.restoring)]
@@ -55,24 +55,25 @@ class NoiseCell:
         return task_key("noise", self.parent.key, *parts, named)
 
     def compute(self) -> None:
+        """Store what was chosen, or why nothing could be."""
         began = time.perf_counter()
         cell = self.store.read(self.parent.name)
         outcome, meta = following(cell.name, cell.outcome), {}
-        if outcome == OK and not cell.meta["noisy"]:
+        if outcome == OK and not RecordContent.of(cell).noisy:
             outcome = NOT_APPLICABLE
         if outcome == OK:
             try:
-                meta = self._weigh(Record(self.study, self.spec, cell))
+                meta = self._weigh(Record(self.study, self.spec, cell)).meta()
             except Refusal as refusal:
                 outcome = str(refusal)
         self.store.write(CellResult(self.name, self.key, meta, {}, outcome, time.perf_counter() - began))
 
-    def _weigh(self, record: Record) -> dict[str, Any]:
+    def _weigh(self, record: Record) -> NoiseContent:
         """Under the restoring law that fits best with all damping terms, so that no noise makes up for a term that is
         missing or for a wrong law."""
         names = self.study.noises
         first = first_noise(names, record.signal)
-        found: dict[str, dict[str, Any]] = {}
+        found: dict[str, ModeContent] = {}
         refused: list[str] = []
         for law, one in self.fits.items():
             try:
@@ -81,11 +82,11 @@ class NoiseCell:
                 refused.append(f"{law}: {refusal}")
         if not found:
             raise Refusal("; ".join(refused))
-        best = max(found, key=lambda law: found[law]["log_evidence"])
+        best = max(found, key=lambda law: found[law].log_evidence)
         fit = usual_fit = self.fits[best].restored()
         tried, usual = [], None
         if self._open_friction(record, best):
-            peak = Reference(**record.cell.meta["reference"]).peak_velocity
+            peak = record.reference.peak_velocity
             usual = fit.target.known["epsilon"]
             fit, tried = weigh_epsilons(
                 lambda epsilon: record.target(self.terms, best, first, epsilon=epsilon),
@@ -97,19 +98,19 @@ class NoiseCell:
         weighed = weigh_noises(
             lambda name: record.target(self.terms, best, name, epsilon=epsilon), fit, record.seen, names
         )
-        return {
-            "chosen": chosen_noise(weighed),
-            "damping": list(self.terms),
-            "restoring": best,
-            "fits": {law: one["values"] for law, one in found.items()} | {best: _values(fit)},
-            "weighed": [asdict(w) for w in weighed],
-            "epsilon": epsilon,
-            "usual_epsilon": usual,
-            "epsilon_unit": f"{record.signal.unit}/s",
-            "epsilons": [asdict(t) for t in tried],
-            "friction": [t.parameter for t in Oscillator(self.terms, best).terms if t.switches],
-            "epsilon_note": epsilon_note(tried, epsilon, record.signal.unit),
-        }
+        return NoiseContent(
+            chosen=chosen_noise(weighed),
+            damping=self.terms,
+            restoring=best,
+            fits={law: one.values for law, one in found.items()} | {best: _values(fit)},
+            weighed=tuple(NoiseTried(**vars(w)) for w in weighed),
+            epsilon=epsilon,
+            usual_epsilon=usual,
+            epsilon_unit=f"{record.signal.unit}/s",
+            epsilons=tuple(WidthTried(**vars(t)) for t in tried),
+            friction=tuple(t.parameter for t in Oscillator(self.terms, best).terms if t.switches),
+            epsilon_note=epsilon_note(tried, epsilon, record.signal.unit),
+        )
 
     def _open_friction(self, record: Record, law: str) -> bool:
         """Whether friction is among the dampings and nobody said, or asked, how sharply it turns over."""

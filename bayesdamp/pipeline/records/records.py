@@ -6,7 +6,6 @@ import time
 import zlib
 from dataclasses import asdict, replace
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 
@@ -28,6 +27,7 @@ from bayesdamp.records.oscillation.features import Features, features
 from bayesdamp.records.record import RawRecord
 from bayesdamp.records.simulate import simulate_signal
 from bayesdamp.store import CellResult, Store, sha256
+from bayesdamp.store.contents.records import RecordContent, Scales
 from bayesdamp.types import BEWARE, OK, InputError, Problem, Refusal, Signal
 from bayesdamp.units import UNITS
 
@@ -44,6 +44,7 @@ def cell_seed(study: Study, name: str) -> int:
 
 
 def plain_seconds(began: float) -> float:
+    """Seconds since a `time.perf_counter()`."""
     return time.perf_counter() - began
 
 
@@ -56,6 +57,7 @@ class SignalCell:
 
     @cached_property
     def key(self) -> str:
+        """Of the signal's table, its repeat, the file's content, and the source of what makes or reads it."""
         source = self.spec.source
         content = sha256(source.path) if isinstance(source, Recording) else ""
         shown = {k: v for k, v in self.spec.resolved().items() if k not in _NOT_OF_THE_RECORD}
@@ -70,6 +72,8 @@ class SignalCell:
         return [law, *(TERMS.source(term) for term in source.damping)]
 
     def compute(self) -> None:
+        """Store the record, cleaned, with its features. Raises InputError where a measured one shows no
+        oscillation."""
         began = time.perf_counter()
         source, arrays = self.spec.source, {}
         if isinstance(source, Simulation):
@@ -90,24 +94,26 @@ class SignalCell:
                 raise InputError(f"{source.file}: {error}") from None
             signal = self._with_noise(signal, source.least_noise)
             arrays = _raw(raw, source)
-        meta = {
-            "provenance": dict(signal.provenance),
-            "unit": signal.unit,
-            "quantity": signal.quantity,
-            "step": signal.step,
-            "name": signal.name,
-            "bound": self._bound(signal),
-        }
+        content = RecordContent(
+            name=signal.name,
+            unit=signal.unit,
+            quantity=signal.quantity,
+            step=signal.step,
+            provenance=dict(signal.provenance),
+            bound=self._bound(signal),
+        )
         arrays |= {"t": signal.t, "y": signal.y}
         try:
-            meta, outcome = meta | self._known(signal), OK
+            content, outcome = self._known(signal, content), OK
             curves = asdict(amplitude_curves(signal, features(signal)))
             arrays |= {f"against_amplitude/{name}": v for name, v in curves.items()}
         except Refusal as refusal:
             if isinstance(source, Recording):
                 raise InputError(f"signal {self.spec.name}: {refusal}") from None
             outcome = str(refusal)  # of one simulated record in a series; the others go on
-        self.store.write(CellResult(self.name, self.key, meta, arrays, outcome, plain_seconds(began)))
+        self.store.write(
+            CellResult(self.name, self.key, content.meta(), arrays, outcome, plain_seconds(began))
+        )
 
     def _simulated(self, source: Simulation) -> Signal:
         truth = dict(source.truth)
@@ -151,8 +157,8 @@ class SignalCell:
         assert isinstance(notes, list)
         return replace(signal, y=y, provenance={**signal.provenance, "notes": [*notes, note]})
 
-    def _known(self, signal: Signal) -> dict[str, Any]:
-        """Features, the reference of the priors, ε where it was not given, and whether there is noise.
+    def _known(self, signal: Signal, content: RecordContent) -> RecordContent:
+        """The content with features, the reference of the priors, ε where it was not given, and whether there is noise.
 
         Raises Refusal where the record shows no oscillation.
         """
@@ -163,14 +169,15 @@ class SignalCell:
             known["epsilon"] = EPSILON_SHARE * reference.peak_velocity
             note = f"ε was not given: 2 % of the peak velocity, {known['epsilon']:.3g} {signal.unit}/s."
         shown = {k: v for k, v in asdict(seen).items() if not isinstance(v, np.ndarray)}
-        return {
-            "features": shown,
-            "anomalies": list(anomalies(signal, seen)),
-            "reference": asdict(reference),
-            "known": known,
-            "epsilon_note": note,
-            "noisy": bool(noise_level(signal) > NO_NOISE * _size(seen)),
-        }
+        return replace(
+            content,
+            features=shown,
+            anomalies=tuple(anomalies(signal, seen)),
+            reference=Scales(reference.amplitude, reference.frequency),
+            known=known,
+            epsilon_note=note,
+            noisy=bool(noise_level(signal) > NO_NOISE * _size(seen)),
+        )
 
     def _bound(self, signal: Signal) -> dict[str, float]:
         """The Cramér–Rao bound of a simulated record with white noise: sd by parameter; else nothing.
@@ -181,7 +188,8 @@ class SignalCell:
         if not all(TERMS.get(term).traced for term in source.damping):
             return {}
         truth = {**self.spec.system.known, **source.truth}
-        if not truth.get("noise_sd") or (truth.get("epsilon") == 0.0 and "coulomb" in source.damping):
+        exact = truth.get("epsilon") == 0.0 and any(TERMS.get(term).switches for term in source.damping)
+        if not truth.get("noise_sd") or exact:
             return {}
         problem = Problem(source.damping, self.spec.system)
         return cramer_rao(problem, truth, signal.t, truth["noise_sd"], signal.quantity)
@@ -202,13 +210,7 @@ def _raw(raw: RawRecord, source: Recording) -> dict[str, np.ndarray]:
 
 def signal_of(record: CellResult) -> Signal:
     """The record that a SignalCell stored."""
-    m = record.meta
+    m = RecordContent.of(record)
     return Signal(
-        record.arrays["t"],
-        record.arrays["y"],
-        m["quantity"],
-        m["unit"],
-        m["name"],
-        m["step"],
-        m["provenance"],
+        record.arrays["t"], record.arrays["y"], m.quantity, m.unit, m.name, m.step, dict(m.provenance)
     )

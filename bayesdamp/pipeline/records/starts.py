@@ -28,10 +28,14 @@ class Seen(Protocol):
     """A record and its features."""
 
     @property
-    def signal(self) -> Signal: ...
+    def signal(self) -> Signal:
+        """The record."""
+        ...
 
     @property
-    def seen(self) -> Features: ...
+    def seen(self) -> Features:
+        """Its features."""
+        ...
 
 
 def regression(record: Seen | Record, problem: Problem) -> tuple[dict[str, Mapping[str, float]], str]:

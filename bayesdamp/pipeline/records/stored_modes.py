@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
@@ -12,44 +11,45 @@ from bayesdamp.inference.fit.mode import LocalSearch, Mode, restore_mode
 from bayesdamp.inference.fit.starting_points import basins
 from bayesdamp.inference.model.target import Target
 from bayesdamp.store import CellResult
+from bayesdamp.store.contents.candidates import Climb, Maximum, ModeContent
 
 CLIMB = ("seed", "same", "start", "end", "evaluations", "volume", "converged")
-"""What of a climb is stored as it is; its scores are arrays."""
+"""What of a search is stored as it is; its scores are arrays."""
 SCORES = ("origin", "z")
 """Scores of a climb, shape (d,) each, stored as one array of all searches, (searches, d)."""
 
 
-def packed(mode: Mode, target: Target, own: Target) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
-    """What a cell keeps of a mode, as its meta and its arrays.
+def packed(mode: Mode, target: Target, own: Target) -> tuple[ModeContent, dict[str, np.ndarray]]:
+    """What a cell keeps of a mode, and its arrays.
 
     target: the one the mode is of, which may have idle scores; own: the candidate's alone, whose parameters are shown.
     """
     sds = value_sds(target, mode.z, np.linalg.inv(mode.information))
-    meta = {
-        "values": {n: float(v) for n, v in target.values(mode.z).items() if n in own.priors},
-        "sd": {n: s for n, s in sds.items() if n in own.priors},
-        "known": dict(target.known),
-        "priors": {n: p.describe() for n, p in own.priors.items()},
-        "log_posterior": mode.log_posterior,
-        "tolerance": mode.tolerance,
-        "error_budget": {
-            "step_error": mode.step_error,
-            "log_likelihood_change": mode.likelihood_error,
-        },
-        **_climbs(mode, target, own.names),
-    }
+    climbs, modes, touching = _climbs(mode, target, own.names)
+    content = ModeContent(
+        values={n: float(v) for n, v in target.values(mode.z).items() if n in own.priors},
+        sd={n: s for n, s in sds.items() if n in own.priors},
+        known=dict(target.known),
+        priors={n: p.describe() for n, p in own.priors.items()},
+        log_posterior=mode.log_posterior,
+        tolerance=mode.tolerance,
+        error_budget={"step_error": mode.step_error, "log_likelihood_change": mode.likelihood_error},
+        climbs=climbs,
+        modes=modes,
+        touching_zero=touching,
+    )
     arrays = {"z": mode.z, "information": mode.information}
-    return meta, arrays | {f"climbs/{k}": np.array([getattr(c, k) for c in mode.searches]) for k in SCORES}
+    return content, arrays | {f"climbs/{k}": np.array([getattr(c, k) for c in mode.searches]) for k in SCORES}
 
 
 def unpacked(cell: CellResult, target: Target) -> Mode:
     """The mode that a cell keeps, of the target that it was packed with."""
-    meta, arrays = cell.meta, cell.arrays
-    rows = [{k: v for k, v in row.items() if k in CLIMB} for row in meta["climbs"]]
+    content, arrays = ModeContent.of(cell), cell.arrays
+    rows = [{k: getattr(climb, k) for k in CLIMB} for climb in content.climbs]
     scores = [dict(zip(SCORES, both)) for both in zip(*(arrays[f"climbs/{k}"] for k in SCORES), strict=True)]
     searches = tuple(LocalSearch(**row, **at) for row, at in zip(rows, scores, strict=True))
     return restore_mode(
-        target, arrays["z"], meta["log_posterior"], arrays["information"], meta["tolerance"], searches
+        target, arrays["z"], content.log_posterior, arrays["information"], content.tolerance, searches
     )
 
 
@@ -66,8 +66,10 @@ def alone(mode: Mode, target: Target, own: Target) -> Mode:
     )
 
 
-def _climbs(mode: Mode, target: Target, own: tuple[str, ...]) -> dict[str, Any]:
-    """What the seeds came to, and the modes that they found.
+def _climbs(
+    mode: Mode, target: Target, own: tuple[str, ...]
+) -> tuple[tuple[Climb, ...], tuple[Maximum, ...], tuple[str, ...]]:
+    """What the seeds came to, the modes that they found, and the coefficients that touch zero.
 
     own: names of the candidate's own parameters.
     """
@@ -76,19 +78,15 @@ def _climbs(mode: Mode, target: Target, own: tuple[str, ...]) -> dict[str, Any]:
     for c, number in zip(mode.searches, where, strict=True):
         away = c.origin - mode.z
         distance = float(np.sqrt(max(away @ mode.information @ away, 0.0)))
-        rows.append({**{k: getattr(c, k) for k in CLIMB}, "distance": distance, "mode": number})
-    modes = [
-        {
-            "log_posterior": b.log_posterior,
-            "share": b.share,
-            "values": {n: float(v) for n, v in target.values(b.z).items() if n in own},
-        }
+        rows.append(Climb(**{k: getattr(c, k) for k in CLIMB}, distance=distance, mode=number))
+    modes = tuple(
+        Maximum(b.log_posterior, b.share, {n: float(v) for n, v in target.values(b.z).items() if n in own})
         for b in found
-    ]
+    )
     sd = mode.sd()
-    touching = [
+    touching = tuple(
         n
         for n, z, s, f in zip(target.names, mode.z, sd, target.layout.reflected, strict=True)
         if f and n in own and abs(z) < s
-    ]
-    return {"climbs": rows, "modes": modes, "touching_zero": touching}
+    )
+    return tuple(rows), modes, touching

@@ -12,6 +12,7 @@ from bayesdamp.inference.model.target import Target
 from bayesdamp.pipeline.records.records import signal_of
 from bayesdamp.records.oscillation.features import Features, features
 from bayesdamp.store import CellResult
+from bayesdamp.store.contents.records import RecordContent
 from bayesdamp.types import Signal, System
 
 KEPT = 8
@@ -34,12 +35,24 @@ class Record:
         return kept
 
     @cached_property
+    def content(self) -> RecordContent:
+        """What its cell holds beside the samples."""
+        return RecordContent.of(self.cell)
+
+    @property
+    def reference(self) -> Reference:
+        """What default priors scale with. Raises ValueError where it shows no oscillation."""
+        scales = self.content.scales
+        return Reference(scales.amplitude, scales.frequency)
+
+    @cached_property
     def seen(self) -> Features:
+        """Features of the signal."""
         return features(self.signal)
 
     def system(self, law: str, epsilon: float | None = None) -> System:
         """The system under a law; a friction's ε (rad/s) that was not given is this, or follows from the record."""
-        followed = {k: v for k, v in self.cell.meta["known"].items() if k == "epsilon"}
+        followed = {k: v for k, v in self.content.known.items() if k == "epsilon"}
         return _knowing(self.spec.under(law), {**followed, **_of(epsilon)})
 
     def target(
@@ -64,7 +77,7 @@ class Record:
             terms,
             system,
             self.seen,
-            Reference(**self.cell.meta["reference"]) if own else reference,
+            self.reference if reference is None else reference,
             noise=noise,
             term_priors={t: p for t, p in self.study.models.prior.items() if t in terms},
             beside=beside,

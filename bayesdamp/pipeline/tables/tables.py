@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -22,6 +23,9 @@ from bayesdamp.pipeline.tables.specimen_tables import write_specimen_tables
 from bayesdamp.pipeline.tables.verdicts import write_verdicts
 from bayesdamp.store import TABLES, CellResult, Store, provenance, write_json, write_table
 from bayesdamp.store.columns import SCHEMA
+from bayesdamp.store.contents.answers import AnswerContent, SampledPosterior
+from bayesdamp.store.contents.candidates import ModeContent
+from bayesdamp.store.contents.records import NoiseContent, RecordContent
 from bayesdamp.types import OK, candidate_name, candidate_parts
 from bayesdamp.units import UNITS, quantity_unit
 
@@ -135,20 +139,20 @@ def _posteriors(study: Study, store: Store) -> Iterator[Row]:
             for name, s in summary.items():
                 yield {**common, "parameter": name, "unit": cell.meta["units"][name], **s}
         one = _sampled(store, spec, repeat).get(model)
-        for name, s in (one or {}).get("parameters", {}).items():
+        for name, s in (one.parameters if one else {}).items():
             unit = _unit(spec, name, head["restoring"])
             yield {**head, "sampler": SMC, "parameter": name, "unit": unit, **s, "outcome": OK}
 
 
-def _sampled(store: Store, spec: SignalSpec, repeat: int) -> dict[str, Row]:
+def _sampled(store: Store, spec: SignalSpec, repeat: int) -> dict[str, SampledPosterior]:
     """What sampled motions say of a record's candidates, by their names."""
     cell = _read(store, f"{SAMPLED}/{spec.name}/{repeat}")
     if cell is None or cell.outcome != OK:
         return {}
     many = len(spec.restoring) > 1
     return {
-        candidate_name(one["damping"], one["restoring"]) if many else one["damping"]: one
-        for one in cell.meta["posteriors"]
+        candidate_name(one.damping, one.restoring) if many else one.damping: one
+        for one in AnswerContent.of(cell).posteriors
     }
 
 
@@ -185,16 +189,16 @@ def _evidence(study: Study, store: Store) -> Iterator[Row]:
                     "outcome": one.outcome,
                 }
         sampled = _sampled(store, spec, repeat)
-        top = max((one["log_evidence"] for one in sampled.values()), default=math.nan)
+        top = max((one.log_evidence for one in sampled.values()), default=math.nan)
         for model, one in sampled.items():
             yield {
                 **_head(spec, repeat, model),
                 "method": SMC,
-                "log_evidence": one["log_evidence"],
-                "stderr": one["stderr"],
-                "log_bayes_factor": one["log_evidence"] - top,
+                "log_evidence": one.log_evidence,
+                "stderr": one.stderr,
+                "log_bayes_factor": one.log_evidence - top,
                 "probability": math.nan,
-                "diagnostic": f"{one['temperatures']} temperatures, acceptance {one['acceptance']:.2f}",
+                "diagnostic": f"{one.temperatures} temperatures, acceptance {one.acceptance:.2f}",
                 "outcome": OK,
             }
 
@@ -206,14 +210,15 @@ def _fits(study: Study, store: Store) -> Iterator[Row]:
         row = dict(head)
         if one is not None:
             names = ("deviation_low", "deviation", "deviation_high")
-            row |= dict(zip(names, one["deviation"], strict=True))
-            row["unexplained_pct"] = 100 * one["unexplained"]
+            row |= dict(zip(names, one.deviation, strict=True))
+            row["unexplained_pct"] = 100 * one.unexplained
         if cell is not None and cell.outcome == OK:
             factor = 1.0 / UNITS[spec.source.unit].factor
-            row |= {"rms": cell.meta["rms"] * factor}
+            mode = ModeContent.of(cell)
+            row |= {"rms": mode.rms * factor}
             row |= {"rms_unit": quantity_unit(spec.source.unit, spec.source.quantity)}
             kept = ("residual_autocorrelation", "window_spread", "predictive_p", "verdict")
-            row |= {k: cell.meta[k] for k in kept}
+            row |= {k: getattr(mode, k) for k in kept}
         elif cell is not None:
             row["verdict"] = cell.outcome
         if cell is not None or one is not None:
@@ -234,23 +239,27 @@ def _run(study: Study, store: Store) -> Row:
         # Where the first repeat shows no oscillation, another one may.
         seen = _first_seen(store, spec) or cell
         noise = _read(store, f"noise/{spec.name}/0")
+        content, chosen = RecordContent.of(cell), None
+        if noise and noise.outcome == OK:
+            chosen = NoiseContent.of(noise)
+        oscillation = RecordContent.of(seen) if seen.outcome == OK else None
         about[spec.name] = {
-            **cell.meta.get("provenance", {}),
+            **content.provenance,
             "unit": spec.source.unit,
             "quantity": spec.source.quantity,
             "simulated": isinstance(spec.source, Simulation),
             "restoring": list(spec.restoring),
             "outcome": seen.outcome,
-            "bound": cell.meta.get("bound", {}),
-            **({"noise": noise.meta["chosen"]} if noise and noise.outcome == OK else {}),
-            **{k: seen.meta[k] for k in ("epsilon_note", "reference", "features") if k in seen.meta},
-            **({"epsilon_note": noise.meta["epsilon_note"]} if noise and noise.meta.get("epsilon") else {}),
+            "bound": dict(content.bound),
+            **({"noise": chosen.chosen} if chosen else {}),
+            **(_scales(oscillation) if oscillation else {}),
+            **({"epsilon_note": chosen.epsilon_note} if chosen and chosen.epsilon else {}),
         }
-        modes = {m: _read(store, f"mode/{spec.name}/0/{m}") for m in study.compare(spec)}
-        priors[spec.name] = {m: c.meta.get("priors", {}) for m, c in modes.items() if c} or _answered_priors(
-            store, spec
-        )
-        budget[spec.name] = {m: c.meta.get("error_budget", {}) for m, c in modes.items() if c}
+        cells = {m: _read(store, f"mode/{spec.name}/0/{m}") for m in study.compare(spec)}
+        modes = {m: ModeContent.of(c) if c.outcome == OK else None for m, c in cells.items() if c}
+        stored = {m: dict(mode.priors) if mode else {} for m, mode in modes.items()}
+        priors[spec.name] = stored or _answered_priors(store, spec)
+        budget[spec.name] = {m: dict(mode.error_budget) if mode else {} for m, mode in modes.items()}
     found = provenance(files)
     found["inputs"] = {
         s.source.file: found["inputs"][str(s.source.path)]
@@ -281,13 +290,22 @@ def _run(study: Study, store: Store) -> Row:
     }
 
 
+def _scales(content: RecordContent) -> Row:
+    """What a record with an oscillation has beside its provenance."""
+    return {
+        "epsilon_note": content.epsilon_note,
+        "reference": asdict(content.scales),
+        "features": dict(content.features),
+    }
+
+
 def _answered_priors(store: Store, spec: SignalSpec) -> Row:
     """Of what was weighed for an answer."""
     cell = answer_cell(store, spec.name, 0)
     many = len(spec.restoring) > 1
     return {
-        candidate_name(one["damping"], one["restoring"]) if many else one["damping"]: one["priors"]
-        for one in (cell.meta.get("priors", []) if cell else [])
+        candidate_name(one.damping, one.restoring) if many else one.damping: dict(one.priors)
+        for one in (AnswerContent.of(cell).priors if cell else ())
     }
 
 
@@ -311,7 +329,7 @@ def _equilibrium(spec: SignalSpec, store: Store) -> Row:
     law = Oscillator(("viscous",), spec.system.restoring)
     if cell is None or not all(n in spec.system.known for n in law.law.parameters):
         return {}
-    near = cell.meta["features"]["rest"]
+    near = RecordContent.of(cell).features["rest"]
     return {
         "equilibrium": law.equilibrium(spec.system.known, near),
         "natural_frequency": law.natural_frequency(spec.system.known, near),

@@ -39,10 +39,12 @@ class Swing:
 
     @property
     def swings(self) -> bool:
+        """Whether one frequency has most of its power, over enough cycles."""
         return self.share >= SHARE and self.cycles >= CYCLES
 
     @property
     def dies(self) -> bool:
+        """Whether its last amplitude is well below its first."""
         return self.last < FALL * self.size
 
 

@@ -18,11 +18,14 @@ _OLE = bytes.fromhex("d0cf11e0a1b11ae1")
 
 
 class ExcelReader:
+    """Workbooks by openpyxl (ECMA-376)."""
+
     format = "an Excel file"
     extensions = (".xlsx", ".xlsm", ".xls")
     extra = "excel"
 
     def claims(self, head: bytes, path: Path) -> bool:
+        """A ZIP archive with a workbook in it; an old or encrypted file by its name."""
         if head.startswith(_OLE):
             return path.suffix.lower() in self.extensions
         if not head.startswith(b"PK"):
@@ -34,6 +37,7 @@ class ExcelReader:
             return path.suffix.lower() in self.extensions
 
     def read(self, path: Path) -> Contents:
+        """The tables of all sheets. Raises InputError for an encrypted one, or one from before 2007."""
         with path.open("rb") as file:
             if file.read(8) == _OLE:
                 raise InputError(

@@ -18,17 +18,21 @@ _MAGIC = b"\x89HDF\r\n\x1a\n"
 
 
 class Hdf5Reader:
+    """HDF5 by h5py, MATLAB 7.3 among it."""
+
     foreign = True
     format = "an HDF5 or MATLAB 7.3 file"
     extensions = (".h5", ".hdf5", ".hdf", ".he5")
     extra = ""
 
     def claims(self, head: bytes, path: Path) -> bool:
+        """The signature at 0, 512, 1024 or 2048 bytes."""
         return any(head[at : at + 8] == _MAGIC for at in (0, 512, 1024, 2048)) or head.startswith(
             b"MATLAB 7.3"
         )
 
     def read(self, path: Path) -> Contents:
+        """Numeric data sets by their paths."""
         import h5py
 
         walk = Walk()

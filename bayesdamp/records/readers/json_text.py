@@ -20,16 +20,20 @@ LARGEST = 2**28
 
 
 class JsonReader:
+    """JSON and JSON lines."""
+
     format = "a JSON file"
     extensions = (".json", ".jsonl", ".ndjson")
     extra = ""
 
     def claims(self, head: bytes, path: Path) -> bool:
+        """An opening bracket in a file of that name, or text that can be nothing else."""
         bare = head.removeprefix(b"\xef\xbb\xbf").lstrip()
         named = path.suffix.lower() in self.extensions
         return (named and bare[:1] in (b"{", b"[")) or bare[:2] in (b'{"', b"[{")
 
     def read(self, path: Path) -> Contents:
+        """Lists of numbers by their paths. Raises InputError for a text that is too large."""
         if path.stat().st_size > LARGEST:
             raise InputError(f"a JSON text of more than {LARGEST >> 20} MiB; save it as CSV, .npy or HDF5")
         text = decoded(path.read_bytes())

@@ -16,14 +16,18 @@ _MARK = b"LabVIEW Measurement"
 
 
 class LvmReader:
+    """LabVIEW measurement files by lvm_read."""
+
     format = "a LabVIEW measurement file"
     extensions = (".lvm",)
     extra = ""
 
     def claims(self, head: bytes, path: Path) -> bool:
+        """The header's first words."""
         return head.removeprefix(b"\xef\xbb\xbf").lstrip().startswith(_MARK)
 
     def read(self, path: Path) -> Contents:
+        """Channels of all segments. Raises InputError for a text that is too large."""
         import lvm_read
 
         if path.stat().st_size > LARGEST:

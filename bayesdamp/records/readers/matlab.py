@@ -15,12 +15,15 @@ _COMPRESSED = 15
 
 
 class MatlabReader:
+    """MATLAB files of version 4 to 7 by SciPy."""
+
     foreign = True
     format = "a MATLAB file"
     extensions = (".mat",)
     extra = ""
 
     def claims(self, head: bytes, path: Path) -> bool:
+        """The header of version 5 to 7, or a matrix header of version 4; not 7.3, which is HDF5."""
         if b"MATLAB 7.3" in head[:128] or b"\x89HDF\r\n" in head[:1024]:
             return False
         return head.startswith(b"MATLAB 5.0 MAT-file") or (
@@ -28,6 +31,7 @@ class MatlabReader:
         )
 
     def read(self, path: Path) -> Contents:
+        """Numeric variables by their names, fields of structures among them."""
         from scipy.io import loadmat  # imports slowly, and few records need it
         from scipy.io.matlab import MatlabFunction, MatlabOpaque
 

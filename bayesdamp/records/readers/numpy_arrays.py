@@ -17,11 +17,14 @@ _MAGIC = b"\x93NUMPY"
 
 
 class NumpyReader:
+    """`.npy` and `.npz`, without pickles."""
+
     format = "a NumPy file"
     extensions = (".npy", ".npz")
     extra = ""
 
     def claims(self, head: bytes, path: Path) -> bool:
+        """NumPy's signature, or a ZIP archive of such arrays."""
         if head.startswith(_MAGIC):
             return True
         if not head.startswith(b"PK"):
@@ -34,6 +37,7 @@ class NumpyReader:
             return path.suffix.lower() == ".npz"
 
     def read(self, path: Path) -> Contents:
+        """Arrays, and fields of structured ones, by their names."""
         walk = Walk()
         with path.open("rb") as file:
             single = file.read(len(_MAGIC)) == _MAGIC

@@ -15,14 +15,18 @@ from bayesdamp.types import InputError
 
 
 class ParquetReader:
+    """Apache Parquet by pyarrow."""
+
     format = "a Parquet file"
     extensions = (".parquet", ".pq")
     extra = "parquet"
 
     def claims(self, head: bytes, path: Path) -> bool:
+        """PAR1, or PARE where it is encrypted."""
         return head[:4] in (b"PAR1", b"PARE")
 
     def read(self, path: Path) -> Contents:
+        """Numeric and time columns. Raises InputError where it is encrypted."""
         import pyarrow
         import pyarrow.parquet as parquet
 

@@ -18,14 +18,18 @@ from bayesdamp.types import BEWARE
 
 
 class TdmsReader:
+    """National Instruments' TDMS by npTDMS."""
+
     format = "a TDMS file"
     extensions = (".tdms",)
     extra = ""
 
     def claims(self, head: bytes, path: Path) -> bool:
+        """The tag of its first segment."""
         return head[:4] == b"TDSm"
 
     def read(self, path: Path) -> Contents:
+        """Channels of all groups, with their increments where they have a waveform."""
         from nptdms import TdmsFile
 
         columns: list[Column] = []

@@ -21,17 +21,21 @@ _WORD = 40
 
 
 class TextReader:
+    """Text of loggers and phones: delimiter, decimal mark, header and encoding are found."""
+
     format = "a text table"
     extensions = (".csv", ".tsv", ".txt", ".dat", ".asc", ".log")
     extra = ""
 
     def claims(self, head: bytes, path: Path) -> bool:
+        """Text in an encoding that is known, without control characters."""
         if head.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
             return True
         controls = len(head) - len(head.translate(None, _CONTROLS))
         return b"\0" not in head and controls <= 0.01 * len(head)
 
     def read(self, path: Path) -> Contents:
+        """The table's columns. Raises InputError for a text that is too large."""
         if path.stat().st_size > LARGEST:
             raise InputError(
                 f"a text of more than {LARGEST >> 20} MiB; give a part of it, or save it as .npy or HDF5"

@@ -25,14 +25,18 @@ _DIRECTIONS = dict(
 
 
 class UffReader:
+    """Universal files, data set 58, by pyuff."""
+
     format = "a universal file (UFF)"
     extensions = (".uff", ".unv", ".uf", ".58", ".bunv")
     extra = ""
 
     def claims(self, head: bytes, path: Path) -> bool:
+        """A data set's opening lines."""
         return _SETS.search(head) is not None
 
     def read(self, path: Path) -> Contents:
+        """The functions of all data sets 58."""
         import pyuff
 
         file = pyuff.UFF(str(path))

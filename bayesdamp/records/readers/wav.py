@@ -11,14 +11,18 @@ from bayesdamp.types import InputError
 
 
 class WavReader:
+    """WAV by SciPy, the sampling rate from its header."""
+
     format = "a WAV file"
     extensions = (".wav", ".wave")
     extra = ""
 
     def claims(self, head: bytes, path: Path) -> bool:
+        """RIFF, RIFX or RF64, of kind WAVE."""
         return head[:4] in (b"RIFF", b"RIFX", b"RF64") and head[8:12] == b"WAVE"
 
     def read(self, path: Path) -> Contents:
+        """Its channels. Raises InputError where the header has no rate."""
         from scipy.io import wavfile
 
         rate, data = wavfile.read(path)

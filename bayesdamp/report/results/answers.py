@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from bayesdamp.report.results.run import Run
+from bayesdamp.store.contents.answers import AnswerContent, WeighedCandidate
 from bayesdamp.types import OK
 from bayesdamp.verdict.types import Verdict
 from bayesdamp.verdict.words import in_unit
@@ -21,7 +22,7 @@ class Answer:
     signal: str
     repeat: int
     verdict: Verdict
-    candidates: tuple[Mapping[str, object], ...]
+    candidates: tuple[WeighedCandidate, ...]
     arrays: Mapping[str, np.ndarray]
 
 
@@ -32,9 +33,9 @@ def answer_of(run: Run, signal: str, repeat: int) -> Answer | None:
     if cell is None:
         return None
     unit = run.unit(signal)
-    verdict = in_unit(Verdict.from_dict(cell.meta["verdict"]), unit)
-    arrays = _in_unit(cell.arrays, unit.displacement.scale)
-    return Answer(signal, repeat, verdict, tuple(cell.meta["candidates"]), arrays)
+    content = AnswerContent.of(cell)
+    verdict = in_unit(Verdict.from_dict(content.verdict), unit)
+    return Answer(signal, repeat, verdict, content.candidates, _in_unit(cell.arrays, unit.displacement.scale))
 
 
 def _in_unit(arrays: Mapping[str, np.ndarray], scale: float) -> dict[str, np.ndarray]:

@@ -43,6 +43,7 @@ class Beside:
 
     @property
     def methods(self) -> list[str]:
+        """Names of the methods that have an estimate, at either stage."""
         return list(dict.fromkeys([*self.own, *self.refined]))
 
 

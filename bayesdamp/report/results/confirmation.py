@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from bayesdamp.outcomes import reason_of
 from bayesdamp.report import words
 from bayesdamp.report.results.answers import answer_of
 from bayesdamp.report.results.reading import damping_of, ranking
 from bayesdamp.report.results.run import Run
+from bayesdamp.store.contents.answers import AnswerContent
 from bayesdamp.types import OK
 from bayesdamp.verdict.agreement import Agreement, agreement
 from bayesdamp.verdict.types import Grade, Verdict
@@ -24,7 +26,9 @@ def sampled(run: Run, signal: str) -> str:
     """The same of a record's stored answers; empty where it was not sampled."""
     repeat = run.repeats(signal)[0]
     cells = [run.cell(kind, signal, repeat) for kind in ("answer", "sampled")]
-    verdicts = [Verdict.from_dict(c.meta["verdict"]) for c in cells if c is not None and c.outcome == OK]
+    verdicts = [
+        Verdict.from_dict(AnswerContent.of(c).verdict) for c in cells if c is not None and c.outcome == OK
+    ]
     if len(verdicts) < 2 or verdicts[0].grade is Grade.NO_FREE_DECAY:
         return ""
     found = agreement(*verdicts)
@@ -47,7 +51,7 @@ def confirmation(run: Run, signal: str) -> str:
     own = set(answer.verdict.damping.split("+"))
     lost = next((row for row in found.lost if set(damping_of(row).split("+")) == own), None)
     if lost is not None:
-        why = lost["outcome"].rpartition(": ")[2] or lost["outcome"]
+        why = reason_of(lost["outcome"])
         return f"{words.model(answer.verdict.damping)}: sampling has nothing to say of it ({why})."
     first = damping_of(found.best)
     share = words.probability(found.dampings[first])

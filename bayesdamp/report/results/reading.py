@@ -11,6 +11,7 @@ from scipy.special import expit
 from bayesdamp.outcomes import Status, status_of
 from bayesdamp.report import words
 from bayesdamp.report.results.run import Row, Run, rows_of
+from bayesdamp.store.contents.candidates import ModeContent
 from bayesdamp.types import OK, candidate_parts
 
 _FIRST = ("combined", "nested", "bridge", "importance", "laplace")
@@ -31,6 +32,7 @@ class Ranking:
 
     @property
     def best(self) -> Row:
+        """The row of the most probable candidate."""
         return self.rows[0]
 
     @property
@@ -157,14 +159,21 @@ class OtherForm:
 
     @property
     def probability(self) -> float:
+        """Against none, at even odds: the logistic function of the log Bayes factor."""
         return float(expit(self.log_bayes))
+
+
+def mode_of(run: Run, signal: str, repeat: int, model: str) -> ModeContent | None:
+    """What is stored of a candidate's mode; None where it has none."""
+    cell = run.cell("mode", signal, repeat, model)
+    return ModeContent.of(cell) if cell is not None and cell.outcome == OK and cell.meta else None
 
 
 def other_forms(run: Run, signal: str, repeat: int, model: str) -> list[OtherForm]:
     """The forms that were set beside a candidate, the likeliest first; none where they could not be."""
-    cell = run.cell("mode", signal, repeat, model)
-    found = (cell.meta.get("rivals") or ()) if cell else ()
-    return sorted((OtherForm(r["words"], r["log_bayes"]) for r in found), key=lambda form: -form.log_bayes)
+    found = mode_of(run, signal, repeat, model)
+    rivals = found.rivals if found else ()
+    return sorted((OtherForm(r.words, r.log_bayes) for r in rivals), key=lambda form: -form.log_bayes)
 
 
 def models_by_rank(run: Run, signal: str, repeat: int) -> list[str]:

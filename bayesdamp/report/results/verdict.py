@@ -10,11 +10,13 @@ from bayesdamp.report.results.reading import (
     Ranking,
     damping_of,
     label,
+    mode_of,
     other_forms,
     over_widths,
     ranking,
 )
 from bayesdamp.report.results.run import Run, rows_of
+from bayesdamp.store.contents.records import RecordContent
 from bayesdamp.types import OK, candidate_parts
 
 SURE = 0.95
@@ -56,7 +58,7 @@ def verdict(run: Run, signal: str, repeat: int) -> Verdict:
     best = found.best
     share = words.probability(best["probability"])
     record = run.cell("signal", signal, repeat)
-    odd = words.listing(record.meta.get("anomalies", ())) if record else ""
+    odd = words.listing(RecordContent.of(record).anomalies) if record and record.meta else ""
     if odd:
         sentence = (
             f"the record is no free decay of one oscillator, so no candidate fits: {odd}; of those that are compared "
@@ -160,6 +162,6 @@ def _why(run: Run, signal: str, repeat: int) -> str:
 
 def _left(run: Run, signal: str, repeat: int, model: str) -> str:
     """How large the residual of a candidate is: the misfit that a long record shows may be a small one."""
-    cell = run.cell("mode", signal, repeat, model)
-    size = cell.meta.get("share") if cell else None
+    mode = mode_of(run, signal, repeat, model)
+    size = mode.share if mode else 0.0
     return f", leaving {words.number(100 * size, 2)} % of the amplitude unexplained" if size else ""

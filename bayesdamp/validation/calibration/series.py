@@ -40,10 +40,12 @@ class Series:
 
     @property
     def name(self) -> str:
+        """Its kind, and the model where it has one."""
         return f"{self.kind}/{self.model}" if self.model else self.kind
 
     @property
     def chunk(self) -> int:
+        """Records in one task."""
         return {"ranks": ranks.CHUNK}.get(self.kind, recovery.CHUNK)
 
     def cell(self, study: Study, first: int) -> tuple[str, str]:

@@ -40,6 +40,7 @@ class Draw:
 
     @property
     def amplitude(self) -> float:
+        """The first amplitude, rad."""
         return abs(self.displacement)
 
     @property
@@ -49,6 +50,7 @@ class Draw:
 
 
 def log_uniform(rng: np.random.Generator, low: float, high: float) -> float:
+    """A number whose logarithm is uniform between low and high."""
     return float(np.exp(rng.uniform(np.log(low), np.log(high))))
 
 

@@ -40,6 +40,7 @@ class Weighed:
 
     @property
     def weights(self) -> np.ndarray:
+        """Posterior probability of each combination of hyperparameters, (c,)."""
         return np.exp(self.log_each - self.log_evidence)
 
 

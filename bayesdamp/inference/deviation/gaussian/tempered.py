@@ -51,6 +51,7 @@ class Sampled:
 
     @property
     def trusted(self) -> bool:
+        """Whether enough of the last moves were taken for the draws to have left the linear model's."""
         return self.acceptance >= MOVED
 
 

@@ -107,6 +107,7 @@ def at_share(values: np.ndarray, share: float) -> np.ndarray:
 def ratio_at(
     weighing: Weighing, drawn: Sequence[Drawn], amplitude: float, sensor: float, rng: np.random.Generator
 ) -> Ratio:
+    """The equivalent damping ratio at an amplitude (rad or m) over all draws, deviation and sensor among its sds."""
     values, noises, weights = [], [], []
     for d in drawn:
         per_unit = ratios_per_unit(weighing, d, amplitude)

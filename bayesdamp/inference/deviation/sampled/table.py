@@ -34,6 +34,7 @@ class Posterior:
 
     @property
     def names(self) -> tuple[str, ...]:
+        """Of the inferred parameters."""
         return tuple(self.parameters)
 
 

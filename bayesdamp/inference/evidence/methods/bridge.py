@@ -54,6 +54,7 @@ class Bridge(EvidenceMethod):
     def evidence(
         self, model: str, target: Target, mode: Mode, seed: int, draws: Draws | None = None
     ) -> Evidence:
+        """By bridge sampling between the posterior's draws and a heavy-tailed fit to them (Meng and Wong 1996)."""
         began = time.perf_counter()
         evaluations = 0
         if draws is None:

@@ -47,6 +47,7 @@ class Importance(EvidenceMethod):
     def evidence(
         self, model: str, target: Target, mode: Mode, seed: int, draws: Draws | None = None
     ) -> Evidence:
+        """By importance sampling from a heavy-tailed fit to the posterior."""
         began = time.perf_counter()
         rng = np.random.default_rng(seed)
         reflected = np.asarray(target.layout.reflected)

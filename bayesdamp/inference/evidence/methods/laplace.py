@@ -24,6 +24,7 @@ class Laplace(EvidenceMethod):
     def evidence(
         self, model: str, target: Target, mode: Mode, seed: int, draws: Draws | None = None
     ) -> Evidence:
+        """By Laplace's approximation about the mode, cut off where coefficients are zero; without an error."""
         began = time.perf_counter()
         return Evidence(
             model=model,

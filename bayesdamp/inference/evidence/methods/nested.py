@@ -56,6 +56,7 @@ class Nested(EvidenceMethod):
     def evidence(
         self, model: str, target: Target, mode: Mode, seed: int, draws: Draws | None = None
     ) -> Evidence:
+        """By importance nested sampling (nautilus; Lange 2023)."""
         began = time.perf_counter()
         reflected = np.asarray(target.layout.reflected)
 

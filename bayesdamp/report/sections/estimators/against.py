@@ -24,9 +24,11 @@ class AgainstSection(Section):
     title = "The estimators against the posterior"
 
     def applies(self, run: Run) -> bool:
+        """Where there is a posterior, and no published tables, which bring the picture with them."""
         return not run.study.get("published") and any(one.posterior for one in beside(run))
 
     def render(self, run: Run) -> str:
+        """A sentence and the picture."""
         found = beside(run)
         return fill("stack.html", parts=[Markup("<p>{}</p>").format(inside(found)), picture(run, found)])
 

@@ -29,12 +29,14 @@ class ComparisonSection(Section):
     title = "The estimators compared"
 
     def applies(self, run: Run) -> bool:
+        """Where several methods have an error, or the study's numbers are published."""
         if run.study.get("published"):
             return True
         found = compared(run)
         return len(found.methods) > 1 and len(found.signals) > 1 and bool(found.errors)
 
     def render(self, run: Run) -> str:
+        """Ranks, errors and times, as figures and tables."""
         found = compared(run)
         if not found.errors:
             return Markup("<p>No estimator has an error to compare in this study.</p>")

@@ -29,9 +29,11 @@ class Estimates(Section):
     title = "The estimators"
 
     def applies(self, run: Run) -> bool:
+        """Where estimators ran, or went without a word in a study that weighs."""
         return bool(run.estimates) or (bool(run.signals) and not only_answered(run))
 
     def render(self, run: Run) -> str:
+        """A figure and a table a signal and model."""
         if not run.estimates:
             return Markup("<p>No estimator ran in this study.</p>")
         wanted = [s for s in run.signals if any(r["signal"] == s for r in run.estimates)]

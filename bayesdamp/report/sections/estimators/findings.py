@@ -28,9 +28,11 @@ class Findings(Section):
     title = "What the methods found besides"
 
     def applies(self, run: Run) -> bool:
+        """Where a method left more than coefficients."""
         return any(_found(run, signal) for signal in run.signals)
 
     def render(self, run: Run) -> str:
+        """Learnt forces, eigenvalues, selected terms and Pareto fronts, signal by signal."""
         wanted = [s for s in run.signals if _found(run, s)]
         return by_signal(run, lambda signal: _one(run, signal), wanted)
 

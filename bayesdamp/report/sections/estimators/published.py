@@ -27,9 +27,11 @@ class PublishedSection(Section):
     title = "Method by damping"
 
     def applies(self, run: Run) -> bool:
+        """Where a study has published numbers and errors to set beside them."""
         return bool(run.study.get("published")) and bool(compared(run).errors)
 
     def render(self, run: Run) -> str:
+        """Measured beside published, method by method."""
         found = compared(run)
         posteriors = {s: _posterior(run, s) for s in found.signals}
         parts = [Markup("<p>{}</p>").format(lead(found)), errors(run, found, posteriors), times(found)]

@@ -23,9 +23,11 @@ class Sweeps(Section):
     title = "Errors against noise, sampling and length"
 
     def applies(self, run: Run) -> bool:
+        """Where three signals and more make a series."""
         return len(run.signals) >= 3 and bool(series(run))
 
     def render(self, run: Run) -> str:
+        """Errors along each series."""
         parts: list[object] = []
         for found in series(run):
             methods = _methods(found)

@@ -31,9 +31,11 @@ class EvidenceSection(Section):
     title = "Which damping: the evidence"
 
     def applies(self, run: Run) -> bool:
+        """Where exact laws were weighed, or should have been."""
         return bool(run.signals) and not only_answered(run)
 
     def render(self, run: Run) -> str:
+        """Log Bayes factors by method, with probabilities and diagnostics."""
         if not run.evidence:
             return Markup("<p>No evidence was computed in this study, so no model can be preferred.</p>")
         wanted = [s for s in run.signals if any(r["signal"] == s for r in run.evidence)]

@@ -31,9 +31,11 @@ class Posteriors(Section):
     title = "The posteriors"
 
     def applies(self, run: Run) -> bool:
+        """Where candidates were sampled, or should have been."""
         return bool(run.posteriors) or (bool(run.signals) and not only_answered(run))
 
     def render(self, run: Run) -> str:
+        """Marginals, pairs and what follows from them, candidate by candidate."""
         if not run.posteriors and not any(run.cells("posterior", s) for s in run.signals):
             return Markup("<p>No posterior was sampled in this study.</p>")
         return by_signal(run, lambda signal: _one(run, signal))

@@ -26,9 +26,11 @@ class Running(Section):
     title = "The damping while it is measured"
 
     def applies(self, run: Run) -> bool:
+        """Where a sampler filtered a record."""
         return any(_filtered(cell) for s in run.signals for cell in run.cells("posterior", s))
 
     def render(self, run: Run) -> str:
+        """Coefficients against time, with their bands."""
         said = (
             "What a Kalman filter says of the damping after each sample. Its first pass uses every sample once; the "
             "passes after it start from the same priors again and linearise where the pass before ended."

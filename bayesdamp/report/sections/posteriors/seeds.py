@@ -10,11 +10,12 @@ from markupsafe import Markup
 
 from bayesdamp.report import words
 from bayesdamp.report.html import Line, Table, fill, folded
-from bayesdamp.report.results.reading import models_by_rank
+from bayesdamp.report.results.reading import mode_of, models_by_rank
 from bayesdamp.report.results.run import Run
 from bayesdamp.report.sections._layout import by_signal
 from bayesdamp.report.sections._section import Section
-from bayesdamp.store import CellResult
+from bayesdamp.store.contents.candidates import Climb, ModeContent
+from bayesdamp.types import OK
 
 Row = Mapping[str, Any]
 SHOWN = 4
@@ -31,9 +32,15 @@ class Seeds(Section):
     title = "Where the searches started, and where they ended"
 
     def applies(self, run: Run) -> bool:
-        return any(_climbs(cell) for s in run.signals for cell in run.cells("mode", s))
+        """Where modes were searched for."""
+        return any(
+            cell.outcome == OK and ModeContent.of(cell).climbs
+            for s in run.signals
+            for cell in run.cells("mode", s)
+        )
 
     def render(self, run: Run) -> str:
+        """Searches and chains, candidate by candidate, the likeliest open."""
         said = (
             "An optimisation (Levenberg–Marquardt) starts at every estimate, at each of its stages, and at a few draws "
             "from the prior. Chains start there too, scattered by more than the posterior's width; a starting point "
@@ -44,21 +51,17 @@ class Seeds(Section):
         )
 
 
-def _climbs(cell: CellResult | None) -> Sequence[Row]:
-    return (cell.meta.get("climbs") or []) if cell else []
-
-
 def _one(run: Run, signal: str) -> Markup:
     repeat = run.repeats(signal)[0]
     parts: list[Markup] = []
     rest: list[object] = []
     for model in models_by_rank(run, signal, repeat):
-        cell = run.cell("mode", signal, repeat, model)
-        if cell is None or not _climbs(cell):
+        mode = mode_of(run, signal, repeat, model)
+        if mode is None or not mode.climbs:
             continue
         name = words.model(model)[:1].upper() + words.model(model)[1:]
-        summary = Markup("<p><strong>{}.</strong> {}</p>").format(name, " ".join(_sentences(cell)))
-        tables: list[object] = [_table(cell)]
+        summary = Markup("<p><strong>{}.</strong> {}</p>").format(name, " ".join(_sentences(mode)))
+        tables: list[object] = [_table(mode)]
         tables += _chains(run, signal, repeat, model)
         told = [summary, folded(f"Starting points and chains of {words.model(model)}", *tables)]
         if len(parts) < 2 * SHOWN:
@@ -70,30 +73,27 @@ def _one(run: Run, signal: str) -> Markup:
     return fill("stack.html", parts=parts or [Markup("<p>No model was fitted to this signal.</p>")])
 
 
-def _sentences(cell: CellResult) -> list[str]:
-    climbs, modes = _climbs(cell), cell.meta.get("modes") or []
-    ended = [c for c in climbs if c.get("mode") == 0]
-    reached = _count(sum(1 + len(c["same"]) for c in ended))
+def _sentences(mode: ModeContent) -> list[str]:
+    climbs, modes = mode.climbs, mode.modes
+    ended = [c for c in climbs if c.mode == 0]
+    reached = _count(sum(1 + len(c.same) for c in ended))
     every = "All " if len(ended) == len(climbs) and reached != _count(1) else ""
     found = [f"{every}{reached} reached the mode."]
-    elsewhere = [c for c in climbs if c.get("mode")]
+    elsewhere = [c for c in climbs if c.mode]
     if elsewhere:
         best = modes[1] if len(modes) > 1 else None
-        depth = modes[0]["log_posterior"] - best["log_posterior"] if best else math.nan
-        share = (
-            f", about {100 * best['share']:.2g} % of the posterior" if best and best["share"] > 1e-3 else ""
-        )
+        depth = mode.log_posterior - best.log_posterior if best else math.nan
+        share = f", about {100 * best.share:.2g} % of the posterior" if best and best.share > 1e-3 else ""
         found.append(
             f"{_names(elsewhere)} ended in another maximum; the highest of these is {words.number(depth, 3)} "
             f"nats lower{share}, and was not sampled."
         )
-    failed = [c for c in climbs if c.get("mode") is None]
+    failed = [c for c in climbs if c.mode is None]
     if failed:
         found.append(f"{_names(failed)} came to no maximum.")
-    refused = cell.meta.get("refused") or {}
-    if refused:
-        found.append(f"No values to start from: {words.listing(map(_name, refused))}.")
-    touching = [words.symbol(n).text for n in cell.meta.get("touching_zero") or []]
+    if mode.refused:
+        found.append(f"No values to start from: {words.listing(map(_name, mode.refused))}.")
+    touching = [words.symbol(n).text for n in mode.touching_zero]
     if touching:
         found.append(f"The posterior of {words.listing(touching)} touches zero.")
     return found
@@ -108,26 +108,25 @@ def _name(label: str) -> str:
     return f"{words.method(method)} {stage}".strip() if stage else words.method(method)
 
 
-def _names(climbs: Sequence[Row]) -> str:
-    listed = [_name(n) for c in climbs for n in (c["seed"], *c["same"])]
+def _names(climbs: Sequence[Climb]) -> str:
+    listed = [_name(n) for c in climbs for n in (c.seed, *c.same)]
     text = words.listing(listed)
     return text[:1].upper() + text[1:]
 
 
-def _table(cell: CellResult) -> Table:
-    top = cell.meta["log_posterior"]
-    lines = []
-    for c in _climbs(cell):
-        number = c.get("mode")
+def _table(mode: ModeContent) -> Table:
+    top, lines = mode.log_posterior, []
+    for c in mode.climbs:
+        number = c.mode
         where = "no maximum" if number is None else "the mode" if number == 0 else f"maximum {number + 1}"
-        below = top - c["end"] if c["end"] is not None else math.nan
+        below = top - c.end
         lines.append(
             Line(
                 [
-                    words.listing(_name(n) for n in (c["seed"], *c["same"])),
-                    _nats(top, c["start"]),
-                    words.number(c["distance"], 3),
-                    str(c["evaluations"]),
+                    words.listing(_name(n) for n in (c.seed, *c.same)),
+                    _nats(top, c.start),
+                    words.number(c.distance, 3),
+                    str(c.evaluations),
                     where,
                     words.fixed(max(below, 0.0), 2) if below < 1e4 else words.number(below, 2),
                 ],

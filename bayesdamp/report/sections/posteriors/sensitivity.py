@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from bayesdamp.report import words
 from bayesdamp.report.figures.posteriors import sensitivity as figures
 from bayesdamp.report.html import Line, Table, fill
-from bayesdamp.report.results.reading import models_by_rank, ranking
+from bayesdamp.report.results.reading import mode_of, models_by_rank, ranking
 from bayesdamp.report.results.run import Run
 from bayesdamp.report.sections._layout import by_signal
 from bayesdamp.report.sections._section import Section
@@ -30,9 +30,11 @@ class Sensitivity(Section):
     title = "What the evidence depends on"
 
     def applies(self, run: Run) -> bool:
+        """Where a signal was weighed under other assumptions too."""
         return bool(self._signals(run))
 
     def render(self, run: Run) -> str:
+        """Prior widths, odds, halves and other noise, signal by signal."""
         return by_signal(run, lambda signal: _one(run, signal), self._signals(run))
 
     @staticmethod
@@ -83,9 +85,9 @@ def _elsewhere(run: Run, signal: str, models: list[str]) -> Table | None:
     if len(_cells(run, signal, models, "widths")) < 2:
         return None
     for model in models:
-        mode = run.cell("mode", signal, 0, model)
-        windows = [w for w in (mode.meta.get("windows") or []) if "log_evidence" in w] if mode else []
-        of_parts = {w["label"]: w["log_evidence"] for w in windows if math.isfinite(w["log_evidence"])}
+        mode = mode_of(run, signal, 0, model)
+        windows = mode.windows if mode else ()
+        of_parts = {w.label: w.log_evidence for w in windows if math.isfinite(w.log_evidence)}
         if not of_parts:
             continue
         found[model] = of_parts
@@ -132,12 +134,11 @@ def _half(run: Run, signal: str, model: str, sampled: Mapping[str, CellResult]) 
         return _Half(
             found["log_evidence"], found["stderr"], found["diagnostic"], found["outcome"] == OK, meta
         )
-    mode = run.cell("mode", signal, 0, model)
-    told = mode.meta.get("forecast") if mode else None
-    if mode is None or not told:
+    mode = mode_of(run, signal, 0, model)
+    if mode is None or mode.forecast is None:
         return None
-    first = next(w["log_evidence"] for w in mode.meta["windows"] if w["label"] == "first half")
-    return _Half(first, math.nan, "Laplace's approximation", True, told)
+    first = next(w.log_evidence for w in mode.windows if w.label == "first half")
+    return _Half(first, math.nan, "Laplace's approximation", True, vars(mode.forecast))
 
 
 def _halves(run: Run, signal: str, models: list[str]) -> Table | None:

@@ -40,9 +40,11 @@ class Specimens(Section):
     title = "Many records"
 
     def applies(self, run: Run) -> bool:
+        """Where a specimen has several records, or there are several specimens."""
         return bool(joint_cells(run)) or population_cell(run) is not None
 
     def render(self, run: Run) -> str:
+        """Joint fits beside each record alone, and the population."""
         parts: list[object] = []
         for name, cell in joint_cells(run).items():
             parts += [Markup("<h3>{}</h3>").format(f"Repeats of {name}"), *_joint(run, name, cell)]

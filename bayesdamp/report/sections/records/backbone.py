@@ -25,9 +25,11 @@ class Backbone(Section):
     title = "Without any law: damping curve and backbone"
 
     def applies(self, run: Run) -> bool:
+        """Where candidates' curves were stored."""
         return any(run.cells("curve", s) for s in run.signals)
 
     def render(self, run: Run) -> str:
+        """Damping ratio and frequency against amplitude, signal by signal."""
         said = (
             "Read from turning points and crossings alone. A constant ratio is viscous damping, one that falls as the "
             "inverse of the amplitude Coulomb friction, one that grows with it quadratic damping; a frequency that "

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from markupsafe import Markup
 
 from bayesdamp.report import words
 from bayesdamp.report.figures.records.windows import windows
 from bayesdamp.report.html import Line, Table, fill, folded
 from bayesdamp.report.results.answers import only_answered
-from bayesdamp.report.results.reading import coefficients, models_by_rank, other_forms
+from bayesdamp.report.results.reading import coefficients, mode_of, models_by_rank, other_forms
 from bayesdamp.report.results.run import Run, rows_of
 from bayesdamp.report.sections._layout import by_signal, drawn
 from bayesdamp.report.sections._section import Section
@@ -24,9 +22,11 @@ class FitQuality(Section):
     title = "How good the fits are"
 
     def applies(self, run: Run) -> bool:
+        """Where modes were fitted, or should have been."""
         return bool(run.signals) and not only_answered(run)
 
     def render(self, run: Run) -> str:
+        """Checks of each fit, and fits to parts of the record."""
         if not run.fits and not any(run.cells("mode", s) for s in run.signals):
             return Markup("<p>No model was fitted in this study.</p>")
         return fill("fit_quality.html", body=by_signal(run, lambda signal: _one(run, signal)))
@@ -100,11 +100,9 @@ def _other_forms(run: Run, signal: str, repeat: int, model: str) -> Table | None
 
 
 def _windows(run: Run, signal: str, repeat: int, model: str) -> Markup | None:
-    cell = run.cell("mode", signal, repeat, model)
-    found: list[dict[str, Any]] = (
-        [w for w in (cell.meta.get("windows") or []) if w.get("values")] if cell else []
-    )
-    names = [n for n in coefficients(run, model) if any(n in w["values"] for w in found)]
+    mode = mode_of(run, signal, repeat, model)
+    found = [w for w in mode.windows if w.values] if mode else []
+    names = [n for n in coefficients(run, model) if any(n in w.values for w in found)]
     if len(found) < 2 or not names:
         return None
     units = {r["parameter"]: r["unit"] for r in (*run.posteriors, *run.estimates) if r["model"] == model}
@@ -119,10 +117,10 @@ def _windows(run: Run, signal: str, repeat: int, model: str) -> Markup | None:
     lines = [
         Line(
             [
-                str(w.get("label", "")),
-                words.number(w.get("start"), 4),
-                words.number(w.get("stop"), 4),
-                *(words.with_error(w["values"].get(n), (w.get("sd") or {}).get(n)) for n in names),
+                w.label,
+                words.number(w.start, 4),
+                words.number(w.stop, 4),
+                *(words.with_error(w.values.get(n), w.sd.get(n)) for n in names),
             ]
         )
         for w in found

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Sequence
 
 from markupsafe import Markup
 
@@ -13,7 +12,7 @@ from bayesdamp.report.html import Line, Table, fill
 from bayesdamp.report.results.run import Run
 from bayesdamp.report.sections._layout import by_signal
 from bayesdamp.report.sections._section import Section
-from bayesdamp.store import CellResult
+from bayesdamp.store.contents.records import NoiseContent, WidthTried
 from bayesdamp.types import OK
 
 STAYS = "the usual one stays: no other is clearly ahead"
@@ -28,9 +27,11 @@ class Friction(Section):
     title = "How sharply friction turns over"
 
     def applies(self, run: Run) -> bool:
-        return any(_cell(run, signal) for signal in run.signals)
+        """Where widths of friction were tried."""
+        return any(_chosen(run, signal) for signal in run.signals)
 
     def render(self, run: Run) -> str:
+        """A table of the widths for each signal."""
         said = (
             "Friction turns over within a velocity ε, of which a precise record shows something near rest and at each "
             "turning point. Chosen once for each record, under all damping terms together, and taken as known by all "
@@ -43,37 +44,38 @@ class Friction(Section):
         )
 
 
-def _cell(run: Run, signal: str) -> CellResult | None:
-    """The cell that chose, if any."""
+def _chosen(run: Run, signal: str) -> NoiseContent | None:
+    """What was chosen, if widths were tried."""
     cell = run.cell("noise", signal, run.repeats(signal)[0])
-    return cell if cell is not None and cell.meta.get("epsilons") else None
+    chosen = NoiseContent.of(cell) if cell is not None and cell.outcome == OK else None
+    return chosen if chosen is not None and chosen.epsilons else None
 
 
 def _one(run: Run, signal: str) -> Markup:
-    cell = _cell(run, signal)
-    if cell is None:
+    chosen = _chosen(run, signal)
+    if chosen is None:
         return Markup("<p>ε of this signal was given, or is inferred, or no candidate has friction.</p>")
-    tried, taken = cell.meta["epsilons"], cell.meta["epsilon"] or cell.meta["usual_epsilon"]
-    best = max((t["log_evidence"] for t in tried if t["outcome"] == OK), default=math.nan)
-    names = list(tried[0].get("coefficients", {}))
+    tried, taken = chosen.epsilons, chosen.epsilon or chosen.usual_epsilon
+    best = max((t.log_evidence for t in tried if t.outcome == OK), default=math.nan)
+    names = list(tried[0].coefficients)
     headers = [
         "share of the peak velocity",
-        f"ε / ({cell.meta['epsilon_unit']})",
+        f"ε / ({chosen.epsilon_unit})",
         "log evidence below the best",
         *(words.symbol(name).text for name in names),
         "",
     ]
     usual = HARDLY_ANY if len(tried) == 1 else STAYS
-    why = usual if cell.meta["epsilon"] is None else "chosen"
-    lines = [_line(t, best, names, why if t["epsilon"] == taken else "") for t in tried]
+    why = usual if chosen.epsilon is None else "chosen"
+    lines = [_line(t, best, names, why if t.epsilon == taken else "") for t in tried]
     return fill("stack.html", parts=[Table(headers, lines, frozenset({3 + len(names)}))])
 
 
-def _line(t: Mapping[str, Any], best: float, names: Sequence[str], taken: str) -> Line:
-    below = words.fixed(best - t["log_evidence"], 1) if t["outcome"] == OK else words.NONE
-    said = t["outcome"] if t["outcome"] != OK else taken
-    found = [words.with_error(*t["coefficients"].get(name, (None, None))) for name in names]
-    shown = [f"{100 * t['share']:g} %", words.number(t["epsilon"], 3), below, *found, said]
+def _line(t: WidthTried, best: float, names: Sequence[str], taken: str) -> Line:
+    below = words.fixed(best - t.log_evidence, 1) if t.outcome == OK else words.NONE
+    said = t.outcome if t.outcome != OK else taken
+    found = [words.with_error(*t.coefficients.get(name, (None, None))) for name in names]
+    shown = [f"{100 * t.share:g} %", words.number(t.epsilon, 3), below, *found, said]
     return Line(shown, "best" if taken else "")
 
 

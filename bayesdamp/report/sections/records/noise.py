@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from typing import Any
 
 from markupsafe import Markup
 
@@ -13,6 +11,7 @@ from bayesdamp.report.html import Line, Table, fill
 from bayesdamp.report.results.run import Run
 from bayesdamp.report.sections._layout import by_signal
 from bayesdamp.report.sections._section import Section
+from bayesdamp.store.contents.records import NoiseContent, NoiseTried
 from bayesdamp.types import OK
 
 
@@ -24,9 +23,11 @@ class Noise(Section):
     title = "Which noise"
 
     def applies(self, run: Run) -> bool:
+        """Where the noise was chosen for a record."""
         return any(run.cells("noise", signal) for signal in run.signals)
 
     def render(self, run: Run) -> str:
+        """A table of the noise models for each signal."""
         said = (
             "Chosen once for each record, under all damping terms together and the restoring law that fits best, "
             "and shared by all candidates. The evidence is by Laplace's approximation; densities of rounded values "
@@ -44,28 +45,28 @@ def _one(run: Run, signal: str) -> Markup:
         return Markup("<p>No noise was chosen for this signal.</p>")
     if cell.outcome != OK:
         return Markup("<p>{}</p>").format(cell.outcome)
-    weighed, chosen = cell.meta["weighed"], cell.meta["chosen"]
-    best = max((w["log_evidence"] for w in weighed if w["outcome"] == OK), default=math.nan)
-    lines = [_line(w, best, chosen) for w in sorted(weighed, key=lambda w: -w["log_evidence"])]
+    found = NoiseContent.of(cell)
+    best = max((w.log_evidence for w in found.weighed if w.outcome == OK), default=math.nan)
+    lines = [_line(w, best, found.chosen) for w in sorted(found.weighed, key=lambda w: -w.log_evidence)]
     headers = ["noise", "log evidence below the best", "its parameters", ""]
     others = _others(run, signal, repeats)
     return fill("stack.html", parts=[Table(headers, lines, frozenset({0, 2, 3})), others])
 
 
-def _line(w: Mapping[str, Any], best: float, chosen: str) -> Line:
-    name = words.method(w["noise"])
-    if w["outcome"] != OK:
-        return Line([name, words.NONE, words.NONE, w["outcome"]], "quiet")
-    values = ", ".join(f"{words.symbol(n).text} {words.number(v, 3)}" for n, v in w["values"].items())
-    mine = w["noise"] == chosen
-    below = words.fixed(best - w["log_evidence"], 0 if w["held"] else 1)
-    said = "chosen" if mine else "far behind on the residuals of another's fit" if w["held"] else ""
+def _line(w: NoiseTried, best: float, chosen: str) -> Line:
+    name = words.method(w.noise)
+    if w.outcome != OK:
+        return Line([name, words.NONE, words.NONE, w.outcome], "quiet")
+    values = ", ".join(f"{words.symbol(n).text} {words.number(v, 3)}" for n, v in w.values.items())
+    mine = w.noise == chosen
+    below = words.fixed(best - w.log_evidence, 0 if w.held else 1)
+    said = "chosen" if mine else "far behind on the residuals of another's fit" if w.held else ""
     return Line([name, below, values, said], "best" if mine else "")
 
 
 def _others(run: Run, signal: str, repeats: list[int]) -> Markup:
     cells = [run.cell("noise", signal, r) for r in repeats]
-    chosen = [c.meta["chosen"] for c in cells if c is not None and c.outcome == OK]
+    chosen = [NoiseContent.of(c).chosen for c in cells if c is not None and c.outcome == OK]
     if len(chosen) < 2:
         return Markup("")
     said = words.listing(f"{words.method(n)} in {chosen.count(n)}" for n in dict.fromkeys(chosen))

@@ -16,6 +16,7 @@ from bayesdamp.report.results.reading import models_kept
 from bayesdamp.report.results.run import Run
 from bayesdamp.report.sections._layout import by_signal, drawn
 from bayesdamp.report.sections._section import Section
+from bayesdamp.store.contents.records import RecordContent
 from bayesdamp.types import OK
 
 
@@ -27,9 +28,11 @@ class Record(Section):
     title = "The record and the fits"
 
     def applies(self, run: Run) -> bool:
+        """In every run with signals."""
         return bool(run.signals)
 
     def render(self, run: Run) -> str:
+        """The record as read, as used, and under the likeliest fits."""
         return by_signal(run, lambda signal: _one(run, signal))
 
 
@@ -50,6 +53,7 @@ def _one(run: Run, signal: str) -> Markup:
     if cell is None or "t" not in cell.arrays:
         why = cell.outcome if cell else "The record is not in this folder."
         return fill("record.html", notes=said, figures=[], missing=[why], repeats=len(repeats))
+    content = RecordContent.of(cell)
     quantity = about.get("quantity") or "angle"
     factor = run.unit(signal).scale
     unit = run.unit(signal).of(quantity)
@@ -59,9 +63,9 @@ def _one(run: Run, signal: str) -> Markup:
     fits, missing = _fits(run, signal, repeat, factor, unit, len(t))
     figures = []
     if _has_raw(cell.arrays, len(t)):
-        start, stop = _window(about, cell.meta)
+        start, stop = _window(about, content)
         raw_t, raw_y = cell.arrays["raw_t"], cell.arrays["raw_y"] * factor
-        pieces = (cell.meta.get("provenance") or {}).get("pieces", [])
+        pieces = content.provenance.get("pieces", [])
         caption = f"{signal}: the record as it was read."
         figures.append(
             run.drawings.add(f"raw-{signal}", caption, lambda: raw(raw_t, raw_y, start, stop, axis, pieces))
@@ -73,7 +77,7 @@ def _one(run: Run, signal: str) -> Markup:
     )
     if any(len(fit.autocorrelation) for fit in fits):
         caption += " Grey band: what white noise would give."
-    period = _period(cell.meta, t)
+    period = _period(content, t)
     figures.append(
         run.drawings.add(f"record-{signal}", caption, lambda: record(t, y * factor, fits, axis, period))
     )
@@ -117,16 +121,16 @@ def _has_raw(arrays: Mapping[str, np.ndarray], samples: int) -> bool:
     return not same
 
 
-def _window(about: Mapping[str, Any], meta: Mapping[str, Any]) -> tuple[float | None, float | None]:
-    for source in (about, meta.get("provenance") or {}):
+def _window(about: Mapping[str, Any], content: RecordContent) -> tuple[float | None, float | None]:
+    for source in (about, content.provenance):
         start, stop = source.get("start"), source.get("stop")
         if isinstance(start, (int, float)) and isinstance(stop, (int, float)):
             return float(start), float(stop)
     return None, None
 
 
-def _period(meta: Mapping[str, Any], t: np.ndarray) -> float:
-    period = (meta.get("features") or {}).get("period")
+def _period(content: RecordContent, t: np.ndarray) -> float:
+    period = content.features.get("period")
     return float(period) if isinstance(period, (int, float)) and period > 0 else 0.04 * float(t[-1] - t[0])
 
 

@@ -34,9 +34,11 @@ class AnswerSection(Section):
     title = "Which damping, and how large"
 
     def applies(self, run: Run) -> bool:
+        """Where a record has a verdict."""
         return bool(self._answered(run))
 
     def render(self, run: Run) -> str:
+        """One block a record."""
         return by_signal(run, lambda signal: _one(run, signal), self._answered(run), anchor=ANCHOR)
 
     @staticmethod
@@ -148,17 +150,15 @@ def _coefficients(v) -> Table:
 
 
 def _candidates(answer: Answer) -> Markup:
-    rows = [r for r in answer.candidates if r["outcome"] == OK]
-    key = "log_evidence" if rows and rows[0]["log_evidence"] is not None else "log_evidence_exact"
-    top = {k: max(float(r[k]) for r in rows) for k in {key, "log_evidence_exact"}}  # type: ignore[arg-type]
+    rows = [r for r in answer.candidates if r.outcome == OK]
+    logs = [(r.exact if r.log_evidence is None else r.log_evidence, r) for r in rows]
+    top, top_exact = max((log for log, _ in logs), default=0.0), max((r.exact for r in rows), default=0.0)
     lines = [
         Line([
-            words.model(str(r["damping"])), words.law(str(r["restoring"])),
-            f"{float(r[key]) - top[key]:.1f}",  # type: ignore[arg-type]
-            f"{float(r['log_evidence_exact']) - top['log_evidence_exact']:.1f}",  # type: ignore[arg-type]
-            f"{float(r['rms']):.3g}",  # type: ignore[arg-type]
+            words.model(r.damping), words.law(r.restoring),
+            f"{log - top:.1f}", f"{r.exact - top_exact:.1f}", f"{r.rms:.3g}",
         ])
-        for r in sorted(rows, key=lambda r: -float(r[key]))  # type: ignore[arg-type]
+        for log, r in sorted(logs, key=lambda pair: -pair[0])
     ]  # fmt: skip
     head = [
         "damping",

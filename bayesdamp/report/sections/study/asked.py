@@ -24,9 +24,11 @@ class Asked(Section):
     title = "What was asked"
 
     def applies(self, run: Run) -> bool:
+        """In every report."""
         return True
 
     def render(self, run: Run) -> str:
+        """Tables of the resolved study, and its text folded."""
         study = run.study
         text = json.dumps(study, indent=2, ensure_ascii=False)
         details = folded("The resolved study, every setting", Markup("<pre>{}</pre>").format(escape(text)))

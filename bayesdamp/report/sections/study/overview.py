@@ -34,9 +34,11 @@ class Overview(Section):
     title = "All records"
 
     def applies(self, run: Run) -> bool:
+        """Where so many records have an answer that one looks for one of them."""
         return not run.study.get("published") and len(_answers(run)) >= FEWEST
 
     def render(self, run: Run) -> str:
+        """Specimens, small multiples, and a line a record."""
         answers = _answers(run)
         cards = [_together(v) for v in specimens(run)]
         return fill("stack.html", parts=[*cards, _pictures(answers), _table(answers)])

@@ -26,9 +26,11 @@ class Priors(Section):
     title = "What was assumed: the priors"
 
     def applies(self, run: Run) -> bool:
+        """Where something was inferred."""
         return any((run.info.get("priors") or {}).values())
 
     def render(self, run: Run) -> str:
+        """Prior odds, then a table of priors for each signal."""
         wanted = [s for s in run.signals if run.info["priors"].get(s)]
         odds = ANSWERED if only_answered(run) else ALIKE
         return fill("priors.html", odds=odds, body=by_signal(run, lambda signal: _one(run, signal), wanted))

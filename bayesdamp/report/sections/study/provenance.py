@@ -19,9 +19,11 @@ class Provenance(Section):
     title = "How this was made"
 
     def applies(self, run: Run) -> bool:
+        """In every report."""
         return True
 
     def render(self, run: Run) -> str:
+        """What the numbers were made by and from."""
         info = run.info
         facts = [
             ("source revision", info.get("revision")),

@@ -22,6 +22,7 @@ from bayesdamp.report.results.run import Run, rows_of
 from bayesdamp.report.results.verdict import verdict
 from bayesdamp.report.sections._section import Section
 from bayesdamp.report.style import colour
+from bayesdamp.store.contents.records import NoiseContent
 from bayesdamp.types import OK
 
 _CARDS = 4
@@ -36,11 +37,13 @@ class Summary(Section):
     title = "Conclusions and caveats"
 
     def applies(self, run: Run) -> bool:
+        """In a study's report that went on to exact laws."""
         return run.info.get("kind") is None and not only_answered(
             run
         )  # a calibration has a verdict of its own
 
     def render(self, run: Run) -> str:
+        """A card a signal, the overview, and what ended with a sentence."""
         signals = run.signals
         cards = [_card(run, signal, run.repeats(signal)[0]) for signal in signals]
         many = len(signals) > _CARDS or any(len(run.repeats(s)) > 1 for s in signals)
@@ -238,11 +241,14 @@ AS_GOOD = 3.0
 def _friction(run: Run, signal: str, repeat: int, model: str, doubt: list[str]) -> None:
     """Coefficients that move by more than their standard deviation with an ε that suits the record as well."""
     cell, names = run.cell("noise", signal, repeat), coefficients(run, model)
-    if cell is None or not set(cell.meta.get("friction", ())) & set(names):
+    if cell is None or cell.outcome != OK:
         return
-    tried = [t for t in cell.meta["epsilons"] if t["outcome"] == OK]
-    best = max((t["log_evidence"] for t in tried), default=math.nan)
-    found = [t["coefficients"] for t in tried if best - t["log_evidence"] < AS_GOOD]
+    chosen = NoiseContent.of(cell)
+    if not set(chosen.friction) & set(names):
+        return
+    tried = [t for t in chosen.epsilons if t.outcome == OK]
+    best = max((t.log_evidence for t in tried), default=math.nan)
+    found = [t.coefficients for t in tried if best - t.log_evidence < AS_GOOD]
     moved = []
     for row in summary_rows(run, signal, repeat, model)[1]:
         values = [one[row["parameter"]][0] for one in found if row["parameter"] in one]

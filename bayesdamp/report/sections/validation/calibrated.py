@@ -36,9 +36,11 @@ class Calibrated(Section):
     title = "Are the intervals what they say?"
 
     def applies(self, run: Run) -> bool:
+        """In the report of a calibration."""
         return run.info.get("kind") == "calibration"
 
     def render(self, run: Run) -> str:
+        """Tests of uniform ranks, and coverage with its bands."""
         result = run.info["result"]
         rows = _csv(run, "calibration.csv")
         parts: list[object] = [Markup('<p class="lead">{}</p>').format(_claim(result))]

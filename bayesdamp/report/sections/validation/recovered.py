@@ -35,9 +35,11 @@ class Recovered(Section):
     title = "Are the models' probabilities what they say?"
 
     def applies(self, run: Run) -> bool:
+        """In the report of a model recovery."""
         return run.info.get("kind") == "model recovery"
 
     def render(self, run: Run) -> str:
+        """Promised against observed probabilities, and the confusion of models."""
         result = run.info["result"]
         parts: list[object] = [Markup("<p>{}</p>").format(sentence) for sentence in EXPLAINED]
         for name, title in SERIES.items():

@@ -1,0 +1,235 @@
+"""What a study file comes to: a frozen value, its signals in it."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+from pydantic import BaseModel
+
+from bayesdamp.config.checks import as_input_error, plain
+from bayesdamp.config.published import Published
+from bayesdamp.config.sections import CalibrationTable, EvidenceTable, PosteriorTable, RecoveryTable
+from bayesdamp.plugins import PluginModule
+from bayesdamp.types import InputError, System, candidate_name, candidate_parts
+
+
+@dataclass(frozen=True)
+class Simulation:
+    """A record to make. Estimators and inference never see it.
+
+    damping: the true model's terms; truth: the parameters' true values by name (`zeta`, `stiffness`, ...).
+    duration in s, quantum in the unit of the quantity; outliers: a number of samples or their share below 1;
+    gaps: stretches without samples; unit: "rad" or "m", that of the displacement.
+    """
+
+    damping: tuple[str, ...]
+    truth: Mapping[str, float]
+    duration: float
+    samples: int
+    repeats: int = 1
+    noise: str = "gaussian"
+    outliers: float = 0.0
+    gaps: int = 0
+    quantum: float = 0.0
+    quantity: str = "angle"
+    unit: str = "rad"
+
+
+@dataclass(frozen=True)
+class Recording:
+    """A record to read. `file` as written, `path` where it is; columns by name or by number from 1.
+
+    angle: the recorded quantity's column, whatever the quantity; None where the file has only that one.
+    rate in Hz; start and stop in s of the record's own clock, or "auto". run, channel: which of a file's records;
+    time_unit: of its times. What of them is not given the file says, or it is chosen. least_noise: the share of the
+    amplitude that is added as noise where the record has none, 0 for none.
+    """
+
+    file: str
+    path: Path
+    angle: str | int | None = None
+    time: str | int | None = None
+    unit: str = "rad"
+    quantity: str = "angle"
+    rate: float | None = None
+    clock: str = "auto"
+    start: float | str = "auto"
+    stop: float | str = "auto"
+    run: str | int | None = None
+    channel: str | None = None
+    time_unit: str | None = None
+    least_noise: float = 0.0
+
+
+@dataclass(frozen=True)
+class SignalSpec:
+    """One record of the study, either simulated or read, and what is known of its system.
+
+    inertia: kg m² (kg for a translation), only for showing results in physical units.
+    compare: its own damping models, None for the study's; estimate: those under which estimators run, None for
+    all that it compares. laws: the restoring laws that it is compared under; alternatives: what is known of its
+    system under those that are not `system`'s own. specimen: what it is a record of; records of one specimen are fitted
+    jointly, several specimens summarised. Empty where the study does not say.
+    """
+
+    name: str
+    system: System
+    source: Simulation | Recording
+    inertia: float | None = None
+    compare: tuple[str, ...] | None = None
+    estimate: tuple[str, ...] | None = None
+    laws: tuple[str, ...] = ()
+    alternatives: tuple[System, ...] = ()
+    specimen: str = ""
+
+    def resolved(self) -> dict[str, Any]:
+        """All that the study says of the record, as JSON takes it; no path of this machine."""
+        found = plain(self)
+        found["source"].pop("path", None)
+        if not found["source"].get("least_noise"):
+            found["source"].pop("least_noise", None)
+        for key in ("run", "channel", "time_unit"):  # a study that does not have them reads as it always did
+            if found["source"].get(key) is None:
+                found["source"].pop(key, None)
+        if not self.alternatives:
+            del found["laws"], found["alternatives"]
+        if not self.specimen:
+            del found["specimen"]
+        return found
+
+    @property
+    def restoring(self) -> tuple[str, ...]:
+        """The restoring laws that it is compared under."""
+        return self.laws or (self.system.restoring,)
+
+    def under(self, restoring: str) -> System:
+        """What is known of the system under one of these laws, by default the system's own."""
+        return next((s for s in self.alternatives if s.restoring == restoring), self.system)
+
+    @property
+    def repeats(self) -> int:
+        """How many records are made of it; one where it is read."""
+        return self.source.repeats if isinstance(self.source, Simulation) else 1
+
+
+@dataclass(frozen=True)
+class Estimators:
+    """use: estimators' names; stages: "initial", "refined"; options: a method's own table by its name; repeats: on
+    how many repeats of a signal a method runs at most, where not on all; variants: the estimator behind a name
+    that the study gives to one with other options."""
+
+    use: tuple[str, ...]
+    stages: tuple[str, ...]
+    options: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    repeats: Mapping[str, int] = field(default_factory=dict)
+    variants: Mapping[str, str] = field(default_factory=dict)
+
+    def method(self, name: str) -> str:
+        """The estimator that runs under a name of `use`."""
+        return self.variants.get(name, name)
+
+    def on(self, repeat: int) -> tuple[str, ...]:
+        """The methods that run on a repeat, numbered from 0."""
+        return tuple(name for name in self.use if repeat < self.repeats.get(name, repeat + 1))
+
+
+@dataclass(frozen=True)
+class Models:
+    """compare: damping sums such as `viscous+coulomb`; prior: a prior by damping term, where one is given;
+    restoring: the laws that each of them is combined with, none where a signal's own law is the only one; prune:
+    how many nats behind the best, by Laplace's evidence, a candidate is not weighed further, None to weigh all."""
+
+    compare: tuple[str, ...]
+    prior: Mapping[str, Any] = field(default_factory=dict)
+    restoring: tuple[str, ...] = ()
+    prune: float | None = None
+
+
+@dataclass(frozen=True)
+class Study:
+    """A checked study file. `source` is the file; nothing of it depends on the order of its tables.
+
+    published: figures from elsewhere that the report shows beside the study's own. plugins: the user's modules with
+    their sources. tables: those of the file, as it says them.
+    """
+
+    source: Path
+    name: str
+    signals: tuple[SignalSpec, ...]
+    estimators: Estimators
+    models: Models
+    posterior: PosteriorTable
+    evidence: EvidenceTable
+    calibration: CalibrationTable
+    recovery: RecoveryTable
+    seed: int = 0
+    description: str = ""
+    published: tuple[Published, ...] = ()
+    plugins: tuple[PluginModule, ...] = ()
+    version: int = 1
+    tables: Mapping[str, Any] = field(default_factory=dict, repr=False, compare=False)
+
+    def dampings(self, spec: SignalSpec) -> tuple[str, ...]:
+        """The damping sums that one of the signals is compared under."""
+        return self.models.compare if spec.compare is None else spec.compare
+
+    def compare(self, spec: SignalSpec) -> tuple[str, ...]:
+        """Names of the candidates for one of the signals: its damping sums, each under each of its restoring laws.
+
+        With one law a candidate's name is its damping sum; with several, see `candidate_name`.
+        """
+        laws = spec.restoring if len(spec.restoring) > 1 else ("",)
+        return tuple(candidate_name(m, law) for m in self.dampings(spec) for law in laws)
+
+    def estimate(self, spec: SignalSpec) -> tuple[str, ...]:
+        """Those of them under which estimators run."""
+        wanted = self.dampings(spec) if spec.estimate is None else spec.estimate
+        return tuple(name for name in self.compare(spec) if candidate_parts(name)[0] in wanted)
+
+    @property
+    def specimens(self) -> dict[str, tuple[SignalSpec, ...]]:
+        """The signals of each specimen that the study names."""
+        named = dict.fromkeys(s.specimen for s in self.signals if s.specimen)
+        return {name: tuple(s for s in self.signals if s.specimen == name) for name in named}
+
+    @property
+    def noises(self) -> tuple[str, ...]:
+        """The noise models in play; of several, one is chosen for each record."""
+        from bayesdamp.inference.noise import NOISES
+
+        given = self.posterior.noise
+        if isinstance(given, str):
+            return tuple(NOISES.present()) if given == "auto" else (given,)
+        return given
+
+    def resolved(self) -> dict[str, Any]:
+        """All that the study says, defaults written out, as JSON takes it; no path of this machine."""
+        found = plain(replace(self, signals=(), tables={}))
+        del found["source"], found["plugins"], found["tables"]
+        if self.plugins:
+            found["plugins"] = [{"file": Path(m.file).name, "sha256": m.digest} for m in self.plugins]
+        later = {"models": ("restoring", "prune"), "posterior": ("best",)}
+        for table_, keys in later.items():  # a study that does not have them reads as it always did
+            found[table_] = {k: v for k, v in found[table_].items() if v or k not in keys}
+        return {**found, "signals": [s.resolved() for s in self.signals]}
+
+    def digest(self) -> str:
+        """SHA-256 of `resolved()`, in hexadecimal."""
+        return hashlib.sha256(json.dumps(self.resolved(), sort_keys=True).encode()).hexdigest()
+
+    def estimator_options(self, name: str) -> BaseModel:
+        """The options of an estimator, defaults filled in; imports the estimator.
+
+        Raises InputError for an option that it does not have or that has a wrong value.
+        """
+        from bayesdamp.estimators import parse_options
+
+        try:
+            return parse_options(self.estimators.method(name), self.estimators.options.get(name), name)
+        except InputError as error:
+            raise as_input_error(self.source, error) from None

@@ -1,0 +1,145 @@
+"""One candidate on one record under laws that hold approximately: what a fit, draws and evidence of it rest on."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from bayesdamp.inference.deviation.candidate import Candidate, active_of, exact, linearised
+from bayesdamp.inference.deviation.data import Data
+from bayesdamp.inference.deviation.gaussian.hyperparameters import grid_of, knots_of
+from bayesdamp.inference.deviation.gaussian.linear import weigh
+from bayesdamp.inference.deviation.least_squares import SEARCHED, Fit
+from bayesdamp.inference.deviation.parameters import Parameters
+from bayesdamp.inference.deviation.weighing import Friction, Result, Weighing, weigh_all
+from bayesdamp.inference.model.defaults import Reference
+from bayesdamp.physics.damping import PAPER_TERMS
+from bayesdamp.physics.kernel import Solver
+from bayesdamp.physics.kernel.solve import NONE, PARAMETERS
+from bayesdamp.priors import Prior
+from bayesdamp.types import Refusal
+
+ESCAPED = "no motion near the fit can be followed with deviations from its law"
+
+
+@dataclass(frozen=True)
+class Found:
+    """Where the search on a record ended: all that the rest follows from, without a search.
+
+    terms: of the solver, those of the candidate among them. z: scores of the best motion under exact laws, (d,); u:
+    scores, log g and h of the best under approximate ones, (K,). variance, inflation: of the noise that counts, κ in
+    it; exact_variance: of what exact laws leave; epsilon: the width of friction's turning over, rad/s or m/s.
+    """
+
+    terms: tuple[str, ...]
+    reference: Reference
+    priors: Mapping[str, Prior]
+    known: Mapping[str, float]
+    z: np.ndarray
+    u: np.ndarray
+    variance: float
+    inflation: float
+    exact_variance: float
+    epsilon: float
+    frictions: tuple[Friction, ...] = ()
+
+
+@dataclass(frozen=True)
+class Single:
+    """A candidate, weighed by itself, with what it was made from."""
+
+    weighing: Weighing
+    result: Result
+    found: Found
+
+
+def single(
+    data: Data,
+    damping: Sequence[str],
+    restoring: str,
+    *,
+    known: Mapping[str, float],
+    priors: Mapping[str, Prior],
+    reference: Reference,
+) -> Single:
+    """Fit and weigh one candidate. The noise, and friction's width, are those under the sum of all terms, as where
+    candidates are compared: so evidence of two dampings under one law is of one noise.
+
+    Raises Refusal where no motion stays in phase with the record, or none can be followed with deviations.
+    """
+    asked = Candidate(tuple(damping), restoring)
+    whole = Candidate((*PAPER_TERMS, *(t for t in damping if t not in PAPER_TERMS)), restoring)
+    with threadpool_limits(1, "blas"):
+        weighing = weigh_all(
+            data,
+            dict.fromkeys([whole, asked]),
+            known=known,
+            priors=priors,
+            reference=reference,
+            forms=False,
+        )
+    result = next((r for r in weighing.results if set(r.candidate.damping) == set(damping)), None)
+    if result is None:
+        raise Refusal(weighing.refused.get(asked, ESCAPED))
+    if result.about is None:
+        raise Refusal(ESCAPED)
+    parameters, solver = result.fit.parameters, weighing.solvers[restoring]
+    found = Found(
+        terms=solver.terms,
+        reference=reference,
+        priors=parameters.priors,
+        known=parameters.known,
+        z=result.fit.z,
+        u=result.about.u,
+        variance=weighing.variance,
+        inflation=weighing.inflation,
+        exact_variance=result.exact_variance,
+        epsilon=solver.epsilon,
+        frictions=weighing.frictions,
+    )
+    return again(data, result.candidate, found)
+
+
+def again(data: Data, candidate: Candidate, found: Found) -> Single:
+    """What a search found, put together without it. Raises Refusal where it was on another record."""
+    knots = knots_of(float(data.t[-1]), data.cycles)
+    solver = Solver(
+        found.terms, candidate.restoring, data.t, data.quantity, data.amplitude, data.frequency, found.epsilon,
+        knots,
+    )  # fmt: skip
+    parameters = Parameters(solver.names, found.priors, found.known)
+    active, p = active_of(candidate, solver), parameters.values(found.z)
+    motion = solver.solve(p, active, tangents=NONE)
+    moved = solver.solve(p, active, tangents=PARAMETERS, tolerance=SEARCHED)
+    if motion is None or moved is None:
+        raise Refusal(ESCAPED)
+    tangents = moved.tangents[:, parameters.free] * parameters.slopes(found.z)
+    best = Fit(parameters, active, found.z, data.y - motion.y, tangents, motion, 0)
+    about = linearised(candidate, solver, data, best, found.u)
+    if about is None:
+        raise Refusal(ESCAPED)
+    samples, linear = data.y.size / found.inflation, exact(best)
+    result = Result(
+        candidate,
+        solver,
+        best,
+        linear,
+        weigh(linear, grid_of(0, exact=True), found.exact_variance, samples),
+        found.exact_variance,
+        about,
+        weigh(about.model, grid_of(knots.size, absorbed=parameters.absorbs), found.variance, samples),
+    )
+    weighing = Weighing(
+        data,
+        found.reference,
+        found.epsilon,
+        found.frictions,
+        {candidate.restoring: solver},
+        (result,),
+        found.variance,
+        found.inflation,
+    )
+    return Single(weighing, result, found)

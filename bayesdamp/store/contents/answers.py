@@ -1,0 +1,68 @@
+"""What is stored of the answer on a record."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from bayesdamp.store.contents.content import Content
+from bayesdamp.types import OK
+
+
+@dataclass(frozen=True)
+class WeighedCandidate:
+    """A damping sum under a restoring law: log evidence (nats) under approximate laws, None where they were taken to
+    hold exactly, and under exact ones; rms of the plain fit, in the record's unit."""
+
+    damping: str
+    restoring: str
+    log_evidence: float | None = None
+    log_evidence_exact: float | None = None
+    rms: float | None = None
+    outcome: str = OK
+
+    @property
+    def exact(self) -> float:
+        """Log evidence under exact laws; −∞ where it was not weighed."""
+        return float("-inf") if self.log_evidence_exact is None else self.log_evidence_exact
+
+
+@dataclass(frozen=True)
+class SampledPosterior:
+    """A candidate with its motions sampled. parameters: summaries by name; deviation: of the damping law, (2.5 %,
+    median, 97.5 %); unexplained: share of the amplitude; evidence in nats."""
+
+    damping: str
+    restoring: str
+    parameters: Mapping[str, Mapping[str, float]]
+    deviation: tuple[float, float, float]
+    unexplained: float
+    log_evidence: float
+    stderr: float
+    acceptance: float
+    temperatures: int
+
+
+@dataclass(frozen=True)
+class CandidatePriors:
+    """Priors of a candidate in words, by parameter."""
+
+    damping: str
+    restoring: str
+    priors: Mapping[str, str]
+
+
+@dataclass(frozen=True)
+class AnswerContent(Content):
+    """The answer on a record (`answer/NAME/REPEAT`, `sampled/NAME/REPEAT`).
+
+    verdict: as `Verdict.to_dict` gives it. fits: parameters of the fit of all terms, by restoring law. posteriors: of
+    the candidates that were sampled.
+    """
+
+    verdict: Mapping[str, Any]
+    candidates: tuple[WeighedCandidate, ...] = ()
+    fits: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    priors: tuple[CandidatePriors, ...] = ()
+    posteriors: tuple[SampledPosterior, ...] = ()

@@ -1,0 +1,105 @@
+"""What is stored of one candidate on one record."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from bayesdamp.store.contents.content import Content
+
+NAN = float("nan")
+
+
+@dataclass(frozen=True)
+class Climb:
+    """A search for the mode: the seed it started from and those that would have started there too, log posterior at
+    both ends, likelihoods, log volume at the end; distance: of the start from the mode, in sds; mode: number of the
+    maximum it ended in, 0 for the highest, None for none."""
+
+    seed: str
+    same: tuple[str, ...]
+    start: float
+    end: float
+    evaluations: int
+    volume: float
+    converged: bool
+    distance: float = NAN
+    mode: int | None = None
+
+
+@dataclass(frozen=True)
+class Maximum:
+    """A maximum of the posterior: its height (nats), its share of the posterior, its parameters."""
+
+    log_posterior: float
+    share: float
+    values: Mapping[str, float]
+
+
+@dataclass(frozen=True)
+class Part:
+    """The mode on a part of the record, from start to stop in s: parameters, Laplace's sds and log evidence (nats)."""
+
+    label: str
+    start: float
+    stop: float
+    values: Mapping[str, float]
+    sd: Mapping[str, float]
+    log_evidence: float = NAN
+
+
+@dataclass(frozen=True)
+class SecondHalf:
+    """What the first half of a record says of the second: rms of its error and the expected one, in the record's unit,
+    share inside the 95 % interval, log density (nats)."""
+
+    rms: float
+    expected: float
+    coverage: float
+    log_predictive: float
+
+
+@dataclass(frozen=True)
+class BesideIt:
+    """The model with another form of damping beside its own: log Bayes factor in nats against the model alone."""
+
+    words: str
+    log_bayes: float
+
+
+@dataclass(frozen=True)
+class ModeContent(Content):
+    """A posterior mode (`mode/NAME/REPEAT/CANDIDATE`, `fitted/NAME/REPEAT/LAW`).
+
+    values, sd: of the inferred parameters; known: the others; priors in words. climbs, modes: what searches came to;
+    touching_zero: coefficients within a standard deviation of zero. log_evidence: by Laplace, of a fit under a law.
+    Of a mode alone: refused: what had no values to start from; and what was checked of the fit, as
+    `inference.checks.checks.Fit` explains it.
+    """
+
+    values: Mapping[str, float] = field(default_factory=dict)
+    sd: Mapping[str, float] = field(default_factory=dict)
+    known: Mapping[str, float] = field(default_factory=dict)
+    priors: Mapping[str, str] = field(default_factory=dict)
+    log_posterior: float = NAN
+    tolerance: float = NAN
+    error_budget: Mapping[str, float] = field(default_factory=dict)
+    climbs: tuple[Climb, ...] = ()
+    modes: tuple[Maximum, ...] = ()
+    touching_zero: tuple[str, ...] = ()
+    log_evidence: float = NAN
+    refused: Mapping[str, str] = field(default_factory=dict)
+    windows: tuple[Part, ...] = ()
+    rms: float = NAN
+    share: float = NAN
+    residual_autocorrelation: float = NAN
+    predictive_p: float = NAN
+    line_p: float = NAN
+    form_p: float = NAN
+    kurtosis: float = NAN
+    tails_p: float = NAN
+    window_spread: float = NAN
+    window_p: float = NAN
+    forecast: SecondHalf | None = None
+    rivals: tuple[BesideIt, ...] = ()
+    verdict: str = ""

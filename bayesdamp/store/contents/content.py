@@ -1,0 +1,36 @@
+"""A cell's content as a value, and back."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from functools import lru_cache
+from typing import Any, Self
+
+from pydantic import TypeAdapter
+
+from bayesdamp.store.cells import CellResult
+
+
+@dataclass(frozen=True)
+class Content:
+    """What a cell of one kind holds beside its arrays. Subclasses are frozen dataclasses of what JSON can hold."""
+
+    @classmethod
+    def of(cls, cell: CellResult) -> Self:
+        """Of a cell that has a content of this kind. Raises ValueError where it holds something else."""
+        return cls.of_meta(cell.meta)
+
+    @classmethod
+    def of_meta(cls, meta: Mapping[str, Any]) -> Self:
+        """What `meta` gave, after a file."""
+        return _adapter(cls).validate_python(dict(meta))
+
+    def meta(self) -> dict[str, Any]:
+        """As a cell holds it."""
+        return asdict(self)
+
+
+@lru_cache(maxsize=64)
+def _adapter(kind: type) -> TypeAdapter[Any]:
+    return TypeAdapter(kind)

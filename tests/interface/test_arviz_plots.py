@@ -1,0 +1,65 @@
+"""The plots that a user of ArviZ reaches for, on our trees as they are, under exact and approximate laws.
+
+Without a backend: what a plot takes from a tree is all taken, and nothing depends on the drawing library's version.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from types import ModuleType
+
+import arviz_stats as az
+import matplotlib.style
+import pytest
+
+import bayesdamp as bd
+from tests.interface import test_deviation
+from tests.interface.problems import posterior
+
+PLOTS = (
+    "plot_trace", "plot_dist", "plot_ppc_dist", "plot_forest", "plot_prior_posterior", "plot_rank", "plot_ess",
+    "plot_loo_pit",
+)  # fmt: skip
+DRAWN = {"exact": posterior, "law": test_deviation.posterior}
+
+
+@pytest.fixture(scope="module")
+def azp() -> Iterator[ModuleType]:
+    """ArviZ-plots 0.8, the last for Python 3.11, adds its styles to `matplotlib.style.core`, which matplotlib 3.11 made
+    part of `matplotlib.style`; it can be imported where that name is there."""
+    with pytest.MonkeyPatch.context() as patch:
+        if not hasattr(matplotlib.style, "core"):
+            patch.setattr(matplotlib.style, "core", matplotlib.style, raising=False)
+        import arviz_plots
+
+        yield arviz_plots
+
+
+@pytest.mark.parametrize("laws", list(DRAWN))
+@pytest.mark.parametrize("name", PLOTS)
+def test_drawn_as_it_is(azp: ModuleType, name: str, laws: str) -> None:
+    drawn = getattr(azp, name)(DRAWN[laws]().data, backend="none")
+    assert "zeta" in str(drawn.viz) or "record" in str(drawn.viz)
+
+
+@pytest.mark.parametrize("laws", list(DRAWN))
+def test_leave_one_out_is_drawn(azp: ModuleType, laws: str) -> None:
+    assert azp.plot_khat(az.loo(DRAWN[laws]().data, pointwise=True), backend="none") is not None
+
+
+def test_without_a_group_there_is_no_plot(azp: ModuleType) -> None:
+    """The control: what these tests call does read the groups."""
+    tree = posterior().data.copy()
+    del tree["posterior_predictive"]
+    with pytest.raises(KeyError, match="posterior_predictive"):
+        azp.plot_ppc_dist(tree, backend="none")
+
+
+@pytest.mark.parametrize("laws", list(DRAWN))
+def test_summaries_are_ours(laws: str) -> None:
+    post: bd.Posterior = DRAWN[laws]()
+    theirs = az.summary(post.data, round_to="none")
+    ours = post.summary(derived=False)
+    for name in post.names:
+        assert theirs.loc[name, "mean"] == pytest.approx(ours.loc[name, "mean"], rel=1e-6, abs=1e-9)
+        assert theirs.loc[name, "r_hat"] == pytest.approx(ours.loc[name, "rhat"], abs=1e-6)

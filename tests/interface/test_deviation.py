@@ -1,0 +1,294 @@
+"""Fits, draws and evidence of laws that hold approximately: against `compare`, and an evidence of its own."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from pathlib import Path
+
+import arviz_stats as az
+import matplotlib.pyplot as plt
+import numpy as np
+import pytest
+import xarray as xr
+from scipy import stats
+from scipy.integrate import solve_ivp
+from scipy.special import logsumexp
+
+import bayesdamp as bd
+from bayesdamp.inference.deviation.gaussian.hyperparameters import grid_of
+from tests.interface.problems import NOISE, TRUTH, closed_form, record
+from tests.interface.test_posterior import GROUPS
+
+MODEL = bd.Model("viscous", "linear", deviation="law")
+SCALE, DRIFT = 0.5, 0.15
+KNOTS = np.linspace(0.0, 20.0, 8)
+"""Of a record of 20 s and 14.2 cycles: one for two cycles, and one more."""
+LONG = np.linspace(0.0, 20.0, 400)
+KNOWN = {n: v for n, v in TRUTH.items() if n != "zeta"} | {"noise_sd": NOISE}
+
+
+@lru_cache
+def fit() -> bd.Fit:
+    return bd.fit(record(), MODEL)
+
+
+@lru_cache
+def posterior() -> bd.Posterior:
+    return bd.sample(fit(), chains=4, draws=600)
+
+
+def motion(zeta: float, g: np.ndarray, h: np.ndarray) -> np.ndarray:
+    """SciPy's solution with damping times exp(g) and the spring times 1 + 2h, both straight lines between knots."""
+
+    def slope(t: float, s: np.ndarray) -> tuple[float, float]:
+        factor = np.interp(t, KNOTS, np.expm1(g))
+        spring = TRUTH["stiffness"] * (1 + 2 * np.interp(t, KNOTS, h))
+        return s[1], -2 * zeta * (1 + factor) * s[1] - spring * s[0]
+
+    found = solve_ivp(
+        slope, (0, 20), (TRUTH["theta0"], 0.0), t_eval=LONG, rtol=1e-9, atol=1e-11, max_step=0.2
+    )
+    return found.y[0]
+
+
+@lru_cache
+def drifting() -> bd.Signal:
+    """Viscous damping that falls by 15 % at first and rises by 15 % at last."""
+    g = DRIFT * np.linspace(-1.0, 1.0, KNOTS.size)
+    noise = NOISE * np.random.default_rng(8).standard_normal(LONG.size)
+    return bd.signal(LONG, motion(0.05, g, 0 * g) + noise, name="drift", cleaned=False)
+
+
+@lru_cache
+def one_parameter() -> bd.Fit:
+    model = bd.Model("viscous", deviation="law", known=KNOWN, priors={"viscous": bd.HalfNormal(SCALE)})
+    return bd.fit(drifting(), model)
+
+
+@lru_cache
+def by_quadrature(scale: float, exact: bool = False) -> float:
+    """Log evidence with SciPy's motions: dense normal distributions of the record over the grid of hyperparameters,
+    the deviations' slopes by finite differences, and a sum over ζ."""
+    n, d = KNOTS.size, 1e-4
+    centre = one_parameter().law
+    assert centre is not None
+    g, h = (x[0] for x in centre.deviations(centre.best))
+    zetas = np.linspace(0.040, 0.060, 41)
+    at = motion(0.05, g, h)
+    columns = []
+    for i in range(2 * n):
+        step = d * np.eye(2 * n)[i]
+        up, down = (motion(0.05, g + s * step[:n], h + s * step[n:]) for s in (1, -1))
+        columns.append((up - down) / (2 * d))
+    slopes = np.column_stack(columns)
+    by_zeta = (motion(0.051, g, h) - motion(0.049, g, h)) / 0.002
+    curved = (motion(0.051, g, h) - 2 * at + motion(0.049, g, h)) / 0.001**2
+    away = zetas - 0.05
+    left = (
+        drifting().y - at + slopes @ np.r_[g, h] - np.outer(away, by_zeta) - 0.5 * np.outer(away**2, curved)
+    )
+    grid = grid_of(n, exact=exact, absorbed=(True, False))
+    prior = stats.halfnorm(scale=scale).logpdf(zetas) + np.log(zetas[1] - zetas[0])
+    total = []
+    for mass, factor in zip(grid.log_prior, grid.factors, strict=True):
+        spread = slopes @ factor
+        covariance = NOISE**2 * np.eye(LONG.size) + spread @ spread.T
+        inverse, (_, log_det) = np.linalg.inv(covariance), np.linalg.slogdet(covariance)
+        squares = np.einsum("zi,ij,zj->z", left, inverse, left)
+        each = -0.5 * (squares + log_det + LONG.size * np.log(2 * np.pi))
+        total.append(mass + logsumexp(each + prior))
+    return float(logsumexp(total))
+
+
+def test_draws_and_evidence_are_those_of_compare() -> None:
+    """One noise, one linear model and one seed: the first run's draws to rounding. Control: another seed's differ."""
+    every = ["viscous", "coulomb", "quadratic", "viscous+coulomb+quadratic"]
+    answer = bd.compare(record(), damping=every, restoring=["linear"]).answers[0]
+    theirs = answer.posteriors["viscous", "linear"]
+    ours = bd.sample(fit(), chains=2, draws=len(theirs.draws))
+    assert ours.names == theirs.names
+    first = np.sort(ours.draws[0, :, 0])
+    assert first == pytest.approx(np.sort(theirs.draws[:, 0]), rel=1e-6)
+    assert first != pytest.approx(np.sort(ours.draws[1, :, 0]), rel=1e-3)
+    found = bd.evidence(ours)
+    assert found.outcome == "ok" or "few draws" in found.outcome
+    assert abs(found.log_evidence - theirs.log_evidence) < 4 * theirs.stderr + 1e-3
+
+
+def test_a_fit_has_the_numbers_of_its_draws() -> None:
+    """Medians within five standard errors of 4,000 and 2,400 draws, of which the sampled ones are corrected for
+    curvature by less; the parts add up in squares."""
+    summary = posterior().summary(derived=False)
+    for name, value in fit().values.items():
+        row = summary.loc[name]
+        assert abs(value - row["median"]) < 5 * 1.25 * row["sd"] / np.sqrt(1500)
+        assert fit().sd_noise[name] ** 2 + fit().sd_law[name] ** 2 == pytest.approx(fit().sd[name] ** 2)
+        low, high = fit().intervals[name]
+        assert low < TRUTH[name] < high or abs(value - TRUTH[name]) < 4 * fit().sd[name]
+        assert row["q2.5"] == pytest.approx(low, abs=0.3 * row["sd"])
+
+
+@pytest.mark.slow
+def test_evidence_is_that_of_dense_normal_distributions() -> None:
+    """Within four standard errors and 0.1 nats, which the curvature of the deviations is worth. Controls: exact laws
+    lose 5 nats and more; a prior twice as wide is told apart."""
+    linear, sampled = bd.evidence(one_parameter(), "linear"), bd.evidence(one_parameter())
+    assert sampled.outcome == "ok"
+    truth = by_quadrature(SCALE)
+    assert abs(linear.log_evidence - truth) < 0.1
+    assert abs(sampled.log_evidence - truth) < 4 * sampled.stderr + 0.1
+    assert truth - by_quadrature(SCALE, exact=True) > 5
+    assert abs(sampled.log_evidence - by_quadrature(2 * SCALE)) > 4 * sampled.stderr + 0.3
+
+
+def test_a_drift_is_seen_and_widens_what_is_quoted() -> None:
+    """Damping off by 15 % at both ends, 7.5 % in the mean."""
+    one = one_parameter()
+    assert one.deviation is not None
+    assert one.deviation.low < 0.075 < one.deviation.high
+    assert one.sd_law["zeta"] > one.sd_noise["zeta"]
+    low, high = one.intervals["zeta"]
+    assert low < 0.05 < high
+    exact = bd.fit(drifting(), bd.Model("viscous", noise="gaussian", known=KNOWN))
+    assert one.sd["zeta"] > 1.5 * exact.sd["zeta"]
+    ratio = bd.sample(one, chains=2, draws=400).damping_ratio([0.28, 0.14]).set_index("amplitude")
+    # At the first amplitudes damping is 15 % less than in the middle.
+    assert ratio.loc[0.28, "low"] < 0.85 * 0.05 / 20**0.5 * 1.05
+    assert ratio.loc[0.28, "value"] < ratio.loc[0.14, "value"]
+
+
+def test_the_sensor_is_a_floor() -> None:
+    wide = bd.fit(record(), bd.Model("viscous", "linear", deviation="law", sensor=0.2)).damping_ratio([0.25])
+    usual = fit().damping_ratio([0.25])
+    assert (wide.high - wide.low)[0] > 5 * (usual.high - usual.low)[0]
+    assert wide.sd_law[0] == pytest.approx(0.2 * wide.value[0], rel=0.1)
+
+
+def test_groups_are_those_of_exact_laws_and_the_deviations() -> None:
+    data = posterior().data
+    assert set(data.children) == GROUPS
+    assert data["posterior"]["zeta"].attrs["units"] == "1/s"
+    assert data["posterior"]["damping_deviation"].dims == ("chain", "draw", "knot")
+    assert data["prior"]["damping_deviation"].dims == ("chain", "draw", "knot")
+    assert "lp" not in data["sample_stats"]
+    total = data["log_likelihood"]["record"].sum("time").values
+    assert total == pytest.approx(posterior().log_likelihood, abs=1e-6)
+    predicted = data["posterior_predictive"]["record"]
+    scatter = float((predicted - predicted.mean(("chain", "draw"))).std())
+    assert scatter == pytest.approx(fit().known["noise_sd"], rel=0.05)
+
+
+def test_pointwise_densities_are_normal_ones() -> None:
+    """Of white noise κ is 1, and each of a draw without deviations is SciPy's of the closed form."""
+    data, post = posterior().data, posterior()
+    sd = fit().known["noise_sd"]
+    law = fit().law
+    assert law is not None
+    assert law.single.weighing.inflation == 1.0
+    sizes = [data["posterior"][f"{n}_deviation_size"].values[0] for n in ("damping", "frequency")]
+    exact = np.flatnonzero(sizes[0] + sizes[1] == 0)[0]
+    values = dict(zip(post.names, post.draws[0, exact], strict=True))
+    closed = closed_form(data["observed_data"]["time"].values, values)
+    want = stats.norm.logpdf(data["observed_data"]["record"].values, closed, sd)
+    found = data["log_likelihood"]["record"].values[0, exact]
+    assert found == pytest.approx(want, abs=1e-3)
+    assert found != pytest.approx(stats.norm.logpdf(want, closed, 1.1 * sd), abs=1e-3)
+
+
+def test_prior_draws_hold_exactly_four_times_in_five() -> None:
+    """Binomial, of 600 draws: five standard deviations are 8 %."""
+    prior = posterior().data["prior"]
+    for name in ("damping_deviation", "frequency_deviation"):
+        share = float((np.abs(prior[name]).max("knot") == 0).mean())
+        assert abs(share - 0.8) < 0.09
+    scale = fit().priors["zeta"].numbers[0]
+    assert stats.kstest(prior["zeta"].values.ravel(), stats.halfnorm(scale=scale).cdf).pvalue > 1e-4
+
+
+def test_noise_that_is_not_white_counts_less() -> None:
+    """κ > 1: a sample counts for 1/κ of one, and the sum is what was weighed."""
+    rng = np.random.default_rng(4)
+    coloured = np.convolve(rng.standard_normal(record().t.size + 20), np.ones(21) / 21**0.5, "valid")
+    y = record().y + 2 * NOISE * coloured
+    one = bd.fit(bd.signal(record().t, y, cleaned=False), bd.Model("viscous", "linear", deviation="law"))
+    assert one.law is not None
+    weighing = one.law.single.weighing
+    assert weighing.inflation > 1.2
+    motions = one.law.motions(one.law.best)
+    squares = float(np.sum((weighing.data.y - motions[0]) ** 2))
+    samples = y.size / weighing.inflation
+    want = -0.5 * squares / weighing.variance - 0.5 * samples * np.log(2 * np.pi * weighing.variance)
+    assert float(one.law.log_likelihoods(motions).sum()) == pytest.approx(want)
+
+
+def test_leave_one_out() -> None:
+    loo = az.loo(posterior().data)
+    assert 3 < loo.p < 10
+
+
+def test_saved(tmp_path: Path) -> None:
+    again = bd.load(posterior().save(tmp_path / "post"))
+    assert repr(again) == repr(posterior())
+    assert repr(again.fit) == repr(fit())
+    assert np.array_equal(again.u, posterior().u)
+    assert again.damping_ratio().equals(posterior().damping_ratio())
+    assert again.fit.fitted == pytest.approx(fit().fitted, abs=1e-12)
+    posterior().data.to_netcdf(tmp_path / "post.nc", engine="h5netcdf")
+    with xr.open_datatree(tmp_path / "post.nc", engine="h5netcdf") as read:
+        assert set(read.children) == GROUPS
+
+
+def test_drawn_and_predicted_within_the_record() -> None:
+    above, below = fit().plot()
+    assert above.get_legend() is not None
+    assert below.get_xlabel() == "time / s"
+    posterior().plot(names=["zeta"])
+    plt.close("all")
+    ahead = fit().predict([0.0, 1.0, 3.0])
+    assert np.all(np.abs(ahead.value - closed_form(ahead.t, TRUTH)) < 5 * ahead.sd)
+    with pytest.raises(bd.InputError, match="deviates later is not known"):
+        fit().predict([7.0])
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ({"noise": "student_t"}, 'must be "gaussian" or "auto"'),
+        ({"sensor": -1.0}, "must be a number from 0"),
+        ({"priors": {"noise_sd": bd.HalfNormal(1.0)}}, "has no meaning under deviation"),
+    ],
+)
+def test_what_has_no_meaning_is_refused(given: dict, said: str) -> None:
+    with pytest.raises(bd.InputError, match=said):
+        bd.Model("viscous", deviation="law", **given)
+
+
+def test_what_exact_laws_alone_have_is_refused() -> None:
+    with pytest.raises(bd.InputError, match="start is of no use"):
+        bd.fit(record(), MODEL, start={"zeta": 0.05})
+    with pytest.raises(bd.InputError, match="draws under laws that hold exactly"):
+        bd.sample(fit(), "nuts")
+    with pytest.raises(bd.InputError, match="is of laws that hold exactly"):
+        bd.evidence(fit(), "bridge")
+    with pytest.raises(bd.Refusal, match="no density of the parameters alone"):
+        _ = fit().density
+    exact = bd.Fit(fit().signal, bd.Model("viscous"), outcome="no fit")
+    with pytest.raises(bd.Refusal, match="no fit"):
+        exact.damping_ratio()
+
+
+def test_without_a_fit_there_is_a_sentence() -> None:
+    flat = bd.signal(np.linspace(0, 1, 60), np.linspace(0, 1, 60), cleaned=False)
+    none = bd.fit(flat, MODEL)
+    assert none.outcome != "ok"
+    assert bd.sample(none).outcome == none.outcome
+    assert bd.evidence(none).outcome == none.outcome
+
+
+def test_a_term_that_exact_laws_cannot_sample() -> None:
+    """Stribeck's friction has no force in JAX; its draws have no derived quantities, and do have damping ratios."""
+    stribeck = bd.fit(record(), bd.Model("stribeck", "linear", deviation="law"))
+    drawn = bd.sample(stribeck, chains=2, draws=100)
+    assert "stribeck_velocity" in drawn.names
+    assert np.all(np.isfinite(drawn.damping_ratio().value))
+    assert set(drawn.summary().index) == set(drawn.names)
