@@ -118,13 +118,12 @@ def run_study(
         if fresh:
             store.clear()
         jobs = _jobs(study)
-        branches = sum(job.model is not None for job in jobs)
-        workers = workers or max(1, min(len(os.sched_getaffinity(0)), branches))
         wanted = [job for job in jobs if _within(job, depth)]
+        workers = workers or max(1, min(len(os.sched_getaffinity(0)), _side_by_side(jobs, depth)))
         names = [name for job in wanted for name in _work(study, store, job)]
         with progress_on(Console(quiet=True) if quiet else console) as progress:
             with pool_of(workers, scheduler, pool) as pool:
-                if pool is not None:
+                if pool is not None and depth is Depth.WHOLE:
                     pool.submit(_prepare)
                     threading.Thread(target=_prepare, daemon=True).start()
                 for stage in _stages(study, store, depth):
@@ -150,6 +149,14 @@ def _within(job: Job, depth: Depth) -> bool:
     """Whether a run of this depth comes to a job."""
     last = {Depth.ANSWER: ("read", ANSWERED), Depth.SAMPLED: ("read", ANSWERED, SAMPLED)}.get(depth)
     return last is None or (job.part in last and job.model is None)
+
+
+def _side_by_side(jobs: list[Job], depth: Depth) -> int:
+    """How many jobs of a run could be under way at once: candidates, or records, each of which is answered by threads
+    of one process."""
+    if depth is Depth.WHOLE:
+        return sum(job.model is not None for job in jobs)
+    return sum(job.part == "read" for job in jobs)
 
 
 def _jobs(study: Study) -> list[Job]:
@@ -395,7 +402,13 @@ def _render(out: Path, pool: Executor | None) -> None:
 def _current(study: Study, store: Store) -> dict[str, str]:
     """Name to key of the stored cells that answer this study; those of an earlier question are not among them."""
     found = {}
+    stored = store.names()
     for job in _jobs(study):
+        # Keys of candidates cost more than all else here, and most runs have none of their cells.
+        path = f"{job.signal}/{job.repeat}/{job.model or ''}"
+        of_candidates = job.model is not None or job.joined == "average"
+        if of_candidates and not any(path in f"{name}/" for name in stored if _of_candidate(name)):
+            continue
         for name, (key, _) in _work(study, store, job).items():
             try:
                 own, outcome = store.head(name)
@@ -404,6 +417,11 @@ def _current(study: Study, store: Store) -> dict[str, str]:
             if own in (key, digest(outcome, key)):
                 found[name] = own
     return found
+
+
+def _of_candidate(name: str) -> bool:
+    """Whether a cell is one of a candidate, or of the average over them."""
+    return name.partition("/")[0] not in ("signal", ANSWERED, SAMPLED, "fitted", "noise")
 
 
 def _results(store: Store, names: list[str]) -> Iterator[tuple[str, CellResult]]:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping
-from functools import cached_property
 
 import numpy as np
 
@@ -52,8 +51,11 @@ class AnswerCell:
         asked = self.study.posterior.deviation
         return asked == "law" or (asked == "auto" and isinstance(self.spec.source, Recording))
 
-    @cached_property
+    @property
     def key(self) -> str:
+        return self.store.key(self.name, (self.study, self.spec), self._key)
+
+    def _key(self) -> str:
         priors = {t: str(p) for t, p in self.study.models.prior.items()}
         systems = [plain(self.spec.under(law)) for law in self.spec.restoring]
         parts = (

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import time
 from dataclasses import asdict
-from functools import cached_property
 from typing import Any
 
 from bayesdamp.config import SignalSpec, Study
@@ -37,8 +36,11 @@ class NoiseCell:
         self.terms = all_terms(study, spec)
         self.fits = {law: LawFit(study, spec, repeat, law, store) for law in spec.restoring}
 
-    @cached_property
+    @property
     def key(self) -> str:
+        return self.store.key(self.name, (self.study, self.spec), self._key)
+
+    def _key(self) -> str:
         priors = {t: str(self.study.models.prior.get(t)) for t in self.terms}
         laws = [plain(self.spec.under(law)) for law in self.spec.restoring]
         named = [*map(TERMS.source, self.terms), *map(LAWS.source, self.spec.restoring)]

@@ -5,7 +5,6 @@ from __future__ import annotations
 import time
 import zlib
 from dataclasses import asdict, replace
-from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -54,8 +53,11 @@ class SignalCell:
         self.study, self.spec, self.repeat, self.store = study, spec, repeat, store
         self.name = f"signal/{spec.name}/{repeat}"
 
-    @cached_property
+    @property
     def key(self) -> str:
+        return self.store.key(self.name, (self.study, self.spec), self._key)
+
+    def _key(self) -> str:
         source = self.spec.source
         content = sha256(source.path) if isinstance(source, Recording) else ""
         shown = {k: v for k, v in self.spec.resolved().items() if k not in _NOT_OF_THE_RECORD}
