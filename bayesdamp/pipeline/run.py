@@ -223,17 +223,14 @@ def _part(name: str) -> str:
 
 def _read_inputs(study: Study) -> None:
     """Read every file once, so that a wrong one is told before anything is written."""
-    from bayesdamp.pipeline.records.recorded import recorded
-    from bayesdamp.records.cleaning.clean import clean
+    from bayesdamp.pipeline.records.recorded import cleaned
 
     for spec in study.signals:
         source = spec.source
         if not isinstance(source, Recording):
             continue
         try:
-            raw = recorded(source)
-            options = {k: getattr(source, k) for k in ("unit", "quantity", "clock", "start", "stop")}
-            clean(raw, name=spec.name, **options)
+            cleaned(source, spec.name)
         except InputError as error:
             text = str(error)
             where = "" if source.file in text or str(source.path) in text else f"{source.file}: "

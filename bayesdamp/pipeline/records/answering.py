@@ -10,6 +10,7 @@ import numpy as np
 from bayesdamp.config import Recording, SignalSpec, Study
 from bayesdamp.config.checks import plain
 from bayesdamp.inference.deviation.sampled.table import Posterior
+from bayesdamp.inference.deviation.weighing import Weighing
 from bayesdamp.inference.model.defaults import Reference
 from bayesdamp.outcomes import following
 from bayesdamp.physics.damping import TERMS, DampingTerm, others, parse_model
@@ -26,6 +27,8 @@ from bayesdamp.verdict.types import Grade, Verdict
 
 ANSWERED, SAMPLED = "answer", "sampled"
 """Kinds of the two cells."""
+_MADE: dict[str, dict[str, Weighing]] = {}
+"""By the key of an answer, the weighing that it was made of: that of the last record alone."""
 NO_KERNEL = "not weighed at once: {names} cannot be compiled; give the term a `kernel`"
 
 
@@ -138,7 +141,15 @@ class AnswerCell:
             seed=cell_seed(self.study, self.name),
             notes=record.cell.meta.get("anomalies", ()),
             sample=self.sample,
+            made=self._made(),
         )
+
+    def _made(self) -> dict[str, Weighing]:
+        """The weighing of this record, where this process made it last."""
+        first = AnswerCell(self.study, self.spec, self.repeat, self.store).key
+        if first not in _MADE:
+            _MADE.clear()
+        return _MADE.setdefault(first, {})
 
 
 def _kept(damping: str, restoring: str, posterior: Posterior) -> dict[str, object]:

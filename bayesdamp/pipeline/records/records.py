@@ -18,9 +18,8 @@ from bayesdamp.physics.damping import TERMS
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.pipeline.keys import task_key
-from bayesdamp.pipeline.records.recorded import recorded
+from bayesdamp.pipeline.records.recorded import cleaned
 from bayesdamp.plugins import sources_below
-from bayesdamp.records.cleaning.clean import clean
 from bayesdamp.records.oscillation.anomalies import anomalies
 from bayesdamp.records.oscillation.curves import amplitude_curves
 from bayesdamp.records.oscillation.features import Features, features
@@ -77,19 +76,11 @@ class SignalCell:
         if isinstance(source, Simulation):
             signal = self._simulated(source)
         else:
-            raw = recorded(source)
             try:
-                signal = clean(
-                    raw,
-                    name=self.spec.name,
-                    unit=source.unit,
-                    quantity=source.quantity,
-                    clock=source.clock,
-                    start=source.start,
-                    stop=source.stop,
-                )
+                raw, signal = cleaned(source, self.spec.name)
             except InputError as error:
-                raise InputError(f"{source.file}: {error}") from None
+                where = "" if source.file in str(error) else f"{source.file}: "
+                raise InputError(f"{where}{error}") from None
             signal = self._with_noise(signal, source.least_noise)
             arrays = _raw(raw, source)
         meta = {
