@@ -247,7 +247,7 @@ def rubbing(epsilon: float, changed: float = 0.0, tolerance: float = 1e-6) -> np
 
 
 def test_friction_that_turns_over_at_once_is_stepped_to_its_edges() -> None:
-    """Errors of steps of 1e-6 of the amplitude are about those with smooth friction, and follow the parameters smoothly,
+    """Errors of steps of 1e-6 of the amplitude are about those with smooth friction, and follow parameters smoothly:
     with second differences of 9e-8. Steps that are blind to the edges have errors of 1e-3 and second differences of
     4e-4 (measured)."""
     osc, _ = solver_of("linear")
