@@ -15,7 +15,6 @@ from bayesdamp.envelope.records.reading import Column, is_envelope, read_envelop
 from bayesdamp.envelope.records.record import EnvelopeRecord
 from bayesdamp.envelope.records.window import ABOVE_FLOOR, Window, bounded
 from bayesdamp.envelope.report.page import page
-from bayesdamp.envelope.report.picture import picture
 from bayesdamp.envelope.report.tables import verdict_json, verdicts_csv
 from bayesdamp.envelope.results import EnvelopeResult
 from bayesdamp.types import InputError, Refusal
@@ -90,6 +89,8 @@ def compare_envelopes(
         raise InputError(
             f"--out {out}: cannot be written: {(error.strerror or str(error)).lower()}"
         ) from None
+    from bayesdamp.envelope.report.picture import picture  # imports slowly; most records are no envelopes
+
     found: list[EnvelopeResult] = []
     kept: dict[str, bytes] = {}
     for record, window, key in zip(records, windows, keys, strict=True):

@@ -31,6 +31,7 @@ from bayesdamp.verdict.types import Grade, Verdict, Window
 
 BEYOND = 1.3
 """By which factor an amplitude that is asked for may lie outside those of the record."""
+WEIGHED = "weighing"
 
 
 @dataclass(frozen=True)
@@ -80,6 +81,7 @@ def answer(
     seed: int = 0,
     notes: Sequence[str] = (),
     sample: bool = True,
+    made: dict[str, Weighing] | None = None,
 ) -> Answer:
     """Which damping a signal has, how large it is and how well the law holds.
 
@@ -87,9 +89,10 @@ def answer(
     hold exactly; "law" or "auto", they may hold approximately. known: values of parameters, or a function from a law's
     name to them; priors: by parameter. sensor: relative linearity of the sensor, the floor of every rate. measured:
     whether probabilities are capped. notes: sentences on the record, for the remarks. sample: whether motions
-    themselves are sampled, and not their linear model alone. Of a signal on which nothing can be said the grade is
-    `not_weighed` and the sentence says why; of one that is no free decay of one oscillator it is `no_free_decay`, and
-    nothing is weighed.
+    themselves are sampled, and not their linear model alone. made: where the weighing under linear models is left, and
+    taken from where it is there: of the same signal and arguments. Of a signal on which nothing can be said the grade
+    is `not_weighed` and the sentence says why; of one that is no free decay of one oscillator it is `no_free_decay`,
+    and nothing is weighed.
     """
     if deviation not in DEVIATIONS:
         raise InputError(f"deviation = {deviation!r}: must be one of {', '.join(DEVIATIONS)}")
@@ -103,7 +106,7 @@ def answer(
         return Answer(other)
     approximate = deviation != "none"
     try:
-        weighing = weighing_of(
+        weighing = (made or {}).get(WEIGHED) or weighing_of(
             signal,
             damping=damping,
             restoring=restoring,
@@ -116,6 +119,8 @@ def answer(
         text = str(refusal)
         said = f"{text[:1].upper()}{text[1:]}{'' if text.endswith('.') else '.'}"
         return Answer(Verdict(signal.name, Grade.NOT_WEIGHED, False, "", float("nan"), sentence=said))
+    if made is not None:
+        made[WEIGHED] = weighing
     check_amplitudes(amplitudes or (), weighing)
     if sample:
         weighing = with_samples(weighing, approximate, seed)

@@ -73,6 +73,14 @@ def within(job: Job, depth: Depth) -> bool:
     return last is None or (job.part in last and job.model is None)
 
 
+def side_by_side(jobs: list[Job], depth: Depth) -> int:
+    """How many jobs of a run could be under way at once: candidates, or records, each of which is answered by threads
+    of one process."""
+    if depth is Depth.WHOLE:
+        return sum(job.model is not None for job in jobs)
+    return sum(job.part == "read" for job in jobs)
+
+
 def jobs_of(study: Study) -> list[Job]:
     """Every job of a study, records first."""
     # Repeat by repeat over all signals, so that a run which is cut off has a little of everything.

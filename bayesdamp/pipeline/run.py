@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 from bayesdamp.config import Recording, Study
 from bayesdamp.machine.cache_eviction import evict_programs
 from bayesdamp.outcomes import Status, status_of
-from bayesdamp.pipeline.jobs import Depth, Job, jobs_of, stages, within, work_of
+from bayesdamp.pipeline.jobs import Depth, Job, jobs_of, side_by_side, stages, within, work_of
 from bayesdamp.pipeline.keys import digest
 from bayesdamp.pipeline.progress import REPORT, Step, planned, progress_on, step_of
 from bayesdamp.pipeline.records.answering import ANSWERED, SAMPLED, verdict_of
@@ -65,13 +65,12 @@ def run_study(
         if fresh:
             store.clear()
         jobs = jobs_of(study)
-        branches = sum(job.model is not None for job in jobs)
-        workers = workers or max(1, min(len(os.sched_getaffinity(0)), branches))
         wanted = [job for job in jobs if within(job, depth)]
+        workers = workers or max(1, min(len(os.sched_getaffinity(0)), side_by_side(jobs, depth)))
         names = [name for job in wanted for name in work_of(study, store, job)]
         with progress_on(Console(quiet=True) if quiet else console) as progress:
             with pool_of(workers, scheduler, pool) as pool:
-                if pool is not None:
+                if pool is not None and depth is Depth.WHOLE:
                     pool.submit(_prepare)
                     threading.Thread(target=_prepare, daemon=True).start()
                 progress.plan(planned(study, wanted, set(store.names())))
@@ -96,17 +95,14 @@ def run_study(
 
 def _read_inputs(study: Study) -> None:
     """Read every file once, so that a wrong one is told before anything is written."""
-    from bayesdamp.pipeline.records.recorded import recorded
-    from bayesdamp.records.cleaning.clean import clean
+    from bayesdamp.pipeline.records.recorded import cleaned
 
     for spec in study.signals:
         source = spec.source
         if not isinstance(source, Recording):
             continue
         try:
-            raw = recorded(source)
-            options = {k: getattr(source, k) for k in ("unit", "quantity", "clock", "start", "stop")}
-            clean(raw, name=spec.name, **options)
+            cleaned(source, spec.name)
         except InputError as error:
             text = str(error).removeprefix(f"{spec.name}: ")
             where = "" if source.file in text or str(source.path) in text else f"{source.file}: "
@@ -215,7 +211,13 @@ def _render(out: Path, pool: Executor | None) -> None:
 def _current(study: Study, store: Store) -> dict[str, str]:
     """Name to key of the stored cells that answer this study; those of an earlier question are not among them."""
     found = {}
+    stored = store.names()
     for job in jobs_of(study):
+        # Keys of candidates cost more than all else here, and most runs have none of their cells.
+        path = f"{job.signal}/{job.repeat}/{job.model or ''}"
+        of_candidates = job.model is not None or job.joined == "average"
+        if of_candidates and not any(path in f"{name}/" for name in stored if _of_candidate(name)):
+            continue
         for name, (key, _) in work_of(study, store, job).items():
             try:
                 own, outcome = store.head(name)
@@ -224,6 +226,11 @@ def _current(study: Study, store: Store) -> dict[str, str]:
             if own in (key, digest(outcome, key)):
                 found[name] = own
     return found
+
+
+def _of_candidate(name: str) -> bool:
+    """Whether a cell is one of a candidate, or of the average over them."""
+    return name.partition("/")[0] not in ("signal", ANSWERED, SAMPLED, "fitted", "noise")
 
 
 def _results(store: Store, names: list[str]) -> Iterator[tuple[str, CellResult]]:

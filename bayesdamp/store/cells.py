@@ -9,7 +9,7 @@ import os
 import struct
 import zipfile
 import zlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -57,6 +57,14 @@ class Store:
         self.folder = Path(folder)
         self.only = only
         self._cells = self.folder / "cells"
+        self._keys: dict[tuple[object, ...], tuple[tuple[object, ...], str]] = {}
+
+    def key(self, cell_name: str, of: tuple[object, ...], made: Callable[[], str]) -> str:
+        """A cell's key, made once for the objects that it is made of: a hundred cells share their record's."""
+        known = (cell_name, *map(id, of))
+        if known not in self._keys:
+            self._keys[known] = of, made()  # what is held here keeps its identity
+        return self._keys[known][1]
 
     def has(self, cell_name: str, key: str) -> bool:
         """Whether a whole result is there under this key; a truncated or damaged file counts as absent."""

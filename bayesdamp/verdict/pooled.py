@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import norm
+from scipy.special import ndtr
 
 GRID = 400
 """Values of the spread between records over which is summed."""
@@ -60,6 +60,6 @@ def _quantile(q: float, means: np.ndarray, sds: np.ndarray, weight: np.ndarray) 
     low, high = float(np.min(means - 9 * sds)), float(np.max(means + 9 * sds))
     for _ in range(80):
         middle = 0.5 * (low + high)
-        below = float(weight @ norm.cdf((middle - means) / sds))
+        below = float(weight @ ndtr((middle - means) / sds))
         low, high = (middle, high) if below < q else (low, middle)
     return 0.5 * (low + high)

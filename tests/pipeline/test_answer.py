@@ -7,6 +7,7 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
+from bayesdamp.inference.deviation.weighing import Weighing
 from bayesdamp.pipeline.answer import answer
 from bayesdamp.types import Signal
 from bayesdamp.validation.truth.records import Case, case
@@ -67,3 +68,17 @@ def test_what_does_not_oscillate_has_a_sentence() -> None:
     assert found.record == "silence"
     assert found.sentence[0].isupper()
     assert found.sentence.endswith(".")
+
+
+def test_motions_are_sampled_of_the_weighing_that_was_made(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The answer from linear models first: it is weighed once, and what follows is what one call would say."""
+    made, _ = answered(0)
+    sums, laws = ["viscous", "coulomb"], [made.restoring]
+    whole = answer(made.signal, made.amplitudes, damping=sums, restoring=laws).verdict
+    kept: dict[str, Weighing] = {}
+    answer(made.signal, made.amplitudes, damping=sums, restoring=laws, sample=False, made=kept)
+    monkeypatch.setattr("bayesdamp.pipeline.answer.weighing_of", None)  # nothing weighs again
+    after = answer(made.signal, made.amplitudes, damping=sums, restoring=laws, made=kept).verdict
+    assert after == whole
+    with pytest.raises(TypeError):  # control
+        answer(made.signal, made.amplitudes, damping=sums, restoring=laws)

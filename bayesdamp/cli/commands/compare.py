@@ -169,7 +169,9 @@ def compare(
         time, angle, rate, time_unit, unit, quantity, clock, *bounds, runs, tuple(channel or ())
     )
     found, said = chosen_records(records, reading)
-    with _early_processes(workers, sums, restoring or ()) as pool:
+    # One record is answered by threads of this process: others would only begin to wait.
+    alone = len(found) == 1 and not exact
+    with _early_processes(1 if alone else workers, sums, restoring or ()) as pool:
         from rich.console import Console
 
         from bayesdamp.config.compare import comparison
@@ -196,7 +198,7 @@ def compare(
 
         depth = Depth.ANSWER if quick else Depth.WHOLE if exact else Depth.SAMPLED
         status = run_study(
-            made, folder, workers=workers, fresh=fresh, console=console, pool=pool, depth=depth,
+            made, folder, workers=1 if alone else workers, fresh=fresh, console=console, pool=pool, depth=depth,
             answered=None if as_json or len(found) > FIRST_WORDS else Told(Console(), units_of(made)), quiet=quiet,
         )  # fmt: skip
     if as_json:

@@ -134,7 +134,8 @@ def linearised(
     columns = np.column_stack([scores, tangents])
     r = data.y - motion.y
     model = condensed(columns, r + columns @ u, found.parameters.positive)
-    left = r - columns @ np.linalg.lstsq(columns, r, rcond=1e-12)[0]
+    # Least squares of r by the columns, from their factor that is there already.
+    left = r - columns @ np.linalg.lstsq(model.root, model.target - model.root @ u, rcond=1e-12)[0]
     return Linearised(candidate, found, found.parameters, u, motion, model, left)
 
 

@@ -16,7 +16,8 @@ POINTS = 200
 REACHES = (1e-3, 0.03, 0.1, 0.25, 0.5)
 """Half widths, in amplitudes, in which a cycle's middle is looked for about its rest."""
 _PHASE = (np.arange(POINTS) + 0.5) / POINTS * np.pi - 0.5 * np.pi
-_X, _W = np.polynomial.legendre.leggauss(48)
+_X, _W = (one.tolist() for one in np.polynomial.legendre.leggauss(48))
+_X_PART, _W_PART = (one.tolist() for one in np.polynomial.legendre.leggauss(4))
 
 
 @dataclass(frozen=True)
@@ -81,11 +82,12 @@ def orbit_at(amplitude: float, restoring: str, law: tuple[float, ...], rest: flo
     """The orbit of an amplitude (rad or m) about `rest`; None where there is none."""
     force, values = LAWS.get(restoring).kernel, np.array(law)
 
+    def between(a: float, b: float, nodes: list[float], weights: list[float]) -> float:
+        half = 0.5 * (b - a)
+        return float(half * sum(w * force(a + half * (u + 1), values) for u, w in zip(nodes, weights)))
+
     def potential(x: float) -> float:
-        half = 0.5 * (x - rest)
-        return float(
-            half * sum(w * force(rest + half * (u + 1), values) for u, w in zip(_X, _W, strict=True))
-        )
+        return between(rest, x, _X, _W)
 
     def uneven(shift: float) -> float:
         return potential(rest + shift + amplitude) - potential(rest + shift - amplitude)
@@ -98,7 +100,10 @@ def orbit_at(amplitude: float, restoring: str, law: tuple[float, ...], rest: flo
     centre = rest + float(brentq(uneven, -reach, reach, xtol=1e-12 * max(amplitude, 1e-300)))  # type: ignore[arg-type]
     energy = potential(centre + amplitude)
     x = centre + amplitude * np.sin(_PHASE)
-    inside = np.array([potential(float(at)) for at in x])
+    # From one point to the next, which a few nodes integrate to rounding error: a twelfth of the forces.
+    first, *others = x.tolist()
+    parts = [between(a, b, _X_PART, _W_PART) for a, b in zip([first, *others], others)]
+    inside = potential(first) + np.concatenate([[0.0], np.cumsum(parts)])
     if inside.max() > energy * (1 + 1e-9):
         return None
     speed = np.sqrt(2 * np.maximum(energy - inside, 0.0))

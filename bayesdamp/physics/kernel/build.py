@@ -59,13 +59,22 @@ def kernel_of(terms: tuple[str, ...], restoring: str) -> Kernel:
 def source_of(terms: tuple[str, ...], restoring: str) -> str:
     """The source of a kernel's module."""
     parts, calls, at = [_HEAD], [], 0
+    owners: list[int] = []
+    by_position, switches = list[bool](), list[bool]()
     for number, name in enumerate(terms):
         term = TERMS.get(name)
         _own(term, DampingTerm, f"damping term {name!r}")
         parts.append(_function(term.kernel, f"_shape_{number}", f"damping term {name!r}"))
         inside = ", ".join(["x", "v", "epsilon", *(f"q[{at + i}]" for i in range(len(term.further)))])
         at += len(term.further)
+        owners += [number] * len(term.further)
+        by_position.append(_takes_position(term.kernel))
+        switches.append(bool(term.switches))
         calls.append(f"    out[{number}] = _shape_{number}({inside}) if active[{number}] else 0.0")
+    parts.append(
+        f"OWNERS = np.array({owners}, np.int64)\nBY_POSITION = np.array({by_position}, np.bool_)\n"
+        f"SWITCHES = np.array({switches}, np.bool_)\n"
+    )
     parts.append("@njit\ndef shapes(x, v, epsilon, q, active, out):\n" + "\n".join(calls) + "\n")
     law = LAWS.get(restoring)
     _own(law, RestoringLaw, f"restoring law {restoring!r}")
@@ -107,6 +116,15 @@ def _function(function: Callable[..., Any], name: str, what: str) -> str:
         argument.annotation = None
     found.args.defaults = []
     return ast.unparse(ast.fix_missing_locations(found)) + "\n"
+
+
+def _takes_position(function: Callable[..., Any]) -> bool:
+    """Whether a term's kernel, which could be compiled, uses its first argument."""
+    tree = ast.parse(textwrap.dedent(inspect.getsource(function)))
+    found = tree.body[0]
+    assert isinstance(found, ast.FunctionDef)
+    first = [*found.args.posonlyargs, *found.args.args][0].arg
+    return any(isinstance(node, ast.Name) and node.id == first for node in ast.walk(found))
 
 
 @lru_cache(maxsize=64)

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping
-from functools import cached_property
 
 import numpy as np
 
 from bayesdamp.config import Recording, SignalSpec, Study
 from bayesdamp.config.checks import plain
+from bayesdamp.inference.deviation.weighing import Weighing
 from bayesdamp.outcomes import following
 from bayesdamp.physics.damping import TERMS, DampingTerm, others, parse_model
 from bayesdamp.physics.restoring import LAWS
@@ -27,6 +27,8 @@ from bayesdamp.verdict.types import Grade, Verdict
 
 ANSWERED, SAMPLED = "answer", "sampled"
 """Kinds of the two cells."""
+_MADE: dict[str, dict[str, Weighing]] = {}
+"""By the key of an answer, the weighing that it was made of: that of the last record alone."""
 NO_KERNEL = "not weighed at once: {names} cannot be compiled; give the term a `kernel`"
 
 
@@ -52,9 +54,12 @@ class AnswerCell:
         asked = self.study.posterior.deviation
         return asked == "law" or (asked == "auto" and isinstance(self.spec.source, Recording))
 
-    @cached_property
+    @property
     def key(self) -> str:
         """Of the record, the question, and the source of terms and laws."""
+        return self.store.key(self.name, (self.study, self.spec), self._key)
+
+    def _key(self) -> str:
         priors = {t: str(p) for t, p in self.study.models.prior.items()}
         systems = [plain(self.spec.under(law)) for law in self.spec.restoring]
         parts = (
@@ -130,7 +135,15 @@ class AnswerCell:
             seed=cell_seed(self.study, self.name),
             notes=record.content.anomalies,
             sample=self.sample,
+            made=self._made(),
         )
+
+    def _made(self) -> dict[str, Weighing]:
+        """The weighing of this record, where this process made it last."""
+        first = AnswerCell(self.study, self.spec, self.repeat, self.store).key
+        if first not in _MADE:
+            _MADE.clear()
+        return _MADE.setdefault(first, {})
 
 
 def answer_cell(store: Store, signal: str, repeat: int) -> CellResult | None:

@@ -44,9 +44,12 @@ class LawFit:
         self.terms = all_terms(study, spec)
         self.name = f"fitted/{spec.name}/{repeat}/{law}"
 
-    @cached_property
+    @property
     def key(self) -> str:
         """Of the record, the law, the terms in play and the answer that it starts from."""
+        return self.store.key(self.name, (self.study, self.spec), self._key)
+
+    def _key(self) -> str:
         priors = {t: str(self.study.models.prior.get(t)) for t in self.terms}
         law = plain(self.spec.under(self.law))
         answer = AnswerCell(self.study, self.spec, self.repeat, self.store).key

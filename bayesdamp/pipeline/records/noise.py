@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-from functools import cached_property
 
 from bayesdamp.config import SignalSpec, Study
 from bayesdamp.config.checks import plain
@@ -36,9 +35,12 @@ class NoiseCell:
         self.terms = all_terms(study, spec)
         self.fits = {law: LawFit(study, spec, repeat, law, store) for law in spec.restoring}
 
-    @cached_property
+    @property
     def key(self) -> str:
         """Of the record, the noise models and terms in play, and the fits under each law."""
+        return self.store.key(self.name, (self.study, self.spec), self._key)
+
+    def _key(self) -> str:
         priors = {t: str(self.study.models.prior.get(t)) for t in self.terms}
         laws = [plain(self.spec.under(law)) for law in self.spec.restoring]
         named = [*map(TERMS.source, self.terms), *map(LAWS.source, self.spec.restoring)]

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 from bayesdamp.config import Recording
+from bayesdamp.records.cleaning.clean import clean
 from bayesdamp.records.cleaning.decimate import decimated
 from bayesdamp.records.read import read_record
 from bayesdamp.records.record import RawRecord
+from bayesdamp.types import Signal
 
 
 def recorded(source: Recording) -> RawRecord:
@@ -20,3 +24,23 @@ def recorded(source: Recording) -> RawRecord:
         time_unit=source.time_unit,
     )
     return decimated(raw)
+
+
+def cleaned(source: Recording, name: str) -> tuple[RawRecord, Signal]:
+    """The record and its free decay, under a name. Raises InputError.
+
+    What was made last is kept, until the file changes: a run looks at its inputs before it begins.
+    """
+    try:
+        status = source.path.stat()
+    except OSError:
+        return _cleaned(source, name, ())
+    return _cleaned(source, name, (status.st_mtime_ns, status.st_size, status.st_ino))
+
+
+@lru_cache(maxsize=1)
+def _cleaned(source: Recording, name: str, stamp: tuple[int, ...]) -> tuple[RawRecord, Signal]:
+    del stamp
+    raw = recorded(source)
+    options = {k: getattr(source, k) for k in ("unit", "quantity", "clock", "start", "stop")}
+    return raw, clean(raw, name=name, **options)

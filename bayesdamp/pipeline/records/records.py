@@ -5,7 +5,6 @@ from __future__ import annotations
 import time
 import zlib
 from dataclasses import asdict, replace
-from functools import cached_property
 
 import numpy as np
 
@@ -18,9 +17,8 @@ from bayesdamp.physics.damping import TERMS
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.pipeline.keys import task_key
-from bayesdamp.pipeline.records.recorded import recorded
+from bayesdamp.pipeline.records.recorded import cleaned
 from bayesdamp.plugins import sources_below
-from bayesdamp.records.cleaning.clean import clean
 from bayesdamp.records.oscillation.anomalies import anomalies
 from bayesdamp.records.oscillation.curves import amplitude_curves
 from bayesdamp.records.oscillation.features import Features, features
@@ -55,9 +53,12 @@ class SignalCell:
         self.study, self.spec, self.repeat, self.store = study, spec, repeat, store
         self.name = f"signal/{spec.name}/{repeat}"
 
-    @cached_property
+    @property
     def key(self) -> str:
         """Of the signal's table, its repeat, the file's content, and the source of what makes or reads it."""
+        return self.store.key(self.name, (self.study, self.spec), self._key)
+
+    def _key(self) -> str:
         source = self.spec.source
         content = sha256(source.path) if isinstance(source, Recording) else ""
         shown = {k: v for k, v in self.spec.resolved().items() if k not in _NOT_OF_THE_RECORD}
@@ -79,19 +80,11 @@ class SignalCell:
         if isinstance(source, Simulation):
             signal = self._simulated(source)
         else:
-            raw = recorded(source)
             try:
-                signal = clean(
-                    raw,
-                    name=self.spec.name,
-                    unit=source.unit,
-                    quantity=source.quantity,
-                    clock=source.clock,
-                    start=source.start,
-                    stop=source.stop,
-                )
+                raw, signal = cleaned(source, self.spec.name)
             except InputError as error:
-                raise InputError(f"{source.file}: {error}") from None
+                where = "" if source.file in str(error) else f"{source.file}: "
+                raise InputError(f"{where}{error}") from None
             signal = self._with_noise(signal, source.least_noise)
             arrays = _raw(raw, source)
         content = RecordContent(

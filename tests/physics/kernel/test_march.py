@@ -233,3 +233,29 @@ def test_a_users_term_that_cannot_be_compiled(user_term, term: DampingTerm, text
     made = user_term(term)
     with pytest.raises(Refusal, match=text):
         made.solve(np.array([0.8, 20.0, 0.0, 0.3, 0.0]), np.ones(1, bool))
+
+
+SHARP = 0.002
+"""Width of friction's turning over, as a share of the peak velocity, that a long step jumps."""
+
+
+def rubbing(epsilon: float, changed: float = 0.0, tolerance: float = 1e-6) -> np.ndarray:
+    """Displacements, (n,), under friction that turns over within epsilon, the start's velocity changed by so much."""
+    made, p = solver_of("linear", epsilon=epsilon)
+    p[list(made.names).index("omega0")] += changed
+    return solved(made, p, tangents=NONE, tolerance=tolerance).y
+
+
+def test_friction_that_turns_over_at_once_is_stepped_to_its_edges() -> None:
+    """Errors of steps of 1e-6 of the amplitude are about those with smooth friction, and follow parameters smoothly:
+    with second differences of 9e-8. Steps that are blind to the edges have errors of 1e-3 and second differences of
+    4e-4 (measured)."""
+    osc, _ = solver_of("linear")
+    epsilon, size = SHARP * osc.amplitude * osc.frequency, osc.amplitude
+    truth = rubbing(epsilon, tolerance=1e-12)
+    smooth = 50 * epsilon
+    wide = np.max(np.abs(rubbing(smooth) - rubbing(smooth, tolerance=1e-12))) / size
+    assert np.max(np.abs(rubbing(epsilon) - truth)) / size < 3 * wide
+    changes = 1e-5 * size * osc.frequency * np.arange(9)
+    errors = np.array([rubbing(epsilon, c) - rubbing(epsilon, c, 1e-12) for c in changes]) / size
+    assert np.max(np.abs(np.diff(errors, 2, axis=0))) < 1e-6

@@ -12,6 +12,8 @@ from bayesdamp.inference.deviation.gaussian.orthant import log_probability
 PRECISE = 1e11
 """Information, in priors' own, up to which Cholesky's factor of it and differences of squares keep five digits and
 more: half of the digits of a number (measured)."""
+SMALL = 12
+"""Rows up to which a triangle is inverted as any matrix."""
 
 
 @dataclass(frozen=True)
@@ -63,6 +65,19 @@ def _orthogonal(white: np.ndarray, target: np.ndarray) -> tuple[np.ndarray, np.n
     return np.swapaxes(upper[:, :k, :k], 1, 2), upper[:, :k, k], upper[:, k, k] ** 2
 
 
+def _inverse(lower: np.ndarray) -> np.ndarray:
+    """Inverses of lower triangles, (c, K, K), by halves: of two triangles and the square between them."""
+    k = lower.shape[1]
+    if k <= SMALL:
+        return np.linalg.inv(lower)
+    half = k // 2
+    found = np.zeros_like(lower)
+    first, last = _inverse(lower[:, :half, :half]), _inverse(lower[:, half:, half:])
+    found[:, :half, :half], found[:, half:, half:] = first, last
+    found[:, half:, :half] = -last @ (lower[:, half:, :half] @ first)
+    return found
+
+
 def weigh(model: Linear, grid: Grid, variance: float, samples: float) -> Weighed:
     """Evidence and posteriors under noise of this variance, its prior N(0, 1) of each score, the positive ones doubled.
 
@@ -81,12 +96,12 @@ def weigh(model: Linear, grid: Grid, variance: float, samples: float) -> Weighed
     information[:, np.arange(total), np.arange(total)] += 1.0
     if information.diagonal(axis1=1, axis2=2).max() < PRECISE:
         lower = np.linalg.cholesky(information)
-        inverse = np.linalg.inv(lower)
+        inverse = _inverse(lower)
         half = (inverse @ (target @ white)[:, :, None])[:, :, 0]
         left = target @ target - np.sum(half**2, axis=1)
     else:
         lower, half, left = _orthogonal(white, target)
-        inverse = np.linalg.inv(lower)
+        inverse = _inverse(lower)
     log_each = -0.5 * (left + model.rest / variance)
     log_each -= np.sum(np.log(np.diagonal(lower, axis1=1, axis2=2)), axis=1)
     log_each += grid.log_prior - 0.5 * samples * np.log(2 * np.pi * variance)
