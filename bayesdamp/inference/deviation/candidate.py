@@ -25,6 +25,10 @@ STARTS = (-1.0, 0.0, 1.0)
 """Scores of a further parameter from which searches start."""
 RELINEARISED = 8
 """Gauss–Newton steps of parameters and deviations together, at most."""
+STEPS = ((1.0, 0.0), (0.5, 0.0), (1.0, 10.0), (1.0, 1e3), (1.0, 1e5))
+"""Steps that are tried in turn: the share of a step, and how firmly the scores are held. Parameters that a record tells
+only together (a spring's angle and gravity, of small swings) would else be sent along a line where their motion follows a
+curve, and no share of that step is any better."""
 SETTLED = 0.3
 """Largest change of the motion, in standard deviations of the whole record's noise, by a step after which there is no
 other."""
@@ -155,16 +159,18 @@ def relinearised(
     if at is None:
         return None
     grid = grid_of(solver.knots.size, coarse=True, absorbed=found.parameters.absorbs)
+    first = 0
     for _ in range(RELINEARISED):
         used = variance if variance is not None else _variance(at, data)
-        best = mode_of(at.model, grid, used)
         squares = float(np.sum((data.y - at.motion.y) ** 2))
-        share, there = 1.0, None
-        while share > 0.1:
+        there = None
+        for i, (share, held) in enumerate(STEPS[first:], first):
+            best = mode_of(at.model, grid, used, at.u[: found.z.size], held)
             there = linearised(candidate, solver, data, found, at.u + share * (best - at.u))
             if there is not None and float(np.sum((data.y - there.motion.y) ** 2)) <= squares * (1 + 1e-6):
+                first = max(i - 1, 0)
                 break
-            share, there = 0.5 * share, None
+            there = None
         if there is None:
             break
         moved = float(np.linalg.norm(there.model.root @ (there.u - at.u))) / np.sqrt(used)
@@ -174,8 +180,13 @@ def relinearised(
     return at, variance if variance is not None else _variance(at, data)
 
 
-def mode_of(model: Linear, grid: Grid, variance: float) -> np.ndarray:
-    """u at the mode under the likeliest hyperparameters, with no negative coefficient."""
+def mode_of(
+    model: Linear, grid: Grid, variance: float, scores: np.ndarray | None = None, held: float = 0.0
+) -> np.ndarray:
+    """u at the mode under the likeliest hyperparameters, with no negative coefficient.
+
+    held: how firmly the scores are held where they are (Marquardt's parameter, in units of the prior's information).
+    """
     weighed = weigh(model, grid, variance, model.count)
     top = int(np.argmax(weighed.log_each))
     d, total = model.positive.size, model.root.shape[1]
@@ -186,6 +197,9 @@ def mode_of(model: Linear, grid: Grid, variance: float) -> np.ndarray:
     stacked = np.concatenate([model.root @ root / sd, np.eye(total)])
     aim = np.concatenate([model.target / sd, np.zeros(total)])
     positive = np.concatenate([model.positive, np.zeros(total - d, bool)])
+    if scores is not None and held > 0:
+        stacked = np.concatenate([stacked, np.sqrt(held) * np.eye(d, total)])
+        aim = np.concatenate([aim, np.sqrt(held) * scores])
     return root @ nonnegative(stacked, aim, positive)
 
 

@@ -1,0 +1,33 @@
+"""The mode of parameters and deviations together is reached also where a record tells parameters only together."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import bayesdamp as bd
+import bayesdamp.inference.deviation.candidate as candidates
+from bayesdamp.inference.deviation.quick import weighing_of
+from tests.measured.records import DATA
+
+RECORD = DATA / "spring_disc" / "molla_durissima_discopieno_14.91945_0.2016_3.csv"
+pytestmark = pytest.mark.skipif(not RECORD.is_file(), reason="needs the measured records of ../shared/data")
+
+
+def left_by(law: str) -> float:
+    """Sum of squares that viscous and quadratic damping leave at the mode under a law, of a disc on a spring whose small
+    swings, read as an angle, tell a pendulum's spring and gravity only together."""
+    weighing = weighing_of(bd.read(RECORD).signal(), damping=["viscous+quadratic"], restoring=[law])
+    (result,) = weighing.results
+    assert result.about is not None
+    return float(np.sum((weighing.data.y - result.about.motion.y) ** 2))
+
+
+def test_a_law_whose_parameters_are_told_only_together_reaches_what_a_simple_one_does() -> None:
+    assert left_by("horizontal_pendulum") == pytest.approx(left_by("linear"), rel=0.02)
+
+
+def test_without_held_scores_it_ends_at_the_plain_fit(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Control: halved steps alone find none that is better."""
+    monkeypatch.setattr(candidates, "STEPS", ((1.0, 0.0), (0.5, 0.0), (0.25, 0.0), (0.12, 0.0)))
+    assert left_by("horizontal_pendulum") > 1.5 * left_by("linear")
