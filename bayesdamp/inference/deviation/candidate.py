@@ -27,8 +27,8 @@ RELINEARISED = 8
 """Gauss–Newton steps of parameters and deviations together, at most."""
 STEPS = ((1.0, 0.0), (0.5, 0.0), (1.0, 10.0), (1.0, 1e3), (1.0, 1e5))
 """Steps that are tried in turn: the share of a step, and how firmly the scores are held. Parameters that a record tells
-only together (a spring's angle and gravity, of small swings) would else be sent along a line where their motion follows a
-curve, and no share of that step is any better."""
+only together (a spring's angle and gravity, of small swings) would else be sent along a line where their motion
+follows a curve, and no share of that step is any better."""
 SETTLED = 0.3
 """Largest change of the motion, in standard deviations of the whole record's noise, by a step after which there is no
 other."""

@@ -15,8 +15,8 @@ pytestmark = pytest.mark.skipif(not RECORD.is_file(), reason="needs the measured
 
 
 def left_by(law: str) -> float:
-    """Sum of squares that viscous and quadratic damping leave at the mode under a law, of a disc on a spring whose small
-    swings, read as an angle, tell a pendulum's spring and gravity only together."""
+    """Sum of squares that viscous and quadratic damping leave at the mode under a law, of a disc on a spring whose
+    small swings, read as an angle, tell a pendulum's spring and gravity only together."""
     weighing = weighing_of(bd.read(RECORD).signal(), damping=["viscous+quadratic"], restoring=[law])
     (result,) = weighing.results
     assert result.about is not None
