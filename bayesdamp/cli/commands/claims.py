@@ -27,7 +27,8 @@ def claims(
         if folder is not None and not (folder / "run.json").is_file():
             raise InputError(f"{option} {folder}: holds no run; give the folder that bayesdamp study wrote")
     writable(out)
-    page = written(judged(CLAIMS, Runs(paper, tuple(noise or ()))))
+    runs = Runs(paper, tuple(noise or ()))
+    page = written(judged(CLAIMS, runs), runs)
     try:
         out.parent.mkdir(parents=True, exist_ok=True)
         write_bytes(out, page.encode())

@@ -26,7 +26,8 @@ class Series:
 
     values: of the factor, ascending; signals: that have it; errors: (method, stage) to the root mean square
     error in per cent of the truth at each value; answers: how many repeats had an answer, and of how many;
-    bounds: the Cramér–Rao bound in per cent, nan where there is none.
+    bounds: the Cramér–Rao bound in per cent, nan where there is none; each: (method, stage) to the error of every
+    repeat that had an answer, by its number, at each value.
     """
 
     model: str
@@ -36,6 +37,7 @@ class Series:
     errors: dict[tuple[str, str], list[float]]
     answers: dict[tuple[str, str], list[tuple[int, int]]]
     bounds: list[float]
+    each: dict[tuple[str, str], list[dict[int, float]]]
 
 
 def series(run: Run) -> list[Series]:
@@ -75,7 +77,7 @@ def _place(run: Run, signal: str) -> tuple[float, float, float] | None:
 
 def _series(run: Run, model: str, factor: str, signals: list[str], values: list[float]) -> Series:
     damping = set(damping_parameters(run).values())
-    squares: dict[tuple[str, str], dict[str, list[float]]] = {}
+    found: dict[tuple[str, str], list[dict[int, float]]] = {}
     tried: Counter[tuple[str, str, str]] = Counter()
     for row in run.estimates:
         if row["model"] != model or row["signal"] not in signals or row["stage"] not in STAGES:
@@ -84,12 +86,20 @@ def _series(run: Run, model: str, factor: str, signals: list[str], values: list[
         if row["parameter"] in damping or not row["parameter"]:
             tried[(*key, row["signal"])] += 1
         if row["parameter"] in damping and math.isfinite(row["error_pct"]):
-            squares.setdefault(key, {}).setdefault(row["signal"], []).append(row["error_pct"] ** 2)
-    errors, answers = {}, {}
-    for key, by_signal in squares.items():
-        errors[key] = [math.sqrt(sum(e) / len(e)) if (e := by_signal.get(s)) else math.nan for s in signals]
-        answers[key] = [(len(by_signal.get(s, ())), tried[(*key, s)]) for s in signals]
-    return Series(model, factor, values, signals, errors, answers, [_bound(run, s, model) for s in signals])
+            places = found.setdefault(key, [{} for _ in signals])
+            places[signals.index(row["signal"])][int(row["repeat"])] = row["error_pct"]
+    errors = {key: [_size(own) for own in places] for key, places in found.items()}
+    answers = {
+        key: [(len(own), tried[(*key, s)]) for own, s in zip(places, signals)]
+        for key, places in found.items()
+    }
+    bounds = [_bound(run, s, model) for s in signals]
+    return Series(model, factor, values, signals, errors, answers, bounds, found)
+
+
+def _size(errors: dict[int, float]) -> float:
+    """Root mean square; nan of none."""
+    return math.sqrt(sum(e * e for e in errors.values()) / len(errors)) if errors else math.nan
 
 
 def _bound(run: Run, signal: str, model: str) -> float:

@@ -12,7 +12,10 @@ from bayesdamp.report.results.comparing import Comparison, compared
 from bayesdamp.report.results.run import Run
 from bayesdamp.report.results.sweeping import Series, series
 
-Verdict = Literal["holds", "does not hold", "holds in part", "cannot be told"]
+Verdict = Literal["holds", "does not hold", "holds in part", "better than claimed", "cannot be told"]
+"""*Better than claimed*: so far below a printed figure that it does not confirm it."""
+FAR = 10.0
+"""Factor by which a figure that is below the printed one no longer confirms it."""
 
 
 @dataclass(frozen=True)
@@ -58,15 +61,16 @@ def judged(claims: Iterable[Claim], runs: Runs) -> list[tuple[Claim, Judgement]]
     return [(claim, claim.judge(runs)) for claim in claims]
 
 
-def written(found: Iterable[tuple[Claim, Judgement]]) -> str:
-    """The page, in Markdown."""
+def written(found: Iterable[tuple[Claim, Judgement]], runs: Runs | None = None) -> str:
+    """The page, in Markdown, with the runs that it judges by."""
     found = list(found)
     counts = {v: sum(j.verdict == v for _, j in found) for v in dict.fromkeys(j.verdict for _, j in found)}
     lines = [
         "# The paper's claims, measured",
         "",
         "Made by `bayesdamp claims`. Errors are in per cent of the truth; *initial* is what a method finds by itself,",
-        "*refined* the trajectory fit that starts there.",
+        "*refined* the trajectory fit that starts there. *Better than claimed* is a figure more than ten times",
+        "below the printed one, in time more than three: it does not confirm the claim, it is another figure.",
         "",
         ", ".join(f"{count} {verdict}" for verdict, count in counts.items()) + ".",
         "",
@@ -76,4 +80,9 @@ def written(found: Iterable[tuple[Claim, Judgement]]) -> str:
     for claim, judgement in found:
         cells = (claim.text, claim.where, judgement.measured, f"**{judgement.verdict}**")
         lines.append("| " + " | ".join(c.replace("|", "\\|") for c in cells) + " |")
+    for folder in (runs.paper, *runs.noise) if runs else ():
+        if folder is not None:
+            info = Run(folder).info
+            code = str(info.get("revision") or "an unknown revision")
+            lines += ["", f"Judged by the run `{folder.name}` beside this page, made by {code}."]
     return "\n".join(lines) + "\n"

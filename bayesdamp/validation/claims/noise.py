@@ -5,56 +5,58 @@ from __future__ import annotations
 import math
 
 from bayesdamp.report import words
+from bayesdamp.report.results.places import ahead, interval, places
 from bayesdamp.report.results.sweeping import Series
 from bayesdamp.validation.claims.judge import NO_RUN, Claim, Judgement, Runs
 
 
-def _at(found: Series, method: str, stage: str, level: float) -> float:
-    errors = found.errors.get((method, stage))
-    return errors[found.values.index(level)] if errors and level in found.values else math.nan
+def _errors(found: Series, method: str, level: float) -> dict[int, float]:
+    """A method's own errors by repeat at a noise; empty where there are none."""
+    each = found.each.get((method, "initial"))
+    return each[found.values.index(level)] if each and level in found.values else {}
+
+
+def _said(found: Series, method: str, level: float) -> str:
+    low, high = interval(_errors(found, method, level))
+    error = found.errors[method, "initial"][found.values.index(level)]
+    return f"{error:.2g} %" + (f" ({low:.2g} to {high:.2g})" if math.isfinite(low) else "")
 
 
 def _weak(runs: Runs) -> Judgement:
-    along = [s for s in runs.series if s.factor == "noise"]
-    if not along:
-        return NO_RUN
-    parts, places = [], []
-    for found in along:
+    parts, best, worst = [], [], []
+    for found in (s for s in runs.series if s.factor == "noise"):
         for level in (1.0, 10.0):
-            errors = {m: _at(found, m, "initial", level) for m, stage in found.errors if stage == "initial"}
-            ranked = sorted((m for m in errors if math.isfinite(errors[m])), key=lambda m: errors[m])
-            if "weak_sindy" not in ranked:
+            if not _errors(found, "weak_sindy", level):
                 continue
-            place = ranked.index("weak_sindy") + 1
-            places.append(place)
-            best = words.method(ranked[0])
+            order = places(found, "initial", found.values.index(level))
+            first, last = order["weak_sindy"]
+            best.append(first)
+            worst.append(last)
+            leading = min(order, key=lambda m: found.errors[m, "initial"][found.values.index(level)])
+            place = f"place {first}" if first == last else f"place {first} to {last}"
             parts.append(
-                f"{words.model(found.model)} at {level:g} %: place {place} of {len(ranked)} "
-                f"({errors['weak_sindy']:.2g} %; best {best} {errors[ranked[0]]:.2g} %)"
+                f"{words.model(found.model)} at {level:g} %: {place} of {len(order)}, "
+                f"{_said(found, 'weak_sindy', level)}; least {words.method(leading)} {_said(found, leading, level)}"
             )
-    if not places:
+    if not parts:
         return NO_RUN
-    verdict = (
-        "holds"
-        if max(places) <= 2
-        else "holds in part"
-        if sum(places) / len(places) <= 3
-        else "does not hold"
-    )
-    return Judgement(verdict, "Rank by initial error: " + "; ".join(parts) + ".")
+    verdict = "holds" if max(worst) <= 2 else "does not hold" if min(best) > 2 else "holds in part"
+    told = "Own estimates, places as far as the repeats tell them apart: "
+    return Judgement(verdict, told + "; ".join(parts) + ".")
 
 
 def _sindy(runs: Runs) -> Judgement:
-    along = [s for s in runs.series if s.factor == "noise"]
-    if not along:
-        return NO_RUN
-    better, parts = [], []
-    for found in along:
+    better, worse, parts = [], [], []
+    for found in (s for s in runs.series if s.factor == "noise"):
         for level in (1.0, 3.0, 10.0):
-            weak, strong = (_at(found, m, "initial", level) for m in ("weak_sindy", "sindy"))
-            if math.isfinite(weak) and math.isfinite(strong):
-                better.append(weak < strong)
-                parts.append(f"{words.model(found.model)} {level:g} %: {weak:.2g} against {strong:.2g} %")
+            weak, strong = (_errors(found, m, level) for m in ("weak_sindy", "sindy"))
+            if not weak or not strong:
+                continue
+            better.append(ahead(weak, strong))
+            worse.append(ahead(strong, weak))
+            said = "better" if better[-1] else "worse" if worse[-1] else "not told apart"
+            pair = f"{_said(found, 'weak_sindy', level)} against {_said(found, 'sindy', level)}"
+            parts.append(f"{words.model(found.model)} {level:g} %: {pair}, {said}")
     if not better:
         return NO_RUN
     verdict = "holds" if all(better) else "holds in part" if any(better) else "does not hold"

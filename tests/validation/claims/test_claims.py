@@ -9,8 +9,9 @@ import pytest
 
 from bayesdamp.validation.claims import CLAIMS, Claim, Judgement, judged, written
 from bayesdamp.validation.claims.bench import initial_error, period_drift, record
+from bayesdamp.validation.claims.coulomb import _regression
 from bayesdamp.validation.claims.judge import Runs
-from bayesdamp.validation.claims.times import PRINTED, seconds
+from bayesdamp.validation.claims.times import PRINTED, seconds, verdict_of
 from bayesdamp.validation.claims.topology import _fails, _unit
 
 NONE = Runs()
@@ -49,8 +50,23 @@ def test_without_a_run_a_claim_about_it_cannot_be_told():
 
 
 def test_printed_times():
-    assert {m: seconds(t) for m, t in PRINTED.items()}["symbolic_regression"] == 600.0
-    assert seconds("< 1 s") == 1.0
+    assert {m: seconds(t) for m, t in PRINTED.items()}["symbolic_regression"] == (300.0, 600.0)
+    assert seconds("< 1 s") == (0.0, 1.0)
+
+
+@pytest.mark.parametrize(
+    ("own", "printed", "verdict"),
+    [
+        (90.0, "1–2 min", "holds"), (30.0, "1–2 min", "holds"), (130.0, "1–2 min", "does not hold"),
+        (1.5, "2–3 min", "better than claimed"), (0.01, "< 1 s", "holds"), (float("nan"), "< 1 s", "cannot be told"),
+    ],
+)  # fmt: skip
+def test_a_time_is_judged_on_both_sides(own: float, printed: str, verdict: str):
+    assert verdict_of(own, printed) == verdict
+
+
+def test_an_error_far_below_the_printed_one_does_not_confirm_it():
+    assert _regression(NONE).verdict == "better than claimed"
 
 
 def test_the_page_counts_and_escapes():

@@ -10,6 +10,7 @@ from bayesdamp.report import words
 from bayesdamp.report.figures.estimators.sweep import sweep
 from bayesdamp.report.html import Line, Table, fill, folded
 from bayesdamp.report.results.comparing import CATEGORIES, STAGES
+from bayesdamp.report.results.places import interval
 from bayesdamp.report.results.run import Run
 from bayesdamp.report.results.sweeping import FACTORS, Series, series
 from bayesdamp.report.sections._section import Section
@@ -58,12 +59,16 @@ def _table(found: Series, methods: list[str], stage: str) -> Table:
         if errors is None:
             continue
         cells = []
-        for error, (had, tried) in zip(errors, found.answers[method, stage]):
-            some = f" ({had} of {tried})" if had < tried and math.isfinite(error) else ""
-            cells.append(words.number(error, 2) + some)
+        each = found.each[method, stage]
+        for error, own, (had, tried) in zip(errors, each, found.answers[method, stage]):
+            low, high = interval(own)
+            luck = f" ({words.number(low, 2)} to {words.number(high, 2)})" if math.isfinite(low) else ""
+            some = f", {had} of {tried}" if had < tried and math.isfinite(error) else ""
+            cells.append(words.number(error, 2) + luck + some)
         lines.append(Line([words.method(method), *cells]))
     said = f"Root mean square error in per cent of the truth, by {FACTORS[found.factor]}."
-    return Table(headers, lines, frozenset({0}), said + " In brackets: how many repeats had an answer.")
+    said += " In brackets its 95 % interval, by the repeats; then how many of them had an answer, if not all."
+    return Table(headers, lines, frozenset({0}), said)
 
 
 PLUGIN = Sweeps()
