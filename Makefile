@@ -9,7 +9,7 @@ WORKERS ?= 2
 ONE_THREAD := OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 MKL_NUM_THREADS=1 \
 	XLA_FLAGS="--xla_cpu_multi_thread_eigen=false intra_op_parallelism_threads=1"
 
-.PHONY: study test lint bench validate docs lock clean
+.PHONY: study test lint bench validate reports docs lock clean
 .DEFAULT_GOAL := study
 
 study: $(READY)
@@ -32,6 +32,10 @@ bench: $(READY)
 # The slow checks, which `make test` leaves out.
 validate: $(READY)
 	$(ONE_THREAD) $(BIN)/python -m pytest -n $(WORKERS) -m slow $(ARGS)
+
+# The shipped reports whose sources have changed, the cheap ones first; hours, and resumes. ARGS=--check says which.
+reports: $(READY)
+	$(ONE_THREAD) $(BIN)/python -m bayesdamp.validation.reports $(ARGS)
 
 # The site, in docs/_build/html; a warning is an error. Notebooks run once, and again when they change.
 docs: $(READY)

@@ -1,0 +1,112 @@
+"""Which reports are stale."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+
+import pandas as pd
+import pytest
+
+from bayesdamp.validation.answers import COLUMNS
+from bayesdamp.validation.reports import RECIPES, Recipe, Stamp, digest, stamps
+from bayesdamp.validation.reports.__main__ import main
+from bayesdamp.validation.reports.deviation import page
+from bayesdamp.validation.reports.stamps import stale, stamped
+
+ROOT = Path(__file__).parents[3]
+CODE = 'def force(v):\n    """Of a damper."""\n    return 2 * v  # newtons\n'
+
+
+@pytest.fixture
+def tree(tmp_path: Path) -> Path:
+    (tmp_path / "physics").mkdir()
+    (tmp_path / "physics" / "force.py").write_text(CODE)
+    (tmp_path / "study.toml").write_text("seed = 1\n")
+    return tmp_path
+
+
+RECIPE = Recipe("paper", 1, ("true",), ("physics", "study.toml"))
+
+
+def test_comments_and_docstrings_make_nothing_stale(tree: Path):
+    before = digest(RECIPE, tree)
+    (tree / "physics" / "force.py").write_text("def force(v):\n    return 2 * v\n")
+    assert digest(RECIPE, tree) == before
+    (tree / "physics" / "force.py").write_text(
+        CODE.replace("newtons", "N").replace("Of a damper", "A damper's")
+    )
+    assert digest(RECIPE, tree) == before
+
+
+@pytest.mark.parametrize("change", ["code", "study", "command", "file"])
+def test_whatever_changes_a_number_makes_it_stale(tree: Path, change: str):
+    before, recipe = digest(RECIPE, tree), RECIPE
+    if change == "code":
+        (tree / "physics" / "force.py").write_text(CODE.replace("2 * v", "3 * v"))
+    if change == "study":
+        (tree / "study.toml").write_text("seed = 2\n")
+    if change == "command":
+        recipe = dataclasses.replace(RECIPE, commands=("false",))
+    if change == "file":
+        (tree / "physics" / "new.py").write_text("X = 1\n")
+    assert digest(recipe, tree) != before
+
+
+def test_a_stamp_is_read_as_it_was_written(tmp_path: Path):
+    stamped(tmp_path, RECIPE, Stamp("a", "b", "2026-01-01"))
+    stamped(tmp_path, dataclasses.replace(RECIPE, name="noise"), Stamp("c", "d", "2026-01-02"))
+    assert stamps(tmp_path) == {
+        "noise": Stamp("c", "d", "2026-01-02"),
+        "paper": Stamp("a", "b", "2026-01-01"),
+    }
+
+
+def test_what_was_never_made_is_stale(tmp_path: Path):
+    assert stale(tmp_path) == list(RECIPES)
+
+
+def test_every_report_has_a_recipe_and_its_sources_are_there():
+    names = {r.name for r in RECIPES}
+    other = {"answer.png", "benchmarks", "contest", "made.json", "quickstart"}
+    assert {p.name for p in (ROOT / "reports").iterdir()} - other <= names
+    for recipe in RECIPES:
+        for source in recipe.sources:
+            assert (ROOT / source).exists(), source
+
+
+def test_an_unknown_report_is_one_line(capsys: pytest.CaptureFixture[str]):
+    assert main(["papers"]) == 2
+    said = capsys.readouterr().err
+    assert "'papers' is no report" in said
+    assert said.count("\n") == 1
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("recipe", RECIPES, ids=lambda r: r.name)
+def test_reports_are_fresh(recipe: Recipe):
+    """`make reports` makes those that are not."""
+    said = stamps(ROOT / "reports")
+    assert recipe.name in said
+    assert said[recipe.name].digest == digest(recipe, ROOT)
+
+
+def test_the_page_of_answers_has_a_line_for_each_group():
+    row = dict.fromkeys(COLUMNS) | {
+        "case": "family-5-0", "kind": "family", "oversample": 1, "mode": "auto", "damping": "viscous", "outcome": "ok",
+        "decided": True, "named": "viscous", "relation": "right", "grade": "exact", "seconds": 1.0,
+        "probability": 0.99, "true_probability": 0.99,
+    }  # fmt: skip
+    for i in "123":
+        row |= {
+            f"amplitude_{i}": 1.0,
+            f"ratio_{i}": 0.01,
+            f"value_{i}": 0.01,
+            f"low_{i}": 0.009,
+            f"high_{i}": 0.011,
+        }
+    other = row | {"case": "family-5-1", "relation": "other", "ratio_1": 0.02}
+    made = page(pd.DataFrame([row, other], columns=list(COLUMNS)))
+    assert "Seed 5:" in made
+    line = next(x for x in made.splitlines() if x.startswith("| family/auto"))
+    assert "1.00 (0.34–1.00) | 0.50" in line
