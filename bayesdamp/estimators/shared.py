@@ -42,6 +42,8 @@ class Motion:
     noise: sd of the record's noise as far as a spline of four samples a knot sees it, unit of the record.
     theta0, omega0: displacement and velocity at the record's start.
     integrated: how often the record was integrated to get the displacement with constants that are not known.
+    response: noise of shape (n, m) on the samples of a displacement to what the spline makes of it: displacement,
+    velocity and acceleration at all samples, each (n, m); None where the record was integrated.
     """
 
     t: np.ndarray
@@ -56,6 +58,7 @@ class Motion:
     theta0: float
     omega0: float
     integrated: int
+    response: Callable[[np.ndarray], tuple[np.ndarray, ...]] | None
 
 
 def oscillator(problem: Problem) -> Oscillator:
@@ -189,6 +192,12 @@ def motion(
     def project(x: np.ndarray) -> np.ndarray:
         return np.concatenate([part.project(piece) for part, piece in zip(parts, np.split(x, ends))])
 
+    def response(x: np.ndarray) -> tuple[np.ndarray, ...]:
+        found = [
+            part.response(piece) for part, piece in zip(parts, np.split(x, ends)) if part.response is not None
+        ]
+        return tuple(np.concatenate(pieces) for pieces in zip(*found))
+
     def joined(of: Callable[[Motion], np.ndarray]) -> np.ndarray:
         return np.concatenate([of(part) for part in parts])
 
@@ -200,6 +209,7 @@ def motion(
         alpha=joined(lambda part: part.alpha),
         project=project,
         everywhere=tuple(joined(lambda part, i=i: part.everywhere[i]) for i in range(3)),
+        response=response if signal.quantity == "angle" else None,
     )
 
 
@@ -232,6 +242,7 @@ def _run(signal: Signal, problem: Problem, seen: Features, noise: float, knots_p
         rows = np.arange(edge, t.size - edge)
         bandwidth = np.pi / gap
         project: Callable[[np.ndarray], np.ndarray] = lambda x: x[rows]  # noqa: E731
+        through: Callable[[np.ndarray], BSpline] = lambda x: make_interp_spline(t, x, k=DEGREE)  # noqa: E731
     else:
         spacing = max(seen.period / knots_per_period, 2.2 * gap)
         knots = _knots(t, spacing)
@@ -245,7 +256,8 @@ def _run(signal: Signal, problem: Problem, seen: Features, noise: float, knots_p
         inside = np.flatnonzero((t >= t[0] + EDGE * spacing) & (t <= t[-1] - EDGE * spacing))
         rows = inside[:: max(1, int(spacing / (16 * gap)))]
         bandwidth = np.pi / spacing
-        project = lambda x: _least_squares(t, x, knots)(t[rows])  # noqa: E731
+        through = lambda x: _least_squares(t, x, knots)  # noqa: E731
+        project = lambda x: through(x)(t[rows])  # noqa: E731
     curves, unknown = integrated(spline, signal, problem, seen)
     everywhere = tuple(curve(t) for curve in curves)
     return Motion(
@@ -259,7 +271,12 @@ def _run(signal: Signal, problem: Problem, seen: Features, noise: float, knots_p
         theta0=float(curves[0](t[:1])[0]),
         omega0=float(curves[1](t[:1])[0]),
         integrated=unknown,
+        response=None if order else lambda x: _derivatives(through(x), t),
     )
+
+
+def _derivatives(spline: BSpline, t: np.ndarray) -> tuple[np.ndarray, ...]:
+    return tuple(spline.derivative(j)(t) if j else spline(t) for j in range(3))
 
 
 def _knots(t: np.ndarray, spacing: float) -> np.ndarray:
