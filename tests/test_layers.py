@@ -46,6 +46,7 @@ MAY_IMPORT: dict[str, set[str]] = {
     "validation.calibration": _BELOW
     | {"config", "estimators", "inference", "store", "pipeline", "report", "validation.calibration"},
     "validation.claims": _BELOW | {"estimators", "report", "validation.claims"},
+    "validation.reports": NEUTRAL | {"store", "validation"},
     "validation": NEUTRAL | {"validation"},
     "interface": NEUTRAL
     | {
