@@ -10,6 +10,8 @@ if TYPE_CHECKING:
     import numpy as np
 
 OK = "ok"
+VERDICT_SCHEMA = 1
+"""Version of the objects of verdict.json: it goes up when a field is renamed, removed, or means something else."""
 BEWARE = "Beware: "
 """Begins a note on how a record was read that a user has to know of."""
 LAW_MARK = "@"

@@ -33,6 +33,7 @@ SETTINGS = {
 WRITTEN: Mapping[str, Sequence[str]] = {
     **store.TABLES,
     "verdicts.csv": store.VERDICTS,
+    "damping_curves.csv": ("record", "unit", *store.DAMPING_CURVES),
     "verdicts.csv of envelopes": ENVELOPES,
     **store.SPECIMEN_TABLES,
     "calibration.csv": CHECKS,

@@ -37,7 +37,7 @@ def run_folder(out: Path | None, name: str) -> Path:
 
 def units_of(study: Study) -> dict[str, str]:
     """The unit that each record came in, by its signal's name."""
-    return {spec.name: getattr(spec.source, "unit", "rad") for spec in study.signals}
+    return {spec.name: spec.source.unit for spec in study.signals}
 
 
 def read_study(file: Path, plugins: Sequence[Path] | None = None) -> Study:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
@@ -14,6 +14,7 @@ from bayesdamp import types
 from bayesdamp.inference.deviation.findings import SENSOR
 from bayesdamp.interface.parts.result import Packed, Result
 from bayesdamp.interface.parts.table import Table
+from bayesdamp.interface.records.signal import Signal
 from bayesdamp.physics.damping import parse_model
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.pipeline.answer import Answer, answer
@@ -22,8 +23,10 @@ from bayesdamp.store import DAMPING_CURVES, CellResult, Store, write_bytes, writ
 from bayesdamp.store.contents.answers import AnswerContent
 from bayesdamp.store.folders import claim
 from bayesdamp.types import OK, InputError
+from bayesdamp.units import UNITS, Unit
 from bayesdamp.verdict.specimen import specimen
 from bayesdamp.verdict.types import Grade, Verdict
+from bayesdamp.verdict.units import in_unit, picture_in_unit
 from bayesdamp.verdict.words import with_interval
 
 if TYPE_CHECKING:
@@ -38,13 +41,25 @@ _CANDIDATES = ["record", "damping", "restoring", "log_evidence", "log_evidence_e
 class Comparison(Result):
     """Every damping sum weighed on one record, or on several of one specimen.
 
-    verdict: the answer. records: of several records, the comparison of each by itself. outcome: "ok", or a sentence why
-    nothing could be said.
+    verdict: the answer, its amplitudes in the unit that the record came in; so are tables and pictures. records: of
+    several records, the comparison of each by itself. outcome: "ok", or a sentence why nothing could be said.
+    answers: what is kept of each record, in rad, m or the sensor's unit; units: that each record came in.
     """
 
     verdict: Verdict
     answers: tuple[Answer, ...]
+    units: tuple[str, ...]
     records: tuple[Comparison, ...] = ()
+
+    @classmethod
+    def _of(cls, answers: Sequence[Answer], units: Sequence[str], together: Verdict | None = None) -> Self:
+        """Of one record, or of several: together, the verdict on all, in base units."""
+        own = [UNITS[name] for name in units]
+        if together is None:
+            return cls(in_unit(answers[0].verdict, own[0]), tuple(answers), tuple(units))
+        shown = in_unit(together, own[0]) if len({one.displacement.name for one in own}) == 1 else together
+        records = tuple(cls._of([a], [unit]) for a, unit in zip(answers, units, strict=True))
+        return cls(shown, tuple(answers), tuple(units), records)
 
     @property
     def outcome(self) -> str:
@@ -57,7 +72,15 @@ class Comparison(Result):
         best), rms of the plain fit (unit of the record), outcome."""
         import pandas as pd
 
-        rows = [{"record": a.verdict.record, **asdict(row)} for a in self.answers for row in a.candidates]
+        rows = [
+            {
+                "record": a.verdict.record,
+                **asdict(row),
+                "rms": None if row.rms is None else row.rms * unit.scale,
+            }
+            for a, unit in self._each()
+            for row in a.candidates
+        ]
         frame = pd.DataFrame(rows) if rows else pd.DataFrame(columns=_CANDIDATES)
         for name in ("log_evidence", "log_evidence_exact"):
             if name in frame:
@@ -68,7 +91,7 @@ class Comparison(Result):
     @property
     def curve(self) -> pd.DataFrame:
         """The damping curve without a law: equivalent damping ratio, and energy lost in a cycle per unit of inertia
-        (rad²/s², or m), against amplitude (unit of the displacement), each with its 95 % interval."""
+        (unit²/s²), against amplitude, each with its 95 % interval."""
         return self._joined({n: f"free/{n}" for n in DAMPING_CURVES})
 
     @property
@@ -82,15 +105,21 @@ class Comparison(Result):
         """Arrays as columns, one record after the other; without rows where no record has them."""
         import pandas as pd
 
-        parts = [
-            pd.DataFrame({column: a.arrays[n] for column, n in names.items()}).assign(record=a.verdict.record)
-            for a in self.answers
-            if all(n in a.arrays for n in names.values())
-        ]
-        return pd.concat(parts, ignore_index=True) if parts else pd.DataFrame(columns=[*names, "record"])
+        parts = []
+        for a, unit in self._each():
+            if all(n in a.arrays for n in names.values()):
+                arrays = picture_in_unit(a.arrays, unit)
+                columns = pd.DataFrame({column: arrays[n] for column, n in names.items()})
+                parts.append(columns.assign(unit=unit.displacement.name, record=a.verdict.record))
+        empty = pd.DataFrame(columns=[*names, "unit", "record"])
+        return pd.concat(parts, ignore_index=True) if parts else empty
+
+    def _each(self) -> Iterator[tuple[Answer, Unit]]:
+        """Each record's answer with the unit that it came in."""
+        yield from zip(self.answers, (UNITS[name] for name in self.units), strict=True)
 
     def summary(self) -> pd.DataFrame:
-        """A row a record, as in verdicts.csv."""
+        """A row a record, with the columns of verdicts.csv."""
         import pandas as pd
 
         from bayesdamp.pipeline.tables.verdicts import row_of
@@ -103,11 +132,12 @@ class Comparison(Result):
         from bayesdamp.report.drawing import in_style
         from bayesdamp.report.figures.records.answer import answer as drawn
 
-        first = next((a for a in self.answers if a.arrays), None)
+        first = next(((a, unit) for a, unit in self._each() if a.arrays), None)
         if first is None:
             raise InputError(f"nothing to draw: {self.outcome}")
-        unit = first.verdict.damping_ratio[0].unit
-        return in_style(lambda: drawn(first.arrays, unit, first.verdict.damping))
+        found, unit = first
+        arrays = picture_in_unit(found.arrays, unit)
+        return in_style(lambda: drawn(arrays, unit.displacement.name, found.verdict.damping))
 
     def report(self, path: str | Path) -> Path:
         """Write the answer as one page of HTML. Raises InputError where it cannot be written."""
@@ -120,7 +150,7 @@ class Comparison(Result):
             for a in self.answers:
                 key = f"answer/{a.verdict.record}/0"
                 store.write(CellResult(key, "comparison", a.content().meta(), a.arrays))
-            about = {a.verdict.record: {} for a in self.answers}
+            about = {a.verdict.record: {"unit": unit.name} for a, unit in self._each()}
             write_json(folder / "run.json", {"name": self.verdict.record, "signals": about, "models": []})
             page = render(folder).read_bytes()
         try:
@@ -144,6 +174,7 @@ class Comparison(Result):
     def _packed(self) -> Packed:
         meta: dict[str, Any] = {
             "verdict": self.verdict.to_dict(),
+            "units": self.units,
             "answers": [replace(a.content(), posteriors=()).meta() for a in self.answers],
         }
         arrays = {f"{i}/{n}": np.asarray(v) for i, a in enumerate(self.answers) for n, v in a.arrays.items()}
@@ -157,8 +188,11 @@ class Comparison(Result):
             content = AnswerContent.of_meta(one)
             verdict = Verdict.from_dict(content.verdict)
             answers.append(Answer(verdict, content.candidates, content.fits, arrays))
-        records = tuple(cls(a.verdict, (a,)) for a in answers) if len(answers) > 1 else ()
-        return cls(Verdict.from_dict(packed.meta["verdict"]), tuple(answers), records)
+        units = packed.meta["units"]
+        if len(answers) == 1:
+            return cls._of(answers, units)
+        found = cls._of(answers, units, answers[0].verdict)
+        return replace(found, verdict=Verdict.from_dict(packed.meta["verdict"]))
 
 
 def compare(
@@ -183,8 +217,8 @@ def compare(
     record by a spread that is inferred. deviation: "auto" or "law", laws may hold approximately; "none", they hold
     exactly. damping, restoring: what is compared, by default every sum under every law that the record's unit allows.
     known: values of parameters; priors: by parameter. sensor: the sensor's relative linearity, the floor of every rate.
-    amplitudes: where the damping ratio is given (rad or m). sample: whether the motions themselves are sampled, and not
-    their linear model alone.
+    amplitudes: where the damping ratio is given, in the unit that the records came in. sample: whether the motions
+    themselves are sampled, and not their linear model alone.
     Raises InputError for a name that is none; a record on which nothing can be said has it in `outcome`.
 
     >>> import bayesdamp as bd
@@ -204,10 +238,12 @@ def compare(
     every = [signals] if isinstance(signals, types.Signal) else list(signals)
     if not every or (len(every) > 1 and not repeats):
         raise InputError("compare takes one signal, or several of one specimen with repeats=True")
+    units = tuple(Signal.of(s).own_unit.name for s in every)
     answers = tuple(
         answer(
             s,
             amplitudes,
+            unit=UNITS[unit],
             deviation=deviation,
             damping=damping,
             restoring=restoring,
@@ -217,11 +253,9 @@ def compare(
             sample=sample,
             seed=seed,
         )
-        for s in every
+        for s, unit in zip(every, units, strict=True)
     )
     if len(answers) == 1:
-        return Comparison(answers[0].verdict, answers)
+        return Comparison._of(answers, units)
     good = [a.of_specimen() for a in answers if a.arrays]
-    if not good:
-        return Comparison(answers[0].verdict, answers)
-    return Comparison(specimen(name, good), answers, tuple(Comparison(a.verdict, (a,)) for a in answers))
+    return Comparison._of(answers, units, specimen(name, good) if good else answers[0].verdict)

@@ -139,12 +139,12 @@ class Fit(Result):
         return Oscillator(self.model.terms, self.model.restoring)
 
     def damping_ratio(self, amplitudes: Sequence[float] | None = None) -> pd.DataFrame:
-        """Equivalent damping ratio at amplitudes (rad or m, three of the record by default), with its parts and 95 %
-        interval, in which are the law's deviation and the sensor's linearity. Raises Refusal where laws are taken to
-        hold exactly: there draws have it, as `sample(fit).derived`, and without a fit."""
+        """Equivalent damping ratio at amplitudes (in the unit that the record came in; three of the record by default),
+        with its parts and 95 % interval, in which are the law's deviation and the sensor's linearity. Raises Refusal
+        where laws are taken to hold exactly: there draws have it, as `sample(fit).derived`, and without a fit."""
         if self.law is None:
             raise Refusal(EXACT if self.outcome == OK else self.outcome)
-        return ratios_of(self.law, amplitudes, self.law.scores)
+        return ratios_of(self.law, amplitudes, self.law.scores, self.signal.own_unit)
 
     def predict(self, t: ArrayLike, quantity: str | None = None) -> Prediction:
         """The motion at times t (s from the first sample, shape (m,)), within the record or beyond it; where laws may
@@ -218,20 +218,22 @@ class Fit(Result):
         above, below = drawing.several(axes, 2, heights=(2, 1))
         t = self.signal.t
         end = float(t[-1]) if until is None else max(float(until), float(t[-1]))
-        above.plot(t, self.signal.y, ".", color=drawing.QUIET, ms=2, label="record")
-        above.plot(t, self.fitted, color=drawing.BLUE, lw=1.0, label=f"fit of {self.model.damping}")
+        unit = self.signal.own_unit
+        label, scale = unit.of(self.signal.quantity), unit.scale
+        above.plot(t, self.signal.y * scale, ".", color=drawing.QUIET, ms=2, label="record")
+        above.plot(t, self.fitted * scale, color=drawing.BLUE, lw=1.0, label=f"fit of {self.model.damping}")
         if end > t[-1]:
             gap = float(np.median(np.diff(t)))
             ahead = self.predict(np.arange(float(t[-1]), end, gap))
-            above.plot(ahead.t, ahead.value, color=drawing.BLUE, lw=1.0, ls="--", label="beyond the record")
-            low, high = ahead.value - 2 * ahead.sd, ahead.value + 2 * ahead.sd
+            value, sd = ahead.value * scale, ahead.sd * scale
+            above.plot(ahead.t, value, color=drawing.BLUE, lw=1.0, ls="--", label="beyond the record")
+            low, high = value - 2 * sd, value + 2 * sd
             above.fill_between(ahead.t, low, high, color=drawing.BLUE, alpha=0.2, lw=0)
-        unit = UNITS[self.signal.unit]
-        above.set_ylabel(f"{unit.called(self.signal.quantity)} / {self.signal.y_unit}")
+        above.set_ylabel(f"{unit.called(self.signal.quantity)} / {label}")
         above.legend(loc="upper right")
-        below.plot(t, self.residuals, color=drawing.BLUE, lw=0.6)
+        below.plot(t, self.residuals * scale, color=drawing.BLUE, lw=0.6)
         below.axhline(0.0, color=drawing.QUIET, lw=0.6)
-        below.set_ylabel(f"residual / {self.signal.y_unit}")
+        below.set_ylabel(f"residual / {label}")
         below.set_xlabel("time / s")
         below.set_xlim(above.get_xlim())
         return above, below
@@ -239,8 +241,9 @@ class Fit(Result):
     def _table(self) -> Table:
         title = f"Fit of {self.model.name} to {self.signal.name}"
         if self.values:
-            rms = float(np.sqrt(np.nanmean(self.residuals**2)))
-            title += f": {self.noise} noise, residual {number(rms, 3)} {self.signal.y_unit} rms"
+            unit = self.signal.own_unit
+            rms = float(np.sqrt(np.nanmean(self.residuals**2))) * unit.scale
+            title += f": {self.noise} noise, residual {number(rms, 3)} {unit.of(self.signal.quantity)} rms"
         parts = (self.sd_noise, self.sd_law) if self.law is not None else (self.sd,)
         rows = [
             (n, self.units[n], number(v, 6), *(number(p[n], 2) for p in parts))

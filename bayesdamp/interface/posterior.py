@@ -99,7 +99,9 @@ class Posterior(Result):
         values = {**self.fit.known, **{n: self.draws[..., i] for i, n in enumerate(self.names)}}
         found = derive(Motions(self.fit.oscillator, values, seen.rest, amplitude))
         unit = units(signal.unit)
-        attributes = {n: {"units": unit[n], "amplitude": f"{amplitude:g} {signal.unit}"} for n in found}
+        own = signal.own_unit.displacement
+        at = f"{amplitude * own.scale:.4g} {own.name}"
+        attributes = {n: {"units": unit[n], "amplitude": at} for n in found}
         return xr.Dataset({n: (("chain", "draw"), v, attributes[n]) for n, v in found.items()})
 
     def damping_ratio(self, amplitudes: Sequence[float] | None = None) -> pd.DataFrame:
@@ -107,7 +109,7 @@ class Posterior(Result):
         law = self._law
         if law is None:
             return self.fit.damping_ratio(amplitudes)
-        return ratios_of(law, amplitudes, self.u.reshape(-1, self.u.shape[-1]))
+        return ratios_of(law, amplitudes, self.u.reshape(-1, self.u.shape[-1]), self.fit.signal.own_unit)
 
     @property
     def log_prior(self) -> Array:

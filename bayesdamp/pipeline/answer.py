@@ -25,6 +25,7 @@ from bayesdamp.store.contents.answers import (
     WeighedCandidate,
 )
 from bayesdamp.types import OK, InputError, Refusal, Signal
+from bayesdamp.units import UNITS, Unit
 from bayesdamp.verdict.decide import decide
 from bayesdamp.verdict.specimen import Answered
 from bayesdamp.verdict.types import Grade, Verdict, Window
@@ -70,6 +71,7 @@ def answer(
     signal: Signal,
     amplitudes: Sequence[float] | None = None,
     *,
+    unit: Unit | None = None,
     deviation: str = "auto",
     damping: Sequence[str] = (),
     restoring: Sequence[str] = (),
@@ -85,7 +87,8 @@ def answer(
 ) -> Answer:
     """Which damping a signal has, how large it is and how well the law holds.
 
-    amplitudes: where the damping ratio is given (rad or m); three of the record by default. deviation: "none", laws
+    amplitudes: where the damping ratio is given, in `unit` (of the displacement; by default the signal's); three of the
+    record by default. What comes back is in the signal's. deviation: "none", laws
     hold exactly; "law" or "auto", they may hold approximately. known: values of parameters, or a function from a law's
     name to them; priors: by parameter. sensor: relative linearity of the sensor, the floor of every rate. measured:
     whether probabilities are capped. notes: sentences on the record, for the remarks. sample: whether motions
@@ -121,10 +124,10 @@ def answer(
         return Answer(Verdict(signal.name, Grade.NOT_WEIGHED, False, "", float("nan"), sentence=said))
     if made is not None:
         made[WEIGHED] = weighing
-    check_amplitudes(amplitudes or (), weighing)
+    asked = in_base(amplitudes, weighing, unit or UNITS[signal.unit])
     if sample:
         weighing = with_samples(weighing, approximate, seed)
-    found = findings(weighing, amplitudes, approximate=approximate, sensor=sensor, seed=seed)
+    found = findings(weighing, asked, approximate=approximate, sensor=sensor, seed=seed)
     start = signal.provenance.get("start", 0.0)
     first = float(start) if isinstance(start, int | float) else 0.0
     window = Window(first, first + float(weighing.data.t[-1]), weighing.data.cycles, "")
@@ -175,12 +178,19 @@ def answered_from(
     return Answered(verdict, {k: v - top for k, v in logs.items()}, curve)
 
 
-def check_amplitudes(amplitudes: Sequence[float], weighing: Weighing) -> None:
-    """Raises InputError for an amplitude that the record does not have."""
-    high, low = weighing.data.amplitude, weighing.data.final_amplitude
+def in_base(amplitudes: Sequence[float] | None, weighing: Weighing, unit: Unit) -> tuple[float, ...] | None:
+    """Amplitudes in a unit of displacement as the weighing has them, in its base; None where none are given. Raises
+    InputError for one that the record does not have."""
+    if amplitudes is None:
+        return None
+    own = unit.displacement
+    high, low = (a * own.scale for a in (weighing.data.amplitude, weighing.data.final_amplitude))
     for a in amplitudes:
         if not low / BEYOND <= a <= high * BEYOND:
-            raise InputError(f"amplitude {a:g}: the record has {low:.3g} to {high:.3g}; give one of these")
+            raise InputError(
+                f"amplitude {a:g} {own.name}: the record has {low:.3g} to {high:.3g} {own.name}; give one of these"
+            )
+    return tuple(float(a) * own.factor for a in amplitudes)
 
 
 def _rows(weighing: Weighing) -> list[WeighedCandidate]:

@@ -19,7 +19,8 @@ from bayesdamp.types import BEWARE, OK
 from bayesdamp.units import UNITS
 from bayesdamp.verdict.agreement import agreement
 from bayesdamp.verdict.types import Grade, Verdict
-from bayesdamp.verdict.words import energy_of, in_unit, with_interval
+from bayesdamp.verdict.units import in_unit
+from bayesdamp.verdict.words import energy_of, with_interval
 
 
 class Told:

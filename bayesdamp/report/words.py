@@ -142,6 +142,11 @@ def number(value: float | None, digits: int = 4) -> str:
     return _scientific(value, power, digits - 1)
 
 
+def rms(value: float, unit: str) -> str:
+    """A residual with its unit."""
+    return f"{number(value, 3)} {unit}"
+
+
 def short(error: float) -> str:
     """An error where there is little room: two digits, below a ten-thousandth one and a power."""
     if not math.isfinite(error) or error == 0 or abs(error) >= 1e-4:

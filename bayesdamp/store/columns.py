@@ -120,7 +120,7 @@ _TABLES: dict[str, dict[str, tuple[str, str]]] = {
         "restoring_probability": ("", "its probability"),
         "frequency": ("Hz", "natural frequency of small oscillations"),
         "amplitude_#": (_ROW.replace("unit", "unit_#"), "where the damping ratio is given"),
-        "unit_#": ("", "its unit"),
+        "unit_#": ("", "its unit: that which the record came in"),
         "ratio_#": ("", "equivalent viscous damping ratio there"),
         "ratio_#_sd_noise": ("", "standard deviation of it from noise"),
         "ratio_#_sd_law": ("", "standard deviation of it from what the law does not hold"),
@@ -129,6 +129,12 @@ _TABLES: dict[str, dict[str, tuple[str, str]]] = {
         "other_forms": ("", "share of it that an absent form takes at most (95 %), as `form:share`"),
         "cycles": ("", "cycles of the free decay"),
         "remarks": ("", "what else to know"),
+    },
+    "damping_curves.csv": {
+        "unit": ("", "unit of the amplitude: that which the record came in"),
+        "amplitude": (_ROW, "amplitude of the oscillation"),
+        "ratio": ("", "equivalent viscous damping ratio there, without a law of damping"),
+        "lost": ("square of the row's `unit` per s²", "energy lost in a cycle, per unit of inertia"),
     },
     "verdicts.csv of envelopes": {
         **_VERDICT,

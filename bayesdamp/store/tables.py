@@ -64,7 +64,15 @@ VERDICTS: tuple[str, ...] = (
 )  # fmt: skip
 """Columns of verdicts.csv."""
 
-DAMPING_CURVES = ("amplitude", "ratio", "ratio_low", "ratio_high", "lost", "lost_low", "lost_high")
+DAMPING_CURVES: tuple[str, ...] = (
+    "amplitude",
+    "ratio",
+    "ratio_low",
+    "ratio_high",
+    "lost",
+    "lost_low",
+    "lost_high",
+)
 """Columns of damping_curves.csv after the record's name and the unit of the amplitude; arrays `free/NAME` of an
 answer."""
 

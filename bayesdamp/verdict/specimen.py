@@ -154,7 +154,7 @@ def _remarks(records: Sequence[Answered]) -> tuple[str, ...]:
         logs, sds = np.array([at_amplitude(r.curve, float(amplitude)) for r in records]).T
         p = pooled(logs, sds)
         said.append(
-            f"From record to record the damping ratio at {amplitude:.2g} differs by {100 * p.spread:.2g} % "
+            f"From record to record the damping ratio at the middle amplitude differs by {100 * p.spread:.2g} % "
             f"({100 * p.spread_low:.2g} to {100 * p.spread_high:.2g}), a standard deviation."
         )
     alone: dict[str, list[str]] = {}

@@ -8,6 +8,7 @@ from dataclasses import asdict, dataclass, field
 from enum import StrEnum
 from typing import Any
 
+from bayesdamp.types import VERDICT_SCHEMA
 from bayesdamp.verdict.table import html_table
 
 
@@ -167,8 +168,8 @@ class Verdict:
         return html_table(self.sentence, ("amplitude", "equivalent damping ratio", "95 % interval"), rows)
 
     def to_dict(self) -> dict[str, object]:
-        """As plain values, without provenance; what is not known is None."""
-        found = asdict(self)
+        """As plain values, without provenance, with the version of the fields; what is not known is None."""
+        found = {"schema": VERDICT_SCHEMA, **asdict(self)}
         found.pop("provenance")
         found["grade"] = str(self.grade)
         found["motion"] = None if self.motion is None else str(self.motion)
@@ -184,7 +185,7 @@ class Verdict:
                 return None
             return kind(**{k: nan if v is None else v for k, v in value.items()})
 
-        made = dict(given)
+        made = {k: v for k, v in given.items() if k != "schema"}
         for name, kind in _SINGLE.items():
             made[name] = one(kind, given.get(name))
         for name, kind in _LISTS.items():
@@ -195,7 +196,7 @@ class Verdict:
         return cls(**{**made, "grade": Grade(given["grade"]), "remarks": tuple(given.get("remarks", ()))})
 
     def to_json(self) -> str:
-        """As `verdict.json` has it."""
+        """As `verdict.json` has it, but with amplitudes in this verdict's own unit."""
         return json.dumps(self.to_dict(), indent=1, ensure_ascii=False)
 
 

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from math import floor, isfinite, log10
 from typing import TYPE_CHECKING
 
 from bayesdamp.physics.damping import words_of
-from bayesdamp.units import Unit
 from bayesdamp.verdict import thresholds
 from bayesdamp.verdict.types import DampingRatio, Grade, Interval, Mode, Motion, Verdict
 
@@ -114,20 +112,6 @@ def _mode(m: Mode) -> str:
 def _slack(m: Mode) -> float:
     """A frequency in Hz is known about as well as the damping ratio's width in it."""
     return max((m.high - m.low) * m.frequency, 1e-4 * m.frequency)
-
-
-def in_unit(v: Verdict, unit: Unit) -> Verdict:
-    """The verdict with its amplitudes in a record's own unit of displacement; coefficients stay in those of the
-    equation of motion."""
-    own = unit.displacement
-    if own.base == own.name or any(r.unit != own.base for r in (*v.damping_ratio, *v.modes)):
-        return v
-    ratios = tuple(replace(r, amplitude=r.amplitude * own.scale, unit=own.name) for r in v.damping_ratio)
-    modes = tuple(
-        replace(m, first=m.first * own.scale, last=m.last * own.scale, unit=own.name) for m in v.modes
-    )
-    shown = replace(v, damping_ratio=ratios, modes=modes)
-    return replace(shown, sentence=v.sentence.replace(sentence(v), sentence(shown)))
 
 
 def _first(text: str) -> str:

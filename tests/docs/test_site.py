@@ -6,6 +6,7 @@ import importlib.util
 import re
 import shlex
 import sys
+from dataclasses import fields
 from pathlib import Path
 from types import ModuleType
 
@@ -14,6 +15,19 @@ import pytest
 import typer
 
 from bayesdamp.cli.app import app
+from bayesdamp.envelope.report.tables import verdict
+from bayesdamp.envelope.results import EnvelopeResult
+from bayesdamp.verdict.types import (
+    Bound,
+    Coefficient,
+    DampingRatio,
+    Grade,
+    Mode,
+    Rival,
+    Share,
+    Verdict,
+    Window,
+)
 from tests.store.test_columns import WRITTEN
 
 ROOT = Path(__file__).parents[2]
@@ -77,3 +91,17 @@ def test_citation_and_version_agree() -> None:
     text = (ROOT / "CITATION.cff").read_text(encoding="utf-8")
     assert f"\nversion: {__version__}\n" in text
     assert f"## {__version__}" in (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
+
+
+def test_every_field_of_a_verdict_is_described() -> None:
+    page = (ROOT / "docs" / "columns.md").read_text(encoding="utf-8")
+    described = set(re.findall(r"`(\w+)`", page.partition("## The tables")[0]))
+    written = Verdict("rig", Grade.EXACT, True, "viscous", 0.9).to_dict()
+    assert written["schema"] == 1
+    assert set(written) <= described
+    assert not {"record", "new_field"} <= described, "the negative control"
+    inner = (DampingRatio, Coefficient, Rival, Share, Bound, Window, Mode)
+    assert {f.name for kind in inner for f in fields(kind)} <= described
+    envelope = verdict(EnvelopeResult("one", "exact", "sentence"))
+    assert envelope["schema"] == 1
+    assert set(envelope) <= described

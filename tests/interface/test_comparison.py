@@ -6,6 +6,7 @@ from functools import lru_cache
 from pathlib import Path
 
 import matplotlib as mpl
+import numpy as np
 import pytest
 
 import bayesdamp as bd
@@ -28,7 +29,14 @@ def test_a_comparison_names_the_damping(tmp_path: Path) -> None:
     assert result.table.groupby("record")["log_evidence"].max().eq(0).all()
     assert (result.curve["ratio_low"] <= result.curve["ratio_high"]).all()
     assert (result.curve["lost_low"] <= result.curve["lost_high"]).all()
-    assert list(result.law_curve.columns) == ["amplitude", "ratio", "ratio_low", "ratio_high", "record"]
+    assert list(result.law_curve.columns) == [
+        "amplitude",
+        "ratio",
+        "ratio_low",
+        "ratio_high",
+        "unit",
+        "record",
+    ]
     assert result.verdict.sentence in repr(result)
     page = result.report(tmp_path / "rig.html").read_text(encoding="utf-8")
     assert result.verdict.sentence.split(":")[0] in page
@@ -63,3 +71,73 @@ def test_several_records_need_repeats() -> None:
     made = case("family", 33, 0).signal
     with pytest.raises(bd.InputError, match="repeats"):
         bd.compare([made, made])
+
+
+@lru_cache
+def in_degrees() -> tuple[bd.Signal, bd.Signal]:
+    """One record with values in rad, and with the same values in degrees."""
+    made = case("family", 33, 0).signal
+    t, y = made.t, made.y
+    return (
+        bd.signal(t, y, name="rad", cleaned=False),
+        bd.signal(t, np.degrees(y), unit="deg", name="deg", cleaned=False),
+    )
+
+
+def test_a_record_in_degrees_is_answered_in_degrees(tmp_path: Path) -> None:
+    """The truth is the answer on the same values in rad: all that is in degrees is so many times larger."""
+    law = case("family", 33, 0).restoring
+    rad, deg = (bd.compare(s, restoring=[law], damping=["viscous"], sample=False) for s in in_degrees())
+    for a, b in zip(rad.verdict.damping_ratio, deg.verdict.damping_ratio, strict=True):
+        assert (a.unit, b.unit) == ("rad", "deg")
+        assert b.amplitude == pytest.approx(np.degrees(a.amplitude), rel=1e-6)
+        assert b.value == pytest.approx(a.value, rel=1e-6)
+    assert " deg" in deg.verdict.sentence
+    assert " rad" not in deg.verdict.sentence
+    assert " deg" in repr(deg)
+    assert " deg" in deg._repr_html_()
+    turn = 180 / np.pi
+    for name, power in {"amplitude": 1, "ratio": 0, "lost": 2, "lost_high": 2}.items():
+        assert deg.curve[name].to_numpy() == pytest.approx(rad.curve[name].to_numpy() * turn**power, rel=1e-5)
+    assert set(deg.curve["unit"]) == {"deg"}
+    assert deg.law_curve["amplitude"].max() == pytest.approx(
+        turn * rad.law_curve["amplitude"].max(), rel=1e-5
+    )
+    assert deg.table["rms"].min() == pytest.approx(turn * rad.table["rms"].min(), rel=1e-5)
+    assert deg.summary()["unit_1"].item() == "deg"
+    for drawn in deg.plot().axes:
+        assert "rad" not in drawn.get_ylabel() + drawn.get_xlabel()
+    assert deg.plot().axes[0].get_ylim()[1] == pytest.approx(
+        turn * rad.plot().axes[0].get_ylim()[1], rel=1e-3
+    )
+    page = deg.report(tmp_path / "deg.html").read_text(encoding="utf-8")
+    assert " deg" in page
+    assert f"{rad.verdict.damping_ratio[0].amplitude:.3g} rad" not in page
+    again = bd.load(deg.save(tmp_path / "deg.bd"))
+    assert again.verdict == deg.verdict
+    assert again.law_curve.equals(deg.law_curve)
+
+
+def test_an_amplitude_is_asked_for_in_the_records_own_unit() -> None:
+    law, (_, signal) = case("family", 33, 0).restoring, in_degrees()
+    found = bd.compare(signal, restoring=[law], damping=["viscous"], sample=False)
+    asked = found.verdict.damping_ratio[1].amplitude
+    one = bd.compare(signal, restoring=[law], damping=["viscous"], sample=False, amplitudes=[asked])
+    assert [r.amplitude for r in one.verdict.damping_ratio] == pytest.approx([asked])
+    with pytest.raises(bd.InputError, match=r"0\.001 deg: the record has .* deg"):
+        bd.compare(signal, restoring=[law], damping=["viscous"], sample=False, amplitudes=[0.001])
+
+
+def test_a_fit_of_a_record_in_degrees_speaks_of_degrees() -> None:
+    law, (rad, deg) = case("family", 33, 0).restoring, in_degrees()
+    model = bd.Model("viscous", law, deviation="law")
+    one, other = bd.fit(rad, model), bd.fit(deg, model)
+    a, b = one.damping_ratio(), other.damping_ratio()
+    assert set(b["unit"]) == {"deg"}
+    assert b["amplitude"].to_numpy() == pytest.approx(np.degrees(a["amplitude"].to_numpy()), rel=1e-6)
+    asked = float(b["amplitude"][1])
+    assert other.damping_ratio([asked])["value"].item() == pytest.approx(b["value"][1], rel=0.02)
+    for drawn in (*other.plot(), deg.plot()):
+        assert "rad" not in drawn.get_ylabel()
+    assert " deg rms" in repr(other)
+    assert " deg" in repr(deg)

@@ -17,6 +17,7 @@ WRITTEN: Mapping[str, Sequence[str]] = {
     **store.TABLES,
     **store.SPECIMEN_TABLES,
     "verdicts.csv": store.VERDICTS,
+    "damping_curves.csv": ("record", "unit", *store.DAMPING_CURVES),
     "verdicts.csv of envelopes": envelopes.COLUMNS,
     "calibration.csv": calibrated.COLUMNS,
     "ranks.csv": calibrated.RANK_COLUMNS,

@@ -9,7 +9,8 @@ import pytest
 
 from bayesdamp.units import UNITS
 from bayesdamp.verdict.types import DampingRatio, Grade, Verdict
-from bayesdamp.verdict.words import in_unit, sentence
+from bayesdamp.verdict.units import in_unit
+from bayesdamp.verdict.words import sentence
 
 
 def test_a_verdict_in_the_records_own_unit_has_all_its_amplitudes_in_it() -> None:

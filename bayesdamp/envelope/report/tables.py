@@ -11,6 +11,7 @@ from typing import Any
 
 from bayesdamp.envelope.pooled import Pooled
 from bayesdamp.envelope.results import AtAmplitude, EnvelopeResult, Estimated, Range
+from bayesdamp.types import VERDICT_SCHEMA
 
 COLUMNS = (
     "record", "grade", "decided", "damping", "probability", "frequency", "rate", "rate_sd_noise", "rate_sd_law",
@@ -25,6 +26,7 @@ def verdict(found: EnvelopeResult) -> dict[str, Any]:
     ranked = sorted(found.probabilities.items(), key=lambda one: -one[1])
     cut = found.cut
     return _finite({
+        "schema": VERDICT_SCHEMA,
         "record": found.name,
         "grade": found.grade,
         "decided": found.decided,
@@ -64,7 +66,13 @@ def verdict_json(found: Sequence[EnvelopeResult], pooled: Pooled | None = None) 
     every = [verdict(one) for one in found]
     if pooled is not None:
         every.append(
-            _finite({"specimen": pooled.name, **{k: v for k, v in vars(pooled).items() if k != "name"}})
+            _finite(
+                {
+                    "schema": VERDICT_SCHEMA,
+                    "specimen": pooled.name,
+                    **{k: v for k, v in vars(pooled).items() if k != "name"},
+                }
+            )
         )
     return json.dumps(every, indent=1, ensure_ascii=False, allow_nan=False).encode()
 

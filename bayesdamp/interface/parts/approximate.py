@@ -31,8 +31,9 @@ from bayesdamp.machine.threads import at_once
 from bayesdamp.physics.damping import TERMS
 from bayesdamp.physics.kernel.solve import NONE
 from bayesdamp.physics.oscillator import Oscillator
-from bayesdamp.pipeline.answer import check_amplitudes
+from bayesdamp.pipeline.answer import in_base
 from bayesdamp.types import OK
+from bayesdamp.units import Unit
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -230,15 +231,22 @@ class Approximate:
         return Approximate(again(prepared(signal), candidate, found), model.sensor)
 
 
-def ratios_of(approximate: Approximate, amplitudes: Sequence[float] | None, u: Array) -> pd.DataFrame:
-    """A row for each amplitude: amplitude, value, sd_noise, sd_law, low, high. Raises InputError for one that the
-    record does not have."""
+def ratios_of(
+    approximate: Approximate, amplitudes: Sequence[float] | None, u: Array, unit: Unit
+) -> pd.DataFrame:
+    """A row for each amplitude: amplitude and its unit, value, sd_noise, sd_law, low, high. unit: of the amplitudes,
+    asked for and given. Raises InputError for one that the record does not have."""
     import pandas as pd
 
     weighing = approximate.single.weighing
-    check_amplitudes(amplitudes or (), weighing)
-    wanted = tuple(map(float, amplitudes)) if amplitudes is not None else default_amplitudes(weighing)
-    return pd.DataFrame([asdict(r) for r in approximate.ratios(wanted, u)])
+    wanted = in_base(amplitudes, weighing, unit) or default_amplitudes(weighing)
+    own = unit.displacement
+    rows = [
+        {**asdict(r), "amplitude": r.amplitude * own.scale, "unit": own.name}
+        for r in approximate.ratios(wanted, u)
+    ]
+    columns = ["amplitude", "unit", *(name for name in rows[0] if name not in ("amplitude", "unit"))]
+    return pd.DataFrame(rows, columns=columns)
 
 
 @dataclass(frozen=True)

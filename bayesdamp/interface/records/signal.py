@@ -20,7 +20,7 @@ from bayesdamp.records.cleaning.clock import clock_times
 from bayesdamp.records.cleaning.quantum import recording_step
 from bayesdamp.records.record import RawRecord
 from bayesdamp.types import InputError
-from bayesdamp.units import UNITS
+from bayesdamp.units import UNITS, Unit
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -58,16 +58,22 @@ class Signal(Result, types.Signal):
         """Unit of y."""
         return UNITS[self.unit].of(self.quantity)
 
+    @property
+    def own_unit(self) -> Unit:
+        """The unit that the record came in, in which pictures and tables are drawn and written."""
+        return UNITS[str(self.provenance.get("unit", self.unit))]
+
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw the record: what was cut away faint, what was kept dark, why in the title's lines; the axes drawn on."""
         ax = axes.one(ax)
         start = self.provenance.get("start", 0.0) if self.whole_t.size else 0.0
         begun = float(start) if isinstance(start, int | float) else 0.0
+        unit = self.own_unit
         if self.whole_t.size:
-            ax.plot(self.whole_t, self.whole_y, color=axes.FAINT, lw=1.0, label="cut away")
-        ax.plot(self.t + begun, self.y, color=axes.INK, lw=0.8, label="kept")
+            ax.plot(self.whole_t, self.whole_y * unit.scale, color=axes.FAINT, lw=1.0, label="cut away")
+        ax.plot(self.t + begun, self.y * unit.scale, color=axes.INK, lw=0.8, label="kept")
         ax.set_xlabel("time / s")
-        ax.set_ylabel(f"{UNITS[self.unit].called(self.quantity)} / {self.y_unit}")
+        ax.set_ylabel(f"{unit.called(self.quantity)} / {unit.of(self.quantity)}")
         said = textwrap.wrap(" ".join(self.notes), 110)
         ax.set_title("\n".join([self.name, *said]), fontsize="x-small", loc="left")
         if self.whole_t.size:
@@ -75,7 +81,8 @@ class Signal(Result, types.Signal):
         return ax
 
     def _table(self) -> Table:
-        gaps = np.diff(self.t)
+        gaps, unit = np.diff(self.t), self.own_unit
+        low, high = (float(end) * unit.scale for end in (self.y.min(), self.y.max()))
         rows = (
             ("samples", str(self.t.size)),
             ("length", f"{number(float(self.t[-1]), 5)} s"),
@@ -83,8 +90,8 @@ class Signal(Result, types.Signal):
                 "sampling rate",
                 f"{number(1.0 / float(gaps.mean()), 5)} Hz" + ("" if self.uniform else ", uneven"),
             ),
-            ("quantity", f"{UNITS[self.unit].called(self.quantity)} in {self.y_unit}"),
-            ("range", f"{number(float(self.y.min()))} to {number(float(self.y.max()))}"),
+            ("quantity", f"{unit.called(self.quantity)} in {unit.of(self.quantity)}"),
+            ("range", f"{number(low)} to {number(high)}"),
         )
         return Table(f"Signal {self.name}", ("", "value"), rows, self.notes)
 

@@ -5,26 +5,36 @@ from __future__ import annotations
 from bayesdamp.config import SignalSpec, Study
 from bayesdamp.pipeline.records.answering import answered_of, arrays_of, verdict_of
 from bayesdamp.store import DAMPING_CURVES, VERDICTS, Store, write_json, write_table
+from bayesdamp.units import UNITS, Unit
 from bayesdamp.verdict.specimen import specimen
 from bayesdamp.verdict.types import Verdict
+from bayesdamp.verdict.units import in_unit, picture_in_unit
 
 
 def write_verdicts(study: Study, store: Store) -> None:
-    """The files, an object, a line and a curve for each record that has a verdict; none where no record has one."""
+    """The files, an object, a line and a curve for each record that has a verdict; none where no record has one.
+
+    verdict.json is in rad, m or the sensor's unit; lines have the unit that a record came in, and say it.
+    """
     found: list[Verdict] = []
+    units: list[Unit] = []
     for spec in study.signals:
         for repeat in range(spec.repeats):
             verdict = verdict_of(store, spec.name, repeat)
             if verdict is not None:
                 found.append(verdict)
+                units.append(unit_of(spec))
     for name, specs in repeated_specs(study).items():
         answered = [a for a in (answered_of(store, spec.name, 0) for spec in specs) if a is not None]
         if len(answered) > 1:
             found.append(specimen(name, answered))
+            own = {unit_of(spec) for spec in specs}
+            units.append(own.pop() if len(own) == 1 else UNITS[unit_of(specs[0]).base])
     if not found:
         return
     write_json(store.folder / "verdict.json", [v.to_dict() for v in found])
-    write_table(store.folder / "verdicts.csv", VERDICTS, [row_of(v) for v in found])
+    rows = [row_of(in_unit(v, unit)) for v, unit in zip(found, units, strict=True)]
+    write_table(store.folder / "verdicts.csv", VERDICTS, rows)
     curves = [
         row for spec in study.signals for repeat in range(spec.repeats) for row in _curve(store, spec, repeat)
     ]
@@ -36,12 +46,22 @@ def _curve(store: Store, spec: SignalSpec, repeat: int) -> list[dict[str, object
     verdict, arrays = verdict_of(store, spec.name, repeat), arrays_of(store, spec.name, repeat)
     if verdict is None or "free/amplitude" not in arrays:
         return []
-    unit = verdict.damping_ratio[0].unit if verdict.damping_ratio else "rad"
+    unit = unit_of(spec)
+    arrays = picture_in_unit(arrays, unit)
     columns = [arrays[f"free/{name}"].tolist() for name in DAMPING_CURVES]
     return [
-        {"record": verdict.record, "unit": unit, **dict(zip(DAMPING_CURVES, row, strict=True))}
+        {
+            "record": verdict.record,
+            "unit": unit.displacement.name,
+            **dict(zip(DAMPING_CURVES, row, strict=True)),
+        }
         for row in zip(*columns, strict=True)
     ]
+
+
+def unit_of(spec: SignalSpec) -> Unit:
+    """The unit that a signal's record came in."""
+    return UNITS[spec.source.unit]
 
 
 def repeated_specs(study: Study) -> dict[str, list[SignalSpec]]:

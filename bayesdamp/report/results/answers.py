@@ -12,7 +12,7 @@ from bayesdamp.report.results.run import Run
 from bayesdamp.store.contents.answers import AnswerContent, WeighedCandidate
 from bayesdamp.types import OK
 from bayesdamp.verdict.types import Verdict
-from bayesdamp.verdict.words import in_unit
+from bayesdamp.verdict.units import in_unit, picture_in_unit
 
 
 @dataclass(frozen=True)
@@ -35,16 +35,7 @@ def answer_of(run: Run, signal: str, repeat: int) -> Answer | None:
     unit = run.unit(signal)
     content = AnswerContent.of(cell)
     verdict = in_unit(Verdict.from_dict(content.verdict), unit)
-    return Answer(signal, repeat, verdict, content.candidates, _in_unit(cell.arrays, unit.displacement.scale))
-
-
-def _in_unit(arrays: Mapping[str, np.ndarray], scale: float) -> dict[str, np.ndarray]:
-    """What a picture is drawn from with lengths multiplied by a scale, and energies by its square."""
-    lengths = ("record", "fit", "residual", "amplitude", "free/amplitude")
-    powers = {name: 1 if name in lengths else 2 if name.startswith("work/") else 0 for name in arrays}
-    return {
-        name: values * scale ** powers[name] if powers[name] else values for name, values in arrays.items()
-    }
+    return Answer(signal, repeat, verdict, content.candidates, picture_in_unit(cell.arrays, unit))
 
 
 def verdicts(run: Run) -> list[Verdict]:

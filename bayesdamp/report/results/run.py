@@ -64,6 +64,11 @@ class Run:
         """The unit that a signal's record came in."""
         return UNITS[self.about(signal).get("unit") or "rad"]
 
+    def rms(self, row: Row) -> tuple[float, str]:
+        """The residual of a line of fits.csv, and its unit: that which the record came in."""
+        unit, quantity = self.unit(row["signal"]), str(self.about(row["signal"]).get("quantity") or "angle")
+        return row["rms"] * unit.scale, unit.of(quantity)
+
     def warnings(self, signal: str) -> list[str]:
         """Notes on how a signal's record was read that a user has to know of."""
         notes = map(str, self.about(signal).get("notes") or [])

@@ -68,7 +68,7 @@ def _table(run: Run, signal: str, repeats: list[int]) -> Table:
                     [
                         *lead,
                         words.model(r["model"]),
-                        f"{words.number(r['rms'], 3)} {r['rms_unit']}",
+                        words.rms(*run.rms(r)),
                         words.fixed(r["residual_autocorrelation"], 2),
                         words.number(r["window_spread"], 2),
                         words.number(r["predictive_p"], 2),

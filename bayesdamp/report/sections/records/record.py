@@ -100,15 +100,11 @@ def _fits(
             missing.append(f"No fit of {words.model(model)}: {cell.outcome}")
         else:
             residual = cell.arrays["residual"] * factor
-            rms = next(
+            row = next(
                 (r for r in run.fits if (r["signal"], r["repeat"], r["model"]) == (signal, repeat, model)),
                 None,
             )
-            text = (
-                f"{words.number(rms['rms'], 3)} {rms['rms_unit']}"
-                if rms
-                else f"not in fits.csv (axis in {unit})"
-            )
+            text = words.rms(*run.rms(row)) if row else f"not in fits.csv (axis in {unit})"
             autocorrelation = np.asarray(cell.arrays.get("autocorrelation", []), float)
             fits.append(Fit(model, cell.arrays["fit"] * factor, residual, autocorrelation, text))
     return fits, missing

@@ -106,9 +106,10 @@ def _rest(run: Run, signal: str) -> str:
     derived = (run.info.get("equilibrium") or {}).get(signal) or {}
     if "natural_frequency" not in derived:
         return ""
-    unit = run.unit(signal).base
-    at, rate = words.number(derived["equilibrium"], 4), words.number(derived["natural_frequency"], 4)
-    return f" From this follow the rest position {at} {unit} and the natural frequency {rate} rad/s."
+    own = run.unit(signal).displacement
+    at = words.number(own.scale * derived["equilibrium"], 4)
+    rate = words.number(derived["natural_frequency"], 4)
+    return f" From this follow the rest position {at} {own.name} and the natural frequency {rate} rad/s."
 
 
 def _is_number(value: object) -> bool:
