@@ -225,8 +225,8 @@ def test_a_verdict_survives_json() -> None:
     lost = json.loads(replace(found, unexplained_pct=math.nan).to_json(), parse_constant=pytest.fail)
     assert lost["unexplained_pct"] is None
     assert {"schema", "record", "grade", "decided", "damping", "probability", "rivals", "restoring",
-            "restoring_probability", "frequency", "exponent", "damping_ratio", "energy", "other_forms", "deviation", "unnamed",
-            "unexplained_pct", "noise_pct", "coefficients", "motion", "modes",
+            "restoring_probability", "frequency", "exponent", "damping_ratio", "energy", "other_forms", "deviation",
+            "unnamed", "unexplained_pct", "noise_pct", "coefficients", "motion", "modes",
                 "window", "remarks", "sentence"} == set(back)  # fmt: skip
 
 
