@@ -12,6 +12,8 @@ from bayesdamp.records.oscillation.spectrum import coarse_period
 from bayesdamp.records.oscillation.turning import BLOCK, Turning, midpoints, turning_points
 from bayesdamp.types import Refusal, Signal
 
+BESIDE = 4
+"""Gaps on either side of one that say what is usual there."""
 LEAST_SHARE = 0.3
 """An oscillation must have this share in what a record does within a period or two."""
 
@@ -92,7 +94,7 @@ def regular(turns: Turning, noise: float) -> Turning:
         return turns
     gaps = np.diff(turns.times)
     ranges = np.abs(np.diff(turns.values))
-    typical = np.array([np.median(gaps[max(i - 4, 0) : i + 5]) for i in range(gaps.size)])
+    typical = _typical(gaps)
     seen = ranges > 4 * noise * np.hypot(turns.gain[:-1], turns.gain[1:])
     least = np.full(gaps.size, 0.7)
     least[[0, -1]] = 0.85  # noise likes to turn at the very end of a record
@@ -103,6 +105,18 @@ def regular(turns: Turning, noise: float) -> Turning:
     starts, stops = edges[::2], edges[1::2]
     best = int(np.argmax(stops - starts))
     return turns.cut(int(starts[best]), int(stops[best]) + 1)
+
+
+def _typical(gaps: np.ndarray) -> np.ndarray:
+    """The median of each gap, (g,), and up to `BESIDE` on either side of it."""
+    ends = [i for i in range(gaps.size) if not BESIDE <= i < gaps.size - BESIDE]
+    found = np.empty(gaps.size)
+    if gaps.size > 2 * BESIDE:
+        around = np.lib.stride_tricks.sliding_window_view(gaps, 2 * BESIDE + 1)
+        found[BESIDE : gaps.size - BESIDE] = np.median(around, axis=1)
+    for i in ends:
+        found[i] = np.median(gaps[max(i - BESIDE, 0) : i + BESIDE + 1])
+    return found
 
 
 def _swing(x: np.ndarray) -> np.ndarray:

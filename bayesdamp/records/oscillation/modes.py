@@ -14,6 +14,9 @@ APART = 0.6
 """Distance of two frequencies, in 1 over the record's length, from which they are sought as two lines."""
 PADDED = 4
 """Times its length to which a record is padded before its spectrum is taken."""
+SEARCHED = 20_000
+"""Samples that a search takes of a record with more, drawn from all of it by chance, so that no frequency is taken for
+another; what it finds is judged on all."""
 
 
 @dataclass(frozen=True)
@@ -133,9 +136,11 @@ def _line(t: np.ndarray, y: np.ndarray) -> float:
 def _searched(t: np.ndarray, y: np.ndarray, begun: np.ndarray) -> _Fit | None:
     scale = np.tile([2 * np.pi / t[-1], 1.0 / t[-1]], len(begun))
     highest = np.pi / float(np.median(np.diff(t)))
+    some = slice(None) if t.size <= SEARCHED else _by_chance(t.size)
+    few, values = t[some], y[some]
 
     def residual(z: np.ndarray) -> np.ndarray:
-        return _left(t, y, (z * scale).reshape(-1, 2))
+        return _left(few, values, (z * scale).reshape(-1, 2))
 
     low = np.tile([0.5, -12.0], len(begun))
     high = np.tile([highest / scale[0], 60.0], len(begun))
@@ -148,6 +153,11 @@ def _searched(t: np.ndarray, y: np.ndarray, begun: np.ndarray) -> _Fit | None:
         return None
     points = (found.x * scale).reshape(-1, 2)
     return _Fit(points, _left(t, y, points))
+
+
+def _by_chance(count: int) -> np.ndarray:
+    """Places of `SEARCHED` samples of so many, in order; always the same."""
+    return np.sort(np.random.default_rng(0).choice(count, SEARCHED, replace=False))
 
 
 def few_samples(t: np.ndarray, y: np.ndarray, period: float) -> tuple[np.ndarray, np.ndarray]:
