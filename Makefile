@@ -9,7 +9,7 @@ WORKERS ?= 2
 ONE_THREAD := OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 MKL_NUM_THREADS=1 \
 	XLA_FLAGS="--xla_cpu_multi_thread_eigen=false intra_op_parallelism_threads=1"
 
-.PHONY: study test lint bench validate reports docs lock clean
+.PHONY: study test lint bench validate reports fuzz mutation docs lock clean
 .DEFAULT_GOAL := study
 
 study: $(READY)
@@ -36,6 +36,16 @@ validate: $(READY)
 # The shipped reports whose sources have changed, the cheap ones first; hours, and resumes. ARGS=--check says which.
 reports: $(READY)
 	$(ONE_THREAD) $(BIN)/python -m bayesdamp.validation.reports $(ARGS)
+
+# Damaged files, studies and command lines, other ones each time; about an hour. A finding is printed with its cause.
+EXAMPLES ?= 2000
+fuzz: $(READY)
+	FUZZ_EXAMPLES=$(EXAMPLES) $(ONE_THREAD) $(BIN)/python -m pytest -n $(WORKERS) tests/fuzz $(ARGS)
+
+# A wrong operator, number or condition put into a copy, a hundred times: do the tests notice? Writes reports/mutation.
+mutation: $(READY)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt "cosmic-ray>=8.3"
+	$(ONE_THREAD) $(BIN)/python -m tests.mutation.run $(ARGS)
 
 # The site, in docs/_build/html; a warning is an error. Notebooks run once, and again when they change.
 docs: $(READY)

@@ -9,8 +9,9 @@ from hypothesis import strategies as st
 MOST_EDITS = 5
 LONGEST_SPAN = 400
 WORDS = (
-    b"nan", b"-inf", b"1e308", b"1e-320", b"9" * 400, b"-", b".", b",", b";", b"\t", b"\n", b"\r", b'"', b"'", b"[", b"]",
-    b"{", b"=", b"#", b"%", b"=A1+1", b"99:99", b"2024-02-30", b"deg", b"\xc2\xb5", b"\xef\xbb\xbf", b"\x1b[31m",
+    b"nan", b"-inf", b"1e308", b"1e-320", b"9" * 400, b"-", b".", b",", b";", b"\t", b"\n", b"\r", b'"', b"'",
+    b"[", b"]", b"{", b"=", b"#", b"%", b"=A1+1", b"99:99", b"2024-02-30", b"deg",
+    b"\xc2\xb5", b"\xef\xbb\xbf", b"\x1b[31m",
     b"\x00" * 8, b"\xff" * 8, b"\xff\xff\xff\x7f", b"\x00\x00\x00\x80", b"../", b"true",
 )  # fmt: skip
 """What breaks readers of text and of lengths."""

@@ -17,7 +17,9 @@ PATIENCE = 30
 """Seconds within which a look at a small file ends."""
 
 
-def judge(arguments: tuple[str, ...], name: str = "", content: bytes = b"", made: tuple[str, ...] = ()) -> int:
+def judge(
+    arguments: tuple[str, ...], name: str = "", content: bytes = b"", made: tuple[str, ...] = ()
+) -> int:
     """Run a command on a file; FILE in the arguments is its path. Exit 0, or 2 with one short line and nothing left.
 
     made: files that the command may make where it ends with 0. Gives the exit status.

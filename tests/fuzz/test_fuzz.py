@@ -27,16 +27,23 @@ FEW = settings(
     suppress_health_check=list(HealthCheck),
 )
 LOGGER = (
-    "# Logger 3, 2024-05-02T10:00:00Z\n# sample_rate: 50 Hz\nTime (s) Run #1;Angle (deg) Run #1;Time (s) Run #2;Angle (deg) Run #2\n"
+    "# Logger 3, 2024-05-02T10:00:00Z\n# sample_rate: 50 Hz\n"
+    "Time (s) Run #1;Angle (deg) Run #1;Time (s) Run #2;Angle (deg) Run #2\n"
     + "\n".join(f"{i / 50:.2f};{40 * y:.4f};{i / 50:.2f};{30 * y:.4f}" for i, y in enumerate(Y))
 )
-TEXTS = {"csv": None, "logger.csv": LOGGER.encode(), "txt": LOGGER.replace(".", ",").replace(";", "\t").encode()}
+TEXTS = {
+    "csv": None,
+    "logger.csv": LOGGER.encode(),
+    "txt": LOGGER.replace(".", ",").replace(";", "\t").encode(),
+}
 FORMS = (*TEXTS, *binaries.FORMATS)
 OPTIONS = (
     "--time", "--angle", "--rate", "--unit", "--quantity", "--clock", "--time-unit", "--runs", "--channel", "--start",
     "--stop", "--none",
 )  # fmt: skip
-WORDS_OF_OPTIONS = st.sampled_from(("1", "2", "0", "-1", "50", "nan", "angle", "time", "deg", "ms", "1-3", "", "-"))
+WORDS_OF_OPTIONS = st.sampled_from(
+    ("1", "2", "0", "-1", "50", "nan", "angle", "time", "deg", "ms", "1-3", "", "-")
+)
 TEXT = st.text(st.characters(exclude_categories=("Cs",), exclude_characters="\0"), max_size=12)
 
 
@@ -72,7 +79,9 @@ def test_any_options(given: list[tuple[str, str]]) -> None:
 
 @FEW
 @given(
-    damping=st.from_regex(r"(viscous|coulomb|cubic|x)=[-0-9.e+]{0,8}(,quadratic=[0-9.e-]{0,5})?", fullmatch=True),
+    damping=st.from_regex(
+        r"(viscous|coulomb|cubic|x)=[-0-9.e+]{0,8}(,quadratic=[0-9.e-]{0,5})?", fullmatch=True
+    ),
     word=st.sampled_from([w.decode("latin-1") for w in WORDS if b"\0" not in w]) | st.integers().map(str),
     option=st.sampled_from(("--duration", "--samples", "--noise", "--seed", "--set")),
 )

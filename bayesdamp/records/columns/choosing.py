@@ -95,7 +95,13 @@ def series(
     if not blocks:
         raise InputError(_nothing(found))
     if len(found.columns) == 2 and _clockless(blocks[0]) and names_time(found.columns[0]):
-        blocks = [replace(blocks[0], time=found.columns[0])]
+        time_column, other = found.columns
+        if time_column.values.size != other.values.size:
+            raise InputError(
+                f"has {time_column.values.size} times in {time_column.name!r} and {other.values.size} values in "
+                f"{other.name!r}; a record has as many of both: export it again, or give --rate HZ"
+            )
+        blocks = [replace(blocks[0], time=time_column)]
     chosen = _same_in_all(found, blocks)
     return [_with_clock(s, found) for s in chosen]
 

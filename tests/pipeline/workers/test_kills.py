@@ -1,0 +1,125 @@
+"""A study that is killed at random moments and whose files are damaged ends with the tables of one undisturbed."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from bayesdamp.store import read_table
+
+KILLS = int(os.environ.get("KILLS", "50"))
+SEED = int(os.environ.get("KILLS_SEED", "5"))
+DAMAGED = 3
+"""Files of a kept result that are overwritten, emptied or cut off."""
+STUDY = """
+version = 1
+name = "killed"
+seed = {seed}
+[system]
+restoring = "linear"
+stiffness = 20.0
+rest_angle = 0.0
+theta0 = 0.3
+omega0 = 0.0
+epsilon = 0.0
+[[signal]]
+name = "a"
+simulate = {{ viscous = 0.05, duration = 10.0, samples = 300, noise_sd = 0.003 }}
+[[signal]]
+name = "b"
+simulate = {{ viscous = 0.03, quadratic = 0.04, duration = 10.0, samples = 300, noise_sd = 0.003 }}
+[estimators]
+use = ["least_squares", "envelope"]
+[models]
+compare = ["viscous", "quadratic", "viscous+quadratic"]
+[posterior]
+samplers = ["nuts", "emcee"]
+chains = 2
+warmup = 200
+draws = 400
+"""
+
+
+def command(folder: Path, workers: int, seed: int = 1) -> list[str]:
+    file = folder / "killed.toml"
+    file.write_text(STUDY.format(seed=seed), encoding="utf-8")
+    options = ("--out", str(folder / "out"), "--workers", str(workers), "--quiet")
+    return [sys.executable, "-m", "bayesdamp.cli", "study", str(file), *options]
+
+
+def tables(run: Path) -> dict[str, list[str]]:
+    """The rows of all tables of a run, without seconds."""
+    files = sorted(run.glob("*.csv"))
+    assert len(files) > 3
+    return {f.name: [repr({**row, "seconds": 0}) for row in read_table(f)] for f in files}
+
+
+@dataclass(frozen=True)
+class Undisturbed:
+    """tables: of a run that nothing happened to; seconds: that it took."""
+
+    tables: dict[str, list[str]]
+    seconds: float
+
+
+@pytest.fixture(scope="module")
+def undisturbed(tmp_path_factory: pytest.TempPathFactory) -> Undisturbed:
+    folder = tmp_path_factory.mktemp("undisturbed")
+    start = time.monotonic()
+    assert subprocess.run(command(folder, 2), stdout=subprocess.DEVNULL).returncode == 0
+    return Undisturbed(tables(folder / "out"), time.monotonic() - start)
+
+
+def damage(out: Path, rng: np.random.Generator) -> bool:
+    """One kept result made unreadable. Gives whether there was one."""
+    kept = sorted(out.glob("cells/**/*.npz"))
+    if not kept:
+        return False
+    path = kept[rng.integers(len(kept))]
+    whole = path.read_bytes()
+    path.write_bytes((b"", whole[: len(whole) // 2], bytes(len(whole)))[rng.integers(3)])
+    return True
+
+
+@pytest.mark.slow
+def test_killed_at_random_moments_it_gives_the_same_tables(undisturbed: Undisturbed, tmp_path: Path) -> None:
+    rng = np.random.default_rng(SEED)
+    killed, whole, damaged = 0, 0, 0
+    while killed < KILLS or not whole:
+        run = subprocess.Popen(
+            command(tmp_path, int(rng.integers(1, 3))),
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+            start_new_session=True,
+        )
+        try:
+            status = run.wait(timeout=float(rng.uniform(0, undisturbed.seconds)) if killed < KILLS else None)
+        except subprocess.TimeoutExpired:
+            os.killpg(run.pid, signal.SIGKILL)
+            run.wait()
+            killed += 1
+            damaged += damaged < DAMAGED and damage(tmp_path / "out", rng)
+            continue
+        assert status == 0
+        assert tables(tmp_path / "out") == undisturbed.tables, (
+            f"after {killed} kills and {damaged} damaged files"
+        )
+        whole += 1
+        shutil.rmtree(tmp_path / "out")
+    assert damaged == min(DAMAGED, KILLS)
+
+
+@pytest.mark.slow
+def test_another_seed_gives_other_tables(undisturbed: Undisturbed, tmp_path: Path) -> None:
+    """Negative control."""
+    assert subprocess.run(command(tmp_path, 2, seed=2), stdout=subprocess.DEVNULL).returncode == 0
+    assert tables(tmp_path / "out") != undisturbed.tables
