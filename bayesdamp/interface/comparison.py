@@ -12,6 +12,7 @@ import numpy as np
 
 from bayesdamp import types
 from bayesdamp.inference.deviation.findings import SENSOR
+from bayesdamp.interface.parts import axes as drawing
 from bayesdamp.interface.parts.result import Packed, Result
 from bayesdamp.interface.parts.table import Table
 from bayesdamp.interface.records.signal import Signal
@@ -31,7 +32,7 @@ from bayesdamp.verdict.words import with_interval
 
 if TYPE_CHECKING:
     import pandas as pd
-    from matplotlib.figure import Figure
+    from matplotlib.axes import Axes
 
 
 _CANDIDATES = ["record", "damping", "restoring", "log_evidence", "log_evidence_exact", "rms", "outcome"]
@@ -127,17 +128,24 @@ class Comparison(Result):
         every = [*(r.verdict for r in self.records), self.verdict]
         return pd.DataFrame([row_of(v) for v in every])
 
-    def plot(self) -> Figure:
-        """The picture of the answer: record, damping ratio against amplitude, residual, energy by term."""
-        from bayesdamp.report.drawing import in_style
-        from bayesdamp.report.figures.records.answer import answer as drawn
+    def plot(self, axes: Sequence[Axes] | None = None) -> tuple[Axes, ...]:
+        """Draw the answer: record, damping ratio against amplitude, residual, energy by term; the four axes drawn on.
+        Of several records the first that has an answer. Raises InputError where nothing was weighed."""
+        from matplotlib import rc_context
+
+        from bayesdamp.report.figures.records.answer import HEIGHT, draw_answer
+        from bayesdamp.report.style import RC, WIDTH
 
         first = next(((a, unit) for a, unit in self._each() if a.arrays), None)
         if first is None:
             raise InputError(f"nothing to draw: {self.outcome}")
         found, unit = first
-        arrays = picture_in_unit(found.arrays, unit)
-        return in_style(lambda: drawn(arrays, unit.displacement.name, found.verdict.damping))
+        drawing.seen_in_notebooks()
+        with rc_context(RC):
+            four = drawing.several(axes, 4, columns=2, size=(WIDTH, HEIGHT))
+            arrays = picture_in_unit(found.arrays, unit)
+            draw_answer(four, arrays, unit.displacement.name, found.verdict.damping)
+        return four
 
     def report(self, path: str | Path) -> Path:
         """Write the answer as one page of HTML. Raises InputError where it cannot be written."""

@@ -1,4 +1,4 @@
-"""The notebooks run as they stand, cell by cell, with warnings as errors."""
+"""The notebooks run as they stand, cell by cell, with warnings as errors, and show their figures in a kernel."""
 
 from __future__ import annotations
 
@@ -7,7 +7,9 @@ from pathlib import Path
 
 import matplotlib as mpl
 import matplotlib.pyplot as plt
+import nbformat
 import pytest
+from nbclient import NotebookClient
 
 NOTEBOOKS = Path(__file__).parents[2] / "docs" / "notebooks"
 NAMES = ("own_record", "paper", "many_specimens")
@@ -56,3 +58,41 @@ def test_many_specimens(monkeypatch: pytest.MonkeyPatch) -> None:
     found = run("many_specimens", monkeypatch)
     third = found["difference"]("third", "first")  # type: ignore[operator]
     assert third["difference %"] > 2 * third["sd"]
+
+
+DRAWN = """
+import matplotlib
+import bayesdamp as bd
+signal = bd.simulate({"viscous": 0.05}, stiffness=20.0, duration=6.0, samples=150, noise_sd=0.003)
+"""
+
+
+def shown(cells: list[str], monkeypatch: pytest.MonkeyPatch, backend: str = "agg") -> list[int]:
+    """How many pictures each cell shows in a kernel whose environment names this backend."""
+    monkeypatch.setenv("MPLBACKEND", backend)
+    book = nbformat.v4.new_notebook(cells=[nbformat.v4.new_code_cell(source) for source in cells])
+    NotebookClient(
+        book, timeout=300, kernel_name="python3", resources={"metadata": {"path": NOTEBOOKS}}
+    ).execute()
+    return [sum("image/png" in o.get("data", {}) for o in cell.outputs) for cell in book.cells]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("backend", ["agg", "module://matplotlib_inline.backend_inline"])
+def test_a_plot_is_shown_below_its_cell(backend: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert shown([DRAWN, "signal.plot();", "signal"], monkeypatch, backend) == [0, 1, 0]
+
+
+@pytest.mark.slow
+def test_what_the_notebook_itself_chose_stays(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The negative control: so do figures look that are not shown."""
+    assert shown([DRAWN, 'matplotlib.use("svg")', "signal.plot();"], monkeypatch) == [0, 0, 0]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", NAMES)
+def test_every_notebook_shows_its_figures(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    code = cells(NOTEBOOKS / f"{name}.ipynb")
+    drawing = [".plot(" in source or "subplots(" in source for source in code]
+    assert any(drawing)
+    assert [n > 0 for n in shown(code, monkeypatch)] == drawing

@@ -42,7 +42,7 @@ def test_a_comparison_names_the_damping(tmp_path: Path) -> None:
     assert result.verdict.sentence.split(":")[0] in page
     again = bd.load(result.save(tmp_path / "rig.bd"))
     assert again.verdict == result.verdict
-    assert len(result.plot().axes) == 4
+    assert len(result.plot()) == 4
 
 
 def test_records_of_one_specimen_share_a_damping() -> None:
@@ -105,11 +105,9 @@ def test_a_record_in_degrees_is_answered_in_degrees(tmp_path: Path) -> None:
     )
     assert deg.table["rms"].min() == pytest.approx(turn * rad.table["rms"].min(), rel=1e-5)
     assert deg.summary()["unit_1"].item() == "deg"
-    for drawn in deg.plot().axes:
+    for drawn in deg.plot():
         assert "rad" not in drawn.get_ylabel() + drawn.get_xlabel()
-    assert deg.plot().axes[0].get_ylim()[1] == pytest.approx(
-        turn * rad.plot().axes[0].get_ylim()[1], rel=1e-3
-    )
+    assert deg.plot()[0].get_ylim()[1] == pytest.approx(turn * rad.plot()[0].get_ylim()[1], rel=1e-3)
     page = deg.report(tmp_path / "deg.html").read_text(encoding="utf-8")
     assert " deg" in page
     assert f"{rad.verdict.damping_ratio[0].amplitude:.3g} rad" not in page

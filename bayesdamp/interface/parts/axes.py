@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import sys
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
@@ -10,6 +12,8 @@ from bayesdamp.types import InputError
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+UNSEEN = ("agg", "cairo", "pdf", "pgf", "ps", "svg", "template")
+"""Backends of matplotlib that show nothing."""
 INK, QUIET, FAINT, BLUE = "#222222", "#8a8a8a", "#d9d9d9", "#0072B2"
 
 
@@ -37,6 +41,23 @@ def several(
         return tuple(axes)
     import matplotlib.pyplot as plt
 
+    seen_in_notebooks()
     figure = plt.figure(figsize=size, layout="constrained")
     grid = figure.subplots(-(-count // columns), columns, squeeze=False, height_ratios=heights)
     return tuple(grid.ravel().tolist())
+
+
+def seen_in_notebooks() -> None:
+    """In a notebook, draw below the cell also where the environment names a backend that shows nothing, as servers and
+    test machines do; what the notebook itself chose stays. To be called outside of a context of settings."""
+    import matplotlib as mpl
+
+    shell = sys.modules["IPython"].get_ipython() if "IPython" in sys.modules else None
+    named = os.environ.get("MPLBACKEND", "").lower()
+    if (
+        shell is not None
+        and hasattr(shell, "kernel")
+        and named in UNSEEN
+        and mpl.get_backend().lower() == named
+    ):
+        shell.run_line_magic("matplotlib", "inline")

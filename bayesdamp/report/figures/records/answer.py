@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -25,7 +25,13 @@ def answer(arrays: Mapping[str, np.ndarray], unit: str, damping: str, narrow: bo
     narrow: below each other, for a phone.
     """
     figure = Figure(figsize=(NARROW, 4 * PANEL) if narrow else (WIDTH, HEIGHT))
-    whole, ratio, left, energy = figure.subplots(*((4, 1) if narrow else (2, 2))).flat
+    draw_answer(figure.subplots(*((4, 1) if narrow else (2, 2))).ravel().tolist(), arrays, unit, damping)
+    return figure
+
+
+def draw_answer(axes: Sequence[Axes], arrays: Mapping[str, np.ndarray], unit: str, damping: str) -> None:
+    """Draw the four panels on these axes: record, damping ratio, residual, energy."""
+    whole, ratio, left, energy = axes
     t = arrays["t"]
     whole.plot(t, arrays["record"], color=FAINT, lw=1.8, label="record")
     whole.plot(t, arrays["fit"], color=colour(damping), lw=0.6, label=f"fit of {words.model(damping)}")
@@ -36,7 +42,6 @@ def answer(arrays: Mapping[str, np.ndarray], unit: str, damping: str, narrow: bo
     _finish(left, "What the fit leaves", "time / s", unit)
     _ratios(ratio, arrays, unit)
     _energies(energy, arrays, unit)
-    return figure
 
 
 def _ratios(ax: Axes, arrays: Mapping[str, np.ndarray], unit: str) -> None:
