@@ -57,6 +57,7 @@ def specimen(name: str, records: Sequence[Answered]) -> Verdict:
         damping_ratio=_ratios(records),
         energy=_energy(own, damping),
         deviation=_largest([v.deviation for v in own]),
+        unnamed=_largest([v.unnamed for v in own]),
         unexplained_pct=max(v.unexplained_pct for v in own),
         noise_pct=float(np.median([v.noise_pct for v in own])),
         remarks=_remarks(records),

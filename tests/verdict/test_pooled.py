@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import astuple
+
 import numpy as np
 import pytest
+from scipy.stats import norm
 
 from bayesdamp.verdict.pooled import pooled
 
@@ -43,3 +46,47 @@ def test_a_spread_that_is_ignored_is_seen() -> None:
 def test_one_value_has_no_spread() -> None:
     p = pooled(np.array([2.0]), np.array([0.1]))
     assert (p.mean, p.sd, p.spread) == (2.0, 0.1, 0.0)
+    assert (p.spread_low, p.spread_high) == (0.0, 0.0)
+    assert (p.low, p.high) == pytest.approx((2.0 - 0.196, 2.0 + 0.196))
+
+
+VALUES, SDS = np.array([0.30, 0.36, 0.29, 0.45]), np.array([0.02, 0.03, 0.01, 0.05])
+
+
+def summed(values: np.ndarray, sds: np.ndarray, scale: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The posterior density of mean and spread on a fine grid, by nothing but normal densities: (m, s), both axes."""
+    mean = np.linspace(values.mean() - 1.0, values.mean() + 1.0, 1601)
+    spread = np.concatenate([np.linspace(0, 0.5, 1000, endpoint=False), np.linspace(0.5, 20 * scale, 3000)])
+    log = np.zeros((mean.size, spread.size))
+    for value, sd in zip(values, sds, strict=True):
+        log += norm.logpdf(value, mean[:, None], np.sqrt(sd**2 + spread**2))
+    density = np.exp(log - log.max()) / (1 + (spread / scale) ** 2) * np.gradient(spread)
+    return density / density.sum(), mean, spread
+
+
+@pytest.mark.parametrize("sds", [SDS, np.full(4, 0.02)], ids=["unequal", "equal"])
+def test_it_is_the_sum_over_means_and_spreads(sds: np.ndarray) -> None:
+    """Mean, sd and the quantiles of spread and of one more record against a sum in two dimensions, to 3 %."""
+    density, mean, spread = summed(VALUES, sds, 2.0 * max(float(np.std(VALUES)), float(np.median(sds))))
+    p = pooled(VALUES, sds)
+    middle = float(density.sum(axis=1) @ mean)
+    assert p.mean == pytest.approx(middle, rel=3e-3)
+    assert p.sd == pytest.approx(np.sqrt(density.sum(axis=1) @ (mean - middle) ** 2), rel=0.03)
+    of_spread = np.cumsum(density.sum(axis=0))
+    for found, q in ((p.spread_low, 0.025), (p.spread, 0.5), (p.spread_high, 0.975)):
+        assert found == pytest.approx(np.interp(q, of_spread, spread), rel=0.03, abs=1e-3)
+    width = np.sqrt(spread**2 + np.median(sds) ** 2)
+    for found, q in ((p.low, 0.025), (p.high, 0.975)):
+        below = float(np.sum(density * norm.cdf(found, mean[:, None], width)))
+        assert below == pytest.approx(q, abs=0.003)
+
+
+def test_a_record_that_is_told_badly_counts_little() -> None:
+    p = pooled(np.array([1.0, 1.02, 3.0]), np.array([0.01, 0.01, 5.0]))
+    assert p.mean == pytest.approx(1.01, abs=0.05)  # the plain mean is 1.67
+
+
+@pytest.mark.parametrize("factor", [1e-6, 1e6])
+def test_the_unit_does_not_matter(factor: float) -> None:
+    here, there = pooled(VALUES, SDS), pooled(VALUES * factor, SDS * factor)
+    assert np.array(astuple(there)) == pytest.approx(np.array(astuple(here)) * factor, rel=1e-9)

@@ -1,0 +1,114 @@
+"""One damping for several records: probabilities and sizes by hand."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from bayesdamp.verdict import thresholds
+from bayesdamp.verdict.pooled import pooled
+from bayesdamp.verdict.specimen import Answered, at_amplitude, specimen
+from bayesdamp.verdict.types import DampingRatio, Grade, Interval, Share, Verdict
+
+AMPLITUDE = np.array([0.1, 0.2, 0.4])
+
+
+def answered(
+    name: str,
+    ratio: float,
+    log_evidence: dict[tuple[str, str], float],
+    grade: Grade = Grade.EXACT,
+    unnamed: Interval | None = None,
+    spread: float = 1.02,
+) -> Answered:
+    """A record whose damping ratio is the same at all amplitudes, known to ±1.96 ln(spread)/1.96."""
+    shares = (Share("viscous", 0.6, 0.5, 0.7, 1.0), Share("quadratic", 0.4, 0.3, 0.5, 1.0))
+    verdict = Verdict(
+        name,
+        grade,
+        True,
+        max(log_evidence, key=lambda k: log_evidence[k])[0],
+        0.9,
+        energy=shares,
+        damping_ratio=(DampingRatio(0.2, "deg", ratio, 0, 0, 0, 0),),
+        frequency=Interval(2.0, 1.9, 2.1, "Hz"),
+        deviation=Interval(0.02 * len(name), 0.0, 0.1),
+        unnamed=unnamed,
+    )
+    flat = np.full(3, ratio)
+    curve = {"amplitude": AMPLITUDE, "ratio": flat, "low": flat / spread, "high": flat * spread}
+    return Answered(verdict, log_evidence, curve)
+
+
+V, Q = ("viscous", "linear"), ("quadratic", "linear")
+
+
+def test_probabilities_are_those_of_the_summed_log_evidence() -> None:
+    found = specimen("rig", [answered("a", 0.01, {V: 0.0, Q: -1.0}), answered("b", 0.01, {V: -0.5, Q: 0.0})])
+    assert found.damping == "viscous"
+    assert found.probability == pytest.approx(1 / (1 + np.exp(-0.5)))
+    assert [(r.damping, pytest.approx(r.probability)) for r in found.rivals] == [
+        ("quadratic", 1 / (1 + np.exp(0.5)))
+    ]
+    assert not found.decided
+    assert "Records by themselves are likeliest: viscous 1, quadratic 1." in found.remarks
+
+
+def test_a_sum_of_three_is_half_as_likely_before() -> None:
+    three = ("viscous+coulomb+quadratic", "linear")
+    found = specimen("rig", [answered("a", 0.01, {V: 0.0, three: 0.0})])
+    assert found.probability == pytest.approx(2 / 3)
+
+
+def test_a_damping_that_a_record_did_not_weigh_is_far_behind() -> None:
+    found = specimen("rig", [answered("a", 0.01, {V: 0.0, Q: 2.0}), answered("b", 0.01, {V: 0.0})])
+    assert found.damping == "viscous"
+    assert found.probability == thresholds.CAP
+    assert found.decided
+
+
+def test_sizes_are_pooled_in_the_logarithm() -> None:
+    records = [answered(n, r, {V: 0.0}) for n, r in (("a", 0.010), ("b", 0.012), ("c", 0.011))]
+    found = specimen("rig", records)
+    sd = 2 * np.log(1.02) / 3.92
+    p = pooled(np.log([0.010, 0.012, 0.011]), np.full(3, sd))
+    for one in found.damping_ratio:
+        value = np.exp(p.mean)
+        assert (one.value, one.low, one.high) == pytest.approx((value, np.exp(p.low), np.exp(p.high)))
+        assert (one.sd_noise, one.sd_law) == pytest.approx((value * p.sd, value * p.spread))
+        assert 0.1 < one.amplitude < 0.4
+        assert one.unit == "deg"
+    assert found.damping_ratio[1].amplitude == pytest.approx(0.2)
+    assert f"{100 * p.spread:.2g} %" in found.remarks[0]
+    assert found.frequency is not None
+    assert found.frequency.value == pytest.approx(2.0)
+
+
+def test_the_worst_grade_and_the_largest_deviation_are_the_specimens() -> None:
+    records = [
+        answered("a", 0.01, {V: 0.0}, unnamed=Interval(0.1, 0.0, 0.2)),
+        answered("bb", 0.01, {V: 0.0}, grade=Grade.DEVIATES, unnamed=Interval(0.3, 0.2, 0.4)),
+    ]
+    found = specimen("rig", records)
+    assert found.grade is Grade.DEVIATES
+    assert not found.decided
+    assert found.deviation == Interval(0.04, 0.0, 0.1)
+    assert found.unnamed == Interval(0.3, 0.2, 0.4)
+    assert [(s.term, s.share, s.low, s.high) for s in found.energy] == [
+        ("viscous", 0.6, 0.5, 0.7),
+        ("quadratic", 0.4, 0.3, 0.5),
+    ]
+
+
+def test_no_record_is_a_fault() -> None:
+    with pytest.raises(ValueError, match="needs a record"):
+        specimen("rig", [])
+
+
+def test_a_curve_is_read_in_the_logarithm() -> None:
+    """A power law is a straight line there, whatever the order of its points."""
+    curve = {"amplitude": AMPLITUDE[::-1], "ratio": AMPLITUDE[::-1], "low": AMPLITUDE[::-1] / 1.1,
+             "high": AMPLITUDE[::-1] * 1.1}  # fmt: skip
+    value, sd = at_amplitude(curve, 0.3)
+    assert value == pytest.approx(np.log(0.3))
+    assert sd == pytest.approx(2 * np.log(1.1) / 3.92)
