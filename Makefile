@@ -9,7 +9,7 @@ WORKERS ?= 2
 ONE_THREAD := OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 MKL_NUM_THREADS=1 \
 	XLA_FLAGS="--xla_cpu_multi_thread_eigen=false intra_op_parallelism_threads=1"
 
-.PHONY: study test lint bench validate reports fuzz mutation docs lock clean
+.PHONY: study test lint bench validate reports contest fuzz mutation docs lock clean
 .DEFAULT_GOAL := study
 
 study: $(READY)
@@ -46,6 +46,10 @@ fuzz: $(READY)
 mutation: $(READY)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt "cosmic-ray>=8.3"
 	$(ONE_THREAD) $(BIN)/python -m tests.mutation.run $(ARGS)
+
+# What people measure damping with today, beside us; in environments of their own, in .contest. Hours, and resumes.
+contest: $(READY)
+	$(ONE_THREAD) $(BIN)/python -m bayesdamp.validation.contest $(ARGS)
 
 # The site, in docs/_build/html; a warning is an error. Notebooks run once, and again when they change.
 docs: $(READY)

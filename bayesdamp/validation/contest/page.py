@@ -1,0 +1,201 @@
+"""The contest's page, made from its rows."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections import Counter
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+
+import pandas as pd
+
+from bayesdamp.types import OK
+from bayesdamp.validation.contest import plots
+from bayesdamp.validation.contest.roster import OURS, ROSTER
+from bayesdamp.validation.contest.scoring import (
+    Interval,
+    coverage,
+    groups_of,
+    names,
+    paired,
+    quantile_of_errors,
+    simulated,
+    where,
+)
+
+INTRODUCTION = """# A contest
+
+What people measure damping with today, beside bayesdamp, on the same records; each by its authors' defaults. Scored is
+the error of the equivalent viscous damping ratio at three amplitudes of each record (near its start, near its end, and
+between); who says one number is charged with it at each. Simulated records come from SciPy's DOP853, the truth from the
+energy at their turning points. Intervals are of 95 %: of errors by drawing records again, of shares Wilson's. Seconds
+are CPU seconds, one thread, imports not counted.
+"""
+GROUP_WORDS = {
+    "family": "sums of viscous, Coulomb and quadratic damping on four springs, noise of 0.3 to 3 %, 8 to 60 cycles",
+    "discrepant": "the same with something that no candidate has: drift, Stribeck, a sensor's curve, a second mode, …",
+    "noisy": "the family with noise of 5 to 15 % of the first amplitude",
+    "short": "the family's first 3 to 6 cycles",
+    "gappy": "the family with three gaps that take 40 % of the time",
+    "measured": "ten runs of one disc that others measured; the truth is what half cycles of the nine other runs lose",
+}
+HOW = """## How each was run
+
+- Decrement: peaks at least 0.7 periods apart, a straight line through their logarithms. Rest is the mean of the last
+  whole cycles, at most five, for this and the next three.
+- Hilbert: without the first and last cycle; one line through ln(envelope), or a line for a quarter of its range on
+  either side of each amplitude.
+- Half power: the spectrum of the whole record, no window, lengthened with zeros.
+- curve_fit: one exponentially decaying cosine from the spectrum's frequency, the interval 1.96 sd of its covariance.
+- PySINDy: its thresholded least squares (0.1 in SI units), its smoothed differences, a library of x, v, sign v, v|v|.
+- pyOMA2: order up to 10; time scaled to 2 Hz, for its widths in Hz are those of buildings; SSI without checks of mode
+  shapes, which one channel has none of; EFDD, which takes no single channel, with the velocity as second.
+- NumPyro: three dampings and a cubic spring in diffrax, priors of widths that fit records like these, 500 and 500 steps
+  of one NUTS chain, at most 180 CPU seconds a record. Compilation is counted.
+- bayesdamp: `compare(signal, sample=False)` on the record as it is, told neither the spring nor the damping.
+
+Who needs an even clock gets gaps bridged by straight lines.
+"""
+
+
+def page(rows: pd.DataFrame, missing: Mapping[str, str]) -> str:
+    """The page in Markdown. missing: by environment, why its peers did not take part."""
+    groups = groups_of(rows)
+    seeds = sorted({str(r).split("-")[1] for r in simulated(rows)["record"]})
+    parts = [INTRODUCTION]
+    parts += [
+        f"- **{g}** ({len(set(where(rows, group=g)['record']))} records): {GROUP_WORDS[g]}." for g in groups
+    ]
+    parts += ["", f'Seed {", ".join(seeds)}; `make contest ARGS="--seed 1"` draws others.', ""]
+    parts += [f"{name} did not take part: {why}." for name, why in missing.items()]
+    parts += ["", "![errors](errors.svg)", "", "## All simulated records", ""]
+    parts += [*_scores(simulated(rows)), "", "## Better and worse than bayesdamp", ""]
+    parts += [
+        "Error of a peer over that of bayesdamp on the records that both answered, geometric mean. **Bold**: the peer "
+        "is nearer to the truth, and the interval says so.",
+        "",
+        *_beside(rows, groups),
+        "",
+        *_where_better(rows, groups),
+    ]
+    parts += ["", "![coverage and time](cost.svg)", ""]
+    for group in groups:
+        parts += [f"## {group.capitalize()}", "", *_scores(where(rows, group=group)), ""]
+    parts += ["## What was refused", "", *_refusals(rows), "", HOW]
+    parts += ["`make contest` makes it, and goes on where it was cut off; `rows.csv` has every answer.", ""]
+    return "\n".join(parts)
+
+
+def write(folder: Path, rows: pd.DataFrame, missing: Mapping[str, str]) -> None:
+    """README.md and its plots."""
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / "README.md").write_text(page(rows, missing), encoding="utf-8")
+    plots.errors(rows, folder / "errors.svg")
+    plots.cost(rows, folder / "cost.svg")
+
+
+def peers_of(rows: pd.DataFrame) -> list[str]:
+    """Peers among rows, in the roster's order."""
+    return [name for name in ROSTER if name in set(rows["peer"])]
+
+
+def _scores(rows: pd.DataFrame) -> Iterator[str]:
+    yield "| | records | answered | median error | 90 % below | holds the truth | named, right | seconds |"
+    yield "|---|---|---|---|---|---|---|---|"
+    for name in peers_of(rows):
+        part = where(rows, peer=name)
+        answered = where(part, outcome=OK)
+        known, named, right = names(part)
+        said = f"{named} of {known}, {right}" if named else "–"
+        held, stated = coverage(answered)
+        yield " | ".join(
+            [
+                f"| {ROSTER[name].label}", str(len(part)), str(len(answered)),
+                *(_percent(quantile_of_errors(part, level)) for level in (0.5, 0.9)),
+                _share(held) if stated else "–", said, f"{part['seconds'].median():.2g} |",
+            ]
+        )  # fmt: skip
+
+
+def _beside(rows: pd.DataFrame, groups: list[str]) -> Iterator[str]:
+    yield "| | " + " | ".join([*groups, "viscous alone, all simulated"]) + " |"
+    yield "|---" * (len(groups) + 2) + "|"
+    viscous = where(simulated(rows), damping="viscous")
+    for name in (n for n in peers_of(rows) if n != OURS):
+        parts = [*(where(rows, group=g) for g in groups), viscous]
+        cells = [_factor(*paired(part, name, OURS)) for part in parts]
+        yield f"| {ROSTER[name].label} | " + " | ".join(cells) + " |"
+
+
+def _where_better(rows: pd.DataFrame, groups: list[str]) -> Iterator[str]:
+    """A line for each peer that is nearer in a group, with the reason."""
+    found = {
+        name: [g for g in groups if paired(where(rows, group=g), name, OURS)[0].high < 1]
+        for name in peers_of(rows)
+        if name != OURS
+    }
+    viscous = where(simulated(rows), damping="viscous")
+    for name in found:
+        if paired(viscous, name, OURS)[0].high < 1:
+            found[name].append("viscous alone")
+    yield from _where_refused(rows, groups)
+    if not any(found.values()):
+        yield "- Of records that both answered, no peer is nearer to the truth in any group by more than chance."
+    for name, places in found.items():
+        if places:
+            yield f"- **{ROSTER[name].label}** is nearer in: {', '.join(places)}. {ROSTER[name].better}".rstrip()
+
+
+def _where_refused(rows: pd.DataFrame, groups: list[str]) -> Iterator[str]:
+    """A line for each group in which ours refused records: who answered these, and how near to the truth."""
+    for group in groups:
+        part = where(rows, group=group)
+        asked = where(part, peer=OURS)
+        refused = set(asked["record"]) - set(where(asked, outcome=OK)["record"])
+        said = []
+        for name in (n for n in peers_of(part) if n != OURS):
+            answered = where(part, peer=name, outcome=OK)
+            there = answered.iloc[[i for i, r in enumerate(answered["record"]) if r in refused]]
+            if len(there):
+                error = quantile_of_errors(there, 0.5).value
+                said.append(f"{ROSTER[name].label} {len(there)} ({_digits(100 * error)} %)")
+        if refused:
+            head = f"- **{group}**: bayesdamp refused {len(refused)} of {len(asked)} records."
+            yield f"{head} Of these were answered, with this median error: {'; '.join(said)}."
+
+
+def _refusals(rows: pd.DataFrame) -> Iterator[str]:
+    for name in peers_of(rows):
+        said = Counter(_without_numbers(str(x)) for x in where(rows, peer=name)["outcome"] if x != OK)
+        if said:
+            yield f"- {ROSTER[name].label}: " + "; ".join(f"{n} × {text}" for text, n in said.most_common())
+
+
+def _without_numbers(text: str) -> str:
+    """The beginning of a refusal, with its numbers left out: the same for the same reason."""
+    return re.sub(r"\d+(\.\d+)?(e-?\d+)?", "#", text)[:110]
+
+
+def _percent(found: Interval) -> str:
+    if math.isnan(found.value):
+        return "–"
+    ends = "" if math.isnan(found.low) else f" ({_digits(100 * found.low)}–{_digits(100 * found.high)})"
+    return f"{_digits(100 * found.value)} %{ends}"
+
+
+def _share(found: Interval) -> str:
+    return f"{found.value:.2f} ({found.low:.2f}–{found.high:.2f})"
+
+
+def _factor(found: Interval, count: int) -> str:
+    if not count:
+        return "–"
+    ends = "" if math.isnan(found.low) else f" ({_digits(found.low)}–{_digits(found.high)})"
+    text = f"{_digits(found.value)}{ends}"
+    return f"**{text}**" if found.high < 1 else text
+
+
+def _digits(value: float) -> str:
+    """Two significant digits, none of them an exponent."""
+    return f"{value:.0f}" if value >= 100 else f"{float(f'{value:.2g}'):g}"

@@ -1,0 +1,1 @@
+"""Peers that need no package beyond ours; one a file, each from times, displacements and amplitudes to a `Reply`."""

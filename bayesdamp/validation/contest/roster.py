@@ -1,0 +1,49 @@
+"""Who takes part."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from bayesdamp.validation.contest.environments import Child, Environment
+from bayesdamp.validation.contest.peers import (
+    decrement,
+    envelope,
+    half_power,
+    least_squares,
+    ours,
+    sindy,
+)
+from bayesdamp.validation.contest.reply import Peer
+
+OURS = "bayesdamp"
+PYOMA = Environment("pyoma2", ("pyOMA-2==1.4.3",))
+NUMPYRO = Environment("numpyro", ("numpyro==0.22.0", "diffrax==0.7.2"))
+
+
+@dataclass(frozen=True)
+class Entry:
+    """label: as the page says it. peer: what answers. better: why it is, where it is better than ours."""
+
+    label: str
+    peer: Peer
+    better: str
+
+    @property
+    def environment(self) -> Environment | None:
+        """Of its own, where it has one."""
+        return self.peer.environment if isinstance(self.peer, Child) else None
+
+
+ROSTER: dict[str, Entry] = {
+    "decrement": Entry("logarithmic decrement", decrement.answer, ""),
+    "hilbert": Entry("Hilbert envelope, one line", envelope.answer, ""),
+    "hilbert_local": Entry("Hilbert envelope, a line at each amplitude", envelope.local, ""),
+    "half_power": Entry("half-power bandwidth", half_power.answer, ""),
+    "curve_fit": Entry("SciPy curve_fit, decaying cosine", least_squares.answer, ""),
+    "pysindy": Entry("PySINDy", sindy.answer, ""),
+    "pyoma_ssi": Entry("pyOMA2, SSI", Child(PYOMA, "pyoma.py", ("ssi",)), ""),
+    "pyoma_efdd": Entry("pyOMA2, EFDD", Child(PYOMA, "pyoma.py", ("efdd",)), ""),
+    OURS: Entry("bayesdamp, compare without sampling", ours.answer, ""),
+    "numpyro": Entry("NumPyro (NUTS) with diffrax", Child(NUMPYRO, "numpyro_diffrax.py"), ""),
+}
+"""By the name that rows have; the dearest last."""

@@ -1,0 +1,89 @@
+"""Scores of rows that were made by hand."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from bayesdamp.validation.contest.rows import COLUMNS
+from bayesdamp.validation.contest.scoring import coverage, errors, names, paired, quantile_of_errors
+
+
+def row(
+    record: str, peer: str, error: float, *, half: float = 0.0, outcome: str = "ok", **more: object
+) -> dict:
+    """A row whose ratio is 0.01 and whose answer is off by a relative error, with a relative half width."""
+    made: dict[str, object] = dict.fromkeys(COLUMNS, np.nan) | {
+        "record": record, "group": record.split("-")[0], "kind": "family", "damping": "viscous", "restoring": "linear",
+        "peer": peer, "outcome": outcome, "seconds": 0.5, "named": "", "relation": "",
+    }  # fmt: skip
+    for i in (1, 2, 3):
+        made |= {f"amplitude_{i}": 1.0 / i, f"ratio_{i}": 0.01}
+        if outcome == "ok":
+            value = 0.01 * (1 + error)
+            made[f"value_{i}"] = value
+            if half:
+                made |= {f"low_{i}": value - 0.01 * half, f"high_{i}": value + 0.01 * half}
+    return made | more
+
+
+def table(*rows: dict) -> pd.DataFrame:
+    return pd.DataFrame(list(rows), columns=list(COLUMNS))
+
+
+def test_errors_are_relative_and_a_refusal_has_none():
+    made = table(row("family-1-0", "a", -0.2), row("family-1-1", "a", 0.1, outcome="no"))
+    np.testing.assert_allclose(errors(made)[0], 0.2)
+    assert np.isnan(errors(made)[1]).all()
+
+
+def test_quantiles_and_their_intervals():
+    made = table(*(row(f"family-1-{i}", "a", 0.01 * i) for i in range(101)))
+    found = quantile_of_errors(made, 0.5)
+    assert found.value == pytest.approx(0.5)
+    assert 0.35 < found.low < 0.45 < 0.55 < found.high < 0.65
+    assert quantile_of_errors(made, 0.9).value == pytest.approx(0.9)
+    assert np.isnan(quantile_of_errors(made[:3], 0.5).low)
+
+
+def test_coverage_counts_only_stated_intervals():
+    made = table(
+        row("family-1-0", "a", 0.1, half=0.2), row("family-1-1", "a", 0.1, half=0.05), row("family-1-2", "a", 0.0)
+    )  # fmt: skip
+    held, stated = coverage(made)
+    assert (held.value, stated) == (0.5, 2)
+    assert held.low < 0.5 < held.high
+
+
+def test_names():
+    made = table(
+        row("family-1-0", "a", 0.0, named="viscous", relation="right"),
+        row("family-1-1", "a", 0.0, named="coulomb", relation="other"),
+        row("family-1-2", "a", 0.0),
+        row("family-1-3", "a", 0.0, damping=""),
+    )
+    assert names(made) == (3, 2, 1)
+
+
+def test_a_peer_is_beside_ours_on_the_records_of_both():
+    made = [row(f"family-1-{i}", "ours", 0.01 * (1 + i)) for i in range(20)]
+    made += [row(f"family-1-{i}", "half", 0.005 * (1 + i)) for i in range(20)]
+    made += [row(f"family-1-{i}", "few", 9.0, outcome="ok" if i == 3 else "no") for i in range(20)]
+    found, count = paired(table(*made), "half", "ours")
+    assert count == 20
+    assert (found.value, found.low, found.high) == pytest.approx((0.5, 0.5, 0.5))
+    assert paired(table(*made), "few", "ours")[1] == 1
+    assert paired(table(*made), "nobody", "ours")[1] == 0
+
+
+def test_negative_control_no_peer_is_better_by_chance():
+    """Two peers of the same errors: the interval of their ratio leaves 1 out in about one of twenty tables."""
+    rng = np.random.default_rng(5)
+    out = 0
+    for _ in range(20):
+        each = np.exp(rng.standard_normal((2, 20)))
+        made = [row(f"family-1-{i}", p, each[j, i]) for j, p in enumerate("ab") for i in range(20)]
+        found, _count = paired(table(*made), "a", "b")
+        out += not found.low < 1 < found.high
+    assert out <= 6  # more by chance in 0.03 %, at a true rate of 7 %
