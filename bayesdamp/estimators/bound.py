@@ -51,7 +51,7 @@ def cramer_rao(
     times = np.asarray(times, float)
     every, both = with_jacobian(osc)
     x = jnp.array([p[name] for name in every])
-    rest = {name: jnp.asarray(p[name]) for name in osc.parameters if name not in every}
+    rest = {name: jnp.asarray(p[name]) for name in osc.inputs if name not in every}
     plan = make_plan(osc, p, times, quantity, TOLERANCE * _size(osc, p, quantity))
     jacobian = np.asarray(both(x, plan, rest)[1])
     if not np.all(np.isfinite(jacobian)):

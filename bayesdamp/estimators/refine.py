@@ -70,7 +70,7 @@ class _Fit:
     def residuals(self, x: np.ndarray) -> np.ndarray:
         """(n,), in the unit of the record."""
         p = {name: jnp.asarray(value) for name, value in self.parameters(x).items()}
-        values = compiled_record(self.osc)(self.plan, {name: p[name] for name in self.osc.parameters})
+        values = compiled_record(self.osc)(self.plan, {name: p[name] for name in self.osc.inputs})
         return np.asarray(values) - self.signal.y
 
     def evaluate(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -81,7 +81,7 @@ class _Fit:
             return self.residuals(x), slope[:, None]
         every, both = with_jacobian(self.osc)
         p = self.parameters(x)
-        rest = {name: jnp.asarray(p[name]) for name in self.osc.parameters if name not in every}
+        rest = {name: jnp.asarray(p[name]) for name in self.osc.inputs if name not in every}
         values, jacobian = both(jnp.array([p[name] for name in every]), self.plan, rest)
         columns = [every.index(name) for name in self.names]
         return np.asarray(values) - self.signal.y, np.asarray(jacobian)[:, columns]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -10,9 +10,11 @@ import numpy as np
 from scipy.interpolate import BSpline, make_interp_spline, make_lsq_spline
 from scipy.optimize import nnls
 
+from bayesdamp.physics.damping import DampingTerm, median
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.records.oscillation.features import Features, features
 from bayesdamp.records.oscillation.turning import midpoints, turning_points
+from bayesdamp.records.reference import reference_of
 from bayesdamp.types import Problem, Refusal, Signal
 
 DEGREE = 7
@@ -84,6 +86,21 @@ def epsilon_of(problem: Problem, seen: Features) -> float:
     return float(known) if known is not None else 0.02 * seen.amplitude * seen.frequency
 
 
+def beside_coefficients(problem: Problem, seen: Features) -> dict[str, float]:
+    """What the damping terms take beside their coefficients: ε where one switches, their further parameters (as known,
+    else the medians of their priors), and the record's scales."""
+    osc, reference = oscillator(problem), reference_of(problem.system, seen)
+    epsilon = {"epsilon": epsilon_of(problem, seen)} if osc.switches else {}
+    scales = reference.scales(seen.rest)
+    medians = {
+        p.name: median(p.prior(reference.amplitude, reference.frequency))
+        for t in osc.terms
+        for p in t.inferred
+    }
+    known = {n: float(v) for n, v in problem.system.known.items() if n in medians}
+    return {**epsilon, **{n: scales[n] for n in osc.scales}, **medians, **known}
+
+
 def start_parameters(signal: Signal, problem: Problem, seen: Features) -> dict[str, float]:
     """Every parameter of a trajectory but the damping: as known, else read off the record.
 
@@ -91,8 +108,7 @@ def start_parameters(signal: Signal, problem: Problem, seen: Features) -> dict[s
     """
     osc, known = oscillator(problem), problem.system.known
     p = dict(osc.law.start(seen.frequency, seen.rest, known_restoring(problem)))
-    if osc.switches:
-        p["epsilon"] = epsilon_of(problem, seen)
+    p |= beside_coefficients(problem, seen)
     if "theta0" not in known or "omega0" not in known:
         seen_motion = motion(signal, problem, seen)
         p |= {"theta0": seen_motion.theta0, "omega0": seen_motion.omega0}
@@ -119,12 +135,21 @@ def decay_start(problem: Problem, seen: Features) -> dict[str, float]:
         }
     middle = np.sqrt(sizes[1:] * sizes[:-1])
     rate = -np.diff(np.log(sizes)) / (seen.frequency * np.diff(times))
+    beside = beside_coefficients(problem, seen)
     columns = np.column_stack(
-        [[term.ratio_per_unit(float(a), seen.frequency) for a in middle] for term in osc.terms]
+        [[_ratio(term, float(a), seen.frequency, beside) for a in middle] for term in osc.terms]
     )
     scale = columns.max(axis=0)
     found = nnls(columns / scale * middle[:, None], rate * middle)[0] / scale
     return {term.parameter: float(value) for term, value in zip(osc.terms, found)}
+
+
+def _ratio(term: DampingTerm, amplitude: float, frequency: float, beside: Mapping[str, float]) -> float:
+    """The equivalent damping ratio of a motion (rad, rad/s) per unit of a term's coefficient."""
+    if not term.further:
+        return term.ratio_per_unit(amplitude, frequency)
+    further = {n: beside[n] for n in term.further if n != "rest"}
+    return term.work(amplitude, frequency, further) / (2 * np.pi * (frequency * amplitude) ** 2)
 
 
 def checked_features(signal: Signal) -> Features:

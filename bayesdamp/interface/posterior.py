@@ -88,7 +88,7 @@ class Posterior(Result):
         """What follows from the draws (chain, draw): natural frequency, damping ratio, half-life and others, with their
         units and definitions as attributes; the reference amplitude is that of the priors. They are of the laws alone;
         where these hold approximately, `damping_ratio` has what the deviations make of them. Raises Refusal without
-        draws, and for a term that is not a function of the velocity alone.
+        draws, and for a term whose force JAX cannot trace.
         """
         import xarray as xr
 
@@ -125,7 +125,7 @@ class Posterior(Result):
         import pandas as pd
 
         rows = {n: {**s, "unit": self.fit.units[n]} for n, s in self._summaries.items()}
-        if derived and self.names and all(t.traced for t in self.fit.oscillator.terms):
+        if derived and self.names and not any(t.untraced for t in self.fit.oscillator.terms):
             how: dict[str, Any] = {k: self.diagnostics.get(v) for k, v in HOW.items()}
             for name, values in self.derived.data_vars.items():
                 if np.all(np.isfinite(values.values)):

@@ -64,7 +64,7 @@ def plan_with_error(
         some = times[np.linspace(0, times.size - 1, ENOUGH).astype(int)]
         plan, error = plan_with_error(osc, p, some, quantity, tolerance)
         return plan.at(times, quantity), error
-    p = {name: np.float64(p[name]) for name in osc.parameters}
+    p = {name: np.float64(p[name]) for name in osc.inputs}
     resolution, best = FIRST_RESOLUTION, None
     order = ORDER - QUANTITIES.index(quantity)  # each derivative of the dense output costs one
     for _ in range(6):
@@ -109,7 +109,7 @@ def simulate(
         raise ValueError(f"parameter {missing[0]!r} is missing; needed are {', '.join(osc.parameters)}")
     if quantity not in QUANTITIES:
         raise ValueError(f"quantity {quantity!r} is none of {', '.join(QUANTITIES)}")
-    if not all(term.traced for term in osc.terms):
+    if not all(term.shaped for term in osc.terms):
         return trajectory(osc, p, times, quantity)  # type: ignore[arg-type]
     plan = make_plan(osc, p, times, quantity, tolerance)
     return plan.at_samples(osc, p)

@@ -82,7 +82,8 @@ def cycle(osc: Oscillator, p: Parameters, amplitude: Array | float, near: float)
     half = 0.5 * (c + a - rest)
     t, w = np.polynomial.legendre.leggauss(NODES)
     energy = half * jnp.sum(w * force(rest + half * (t + 1.0)))
-    drag = osc.damping_force(velocity, p) - osc.damping_force(-velocity, p)
+    x = c + a * SINE
+    drag = osc.damping_force(x, velocity, p) - osc.damping_force(x, -velocity, p)
     motion = jnp.all(square > 0) & (jax.grad(force)(rest) > 0) & (upper > 0) & (lower < 0)
 
     def or_nan(x: Array) -> Array:

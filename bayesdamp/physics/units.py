@@ -15,6 +15,7 @@ def parameter_unit(name: str, restoring: str, unit: str = "rad", quantity: str =
     if name == "noise_sd":
         return quantity_unit(unit, quantity)
     fixed = {"theta0": "rad", "omega0": "rad/s", "epsilon": "rad/s", "noise_time": "s", "noise_dof": "1"}
+    fixed |= {"rest": "rad", "reference_amplitude": "rad", "reference_velocity": "rad/s"}
     if name == "natural_frequency":
         return "rad/s"
     for term in map(TERMS.get, TERMS.present()):

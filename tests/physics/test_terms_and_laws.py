@@ -19,7 +19,7 @@ from bayesdamp.physics.restoring import RestoringLaw
 from bayesdamp.types import InputError, Refusal
 from tests.physics.independent import LAWS, drag, restoring
 
-TRACED = [name for name in TERMS.names() if type(TERMS.get(name)).shape is not DampingTerm.shape]
+SHAPED = [name for name in TERMS.names() if TERMS.get(name).shaped]
 GRID = np.linspace(-0.6, 0.7, 57)
 
 
@@ -43,20 +43,65 @@ def test_contract_of_a_term(name):
                 assert force(x, -v, epsilon) == pytest.approx(-force(x, v, epsilon), abs=5e-13)
 
 
-@pytest.mark.parametrize("name", TRACED)
+@pytest.mark.parametrize("name", TERMS.names())
 def test_the_traced_force_is_the_kernel(name):
+    """Where a kernel is run on arrays it is by names of functions and their order; tanh, sin, cos and powers are JAX's
+    own or the package's."""
     term, v = TERMS.get(name), jnp.asarray(np.linspace(-3, 3, 13))
-    force = np.asarray(term.shape(v, 0.1))
+    known = {"rest": 0.1, "reference_velocity": 1.3, "reference_amplitude": 0.3}
+    known |= {p.name: median(p.prior(0.3, 4.5)) for p in term.inferred}
+    further = [known[n] for n in term.further]
+    x = jnp.full_like(v, 0.2)
+    force = np.asarray(term.force(x, v, 0.1, *further))
     assert force.shape == v.shape
-    np.testing.assert_allclose(force, [term.kernel(0.2, float(one), 0.1) for one in v], atol=1e-12)
-    assert np.all(np.isfinite(np.asarray(jax.vmap(jax.grad(lambda x: term.shape(x, 0.1)))(v))))
-    if term.switches:
-        np.testing.assert_allclose(np.asarray(term.shape(v, 0.0)), np.sign(v), atol=0)
+    np.testing.assert_allclose(force, [term.kernel(0.2, float(one), 0.1, *further) for one in v], atol=1e-12)
+    other = [term.kernel(0.2, float(one), 0.11, *further) for one in v]
+    assert np.allclose(force, other, atol=1e-9) != term.switches  # control
+    slopes = jax.vmap(jax.grad(lambda a, b: term.force(a, b, 0.1, *further), argnums=(0, 1)))(x, v)
+    assert np.all(np.isfinite(np.asarray(slopes)))
 
 
-@pytest.mark.parametrize("name", sorted(set(TERMS.names()) - set(TRACED)))
-def test_a_term_that_cannot_be_traced_says_so(name):
-    with pytest.raises(Refusal, match=f"{name} damping is weighed and simulated only"):
+@pytest.mark.parametrize("name", [n for n in SHAPED if TERMS.get(n).switches])
+def test_an_exact_switch_is_the_sign(name):
+    v = jnp.asarray(np.linspace(-3, 3, 13))
+    np.testing.assert_allclose(np.asarray(TERMS.get(name).shape(v, 0.0)), np.sign(v), atol=0)
+
+
+class Branching(DampingTerm):
+    """F = c θ̇ outside a dead zone."""
+
+    name, parameter, unit = "branching", "c_branching", "1/s"
+
+    @staticmethod
+    def kernel(x: float, v: float, epsilon: float) -> float:
+        """0 within 0.01."""
+        return v if abs(x) > 0.01 else 0.0
+
+
+class Foreign(DampingTerm):
+    """F = c √(2|θ̇|) sgn θ̇, with what arrays do not have."""
+
+    name, parameter, unit = "foreign", "c_foreign", "1/s"
+
+    @staticmethod
+    def kernel(x: float, v: float, epsilon: float) -> float:
+        """With math.fsum."""
+        return math.copysign(math.sqrt(math.fsum([abs(v), abs(v)])), v)
+
+
+@pytest.mark.parametrize(
+    ("term", "why"), [(Branching(), "decides by `if`"), (Foreign(), "does not run on arrays")]
+)
+def test_a_kernel_that_cannot_be_traced_says_why(term, why):
+    assert why in term.untraced
+    with pytest.raises(Refusal, match=f"{term.name} damping is weighed and simulated only: .*{why}"):
+        term.force(0.1, 1.0, 0.1)
+    assert not TERMS.get("dry_position").untraced
+
+
+@pytest.mark.parametrize("name", sorted(set(TERMS.names()) - set(SHAPED)))
+def test_a_force_of_more_than_the_velocity_is_no_shape(name):
+    with pytest.raises(Refusal, match=f"{name} damping is no function of the velocity alone"):
         TERMS.get(name).shape(1.0, 0.1)
 
 
@@ -119,7 +164,9 @@ def test_force_of_every_sum(model):
         if n in osc.parameters
     }
     expected = [drag(p)(float(v), 0.0) for v in GRID]
-    np.testing.assert_allclose(np.asarray(osc.damping_force(jnp.asarray(GRID), p)), expected, atol=1e-12)
+    np.testing.assert_allclose(
+        np.asarray(osc.damping_force(jnp.zeros(GRID.size), jnp.asarray(GRID), p)), expected, atol=1e-12
+    )
 
 
 def test_smooth_sign():

@@ -33,7 +33,7 @@ simulate = { viscous = 0.1, duration = 10.0, samples = 200, noise_sd = 0.003 }
 use = ["half_life"]
 stages = ["initial"]
 [models]
-compare = ["viscous", "cubic_drag", "thinning"]
+compare = ["viscous", "cubic_drag", "thinning", "rubbing"]
 [posterior]
 samplers = ["at_the_mode"]
 noise = "sure"
@@ -72,7 +72,7 @@ def test_a_term_with_a_parameter_of_its_own(tmp_path):
 @pytest.mark.slow
 def test_all_kinds_in_one_study(tmp_path):
     blocks = re.findall(r"```python\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL)
-    assert len(blocks) == 5
+    assert len(blocks) == 6
     for i, block in enumerate(blocks):
         (tmp_path / f"own{i}.py").write_text(block, encoding="utf-8")
     files = ", ".join(f'"own{i}.py"' for i in range(len(blocks)))
@@ -91,5 +91,8 @@ def test_all_kinds_in_one_study(tmp_path):
     evidence = {r["model"]: r for r in read_table(out / "evidence.csv") if r["method"] != "smc"}
     assert evidence["viscous"]["method"] == "unit_information"
     assert evidence["cubic_drag"]["log_bayes_factor"] < -20
-    assert "weighed and simulated only" in evidence["thinning"]["outcome"]
+    assert evidence["thinning"]["outcome"] == evidence["rubbing"]["outcome"] == "ok"
+    assert {"c_thinning", "thinning_velocity"} <= {
+        r["parameter"] for r in posteriors if r["model"] == "thinning"
+    }
     assert "Signals: rig" in (out / "report.html").read_text(encoding="utf-8")

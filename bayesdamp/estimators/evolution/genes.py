@@ -78,7 +78,7 @@ class Genes:
     def decode(self, u: np.ndarray) -> dict[str, np.ndarray]:
         """Every parameter of the trajectories u (m, d): name to values (m,)."""
         x = dict(zip(self.names, (self.low + u * (self.high - self.low)).T))
-        p = {name: np.full(u.shape[0], float(self.base.get(name, 0.0))) for name in self.osc.parameters}
+        p = {name: np.full(u.shape[0], float(self.base.get(name, 0.0))) for name in self.osc.inputs}
         p |= {name: value for name, value in x.items() if name not in self.balanced}
         if self.balanced:
             law = {name: p[name] for name in self.osc.law.parameters}

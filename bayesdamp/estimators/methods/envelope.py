@@ -162,7 +162,7 @@ class _Match:
         """ln A_simulated − ln A_observed over the rows; 10 where the trajectory escapes."""
         self.evaluations += 1
         p = self.parameters(x, scale)
-        given = {name: np.float64(p[name]) for name in self.osc.parameters}
+        given = {name: np.float64(p[name]) for name in self.osc.inputs}
         y = np.asarray(compiled_record(self.osc)(self._plan, given))
         if not np.all(np.isfinite(y)):
             return np.full(self.rows.size, 10.0)

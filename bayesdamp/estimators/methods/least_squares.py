@@ -10,8 +10,8 @@ import numpy as np
 from bayesdamp.estimators._protocol import Estimator, Options
 from bayesdamp.estimators.shared import (
     Motion,
+    beside_coefficients,
     checked_features,
-    epsilon_of,
     free_names,
     known_restoring,
     motion,
@@ -53,10 +53,11 @@ class LeastSquares(Estimator):
         moving = motion(signal, problem, seen)
         osc, known = oscillator(problem), known_restoring(problem)
         theta, omega, _ = moving.everywhere
-        epsilon = epsilon_of(problem, seen)
+        given = beside_coefficients(problem, seen)
+        given |= {n: v for n, v in osc.law.start(seen.frequency, seen.rest, known).items() if n not in given}
 
         form = osc.law.linear_form(theta, known)
-        damping = np.asarray(damping_shapes(osc)(omega, epsilon))
+        damping = np.asarray(damping_shapes(osc)(theta, omega, given))
         columns = [moving.project(x) for x in (*damping, *form.columns.T)]
         target = -(moving.alpha + moving.project(form.offset))
         # Guessed constants of integration shift the restoring force by a constant and a slope.
@@ -67,7 +68,7 @@ class LeastSquares(Estimator):
 
         count = len(damping) + form.columns.shape[1]
         if options.variant == "tls":
-            noise = _noise_of_columns(moving, osc, epsilon, form.columns.shape[1], len(drift))
+            noise = _noise_of_columns(moving, osc, given, form.columns.shape[1], len(drift))
             x = _total(a, target, noise)
             weight = np.ones(target.size)
         else:
@@ -76,7 +77,7 @@ class LeastSquares(Estimator):
             covariance = _covariance(a, target - a @ x, weight, moving.t, seen.period)[:count, :count]
         else:
             restoring = known | form.decode(x[len(damping) : count]) if form.columns.shape[1] else known
-            noise = _noise_of_equation(moving, osc, x[: len(damping)], restoring, epsilon)
+            noise = _noise_of_equation(moving, osc, x[: len(damping)], restoring, given)
             covariance = _propagated(a, weight, noise)[:count, :count]
 
         names = osc.coefficients
@@ -139,14 +140,15 @@ def _total(a: np.ndarray, b: np.ndarray, noise: np.ndarray) -> np.ndarray:
 
 
 def _noise_of_columns(
-    moving: Motion, osc: Oscillator, epsilon: float, restoring: int, drift: int
+    moving: Motion, osc: Oscillator, given: dict[str, float], restoring: int, drift: int
 ) -> np.ndarray:
     """Relative size of the noise in each column and in the target: white noise within the bandwidth."""
     band = moving.bandwidth
     velocity = band / np.sqrt(3.0)
     step = 1e-4 * float(np.abs(moving.omega).max())
     shapes = damping_shapes(osc)
-    rise = np.asarray(shapes(moving.omega + step, epsilon)) - np.asarray(shapes(moving.omega - step, epsilon))
+    up, down = (np.asarray(shapes(moving.theta, moving.omega + sign * step, given)) for sign in (1, -1))
+    rise = up - down
     slopes = velocity * np.sqrt(np.mean((rise / (2 * step)) ** 2, axis=1))
     return np.r_[slopes, np.ones(restoring), np.full(drift, 1e-6), band**2 / np.sqrt(5.0)]
 
@@ -167,7 +169,11 @@ def _covariance(
 
 
 def _noise_of_equation(
-    moving: Motion, osc: Oscillator, damping: np.ndarray, restoring: Mapping[str, float], epsilon: float
+    moving: Motion,
+    osc: Oscillator,
+    damping: np.ndarray,
+    restoring: Mapping[str, float],
+    given: Mapping[str, float],
 ) -> np.ndarray:
     """What white noise of the record's size does to the equation of motion, to first order (m, REPLICAS)."""
     assert moving.response is not None
@@ -180,11 +186,12 @@ def _noise_of_equation(
     def force(x: np.ndarray) -> np.ndarray:
         return np.asarray(osc.law.force(x, restoring))
 
-    def loss(v: np.ndarray) -> np.ndarray:
-        return damping @ np.asarray(shapes(v, epsilon))
+    def loss(x: np.ndarray, v: np.ndarray) -> np.ndarray:
+        return damping @ np.asarray(shapes(x, v, dict(given)))
 
     stiffness = (force(theta + d) - force(theta - d)) / (2 * d)
-    damper = (loss(omega + e) - loss(omega - e)) / (2 * e)
+    stiffness = stiffness + (loss(theta + d, omega) - loss(theta - d, omega)) / (2 * d)
+    damper = (loss(theta, omega + e) - loss(theta, omega - e)) / (2 * e)
     # The acceleration has been through the spline already; a second time leaves it as it is.
     return moving.project(by_change + stiffness[:, None] * by_place + damper[:, None] * by_speed)
 

@@ -78,5 +78,5 @@ class Simulator:
 
     def __call__(self, parameters: dict[str, np.ndarray]) -> np.ndarray:
         """Records (m, n) for parameters, each (m,); not finite where a trajectory escapes."""
-        given = {name: jnp.asarray(parameters[name]) for name in self.osc.parameters}
+        given = {name: jnp.asarray(parameters[name]) for name in self.osc.inputs}
         return np.asarray(_batched(self.osc)(self.plan, given))

@@ -132,8 +132,9 @@ def log_bayes_factor(score: float, length: float, signed: bool) -> float:
 def _largest_damping(target: Target, plan: MeshPlan, z: np.ndarray) -> float:
     """The largest damping force along the trajectory at scores z, (d,), in rad/s²."""
     osc, p = target.oscillator, target.all_values(z)
-    motion = many_nodes(osc, plan, {n: np.array([p[n]]) for n in osc.parameters})[0, : int(plan.count) + 1]
-    shapes = np.asarray(damping_shapes(osc)(motion[:, 1], p.get("epsilon", 1.0)))
+    motion = many_nodes(osc, plan, {n: np.array([p[n]]) for n in osc.inputs})[0, : int(plan.count) + 1]
+    known = {n: p[n] for n in osc.inputs}
+    shapes = np.asarray(damping_shapes(osc)(motion[:, 0], motion[:, 1], known))
     return float(np.max(np.abs([p[name] for name in osc.coefficients] @ shapes)))
 
 
@@ -146,7 +147,7 @@ def responses(target: Target, plan: MeshPlan, z: np.ndarray) -> np.ndarray:
     nodes = nodes[apart]
 
     def solved(*moves: dict[str, float]) -> np.ndarray:
-        values = {n: np.array([p[n] + move.get(n, 0.0) for move in moves]) for n in osc.parameters}
+        values = {n: np.array([p[n] + move.get(n, 0.0) for move in moves]) for n in osc.inputs}
         return many_nodes(osc, plan, values)[:, : count + 1][:, apart]
 
     (here,) = solved({})

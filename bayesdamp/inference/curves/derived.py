@@ -31,7 +31,6 @@ import numpy as np
 from jax import numpy as jnp
 
 from bayesdamp.machine.programs import Program
-from bayesdamp.physics.damping import TERMS
 from bayesdamp.physics.orbit import Cycle, cycle, rest_position
 from bayesdamp.physics.oscillator import Oscillator
 
@@ -57,7 +56,7 @@ class Motions:
 
     @cached_property
     def _numbers(self) -> tuple[tuple[str, ...], tuple[np.ndarray, ...]]:
-        names = tuple(n for n in self.osc.parameters if n not in ("theta0", "omega0"))
+        names = tuple(n for n in self.osc.inputs if n not in ("theta0", "omega0"))
         return names, tuple(np.broadcast_arrays(*[np.asarray(self.values[n], float) for n in names]))
 
     @property
@@ -81,6 +80,11 @@ class Motions:
     def frequency(self) -> np.ndarray:
         """ω_n in rad/s; nan where there is no stable equilibrium."""
         return self._mapped(_frequencies(self.osc))
+
+    @cached_property
+    def slopes(self) -> np.ndarray:
+        """F′_damp at the equilibrium in 1/s, of the terms that do not switch."""
+        return self._mapped(_slopes_at_rest(self.osc))
 
     def at(self, amplitude: np.ndarray | float) -> Cycle:
         """The cycle at an amplitude, one for all or one for each draw."""
@@ -144,9 +148,20 @@ class NaturalFrequency(Quantity):
 
 
 @lru_cache(maxsize=64)
-def _slope_at_rest(term: str) -> float:
-    """The slope at rest of a damping term's force per unit of its coefficient."""
-    return float(jax.grad(lambda v: TERMS.get(term).shape(v, 1.0))(0.0))
+def _slopes_at_rest(osc: Oscillator):
+    """Compiled: F′_damp at rest of the terms that do not switch, of every draw."""
+    smooth = [t for t in osc.terms if not t.switches]
+
+    def one(near, numbers):
+        p = osc.settled(numbers)
+        x = rest_position(osc, p, near)
+
+        def force(v):
+            return sum(p[t.parameter] * t.force(x, v, 1.0, *(p[n] for n in t.further)) for t in smooth)
+
+        return jax.grad(force)(0.0)
+
+    return Program(jax.vmap(one, in_axes=(None, 0)), "slopes_at_rest", osc)
 
 
 class DampingRatio(Quantity):
@@ -156,11 +171,10 @@ class DampingRatio(Quantity):
 
     def of(self, motions: Motions) -> np.ndarray | None:
         """ζ; None where no term is linear at rest."""
-        slopes = {t.parameter: _slope_at_rest(t.name) for t in motions.osc.terms if not t.switches}
-        if not any(slopes.values()):
+        if all(t.switches for t in motions.osc.terms):
             return None
-        force = sum(s * np.asarray(motions.values[n], float) for n, s in slopes.items())
-        return force / (2.0 * motions.frequency)
+        slopes = motions.slopes
+        return slopes / (2.0 * motions.frequency) if np.any(slopes) else None
 
 
 class QualityFactor(Quantity):

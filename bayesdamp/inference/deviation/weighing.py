@@ -221,7 +221,7 @@ def _beside(weighing: Weighing, approximate: bool) -> dict[str, Any]:
     plain = weighing.solvers[law]
     values = best.fit.parameters.values(best.fit.z)[plain.law_places]
     at = rest_of(law, values, data.rest, 2 * data.amplitude)
-    given = _scales(data.rest if at is None else at, reference)
+    given = reference.scales(data.rest if at is None else at)
     fixed = {
         n: v for n, v in best.fit.parameters.known.items() if n in plain.names[plain.law_places] or n in START
     }
@@ -250,15 +250,6 @@ def _beside(weighing: Weighing, approximate: bool) -> dict[str, Any]:
     return {"forms": tuple(r for r in rivals if r is not None), "power": power}
 
 
-def _scales(rest: float, reference: Reference) -> dict[str, float]:
-    """What terms may ask for that is no parameter."""
-    return {
-        "rest": rest,
-        "reference_velocity": reference.peak_velocity,
-        "reference_amplitude": reference.amplitude,
-    }
-
-
 def _given(
     solver: Solver, data: Data, reference: Reference, priors: Mapping[str, Prior], known: Mapping[str, float]
 ) -> dict[str, float]:
@@ -271,7 +262,7 @@ def _given(
         if found is not None:
             law = found.parameters.values(found.z)[viscous.law_places]
             at = rest_of(solver.restoring, law, data.rest, 2 * data.amplitude)
-    return _scales(data.rest if at is None else at, reference)
+    return reference.scales(data.rest if at is None else at)
 
 
 def _weighed(

@@ -8,9 +8,10 @@ from bayesdamp.inference.model.defaults import EPSILON_SHARE, Reference, default
 from bayesdamp.inference.model.target import ABSENT, Target
 from bayesdamp.inference.noise import NOISES
 from bayesdamp.physics.oscillator import Oscillator
+from bayesdamp.physics.solver.friction import no_exact_switch
 from bayesdamp.priors import Prior
 from bayesdamp.records.oscillation.features import Features
-from bayesdamp.types import Signal, System
+from bayesdamp.types import Refusal, Signal, System
 
 
 def build_target(
@@ -31,7 +32,7 @@ def build_target(
     target with a coefficient that is 0 at every score, so that all these models are one compiled program; such a
     score's prior integrates to one, and the evidence is the model's own.
     Raises ValueError where a parameter has neither a value nor a prior, Refusal where the record is not one for this
-    noise.
+    noise, or JAX does not have a term's force.
     """
     osc = Oscillator(beside or damping, system.restoring)
     absent = [t.parameter for t in osc.terms if t.name not in damping]
@@ -40,6 +41,14 @@ def build_target(
     known = {**system.known, **NOISES.get(noise).read(signal)}
     if osc.switches and "epsilon" not in known and "epsilon" not in system.free:
         known["epsilon"] = EPSILON_SHARE * reference.peak_velocity
+    more = [t for t in osc.terms if not t.shaped]
+    untraced = [t for t in more if t.untraced]
+    if untraced:
+        raise Refusal(f"{untraced[0].name} damping is weighed and simulated only: {untraced[0].untraced}")
+    if known.get("epsilon") == 0.0 and any(t.switches for t in more):
+        raise Refusal(no_exact_switch(next(t.name for t in more if t.switches)))
+    scales = reference.scales(features.rest)
+    known = {**{n: scales[n] for n in osc.scales}, **known}
     wanted = (*osc.coefficients, *(n for n in osc.parameters if n not in osc.coefficients))
     wanted = (*wanted, *NOISES.get(noise).parameters)
     priors: dict[str, Prior] = {}

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 from bayesdamp.inference.noise import NOISES
 from bayesdamp.physics.oscillator import Oscillator
-from bayesdamp.physics.restoring import LAWS
 from bayesdamp.priors import HalfNormal, LogNormal, LogUniform, Normal, Prior
 from bayesdamp.records.oscillation.features import Features
-from bayesdamp.types import System
+from bayesdamp.records.reference import Reference, reference_of
+
+__all__ = ["EPSILON_RANGE", "EPSILON_SHARE", "RATIO_SCALE", "Reference", "default_prior", "reference_of"]
 
 RATIO_SCALE = 0.1
 """Scale of the half-normal prior on each term's equivalent damping ratio at the reference."""
@@ -18,33 +18,6 @@ RATIO_SCALE = 0.1
 EPSILON_SHARE = 0.02
 EPSILON_RANGE = (0.0005, 0.05)
 """ε as a share of the peak velocity: where it is not given, and the range of its prior where it is free."""
-
-
-@dataclass(frozen=True)
-class Reference:
-    """Reference amplitude (rad or m) and angular frequency (rad/s) of a study: prior widths scale with it."""
-
-    amplitude: float
-    frequency: float
-
-    @property
-    def peak_velocity(self) -> float:
-        """Amplitude times frequency, rad/s or m/s."""
-        return self.amplitude * self.frequency
-
-
-def reference_of(system: System, seen: Features) -> Reference:
-    """Amplitude and frequency that prior widths scale with: given, else from the system, else the record's."""
-    amplitude, frequency = system.amplitude, system.frequency
-    law = LAWS.get(system.restoring)
-    if all(n in system.known for n in law.parameters):
-        osc = Oscillator(("viscous",), system.restoring)
-        if frequency is None:
-            frequency = osc.natural_frequency(system.known, seen.rest)
-        if amplitude is None and "theta0" in system.known:
-            amplitude = abs(system.known["theta0"] - osc.equilibrium(system.known, seen.rest)) or None
-    rounded = {"amplitude": float(f"{seen.amplitude:.1e}"), "frequency": float(f"{seen.frequency:.1e}")}
-    return Reference(amplitude or rounded["amplitude"], frequency or rounded["frequency"])
 
 
 def default_prior(name: str, osc: Oscillator, noise: str, reference: Reference, features: Features) -> Prior:

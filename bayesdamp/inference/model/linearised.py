@@ -40,7 +40,7 @@ def moving_names(layout: Layout) -> tuple[str, ...]:
 def moving(layout: Layout, context: Context, z: Array) -> tuple[dict[str, Array], Array]:
     """What the solver needs, by name, and of it the values of the inferred parameters, shape (k,)."""
     p = parameters(layout, context, z)
-    return {name: p[name] for name in layout.oscillator.parameters}, moving_values(layout, context, z)
+    return {name: p[name] for name in layout.oscillator.inputs}, moving_values(layout, context, z)
 
 
 def misfits(layout: Layout, context: Context, states: Array, slopes: Array) -> tuple[Array, Array]:

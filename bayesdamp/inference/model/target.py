@@ -106,7 +106,7 @@ class Target:
     @property
     def _needed(self) -> set[str]:
         noise = NOISES.get(self.noise)
-        return {*self.oscillator.parameters, *noise.parameters, *noise.constants}
+        return {*self.oscillator.inputs, *noise.parameters, *noise.constants}
 
     @property
     def names(self) -> tuple[str, ...]:

@@ -11,6 +11,7 @@ import numpy as np
 from jax import Array
 from jax.typing import ArrayLike
 
+from bayesdamp.physics.damping._traced import on_arrays, why_not
 from bayesdamp.priors import Prior
 from bayesdamp.types import Refusal
 
@@ -40,8 +41,8 @@ class FreeParameter:
 class DampingTerm(ABC):
     """A force coefficient · shape(θ, θ̇; further parameters) that takes energy out of the oscillation.
 
-    A term has a `kernel`, by which it is weighed and simulated, a `shape`, by which it is sampled and estimated too
-    where it depends on the velocity and the coefficient alone, or both.
+    A term has a `kernel`, of which compiled trajectories and JAX's force are made, a `shape`, its force in JAX where it
+    depends on the velocity and the coefficient alone, or both.
     """
 
     name: str
@@ -64,9 +65,16 @@ class DampingTerm(ABC):
     """Values of parameters at which the term is a simpler one; how much it has beyond that is what is bounded."""
 
     @property
-    def traced(self) -> bool:
-        """Whether JAX has its force."""
+    def shaped(self) -> bool:
+        """Whether its force has no parameter beside the coefficient and depends on the velocity alone."""
         return type(self).shape is not DampingTerm.shape
+
+    @property
+    def untraced(self) -> str:
+        """Why JAX does not have its force, a clause; empty where it has."""
+        if self.shaped or type(self).force is not DampingTerm.force:
+            return ""
+        return why_not(self.kernel, 3 + len(self.further))
 
     @property
     def further(self) -> tuple[str, ...]:
@@ -76,12 +84,21 @@ class DampingTerm(ABC):
     def shape(self, velocity: ArrayLike, epsilon: ArrayLike) -> Array:
         """Force per unit of the coefficient; velocity in rad/s, any shape. JAX traces it.
 
-        Raises Refusal where the term has more than that.
+        Raises Refusal where the force has more than the velocity in it.
         """
-        raise Refusal(
-            f"{self.name} damping is weighed and simulated only: sampling and estimators take one coefficient times "
-            "a function of the velocity"
-        )
+        raise Refusal(f"{self.name} damping is no function of the velocity alone")
+
+    def force(self, x: ArrayLike, v: ArrayLike, epsilon: ArrayLike, *further: ArrayLike) -> Array:
+        """Force per unit of the coefficient at displacements x (rad) and velocities v (rad/s) of one shape.
+
+        further: values of what `further` names. JAX traces it: the `shape`, else the `kernel` run on arrays.
+        Raises Refusal where the kernel cannot be.
+        """
+        if self.shaped:
+            return self.shape(v, epsilon)
+        if self.untraced:
+            raise Refusal(f"{self.name} damping is weighed and simulated only: {self.untraced}")
+        return on_arrays(self.kernel)(x, v, epsilon, *further)
 
     @staticmethod
     def kernel(x: float, v: float, epsilon: float) -> float:

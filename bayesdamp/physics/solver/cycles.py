@@ -133,7 +133,7 @@ class CyclePlan(Plan):
         count, found = len(values["theta0"]), []
         for first in range(0, count, TOGETHER):
             rows = np.minimum(np.arange(first, first + TOGETHER), count - 1)
-            some = {name: np.asarray(values[name], float)[rows] for name in osc.parameters}
+            some = {name: np.asarray(values[name], float)[rows] for name in osc.inputs}
             found.append(np.asarray(compiled_records(osc)(self.whole, some))[: count - first, self.kept])
         return np.concatenate(found)
 
@@ -277,7 +277,7 @@ def cycle_plan(
 ) -> CyclePlan | None:
     """A plan for motions near that at `p` over the samples (s, from 0); None where a motion has too few cycles, or does
     not go on like that. quantity: derivative of the angle that is recorded."""
-    p = {name: np.float64(p[name]) for name in osc.parameters}
+    p = {name: np.float64(p[name]) for name in osc.inputs}
     try:
         centre = osc.equilibrium(p, float(p["theta0"]))
         period = 2 * math.pi / osc.natural_frequency(p, centre)

@@ -22,6 +22,7 @@ from bayesdamp.physics.solver.hermite import basis
 from bayesdamp.physics.solver.mesh import fastest_rate
 from bayesdamp.physics.solver.plan import QUANTITIES, Plan
 from bayesdamp.physics.solver.stepper import land, step
+from bayesdamp.types import Refusal
 
 STEPS_PER_HALF_CYCLE = 16
 
@@ -76,14 +77,28 @@ class TurningPlan(Plan):
         return replace(self, steps=self.steps / parts, per_half_cycle=parts * self.per_half_cycle)
 
 
+def no_exact_switch(term: str) -> str:
+    """Why a damping term is not sampled under a friction that turns over at once."""
+    return f"{term} damping is not the sign of the velocity alone: with it epsilon must be above 0"
+
+
 def _forces(osc: Oscillator, p: Parameters):
-    """Acceleration at a given sign of the velocity, and the friction that a body at rest can bear."""
+    """Acceleration at a given sign of the velocity, and the friction that a body at rest can bear.
+
+    Raises Refusal where a term that switches is more than its sign.
+    """
+    p = osc.settled(p)
+    more = [t.name for t in osc.terms if t.switches and not t.shaped]
+    if more:
+        raise Refusal(no_exact_switch(more[0]))
     switching = [t for t in osc.terms if t.switches]
     smooth = [t for t in osc.terms if not t.switches]
     friction = sum((p[t.parameter] for t in switching), jnp.asarray(0.0))
 
     def acceleration(sign: Array, theta: Array, omega: Array) -> Array:
-        drag = sum((p[t.parameter] * t.shape(omega, 1.0) for t in smooth), jnp.zeros_like(omega))
+        shapes = (t.force(theta, omega, 1.0, *(p[n] for n in t.further)) for t in smooth)
+        pairs = zip(smooth, shapes, strict=True)
+        drag = sum((p[t.parameter] * one for t, one in pairs), jnp.zeros_like(omega))
         return -drag - friction * sign - osc.law.force(theta, p)
 
     return acceleration, friction

@@ -3,7 +3,8 @@
 The steps follow the oscillation (a share of the fastest local period) and, where a term switches with the
 sign of the velocity within ε, become shorter near the turning points as the distance to the nearest
 singularity of tanh(θ̇/ε) does: the number of steps grows with log(1/ε), not 1/ε. Nodes are moved onto the
-turning points, where |θ̇|θ̇ has its kink. A mesh belongs to a reference trajectory and is then kept, so that
+turning points, where |θ̇|θ̇ has its kink, and where a term asks for the rest position onto the passages through it,
+where |θ − θ_e| has one. A mesh belongs to a reference trajectory and is then kept, so that
 the likelihood is a smooth function of the parameters and one compiled program serves all of them.
 """
 
@@ -79,29 +80,34 @@ def frozen_mesh(osc: Oscillator, p: Parameters, duration: float, resolution: flo
     longest = 2 * math.pi / fastest_rate(osc, p) / STEPS_PER_PERIOD / resolution
     state = (np.float64(0.0), p["theta0"], p["omega0"])
     times, velocities = [np.zeros(1)], [np.asarray(p["omega0"])[None]]
+    rest = float(osc.settled(p)["rest"]) if "rest" in osc.scales else None  # type: ignore[arg-type]
+    angles = [np.asarray(p["theta0"])[None]]
     limit = 4_000_000
     while times[-1][-1] < duration:
-        state, (t, _, omega) = march(state, p, longest, LAYER / resolution)
-        t, omega = np.asarray(t), np.asarray(omega)
+        state, (t, theta, omega) = march(state, p, longest, LAYER / resolution)
+        t, theta, omega = np.asarray(t), np.asarray(theta), np.asarray(omega)
         stuck = not np.all(np.isfinite(t)) or t[-1] <= times[-1][-1]
         if stuck or sum(map(len, times)) > limit:  # escaped: a plain mesh, the trajectory is refused later
             return np.linspace(0.0, duration, max(16, math.ceil(duration / longest)) + 1)
         times.append(t)
         velocities.append(omega)
-    return _regular(np.concatenate(times), np.concatenate(velocities), duration)
+        angles.append(theta)
+    zeros = [np.concatenate(velocities)] + ([] if rest is None else [np.concatenate(angles) - rest])
+    return _regular(np.concatenate(times), zeros, duration)
 
 
-def _regular(t: np.ndarray, omega: np.ndarray, duration: float) -> np.ndarray:
-    """The same grading with a whole number of steps up to `duration`, nodes on turning points."""
+def _regular(t: np.ndarray, zeros: list[np.ndarray], duration: float) -> np.ndarray:
+    """The same grading with a whole number of steps up to `duration`, nodes where one of `zeros`, each (n,), is 0."""
     last = int(np.searchsorted(t, duration))
     count = last - 1 + (duration - t[last - 1]) / (t[last] - t[last - 1])
     steps = max(16, math.ceil(count))
     nodes = np.interp(np.linspace(0.0, count, steps + 1), np.arange(t.size), t)
     nodes[-1] = duration
-    i = np.flatnonzero(omega[:-1] * omega[1:] < 0)
-    turning = t[i] - omega[i] * (t[i + 1] - t[i]) / (omega[i + 1] - omega[i])
-    turning = turning[turning < duration]
-    nearest = np.clip(np.searchsorted(nodes, turning), 1, steps - 1)
-    nearest -= (turning - nodes[nearest - 1] < nodes[nearest] - turning) & (nearest > 1)
-    nodes[nearest] = turning
+    for values in zeros:
+        i = np.flatnonzero(values[:-1] * values[1:] < 0)
+        kinks = t[i] - values[i] * (t[i + 1] - t[i]) / (values[i + 1] - values[i])
+        kinks = kinks[kinks < duration]
+        nearest = np.clip(np.searchsorted(nodes, kinks), 1, steps - 1)
+        nearest -= (kinks - nodes[nearest - 1] < nodes[nearest] - kinks) & (nearest > 1)
+        nodes[nearest] = kinks
     return nodes if np.all(np.diff(nodes) > 0) else np.sort(nodes)

@@ -68,12 +68,12 @@ class Plan(ABC):
 
     def record_and_slopes(self, osc: Oscillator, names: Sequence[str], p: Parameters) -> tuple[Array, Array]:
         """`record`, and its derivatives by the parameters of these names, (k, n), compiled."""
-        found, slopes = _record_and_slopes(osc, tuple(names))(self.whole, {n: p[n] for n in osc.parameters})
+        found, slopes = _record_and_slopes(osc, tuple(names))(self.whole, {n: p[n] for n in osc.inputs})
         return found[self.kept], slopes[:, self.kept]
 
 
 def _values(osc: Oscillator, p: Parameters) -> dict[str, Any]:
-    return {name: np.asarray(p[name], float) for name in osc.parameters}
+    return {name: np.asarray(p[name], float) for name in osc.inputs}
 
 
 @lru_cache(maxsize=128)

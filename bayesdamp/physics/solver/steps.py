@@ -194,7 +194,7 @@ def _in_room(plan: MeshPlan) -> np.ndarray:
 
 
 def _node_values(osc: Oscillator, plan: MeshPlan, p: Parameters) -> np.ndarray:
-    values = {name: np.float64(p[name]) for name in osc.parameters}
+    values = {name: np.float64(p[name]) for name in osc.inputs}
     return np.asarray(_compiled_nodes(osc)(_in_room(plan), plan.count, values))[: plan.steps.size + 1]
 
 
@@ -216,7 +216,7 @@ def many_nodes(osc: Oscillator, plan: MeshPlan, values: Mapping[str, np.ndarray]
     steps, count, found = _in_room(plan), len(values["theta0"]), []
     for first in range(0, count, TOGETHER):
         rows = np.minimum(np.arange(first, first + TOGETHER), count - 1)
-        part = {name: np.asarray(values[name], float)[rows] for name in osc.parameters}
+        part = {name: np.asarray(values[name], float)[rows] for name in osc.inputs}
         found.append(
             np.asarray(_many_nodes(osc)(steps, plan.count, part))[: count - first, : plan.steps.size + 1]
         )

@@ -23,7 +23,7 @@ def weighted_curves(branch: Branch, seed: int) -> dict[str, np.ndarray]:
     inferred = branch.shared.values(cell.arrays["y"].astype(float)[chosen])
     values = {**branch.shared.known, **inferred}
     seen, oscillator = branch.record.seen, branch.target.oscillator
-    own = {n: values[n] for n in oscillator.parameters}
+    own = {n: values[n] for n in oscillator.inputs}
     return curves(Motions(oscillator, own, seen.rest, seen.amplitude), seen)
 
 

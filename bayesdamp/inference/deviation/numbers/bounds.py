@@ -101,11 +101,7 @@ def _forms(weighing: Weighing, result: Result, name: str) -> Iterator[_Form]:
     """A term as what is bounded of it: at low and high values of its parameters; where it reduces to a simpler term,
     what it has beyond that."""
     term, reference = TERMS.get(name), weighing.reference
-    given = {
-        "rest": _rest(weighing, result),
-        "reference_velocity": reference.peak_velocity,
-        "reference_amplitude": reference.amplitude,
-    }
+    given = reference.scales(_rest(weighing, result))
     priors = {p.name: p.prior(reference.amplitude, reference.frequency) for p in term.inferred}
 
     def value(parameter: str, score: float) -> float:
