@@ -12,7 +12,7 @@ from bayesdamp.config import load_study
 from bayesdamp.config.compare import SPECIMEN, Asked, comparison
 from bayesdamp.pipeline import cells
 from bayesdamp.pipeline.many.specimens import Specimen
-from bayesdamp.types import InputError
+from bayesdamp.types import OK, InputError
 
 HEAD = """
 version = 1
@@ -144,7 +144,7 @@ def test_records_of_one_specimen_share_one_friction(monkeypatch):
         return SimpleNamespace(epsilon=epsilon, system=system, record=record, cells=lambda: cells, **what)
 
     one = object.__new__(Specimen)
-    cell = SimpleNamespace(key="key", meta={"values": {}, "tolerance": 1e-6})
+    cell = SimpleNamespace(key="key", outcome=OK, meta={"values": {}, "tolerance": 1e-6})
     vars(one).update(labels=["a", "b"], reference=None, store=SimpleNamespace(read=lambda _: cell))
     for second in (0.01, None):
         made = [branch(second, 0.1), branch(None, 0.04)]
