@@ -10,6 +10,10 @@ from bayesdamp.envelope.results import EnvelopeResult, Estimated
 TERMS = {"viscous": "viscous", "coulomb": "Coulomb", "quadratic": "quadratic"}
 CAP = 0.99
 """What is claimed of a measured record at most: statements at more were not right as often."""
+ORDER = (1, 0, 2)
+"""Power of the velocity of each term."""
+NEAR, NARROW = 0.02, 0.6
+"""How far outside of an exponent's interval a law may be and is named, and how wide the interval may be."""
 FEW = 20
 SHALLOW = 10.0
 """dB of fall below which sums of dampings are hardly told apart."""
@@ -63,13 +67,21 @@ def sentence(found: EnvelopeResult) -> str:
     parts = [f"{found.name}: {head}", _which(found)]
     if found.exponent is not None:
         p = found.exponent
-        parts.append(f"loss of amplitude as its power {p.value:.2f} (95 %: {p.low:.2f} to {p.high:.2f})")
+        parts.append(
+            f"it loses like v^{p.value:.2f} (95 %: {p.low:.2f} to {p.high:.2f}){_kind(p.low, p.high)}"
+        )
     if found.deviation is not None and found.probability_exact < 0.5:
         d = found.deviation
         parts.append(
             f"the rate departs from that law by {100 * d.value:.2g} % ({100 * d.low:.2g} to {100 * d.high:.2g})"
         )
     return "; ".join(parts) + "."
+
+
+def _kind(low: float, high: float) -> str:
+    """Which of the three laws an exponent's interval holds."""
+    held = [name for power, name in enumerate(TERMS.values()) if low - NEAR <= ORDER[power] <= high + NEAR]
+    return f": {held[0]}" if len(held) == 1 and high - low <= NARROW else ""
 
 
 def _which(found: EnvelopeResult) -> str:

@@ -17,6 +17,10 @@ UNSEEN = 1e-3
 """Deviation from a law below which it is not given a size."""
 
 
+UNEVEN = 1.25
+"""Ratio of an interval's sides up to which it is written with ±."""
+
+
 def named(damping: str) -> str:
     """A sum's name in words."""
     return " + ".join(words_of(term) for term in damping.split("+"))
@@ -155,6 +159,17 @@ def _hold(v: Verdict) -> str:
     return f"; the law holds within {100 * d.value:.2g} % (95 %: below {100 * d.high:.2g} %)"
 
 
+def loses_like(e: Interval) -> str:
+    """`loses like v^1.02 ± 0.03: viscous`; an interval with one side much longer stands in brackets."""
+    up, down = e.high - e.value, e.value - e.low
+    half = 0.5 * (up + down)
+    even = max(up, down) <= UNEVEN * max(min(up, down), 1e-12)
+    shown = (
+        f"{digits(e.value, half)} ± {digits(half, half)}" if even else with_interval(e.value, e.low, e.high)
+    )
+    return f"loses like v^{shown}{_kind(e)}"
+
+
 def _kind(e: Interval) -> str:
     """Which of the three laws an exponent's interval holds."""
     if e.high - e.low > 2 * thresholds.EXPONENT_NAMED:
@@ -190,8 +205,7 @@ def remarks(v: Verdict, found: Findings, same: bool, notes: Sequence[str]) -> tu
         said.append(
             (
                 0.0,
-                f"As one power of the velocity the damping force goes like v^{with_interval(e.value, e.low, e.high)}"
-                f"{_kind(e)}.",
+                f"As one power of the velocity it {loses_like(e)}.",
             )
         )
     for name in found.untold:

@@ -18,6 +18,7 @@ from bayesdamp.report.drawing import Drawings
 from bayesdamp.report.figures.density import contours, outline
 from bayesdamp.report.figures.posteriors.evidence import Bar, bars
 from bayesdamp.report.figures.records.backbone import backbone
+from bayesdamp.report.figures.records.exponent import exponent
 from bayesdamp.report.figures.records.record import thinned
 from bayesdamp.report.style import RC, WIDTH, colour, dash, legend_columns, looks
 
@@ -176,3 +177,21 @@ def test_a_candidate_without_evidence_is_not_called_the_best():
     said = [text.get_text() for text in bars(found).axes[0].texts]
     assert (said[0], said[2]) == ("best", "not weighed")
     assert said[1].startswith("−2")
+
+
+@pytest.mark.parametrize("narrow", [False, True])
+def test_the_exponents_picture_marks_the_three_laws(narrow):
+    """0, 1 and 2 are lines with their names; the hill and the interval lie where the draws do."""
+    draws = np.random.default_rng(8).normal(1.7, 0.05, 400)
+    low, value, high = np.quantile(draws, [0.025, 0.5, 0.975])
+    figure = exponent(draws, (value, low, high), "This record loses like v^1.70", narrow)
+    (ax,) = figure.axes
+    assert [text.get_text() for text in ax.texts] == ["Coulomb", "viscous", "quadratic"]
+    assert [text.get_position()[0] for text in ax.texts] == [0.0, 1.0, 2.0]
+    lines = [np.asarray(line.get_xdata(), float) for line in ax.lines]
+    assert [line[0] for line in lines[:3]] == [0.0, 1.0, 2.0]
+    hill, bar, dot = lines[3:]
+    assert 1.4 < hill.min() < hill.max() < 2.0
+    assert bar.tolist() == [low, high]
+    assert dot.tolist() == [value]
+    assert ax.get_title(loc="left") == "This record loses like v^1.70"

@@ -8,9 +8,9 @@ from dataclasses import replace
 import pytest
 
 from bayesdamp.units import UNITS
-from bayesdamp.verdict.types import DampingRatio, Grade, Verdict
+from bayesdamp.verdict.types import DampingRatio, Grade, Interval, Verdict
 from bayesdamp.verdict.units import in_unit
-from bayesdamp.verdict.words import sentence
+from bayesdamp.verdict.words import loses_like, sentence
 
 
 def test_a_verdict_in_the_records_own_unit_has_all_its_amplitudes_in_it() -> None:
@@ -26,3 +26,18 @@ def test_a_verdict_in_the_records_own_unit_has_all_its_amplitudes_in_it() -> Non
     assert in_unit(one, UNITS["rad"]) is one
     assert in_unit(one, UNITS["rpm"]) is one, "a unit of velocity: amplitudes are told in the base"
     assert in_unit(one, UNITS["mm"]) is one, "a unit of another kind changes nothing"
+
+
+@pytest.mark.parametrize(
+    ("interval", "said"),
+    [
+        ((1.02, 0.99, 1.05), "loses like v^1.020 ± 0.030: viscous"),
+        ((0.01, 0.0, 0.2), "loses like v^0.01 (0.00 to 0.20): Coulomb"),
+        ((1.5, 1.3, 1.7), "loses like v^1.50 ± 0.20"),
+        ((1.0, 0.4, 1.6), "loses like v^1.00 ± 0.60"),
+    ],
+)
+def test_the_exponent_in_words(interval, said):
+    """With ± where the interval is even; a law is named where the interval is narrow and holds it alone."""
+    found = loses_like(Interval(*interval))
+    assert found == said

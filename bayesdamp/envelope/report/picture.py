@@ -5,13 +5,15 @@ from __future__ import annotations
 import io
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from bayesdamp.envelope.records.record import EnvelopeRecord
-from bayesdamp.envelope.results import EnvelopeResult
+from bayesdamp.envelope.results import EnvelopeResult, Range
 
 POINTS = 1200
+LAWS = (("Coulomb", "#D55E00"), ("viscous", "#0072B2"), ("quadratic", "#009E73"))
 INK, QUIET, FIT, BAND = "#222222", "#8a8a8a", "#0072B2", "#D55E00"
 
 
@@ -22,6 +24,22 @@ def thinned(t: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     edges = np.linspace(0, t.size, POINTS // 2 + 1).round().astype(int)[:-1]
     low, high = np.minimum.reduceat(y, edges), np.maximum.reduceat(y, edges)
     return np.repeat(t[edges], 2), np.column_stack([low, high]).ravel()
+
+
+def _exponent(ax: Axes, found: Range) -> None:
+    """The interval of the power of the velocity on an axis where the three laws are marked."""
+    for place, (name, shade) in enumerate(LAWS):
+        ax.axvline(place, color=shade, lw=1.2, ls="--")
+        ax.text(
+            place, 1.25, name, color=shade, fontsize=7.5, ha="left" if place == 0 else "center", va="bottom"
+        )
+    ax.plot([found.low, found.high], [0.0, 0.0], color=INK, lw=3.0, solid_capstyle="butt")
+    ax.plot([found.value], [0.0], "o", color=INK, ms=5)
+    ax.set_xlim(-0.12, 3.05)
+    ax.set_ylim(-1.0, 1.0)
+    ax.set_yticks([])
+    ax.set_xlabel("it loses like this power of the velocity", fontsize=8.5, color=INK)
+    ax.tick_params(labelsize=8)
 
 
 def picture(record: EnvelopeRecord, found: EnvelopeResult) -> bytes:
@@ -41,11 +59,15 @@ def picture(record: EnvelopeRecord, found: EnvelopeResult) -> bytes:
             left.axvline(at, color=BAND, lw=0.8)
         if np.isfinite(cut.floor):
             left.axhline(cut.floor, color=QUIET, lw=0.6, ls=":")
-        right = figure.add_axes((0.68, 0.12, 0.305, 0.78))
+        right = figure.add_axes(
+            (0.68, 0.12, 0.305, 0.78) if found.exponent is None else (0.68, 0.42, 0.305, 0.48)
+        )
+        if found.exponent is not None:
+            _exponent(figure.add_axes((0.68, 0.12, 0.305, 0.12)), found.exponent)
         right.fill_between(curve.t, -2 * curve.scatter, 2 * curve.scatter, color=BAND, alpha=0.15, lw=0)
         right.plot(curve.t, curve.level - curve.fit, color=INK, lw=0.8)
         right.axhline(0.0, color=FIT, lw=0.8)
-        right.set_xlabel("time / s", color=INK)
+        right.set_xlabel("time / s", color=INK, fontsize=8.5)
         right.set_title("means of readings less the fit, in dB; ± 2 sd", loc="left", fontsize=9)
         right.tick_params(labelsize=8)
     left.tick_params(labelsize=8)

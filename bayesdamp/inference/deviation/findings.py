@@ -33,6 +33,8 @@ EXPONENTS = (0.0, 3.0)
 """Between which a power law's exponent is uniform beforehand."""
 ENOUGH = 100
 """Draws between these that an interval is made of."""
+LEVELS = (np.arange(400) + 0.5) / 400
+"""Of the exponent's quantiles that are kept: draws that a picture is made of."""
 CURVE = 12
 """Amplitudes of a curve."""
 
@@ -49,7 +51,8 @@ class Findings:
     other: 95 % upper limit of the share of any other form. coefficients: under the likeliest sum. unexplained, noise:
     root mean square of what the likeliest candidate leaves beyond noise, and of the noise, as shares of the amplitude.
     free: the damping curve without a law; unnamed: share of the energy that no sum of the terms explains; untold, tied:
-    parameters of the likeliest sum that the record does not tell, and pairs that it tells only together.
+    parameters of the likeliest sum that the record does not tell, and pairs that it tells only together; exponents:
+    quantiles of the exponent at `LEVELS`, none where there is no exponent.
     """
 
     damping: Mapping[str, float]
@@ -76,6 +79,7 @@ class Findings:
     unnamed: Quantity | None = None
     untold: tuple[str, ...] = ()
     tied: tuple[tuple[str, str], ...] = ()
+    exponents: tuple[float, ...] = ()
 
 
 def default_amplitudes(weighing: Weighing) -> tuple[float, float, float]:
@@ -118,12 +122,14 @@ def findings(
     curve = tuple(ratio_at(weighing, drawn, a, sensor if approximate else 0.0, rng) for a in _grid(weighing))
     solver = weighing.solvers[best.restoring]
     of_best = next((d for d in drawn if d.result.candidate == best), None)
-    exponent = _exponent(weighing, approximate, rng)
+    exponents = _exponents(weighing, approximate, rng)
+    exponent = None if exponents is None else quantity(exponents)
     unexplained, noise = left_over(weighing, result)
     return Findings(
         damping={n: p * (1 - exotic) for n, p in damping.items()},
         exotic=summed({c: p for c, p in everything.items() if c not in own}, "damping"),
         exponent=exponent,
+        exponents=() if exponents is None else tuple(np.quantile(exponents, LEVELS).tolist()),
         exact=summed({c: p for c, p in exact_all.items() if c in own}, "damping"),
         restoring=summed(chosen, "restoring"),
         term={t: sum(p for c, p in chosen.items() if t in c.damping) for t in terms},
@@ -192,8 +198,8 @@ def _bounds(
     return found
 
 
-def _exponent(weighing: Weighing, approximate: bool, rng: np.random.Generator) -> Quantity | None:
-    """The exponent of the power law, with its interval; None where it has no fit, or none between 0 and 3."""
+def _exponents(weighing: Weighing, approximate: bool, rng: np.random.Generator) -> np.ndarray | None:
+    """Draws of the power law's exponent, (n,); None where it has no fit, or none between 0 and 3."""
     result = weighing.power
     weighed = None if result is None else result.weighed if approximate else result.exact_weighed
     if result is None or weighed is None:
@@ -204,7 +210,7 @@ def _exponent(weighing: Weighing, approximate: bool, rng: np.random.Generator) -
     values = parameters.priors["exponent"].value(scores)
     inside = values[(values >= EXPONENTS[0]) & (values <= EXPONENTS[1])]
     # Uniform between these: the wider prior of the term, where it is inside of them.
-    return quantity(inside) if inside.size > ENOUGH else None
+    return inside if inside.size > ENOUGH else None
 
 
 def _untold_exponent(weighing: Weighing, exponent: Quantity | None) -> tuple[str, ...]:

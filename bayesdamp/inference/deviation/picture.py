@@ -36,6 +36,8 @@ def picture(weighing: Weighing, found: Findings) -> Mapping[str, np.ndarray]:
         "low": np.array([r.low for r in curve]),
         "high": np.array([r.high for r in curve]),
     }
+    if found.exponents:
+        arrays["exponent"] = np.array(found.exponents)
     if found.free is not None:
         arrays["free/amplitude"] = found.free.amplitude
         for name, values in (("ratio", found.free.ratio), ("lost", found.free.lost)):

@@ -6,6 +6,7 @@ from markupsafe import Markup
 
 from bayesdamp.report import words
 from bayesdamp.report.figures.records import answer as figures
+from bayesdamp.report.figures.records.exponent import exponent
 from bayesdamp.report.html import Line, Table, fill, folded
 from bayesdamp.report.results.answers import Answer, answer_of
 from bayesdamp.report.results.confirmation import confirmation, sampled
@@ -14,7 +15,7 @@ from bayesdamp.report.sections._layout import ANCHOR, by_signal
 from bayesdamp.report.sections._section import Section
 from bayesdamp.types import OK
 from bayesdamp.verdict.types import Grade
-from bayesdamp.verdict.words import energy_of, with_interval
+from bayesdamp.verdict.words import energy_of, loses_like, with_interval
 
 GIVEN = 1e-6
 """Width of a frequency's interval, as a share of it, below which the frequency was given and not found."""
@@ -23,6 +24,12 @@ CAPTION = (
     "a law whose line leaves both bands is not this record's. What the fit leaves should look like noise: a "
     "wave in it is what no law of these explains. Energy lost in a cycle: the highest line is the term that brakes "
     "most at that amplitude."
+)
+
+
+EXPONENT = (
+    "The damping force as one power of the velocity: how probable each exponent is, its 95 % interval below. A hill "
+    "on a dashed line is that damping; one between two lines is a sum, or none of the three."
 )
 
 
@@ -52,7 +59,9 @@ def _one(run: Run, signal: str) -> Markup:
     v = answer.verdict
     unit = v.damping_ratio[0].unit if v.damping_ratio else "rad"
     if v.grade is Grade.NO_FREE_DECAY:
-        nothing = dict.fromkeys(("energy", "confirmed", "picture", "coefficients", "candidates"), "")
+        nothing = dict.fromkeys(
+            ("energy", "confirmed", "picture", "exponent", "coefficients", "candidates"), ""
+        )
         return fill(
             "answer.html", sentence=v.sentence, numbers=(), remarks=v.remarks, ratios=_modes(v), **nothing
         )
@@ -70,9 +79,25 @@ def _one(run: Run, signal: str) -> Markup:
         remarks=v.remarks,
         confirmed=" ".join(filter(None, (sampled(run, signal), confirmation(run, signal)))),
         picture=picture,
+        exponent=_exponent(run, signal, answer),
         ratios=_ratios(v),
         coefficients=_coefficients(v),
         candidates=folded("Every candidate that was weighed at once", _candidates(answer)),
+    )
+
+
+def _exponent(run: Run, signal: str, answer: Answer) -> Markup | str:
+    """The picture of the power law's exponent; nothing where there is none."""
+    e, draws = answer.verdict.exponent, answer.arrays.get("exponent")
+    if e is None or draws is None:
+        return ""
+    said, interval = loses_like(e), (e.value, e.low, e.high)
+    title = f"This record {said}"
+    return run.drawings.add(
+        f"exponent-{signal}",
+        EXPONENT,
+        lambda: exponent(draws, interval, title),
+        narrow=lambda: exponent(draws, interval, title, narrow=True),
     )
 
 
