@@ -28,7 +28,7 @@ from bayesdamp.types import OK, InputError, Refusal, Signal
 from bayesdamp.units import UNITS, Unit
 from bayesdamp.verdict.decide import decide
 from bayesdamp.verdict.specimen import Answered
-from bayesdamp.verdict.types import Grade, Verdict, Window
+from bayesdamp.verdict.types import Averages, Grade, Verdict, Window
 
 BEYOND = 1.3
 """By which factor an amplitude that is asked for may lie outside those of the record."""
@@ -130,7 +130,9 @@ def answer(
     found = findings(weighing, asked, approximate=approximate, sensor=sensor, seed=seed)
     start = signal.provenance.get("start", 0.0)
     first = float(start) if isinstance(start, int | float) else 0.0
-    window = Window(first, first + float(weighing.data.t[-1]), weighing.data.cycles, "")
+    window = Window(first, first + weighing.data.duration, weighing.data.cycles, "")
+    averaging = weighing.averaging
+    averages = None if averaging is None else Averages(averaging.cycles, averaging.error)
     verdict = decide(
         found,
         record=signal.name,
@@ -139,6 +141,7 @@ def answer(
         approximate=approximate,
         window=window,
         notes=[*notes, *filter(None, [remark_on(signal)])],
+        averages=averages,
     )
     return Answer(
         verdict,

@@ -10,6 +10,7 @@ from bayesdamp.physics.damping import TERMS
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.verdict import thresholds
 from bayesdamp.verdict.types import (
+    Averages,
     Bound,
     Coefficient,
     DampingRatio,
@@ -32,6 +33,7 @@ def decide(
     approximate: bool = True,
     window: Window | None = None,
     notes: Sequence[str] = (),
+    averages: Averages | None = None,
 ) -> Verdict:
     """The verdict on one record.
 
@@ -70,6 +72,7 @@ def decide(
         noise_pct=100 * found.noise,
         coefficients=_coefficients(found, unit),
         window=window,
+        averages=averages,
     )
     said = remarks(verdict, found, same, notes)
     return _with(verdict, remarks=said, sentence=sentence(verdict))

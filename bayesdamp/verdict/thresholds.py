@@ -25,3 +25,5 @@ EXPONENT_NAMED = 0.3
 """Half width of an exponent's interval up to which the law that it holds is named."""
 HARDLY_FALLS = 0.7
 """Share of the first amplitude that is left at the end from which dampings are said to be told apart poorly."""
+AVERAGED = 0.1
+"""Posterior standard deviations by which averaging may move a parameter without a reservation."""

@@ -99,6 +99,15 @@ class Window:
 
 
 @dataclass(frozen=True)
+class Averages:
+    """That averaged amplitude and phase stand for the motion of a record of very many cycles: the number of cycles, and
+    the most by which that moves a parameter from where the equation of motion itself has it, in its posterior sds."""
+
+    cycles: float
+    error_sd: float
+
+
+@dataclass(frozen=True)
 class Mode:
     """One of the oscillations of a record that is no free decay of one oscillator: a damped sinusoid.
 
@@ -155,6 +164,7 @@ class Verdict:
     motion: Motion | None = None
     modes: tuple[Mode, ...] = ()
     window: Window | None = None
+    averages: Averages | None = None
     remarks: tuple[str, ...] = ()
     sentence: str = ""
     provenance: Mapping[str, object] = field(default_factory=dict, repr=False)
@@ -206,6 +216,7 @@ _SINGLE = {
     "deviation": Interval,
     "unnamed": Interval,
     "window": Window,
+    "averages": Averages,
 }
 _LISTS = {
     "rivals": Rival,

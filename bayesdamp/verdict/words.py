@@ -214,5 +214,15 @@ def remarks(v: Verdict, found: Findings, same: bool, notes: Sequence[str]) -> tu
         )
     for one, other in found.tied:
         said.append((0.6, f"{_plain(one)} and {_plain(other)} are told together only, not each by itself."))
+    if v.averages is not None:
+        a = v.averages
+        moved = f"that moves no parameter by more than {a.error_sd:.1g} of its standard deviation"
+        text = f"Averaged amplitude and phase stand for {a.cycles:,.0f} cycles; beside the equation of motion, {moved}."
+        if a.error_sd > thresholds.AVERAGED:
+            text = (
+                f"Averaged amplitude and phase stand for {a.cycles:,.0f} cycles, too many for the equation of motion; "
+                f"that moves parameters by up to {a.error_sd:.2g} of their standard deviations."
+            )
+        said.append((0.0 if a.error_sd <= thresholds.AVERAGED else 0.5, text))
     said += [(0.0, note) for note in notes]
     return tuple(text for _, text in sorted(said, key=lambda item: -item[0]))

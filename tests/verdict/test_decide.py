@@ -227,7 +227,7 @@ def test_a_verdict_survives_json() -> None:
     assert {"schema", "record", "grade", "decided", "damping", "probability", "rivals", "restoring",
             "restoring_probability", "frequency", "exponent", "damping_ratio", "energy", "other_forms", "deviation",
             "unnamed", "unexplained_pct", "noise_pct", "coefficients", "motion", "modes",
-                "window", "remarks", "sentence"} == set(back)  # fmt: skip
+                "window", "averages", "remarks", "sentence"} == set(back)  # fmt: skip
 
 
 @pytest.mark.parametrize(

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from bayesdamp.inference.deviation.averaged import Averaged, averaged
+from bayesdamp.physics.kernel import Solver
+from bayesdamp.physics.kernel.averaged import NUMBERS, AveragedSolver
 from bayesdamp.records.oscillation.features import Features, features
 from bayesdamp.types import Signal
 
@@ -24,7 +28,11 @@ ORDERS = {"angle": 0, "velocity": 1, "acceleration": 2}
 @dataclass(frozen=True)
 class Data:
     """t (s, from 0) and y, (n,), thinned by a whole number; scales of the motion: amplitude and final amplitude of the
-    displacement, frequency (rad/s), rest, cycles; noise: sd of y's noise after thinning; start: θ₀ and θ̇₀."""
+    displacement, frequency (rad/s), rest, cycles; noise: sd of y's noise after thinning; start: θ₀ and θ̇₀.
+
+    averaged: where t and y are not samples but amplitudes and phases in blocks, at the times of the oscillation that
+    stands for the record's.
+    """
 
     t: np.ndarray
     y: np.ndarray
@@ -38,6 +46,7 @@ class Data:
     start: tuple[float, float]
     thinned: int
     features: Features
+    averaged: Averaged | None = None
 
     @property
     def recorded_amplitude(self) -> float:
@@ -45,15 +54,42 @@ class Data:
         return self.amplitude * self.frequency ** ORDERS[self.quantity]
 
     @property
+    def times(self) -> np.ndarray:
+        """Times of y in the record, s from its first sample, (n,)."""
+        return self.t if self.averaged is None else np.repeat(self.averaged.track.middles, NUMBERS)
+
+    @property
+    def duration(self) -> float:
+        """Of the record, s."""
+        return float(self.t[-1]) * (1.0 if self.averaged is None else self.averaged.track.slowness)
+
+    def of_amplitude(self, values: np.ndarray) -> np.ndarray:
+        """Of values (n,) those that are no phases and no midlines."""
+        return values if self.averaged is None else values[::NUMBERS]
+
+    def solver(
+        self, terms: Sequence[str], restoring: str, epsilon: float, knots: np.ndarray
+    ) -> Solver | AveragedSolver:
+        """Motions of damping terms under a law as y has them; knots: in the time of t."""
+        given = (
+            tuple(terms), restoring, self.t, self.quantity, self.amplitude, self.frequency, epsilon, knots,
+        )  # fmt: skip
+        return Solver(*given) if self.averaged is None else AveragedSolver(*given, track=self.averaged.track)
+
+    @property
     def least_variance(self) -> float:
         """Of a noise below which the solver's own error would be taken for the record's."""
         return (SOLVED * self.recorded_amplitude) ** 2
 
 
-def prepared(signal: Signal) -> Data:
-    """The data of a signal. Raises Refusal where it does not oscillate."""
+def prepared(signal: Signal, average: bool = True) -> Data:
+    """The data of a signal. Raises Refusal where it does not oscillate.
+
+    average: whether one of very many cycles may be taken as amplitudes and phases.
+    """
     seen = features(signal)
     t, y = np.asarray(signal.t, float), np.asarray(signal.y, float)
+    whole = t - t[0], y
     many = max(1, int(seen.samples_per_cycle // A_CYCLE))
     if many > 1:
         n = t.size // many * many
@@ -63,10 +99,14 @@ def prepared(signal: Signal) -> Data:
     t, y = t[:stop], y[:stop]
     cycles = float(t[-1] / seen.period)
     start = _start(t, y, signal.quantity, seen)
+    last = int(np.searchsorted(whole[0], t[-1])) + 1
+    few = averaged(whole[0][:last], whole[1][:last], seen, float(signal.t[0])) if average else None
+    if few is not None:
+        t, y, many = few.t, few.y, few.samples
     noise = max(seen.roughness / np.sqrt(many), 1e-9 * float(np.ptp(y)))
     return Data(
         t, y, signal.quantity, seen.amplitude, max(seen.final_amplitude, LEAST * seen.amplitude), seen.frequency,
-        seen.rest, cycles, noise, start, many, seen,
+        seen.rest, cycles, noise, start, many, seen, few,
     )  # fmt: skip
 
 

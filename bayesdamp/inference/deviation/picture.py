@@ -17,20 +17,22 @@ NATS = 12.0
 
 
 def picture(weighing: Weighing, found: Findings) -> Mapping[str, np.ndarray]:
-    """Arrays by name: t, record, fit, residual (thinned, (p,)); amplitude, ratio, low, high (a,) of the answer; free/*
-    the curve without a law and the energy lost in a cycle under it; law/SUM the ratio of each sum's own fit under exact
-    laws; work/TERM the energy lost in a cycle by each term, per unit of inertia."""
+    """Arrays by name: t, record, fit, residual (thinned, (p,); amplitudes, where the record was taken as such);
+    amplitude, ratio, low, high (a,) of the answer; free/* the curve without a law and the energy lost in a cycle under
+    it; law/SUM the ratio of each sum's own fit under exact laws; work/TERM the energy lost in a cycle by each term, per
+    unit of inertia."""
     data = weighing.data
     best = next(r for r in weighing.results if r.candidate == found.best)
     motion = best.motion
-    kept = _kept(data.y)
+    t, y, fitted = (data.of_amplitude(values) for values in (data.times, data.y, motion.y))
+    kept = _kept(y)
     curve = found.curve
     amplitude = np.array([r.amplitude for r in curve])
     arrays: dict[str, np.ndarray] = {
-        "t": data.t[kept],
-        "record": data.y[kept],
-        "fit": motion.y[kept],
-        "residual": (data.y - motion.y)[kept],
+        "t": t[kept],
+        "record": y[kept],
+        "fit": fitted[kept],
+        "residual": (y - fitted)[kept],
         "amplitude": amplitude,
         "ratio": np.array([r.value for r in curve]),
         "low": np.array([r.low for r in curve]),

@@ -17,7 +17,7 @@ from bayesdamp.inference.deviation.parameters import Parameters
 from bayesdamp.inference.deviation.weighing import Friction, Result, Weighing, weigh_all
 from bayesdamp.inference.model.defaults import Reference
 from bayesdamp.physics.damping import PAPER_TERMS
-from bayesdamp.physics.kernel import Solver
+from bayesdamp.physics.kernel.averaged import AveragedSolver
 from bayesdamp.physics.kernel.solve import NONE, PARAMETERS
 from bayesdamp.priors import Prior
 from bayesdamp.types import Refusal
@@ -106,12 +106,11 @@ def single(
 def again(data: Data, candidate: Candidate, found: Found) -> Single:
     """What a search found, put together without it. Raises Refusal where it was on another record."""
     knots = knots_of(float(data.t[-1]), data.cycles)
-    solver = Solver(
-        found.terms, candidate.restoring, data.t, data.quantity, data.amplitude, data.frequency, found.epsilon,
-        knots,
-    )  # fmt: skip
+    solver = data.solver(found.terms, candidate.restoring, found.epsilon, knots)
     parameters = Parameters(solver.names, found.priors, found.known)
     active, p = active_of(candidate, solver), parameters.values(found.z)
+    if isinstance(solver, AveragedSolver):
+        solver = solver.corrected(p, active) or solver
     motion = solver.solve(p, active, tangents=NONE)
     moved = solver.solve(p, active, tangents=PARAMETERS, tolerance=SEARCHED)
     if motion is None or moved is None:

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from bayesdamp.inference.deviation.averaged import Averaging
 from bayesdamp.inference.deviation.candidate import (
     Candidate,
     Linearised,
@@ -30,6 +31,7 @@ from bayesdamp.inference.model.defaults import Reference
 from bayesdamp.machine.threads import at_once
 from bayesdamp.physics.damping import PAPER_TERMS, TERMS
 from bayesdamp.physics.kernel import Motion, Solver
+from bayesdamp.physics.kernel.averaged import AveragedSolver
 from bayesdamp.priors import Prior
 from bayesdamp.types import Refusal
 
@@ -45,6 +47,8 @@ FORM, LIKE = "displacement", "quadratic"
 """The form that is weighed as a rival, and the term whose place it takes: both grow with the amplitude."""
 Known = Mapping[str, float] | Callable[[str], Mapping[str, float]]
 START = ("theta0", "omega0")
+ROUNDS = 2
+"""How often averaged motions are set right by the ODE, and the fits that this is done at found again."""
 REACH = 30.0
 """Nats behind the best, with all dampings under both, from which a restoring law is out of the question."""
 
@@ -89,7 +93,8 @@ class Friction:
 @dataclass(frozen=True)
 class Weighing:
     """Every candidate on one record. variance: of the noise that counts, κ times that of what is left; frictions:
-    widths of friction's turning over and how probable they are, none where it is known or there is no friction."""
+    widths of friction's turning over and how probable they are, none where it is known or there is no friction;
+    averaging: of a record that is taken as amplitudes and phases, how far these are from the ODE's."""
 
     data: Data
     reference: Reference
@@ -103,6 +108,7 @@ class Weighing:
     forms: tuple[Result, ...] = ()
     power: Result | None = None
     noise_known: bool = False
+    averaging: Averaging | None = None
 
 
 def weigh_all(
@@ -131,10 +137,7 @@ def weigh_all(
     epsilon = USUAL * reference.peak_velocity if given is None else max(given, least)
     laws = list(dict.fromkeys(c.restoring for c in candidates))
     knots = knots_of(float(data.t[-1]), data.cycles)
-    solvers = {
-        law: Solver(terms, law, data.t, data.quantity, data.amplitude, data.frequency, epsilon, knots)
-        for law in laws
-    }
+    solvers = {law: data.solver(terms, law, epsilon, knots) for law in laws}
     refused: dict[Candidate, str] = {}
     fits: dict[Candidate, Fit] = {}
 
@@ -165,6 +168,9 @@ def weigh_all(
     for solver in solvers.values():
         assert solver.kernel  # compiled before several threads ask for it
     at_once(seek_whole, laws)
+    for _ in range(ROUNDS if data.averaged is not None else 0):
+        _corrected(solvers, fits)
+        _refitted(data, solvers, fits)
     frictions = [] if given is not None else _frictions(data, solvers, fits, reference.peak_velocity)
     if frictions:
         first = max(frictions, key=lambda f: f.weight)
@@ -318,6 +324,22 @@ def _frictions(
     return [Friction(e, float(w), c) for (e, _, c), w in zip(tried, weights / weights.sum(), strict=True)]
 
 
+def _corrected(solvers: dict[str, Solver], fits: Mapping[Candidate, Fit]) -> None:
+    """Averaged motions set right by the ODE, under each law at the fit of most terms."""
+    most: dict[str, Fit] = {}
+    for c, found in sorted(fits.items(), key=lambda item: len(item[0].damping)):
+        most[c.restoring] = found
+
+    def right(law: str) -> AveragedSolver | None:
+        solver, at = solvers[law], most[law]
+        assert isinstance(solver, AveragedSolver)
+        return solver.corrected(at.parameters.values(at.z), at.active)
+
+    for law, solver in zip(most, at_once(right, most), strict=True):
+        if solver is not None:
+            solvers[law] = solver
+
+
 def _refitted(data: Data, solvers: Mapping[str, Solver], fits: dict[Candidate, Fit]) -> None:
     """Fits anew under the solvers' ε."""
 
@@ -362,5 +384,6 @@ def _stated(data: Data, noise_sd: float) -> float:
 def _noise(data: Data, wholes: Mapping[str, tuple[Linearised, float]]) -> tuple[float, float]:
     """The variance that counts, and κ in it, from the sum of all terms under the law that leaves least."""
     at, variance = min(wholes.values(), key=lambda found: found[1])
-    kappa = inflation(data.t, at.left, data.frequency, at.u.size)
+    # Amplitudes and phases have the noise near the oscillation alone.
+    kappa = 1.0 if data.averaged else inflation(data.t, at.left, data.frequency, at.u.size)
     return kappa * variance, kappa

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -133,7 +133,7 @@ class Approximate:
     @property
     def knots(self) -> Array:
         """Times in s from the first sample."""
-        return self.single.result.solver.knots
+        return self.single.result.solver.knots * self.single.result.solver.slowness
 
     def sizes(self, u: Array) -> tuple[Array, Array]:
         """Energy-weighted mean of |log g| and |h| over the record, of draws (n, K): (n,) each."""
@@ -155,7 +155,7 @@ class Approximate:
         the samples that are fitted, in their quantity."""
         result, solver = self.single.result, self.single.result.solver
         if t is not None:
-            solver = replace(solver, t=np.asarray(t, float), quantity=quantity or solver.quantity)
+            solver = solver.at(np.asarray(t, float), quantity or solver.quantity)
         parameters = result.fit.parameters
         g, h = self.deviations(u)
         none = np.full(solver.t.size, np.nan)

@@ -95,7 +95,7 @@ def _along(
     """One variable along the samples that were fitted."""
     times = (
         "time",
-        approximate.single.weighing.data.t,
+        approximate.single.weighing.data.times,
         {"units": "s", "definition": "time from the first sample"},
     )
     return xr.Dataset({} if variable is None else {RECORD: variable}, {**(coords or {}), "time": times})

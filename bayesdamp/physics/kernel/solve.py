@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -49,6 +49,15 @@ class Solver:
     frequency: float
     epsilon: float
     knots: np.ndarray
+
+    @property
+    def slowness(self) -> float:
+        """Cycles of the record for one that is solved."""
+        return 1.0
+
+    def at(self, t: np.ndarray, quantity: str) -> Solver:
+        """The solver at other times t, (n,) in s from 0, within the knots, of another quantity."""
+        return replace(self, t=t, quantity=quantity)
 
     @cached_property
     def kernel(self) -> Kernel:
@@ -137,6 +146,12 @@ class Solver:
                 rest = np.arange(whole + len(every), found.shape[1])
                 found = found[:, np.concatenate([self._places, np.array(taken, int), rest])]
         return Motion(y, found, times, states)
+
+    def read_slopes(self, times: np.ndarray, states: np.ndarray, slopes: np.ndarray) -> np.ndarray:
+        """Tangents of what is solved for, (n, k), from those at a motion's nodes: times (s,), states (s, 3), slopes
+        (s, k, 3)."""
+        del states
+        return slopes_at_times(times, slopes, np.array(self.t, float), QUANTITIES.index(self.quantity))
 
     def works(
         self,

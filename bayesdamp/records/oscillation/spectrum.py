@@ -8,6 +8,8 @@ MOST = 16384
 """Samples that the search works on at most; longer records are averaged in blocks."""
 LOST = 0.5
 """Share of the variance below which an average over blocks has lost something."""
+UNSURE = 0.5
+"""Share of the variance that an average over blocks must show in an oscillation to be believed."""
 WEAK = 0.1
 """Share of the strongest period's power below which another is none."""
 
@@ -62,8 +64,8 @@ def coarse_periods(
     """
     spacing, averaged = on_grid(t, y)
     found = _periods(averaged, spacing, longest, most)
-    if t.size > MOST and np.var(averaged) < LOST * np.var(y):
-        # Averages over blocks miss what swings within a block: the liveliest piece of the samples themselves.
+    if t.size > MOST and (np.var(averaged) < LOST * np.var(y) or found[0][1] < UNSURE):
+        # Averages over blocks miss what swings within one or a few: the liveliest piece of the samples themselves.
         ends = np.arange(MOST, t.size + 1, MOST)
         at = max(ends.tolist(), key=lambda end: float(np.var(y[end - MOST : end])))
         piece = slice(at - MOST, at)

@@ -20,8 +20,7 @@ from bayesdamp.inference.deviation.orbit import rest_of
 from bayesdamp.inference.deviation.weighing import Result, Weighing
 from bayesdamp.inference.model.defaults import RATIO_SCALE
 from bayesdamp.physics.damping import TERMS, others
-from bayesdamp.physics.kernel.dense import slopes_at_times
-from bayesdamp.physics.kernel.solve import ALL, QUANTITIES
+from bayesdamp.physics.kernel.solve import ALL
 from bayesdamp.physics.restoring import LAWS
 
 FEW = 1000
@@ -53,7 +52,7 @@ def bounds_of_others(
         if name not in result.candidate.damping and TERMS.get(name).bounded
         for form in _forms(weighing, result, name)
     ]
-    base = _columns(weighing, result, approximate)
+    base = columns_of(weighing, result, approximate)
     if base is None or not forms:
         return {}
     columns, target = base
@@ -135,7 +134,7 @@ def _knots(weighing: Weighing, result: Result) -> int:
     return weighing.solvers[result.candidate.restoring].knots.size
 
 
-def _columns(weighing: Weighing, result: Result, approximate: bool) -> tuple[np.ndarray, np.ndarray] | None:
+def columns_of(weighing: Weighing, result: Result, approximate: bool) -> tuple[np.ndarray, np.ndarray] | None:
     """The linear model's columns (n, K) and what they are fitted to, (n,)."""
     fit, data, about = result.fit, weighing.data, result.about
     if not approximate or about is None:
@@ -193,10 +192,10 @@ def _sources(weighing: Weighing, result: Result, forms: list[_Form]) -> tuple[np
 def _tangents(weighing: Weighing, result: Result, sources: np.ndarray) -> np.ndarray:
     """Tangents of the record by the forms' coefficients, (n, f): the variational equation by Runge and Kutta's method
     of order 4 on the motion's own steps."""
-    solver, data = weighing.solvers[result.candidate.restoring], weighing.data
+    solver = weighing.solvers[result.candidate.restoring]
     times, x, v = _middle(result)
     by_x, by_v, scale = _slopes(weighing, result, times, x, v)
-    force = -scale[:, None] * sources
+    force = -scale[:, None] * sources * solver.slowness
     t, n = times[::2], sources.shape[1]
     found = np.zeros((t.size, n, 3))
     found[0, :, 2] = force[0]
@@ -214,7 +213,7 @@ def _tangents(weighing: Weighing, result: Result, sources: np.ndarray) -> np.nda
         w = w + step / 6 * (w1 + 2 * w2 + 2 * w3 + w4)
         found[i + 1, :, 0], found[i + 1, :, 1] = d, w
         found[i + 1, :, 2] = force[b] - by_x[b] * d - by_v[b] * w
-    return slopes_at_times(t, found, np.array(data.t, float), QUANTITIES.index(solver.quantity))
+    return solver.read_slopes(t, result.motion.states, found)
 
 
 def _slopes(
@@ -225,7 +224,8 @@ def _slopes(
     values = values_of(result)
     law, force = values[solver.law_places], LAWS.get(result.candidate.restoring).kernel
     further = dict(zip(solver.further, values[len(solver.terms) : solver.law_places.start], strict=True))
-    coefficients: Mapping[str, float] = dict(zip(solver.terms, values, strict=False))
+    own = values[: len(solver.terms)] * solver.slowness
+    coefficients: Mapping[str, float] = dict(zip(solver.terms, own, strict=True))
     shapes = [(coefficients[n], TERMS.get(n).at(further)) for n in result.candidate.damping]
     dx, dv, epsilon = 1e-6 * data.amplitude, 1e-6 * data.amplitude * data.frequency, solver.epsilon
     points = list(zip(x.tolist(), v.tolist(), strict=True))

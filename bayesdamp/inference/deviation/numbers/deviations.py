@@ -25,7 +25,10 @@ def left_over(weighing: Weighing, result: Result) -> tuple[float, float]:
     amplitude."""
     residual, about = result.fit.residual, result.about
     left = residual if about is None else about.left
+    # A phase that slips over thousands of cycles is a frequency that is off by next to nothing.
+    residual = weighing.data.of_amplitude(residual)
     clean = float(left @ left) / max(left.size - (0 if about is None else about.u.size), 1)
     rest = max(float(residual @ residual) / residual.size - clean, 0.0)
-    amplitude = weighing.data.recorded_amplitude
-    return float(np.sqrt(rest)) / amplitude, float(np.sqrt(clean)) / amplitude
+    amplitude, averaged = weighing.data.recorded_amplitude, weighing.data.averaged
+    each = 1.0 if averaged is None else averaged.samples
+    return float(np.sqrt(rest)) / amplitude, float(np.sqrt(clean * each)) / amplitude
