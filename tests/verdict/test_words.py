@@ -32,7 +32,7 @@ def test_a_verdict_in_the_records_own_unit_has_all_its_amplitudes_in_it() -> Non
     ("interval", "said"),
     [
         ((1.02, 0.99, 1.05), "loses like v^1.020 ± 0.030: viscous"),
-        ((0.01, 0.0, 0.2), "loses like v^0.01 (0.00 to 0.20): Coulomb"),
+        ((0.01, 0.0, 0.2), "loses like v^0.01 (0 to 0.20): Coulomb"),
         ((1.5, 1.3, 1.7), "loses like v^1.50 ± 0.20"),
         ((1.0, 0.4, 1.6), "loses like v^1.00 ± 0.60"),
     ],
