@@ -19,6 +19,11 @@ OURS = "bayesdamp"
 PYOMA = Environment("pyoma2", ("pyOMA-2==1.4.3",))
 NUMPYRO = Environment("numpyro", ("numpyro==0.22.0", "diffrax==0.7.2"))
 
+VISCOUS = (
+    "Its model is right where damping is viscous and the spring linear, and spends the data on nothing else."
+)
+FREE = "It keeps every damping with its uncertainty, and has no choice among them to get wrong."
+
 
 @dataclass(frozen=True)
 class Entry:
@@ -39,11 +44,11 @@ ROSTER: dict[str, Entry] = {
     "hilbert": Entry("Hilbert envelope, one line", envelope.answer, ""),
     "hilbert_local": Entry("Hilbert envelope, a line at each amplitude", envelope.local, ""),
     "half_power": Entry("half-power bandwidth", half_power.answer, ""),
-    "curve_fit": Entry("SciPy curve_fit, decaying cosine", least_squares.answer, ""),
+    "curve_fit": Entry("SciPy curve_fit, decaying cosine", least_squares.answer, VISCOUS),
     "pysindy": Entry("PySINDy", sindy.answer, ""),
-    "pyoma_ssi": Entry("pyOMA2, SSI", Child(PYOMA, "pyoma.py", ("ssi",)), ""),
+    "pyoma_ssi": Entry("pyOMA2, SSI", Child(PYOMA, "pyoma.py", ("ssi",)), VISCOUS),
     "pyoma_efdd": Entry("pyOMA2, EFDD", Child(PYOMA, "pyoma.py", ("efdd",)), ""),
     OURS: Entry("bayesdamp, compare without sampling", ours.answer, ""),
-    "numpyro": Entry("NumPyro (NUTS) with diffrax", Child(NUMPYRO, "numpyro_diffrax.py"), ""),
+    "numpyro": Entry("NumPyro (NUTS) with diffrax", Child(NUMPYRO, "numpyro_diffrax.py"), FREE),
 }
 """By the name that rows have; the dearest last."""

@@ -42,6 +42,18 @@ def test_a_peer_that_is_nearer_is_said():
     assert "Seed 811;" in said
 
 
+def test_what_ours_refuses_and_others_answer_is_said():
+    made = [
+        row(f"gappy-811-{i}", OURS, 0.0, outcome="not the free decay of one oscillator") for i in range(6)
+    ]
+    made += [row(f"gappy-811-{i}", "decrement", 0.2, seconds=0.001) for i in range(5)]
+    said = page(table(*made), {})
+    assert "**gappy**: bayesdamp refused 6 of 6 records." in said
+    assert "logarithmic decrement 5 (20 %)." in said
+    assert "by these factors: logarithmic decrement 500." in said
+    assert "bayesdamp refused" not in page(stored(), {})
+
+
 def test_one_that_does_not_install_is_said():
     assert "pyoma2 did not take part: no network." in page(stored(), {"pyoma2": "no network"})
 
