@@ -10,7 +10,7 @@ from threadpoolctl import threadpool_limits
 
 from bayesdamp.inference.deviation.candidate import Candidate
 from bayesdamp.inference.deviation.data import prepared
-from bayesdamp.inference.deviation.numbers.averaging import START, averaging_of
+from bayesdamp.inference.deviation.numbers.averaging import START, averaging_of, set_right
 from bayesdamp.inference.deviation.weighing import Known, Weighing, weigh_all
 from bayesdamp.inference.model.defaults import Reference
 from bayesdamp.physics.damping import all_sums, parse_model
@@ -50,6 +50,9 @@ def weighing_of(
         )  # fmt: skip
         data = prepared(signal, average=not _start_known(known, laws))
         weighing = of(data)
+        if data.averaged is None or not weighing.results:
+            return weighing
+        weighing = set_right(weighing, approximate)
         averaging = averaging_of(weighing)
         if averaging is None:
             return weighing

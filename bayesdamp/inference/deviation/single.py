@@ -110,7 +110,8 @@ def again(data: Data, candidate: Candidate, found: Found) -> Single:
     parameters = Parameters(solver.names, found.priors, found.known)
     active, p = active_of(candidate, solver), parameters.values(found.z)
     if isinstance(solver, AveragedSolver):
-        solver = solver.corrected(p, active) or solver
+        z, g, h = np.split(found.u, [found.z.size, found.z.size + knots.size])
+        solver = solver.corrected(parameters.values(z), active, np.expm1(g), h) or solver
     motion = solver.solve(p, active, tangents=NONE)
     moved = solver.solve(p, active, tangents=PARAMETERS, tolerance=SEARCHED)
     if motion is None or moved is None:

@@ -203,7 +203,7 @@ def weigh_all(
             seek(c, fits.get(Candidate(terms, c.restoring), fits.get(Candidate(plain, c.restoring))))
         if c not in fits:
             return None
-        return _weighed(c, solvers[c.restoring], fits[c], data, noise, approximate, stated is not None)
+        return result_of(c, solvers[c.restoring], fits[c], data, noise, approximate, stated is not None)
 
     results = [r for r in at_once(weighed, asked) if r is not None]
     # In an order that does not depend on which core was first.
@@ -240,7 +240,7 @@ def _beside(weighing: Weighing, approximate: bool) -> dict[str, Any]:
             {**near, **{n: first[n] for n in _coefficients(c)}, **start} for start in starts
         ]
         found = searched(c, solver, data, parameters, begun, windows=False)
-        return None if found is None else _weighed(c, solver, found, data, noise, approximate, stated)
+        return None if found is None else result_of(c, solver, found, data, noise, approximate, stated)
 
     paper = tuple(t for t in plain.terms if t in PAPER_TERMS)
     with_form = replace(plain, terms=(*paper, FORM))
@@ -271,7 +271,7 @@ def _given(
     return reference.scales(data.rest if at is None else at)
 
 
-def _weighed(
+def result_of(
     c: Candidate,
     solver: Solver,
     found: Fit,

@@ -130,10 +130,12 @@ class AveragedSolver(Solver):
         z, _ = _projected(y, order, self.track.phases)
         return self._turned(z, *_projected(moved, order, self.track.phases))
 
-    def corrected(self, p: np.ndarray, active: np.ndarray) -> AveragedSolver | None:
-        """Set right at p, (k,), under exact laws; None where a motion escapes there."""
+    def corrected(
+        self, p: np.ndarray, active: np.ndarray, g: np.ndarray | None = None, h: np.ndarray | None = None
+    ) -> AveragedSolver | None:
+        """Set right at p, (k,), and deviations g and h; None where a motion escapes there."""
         plain = replace(self, defect=None)
-        own, true = plain.solve(p, active, tangents=NONE), self.by_ode(p, active)
+        own, true = plain.solve(p, active, g, h, tangents=NONE), self.by_ode(p, active, g, h)
         if own is None or true is None:
             return None
         return replace(self, defect=self._lacking(own.y, *true))

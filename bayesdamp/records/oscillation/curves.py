@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.linalg import cholesky_banded, solve_banded
 
 from bayesdamp.records.oscillation.features import Features, crossing_times, regular
 from bayesdamp.records.oscillation.turning import midpoints, turning_points
@@ -54,7 +55,7 @@ def amplitude_curves(signal: Signal, seen: Features) -> Curves:
         size, fall, fall_sd = _line(
             n, np.log(ranges[part]), _shared(ends[part[0] : part[-1] + 2], ranges[part])
         )
-        gap, gap_sd = _spacing(n, crossings[part], np.diag(timing[part] ** 2))
+        gap, gap_sd = _spacing(n, crossings[part], _Banded(timing[part] ** 2, np.zeros(part.size - 1)))
         frequency = np.pi / gap
         scale = 0.5 / frequency**order
         rows.append(
@@ -63,24 +64,33 @@ def amplitude_curves(signal: Signal, seen: Features) -> Curves:
     return Curves(*np.array(rows).T)
 
 
-def _shared(ends: np.ndarray, ranges: np.ndarray) -> np.ndarray:
-    """Covariance (k, k) of log ranges (k,) between turning points with these errors, (k + 1,)."""
-    steps = (
-        (np.eye(ranges.size, ranges.size + 1) + np.eye(ranges.size, ranges.size + 1, 1))
-        * ends
-        / ranges[:, None]
-    )
-    return steps @ steps.T
+@dataclass(frozen=True)
+class _Banded:
+    """A covariance of neighbours alone: its diagonal, (k,), and what stands beside it, (k − 1,)."""
+
+    diagonal: np.ndarray
+    beside: np.ndarray
+
+    def whitened(self, values: np.ndarray, least: float) -> np.ndarray:
+        """Values (k, ...) times the inverse of its Cholesky factor, `least` added to its diagonal."""
+        lower = np.vstack([self.diagonal + least, np.append(self.beside, 0.0)])
+        return solve_banded((1, 0), cholesky_banded(lower, lower=True), values)
 
 
-def _line(n: np.ndarray, values: np.ndarray, covariance: np.ndarray) -> tuple[float, float, float]:
+def _shared(ends: np.ndarray, ranges: np.ndarray) -> _Banded:
+    """Covariance of log ranges (k,) between turning points with these errors, (k + 1,)."""
+    squares = ends**2
+    return _Banded((squares[:-1] + squares[1:]) / ranges**2, squares[1:-1] / (ranges[:-1] * ranges[1:]))
+
+
+def _line(n: np.ndarray, values: np.ndarray, covariance: _Banded) -> tuple[float, float, float]:
     """(value, slope, sd of the slope) in the middle, n = 0, of a parabola; of a line through fewer than five."""
     columns = np.stack([np.ones_like(n), n, n**2], axis=1)[:, : 3 if n.size >= 5 else min(2, n.size)]
     c, error = _fitted(columns, values, covariance)
     return (c[0], c[1], error[1]) if c.size > 1 else (c[0], np.nan, np.nan)
 
 
-def _spacing(n: np.ndarray, times: np.ndarray, covariance: np.ndarray) -> tuple[float, float]:
+def _spacing(n: np.ndarray, times: np.ndarray, covariance: _Banded) -> tuple[float, float]:
     """(time from a crossing to the next, its sd)."""
     alternate = (-1.0) ** np.round(n - n[0])
     columns = np.stack([np.ones_like(n), n, alternate], axis=1)[:, : 3 if n.size >= 4 else min(2, n.size)]
@@ -88,11 +98,10 @@ def _spacing(n: np.ndarray, times: np.ndarray, covariance: np.ndarray) -> tuple[
     return (c[1], error[1]) if c.size > 1 else (np.nan, np.nan)
 
 
-def _fitted(columns: np.ndarray, values: np.ndarray, covariance: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Coefficients and their sds, by the given covariance (n, n) or by the scatter, whichever is larger."""
+def _fitted(columns: np.ndarray, values: np.ndarray, covariance: _Banded) -> tuple[np.ndarray, np.ndarray]:
+    """Coefficients and their sds, by the given covariance or by the scatter, whichever is larger."""
     least = (1e-12 * np.abs(values).max() + 1e-150) ** 2
-    root = np.linalg.cholesky(covariance + least * np.eye(values.size))
-    white, scores = np.linalg.solve(root, columns), np.linalg.solve(root, values)
+    white, scores = covariance.whitened(columns, least), covariance.whitened(values, least)
     inverse = np.linalg.pinv(white)
     c = inverse @ scores
     left = values.size - columns.shape[1]

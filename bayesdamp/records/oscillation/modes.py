@@ -14,7 +14,7 @@ APART = 0.6
 """Distance of two frequencies, in 1 over the record's length, from which they are sought as two lines."""
 PADDED = 4
 """Times its length to which a record is padded before its spectrum is taken."""
-SEARCHED = 20_000
+SEARCHED = 6_000
 """Samples that a search takes of a record with more, drawn from all of it by chance, so that no frequency is taken for
 another; what it finds is judged on all."""
 

@@ -8,7 +8,7 @@ from scipy.integrate import solve_ivp
 from scipy.special import ellipk
 from scipy.stats import chi2
 
-from bayesdamp.records.oscillation.curves import Curves, amplitude_curves
+from bayesdamp.records.oscillation.curves import Curves, _shared, amplitude_curves
 from bayesdamp.records.oscillation.features import features
 from bayesdamp.types import Signal
 
@@ -88,3 +88,11 @@ def test_the_band_is_as_wide_as_the_noise_makes_it(noise: float) -> None:
     for each in scores.mean(axis=1):
         assert 0.7 * low < each < high
         assert 4 * each > high  # the control: sds half as large are seen
+
+
+def test_errors_that_neighbours_share_are_whitened_as_by_the_whole_covariance() -> None:
+    rng = np.random.default_rng(2)
+    ends, ranges, values = rng.uniform(0.1, 0.2, 8), rng.uniform(1, 2, 7), rng.normal(size=(7, 3))
+    steps = (np.eye(7, 8) + np.eye(7, 8, 1)) * ends / ranges[:, None]
+    whole = np.linalg.cholesky(steps @ steps.T + 1e-9 * np.eye(7))
+    assert _shared(ends, ranges).whitened(values, 1e-9) == pytest.approx(np.linalg.solve(whole, values))

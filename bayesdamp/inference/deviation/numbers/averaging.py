@@ -2,15 +2,52 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from bayesdamp.inference.deviation.averaged import Averaging
+from bayesdamp.inference.deviation.least_squares import fit
 from bayesdamp.inference.deviation.numbers.bounds import columns_of
 from bayesdamp.inference.deviation.numbers.curves import values_of
-from bayesdamp.inference.deviation.weighing import Weighing
+from bayesdamp.inference.deviation.weighing import Result, Weighing, result_of
+from bayesdamp.machine.threads import at_once
 from bayesdamp.physics.kernel.averaged import TURNS, AveragedSolver
 
+NEAR = 10.0
+"""Nats behind the best up to which a candidate counts."""
 START = ("theta0", "omega0")
+
+
+def set_right(weighing: Weighing, approximate: bool) -> Weighing:
+    """With the candidates that count set right by the ODE at their own modes, deviations included."""
+    best = max(r.log_evidence for r in weighing.results)
+
+    def right(r: Result) -> Result:
+        if best - r.log_evidence > NEAR:
+            return r
+        assert isinstance(r.solver, AveragedSolver)
+        solver = r.solver.corrected(values_of(r), r.fit.active, *_deviations(r))
+        if solver is None:
+            return r
+        data = weighing.data
+        found = fit(solver, r.fit.parameters, r.fit.active, data.y, r.fit.z, noise=data.noise, windows=False)
+        noise = weighing.variance, weighing.inflation
+        stated = weighing.noise_known
+        return r if found is None else result_of(r.candidate, solver, found, data, noise, approximate, stated)
+
+    results = tuple(at_once(right, weighing.results))
+    top = max(results, key=lambda r: r.log_evidence)
+    solvers = {**weighing.solvers, top.candidate.restoring: top.solver}
+    return replace(weighing, results=results, solvers=solvers)
+
+
+def _deviations(r: Result) -> tuple[np.ndarray, np.ndarray] | tuple[None, None]:
+    """Of a result's mode: relative ones of the damping, and of the frequency."""
+    if r.about is None:
+        return None, None
+    g, h = np.split(r.about.u[r.fit.z.size :], 2)
+    return np.expm1(g), h
 
 
 def averaging_of(weighing: Weighing) -> Averaging | None:
@@ -20,14 +57,10 @@ def averaging_of(weighing: Weighing) -> Averaging | None:
         return None
     solved = TURNS * averaged.track.sizes.size
     result = max(weighing.results, key=lambda r: r.log_evidence)
-    solver, about, d = result.solver, result.about, result.fit.z.size
+    solver = result.solver
     assert isinstance(solver, AveragedSolver)
-    g = h = None
-    if about is not None:
-        g, h = np.split(about.u[d:], 2)
-        g = np.expm1(g)
-    off = solver.error(values_of(result), result.fit.active, g, h)
-    base = columns_of(weighing, result, about is not None)
+    off = solver.error(values_of(result), result.fit.active, *_deviations(result))
+    base = columns_of(weighing, result, result.about is not None)
     if off is None or base is None:
         return Averaging(weighing.data.cycles, solved, float("inf"), float("inf"))
     weighed = result.exact_weighed if result.weighed is None else result.weighed

@@ -139,7 +139,7 @@ def columns_of(weighing: Weighing, result: Result, approximate: bool) -> tuple[n
     fit, data, about = result.fit, weighing.data, result.about
     if not approximate or about is None:
         return fit.tangents, fit.residual + fit.tangents @ fit.z
-    solver, d = weighing.solvers[result.candidate.restoring], fit.z.size
+    solver, d = result.solver, fit.z.size
     n = solver.knots.size
     z, g, h = about.u[:d], about.u[d : d + n], about.u[d + n :]
     motion = solver.solve(fit.parameters.values(z), fit.active, np.expm1(g), h, ALL)
