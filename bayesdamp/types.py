@@ -12,8 +12,6 @@ if TYPE_CHECKING:
 OK = "ok"
 VERDICT_SCHEMA = 1
 """Version of the objects of verdict.json: it goes up when a field is renamed, removed, or means something else."""
-BEWARE = "Beware: "
-"""Begins a note on how a record was read that a user has to know of."""
 LAW_MARK = "@"
 """Stands between a damping sum and its restoring law where a study compares several laws."""
 
@@ -145,3 +143,10 @@ class Problem:
 
     damping: tuple[str, ...]
     system: System
+
+
+def told(provenance: Mapping[str, object]) -> tuple[str, ...]:
+    """What a user reads of how a record was read: its `warnings`, which he has to know of, then its `notes`."""
+    warnings, notes = (provenance.get(name) for name in ("warnings", "notes"))
+    some = [f"Beware: {text}" for text in warnings] if isinstance(warnings, list | tuple) else []
+    return (*some, *(map(str, notes) if isinstance(notes, list | tuple) else ()))

@@ -15,7 +15,7 @@ from bayesdamp.report.results.answers import specimens, verdicts
 from bayesdamp.report.results.confirmation import confirmation, sampled_words
 from bayesdamp.report.results.run import Run
 from bayesdamp.report.results.specimens import sentences
-from bayesdamp.types import BEWARE, OK
+from bayesdamp.types import OK
 from bayesdamp.units import UNITS
 from bayesdamp.verdict.agreement import agreement
 from bayesdamp.verdict.types import Grade, Verdict
@@ -81,7 +81,7 @@ def conclude(folder: Path, console: Console) -> None:
             console.print(Text(f"{signal}: {_why(run, signal)}"), soft_wrap=True)
         for warning in run.warnings(signal):
             whose = f"{signal}: " if len(run.signals) > 1 else ""
-            console.print(Text(f"{BEWARE}{whose}{warning}"), soft_wrap=True)
+            console.print(Text(f"Beware: {whose}{warning}"), soft_wrap=True)
         confirmed = confirmation(run, signal)
         if confirmed:
             console.print(Text(confirmed), soft_wrap=True)

@@ -12,7 +12,7 @@ from bayesdamp.config.compare import Asked, comparison, laws_for
 from bayesdamp.pipeline.records.records import SignalCell
 from bayesdamp.records.stated_columns import choose_columns
 from bayesdamp.store import Store
-from bayesdamp.types import BEWARE, InputError
+from bayesdamp.types import InputError
 
 
 def write(path: Path, header: str = "t,angle,other", columns: int = 2) -> Path:
@@ -95,7 +95,7 @@ def test_a_record_without_noise_gets_some_and_says_so(tmp_path) -> None:
         cell = SignalCell(study, study.signals[0], 0, Store(tmp_path / "out"))
         cell.compute()
         found[name] = Store(tmp_path / "out").read(cell.name)
-    told = {n: [s for s in c.meta["provenance"]["notes"] if s.startswith(BEWARE)] for n, c in found.items()}
+    told = {n: c.meta["provenance"]["warnings"] for n, c in found.items()}
     assert all(c.meta["noisy"] for c in found.values())
     assert told["noisy"] == []
     assert "has no noise" in told["clean"][0]

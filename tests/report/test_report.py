@@ -373,7 +373,7 @@ def test_what_one_has_to_know_of_the_reading_is_a_doubt_and_on_the_terminal(make
         assert (f"Beware: {said}" in printed.getvalue()) == warned
         assert (f"the record's unit unseen: {said}" in Page(render(folder).read_text()).words) == warned
         info = json.loads((folder / "run.json").read_text())
-        info["signals"]["bench"]["notes"].append(f"Beware: {said}")
+        info["signals"]["bench"]["warnings"] = [said]
         (folder / "run.json").write_text(json.dumps(info))
 
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from bayesdamp.types import told
+
 if TYPE_CHECKING:
     import numpy as np
 
@@ -43,8 +45,7 @@ def reading(one: Found) -> str:
 
 def sentences(one: Found) -> list[str]:
     """What was done to a record, or why there is no free decay in it."""
-    notes = (one.signal.provenance if one.signal else one.raw.provenance).get("notes", [])
-    said = [str(note) for note in notes] if isinstance(notes, list | tuple) else []
+    said = list(told(one.signal.provenance if one.signal else one.raw.provenance))
     return said if one.signal else [*said, f"No free decay: {one.refusal}"]
 
 

@@ -12,7 +12,7 @@ from bayesdamp.records.opening.opening import FALLBACK, reader_of
 from bayesdamp.records.read import read_record
 from bayesdamp.records.readers import READERS
 from bayesdamp.records.stated_columns import choose_columns
-from bayesdamp.types import InputError
+from bayesdamp.types import InputError, told
 
 HEAD = 8192
 """Bytes in which a file's head and the names of its columns stand."""
@@ -56,7 +56,7 @@ def read_envelope(
     label = str(raw.provenance.get("value_column", ""))
     facts = _facts(path) if _is_text(path) else {}
     chosen = unit or unit_in(label) or _bracketed(label) or "units"
-    notes = [str(note) for note in raw.provenance.get("notes") or () if "header line" not in str(note)]  # type: ignore[union-attr]
+    notes = [note for note in told(raw.provenance) if "header line" not in note]
     return made_record(
         path.name,
         t,

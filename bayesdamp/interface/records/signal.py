@@ -19,7 +19,7 @@ from bayesdamp.records.cleaning.clean import QUANTITIES, clean
 from bayesdamp.records.cleaning.clock import clock_times
 from bayesdamp.records.cleaning.quantum import recording_step
 from bayesdamp.records.record import RawRecord
-from bayesdamp.types import InputError
+from bayesdamp.types import InputError, told
 from bayesdamp.units import UNITS, Unit
 
 if TYPE_CHECKING:
@@ -49,9 +49,8 @@ class Signal(Result, types.Signal):
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What was done to the record, in sentences."""
-        notes = self.provenance.get("notes", ())
-        return tuple(str(n) for n in notes) if isinstance(notes, list | tuple) else ()
+        """What one has to know of the record, and what was done to it, in sentences."""
+        return told(self.provenance)
 
     @property
     def y_unit(self) -> str:

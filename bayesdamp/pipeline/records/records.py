@@ -26,7 +26,7 @@ from bayesdamp.records.record import RawRecord
 from bayesdamp.records.simulate import simulate_signal
 from bayesdamp.store import CellResult, Store, sha256
 from bayesdamp.store.contents.records import RecordContent, Scales
-from bayesdamp.types import BEWARE, OK, InputError, Problem, Refusal, Signal
+from bayesdamp.types import OK, InputError, Problem, Refusal, Signal
 from bayesdamp.units import UNITS
 
 NO_NOISE = 1e-6
@@ -141,14 +141,14 @@ class SignalCell:
             return signal
         rng = np.random.default_rng(cell_seed(self.study, f"noise/{self.name}"))
         y = signal.y + share * size * rng.standard_normal(signal.y.size)
-        note = (
-            f"{BEWARE}the record has no noise (it may be simulated), and without any nothing can be weighed. "
+        warning = (
+            f"the record has no noise (it may be simulated), and without any nothing can be weighed. "
             f"Noise of {100 * share:g} % of its amplitude was added: what is said is of that record. Give a record "
             "with its noise, or fit this one with a study's estimators, which need none."
         )
-        notes = signal.provenance.get("notes", [])
-        assert isinstance(notes, list)
-        return replace(signal, y=y, provenance={**signal.provenance, "notes": [*notes, note]})
+        before = signal.provenance.get("warnings", [])
+        assert isinstance(before, list)
+        return replace(signal, y=y, provenance={**signal.provenance, "warnings": [*before, warning]})
 
     def _known(self, signal: Signal, content: RecordContent) -> RecordContent:
         """The content with features, the reference of the priors, ε where it was not given, and whether there is noise.

@@ -15,7 +15,7 @@ from bayesdamp.records.files.named_units import unit_and_quantity
 from bayesdamp.records.oscillation.features import features
 from bayesdamp.records.oscillation.rough import residuals
 from bayesdamp.records.record import RawRecord
-from bayesdamp.types import BEWARE, InputError, Refusal, Signal
+from bayesdamp.types import InputError, Refusal, Signal
 from bayesdamp.units import UNITS
 
 QUANTITIES = ("angle", "velocity", "acceleration")
@@ -74,17 +74,17 @@ def clean(
         raise InputError(f"{name}: needs at least two periods of free decay, has {cycles:.1f}")
     outliers = count_outliers(signal, found.period, float(found.turning_amplitudes.max()))
     rate = (t.size - 1) / float(t[-1] - t[0])
-    notes = [*_words(raw), *times.notes, *window.notes]
+    notes, warnings = [*_words(raw, "notes"), *times.notes, *window.notes], _words(raw, "warnings")
     said = unit_and_quantity(str(raw.provenance.get("value_column", "")))
     if said is not None and (_size(said[0]), said[1]) != (_size(unit), quantity):
-        notes.append(
-            f"{BEWARE}the column is named {raw.provenance['value_column']!r}; its values are read as "
+        warnings.append(
+            f"the column is named {raw.provenance['value_column']!r}; its values are read as "
             f"{_many(quantity)} in {UNITS[unit].of(quantity)}."
         )
     turns = found.amplitude / (2 * np.pi)
     if base == "rad" and turns > (TURNS if said is None else TURNS_SAID):
-        notes.append(
-            f"{BEWARE}it swings by {turns:.2g} turns to either side; if its values are not in {unit} "
+        warnings.append(
+            f"it swings by {turns:.2g} turns to either side; if its values are not in {unit} "
             "(but in degrees, or volts), give the unit."
         )
     if step:
@@ -125,6 +125,7 @@ def clean(
         "roughness": found.roughness,
         "pieces": [asdict(piece) for piece in window.pieces],
         "notes": notes,
+        "warnings": warnings,
     }
     return Signal(signal.t, signal.y, quantity, base, name, step, provenance)
 
@@ -173,9 +174,9 @@ def _asked(t: np.ndarray, start: str | float, stop: str | float, name: str) -> t
     return a, b
 
 
-def _words(raw: RawRecord) -> list[str]:
-    notes = raw.provenance.get("notes", [])
-    return [str(note) for note in notes] if isinstance(notes, list | tuple) else []
+def _words(raw: RawRecord, kind: str) -> list[str]:
+    said = raw.provenance.get(kind, [])
+    return [str(one) for one in said] if isinstance(said, list | tuple) else []
 
 
 def _size(unit: str) -> tuple[str, float]:

@@ -269,9 +269,8 @@ def _pieces(
     middle = midpoints(decay.values)
     size = 0.5 * float(np.abs(np.diff(decay.values[:4])).max())
     scale = Scale(found.period, size, float(np.median(middle)), floor)
-    used = [
-        Piece(float(t[first]), float(t[last]), "free decay", "Used: each swing continues the later ones.")
-    ]
+    kept = Piece(float(t[first]), float(t[last]), "free decay", "Used: each swing continues the later ones.")
+    used = [kept]
     for a, b in found.stretches:
         begin, end = float(found.turns.times[a]), float(found.turns.times[b - 1])
         if (a, b) != found.best and b - a >= 4 and (end <= t[first] or begin >= t[last]):
@@ -283,7 +282,7 @@ def _pieces(
     for piece in [*used, Piece(float(t[-1]), float(t[-1]), "noise", "")]:
         inside = (grid >= at) & (grid <= piece.start)
         if piece.start > at + 0.02 * found.period and np.count_nonzero(inside) > 1:
-            ended = bool(out) and out[-1].why.startswith("Used")
+            ended = bool(out) and out[-1] is kept
             if ended and tail.noise:
                 out.append(
                     Piece(at, piece.start, "noise", "Turning points no longer stand out of the noise.")

@@ -37,4 +37,8 @@ def unpacked(arrays: Mapping[str, np.ndarray]) -> Contents:
         Column(**said, values=arrays[f"values{i}"], empty=arrays.get(f"empty{i}"), words=dict(words))
         for i, (said, words) in enumerate((said, said.pop("words")) for said in rest.pop("columns"))
     )
-    return Contents(columns=columns, lines=arrays.get("lines"), **rest | {"notes": tuple(rest["notes"])})
+    return Contents(columns=columns, lines=arrays.get("lines"), **_tuples(rest))
+
+
+def _tuples(rest: Mapping[str, Any]) -> dict[str, Any]:
+    return {**rest, **{name: tuple(rest[name]) for name in ("notes", "warnings")}}

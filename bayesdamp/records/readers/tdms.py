@@ -14,7 +14,6 @@ from bayesdamp.records.files.contents import Column, Contents
 from bayesdamp.records.files.facts import kept
 from bayesdamp.records.files.limits import allowed
 from bayesdamp.records.files.tree import seconds_of
-from bayesdamp.types import BEWARE
 
 
 class TdmsReader:
@@ -43,8 +42,8 @@ class TdmsReader:
                 for channel in group.channels():
                     column = _column(channel, group.name, len(groups) > 1)
                     columns += [column] if column is not None else []
-            notes = _cut(file)
-        return Contents("TDMS", tuple(columns), kept(facts), notes, channels=True)
+            warnings = _cut(file)
+        return Contents("TDMS", tuple(columns), kept(facts), warnings=warnings, channels=True)
 
 
 def _cut(file: Any) -> tuple[str, ...]:
@@ -54,9 +53,7 @@ def _cut(file: Any) -> tuple[str, ...]:
         return ()
     lost = [one.expected_length - one.read_length for one in (status.channel_statuses or {}).values()]
     many = f", {max(lost)} samples of a channel are missing" if lost and max(lost) > 0 else ""
-    return (
-        f"{BEWARE}the file is cut off within its last segment{many}: it was not closed, or not copied whole.",
-    )
+    return (f"the file is cut off within its last segment{many}: it was not closed, or not copied whole.",)
 
 
 @contextmanager

@@ -10,7 +10,7 @@ from typing import Any
 
 from bayesdamp.report.drawing import Drawings
 from bayesdamp.store import TABLES, CellResult, Store, read_table
-from bayesdamp.types import BEWARE, OK, InputError, candidate_name
+from bayesdamp.types import OK, InputError, candidate_name
 from bayesdamp.units import UNITS, Unit
 
 Row = dict[str, Any]
@@ -70,9 +70,8 @@ class Run:
         return row["rms"] * unit.scale, unit.of(quantity)
 
     def warnings(self, signal: str) -> list[str]:
-        """Notes on how a signal's record was read that a user has to know of."""
-        notes = map(str, self.about(signal).get("notes") or [])
-        return [note.removeprefix(BEWARE) for note in notes if note.startswith(BEWARE)]
+        """What a user has to know of how a signal's record was read."""
+        return [str(warning) for warning in self.about(signal).get("warnings") or []]
 
     def simulated(self, signal: str) -> bool:
         """Whether the signal was made by the program, so that the truth is known."""

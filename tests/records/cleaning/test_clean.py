@@ -92,8 +92,8 @@ def test_a_swing_of_more_than_half_a_turn_is_told_of():
     t = np.arange(1000) * 0.01
     told = []
     for size, unit in ((30.0, "rad"), (30.0, "deg"), (30.0, "m"), (2.0, "rad"), (30.0, "V")):
-        notes = clean(record(t, size * decay(t)), name="x", unit=unit).provenance["notes"]
-        told.append([n for n in notes if n.startswith("Beware: it swings by")])
+        notes = clean(record(t, size * decay(t)), name="x", unit=unit).provenance["warnings"]
+        told.append([n for n in notes if n.startswith("it swings by")])
     assert [len(n) for n in told] == [1, 0, 0, 0, 0]
     assert "give the unit" in told[0][0]
 

@@ -109,7 +109,7 @@ def test_a_name_that_says_another_unit_is_told_of(tmp_path):
     lines = ["t,phi (deg)", *(f"{t!r},{y!r}" for t, y in zip(T.tolist(), Y.tolist(), strict=True))]
     path.write_text("\n".join(lines), encoding="utf-8")
     raw = read_record(path, time=1, value=2)
-    notes = [clean(raw, name="x", unit=unit).provenance["notes"] for unit in ("rad", "deg")]
+    notes = [clean(raw, name="x", unit=unit).provenance["warnings"] for unit in ("rad", "deg")]
     told = [
         any("'phi (deg)'; its values are read as displacements in rad." in n for n in some) for some in notes
     ]

@@ -70,9 +70,9 @@ def test_a_tdms_file_that_was_cut_off_says_so(tmp_path: Path) -> None:
     whole, cut = tmp_path / "whole.tdms", tmp_path / "cut.tdms"
     tdms(whole)
     cut.write_bytes(whole.read_bytes()[:-800])
-    assert contents(whole).notes == ()
-    (note,) = contents(cut).notes
-    assert re.search(r"^Beware: the file is cut off .* \d+ samples of a channel are missing", note)
+    assert contents(whole).warnings == ()
+    (note,) = contents(cut).warnings
+    assert re.search(r"^the file is cut off .* \d+ samples of a channel are missing", note)
 
 
 def tdms(path: Path) -> None:

@@ -17,7 +17,7 @@ from bayesdamp.report.results.run import Run
 from bayesdamp.report.sections._layout import by_signal, drawn
 from bayesdamp.report.sections._section import Section
 from bayesdamp.store.contents.records import RecordContent
-from bayesdamp.types import OK
+from bayesdamp.types import OK, told
 
 
 class Record(Section):
@@ -41,7 +41,7 @@ def _one(run: Run, signal: str) -> Markup:
     repeat = repeats[0]
     cell = run.cell("signal", signal, repeat)
     about = run.about(signal)
-    said = [str(note) for note in about.get("notes") or []]
+    said = list(told(about))
     if about.get("epsilon_note"):
         said.append(str(about["epsilon_note"]))
     if about.get("noise"):
