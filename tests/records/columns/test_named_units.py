@@ -115,7 +115,7 @@ def test_a_name_that_says_another_unit_is_told_of(tmp_path):
     ]
     assert told == [True, False]
     raw.provenance["value_column"] = "gyro (deg/s)"
-    told = [clean(raw, name="x", unit=u, quantity="velocity").provenance["notes"] for u in ("dps", "rpm")]
+    told = [clean(raw, name="x", unit=u, quantity="velocity").provenance["warnings"] for u in ("dps", "rpm")]
     assert [any("'gyro (deg/s)'" in n for n in some) for some in told] == [False, True]
 
 
