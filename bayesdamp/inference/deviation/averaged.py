@@ -124,7 +124,9 @@ def averaged(t: np.ndarray, y: np.ndarray, seen: Features, first: float) -> Aver
     noise = float(np.sqrt(np.mean(sd**2)))
     threes = np.column_stack([np.abs(z), np.abs(z) * off, np.sqrt(2) * middle]).ravel()
     samples = int(np.median(np.diff(places))) // 2
-    return Averaged(np.repeat(track.times[:, -1], NUMBERS), threes, track, noise, samples)
+    until = track.times[:, -1].copy()
+    until[-1] = max(until[-1], duration / slowness)  # the last block ends where the record does
+    return Averaged(np.repeat(until, NUMBERS), threes, track, noise, samples)
 
 
 def _seen(seen: Features, first: float, duration: float) -> _Curves | None:

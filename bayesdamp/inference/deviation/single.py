@@ -31,7 +31,8 @@ class Found:
 
     terms: of the solver, those of the candidate among them. z: scores of the best motion under exact laws, (d,); u:
     scores, log g and h of the best under approximate ones, (K,). variance, inflation: of the noise that counts, κ in
-    it; exact_variance: of what exact laws leave; epsilon: the width of friction's turning over, rad/s or m/s.
+    it; exact_variance: of what exact laws leave; epsilon: the width of friction's turning over, rad/s or m/s; averaged:
+    whether the record was taken as amplitudes and phases.
     """
 
     terms: tuple[str, ...]
@@ -45,6 +46,7 @@ class Found:
     exact_variance: float
     epsilon: float
     frictions: tuple[Friction, ...] = ()
+    averaged: bool = False
 
 
 @dataclass(frozen=True)
@@ -99,6 +101,7 @@ def single(
         exact_variance=result.exact_variance,
         epsilon=solver.epsilon,
         frictions=weighing.frictions,
+        averaged=data.averaged is not None,
     )
     return again(data, result.candidate, found)
 

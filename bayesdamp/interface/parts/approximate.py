@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -17,10 +17,12 @@ from bayesdamp.inference.deviation.data import prepared
 from bayesdamp.inference.deviation.findings import default_amplitudes
 from bayesdamp.inference.deviation.gaussian.hyperparameters import grid_of
 from bayesdamp.inference.deviation.gaussian.tempered import Sampled
+from bayesdamp.inference.deviation.numbers.averaging import START, averaging_of
 from bayesdamp.inference.deviation.numbers.curves import ratio_at
 from bayesdamp.inference.deviation.numbers.deviations import size_of
 from bayesdamp.inference.deviation.numbers.draws import Drawn, scores_of
 from bayesdamp.inference.deviation.numbers.quantities import Quantity, Ratio, quantity
+from bayesdamp.inference.deviation.quick import MOST_CYCLES
 from bayesdamp.inference.deviation.sampled.candidates import sampled_result
 from bayesdamp.inference.deviation.single import Found, Single, again, single
 from bayesdamp.inference.deviation.weighing import Friction
@@ -64,14 +66,18 @@ class Approximate:
         model = case.model
         coefficients = {t.name: t.parameter for t in Oscillator(model.terms, model.restoring).terms}
         priors = {coefficients.get(n, n): p for n, p in model.priors.items()}
-        found = single(
-            prepared(case.signal),
-            model.terms,
-            model.restoring,
+        weighed = partial(
+            single,
+            damping=model.terms,
+            restoring=model.restoring,
             known=model.known,
             priors=priors,
             reference=case.reference,
         )
+        found = weighed(prepared(case.signal, average=not any(n in model.known for n in START)))
+        averaging = averaging_of(found.weighing)
+        if averaging is not None and not averaging.close and averaging.cycles <= MOST_CYCLES:
+            found = weighed(prepared(case.signal, average=False))
         return Approximate(found, model.sensor)
 
     @cached_property
@@ -206,6 +212,7 @@ class Approximate:
             "priors": {n: p.model_dump() for n, p in found.priors.items()},
             "known": dict(found.known),
             "numbers": [found.variance, found.inflation, found.exact_variance, found.epsilon],
+            "averaged": found.averaged,
             "frictions": [[f.epsilon, f.weight, f.coefficients.tolist()] for f in found.frictions],
         }
         return meta, {"z": found.z, "u": found.u}
@@ -224,11 +231,12 @@ class Approximate:
             arrays["u"],
             *meta["numbers"],
             frictions=tuple(Friction(e, w, np.array(c)) for e, w, c in meta["frictions"]),
+            averaged=bool(meta.get("averaged", False)),
         )
         candidate = Candidate(
             tuple(t for t in found.terms if TERMS.get(t).parameter in found.priors), model.restoring
         )
-        return Approximate(again(prepared(signal), candidate, found), model.sensor)
+        return Approximate(again(prepared(signal, found.averaged), candidate, found), model.sensor)
 
 
 def ratios_of(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import lru_cache
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -207,3 +208,19 @@ def test_few_cycles_gaps_and_a_known_start_are_left_to_the_equation_of_motion() 
     )
     assert known.averaging is None
     assert known.data.averaged is None
+
+
+def test_one_candidate_by_itself_predicts_every_sample_and_is_kept(tmp_path: Path) -> None:
+    """From the amplitudes and phases of its blocks, with the record's own noise at 1 % of the amplitude."""
+    import bayesdamp as bd
+
+    signal, (_, p, y) = signal_of("pendulum", 0.01, 5), truth("pendulum")
+    fit = bd.fit(signal, bd.Model("viscous+quadratic", restoring="pendulum", deviation="law"))
+    assert fit.values["zeta"] == pytest.approx(p["zeta"], abs=4 * fit.sd["zeta"])
+    late = slice(-20 * RATE, None)
+    ahead = fit.predict(TIMES[late])
+    assert np.asarray(ahead.value) == pytest.approx(y[late], abs=5e-3 * p["theta0"])
+    fit.save(tmp_path / "fit")
+    again = bd.load(tmp_path / "fit")
+    assert again.values == fit.values
+    assert np.asarray(again.predict(TIMES[late]).value) == pytest.approx(np.asarray(ahead.value), abs=1e-9)
