@@ -13,6 +13,9 @@ import pandas as pd
 
 from bayesdamp import store
 from bayesdamp.envelope.report.tables import COLUMNS as ENVELOPES
+from bayesdamp.estimators import ESTIMATORS, names_for_all
+from bayesdamp.estimators.terms import table as taken
+from bayesdamp.physics.damping import PAPER_TERMS, others
 from bayesdamp.store.columns import SCHEMA, described
 from bayesdamp.validation.calibration.probabilities import RECORD_COLUMNS
 from bayesdamp.validation.calibration.tables import COLUMNS as CHECKS
@@ -48,6 +51,20 @@ def markdown(header: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
     head = list(header)
     lines = [head, ["---"] * len(head), *rows]
     return "\n".join("| " + " | ".join(line) + " |" for line in lines) + "\n"
+
+
+def terms_taken() -> str:
+    """Which estimator estimates which damping term, and why the others do not, as the program has it."""
+    terms = [*PAPER_TERMS, *others()]
+    rows = taken([ESTIMATORS.get(n) for n in names_for_all()], terms)
+    said: dict[str, int] = {}
+    lines = []
+    for name, why in rows:
+        plain = [w and w.replace(f"{t} damping", "the term") for t, w in zip(terms, why, strict=True)]
+        notes = [said.setdefault(w, len(said) + 1) if w else 0 for w in plain]
+        lines.append((f"`{name}`", *(f"({n})" if n else "yes" for n in notes)))
+    reasons = "".join(f"{i}. {why}\n" for why, i in said.items())
+    return markdown(("", *(f"`{t}`" for t in terms)), lines) + "\n" + reasons
 
 
 def number(value: float) -> str:
@@ -142,6 +159,7 @@ def tables(root: Path) -> dict[str, str]:
         "methods_refined.md": after,
         "methods_clean.md": exact,
         "columns.md": columns(),
+        "methods_terms.md": terms_taken(),
     }
 
 

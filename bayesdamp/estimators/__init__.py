@@ -11,6 +11,7 @@ from pydantic import ValidationError
 
 from bayesdamp.estimators._protocol import Estimator, Options
 from bayesdamp.estimators.refine import refine
+from bayesdamp.estimators.terms import refusal
 from bayesdamp.plugins import Registry, nearest
 from bayesdamp.types import OK, Estimate, InputError, Problem, Refusal, Signal
 
@@ -81,7 +82,7 @@ def run(
             raise InputError(f"unknown stage {stage!r}{nearest(stage, list(STAGES))}")
     estimator, parsed = ESTIMATORS.get(name), parse_options(name, options)
     rng = np.random.default_rng(seed)
-    if sentence := estimator.refuses(problem.damping):
+    if sentence := refusal(estimator, problem.damping):
         return [Estimate(name, stage, outcome=sentence) for stage in STAGES if stage in stages]
 
     first = _timed(name, "initial", lambda: estimator.initial(signal, problem, parsed, rng))

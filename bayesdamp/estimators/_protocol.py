@@ -24,6 +24,10 @@ class Estimator(ABC):
 
     name: str
     options: type[Options]
+    by_position: str = ""
+    """Why it cannot estimate a force that depends on the position, in a clause; empty where it can."""
+    with_parameters: str = ""
+    """Why it cannot estimate a term with parameters beside its coefficient; empty where it can."""
 
     @abstractmethod
     def refuses(self, damping: tuple[str, ...]) -> str | None:

@@ -15,12 +15,14 @@ from bayesdamp.estimators.shared import (
     checked_features,
     decay_start,
     free_names,
+    further_priors,
     oscillator,
     start_parameters,
 )
 from bayesdamp.physics.integrate import make_plan
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.physics.solver.plan import compiled_record
+from bayesdamp.priors import Normal, Prior
 from bayesdamp.records.oscillation.features import Features
 from bayesdamp.types import OK, Estimate, Problem, Refusal, Signal
 
@@ -101,12 +103,15 @@ def refine(signal: Signal, problem: Problem, first: Estimate) -> Estimate:
     seen = checked_features(signal)
     osc = oscillator(problem)
     base = start_parameters(signal, problem, seen)
-    names = (*osc.coefficients, *free_names(problem))
+    priors = further_priors(problem, seen)
+    names = (*osc.coefficients, *priors, *free_names(problem))
     size = float(np.abs(seen.turning_amplitudes).max())
     units = np.array([1e-5 / term.ratio_per_unit(seen.amplitude, seen.frequency) for term in osc.terms])
     tolerance = TOLERANCE * 0.1 ** (len(osc.terms) - 1) * size
     fit = _Fit(signal, osc, names, base, tolerance, units)
-    floor = np.r_[np.zeros(units.size), np.full(len(names) - units.size, -np.inf)]
+    lowest = [_lowest(p) for p in priors.values()]
+    free = len(names) - units.size - len(lowest)
+    floor = np.r_[np.zeros(units.size), lowest, np.full(free, -np.inf)]
     x = _start(fit, first, seen)
 
     fit.replan(x)
@@ -145,6 +150,15 @@ def refine(signal: Signal, problem: Problem, first: Estimate) -> Estimate:
         {"rms": np.concatenate([*traces, [rms]])},
         evaluations=evaluations,
         outcome=_outcome(found.converged, found.x, fit, misfit(residual, signal, seen)),
+    )
+
+
+def _lowest(prior: Prior) -> float:
+    """The lower end of a prior's support."""
+    return (
+        -np.inf
+        if isinstance(prior, Normal)
+        else float(prior.value(np.asarray(0.0 if prior.reflected else -8.0)))
     )
 
 

@@ -1,14 +1,19 @@
-"""Two small searches: bounded Brent whose bracket widens by itself, and least squares above a floor."""
+"""Small searches: bounded Brent whose bracket widens by itself, least squares above a floor, a term's parameters."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
-from scipy.optimize import minimize_scalar
+from scipy.optimize import minimize, minimize_scalar
 
 from bayesdamp.numerics.levenberg_marquardt import Expansion, Schedule, Step, levenberg_marquardt
+from bayesdamp.priors import Prior
+
+SCORE = 3.5
+"""How far from the middle of its prior a term's further parameter is looked for, in normal scores."""
 
 
 @dataclass(frozen=True)
@@ -87,3 +92,26 @@ def least_squares(evaluate: Evaluate, start: np.ndarray, floor: np.ndarray) -> F
 
     found = levenberg_marquardt(expand, start, floor, ended, limit=STEPS, schedule=SCHEDULE)
     return Found(found.x, len(costs), np.array(costs), found.converged)
+
+
+def least_over_further(
+    priors: Mapping[str, Prior], cost: Callable[[dict[str, float]], float]
+) -> dict[str, float]:
+    """Values of these parameters with the least cost: variable projection (Golub and Pereyra 1973) where the cost is
+    what the best coefficients leave. Nelder and Mead's search over their scores, from the best of a grid."""
+    if not priors:
+        return {}
+
+    def values(z: np.ndarray) -> dict[str, float]:
+        bounded = np.clip(z, -SCORE, SCORE)
+        return {
+            n: float(p.value(np.abs(x) if p.reflected else x)) for (n, p), x in zip(priors.items(), bounded)
+        }
+
+    def at(z: np.ndarray) -> float:
+        return cost(values(z)) * (1.0 + float(np.sum(np.maximum(np.abs(z) - SCORE, 0.0))))
+
+    starts = [np.array(z) for z in product(*[(-1.0, 0.1, 1.0)] * len(priors))]
+    first = min(starts, key=at)
+    found = minimize(at, first, method="Nelder-Mead", options={"xatol": 1e-5, "fatol": 0.0, "maxfev": 400})
+    return values(found.x)

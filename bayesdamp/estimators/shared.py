@@ -12,6 +12,7 @@ from scipy.optimize import nnls
 
 from bayesdamp.physics.damping import DampingTerm, median
 from bayesdamp.physics.oscillator import Oscillator
+from bayesdamp.priors import Prior
 from bayesdamp.records.oscillation.features import Features, features
 from bayesdamp.records.oscillation.turning import midpoints, turning_points
 from bayesdamp.records.reference import reference_of
@@ -99,6 +100,17 @@ def beside_coefficients(problem: Problem, seen: Features) -> dict[str, float]:
     }
     known = {n: float(v) for n, v in problem.system.known.items() if n in medians}
     return {**epsilon, **{n: scales[n] for n in osc.scales}, **medians, **known}
+
+
+def further_priors(problem: Problem, seen: Features) -> dict[str, Prior]:
+    """Priors of the damping terms' parameters beside their coefficients, those that are not known."""
+    reference = reference_of(problem.system, seen)
+    every = {p.name: p for t in oscillator(problem).terms for p in t.inferred}
+    return {
+        n: p.prior(reference.amplitude, reference.frequency)
+        for n, p in every.items()
+        if n not in problem.system.known
+    }
 
 
 def start_parameters(signal: Signal, problem: Problem, seen: Features) -> dict[str, float]:

@@ -17,6 +17,8 @@ import typer
 from bayesdamp.cli.app import app
 from bayesdamp.envelope.report.tables import verdict
 from bayesdamp.envelope.results import EnvelopeResult
+from bayesdamp.estimators import names_for_all
+from bayesdamp.physics.damping import TERMS
 from bayesdamp.verdict.types import (
     Bound,
     Coefficient,
@@ -52,6 +54,16 @@ def test_every_table_is_on_the_page(generated: ModuleType) -> None:
     for table, columns in generated.WRITTEN.items():
         assert f"## {table}\n" in page
         assert all(f"| `{name}` |" in page for name in columns)
+
+
+def test_every_estimator_and_term_is_in_the_table(generated: ModuleType) -> None:
+    lines = generated.terms_taken().splitlines()
+    assert lines[0].count("`") == 2 * len([n for n in TERMS.names() if TERMS.ships(n)])
+    rows = {line.split("`")[1]: line for line in lines[2:] if line.startswith("| `")}
+    assert set(rows) == set(names_for_all())
+    assert "(" not in rows["genetic"]
+    assert rows["topological"].count("yes") == 3
+    assert any("its library is of fixed functions" in line for line in lines)
 
 
 def test_methods_errors_are_those_of_the_reports(generated: ModuleType) -> None:

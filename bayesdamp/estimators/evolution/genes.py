@@ -9,7 +9,13 @@ import numpy as np
 from jax import Array
 from jax import numpy as jnp
 
-from bayesdamp.estimators.shared import free_names, known_restoring, oscillator, start_parameters
+from bayesdamp.estimators.shared import (
+    free_names,
+    further_priors,
+    known_restoring,
+    oscillator,
+    start_parameters,
+)
 from bayesdamp.physics.damping import DampingTerm
 from bayesdamp.physics.restoring import RestoringLaw
 from bayesdamp.records.oscillation.features import Features
@@ -39,7 +45,8 @@ class Genes:
         self.osc = oscillator(problem)
         self.known = known_restoring(problem)
         self.base = start_parameters(signal, problem, seen)
-        self.names = (*self.osc.coefficients, *free_names(problem))
+        self.further = further_priors(problem, seen)
+        self.names = (*self.osc.coefficients, *self.further, *free_names(problem))
         self.size = float(np.sqrt(seen.amplitude * min(seen.final_amplitude, seen.amplitude)))
         self.balanced = [
             name
@@ -55,13 +62,17 @@ class Genes:
         terms = len(self.osc.terms)
         # A motion that decays about as the record does.
         self.middle = np.r_[np.full(terms, 1 / (ALONE * terms)), np.full(len(self.names) - terms, 0.5)]
-        self.positive = np.arange(len(self.names)) < len(self.osc.coefficients)
+        self.positive = np.arange(len(self.names)) < terms + len(self.further)
 
     def _range(self, name: str, signal: Signal, seen: Features) -> tuple[float, float]:
         """From the record: the lowest and highest value searched at first."""
         a, f = seen.amplitude, seen.frequency
         if name in self.osc.coefficients:
             return 0.0, ALONE * alone(self.osc.terms[self.osc.coefficients.index(name)], seen)
+        if name in self.further:
+            prior = self.further[name]
+            ends = (0.0, 2.5) if prior.reflected else (-2.5, 2.5)
+            return tuple(float(prior.value(np.asarray(z))) for z in ends)  # type: ignore[return-value]
         if name == "stiffness":
             half = PHASE / (signal.t[-1] - signal.t[0]) + 0.005 * f
             return f - half, f + half

@@ -8,11 +8,12 @@ from scipy.optimize import least_squares
 from scipy.signal import hilbert, savgol_filter
 
 from bayesdamp.estimators._protocol import Estimator, Options
-from bayesdamp.estimators.search import brent
+from bayesdamp.estimators.search import SCORE, brent
 from bayesdamp.estimators.shared import (
     checked_features,
     decay_start,
     free_names,
+    further_priors,
     noise_level,
     oscillator,
     start_parameters,
@@ -47,7 +48,11 @@ class Envelope(Estimator):
     options = EnvelopeOptions
 
     def refuses(self, damping: tuple[str, ...]) -> str | None:
-        """None: trajectories of any sum have an envelope."""
+        """A friction whose slope over the position leaves nothing in an envelope."""
+        if "dry_position" in damping:
+            return (
+                "the slope of dry_position's friction takes no energy, so that an envelope says nothing of it"
+            )
         return None
 
     def initial(
@@ -64,6 +69,8 @@ class Envelope(Estimator):
         units = np.array([1e-5 / term.ratio_per_unit(seen.amplitude, seen.frequency) for term in osc.terms])
         x = np.maximum([guess[name] for name in osc.coefficients], units)
         scaled = "theta0" in free or "omega0" in free
+        further = list(match.priors)
+        x = np.r_[x, [match.base[n] for n in further]]
 
         trace: list[float] = []
         scale = 1.0
@@ -74,12 +81,12 @@ class Envelope(Estimator):
                 x = found.x
                 trace.extend(found.costs)
             else:
-                x, scale = _several(match, x, scaled)
+                x, scale = _several(match, x, scaled, len(further))
                 trace.append(float(np.mean(match.difference(x, scale) ** 2)))
         if not np.all(np.isfinite(match.difference(x, scale))):
             raise Refusal("the trajectory escapes from every start that was tried")
         start = match.parameters(x, scale)
-        values = {name: float(start[name]) for name in (*osc.coefficients, *free)}
+        values = {name: float(start[name]) for name in (*osc.coefficients, *further, *free)}
         return Estimate(
             self.name,
             "initial",
@@ -89,16 +96,26 @@ class Envelope(Estimator):
         )
 
 
-def _several(match: _Match, x: np.ndarray, scaled: bool) -> tuple[np.ndarray, float]:
-    """(coefficients, scale of the start) by bounded least squares."""
-    unit = np.maximum(x, x.max() * 1e-3 if x.size == 1 else 1e-12)
-    start = np.r_[np.ones(x.size), np.ones(int(scaled))]
+def _several(match: _Match, x: np.ndarray, scaled: bool, further: int) -> tuple[np.ndarray, float]:
+    """(coefficients and further parameters, scale of the start) by bounded least squares; further: how many of x are
+    parameters beside the coefficients, which vary as normal scores of their priors."""
+    k, priors = x.size - further, list(match.priors.values())
+    unit = np.maximum(x[:k], x[:k].max() * 1e-3 if k == 1 else 1e-12)
+    scores = [float(p.score(v)) for p, v in zip(priors, x[k:], strict=True)]
+    low = np.r_[np.zeros(k), [0.0 if p.reflected else -SCORE for p in priors], np.zeros(int(scaled))]
+    high = np.r_[np.full(k, np.inf), np.full(further, SCORE), np.full(int(scaled), np.inf)]
+    start = np.r_[np.ones(k), np.clip(scores, -SCORE / 2, SCORE / 2), np.ones(int(scaled))]
+
+    def physical(u: np.ndarray) -> np.ndarray:
+        own = [float(p.value(np.asarray(z))) for p, z in zip(priors, u[k : x.size], strict=True)]
+        return np.r_[u[:k] * unit, own]
+
     result = least_squares(
         lambda u: np.clip(
-            np.nan_to_num(match.difference(u[: x.size] * unit, u[-1] if scaled else 1.0), nan=10.0), -10, 10
+            np.nan_to_num(match.difference(physical(u), u[-1] if scaled else 1.0), nan=10.0), -10, 10
         ),
-        start,
-        bounds=(np.zeros(start.size), np.inf),
+        np.maximum(start, low),
+        bounds=(low, high),
         x_scale="jac",
         diff_step=1e-5,
         xtol=1e-11,
@@ -106,7 +123,7 @@ def _several(match: _Match, x: np.ndarray, scaled: bool) -> tuple[np.ndarray, fl
         gtol=1e-13,
         max_nfev=60,
     )
-    return result.x[: x.size] * unit, float(result.x[-1]) if scaled else 1.0
+    return physical(result.x), float(result.x[-1]) if scaled else 1.0
 
 
 class _Match:
@@ -116,6 +133,8 @@ class _Match:
         self.osc = oscillator(problem)
         self.quantity = signal.quantity
         self.base = start_parameters(signal, problem, seen)
+        self.priors = further_priors(problem, seen)
+        self.names = (*self.osc.coefficients, *self.priors)
         self.seen = seen
         self.evaluations = 0
         self.times = signal.t if signal.uniform else np.linspace(signal.t[0], signal.t[-1], signal.t.size)
@@ -149,7 +168,7 @@ class _Match:
 
     def parameters(self, x: np.ndarray, scale: float = 1.0) -> dict[str, float]:
         """All parameters; the start is scaled about the midline."""
-        p = {**self.base, **dict(zip(self.osc.coefficients, map(float, x)))}
+        p = {**self.base, **dict(zip(self.names, map(float, x)))}
         rest = self.seen.rest if self.quantity == "angle" else 0.0
         return p | {"theta0": rest + scale * (p["theta0"] - rest), "omega0": scale * p["omega0"]}
 

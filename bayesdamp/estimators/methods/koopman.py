@@ -13,6 +13,7 @@ from bayesdamp.estimators.regression.library import Candidate, candidates
 from bayesdamp.estimators.regression.weak import derivatives, uniform
 from bayesdamp.estimators.shared import (
     Motion,
+    beside_coefficients,
     checked_features,
     epsilon_of,
     free_names,
@@ -78,6 +79,7 @@ class Koopman(Estimator):
     """
 
     name = "koopman"
+    with_parameters = "its library is of fixed functions"
     options = KoopmanOptions
 
     def refuses(self, damping: tuple[str, ...]) -> str | None:
@@ -90,7 +92,9 @@ class Koopman(Estimator):
         """Coefficients from the generator on a library of the state, the logarithm of its operator over a step."""
         assert isinstance(options, KoopmanOptions)
         seen = checked_features(signal)
-        library = candidates(problem, epsilon_of(problem, seen), signal.unit, mixed=True)
+        library = candidates(
+            problem, epsilon_of(problem, seen), signal.unit, beside_coefficients(problem, seen), mixed=True
+        )
         speed = next((i for i, one in enumerate(library) if one.damping == "viscous"), None)
         assert speed is not None
         moving = motion(signal, problem, seen)

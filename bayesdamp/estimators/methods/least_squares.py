@@ -8,11 +8,13 @@ from typing import Literal
 import numpy as np
 
 from bayesdamp.estimators._protocol import Estimator, Options
+from bayesdamp.estimators.search import least_over_further
 from bayesdamp.estimators.shared import (
     Motion,
     beside_coefficients,
     checked_features,
     free_names,
+    further_priors,
     known_restoring,
     motion,
     oscillator,
@@ -32,7 +34,7 @@ class LeastSquaresOptions(Options):
 
 
 class LeastSquares(Estimator):
-    """θ̈ + F_rest(θ) = −Σ coefficient · shape(θ̇), solved for whatever is not known.
+    """θ̈ + F_rest(θ) = −Σ coefficient · shape(θ, θ̇), solved for whatever is not known.
 
     A coefficient may come out negative: it is reported as it is.
     """
@@ -57,12 +59,25 @@ class LeastSquares(Estimator):
         given |= {n: v for n, v in osc.law.start(seen.frequency, seen.rest, known).items() if n not in given}
 
         form = osc.law.linear_form(theta, known)
-        damping = np.asarray(damping_shapes(osc)(theta, omega, given))
-        columns = [moving.project(x) for x in (*damping, *form.columns.T)]
+        others = [moving.project(x) for x in form.columns.T]
+
+        def of_damping(further: Mapping[str, float]) -> list[np.ndarray]:
+            return [
+                moving.project(x) for x in np.asarray(damping_shapes(osc)(theta, omega, {**given, **further}))
+            ]
+
         target = -(moving.alpha + moving.project(form.offset))
         # Guessed constants of integration shift the restoring force by a constant and a slope.
         drift = [(moving.t - moving.t[0]) ** j for j in range(moving.integrated if len(known) else 0)]
-        a = np.column_stack([*columns, *drift])
+
+        def left(further: dict[str, float]) -> float:
+            tried = np.column_stack([*of_damping(further), *others, *drift])
+            return float(np.sum((target - tried @ _solve(tried, target, np.ones(target.size))) ** 2))
+
+        further = least_over_further(further_priors(problem, seen), left)
+        given |= further
+        damping = of_damping(further)
+        a = np.column_stack([*damping, *others, *drift])
         if np.linalg.matrix_rank(a / np.linalg.norm(a, axis=0)) < a.shape[1]:
             raise Refusal("the record does not tell the unknown parameters apart")
 
@@ -81,7 +96,7 @@ class LeastSquares(Estimator):
             covariance = _propagated(a, weight, noise)[:count, :count]
 
         names = osc.coefficients
-        values = dict(zip(names, map(float, x)))
+        values = {**dict(zip(names, map(float, x))), **further}
         variance = np.diag(covariance)  # rounding may take one below zero where columns are nearly the same
         stderr = dict(zip(names, np.sqrt(np.where(variance >= 0, variance, np.nan)).tolist()))
         start, size = len(damping), form.columns.shape[1]

@@ -49,6 +49,8 @@ class NeuralOde(Estimator):
     """
 
     name = "neural_ode"
+    by_position = "its network is a force of the velocity alone"
+    with_parameters = "its force is projected on functions with one coefficient each"
     options = NeuralOdeOptions
 
     def refuses(self, damping: tuple[str, ...]) -> str | None:

@@ -68,6 +68,8 @@ class Pinn(Estimator):
     """
 
     name = "pinn"
+    by_position = "the damping in its loss is a function of the velocity alone"
+    with_parameters = "its loss has one weight for each term"
     options = PinnOptions
 
     def refuses(self, damping: tuple[str, ...]) -> str | None:

@@ -64,6 +64,7 @@ class Rnn(Estimator):
     """
 
     name = "rnn"
+    with_parameters = "its network is trained to give one number"
     options = RnnOptions
 
     def refuses(self, damping: tuple[str, ...]) -> str | None:
@@ -141,9 +142,7 @@ class _Drawn:
     def quadratures(self, log_coefficient: np.ndarray) -> np.ndarray:
         """(a, b) of simulated records without noise, (m, count, 2), for logarithms of the coefficient (m,)."""
         m, rng, seen = log_coefficient.size, self.rng, self.seen
-        given = {
-            name: np.full(m, float(self.base[name])) for name in self.osc.parameters if name in self.base
-        }
+        given = {name: np.full(m, float(self.base[name])) for name in self.osc.inputs if name in self.base}
         given[self.parameter] = np.exp(log_coefficient)
         free = [name for name in self.osc.law.parameters if name not in self.known]
         # A frequency further off would lose step with the record's phase within a stretch.

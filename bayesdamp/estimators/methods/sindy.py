@@ -18,6 +18,7 @@ from bayesdamp.estimators.regression.oscillation_spline import OscillationSpline
 from bayesdamp.estimators.regression.prediction import Record, left_over
 from bayesdamp.estimators.shared import (
     ORDER,
+    beside_coefficients,
     checked_features,
     epsilon_of,
     free_names,
@@ -105,6 +106,7 @@ class Sindy(Estimator):
     """
 
     name = "sindy"
+    with_parameters = "its library is of fixed functions"
     options = SindyOptions
 
     def refuses(self, damping: tuple[str, ...]) -> str | None:
@@ -119,7 +121,7 @@ class Sindy(Estimator):
         features = checked_features(signal)
         seen = differentiated(signal, problem, features)
         epsilon = 0.0 if options.switch == "sign" else epsilon_of(problem, features)
-        library = candidates(problem, epsilon, signal.unit)
+        library = candidates(problem, epsilon, signal.unit, beside_coefficients(problem, features))
         law, known = oscillator(problem).law, known_restoring(problem)
 
         def force(theta: np.ndarray) -> np.ndarray:

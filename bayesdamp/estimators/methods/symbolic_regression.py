@@ -10,7 +10,16 @@ from bayesdamp.estimators._protocol import Estimator, Options
 from bayesdamp.estimators.evolution.expressions import Expression
 from bayesdamp.estimators.evolution.force import Force
 from bayesdamp.estimators.evolution.operon import Found, front
-from bayesdamp.estimators.shared import checked_features, epsilon_of, free_names, oscillator
+from bayesdamp.estimators.search import least_over_further
+from bayesdamp.estimators.shared import (
+    beside_coefficients,
+    checked_features,
+    epsilon_of,
+    free_names,
+    further_priors,
+    oscillator,
+)
+from bayesdamp.records.oscillation.features import Features
 from bayesdamp.types import Estimate, Problem, Refusal, Signal
 
 FLOOR = 1e-11
@@ -55,6 +64,7 @@ class SymbolicRegression(Estimator):
     """
 
     name = "symbolic_regression"
+    by_position = "its expressions are of the velocity alone"
     options = SymbolicRegressionOptions
 
     def refuses(self, damping: tuple[str, ...]) -> str | None:
@@ -99,7 +109,7 @@ class SymbolicRegression(Estimator):
         )
         chosen = int(np.argmin(np.where(np.isfinite(scores), scores, np.inf)))
         expression = best[chosen][1].without_the_negligible(force.omega, KEPT)
-        values, width, how = _read(force, expression, problem, epsilon_of(problem, seen))
+        values, width, how = _read(force, expression, problem, seen)
         law = force.restoring(expression)
         start = {"theta0": force.theta0, "omega0": force.omega0}
         values |= {name: {**law, **start}[name] for name in free_names(problem)}
@@ -151,15 +161,26 @@ def _polished(force: Force, expression: Expression) -> Expression:
 
 
 def _read(
-    force: Force, expression: Expression, problem: Problem, epsilon: float
+    force: Force, expression: Expression, problem: Problem, seen: Features
 ) -> tuple[dict[str, float], float | None, str]:
     """(coefficients, the width of the expression's own switch, how they were read)."""
     terms = oscillator(problem).terms
-    f = expression(force.omega)
+    f, epsilon = expression(force.omega), epsilon_of(problem, seen)
+    beside = beside_coefficients(problem, seen)
 
     def shapes(width: float) -> np.ndarray:
-        return np.column_stack([np.asarray(term.shape(force.omega, width)) for term in terms])
+        still, q = np.zeros_like(force.omega), beside
+        return np.column_stack(
+            [np.asarray(t.force(still, force.omega, width, *(q[n] for n in t.further))) for t in terms]
+        )
 
+    def left(further: dict[str, float]) -> float:
+        beside.update(further)
+        columns = shapes(epsilon)
+        return float(np.sum((f - columns @ _solve(columns, f)) ** 2))
+
+    further = least_over_further(further_priors(problem, seen), left)
+    beside.update(further)
     fastest = float(np.abs(force.omega).max())
     own = [abs(width) for width in expression.widths()] if any(term.switches for term in terms) else []
     own = sorted((w for w in own if w > 0), key=lambda width: abs(width - epsilon))
@@ -168,13 +189,17 @@ def _read(
         columns = shapes(width)
         c = _solve(columns, f)
         if np.sqrt(np.mean((f - columns @ c) ** 2)) <= SAME * np.sqrt(np.mean(f**2)):
-            return _named(terms, c), own[0] if own else None, "the expression is the law: its own constants"
+            return (
+                {**_named(terms, c), **further},
+                own[0] if own else None,
+                "the expression is the law: its own constants",
+            )
     smooth = np.column_stack([force.motion.project(column) for column in shapes(epsilon).T])
     if len(terms) == 1:
         c = np.atleast_1d(force.motion.project(f) @ force.motion.omega / (smooth[:, 0] @ force.motion.omega))
-        return _named(terms, c), own[0] if own else None, "the law that does the same work"
+        return {**_named(terms, c), **further}, own[0] if own else None, "the law that does the same work"
     c = _solve(smooth, force.motion.project(f))
-    return _named(terms, c), own[0] if own else None, "the law nearest to the expression"
+    return {**_named(terms, c), **further}, own[0] if own else None, "the law nearest to the expression"
 
 
 def _solve(a: np.ndarray, b: np.ndarray) -> np.ndarray:

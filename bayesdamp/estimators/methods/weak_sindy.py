@@ -14,6 +14,7 @@ from bayesdamp.estimators.regression.weak import Stretch, kernel_half_width, uni
 from bayesdamp.estimators.regression.weak_regression import Rows, Sparse, solved, sparse_path, whitened
 from bayesdamp.estimators.shared import (
     ORDER,
+    beside_coefficients,
     checked_features,
     epsilon_of,
     free_names,
@@ -51,6 +52,7 @@ class WeakSindy(Estimator):
     """
 
     name = "weak_sindy"
+    with_parameters = "its library is of fixed functions"
     options = WeakSindyOptions
 
     def refuses(self, damping: tuple[str, ...]) -> str | None:
@@ -64,7 +66,9 @@ class WeakSindy(Estimator):
         assert isinstance(options, WeakSindyOptions)
         seen = checked_features(signal)
         sigma = noise_level(signal)
-        library = candidates(problem, epsilon_of(problem, seen), signal.unit)
+        library = candidates(
+            problem, epsilon_of(problem, seen), signal.unit, beside_coefficients(problem, seen)
+        )
         stretches = prepared(signal, problem, seen, sigma)
         own = np.array([one.damping in problem.damping for one in library])
         dissipates = np.array([one.damping is not None for one in library])

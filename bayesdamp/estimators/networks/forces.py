@@ -30,7 +30,7 @@ def _shapes(osc: Oscillator):
     @jax.jit
     def every(omega, epsilon):
         def shapes(x):
-            return jnp.stack([term.shape(x, epsilon) for term in osc.terms])
+            return jnp.stack([term.force(jnp.zeros_like(x), x, epsilon) for term in osc.terms])
 
         value, slope = jax.jvp(shapes, (omega,), (jnp.ones_like(omega),))
         return value.T, slope.T

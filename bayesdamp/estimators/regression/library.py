@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,7 +19,7 @@ WRITTEN = {"viscous": "2θ̇", "coulomb": "tanh(θ̇/ε)", "quadratic": "θ̇|θ
 class Candidate:
     """One function of displacement and velocity, both (n,), in a library.
 
-    damping: name of the damping term whose shape it is, a function of velocity alone. restoring: whether it
+    damping: name of the damping term whose shape it is. restoring: whether it
     depends on θ alone. jumps: whether it jumps where the velocity changes sign.
     """
 
@@ -30,17 +30,20 @@ class Candidate:
     jumps: bool = False
 
 
-def candidates(problem: Problem, epsilon: float, unit: str, mixed: bool = False) -> list[Candidate]:
+def candidates(
+    problem: Problem, epsilon: float, unit: str, scales: Mapping[str, float], mixed: bool = False
+) -> list[Candidate]:
     """The library: damping shapes (the paper's and the problem's own), then functions of θ.
 
     epsilon: width of friction's switch in rad/s, 0 for the sign. A record in metres has no cos θ and sin θ.
-    mixed: also θ̇² and θθ̇, which multiply noise with noise.
+    scales: what terms take that is no parameter. mixed: also θ̇² and θθ̇, which multiply noise with noise.
     """
     found = []
     for name in dict.fromkeys((*PAPER_TERMS, *problem.damping)):
         term = TERMS.get(name)
         written = "sign(θ̇)" if name == "coulomb" and epsilon == 0.0 else WRITTEN.get(name, name)
-        shape = lambda x, v, term=term: np.asarray(term.shape(v, epsilon))  # noqa: E731
+        further = [scales[n] for n in term.further]
+        shape = lambda x, v, term=term, q=further: np.asarray(term.force(x, v, epsilon, *q))  # noqa: E731
         found.append(Candidate(written, shape, damping=name, jumps=term.switches and epsilon == 0.0))
     only: list[tuple[str, Callable[[np.ndarray], np.ndarray]]] = [
         ("1", np.ones_like),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dis
 import math
 from abc import ABC
 from collections.abc import Callable, Mapping
@@ -68,6 +69,21 @@ class DampingTerm(ABC):
     def shaped(self) -> bool:
         """Whether its force has no parameter beside the coefficient and depends on the velocity alone."""
         return type(self).shape is not DampingTerm.shape
+
+    @property
+    def placed(self) -> bool:
+        """Whether its force depends on the position."""
+        if self.shaped:
+            return False
+        if "rest" in self.given or type(self).kernel is DampingTerm.kernel:
+            return True
+        first = self.kernel.__code__.co_varnames[0]
+        # Newer versions of Python load two variables at once.
+        loaded = (
+            i.argval if isinstance(i.argval, tuple) else (i.argval,)
+            for i in dis.get_instructions(self.kernel)
+        )
+        return any(first in names for names in loaded)
 
     @property
     def untraced(self) -> str:
