@@ -13,7 +13,7 @@ from bayesdamp.inference.deviation.candidate import Candidate
 from bayesdamp.inference.deviation.findings import Findings, Quantity, Ratio
 from bayesdamp.verdict import Verdict, thresholds
 from bayesdamp.verdict.decide import decide
-from bayesdamp.verdict.types import Grade, Window
+from bayesdamp.verdict.types import Averages, Grade, Window
 from bayesdamp.verdict.words import digits, probability
 
 TINY = 1e-6
@@ -206,6 +206,17 @@ def test_units_of_a_record_in_metres() -> None:
     assert " m" in found.sentence
     assert not any("rad" in c.unit for c in found.coefficients)
     assert any("rad" in r.unit for r in decided().damping_ratio)  # control
+
+
+def test_averages_that_stand_for_the_motion_are_said_and_how_far_they_are_off() -> None:
+    close, far = (decided(averages=Averages(30_000.0, error)) for error in (0.013, 0.4))
+    assert "Averaged amplitude and phase stand for 30,000 cycles" in close.remarks[-1]
+    assert "by more than 0.01 of its standard deviation" in close.remarks[-1]
+    assert "too many for the equation of motion" in far.remarks[0]
+    assert "up to 0.4 of their standard deviations" in far.remarks[0]
+    back = Verdict.from_dict(json.loads(close.to_json()))
+    assert back.averages == close.averages
+    assert not any("Averaged" in text for text in decided().remarks)  # control
 
 
 def test_a_verdict_survives_json() -> None:

@@ -224,3 +224,16 @@ def test_one_candidate_by_itself_predicts_every_sample_and_is_kept(tmp_path: Pat
     again = bd.load(tmp_path / "fit")
     assert again.values == fit.values
     assert np.asarray(again.predict(TIMES[late]).value) == pytest.approx(np.asarray(ahead.value), abs=1e-9)
+
+
+def test_what_is_not_close_is_fitted_by_the_equation_of_motion(monkeypatch: pytest.MonkeyPatch) -> None:
+    def weighed() -> Weighing:
+        return weighing_of(closed_form(450), damping=["viscous"], restoring=["linear"], approximate=False)
+
+    assert weighed().averaging is not None
+    monkeypatch.setattr("bayesdamp.inference.deviation.averaged.CLOSE", -1.0)
+    assert weighed().data.averaged is None
+    monkeypatch.setattr("bayesdamp.inference.deviation.quick.MOST_CYCLES", 400.0)
+    kept = weighed()
+    assert kept.averaging is not None
+    assert not kept.averaging.close
