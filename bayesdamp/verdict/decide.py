@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 from bayesdamp.inference.deviation.findings import Findings
 from bayesdamp.inference.deviation.numbers.quantities import Quantity
-from bayesdamp.physics.damping import TERMS
+from bayesdamp.physics.damping import TERMS, twins_of
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.verdict import thresholds
 from bayesdamp.verdict.types import (
@@ -45,7 +45,10 @@ def decide(
     first = next(iter(damping))
     same = first == next(iter(found.exact))
     grade = grade_of(found) if approximate else Grade.EXACT
-    decided = grade is not Grade.DEVIATES and found.damping[first] >= thresholds.DECIDED and same
+    untold = untold_twins(found, first)
+    decided = (
+        grade is not Grade.DEVIATES and found.damping[first] >= thresholds.DECIDED and same and not untold
+    )
     verdict = Verdict(
         record=record,
         grade=grade,
@@ -74,8 +77,22 @@ def decide(
         window=window,
         averages=averages,
     )
-    said = remarks(verdict, found, same, notes)
+    said = remarks(verdict, found, same, notes, untold)
     return _with(verdict, remarks=said, sentence=sentence(verdict))
+
+
+def untold_twins(found: Findings, damping: str) -> tuple[tuple[str, str, float], ...]:
+    """A sum's terms, each with a twin that was weighed and that the record does not exclude beside it, and the upper
+    limit of that twin's share of the energy."""
+    own = damping.split("+")
+    pairs = [
+        (term, twin) for term in own for twin in twins_of(term) if twin in found.term and twin not in own
+    ]
+    return tuple(
+        (term, twin, found.bound[twin])
+        for term, twin in pairs
+        if found.bound.get(twin, 0.0) >= thresholds.TWIN
+    )
 
 
 def _rivals(found: Findings, damping: Mapping[str, float]) -> tuple[Rival, ...]:

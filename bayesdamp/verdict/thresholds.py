@@ -19,6 +19,9 @@ OTHER_MOTION = 0.05
 """Share of the amplitude of the first oscillation from which a second one, or growth, is what a record is about."""
 REMARK = 0.01
 """Share of the amplitude from which what is left unexplained is remarked on."""
+TWIN = 0.3
+"""Share of the energy from which a term's twin, which loses alike at every amplitude, must be excluded for a sum
+without it to be named without reservation (conventional: the share from which a term is one of a record's)."""
 TERM_SURE = 0.95
 """Probability, summed over the sums that have it, from which a term is said to be sure by itself."""
 EXPONENT_NAMED = 0.3

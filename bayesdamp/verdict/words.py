@@ -187,9 +187,26 @@ def _plain(name: str) -> str:
     return name.replace("_", " ")
 
 
-def remarks(v: Verdict, found: Findings, same: bool, notes: Sequence[str]) -> tuple[str, ...]:
-    """Reservations, the largest first, each with its size."""
+def remarks(
+    v: Verdict,
+    found: Findings,
+    same: bool,
+    notes: Sequence[str],
+    twins: Sequence[tuple[str, str, float]] = (),
+) -> tuple[str, ...]:
+    """Reservations, the largest first, each with its size.
+
+    twins: a term of the answer, one that takes as much from every amplitude, and how much of the energy that may have.
+    """
     said: list[tuple[float, str]] = []
+    for term, twin, share in twins:
+        said.append(
+            (
+                0.9,
+                f"The record does not tell {words_of(term)} damping from {words_of(twin)}: both lose alike at every "
+                f"amplitude and differ within a cycle only; up to {100 * share:.0f} % of the loss may be the other.",
+            )
+        )
     if not same and v.grade is not Grade.DEVIATES:
         other = named(next(iter(found.exact)))
         said.append((1.0, f"If damping and spring followed their laws exactly, {other} would be ahead."))

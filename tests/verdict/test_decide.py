@@ -259,3 +259,18 @@ def test_digits(value: float, width: float, text: str) -> None:
 @pytest.mark.parametrize(("p", "text"), [(1.0, "more than 0.999"), (0.42, "0.42"), (0.0034, "0.003")])
 def test_probability_in_words(p: float, text: str) -> None:
     assert probability(p) == text
+
+
+@pytest.mark.parametrize(("share", "decided"), [(0.45, False), (0.05, True)])
+def test_a_twin_that_is_not_excluded_leaves_it_open(share: float, decided: bool) -> None:
+    """Structural damping loses like viscous at every amplitude: where both were weighed and the record allows much of
+    one beside the other, neither is named without reservation, and it is said."""
+    term = {"viscous": 1.0, "coulomb": 0.03, "quadratic": 0.01, "structural": 0.02}
+    found = findings(term=term, bound={"coulomb": 0.05, "quadratic": 0.02, "structural": share})
+    verdict = decide(found, record="rig")
+    assert verdict.decided is decided
+    said = [r for r in verdict.remarks if "does not tell viscous damping from structural" in r]
+    assert bool(said) is not decided
+    assert all("up to 45 % of the loss" in r for r in said)
+    alone = findings(bound={"coulomb": 0.05, "quadratic": 0.02, "structural": share})
+    assert decide(alone, record="rig").decided, "control: structural damping was not asked for"

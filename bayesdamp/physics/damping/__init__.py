@@ -13,7 +13,7 @@ PAPER_TERMS = ("viscous", "coulomb", "quadratic")
 
 __all__ = [
     "GIVEN", "PAPER_TERMS", "TERMS", "DampingTerm", "FreeParameter", "all_sums", "median", "model_name", "others",
-    "parse_model",    "words_of",
+    "parse_model", "twins_of", "words_of",
 ]  # fmt: skip
 
 
@@ -48,6 +48,13 @@ def others() -> list[str]:
 def words_of(term: str) -> str:
     """A term in a sentence; its name where it is not known here or says nothing."""
     return (TERMS.get(term).words if term in TERMS.names() else "") or term
+
+
+def twins_of(term: str) -> list[str]:
+    """Terms that take as much from every amplitude as this one does."""
+    names = TERMS.present()
+    own = [TERMS.get(term).twin] if term in names else []
+    return [n for n in names if n != term and (n in own or TERMS.get(n).twin == term)]
 
 
 def all_sums(terms: tuple[str, ...] = PAPER_TERMS) -> list[str]:

@@ -62,6 +62,8 @@ class DampingTerm(ABC):
     """What the kernel takes after these, of `GIVEN`."""
     bounded: bool = True
     """Whether its share of the energy is bounded where it is not in the answer."""
+    twin: str = ""
+    """A term that takes as much from every amplitude: only the shape within a cycle tells the two apart."""
     reduces: tuple[tuple[str, float], ...] = ()
     """Values of parameters at which the term is a simpler one; how much it has beyond that is what is bounded."""
 

@@ -13,6 +13,7 @@ class Displacement(DampingTerm):
     words = "one that grows with the square of the displacement"
     formula = "c (θ − θe)² θ̇"
     given = ("rest",)
+    twin = "cubic"
 
     @staticmethod
     def kernel(x: float, v: float, epsilon: float, rest: float = 0.0) -> float:

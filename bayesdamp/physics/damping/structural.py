@@ -20,6 +20,7 @@ class Structural(DampingTerm):
     formula = "κ |θ − θe| tanh(θ̇/ε)"
     switches = True
     given = ("rest",)
+    twin = "viscous"
 
     @staticmethod
     def kernel(x: float, v: float, epsilon: float, rest: float = 0.0) -> float:
