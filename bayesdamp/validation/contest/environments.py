@@ -88,8 +88,8 @@ class Child:
             process.stdin.flush()
             line = process.stdout.readline()
         if not line:
-            process.wait()
-            self._process, self.seconds = None, float("nan")
+            self.close()
+            self.seconds = float("nan")
             raise Refusal("it was not done within its CPU time")
         said = json.loads(line)
         self.seconds = float(said["seconds"])
@@ -100,9 +100,8 @@ class Child:
 
     def close(self) -> None:
         """End the program."""
-        if self._process is not None and self._process.stdin is not None:
-            self._process.stdin.close()
-            self._process.wait()
+        if self._process is not None:
+            self._process.communicate()  # closes its input, and what is left of its pipes
         self._process = None
 
     def _begun(self) -> subprocess.Popen[str]:

@@ -27,11 +27,12 @@ from bayesdamp.validation.contest.scoring import (
 
 INTRODUCTION = """# A contest
 
-What people measure damping with today, beside bayesdamp, on the same records; each by its authors' defaults. Scored is
-the error of the equivalent viscous damping ratio at three amplitudes of each record (near its start, near its end, and
-between); who says one number is charged with it at each. Simulated records come from SciPy's DOP853, the truth from the
-energy at their turning points. Intervals are of 95 %: of errors by drawing records again, of shares Wilson's. Seconds
-are CPU seconds, one thread, imports not counted.
+What people measure damping with today, beside bayesdamp, on the same records; each by its authors' defaults, or as said
+at the end where these do not work on a single decay. Scored is the error of the equivalent viscous damping ratio at
+three amplitudes of each record (near its start, near its end, and between); who says one number is charged with it at
+each. Simulated records come from SciPy's DOP853, the truth from the energy at their turning points. Intervals are of
+95 %: of errors by drawing records again, of shares Wilson's. Seconds are CPU seconds, one thread, imports not counted.
+A peer with fewer records than the others was given as many as there was time for.
 """
 GROUP_WORDS = {
     "family": "sums of viscous, Coulomb and quadratic damping on four springs, noise of 0.3 to 3 %, 8 to 60 cycles",
