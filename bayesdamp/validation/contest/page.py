@@ -123,9 +123,15 @@ def _scores(rows: pd.DataFrame) -> Iterator[str]:
             [
                 f"| {ROSTER[name].label}", str(len(part)), str(len(answered)),
                 *(_percent(quantile_of_errors(part, level)) for level in (0.5, 0.9)),
-                _share(held) if stated else "–", said, f"{part['seconds'].median():.2g} |",
+                _share(held) if stated else "–", said, f"{_seconds(part)} |",
             ]
         )  # fmt: skip
+
+
+def _seconds(rows: pd.DataFrame) -> str:
+    """Median CPU time; a record that ran into its limit has none."""
+    known = rows["seconds"].dropna().to_numpy(float)
+    return f"{np.median(known):.2g}" if known.size else "–"
 
 
 def _beside(rows: pd.DataFrame, groups: list[str]) -> Iterator[str]:

@@ -73,5 +73,12 @@ def append(table: Path, rows: Iterable[dict[str, Any]]) -> None:
         if new:
             writer.writeheader()
         for row in rows:
-            writer.writerow({k: f"{v:.6g}" if isinstance(v, float) else v for k, v in row.items()})
+            writer.writerow({k: _written(v) for k, v in row.items()})
             out.flush()
+
+
+def _written(value: Any) -> Any:
+    """Six digits of a number; nothing for none."""
+    if not isinstance(value, float):
+        return value
+    return "" if math.isnan(value) else f"{value:.6g}"

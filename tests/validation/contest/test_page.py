@@ -87,9 +87,11 @@ def test_the_row_of_an_answer_a_refusal_and_a_fault(tmp_path: Path):
     assert (good["outcome"], good["relation"], good["value_2"]) == ("ok", "right", 0.02)
     rows.append(tmp_path / "rows.csv", made)
     rows.append(tmp_path / "rows.csv", [good])
+    rows.append(tmp_path / "rows.csv", [good | {"peer": "e", "seconds": float("nan")}])
     read = rows.read(tmp_path / "rows.csv")
-    assert list(read["peer"]) == list("abcd")
-    assert list(read["named"]) == ["", "", "", "viscous"]
+    assert list(read["peer"]) == list("abcde")
+    assert np.isnan(read["seconds"].iloc[-1])
+    assert list(read["named"]) == ["", "", "", "viscous", "viscous"]
 
 
 def test_it_goes_on_where_it_was_cut_off(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
