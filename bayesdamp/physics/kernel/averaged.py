@@ -18,7 +18,7 @@ from itertools import pairwise
 import numpy as np
 
 from bayesdamp.physics.kernel.dense import at_times, slopes_at_times
-from bayesdamp.physics.kernel.solve import NONE, PARAMETERS, QUANTITIES, Motion, Solver
+from bayesdamp.physics.kernel.solve import ALL, NONE, PARAMETERS, QUANTITIES, Motion, Solver
 
 TURNS, REAL_TURNS = 2, 4
 """Cycles that are read for an amplitude and a phase: of the oscillation that is solved, a whole number of which goes
@@ -104,13 +104,18 @@ class AveragedSolver(Solver):
         inner, order = self._read(blocks)
         p = np.array(p, float)
         p[: len(self.terms)] *= self.slowness
+        if (
+            tangents == ALL
+        ):  # the blocks are read up to a little before the last knot, and all knots have tangents
+            none = np.zeros(self.knots.size)
+            g, h = none if g is None else g, none if h is None else h
         motion = inner.solve(p, active, g, h, tangents, tolerance=tolerance)
         if motion is None:
             return None
         z, middle = _projected(motion.y, order, self.track.phases)
         if not np.all(np.abs(z) > 0):
             return None
-        y = self._threes(np.abs(z), self.slowness * np.unwrap(np.angle(z)), middle)[:stop]
+        y = self._threes(np.abs(z), self._stretched(np.unwrap(np.angle(z))), middle)[:stop]
         if self.defect is not None:
             y = y + self.defect[:stop]
         slopes = motion.tangents
@@ -180,11 +185,16 @@ class AveragedSolver(Solver):
         return _projected(np.concatenate(read), order, self.track.real_phases)
 
     def _lacking(self, own: np.ndarray, true: np.ndarray, middle: np.ndarray) -> np.ndarray:
-        """What blocks' numbers, (3b,), lack to complex amplitudes and midlines, (b,); the phase at the first block is
-        the start's, which is inferred whatever it is called."""
+        """What blocks' numbers, (3b,), lack to complex amplitudes and midlines, (b,)."""
         size, phase, own_middle = own.reshape(-1, NUMBERS).T
         more = np.unwrap(np.angle(true * np.exp(-1j * phase / self.track.sizes)))
-        return self._threes(np.abs(true) - size, more - more[0], middle - own_middle / np.sqrt(2))
+        return self._threes(np.abs(true) - size, more, middle - own_middle / np.sqrt(2))
+
+    def _stretched(self, phase: np.ndarray) -> np.ndarray:
+        """The record's phases of those that were solved, (b, ...): what passes since the start is M times as much; the
+        start's own, which a line through the first two blocks has, is as it is."""
+        begun = 1.5 * phase[0] - 0.5 * phase[1] if len(phase) > 1 else phase[0]
+        return self.slowness * phase - (self.slowness - 1) * begun
 
     def _threes(self, size: np.ndarray, phase: np.ndarray, middle: np.ndarray) -> np.ndarray:
         return np.column_stack([size, self.track.sizes[: size.size] * phase, np.sqrt(2) * middle]).ravel()
@@ -194,7 +204,7 @@ class AveragedSolver(Solver):
         relative = slopes / z[:, None]
         found = np.empty((NUMBERS * z.size, slopes.shape[1]))
         found[::NUMBERS] = np.abs(z)[:, None] * relative.real
-        found[1::NUMBERS] = self.slowness * self.track.sizes[: z.size, None] * relative.imag
+        found[1::NUMBERS] = self.track.sizes[: z.size, None] * self._stretched(relative.imag)
         found[2::NUMBERS] = np.sqrt(2) * middle
         return found
 
