@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from bayesdamp.inference.deviation.numbers.unnamed import as_wide
-from bayesdamp.physics.damping import TERMS, others
+from bayesdamp.physics.damping import TERMS, all_sums, others
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.pipeline.answer import answer
 from bayesdamp.priors import HalfNormal, LogUniform, Normal, Uniform
@@ -108,3 +108,22 @@ def test_two_terms_with_one_parameter_are_refused() -> None:
             parse_model("power+other")
     finally:
         TERMS.remove("other")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [83101, 83401])
+def test_what_loses_alike_is_not_named_outright(seed: int) -> None:
+    """Viscous and structural damping together, of which Occam's razor takes one for the whole: it is not named without
+    reservation, and what is said of the other is true."""
+    made = case("structural", seed)
+    assert made.damping == "viscous+structural"
+    damping = [*all_sums(), "structural", "viscous+structural"]
+    verdict = answer(made.signal, damping=damping, restoring=["linear"]).verdict
+    if verdict.damping == made.damping:
+        return
+    assert not verdict.decided
+    other = {"structural": "viscous", "viscous": "structural"}[verdict.damping]
+    bound = next(b.share_below for b in verdict.other_forms if b.form == other)
+    share = made.share if other == "structural" else 1 - made.share
+    assert any("differ within a cycle only" in remark for remark in verdict.remarks)
+    assert share < bound + 0.05
