@@ -14,6 +14,9 @@ from bayesdamp.types import Refusal, Signal
 
 BESIDE = 4
 """Gaps on either side of one that say what is usual there."""
+HOLE, USUAL, BESIDE_HOLE = 0.5, 5.0, 0.25
+"""Periods without a sample, and how many usual gaps, from which these are a hole in the record; periods beside it in
+which a turning point is not believed (conventional)."""
 LEAST_SHARE = 0.3
 """An oscillation must have this share in what a record does within a period or two."""
 
@@ -59,26 +62,28 @@ def features(signal: Signal) -> Features:
     if share < LEAST_SHARE:
         raise Refusal("no oscillation stands out of the noise")
     noise = noise_of(t, y, period)
-    turns = regular(turning_points(t, y, period, noise), noise)
+    runs = regular_runs(_beside_holes(turning_points(t, y, period, noise), t, period), noise)
+    turns = max(runs, key=lambda run: run.times.size, default=Turning(*np.empty((3, 0))))
     if turns.times.size < 3:
         raise Refusal("no oscillation is seen: fewer than three turning points stand out of the noise")
     middle = midpoints(turns.values)
-    sizes = np.abs(turns.values - middle)
+    sizes = _sizes(turns)
     crossings, sharp = crossing_times(t, y, turns, middle)
     period = mean_period(crossings, sharp, turns.times)
     noise = noise_of(t, y, period)
-    gaps = np.diff(turns.times)
-    before = min((turns.times[0] - t[0]) / (2 * gaps[0]), 0.5)
-    after = min((t[-1] - turns.times[-1]) / (2 * gaps[-1]), 0.5)
+    first, last = _ends(runs, turns, t, period)
+    before = min((first.times[0] - t[0]) / (2 * (first.times[1] - first.times[0])), 0.5)
+    after = min((t[-1] - last.times[-1]) / (2 * (last.times[-1] - last.times[-2])), 0.5)
+    seen = (turns.times.size - 1) / 2 if first is last else (last.times[-1] - first.times[0]) / period
     frequency = 2 * np.pi / period
     order = {"angle": 0, "velocity": 1, "acceleration": 2}[signal.quantity]
     return Features(
         rest=float(np.median(middle[middle.size // 2 :])) if order == 0 else 0.0,
-        amplitude=extrapolated(turns.times - t[0], sizes) / frequency**order,
-        final_amplitude=extrapolated((t[-1] - turns.times)[::-1], sizes[::-1]) / frequency**order,
+        amplitude=extrapolated(first.times - t[0], _sizes(first)) / frequency**order,
+        final_amplitude=extrapolated((t[-1] - last.times)[::-1], _sizes(last)[::-1]) / frequency**order,
         frequency=frequency,
         period=period,
-        cycles=float((turns.times.size - 1) / 2 + before + after),
+        cycles=float(seen + before + after),
         samples_per_cycle=float(period * (t.size - 1) / (t[-1] - t[0])),
         roughness=noise,
         turning_times=turns.times,
@@ -90,8 +95,14 @@ def features(signal: Signal) -> Features:
 
 def regular(turns: Turning, noise: float) -> Turning:
     """The longest run of turning points that follow each other in step and stand out of the noise."""
+    runs = regular_runs(turns, noise)
+    return max(runs, key=lambda run: run.times.size, default=turns.cut(0, 0))
+
+
+def regular_runs(turns: Turning, noise: float) -> list[Turning]:
+    """The runs of turning points that follow each other in step and stand out of the noise, in their order."""
     if turns.times.size < 3:
-        return turns
+        return [turns]
     gaps = np.diff(turns.times)
     ranges = np.abs(np.diff(turns.values))
     typical = _typical(gaps)
@@ -100,11 +111,45 @@ def regular(turns: Turning, noise: float) -> Turning:
     least[[0, -1]] = 0.85  # noise likes to turn at the very end of a record
     good = (gaps > least * typical) & (gaps < 1.5 * typical) & seen
     edges = np.flatnonzero(np.diff(np.concatenate([[0], good.astype(int), [0]])))
-    if edges.size == 0:
-        return turns.cut(0, 0)
-    starts, stops = edges[::2], edges[1::2]
-    best = int(np.argmax(stops - starts))
-    return turns.cut(int(starts[best]), int(stops[best]) + 1)
+    return [turns.cut(a, b + 1) for a, b in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True)]
+
+
+def _holes(t: np.ndarray, period: float) -> np.ndarray:
+    """Start and end, (h, 2), of stretches of more than half a period without a sample, where others have many."""
+    gaps = np.diff(t)
+    at = np.flatnonzero((gaps > HOLE * period) & (gaps > USUAL * np.median(gaps)))
+    return np.stack([t[at], t[at + 1]], axis=1)
+
+
+def _beside_holes(turns: Turning, t: np.ndarray, period: float) -> Turning:
+    """Turning points without those in and beside holes, which a line across the hole makes."""
+    kept = np.ones(turns.times.size, bool)
+    for a, b in _holes(t, period):
+        kept &= (turns.times < a - BESIDE_HOLE * period) | (turns.times > b + BESIDE_HOLE * period)
+    return Turning(turns.times[kept], turns.values[kept], turns.gain[kept])
+
+
+def _ends(runs: list[Turning], turns: Turning, t: np.ndarray, period: float) -> tuple[Turning, Turning]:
+    """The first and the last of the runs that only holes without samples part from `turns`."""
+    holes = _holes(t, period)
+    first = last = turns
+    for run in runs[::-1]:
+        if run.times.size >= 3 and run.times[-1] < first.times[0] and _across(holes, run, first, period):
+            first = run
+    for run in runs:
+        if run.times.size >= 3 and run.times[0] > last.times[-1] and _across(holes, last, run, period):
+            last = run
+    return first, last
+
+
+def _across(holes: np.ndarray, a: Turning, b: Turning, period: float) -> bool:
+    """Whether what lies between two runs is a hole and not much else."""
+    inside = holes[(holes[:, 0] > a.times[-1]) & (holes[:, 1] < b.times[0])]
+    return bool(np.sum(inside[:, 1] - inside[:, 0]) > b.times[0] - a.times[-1] - 2 * period)
+
+
+def _sizes(turns: Turning) -> np.ndarray:
+    return np.abs(turns.values - midpoints(turns.values))
 
 
 def _typical(gaps: np.ndarray) -> np.ndarray:

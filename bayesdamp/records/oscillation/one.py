@@ -29,6 +29,8 @@ TOGETHER = 2
 """Swings that must rise together."""
 STEADY = 0.1
 """Share of the other's decay rate below which an oscillation is kept up by a drive."""
+HOLE = 0.2
+"""Part of a period without a sample in which a turning point may be missed."""
 CYCLES = 3.0
 """Cycles of the slower mode below which nothing is said."""
 
@@ -88,6 +90,11 @@ def _steady(two: Modes) -> bool:
     return abs(kept) < STEADY * falling
 
 
+def _filled(t: np.ndarray, a: int, b: int, widest: float) -> bool:
+    """Whether no hole is among samples a to b, nor beside them."""
+    return bool(np.diff(t[max(a - 1, 0) : b + 1]).max() <= widest)
+
+
 def _lifted(t: np.ndarray, y: np.ndarray, period: float, noise: float) -> float:
     """By how much the amplitude surely rises again after it has fallen, relative to itself then.
 
@@ -95,7 +102,9 @@ def _lifted(t: np.ndarray, y: np.ndarray, period: float, noise: float) -> float:
     law takes energy: of one oscillator this is noise. noise: standard deviation of a sample.
     """
     edges = np.searchsorted(t, np.arange(t[0], t[-1], period))
-    ranges = np.array([np.ptp(y[a:b]) for a, b in pairwise(edges) if b - a > 3])
+    widest = max(HOLE * period, 2.5 * float(np.median(np.diff(t))))
+    whole = [(a, b) for a, b in pairwise(edges) if b - a > 3 and _filled(t, a, b, widest)]
+    ranges = np.array([np.ptp(y[a:b]) for a, b in whole])
     if ranges.size < 2 * TOGETHER:
         return 0.0
     runs = np.lib.stride_tricks.sliding_window_view(ranges, TOGETHER)

@@ -1,0 +1,53 @@
+"""Records with stretches without a sample: the whole record is one decay, and a hole is no beat."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from bayesdamp.records.oscillation.features import features
+from bayesdamp.records.oscillation.one import other_than_one
+from bayesdamp.types import Signal
+
+FREQUENCY, RATE, START, NOISE = 1.3, 0.05, 0.4, 0.002
+
+
+def holed(seed: int, *more: tuple[float, float, float]) -> Signal:
+    """40 s at 60 Hz without three stretches of 5 s; more: other oscillations (amplitude, frequency, decay rate)."""
+    rng = np.random.default_rng([31, seed])
+    t = np.arange(0.0, 40.0, 1 / 60)
+    y = 0.05 + START * np.exp(-RATE * t) * np.cos(2 * np.pi * FREQUENCY * t)
+    for amplitude, frequency, rate in more:
+        y += amplitude * np.exp(-rate * t) * np.cos(2 * np.pi * frequency * t)
+    y += NOISE * rng.standard_normal(t.size)
+    kept = np.ones(t.size, bool)
+    for begin in np.array([4.0, 17.0, 28.0]) + rng.uniform(0, 5, 3):
+        kept &= (t < begin) | (t > begin + 5.0)
+    return Signal(t[kept], y[kept], name=f"holed {seed}")
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_amplitudes_are_those_of_the_whole_record(seed: int) -> None:
+    """At its first and last sample, to 5 %, and not those of the longest run between two holes."""
+    found = features(holed(seed))
+    assert found.amplitude == pytest.approx(START, rel=0.05)
+    assert found.final_amplitude == pytest.approx(START * np.exp(-RATE * 40), rel=0.05)
+    assert found.frequency == pytest.approx(2 * np.pi * FREQUENCY, rel=1e-3)
+    assert found.cycles == pytest.approx(40 * FREQUENCY, abs=1.0)
+    assert np.all(np.diff(found.turning_times) < 0.6 / FREQUENCY)
+    assert np.all(np.diff(found.turning_amplitudes) < 3 * NOISE), "a turning point at a hole's edge is none"
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_a_hole_is_no_beat(seed: int) -> None:
+    signal = holed(seed)
+    assert other_than_one(signal.t, signal.y, 1 / FREQUENCY) is None
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_beats_with_holes_are_beats(seed: int) -> None:
+    """Negative control."""
+    signal = holed(seed, (0.3, 1.08 * FREQUENCY, RATE))
+    found = other_than_one(signal.t, signal.y, 1 / FREQUENCY)
+    assert found is not None
+    assert found.seen == "beats"
