@@ -9,28 +9,34 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from functools import cache
 from types import SimpleNamespace
-from typing import Annotated, Any, ClassVar, Literal
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, TypeAlias
 
-import jax.numpy as jnp
-import jax.scipy.special as traced
 import numpy as np
 import scipy.special as host
-from jax import Array
 from numpy.typing import ArrayLike
 from pydantic import BaseModel, ConfigDict, Field, PositiveFloat, ValidationError, model_validator
 
+from bayesdamp.numerics.lazily import jnp, traced
 from bayesdamp.types import InputError
 
-Scalar = float | Array
+if TYPE_CHECKING:
+    from jax import Array
 
-
-_TRACED = SimpleNamespace(exp=jnp.exp, log=jnp.log, ndtr=traced.ndtr)
+Scalar: TypeAlias = "float | Array"
 _HOST = SimpleNamespace(exp=np.exp, log=np.log, ndtr=host.ndtr)
 
 
 def _functions(z: Any) -> SimpleNamespace:
-    return _TRACED if isinstance(z, Array) else _HOST
+    return _traced() if traced(z) else _HOST
+
+
+@cache
+def _traced() -> SimpleNamespace:
+    from jax.scipy.special import ndtr
+
+    return SimpleNamespace(exp=jnp.exp, log=jnp.log, ndtr=ndtr)
 
 
 class _Prior(BaseModel):

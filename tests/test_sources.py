@@ -125,7 +125,10 @@ def keys(copy: Path) -> dict[str, str]:
         ("report/render.py", ()),
         ("cli/app.py", ()),
         ("inference/samplers/emcee.py", ("/emcee", "averaged/")),
-        ("physics/damping/quadratic.py", ("quadratic", "viscous/sindy", "averaged/", *AFTER_SINDY)),
+        (
+            "physics/damping/quadratic.py",
+            ("quadratic", "viscous/sindy", "averaged/", "answer/", "sampled/", *AFTER_SINDY),
+        ),
         ("physics/integrate.py", ("",)),
     ],
 )

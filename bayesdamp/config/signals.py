@@ -179,7 +179,7 @@ def _check_motion(oscillator: Oscillator, truth: Mapping[str, float], duration: 
         right = f"it must be from {SHORTEST:g} to {LONGEST:g} s"
         raise StudyError(below(key, "duration"), f"is {duration:g}; {right}")
     try:
-        cycles = oscillator.natural_frequency(truth, near=truth["theta0"]) * duration / (2 * math.pi)
+        cycles = oscillator.rough_frequency(truth, near=truth["theta0"]) * duration / (2 * math.pi)
     except ValueError as error:
         raise StudyError(key, f"{error}; choose parameters that let it oscillate") from None
     if cycles > CYCLES:

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-from jax import numpy as jnp
 
 from bayesdamp.estimators.refine import with_jacobian
 from bayesdamp.estimators.shared import free_names, oscillator
+from bayesdamp.numerics.lazily import jnp
 from bayesdamp.physics.integrate import make_plan
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.physics.solver.plan import QUANTITIES

@@ -5,9 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import lru_cache
 
-import jax
 import numpy as np
-from jax import numpy as jnp
 
 from bayesdamp.estimators.misfit import misfit
 from bayesdamp.estimators.search import brent, least_squares
@@ -19,6 +17,7 @@ from bayesdamp.estimators.shared import (
     oscillator,
     start_parameters,
 )
+from bayesdamp.numerics.lazily import jax, jnp
 from bayesdamp.physics.integrate import make_plan
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.physics.solver.plan import compiled_record

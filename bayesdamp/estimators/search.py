@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
-from scipy.optimize import minimize, minimize_scalar
 
 from bayesdamp.numerics.levenberg_marquardt import Expansion, Schedule, Step, levenberg_marquardt
 from bayesdamp.priors import Prior
@@ -32,6 +31,8 @@ def brent(cost: Callable[[float], float], guess: float, unit: float, factor: flo
     The bracket is [guess/factor, guess·factor] and moves on where the minimum is at its end. unit: a value of
     x that is small but matters; the search starts no lower.
     """
+    from scipy.optimize import minimize_scalar
+
     costs: list[float] = []
 
     def counted(x: float) -> float:
@@ -99,6 +100,8 @@ def least_over_further(
 ) -> dict[str, float]:
     """Values of these parameters with the least cost: variable projection (Golub and Pereyra 1973) where the cost is
     what the best coefficients leave. Nelder and Mead's search over their scores, from the best of a grid."""
+    from scipy.optimize import minimize
+
     if not priors:
         return {}
 

@@ -5,10 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from itertools import pairwise
+from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.interpolate import BSpline, make_interp_spline, make_lsq_spline
-from scipy.optimize import nnls
 
 from bayesdamp.physics.damping import DampingTerm, median
 from bayesdamp.physics.oscillator import Oscillator
@@ -17,6 +16,9 @@ from bayesdamp.records.oscillation.features import Features, features
 from bayesdamp.records.oscillation.turning import midpoints, turning_points
 from bayesdamp.records.reference import reference_of
 from bayesdamp.types import Problem, Refusal, Signal
+
+if TYPE_CHECKING:
+    from scipy.interpolate import BSpline
 
 DEGREE = 7
 """Degree of the splines: derivatives from an interpolating one are good to a millionth of a per cent."""
@@ -133,6 +135,8 @@ def decay_start(problem: Problem, seen: Features) -> dict[str, float]:
     The logarithmic decrement at amplitude A is π times the sum of the terms' equivalent damping ratios at A;
     solved by non-negative least squares, each swing weighted by its amplitude. Rough, but never far off.
     """
+    from scipy.optimize import nnls
+
     osc = oscillator(problem)
     # Half the distance of neighbouring turning points needs no midline.
     sizes = np.abs(np.diff(seen.turning_values)) / 2
@@ -264,6 +268,8 @@ def runs(t: np.ndarray, period: float) -> list[slice]:
 
 def _run(signal: Signal, problem: Problem, seen: Features, noise: float, knots_per_period: float) -> Motion:
     """The motion over a run of samples without a gap."""
+    from scipy.interpolate import make_interp_spline
+
     t, y = signal.t, signal.y
     if t.size < FEWEST:
         raise Refusal("the samples before the first gap are too few; let the record begin after it")
@@ -329,6 +335,8 @@ def _knots(t: np.ndarray, spacing: float) -> np.ndarray:
 
 
 def _least_squares(t: np.ndarray, y: np.ndarray, inner: np.ndarray) -> BSpline:
+    from scipy.interpolate import make_lsq_spline
+
     for degree in range(DEGREE, 0, -2):  # a few samples before a gap bear a lower one
         knots = np.r_[(t[0],) * (degree + 1), inner, (t[-1],) * (degree + 1)]
         try:

@@ -16,12 +16,10 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-import jax
 import numpy as np
 from filelock import FileLock, Timeout
-from jax import export
-from jax.core import Tracer
 
+from bayesdamp.numerics.lazily import jax
 from bayesdamp.plugins import extended
 
 _FAILURES = (OSError, ValueError, NotImplementedError, RuntimeError, TypeError)
@@ -58,6 +56,8 @@ class Program:
 
     def __call__(self, *args: Any) -> Any:
         """What the function gives; by the stored program where there is one for arguments of these shapes."""
+        from jax.core import Tracer
+
         leaves, tree = jax.tree.flatten(args)
         if _Kept.folder is None or extended() or any(isinstance(leaf, Tracer) for leaf in leaves):
             return self._traced(*args)
@@ -74,6 +74,8 @@ class Program:
             return self._function(*jax.tree.unflatten(tree, values))
 
         text = repr((self.name, self.made_of, str(tree), shapes))
+        from jax import export
+
         path = folder / f"{hashlib.sha256((_here() + text).encode()).hexdigest()[:32]}.jax"
         if (kept := _kept(path)) is not None:
             return kept
@@ -92,6 +94,8 @@ class Program:
 
 def _kept(path: Path) -> Callable[..., Any] | None:
     """The program of a file, or None."""
+    from jax import export
+
     content = _read(path)
     return None if content is None else jax.jit(export.deserialize(bytearray(content)).call)
 

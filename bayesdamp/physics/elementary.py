@@ -7,13 +7,16 @@ seven stages into dozens of small loops. In these forms a batch of trajectories 
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING
 
-import jax
 import numpy as np
-from jax import Array
-from jax import numpy as jnp
-from jax.typing import ArrayLike
 from numpy.polynomial import Chebyshev, Polynomial
+
+from bayesdamp.numerics.lazily import custom_jvp, jnp
+
+if TYPE_CHECKING:
+    from jax import Array
+    from jax.typing import ArrayLike
 
 
 def _power_series(function, degree: int, low: float, high: float) -> tuple[float, ...]:
@@ -49,7 +52,7 @@ def _sine(x: Array) -> Array:
     return _cosine(x - 0.5 * _PI_HIGH)
 
 
-@jax.custom_jvp
+@custom_jvp
 def cosine(x: ArrayLike) -> Array:
     """cos(x), x in rad of any shape, within 1e-15 for |x| up to 1e3."""
     return _cosine(jnp.asarray(x, float))
@@ -60,7 +63,7 @@ def _cosine_jvp(primals: tuple[Array], tangents: tuple[Array]) -> tuple[Array, A
     return cosine(primals[0]), -sine(primals[0]) * tangents[0]
 
 
-@jax.custom_jvp
+@custom_jvp
 def sine(x: ArrayLike) -> Array:
     """sin(x), x in rad of any shape, within 1e-15 for |x| up to 1e3."""
     return _sine(jnp.asarray(x, float))
@@ -77,7 +80,7 @@ _HALVINGS = 7
 _EXP = _power_series(lambda u: np.exp(-u), 11, 0.0, _LARGEST / 2**_HALVINGS)
 
 
-@jax.custom_jvp
+@custom_jvp
 def smooth_sign(x: Array) -> Array:
     """tanh(x), any shape, within 2e-13."""
     decay = _polynomial(_EXP, jnp.minimum(jnp.abs(x) * 2.0, _LARGEST) * 2.0**-_HALVINGS)

@@ -7,14 +7,15 @@ By quadrature, so for any restoring law and any sum of damping terms: with x = c
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import partial
+from typing import TYPE_CHECKING
 
-import jax
 import numpy as np
-from jax import Array
-from jax import numpy as jnp
 
+from bayesdamp.numerics.lazily import jax, jnp, tree
 from bayesdamp.physics.oscillator import Oscillator, Parameters
+
+if TYPE_CHECKING:
+    from jax import Array
 
 NODES = 32
 NEWTON = 30
@@ -35,7 +36,7 @@ PHI, WEIGHT, BEYOND = _rule()
 SINE, COSINE = np.sin(PHI), np.cos(PHI)
 
 
-@partial(jax.tree_util.register_dataclass, data_fields=["period", "energy", "slope", "lost"], meta_fields=[])
+@tree(["period", "energy", "slope", "lost"])
 @dataclass(frozen=True)
 class Cycle:
     """period in s; energy above the equilibrium, its derivative by the amplitude and the energy lost in a cycle,

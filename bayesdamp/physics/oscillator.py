@@ -5,17 +5,18 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import TYPE_CHECKING
 
-import jax
 import numpy as np
-from jax import Array
-from jax import numpy as jnp
-from jax.typing import ArrayLike
-from scipy.optimize import brentq
 
 from bayesdamp.machine.programs import Program
+from bayesdamp.numerics.lazily import jax, jnp
 from bayesdamp.physics.damping import TERMS, DampingTerm
 from bayesdamp.physics.restoring import LAWS, RestoringLaw, Scalar
+
+if TYPE_CHECKING:
+    from jax import Array
+    from jax.typing import ArrayLike
 
 Parameters = Mapping[str, Scalar]
 ROOM = 4096
@@ -117,16 +118,39 @@ class Oscillator:
         known = {name: float(p[name]) for name in self.law.parameters}
         return float(np.sqrt(restoring_force(self.restoring, np.array([at]), known)[1][0]))
 
+    def rough_frequency(self, p: Parameters, near: float = 0.0) -> float:
+        """The same to some per mille, rad/s, without a compiled program where the law has a `kernel`: for limits alone.
+        Raises ValueError as `equilibrium` does."""
+        if self.law.kernel is RestoringLaw.kernel:
+            return self.natural_frequency(p, near)
+        values = [float(p[name]) for name in self.law.parameters]
+        grid = _around(near)
+        force = np.array([self.law.kernel(x, values) for x in grid.tolist()])
+        i = _stable(self.restoring, grid, force, near)
+        return float(np.sqrt((force[i + 1] - force[i]) / (grid[i + 1] - grid[i])))
 
-@lru_cache(maxsize=4096)
-def _equilibrium(restoring: str, values: tuple[float, ...], near: float) -> float:
-    grid = near + np.linspace(-10.0, 10.0, 4001)
-    p = dict(zip(LAWS.get(restoring).parameters, values))
-    force = restoring_force(restoring, grid, p)[0]
+
+def _around(near: float) -> np.ndarray:
+    """Angles among which an equilibrium is looked for, rad."""
+    return near + np.linspace(-10.0, 10.0, 4001)
+
+
+def _stable(restoring: str, grid: np.ndarray, force: np.ndarray, near: float) -> int:
+    """Behind which of the angles the nearest stable equilibrium lies. Raises ValueError where there is none."""
     rising = np.flatnonzero((force[:-1] <= 0) & (force[1:] > 0))
     if rising.size == 0:
         raise ValueError(f"{restoring} has no stable equilibrium within 10 rad of {near:.3g}")
-    i = rising[np.argmin(np.abs(grid[rising] - near))]
+    return int(rising[np.argmin(np.abs(grid[rising] - near))])
+
+
+@lru_cache(maxsize=4096)
+def _equilibrium(restoring: str, values: tuple[float, ...], near: float) -> float:
+    from scipy.optimize import brentq
+
+    grid = _around(near)
+    p = dict(zip(LAWS.get(restoring).parameters, values))
+    force = restoring_force(restoring, grid, p)[0]
+    i = _stable(restoring, grid, force, near)
 
     def force_of(x: float) -> float:
         return float(restoring_force(restoring, np.array([x]), p)[0][0])

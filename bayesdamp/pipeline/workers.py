@@ -8,11 +8,11 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import jax
 from platformdirs import user_cache_dir
 
 from bayesdamp.machine.processes import processes
 from bayesdamp.machine.programs import keep_in
+from bayesdamp.numerics.lazily import jax
 from bayesdamp.types import InputError
 
 if TYPE_CHECKING:

@@ -15,7 +15,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.interpolate import CubicHermiteSpline
 from scipy.special import erfc, log_ndtr
 
 from bayesdamp.inference.fit.mode import Mode, mesh_of
@@ -140,6 +139,8 @@ def _largest_damping(target: Target, plan: MeshPlan, z: np.ndarray) -> float:
 
 def responses(target: Target, plan: MeshPlan, z: np.ndarray) -> np.ndarray:
     """What a small force of each form does to the recorded quantity at scores z, (d,): shape (forms, n)."""
+    from scipy.interpolate import CubicHermiteSpline
+
     osc, p = target.oscillator, target.all_values(z)
     t, count = target.signal.t, int(plan.count)
     nodes = np.concatenate([[0.0], np.cumsum(np.asarray(plan.steps)[:count])])

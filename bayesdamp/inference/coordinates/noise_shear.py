@@ -3,22 +3,22 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import jax
 import numpy as np
-from jax import Array
-from jax import numpy as jnp
-from jax.scipy.special import ndtr as traced_ndtr
 from scipy.special import ndtr
 
 from bayesdamp.inference.fit.mode import Mode
 from bayesdamp.inference.model.target import Target
 from bayesdamp.inference.noise import NOISES
+from bayesdamp.numerics.lazily import jnp, traced, tree
 from bayesdamp.priors import LogNormal, LogUniform
 
+if TYPE_CHECKING:
+    pass
 
-@jax.tree_util.register_dataclass
+
+@tree(["moved", "along", "centre"])
 @dataclass(frozen=True)
 class NoiseShear:
     """Scores are level ones plus, for one parameter, what holds its ratio to a power of another: a shear, whose
@@ -67,11 +67,17 @@ class NoiseShear:
         return found
 
     def _height(self, z: Any) -> Any:
-        cumulated = traced_ndtr if isinstance(z, Array) else ndtr
+        cumulated = _traced_ndtr if traced(z) else ndtr
         there = z[..., self.along]
         return cumulated(there) - cumulated(self.centre) - _density(self.centre) * (there - self.centre)
 
 
+def _traced_ndtr(z: Any) -> Any:
+    from jax.scipy.special import ndtr
+
+    return ndtr(z)
+
+
 def _density(z: Any) -> Any:
-    exp = jnp.exp if isinstance(z, Array) else np.exp
+    exp = jnp.exp if traced(z) else np.exp
     return exp(-0.5 * z**2) / np.sqrt(2 * np.pi)

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import Any
 
-import jax
 import numpy as np
 
 from bayesdamp.inference.coordinates.noise_shear import NoiseShear
@@ -13,6 +12,7 @@ from bayesdamp.inference.fit.maximise import maximise
 from bayesdamp.inference.fit.mode import Mode
 from bayesdamp.inference.model.compiled import compiled
 from bayesdamp.inference.model.target import Target
+from bayesdamp.numerics.lazily import tree
 from bayesdamp.types import Refusal
 
 WIDE = 2
@@ -23,7 +23,7 @@ SEEN = 0.02
 """Whitened units that the ridge must leave its tangent by, at one sd, to be worth straightening."""
 
 
-@jax.tree_util.register_dataclass
+@tree(["centre", "wide", "curve", "noise"])
 @dataclass(frozen=True)
 class Shear:
     """Scores are `straight` ones plus a quadratic form of their wide components, which itself moves neither these nor

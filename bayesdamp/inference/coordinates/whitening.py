@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
-from jax import Array
 from scipy.special import log_ndtr, ndtri_exp
 
 from bayesdamp.inference.coordinates.shear import Shear
@@ -14,6 +14,9 @@ from bayesdamp.inference.fit.mode import Mode
 from bayesdamp.inference.model.batches import in_batches
 from bayesdamp.inference.model.compiled import compiled
 from bayesdamp.inference.model.target import Target
+
+if TYPE_CHECKING:
+    from jax import Array
 
 H = 0.3
 """Whitened units over which second differences are taken: they reach 0.6 sds from the centre, and the mean of

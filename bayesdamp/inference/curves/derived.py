@@ -26,11 +26,10 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 
-import jax
 import numpy as np
-from jax import numpy as jnp
 
 from bayesdamp.machine.programs import Program
+from bayesdamp.numerics.lazily import jax, jnp
 from bayesdamp.physics.orbit import Cycle, cycle, rest_position
 from bayesdamp.physics.oscillator import Oscillator
 

@@ -5,12 +5,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.interpolate import BSpline, make_lsq_spline
 
 from bayesdamp.physics.kernel.averaged import NUMBERS, OFFSETS, REAL_OFFSETS, TURNS, Track
 from bayesdamp.records.oscillation.features import Features
+
+if TYPE_CHECKING:
+    from scipy.interpolate import BSpline
 
 FEWEST_CYCLES = 400.0
 """Cycles from which on a record is taken so (conventional)."""
@@ -77,6 +80,8 @@ class _Curves:
         self, t: np.ndarray, phase: np.ndarray, log_size: np.ndarray, weight: np.ndarray
     ) -> _Curves:
         """With smooth curves through what is missing at times t, (b,)."""
+        from scipy.interpolate import BSpline
+
         end = self.phase.t[-1]
         curves = (self.phase, self.log_size)
         more = (_smooth(t, values, weight, end) for values in (phase, log_size))
@@ -143,6 +148,8 @@ def _seen(seen: Features, first: float, duration: float) -> _Curves | None:
 
 def _smooth(t: np.ndarray, values: np.ndarray, weight: np.ndarray, end: float) -> BSpline:
     """A cubic spline of `PIECES` equal pieces from 0 to `end`, by least squares through values at times t, (m,)."""
+    from scipy.interpolate import make_lsq_spline
+
     inner = np.linspace(0.0, end, PIECES + 1)
     knots = np.concatenate([[0.0] * 3, inner, [end] * 3])
     return make_lsq_spline(t, values, knots, 3, w=weight / weight.max())

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from scipy.optimize import brentq
 
 from bayesdamp.physics.damping import TERMS
 from bayesdamp.physics.restoring import LAWS
@@ -80,6 +79,8 @@ def _shape(name: str, further: Mapping[str, float]) -> Callable[..., float] | No
 @lru_cache(maxsize=256)
 def orbit_at(amplitude: float, restoring: str, law: tuple[float, ...], rest: float) -> Orbit | None:
     """The orbit of an amplitude (rad or m) about `rest`; None where there is none."""
+    from scipy.optimize import brentq
+
     force, values = LAWS.get(restoring).kernel, np.array(law)
 
     def between(a: float, b: float, nodes: list[float], weights: list[float]) -> float:
@@ -127,6 +128,8 @@ def _work(
 
 def rest_of(restoring: str, law: np.ndarray, near: float, reach: float) -> float | None:
     """The stable equilibrium nearest to `near` within `reach`; None where there is none."""
+    from scipy.optimize import brentq
+
     force = LAWS.get(restoring).kernel
     grid = near + np.linspace(-reach, reach, 401)
     values = np.array([force(float(x), law) for x in grid])

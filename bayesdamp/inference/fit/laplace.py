@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from functools import lru_cache
 
-import jax
 import numpy as np
 from scipy.special import log_ndtr, logsumexp, ndtri_exp
 
 from bayesdamp.inference.model.compiled import compiled
 from bayesdamp.inference.model.target import Context, Target
+from bayesdamp.numerics.lazily import jax
 
 NODES = 24
 TWO_SIDED = 1.959964

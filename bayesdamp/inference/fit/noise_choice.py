@@ -5,9 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
-import jax
 import numpy as np
-from scipy.optimize import minimize
 
 from bayesdamp.inference.fit.laplace import log_evidence_near
 from bayesdamp.inference.fit.mode import Mode
@@ -15,6 +13,7 @@ from bayesdamp.inference.fit.search import find_mode
 from bayesdamp.inference.model.residuals import log_density_under, residual
 from bayesdamp.inference.model.target import Target
 from bayesdamp.inference.noise import NOISES
+from bayesdamp.numerics.lazily import jax
 from bayesdamp.records.oscillation.features import Features
 from bayesdamp.types import OK, Refusal, Signal
 
@@ -118,6 +117,8 @@ def held_evidence(
 
     Under their default priors. Raises Refusal where the record is none for the model.
     """
+    from scipy.optimize import minimize
+
     noise = NOISES.get(name)
     constants, priors = noise.read(signal), noise.priors(features)
     residuals, gaps = jax.device_put((r, np.diff(signal.t)))

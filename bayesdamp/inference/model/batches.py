@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from jax import Array
 
 from bayesdamp.inference.model.compiled import compiled
 from bayesdamp.inference.model.density import LOG_2PI
 from bayesdamp.inference.model.target import Context, Target
+
+if TYPE_CHECKING:
+    from jax import Array
 
 CHUNK = 250
 

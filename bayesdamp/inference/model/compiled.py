@@ -5,11 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import lru_cache, partial
+from typing import TYPE_CHECKING, TypeAlias
 
-import jax
 import numpy as np
-from jax import Array
-from jax import numpy as jnp
 
 from bayesdamp.inference.model.density import log_posterior
 from bayesdamp.inference.model.gradient import curvature
@@ -25,10 +23,14 @@ from bayesdamp.inference.model.linearised import (
 from bayesdamp.inference.model.qr_compression import capacity_of
 from bayesdamp.inference.model.target import Context, Layout
 from bayesdamp.machine.programs import Program
+from bayesdamp.numerics.lazily import jax, jnp
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.physics.solver.steps import MeshPlan, nodes_and_slopes
 
-Scores = Array | np.ndarray
+if TYPE_CHECKING:
+    from jax import Array
+
+Scores: TypeAlias = "Array | np.ndarray"
 """Normal scores, (d,) or, for batches, (b, d)."""
 
 

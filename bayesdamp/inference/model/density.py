@@ -5,17 +5,20 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
-from jax import Array
-from jax import numpy as jnp
 
 from bayesdamp.inference.model import qr_compression as compression
 from bayesdamp.inference.model.target import Context, Layout
 from bayesdamp.inference.noise import NormalNoise
+from bayesdamp.numerics.lazily import jnp
 from bayesdamp.physics.solver.steps import MeshPlan, nodes
 
-Arrays = Mapping[str, Array]
+if TYPE_CHECKING:
+    from jax import Array
+
+Arrays: TypeAlias = "Mapping[str, Array]"
 """Arrays by name: parameters, or sums of squares."""
 
 LOG_2PI = float(np.log(2 * np.pi))

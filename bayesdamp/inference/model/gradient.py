@@ -3,10 +3,7 @@
 from __future__ import annotations
 
 from functools import partial
-
-import jax
-from jax import Array
-from jax import numpy as jnp
+from typing import TYPE_CHECKING
 
 from bayesdamp.inference.model.density import (
     Streamed,
@@ -19,6 +16,10 @@ from bayesdamp.inference.model.density import (
 )
 from bayesdamp.inference.model.linearised import Line, by_scores, linearise
 from bayesdamp.inference.model.target import Context, Layout
+from bayesdamp.numerics.lazily import jax, jnp
+
+if TYPE_CHECKING:
+    from jax import Array
 
 
 def value_and_gradient(layout: Layout, context: Context, z: Array) -> tuple[Array, Array]:

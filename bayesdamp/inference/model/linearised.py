@@ -5,18 +5,20 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import partial
+from typing import TYPE_CHECKING, TypeAlias
 
-import jax
 import numpy as np
-from jax import Array
-from jax import numpy as jnp
 
 from bayesdamp.inference.model.density import log_prior, moving_scores, moving_values, parameters, reading
 from bayesdamp.inference.model.target import Context, Layout
+from bayesdamp.numerics.lazily import jax, jnp, tree
 from bayesdamp.physics.solver.steps import MeshPlan, nodes_and_slopes
 from bayesdamp.physics.solver.tangents import with_slopes
 
-Line = tuple[Array, Array, Array]
+if TYPE_CHECKING:
+    from jax import Array
+
+Line: TypeAlias = "tuple[Array, Array, Array]"
 """Misfit (c,), its derivatives (k, c) by what moves the trajectory, and the values of that (k,)."""
 
 
@@ -50,7 +52,7 @@ def misfits(layout: Layout, context: Context, states: Array, slopes: Array) -> t
     return jax.vmap(lambda v: jax.jvp(of_nodes, (states,), (v,)), out_axes=(None, 0))(slopes)
 
 
-@partial(jax.tree_util.register_dataclass, data_fields=["triangles", "at"], meta_fields=[])
+@tree(["triangles", "at"])
 @dataclass(frozen=True)
 class TightLine:
     """What sums of squares need of a linearised trajectory.

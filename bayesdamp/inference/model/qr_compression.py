@@ -12,18 +12,18 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
-from functools import partial
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import jax
 import numpy as np
-from jax import Array
-from jax import numpy as jnp
 
 from bayesdamp.inference.noise import NoiseModel, NormalNoise
+from bayesdamp.numerics.lazily import jax, jnp, traced, tree
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.physics.solver.plan import Plan
 from bayesdamp.physics.solver.steps import MeshPlan, Node, along, between
+
+if TYPE_CHECKING:
+    from jax import Array
 
 EVEN = 1e-8
 """Departure of a gap from the mean one, as a share, up to which a clock is uniform: rounding, no jitter. In a log
@@ -34,7 +34,7 @@ CHUNK = 2**18
 """Samples triangulated at a time."""
 
 
-@partial(jax.tree_util.register_dataclass, data_fields=["root", "value", "rest"], meta_fields=[])
+@tree(["root", "value", "rest"])
 @dataclass(frozen=True)
 class InformationRoots:
     """Sums of squares by step: root R (m, 6, 6), value b (m, 6), and the root of what no x can remove, (1,)."""
@@ -66,11 +66,7 @@ class InformationRoots:
         return made
 
 
-@partial(
-    jax.tree_util.register_dataclass,
-    data_fields=["weights", "value", "present", "leaving", "leaves", "before"],
-    meta_fields=[],
-)
+@tree(["weights", "value", "present", "leaving", "leaves", "before"])
 @dataclass(frozen=True)
 class Singles:
     """Residuals, or differences of two, at most one in a step: dense-output weights (m, 6), values (m,), and in which
@@ -109,7 +105,7 @@ class Singles:
         return made[0]
 
 
-@partial(jax.tree_util.register_dataclass, data_fields=["sums", "near", "count", "gap"], meta_fields=[])
+@tree(["sums", "near", "count", "gap"])
 @dataclass(frozen=True)
 class Compressed:
     """What the sums of squares of `NormalNoise` are made of, by name; the samples' number and mean gap (s).
@@ -166,7 +162,7 @@ class Compressed:
         """The parts of such a vector by the name of their sum."""
         names = sorted(self.sums)
         sizes = [sum(s.value.size + isinstance(s, InformationRoots) for s in self.sums[n]) for n in names]
-        split = jnp.split if isinstance(misfit, Array) else np.split
+        split = jnp.split if traced(misfit) else np.split
         return dict(zip(names, split(misfit, np.cumsum(sizes)[:-1]), strict=True))
 
 

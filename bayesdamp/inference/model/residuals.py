@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from functools import lru_cache
 
-import jax
 import numpy as np
 
 from bayesdamp.inference.model.target import Target
 from bayesdamp.inference.noise import NOISES
+from bayesdamp.numerics.lazily import jax
 from bayesdamp.physics.solver.plan import Plan
 
 

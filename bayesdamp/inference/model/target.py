@@ -9,21 +9,23 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from functools import cached_property
+from typing import TYPE_CHECKING
 
-import jax
 import numpy as np
-from jax import Array
-from jax import numpy as jnp
 
 from bayesdamp.inference.model.qr_compression import Compressed, compress
 from bayesdamp.inference.noise import NOISES, NoiseModel
+from bayesdamp.numerics.lazily import jax, jnp, tree
 from bayesdamp.physics.integrate import is_exact, plan_of, plan_with_error
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.physics.solver.plan import Plan
 from bayesdamp.physics.solver.steps import MeshPlan
 from bayesdamp.priors import HalfNormal, Prior
 from bayesdamp.types import Signal
+
+if TYPE_CHECKING:
+    from jax import Array
 
 ABSENT = HalfNormal.model_construct(scale=0.0)
 """The prior of a coefficient that is 0; no study can ask for it."""
@@ -45,11 +47,7 @@ class Layout:
         return NOISES.get(self.noise_name)
 
 
-@partial(
-    jax.tree_util.register_dataclass,
-    data_fields=["plan", "y", "gaps", "known", "numbers", "compressed"],
-    meta_fields=[],
-)
+@tree(["plan", "y", "gaps", "known", "numbers", "compressed"])
 @dataclass(frozen=True)
 class Context:
     """The record y, shape (n,), its gaps (s, (n − 1,)), the plan of the solver, what is known, the priors.

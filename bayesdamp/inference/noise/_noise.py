@@ -5,14 +5,17 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
-import jax
 import numpy as np
-from jax import Array
 
+from bayesdamp.numerics.lazily import jax
 from bayesdamp.priors import Prior
 from bayesdamp.records.oscillation.features import Features
 from bayesdamp.types import Refusal, Signal
+
+if TYPE_CHECKING:
+    from jax import Array
 
 
 @dataclass(frozen=True)

@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from typing import TYPE_CHECKING
 
 import numpy as np
-from jax import Array
-from jax import numpy as jnp
 
 from bayesdamp.inference.noise._noise import NormalNoise
+from bayesdamp.numerics.lazily import jnp
 from bayesdamp.priors import LogNormal, Prior
 from bayesdamp.records.oscillation.features import Features
+
+if TYPE_CHECKING:
+    from jax import Array
 
 LOG_2PI = math.log(2 * math.pi)
 

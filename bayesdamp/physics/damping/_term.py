@@ -7,14 +7,17 @@ import math
 from abc import ABC
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
-from jax import Array
-from jax.typing import ArrayLike
 
 from bayesdamp.physics.damping._traced import on_arrays, why_not
 from bayesdamp.priors import Prior
 from bayesdamp.types import Refusal
+
+if TYPE_CHECKING:
+    from jax import Array
+    from jax.typing import ArrayLike
 
 NODES = 48
 """Of Gauss and Legendre's rule in a quarter of a cycle."""

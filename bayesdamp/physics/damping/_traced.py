@@ -4,22 +4,30 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from functools import lru_cache, reduce
+from functools import cache, lru_cache, reduce
 from types import FunctionType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import jax
-from jax import Array
-from jax import numpy as jnp
-
+from bayesdamp.numerics.lazily import jax, jnp
 from bayesdamp.physics.elementary import cosine, sine, smooth_sign
+
+if TYPE_CHECKING:
+    from jax import Array
 
 _NAMES = {
     "acos": "arccos", "acosh": "arccosh", "asin": "arcsin", "asinh": "arcsinh", "atan": "arctan", "atan2": "arctan2",
     "atanh": "arctanh", "fabs": "abs", "pow": "power",
 }  # fmt: skip
 """Functions of `math` that have another name among arrays."""
-_FAST = {"cos": cosine, "sin": sine, "tanh": smooth_sign, "erf": jax.scipy.special.erf}
+
+
+def _erf(x: Array) -> Array:
+    from jax.scipy.special import erf
+
+    return erf(x)
+
+
+_FAST = {"cos": cosine, "sin": sine, "tanh": smooth_sign, "erf": _erf}
 
 
 class _Math:
@@ -40,15 +48,18 @@ def _smallest(*values: Any) -> Array:
     return reduce(jnp.minimum, values)
 
 
-_WORDS = {
-    "math": _Math(),
-    "np": jnp,
-    "abs": jnp.abs,
-    "max": _largest,
-    "min": _smallest,
-    "float": jnp.asarray,
-    "pow": jnp.power,
-}
+@cache
+def _words() -> dict[str, Any]:
+    """What the names in a kernel stand for."""
+    return {
+        "math": _Math(),
+        "np": jnp,
+        "abs": jnp.abs,
+        "max": _largest,
+        "min": _smallest,
+        "float": jnp.asarray,
+        "pow": jnp.power,
+    }
 
 
 @lru_cache(maxsize=256)
@@ -56,7 +67,7 @@ def on_arrays(kernel: Callable[..., Any]) -> Callable[..., Array]:
     """The kernel as a function of arrays, with the same arguments."""
     assert isinstance(kernel, FunctionType)
     made = FunctionType(
-        kernel.__code__, dict(_WORDS), kernel.__name__, kernel.__defaults__, kernel.__closure__
+        kernel.__code__, dict(_words()), kernel.__name__, kernel.__defaults__, kernel.__closure__
     )
     return lambda *args: jnp.asarray(made(*args), float)
 

@@ -1,13 +1,17 @@
 """Coulomb friction μ_c tanh(θ̇/ε) (paper, equation 3)."""
 
+from __future__ import annotations
+
 import math
+from typing import TYPE_CHECKING
 
-from jax import Array
-from jax import numpy as jnp
-from jax.typing import ArrayLike
-
+from bayesdamp.numerics.lazily import jnp
 from bayesdamp.physics.damping._term import DampingTerm
 from bayesdamp.physics.elementary import smooth_sign
+
+if TYPE_CHECKING:
+    from jax import Array
+    from jax.typing import ArrayLike
 
 
 class Coulomb(DampingTerm):

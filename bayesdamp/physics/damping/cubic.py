@@ -1,10 +1,15 @@
 """Cubic damping μ₃ θ̇³, of ships in roll (J. F. Dalzell, J. Ship Res. 22, 178 (1978))."""
 
-from jax import Array
-from jax import numpy as jnp
-from jax.typing import ArrayLike
+from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
+from bayesdamp.numerics.lazily import jnp
 from bayesdamp.physics.damping._term import DampingTerm
+
+if TYPE_CHECKING:
+    from jax import Array
+    from jax.typing import ArrayLike
 
 
 class Cubic(DampingTerm):

@@ -1,12 +1,16 @@
 """Quadratic damping μ_q θ̇|θ̇|, air drag (paper, equation 4)."""
 
+from __future__ import annotations
+
 import math
+from typing import TYPE_CHECKING
 
-from jax import Array
-from jax import numpy as jnp
-from jax.typing import ArrayLike
-
+from bayesdamp.numerics.lazily import jnp
 from bayesdamp.physics.damping._term import DampingTerm
+
+if TYPE_CHECKING:
+    from jax import Array
+    from jax.typing import ArrayLike
 
 
 class Quadratic(DampingTerm):

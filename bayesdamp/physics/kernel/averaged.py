@@ -17,7 +17,6 @@ from itertools import pairwise
 
 import numpy as np
 
-from bayesdamp.physics.kernel.dense import at_times, slopes_at_times
 from bayesdamp.physics.kernel.solve import ALL, NONE, PARAMETERS, QUANTITIES, Motion, Solver
 
 TURNS, REAL_TURNS = 2, 4
@@ -126,6 +125,8 @@ class AveragedSolver(Solver):
 
     def read_slopes(self, times: np.ndarray, states: np.ndarray, slopes: np.ndarray) -> np.ndarray:
         """As `Solver.read_slopes`."""
+        from bayesdamp.physics.kernel.dense import at_times, slopes_at_times
+
         inner, order = self._read(len(self.track.sizes))
         derivative = QUANTITIES.index(self.quantity)
         y, moved = (

@@ -9,7 +9,6 @@ import numpy as np
 
 from bayesdamp.physics.damping import PAPER_TERMS, TERMS
 from bayesdamp.physics.kernel.build import Kernel, kernel_of
-from bayesdamp.physics.kernel.dense import at_times, slopes_at_times
 from bayesdamp.physics.restoring import LAWS
 
 TOLERANCE = 3e-8
@@ -117,6 +116,8 @@ class Solver:
         active: which terms act, (m,). tangents: NONE, by PARAMETERS, or by ALL: parameters, g, h. stop: samples that
         are wanted, the first ones. tolerance: error of a step as a share of the amplitude, `TOLERANCE` by default.
         """
+        from bayesdamp.physics.kernel.dense import at_times, slopes_at_times
+
         m, r = len(self.terms), len(LAWS.get(self.restoring).parameters)
         e = m + len(self.further)
         # A writable copy: Numba would compile anew for an array that is read-only.
@@ -150,6 +151,8 @@ class Solver:
     def read_slopes(self, times: np.ndarray, states: np.ndarray, slopes: np.ndarray) -> np.ndarray:
         """Tangents of what is solved for, (n, k), from those at a motion's nodes: times (s,), states (s, 3), slopes
         (s, k, 3)."""
+        from bayesdamp.physics.kernel.dense import slopes_at_times
+
         del states
         return slopes_at_times(times, slopes, np.array(self.t, float), QUANTITIES.index(self.quantity))
 

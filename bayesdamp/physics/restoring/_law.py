@@ -5,12 +5,15 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
-from jax import Array
-from jax.typing import ArrayLike
 
-Scalar = float | Array
+if TYPE_CHECKING:
+    from jax import Array
+    from jax.typing import ArrayLike
+
+Scalar: TypeAlias = "float | Array"
 """A parameter: a number, or an array that broadcasts against the angles."""
 
 

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
-from jax import Array
-from jax import numpy as jnp
-from jax.typing import ArrayLike
 
+from bayesdamp.numerics.lazily import jnp
 from bayesdamp.physics.restoring._law import LinearForm, RestoringLaw, Scalar
+
+if TYPE_CHECKING:
+    from jax import Array
+    from jax.typing import ArrayLike
 
 
 class Linear(RestoringLaw):

@@ -12,19 +12,21 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache, partial
+from functools import lru_cache
+from typing import TYPE_CHECKING
 
-import jax
 import numpy as np
-from jax import Array
-from jax import numpy as jnp
 
 from bayesdamp.machine.programs import Program
+from bayesdamp.numerics.lazily import jax, jnp, tree
 from bayesdamp.physics.oscillator import Oscillator, Parameters
 from bayesdamp.physics.solver.hermite import basis
 from bayesdamp.physics.solver.mesh import fastest_rate, frozen_mesh
 from bayesdamp.physics.solver.plan import QUANTITIES, Plan, compiled_records
 from bayesdamp.physics.solver.stepper import land, step
+
+if TYPE_CHECKING:
+    from jax import Array
 
 FEWEST = 200
 """Cycles of a record from which on it pays."""
@@ -50,10 +52,9 @@ SURVEY = 24
 """Steps in a period of the reference's first look."""
 
 
-@partial(
-    jax.tree_util.register_dataclass,
-    data_fields=["centre", "span", "periods", "shares", "first", "times", "defect"],
-    meta_fields=["turns", "derivative", "resolution", "part"],
+@tree(
+    ["centre", "span", "periods", "shares", "first", "times", "defect"],
+    ["turns", "derivative", "resolution", "part"],
 )
 @dataclass(frozen=True)
 class CyclePlan(Plan):

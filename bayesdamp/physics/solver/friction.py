@@ -11,12 +11,11 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 from functools import lru_cache, partial
+from typing import TYPE_CHECKING
 
-import jax
 import numpy as np
-from jax import Array
-from jax import numpy as jnp
 
+from bayesdamp.numerics.lazily import jax, jnp, tree
 from bayesdamp.physics.oscillator import Oscillator, Parameters
 from bayesdamp.physics.solver.hermite import basis
 from bayesdamp.physics.solver.mesh import fastest_rate
@@ -24,14 +23,13 @@ from bayesdamp.physics.solver.plan import QUANTITIES, Plan
 from bayesdamp.physics.solver.stepper import land, step
 from bayesdamp.types import Refusal
 
+if TYPE_CHECKING:
+    from jax import Array
+
 STEPS_PER_HALF_CYCLE = 16
 
 
-@partial(
-    jax.tree_util.register_dataclass,
-    data_fields=["steps", "times"],
-    meta_fields=["per_half_cycle", "derivative"],
-)
+@tree(["steps", "times"], ["per_half_cycle", "derivative"])
 @dataclass(frozen=True)
 class TurningPlan(Plan):
     """Step length of each half-cycle in s, shape (k,), and the samples' times in s, shape (n,)."""

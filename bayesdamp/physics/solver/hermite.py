@@ -5,11 +5,13 @@ With θ, θ̇ and θ̈ at both ends of a step of length h the error is of order 
 
 from __future__ import annotations
 
-from functools import partial
+from typing import TYPE_CHECKING
 
-import jax
-import jax.numpy as jnp
-from jax import Array
+from bayesdamp.numerics.lazily import jit, jnp
+
+if TYPE_CHECKING:
+    from jax import Array
+
 
 _C = (
     # Powers 0..5 of the six basis functions in the fraction s of the step, for
@@ -23,7 +25,7 @@ _C = (
 )
 
 
-@partial(jax.jit, static_argnums=2)
+@jit(static_argnums=2)
 def basis(fraction: Array, step: Array, derivative: int = 0) -> Array:
     """Weights of (θ_l, θ̇_l, θ̈_l, θ_r, θ̇_r, θ̈_r), shape (..., 6).
 

@@ -13,11 +13,10 @@ from __future__ import annotations
 import math
 from functools import lru_cache
 
-import jax
 import numpy as np
-from jax import numpy as jnp
 
 from bayesdamp.machine.programs import Program
+from bayesdamp.numerics.lazily import jax, jnp
 from bayesdamp.physics.oscillator import Oscillator, Parameters, restoring_force
 
 STEPS_PER_PERIOD = 28.0

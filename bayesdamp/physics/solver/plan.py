@@ -5,15 +5,17 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from functools import lru_cache
-from typing import Any, ClassVar, Self
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
-import jax
 import numpy as np
-from jax import Array
 
 from bayesdamp.machine.programs import Program
+from bayesdamp.numerics.lazily import jax
 from bayesdamp.physics.oscillator import Oscillator, Parameters
 from bayesdamp.physics.solver.tangents import with_slopes
+
+if TYPE_CHECKING:
+    from jax import Array
 
 QUANTITIES = ("angle", "velocity", "acceleration")
 

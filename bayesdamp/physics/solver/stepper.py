@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import TYPE_CHECKING, TypeAlias
 
-from jax import Array
-from jax import numpy as jnp
-
+from bayesdamp.numerics.lazily import jnp
 from bayesdamp.physics.solver.tableau import A, B
 
-Acceleration = Callable[[Array, Array], Array]
+if TYPE_CHECKING:
+    from jax import Array
+
+Acceleration: TypeAlias = "Callable[[Array, Array], Array]"
 
 
 def step(acceleration: Acceleration, h: Array, theta: Array, omega: Array) -> tuple[Array, Array, Array]:

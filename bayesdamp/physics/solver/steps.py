@@ -6,20 +6,20 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache, partial
-from typing import TypeVar
+from typing import TYPE_CHECKING, TypeAlias, TypeVar
 
-import jax
 import numpy as np
-from jax import Array
-from jax import numpy as jnp
-from scipy.sparse import csr_array
 
 from bayesdamp.machine.programs import Program
+from bayesdamp.numerics.lazily import jax, jnp, tree
 from bayesdamp.physics.oscillator import Oscillator, Parameters
 from bayesdamp.physics.solver.hermite import basis
 from bayesdamp.physics.solver.plan import QUANTITIES, Plan
 from bayesdamp.physics.solver.stepper import step
 from bayesdamp.physics.solver.tangents import with_slopes
+
+if TYPE_CHECKING:
+    from jax import Array
 
 LEAST_ROOM = 1024
 NODES_ROOM = 4096
@@ -27,11 +27,11 @@ NODES_ROOM = 4096
 TOGETHER = 32
 """Trajectories that are solved side by side."""
 C = TypeVar("C")
-Node = tuple[Array, Array, Array]
+Node: TypeAlias = "tuple[Array, Array, Array]"
 """θ, θ̇ and θ̈ between two steps."""
 
 
-@partial(jax.tree_util.register_dataclass, data_fields=["nodes", "defect"], meta_fields=[])
+@tree(["nodes", "defect"])
 @dataclass(frozen=True)
 class DefectCorrection:
     """What a plan knows of one trajectory: its values at the nodes, (room + 1, 3), and what the samples lack there
@@ -41,11 +41,7 @@ class DefectCorrection:
     defect: Array
 
 
-@partial(
-    jax.tree_util.register_dataclass,
-    data_fields=["steps", "count", "interval", "weights", "correction"],
-    meta_fields=[],
-)
+@tree(["steps", "count", "interval", "weights", "correction"])
 @dataclass(frozen=True)
 class MeshPlan(Plan):
     """Steps in s, the first `count` of an array (room,); each sample's step and dense-output weights, (n,), (n, 6).
@@ -203,6 +199,8 @@ def between(plan: MeshPlan, states: np.ndarray) -> np.ndarray:
 
     m: one more than the steps, or than the room for them.
     """
+    from scipy.sparse import csr_array
+
     n, nodes = plan.interval.size, states.shape[-2]
     first = 3 * np.asarray(plan.interval)[:, None] + np.arange(6)
     rows = np.arange(0, 6 * n + 1, 6)

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import jax
-from jax import Array
-from jax import numpy as jnp
+from bayesdamp.numerics.lazily import jax, jnp
+
+if TYPE_CHECKING:
+    from jax import Array
 
 
 def with_slopes(

@@ -6,7 +6,6 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 from scipy.ndimage import uniform_filter1d
 from scipy.special import stdtrit
 
@@ -186,6 +185,8 @@ def reach(grid: np.ndarray, values: np.ndarray, turns: Turning, step: float, noi
     the second and third turning point goes the same way as the one before the first; its size and period are
     extrapolated.
     """
+    from scipy.interpolate import CubicSpline
+
     times = turns.times
     gaps, ranges = np.diff(times), np.abs(np.diff(turns.values))
     fall, unsure = _next_fall(np.log(ranges[: LATER + 2]))

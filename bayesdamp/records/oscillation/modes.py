@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import least_squares
 
 MOST = 1500
 """Samples that are fitted at most; of more, neighbours are averaged as long as a period keeps `PER_CYCLE`."""
@@ -134,6 +133,8 @@ def _line(t: np.ndarray, y: np.ndarray) -> float:
 
 
 def _searched(t: np.ndarray, y: np.ndarray, begun: np.ndarray) -> _Fit | None:
+    from scipy.optimize import least_squares
+
     scale = np.tile([2 * np.pi / t[-1], 1.0 / t[-1]], len(begun))
     highest = np.pi / float(np.median(np.diff(t)))
     some = slice(None) if t.size <= SEARCHED else _by_chance(t.size)

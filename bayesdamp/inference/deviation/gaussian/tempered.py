@@ -13,7 +13,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import brentq
 
 from bayesdamp.inference.deviation.gaussian.linear import Weighed
 from bayesdamp.inference.deviation.gaussian.orthant import draw
@@ -117,6 +116,8 @@ def _first(rng: np.random.Generator, weighed: Weighed, positive: np.ndarray, cou
 
 def _rise(ratio: np.ndarray, most: float) -> float:
     """By how much β may rise so that the weights stay worth `KEPT` of the draws."""
+
+    from scipy.optimize import brentq
 
     def worth(rise: float) -> float:
         logs = rise * np.maximum(ratio, -1e300)

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from itertools import combinations
 
 import numpy as np
-from scipy.optimize import nnls
 
 from bayesdamp.inference.deviation.numbers.curves import (
     at_share,
@@ -43,6 +42,8 @@ def unnamed_share(weighing: Weighing, drawn: Sequence[Drawn], amplitudes: Sequen
 
 
 def _off(weighing: Weighing, d: Drawn, amplitudes: Sequence[float], count: int) -> list[float]:
+    from scipy.optimize import nnls
+
     every = np.unique(np.linspace(0, len(d.coefficients) - 1, count).astype(int))
     few = Drawn(d.result, *(a[every] for a in (d.coefficients, d.further, d.law, d.g, d.h)))
     unit, curve, energy = [], [], []

@@ -1,0 +1,92 @@
+"""What is said at first loads no compiler, and decorators of JAX that wait for it work once it is there."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from bayesdamp.physics.damping import TERMS
+from bayesdamp.physics.oscillator import Oscillator
+
+ROOT = Path(__file__).parents[2]
+HEAVY = (
+    "jax",
+    "numba",
+    "torch",
+    "pandas",
+    "matplotlib",
+    "scipy.optimize",
+    "scipy.interpolate",
+    "scipy.signal",
+)
+AFTER = "\nimport sys\nprint(','.join(n for n in {heavy!r} if n in sys.modules))"
+
+
+def loaded(source: str, heavy: tuple[str, ...] = HEAVY) -> set[str]:
+    """Which of the heavy modules a new process has loaded after this source."""
+    code = source + AFTER.format(heavy=heavy)
+    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True)
+    return (
+        set(filter(None, done.stdout.strip().splitlines()[-1].split(","))) if done.stdout.strip() else set()
+    )
+
+
+def command(*words: str) -> str:
+    """The source that runs a command."""
+    return f"from bayesdamp.cli import main\nassert main({list(words)!r}) == 0"
+
+
+def test_a_study_is_checked_without_a_compiler() -> None:
+    assert loaded(command("check", "studies/quickstart.toml")) == set()
+
+
+def test_a_worker_begins_without_a_compiler() -> None:
+    assert loaded("import bayesdamp.pipeline") == set()
+
+
+def test_a_file_is_looked_at_without_a_compiler(tmp_path: Path) -> None:
+    t = np.linspace(0.0, 20.0, 1000)
+    y = 0.3 * np.exp(-0.05 * t) * np.cos(4.0 * t) + 1e-3 * np.random.default_rng(0).standard_normal(t.size)
+    np.savetxt(tmp_path / "rig.csv", np.c_[t, y], delimiter=",", header="t (s),angle (rad)", comments="")
+    assert loaded(command("look", str(tmp_path / "rig.csv"))) <= {"scipy.interpolate", "scipy.optimize"}
+
+
+def test_what_is_loaded_is_seen() -> None:
+    """The negative control."""
+    assert loaded("from bayesdamp.numerics.lazily import jnp\njnp.zeros(1)") >= {"jax"}
+
+
+@pytest.mark.parametrize("first", ["", "import jax\n"], ids=["ours first", "JAX first"])
+def test_trees_are_registered_whichever_came_first(first: str) -> None:
+    source = (
+        f"{first}import numpy as np\n"
+        "from bayesdamp.inference.coordinates.noise_shear import NoiseShear\n"
+        "from bayesdamp.numerics.lazily import jax\n"
+        "one = NoiseShear(np.zeros(2), np.array([0]), np.zeros(1))\n"
+        "print(len(jax.tree.leaves(one)))\n"
+        "assert len(jax.tree.leaves(one)) == 3\n"
+    )
+    assert loaded(source) >= {"jax"}
+
+
+@pytest.mark.parametrize(
+    ("law", "values"),
+    [
+        ("linear", {"stiffness": 20.0, "rest_angle": 0.1}),
+        ("pendulum", {"stiffness": 20.0, "rest_angle": -0.2}),
+        ("horizontal_pendulum", {"stiffness": 20.0, "gravity": 1.0, "spring_angle": 0.0}),
+        ("duffing", {"stiffness": 20.0, "rest_angle": 0.0, "cubic": 5.0}),
+    ],
+)
+def test_a_rough_frequency_is_that_of_the_law(law: str, values: dict[str, float]) -> None:
+    one = Oscillator(tuple(TERMS.names())[:1], law)
+    assert one.rough_frequency(values, 0.3) == pytest.approx(one.natural_frequency(values, 0.3), rel=3e-3)
+
+
+def test_a_law_without_a_rest_has_no_rough_frequency() -> None:
+    with pytest.raises(ValueError, match="no stable equilibrium"):
+        Oscillator(("viscous",), "linear").rough_frequency({"stiffness": -20.0, "rest_angle": 0.0}, 0.3)
