@@ -23,16 +23,14 @@ HEAVY = (
     "scipy.interpolate",
     "scipy.signal",
 )
-AFTER = "\nimport sys\nprint(','.join(n for n in {heavy!r} if n in sys.modules))"
+AFTER = "\nimport sys\nprint('loaded:' + ','.join(n for n in {heavy!r} if n in sys.modules))"
 
 
 def loaded(source: str, heavy: tuple[str, ...] = HEAVY) -> set[str]:
     """Which of the heavy modules a new process has loaded after this source."""
     code = source + AFTER.format(heavy=heavy)
     done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True)
-    return (
-        set(filter(None, done.stdout.strip().splitlines()[-1].split(","))) if done.stdout.strip() else set()
-    )
+    return set(filter(None, done.stdout.rpartition("loaded:")[2].strip().split(",")))
 
 
 def command(*words: str) -> str:
