@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from itertools import pairwise
 
 import numpy as np
@@ -32,9 +33,11 @@ def stretches(t: np.ndarray, turns: Turning, floor: float) -> list[tuple[int, in
     for first, last in _in_step(t, turns, floor):  # swings first .. last - 1
         # A spike or a gap spoils one turning point, and with it two ranges.
         ranges = median_filter(np.abs(np.diff(turns.values[first : last + 1])), 5, mode="nearest")
-        marks = [0, *_jumps(ranges, floor), ranges.size]
+        across = _across_holes(turns.times[first : last + 1])
+        marks = [0, *_apart(_jumps(ranges, floor), across), ranges.size]
         for a, b in pairwise(marks):
-            cuts = [a, *(a + c for c in _breaks(ranges[a:b], floor) if a + c < b), b]
+            breaks = (a + c for c in _breaks(ranges[a:b], floor) if a + c < b)
+            cuts = [a, *_apart(breaks, across), b]
             found += [(first + c, first + d + 1) for c, d in pairwise(cuts) if d - c >= 2]
     return found
 
@@ -63,7 +66,7 @@ def _in_step(t: np.ndarray, turns: Turning, floor: float) -> list[tuple[int, int
     edges = np.flatnonzero(np.diff(np.concatenate([[0], good.astype(int), [0]])))
     runs: list[tuple[int, int]] = []
     for a, b in zip(edges[::2].tolist(), edges[1::2].tolist()):
-        if runs and b - a >= 3 and _goes_on(t, turns, runs[-1], a, ranges, floor):
+        if runs and b - a >= 2 and _goes_on(t, turns, runs[-1], (a, b), ranges, floor):
             runs[-1] = (runs[-1][0], b)
         else:
             runs.append((a, b))
@@ -71,9 +74,15 @@ def _in_step(t: np.ndarray, turns: Turning, floor: float) -> list[tuple[int, int
 
 
 def _goes_on(
-    t: np.ndarray, turns: Turning, run: tuple[int, int], a: int, ranges: np.ndarray, floor: float
+    t: np.ndarray,
+    turns: Turning,
+    run: tuple[int, int],
+    later: tuple[int, int],
+    ranges: np.ndarray,
+    floor: float,
 ) -> bool:
-    """Whether the run of swings from a on goes on with the one before: a spoiled turning point, or missing samples."""
+    """Whether a later run of swings goes on with the one before: a spoiled turning point, or missing samples."""
+    a = later[0]
     before, after = float(ranges[run[1] - 1]), float(ranges[a])
     begin, end = float(turns.times[run[1]]), float(turns.times[a])
     swing = float(turns.times[run[1]] - turns.times[run[1] - 1])
@@ -82,7 +91,24 @@ def _goes_on(
         return after <= 1.05 * before + 2 * floor
     off = (end - begin) / swing
     in_phase = abs(off - round(off)) < 0.3 and off < 4.5
-    return a - run[1] <= 3 and in_phase and 0.6 * before - 2 * floor <= after <= 1.25 * before + 2 * floor
+    few = later[1] - a < 3
+    return (
+        not few
+        and a - run[1] <= 3
+        and in_phase
+        and 0.6 * before - 2 * floor <= after <= 1.25 * before + 2 * floor
+    )
+
+
+def _across_holes(times: np.ndarray) -> np.ndarray:
+    """The swings in which others are missing, for there is no sample of them."""
+    gaps = np.diff(times)
+    return np.flatnonzero(gaps > 1.6 * np.median(gaps))
+
+
+def _apart(marks: Iterable[int], across: np.ndarray) -> list[int]:
+    """The marks that no hole explains: across it the range falls by what the swings in it lose."""
+    return [m for m in marks if not np.any(np.abs(across - m) <= 2 * HALF)]
 
 
 def _jumps(ranges: np.ndarray, floor: float) -> list[int]:

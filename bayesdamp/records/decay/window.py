@@ -9,6 +9,7 @@ import numpy as np
 from bayesdamp.records.decay.continuation import Reach, Reason, Swings, reach
 from bayesdamp.records.decay.pieces import Piece, Scale, pieces_before
 from bayesdamp.records.decay.stretches import stretches, worth
+from bayesdamp.records.oscillation.holes import without_edges
 from bayesdamp.records.oscillation.rough import roughness
 from bayesdamp.records.oscillation.spectrum import coarse_periods
 from bayesdamp.records.oscillation.turning import Turning, midpoints, thinned, turning_points
@@ -28,6 +29,8 @@ HEAD = 24
 """Swings at the head of a stretch that are set against the later ones, at most half of them."""
 MARGIN = 0.2
 """Share of a swing that is left out after a hand where a start lies in the midst of a swing."""
+LEAST_BEFORE = 6
+"""Turning points before a hole by which its first swings are judged."""
 FEW = 30
 """Swings below which half a swing more is worth a start in its midst."""
 
@@ -102,7 +105,7 @@ def free_decay(
     if seek_start:
         floor = 2 * found.noise + step
         before = float(found.decay.times[head - 1]) if head else None
-        first = _start(series, Swings(t, y, decay, floor), why, before, notes)
+        first = _start(series, Swings(t, y, _before_a_hole(decay), floor), why, before, notes)
     if seek_stop:
         tail = _stop(series, decay, found)
         if tail.why:
@@ -141,7 +144,7 @@ def _found(t: np.ndarray, y: np.ndarray, step: float, name: str) -> _Found:
 def _decays(t: np.ndarray, y: np.ndarray, step: float, period: float) -> _Found | None:
     """The stretches of free decay at about a period in s, if there are any."""
     noise = roughness(t, y, period)
-    turns = turning_points(t, y, period, noise)
+    turns = without_edges(turning_points(t, y, period, noise), t, period)
     sigmas = max(SIGMAS, ERRORS * float(np.median(turns.gain))) if turns.gain.size else SIGMAS
     floor = max(STEPS * step, sigmas * noise)
     found = stretches(t, turns, floor)
@@ -160,7 +163,7 @@ def _decays(t: np.ndarray, y: np.ndarray, step: float, period: float) -> _Found 
 
 def _head(t: np.ndarray, y: np.ndarray, found: _Found, step: float) -> tuple[int, Reason | None]:
     """(turning points to leave out, in what the last of them breaks) at the head of the best stretch."""
-    swings = Swings(t, y, found.decay, 2 * found.noise + step)
+    swings = Swings(t, y, _before_a_hole(found.decay), 2 * found.noise + step)
     most = min(HEAD, swings.gaps.size // 2)
     why: Reason | None = None
     for i in range(most + 1):
@@ -169,6 +172,13 @@ def _head(t: np.ndarray, y: np.ndarray, found: _Found, step: float) -> tuple[int
             return i, why
         why = here or swings.breaks(i + 1)
     return 0, None
+
+
+def _before_a_hole(turns: Turning) -> Turning:
+    """The turning points up to the first hole, behind which others are missing; all where these are too few."""
+    gaps = np.diff(turns.times)
+    across = np.flatnonzero(gaps > 1.6 * np.median(gaps))
+    return turns.cut(0, int(across[0]) + 1) if across.size and across[0] >= LEAST_BEFORE else turns
 
 
 def _begins_at_a_break(found: _Found) -> bool:

@@ -7,6 +7,7 @@ from functools import lru_cache
 
 import numpy as np
 
+from bayesdamp.records.oscillation.holes import holes, without_edges
 from bayesdamp.records.oscillation.rough import roughness as noise_of
 from bayesdamp.records.oscillation.spectrum import coarse_period
 from bayesdamp.records.oscillation.turning import BLOCK, Turning, midpoints, turning_points
@@ -14,9 +15,6 @@ from bayesdamp.types import Refusal, Signal
 
 BESIDE = 4
 """Gaps on either side of one that say what is usual there."""
-HOLE, USUAL, BESIDE_HOLE = 0.5, 5.0, 0.25
-"""Periods without a sample, and how many usual gaps, from which these are a hole in the record; periods beside it in
-which a turning point is not believed (conventional)."""
 LEAST_SHARE = 0.3
 """An oscillation must have this share in what a record does within a period or two."""
 
@@ -62,7 +60,7 @@ def features(signal: Signal) -> Features:
     if share < LEAST_SHARE:
         raise Refusal("no oscillation stands out of the noise")
     noise = noise_of(t, y, period)
-    runs = regular_runs(_beside_holes(turning_points(t, y, period, noise), t, period), noise)
+    runs = regular_runs(without_edges(turning_points(t, y, period, noise), t, period), noise)
     turns = max(runs, key=lambda run: run.times.size, default=Turning(*np.empty((3, 0))))
     if turns.times.size < 3:
         raise Refusal("no oscillation is seen: fewer than three turning points stand out of the noise")
@@ -114,37 +112,22 @@ def regular_runs(turns: Turning, noise: float) -> list[Turning]:
     return [turns.cut(a, b + 1) for a, b in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True)]
 
 
-def _holes(t: np.ndarray, period: float) -> np.ndarray:
-    """Start and end, (h, 2), of stretches of more than half a period without a sample, where others have many."""
-    gaps = np.diff(t)
-    at = np.flatnonzero((gaps > HOLE * period) & (gaps > USUAL * np.median(gaps)))
-    return np.stack([t[at], t[at + 1]], axis=1)
-
-
-def _beside_holes(turns: Turning, t: np.ndarray, period: float) -> Turning:
-    """Turning points without those in and beside holes, which a line across the hole makes."""
-    kept = np.ones(turns.times.size, bool)
-    for a, b in _holes(t, period):
-        kept &= (turns.times < a - BESIDE_HOLE * period) | (turns.times > b + BESIDE_HOLE * period)
-    return Turning(turns.times[kept], turns.values[kept], turns.gain[kept])
-
-
 def _ends(runs: list[Turning], turns: Turning, t: np.ndarray, period: float) -> tuple[Turning, Turning]:
     """The first and the last of the runs that only holes without samples part from `turns`."""
-    holes = _holes(t, period)
+    missing = holes(t, period)
     first = last = turns
     for run in runs[::-1]:
-        if run.times.size >= 3 and run.times[-1] < first.times[0] and _across(holes, run, first, period):
+        if run.times.size >= 3 and run.times[-1] < first.times[0] and _across(missing, run, first, period):
             first = run
     for run in runs:
-        if run.times.size >= 3 and run.times[0] > last.times[-1] and _across(holes, last, run, period):
+        if run.times.size >= 3 and run.times[0] > last.times[-1] and _across(missing, last, run, period):
             last = run
     return first, last
 
 
-def _across(holes: np.ndarray, a: Turning, b: Turning, period: float) -> bool:
+def _across(missing: np.ndarray, a: Turning, b: Turning, period: float) -> bool:
     """Whether what lies between two runs is a hole and not much else."""
-    inside = holes[(holes[:, 0] > a.times[-1]) & (holes[:, 1] < b.times[0])]
+    inside = missing[(missing[:, 0] > a.times[-1]) & (missing[:, 1] < b.times[0])]
     return bool(np.sum(inside[:, 1] - inside[:, 0]) > b.times[0] - a.times[-1] - 2 * period)
 
 

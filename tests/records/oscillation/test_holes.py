@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from bayesdamp.records.decay.window import free_decay
 from bayesdamp.records.oscillation.features import features
 from bayesdamp.records.oscillation.one import other_than_one
 from bayesdamp.types import Signal
@@ -51,3 +52,23 @@ def test_beats_with_holes_are_beats(seed: int) -> None:
     found = other_than_one(signal.t, signal.y, 1 / FREQUENCY)
     assert found is not None
     assert found.seen == "beats"
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_the_whole_record_is_the_free_decay(seed: int) -> None:
+    signal = holed(seed)
+    window = free_decay(signal.t, signal.y, 0.0, True, True, "holed")
+    assert signal.t[window.first] < 1 / FREQUENCY
+    assert signal.t[window.last] > 40 - 1 / FREQUENCY
+    assert [p.kind for p in window.pieces] == ["free decay"]
+
+
+def test_a_second_release_within_a_hole_is_one() -> None:
+    """Negative control: behind the hole it swings further than before it."""
+    signal = holed(0)
+    begin = signal.t[
+        np.argmax(np.diff(signal.t)[signal.t[:-1] > 15] > 1) + np.count_nonzero(signal.t[:-1] <= 15)
+    ]
+    y = np.where(signal.t > begin + 1, 0.05 + 3 * (signal.y - 0.05), signal.y)
+    window = free_decay(signal.t, y, 0.0, True, True, "holed")
+    assert signal.t[window.first] > begin or signal.t[window.last] <= begin
