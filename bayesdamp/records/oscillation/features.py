@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import lru_cache
 
 import numpy as np
@@ -32,6 +32,7 @@ class Features:
     turning_times (k,) in s, turning_values (k,): alternating maxima and minima of the recorded quantity.
     turning_amplitudes (k,): distance of the turning values from the midline.
     crossing_times (k−1,) in s: where the record crosses its midline between turning points.
+    swing_times (m,) in s, swing_sizes (m,): middle and half range of each swing, of all pieces that holes part.
     """
 
     rest: float
@@ -46,6 +47,8 @@ class Features:
     turning_values: np.ndarray
     turning_amplitudes: np.ndarray
     crossing_times: np.ndarray
+    swing_times: np.ndarray = field(default_factory=lambda: np.empty(0))
+    swing_sizes: np.ndarray = field(default_factory=lambda: np.empty(0))
 
 
 @lru_cache(maxsize=16)
@@ -69,7 +72,8 @@ def features(signal: Signal) -> Features:
     crossings, sharp = crossing_times(t, y, turns, middle)
     period = mean_period(crossings, sharp, turns.times)
     noise = noise_of(t, y, period)
-    first, last = _ends(runs, turns, t, period)
+    pieces = _joined(runs, turns, t, period)
+    first, last = pieces[0], pieces[-1]
     before = min((first.times[0] - t[0]) / (2 * (first.times[1] - first.times[0])), 0.5)
     after = min((t[-1] - last.times[-1]) / (2 * (last.times[-1] - last.times[-2])), 0.5)
     seen = (turns.times.size - 1) / 2 if first is last else (last.times[-1] - first.times[0]) / period
@@ -88,6 +92,8 @@ def features(signal: Signal) -> Features:
         turning_values=turns.values,
         turning_amplitudes=sizes,
         crossing_times=crossings,
+        swing_times=np.concatenate([0.5 * (p.times[:-1] + p.times[1:]) for p in pieces]),
+        swing_sizes=np.concatenate([0.5 * np.abs(np.diff(p.values)) for p in pieces]),
     )
 
 
@@ -112,17 +118,25 @@ def regular_runs(turns: Turning, noise: float) -> list[Turning]:
     return [turns.cut(a, b + 1) for a, b in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True)]
 
 
-def _ends(runs: list[Turning], turns: Turning, t: np.ndarray, period: float) -> tuple[Turning, Turning]:
-    """The first and the last of the runs that only holes without samples part from `turns`."""
+def _joined(runs: list[Turning], turns: Turning, t: np.ndarray, period: float) -> list[Turning]:
+    """The runs that only holes without samples part from `turns` and from each other, with it, in their order."""
     missing = holes(t, period)
-    first = last = turns
+    pieces = [turns]
     for run in runs[::-1]:
-        if run.times.size >= 3 and run.times[-1] < first.times[0] and _across(missing, run, first, period):
-            first = run
+        if (
+            run.times.size >= 3
+            and run.times[-1] < pieces[0].times[0]
+            and _across(missing, run, pieces[0], period)
+        ):
+            pieces.insert(0, run)
     for run in runs:
-        if run.times.size >= 3 and run.times[0] > last.times[-1] and _across(missing, last, run, period):
-            last = run
-    return first, last
+        if (
+            run.times.size >= 3
+            and run.times[0] > pieces[-1].times[-1]
+            and _across(missing, pieces[-1], run, period)
+        ):
+            pieces.append(run)
+    return pieces
 
 
 def _across(missing: np.ndarray, a: Turning, b: Turning, period: float) -> bool:

@@ -140,10 +140,7 @@ def _amplitudes(seen: Features, step: float) -> tuple[np.ndarray, np.ndarray, np
 
     Half the range of a swing needs no midline; it belongs to the middle of the swing. Neighbours share a turning point.
     """
-    times, sizes = (
-        0.5 * (seen.turning_times[:-1] + seen.turning_times[1:]),
-        np.abs(np.diff(seen.turning_values)) / 2,
-    )
+    times, sizes = seen.swing_times, seen.swing_sizes
     sds = np.maximum(np.hypot(0.5 * seen.roughness, 0.29 * step) / sizes, 1e-9)
     several = -(-times.size // POINTS)
     if several > 1:

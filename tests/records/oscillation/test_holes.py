@@ -7,6 +7,7 @@ import pytest
 
 from bayesdamp.records.decay.window import free_decay
 from bayesdamp.records.oscillation.features import features
+from bayesdamp.records.oscillation.first_look import first_words
 from bayesdamp.records.oscillation.one import other_than_one
 from bayesdamp.types import Signal
 
@@ -72,3 +73,13 @@ def test_a_second_release_within_a_hole_is_one() -> None:
     y = np.where(signal.t > begin + 1, 0.05 + 3 * (signal.y - 0.05), signal.y)
     window = free_decay(signal.t, y, 0.0, True, True, "holed")
     assert signal.t[window.first] > begin or signal.t[window.last] <= begin
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_the_first_words_are_of_the_whole_record(seed: int) -> None:
+    """The damping ratio at its largest and smallest amplitudes within five of its errors, these of the whole record."""
+    found = first_words(holed(seed))
+    assert found.damping[0].amplitude > 0.9 * START
+    assert found.damping[2].amplitude < 1.1 * START * np.exp(-RATE * 40)
+    for one in found.damping:
+        assert abs(one.ratio - RATE / (2 * np.pi * FREQUENCY)) < 5 * one.stderr + 1e-5
