@@ -13,6 +13,17 @@ ABREAST = 4
 NARROW = 4.3
 """Width of a figure for a phone, in inches."""
 
+HOLE = 20.0
+"""Usual gaps between samples from which there is a hole."""
+
+
+def broken(t: np.ndarray, y: np.ndarray, sampled: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """A line through t and y, (n,), that is broken where the times `sampled` (m,) of a record have a hole."""
+    gaps = np.diff(sampled)
+    begins = sampled[:-1][gaps > HOLE * np.median(gaps)] if gaps.size else sampled[:0]
+    places = np.searchsorted(t, begins, side="right")
+    return np.insert(t, places, begins), np.insert(np.asarray(y, float), places, np.nan)
+
 
 def panels(
     count: int, height: float, extra: float = 0.0, abreast: int = ABREAST

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator
 
 from bayesdamp.report import words
-from bayesdamp.report.figures._panels import NARROW
+from bayesdamp.report.figures._panels import NARROW, broken
 from bayesdamp.report.style import FAINT, INK, QUIET, WIDTH, colour, dash
 
 HEIGHT, PANEL = 5.6, 2.5
@@ -33,11 +33,13 @@ def draw_answer(axes: Sequence[Axes], arrays: Mapping[str, np.ndarray], unit: st
     """Draw the four panels on these axes: record, damping ratio, residual, energy."""
     whole, ratio, left, energy = axes
     t = arrays["t"]
-    whole.plot(t, arrays["record"], color=FAINT, lw=1.8, label="record")
-    whole.plot(t, arrays["fit"], color=colour(damping), lw=0.6, label=f"fit of {words.model(damping)}")
+    whole.plot(*broken(t, arrays["record"], t), color=FAINT, lw=1.8, label="record")
+    whole.plot(
+        *broken(t, arrays["fit"], t), color=colour(damping), lw=0.6, label=f"fit of {words.model(damping)}"
+    )
     _finish(whole, "Record and fit", "time / s", unit)
     whole.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, borderaxespad=0.1, fontsize=7.5)
-    left.plot(t, arrays["residual"], color=INK, lw=0.5)
+    left.plot(*broken(t, arrays["residual"], t), color=INK, lw=0.5)
     left.axhline(0.0, color=QUIET, lw=0.6)
     _finish(left, "What the fit leaves", "time / s", unit)
     _ratios(ratio, arrays, unit)

@@ -11,6 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from bayesdamp.report import words
+from bayesdamp.report.figures._panels import broken
 from bayesdamp.report.style import FAINT, INK, QUIET, WIDTH, colour, legend_columns, looks
 
 KEPT = "#0072B2"
@@ -109,15 +110,15 @@ def raw(
 
 
 def thinned(t: np.ndarray, y: np.ndarray, points: int = _POINTS) -> tuple[np.ndarray, np.ndarray]:
-    """At most about so many points, with every extreme kept."""
+    """At most about so many points, with every extreme kept; nan where the record has a hole."""
     size = -(-len(t) // max(1, points // 2))
     if size <= 2:
-        return t, y
+        return broken(t, y, t)
     edges = range(0, len(t), size)
     blocks = [y[i : i + size] for i in edges]
     kept = {i + int(at) for i, b in zip(edges, blocks) for at in (b.argmin(), b.argmax())}
     chosen = np.array(sorted(kept | {0, len(t) - 1}))
-    return t[chosen], y[chosen]
+    return broken(t[chosen], y[chosen], t)
 
 
 def _zoom(ax: Axes, t: np.ndarray, y: np.ndarray, fits: Sequence[Fit], start: float, stop: float) -> None:
