@@ -64,8 +64,9 @@ Who needs an even clock gets gaps bridged by straight lines.
 
 
 WHY_REFUSED = (
-    "Why bayesdamp refuses here: it tells a record's range of amplitudes from its longest run of turning points that "
-    "stand out of the noise without a gap, refuses every amplitude beyond it, and takes some gaps for a beat."
+    "Why bayesdamp refuses here: an amplitude that is asked for lies beyond those that it sees stand out of the noise. "
+    "In a first contest (seed 811) it refused 35 of 37 gappy records, for it saw no further than the longest piece and "
+    "took some gaps for a beat; that was mended, and the records of this page were drawn afterwards."
 )
 
 
