@@ -38,8 +38,8 @@ LARGEST = 1e24
 """The largest true value that a simulation takes, in its own unit (conventional)."""
 SHORTEST, LONGEST = 1e-12, 1e9
 """Lengths of a simulated record in s (conventional)."""
-CYCLES = 1e6
-"""The most cycles of a simulated record (conventional)."""
+FEWEST, CYCLES = 0.01, 1e6
+"""The fewest and the most cycles of a simulated record (conventional)."""
 _MINIMUM = {"epsilon": 0.0, "noise_sd": 0.0}
 _POSITIVE = ("noise_time", "noise_dof", *REFERENCE)
 _SIMULATED = ("name", "simulate", "system", "compare", "restoring", "estimate", "specimen")
@@ -182,6 +182,11 @@ def _check_motion(oscillator: Oscillator, truth: Mapping[str, float], duration: 
         cycles = oscillator.rough_frequency(truth, near=truth["theta0"]) * duration / (2 * math.pi)
     except ValueError as error:
         raise StudyError(key, f"{error}; choose parameters that let it oscillate") from None
+    if not cycles >= FEWEST:
+        what = f"is {duration:g} s, {cycles:.2g} of a cycle; it must be at least {FEWEST:g}"
+        raise StudyError(
+            below(key, "duration"), f"{what}: choose parameters that let it oscillate, or a longer one"
+        )
     if cycles > CYCLES:
         what = f"is {duration:g} s, in which it swings {cycles:.3g} times"
         raise StudyError(below(key, "duration"), f"{what}; it must be at most {CYCLES:g} cycles")

@@ -21,7 +21,7 @@ def record():
     (angle, problem), (velocity, _), (acceleration, _) = (
         pendulum(TRUTH, samples=1500, quantity=q) for q in ("angle", "velocity", "acceleration")
     )
-    library = candidates(problem, 0.1, "rad")
+    library = candidates(problem, 0.1, "rad", {})
     period = 2 * np.pi / np.sqrt(20.0)
     curves = angle.y, velocity.y, acceleration.y
     return [Record(angle.t, y, i, angle.y, velocity.y, known, period) for i, y in enumerate(curves)], library
