@@ -21,7 +21,7 @@ from bayesdamp.store import write_bytes
 
 PHONE = 640
 """Width in CSS pixels up to which a page is a phone's, as in style.css."""
-SVG = 150_000
+SVG = 80_000
 """Bytes up to which a figure stands in the page as SVG: beyond are those with thousands of samples."""
 NARROW, LEGIBLE = 440, 0.8
 """Width in CSS pixels from which a figure scrolls sideways on a phone, and the share of its size below which letters
