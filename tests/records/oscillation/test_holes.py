@@ -83,3 +83,15 @@ def test_the_first_words_are_of_the_whole_record(seed: int) -> None:
     assert found.damping[2].amplitude < 1.1 * START * np.exp(-RATE * 40)
     for one in found.damping:
         assert abs(one.ratio - RATE / (2 * np.pi * FREQUENCY)) < 5 * one.stderr + 1e-5
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_drag_with_holes_is_no_beat(seed: int) -> None:
+    """Two modes explain what drag loses; only the periods that a hole cuts short make the amplitude rise again."""
+    whole = holed(seed)
+    decay = 0.05 + START / (1 + 0.3 * whole.t) * np.cos(2 * np.pi * FREQUENCY * whole.t)
+    assert other_than_one(whole.t, decay + (whole.y - viscous_decay(whole.t)), 1 / FREQUENCY) is None
+
+
+def viscous_decay(t: np.ndarray) -> np.ndarray:
+    return 0.05 + START * np.exp(-RATE * t) * np.cos(2 * np.pi * FREQUENCY * t)
