@@ -11,7 +11,8 @@ from rich.table import Table
 from rich.text import Text
 
 from bayesdamp.report import words
-from bayesdamp.report.results.answers import specimens, verdicts
+from bayesdamp.report.results.alike import common_amplitude, ratio_of, short_names
+from bayesdamp.report.results.answers import Answer, answers, specimens
 from bayesdamp.report.results.confirmation import confirmation, sampled_words
 from bayesdamp.report.results.run import Run
 from bayesdamp.report.results.specimens import sentences
@@ -67,14 +68,13 @@ def answered(verdict: Verdict, console: Console) -> None:
 def conclude(folder: Path, console: Console) -> None:
     """Print how sampling changed what was said, what one has to know of the records, and where the report is."""
     run = Run(folder)
-    found = verdicts(run)
-    said = {v.record for v in found}
+    found = answers(run)
+    said = {a.signal for a in found}
+    for together in specimens(run):
+        answered(together, console)
     if len(found) > 1:
         console.print()
         console.print(_overview(found))
-    for together in specimens(run):
-        console.print()
-        console.print(Text.assemble((f"{together.record}: ", "bold"), together.sentence), soft_wrap=True)
     for signal in run.signals:
         if signal not in said:
             console.print()
@@ -106,18 +106,27 @@ def _modes(verdict: Verdict) -> Table:
     return table
 
 
-def _overview(found: Sequence[Verdict]) -> Table:
-    """A line a record."""
-    table = Table("record", "damping", "probability", "frequency", "damping ratio (95 %)", "at", box=SIMPLE)
-    for v in found:
-        ratio = v.damping_ratio[len(v.damping_ratio) // 2] if v.damping_ratio else None
+def _overview(found: Sequence[Answer]) -> Table:
+    """A line a record, their damping ratios at one amplitude where all pass one."""
+    shared, names = common_amplitude(found), short_names([a.signal for a in found])
+    unit = found[0].verdict.damping_ratio[0].unit if shared is not None else ""
+    at = (
+        f"damping ratio at {shared:.2g} {unit} (95 %)"
+        if shared is not None
+        else "damping ratio (95 %), amplitude"
+    )
+    table = Table(box=SIMPLE, pad_edge=False, padding=(0, 1, 0, 0))
+    for title, least in (("record", 6), ("damping", 12), ("probability", 11), ("frequency", 9), (at, 24)):
+        table.add_column(title, min_width=least, overflow="fold")
+    for a in found:
+        v, ratio = a.verdict, ratio_of(a, shared)
+        size = with_interval(ratio.value, ratio.low, ratio.high, " %", 100) if ratio else words.NONE
         table.add_row(
-            v.record,
+            names[a.signal],
             words.model(v.damping) if v.damping else f"no free decay: {v.motion}",
             words.probability(v.probability) if v.damping else words.NONE,
             f"{v.frequency.value:.4g} {v.frequency.unit}" if v.frequency else words.NONE,
-            with_interval(ratio.value, ratio.low, ratio.high, " %", 100) if ratio else words.NONE,
-            f"{ratio.amplitude:.2g} {ratio.unit}" if ratio else words.NONE,
+            f"{size}, {ratio.amplitude:.2g} {ratio.unit}" if ratio and shared is None else size,
         )
     return table
 

@@ -10,7 +10,7 @@ import numpy as np
 from bayesdamp.verdict import thresholds
 from bayesdamp.verdict.pooled import Pooled, pooled
 from bayesdamp.verdict.types import DampingRatio, Grade, Interval, Rival, Share, Verdict
-from bayesdamp.verdict.words import sentence
+from bayesdamp.verdict.words import named, sentence
 
 THIRD = 0.5
 """Prior weight of a sum of three terms beside sums of one or two."""
@@ -162,6 +162,6 @@ def _remarks(records: Sequence[Answered]) -> tuple[str, ...]:
     for r in records:
         alone.setdefault(r.verdict.damping, []).append(r.verdict.record)
     if len(alone) > 1:
-        parts = [f"{d} {len(names)}" for d, names in sorted(alone.items(), key=lambda i: -len(i[1]))]
+        parts = [f"{named(d)} {len(names)}" for d, names in sorted(alone.items(), key=lambda i: -len(i[1]))]
         said.append(f"Records by themselves are likeliest: {', '.join(parts)}.")
     return tuple(said)

@@ -64,7 +64,7 @@ def sentence(v: Verdict) -> str:
         size = f"equivalent damping ratio {_ratio(ratios[0])}"
         if len(ratios) > 1:
             size += f", {_ratio(ratios[-1])}"
-    frequency = f", natural frequency {_frequency(v.frequency)}" if v.frequency is not None else ""
+    frequency = f", natural frequency {plus_minus(v.frequency)}" if v.frequency is not None else ""
     if v.grade is Grade.DEVIATES:
         off = (
             f", from which it deviates by {100 * v.deviation.value:.2g} %" if v.deviation is not None else ""
@@ -122,8 +122,13 @@ def _first(text: str) -> str:
     return text[:1].upper() + text[1:]
 
 
-def _frequency(f: Interval) -> str:
-    return f"{digits(f.value, max(f.high - f.low, 1e-4 * f.value))} {f.unit}"
+def plus_minus(i: Interval) -> str:
+    """`3.4643 ± 0.0006 Hz`; an interval with one side much longer stands in brackets."""
+    up, down = i.high - i.value, i.value - i.low
+    half, unit = 0.5 * (up + down), f" {i.unit}" if i.unit else ""
+    if max(up, down) > UNEVEN * max(min(up, down), 1e-12):
+        return with_interval(i.value, i.low, i.high, unit)
+    return f"{digits(i.value, half)} ± {digits(half, half)}{unit}"
 
 
 def _budget(v: Verdict) -> str:
@@ -161,13 +166,7 @@ def _hold(v: Verdict) -> str:
 
 def loses_like(e: Interval) -> str:
     """`loses like v^1.02 ± 0.03: viscous`; an interval with one side much longer stands in brackets."""
-    up, down = e.high - e.value, e.value - e.low
-    half = 0.5 * (up + down)
-    even = max(up, down) <= UNEVEN * max(min(up, down), 1e-12)
-    shown = (
-        f"{digits(e.value, half)} ± {digits(half, half)}" if even else with_interval(e.value, e.low, e.high)
-    )
-    return f"loses like v^{shown}{_kind(e)}"
+    return f"loses like v^{plus_minus(e)}{_kind(e)}"
 
 
 def _kind(e: Interval) -> str:

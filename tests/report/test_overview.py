@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,10 +12,11 @@ import pytest
 from rich.console import Console
 
 from bayesdamp.report import render
+from bayesdamp.report.results.alike import common_amplitude, ratio_of, short_names
+from bayesdamp.report.results.answers import answers
 from bayesdamp.report.results.beside import beside
 from bayesdamp.report.results.run import Run
 from bayesdamp.report.sections.estimators.against import inside
-from bayesdamp.report.sections.study.overview import _short
 from bayesdamp.report.terminal import conclude
 from bayesdamp.store import CellResult, Store, write_json
 from bayesdamp.store.folders import claim
@@ -70,7 +72,7 @@ def test_every_record_has_a_picture_and_a_line_that_lead_to_its_answer(folder: P
         assert section.count(f'href="#answer-{name}"') == 2
         assert f'id="answer-{name}"' in page
     assert section.count("<svg") == 3
-    assert "11.5 deg" in section, "in the unit that the record came in"
+    assert "7.02 deg" in section, "in the unit that the record came in"
     points = [re.findall(r"polyline points=\"([^\"]+)", part)[0] for part in section.split("<b>")[1:]]
     heights = [float(p.split(",")[-1]) for p in points]
     assert heights[1] < heights[2] < heights[0], "a larger damping ratio stands higher, on one scale"
@@ -87,15 +89,18 @@ def test_the_terminal_has_a_line_a_record_and_the_specimen(folder: Path) -> None
     out = io.StringIO()
     conclude(folder, Console(file=out, width=120))
     text = out.getvalue()
-    assert all(text.count(name) == 1 for name in SIZES)
-    assert "rig: rig is viscous." in text
-    assert "11 deg" in text
+    lines = [line.split() for line in text.splitlines()]
+    assert [line[0] for line in lines if "viscous" in line] == ["1", "2", "3"], (
+        "names without what all begin with"
+    )
+    assert text.index("rig: rig is viscous.") < text.index("record "), "what they say together comes first"
+    assert "at 7" in text.replace("\n", " "), "at an amplitude that all pass"
 
 
 def test_names_are_shown_without_what_all_begin_with() -> None:
-    assert list(_short(list(SIZES)).values()) == ["1", "2", "3"]
-    assert _short(["a", "b"]) == {"a": "a", "b": "b"}
-    assert _short(["rig_", "rig_2"])["rig_2"] == "rig_2", "no name may become empty"
+    assert list(short_names(list(SIZES)).values()) == ["1", "2", "3"]
+    assert short_names(["a", "b"]) == {"a": "a", "b": "b"}
+    assert short_names(["rig_", "rig_2"])["rig_2"] == "rig_2", "no name may become empty"
 
 
 def test_estimates_stand_against_the_posterior_of_their_own_record(whole_run: Path) -> None:
@@ -110,3 +115,20 @@ def test_estimates_stand_against_the_posterior_of_their_own_record(whole_run: Pa
     count = sum(low <= value <= high for value in one.refined.values())
     assert f"{count} of the 11 refined ones" in inside([one])
     assert np.isnan(found["bench"].truth)
+
+
+def test_records_are_compared_at_an_amplitude_that_all_pass(folder: Path) -> None:
+    found = answers(Run(folder))
+    shared = common_amplitude(found)
+    assert shared == pytest.approx(np.degrees(np.sqrt(0.05 * 0.3)))
+    rising = replace(found[0], arrays={**found[0].arrays, "ratio": 0.1 * found[0].arrays["amplitude"]})
+    at = ratio_of(rising, shared)
+    assert at is not None
+    assert at.value == pytest.approx(0.1 * shared, rel=0.02), (
+        "read off the curve, not the record's own middle"
+    )
+    far = replace(found[1], arrays={**found[1].arrays, "amplitude": 100 * found[1].arrays["amplitude"]})
+    assert common_amplitude([found[0], far]) is None
+    own = ratio_of(found[0], None)
+    assert own is not None
+    assert own.amplitude == pytest.approx(np.degrees(0.2))

@@ -51,7 +51,7 @@ def test_probabilities_are_those_of_the_summed_log_evidence() -> None:
         ("quadratic", 1 / (1 + np.exp(0.5)))
     ]
     assert not found.decided
-    assert "Records by themselves are likeliest: viscous 1, quadratic 1." in found.remarks
+    assert "Records by themselves are likeliest: viscous 1, quadratic (drag) 1." in found.remarks
 
 
 def test_a_sum_of_three_is_half_as_likely_before() -> None:

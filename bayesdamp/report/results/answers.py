@@ -38,10 +38,15 @@ def answer_of(run: Run, signal: str, repeat: int) -> Answer | None:
     return Answer(signal, repeat, verdict, content.candidates, picture_in_unit(cell.arrays, unit))
 
 
-def verdicts(run: Run) -> list[Verdict]:
-    """The verdict of every record's first repeat, in the study's order."""
+def answers(run: Run) -> list[Answer]:
+    """The answer on every record's first repeat, in the study's order."""
     found = (answer_of(run, signal, run.repeats(signal)[0]) for signal in run.signals)
-    return [one.verdict for one in found if one is not None]
+    return [one for one in found if one is not None]
+
+
+def verdicts(run: Run) -> list[Verdict]:
+    """Their verdicts."""
+    return [one.verdict for one in answers(run)]
 
 
 def specimens(run: Run) -> list[Verdict]:

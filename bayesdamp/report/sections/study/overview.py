@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from itertools import takewhile
 
 import numpy as np
 from markupsafe import Markup
 
 from bayesdamp.report import words
 from bayesdamp.report.html import Line, Table, fill
-from bayesdamp.report.results.answers import Answer, answer_of, specimens
+from bayesdamp.report.results.alike import common_amplitude, curve_of, ratio_of, short_names
+from bayesdamp.report.results.answers import Answer, answers, specimens
 from bayesdamp.report.results.run import Run
 from bayesdamp.report.sections._layout import ANCHOR
 from bayesdamp.report.sections._section import Section
@@ -35,18 +35,13 @@ class Overview(Section):
 
     def applies(self, run: Run) -> bool:
         """Where so many records have an answer that one looks for one of them."""
-        return not run.study.get("published") and len(_answers(run)) >= FEWEST
+        return not run.study.get("published") and len(answers(run)) >= FEWEST
 
     def render(self, run: Run) -> str:
         """Specimens, small multiples, and a line a record."""
-        answers = _answers(run)
+        found = answers(run)
         cards = [_together(v) for v in specimens(run)]
-        return fill("stack.html", parts=[*cards, _pictures(answers), _table(answers)])
-
-
-def _answers(run: Run) -> list[Answer]:
-    found = (answer_of(run, signal, run.repeats(signal)[0]) for signal in run.signals)
-    return [one for one in found if one is not None]
+        return fill("stack.html", parts=[*cards, _pictures(found), _table(found)])
 
 
 def _together(v: Verdict) -> Markup:
@@ -55,17 +50,17 @@ def _together(v: Verdict) -> Markup:
     return Markup('<div class="verdict"><p class="claim">{}</p>{}</div>').format(v.sentence, more)
 
 
-def _pictures(answers: Sequence[Answer]) -> Markup:
+def _pictures(found: Sequence[Answer]) -> Markup:
     """Each record's damping ratio against amplitude, all on the same axes."""
-    shown = [a for a in answers[:MOST] if _curve(a) is not None]
+    shown = [a for a in found[:MOST] if curve_of(a) is not None]
     if not shown:
         return Markup("")
-    curves = [c for a in shown if (c := _curve(a)) is not None]
+    curves = [c for a in shown if (c := curve_of(a)) is not None]
     amplitudes = np.concatenate([c[0] for c in curves])
     tops = [float(np.nanmax(c[1])) for c in curves]
     left, right, top = float(amplitudes.min()), float(amplitudes.max()), 1.15 * float(np.median(tops))
     top = max(top, 1.05 * float(np.nanquantile(np.concatenate([c[1] for c in curves]), 0.9)))
-    names = _short([a.signal for a in answers])
+    names = short_names([a.signal for a in found])
     panels = [_panel(a, names[a.signal], left, right, top) for a in shown]
     unit = shown[0].verdict.damping_ratio[0].unit
     said = (
@@ -73,32 +68,14 @@ def _pictures(answers: Sequence[Answer]) -> Markup:
         f"{unit} (logarithmic), up from 0 to {100 * top:.2g} %. Level: viscous; falling to the right: "
         "friction; rising: drag."
     )
-    more = f" The first {MOST} of {len(answers)}." if len(answers) > MOST else ""
+    more = f" The first {MOST} of {len(found)}." if len(found) > MOST else ""
     return Markup('<div class="panels">{}</div><p class="small">{}</p>').format(
         Markup("").join(panels), said + more
     )
 
 
-def _short(names: Sequence[str]) -> dict[str, str]:
-    """Names without the words that all begin with."""
-    alike = takewhile(lambda letters: len(set(letters)) == 1, zip(*names))
-    common = "".join(letters[0] for letters in alike)
-    cut = max(common.rfind(mark) + 1 for mark in "_-")
-    return {name: name[cut:] if all(len(n) > cut for n in names) else name for name in names}
-
-
-def _curve(answer: Answer) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray] | None:
-    """Amplitude, ratio and the ends of its interval, without what is not finite."""
-    a = answer.arrays
-    if not answer.verdict.damping_ratio or not {"amplitude", "ratio", "low", "high"} <= set(a):
-        return None
-    columns = np.array([a[name] for name in ("amplitude", "ratio", "low", "high")], float)
-    columns = columns[:, np.isfinite(columns).all(axis=0) & (columns[0] > 0)]
-    return (columns[0], columns[1], columns[2], columns[3]) if columns.shape[1] > 1 else None
-
-
 def _panel(answer: Answer, name: str, left: float, right: float, top: float) -> Markup:
-    curve = _curve(answer)
+    curve = curve_of(answer)
     assert curve is not None
     width, height = BOX
     span = math.log(right / left) or 1.0
@@ -122,23 +99,23 @@ def _points(x: np.ndarray, y: np.ndarray) -> str:
     return " ".join(f"{a:.1f},{b:.1f}" for a, b in zip(x, y))
 
 
-def _table(answers: Sequence[Answer]) -> Table:
-    names = _short([a.signal for a in answers])
-    lines = [_line(a, names[a.signal]) for a in answers]
+def _table(found: Sequence[Answer]) -> Table:
+    names = short_names([a.signal for a in found])
+    shared = common_amplitude(found)
+    lines = [_line(a, names[a.signal], shared) for a in found]
     headers = [
         "record", "damping", "probability", "frequency / Hz", "amplitude", "damping ratio / %", "law holds within / %",
         "unexplained / %",
     ]  # fmt: skip
     said = (
-        "A line a record; a click on a header sorts. Damping ratio: equivalent viscous, at the amplitude beside it, in "
-        "the middle of the record."
+        "A line a record; a click on a header sorts. Damping ratio: equivalent viscous, at the amplitude beside it, "
+        + ("which all records pass." if shared is not None else "in the middle of the record.")
     )
     return Table(headers, lines, frozenset({0, 1}), said)
 
 
-def _line(answer: Answer, name: str) -> Line:
-    v = answer.verdict
-    ratio = v.damping_ratio[len(v.damping_ratio) // 2] if v.damping_ratio else None
+def _line(answer: Answer, name: str, shared: float | None) -> Line:
+    v, ratio = answer.verdict, ratio_of(answer, shared)
     return Line(
         [
             Markup('<a href="#{}">{}</a>').format(ANCHOR + answer.signal, name),

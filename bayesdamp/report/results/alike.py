@@ -1,0 +1,68 @@
+"""Several records side by side: their names without what all begin with, their damping ratios at one amplitude."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import takewhile
+
+import numpy as np
+
+from bayesdamp.report.results.answers import Answer
+
+Curve = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
+
+
+@dataclass(frozen=True)
+class Ratio:
+    """A damping ratio with its 95 % interval at an amplitude, which has a unit."""
+
+    value: float
+    low: float
+    high: float
+    amplitude: float
+    unit: str
+
+
+def short_names(names: Sequence[str]) -> dict[str, str]:
+    """Names without the words that all begin with."""
+    alike = takewhile(lambda letters: len(set(letters)) == 1, zip(*names))
+    common = "".join(letters[0] for letters in alike)
+    cut = max(common.rfind(mark) + 1 for mark in "_-")
+    return {name: name[cut:] if all(len(n) > cut for n in names) else name for name in names}
+
+
+def curve_of(answer: Answer) -> Curve | None:
+    """Amplitude, damping ratio and the ends of its interval, each of shape (points,), without what is not finite; None
+    where an answer has no such curve."""
+    a = answer.arrays
+    if not answer.verdict.damping_ratio or not {"amplitude", "ratio", "low", "high"} <= set(a):
+        return None
+    columns = np.array([a[name] for name in ("amplitude", "ratio", "low", "high")], float)
+    columns = columns[:, np.isfinite(columns).all(axis=0) & (columns[0] > 0)]
+    return (columns[0], columns[1], columns[2], columns[3]) if columns.shape[1] > 1 else None
+
+
+def common_amplitude(answers: Sequence[Answer]) -> float | None:
+    """The middle, geometrically, of the amplitudes that all records pass; None where there is none, or their units
+    differ."""
+    curves = [c for a in answers if (c := curve_of(a)) is not None]
+    units = {a.verdict.damping_ratio[0].unit for a in answers if a.verdict.damping_ratio}
+    if not curves or len(units) != 1:
+        return None
+    low, high = max(float(c[0].min()) for c in curves), min(float(c[0].max()) for c in curves)
+    return float(np.sqrt(low * high)) if low < high else None
+
+
+def ratio_of(answer: Answer, amplitude: float | None) -> Ratio | None:
+    """A record's damping ratio at an amplitude, from its curve; without one, that in the middle of the record."""
+    own = answer.verdict.damping_ratio
+    if not own:
+        return None
+    curve = curve_of(answer)
+    if amplitude is None or curve is None:
+        middle = own[len(own) // 2]
+        return Ratio(middle.value, middle.low, middle.high, middle.amplitude, middle.unit)
+    order = np.argsort(curve[0])
+    at = [float(np.interp(np.log(amplitude), np.log(curve[0][order]), c[order])) for c in curve[1:]]
+    return Ratio(at[0], at[1], at[2], amplitude, own[0].unit)
