@@ -56,9 +56,8 @@ def answered(verdict: Verdict, console: Console) -> None:
     console.print(Text.assemble((f"{verdict.record}: ", "bold"), verdict.sentence), soft_wrap=True)
     if verdict.damping_ratio:
         console.print(_ratios(verdict))
-        energy = energy_of(verdict)
-        if energy:
-            console.print(Text(f"{energy[:1].upper()}{energy[1:]}."), soft_wrap=True)
+        for said in energy_of(verdict):
+            console.print(Text(said), soft_wrap=True)
     if verdict.modes:
         console.print(_modes(verdict))
     for remark in verdict.remarks:

@@ -141,16 +141,19 @@ def _budget(v: Verdict) -> str:
     return f"; of the energy lost, {', '.join(parts)}"
 
 
-def energy_of(v: Verdict) -> str:
-    """The energy budget, and what is bounded of other forms."""
+def energy_of(v: Verdict) -> tuple[str, ...]:
+    """Sentences: the energy budget, and what is bounded of other forms; as many as there is something to say in."""
     parts = [
         f"{words_of(s.term)} {100 * s.share:.0f} % ({100 * s.low:.0f} to {100 * s.high:.0f})"
         for s in v.energy
         if s.high > 0.005
     ]
-    absent = [f"{words_of(b.form)} below {100 * b.share_below:.2g} %" for b in v.other_forms]
-    budget = f"energy lost: {', '.join(parts)}" if parts else ""
-    return "; ".join(part for part in (budget, ", ".join(absent)) if part)
+    absent = [f"{words_of(b.form)} {100 * b.share_below:.2g} %" for b in v.other_forms]
+    said = (
+        f"Energy lost: {', '.join(parts)}." if parts else "",
+        f"Of it at most (95 %) by what is not in the answer: {', '.join(absent)}." if absent else "",
+    )
+    return tuple(filter(None, said))
 
 
 def _hold(v: Verdict) -> str:

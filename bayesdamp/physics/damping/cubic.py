@@ -18,7 +18,7 @@ class Cubic(DampingTerm):
     name = "cubic"
     parameter = "mu_3"
     unit = "s/rad²"
-    words = "cubic (the third power of the velocity)"
+    words = "cubic (v³)"
     formula = "μ₃ θ̇³"
 
     def shape(self, velocity: ArrayLike, epsilon: ArrayLike) -> Array:

@@ -10,7 +10,7 @@ class Displacement(DampingTerm):
     name = "displacement"
     parameter = "c_xxv"
     unit = "1/(s rad²)"
-    words = "one that grows with the square of the displacement"
+    words = "displacement-dependent (x²v)"
     formula = "c (θ − θe)² θ̇"
     given = ("rest",)
     twin = "cubic"

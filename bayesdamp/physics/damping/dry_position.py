@@ -15,7 +15,7 @@ class DryPosition(DampingTerm):
     name = "dry_position"
     parameter = "mu_p"
     unit = "rad/s²"
-    words = "friction that varies with the position"
+    words = "position-dependent friction"
     formula = "μp max(1 + s u + q u², 0) tanh(θ̇/ε), u = (θ − θe)/A"
     switches = True
     inferred = (

@@ -14,7 +14,7 @@ class Power(DampingTerm):
     name = "power"
     parameter = "c_power"
     unit = "1/s"
-    words = "a power of the velocity"
+    words = "power-law (|v|^p)"
     formula = "c V |θ̇/V|ᵖ sgn θ̇"
     switches = True
     bounded = False  # its exponent says more

@@ -45,8 +45,7 @@ class Overview(Section):
 
 
 def _together(v: Verdict) -> Markup:
-    energy = energy_of(v)
-    more = Markup("<p>{}{}.</p>").format(energy[:1].upper(), energy[1:]) if energy else ""
+    more = Markup("").join(Markup("<p>{}</p>").format(said) for said in energy_of(v))
     return Markup('<div class="verdict"><p class="claim">{}</p>{}</div>').format(v.sentence, more)
 
 
