@@ -57,13 +57,19 @@ class Unit:
 UNITS = {
     unit.name: unit
     for unit in (
-        Unit("rad", "rad", 1.0, None, ("radian", "radians")),
+        Unit("rad", "rad", 1.0, None, ("radian", "radians", "radiant")),
         Unit("mrad", "rad", 1e-3, None, ("milliradian", "milliradians")),
-        Unit("deg", "rad", math.pi / 180, None, ("degree", "degrees", "°")),
+        Unit(
+            "deg",
+            "rad",
+            math.pi / 180,
+            None,
+            ("degree", "degrees", "°", "grad", "grados", "gradi", "degré", "degrés", "degres"),
+        ),
         Unit("rpm", "rad", math.pi / 30, "velocity", ("1/min",)),
         Unit("dps", "rad", math.pi / 180, "velocity"),
         Unit("m", "m", 1.0, None, ("meter", "meters", "metre", "metres")),
-        Unit("cm", "m", 1e-2, None, ("centimeter", "centimeters", "centimetre", "centimetres")),
+        Unit("cm", "m", 1e-2, None, ("centimeter", "centimeters", "centimetre", "centimetres", "zentimeter")),
         Unit("mm", "m", 1e-3, None, ("millimeter", "millimeters", "millimetre", "millimetres")),
         Unit("um", "m", 1e-6, None, ("µm", "μm", "micron", "microns", "micrometer", "micrometre")),
         Unit("in", "m", 0.0254, None, ("inch", "inches")),

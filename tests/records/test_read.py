@@ -68,6 +68,47 @@ def test_time_of_day_past_midnight(tmp_path):
     np.testing.assert_allclose(raw.t - raw.t[0], T, atol=1e-9)
 
 
+def test_thousands_in_groups(tmp_path):
+    """As a spreadsheet writes 1234.5; a point alone is no group of thousands."""
+    german = [
+        f"{1000 * t:,.2f};{y:.4f}".replace(",", "_").replace(".", ",").replace("_", ".") for t, y in zip(T, Y)
+    ]
+    english = [f'"{1000 * t:,.2f}",{y:.4f}' for t, y in zip(T, Y)]
+    for name, lines in (("a.csv", german), ("b.csv", english)):
+        raw = read_record(
+            write(tmp_path / name, ["t (ms),x".replace(",", ";" if name == "a.csv" else ","), *lines])
+        )
+        np.testing.assert_allclose(raw.t, T, atol=1e-12)
+        np.testing.assert_array_equal(raw.y, Y)
+    pointed = [f"{t:.1f};{5 + y:.3f}" for t, y in zip(T, Y)]
+    raw = read_record(write(tmp_path / "c.csv", ["t;x", *pointed]))
+    np.testing.assert_allclose(raw.y, 5 + Y, atol=6e-4)
+
+
+def test_a_serial_monitors_stamps_are_times(tmp_path):
+    lines = [f"10:00:{t:06.3f} -> {y:.4f}" for t, y in zip(T, Y)]
+    raw = read_record(write(tmp_path / "a.txt", lines))
+    np.testing.assert_allclose(raw.t - raw.t[0], T, atol=1e-9)
+    np.testing.assert_array_equal(raw.y, Y)
+    assert raw.columns == (1, 2)
+
+
+def test_dates_with_slashes_and_halves_of_a_day(tmp_path):
+    def stamped(seconds):
+        days, rest = divmod(86399.5 + seconds, 86400.0)  # over midnight, and over the end of a month
+        date = ("1/31/2024", "2/1/2024")[int(days)]
+        hours, rest = divmod(rest, 3600)
+        half = "PM" if hours >= 12 else "AM"
+        return f"{date} {int(hours) % 12 or 12}:{int(rest // 60):02d}:{rest % 60:05.2f} {half}"
+
+    lines = ["Date,x", *(f"{stamped(t)},{y}" for t, y in zip(T, Y))]
+    raw = read_record(write(tmp_path / "a.csv", lines))
+    np.testing.assert_allclose(raw.t - raw.t[0], T, atol=1e-6)
+    wrong = ["Date,x", *(f"45/45/2024 1:00:{t:05.2f} AM,{y}" for t, y in zip(T, Y))]
+    with pytest.raises(InputError, match="no time given"):
+        read_record(write(tmp_path / "b.csv", wrong))
+
+
 def test_incomplete_rows_are_left_out_and_said(tmp_path):
     lines = ["t;x;v", "0,00;;", *(f"{r};" for r in rows(";", ",")[1:]), "9,0;;"]
     raw = read_record(write(tmp_path / "a.csv", lines), time="t", value="x")

@@ -15,9 +15,11 @@ from bayesdamp.records.columns.names import (
     listed,
     names_index,
     names_time,
+    numbered_alike,
     parted,
     runs_asked,
     seconds_of_unit,
+    shown,
 )
 from bayesdamp.records.columns.swings import Swing, derivative, proportional, swing
 from bayesdamp.records.columns.units_said import unit_said
@@ -128,10 +130,21 @@ def _block(found: Contents, run: str, group: str, timed: list[Column], rate: flo
     time = _time_column(own) or _time_column(columns) or _time_column(outside)
     if time is not None:
         return _Block(run, own, time, None, _times_said(time, found))
-    said = sampling_rate(found.facts)
+    said = _rate_said(found, own)
     if said is not None:
         return _Block(run, own, None, said[0], (f"The file says {said[1]!r}: {said[0]:g} Hz.",))
     return _Block(run, own, None, None)
+
+
+def _rate_said(found: Contents, own: Sequence[Column]) -> tuple[float, str] | None:
+    """(rate in Hz, the fact that says it) for columns: what is said of the group that they lie in counts before what is
+    said elsewhere; None where nothing is."""
+    near = {
+        name: value
+        for name, value in found.facts.items()
+        if any(c.name.startswith(f"{name.rpartition('.')[0]}.") for c in own)
+    }
+    return sampling_rate(near) or sampling_rate(found.facts)
 
 
 def _times_said(time: Column, found: Contents) -> tuple[str, ...]:
@@ -216,6 +229,10 @@ def _with_clock(record: Series, found: Contents, said: tuple[str, ...] = ()) -> 
     if record.value.rate is not None:
         note = f"The file gives the sampling rate: {record.value.rate:.9g} Hz."
         return replace(record, rate=record.value.rate, why=(*record.why, note))
+    if len(found.columns) == 1:
+        raise InputError(
+            "no time given, and its one column holds the values: give the rate in Hz (--rate HZ), or export the times"
+        )
     raise InputError(
         "no time given: name the time column (--time NAME) or give the rate in Hz (--rate HZ); columns are "
         f"{listed(found.columns)}"
@@ -257,9 +274,9 @@ def _plain(found: Contents, some: list[Column]) -> None:
     bare = {c.name.removeprefix(f"{c.group}.") for c in some}
     if len(bare) == 1 and len({c.group for c in some}) == len(some):
         return  # the same column of several sheets
-    alike = len(kinds) == 1 and all(unit for unit, _ in kinds)
+    alike = len(kinds) == 1 and (all(unit for unit, _ in kinds) or numbered_alike(some))
     if len(some) > 1 and not (alike or found.channels):
-        names = ", ".join(repr(c.name[:40]) if c.name else str(found.columns.index(c) + 1) for c in some[:3])
+        names = ", ".join(shown(found.columns, c) for c in some[:3])
         more = f" and {len(some) - 3} more" if len(some) > 3 else ""
         raise InputError(
             f"has {len(found.columns)} columns, and {names}{more} may each be the record; give --angle NAME (or its "
@@ -278,14 +295,19 @@ def _chosen(found: Contents, block: _Block) -> tuple[list[Column], tuple[str, ..
     seen = {id(c): swing(c.values) for c in left}
     moving = [c for c in left if seen[id(c)].swings] or left
     if found.channels and not all(unit_said(c)[0] for c in moving):
-        return moving, _because(left, moving, why)
+        return moving, _because(found, left, moving, why)
     moving = _lowest_derivative(moving)
     if len(moving) <= _PAIRS:
         moving = _independent(moving, seen)
     plain = [c for c in moving if not _DERIVED.search(parted(c)[0])] or moving
     dying = [c for c in plain if seen[id(c)].dies] or plain
-    dying = _major(dying, seen) if not found.channels else dying
-    return dying, _because(left, dying, why)
+    if found.channels:
+        return dying, _because(found, left, dying, why)
+    dying = _major(dying, seen)
+    steady = [c for c in dying if not seen[id(c)].grows_again]
+    if 0 < len(steady) < len(dying) and not any(unit_said(c)[0] for c in dying):
+        return steady, _because(found, left, steady, why, "for good")
+    return dying, _because(found, left, dying, why)
 
 
 def _independent(columns: list[Column], seen: dict[int, Swing]) -> list[Column]:
@@ -307,14 +329,17 @@ def _independent(columns: list[Column], seen: dict[int, Swing]) -> list[Column]:
     return [c for c in kept if unit_said(c)[1] or not derived(c)] or kept
 
 
-def _because(left: list[Column], kept: list[Column], still: str) -> tuple[str, ...]:
+def _because(
+    found: Contents, left: list[Column], kept: list[Column], still: str, how: str = ""
+) -> tuple[str, ...]:
     if len(kept) > 1:
-        out = [repr(c.name) for c in left if c not in kept]
+        out = [shown(found.columns, c) for c in left if c not in kept]
         return (f"Left out are columns that do not swing and die down: {', '.join(out[:6])}.",) if out else ()
-    reason = f"of {len(left)} that change it alone swings and dies down, but for copies and derivatives of it"
+    dies = " ".join(filter(None, ("dies down", how)))
+    reason = f"of {len(left)} that change it alone swings and {dies}, but for copies and derivatives of it"
     if len(left) == 1:
         reason = f"beside it are only {still}" if still else "nothing else goes with these times"
-    return (f"Column {kept[0].name or 'without a name'!r} is taken: {reason}.",)
+    return (f"Column {shown(found.columns, kept[0])} is taken: {reason}.",)
 
 
 def _lowest_derivative(columns: list[Column]) -> list[Column]:

@@ -64,10 +64,23 @@ def names_index(column: Column) -> bool:
     return bool(_INDEX.match(parted(column)[0].rpartition(".")[2].strip()))
 
 
+def numbered_alike(columns: Sequence[Column]) -> bool:
+    """Whether the names of columns differ in a number alone, as `ch1` and `ch2` do."""
+    kinds = {re.sub(r"\d+", "#", parted(column)[0].casefold()) for column in columns}
+    return len(kinds) == 1 and "#" in kinds.pop() and len({column.name for column in columns}) == len(columns)
+
+
+def shown(columns: Sequence[Column], column: Column) -> str:
+    """A column's name in quotes, or its number from 1 where it has none."""
+    if column.name:
+        return repr(column.name[:60])
+    return str(next(i for i, c in enumerate(columns, start=1) if c is column))
+
+
 def listed(columns: Sequence[Column]) -> str:
     """The names that a user may type."""
     if not any(column.name for column in columns):
-        return f"1 to {len(columns)} (they have no names)"
+        return f"1 to {len(columns)} (they have no names)" if len(columns) > 1 else "1 (it has no name)"
     names = [repr(c.name) if c.name else str(i) for i, c in enumerate(columns, start=1)]
     fit = next(
         (k for k in range(len(names)) if k == MOST or len(", ".join(names[: k + 1])) > WIDTH), len(names)

@@ -18,6 +18,10 @@ LOST = 0.5
 """Share of the variance below which averages over blocks have lost what swings within a block."""
 FALL = 0.8
 """The swing at the end of a record that dies down is below this share of its largest."""
+AGAIN = 0.2
+"""Share of its largest swing by which a free decay does not grow once it has begun to fall (conventional)."""
+SMOOTHED = 3
+"""Periods over which a swing is averaged before it is asked whether it grows."""
 ALIKE = 0.9999
 """Correlation of two columns that are one signal in two units."""
 LARGEST = 1e100
@@ -29,13 +33,15 @@ DERIVED = 0.95
 @dataclass(frozen=True)
 class Swing:
     """period: in samples; share: of the oscillation in the column; size: the largest swing, its standard deviation in
-    the column's unit; last: that at the end; cycles: periods in the column."""
+    the column's unit; last: that at the end; cycles: periods in the column; again: the most that it grows after its
+    largest, as a share of that."""
 
     period: float
     share: float
     size: float
     last: float
     cycles: float = 0.0
+    again: float = 0.0
 
     @property
     def swings(self) -> bool:
@@ -46,6 +52,11 @@ class Swing:
     def dies(self) -> bool:
         """Whether its last amplitude is well below its first."""
         return self.last < FALL * self.size
+
+    @property
+    def grows_again(self) -> bool:
+        """Whether it swells once more after it has died down, as beats and the residuals of a fit do."""
+        return self.again > AGAIN
 
 
 def swing(y: np.ndarray) -> Swing:
@@ -68,7 +79,17 @@ def swing(y: np.ndarray) -> Swing:
     sizes = windows.std(axis=1)
     late = max(sizes.size // 5, 1)
     last = float(np.median(sizes[-late:])) * scale
-    return Swing(period * spacing, share, float(sizes.max()) * scale, last, whole / (period * spacing))
+    cycles = whole / (period * spacing)
+    return Swing(period * spacing, share, float(sizes.max()) * scale, last, cycles, _growth(sizes))
+
+
+def _growth(sizes: np.ndarray) -> float:
+    """The most that sizes (n,), one a period, grow after their largest, as a share of that, but for scatter."""
+    if sizes.size < 2 * SMOOTHED or sizes.max() <= 0:
+        return 0.0
+    smooth = np.convolve(sizes, np.full(SMOOTHED, 1 / SMOOTHED), "valid")
+    falling = smooth[int(np.argmax(smooth)) :]
+    return float((falling - np.minimum.accumulate(falling)).max() / smooth.max())
 
 
 def _liveliest(y: np.ndarray) -> np.ndarray:

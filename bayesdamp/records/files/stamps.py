@@ -12,22 +12,33 @@ _DATES = (
     re.compile(r"(?P<y>\d{4})[-/](?P<m>\d{1,2})[-/](?P<d>\d{1,2})"),
     re.compile(r"(?P<d>\d{1,2})\.(?P<m>\d{1,2})\.(?P<y>\d{4})"),
 )
+_SLASHED = re.compile(r"(\d{1,2})/(\d{1,2})/(?:\d{4}|\d\d)[ ,]\s*")
+"""A date of which nobody says whether its day or its month stands first: midnights are counted instead."""
 _TIME = re.compile(
-    r"(\d{1,2}):(\d\d)(?::(\d\d(?:[.,]\d+)?))?\s*(Z|UTC|GMT|[+-]\d\d(?::?\d\d)?)?", re.IGNORECASE
+    r"(\d{1,2}):(\d\d)(?::(\d\d(?:[.,]\d+)?))?\s*(AM|PM|Z|UTC|GMT|[+-]\d\d(?::?\d\d)?)?", re.IGNORECASE
 )
 
 
 def stamp(cell: str) -> tuple[int | None, float] | None:
-    """(day, seconds of it) of a cell such as `2024-05-03T10:00:00.25Z`, `03.05.2024 10:00:00` or `10:00:00.25`.
+    """(day, seconds of it) of a cell such as `2024-05-03T10:00:00.25Z`, `03.05.2024 10:00:00`, `5/3/2024 1:00:00 PM` or
+    `10:00:00.25`.
 
-    day: counted from the year 1, None without a date; with a zone, both are UTC's. None where the cell is no time that
-    exists (`99:99`), or has neither date nor seconds.
+    day: counted from the year 1, None without a date or where its order is not known; with a zone, both are UTC's. None
+    where the cell is no time that exists (`99:99`), or has neither date nor seconds.
     """
-    date, rest = _date(cell)
+    slashed = _SLASHED.match(cell)
+    if slashed is not None and not _may_be_a_day(int(slashed[1]), int(slashed[2])):
+        return None
+    date, rest = _date(cell) if slashed is None else (0, cell[slashed.end() :])
     found = _TIME.fullmatch(rest)
     if date is None or found is None:
         return None
     hours, minutes, seconds = int(found[1]), int(found[2]), float((found[3] or "0").replace(",", "."))
+    half = (found[4] or "").upper()
+    if half in ("AM", "PM"):
+        if not 1 <= hours <= 12:
+            return None
+        hours = hours % 12 + 12 * (half == "PM")
     dated = date > 0
     if minutes > 59 or seconds >= 61 or (dated and hours > 24) or (not dated and found[3] is None):
         return None
@@ -43,6 +54,11 @@ def stamp(cell: str) -> tuple[int | None, float] | None:
         total += offset if zone[0] == "-" else -offset
     days, total = divmod(total, DAY)
     return date + int(days), total
+
+
+def _may_be_a_day(first: int, second: int) -> bool:
+    """Whether a day and a month, in either order, exist."""
+    return 1 <= min(first, second) <= 12 and 1 <= max(first, second) <= 31
 
 
 def _date(cell: str) -> tuple[int | None, str]:

@@ -7,11 +7,17 @@ import re
 from collections import Counter
 from dataclasses import dataclass
 
-from bayesdamp.records.files.named_units import SECONDS, unit_written
+from bayesdamp.records.files.named_units import SECONDS, unit_and_quantity, unit_written
 from bayesdamp.records.files.stamps import stamp
 
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eEdD][+-]?\d+)?|[+-]?(nan|inf|infinity)", re.IGNORECASE)
-_FACT = re.compile(r"[^:=]+[:=]\s*[+-]?[\d.]+.*")
+_GROUPED = {  # thousands, as spreadsheets write them: 1.234,5 and 1,234.5
+    ",": re.compile(r"[+-]?[1-9]\d{0,2}(\.\d{3})+,\d+"),
+    ".": re.compile(r"[+-]?[1-9]\d{0,2}(,\d{3})+\.\d+"),
+}
+_FACT = re.compile(r"[^:=]+[:=]\s*\S.*")
+_MONITOR = re.compile(r"\s*(\d{1,2}:\d\d:\d\d(?:[.,]\d+)?)\s*->\s*")
+"""The time of day that a serial monitor writes before each line."""
 BLANKS = " "
 LONGEST = 400
 """Characters of a cell up to which it is looked at closely; longer numbers are of digits alone (conventional)."""
@@ -63,10 +69,12 @@ def number(cell: str, decimal: str) -> float | None:
         return None if found is None else found[1]
     if len(cell) > LONGEST:
         return float(cell) if cell.lstrip("+-").isdecimal() and cell[1:].isdecimal() else None
-    if decimal == ",":
-        if "." in cell:
+    other = "." if decimal == "," else ","
+    if other in cell:
+        if not _GROUPED[decimal].fullmatch(cell):
             return None
-        cell = cell.replace(",", ".")
+        cell = cell.replace(other, "")
+    cell = cell.replace(",", ".")
     if _NUMBER.fullmatch(cell):
         return (
             float(cell.replace("d", "e").replace("D", "e"))
@@ -74,6 +82,20 @@ def number(cell: str, decimal: str) -> float | None:
             else float(cell)
         )
     return None
+
+
+def without_arrows(lines: list[str]) -> list[str]:
+    """Lines in which the time of day that a serial monitor wrote (`10:00:00.125 -> 3.5,7.1`) is a cell of its own."""
+    marks = [_MONITOR.match(line) for line in lines]
+    if 2 * sum(mark is not None for mark in marks) <= sum(bool(line.strip()) for line in lines):
+        return lines
+    rest = [line[mark.end() :] if mark else line for mark, line in zip(marks, lines, strict=True)]
+    layout = find_layout(rest)
+    if layout is None:
+        return lines
+    return [
+        f"{mark[1]}{layout.separator}{line}" if mark else line for mark, line in zip(marks, rest, strict=True)
+    ]
 
 
 def find_layout(lines: list[str]) -> Layout | None:
@@ -122,8 +144,10 @@ def find_layout(lines: list[str]) -> Layout | None:
         first = _first_row(lines, separator, decimal, columns) or first
     names, units = _names([h for h in heads if len(h) == columns], columns)
     if columns == 1:
-        single = (line.strip('"') for line in top if not _FACT.fullmatch(line))
-        names = next(([line] for line in single if _named(line) and not re.search("[,;\\t]", line)), None)
+        single = [line.strip('"') for line in top if not _FACT.fullmatch(line)]
+        single = [line for line in single if _named(line) and not re.search("[,;\\t]", line)]
+        said = [line for line in single if unit_and_quantity(line) is not None]
+        names = (said or single)[-1:] or None
     elif names is None and separator == BLANKS:
         wide = [[c.strip() for c in re.split(r"\t|\s{2,}", line)] for line in top]
         names = next((h for h in wide if len(h) == columns and all(map(_named, h))), None)

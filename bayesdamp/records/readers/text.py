@@ -10,7 +10,7 @@ import numpy as np
 from bayesdamp.records.files.contents import Column, Contents
 from bayesdamp.records.files.facts import header_facts
 from bayesdamp.records.files.stamps import seconds, stamp
-from bayesdamp.records.files.table import BLANKS, Layout, find_layout
+from bayesdamp.records.files.table import BLANKS, Layout, find_layout, without_arrows
 from bayesdamp.types import InputError
 
 LARGEST = 2**29
@@ -59,6 +59,7 @@ MOST_COLUMNS = 5000
 
 def from_lines(lines: list[str], form: str = "text") -> Contents:
     """The table in lines of text, whatever its separator. Raises InputError where there is none."""
+    lines = without_arrows(lines)
     layout = find_layout(lines)
     if layout is None:
         raise InputError("no rows of numbers were found; give a table with a row for each sample")

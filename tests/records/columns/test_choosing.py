@@ -19,6 +19,8 @@ V = np.gradient(Y, T)
 A = np.gradient(V, T)
 OTHER = 0.2 * np.exp(-0.15 * T) * np.cos(5 * T + 1)
 NOISE = np.random.default_rng(1).normal(0, 0.1, T.size)
+BEATING = 0.2 * np.exp(-0.07 * T) * (np.cos(6 * T) - np.cos(6.8 * T))
+SLOWER = 0.2 * np.exp(-0.07 * T) * (np.cos(5 * T) - np.cos(5.8 * T))
 STEADY = 0.3 * np.cos(6 * T)
 INDEX = np.arange(T.size)
 FLAT = np.full(T.size, 1.5)
@@ -47,6 +49,7 @@ PLAIN: dict[str, tuple[dict[str, np.ndarray], str | None, str]] = {
     "far larger, without units": ({"t": T, "x": 0.02 * OTHER, "phi": Y}, "t", "phi"),
     "a drift beside": ({"t": T, "x": Y, "y": 3 * np.exp(-0.2 * T) + 0.5 * np.cos(0.8 * T)}, "t", "x"),
     "a phone's clock": ({"time": 1.7e18 + 1e9 * T, "seconds_elapsed": T, "x": Y}, "seconds_elapsed", "x"),
+    "residuals of a fit": ({"t": T, "x": Y, "r": BEATING}, "t", "x"),
     "two times": ({"Time (s)": T, "Time (ms)": 1000 * T, "x": Y}, "Time (s)", "x"),
 }
 
@@ -66,10 +69,11 @@ def test_a_plain_choice_is_made_and_said(tmp_path: Path, what: str) -> None:
 OPEN: dict[str, tuple[dict[str, np.ndarray], bool, str]] = {
     "two that swing": ({"t": T, "x": Y, "y": OTHER}, True, "'x', 'y' may each be the record; give --angle NAME"),
     "without names": ({"t": T, "x": Y, "y": OTHER}, False, "2, 3 may each be the record"),
+    "two that beat": ({"t": T, "x": BEATING, "y": SLOWER}, True, "may each be the record"),
     "no time": ({"x": Y, "y": OTHER}, True, "may each be the record"),
     "times alone": ({"t": T}, True, "has one column, and it holds the times"),
     "nothing that changes": ({"t": T, "x": FLAT, "y": FLAT}, True, "may each be the record"),
-    "one without time": ({"x": Y}, True, "no time given: name the time column (--time NAME) or give the rate"),
+    "one without time": ({"x": Y}, True, "its one column holds the values: give the rate in Hz (--rate HZ)"),
 }  # fmt: skip
 
 
@@ -80,6 +84,20 @@ def test_where_no_choice_is_plain_one_line_lists_what_there_is(tmp_path: Path, w
         read_records(write(tmp_path / "a.csv", columns, named=named))
     assert said in str(caught.value)
     assert len(str(caught.value)) < 300
+
+
+def test_without_names_a_column_is_told_by_its_number(tmp_path: Path) -> None:
+    path = write(tmp_path / "a.csv", {"t": T, "x": Y, "r": BEATING}, named=False)
+    record = read_record(path)
+    assert record.columns == (1, 2)
+    assert any("Column 2 is taken" in str(note) for note in record.provenance["notes"])  # type: ignore[attr-defined]
+
+
+def test_channels_that_are_numbered_are_a_record_each(tmp_path: Path) -> None:
+    found = read_records(write(tmp_path / "a.csv", {"t": T, "ch1": Y, "ch2": OTHER}))
+    assert [record.channel for record in found] == ["ch1", "ch2"]
+    with pytest.raises(InputError, match="'ch1', 'other' may each be the record"):
+        read_records(write(tmp_path / "b.csv", {"t": T, "ch1": Y, "other": OTHER}))
 
 
 def test_sensors_of_one_unit_are_a_record_each(tmp_path: Path) -> None:
@@ -177,6 +195,14 @@ def test_rates_in_headers(tmp_path: Path, above: list[str], rate: float | None) 
     assert record.t is None
     np.testing.assert_allclose(record.y, Y, atol=1e-12)
     assert read_record(path, rate=7.0).rate == 7.0
+
+
+def test_a_line_about_the_device_is_no_name_of_a_column(tmp_path: Path) -> None:
+    above = ["Device: DL-100", "recorded by hand", "sample_rate: 50", "unit: deg", "", "angle"]
+    record = read_record(write(tmp_path / "a.txt", {"x": Y}, *above, named=False))
+    assert (record.channel, record.unit, record.rate) == ("angle", "deg", 50.0)
+    above = ["Device: DL-100", "sample_rate: 50"]
+    assert read_record(write(tmp_path / "b.txt", {"x": Y}, *above, named=False)).channel == ""
 
 
 def test_a_unit_in_a_header_is_that_of_the_only_column(tmp_path: Path) -> None:

@@ -43,7 +43,12 @@ def test_times(name, seconds):
 @pytest.mark.parametrize(
     ("name", "said"),
     [
-        *(("Angle(deg)", ("deg", "angle")), ("phi [°]", ("deg", "angle")), ("theta_rad", ("rad", "angle"))),
+        *(
+            ("Angle(deg)", ("deg", "angle")),
+            ("Winkel in Grad", ("deg", "angle")),
+            ("phi [°]", ("deg", "angle")),
+            ("theta_rad", ("rad", "angle")),
+        ),
         *(("Position (m) Run #1", ("m", "angle")), ("x / mm", ("mm", "angle"))),
         *(("Velocity (m/s)", ("m", "velocity")), ("gyro z [deg/s]", ("deg", "velocity"))),
         *(("w / (rad/s)", ("rad", "velocity")), ("ω [rad s^-1]", ("rad", "velocity"))),

@@ -371,6 +371,17 @@ def test_a_table_under_a_wrong_name_is_read_as_what_it_is(tmp_path: Path) -> Non
     assert contents(tmp_path / "b.csv").format == "Excel"
 
 
+def test_each_run_of_an_hdf5_has_its_own_rate(tmp_path: Path) -> None:
+    h5py = pytest.importorskip("h5py")
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        for i, place in enumerate(("run1", "run2"), start=1):
+            group = file.create_group(f"measured/{place}")
+            group.attrs["fs"] = RATE * i
+            group.create_dataset("angle", data=Y).attrs["unit"] = "deg"
+    found = read_records(tmp_path / "a.h5")
+    assert [(r.run, r.rate, r.unit) for r in found] == [("1", RATE, "deg"), ("2", 2 * RATE, "deg")]
+
+
 def test_a_wav_of_one_channel_is_one_record(tmp_path: Path) -> None:
     with wave.open(str(tmp_path / "a.wav"), "wb") as file:
         file.setnchannels(1)
