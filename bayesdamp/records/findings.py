@@ -16,6 +16,8 @@ from bayesdamp.units import UNITS
 HALF_TURN = math.pi
 MANY_TURNS = 6 * math.pi
 """Amplitudes in rad: beyond the first a pendulum goes over the top, beyond the second hardly anything swings."""
+FULL_TURN = 360.0
+"""An amplitude that is hardly one in degrees either."""
 LONG, SHORT = 600.0, 1e-6
 """Periods in s that a rate given by hand hardly means."""
 SLOW = 30.0
@@ -73,6 +75,11 @@ def _turns(raw: RawRecord, unit: str, quantity: str) -> Finding | None:
     turns = amplitude / (2 * math.pi)
     if unit == "rad" and raw.unit == "" and amplitude > HALF_TURN:
         said = f"values reach {size:.3g} about their middle: {turns:.2g} turns to either side if they are radians"
+        if size > FULL_TURN:
+            sentence = f"its {said}; are they counts of a sensor, volts or a length?"
+            return Finding(
+                Kind.DEGREES, sentence, "--unit counts, V, mm ..., or --unit deg if they are degrees"
+            )
         return Finding(
             Kind.DEGREES, f"its {said}; are they degrees?", "--unit deg, or --unit rad if they are"
         )

@@ -18,6 +18,7 @@ CASES = {
     # names, times, values, options of reading, unit asked for, kinds, what the option says
     "right": ("t,angle", T, Y, {}, None, [], ""),
     "degrees": ("t,angle", T, 50 * Y, {}, None, [Kind.DEGREES], "--unit deg"),
+    "counts": ("t,angle", T, 5000 * Y, {}, None, [Kind.DEGREES], "--unit counts"),
     "degrees, said": ("t,angle (deg)", T, 50 * Y, {}, None, [], ""),
     "degrees, asked": ("t,angle", T, 50 * Y, {}, "deg", [], ""),
     "over the top in rad": ("t,angle (rad)", T, 15 * Y, {}, None, [], ""),

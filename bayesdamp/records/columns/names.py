@@ -34,6 +34,8 @@ def parted(column: Column) -> tuple[str, str]:
     """(name without the mark of a run, the run's label), empty where the file says none."""
     name = column.name
     bare = name.removeprefix(f"{column.group}.") if column.group else name
+    if column.run:
+        bare = bare.removeprefix(f"{column.run}.")  # an element of a list that is a run each
     for pattern, run, rest in ((_BEHIND, 2, 1), (_BEFORE, 1, 2)):
         at = pattern.match(bare)
         if at is not None:

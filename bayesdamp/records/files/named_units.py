@@ -16,6 +16,8 @@ SECONDS = {
 """Of a unit of time as it may be written."""
 _UNSURE = ("in", "v", "V", "g", "au", "foot")
 """Behind a "_" these may as well be a word of the name."""
+_SHORT = ("mm", "cm", "um", "mV", "ms", "us")
+"""Units of two letters that are no word, so that a blank before them is enough."""
 _WORDS = {
     **dict.fromkeys(("velocity", "velocities", "vel", "speed", "gyro", "gyroscope"), "velocity"),
     **dict.fromkeys(("acceleration", "accelerations", "accel", "acc", "accelerometer"), "acceleration"),
@@ -54,9 +56,21 @@ def _said(name: str) -> list[str]:
     inside = re.findall(r"\(((?:[^()]|\([^()]*\))*)\)|\[([^\[\]]*)\]|\{([^{}]*)\}", name)
     found = ["".join(groups).strip() for groups in inside]
     behind = re.search(r"(?:^[^/\s]+/|\s/\s*|\sin\s+|_)([^\s_]+)\s*$", name)
+    last = re.search(r"(?:^|\s)([^\W\d_]+)\s*$", name)
+    if not found and not behind and last and _stands_alone(last[1], name):
+        return [last[1]]
     if found or not behind or (behind[0][0] == "_" and behind[1] in _UNSURE):
         return found
     return [behind[1].strip("()[]{}")]
+
+
+def _stands_alone(word: str, name: str) -> bool:
+    """Whether the last word of a name, or all of it, is a unit though nothing marks it: `Angle degrees`, `adc`."""
+    known = word.lower() in SECONDS or _plain(word) in _WRITTEN
+    whole = word == name.strip()
+    return known and (
+        (len(word) > 2 and word not in _UNSURE and word != "min") or (word in _SHORT and not whole)
+    )
 
 
 def unit_written(said: str) -> tuple[str, str] | None:

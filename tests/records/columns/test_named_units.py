@@ -25,6 +25,7 @@ def unit_asked(path, value, unit, quantity) -> tuple[str, str]:
     ("name", "seconds"),
     [
         *(("Time_Elapsed(s)", 1.0), ("Zeit [s]", 1.0), ("Time (s) Run #1", 1.0), ("time (ms)", 1e-3)),
+        *(("Zeit ms", 1e-3), ("x min", None), ("seconds", 1.0)),
         *(("t / ms", 1e-3), ("time_us", 1e-6), ("t in min", 60.0), ("t/ms", 1e-3), ("timestamp [µs]", 1e-6)),
         *(
             ("time", None),
@@ -78,6 +79,12 @@ def test_times(name, seconds):
             ("x (px)", ("px", "angle")),
         ),
         *(
+            ("Winkel Grad", ("deg", "angle")),
+            ("Weg mm", ("mm", "angle")),
+            ("adc", ("counts", "angle")),
+            ("left foot", None),
+            ("mm", None),
+            ("left in", None),
             ("U/V", ("V", "angle")),
             ("phi/deg", ("deg", "angle")),
             ("v/m/s", ("m", "velocity")),
