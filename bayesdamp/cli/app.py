@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import sys
 import traceback
 from collections.abc import Callable, Sequence
@@ -59,6 +60,12 @@ def _help_of(given: Sequence[str]) -> str:
     return f"bayesdamp {given[0]} --help" if known else "bayesdamp --help"
 
 
+def _of_one_kind(said: str) -> str:
+    """What the parser of the command line says of an option's value, in the form of all other lines."""
+    at = re.fullmatch(r"Invalid value for '(--[\w-]+)[^']*': Input should be ([^,]*)(,.*)?", said)
+    return f"{at[1]}: must be {at[2]}" if at else said
+
+
 def _version(asked: bool) -> None:
     if asked:
         typer.echo(f"bayesdamp {__version__}")
@@ -101,7 +108,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except Exception as error:
         usage = getattr(error, "format_message", None)
         if usage is not None:
-            said = usage().rstrip(".")
+            said = _of_one_kind(usage().rstrip("."))
             return (
                 _refused(f"{said}{'' if said.endswith('?') else ';'} see {_help_of(given)}")
                 if said

@@ -25,13 +25,15 @@ def run_folder(out: Path | None, name: str) -> Path:
             place for place in (folder, *folder.absolute().parents) if os.path.lexists(place.absolute())
         )
         if not present.is_dir():
-            raise InputError(f"--out {folder}: {present} is a file; it must be a folder, or a new name")
+            raise InputError(
+                f"--out: is {str(folder)!r}, and {present} is a file; it must be a folder, or a new name"
+            )
         os.lstat(folder)
     except FileNotFoundError:
         return folder
     except OSError as error:
         what = (error.strerror or str(error)).lower()
-        raise InputError(f"--out {folder}: {what}; it must be a folder, or a new name") from None
+        raise InputError(f"--out: is {str(folder)!r}, {what}; it must be a folder, or a new name") from None
     return folder
 
 

@@ -9,10 +9,11 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from bayesdamp.cli.options import wrong
 from bayesdamp.records.cleaning.decimate import decimated
-from bayesdamp.records.files.named_units import unit_written
+from bayesdamp.records.files.named_units import SECONDS, unit_written
 from bayesdamp.records.findings import Finding, findings
-from bayesdamp.records.read import read_records
+from bayesdamp.records.read import FASTEST, SLOWEST, read_records
 from bayesdamp.records.record import RawRecord
 from bayesdamp.records.stated_columns import resolved_unit
 from bayesdamp.types import InputError, Refusal, Signal
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
 
 QUANTITIES = ("angle", "velocity", "acceleration")
 CLOCKS = ("auto", "as_logged", "uniform")
+TIME_UNITS = ("s", "ms", "us", "ns", "min")
 
 
 @dataclass(frozen=True)
@@ -46,17 +48,32 @@ class Options:
         if self.unit is not None and self.unit not in UNITS and (said := unit_written(self.unit)):
             object.__setattr__(self, "unit", said[0])  # `degrees`, as the head of a column may say it
             object.__setattr__(self, "quantity", self.quantity or (said[1] if said[1] != "angle" else None))
-        known = (("unit", tuple(UNITS)), ("quantity", QUANTITIES), ("clock", CLOCKS))
-        for name, valid in known:
+        known = {
+            "unit": tuple(UNITS),
+            "quantity": QUANTITIES,
+            "clock": CLOCKS,
+            "time_unit": tuple(TIME_UNITS),
+        }
+        for name, valid in known.items():
             given = getattr(self, name)
-            if given is not None and given not in valid:
-                raise InputError(f"--{name} {given[:40]!r}: must be one of {', '.join(valid)}")
+            if (
+                given is not None
+                and given not in valid
+                and not (name == "time_unit" and given.lower() in SECONDS)
+            ):
+                raise wrong(f"--{name.replace('_', '-')}", given, f"one of {', '.join(valid)}")
         for name in ("start", "stop"):
             given = getattr(self, name)
             if isinstance(given, float) and not math.isfinite(given):
-                raise InputError(f"--{name} {given:g}: must be a time in s, or auto")
+                raise wrong(f"--{name}", given, "a time in s, or auto")
         if isinstance(self.start, float) and isinstance(self.stop, float) and self.start >= self.stop:
-            raise InputError(f"--stop {self.stop:g}: must be later than --start ({self.start:g})")
+            raise wrong("--stop", self.stop, f"later than --start ({self.start:g})")
+        if self.rate is not None and not SLOWEST <= self.rate <= FASTEST:
+            raise wrong(
+                "--rate", self.rate, f"a number of samples per second from {SLOWEST:g} to {FASTEST:g}"
+            )
+        if self.rate is not None and self.time is not None:
+            raise InputError("--rate: stands in for a column of times; leave out it or --time")
 
 
 @dataclass(frozen=True)
@@ -118,10 +135,11 @@ def _found(path: Path, raw: RawRecord, options: Options, cleaned: bool) -> Found
 
 
 def first_words_on(found: Sequence[Found], options: Options) -> list[str]:
-    """A line on each record before anything is fitted: its frequency and damping without any law; none of a record
-    in which no free decay is found."""
+    """A line on each record before anything is fitted: its frequency and damping without any law, or what it is if not
+    the free decay of one oscillator; none where nothing swings."""
     from bayesdamp.pipeline.not_one import no_free_decay
     from bayesdamp.records.oscillation.first_look import first_words  # imports slowly
+    from bayesdamp.verdict.units import in_unit
 
     said = []
     for one in found:
@@ -130,7 +148,8 @@ def first_words_on(found: Sequence[Found], options: Options) -> list[str]:
             other = no_free_decay(seen.signal)
             with suppress(Refusal):
                 if other is not None:
-                    continue  # its verdict comes at once
+                    said.append(f"{one.path.name}: {in_unit(other, UNITS[one.unit]).sentence}")
+                    continue
                 first = first_words(seen.signal).in_unit(UNITS[one.unit])
                 said.append(f"{one.path.name}: {first.sentence()}")
     return said

@@ -53,6 +53,16 @@ Channels = Annotated[
 ]
 
 
+LONGEST = 40
+"""Characters of a wrong value that are repeated."""
+
+
+def wrong(option: str, value: object, right: str) -> InputError:
+    """The one line on a wrong value of an option: what it is, and what it must be."""
+    shown = repr(value[:LONGEST]) if isinstance(value, str) else f"{value:g}"
+    return InputError(f"{option}: is {shown}; it must be {right}")
+
+
 def bound(text: str, option: str) -> float | str:
     """A time in s, or "auto". Raises InputError."""
     if text == "auto":
@@ -60,4 +70,4 @@ def bound(text: str, option: str) -> float | str:
     try:
         return float(text)
     except ValueError:
-        raise InputError(f"{option} {text}: must be a time in s, or auto") from None
+        raise wrong(option, text, "a time in s, or auto") from None

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from difflib import get_close_matches
 from pathlib import Path
 
 import numpy as np
 
+from bayesdamp.cli.options import wrong
 from bayesdamp.config import Simulation
 from bayesdamp.config.checks import StudyError
 from bayesdamp.config.signals import resolve_signal, term_keys
+from bayesdamp.physics.damping import TERMS
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.plugins import nearest
@@ -33,9 +36,10 @@ def pairs(texts: Sequence[str], option: str) -> dict[str, float]:
         try:
             number = float(value)
         except ValueError:
-            raise InputError(f"{option} {part.strip()}: must be NAME=NUMBER, such as stiffness=20") from None
+            example = "viscous=0.05" if option == "--damping" else "stiffness=20"
+            raise wrong(option, part.strip(), f"NAME=NUMBER, such as {example}") from None
         if name in found:
-            raise InputError(f"{option} {name}: is given twice; once is enough")
+            raise InputError(f"{option}: {name[:40]!r} is given twice; once is enough")
         found[name] = number
     return found
 
@@ -43,7 +47,14 @@ def pairs(texts: Sequence[str], option: str) -> dict[str, float]:
 def terms_and_set(
     damping: Mapping[str, float], other: Mapping[str, float], restoring: str
 ) -> dict[str, object]:
-    """Coefficients by damping term and other parameters by name, as a study's `simulate` has them in one table."""
+    """Coefficients by damping term and other parameters by name, as a study's `simulate` has them in one table.
+
+    Raises InputError for a term that there is not.
+    """
+    further = {key for name in TERMS.names() for key in TERMS.get(name).further}
+    for term in damping:
+        if term not in TERMS.names() and term not in further:
+            raise InputError(f"--damping: unknown damping term {term[:40]!r}{nearest(term, TERMS.names())}")
     law = LAWS.get(restoring).parameters if restoring in LAWS.names() else ()
     keys = {term: name for name, term in term_keys(law).items()}
     return {**{keys.get(term, term): value for term, value in damping.items()}, **other}
@@ -94,10 +105,15 @@ def write_csv(signal: Signal, out: Path) -> None:
 
 def _checked(given: Mapping[str, object], restoring: str) -> Simulation:
     if restoring not in LAWS.names():
-        raise InputError(f"--restoring {restoring}: unknown restoring law{nearest(restoring, LAWS.names())}")
+        raise InputError(
+            f"--restoring: unknown restoring law {restoring[:40]!r}{nearest(restoring, LAWS.names())}"
+        )
     needed = LAWS.get(restoring).parameters
     given = {**{name: value for name, value in AT_REST.items() if name in needed}, **given}
     missing = [name for name in needed if name not in given]
+    for name in given if missing else ():
+        if name not in needed and (close := get_close_matches(name, missing, 1)):
+            raise InputError(f"--set: unknown parameter {name[:40]!r}; did you mean {close[0]!r}?")
     if missing:
         raise InputError(f"--set: {restoring} needs {', '.join(f'{name}=NUMBER' for name in missing)} too")
     entry = {"name": "simulated", "simulate": {**START, **given}, "system": {"restoring": restoring}}

@@ -73,7 +73,7 @@ WRONG = {
     "no command": (["stud"], "No such command 'stud'"),
     "no file": (["study"], "Missing argument"),
     "option": (["study", "a.toml", "--worker", "2"], "No such option"),
-    "workers": (["study", "a.toml", "--workers", "0"], "'--workers'"),
+    "workers": (["study", "a.toml", "--workers", "0"], "--workers: must be greater"),
     "missing study": (["study", "none.toml"], "none.toml: there is no such file; give"),
     "missing check": (["check", "none.toml"], "none.toml: there is no such file; give"),
     "bad study": (["check", "bad.toml"], "bad.toml: posterior.chain: unknown key; did you mean 'chains'?"),
@@ -84,14 +84,14 @@ WRONG = {
     "bad option": (["check", "option.toml"], "did you mean 'variant'?"),
     "out is a file": (
         ["study", "good.toml", "--out", "bad.toml"],
-        "--out bad.toml: bad.toml is a file; it must be",
+        "--out: is 'bad.toml', and bad.toml is a file; it must be",
     ),
     "no run": (["report", "nowhere"], "nowhere: there is no such folder; give the folder of a run"),
     "empty run": (["report", "."], "run.json"),
     "term": (["simulate", "--out", "x.csv", "--damping", "viscuos=1", *SET], "did you mean 'viscous'?"),
     "no number": (
         ["simulate", "--out", "x.csv", "--damping", "viscous", *SET],
-        "--damping viscous: must be NAME=",
+        "--damping: is 'viscous'; it must be NAME=",
     ),
     "twice": (["simulate", "--out", "x.csv", "--damping", "viscous=1,viscous=2", *SET], "is given twice"),
     "negative": (
@@ -105,6 +105,14 @@ WRONG = {
     "not set": (
         ["simulate", "--out", "x.csv", "--damping", "viscous=1"],
         "needs stiffness=NUMBER, gravity=NUMBER",
+    ),
+    "term before what is not set": (
+        ["simulate", "--out", "x.csv", "--damping", "viscos=1"],
+        "--damping: unknown damping term 'viscos'; did you mean 'viscous'?",
+    ),
+    "nearly set": (
+        ["simulate", "--out", "x.csv", "--damping", "viscous=1", "--set", "stifness=20,gravity=1"],
+        "--set: unknown parameter 'stifness'; did you mean 'stiffness'?",
     ),
     "set": (["simulate", "--out", "x.csv", "--damping", "viscous=1", *SET, "--set", "thet0=1"], "'theta0'"),
     "samples": (

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from bayesdamp.cli import main
-from bayesdamp.cli.asking import Options, as_signals, chosen_records
+from bayesdamp.cli.asking import Options, as_signals, chosen_records, first_words_on
 from bayesdamp.cli.looking.plot import dots, plot
 from bayesdamp.cli.study_file import written
 from bayesdamp.config import Recording, load_study
@@ -63,6 +63,26 @@ def test_look_shows_the_columns_where_none_can_be_chosen(tmp_path, capsys) -> No
     assert error.count("\n") == 1
     assert main(["look", str(tmp_path / "a.csv"), "--angle", "left", "--html", str(tmp_path)]) == 2
     assert "is a folder and is not replaced; give a regular file" in capsys.readouterr().err
+
+
+def test_look_says_once_that_a_unit_is_doubted(tmp_path, capsys) -> None:
+    rows = [f"{t:.3f},{60 * y:.5f}" for t, y in zip(T, Y, strict=True)]
+    (tmp_path / "a.csv").write_text("\n".join(["t,angle", *rows]), encoding="utf-8")
+    assert main(["look", str(tmp_path / "a.csv")]) == 0
+    said = " ".join(capsys.readouterr().out.split())
+    assert said.count("turns to either side") == 1
+    assert "--unit deg" in said
+
+
+def test_the_first_words_on_what_is_no_free_decay(tmp_path) -> None:
+    """Two modes beat: 2.2 and 2.5 Hz, 0.6 of the amplitude."""
+    t = np.arange(1500) / 100
+    y = np.exp(-0.05 * t) * (np.sin(14 * t) + 0.6 * np.sin(16 * t))
+    rows = [f"{a:.3f},{b:.5f}" for a, b in zip(t, y, strict=True)]
+    (tmp_path / "a.csv").write_text("\n".join(["t,x (mm)", *rows]), encoding="utf-8")
+    found, _ = chosen_records([tmp_path / "a.csv"], Options())
+    (said,) = first_words_on(found, Options())
+    assert said.startswith("a.csv: Not the free decay of one oscillator: two oscillations beat, at 2.228")
 
 
 def test_a_name_with_marks_of_html_stays_text(tmp_path) -> None:

@@ -44,9 +44,16 @@ def reading(one: Found) -> str:
 
 
 def sentences(one: Found) -> list[str]:
-    """What was done to a record, or why there is no free decay in it."""
-    said = list(told(one.signal.provenance if one.signal else one.raw.provenance))
-    return said if one.signal else [*said, f"No free decay: {one.refusal}"]
+    """What was done to a record, or why there is no free decay in it; nothing that its findings say."""
+    from bayesdamp.records.findings import Kind
+
+    if one.signal is None:
+        return [*told(one.raw.provenance), f"No free decay: {one.refusal}"]
+    about = dict(one.signal.provenance)
+    if any(finding.kind in (Kind.DEGREES, Kind.TURNS) for finding in one.findings):
+        kept_back = about.get("turns_warning")  # the finding says it with the option to type
+        about["warnings"] = [text for text in about.get("warnings", ()) if text != kept_back]
+    return list(told(about))
 
 
 def curve(one: Found) -> tuple[np.ndarray, np.ndarray]:

@@ -82,11 +82,13 @@ def clean(
             f"{_many(quantity)} in {UNITS[unit].of(quantity)}."
         )
     turns = found.amplitude / (2 * np.pi)
+    many_turns: list[str] = []
     if base == "rad" and turns > (TURNS if said is None else TURNS_SAID):
-        warnings.append(
+        many_turns.append(
             f"it swings by {turns:.2g} turns to either side; if its values are not in {unit} "
             "(but in degrees, or volts), give the unit."
         )
+        warnings += many_turns
     if step:
         notes.append(f"The values lie on steps of {step / scale:.4g} {UNITS[unit].of(quantity)}.")
     if offset:
@@ -127,6 +129,8 @@ def clean(
         "notes": notes,
         "warnings": warnings,
     }
+    if many_turns:
+        provenance["turns_warning"] = many_turns[0]
     return Signal(signal.t, signal.y, quantity, base, name, step, provenance)
 
 

@@ -108,7 +108,8 @@ def asked_for(columns: Sequence[Column], asked: str | int) -> list[Column]:
         if found and len({parted(column)[1] for column in found}) == len(found):
             return found
     valid = list(dict.fromkeys(column.name for column in columns if column.name))
-    close = get_close_matches(name, [*valid, *(parted(c)[0] for c in columns)], n=1, cutoff=0.6)
+    bare = [form for c in columns for form in (parted(c)[0], without_unit(parted(c)[0]))]
+    close = get_close_matches(name, [*valid, *bare], n=1, cutoff=0.6)
     if close:
         raise InputError(f"unknown column {name[:60]!r}; did you mean {close[0]!r}?")
     what = f"valid are {', '.join(valid)}" if 0 < len(valid) <= MOST else f"columns are {listed(columns)}"
@@ -136,7 +137,9 @@ def runs_asked(text: str, labels: Sequence[str]) -> list[str]:
         if part in labels:
             wanted.append(part)
         elif at is None or int(at[2] or at[1]) < int(at[1]):
-            raise InputError(f"--runs {text[:40]}: must be numbers such as 1,3-5; it has {_few(labels)}")
+            raise InputError(
+                f"--runs: is {text[:40]!r}; it must be numbers such as 1,3-5; there are {_few(labels)}"
+            )
         else:
             span = [
                 label
@@ -144,10 +147,10 @@ def runs_asked(text: str, labels: Sequence[str]) -> list[str]:
                 if label.isdigit() and int(at[1]) <= int(label) <= int(at[2] or at[1])
             ]
             if not span:
-                raise InputError(f"--runs {part}: the file has no such run; it has {_few(labels)}")
+                raise InputError(f"--runs: is {text[:40]!r}; there are {_few(labels)}")
             wanted += span
     if not wanted:
-        raise InputError(f"--runs {text[:40]!r}: names none; it has {_few(labels)}")
+        raise InputError(f"--runs: is {text[:40]!r}, which names none; there are {_few(labels)}")
     return list(dict.fromkeys(wanted))
 
 
