@@ -146,12 +146,13 @@ def first_words_on(found: Sequence[Found], options: Options) -> list[str]:
         seen = one if one.signal is not None else _found(one.path, one.raw, options, True)
         if seen.signal is not None:
             other = no_free_decay(seen.signal)
+            whose = ", ".join(filter(None, (one.path.name, _own_label(one, found) if one.several else "")))
             with suppress(Refusal):
                 if other is not None:
-                    said.append(f"{one.path.name}: {in_unit(other, UNITS[one.unit]).sentence}")
+                    said.append(f"{whose}: {in_unit(other, UNITS[one.unit]).sentence}")
                     continue
                 first = first_words(seen.signal).in_unit(UNITS[one.unit])
-                said.append(f"{one.path.name}: {first.sentence()}")
+                said.append(f"{whose}: {first.sentence()}")
     return said
 
 

@@ -153,6 +153,8 @@ def test_compare_says_its_choice_and_takes_runs_for_repeats(tmp_path) -> None:
     assert "rig.csv: run 2, Angle, left (deg) is left out" in said[0]
     assert said[1] == "rig.csv: 2 records: run 1, Angle, left (deg); run 3, Angle, left (deg)"
     assert any("Column 'Angle, left (deg) Run #1' is taken" in line for line in said)
+    first = first_words_on(found, Options())
+    assert [line.split(":")[0] for line in first] == ["rig.csv, run 1", "rig.csv, run 3"]
     study = comparison(as_signals(found, Options()))
     assert len({s.name for s in study.signals}) == 2
     assert len(study.specimens) == 1

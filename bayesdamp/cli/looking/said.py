@@ -52,7 +52,9 @@ def sentences(one: Found) -> list[str]:
     about = dict(one.signal.provenance)
     if any(finding.kind in (Kind.DEGREES, Kind.TURNS) for finding in one.findings):
         kept_back = about.get("turns_warning")  # the finding says it with the option to type
-        about["warnings"] = [text for text in about.get("warnings", ()) if text != kept_back]
+        warnings = about.get("warnings")
+        if isinstance(warnings, list):
+            about["warnings"] = [text for text in warnings if text != kept_back]
     return list(told(about))
 
 
