@@ -14,7 +14,7 @@ from bayesdamp.inference.checks.convergence import (
     monte_carlo_error,
     rhat,
 )
-from bayesdamp.inference.checks.pareto import pareto_k
+from bayesdamp.numerics.pareto import pareto_k
 from bayesdamp.types import OK, Posterior
 
 __all__ = ["effective", "effective_mean", "monte_carlo_error", "pareto_k", "save", "summarise", "verdict"]

@@ -132,7 +132,7 @@ def linearised(
     if motion is None or moved is None:
         return None
     k = len(solver.names)
-    scores = moved.tangents[:, found.parameters.free] * found.parameters.slopes(z)
+    scores = found.parameters.by_scores(moved.tangents, z)
     tangents = moved.tangents[:, k:].copy()
     tangents[:, :n] *= np.exp(g)
     columns = np.column_stack([scores, tangents])
@@ -149,13 +149,19 @@ def exact(found: Fit) -> Linear:
 
 
 def relinearised(
-    candidate: Candidate, solver: Solver, data: Data, found: Fit, variance: float | None
+    candidate: Candidate,
+    solver: Solver,
+    data: Data,
+    found: Fit,
+    variance: float | None,
+    at: Linearised | None = None,
 ) -> tuple[Linearised, float] | None:
     """The model about the mode of parameters and deviations together, and the noise's variance of what is left.
 
-    variance: of the noise; None where it is read from what no parameter and no deviation takes.
+    variance: of the noise; None where it is read from what no parameter and no deviation takes. at: where to start, the
+    fit with no deviations where that is not given.
     """
-    at = linearised(candidate, solver, data, found)
+    at = at or linearised(candidate, solver, data, found)
     if at is None:
         return None
     grid = grid_of(solver.knots.size, coarse=True, absorbed=found.parameters.absorbs)

@@ -128,7 +128,7 @@ def _search(
         moved = solver.solve(parameters.values(z), active, tangents=PARAMETERS, stop=stop, tolerance=SEARCHED)
         if moved is None:
             return None
-        jacobian = moved.tangents[:, parameters.free] * parameters.slopes(z)
+        jacobian = parameters.by_scores(moved.tangents, z)
         variance = max(float(r @ r) / r.size, noise**2)
         cost = float(r @ r) + variance * float(z @ z)
         triangle, target = _triangle(jacobian, r)

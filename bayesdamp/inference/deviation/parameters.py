@@ -71,6 +71,10 @@ class Parameters:
             found.append(float(np.diff(prior.value(around))[0]) / (2 * STEP))
         return np.array(found)
 
+    def by_scores(self, tangents: np.ndarray, z: np.ndarray) -> np.ndarray:
+        """Tangents by the scores at z, (n, d), of those by the kernel's parameters, (n, k)."""
+        return tangents[:, self.free] * self.slopes(z)
+
     def named(self, z: np.ndarray) -> dict[str, float]:
         """All of the kernel's parameters at scores z, (d,), by name."""
         return dict(zip(self.names, map(float, self.values(z)), strict=True))

@@ -119,7 +119,7 @@ def again(data: Data, candidate: Candidate, found: Found) -> Single:
     moved = solver.solve(p, active, tangents=PARAMETERS, tolerance=SEARCHED)
     if motion is None or moved is None:
         raise Refusal(ESCAPED)
-    tangents = moved.tangents[:, parameters.free] * parameters.slopes(found.z)
+    tangents = parameters.by_scores(moved.tangents, found.z)
     best = Fit(parameters, active, found.z, data.y - motion.y, tangents, motion, 0)
     about = linearised(candidate, solver, data, best, found.u)
     if about is None:

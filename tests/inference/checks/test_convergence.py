@@ -11,7 +11,7 @@ import pytest
 from arviz_stats.base.array import array_stats
 
 from bayesdamp.inference.checks import convergence, diagnostics
-from bayesdamp.inference.checks.pareto import pareto_k
+from bayesdamp.numerics.pareto import pareto_k
 
 SAME = 1e-10
 SHAPES = [(4, 1000), (4, 1001), (2, 40), (3, 7), (1, 500), (5, 5), (4, 4)]

@@ -16,12 +16,19 @@ import numpy as np
 
 from bayesdamp.inference.deviation.gaussian.linear import Weighed
 from bayesdamp.inference.deviation.gaussian.orthant import draw
+from bayesdamp.numerics.pareto import pareto_k
 
 NEGLIGIBLE = 1e-4
 """Weight of a combination of hyperparameters below which none is drawn from it."""
 DRAWS = 300
 KEPT = 0.5
 """Share of the draws that the weights of one temperature must be worth (conventional)."""
+FEW = 0.15
+"""Share of the first draws that their weights must be worth for more draws to cost less than moves (conventional)."""
+MARGIN = 1.2
+"""More draws than the first ones promise to be enough."""
+HEAVY = 0.7
+"""Shape of the weights' tail beyond which they are not relied on (Vehtari et al., 2024)."""
 MOVES, LAST = 2, 5
 """Moves of every draw at each temperature, and at the last; none where the first draws are already worth `KEPT`."""
 FIRST_STEP, LEAST_STEP = 0.5, 0.02
@@ -84,6 +91,9 @@ def sampled(
     cloud.ratio = ratio(cloud.u)
     if not np.any(np.isfinite(cloud.ratio)):
         return Sampled(cloud.u, -np.inf, float("nan"), 0, 0.0, draws)
+    whole = _whole(rng, cloud, weighed, positive, ratio, draws)
+    if whole is not None:
+        return whole
     solved, beta, step, log_evidence, variance, passed = draws, 0.0, FIRST_STEP, 0.0, 0.0, 0
     accepted = 1.0
     while beta < 1.0 and passed < MOST_TEMPERATURES:
@@ -94,8 +104,7 @@ def sampled(
         variance += float(np.sum(weights**2)) - 1.0 / draws
         beta, passed = beta + rise, passed + 1
         cloud.taken(_systematic(rng, weights))
-        straight = passed == 1 and beta >= 1.0
-        for _ in range(0 if straight else LAST if beta >= 1.0 else MOVES):
+        for _ in range(LAST if beta >= 1.0 else MOVES):
             accepted = _moved(rng, cloud, weighed, positive, ratio, beta, step)
             step = float(np.clip(step * np.exp(accepted - WANTED), LEAST_STEP, 1.0))
             solved += draws
@@ -104,6 +113,33 @@ def sampled(
     return Sampled(
         cloud.u, weighed.log_evidence + log_evidence, float(np.sqrt(max(variance, 0.0))), passed, accepted, solved
     )  # fmt: skip
+
+
+def _whole(
+    rng: np.random.Generator,
+    cloud: _Cloud,
+    weighed: Weighed,
+    positive: np.ndarray,
+    ratio: Callable[[np.ndarray], np.ndarray],
+    draws: int,
+) -> Sampled | None:
+    """All the way in one step, with as many more draws as make their weights worth `KEPT` of those that are asked for;
+    None where these are too many, or a few carry the others."""
+    worth = _worth(cloud.ratio, 1.0)
+    if worth < FEW:
+        return None
+    u, ratios = cloud.u, cloud.ratio
+    if worth < KEPT:
+        more = _first(rng, weighed, positive, int(np.ceil(draws * (MARGIN * KEPT / worth - 1.0))))
+        u, ratios = np.concatenate([u, more.u]), np.concatenate([ratios, ratio(more.u)])
+        if _worth(ratios, 1.0) * ratios.size < KEPT * draws or pareto_k(ratios) > HEAVY:
+            return None
+    logs = np.maximum(ratios, -1e300)
+    weights = np.exp(logs - _log_sum(logs))
+    error = float(np.sqrt(max(np.sum(weights**2) - 1.0 / ratios.size, 0.0)))
+    taken = u[_systematic(rng, weights, draws)]
+    evidence = weighed.log_evidence + _log_sum(logs) - float(np.log(ratios.size))
+    return Sampled(taken, evidence, error, 1, 1.0, ratios.size)
 
 
 def _first(rng: np.random.Generator, weighed: Weighed, positive: np.ndarray, count: int) -> _Cloud:
@@ -116,12 +152,10 @@ def _first(rng: np.random.Generator, weighed: Weighed, positive: np.ndarray, cou
 
 def _rise(ratio: np.ndarray, most: float) -> float:
     """By how much β may rise so that the weights stay worth `KEPT` of the draws."""
-
     from scipy.optimize import brentq
 
     def worth(rise: float) -> float:
-        logs = rise * np.maximum(ratio, -1e300)
-        return float(np.exp(2 * _log_sum(logs) - _log_sum(2 * logs))) / ratio.size - KEPT
+        return _worth(ratio, rise) - KEPT
 
     if worth(most) >= 0:
         return most
@@ -130,14 +164,21 @@ def _rise(ratio: np.ndarray, most: float) -> float:
     return float(brentq(worth, LEAST_RISE, most, xtol=LEAST_RISE))  # type: ignore[arg-type]
 
 
+def _worth(ratio: np.ndarray, rise: float) -> float:
+    """Which share of the draws their weights are worth after such a rise of β (Kong 1992)."""
+    logs = rise * np.maximum(ratio, -1e300)
+    return float(np.exp(2 * _log_sum(logs) - _log_sum(2 * logs))) / ratio.size
+
+
 def _log_sum(logs: np.ndarray) -> float:
     top = float(np.max(logs))
     return top + float(np.log(np.sum(np.exp(logs - top))))
 
 
-def _systematic(rng: np.random.Generator, weights: np.ndarray) -> np.ndarray:
-    """Rows by systematic resampling (Kitagawa 1996)."""
-    at = (rng.random() + np.arange(weights.size)) / weights.size
+def _systematic(rng: np.random.Generator, weights: np.ndarray, count: int | None = None) -> np.ndarray:
+    """Rows by systematic resampling (Kitagawa 1996), as many as there are weights or `count`."""
+    number = count or weights.size
+    at = (rng.random() + np.arange(number)) / number
     return np.minimum(np.searchsorted(np.cumsum(weights), at), weights.size - 1)
 
 

@@ -8,14 +8,12 @@ from zlib import crc32
 
 import numpy as np
 
-from bayesdamp.inference.deviation.data import Data
 from bayesdamp.inference.deviation.gaussian.linear import Linear
 from bayesdamp.inference.deviation.gaussian.tempered import DRAWS, sampled
-from bayesdamp.inference.deviation.parameters import Parameters
+from bayesdamp.inference.deviation.sampled.motions import Motions, motions_near
+from bayesdamp.inference.deviation.sampled.straight import reference_of
 from bayesdamp.inference.deviation.weighing import Result, Weighing
 from bayesdamp.machine.threads import at_once
-from bayesdamp.physics.kernel import Solver
-from bayesdamp.physics.kernel.solve import NONE
 
 BEHIND = 5.0
 """Nats behind the best under linear models up to which a candidate is sampled: more than sampling has moved any by."""
@@ -49,41 +47,45 @@ def sampled_result(
     weighing: Weighing, result: Result, approximate: bool, seed: int = 0, draws: int = DRAWS
 ) -> Result:
     """A candidate's result with its motions sampled; the same seed gives the same draws of each candidate."""
-    parameters, data = result.fit.parameters, weighing.data
     variance = weighing.variance if approximate else result.exact_variance
-    model = result.exact if not approximate or result.about is None else result.about.model
-    weighed = result.weighed if approximate else result.exact_weighed
-    assert weighed is not None
-    ratio = likelihood_ratio(result.solver, parameters, result.fit.active, model, data, variance)
+    start = reference_of(weighing, result, approximate)
+    motions = motions_near(
+        result.solver, start.parameters, result.fit.active, start.weighed, float(np.sqrt(variance))
+    )
+    ratio = likelihood_ratio(motions, start.model, weighing.data.y, variance, start.log_prior)
     name = "+".join(result.candidate.damping) + "@" + result.candidate.restoring
     found = sampled(
-        ratio, weighed, parameters.positive, draws=draws, seed=crc32(name.encode()) + seed % 2**32
+        ratio,
+        start.weighed,
+        start.parameters.positive,
+        draws=draws,
+        seed=crc32(name.encode()) + seed % 2**32,
     )
-    return replace(result, sampled=found)
+    return replace(result, sampled=replace(found, draws=start.scores(found.draws)))
 
 
 def likelihood_ratio(
-    solver: Solver,
-    parameters: Parameters,
-    active: np.ndarray,
+    motions: Motions,
     model: Linear,
-    data: Data,
+    y: np.ndarray,
     variance: float,
+    log_prior: Callable[[np.ndarray], float] | None = None,
 ) -> Callable[[np.ndarray], np.ndarray]:
     """Log of the likelihood of the motion itself over the linear model's, of draws (n, K): (n,), −∞ where it escapes.
 
-    variance: of the noise that counts, in the record's unit squared.
+    y: the record, (m,); variance: of the noise that counts, in its unit squared. log_prior: log of the prior's density
+    over the linear model's, of scores (d,), where it is another.
     """
-    d, n = parameters.free.size, solver.knots.size
+    d = motions.parameters.free.size
 
     def squares(row: np.ndarray) -> float:
-        g, h = (np.expm1(row[d : d + n]), row[d + n :]) if row.size > d else (None, None)
-        motion = solver.solve(parameters.values(row[:d]), active, g, h, NONE)
-        return np.inf if motion is None else float(np.sum((data.y - motion.y) ** 2))
+        motion = motions.at(row)
+        return np.inf if motion is None else float(np.sum((y - motion) ** 2))
 
     def ratio(u: np.ndarray) -> np.ndarray:
         exact = np.array(at_once(squares, u))
         linear = np.sum((u @ model.root.T - model.target) ** 2, axis=1) + model.rest
-        return 0.5 * (linear - exact) / variance
+        likelihoods = 0.5 * (linear - exact) / variance
+        return likelihoods if log_prior is None else likelihoods + [log_prior(row[:d]) for row in u]
 
     return ratio

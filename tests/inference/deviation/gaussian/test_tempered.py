@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.integrate import dblquad
 
+from bayesdamp.inference.deviation.gaussian import tempered
 from bayesdamp.inference.deviation.gaussian.hyperparameters import Grid
 from bayesdamp.inference.deviation.gaussian.linear import Weighed, condensed, weigh
 from bayesdamp.inference.deviation.gaussian.tempered import Sampled, sampled
@@ -59,11 +60,14 @@ def drawn(seed: int, draws: int = 2000) -> Sampled:
     return sampled(ratio, weighed, np.array([True]), draws=draws, seed=seed)
 
 
-def test_evidence_and_posterior_are_those_of_quadrature() -> None:
+@pytest.mark.parametrize("few", [tempered.FEW, 2.0], ids=["at once", "tempered"])
+def test_evidence_and_posterior_are_those_of_quadrature(few: float, monkeypatch: pytest.MonkeyPatch) -> None:
     """Within four standard errors (false alarm 1 in 5,000 at a fixed seed); draws are worth half of what they are at
     least. Negative control: the linear model's own evidence and spread are further off."""
     log_evidence, mean, sd = by_quadrature()
+    monkeypatch.setattr(tempered, "FEW", few)
     found = drawn(1)
+    assert (found.temperatures > 1) == (few > 1)
     assert found.trusted
     assert abs(found.log_evidence - log_evidence) < 4 * found.stderr
     assert found.stderr < 0.1
