@@ -155,11 +155,13 @@ def relinearised(
     found: Fit,
     variance: float | None,
     at: Linearised | None = None,
+    near: bool = False,
 ) -> tuple[Linearised, float] | None:
     """The model about the mode of parameters and deviations together, and the noise's variance of what is left.
 
     variance: of the noise; None where it is read from what no parameter and no deviation takes. at: where to start, the
-    fit with no deviations where that is not given.
+    fit with no deviations where that is not given; near: that the mode is near it, and need not be gone to where the
+    model has it within `SETTLED`.
     """
     at = at or linearised(candidate, solver, data, found)
     if at is None:
@@ -172,6 +174,8 @@ def relinearised(
         there = None
         for i, (share, held) in enumerate(STEPS[first:], first):
             best = mode_of(at.model, grid, used, at.u[: found.z.size], held)
+            if near and _far(at, best, used) < SETTLED:
+                return at, used
             there = linearised(candidate, solver, data, found, at.u + share * (best - at.u))
             if there is not None and float(np.sum((data.y - there.motion.y) ** 2)) <= squares * (1 + 1e-6):
                 first = max(i - 1, 0)
@@ -179,7 +183,7 @@ def relinearised(
             there = None
         if there is None:
             break
-        moved = float(np.linalg.norm(there.model.root @ (there.u - at.u))) / np.sqrt(used)
+        moved = _far(there, at.u, used)
         at = there
         if moved < SETTLED:
             break
@@ -207,6 +211,11 @@ def mode_of(
         stacked = np.concatenate([stacked, np.sqrt(held) * np.eye(d, total)])
         aim = np.concatenate([aim, np.sqrt(held) * scores])
     return root @ nonnegative(stacked, aim, positive)
+
+
+def _far(at: Linearised, u: np.ndarray, variance: float) -> float:
+    """How far another motion is from this one, in standard deviations of the whole record's noise."""
+    return float(np.linalg.norm(at.model.root @ (at.u - u))) / np.sqrt(variance)
 
 
 def _variance(at: Linearised, data: Data) -> float:

@@ -16,10 +16,10 @@ from bayesdamp.inference.deviation.numbers.draws import (
     Drawn,
     drawn_from,
     draws_of,
-    posterior_scores,
     probabilities,
     summed,
 )
+from bayesdamp.inference.deviation.numbers.exponent import LEAST, MOST
 from bayesdamp.inference.deviation.numbers.free import FreeCurve, free_curve
 from bayesdamp.inference.deviation.numbers.quantities import Quantity, Ratio, quantity
 from bayesdamp.inference.deviation.numbers.shares import shares_of
@@ -29,12 +29,6 @@ from bayesdamp.inference.deviation.weighing import Weighing
 
 SENSOR = 0.002
 """Relative standard deviation below which no rate is known: the sensor's linearity and the clock's."""
-EXPONENTS = (0.0, 3.0)
-"""Between which a power law's exponent is uniform beforehand."""
-ENOUGH = 100
-"""Draws between these that an interval is made of."""
-LEVELS = (np.arange(400) + 0.5) / 400
-"""Of the exponent's quantiles that are kept: draws that a picture is made of."""
 CURVE = 12
 """Amplitudes of a curve."""
 
@@ -52,7 +46,7 @@ class Findings:
     root mean square of what the likeliest candidate leaves beyond noise, and of the noise, as shares of the amplitude.
     free: the damping curve without a law; unnamed: share of the energy that no sum of the terms explains; untold, tied:
     parameters of the likeliest sum that the record does not tell, and pairs that it tells only together; exponents:
-    quantiles of the exponent at `LEVELS`, none where there is no exponent.
+    quantiles of the exponent, equidistant in probability, none where there is no exponent.
     """
 
     damping: Mapping[str, float]
@@ -122,14 +116,13 @@ def findings(
     curve = tuple(ratio_at(weighing, drawn, a, sensor if approximate else 0.0, rng) for a in _grid(weighing))
     solver = weighing.solvers[best.restoring]
     of_best = next((d for d in drawn if d.result.candidate == best), None)
-    exponents = _exponents(weighing, approximate, rng)
-    exponent = None if exponents is None else quantity(exponents)
+    exponent = quantity(np.array(weighing.exponents)) if weighing.exponents else None
     unexplained, noise = left_over(weighing, result)
     return Findings(
         damping={n: p * (1 - exotic) for n, p in damping.items()},
         exotic=summed({c: p for c, p in everything.items() if c not in own}, "damping"),
         exponent=exponent,
-        exponents=() if exponents is None else tuple(np.quantile(exponents, LEVELS).tolist()),
+        exponents=weighing.exponents,
         exact=summed({c: p for c, p in exact_all.items() if c in own}, "damping"),
         restoring=summed(chosen, "restoring"),
         term={t: sum(p for c, p in chosen.items() if t in c.damping) for t in terms},
@@ -151,7 +144,7 @@ def findings(
         unnamed=unnamed_share(weighing, drawn, _grid(weighing)) if approximate else None,
         untold=(
             *(untold(of_best, solver) if of_best is not None else ()),
-            *_untold_exponent(weighing, exponent),
+            *_untold_exponent(exponent),
         ),
         tied=tied(of_best, solver) if of_best is not None else (),
     )
@@ -198,26 +191,11 @@ def _bounds(
     return found
 
 
-def _exponents(weighing: Weighing, approximate: bool, rng: np.random.Generator) -> np.ndarray | None:
-    """Draws of the power law's exponent, (n,); None where it has no fit, or none between 0 and 3."""
-    result = weighing.power
-    weighed = None if result is None else result.weighed if approximate else result.exact_weighed
-    if result is None or weighed is None:
-        return None
-    parameters = result.fit.parameters
-    place = parameters.free_names.index("exponent")
-    scores = posterior_scores(result, weighed, DRAWS, rng)[:, place]
-    values = parameters.priors["exponent"].value(scores)
-    inside = values[(values >= EXPONENTS[0]) & (values <= EXPONENTS[1])]
-    # Uniform between these: the wider prior of the term, where it is inside of them.
-    return inside if inside.size > ENOUGH else None
-
-
-def _untold_exponent(weighing: Weighing, exponent: Quantity | None) -> tuple[str, ...]:
+def _untold_exponent(exponent: Quantity | None) -> tuple[str, ...]:
     """The exponent's name where its interval is as wide as what was assumed."""
-    if exponent is None or weighing.power is None:
+    if exponent is None:
         return ()
-    whole = 0.95 * (EXPONENTS[1] - EXPONENTS[0])
+    whole = 0.95 * (MOST - LEAST)
     return ("exponent",) if exponent.high - exponent.low > AS_WIDE * whole else ()
 
 

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 
 from threadpoolctl import threadpool_limits
 
 from bayesdamp.inference.deviation.candidate import Candidate
-from bayesdamp.inference.deviation.data import prepared
+from bayesdamp.inference.deviation.data import Data, prepared
 from bayesdamp.inference.deviation.numbers.averaging import START, averaging_of, set_right
+from bayesdamp.inference.deviation.numbers.exponent import exponents_of
 from bayesdamp.inference.deviation.weighing import Known, Weighing, weigh_all
 from bayesdamp.inference.model.defaults import Reference
 from bayesdamp.physics.damping import all_sums, parse_model
@@ -49,16 +50,22 @@ def weighing_of(
             weigh_all, candidates=candidates, known=known, priors=priors, reference=reference, approximate=approximate
         )  # fmt: skip
         data = prepared(signal, average=not _start_known(known, laws))
-        weighing = of(data)
-        if data.averaged is None or not weighing.results:
-            return weighing
-        weighing = set_right(weighing, approximate)
-        averaging = averaging_of(weighing)
-        if averaging is None:
-            return weighing
-        if averaging.close or data.cycles > MOST_CYCLES:
-            return replace(weighing, averaging=averaging)
-        return of(prepared(signal, average=False))
+        weighing = _weighed(of, data, signal, approximate)
+        return replace(weighing, exponents=exponents_of(weighing, approximate))
+
+
+def _weighed(of: Callable[[Data], Weighing], data: Data, signal: Signal, approximate: bool) -> Weighing:
+    """Candidates weighed on averages where these are close to the ODE, else on samples."""
+    weighing = of(data)
+    if data.averaged is None or not weighing.results:
+        return weighing
+    weighing = set_right(weighing, approximate)
+    averaging = averaging_of(weighing)
+    if averaging is None:
+        return weighing
+    if averaging.close or data.cycles > MOST_CYCLES:
+        return replace(weighing, averaging=averaging)
+    return of(prepared(signal, average=False))
 
 
 def _start_known(known: Known | None, laws: Sequence[str]) -> bool:

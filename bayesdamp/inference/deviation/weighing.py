@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from itertools import combinations
-from typing import Any
 
 import numpy as np
 
@@ -94,7 +93,8 @@ class Friction:
 class Weighing:
     """Every candidate on one record. variance: of the noise that counts, κ times that of what is left; frictions:
     widths of friction's turning over and how probable they are, none where it is known or there is no friction;
-    averaging: of a record that is taken as amplitudes and phases, how far these are from the ODE's."""
+    exponents: quantiles of a power law's exponent, none where it was not asked for; averaging: of a record that is
+    taken as amplitudes and phases, how far these are from the ODE's."""
 
     data: Data
     reference: Reference
@@ -106,7 +106,7 @@ class Weighing:
     inflation: float
     refused: Mapping[Candidate, str] = field(default_factory=dict)
     forms: tuple[Result, ...] = ()
-    power: Result | None = None
+    exponents: tuple[float, ...] = ()
     noise_known: bool = False
     averaging: Averaging | None = None
 
@@ -125,7 +125,7 @@ def weigh_all(
 
     known: values of parameters, `noise_sd` among them, or a function of a law's name that gives them; priors: by
     parameter; approximate: whether deviations from the laws are weighed too; forms: whether rivals with another form
-    of damping and the power law are.
+    of damping are.
     """
     priors = dict(priors or {})
     known_under = known if callable(known) else lambda _: known or {}
@@ -214,14 +214,13 @@ def weigh_all(
         noise_known=stated is not None,
     )  # fmt: skip
     if forms and results:
-        weighing = replace(weighing, **_beside(weighing, approximate))
+        weighing = replace(weighing, forms=_rivals(weighing, approximate))
     return weighing
 
 
-def _beside(weighing: Weighing, approximate: bool) -> dict[str, Any]:
-    """Rivals with another form of damping, and the power law, under the likeliest restoring law."""
+def _rivals(weighing: Weighing, approximate: bool) -> tuple[Result, ...]:
+    """Rivals with another form of damping under the likeliest restoring law."""
     data, reference = weighing.data, weighing.reference
-
     best = max(weighing.results, key=lambda r: r.log_evidence)
     law, near = best.candidate.restoring, best.fit.parameters.named(best.fit.z)
     plain = weighing.solvers[law]
@@ -233,27 +232,22 @@ def _beside(weighing: Weighing, approximate: bool) -> dict[str, Any]:
     }
     noise, stated = (weighing.variance, weighing.inflation), weighing.noise_known
 
-    def weighed(c: Candidate, solver: Solver, starts: list[dict[str, float]]) -> Result | None:
+    def weighed(c: Candidate) -> Result | None:
         parameters = parameters_of(c, solver, data, reference, {}, {**fixed, **given})
         first = first_values(c, data, fixed)
-        begun: list[Mapping[str, float]] = [
-            {**near, **{n: first[n] for n in _coefficients(c)}, **start} for start in starts
-        ]
-        found = searched(c, solver, data, parameters, begun, windows=False)
+        begun = {**near, **{n: first[n] for n in _coefficients(c)}}
+        found = searched(c, solver, data, parameters, [begun], windows=False)
         return None if found is None else result_of(c, solver, found, data, noise, approximate, stated)
 
     paper = tuple(t for t in plain.terms if t in PAPER_TERMS)
-    with_form = replace(plain, terms=(*paper, FORM))
+    if FORM in plain.terms:
+        return ()
+    solver = replace(plain, terms=(*paper, FORM))
     rest = [t for t in paper if t != LIKE]
     sums = [(*c, FORM) for n in range(len(rest) + 1) for c in combinations(rest, n)]
-    sums = [] if FORM in plain.terms else sums
-    of_power = replace(plain, terms=("power",))
-    assert with_form.kernel
-    assert of_power.kernel
-    jobs = [(Candidate(terms, law), with_form, [{}]) for terms in sums]
-    jobs.append((Candidate(("power",), law), of_power, [{"exponent": p} for p in (0.2, 1.0, 1.8)]))
-    *rivals, power = at_once(lambda job: weighed(*job), jobs)
-    return {"forms": tuple(r for r in rivals if r is not None), "power": power}
+    assert solver.kernel
+    rivals = at_once(weighed, [Candidate(terms, law) for terms in sums])
+    return tuple(r for r in rivals if r is not None)
 
 
 def _given(

@@ -22,7 +22,7 @@ MOST = 6
 
 
 def with_samples(weighing: Weighing, approximate: bool, seed: int = 0) -> Weighing:
-    """The weighing with its likeliest candidates and rivals, and the power law, sampled.
+    """The weighing with its likeliest candidates and rivals sampled.
 
     Which they are is decided by the evidence of the linear models.
     """
@@ -32,14 +32,10 @@ def with_samples(weighing: Weighing, approximate: bool, seed: int = 0) -> Weighi
     best = max(r.log_evidence for r in every)
     close = sorted((r for r in every if r.log_evidence > best - BEHIND), key=lambda r: -r.log_evidence)[:MOST]
     found = {id(r): sampled_result(weighing, r, approximate, seed) for r in close}
-    power = weighing.power
-    if power is not None and (not approximate or power.weighed is not None):
-        power = sampled_result(weighing, power, approximate, seed)
     return replace(
         weighing,
         results=tuple(found.get(id(r), r) for r in weighing.results),
         forms=tuple(found.get(id(r), r) for r in weighing.forms),
-        power=power,
     )
 
 
