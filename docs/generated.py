@@ -46,6 +46,47 @@ WRITTEN: Mapping[str, Sequence[str]] = {
 """Every table that a run may write, and its columns."""
 
 
+QUESTIONS = {
+    "calibration": (
+        "Are the intervals right, if the law is?",
+        "ranks of the truth in posteriors of records drawn from the priors",
+    ),
+    "model_recovery": (
+        "Are the probabilities right, if one law is?",
+        "records of seven sums drawn from the priors",
+    ),
+    "evidence_audit": (
+        "Is the evidence right where a coefficient touches zero?",
+        "importance and bridge against nested sampling",
+    ),
+    "deviation": (
+        "What is the quick answer worth?",
+        "fresh seeds, laws that hold and laws that do not",
+    ),
+    "misfit": (
+        "What if no law is right?",
+        "eighteen kinds: drift, beats, clipping, cubic damping, …",
+    ),
+    "laws": (
+        "The exponent, and further terms?",
+        "power laws and six terms by another solver",
+    ),
+    "noise": (
+        "Which estimator in noise?",
+        "eleven methods on the same records, as many repeats each",
+    ),
+    "measured": (
+        "And on real records?",
+        "decays that others measured; no truth is known",
+    ),
+    "claims.md": (
+        "Do the paper's claims hold?",
+        "each measured",
+    ),
+}
+"""A folder or page of reports/: the question that it answers, and how it was tested."""
+
+
 def markdown(header: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
     """A table in Markdown."""
     head = list(header)
@@ -123,6 +164,23 @@ def escaped(rows: Iterable[Iterable[str]]) -> list[list[str]]:
     return [[cell.replace("|", "\\|") for cell in row] for row in rows]
 
 
+def found_in(page: str) -> str:
+    """The answer of a report's page: its first paragraph behind the title."""
+    parts = page.partition("\n")[2].strip().split("\n\n")
+    return " ".join(parts[0].split())
+
+
+def validated(root: Path) -> str:
+    """Every question, how it was tested and what was found, from the reports' own pages."""
+    rows = []
+    for name, (question, how) in QUESTIONS.items():
+        path = root / "reports" / name
+        page = path if path.suffix else path / "README.md"
+        if page.is_file():
+            rows.append((question, how, found_in(page.read_text(encoding="utf-8")), f"`reports/{name}`"))
+    return markdown(("question", "how it was tested", "found", "where"), escaped(rows))
+
+
 def tables(root: Path) -> dict[str, str]:
     """File name to text."""
     noise = pd.read_csv(root / "reports/noise/estimates.csv")
@@ -160,6 +218,7 @@ def tables(root: Path) -> dict[str, str]:
         "methods_clean.md": exact,
         "columns.md": columns(),
         "methods_terms.md": terms_taken(),
+        "validation.md": validated(root),
     }
 
 

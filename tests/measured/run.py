@@ -54,7 +54,9 @@ def main(folder: Path, wanted: list[str]) -> None:
     found = list(verdicts(wanted))
     write_table(folder / "verdicts.csv", VERDICTS, [row_of(v) for v in found])
     lines = [f"| {v.record} | {v.grade} | {v.sentence} |" for v in found]
-    page = "# Measured decays\n\nWhat `bayesdamp compare` says of records that others measured.\n\n"
+    named = sum(v.decided for v in found)
+    page = f"# Measured decays\n\nOf {len(found)} answers {named} name one damping outright; no truth is known.\n\n"
+    page += "What `bayesdamp compare` says of records that others measured.\n\n"
     page += "| record | grade | answer |\n|---|---|---|\n" + "\n".join(lines) + "\n"
     (folder / "README.md").write_text(page, encoding="utf-8")
 

@@ -68,11 +68,13 @@ def written(found: Iterable[tuple[Claim, Judgement]], runs: Runs | None = None) 
     lines = [
         "# The paper's claims, measured",
         "",
+        f"Of {len(found)} claims: "
+        + ", ".join(f"{count} {verdict}" for verdict, count in counts.items())
+        + ".",
+        "",
         "Made by `bayesdamp claims`. Errors are in per cent of the truth; *initial* is what a method finds by itself,",
         "*refined* the trajectory fit that starts there. *Better than claimed* is a figure more than ten times",
         "below the printed one, in time more than three: it does not confirm the claim, it is another figure.",
-        "",
-        ", ".join(f"{count} {verdict}" for verdict, count in counts.items()) + ".",
         "",
         "| claim | where | measured | verdict |",
         "|---|---|---|---|",

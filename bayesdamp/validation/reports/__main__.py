@@ -1,4 +1,4 @@
-"""Make the stale reports: `python -m bayesdamp.validation.reports [NAME ...] [--check]`."""
+"""Make the stale reports: `python -m bayesdamp.validation.reports [NAME ...] [--check] [--full]`."""
 
 from __future__ import annotations
 
@@ -25,6 +25,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="python -m bayesdamp.validation.reports", description=__doc__)
     parser.add_argument("names", nargs="*", help="by default all that are stale, the cheap ones first")
     parser.add_argument("--check", action="store_true", help="only say which are stale")
+    parser.add_argument(
+        "--full", action="store_true", help="with the counts that decide small effects: a day"
+    )
     parser.add_argument("--minutes", type=float, default=float("inf"), help="begin none after so many")
     asked = parser.parse_args(arguments)
     unknown = sorted(set(asked.names) - {r.name for r in RECIPES})
@@ -34,6 +37,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     chosen = [r for r in RECIPES if r.name in asked.names or (not asked.names and r in stale(ROOT))]
     if asked.check:
         return _checked()
+    chosen = [r.whole if asked.full else r for r in chosen]
     if changed := _git("status", "--porcelain", "--", ".", ":!reports"):
         print(
             f"the tree has changes that no commit holds ({changed.split()[1]}): commit them first",
@@ -47,12 +51,18 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def _checked() -> int:
     said, old = stamps(ROOT / "reports"), {r.name for r in stale(ROOT)}
+    lines = []
     for recipe in RECIPES:
         stamp = said.get(recipe.name)
         made = f"made {stamp.day} by {stamp.revision[:9]}" if stamp else "made by code that is not known"
-        print(
-            f"{recipe.name:<20} {'stale' if recipe.name in old else 'fresh':<6} {made}, about {recipe.cost} min"
-        )
+        state = "stale" if recipe.name in old else "fresh"
+        lines.append(f"{recipe.name:<15} {state:<6} {made}, about {recipe.cost} min")
+    left = sum(r.cost for r in RECIPES if r.name in old)
+    lines.append(f"{len(old)} of {len(RECIPES)} are stale: about {left} minutes of two cores")
+    try:
+        print("\n".join(lines), flush=True)
+    except BrokenPipeError:  # whoever reads has read enough
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     return STALE if old else 0
 
 

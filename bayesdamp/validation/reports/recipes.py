@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 ENGINE = tuple(
     f"bayesdamp/{part}"
@@ -20,7 +20,7 @@ TRUTH = (
 )
 QUICK = "bayesdamp.pipeline.answer:quick_verdict"
 PYTHON = "{python} -m"
-DISCREPANT = f"{PYTHON} bayesdamp.validation.run --answer {QUICK} --group discrepant"
+PAGES = "bayesdamp.validation.reports"
 
 
 @dataclass(frozen=True)
@@ -30,63 +30,92 @@ class Recipe:
     name: its folder or page under reports/. cost: roughly, in minutes of two cores. commands: run in the project's
     root one after the other, each resuming what an earlier run left; {python}, {work} (a folder that holds what is
     not shipped, another for other sources) and {out} stand for themselves. sources: files and folders, relative to
-    the root, whose code the numbers depend on.
+    the root, whose code the numbers depend on. full: in place of the commands where small effects are to be decided.
     """
 
     name: str
     cost: int
     commands: tuple[str, ...]
     sources: tuple[str, ...]
+    full: tuple[str, ...] = ()
+
+    @property
+    def whole(self) -> Recipe:
+        """The same with its full commands, if it has any."""
+        return replace(self, commands=self.full, full=()) if self.full else self
 
 
-def _study(name: str, cost: int) -> Recipe:
+def _study(name: str, cost: int, *after: str, sources: tuple[str, ...] = ()) -> Recipe:
     made = f"{PYTHON} bayesdamp study studies/{name}.toml --out {{out}} --quiet"
-    return Recipe(name, cost, (made,), (*ESTIMATORS, f"studies/{name}.toml"))
+    return Recipe(name, cost, (made, *after), (*ESTIMATORS, f"studies/{name}.toml", *sources))
 
 
-def _calibration(name: str, cost: int, options: str = "") -> Recipe:
+def _calibration(name: str, page: str, cost: int, full: str, options: str = "") -> Recipe:
     made = f"{PYTHON} bayesdamp calibrate studies/{name}.toml --out {{out}}{options}"
-    return Recipe(name, cost, (made,), (*ENGINE, "bayesdamp/validation/calibration", f"studies/{name}.toml"))
+    written = f"{PYTHON} {PAGES}.{page} {{out}}"
+    sources = (
+        *ENGINE,
+        "bayesdamp/validation/calibration",
+        "bayesdamp/validation/power.py",
+        f"studies/{name}.toml",
+    )
+    return Recipe(
+        name,
+        cost,
+        (made, written),
+        (*sources, f"bayesdamp/validation/reports/{page}.py"),
+        (f"{made} {full}", written),
+    )
+
+
+def _answers(family: int, discrepant: int, dense: int) -> tuple[str, ...]:
+    """Commands of the page of what the answer is worth, with so many records of each group."""
+    run = f"{PYTHON} bayesdamp.validation.run --answer {QUICK} --seed 903 --out {{work}}/rows.csv"
+    return (
+        f"{run} --group family --count {family} --deviation none",
+        f"{run} --group family --count {family}",
+        f"{run} --group discrepant --count {discrepant}",
+        f"{run} --group discrepant --count {dense} --oversample 10",
+        f"{PYTHON} {PAGES}.deviation {{work}}/rows.csv {{out}}",
+    )
+
+
+def _made(module: str, options: str) -> tuple[str, ...]:
+    return (f"{PYTHON} {module} {{work}}/rows.csv {{out}} {options}",)
 
 
 RECIPES: tuple[Recipe, ...] = (
-    _study("paper", 10),
     _study("sign_or_tanh", 2),
-    Recipe("measured", 15, (f"{PYTHON} tests.measured.run {{out}}",), (*ENGINE, "tests/measured")),
     Recipe(
-        "deviation", 60,
-        (
-            f"{PYTHON} bayesdamp.validation.run --answer {QUICK} --group family --seed 901 --count 40 --deviation none "
-            "--out {work}/rows.csv",
-            f"{PYTHON} bayesdamp.validation.run --answer {QUICK} --group family --seed 901 --count 40 "
-            "--out {work}/rows.csv",
-            f"{DISCREPANT} --seed 901 --count 100 --out {{work}}/rows.csv",
-            f"{DISCREPANT} --seed 901 --count 30 --oversample 10 --out {{work}}/rows.csv",
-            f"{PYTHON} bayesdamp.validation.reports.deviation {{work}}/rows.csv {{out}}",
-        ),
+        "deviation", 3, _answers(14, 30, 10),
         (*TRUTH, "bayesdamp/validation/scoring.py", "bayesdamp/validation/reports/deviation.py"),
+        _answers(40, 100, 30),
     ),
     Recipe(
-        "evidence_audit", 30,
-        (f"{PYTHON} tests.inference.evidence.audit {{work}}/touching_zero.csv",
-         "cp {work}/touching_zero.csv {out}/touching_zero.csv"),
-        (*ENGINE, "tests/inference/evidence/audit.py"),
+        "misfit", 2, _made("tests.misfit.run", "--seed 21 --count 6"), (*TRUTH, "tests/misfit"),
+        _made("tests.misfit.run", "--seed 21 --count 18"),
     ),
-    _calibration("calibration", 240),
-    _calibration("calibration_known", 60),
-    _calibration("calibration_noisy", 120),
-    _calibration("model_recovery", 240, " --models"),
-    _study("noise", 150),
     Recipe(
-        "claims.md", 10,
+        "laws", 4, _made("tests.validation.laws_report", "--exponents 50 --each 5"),
+        (*TRUTH, "tests/validation/laws.py", "tests/validation/laws_report.py"),
+        _made("tests.validation.laws_report", "--exponents 200 --each 15"),
+    ),
+    Recipe(
+        "evidence_audit", 2, _made("tests.inference.evidence.audit", "--count 12"),
+        (*ENGINE, "tests/inference/evidence/audit.py"), _made("tests.inference.evidence.audit", "--count 50"),
+    ),
+    _calibration("calibration", "calibration", 5, "--records 500"),
+    _calibration("model_recovery", "recovery", 5, "--records 1000", " --models"),
+    Recipe("measured", 15, (f"{PYTHON} tests.measured.run {{out}}",), (*ENGINE, "tests/measured")),
+    _study("paper", 10),
+    _study(
+        "noise", 9, f"{PYTHON} {PAGES}.noise {{out}}",
+        sources=("bayesdamp/validation/reports/noise.py", "bayesdamp/report/results"),
+    ),
+    Recipe(
+        "claims.md", 4,
         (f"{PYTHON} bayesdamp claims --paper reports/paper --noise reports/noise --out {{out}}",),
         (*ESTIMATORS, "bayesdamp/validation/claims", "reports/paper/estimates.csv", "reports/noise/estimates.csv"),
-    ),
-    Recipe(
-        "misfit", 300,
-        (f"{PYTHON} tests.misfit.run {{work}}/scored.csv --seed 8 --count 12",
-         "cp {work}/scored.csv {out}/scored.csv"),
-        (*ENGINE, "tests/misfit"),
     ),
 )  # fmt: skip
 """The cheap ones first."""

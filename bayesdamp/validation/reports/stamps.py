@@ -47,7 +47,12 @@ def stamps(reports: Path) -> dict[str, Stamp]:
 def stale(root: Path) -> list[Recipe]:
     """Reports whose sources are not those that made them, or of which nothing is said."""
     said = stamps(root / "reports")
-    return [r for r in RECIPES if r.name not in said or said[r.name].digest != digest(r, root)]
+    return [r for r in RECIPES if r.name not in said or not is_fresh(r, said[r.name], root)]
+
+
+def is_fresh(recipe: Recipe, stamp: Stamp, root: Path) -> bool:
+    """Whether today's sources made a report, with its usual counts or its full ones."""
+    return stamp.digest in (digest(recipe, root), digest(recipe.whole, root))
 
 
 def stamped(reports: Path, recipe: Recipe, stamp: Stamp) -> None:

@@ -1,6 +1,6 @@
-"""The audit that ships: on fifty records whose friction touches zero, three methods for the evidence agree.
+"""The audit that ships: on records whose friction touches zero, three methods for the evidence agree.
 
-`python -m tests.inference.evidence.audit reports/evidence_audit/touching_zero.csv` makes its table, or what it lacks.
+`make reports ARGS=evidence_audit` makes its table.
 """
 
 from __future__ import annotations
@@ -25,25 +25,18 @@ def lines() -> list[dict[str, str]]:
 
 def scores(method: str, shift: float = 0.0) -> np.ndarray:
     """How far a method is from nested sampling in each case, in standard errors of the difference."""
-    found = [
-        (
-            float(r[method]) + shift - float(r["nested"]),
-            float(r[f"{method}_stderr"]),
-            float(r["nested_stderr"]),
-        )
-        for r in lines()
-    ]
-    return np.array([off / np.hypot(a, b) for off, a, b in found])
+    away, sd = audit.differences(lines(), method)
+    return (away + shift) / sd
 
 
 def agrees(z: np.ndarray) -> bool:
-    """No score beyond 4.5 (3e-4 in fifty) and the mean within 4 of its standard errors (6e-5)."""
+    """No score beyond 4.5 (3e-4 in fifty, 8e-5 in twelve) and the mean within 4 of its standard errors (6e-5)."""
     return bool(np.abs(z).max() < 4.5 and abs(z.mean()) < 4 / np.sqrt(z.size))
 
 
-def test_fifty_cases_touch_zero():
+def test_cases_touch_zero():
     found = lines()
-    assert len(found) == audit.CASES
+    assert len(found) >= audit.CASES
     assert np.median([float(r["touching"]) for r in found]) < 1
     assert max(float(r["touching"]) for r in found) < 4
     assert all(r["nested_outcome"] == "ok" for r in found)
@@ -62,7 +55,7 @@ def test_negative_control_a_forgotten_fold_would_be_seen(method):
 def test_the_file_is_what_the_audit_writes():
     """Two cases anew: within five standard errors of what ships (6e-7 each)."""
     for number in (0, 7):
-        stored, anew = lines()[number], dict(zip(audit.HEADER, audit.row(number)))
+        stored, anew = lines()[number], audit.row(number)
         for method in audit.METHODS:
-            error = np.hypot(float(stored[f"{method}_stderr"]), anew[f"{method}_stderr"])
-            assert abs(float(stored[method]) - anew[method]) < 5 * error
+            error = np.hypot(float(stored[f"{method}_stderr"]), float(str(anew[f"{method}_stderr"])))
+            assert abs(float(stored[method]) - float(str(anew[method]))) < 5 * error
