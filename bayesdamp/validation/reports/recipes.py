@@ -104,12 +104,12 @@ RECIPES: tuple[Recipe, ...] = (
         "evidence_audit", 2, _made("tests.inference.evidence.audit", "--count 12"),
         (*ENGINE, "tests/inference/evidence/audit.py"), _made("tests.inference.evidence.audit", "--count 50"),
     ),
-    _calibration("calibration", "calibration", 5, "--records 500"),
-    _calibration("model_recovery", "recovery", 5, "--records 1000", " --models"),
+    _calibration("calibration", "calibration", 7, "--records 500"),
+    _calibration("model_recovery", "recovery", 6, "--records 1000", " --models"),
     Recipe("measured", 15, (f"{PYTHON} tests.measured.run {{out}}",), (*ENGINE, "tests/measured")),
     _study("paper", 10),
     _study(
-        "noise", 9, f"{PYTHON} {PAGES}.noise {{out}}",
+        "noise", 8, f"{PYTHON} {PAGES}.noise {{out}}",
         sources=("bayesdamp/validation/reports/noise.py", "bayesdamp/report/results"),
     ),
     Recipe(
