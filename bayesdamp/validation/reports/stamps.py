@@ -7,7 +7,7 @@ import hashlib
 import json
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
-from functools import lru_cache
+from functools import cache
 from pathlib import Path
 
 from bayesdamp.store import write_json
@@ -74,7 +74,7 @@ def _code(path: Path) -> str:
     return _without_words(path.read_text(encoding="utf-8"))
 
 
-@lru_cache(maxsize=None)
+@cache
 def _without_words(text: str) -> str:
     """Code without comments and docstrings, by its digest: recipes share most of their files."""
     tree = ast.parse(text)
