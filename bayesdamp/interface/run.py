@@ -19,10 +19,12 @@ from bayesdamp.config.load import resolve_study
 from bayesdamp.interface.parts.result import Shown
 from bayesdamp.interface.parts.table import Table, number, said
 from bayesdamp.outcomes import Status, status_of
-from bayesdamp.pipeline.candidates.weighing import evidence_of
 from bayesdamp.plugins import nearest
 from bayesdamp.store import TABLES, CellResult, Store, read_table
 from bayesdamp.store.contents.candidates import ModeContent
+from bayesdamp.store.contents.estimates import EstimateContent, StageFound
+from bayesdamp.store.contents.evidence import EvidenceContent
+from bayesdamp.store.contents.posteriors import PosteriorContent
 from bayesdamp.types import OK, InputError
 
 if TYPE_CHECKING:
@@ -264,14 +266,12 @@ def _candidate(
     for label, cell in cells.items():
         kind, _, name = label.partition("/")
         if kind == "estimate":
-            estimates[name] = tuple(_stage(name, cell, stage) for stage in cell.meta.get("stages", []))
+            estimates[name] = tuple(_stage(name, cell, stage) for stage in EstimateContent.of(cell).stages)
         elif kind == "posterior":
             posteriors[name] = _posterior(folder, name, cell)
         elif kind == "evidence":
-            known = "log_evidence" in cell.meta
-            evidence[name] = (
-                evidence_of(cell.meta) if known else types.Evidence(key[2], name, outcome=cell.outcome)
-            )
+            known = EvidenceContent.of(cell).evidence()
+            evidence[name] = known or types.Evidence(key[2], name, outcome=cell.outcome)
     return Candidate(
         record=key[0],
         repeat=int(key[1]),
@@ -287,20 +287,21 @@ def _candidate(
     )
 
 
-def _stage(estimator: str, cell: CellResult, stage: Mapping[str, Any]) -> types.Estimate:
-    prefix = f"{stage['stage']}/"
+def _stage(estimator: str, cell: CellResult, stage: StageFound) -> types.Estimate:
+    prefix = f"{stage.stage}/"
     trace = {n.removeprefix(prefix): a for n, a in cell.arrays.items() if n.startswith(prefix)}
-    return types.Estimate(estimator, **stage, trace=trace)
+    return types.Estimate(estimator, **vars(stage), trace=trace)
 
 
 def _posterior(folder: Path, sampler: str, cell: CellResult) -> types.Posterior:
     draws = cell.arrays.get("draws", np.empty((0, 0, 0)))
-    likelihood = np.empty(draws.shape[:2])
-    if "file" in cell.meta and (folder / cell.meta["file"]).is_file():
+    likelihood, content = np.empty(draws.shape[:2]), PosteriorContent.of(cell)
+    if content.file and (folder / content.file).is_file():
         import xarray as xr
 
-        with xr.open_datatree(folder / cell.meta["file"], engine="h5netcdf") as tree:
+        with xr.open_datatree(folder / content.file, engine="h5netcdf") as tree:
             likelihood = np.asarray(tree["/log_likelihood/record"].to_numpy()[..., 0])
-    diagnostics = {**cell.meta.get("diagnostics", {}), "summary": cell.meta.get("summary", {})}
-    names = tuple(cell.meta.get("names", ()))
-    return types.Posterior(sampler, names, draws, likelihood, {}, diagnostics, cell.seconds, cell.outcome)
+    diagnostics = {**content.diagnostics, "summary": content.summary}
+    return types.Posterior(
+        sampler, content.names, draws, likelihood, {}, diagnostics, cell.seconds, cell.outcome
+    )

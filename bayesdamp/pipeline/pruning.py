@@ -10,6 +10,7 @@ from bayesdamp.outcomes import Status, status_of
 from bayesdamp.pipeline.keys import digest
 from bayesdamp.pipeline.records.answering import shortlist
 from bayesdamp.store import CellResult, Store
+from bayesdamp.store.contents.evidence import EvidenceContent
 from bayesdamp.types import OK, candidate_parts
 
 LAW_MARGIN = 40.0
@@ -156,7 +157,8 @@ def _log_evidence(store: Store, spec: SignalSpec, repeat: int, name: str, method
         cell = store.read(f"evidence/{spec.name}/{repeat}/{name}/{method}")
     except KeyError:
         return math.nan
-    return float(cell.meta.get("log_evidence", math.nan))
+    found = EvidenceContent.of(cell).log_evidence
+    return math.nan if found is None else found
 
 
 def _doubtful(study: Study, spec: SignalSpec, repeat: int, store: Store, name: str) -> bool:

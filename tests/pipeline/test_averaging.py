@@ -13,6 +13,7 @@ from bayesdamp.pipeline.candidates.averaging import averaged, probabilities
 from bayesdamp.pipeline.candidates.posteriors import SPREAD
 from bayesdamp.pipeline.candidates.weighted import resampled
 from bayesdamp.store import CellResult
+from bayesdamp.store.contents.posteriors import AverageContent
 from bayesdamp.types import Evidence
 
 
@@ -62,13 +63,13 @@ def test_the_average_is_over_what_has_draws_if_that_is_nearly_all(monkeypatch, l
     cell = averaging._one(study, SimpleNamespace(name="s"), SimpleNamespace(read=read), "averaged/s/0", "")  # type: ignore[arg-type]
     assert cell.outcome.startswith(said)
     if said == "ok":
-        assert cell.meta["covered"] == pytest.approx(0.98)
+        assert AverageContent.of(cell).covered == pytest.approx(0.98)
     # With weighted draws of the other it is over both.
     own = {"amplitudes": np.arange(2.0), "spread/equivalent_ratio": quantiles(3.0, 0.1)}
     monkeypatch.setattr(averaging, "weighted_curves", lambda *_: own)
     both = averaging._one(study, SimpleNamespace(name="s"), SimpleNamespace(read=read), "averaged/s/0", "")  # type: ignore[arg-type]
-    assert both.meta["weighed"] == ["b"]
-    assert both.meta["covered"] == pytest.approx(1.0)
+    assert AverageContent.of(both).weighed == ("b",)
+    assert AverageContent.of(both).covered == pytest.approx(1.0)
     assert (both.arrays["curve/equivalent_ratio"][2, 0] > 2.5) == (left > 0.025)
     np.testing.assert_allclose(both.arrays["median/b"], [3.0, 13.0], atol=1e-9)
 

@@ -2,15 +2,39 @@
 
 from __future__ import annotations
 
+import ast
 import math
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
 from bayesdamp.store import CellResult, Store
 from bayesdamp.store.contents.answers import AnswerContent, SampledPosterior, WeighedCandidate
+from bayesdamp.store.contents.calibration import ChunkContent, RanksContent, RecoveryContent
 from bayesdamp.store.contents.candidates import Climb, ModeContent, Part, SecondHalf
 from bayesdamp.store.contents.content import Content
+from bayesdamp.store.contents.estimates import EstimateContent, StageFound
+from bayesdamp.store.contents.evidence import (
+    EvidenceContent,
+    HalfContent,
+    NestedRatio,
+    NoisesContent,
+    RatiosContent,
+    UnderNoise,
+    WidthsContent,
+)
+from bayesdamp.store.contents.many import (
+    BayesFactor,
+    JointCandidate,
+    JointContent,
+    PopulationContent,
+    PopulationFound,
+    SharedEvidence,
+    WeighedContent,
+    Weighing,
+)
+from bayesdamp.store.contents.posteriors import AverageContent, ChainStart, PosteriorContent
 from bayesdamp.store.contents.records import NoiseContent, NoiseTried, RecordContent, Scales, WidthTried
 
 RECORD = RecordContent(
@@ -35,8 +59,51 @@ ANSWER = AnswerContent(
     ),
 )  # fmt: skip
 
+SUMMARY = {"mean": 0.05, "sd": 0.001, "rhat": math.nan}
+ESTIMATE = EstimateContent((StageFound("initial", {"zeta": 0.05}, {}, {"selected": ["v"]}, 30, 0.1),))
+POSTERIOR = PosteriorContent(
+    ("zeta",), {"zeta": ""}, {"zeta": SUMMARY}, 0.3, {"decrement": 3}, {"divergences": 0, "starts": [
+        {"seed": "koopman", "seed_distance": 1.5, "distance": 1.0, "shift": 0.01}
+    ]}, "posterior/one.nc",
+)  # fmt: skip
+AVERAGE = AverageContent({"viscous": 0.9, "coulomb": 0.1}, "importance", 1.0, ("coulomb",))
+EVIDENCE = EvidenceContent("viscous", "bridge", 9.0, 0.1, "overlap 0.9", 300, 1.0)
+HALF = HalfContent(0.1, 0.1, 0.95, 30.0, start=3.0, log_predictive_stderr=0.2, evidence=EVIDENCE)
+NOISES = NoisesContent(
+    "gaussian", {"gaussian": UnderNoise(9.0), "quantised": UnderNoise(-math.inf, "no step")}
+)
+RATIOS = RatiosContent({"viscous": NestedRatio(2.0, 0.1), "coulomb": NestedRatio(outcome="too few draws")})
+POPULATION = PopulationFound(0.1, SUMMARY, SUMMARY, {"a": SUMMARY}, {"a": 900.0}, "only 3")
+JOINT = JointContent(
+    ("a1", "a2"), (("a1", 0), ("a2", 0)), Scales(0.3, 4.5), "damping", "viscous",
+    {"viscous": JointCandidate("ok", 9.0, 0.1, 0.2, 900.0, 300, {"zeta": SUMMARY}, {"zeta": ""}, 1.0, 9.1, True),
+     "coulomb": JointCandidate("set aside: far behind")},
+    {"damping": SharedEvidence(9.0, 0.1), "law": SharedEvidence(outcome="no mode")},
+    {"damping": BayesFactor(4.0, 0.1)}, {"damping": "they agree"}, {"a1": Weighing("ok", 4.5)}, {"zeta": POPULATION},
+)  # fmt: skip
+OVER = PopulationContent(
+    "viscous",
+    {"viscous": 9.0},
+    {"a": 0.0},
+    {"a": Weighing("ok", 9.0)},
+    ("b",),
+    {"zeta": ""},
+    {"zeta": POPULATION},
+)
+RANKS = RanksContent(
+    ("ok", "none"), (True, False), ("zeta",), {"nuts": ("ok", "")}, {"record": 1.0, "nuts": 2.0}
+)
+RECOVERY = RecoveryContent(("ok",), (True,), ("viscous", "coulomb"), (("ok", "poor"),))
+ALL = [
+    RECORD, NOISE, MODE, ANSWER, ESTIMATE, POSTERIOR, AVERAGE, EVIDENCE, WidthsContent(("zeta",)), HALF, NOISES, RATIOS,
+    JOINT, OVER, WeighedContent(9.0, 0.1, math.inf, 900.0, 300), RANKS, RECOVERY,
+]  # fmt: skip
+PACKAGE = Path(__file__).resolve().parents[2] / "bayesdamp"
+OWN = {"_packed", "_unpacked"}
+"""By which a result of the library is saved and loaded: it writes and reads its own file alone."""
 
-@pytest.mark.parametrize("content", [RECORD, NOISE, MODE, ANSWER], ids=lambda c: type(c).__name__)
+
+@pytest.mark.parametrize("content", ALL, ids=lambda c: type(c).__name__)
 def test_through_a_file(tmp_path: Path, content: Content) -> None:
     """Lists come back as the tuples that they were, infinities as themselves."""
     store = Store(tmp_path)
@@ -55,3 +122,68 @@ def test_something_else_is_not_taken_for_it() -> None:
 def test_a_record_without_oscillation_has_no_scales() -> None:
     with pytest.raises(ValueError, match="shows no oscillation"):
         _ = RecordContent("flat").scales
+
+
+def test_every_kind_of_content_is_tried() -> None:
+    def below(kind: type) -> Iterator[type]:
+        for one in kind.__subclasses__():
+            yield from (one, *below(one))
+
+    assert set(below(Content)) - {ChunkContent} == {type(one) for one in ALL}
+
+
+def test_what_was_not_called_is_no_evidence() -> None:
+    found = EVIDENCE.evidence()
+    assert found is not None
+    assert EvidenceContent.holding(found) == EVIDENCE
+    assert EvidenceContent(diagnostic="not called: the others agree").evidence() is None
+
+
+def test_a_cell_that_says_why_not_has_no_content() -> None:
+    assert JointContent.maybe(None) is None
+    assert JointContent.maybe(CellResult("joint/a", "key", outcome="no joint fit")) is None
+    assert repr(JointContent.maybe(CellResult("joint/a", "key", JOINT.meta()))) == repr(JOINT)
+
+
+def test_starts_of_chains_are_values() -> None:
+    assert POSTERIOR.starts == (ChainStart("koopman", 1.5, 1.0, 0.01),)
+    assert POSTERIOR.divergences == 0
+    assert PosteriorContent().starts == PosteriorContent().running == ()
+
+
+def dictionaries(source: str, own: bool) -> list[int]:
+    """Lines in which a cell's dictionary is read as it is, rather than through its content; own: but for functions that
+    pack and unpack a result."""
+    tree = ast.parse(source)
+    spared: set[ast.AST] = set()
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Call):
+            spared.add(node.func)  # content.meta()
+        if own and isinstance(node, ast.FunctionDef) and node.name in OWN:
+            spared |= set(ast.walk(node))
+    found = (
+        n for n in ast.walk(tree) if isinstance(n, ast.Attribute) and n.attr == "meta" and n not in spared
+    )
+    return [node.lineno for node in found]
+
+
+def test_no_stage_reads_the_dictionary_of_another() -> None:
+    found = []
+    for path in sorted(PACKAGE.rglob("*.py")):
+        name = path.relative_to(PACKAGE).as_posix()
+        if name.startswith("store/") or name == "interface/parts/result.py":
+            continue  # which hold the dictionaries
+        lines = dictionaries(path.read_text(encoding="utf-8"), name.startswith("interface/"))
+        found += [f"{name}:{line}" for line in lines]
+    assert not found
+
+
+@pytest.mark.parametrize(
+    "source",
+    ["x = cell.meta['names']", "x = cell.meta.get('names')", "f(**cell.meta)", "def g(c): return c.meta"],
+)
+def test_what_reads_a_dictionary_is_seen(source: str) -> None:
+    """The negative control of the one above."""
+    assert dictionaries(source, own=False) == dictionaries(source, own=True) == [1]
+    assert not dictionaries("store.write(content.meta())", own=False)
+    assert not dictionaries("def _packed(self): return self.signal.meta", own=True)

@@ -15,6 +15,7 @@ from bayesdamp.pipeline.candidates.weighing import evidence_by_method
 from bayesdamp.pipeline.candidates.weighted import weighted_curves
 from bayesdamp.pipeline.records.records import cell_seed
 from bayesdamp.store import CellResult, Store
+from bayesdamp.store.contents.posteriors import AverageContent
 from bayesdamp.types import OK, Evidence
 
 COVERED = 0.95
@@ -62,8 +63,8 @@ def _one(study: Study, spec: SignalSpec, store: Store, name: str, key: str) -> C
     found = {m: a[f"spread/{CURVE}"][:, np.isin(a["amplitudes"], shared)] for m, a in drawn.items()}
     arrays = {"amplitudes": shared, f"curve/{CURVE}": averaged(found, shares)}
     arrays |= {f"median/{m}": np.median(c, axis=0) for m, c in found.items()}
-    meta = {"probabilities": shares, "method": method, "covered": covered, "weighed": weighed}
-    return CellResult(name, key, meta, arrays, OK)
+    content = AverageContent(shares, method, covered, tuple(weighed))
+    return CellResult(name, key, content.meta(), arrays, OK)
 
 
 def _sampled(store: Store, name: str) -> dict[str, np.ndarray]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping
-from dataclasses import asdict, replace
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -36,6 +36,7 @@ from bayesdamp.pipeline.records.stored_modes import alone, packed, unpacked
 from bayesdamp.pipeline.records.targets import Record
 from bayesdamp.store import CellResult, Store
 from bayesdamp.store.contents.candidates import BesideIt, Part, SecondHalf
+from bayesdamp.store.contents.estimates import EstimateContent, StageFound
 from bayesdamp.store.contents.records import NoiseContent
 from bayesdamp.types import OK, Problem, Refusal, System, candidate_parts
 
@@ -206,9 +207,9 @@ class Branch:
             stages=use.stages,
             seed=cell_seed(self.study, name),
         )
-        stages = [{k: v for k, v in asdict(e).items() if k not in ("trace", "estimator")} for e in found]
+        content = EstimateContent(tuple(map(StageFound.holding, found)))
         trace = {f"{e.stage}/{n}": np.asarray(v) for e in found for n, v in e.trace.items()}
-        self.store.write(CellResult(name, key, {"stages": stages}, trace, OK, plain_seconds(began)))
+        self.store.write(CellResult(name, key, content.meta(), trace, OK, plain_seconds(began)))
 
     @property
     def _many(self) -> bool:
@@ -225,12 +226,12 @@ class Branch:
         refused: dict[str, str] = {}
         for method in self._methods:
             cell = self.store.read(f"estimate/{self.path}/{method}")
-            for stage in cell.meta.get("stages", []):
-                label = f"{method}, {stage['stage']}"
-                if stage["values"] and np.all(np.isfinite(list(stage["values"].values()))):
-                    seeds[label] = stage["values"]
+            for stage in EstimateContent.of(cell).stages:
+                label = f"{method}, {stage.stage}"
+                if stage.values and np.all(np.isfinite(list(stage.values.values()))):
+                    seeds[label] = stage.values
                 else:
-                    refused[label] = stage["outcome"]
+                    refused[label] = stage.outcome
             if cell.outcome != OK:
                 refused[method] = cell.outcome
         problem = Problem(self.terms, self.system)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,6 +15,7 @@ from bayesdamp.inference.samplers import SAMPLERS, Settings
 from bayesdamp.physics.units import parameter_unit
 from bayesdamp.records.oscillation.features import Features
 from bayesdamp.store import CellResult
+from bayesdamp.store.contents.posteriors import PosteriorContent
 from bayesdamp.store.folders import refuse_special, temporary
 from bayesdamp.types import Posterior, Refusal
 
@@ -48,17 +50,17 @@ def compute_posterior(branch: Branch, name: str, key: str, seed: int) -> None:
     file = folder / "posterior" / f"{branch.path.replace('/', '.')}.{sampler}.nc"
     _save_whole(found, file)
     motions = _motions(branch, found)
-    meta = {
-        **_tables(branch, found, motions),
-        "diagnostics": {k: v for k, v in found.diagnostics.items() if k not in ("summary", "arrays")},
-        "file": file.relative_to(folder).as_posix(),
-    }
+    content = replace(
+        _content(branch, found, motions),
+        diagnostics={k: v for k, v in found.diagnostics.items() if k not in ("summary", "arrays")},
+        file=file.relative_to(folder).as_posix(),
+    )
     own: Mapping[str, np.ndarray] = found.diagnostics.get("arrays", {})  # type: ignore[assignment]
     arrays = {"draws": found.draws, **curves(motions, branch.record.seen), **own}
-    branch.store.write(CellResult(name, key, meta, arrays, found.outcome, found.seconds))
+    branch.store.write(CellResult(name, key, content.meta(), arrays, found.outcome, found.seconds))
 
 
-def _tables(branch: Branch, found: Posterior, motions: Motions) -> dict[str, Any]:
+def _content(branch: Branch, found: Posterior, motions: Motions) -> PosteriorContent:
     """Summaries of the parameters and of what follows from them, with units."""
     summary: dict[str, Any] = dict(found.diagnostics["summary"])  # type: ignore[call-overload]
     derived = derive(motions)
@@ -70,13 +72,13 @@ def _tables(branch: Branch, found: Posterior, motions: Motions) -> dict[str, Any
             summary[n] = diagnostics.summarise(v, **how)  # type: ignore[arg-type]
     signal, law = branch.record.signal, branch.system.restoring
     unit = units(signal.unit)
-    return {
-        "names": [str(n) for n in found.names],
-        "units": {n: unit.get(n) or parameter_unit(n, law, signal.unit, signal.quantity) for n in summary},
-        "summary": summary,
-        "reference_amplitude": motions.amplitude,
-        "without": partial,
-    }
+    return PosteriorContent(
+        names=tuple(map(str, found.names)),
+        units={n: unit.get(n) or parameter_unit(n, law, signal.unit, signal.quantity) for n in summary},
+        summary=summary,
+        reference_amplitude=motions.amplitude,
+        without=partial,
+    )
 
 
 def _motions(branch: Branch, found: Posterior) -> Motions:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Mapping
 from dataclasses import asdict
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -15,9 +15,18 @@ from bayesdamp.inference.evidence.savage_dickey import savage_dickey
 from bayesdamp.inference.evidence.widths import against_width
 from bayesdamp.inference.fit.noise_choice import fit_with
 from bayesdamp.outcomes import following
-from bayesdamp.pipeline.candidates.weighing import evidence_meta, evidence_of
 from bayesdamp.store import CellResult
 from bayesdamp.store.contents.candidates import ModeContent
+from bayesdamp.store.contents.content import Content
+from bayesdamp.store.contents.evidence import (
+    EvidenceContent,
+    HalfContent,
+    NestedRatio,
+    NoisesContent,
+    RatiosContent,
+    UnderNoise,
+    WidthsContent,
+)
 from bayesdamp.types import OK, Refusal, candidate_name, candidate_parts
 
 if TYPE_CHECKING:
@@ -66,36 +75,41 @@ def compute_sensitivity(branch: Branch, name: str, key: str, seed: int) -> None:
         branch.store.write(CellResult(name, key, outcome=why))
         return
     try:
-        meta, arrays = _PRODUCTS[kind](branch, source, seed)
+        content, arrays = _PRODUCTS[kind](branch, source, seed)
     except Refusal as refusal:
         branch.store.write(CellResult(name, key, outcome=str(refusal)))
         return
-    branch.store.write(CellResult(name, key, meta, arrays, OK, time.perf_counter() - began))
+    branch.store.write(CellResult(name, key, content.meta(), arrays, OK, time.perf_counter() - began))
 
 
-Product = tuple[dict[str, Any], dict[str, np.ndarray]]
+Product = tuple[Content, dict[str, np.ndarray]]
 
 
 def _widths(branch: Branch, source: CellResult, seed: int) -> Product:
     y, log_weights = (source.arrays[n].astype(float) for n in ("y", "log_weights"))
     found = asdict(against_width(branch.shared, branch.restored_mode, y, log_weights, seed))
     varied = found.pop("varied")
-    return {"varied": list(varied)}, found
+    return WidthsContent(tuple(varied)), found
 
 
 def _half(branch: Branch, source: CellResult, seed: int) -> Product:
     found = predict(branch.model, branch.shared, branch.restored_mode, seed)
-    density, error = log_predictive(evidence_of(source.meta), found.evidence)
-    meta = {k: getattr(found, k) for k in ("start", "rms", "expected", "coverage")}
-    meta |= {
-        "log_predictive": density,
-        "log_predictive_stderr": error,
-        "evidence": evidence_meta(found.evidence),
-    }
+    whole = EvidenceContent.of(source).evidence()
+    assert whole is not None  # a source with draws was weighed
+    density, uncertainty = log_predictive(whole, found.evidence)
+    content = HalfContent(
+        start=found.start,
+        rms=found.rms,
+        expected=found.expected,
+        coverage=found.coverage,
+        log_predictive=density,
+        log_predictive_stderr=uncertainty,
+        evidence=EvidenceContent.holding(found.evidence),
+    )
     every = max(1, found.centre.size // SHOWN)
     times = branch.record.signal.t[-found.centre.size :: every]
     error = branch.record.signal.y[-found.centre.size :] - found.centre
-    return meta, {"t": times, "error": error[::every], "sd": found.sd[::every]}
+    return content, {"t": times, "error": error[::every], "sd": found.sd[::every]}
 
 
 def _ratios(branch: Branch, source: CellResult, seed: int) -> Product:
@@ -104,11 +118,8 @@ def _ratios(branch: Branch, source: CellResult, seed: int) -> Product:
     law = candidate_parts(branch.model)[1]
     pairs = {candidate_name("+".join(x for x in branch.terms if x != t), law): t for t in branch.terms}
     coefficient = dict(zip(branch.terms, branch.target.oscillator.coefficients, strict=True))
-    return {
-        "against": {
-            m: asdict(savage_dickey(branch.target, draws.z, coefficient[t])) for m, t in pairs.items()
-        }
-    }, {}
+    ratios = {m: savage_dickey(branch.target, draws.z, coefficient[t]) for m, t in pairs.items()}
+    return RatiosContent({m: NestedRatio(**vars(one)) for m, one in ratios.items()}), {}
 
 
 def _noises(branch: Branch, source: CellResult, seed: int) -> Product:
@@ -116,20 +127,20 @@ def _noises(branch: Branch, source: CellResult, seed: int) -> Product:
     del source, seed
     mode = ModeContent.of(branch.store.read(f"mode/{branch.path}"))
     start, (whole, *_) = mode.values, mode.windows
-    found: dict[str, dict[str, Any]] = {}
+    found: dict[str, UnderNoise] = {}
     for noise in branch.study.noises:
         if noise == branch.noise:
-            found[noise] = {"log_evidence": whole.log_evidence, "outcome": OK}
+            found[noise] = UnderNoise(whole.log_evidence)
             continue
         try:
             target = branch.record.target(
                 branch.terms, branch.restoring, noise, beside=branch.beside, epsilon=branch.epsilon
             )
             fit = fit_with(target, {"under the chosen noise": start}, branch.record.seen)
-            found[noise] = {"log_evidence": fit.log_evidence, "outcome": OK}
+            found[noise] = UnderNoise(fit.log_evidence)
         except Refusal as refusal:
-            found[noise] = {"log_evidence": -np.inf, "outcome": str(refusal)}
-    return {"chosen": branch.noise, "evidence": found}, {}
+            found[noise] = UnderNoise(-np.inf, str(refusal))
+    return NoisesContent(branch.noise, found), {}
 
 
 _PRODUCTS = {"widths": _widths, "half": _half, "noises": _noises, "savage_dickey": _ratios}

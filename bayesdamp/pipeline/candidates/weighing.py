@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -11,6 +11,7 @@ from bayesdamp.config import Study
 from bayesdamp.inference.evidence import EVIDENCES, Draws
 from bayesdamp.inference.evidence.adopted import COMBINED, NESTED_CHECK, adopted, disagreement
 from bayesdamp.store import CellResult, Store
+from bayesdamp.store.contents.evidence import EvidenceContent
 from bayesdamp.types import OK, Evidence, Refusal
 
 if TYPE_CHECKING:
@@ -18,7 +19,6 @@ if TYPE_CHECKING:
 
 FIRST_LOOK = "laplace"
 """A method without an error estimate, by which candidates are set aside; it does not count where another one does."""
-_FIELDS = ("model", "method", "log_evidence", "stderr", "diagnostic", "evaluations", "seconds", "outcome")
 
 
 def evidence_parts(study: Study, path: str, found: Mapping[str, str]) -> dict[str, tuple[object, ...]]:
@@ -49,7 +49,8 @@ def compute_evidence(branch: Branch, name: str, key: str, seed: int) -> None:
         if method == NESTED_CHECK and NESTED_CHECK not in study.methods and study.referee == "auto":
             found = evidences(store, branch.path, [m for m in study.methods if m != FIRST_LOOK])
             if found and not disagreement(found):
-                store.write(CellResult(name, key, {"diagnostic": "not called: the others agree"}))
+                silent = EvidenceContent(branch.model, method, diagnostic="not called: the others agree")
+                store.write(CellResult(name, key, silent.meta()))
                 return
         plugin = EVIDENCES.get(method)
         draws = _draws(branch) if plugin.needs_draws else None
@@ -62,7 +63,7 @@ def compute_evidence(branch: Branch, name: str, key: str, seed: int) -> None:
     arrays: Mapping[str, np.ndarray] = {}
     if branch.repeat == 0:  # for what is asked of the first repeat alone
         arrays = {n: a.astype(np.float32) if n == "y" else a for n, a in one.arrays.items()}
-    store.write(CellResult(name, key, evidence_meta(one), arrays, one.outcome, one.seconds))
+    store.write(CellResult(name, key, EvidenceContent.holding(one).meta(), arrays, one.outcome, one.seconds))
 
 
 def _draws(branch: Branch) -> Draws | None:
@@ -81,8 +82,9 @@ def evidences(store: Store, path: str, methods: Sequence[str]) -> list[Evidence]
             cell = store.read(f"evidence/{path}/{method}")
         except KeyError:
             continue
-        if "log_evidence" in cell.meta:
-            found.append(evidence_of(cell.meta))
+        one = EvidenceContent.of(cell).evidence()
+        if one is not None:
+            found.append(one)
         elif cell.outcome != OK:
             found.append(Evidence(path.rpartition("/")[2], method, outcome=cell.outcome))
     return found
@@ -107,13 +109,3 @@ def evidence_by_method(
         drawn = {model: [e for e in found if e.method != FIRST_LOOK] for model, found in every.items()}
         by_method[COMBINED] = {model: adopted(found) for model, found in drawn.items() if found}
     return by_method
-
-
-def evidence_of(meta: Mapping[str, Any]) -> Evidence:
-    """An evidence from what a cell holds of it."""
-    return Evidence(**{n: meta[n] for n in _FIELDS})
-
-
-def evidence_meta(found: Evidence) -> dict[str, Any]:
-    """An evidence as a cell holds it."""
-    return {n: getattr(found, n) for n in _FIELDS}

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from bayesdamp.inference.many.hierarchy import Population, Sample, population
+from bayesdamp.inference.many.hierarchy import Sample, population
 from bayesdamp.inference.many.joint import Apart, JointMode
 from bayesdamp.inference.many.joint_evidence import Weighed, weigh
 from bayesdamp.pipeline.many.specimens import (
@@ -19,7 +19,14 @@ from bayesdamp.pipeline.many.specimens import (
     Specimen,
     draws_of,
     summaries,
-    weighed_meta,
+    weighing,
+)
+from bayesdamp.store.contents.many import (
+    BayesFactor,
+    JointCandidate,
+    PopulationFound,
+    SharedEvidence,
+    Weighing,
 )
 from bayesdamp.types import OK, Refusal
 
@@ -34,10 +41,21 @@ FAR_APART = 30.0
 OTHER_LAW = {BOTH: DAMPING, DAMPING: BOTH}
 
 
+@dataclass(frozen=True)
+class Agreement:
+    """What a joint fit says of its best candidate, as `JointContent` explains it."""
+
+    sharings: Mapping[str, SharedEvidence]
+    agreement: Mapping[str, BayesFactor]
+    said: Mapping[str, str]
+    alone: Mapping[str, Weighing]
+    repeats: Mapping[str, PopulationFound]
+
+
 def agreement(
-    specimen: Specimen, candidate: str, problem: Problem, sharing: str, row: Mapping[str, Any]
-) -> dict[str, Any]:
-    """What a joint cell says of its best candidate: evidence by what is shared, in words, and each record alone.
+    specimen: Specimen, candidate: str, problem: Problem, sharing: str, row: JointCandidate
+) -> Agreement:
+    """What a joint fit says of its best candidate.
 
     row: of this candidate under the sharing that was chosen. Raises Refusal where a record has no fit of its own.
     """
@@ -46,7 +64,8 @@ def agreement(
         weigh(mode, specimen.seed(candidate, label))
         for mode, label in zip(modes, specimen.labels, strict=True)
     ]
-    found = {sharing: dict(row), NOTHING: _summed(alone)}
+    stderr = float("nan") if row.stderr is None else row.stderr
+    found = {sharing: SharedEvidence(row.log_evidence, stderr, row.outcome), NOTHING: _summed(alone)}
 
     def seed(what: str) -> int:
         return specimen.seed(candidate, what)
@@ -54,70 +73,74 @@ def agreement(
     for other in (BOTH, DAMPING, LAW) if problem.names(LAW) else (DAMPING,):
         if other != sharing:
             try:
-                found[other] = _weighed(problem.mode(problem.names(other)), row["look"], seed(other))
+                found[other] = _weighed(problem.mode(problem.names(other)), row.look, seed(other))
             except Apart as apart:
-                cost = found[NOTHING]["log_evidence"] - apart.nats
-                found[other] = {"log_evidence": cost, "stderr": float("nan"), "outcome": OK}
+                found[other] = SharedEvidence(sum(one.log_evidence for one in alone) - apart.nats)
             except Refusal as refusal:
-                found[other] = {"outcome": str(refusal)}
+                found[other] = SharedEvidence(outcome=str(refusal))
     factors = {"damping": _factor(found, sharing, WITHOUT[sharing])}
     if problem.names(LAW):
         law = _factor(found, sharing, OTHER_LAW[sharing])
-        factors["law"] = law if sharing == BOTH else {**law, "log_bayes_factor": -law["log_bayes_factor"]}
-    kept = ("log_evidence", "stderr", "outcome")
-    return {
-        "sharings": {s: {k: v for k, v in one.items() if k in kept} for s, one in found.items()},
-        "agreement": factors,
-        "said": _said(factors, row["outcome"]),
-        "alone": {
-            label: {**weighed_meta(one), "summary": summaries(mode, one)}
+        factors["law"] = law if sharing == BOTH else replace(law, log_bayes_factor=-law.log_bayes_factor)
+    return Agreement(
+        sharings=found,
+        agreement=factors,
+        said=_said(factors, row.outcome),
+        alone={
+            label: weighing(one, summaries(mode, one))
             for label, mode, one in zip(specimen.labels, modes, alone, strict=True)
         },
-        "repeats": populations(specimen.labels, modes, alone),
-    }
+        repeats=populations(specimen.labels, modes, alone),
+    )
 
 
-def _weighed(mode: JointMode, chosen: float, seed: int) -> dict[str, Any]:
+def _weighed(mode: JointMode, chosen: float, seed: int) -> SharedEvidence:
     """The evidence of another sharing: by Laplace where that leaves no doubt.
 
     chosen: Laplace's log evidence of the one that was chosen.
     """
     look = mode.look()
     if abs(look - chosen) > FAR_APART:
-        return {"log_evidence": look, "stderr": float("nan"), "outcome": OK}
-    return weighed_meta(weigh(mode, seed, ASIDE_DRAWS))
+        return SharedEvidence(look)
+    found = weigh(mode, seed, ASIDE_DRAWS)
+    return SharedEvidence(found.log_evidence, found.stderr, found.outcome)
 
 
-def _summed(alone: Sequence[Weighed]) -> dict[str, Any]:
+def _summed(alone: Sequence[Weighed]) -> SharedEvidence:
     poor = [one.outcome for one in alone if one.outcome != OK]
-    return {
-        "log_evidence": float(sum(one.log_evidence for one in alone)),
-        "stderr": float(np.sqrt(sum(one.stderr**2 for one in alone))),
-        "outcome": poor[0] if poor else OK,
-    }
+    return SharedEvidence(
+        float(sum(one.log_evidence for one in alone)),
+        float(np.sqrt(sum(one.stderr**2 for one in alone))),
+        poor[0] if poor else OK,
+    )
 
 
-def _factor(found: Mapping[str, Mapping[str, Any]], one: str, other: str) -> dict[str, Any]:
+def _factor(found: Mapping[str, SharedEvidence], one: str, other: str) -> BayesFactor:
     """Log Bayes factor of one sharing against another, its standard error, and whether it may be trusted."""
-    pair = [found[one], found[other]]
-    if any("log_evidence" not in e for e in pair):
-        return {"log_bayes_factor": float("nan"), "stderr": float("nan"), "outcome": pair[1]["outcome"]}
-    poor = [e["outcome"] for e in pair if e["outcome"] != OK]
-    return {
-        "log_bayes_factor": pair[0]["log_evidence"] - pair[1]["log_evidence"],
-        "stderr": float(np.hypot(pair[0]["stderr"], pair[1]["stderr"])),
-        "outcome": poor[0] if poor else OK,
-    }
+    first, second = found[one], found[other]
+    if first.log_evidence is None or second.log_evidence is None:
+        return BayesFactor(float("nan"), outcome=second.outcome)
+    poor = [e.outcome for e in (first, second) if e.outcome != OK]
+    return BayesFactor(
+        first.log_evidence - second.log_evidence,
+        float(np.hypot(first.stderr, second.stderr)),
+        poor[0] if poor else OK,
+    )
 
 
-def _said(factors: Mapping[str, Mapping[str, Any]], trust: str) -> dict[str, str]:
+def _said(factors: Mapping[str, BayesFactor], trust: str) -> dict[str, str]:
     """The same in words, and what stands as the outcome of the joint fit."""
-    said = {name: verdict(name, f["log_bayes_factor"]) for name, f in factors.items()}
+    said = {name: verdict(name, f.log_bayes_factor) for name, f in factors.items()}
     for name, factor in factors.items():
-        if factor["outcome"] != OK:
-            said[name] += f" ({factor['outcome']})"
-    disagree = factors["damping"]["log_bayes_factor"] < -CLEAR
+        if factor.outcome != OK:
+            said[name] += f" ({factor.outcome})"
+    disagree = disagrees(factors["damping"])
     return {**said, "outcome": said["damping"] if disagree and trust == OK else trust}
+
+
+def disagrees(one_for_all: BayesFactor) -> bool:
+    """Whether records disagree with one damping."""
+    return one_for_all.log_bayes_factor < -CLEAR
 
 
 def verdict(what: str, log_bayes_factor: float) -> str:
@@ -140,7 +163,7 @@ def verdict(what: str, log_bayes_factor: float) -> str:
 
 def populations(
     labels: Sequence[str], modes: Sequence[JointMode], found: Sequence[Weighed]
-) -> dict[str, dict[str, Any]]:
+) -> dict[str, PopulationFound]:
     """The population of each damping coefficient over what the labels name, from draws of each."""
     arrays = [draws_of("", mode, one) for mode, one in zip(modes, found, strict=True)]
     targets = [mode.joint.targets[0] for mode in modes]
@@ -152,22 +175,10 @@ def populations(
             Sample(label, a[f"/{name}"], a["/log_weights"], a[f"/{name}/log_prior"])
             for label, a in zip(labels, arrays, strict=True)
         ]
-        rows[name] = population_meta(population(samples, scale), scale)
+        rows[name] = PopulationFound(scale, **vars(population(samples, scale)))
     return rows
 
 
 def common_scale(scales: Sequence[float]) -> float:
     """The geometric mean of the scales of a coefficient's priors."""
     return float(np.exp(np.mean(np.log(scales))))
-
-
-def population_meta(found: Population, scale: float) -> dict[str, Any]:
-    """What a cell holds of a population."""
-    return {
-        "scale": scale,
-        "mean": dict(found.mean),
-        "spread": dict(found.spread),
-        "shrunk": {n: dict(s) for n, s in found.shrunk.items()},
-        "effective": dict(found.effective),
-        "outcome": found.outcome,
-    }

@@ -10,8 +10,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Mapping
-from dataclasses import fields
-from typing import Any
+from dataclasses import replace
 
 import numpy as np
 from scipy.special import logsumexp
@@ -29,11 +28,14 @@ from bayesdamp.pipeline.many.specimens import (
     Specimen,
     draws_of,
     summaries,
-    weighed_meta,
+    weighed_content,
+    weighing,
 )
 from bayesdamp.pipeline.pruning import LAW_MARGIN, looked
 from bayesdamp.pipeline.records.records import plain_seconds
 from bayesdamp.store import CellResult
+from bayesdamp.store.contents.many import JointCandidate, JointContent, WeighedContent
+from bayesdamp.store.contents.records import Scales
 from bayesdamp.types import OK, Refusal
 
 
@@ -41,39 +43,42 @@ def join(specimen: Specimen, name: str, key: str) -> None:
     """Store the joint fit (`joint/rig`), or why there is none."""
     began = time.perf_counter()
     try:
-        meta, arrays = _joined(specimen, key)
+        content, arrays = _joined(specimen, key)
     except Refusal as refusal:
         specimen.store.write(CellResult(name, key, outcome=str(refusal), seconds=plain_seconds(began)))
         return
-    specimen.store.write(CellResult(name, key, meta, arrays, meta["said"]["outcome"], plain_seconds(began)))
+    specimen.store.write(
+        CellResult(name, key, content.meta(), arrays, content.said["outcome"], plain_seconds(began))
+    )
 
 
-def _joined(specimen: Specimen, key: str) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
+def _joined(specimen: Specimen, key: str) -> tuple[JointContent, dict[str, np.ndarray]]:
     problems, aside = _problems(specimen)
     looks, sharing = _looks(specimen, problems, aside)
     arrays: dict[str, np.ndarray] = {}
-    rows: dict[str, dict[str, Any]] = {c: {"outcome": why} for c, why in aside.items()}
+    logs: dict[str, float] = {}
+    rows = {c: JointCandidate(why) for c, why in aside.items()}
     for candidate, mode in looks.items():
         found = _weighed(specimen, candidate, mode, key)
         rows[candidate] = _row(specimen, candidate, mode, found)
         arrays |= draws_of(candidate, mode, found)
-    logs = {c: rows[c]["log_evidence"] for c in looks}
+        logs[candidate] = found.log_evidence
     total = float(np.asarray(logsumexp(list(logs.values()))))
-    for candidate in specimen.candidates:
-        left = candidate in logs
-        rows[candidate]["probability"] = math.exp(logs[candidate] - total) if left else 0.0
+    for candidate, log_evidence in logs.items():
+        rows[candidate] = replace(rows[candidate], probability=math.exp(log_evidence - total))
     best = max(logs, key=lambda c: logs[c])
     sharing = sharing if problems[best].names(LAW) else DAMPING
-    meta = {
-        "records": specimen.labels,
-        "members": [[spec.name, repeat] for spec, repeat in specimen.records],
-        "reference": vars(specimen.reference),
-        "sharing": sharing,
-        "best": best,
-        "candidates": {c: rows[c] for c in specimen.candidates},
-        **agreement(specimen, best, problems[best], sharing, rows[best]),
-    }
-    return meta, arrays
+    agreed = agreement(specimen, best, problems[best], sharing, rows[best])
+    content = JointContent(
+        records=tuple(specimen.labels),
+        members=tuple((spec.name, repeat) for spec, repeat in specimen.records),
+        reference=Scales(**vars(specimen.reference)),
+        sharing=sharing,
+        best=best,
+        candidates={c: rows[c] for c in specimen.candidates},
+        **vars(agreed),
+    )
+    return content, arrays
 
 
 def _weighed(specimen: Specimen, candidate: str, mode: JointMode, key: str) -> Weighed:
@@ -82,13 +87,12 @@ def _weighed(specimen: Specimen, candidate: str, mode: JointMode, key: str) -> W
     own = task_key("weighed", key, mode.joint.shared, seed)
     if specimen.store.has(name, own):
         cell = specimen.store.read(name)
-        parts: dict[str, Any] = {**cell.meta, **cell.arrays}
-        return Weighed(**parts)
+        draws = {n: cell.arrays[n] for n in ("scores", "log_weights")}
+        return Weighed(**vars(WeighedContent.of(cell)), **draws)
     began = time.perf_counter()
     found = weigh(mode, seed)
-    parts = {f.name: getattr(found, f.name) for f in fields(found)}
-    arrays = {n: parts.pop(n) for n in ("scores", "log_weights")}
-    specimen.store.write(CellResult(name, own, parts, arrays, OK, plain_seconds(began)))
+    content, arrays = weighed_content(found), {"scores": found.scores, "log_weights": found.log_weights}
+    specimen.store.write(CellResult(name, own, content.meta(), arrays, OK, plain_seconds(began)))
     return found
 
 
@@ -146,11 +150,7 @@ def _looks(
     return {c: m for c, m in modes[sharing].items() if c not in aside}, sharing
 
 
-def _row(specimen: Specimen, candidate: str, mode: JointMode, found: Weighed) -> dict[str, Any]:
-    return {
-        **weighed_meta(found),
-        "converged": mode.converged,
-        "look": mode.look(),
-        "summary": summaries(mode, found),
-        "units": specimen.units(candidate, mode.joint.shared),
-    }
+def _row(specimen: Specimen, candidate: str, mode: JointMode, found: Weighed) -> JointCandidate:
+    units = specimen.units(candidate, mode.joint.shared)
+    own = weighing(found, summaries(mode, found), units)
+    return JointCandidate(**vars(own), converged=mode.converged, look=mode.look())

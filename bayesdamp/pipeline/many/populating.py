@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
 
@@ -13,10 +12,11 @@ from bayesdamp.config import Study
 from bayesdamp.inference.many.hierarchy import Sample, population
 from bayesdamp.inference.many.joint_evidence import weigh
 from bayesdamp.pipeline.candidates.weighing import evidence_by_method
-from bayesdamp.pipeline.many.agreement import CLEAR, common_scale, population_meta
-from bayesdamp.pipeline.many.specimens import Specimen, draws_of, summaries, weighed_meta
+from bayesdamp.pipeline.many.agreement import common_scale, disagrees
+from bayesdamp.pipeline.many.specimens import Specimen, draws_of, summaries, weighing
 from bayesdamp.pipeline.records.records import plain_seconds
 from bayesdamp.store import CellResult, Store
+from bayesdamp.store.contents.many import JointContent, PopulationContent, PopulationFound, Weighing
 from bayesdamp.types import OK, Refusal
 from bayesdamp.units import UNITS
 
@@ -26,19 +26,19 @@ def populate(study: Study, store: Store, name: str, key: str) -> None:
     began = time.perf_counter()
     found = [Specimen(study, label, specs, store) for label, specs in study.specimens.items()]
     try:
-        meta = _populated(found)
+        content = _populated(found)
     except Refusal as refusal:
         store.write(CellResult(name, key, outcome=str(refusal), seconds=plain_seconds(began)))
         return
-    said = [p["outcome"] for p in meta["populations"].values() if p["outcome"] != OK]
+    said = [p.outcome for p in content.populations.values() if p.outcome != OK]
     said += [
-        f"the records of {label} disagree, so that its own interval is too narrow" for label in meta["torn"]
+        f"the records of {label} disagree, so that its own interval is too narrow" for label in content.torn
     ]
     outcome = "; ".join(dict.fromkeys(said)) or OK
-    store.write(CellResult(name, key, meta, {}, outcome, plain_seconds(began)))
+    store.write(CellResult(name, key, content.meta(), {}, outcome, plain_seconds(began)))
 
 
-def _populated(specimens: list[Specimen]) -> dict[str, Any]:
+def _populated(specimens: list[Specimen]) -> PopulationContent:
     bases = sorted({UNITS[s.specs[0].source.unit].base for s in specimens})
     if len(bases) > 1:
         raise Refusal(f"no population: some specimens are measured in {', others in '.join(bases)}")
@@ -50,8 +50,7 @@ def _populated(specimens: list[Specimen]) -> dict[str, Any]:
     best = max(sums, key=lambda c: sums[c])
     arrays, scales, rows = {}, {}, {}
     for specimen in specimens:
-        arrays[specimen.name], rows[specimen.name] = _draws(specimen, best)
-        scales[specimen.name] = rows[specimen.name].pop("scales")
+        arrays[specimen.name], rows[specimen.name], scales[specimen.name] = _draws(specimen, best)
     coefficients = list(scales[specimens[0].name])
     found = {}
     for name in coefficients:
@@ -60,23 +59,24 @@ def _populated(specimens: list[Specimen]) -> dict[str, Any]:
             Sample(label, a[f"{best}/{name}"], a[f"{best}/log_weights"], a[f"{best}/{name}/log_prior"])
             for label, a in arrays.items()
         ]
-        found[name] = population_meta(population(samples, scale), scale)
-    return {
-        "best": best,
-        "log_evidence": sums,
-        "behind": {label: max(one.values()) - one[best] for label, one in logs.items()},
-        "specimens": rows,
-        "torn": [s.name for s in specimens if len(s.records) > 1 and _torn(s)],
-        "units": specimens[0].units(best, coefficients),
-        "populations": found,
-    }
+        found[name] = PopulationFound(scale, **vars(population(samples, scale)))
+    return PopulationContent(
+        best=best,
+        log_evidence=sums,
+        behind={label: max(one.values()) - one[best] for label, one in logs.items()},
+        specimens=rows,
+        torn=tuple(s.name for s in specimens if len(s.records) > 1 and _torn(s)),
+        units=specimens[0].units(best, coefficients),
+        populations=found,
+    )
 
 
 def log_evidences(specimen: Specimen) -> dict[str, float]:
     """Log evidence of the candidates that have one: of the joint fit, or of the record where there is one alone."""
     if len(specimen.records) > 1:
-        rows = _joint(specimen).meta.get("candidates", {})
-        return {c: r["log_evidence"] for c, r in rows.items() if "log_evidence" in r}
+        content = JointContent.maybe(_joint(specimen))
+        rows = content.candidates if content else {}
+        return {c: r.log_evidence for c, r in rows.items() if r.log_evidence is not None}
     spec, repeat = specimen.records[0]
     record = f"{spec.name}/{repeat}"
     by_method = evidence_by_method(specimen.study, specimen.store, record, specimen.candidates)
@@ -92,21 +92,21 @@ def _joint(specimen: Specimen) -> CellResult:
 
 def _torn(specimen: Specimen) -> bool:
     """Whether a specimen's records disagree with one damping."""
-    return _joint(specimen).meta["agreement"]["damping"]["log_bayes_factor"] < -CLEAR
+    return disagrees(JointContent.of(_joint(specimen)).agreement["damping"])
 
 
-def _draws(specimen: Specimen, candidate: str) -> tuple[Mapping[str, np.ndarray], dict[str, Any]]:
+def _draws(specimen: Specimen, candidate: str) -> tuple[Mapping[str, np.ndarray], Weighing, dict[str, float]]:
     """Weighted draws of a candidate's coefficients, what is told of them, and the scales of their priors."""
     problem = specimen.problem(candidate)
     priors = problem.targets[0].priors
     if len(specimen.records) > 1:
         cell = _joint(specimen)
-        arrays, row = cell.arrays, dict(cell.meta["candidates"][candidate])
+        arrays, row = cell.arrays, JointContent.of(cell).candidates[candidate]
     else:
         mode = problem.alone(0)
         found = weigh(mode, specimen.seed(candidate))
         arrays = draws_of(candidate, mode, found)
-        row = {**weighed_meta(found), "summary": summaries(mode, found)}
-        row["units"] = specimen.units(candidate, list(row["summary"]))
+        summary = summaries(mode, found)
+        row = weighing(found, summary, specimen.units(candidate, list(summary)))
     names = [n for n in problem.targets[0].oscillator.coefficients if f"{candidate}/{n}" in arrays]
-    return arrays, {**row, "scales": {n: float(priors[n].value(1.0)) for n in names}}
+    return arrays, row, {n: float(priors[n].value(1.0)) for n in names}

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import astuple, dataclass
+from dataclasses import astuple, dataclass, fields
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 
@@ -27,6 +26,7 @@ from bayesdamp.pipeline.candidates.cells import Branch
 from bayesdamp.pipeline.records.records import cell_seed
 from bayesdamp.store import Store
 from bayesdamp.store.contents.candidates import ModeContent
+from bayesdamp.store.contents.many import WeighedContent, Weighing
 from bayesdamp.store.contents.records import RecordContent
 from bayesdamp.types import OK, Refusal, candidate_parts
 
@@ -143,10 +143,16 @@ def shared_epsilon(branches: Sequence[Branch]) -> float | None:
     return float(np.exp(np.mean([np.log(b.epsilon or b.system.known["epsilon"]) for b in branches])))
 
 
-def weighed_meta(found: Weighed) -> dict[str, Any]:
-    """What a cell holds of an evidence."""
-    names = ("log_evidence", "stderr", "pareto_k", "effective", "evaluations", "outcome")
-    return {n: getattr(found, n) for n in names}
+def weighing(
+    found: Weighed, summary: Mapping[str, Mapping[str, float]], units: Mapping[str, str] | None = None
+) -> Weighing:
+    """What a cell holds of a candidate's evidence and parameters."""
+    return Weighing(**weighed_content(found).meta(), summary=summary, units=units or {})
+
+
+def weighed_content(found: Weighed) -> WeighedContent:
+    """What a cell holds of an evidence alone."""
+    return WeighedContent(**{f.name: getattr(found, f.name) for f in fields(WeighedContent)})
 
 
 def summaries(mode: JointMode, found: Weighed) -> dict[str, dict[str, float]]:

@@ -164,7 +164,8 @@ def fits_of(store: Store, signal: str, repeat: int) -> Mapping[str, Mapping[str,
         cell = store.read(f"{ANSWERED}/{signal}/{repeat}")
     except KeyError:
         return {}
-    return AnswerContent.of(cell).fits if cell.meta else {}
+    content = AnswerContent.maybe(cell)
+    return content.fits if content else {}
 
 
 def shortlist(store: Store, signal: str, repeat: int, nats: float) -> set[tuple[str, str]] | None:
@@ -174,7 +175,8 @@ def shortlist(store: Store, signal: str, repeat: int, nats: float) -> set[tuple[
         cell = store.read(f"{ANSWERED}/{signal}/{repeat}")
     except KeyError:
         return None
-    weighed = [r for r in AnswerContent.of(cell).candidates if r.outcome == OK] if cell.meta else []
+    content = AnswerContent.maybe(cell)
+    weighed = [r for r in content.candidates if r.outcome == OK] if content else []
     if not weighed:
         return None
     top = max(r.exact for r in weighed)

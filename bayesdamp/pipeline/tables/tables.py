@@ -25,6 +25,8 @@ from bayesdamp.store import TABLES, CellResult, Store, provenance, write_json, w
 from bayesdamp.store.columns import SCHEMA
 from bayesdamp.store.contents.answers import AnswerContent, SampledPosterior
 from bayesdamp.store.contents.candidates import ModeContent
+from bayesdamp.store.contents.estimates import EstimateContent
+from bayesdamp.store.contents.posteriors import PosteriorContent
 from bayesdamp.store.contents.records import NoiseContent, RecordContent
 from bayesdamp.types import OK, candidate_name, candidate_parts
 from bayesdamp.units import UNITS, quantity_unit
@@ -106,12 +108,12 @@ def _estimates(study: Study, store: Store) -> Iterator[Row]:
                 continue
             if cell.outcome != OK:
                 yield {**head, "estimator": method, "outcome": cell.outcome}
-            for stage in cell.meta.get("stages", []):
-                common = {**head, "estimator": method, "stage": stage["stage"], "outcome": stage["outcome"]}
-                common |= {"evaluations": stage["evaluations"], "seconds": stage["seconds"]}
-                if not stage["values"]:
+            for stage in EstimateContent.of(cell).stages:
+                common = {**head, "estimator": method, "stage": stage.stage, "outcome": stage.outcome}
+                common |= {"evaluations": stage.evaluations, "seconds": stage.seconds}
+                if not stage.values:
                     yield common
-                for name, value in stage["values"].items():
+                for name, value in stage.values.items():
                     truth = _truth(spec, name, head["restoring"])
                     error = 100 * abs(value - truth) / abs(truth) if truth else math.nan
                     yield {
@@ -119,7 +121,7 @@ def _estimates(study: Study, store: Store) -> Iterator[Row]:
                         "parameter": name,
                         "unit": _unit(spec, name, head["restoring"]),
                         "value": value,
-                        "stderr": stage["stderr"].get(name, math.nan),
+                        "stderr": stage.stderr.get(name, math.nan),
                         "truth": truth,
                         "error_pct": error,
                     }
@@ -132,12 +134,12 @@ def _posteriors(study: Study, store: Store) -> Iterator[Row]:
             if cell is None:
                 continue
             common = {**head, "sampler": sampler, "seconds": cell.seconds, "outcome": cell.outcome}
-            summary = cell.meta.get("summary", {})
-            if not summary:
+            content = PosteriorContent.of(cell)
+            if not content.summary:
                 yield common
-            common["divergences"] = cell.meta.get("diagnostics", {}).get("divergences")
-            for name, s in summary.items():
-                yield {**common, "parameter": name, "unit": cell.meta["units"][name], **s}
+            common["divergences"] = content.divergences
+            for name, s in content.summary.items():
+                yield {**common, "parameter": name, "unit": content.units[name], **s}
         one = _sampled(store, spec, repeat).get(model)
         for name, s in (one.parameters if one else {}).items():
             unit = _unit(spec, name, head["restoring"])

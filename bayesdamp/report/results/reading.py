@@ -166,7 +166,7 @@ class OtherForm:
 def mode_of(run: Run, signal: str, repeat: int, model: str) -> ModeContent | None:
     """What is stored of a candidate's mode; None where it has none."""
     cell = run.cell("mode", signal, repeat, model)
-    return ModeContent.of(cell) if cell is not None and cell.outcome == OK and cell.meta else None
+    return ModeContent.maybe(cell) if cell is not None and cell.outcome == OK else None
 
 
 def other_forms(run: Run, signal: str, repeat: int, model: str) -> list[OtherForm]:

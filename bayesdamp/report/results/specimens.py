@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
 
 from bayesdamp.outcomes import Fitting, fitting_of
 from bayesdamp.report import words
 from bayesdamp.report.results.run import Run, rows_of
 from bayesdamp.report.results.verdict import SURE
 from bayesdamp.store import CellResult
+from bayesdamp.store.contents.many import JointContent, PopulationContent, Weighing
 from bayesdamp.types import OK
 
 
@@ -32,57 +32,51 @@ def sentences(run: Run) -> list[str]:
 
 def joint_sentence(run: Run, cell: CellResult) -> str:
     """What a joint fit says: which damping, how large, whether the records agree, and whether it fits them."""
-    if "best" not in cell.meta:
+    joint = JointContent.maybe(cell)
+    if joint is None:
         return f"no joint fit: {cell.outcome}."
-    meta, best = cell.meta, cell.meta["best"]
-    row = meta["candidates"][best]
-    sure = "" if row["probability"] >= SURE else "most likely "
-    sizes = [f"{words.symbol(n).text} = {size(row, n)}" for n in coefficients(meta)]
-    text = f"{len(meta['records'])} records together: damping is {sure}{words.model(best)}, with probability "
-    text += f"{words.probability(row['probability'])}; {words.listing(sizes)}; {meta['said']['damping']}"
-    if row["outcome"] != OK:
-        text += f"; {row['outcome']}"
-    worse = misfits(run, meta)
+    row = joint.candidates[joint.best]
+    sure = "" if row.probability >= SURE else "most likely "
+    sizes = [f"{words.symbol(n).text} = {size(row, n)}" for n in joint.repeats]
+    text = f"{len(joint.records)} records together: damping is {sure}{words.model(joint.best)}, with probability "
+    text += f"{words.probability(row.probability)}; {words.listing(sizes)}; {joint.said['damping']}"
+    if row.outcome != OK:
+        text += f"; {row.outcome}"
+    worse = misfits(run, joint)
     return f"{text}; it does not fit {words.listing(worse)}." if worse else f"{text}."
 
 
-def misfits(run: Run, meta: Mapping[str, Any]) -> list[str]:
+def misfits(run: Run, joint: JointContent) -> list[str]:
     """The records that the best joint candidate does not fit by itself."""
     found = []
-    for label, (signal, repeat) in zip(meta["records"], meta["members"]):
-        rows = rows_of(run.fits, signal=signal, repeat=repeat, model=meta["best"])
+    for label, (signal, repeat) in zip(joint.records, joint.members):
+        rows = rows_of(run.fits, signal=signal, repeat=repeat, model=joint.best)
         if rows and fitting_of(rows[0]["verdict"]) is Fitting.DOES_NOT_FIT:
             found.append(label)
     return found
 
 
-def coefficients(meta: Mapping[str, Any]) -> list[str]:
-    """The damping coefficients of a joint fit's best candidate."""
-    return list(meta["repeats"])
+def size(row: Weighing, name: str) -> str:
+    """A parameter of a candidate with its standard deviation and unit."""
+    one = row.summary[name]
+    return f"{words.with_error(one['mean'], one['sd'])} {words.unit(row.units[name])}"
 
 
-def size(row: Mapping[str, Any], name: str) -> str:
-    """A parameter of a row with its standard deviation and unit."""
-    one = row["summary"][name]
-    return f"{words.with_error(one['mean'], one['sd'])} {words.unit(row['units'][name])}"
-
-
-def over(found: Mapping[str, Any], unit: str, what: str) -> str:
+def over(one: Mapping[str, float], unit: str) -> str:
     """The population's mean or spread with its 95 % interval."""
-    one = found[what]
     return f"{words.number(one['median'], 3)} {words.interval(one['q2.5'], one['q97.5'])} {words.unit(unit)}"
 
 
 def population_sentence(cell: CellResult) -> str:
     """What the population over specimens says: mean and spread of each coefficient, and a warning with them."""
-    if "populations" not in cell.meta:
+    found = PopulationContent.maybe(cell)
+    if found is None:
         return f"Over the specimens: {cell.outcome}."
-    meta = cell.meta
     parts = [
-        f"{words.symbol(n).text} has the mean {over(p, meta['units'][n], 'mean')} and the spread "
-        f"{over(p, meta['units'][n], 'spread')}"
-        for n, p in meta["populations"].items()
+        f"{words.symbol(n).text} has the mean {over(p.mean, found.units[n])} and the spread "
+        f"{over(p.spread, found.units[n])}"
+        for n, p in found.populations.items()
     ]
-    text = f"Over {len(meta['specimens'])} specimens, all taken as {words.model(meta['best'])}: "
+    text = f"Over {len(found.specimens)} specimens, all taken as {words.model(found.best)}: "
     text += words.listing(parts)
     return f"{text}; {cell.outcome}." if cell.outcome != OK else f"{text}."

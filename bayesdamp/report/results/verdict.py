@@ -58,7 +58,8 @@ def verdict(run: Run, signal: str, repeat: int) -> Verdict:
     best = found.best
     share = words.probability(best["probability"])
     record = run.cell("signal", signal, repeat)
-    odd = words.listing(RecordContent.of(record).anomalies) if record and record.meta else ""
+    content = RecordContent.maybe(record)
+    odd = words.listing(content.anomalies) if content else ""
     if odd:
         sentence = (
             f"the record is no free decay of one oscillator, so no candidate fits: {odd}; of those that are compared "

@@ -22,6 +22,11 @@ class Content:
         return cls.of_meta(cell.meta)
 
     @classmethod
+    def maybe(cls, cell: CellResult | None) -> Self | None:
+        """Of a cell that may be missing, or hold nothing but why there is no result: None then."""
+        return cls.of_meta(cell.meta) if cell is not None and cell.meta else None
+
+    @classmethod
     def of_meta(cls, meta: Mapping[str, Any]) -> Self:
         """What `meta` gave, after a file."""
         return _adapter(cls).validate_python(dict(meta))

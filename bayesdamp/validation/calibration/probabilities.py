@@ -13,6 +13,7 @@ from scipy.stats import binomtest
 
 from bayesdamp.config import Study
 from bayesdamp.store import CellResult
+from bayesdamp.store.contents.calibration import RecoveryContent
 from bayesdamp.types import OK
 from bayesdamp.validation.calibration import statistics
 from bayesdamp.validation.calibration.tables import ALARM
@@ -27,7 +28,7 @@ RECORD_COLUMNS = ("series", "record", "noise", "cycles", "loss", "model", "outco
 
 def record_table(found: Mapping[str, Sequence[CellResult]]) -> tuple[tuple[str, ...], Iterator[Row]]:
     """Columns and rows of recovery.csv: every record that was tried, and the probability of each model."""
-    models = dict.fromkeys(m for chunks in found.values() for m in chunks[0].meta["models"])
+    models = dict.fromkeys(m for chunks in found.values() for m in RecoveryContent.of(chunks[0]).models)
     columns = (*RECORD_COLUMNS, *models)
     return columns, _rows(found)
 
@@ -35,12 +36,13 @@ def record_table(found: Mapping[str, Sequence[CellResult]]) -> tuple[tuple[str, 
 def _rows(found: Mapping[str, Sequence[CellResult]]) -> Iterator[Row]:
     for name, chunks in found.items():
         for c in chunks:
-            first, models = int(c.name.rpartition("/")[2]), c.meta["models"]
-            for i, outcome in enumerate(c.meta["outcomes"]):
+            content, first = RecoveryContent.of(c), int(c.name.rpartition("/")[2])
+            models = content.models
+            for i, outcome in enumerate(content.outcomes):
                 noise, cycles = c.arrays["design"][i]
                 head = {"series": name, "record": first + i, "noise": float(noise), "cycles": float(cycles)}
                 head |= {"loss": round(float(c.arrays["loss"][i]), 4), "model": models[c.arrays["model"][i]]}
-                doubts = sum(said != OK for said in c.meta["evidence_outcomes"][i]) if outcome == OK else None
+                doubts = sum(said != OK for said in content.evidence_outcomes[i]) if outcome == OK else None
                 shares = {m: _short(p) for m, p in zip(models, c.arrays["probability"][i])}
                 yield {**head, "outcome": outcome, "doubts": doubts, **shares}
 
@@ -56,19 +58,14 @@ def about(study: Study, found: Mapping[str, Sequence[CellResult]]) -> Row:
 
 
 def _judged(chunks: Sequence[CellResult]) -> Row:
-    models = chunks[0].meta["models"]
-    good = np.concatenate([c.meta["accepted"] for c in chunks]).astype(bool)
+    contents = [RecoveryContent.of(c) for c in chunks]
+    models = contents[0].models
+    good = np.concatenate([c.accepted for c in contents]).astype(bool)
     truth, p, design = (
         np.concatenate([c.arrays[name] for c in chunks])[good] for name in ("model", "probability", "design")
     )
-    outcomes = Counter(o for c in chunks for o in c.meta["outcomes"])
-    said = [
-        s
-        for c in chunks
-        for one, ok in zip(c.meta["evidence_outcomes"], c.meta["accepted"])
-        for s in one
-        if ok
-    ]
+    outcomes = Counter(o for c in contents for o in c.outcomes)
+    said = [s for c in contents for one, ok in zip(c.evidence_outcomes, c.accepted) for s in one if ok]
     top = p.argmax(axis=1)
     hit, height = top == truth, p.max(axis=1)
     right = p[np.arange(truth.size), truth]

@@ -15,6 +15,7 @@ from bayesdamp.inference.model import batches
 from bayesdamp.inference.samplers import SAMPLERS, Settings
 from bayesdamp.inference.samplers._many import BATCH, sample_many
 from bayesdamp.store import CellResult
+from bayesdamp.store.contents.calibration import RanksContent
 from bayesdamp.types import OK, InputError, Posterior, Refusal
 from bayesdamp.validation.calibration import statistics as calibration
 from bayesdamp.validation.calibration.problem import (
@@ -42,10 +43,9 @@ class _Fit:
 def ranked(study: Study, model: str, first: int) -> CellResult:
     """A chunk of records of one model, numbered from `first`.
 
-    meta: names (parameters, and the likelihood last), outcomes and accepted by record, sampler_outcomes and
-    seconds by sampler. arrays: truth (c, k), value and stderr of the refined estimate (c, k), and by sampler,
-    shape (c, s, k): ranks among the thinned draws (−1 where there are none) and below, the share of all draws
-    below the truth.
+    Its content is a `RanksContent`: names of the parameters, and the likelihood last. arrays: truth (c, k), value and
+    stderr of the refined estimate (c, k), and by sampler, shape (c, s, k): ranks among the thinned draws (−1 where
+    there are none) and below, the share of all draws below the truth.
     """
     made, table = generator(study, model), study.calibration
     names = [*made.blank.names, LIKELIHOOD]
@@ -82,15 +82,15 @@ def ranked(study: Study, model: str, first: int) -> CellResult:
             ]
             below[i, s] = [np.mean(d < t) for t, d in zip(truth[i], draws)]
         seconds[sampler] = time.perf_counter() - began
-    meta = {
-        "names": names,
-        "outcomes": outcomes,
-        "accepted": [outcome == OK for outcome in outcomes],
-        "sampler_outcomes": said,
-        "seconds": seconds,
-    }
+    content = RanksContent(
+        tuple(outcomes),
+        tuple(outcome == OK for outcome in outcomes),
+        names=tuple(names),
+        sampler_outcomes={s: tuple(one) for s, one in said.items()},
+        seconds=seconds,
+    )
     arrays = {"truth": truth, "value": value, "stderr": stderr, "ranks": ranks, "below": below}
-    return CellResult("", "", meta, arrays, OK, sum(seconds.values()))
+    return CellResult("", "", content.meta(), arrays, OK, sum(seconds.values()))
 
 
 def _fit(made: Generator, drawn: Drawn) -> _Fit:

@@ -17,6 +17,7 @@ from bayesdamp.physics.damping import parse_model
 from bayesdamp.physics.integrate import simulate
 from bayesdamp.priors import LogNormal
 from bayesdamp.store import CellResult
+from bayesdamp.store.contents.calibration import RecoveryContent
 from bayesdamp.types import OK, InputError, Refusal
 from bayesdamp.validation.calibration.problem import (
     Drawn,
@@ -33,9 +34,8 @@ CHUNK = 4
 def recovered(study: Study, kind: str, first: int) -> CellResult:
     """A chunk of records, numbered from `first`; kind: "recovery" over all models, "single" over single dampings.
 
-    meta: models, outcomes and accepted by record, evidence_outcomes by record and model. arrays: model, the true
-    one's place (c,); probability (c, m); log_evidence (c, m); design, noise and cycles (c, 2); loss (c,), the share
-    of its amplitude that the motion without noise loses.
+    Its content is a `RecoveryContent`. arrays: model, the true one's place (c,); probability (c, m); log_evidence
+    (c, m); design, noise and cycles (c, 2); loss (c,), the share of its amplitude that the motion without noise loses.
     """
     models, began = models_of(study, kind), time.perf_counter()
     outcomes, said = [OK] * CHUNK, [[""] * len(models) for _ in range(CHUNK)]
@@ -63,13 +63,12 @@ def recovered(study: Study, kind: str, first: int) -> CellResult:
                 outcomes[i] = failure(fault)
                 break
             evidence[i, m], said[i][m] = found
-    meta = {
-        "models": models,
-        "outcomes": outcomes,
-        "accepted": [outcome == OK for outcome in outcomes],
-        "evidence_outcomes": said,
-        "design": ["noise", "cycles"],
-    }
+    content = RecoveryContent(
+        tuple(outcomes),
+        tuple(outcome == OK for outcome in outcomes),
+        models=tuple(models),
+        evidence_outcomes=tuple(map(tuple, said)),
+    )
     arrays = {
         "model": truth,
         "log_evidence": evidence,
@@ -77,7 +76,7 @@ def recovered(study: Study, kind: str, first: int) -> CellResult:
         "design": design,
         "loss": loss,
     }
-    return CellResult("", "", meta, arrays, OK, time.perf_counter() - began)
+    return CellResult("", "", content.meta(), arrays, OK, time.perf_counter() - began)
 
 
 def models_of(study: Study, kind: str) -> list[str]:

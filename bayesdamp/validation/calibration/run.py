@@ -12,6 +12,7 @@ from rich.console import Console
 from bayesdamp.config import Study
 from bayesdamp.outcomes import Status, status_of
 from bayesdamp.store import CellResult, Store, provenance, write_json, write_table
+from bayesdamp.store.contents.calibration import RanksContent
 from bayesdamp.types import OK
 from bayesdamp.validation.calibration import probabilities, ranks, recovery, tables
 from bayesdamp.validation.calibration.series import MOST, Series, accepted, gather
@@ -69,7 +70,8 @@ def _failures(found: Mapping[str, Sequence[CellResult]]) -> list[str]:
     """Records in which the program failed, a line for each."""
     lines = []
     for chunk in (c for chunks in found.values() for c in chunks):
-        said = [chunk.meta["outcomes"], *chunk.meta.get("sampler_outcomes", {}).values()]
+        content = RanksContent.of(chunk)
+        said = [content.outcomes, *content.sampler_outcomes.values()]
         for i in range(len(said[0])):
             lines += [
                 f"{chunk.name}, record {i + 1}: {s[i]}" for s in said if status_of(s[i]) is Status.FAILED

@@ -23,6 +23,7 @@ from bayesdamp.pipeline.keys import task_key
 from bayesdamp.pipeline.workers import cache_compilations, pool_of, progress_bar
 from bayesdamp.plugins import use
 from bayesdamp.store import CellResult, Store
+from bayesdamp.store.contents.calibration import ChunkContent
 from bayesdamp.validation.calibration import ranks, recovery
 from bayesdamp.validation.calibration.problem import failure
 
@@ -88,7 +89,7 @@ def gather(
         bars = {s.name: progress.add_task(s.name, total=s.wanted) for s in wanted}
 
         def advance(series: Series, result: CellResult) -> None:
-            progress.update(bars[series.name], advance=sum(result.meta.get("accepted", ())))
+            progress.update(bars[series.name], advance=sum(ChunkContent.of(result).accepted))
 
         while True:
             wave = [(s, first) for s in wanted for first in _wave(s, found[s.name])]
@@ -101,7 +102,7 @@ def gather(
 
 def accepted(results: Sequence[CellResult]) -> int:
     """How many records of these chunks count."""
-    return sum(sum(r.meta.get("accepted", ())) for r in results)
+    return sum(sum(ChunkContent.of(r).accepted) for r in results)
 
 
 def _wave(series: Series, results: Sequence[CellResult]) -> list[int]:

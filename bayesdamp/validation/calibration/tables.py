@@ -12,6 +12,7 @@ from scipy.stats import binom, norm
 
 from bayesdamp.config import Study
 from bayesdamp.store import CellResult
+from bayesdamp.store.contents.calibration import RanksContent
 from bayesdamp.types import OK
 from bayesdamp.validation.calibration import statistics
 from bayesdamp.validation.calibration.ranks import LIKELIHOOD
@@ -47,7 +48,7 @@ def calibration_rows(study: Study, found: Mapping[str, Sequence[CellResult]]) ->
 
 
 def _sampler_rows(study: Study, chunks: Sequence[CellResult]) -> Iterator[Row]:
-    table, names = study.calibration, chunks[0].meta["names"]
+    table, names = study.calibration, RanksContent.of(chunks[0]).names
     for s, sampler in enumerate(table.samplers):
         for k, name in enumerate(names):
             ranks = np.concatenate([c.arrays["ranks"][:, s, k] for c in chunks])
@@ -96,8 +97,8 @@ def _coverage_row(inside: np.ndarray, level: float, without: int = 0) -> Row:
 
 def _classical_rows(chunks: Sequence[CellResult]) -> Iterator[Row]:
     """Value ± so many standard errors, as the refined estimate's Hessian gives them; none for the noise."""
-    good = np.concatenate([c.meta["accepted"] for c in chunks])
-    for k, name in enumerate(chunks[0].meta["names"]):
+    good = np.concatenate([RanksContent.of(c).accepted for c in chunks])
+    for k, name in enumerate(RanksContent.of(chunks[0]).names):
         truth, value, stderr = (
             np.concatenate([c.arrays[part][:, k] for c in chunks])[good]
             for part in ("truth", "value", "stderr")
@@ -118,7 +119,7 @@ def rank_rows(study: Study, found: Mapping[str, Sequence[CellResult]]) -> Iterat
     """Rows of ranks.csv: the ranks of each truth among the thinned draws, in the order of the records that count."""
     for chunks in found.values():
         for s, sampler in enumerate(study.calibration.samplers):
-            for k, name in enumerate(chunks[0].meta["names"]):
+            for k, name in enumerate(RanksContent.of(chunks[0]).names):
                 ranks = np.concatenate([c.arrays["ranks"][:, s, k] for c in chunks])
                 text = " ".join(map(str, ranks[ranks >= 0].tolist()))
                 yield {"model": _model(chunks), "sampler": sampler, "parameter": name, "ranks": text}
@@ -129,16 +130,17 @@ def about(study: Study, found: Mapping[str, Sequence[CellResult]], rows: Sequenc
     table = study.calibration
     counts = {}
     for chunks in found.values():
-        outcomes = Counter(o for c in chunks for o in c.meta["outcomes"])
+        contents = [RanksContent.of(c) for c in chunks]
+        outcomes = Counter(o for c in contents for o in c.outcomes)
         counts[_model(chunks)] = {
             "tried": sum(outcomes.values()),
             "counted": outcomes.pop(OK, 0),
             "refused": dict(outcomes),
             "samplers": {
-                s: dict(Counter(o for c in chunks for o in c.meta["sampler_outcomes"][s] if o))
+                s: dict(Counter(o for c in contents for o in c.sampler_outcomes[s] if o))
                 for s in table.samplers
             },
-            "seconds": {k: sum(c.meta["seconds"][k] for c in chunks) for k in ("record", *table.samplers)},
+            "seconds": {k: sum(c.seconds[k] for c in contents) for k in ("record", *table.samplers)},
         }
     sizes = {r["records"] for r in rows if r["check"] == "ranks" and r["records"]}
     bands = {}

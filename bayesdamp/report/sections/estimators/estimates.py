@@ -18,6 +18,7 @@ from bayesdamp.report.results.reading import coefficients, models_by_rank, truth
 from bayesdamp.report.results.run import Row, Run, rows_of
 from bayesdamp.report.sections._layout import by_signal, drawn
 from bayesdamp.report.sections._section import Section
+from bayesdamp.store.contents.posteriors import PosteriorContent
 from bayesdamp.types import OK
 
 
@@ -90,7 +91,7 @@ def _figure(run: Run, signal: str, model: str, rows: Sequence[Row]) -> Markup:
     draws: dict[str, np.ndarray] = {}
     for cell in run.cells("posterior", signal, repeat, model):
         if "draws" in cell.arrays and not draws:
-            named = enumerate(cell.meta.get("names") or [])
+            named = enumerate(PosteriorContent.of(cell).names)
             draws = {n: cell.arrays["draws"][..., i] for i, n in named if n in names}
     if not draws and all(len(found) == 1 for found in points.values()):
         return Markup("")  # a single number needs no axis

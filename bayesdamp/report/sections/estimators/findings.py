@@ -16,6 +16,7 @@ from bayesdamp.report.results.reading import models_by_rank
 from bayesdamp.report.results.run import Run
 from bayesdamp.report.sections._layout import by_signal
 from bayesdamp.report.sections._section import Section
+from bayesdamp.store.contents.estimates import EstimateContent
 
 Details = Mapping[str, Any]
 
@@ -46,9 +47,9 @@ def _found(run: Run, signal: str) -> dict[str, Details]:
     """Method to the details of its own estimate."""
     found = {}
     for cell in run.cells("estimate", signal, run.repeats(signal)[0], _model(run, signal)):
-        for stage in cell.meta.get("stages", []):
-            if stage.get("details"):
-                found[cell.name.split("/")[4]] = stage["details"]
+        for stage in EstimateContent.of(cell).stages:
+            if stage.details:
+                found[cell.name.split("/")[4]] = stage.details
     return found
 
 

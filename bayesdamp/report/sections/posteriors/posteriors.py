@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from markupsafe import Markup
@@ -18,6 +18,7 @@ from bayesdamp.report.results.reading import coefficients, models_by_rank, truth
 from bayesdamp.report.results.run import Row, Run, rows_of
 from bayesdamp.report.sections._layout import by_signal, drawn
 from bayesdamp.report.sections._section import Section
+from bayesdamp.store.contents.posteriors import PosteriorContent
 from bayesdamp.types import OK
 
 RATIO = "curve/equivalent_ratio"
@@ -72,12 +73,12 @@ def _figures(run: Run, signal: str, repeat: int, model: str) -> list[Markup]:
         run.cells("posterior", signal, repeat, model), key=lambda c: not c.name.endswith("/nuts")
     ):
         array = cell.arrays.get("draws")
-        names: Sequence[str] = cell.meta.get("names") or []
+        content = PosteriorContent.of(cell)
+        names = content.names
         if array is None or array.ndim != 3 or array.shape[2] != len(names) or not np.isfinite(array).all():
             continue
         draws[cell.name.split("/")[4]] = {name: array[:, :, i] for i, name in enumerate(names)}
-        listed = cell.meta.get("units") or {}
-        units = {**(listed if isinstance(listed, Mapping) else dict(zip(names, listed))), **units}
+        units = {**content.units, **units}
     if not draws:
         return []
     true = {name: truth(run, signal, name) for found in draws.values() for name in found}
@@ -107,7 +108,7 @@ def _against_amplitude(run: Run, signal: str, repeat: int, model: str, sampler: 
         return []
     shown = run.unit(signal).displacement
     unit, scale = shown.name, shown.scale
-    grid, reference = scale * cell.arrays["amplitudes"], scale * cell.meta["reference_amplitude"]
+    grid, reference = scale * cell.arrays["amplitudes"], scale * PosteriorContent.of(cell).reference_amplitude
     ratio = cell.arrays[RATIO]
     caption = (
         f"{signal}, {words.model(model)}: equivalent damping ratio over the record's amplitudes, median and 95 % band "
@@ -161,7 +162,7 @@ def _left_out(run: Run, signal: str, repeat: int, model: str) -> set[tuple[str, 
     """By sampler, which derived quantities are not shown because some draws have none."""
     found = set()
     for cell in run.cells("posterior", signal, repeat, model):
-        without: Mapping[str, int] = cell.meta.get("without") or {}
+        without = PosteriorContent.of(cell).without
         if without:
             names = words.listing(words.symbol(n).text for n in without)
             draws = max(without.values())

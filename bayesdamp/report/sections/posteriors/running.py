@@ -14,6 +14,7 @@ from bayesdamp.report.results.run import Run
 from bayesdamp.report.sections._layout import by_signal, drawn
 from bayesdamp.report.sections._section import Section
 from bayesdamp.store import CellResult
+from bayesdamp.store.contents.posteriors import PosteriorContent
 
 _PASSES = ("online", "restarted")
 
@@ -56,10 +57,11 @@ def _one(run: Run, signal: str) -> Markup:
 
 
 def _drawn(run: Run, signal: str, model: str, cell: CellResult) -> Markup:
-    listed = list(cell.meta["diagnostics"]["running"])
+    content = PosteriorContent.of(cell)
+    listed = content.running
     names = [n for n in coefficients(run, model) if n in listed]
     first, last = (_by_name(cell, label, listed) for label in _PASSES)
-    t, units = cell.arrays["running/t"], cell.meta.get("units") or {}
+    t, units = cell.arrays["running/t"], content.units
     true = {n: truth(run, signal, n) for n in names}
     sampler = words.method(cell.name.split("/")[4])
     caption = f"{signal}, {words.model(model)}: running estimate of the damping by {sampler}."
@@ -70,7 +72,9 @@ def _drawn(run: Run, signal: str, model: str, cell: CellResult) -> Markup:
     return run.drawings.add(f"running-{signal}-{model}", caption, draw)
 
 
-def _by_name(cell: CellResult, label: str, names: list[str]) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+def _by_name(
+    cell: CellResult, label: str, names: tuple[str, ...]
+) -> dict[str, tuple[np.ndarray, np.ndarray]]:
     mean, sd = (cell.arrays[f"running/{label}/{what}"] for what in ("mean", "sd"))
     return {n: (mean[:, i], sd[:, i]) for i, n in enumerate(names)}
 

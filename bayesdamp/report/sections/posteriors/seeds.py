@@ -15,6 +15,7 @@ from bayesdamp.report.results.run import Run
 from bayesdamp.report.sections._layout import by_signal
 from bayesdamp.report.sections._section import Section
 from bayesdamp.store.contents.candidates import Climb, ModeContent
+from bayesdamp.store.contents.posteriors import PosteriorContent
 from bayesdamp.types import OK
 
 Row = Mapping[str, Any]
@@ -151,7 +152,7 @@ def _nats(top: float, value: float | None) -> str:
 def _chains(run: Run, signal: str, repeat: int, model: str) -> list[Table]:
     tables = []
     for cell in run.cells("posterior", signal, repeat, model):
-        starts = (cell.meta.get("diagnostics") or {}).get("starts")
+        starts = PosteriorContent.of(cell).starts
         if not starts:
             continue
         sampler = words.method(cell.name.rsplit("/", 1)[1])
@@ -159,12 +160,12 @@ def _chains(run: Run, signal: str, repeat: int, model: str) -> list[Table]:
             Line(
                 [
                     str(i + 1),
-                    _name(s["seed"]),
-                    words.number(s["seed_distance"], 3),
-                    words.number(s["distance"], 2),
-                    words.fixed(s["shift"], 2),
+                    _name(s.seed),
+                    words.number(s.seed_distance, 3),
+                    words.number(s.distance, 2),
+                    words.fixed(s.shift, 2),
                 ],
-                "alert" if s["shift"] > ALIKE else "",
+                "alert" if s.shift > ALIKE else "",
             )
             for i, s in enumerate(starts)
         ]

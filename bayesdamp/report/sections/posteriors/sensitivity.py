@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from markupsafe import Markup
@@ -19,6 +18,9 @@ from bayesdamp.report.results.run import Run
 from bayesdamp.report.sections._layout import by_signal
 from bayesdamp.report.sections._section import Section
 from bayesdamp.store import CellResult
+from bayesdamp.store.contents.candidates import SecondHalf
+from bayesdamp.store.contents.evidence import HalfContent, NoisesContent, RatiosContent
+from bayesdamp.store.contents.posteriors import AverageContent
 from bayesdamp.types import OK
 
 
@@ -39,7 +41,7 @@ class Sensitivity(Section):
 
     @staticmethod
     def _signals(run: Run) -> list[str]:
-        return [s for s in run.signals if any(c.meta for c in run.cells("sensitivity", s))]
+        return [s for s in run.signals if any(c.outcome == OK for c in run.cells("sensitivity", s))]
 
 
 def _one(run: Run, signal: str) -> Markup:
@@ -52,7 +54,7 @@ def _one(run: Run, signal: str) -> Markup:
 
 def _cells(run: Run, signal: str, models: list[str], kind: str) -> dict[str, CellResult]:
     found = {m: run.cell("sensitivity", signal, 0, m, kind) for m in models}
-    return {m: c for m, c in found.items() if c is not None and c.outcome == OK and c.meta}
+    return {m: c for m, c in found.items() if c is not None and c.outcome == OK}
 
 
 def _widths(run: Run, signal: str, models: list[str]) -> Markup | None:
@@ -92,10 +94,10 @@ def _elsewhere(run: Run, signal: str, models: list[str]) -> Table | None:
             continue
         found[model] = of_parts
         if model in noises:
-            under = noises[model].meta
+            under = NoisesContent.of(noises[model])
             found[model] |= {
-                f"{words.method(n)}{', chosen' * (n == under['chosen'])}": e["log_evidence"]
-                for n, e in under["evidence"].items()
+                f"{words.method(n)}{', chosen' * (n == under.chosen)}": e.log_evidence
+                for n, e in under.evidence.items()
             }
     best: dict[str, float] = {}
     for label, log_evidence in (item for logs in found.values() for item in logs.items()):
@@ -122,23 +124,23 @@ class _Half:
     stderr: float
     diagnostic: str
     sound: bool
-    told: Mapping[str, Any]
-    """rms, expected, coverage, log_predictive and its standard error."""
+    told: SecondHalf
+    predictive_stderr: float
 
 
 def _half(run: Run, signal: str, model: str, sampled: Mapping[str, CellResult]) -> _Half | None:
     """By importance sampling where that was done, else by Laplace's approximation."""
     if model in sampled:
-        meta = sampled[model].meta
-        found = meta["evidence"]
-        return _Half(
-            found["log_evidence"], found["stderr"], found["diagnostic"], found["outcome"] == OK, meta
-        )
+        told = HalfContent.of(sampled[model])
+        found = told.evidence
+        log = math.nan if found.log_evidence is None else found.log_evidence
+        sound = found.outcome == OK
+        return _Half(log, found.stderr, found.diagnostic, sound, told, told.log_predictive_stderr)
     mode = mode_of(run, signal, 0, model)
     if mode is None or mode.forecast is None:
         return None
     first = next(w.log_evidence for w in mode.windows if w.label == "first half")
-    return _Half(first, math.nan, "Laplace's approximation", True, vars(mode.forecast))
+    return _Half(first, math.nan, "Laplace's approximation", True, mode.forecast, math.nan)
 
 
 def _halves(run: Run, signal: str, models: list[str]) -> Table | None:
@@ -149,7 +151,7 @@ def _halves(run: Run, signal: str, models: list[str]) -> Table | None:
     found = ranking(run, signal, 0)
     whole = {r["model"]: r["log_bayes_factor"] for r in found.rows} if found else {}
     best = max(half.log_evidence for half in halves.values())
-    densities = [half.told["log_predictive"] for half in halves.values()]
+    densities = [half.told.log_predictive for half in halves.values()]
     ahead = max(filter(math.isfinite, densities), default=math.nan)  # what is not to be trusted has none
     lines = [
         Line(
@@ -157,11 +159,9 @@ def _halves(run: Run, signal: str, models: list[str]) -> Table | None:
                 words.model(model),
                 words.nats(whole.get(model)),
                 words.nats(half.log_evidence - best, half.stderr),
-                words.number(half.told["rms"] / half.told["expected"], 3),
-                f"{100 * half.told['coverage']:.0f} %",
-                words.nats(
-                    half.told["log_predictive"] - ahead, half.told.get("log_predictive_stderr", math.nan)
-                ),
+                words.number(half.told.rms / half.told.expected, 3),
+                f"{100 * half.told.coverage:.0f} %",
+                words.nats(half.told.log_predictive - ahead, half.predictive_stderr),
                 half.diagnostic,
             ],
             "" if half.sound else "alert",
@@ -200,21 +200,21 @@ def _ratios(run: Run, signal: str, models: list[str]) -> Table | None:
     logs = {frozenset(r["model"].split("+")): r for r in found.rows} if found else {}
     lines = []
     for model, cell in _cells(run, signal, models, "savage_dickey").items():
-        for smaller, ratio in cell.meta["against"].items():
+        for smaller, ratio in RatiosContent.of(cell).against.items():
             one, other = (logs.get(frozenset(m.split("+"))) for m in (smaller, model))
             if one is None or other is None:
                 continue
-            valid = ratio["outcome"] == OK
+            valid = ratio.outcome == OK
             lines.append(
                 Line(
                     [
                         f"{words.model(smaller)} to {words.model(model)}",
-                        words.nats(ratio["log_bayes_factor"], ratio["stderr"]) if valid else words.NONE,
+                        words.nats(ratio.log_bayes_factor, ratio.stderr) if valid else words.NONE,
                         words.nats(
                             one["log_evidence"] - other["log_evidence"],
                             math.hypot(one["stderr"], other["stderr"]),
                         ),
-                        ratio["outcome"],
+                        ratio.outcome,
                     ],
                     "" if valid else "quiet",
                 )
@@ -240,7 +240,8 @@ def _average(run: Run, signal: str, models: list[str]) -> Markup | None:
         own = cell.arrays.get(f"median/{model}")
         if own is not None:
             medians[model] = (scale * cell.arrays["amplitudes"], own)
-    covered, weighed = cell.meta.get("covered", 1.0), cell.meta.get("weighed", [])
+    content = AverageContent.of(cell)
+    covered, weighed = content.covered, content.weighed
     part = "" if covered > 0.9995 else f" that hold {words.probability(covered)} of the probability"
     how = (
         f" Not sampled, by the weighted draws of the evidence: {words.listing(map(words.model, weighed))}."
@@ -249,7 +250,7 @@ def _average(run: Run, signal: str, models: list[str]) -> Markup | None:
     )
     caption = (
         f"{signal}: equivalent viscous damping ratio against amplitude, averaged over the models{part} by their "
-        f"probabilities ({words.method(cell.meta['method'])}): median and 95 % band; thin: each model's own "
+        f"probabilities ({words.method(content.method)}): median and 95 % band; thin: each model's own "
         f"median.{how}"
     )
 

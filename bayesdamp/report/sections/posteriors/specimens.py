@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
 from markupsafe import Markup
@@ -13,7 +12,6 @@ from bayesdamp.report.figures.posteriors.intervals import Interval, Panel, inter
 from bayesdamp.report.html import Line, Table, fill
 from bayesdamp.report.results.run import Run
 from bayesdamp.report.results.specimens import (
-    coefficients,
     joint_cells,
     joint_sentence,
     over,
@@ -24,6 +22,7 @@ from bayesdamp.report.results.specimens import (
 from bayesdamp.report.sections._section import Section
 from bayesdamp.report.style import colour
 from bayesdamp.store import CellResult
+from bayesdamp.store.contents.many import JointContent, PopulationContent
 from bayesdamp.types import OK
 
 _SHARED = {
@@ -64,58 +63,58 @@ def _interval(one: Mapping[str, float]) -> Interval:
 
 def _joint(run: Run, name: str, cell: CellResult) -> list[object]:
     said = joint_sentence(run, cell)
-    if "best" not in cell.meta:
+    joint = JointContent.maybe(cell)
+    if joint is None:
         return [_text(said[:1].upper() + said[1:])]
-    meta = cell.meta
-    best, row = meta["best"], meta["candidates"][meta["best"]]
+    best, row = joint.best, joint.candidates[joint.best]
     how = (
-        f"Shared: {_SHARED[meta['sharing']]}. Each record's own: its start, its angle at rest (an encoder "
+        f"Shared: {_SHARED[joint.sharing]}. Each record's own: its start, its angle at rest (an encoder "
         "may be offset) and its noise. The joint interval is right if the records share what they are said to "
         "share and the candidate and each record's noise are right; it is not widened for what differs from "
         "record to record."
     )
-    law = f"As to the law, {meta['said']['law']}." if "law" in meta["said"] else ""
+    law = f"As to the law, {joint.said['law']}." if "law" in joint.said else ""
     parts: list[object] = [
         _text(said[:1].upper() + said[1:]),
         _text(how, law),
-        _candidates(meta),
-        _sharings(meta),
+        _candidates(joint),
+        _sharings(joint),
     ]
-    names = list(row["summary"])
+    names = list(row.summary)
     panels = [
         Panel(
-            words.axis(n, row["units"][n]),
-            [_interval(alone["summary"][n]) for alone in meta["alone"].values()],
-            _interval(row["summary"][n]),
+            words.axis(n, row.units[n]),
+            [_interval(alone.summary[n]) for alone in joint.alone.values()],
+            _interval(row.summary[n]),
         )
         for n in names
     ]
     caption = f"{name}, {words.model(best)}: each record's own median and 95 % interval; grey: that of the joint fit."
-    labels = list(meta["alone"])
+    labels = list(joint.alone)
     parts.append(run.drawings.add(f"joint-{name}", caption, lambda: intervals(labels, panels, colour(best))))
     spreads = [
-        f"{words.symbol(n).text} {over(meta['repeats'][n], row['units'][n], 'spread')}"
-        for n in coefficients(meta)
+        f"{words.symbol(n).text} {over(found.spread, row.units[n])}" for n, found in joint.repeats.items()
     ]
-    warning = next((p["outcome"] for p in meta["repeats"].values() if p["outcome"] != OK), "")
+    warning = next((p.outcome for p in joint.repeats.values() if p.outcome != OK), "")
     text = "From repeat to repeat, beyond what each record's own interval allows, the coefficients spread (sd) by "
     parts.append(_text(f"{text}{words.listing(spreads)}{f' ({warning})' if warning else ''}."))
     return parts
 
 
-def _candidates(meta: Mapping[str, Any]) -> Table:
-    names = list(dict.fromkeys(n for r in meta["candidates"].values() for n in r.get("summary", {})))
-    top = meta["candidates"][meta["best"]]["log_evidence"]
-    rows = sorted(meta["candidates"].items(), key=lambda item: -item[1].get("log_evidence", -np.inf))
+def _candidates(joint: JointContent) -> Table:
+    names = list(dict.fromkeys(n for r in joint.candidates.values() for n in r.summary))
+    logs = {c: -np.inf if r.log_evidence is None else r.log_evidence for c, r in joint.candidates.items()}
+    top = logs[joint.best]
+    rows = sorted(joint.candidates.items(), key=lambda item: -logs[item[0]])
     lines = []
     for candidate, row in rows:
-        sizes = [size(row, n) if n in row.get("summary", {}) else words.NONE for n in names]
-        log = row.get("log_evidence")
-        shown = words.nats(None if log is None else log - top, row.get("stderr", np.nan))
-        kind = "best" if candidate == meta["best"] else "" if row["outcome"] == OK else "quiet"
-        share = words.probability(row["probability"])
-        drawn = words.number(row.get("effective"), 3)
-        lines.append(Line([words.model(candidate), share, shown, *sizes, drawn, row["outcome"]], kind))
+        sizes = [size(row, n) if n in row.summary else words.NONE for n in names]
+        ratio = None if row.log_evidence is None else row.log_evidence - top
+        shown = words.nats(ratio, np.nan if row.stderr is None else row.stderr)
+        kind = "best" if candidate == joint.best else "" if row.outcome == OK else "quiet"
+        share = words.probability(row.probability)
+        drawn = words.number(row.effective, 3)
+        lines.append(Line([words.model(candidate), share, shown, *sizes, drawn, row.outcome], kind))
     headers = ["candidate", "probability", "log Bayes factor", *(words.symbol(n).text for n in names)]
     caption = (
         "All records together: evidence of the joint posterior by importance sampling, and what is shared "
@@ -125,23 +124,24 @@ def _candidates(meta: Mapping[str, Any]) -> Table:
     return Table([*headers, "effective draws", "outcome"], lines, frozenset({0, last}), caption)
 
 
-def _sharings(meta: Mapping[str, Any]) -> Table:
-    order = [s for s in ("damping and law", "damping", "law", "nothing") if s in meta["sharings"]]
-    logs = {s: meta["sharings"][s].get("log_evidence", np.nan) for s in order}
+def _sharings(joint: JointContent) -> Table:
+    order = [s for s in ("damping and law", "damping", "law", "nothing") if s in joint.sharings]
+    found = {s: joint.sharings[s] for s in order}
+    logs = {s: np.nan if one.log_evidence is None else one.log_evidence for s, one in found.items()}
     top = np.nanmax(list(logs.values()))
     lines = [
         Line(
             [
                 s,
-                words.nats(logs[s] - top, meta["sharings"][s].get("stderr", np.nan)),
-                meta["sharings"][s]["outcome"],
+                words.nats(logs[s] - top, found[s].stderr),
+                found[s].outcome,
             ],
             "best" if logs[s] == top else "",
         )
         for s in order
     ]
     caption = (
-        f"{words.model(meta['best'])}: log evidence by what the records share, against the best. Where it has no "
+        f"{words.model(joint.best)}: log evidence by what the records share, against the best. Where it has no "
         "error it is so far off that Laplace's evidence, or the distance of the records' own modes, will do."
     )
     return Table(["shared", "nats", "outcome"], lines, frozenset({0, 2}), caption)
@@ -149,15 +149,15 @@ def _sharings(meta: Mapping[str, Any]) -> Table:
 
 def _population(run: Run, cell: CellResult) -> list[object]:
     parts: list[object] = [_text(population_sentence(cell))]
-    if "populations" not in cell.meta:
+    content = PopulationContent.maybe(cell)
+    if content is None:
         return parts
-    meta = cell.meta
-    best, labels = meta["best"], list(meta["specimens"])
+    best, labels = content.best, list(content.specimens)
     scales = [
-        f"{words.number(p['scale'], 2)} {words.unit(meta['units'][n])} for {words.symbol(n).text}"
-        for n, p in meta["populations"].items()
+        f"{words.number(p.scale, 2)} {words.unit(content.units[n])} for {words.symbol(n).text}"
+        for n, p in content.populations.items()
     ]
-    behind = [f"{label} ({words.nats(gap)} nats)" for label, gap in meta["behind"].items() if gap > 1]
+    behind = [f"{label} ({words.nats(gap)} nats)" for label, gap in content.behind.items() if gap > 1]
     how = (
         "Specimens' coefficients are taken as normal, cut off at zero; the mean and the spread are of what is "
         "left. The normal's location has a half-normal prior with the scale of the coefficient's own, "
@@ -167,15 +167,15 @@ def _population(run: Run, cell: CellResult) -> list[object]:
     )
     if behind:
         how += f" Another candidate is ahead for {words.listing(behind)}."
-    parts += [_text(how), _values(meta)]
+    parts += [_text(how), _values(content)]
     panels = [
         Panel(
-            words.axis(n, meta["units"][n]),
-            [_interval(meta["specimens"][label]["summary"][n]) for label in labels],
-            _interval(found["mean"]),
-            [_interval(found["shrunk"][label]) for label in labels],
+            words.axis(n, content.units[n]),
+            [_interval(content.specimens[label].summary[n]) for label in labels],
+            _interval(found.mean),
+            [_interval(found.shrunk[label]) for label in labels],
         )
-        for n, found in meta["populations"].items()
+        for n, found in content.populations.items()
     ]
     caption = (
         "Each specimen's own median and 95 % interval (dots) and once the others have had their say (open); grey: the "
@@ -185,17 +185,16 @@ def _population(run: Run, cell: CellResult) -> list[object]:
     return parts
 
 
-def _values(meta: Mapping[str, Any]) -> Table:
+def _values(content: PopulationContent) -> Table:
     lines = []
-    for name, found in meta["populations"].items():
-        unit = words.unit(meta["units"][name])
-        for what in ("mean", "spread"):
-            one = found[what]
+    for name, found in content.populations.items():
+        unit = words.unit(content.units[name])
+        for what, one in (("mean", found.mean), ("spread", found.spread)):
             bounds = words.interval(one["q2.5"], one["q97.5"])
             lines.append(
                 Line([f"{words.symbol(name).text}, {what}", words.number(one["median"], 3), bounds, unit])
             )
-        for label, one in found["shrunk"].items():
+        for label, one in found.shrunk.items():
             cells = [f"{words.symbol(name).text} of {label}", words.number(one["median"], 4)]
             lines.append(Line([*cells, words.interval(one["q2.5"], one["q97.5"]), unit], "quiet"))
     caption = "The population's mean and spread (sd), and each specimen's value given all of them."

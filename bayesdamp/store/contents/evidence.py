@@ -1,0 +1,97 @@
+"""What is stored of a candidate's evidence, and of what it depends on."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Self
+
+from bayesdamp.store.contents.candidates import SecondHalf
+from bayesdamp.store.contents.content import Content
+from bayesdamp.types import OK, Evidence
+
+NAN = float("nan")
+
+
+@dataclass(frozen=True)
+class EvidenceContent(Content):
+    """One method's evidence (`evidence/NAME/REPEAT/CANDIDATE/METHOD`), as `types.Evidence` explains it.
+
+    log_evidence: in nats, None where the method was not called, as its diagnostic says.
+    """
+
+    model: str = ""
+    method: str = ""
+    log_evidence: float | None = None
+    stderr: float = NAN
+    diagnostic: str = ""
+    evaluations: int = 0
+    seconds: float = 0.0
+    outcome: str = OK
+
+    @classmethod
+    def holding(cls, found: Evidence) -> Self:
+        """Of an evidence, without its arrays."""
+        return cls(
+            found.model,
+            found.method,
+            found.log_evidence,
+            found.stderr,
+            found.diagnostic,
+            found.evaluations,
+            found.seconds,
+            found.outcome,
+        )
+
+    def evidence(self) -> Evidence | None:
+        """The evidence, None where the method was not called."""
+        return None if self.log_evidence is None else Evidence(**vars(self))
+
+
+@dataclass(frozen=True)
+class WidthsContent(Content):
+    """Evidence under other prior widths (`sensitivity/.../widths`): varied, the parameters whose priors were scaled."""
+
+    varied: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class HalfContent(SecondHalf, Content):
+    """What the first half of a record says alone (`sensitivity/.../half`): its evidence, and of the second half what
+    `SecondHalf` explains; start: of the second half, in s."""
+
+    start: float
+    log_predictive_stderr: float
+    evidence: EvidenceContent
+
+
+@dataclass(frozen=True)
+class UnderNoise:
+    """Log evidence by Laplace's approximation (nats) under a noise model; −∞ where it has no fit."""
+
+    log_evidence: float
+    outcome: str = OK
+
+
+@dataclass(frozen=True)
+class NoisesContent(Content):
+    """Evidence under each noise model in play (`sensitivity/.../noises`), and which was chosen."""
+
+    chosen: str
+    evidence: Mapping[str, UnderNoise]
+
+
+@dataclass(frozen=True)
+class NestedRatio:
+    """Log Bayes factor (nats) of a model without a term against the one with it, by Savage and Dickey."""
+
+    log_bayes_factor: float = NAN
+    stderr: float = NAN
+    outcome: str = OK
+
+
+@dataclass(frozen=True)
+class RatiosContent(Content):
+    """Nested ratios (`sensitivity/.../savage_dickey`), by the smaller model's name."""
+
+    against: Mapping[str, NestedRatio]

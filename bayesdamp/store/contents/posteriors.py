@@ -1,0 +1,69 @@
+"""What is stored of a posterior, and of the average over several."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from bayesdamp.store.contents.content import Content
+
+NAN = float("nan")
+
+
+@dataclass(frozen=True)
+class ChainStart:
+    """A chain's starting point: the seed it is from, that one's distance from the mode and its own, in posterior sds;
+    shift: of its mean from that of all chains, in posterior sds."""
+
+    seed: str
+    seed_distance: float
+    distance: float
+    shift: float
+
+
+@dataclass(frozen=True)
+class PosteriorContent(Content):
+    """One sampler's draws (`posterior/NAME/REPEAT/CANDIDATE/SAMPLER`).
+
+    names: of the parameters of the array `draws`, (chain, draw, parameter). summary, units: of these and of what
+    follows from them, at the reference amplitude (unit of displacement); without: derived quantities that have no
+    summary, by how many draws have no such motion. diagnostics: the sampler's own. file: whole, in the run's folder.
+    """
+
+    names: tuple[str, ...] = ()
+    units: Mapping[str, str] = field(default_factory=dict)
+    summary: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    reference_amplitude: float = NAN
+    without: Mapping[str, int] = field(default_factory=dict)
+    diagnostics: Mapping[str, Any] = field(default_factory=dict)
+    file: str = ""
+
+    @property
+    def divergences(self) -> int | None:
+        """How many transitions of the sampler diverged; None where it has no such thing."""
+        return self.diagnostics.get("divergences")
+
+    @property
+    def starts(self) -> tuple[ChainStart, ...]:
+        """Where the chains started, where the sampler says so."""
+        return tuple(ChainStart(**one) for one in self.diagnostics.get("starts") or ())
+
+    @property
+    def running(self) -> tuple[str, ...]:
+        """The parameters whose running estimates a filter left in `running/...`."""
+        return tuple(self.diagnostics.get("running") or ())
+
+
+@dataclass(frozen=True)
+class AverageContent(Content):
+    """The damping against amplitude averaged over the models (`averaged/NAME/0`).
+
+    probabilities: of the models, by which evidence method; covered: what the averaged ones hold together; weighed: what
+    was averaged by the weighted draws of its evidence, having no posterior.
+    """
+
+    probabilities: Mapping[str, float]
+    method: str
+    covered: float = 1.0
+    weighed: tuple[str, ...] = ()
