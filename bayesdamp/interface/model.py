@@ -43,7 +43,8 @@ class Model(Result):
     damping: a sum of damping terms, such as "viscous+coulomb". restoring: the restoring law. noise: a noise model's
     name, several of which one is chosen for the record by evidence, or "auto": all there are. priors: by damping term
     or parameter name; what has none has the default. known: parameter name to its value, which is then not inferred
-    (damping coefficients always are). deviation: "none", laws hold exactly; "law" or "auto", they may hold
+    (damping coefficients always are); friction's epsilon may stand there for a model without friction, which leaves it
+    out. deviation: "none", laws hold exactly; "law" or "auto", they may hold
     approximately, with deviations that are inferred; the noise is then Gaussian, its size known or read from what
     neither parameters nor deviations take. sensor: then, its relative linearity, below which no damping ratio is known.
     amplitude, frequency: the reference that default priors scale with, unit of the
@@ -172,6 +173,7 @@ class Model(Result):
 
     def _checked_known(self) -> dict[str, float]:
         valid = [n for n in self.parameters if n not in self._coefficients]
+        valid += ["epsilon"] * ("epsilon" not in valid)  # one dictionary for models with and without friction
         for name in self.known:
             if name in self._coefficients or name in self.terms:
                 raise InputError(
@@ -189,7 +191,7 @@ class Model(Result):
                     else "a finite number" + (", 0 or more" * (name == "epsilon"))
                 )
                 raise InputError(f"Model: known {name!r} is {self.known[name]!r}; it must be {right}")
-        return found
+        return {name: value for name, value in found.items() if name in self.parameters}
 
     def _checked_priors(self) -> dict[str, Prior]:
         valid = [*self.terms, *self.parameters]

@@ -29,6 +29,14 @@ def test_a_prior_by_term_or_by_coefficient_is_the_same() -> None:
     assert by_term == by_name == {"viscous": prior}
 
 
+def test_one_dictionary_of_what_is_known_serves_with_and_without_friction() -> None:
+    known = {"stiffness": 20.0, "epsilon": 0.05}
+    assert bd.Model("coulomb", known=known).known == known
+    assert bd.Model("viscous", known=known) == bd.Model("viscous", known={"stiffness": 20.0})
+    with pytest.raises(bd.InputError, match="0 or more"):
+        bd.Model("viscous", known={"epsilon": -1.0})
+
+
 def test_saved(tmp_path: Path) -> None:
     model = bd.Model(
         "viscous",

@@ -238,11 +238,11 @@ def test_a_refusal_is_shown(maker):
 def test_poor_evidence_is_not_to_be_believed(maker):
     folder = maker.make()
     text = (folder / "evidence.csv").read_text()
-    assert "to the last digit" not in Page(render(folder).read_text()).words
-    text = re.sub(r"(bridge,[^,]*,[^,]*,[^,]*,[^,]*),,ok", r"\1,Pareto k 0.9: poor,ok", text)
+    assert "was weighed by bridge" not in Page(render(folder).read_text()).words
+    text = re.sub(r"(bridge,[^,]*,[^,]*,[^,]*,[^,]*),,ok", r"\1,halves apart,not settled", text)
     (folder / "evidence.csv").write_text(text)
     words = Page(render(folder).read_text()).words
-    assert "the evidence of viscous to the last digit: Pareto k 0.9: poor." in words
+    assert "that viscous was weighed by bridge: not settled" in words
 
 
 def test_methods_that_disagree_are_named(maker):

@@ -138,9 +138,6 @@ def _weigh(run: Run, found, believe: list[str], doubt: list[str]) -> None:
         )
     for other, name in found.others.items():
         doubt.append(f"the order of the models: {words.method(other)} puts {name} first.")
-    for row in found.rows[:2]:
-        if "poor" in row["diagnostic"]:
-            doubt.append(f"the evidence of {label(row)} to the last digit: {row['diagnostic']}.")
     left = sum(status_of(row["outcome"]) is Status.SET_ASIDE for row in found.rows)
     if left:
         believe.append(
@@ -149,7 +146,7 @@ def _weigh(run: Run, found, believe: list[str], doubt: list[str]) -> None:
     for row in rows_of(run.evidence, signal=found.best["signal"], repeat=found.best["repeat"]):
         counts = found.method != "combined" or row["method"] == "combined"
         if row["outcome"] != OK and status_of(row["outcome"]) is not Status.SET_ASIDE and counts:
-            doubt.append(f"that {label(row)} was weighed by {words.method(row['method'])}: {row['outcome']}")
+            doubt.append(f"that {label(row)} was weighed by {words.method(row['method'])}: {row['outcome']}.")
 
 
 def _only_posterior(run: Run, signal: str, repeat: int, ranked: list[str]) -> str | None:
