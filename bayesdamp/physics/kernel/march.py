@@ -62,22 +62,26 @@ errors ten to thirty times smaller at 1e-6 of the amplitude, of motions that fol
 
 
 @njit
-def acceleration(x, v, g, h, coefficients, q, epsilon, active, law, work):
-    """θ̈ at one point, under relative deviations g of the damping and h of the frequency."""
+def acceleration(x, v, w, g, h, coefficients, q, epsilon, active, law, work):
+    """θ̈ at one point, under relative deviations g of the damping and h of the frequency: w is the share of the way
+    between two knots, where they are g[0] and g[1]."""
     shapes(x, v, epsilon, q, active, work)
     damping = 0.0
     for j in range(coefficients.size):
         damping += coefficients[j] * work[j]
-    return -(1.0 + g) * damping - (1.0 + 2.0 * h) * restoring(x, law)
+    here, there = g[0] + w * (g[1] - g[0]), h[0] + w * (h[1] - h[0])
+    return -(1.0 + here) * damping - (1.0 + 2.0 * there) * restoring(x, law)
 
 
 @njit
-def linearise(x, v, w, g, h, coefficients, q, epsilon, active, law, sizes, work, other, source):
+def linearise(x, v, w, g_at, h_at, coefficients, q, epsilon, active, law, sizes, scratch, source):
     """Slopes of the force by x and v at one point; the sources of the tangents go into `source`.
 
-    source: (m + e + r + 4,): coefficients, the terms' further parameters, the law's, and the hats of g and h to the
-    left and right of w, the share of the way between two knots.
+    w, g_at, h_at: as in `acceleration`. source: (m + e + r + 4,): coefficients, the terms' further parameters, the
+    law's, and the hats of g and h to the left and right of w.
     """
+    g, h = g_at[0] + w * (g_at[1] - g_at[0]), h_at[0] + w * (h_at[1] - h_at[0])
+    work, other = scratch[0], scratch[1]
     m, e, r = coefficients.size, q.size, law.size
     shapes(x, v, epsilon, q, active, work)
     damping = 0.0
@@ -154,20 +158,7 @@ def advance_tangents(
         else:
             at = ended
             at[0], at[1] = linearise(
-                x[i],
-                v[i],
-                w[i],
-                g[0] + w[i] * (g[1] - g[0]),
-                h[0] + w[i] * (h[1] - h[0]),
-                coefficients,
-                q,
-                epsilon,
-                active,
-                law,
-                sizes,
-                scratch[0],
-                scratch[1],
-                at[2:],
+                x[i], v[i], w[i], g, h, coefficients, q, epsilon, active, law, sizes, scratch, at[2:]
             )
         combined(local, stages, A[i], i, step)
         by_x, by_v = at[0], at[1]
@@ -253,24 +244,12 @@ def march(coefficients, q, active, law, epsilon, start, knots, g, h, tolerance, 
     xs, vs, ws, kx, kv = np.zeros(6), np.zeros(6), np.zeros(6), np.zeros(7), np.zeros(7)
     gs, hs = np.zeros(2), np.zeros(2)
     x, v, t, piece = start[0], start[1], knots[0], 0
-    a = acceleration(x, v, g[0], h[0], coefficients, q, epsilon, active, law, scratch[0])
+    gs[0], gs[1], hs[0], hs[1] = g[0], g[1], h[0], h[1]
+    a = acceleration(x, v, 0.0, gs, hs, coefficients, q, epsilon, active, law, scratch[0])
     states[0, 0], states[0, 1], states[0, 2], times[0] = x, v, a, t
     if tangents > 0:
         begun[0], begun[1] = linearise(
-            x,
-            v,
-            0.0,
-            g[0],
-            h[0],
-            coefficients,
-            q,
-            epsilon,
-            active,
-            law,
-            sizes,
-            scratch[0],
-            scratch[1],
-            sources,
+            x, v, 0.0, gs, hs, coefficients, q, epsilon, active, law, sizes, scratch, sources
         )
         slopes[0, base, 0], slopes[0, base, 2] = 1.0, -begun[0]
         slopes[0, base + 1, 1], slopes[0, base + 1, 2] = 1.0, -begun[1]
@@ -304,36 +283,14 @@ def march(coefficients, q, active, law, epsilon, start, knots, g, h, tolerance, 
             xs[i], vs[i], ws[i] = px, pv, w
             if i > 0:
                 kx[i] = pv
-                kv[i] = acceleration(
-                    px,
-                    pv,
-                    gs[0] + w * (gs[1] - gs[0]),
-                    hs[0] + w * (hs[1] - hs[0]),
-                    coefficients,
-                    q,
-                    epsilon,
-                    active,
-                    law,
-                    scratch[0],
-                )
+                kv[i] = acceleration(px, pv, w, gs, hs, coefficients, q, epsilon, active, law, scratch[0])
         px, pv = x, v
         for i in range(6):
             px += taken * B[i] * kx[i]
             pv += taken * B[i] * kv[i]
         w = ws[5]
         kx[6] = pv
-        kv[6] = acceleration(
-            px,
-            pv,
-            gs[0] + w * (gs[1] - gs[0]),
-            hs[0] + w * (hs[1] - hs[0]),
-            coefficients,
-            q,
-            epsilon,
-            active,
-            law,
-            scratch[0],
-        )
+        kv[6] = acceleration(px, pv, w, gs, hs, coefficients, q, epsilon, active, law, scratch[0])
         ex, ev = 0.0, 0.0
         for i in range(7):
             ex += taken * E[i] * kx[i]
@@ -364,39 +321,11 @@ def march(coefficients, q, active, law, epsilon, start, knots, g, h, tolerance, 
             times, states, slopes = more_t, more_s, more_k
         if tangents > 0:
             advance_tangents(
-                xs,
-                vs,
-                ws,
-                taken,
-                gs,
-                hs,
-                coefficients,
-                q,
-                epsilon,
-                active,
-                law,
-                sizes,
-                scratch,
-                begun,
-                ended,
-                stages,
-                local,
-            )
+                xs, vs, ws, taken, gs, hs, coefficients, q, epsilon, active, law, sizes, scratch, begun, ended,
+                stages, local,
+            )  # fmt: skip
             begun[0], begun[1] = linearise(
-                px,
-                pv,
-                w,
-                gs[0] + w * (gs[1] - gs[0]),
-                hs[0] + w * (hs[1] - hs[0]),
-                coefficients,
-                q,
-                epsilon,
-                active,
-                law,
-                sizes,
-                scratch[0],
-                scratch[1],
-                sources,
+                px, pv, w, gs, hs, coefficients, q, epsilon, active, law, sizes, scratch, sources
             )
             old, new = slopes[count - 1], slopes[count]
             first = base + 2 + piece
