@@ -7,9 +7,9 @@ from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Self
 
-from bayesdamp.cli.options import wrong
+from bayesdamp.cli.options import bound, wrong
 from bayesdamp.records.cleaning.decimate import decimated
 from bayesdamp.records.files.named_units import SECONDS, unit_written
 from bayesdamp.records.findings import Finding, findings
@@ -42,6 +42,21 @@ class Options:
     stop: float | str = "auto"
     runs: str | None = None
     channels: tuple[str, ...] = ()
+
+    @classmethod
+    def of(
+        cls,
+        columns: tuple[str | None, str | None, float | None, str | None],
+        unit: str | None,
+        quantity: str | None,
+        clock: str,
+        span: tuple[str, str],
+        runs: str | None,
+        channels: Sequence[str] | None,
+    ) -> Self:
+        """Of options as they are typed. columns: time, angle, rate, time_unit; span: start, stop. Raises InputError."""
+        bounds = bound(span[0], "--start"), bound(span[1], "--stop")
+        return cls(*columns, unit, quantity, clock, *bounds, runs, tuple(channels or ()))
 
     def __post_init__(self) -> None:
         """Raises InputError for what no file could be read by."""

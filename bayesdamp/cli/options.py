@@ -1,7 +1,8 @@
-"""Options that say how files are read, the same for every command."""
+"""Options that several commands have: how files are read, how a run goes, what is said."""
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -50,6 +51,37 @@ Channels = Annotated[
         help="A channel of a file that has several, may be given again.",
         rich_help_panel=READING,
     ),
+]
+Plugins = Annotated[
+    list[Path] | None,
+    typer.Option(
+        "--plugin",
+        help="A Python file with plug-ins of your own; may be given again.",
+        rich_help_panel=WEIGHED,
+    ),
+]
+Out = Annotated[
+    Path | None, typer.Option(help="The folder to write; reports/NAME by default.", rich_help_panel=RUNNING)
+]
+Workers = Annotated[
+    int | None, typer.Option(min=1, help="Processes; as many as cores by default.", rich_help_panel=RUNNING)
+]
+Fresh = Annotated[bool, typer.Option("--fresh", help="Compute everything again.", rich_help_panel=RUNNING)]
+Quick = Annotated[
+    bool,
+    typer.Option(
+        "--quick",
+        help="Only the answer, within seconds; no sampling to confirm it.",
+        rich_help_panel=RUNNING,
+    ),
+]
+Quiet = Annotated[
+    bool,
+    typer.Option("--quiet", "-q", help="The answer and what failed; nothing else.", rich_help_panel=SAID),
+]
+AsJson = Annotated[
+    bool,
+    typer.Option("--json", help="The verdicts as JSON, as in verdict.json.", rich_help_panel=SAID),
 ]
 
 

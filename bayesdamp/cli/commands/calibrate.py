@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from bayesdamp.cli import options as o
 from bayesdamp.cli.asked import read_study, run_folder
 
 
@@ -22,10 +23,8 @@ def calibrate(
         int | None,
         typer.Option(min=1, help="Records of each model (of all with --models); else the study's."),
     ] = None,
-    workers: Annotated[
-        int | None, typer.Option(min=1, help="Processes; as many as there are cores where it is not given.")
-    ] = None,
-    fresh: Annotated[bool, typer.Option("--fresh", help="Compute everything again.")] = False,
+    workers: o.Workers = None,
+    fresh: o.Fresh = False,
     no_report: Annotated[
         bool, typer.Option("--no-report", help="Leave report.html to `bayesdamp report`.")
     ] = False,

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from bayesdamp.cli import options as o
 from bayesdamp.cli.asked import read_study
 
 if TYPE_CHECKING:
@@ -18,10 +19,7 @@ if TYPE_CHECKING:
 
 def check(
     file: Annotated[Path, typer.Argument(metavar="FILE", help="A study file (TOML).")],
-    plugin: Annotated[
-        list[Path] | None,
-        typer.Option(help="A Python file with plug-ins of your own; may be given again."),
-    ] = None,
+    plugin: o.Plugins = None,
 ) -> int:
     """Read a study, list its cells, say what is wrong; run nothing."""
     from rich.console import Console

@@ -13,7 +13,7 @@ import typer
 
 from bayesdamp.cli import options as o
 from bayesdamp.cli.asked import FIRST_WORDS, run_folder, units_of
-from bayesdamp.cli.options import READING, RUNNING, SAID, WEIGHED
+from bayesdamp.cli.options import READING, RUNNING, WEIGHED
 from bayesdamp.cli.verdicts import verdicts_json
 from bayesdamp.machine.processes import processes
 from bayesdamp.types import InputError
@@ -81,31 +81,11 @@ def compare(
     seed: Annotated[
         int, typer.Option(min=0, help="Every random number follows from it.", rich_help_panel=WEIGHED)
     ] = 0,
-    out: Annotated[
-        Path | None,
-        typer.Option(help="The folder to write; reports/NAME by default.", rich_help_panel=RUNNING),
-    ] = None,
-    workers: Annotated[
-        int | None,
-        typer.Option(min=1, help="Processes; as many as cores by default.", rich_help_panel=RUNNING),
-    ] = None,
-    plugin: Annotated[
-        list[Path] | None,
-        typer.Option(
-            help="A Python file with plug-ins of your own; may be given again.", rich_help_panel=WEIGHED
-        ),
-    ] = None,
-    fresh: Annotated[
-        bool, typer.Option("--fresh", help="Compute everything again.", rich_help_panel=RUNNING)
-    ] = False,
-    quick: Annotated[
-        bool,
-        typer.Option(
-            "--quick",
-            help="Only the answer, within seconds; no sampling to confirm it.",
-            rich_help_panel=RUNNING,
-        ),
-    ] = False,
+    out: o.Out = None,
+    workers: o.Workers = None,
+    plugin: o.Plugins = None,
+    fresh: o.Fresh = False,
+    quick: o.Quick = False,
     exact: Annotated[
         bool,
         typer.Option(
@@ -124,14 +104,8 @@ def compare(
         float,
         typer.Option(help="The sensor's relative linearity, a floor of every rate.", rich_help_panel=WEIGHED),
     ] = 0.002,
-    quiet: Annotated[
-        bool,
-        typer.Option("--quiet", "-q", help="The answer and what failed; nothing else.", rich_help_panel=SAID),
-    ] = False,
-    as_json: Annotated[
-        bool,
-        typer.Option("--json", help="The verdicts as JSON, as in verdict.json.", rich_help_panel=SAID),
-    ] = False,
+    quiet: o.Quiet = False,
+    as_json: o.AsJson = False,
 ) -> int:
     """Say which damping records have, how large it is, how well its law holds, and how sure that is."""
     if out is not None:
@@ -164,10 +138,8 @@ def compare(
 
     plugins = read_modules(plugin or ())
     sums = [one.strip() for given in damping or () for one in given.split(",")]
-    bounds = o.bound(start, "--start"), o.bound(stop, "--stop")
-    reading = Options(
-        time, angle, rate, time_unit, unit, quantity, clock, *bounds, runs, tuple(channel or ())
-    )
+    columns = time, angle, rate, time_unit
+    reading = Options.of(columns, unit, quantity, clock, (start, stop), runs, channel)
     found, said = chosen_records(records, reading)
     # One record is answered by threads of this process: others would only begin to wait.
     alone = len(found) == 1 and not exact

@@ -40,8 +40,8 @@ def init(
     out = file.with_suffix(".toml")
     if out.exists() or out.is_symlink():
         raise InputError(f"{out}: is there already; it is not written over: move it away first")
-    bounds = o.bound(start, "--start"), o.bound(stop, "--stop")
-    asked = Options(time, angle, rate, time_unit, unit, quantity, clock, *bounds, runs, tuple(channel or ()))
+    columns = time, angle, rate, time_unit
+    asked = Options.of(columns, unit, quantity, clock, (start, stop), runs, channel)
     records, said = chosen_records(files, asked)
     for line in said:
         typer.echo(line, err=True)

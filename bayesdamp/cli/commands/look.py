@@ -40,8 +40,8 @@ def look(
     from bayesdamp.cli.asking import Options, found_records
     from bayesdamp.records.opening.opening import contents
 
-    bounds = o.bound(start, "--start"), o.bound(stop, "--stop")
-    asked = Options(time, angle, rate, time_unit, unit, quantity, clock, *bounds, runs, tuple(channel or ()))
+    columns = time, angle, rate, time_unit
+    asked = Options.of(columns, unit, quantity, clock, (start, stop), runs, channel)
     console = Console()
     held = contents(file)
     _show_file(console, file, held)

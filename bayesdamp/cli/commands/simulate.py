@@ -7,6 +7,8 @@ from typing import Annotated
 
 import typer
 
+from bayesdamp.cli import options as o
+
 
 def simulate(
     out: Annotated[Path, typer.Option(help="The CSV file to write.")],
@@ -26,10 +28,7 @@ def simulate(
         ),
     ] = None,
     seed: Annotated[int, typer.Option(min=0, help="Seed of the noise.")] = 0,
-    plugin: Annotated[
-        list[Path] | None,
-        typer.Option(help="A Python file with plug-ins of your own; may be given again."),
-    ] = None,
+    plugin: o.Plugins = None,
 ) -> int:
     """Write a simulated record to play with: a CSV of times in s and angles in rad."""
     from bayesdamp.cli.simulated import pairs, simulated, terms_and_set, write_csv

@@ -87,8 +87,8 @@ def _weighed(specimen: Specimen, candidate: str, mode: JointMode, key: str) -> W
     own = task_key("weighed", key, mode.joint.shared, seed)
     if specimen.store.has(name, own):
         cell = specimen.store.read(name)
-        draws = {n: cell.arrays[n] for n in ("scores", "log_weights")}
-        return Weighed(**vars(WeighedContent.of(cell)), **draws)
+        told = vars(WeighedContent.of(cell))
+        return Weighed(**told, scores=cell.arrays["scores"], log_weights=cell.arrays["log_weights"])
     began = time.perf_counter()
     found = weigh(mode, seed)
     content, arrays = weighed_content(found), {"scores": found.scores, "log_weights": found.log_weights}
