@@ -13,6 +13,8 @@ if TYPE_CHECKING:
     from bayesdamp.config import Study
 
 
+MOST_QUESTIONS = 100
+"""Folders of one name that are looked through for the question's own."""
 FIRST_WORDS = 5
 """Records of one command whose first words are printed."""
 
@@ -35,6 +37,21 @@ def run_folder(out: Path | None, name: str) -> Path:
         what = (error.strerror or str(error)).lower()
         raise InputError(f"--out: is {str(folder)!r}, {what}; it must be a folder, or a new name") from None
     return folder
+
+
+def own_folder(study: Study) -> Path:
+    """The folder of a question that none was given for: reports/NAME, or the first of NAME-2, NAME-3, ... that has no
+    other question's answer. Raises InputError where a file has its name."""
+    from bayesdamp.config.again import asks_another
+
+    names = (study.name, *(f"{study.name}-{number}" for number in range(2, MOST_QUESTIONS)))
+    folders = (run_folder(None, name) for name in names)
+    found = next((folder for folder in folders if not asks_another(study, folder)), None)
+    if found is None:
+        raise InputError(
+            f"--out: reports/ has {MOST_QUESTIONS} answers of {study.name}; give a folder of your own"
+        )
+    return found
 
 
 def units_of(study: Study) -> dict[str, str]:

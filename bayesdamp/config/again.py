@@ -32,6 +32,17 @@ def asked(study: Study, folder: Path) -> dict[str, Any]:
     return {"tables": dict(study.tables), "beside": beside}
 
 
+def asks_another(study: Study, folder: Path) -> bool:
+    """Whether a folder has the run of another study than this one."""
+    try:
+        run = json.loads((folder / "run.json").read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        return False
+    except (OSError, ValueError):
+        return True
+    return not isinstance(run, dict) or run.get("asked") != json.loads(json.dumps(asked(study, folder)))
+
+
 def read_asked(path: Path) -> Asked:
     """What a run.json says was asked. Raises StudyError where it is none, or where an input is not what it was."""
     try:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
@@ -24,6 +26,17 @@ from bayesdamp.verdict.units import in_unit
 from bayesdamp.verdict.words import energy_of, with_interval
 
 
+class Lasting(Console):
+    """A console that goes on without a word where what reads it has closed it: the run and its report are for later."""
+
+    def on_broken_pipe(self) -> None:
+        """Print nothing more."""
+        self.quiet = True
+        nowhere = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(nowhere, sys.stdout.fileno())
+        os.close(nowhere)
+
+
 class Told:
     """Tells each record's verdict as it comes, and then what sampling its motions made of it."""
 
@@ -31,6 +44,7 @@ class Told:
         """units: of each record's displacement, by its name; else the verdict's own."""
         self.console, self._units = console, units or {}
         self.first: dict[str, Verdict] = {}
+        self._begun = False
 
     def __call__(self, verdict: Verdict) -> None:
         """Tell of a record's verdict: the first in full, and of a later one whether it confirms that."""
@@ -38,11 +52,15 @@ class Told:
         if verdict.grade is Grade.NO_FREE_DECAY and before is not verdict:
             return  # there was nothing to sample
         if before is verdict:
+            if self._begun:
+                self.console.print()
+            self._begun = True
             answered(self._shown(verdict), self.console)
             return
         found = agreement(before, verdict)
         self.console.print(Text(sampled_words(found)), soft_wrap=True)
         if not found.confirms:
+            self.console.print()
             answered(self._shown(verdict), self.console)
 
     def _shown(self, verdict: Verdict) -> Verdict:
@@ -52,7 +70,6 @@ class Told:
 
 def answered(verdict: Verdict, console: Console) -> None:
     """Print a verdict: its sentence, the damping ratio against amplitude, the remarks."""
-    console.print()
     console.print(Text.assemble((f"{verdict.record}: ", "bold"), verdict.sentence), soft_wrap=True)
     if verdict.damping_ratio:
         console.print(_ratios(verdict))
@@ -70,6 +87,7 @@ def conclude(folder: Path, console: Console) -> None:
     found = answers(run)
     said = {a.signal for a in found}
     for together in specimens(run):
+        console.print()
         answered(together, console)
     if len(found) > 1:
         console.print()

@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from bayesdamp.cli import main
+from bayesdamp.cli.asked import own_folder
+from bayesdamp.config.again import asked
 from bayesdamp.config.compare import Asked, comparison, laws_for
 from bayesdamp.pipeline.records.records import SignalCell
 from bayesdamp.records.stated_columns import choose_columns
-from bayesdamp.store import Store
+from bayesdamp.store import Store, write_json
 from bayesdamp.types import InputError
 
 
@@ -80,6 +84,44 @@ def test_a_wrong_option_is_one_line_and_nothing_is_written(tmp_path, capsys, opt
     assert said in error.lower() or said in error
     assert error.count("\n") == 1
     assert not (tmp_path / "out").exists()
+
+
+def test_two_questions_share_no_folder_that_nobody_chose(tmp_path, monkeypatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    asked_for = [Asked(write(tmp_path / "a.csv"), "t", "angle")]
+    first, other = comparison(asked_for), comparison(asked_for, damping=["viscous", "coulomb"])
+    assert own_folder(first) == own_folder(other) == Path("reports/a")
+    write_json(Path("reports/a/run.json"), {"asked": asked(first, Path("reports/a"))})
+    assert own_folder(first) == Path("reports/a")
+    assert own_folder(other) == Path("reports/a-2")
+    write_json(Path("reports/a-2/run.json"), {"name": "of an older version"})
+    assert own_folder(other) == Path("reports/a-3")
+    elsewhere = tmp_path / "elsewhere" / "a.csv"
+    elsewhere.parent.mkdir()
+    assert own_folder(comparison([Asked(write(elsewhere), "t", "angle")])) == Path("reports/a-3")
+
+
+CLOSED = """
+import sys
+from pathlib import Path
+from bayesdamp.report.terminal import Lasting
+console = Lasting()
+for _ in range(3):
+    console.print("x")
+Path(sys.argv[1]).write_text("went on", encoding="utf-8")
+"""
+
+
+def test_a_closed_output_does_not_end_the_run(tmp_path) -> None:
+    """As `bayesdamp compare rig.csv | head -1` closes it."""
+    with subprocess.Popen(
+        [sys.executable, "-c", CLOSED, str(tmp_path / "out")], stdout=subprocess.PIPE, stderr=subprocess.PIPE
+    ) as child:
+        assert child.stdout is not None
+        child.stdout.close()
+        _, said = child.communicate(timeout=60)
+    assert (child.returncode, said) == (0, b"")
+    assert (tmp_path / "out").read_text(encoding="utf-8") == "went on"
 
 
 def test_a_missing_file_is_one_line(tmp_path, capsys) -> None:

@@ -12,7 +12,7 @@ from typing import Annotated
 import typer
 
 from bayesdamp.cli import options as o
-from bayesdamp.cli.asked import FIRST_WORDS, run_folder, units_of
+from bayesdamp.cli.asked import FIRST_WORDS, own_folder, run_folder, units_of
 from bayesdamp.cli.options import READING, RUNNING, WEIGHED
 from bayesdamp.cli.verdicts import verdicts_json
 from bayesdamp.machine.processes import processes
@@ -162,21 +162,25 @@ def compare(
         first = first_words_on(found, reading) if len(found) <= FIRST_WORDS and not quiet else []
         for line in [*first, *said] if not quiet else ():  # the answer comes before how the file was read
             typer.echo(line, err=True)
-        folder = run_folder(out, made.name)
+        folder = run_folder(out, made.name) if out is not None else own_folder(made)
+        if folder.name != made.name and out is None and not quiet:
+            before = folder.with_name(made.name)
+            typer.echo(f"{before} has the answer to another question; this one goes to {folder}", err=True)
         from bayesdamp.pipeline import Depth, run_study
 
         console = Console(stderr=True)
-        from bayesdamp.report.terminal import Told, conclude
+        from bayesdamp.report.terminal import Lasting, Told, conclude
 
+        shown = Lasting()
         depth = Depth.ANSWER if quick else Depth.WHOLE if exact else Depth.SAMPLED
         status = run_study(
             made, folder, workers=1 if alone else workers, fresh=fresh, console=console, pool=pool, depth=depth,
-            answered=None if as_json or len(found) > FIRST_WORDS else Told(Console(), units_of(made)), quiet=quiet,
+            answered=None if as_json or len(found) > FIRST_WORDS else Told(shown, units_of(made)), quiet=quiet,
         )  # fmt: skip
     if as_json:
         typer.echo(verdicts_json(folder))
     else:
-        conclude(folder, Console())
+        conclude(folder, shown)
     return status
 
 

@@ -37,7 +37,7 @@ def study(
     loaded = read_study(file, plugin)
     folder = run_folder(out, loaded.name)
     from bayesdamp.pipeline import Depth, run_study
-    from bayesdamp.report.terminal import Told
+    from bayesdamp.report.terminal import Lasting, Told
 
     status = run_study(
         loaded,
@@ -47,7 +47,7 @@ def study(
         fresh=fresh,
         console=Console(stderr=True),
         depth=Depth.ANSWER if quick else Depth.WHOLE,
-        answered=None if as_json or len(loaded.signals) > FIRST_WORDS else Told(Console(), units_of(loaded)),
+        answered=None if as_json or len(loaded.signals) > FIRST_WORDS else Told(Lasting(), units_of(loaded)),
         quiet=quiet,
     )
     report = folder / "report.html"
