@@ -123,7 +123,9 @@ def _approximate(blank: Evidence, source: Posterior | Fit, law: Approximate, see
         assert weighed is not None
         about = "deviations and parameters integrated out in closed form, the motion linear in both"
         return replace(blank, log_evidence=weighed.log_evidence, diagnostic=about)
-    found = source if isinstance(source, Posterior) else sample(source, seed=seed)
+    tempered = isinstance(source, Posterior) and source.sampler == TEMPERED
+    found = source if tempered else sample(source.fit if isinstance(source, Posterior) else source, seed=seed)
+    assert isinstance(found, Posterior)
     log_evidence, stderr = (float(str(found.diagnostics[n])) for n in ("log_evidence", "stderr"))
     runs = found.stats["temperatures"][:, 0]
     return replace(

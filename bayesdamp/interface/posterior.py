@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -17,6 +18,7 @@ from bayesdamp.inference.samplers import SAMPLERS, Settings
 from bayesdamp.interface.fit import Fit
 from bayesdamp.interface.parts import axes as drawing
 from bayesdamp.interface.parts.approximate import Approximate, ratios_of, runs_of, summaries_of
+from bayesdamp.interface.parts.chains import by_emcee, by_nuts
 from bayesdamp.interface.parts.result import Packed, Result
 from bayesdamp.interface.parts.table import Table, number, said
 from bayesdamp.plugins import nearest
@@ -35,6 +37,8 @@ HOW = {"ensembles": "ensembles", "effective": "effective_draws"}
 TEMPERED = "smc"
 """The sampler where laws may hold approximately."""
 EXACT_SAMPLER = "nuts"
+CHAINS = {"nuts": by_nuts, "emcee": by_emcee}
+"""Those that draw parameters there with the deviations integrated out."""
 _NO_DRAWS, _NO_VALUES = np.empty((0, 0, 0)), np.empty((0, 0))
 
 
@@ -47,7 +51,8 @@ class Posterior(Result):
     seed: of all random numbers. outcome: "ok", or a sentence why the draws are not to be trusted, or why there are
     none.
     u: where laws may hold approximately, each draw with its deviations, as `Approximate` reads them, (chain, draw, K);
-    a chain is then a run of its own, in no order of time.
+    a chain of "smc" is a run of its own, in no order of time. The likelihood of "nuts" and "emcee" is there that of the
+    parameters, deviations integrated out.
     """
 
     fit: Fit
@@ -237,8 +242,10 @@ def sample(
     chains, warmup, draws: how long; a sampler may add draws where these are too few. Where there is no fit, or the
     sampler cannot work on it, the result's outcome is the sentence. Raises InputError for misuse.
 
-    Where laws may hold approximately the sampler is "smc": each chain is a run of its own that leads so many draws from
-    the linear model to the motions themselves; warmup has no meaning there.
+    Where laws may hold approximately the sampler is "smc", by default: each chain is a run of its own that leads so
+    many draws from the linear model to the motions themselves; warmup has no meaning there. "nuts" and "emcee" draw
+    the parameters by motions that are linear in the deviations, which are integrated out, and each draw is then given
+    its own; they agree with "smc" where deviations are small enough for that.
     """
     if not isinstance(fit, Fit):
         raise InputError(
@@ -254,12 +261,14 @@ def sample(
             raise InputError(f"sample: {name} is {value!r}; it must be a whole number, {least} or more")
     approximate = fit.model.approximate
     sampler = sampler or (TEMPERED if approximate else EXACT_SAMPLER)
-    if approximate and sampler != TEMPERED:
+    if approximate and sampler not in (TEMPERED, *CHAINS):
         raise InputError(
             f"sample: {sampler!r} draws under laws that hold exactly; under deviation {fit.model.deviation!r} "
-            "leave it out"
+            f"it must be {', '.join((TEMPERED, *CHAINS))}"
         )
     if fit.law is not None:
+        if sampler in CHAINS:
+            return _by_chains(fit, fit.law, sampler, Settings(chains, warmup, draws, seed))
         return _tempered(fit, fit.law, chains, draws, seed)
     if fit.outcome != OK:
         return Posterior(fit, sampler, seed=seed, outcome=fit.outcome)
@@ -280,6 +289,30 @@ def sample(
         seed=seed,
         seconds=found.seconds,
         outcome=found.outcome,
+    )
+
+
+def _by_chains(fit: Fit, law: Approximate, sampler: str, asked: Settings) -> Posterior:
+    began = time.perf_counter()
+    try:
+        found = CHAINS[sampler](law, asked.chains, asked.warmup, asked.draws, asked.seed)
+    except Refusal as refusal:
+        return Posterior(fit, sampler, seed=asked.seed, outcome=str(refusal))
+    values = law.values(found.u)
+    summary = summaries_of(law, values, found.ensembles)
+    outcome = diagnostics.verdict(summary) if found.outcome == OK else found.outcome
+    return Posterior(
+        fit=fit,
+        sampler=sampler,
+        names=law.names,
+        draws=values,
+        log_likelihood=found.log_likelihood,
+        stats=found.stats,
+        diagnostics={"summary": summary, **found.diagnostics},
+        seed=asked.seed,
+        seconds=time.perf_counter() - began,
+        outcome=outcome,
+        u=found.u,
     )
 
 

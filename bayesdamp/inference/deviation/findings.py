@@ -31,6 +31,8 @@ SENSOR = 0.002
 """Relative standard deviation below which no rate is known: the sensor's linearity and the clock's."""
 CURVE = 12
 """Amplitudes of a curve."""
+RARE = 1e-3
+"""Probability of rivals with another form of damping from which rates are averaged over them too."""
 
 
 @dataclass(frozen=True)
@@ -104,6 +106,8 @@ def findings(
     chosen = {c: p / max(1 - exotic, 1e-300) for c, p in everything.items() if c in own}
     wanted = tuple(amplitudes) if amplitudes is not None else default_amplitudes(weighing)
     drawn = drawn_from(weighing, chosen, approximate, rng)
+    # Rates are those of all that was weighed, rivals with another form of damping among it.
+    every = drawn_from(weighing, everything, approximate, rng) if exotic > RARE else drawn
     best = max(chosen, key=lambda c: chosen[c])
     result = next(r for r in weighing.results if r.candidate == best)
     terms = next(iter(weighing.solvers.values())).terms
@@ -113,7 +117,7 @@ def findings(
     forms = bounds_of_others(weighing, result, approximate, np.random.default_rng([seed, 1]))
     size = np.concatenate([size_of(weighing, d.result, d.g) for d in drawn])
     size_h = np.concatenate([size_of(weighing, d.result, d.h) for d in drawn])
-    curve = tuple(ratio_at(weighing, drawn, a, sensor if approximate else 0.0, rng) for a in _grid(weighing))
+    curve = tuple(ratio_at(weighing, every, a, sensor if approximate else 0.0, rng) for a in _grid(weighing))
     solver = weighing.solvers[best.restoring]
     of_best = next((d for d in drawn if d.result.candidate == best), None)
     exponent = quantity(np.array(weighing.exponents)) if weighing.exponents else None
@@ -126,7 +130,7 @@ def findings(
         exact=summed({c: p for c, p in exact_all.items() if c in own}, "damping"),
         restoring=summed(chosen, "restoring"),
         term={t: sum(p for c, p in chosen.items() if t in c.damping) for t in terms},
-        ratios=tuple(ratio_at(weighing, drawn, a, sensor if approximate else 0.0, rng) for a in wanted),
+        ratios=tuple(ratio_at(weighing, every, a, sensor if approximate else 0.0, rng) for a in wanted),
         curve=curve,
         frequency=_frequency(weighing, drawn),
         energy={t: quantity(shares[:, i]) for i, t in enumerate(terms)},

@@ -304,11 +304,15 @@ def runs_of(approximate: Approximate, chains: int, draws: int, seed: int) -> Run
     return Runs(u, total, tuple(each), time.perf_counter() - began)
 
 
-def summaries_of(approximate: Approximate, draws: Array) -> dict[str, dict[str, float]]:
-    """Of draws (chain, draw, parameter), by name; draws that were copied in the last resampling count once."""
+def summaries_of(
+    approximate: Approximate, draws: Array, ensembles: int | None = None
+) -> dict[str, dict[str, float]]:
+    """Of draws (chain, draw, parameter), by name; draws that were copied in the last resampling count once.
+
+    ensembles: into which the chains fall, where those of one share their moves."""
     found = {}
     for i, name in enumerate(approximate.names):
-        one = summarise(draws[..., i])
+        one = summarise(draws[..., i], ensembles)
         distinct = float(np.unique(draws[..., i]).size)
         noise = min(approximate.noise_sds[name], one["sd"])
         parts = {"sd_noise": noise, "sd_law": float(np.sqrt(one["sd"] ** 2 - noise**2))}

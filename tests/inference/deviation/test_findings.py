@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 from bayesdamp.inference.deviation.findings import default_amplitudes, findings, probabilities, summed
+from bayesdamp.inference.deviation.numbers.curves import between_knots
 from bayesdamp.inference.deviation.quick import weighing_of
 from bayesdamp.inference.deviation.weighing import Weighing
 from bayesdamp.physics.damping import others
@@ -109,3 +112,39 @@ def test_default_amplitudes_are_within_the_record(weighing: Weighing) -> None:
     first, middle, last = default_amplitudes(weighing)
     assert A > first > middle > last > weighing.data.final_amplitude
     assert middle == pytest.approx(math.sqrt(first * last))
+
+
+def test_rates_are_averaged_over_other_forms_too() -> None:
+    """Damping that grows with the square of the displacement, x²v, whose ratio is c A²/8ω and which none of the sums
+    has: intervals hold the truth. Control: at the last amplitude those of the sums alone do not."""
+    extra, rest = 4.0, 0.1
+
+    def slope(_: float, s: np.ndarray) -> tuple[float, float]:
+        x = s[0] - rest
+        return s[1], -(W**2) * x - (2 * 0.02 + extra * x * x) * s[1]
+
+    motion = solve_ivp(
+        slope, (0, TIMES[-1]), (rest + A, 0.0), t_eval=TIMES, method="DOP853", rtol=1e-9, atol=1e-11
+    )
+    y = motion.y[0] + SD * np.random.default_rng(6).standard_normal(TIMES.size)
+    made = weighing_of(Signal(TIMES, y), restoring=["linear"], known={"epsilon": EPSILON})
+    asked = [0.27, 0.15, 0.07]
+    truth = [(0.02 + extra * a * a / 8) / W for a in asked]
+    found = findings(made, asked)
+    assert sum(found.exotic.values()) > 0.9
+    assert all(r.low < wanted < r.high for r, wanted in zip(found.ratios, truth, strict=True))
+    assert not findings(replace(made, forms=()), asked).ratios[-1].high > truth[-1]
+
+
+def test_between_knots_deviations_are_a_bridge() -> None:
+    """A random walk known every eighth step: what is between is a sixth of a knot's step in the mean. Of 20,000 draws
+    three standard errors are 2 %. A straight line has nothing between."""
+    rng = np.random.default_rng(3)
+    walk = np.cumsum(rng.standard_normal((2000, 97)), axis=1)
+    knots = walk[:, ::8]
+    share = np.linspace(0, 1, 97)
+    lines = np.array([np.interp(share, share[::8], row) for row in knots])
+    want = np.mean((walk - lines)[:, :-1] ** 2)
+    found = between_knots(np.tile(knots, (10, 1)), rng)
+    assert np.mean(found**2) == pytest.approx(want, rel=0.06)  # the walk's own: a sixth, less a 64th of it
+    assert np.std(between_knots(np.zeros((5, 4)), rng)) == 0

@@ -46,7 +46,7 @@ def share_of_time(weighing: Weighing, result: Result, amplitude: float) -> float
 def orbit_of(weighing: Weighing, result: Result, amplitude: float) -> Orbit | None:
     """The orbit of an amplitude under a result's own law."""
     name = result.candidate.restoring
-    law = values_of(result)[weighing.solvers[name].law_places]
+    law = values_of(result)[result.solver.law_places]
     rest = rest_of(name, law, weighing.data.rest, 2 * weighing.data.amplitude)
     return None if rest is None else orbit_at(float(amplitude), name, tuple(map(float, law)), rest)
 
@@ -59,7 +59,7 @@ def values_of(result: Result) -> np.ndarray:
 
 def further_of(weighing: Weighing, result: Result, values: np.ndarray | None = None) -> np.ndarray:
     """The terms' further parameters, (1, e), among a result's parameters; at its mode by default."""
-    solver = weighing.solvers[result.candidate.restoring]
+    solver = result.solver
     values = values_of(result) if values is None else values
     return values[None, len(solver.terms) : solver.law_places.start]
 
@@ -85,7 +85,7 @@ def ratios_per_unit(
 
     every_term: also of terms without parameters of their own that the draws do not have.
     """
-    solver = weighing.solvers[d.result.candidate.restoring]
+    solver = d.result.solver
     orbit = orbit_of(weighing, d.result, amplitude)
     if orbit is None:
         return None
@@ -104,6 +104,18 @@ def at_share(values: np.ndarray, share: float) -> np.ndarray:
     return (1 - at + i) * values[:, i] + (at - i) * values[:, i + 1]
 
 
+def between_knots(values: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """What deviations at equidistant knots, (n, k), may be beside the straight lines between these: (n,).
+
+    Of a process with independent steps it is a bridge, with u (1 − u) of a step's variance a share u of the way to the
+    next knot (I. Karatzas and S. E. Shreve, Brownian Motion and Stochastic Calculus, 1991, 5.6.B), a sixth in the mean;
+    the step's is that of the draw's own. So the ratio at one amplitude is not known as well as its mean over the many
+    cycles between two knots.
+    """
+    sd = np.sqrt(np.mean(np.diff(values, axis=1) ** 2, axis=1) / 6)
+    return sd * rng.standard_normal(len(values))
+
+
 def ratio_at(
     weighing: Weighing, drawn: Sequence[Drawn], amplitude: float, sensor: float, rng: np.random.Generator
 ) -> Ratio:
@@ -115,7 +127,8 @@ def ratio_at(
             continue
         share = share_of_time(weighing, d.result, amplitude)
         each = _under_frictions(weighing, d, amplitude, per_unit, rng)
-        values.append(each * np.exp(at_share(d.g, share)) / (1 + at_share(d.h, share)))
+        g = at_share(d.g, share) + between_knots(d.g, rng)
+        values.append(each * np.exp(g) / (1 + at_share(d.h, share)))
         noises.append(_noise_sd(weighing, d.result, per_unit.mean(axis=0)))
         weights.append(len(d.coefficients))
     if not values:
@@ -133,23 +146,28 @@ def _under_frictions(
     """Ratios of the draws, (n,), each under one of the widths of friction by their probability."""
     found = np.sum(d.coefficients * per_unit, axis=1)
     active = d.result.fit.active
-    solver = weighing.solvers[d.result.candidate.restoring]
+    solver = d.result.solver
     switching = any(TERMS.get(t).switches and on for t, on in zip(solver.terms, active, strict=True))
     if not switching or not weighing.frictions:
         return found
     used = min(weighing.frictions, key=lambda f: abs(f.epsilon - solver.epsilon))
+    # Of a rival's own form no size under another width is known: it keeps its own.
+    known = weighing.solvers[d.result.candidate.restoring].terms
+    shared = [(i, known.index(t)) for i, t in enumerate(solver.terms) if t in known]
     chosen = rng.choice(len(weighing.frictions), len(found), p=[f.weight for f in weighing.frictions])
     for i, friction in enumerate(weighing.frictions):
         rows = chosen == i
         other = ratios_per_unit(weighing, d, amplitude, friction.epsilon) if rows.any() else None
         if other is None:
             continue
-        scale = np.where(
+        grown = np.where(
             used.coefficients > 0,
             friction.coefficients / np.where(used.coefficients > 0, used.coefficients, 1),
             1,
         )
-        scale = np.clip(scale, 0.5, 2.0)
+        scale = np.ones(len(solver.terms))
+        for i, place in shared:
+            scale[i] = np.clip(grown[place], 0.5, 2.0)
         found[rows] = np.sum(d.coefficients * scale * other, axis=1)[rows]
     return found
 

@@ -77,7 +77,7 @@ def drawn_from(
             break
     found = []
     for c, p in kept:
-        result = next(r for r in weighing.results if r.candidate == c)
+        result = next(r for r in (*weighing.results, *weighing.forms) if r.candidate == c)
         count = round(DRAWS * p / total)
         if count:
             found.append(draws_of(weighing, result, count, approximate, rng))
@@ -91,7 +91,7 @@ def draws_of(
     weighed = result.weighed if approximate else result.exact_weighed
     assert weighed is not None
     d, parameters = result.fit.z.size, result.fit.parameters
-    solver = weighing.solvers[result.candidate.restoring]
+    solver = result.solver
     knots = solver.knots.size
     few = min(count, DISTINCT) if set(solver.inferred) & set(parameters.free_names) else count
     u = posterior_scores(result, weighed, few, rng)

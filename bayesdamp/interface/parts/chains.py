@@ -1,0 +1,209 @@
+"""NUTS and emcee on the parameters of a law that holds approximately, its deviations integrated out."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bayesdamp.inference.deviation.sampled.marginal import Marginal, marginal_of
+from bayesdamp.interface.parts.approximate import Approximate
+from bayesdamp.types import OK
+
+Array = NDArray[np.float64]
+STEP = 1.05
+"""As in `inference.samplers.nuts`: four points of a circle span half a turn."""
+DOUBLINGS = 7
+BLOCK, LONGEST = 100, 20
+"""Steps of an ensemble after which it is looked at, and blocks after which it ends."""
+ENSEMBLES = 2
+RESOLVED, TIMES = 1000.0, 50.0
+"""Effective draws of each parameter, and autocorrelation times, that an ensemble is run for."""
+INDEPENDENT, EVOLVED, STRETCHED = 0.5, 0.3, 0.2
+"""Shares of an ensemble's moves."""
+NOWHERE = -1e300
+"""Log density outside the support: emcee subtracts them, and infinities would not cancel."""
+
+
+@dataclass(frozen=True)
+class Chains:
+    """u: draws, (chain, draw, K), each with a draw of its deviations; log_likelihood: of the parameters, deviations
+    integrated out, (chain, draw), nats; stats by name, (chain, draw); ensembles: into which chains fall that share
+    their moves; outcome: "ok", or why the draws are not to be trusted."""
+
+    u: Array
+    log_likelihood: Array
+    stats: dict[str, np.ndarray]
+    diagnostics: Mapping[str, object]
+    ensembles: int | None = None
+    outcome: str = OK
+
+
+@dataclass(frozen=True)
+class Round:
+    """Coordinates in which the linear posterior of the scores is round: z = centre + factor @ x."""
+
+    centre: Array
+    factor: Array
+
+    @staticmethod
+    def of(law: Approximate) -> Round:
+        """From draws of the linear posterior, cut off at zero as they are."""
+        z = law.scores[:, : law.single.result.fit.z.size]
+        covariance = np.atleast_2d(np.cov(z.T))
+        return Round(
+            np.asarray(z.mean(axis=0), np.float64), np.asarray(np.linalg.cholesky(covariance), np.float64)
+        )
+
+    def scores(self, x: Array) -> Array:
+        """Scores at coordinates, (..., d) each."""
+        return np.asarray(self.centre + x @ self.factor.T)
+
+    def whitened(self, z: Array) -> Array:
+        """Coordinates of scores, (n, d) each."""
+        return np.asarray(np.linalg.solve(self.factor, (z - self.centre).T).T, np.float64)
+
+    @cached_property
+    def size(self) -> int:
+        """How many there are."""
+        return self.centre.size
+
+
+def _starts(law: Approximate, count: int, seed: int) -> Array:
+    """Draws of the linear posterior, (n, d)."""
+    rng = np.random.default_rng([seed, 3])
+    return law.scores[rng.choice(len(law.scores), count, replace=False), : law.single.result.fit.z.size]
+
+
+def by_nuts(law: Approximate, chains: int, warmup: int, draws: int, seed: int) -> Chains:
+    """Chains of the no-U-turn sampler (Hoffman and Gelman 2014), reflected where a coefficient is zero."""
+    import jax
+    from blackjax.mcmc import nuts
+    from blackjax.mcmc.hmc import HMCState
+    from jax import numpy as jnp
+
+    from bayesdamp.inference.samplers._reflect import reflecting_leapfrog
+
+    target, at = marginal_of(law.single.weighing, law.single.result), Round.of(law)
+    d, walls = at.size, np.flatnonzero(target.positive)
+    scalar, vector = jax.ShapeDtypeStruct((), jnp.float64), jax.ShapeDtypeStruct((d,), jnp.float64)
+
+    def height(x: Array) -> Array:
+        value = target.log_density(at.scores(np.asarray(x))[None])[0]
+        return np.asarray(value, float)
+
+    def pull(x: Array) -> Array:
+        return np.asarray(target.gradient(at.scores(np.asarray(x))) @ at.factor, float)
+
+    def value(x):
+        return jax.pure_callback(height, scalar, x)
+
+    def slope(x):
+        return jax.pure_callback(pull, vector, x)
+
+    step = reflecting_leapfrog(value, slope, jnp.asarray(at.factor[walls]), jnp.asarray(at.centre[walls]))
+    kernel = nuts.build_kernel(step)
+
+    @jax.jit
+    def run(start, keys):
+        def advance(state, key):
+            state, info = kernel(key, state, value, STEP, jnp.ones(d), DOUBLINGS)
+            seen = info.is_divergent, info.num_integration_steps, info.acceptance_rate
+            return state, (state.position, state.logdensity, *seen)
+
+        return jax.lax.scan(advance, HMCState(start, value(start), slope(start)), keys)[1]
+
+    keys = jax.random.split(jax.random.PRNGKey(seed % 2**31), (chains, warmup + draws))
+    begun = at.whitened(_starts(law, chains, seed))
+    each = [run(jnp.asarray(x), k) for x, k in zip(begun, keys, strict=True)]
+    x, log, diverging, steps, accepted = (
+        np.stack([np.asarray(one[i])[warmup:] for one in each]) for i in range(5)
+    )
+    stats = {"diverging": diverging, "n_steps": steps, "acceptance_rate": accepted}
+    divergences = int(diverging.sum())
+    outcome = (
+        f"{divergences} of {diverging.size} transitions diverged"
+        if divergences > 0.01 * diverging.size
+        else OK
+    )
+    found = {"divergences": divergences, "likelihoods": int(steps.sum())}
+    return replace(_finished(target, at.scores(x), log, stats, found, seed), outcome=outcome)
+
+
+def by_emcee(law: Approximate, chains: int, warmup: int, draws: int, seed: int) -> Chains:
+    """Goodman and Weare's ensembles, two of them, until each parameter is resolved.
+
+    chains: walkers at least; draws: of each walker at least.
+    """
+    import emcee
+
+    from bayesdamp.inference.checks.diagnostics import effective
+    from bayesdamp.inference.coordinates.reflected_t import ReflectedT
+
+    target, at = marginal_of(law.single.weighing, law.single.result), Round.of(law)
+    walkers = max(2 * (at.size + 2), 4 * chains)
+    proposal = ReflectedT(at.centre, at.factor, target.positive)
+
+    def log_density(x: Array) -> Array:
+        value = target.log_density(at.scores(x))
+        return np.where(np.isfinite(value), value, NOWHERE)
+
+    moves = [
+        (emcee.moves.MHMove(_independent(proposal, at)), INDEPENDENT),
+        (emcee.moves.DEMove(), EVOLVED),
+        (emcee.moves.StretchMove(), STRETCHED),
+    ]
+    ensembles = []
+    for k in range(ENSEMBLES):
+        sampler = emcee.EnsembleSampler(walkers, at.size, log_density, vectorize=True, moves=moves)
+        sampler.random_state = np.random.RandomState((seed + k) % 2**32).get_state()
+        state = sampler.run_mcmc(at.whitened(_starts(law, walkers, seed + k)), min(warmup, BLOCK))
+        sampler.reset()
+        ensembles.append((sampler, state))
+    resolved, x = False, np.empty((0, 0, at.size))
+    for _ in range(LONGEST):
+        ensembles = [(s, s.run_mcmc(state, BLOCK)) for s, state in ensembles]
+        x = np.concatenate([s.get_chain().swapaxes(0, 1) for s, _ in ensembles])
+        total, length = x.shape[0] * x.shape[1], x.shape[1]
+        worth = min(effective(x[..., i]) for i in range(at.size))
+        if worth >= RESOLVED and length * worth >= TIMES * total:
+            resolved = True
+            break
+    kept = slice(None, None, max(1, x.shape[1] // max(1, draws * chains // (ENSEMBLES * walkers))))
+    log = np.concatenate([s.get_log_prob().T for s, _ in ensembles])
+    accepted = np.concatenate([s.acceptance_fraction for s, _ in ensembles])
+    thinned = x[:, kept]
+    stats = {"acceptance_rate": np.repeat(accepted[:, None], thinned.shape[1], axis=1)}
+    found = {"divergences": 0, "walkers": walkers, "likelihoods": x.size // at.size}
+    chains_of = _finished(target, at.scores(thinned), log[:, kept], stats, found, seed)
+    short = (
+        f"not resolved after {x.shape[1]} steps: fewer than 50 autocorrelation times or 1,000 effective draws"
+    )
+    return replace(chains_of, ensembles=ENSEMBLES, outcome=OK if resolved else short)
+
+
+def _independent(proposal, at: Round) -> Callable:
+    """Proposals drawn anew about the linear posterior, with their Metropolis–Hastings factors."""
+
+    def propose(x: Array, rng: np.random.RandomState) -> tuple[Array, Array]:
+        old, new = at.scores(x), proposal.draw(rng, len(x))
+        return at.whitened(new), proposal.log_density(old) - proposal.log_density(new)
+
+    return propose
+
+
+def _finished(
+    target: Marginal,
+    z: Array,
+    log: Array,
+    stats: dict[str, np.ndarray],
+    found: Mapping[str, object],
+    seed: int,
+) -> Chains:
+    flat = z.reshape(-1, z.shape[-1])
+    u = target.with_deviations(flat, np.random.default_rng([seed, 4]))
+    likelihood = log - target.log_prior_of(flat).reshape(log.shape)
+    return Chains(u.reshape(*z.shape[:2], -1), likelihood, stats, found)

@@ -1,0 +1,97 @@
+"""NUTS and emcee under laws that hold approximately: against a sum over the parameter, and the sampler of motions."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import lru_cache
+
+import numpy as np
+import pytest
+from scipy.special import logsumexp
+
+import bayesdamp as bd
+from bayesdamp.inference.deviation.sampled.marginal import Marginal, marginal_of
+from tests.interface.test_deviation import SCALE, by_quadrature, fit, one_parameter
+
+LENGTHS = {"nuts": {"chains": 2, "warmup": 50, "draws": 300}, "emcee": {}}
+GRID = np.linspace(0.040, 0.060, 201)
+
+
+def marginal(of: bd.Fit) -> Marginal:
+    assert of.law is not None
+    return marginal_of(of.law.single.weighing, of.law.single.result)
+
+
+@lru_cache
+def by_sum() -> tuple[float, float, float]:
+    """Mean and sd of ζ, and the log evidence, by a sum over a grid of ζ."""
+    prior = one_parameter().priors["zeta"]
+    z = np.array([prior.score(v) for v in GRID])[:, None]
+    log = marginal(one_parameter()).log_density(z) + np.log(np.gradient(z[:, 0]))
+    total = float(logsumexp(log))
+    weights = np.exp(log - total)
+    mean = float(weights @ GRID)
+    return mean, float(np.sqrt(weights @ (GRID - mean) ** 2)), total
+
+
+@pytest.mark.parametrize("sampler", ["nuts", "emcee"])
+def test_chains_draw_from_the_density(sampler: str) -> None:
+    """Mean within five, sd within five standard errors of the effective draws. Control: noise alone is narrower."""
+    mean, sd, _ = by_sum()
+    drawn = bd.sample(one_parameter(), sampler, **LENGTHS[sampler])
+    row = drawn.summary(derived=False).loc["zeta"]
+    error = sd / np.sqrt(row["ess_bulk"])
+    assert abs(row["mean"] - mean) < 5 * error
+    assert abs(row["sd"] - sd) < 5 * error
+    assert one_parameter().sd_noise["zeta"] < sd - 5 * error
+
+
+def test_the_density_has_the_evidence_of_the_motions() -> None:
+    """Within four standard errors and 0.1 nats, which the curvature of the deviations is worth. Control: a density that
+    lacks the deviations is 5 nats behind."""
+    sampled = bd.evidence(one_parameter())
+    total = by_sum()[2]
+    assert abs(total - sampled.log_evidence) < 4 * sampled.stderr + 0.1
+    whole = marginal(one_parameter())
+    nothing = np.zeros((1, *whole.maps.shape[1:]))
+    alone = replace(
+        whole, log_prior=np.zeros(1), maps=nothing, effects=nothing, whitening=nothing + np.eye(nothing.shape[1]),
+        log_scale=np.zeros(1),
+    )  # fmt: skip
+    z = np.array([one_parameter().priors["zeta"].score(v) for v in GRID])[:, None]
+    exact = alone.log_density(z) + np.log(np.gradient(z[:, 0]))
+    assert total - float(logsumexp(exact)) > 5
+
+
+@pytest.mark.slow
+def test_the_density_is_that_of_dense_normal_distributions() -> None:
+    assert abs(by_sum()[2] - by_quadrature(SCALE)) < 0.05
+    assert by_sum()[2] - by_quadrature(SCALE, exact=True) > 5
+
+
+def test_several_parameters_are_those_of_the_motions_themselves() -> None:
+    """Five parameters, a damping that ends at zero among them: means of two samplers within five standard errors, sds
+    within a tenth. Draws have deviations of their own, as large as the others'."""
+    ours = bd.sample(fit(), "emcee")
+    theirs = bd.sample(fit(), draws=600)
+    assert ours.outcome == "ok"
+    one, other = ours.summary(derived=False), theirs.summary(derived=False)
+    for name in one.index:
+        error = np.hypot(*(s.loc[name, "sd"] / np.sqrt(s.loc[name, "ess_bulk"]) for s in (one, other)))
+        assert abs(one.loc[name, "mean"] - other.loc[name, "mean"]) < 5 * error
+        assert one.loc[name, "sd"] == pytest.approx(other.loc[name, "sd"], rel=0.1)
+    a, b = (p.damping_ratio([0.25]).iloc[0] for p in (ours, theirs))
+    assert a.high - a.low == pytest.approx(b.high - b.low, rel=0.15)
+    shares = [float((p.data["posterior"]["damping_deviation_size"] == 0).mean()) for p in (ours, theirs)]
+    assert abs(shares[0] - shares[1]) < 0.1
+    assert bd.evidence(ours).method == "smc"
+
+
+def test_the_slope_is_that_of_the_density() -> None:
+    target = marginal(fit())
+    z = fit().law.scores[7, : target.positive.size]  # type: ignore[union-attr]
+    step = 1e-4 * np.eye(z.size)
+    slopes = [np.ptp(target.log_density(np.stack([z + s, z - s]))[::-1]) for s in step]
+    found = target.gradient(z)
+    assert np.abs(found) == pytest.approx(np.abs(slopes) / 2e-4, rel=0.02, abs=0.05)
+    assert target.log_density(np.where(target.positive, -0.1, z)[None])[0] == -np.inf
