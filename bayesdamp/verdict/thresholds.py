@@ -19,6 +19,8 @@ OTHER_MOTION = 0.05
 """Share of the amplitude of the first oscillation from which a second one, or growth, is what a record is about."""
 REMARK = 0.01
 """Share of the amplitude from which what is left unexplained is remarked on."""
+MIDLINE = 0.002
+"""Share of the first amplitude from which a midline's drift is remarked on (a sensor's usual linearity)."""
 TWIN = 0.3
 """Share of the energy from which a term's twin, which loses alike at every amplitude, must be excluded for a sum
 without it to be named without reservation (conventional: the share from which a term is one of a record's)."""

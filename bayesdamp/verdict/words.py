@@ -215,6 +215,11 @@ def remarks(
     if found.unexplained >= thresholds.REMARK:
         left = f"{100 * found.unexplained:.2g} %"
         said.append((found.unexplained, f"{left} of the amplitude is not explained by the law."))
+    if abs(found.midline) >= thresholds.MIDLINE:
+        by = f"{100 * abs(found.midline):.2g} %"
+        said.append(
+            (abs(found.midline), f"Its midline drifts by {by} of the first amplitude over the record.")
+        )
     fallen = found.amplitudes[1] / found.amplitudes[0]
     if fallen > thresholds.HARDLY_FALLS:
         by = f"{100 * (1 - fallen):.0f} %"

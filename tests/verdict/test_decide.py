@@ -158,6 +158,12 @@ def test_what_is_not_explained_is_remarked(share: float, said: bool) -> None:
     assert found.unexplained_pct == pytest.approx(100 * share)
 
 
+def test_a_midline_that_drifts_is_said_with_its_size() -> None:
+    said = decided(findings(midline=-0.0123)).remarks
+    assert "Its midline drifts by 1.2 % of the first amplitude over the record." in said
+    assert not any("midline" in one for one in decided(findings(midline=0.5 * thresholds.MIDLINE)).remarks)
+
+
 @pytest.mark.parametrize(("last", "said"), [(0.31 * 0.71, True), (0.31 * 0.69, False)])
 def test_a_small_fall_is_remarked(last: float, said: bool) -> None:
     assert (

@@ -10,7 +10,7 @@ import numpy as np
 from bayesdamp.inference.deviation.candidate import Candidate
 from bayesdamp.inference.deviation.numbers.bounds import bounds_of_others
 from bayesdamp.inference.deviation.numbers.curves import ratio_at
-from bayesdamp.inference.deviation.numbers.deviations import left_over, size_of
+from bayesdamp.inference.deviation.numbers.deviations import left_over, midline_drift, size_of
 from bayesdamp.inference.deviation.numbers.draws import (
     DRAWS,
     Drawn,
@@ -48,7 +48,8 @@ class Findings:
     root mean square of what the likeliest candidate leaves beyond noise, and of the noise, as shares of the amplitude.
     free: the damping curve without a law; unnamed: share of the energy that no sum of the terms explains; untold, tied:
     parameters of the likeliest sum that the record does not tell, and pairs that it tells only together; exponents:
-    quantiles of the exponent, equidistant in probability, none where there is no exponent.
+    quantiles of the exponent, equidistant in probability, none where there is no exponent; midline: by how much it
+    drifts over the record, as a share of the first amplitude, 0 where that is not seen.
     """
 
     damping: Mapping[str, float]
@@ -76,6 +77,7 @@ class Findings:
     untold: tuple[str, ...] = ()
     tied: tuple[tuple[str, str], ...] = ()
     exponents: tuple[float, ...] = ()
+    midline: float = 0.0
 
 
 def default_amplitudes(weighing: Weighing) -> tuple[float, float, float]:
@@ -141,6 +143,7 @@ def findings(
         coefficients=_coefficients(weighing, drawn, best),
         best=best,
         unexplained=unexplained,
+        midline=midline_drift(weighing, result),
         noise=noise,
         amplitudes=(weighing.data.amplitude, weighing.data.final_amplitude),
         cycles=weighing.data.cycles,

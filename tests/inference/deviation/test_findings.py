@@ -11,6 +11,7 @@ from scipy.integrate import solve_ivp
 
 from bayesdamp.inference.deviation.findings import default_amplitudes, findings, probabilities, summed
 from bayesdamp.inference.deviation.numbers.curves import between_knots
+from bayesdamp.inference.deviation.numbers.deviations import midline_drift
 from bayesdamp.inference.deviation.quick import weighing_of
 from bayesdamp.inference.deviation.weighing import Weighing
 from bayesdamp.physics.damping import others
@@ -148,3 +149,14 @@ def test_between_knots_deviations_are_a_bridge() -> None:
     found = between_knots(np.tile(knots, (10, 1)), rng)
     assert np.mean(found**2) == pytest.approx(want, rel=0.06)  # the walk's own: a sixth, less a 64th of it
     assert np.std(between_knots(np.zeros((5, 4)), rng)) == 0
+
+
+def test_a_midline_that_drifts_has_a_size(weighing: Weighing) -> None:
+    """1 % of the amplitude over the record, within five standard errors of its 35 means. Control: without it, 0."""
+    best = max(weighing.results, key=lambda r: r.log_evidence)
+    assert midline_drift(weighing, best) == 0
+    line = 0.01 * A * np.linspace(-0.5, 0.5, weighing.data.t.size)
+    moved = replace(best, fit=replace(best.fit, residual=best.fit.residual + line))
+    assert midline_drift(weighing, moved) == pytest.approx(
+        0.01, abs=5 * SD / A * np.sqrt(12 / TIMES.size) + 1e-4
+    )

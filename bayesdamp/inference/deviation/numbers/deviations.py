@@ -6,6 +6,12 @@ import numpy as np
 
 from bayesdamp.inference.deviation.numbers.curves import times_of
 from bayesdamp.inference.deviation.weighing import Result, Weighing
+from bayesdamp.physics.kernel.averaged import NUMBERS
+
+SEEN = 5.0
+"""Standard deviations from which a drift is one: of the fewest means a false alarm in 400 records, of many far less."""
+FEWEST = 8
+"""Means through which a line is laid at least."""
 
 
 def size_of(weighing: Weighing, result: Result, values: np.ndarray) -> np.ndarray:
@@ -18,6 +24,26 @@ def size_of(weighing: Weighing, result: Result, values: np.ndarray) -> np.ndarra
     weight = weight / weight.sum()
     centred = values - (values @ weight)[:, None]
     return np.abs(centred) @ weight
+
+
+def midline_drift(weighing: Weighing, result: Result) -> float:
+    """By how much the midline moves from a record's start to its end, as a share of its first amplitude: the straight
+    line through the means, cycle by cycle, of what a candidate's plain fit leaves. 0 where less than `SEEN` of the sds
+    that these means' own scatter gives it."""
+    data, left, scale = weighing.data, result.fit.residual, weighing.data.recorded_amplitude
+    if data.averaged is None:
+        count = int(data.cycles)
+        parts = np.minimum((data.t / data.t[-1] * count).astype(int), max(count - 1, 0))
+        size = np.bincount(parts, minlength=count)
+        means = np.bincount(parts, left, minlength=count) / np.maximum(size, 1)
+    else:
+        means, scale = left[NUMBERS - 1 :: NUMBERS], scale * float(np.sqrt(2.0))
+    if means.size < FEWEST:
+        return 0.0
+    place = (np.arange(means.size) + 0.5) / means.size - 0.5
+    drift = float(place @ means / (place @ place))
+    scatter = float(np.sum((means - means.mean() - drift * place) ** 2)) / (means.size - 2)
+    return drift / scale if abs(drift) > SEEN * np.sqrt(scatter / (place @ place)) else 0.0
 
 
 def left_over(weighing: Weighing, result: Result) -> tuple[float, float]:
