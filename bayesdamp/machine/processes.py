@@ -14,6 +14,8 @@ from contextlib import contextmanager
 from importlib import import_module
 from typing import Any
 
+from bayesdamp.machine.threads import in_one_order
+
 GARBAGE = 100_000
 """New objects from which Python looks for garbage: every 700, as by default, takes a tenth of a short run, as the
 hundred thousands that JAX has made are gone through again and again."""
@@ -57,7 +59,7 @@ def processes(workers: int, module: str = "") -> Iterator[Processes]:
     """
     before = dict(os.environ)
     os.environ["OMP_NUM_THREADS"] = "1"
-    os.environ["XLA_FLAGS"] = f"{before.get('XLA_FLAGS', '')} --xla_cpu_multi_thread_eigen=false".strip()
+    in_one_order()
     pool = Processes(workers)
     with _kill_as_interrupt():
         try:

@@ -83,10 +83,11 @@ class Program:
             if (kept := _kept(path)) is not None:
                 return kept
             try:
-                traced = export.export(jax.jit(flat))(*leaves)
-                program = jax.jit(traced.call)
+                content = bytes(export.export(jax.jit(flat))(*leaves).serialize())
+                # As every later process has it: what was traced a moment ago may be compiled to other sums.
+                program = _called(content)
                 program.lower(*leaves).compile()  # now, so that whoever waits finds it in JAX's own cache
-                _write(path, bytes(traced.serialize()))
+                _write(path, content)
             except _FAILURES:
                 return jax.jit(flat)
             return program
@@ -94,10 +95,14 @@ class Program:
 
 def _kept(path: Path) -> Callable[..., Any] | None:
     """The program of a file, or None."""
+    content = _read(path)
+    return None if content is None else _called(content)
+
+
+def _called(content: bytes) -> Callable[..., Any]:
     from jax import export
 
-    content = _read(path)
-    return None if content is None else jax.jit(export.deserialize(bytearray(content)).call)
+    return jax.jit(export.deserialize(bytearray(content)).call)
 
 
 @contextmanager

@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
 from typing import TypeVar
 
+ONE_THREAD = "--xla_cpu_multi_thread_eigen=false"
 T = TypeVar("T")
 R = TypeVar("R")
 
@@ -17,6 +18,14 @@ MOST = 8
 def cores() -> int:
     """Cores that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def in_one_order() -> None:
+    """Let compiled programs that this process loads from now on sum in one order, whatever the number of cores: a result
+    must not depend on which process computes it. Without effect once JAX has compiled something."""
+    flags = os.environ.get("XLA_FLAGS", "")
+    if "xla_cpu_multi_thread_eigen" not in flags:
+        os.environ["XLA_FLAGS"] = f"{flags} {ONE_THREAD}".strip()
 
 
 def at_once(function: Callable[[T], R], items: Iterable[T]) -> list[R]:

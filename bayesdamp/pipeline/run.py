@@ -10,6 +10,8 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from threadpoolctl import threadpool_limits
+
 from bayesdamp.config import Recording, Study
 from bayesdamp.machine.cache_eviction import evict_programs
 from bayesdamp.outcomes import Status, status_of
@@ -119,7 +121,8 @@ def _run_job(
     """
     if code and code != package_digest():
         raise InputError("a worker runs another version of bayesdamp than this command; restart the workers")
-    with _ONE_AT_A_TIME:
+    # One thread for sums of linear algebra: their order, and the last digits, would depend on how many there are.
+    with _ONE_AT_A_TIME, threadpool_limits(1, "blas"):
         use(study.plugins)
         return _computed(study, folder, job, given_up)
 

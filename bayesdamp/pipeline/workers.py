@@ -12,6 +12,7 @@ from platformdirs import user_cache_dir
 
 from bayesdamp.machine.processes import processes
 from bayesdamp.machine.programs import keep_in
+from bayesdamp.machine.threads import in_one_order
 from bayesdamp.numerics.lazily import jax
 from bayesdamp.types import InputError
 
@@ -73,7 +74,8 @@ def progress_bar(console: Console) -> Progress:
 
 
 def cache_compilations() -> None:
-    """Keep traced and compiled programs in the user's cache folder, shared by all runs."""
+    """Keep traced and compiled programs in the user's cache folder, shared by all runs, the same for all processes."""
+    in_one_order()
     folder = user_cache_dir("bayesdamp")
     keep_in(Path(folder) / "traced")
     # Caches of the GPU, whose place would be part of every key: a copied folder would not be found again.
