@@ -21,8 +21,10 @@ def cores() -> int:
 
 
 def in_one_order() -> None:
-    """Let compiled programs that this process loads from now on sum in one order, whatever the number of cores: a result
-    must not depend on which process computes it. Without effect once JAX has compiled something."""
+    """Let compiled programs that this process loads from now on sum in one order, whatever the number of cores.
+
+    A result must not depend on which process computes it. Without effect once JAX has compiled something.
+    """
     flags = os.environ.get("XLA_FLAGS", "")
     if "xla_cpu_multi_thread_eigen" not in flags:
         os.environ["XLA_FLAGS"] = f"{flags} {ONE_THREAD}".strip()

@@ -275,8 +275,8 @@ class Branch:
             **{k: v for k, v in vars(fit).items() if k not in (*CHECKS, "windows", "forecast", "rivals")},
         )
         arrays = {"t": self.record.signal.t, **scores, **{k: getattr(fit, k) for k in CHECKS}}
-        # What comes next reads the mode from its cell, as a run that was cut off in between does: the plan of the solver
-        # is made anew there, and evidence on the one that found the mode is some 1e-8 nats apart.
+        # What comes next reads the mode from its cell, as a run that was cut off in between does: the solver's plan is
+        # made anew there, and evidence on the plan that found the mode is some 1e-8 nats apart.
         self.store.write(CellResult(name, key, checked.meta(), arrays, OK, plain_seconds(began)))
 
     def posterior(self, name: str, key: str) -> None:
