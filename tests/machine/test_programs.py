@@ -207,3 +207,14 @@ def test_a_wait_that_is_long_ends(kept: Path, monkeypatch: pytest.MonkeyPatch) -
     path.unlink()
     with programs.FileLock(path.with_suffix(".lock")):
         np.testing.assert_array_equal(Program(jnp.sin, "wave")(X), jnp.sin(X))
+
+
+def test_who_traces_a_program_runs_what_everybody_reads(kept: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Not the trace itself: what is compiled of it need not add up in the same order."""
+    read: list[int] = []
+    called = programs._called
+    monkeypatch.setattr(programs, "_called", lambda content: read.append(len(content)) or called(content))
+    first = Program(jnp.cumsum, "sums", "a")(X)
+    assert len(read) == 1
+    np.testing.assert_array_equal(Program(jnp.cumsum, "sums", "a")(X), first)
+    assert read[0] == read[1]
