@@ -99,7 +99,7 @@ def _kept(path: Path) -> Callable[..., Any] | None:
     return None if content is None else _called(content)
 
 
-def _called(content: bytes) -> Callable[..., Any]:
+def _called(content: bytes) -> Any:
     from jax import export
 
     return jax.jit(export.deserialize(bytearray(content)).call)
