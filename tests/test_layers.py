@@ -46,7 +46,7 @@ MAY_IMPORT: dict[str, set[str]] = {
     "validation.calibration": _BELOW
     | {"config", "estimators", "inference", "store", "pipeline", "report", "validation.calibration"},
     "validation.claims": _BELOW | {"estimators", "report", "validation.claims"},
-    "validation.reports": NEUTRAL | {"store", "validation"},
+    "validation.reports": NEUTRAL | {"store", "report", "validation"},
     "validation": NEUTRAL | {"validation"},
     "interface": NEUTRAL
     | {

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 from scipy.stats import binom
 
-from bayesdamp.validation.rows import read_rows
+from bayesdamp.validation.reports.rows import read_rows
 from bayesdamp.verdict.types import Grade, Verdict
 from tests.misfit import scoring
 from tests.misfit.cases import INSIDE, drawn

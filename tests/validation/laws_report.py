@@ -14,7 +14,7 @@ from scipy.stats import beta
 
 from bayesdamp.physics.damping import all_sums
 from bayesdamp.pipeline.answer import answer
-from bayesdamp.validation.rows import gathered, shipped
+from bayesdamp.validation.reports.rows import gathered, shipped
 from tests.validation.laws import case
 
 EXPONENT = "exponent"

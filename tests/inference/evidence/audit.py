@@ -17,7 +17,7 @@ from bayesdamp.inference.fit.search import find_mode
 from bayesdamp.inference.model.target import Target
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.types import Signal
-from bayesdamp.validation.rows import gathered, shipped
+from bayesdamp.validation.reports.rows import gathered, shipped
 from tests.inference.evidence.weighing_problems import KNOWN, PRIORS, TIMES, record
 
 CASES = 12
