@@ -236,8 +236,12 @@ def _distribution(p: np.ndarray, log: np.ndarray) -> tuple[np.ndarray, np.ndarra
     from scipy.interpolate import Akima1DInterpolator, PchipInterpolator
 
     grid = np.linspace(p[0], p[-1], POINTS)
-    between = Akima1DInterpolator(p, log, method="makima") if p.size > 2 else PchipInterpolator(p, log)
-    density = np.exp(between(grid) - log.max())
+    values = PchipInterpolator(p, log)(grid)
+    if p.size > 2:
+        smooth = Akima1DInterpolator(p, log, method="makima")(grid)
+        # Beside a fall of thousands of nats it swings far above all that is known.
+        values = smooth if smooth.max() < log.max() + NEGLIGIBLE else values
+    density = np.exp(values - log.max())
     total = np.concatenate([[0.0], np.cumsum(0.5 * (density[1:] + density[:-1]))])
     # Rising everywhere, so that it can be read the other way.
     return grid, total / total[-1] + 1e-12 * np.arange(POINTS)
