@@ -7,7 +7,7 @@ from itertools import product
 
 import numpy as np
 
-from bayesdamp.inference.deviation.parameters import Parameters
+from bayesdamp.inference.deviation.parameters import Parameters, retracted
 from bayesdamp.physics.kernel import Motion, Solver
 from bayesdamp.physics.kernel.solve import NONE, PARAMETERS, TOLERANCE
 
@@ -132,8 +132,9 @@ def _search(
         variance = max(float(r @ r) / r.size, noise**2)
         cost = float(r @ r) + variance * float(z @ z)
         triangle, target = _triangle(jacobian, r)
-        scale = np.linalg.norm(triangle, axis=0) + 1e-300
         plain = np.concatenate([triangle, np.sqrt(variance) * np.eye(z.size)])
+        # Of the prior too: where the motion does not change with a score, the prior alone would send it to 0.
+        scale = np.linalg.norm(plain, axis=0)
         wanted = np.concatenate([target + triangle @ z, np.zeros(z.size)])
         left = float(r @ r) - float(target @ target)
         fall = 0.0
@@ -145,6 +146,7 @@ def _search(
             promised = cost - left - float(np.sum((plain @ new - wanted) ** 2))
             if promised < NOTHING * close * cost:
                 break
+            new = retracted(parameters, solver.restoring, z, new)
             there, count = at(new), count + 1
             after = np.inf if there is None else float(there[0] @ there[0]) + variance * float(new @ new)
             if there is not None and after < cost:

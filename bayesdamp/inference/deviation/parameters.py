@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
+from bayesdamp.physics.restoring import LAWS, RestoringLaw
 from bayesdamp.priors import HalfNormal, Prior
 
 STEP = 1e-5
 """Scores over which the slope of a prior's map is taken."""
+SMALL_STEP = 1e-6
+"""Scores over which slopes of the straight coordinates are taken."""
 
 
 @dataclass(frozen=True)
@@ -78,6 +81,118 @@ class Parameters:
     def named(self, z: np.ndarray) -> dict[str, float]:
         """All of the kernel's parameters at scores z, (d,), by name."""
         return dict(zip(self.names, map(float, self.values(z)), strict=True))
+
+
+@dataclass(frozen=True)
+class Straight(Parameters):
+    """Parameters whose law's scores and θ₀'s are replaced by v = z₀ + J (ν − ν₀), ν the law's natural coordinates and J
+    the slopes of the scores by them at the anchor: there v and the scores z agree to first order.
+
+    places: of v among all scores, (b,); at: their names; anchor: z₀, (b,); origin: ν₀, (b,); root: J⁻¹, (b, b).
+    """
+
+    law: RestoringLaw
+    places: np.ndarray
+    at: tuple[str, ...]
+    anchor: np.ndarray
+    origin: np.ndarray
+    root: np.ndarray
+
+    def values(self, z: np.ndarray) -> np.ndarray:
+        """The kernel's parameters at z, (..., d): shape (..., k); NaN where no parameters have these coordinates."""
+        if z.ndim > 1:
+            return np.array([self.values(row) for row in z])
+        p = super().values(z)
+        natural = self.origin + self.root @ (z[self.places] - self.anchor)
+        found = self.law.from_natural(dict(zip(self.at, map(float, natural), strict=True)))
+        p[self.free[self.places]] = np.nan if found is None else [found[name] for name in self.at]
+        return p
+
+    def by_scores(self, tangents: np.ndarray, z: np.ndarray) -> np.ndarray:
+        """Tangents by v of those by the kernel's parameters, (n, k): shape (n, d)."""
+        found = super().by_scores(tangents, z)
+        found[:, self.places] = tangents[:, self.free[self.places]] @ self._slopes(z)
+        return found
+
+    def plain(self, z: np.ndarray) -> np.ndarray:
+        """Standard normal scores of v, both (d,); NaN where there are none."""
+        p, found = self.values(z)[self.free[self.places]], z.copy()
+        found[self.places] = [
+            float(self.priors[name].score(value)) for name, value in zip(self.at, p, strict=True)
+        ]
+        return found
+
+    def log_prior(self, z: np.ndarray) -> float:
+        """Log of the prior's density at v, (d,), over that of standard normal v; −∞ where it has none."""
+        plain = self.plain(z)[self.places]
+        if not np.all(np.isfinite(plain)):
+            return -np.inf
+        p, slopes = self.values(z)[self.free[self.places]], self._slopes(z)
+        scales = []
+        for name, score, value in zip(self.at, plain, p, strict=True):
+            d = SMALL_STEP * max(1.0, abs(score))
+            ends = self.priors[name].value(np.array([score - d, score + d]))
+            scales.append(float(np.diff(ends)[0]) / (2 * d) if np.isfinite(value) else np.nan)
+        sign, log = np.linalg.slogdet(slopes / np.array(scales)[:, None])
+        if not np.isfinite(log) or sign == 0:
+            return -np.inf
+        return float(log - 0.5 * np.sum(plain**2) + 0.5 * np.sum(z[self.places] ** 2))
+
+    def _slopes(self, z: np.ndarray) -> np.ndarray:
+        """Of the values by v, (b, b)."""
+        found = np.empty((self.places.size, self.places.size))
+        for i, place in enumerate(self.places):
+            ends = []
+            for sign in (-1.0, 1.0):
+                moved = z.copy()
+                moved[place] += sign * SMALL_STEP
+                ends.append(self.values(moved)[self.free[self.places]])
+            found[:, i] = (ends[1] - ends[0]) / (2 * SMALL_STEP)
+        return found
+
+
+def straight_at(parameters: Parameters, restoring: str, z: np.ndarray) -> Straight | None:
+    """The straight coordinates laid through scores z, (d,); None where the law has none, or not all of what they are
+    made of is inferred."""
+    law = LAWS.get(restoring)
+    at = (*law.parameters, "theta0")
+    if not set(at) <= set(parameters.free_names):
+        return None
+    p = dict(zip(parameters.free_names, map(float, parameters.values(z)[parameters.free]), strict=True))
+    natural = law.natural(p)
+    if natural is None or law.from_natural(natural) is None:
+        return None
+    places = np.array([parameters.free_names.index(name) for name in at])
+    origin = np.array([natural[name] for name in at])
+    # Laid with the identity first, whose slopes are those of the values by ν.
+    found = Straight(
+        parameters.names,
+        parameters.priors,
+        parameters.known,
+        law,
+        places,
+        at,
+        z[places],
+        origin,
+        np.eye(len(at)),
+    )
+    by_natural = found._slopes(z)
+    scales = parameters.slopes(z)[places]
+    slopes = by_natural / scales[:, None]
+    if not np.all(np.isfinite(slopes)) or np.linalg.cond(slopes) > 1e12:
+        return None
+    return replace(found, root=np.linalg.inv(slopes))
+
+
+def retracted(parameters: Parameters, restoring: str, z: np.ndarray, new: np.ndarray) -> np.ndarray:
+    """Where a step from scores z to `new`, both (d,), leads along the law's natural coordinates: the same to first
+    order, but a step along which a record shows little stays where it shows little (a retraction; P.-A. Absil, R.
+    Mahony and R. Sepulchre, Optimization Algorithms on Matrix Manifolds, 2008)."""
+    coordinates = None if isinstance(parameters, Straight) else straight_at(parameters, restoring, z)
+    if coordinates is None:
+        return new
+    found = coordinates.plain(new)
+    return found if np.all(np.isfinite(found)) else new
 
 
 def only(priors: Mapping[str, Prior], names: Sequence[str]) -> dict[str, Prior]:

@@ -11,7 +11,7 @@ import numpy as np
 from bayesdamp.inference.deviation.gaussian.linear import Linear
 from bayesdamp.inference.deviation.gaussian.tempered import DRAWS, sampled
 from bayesdamp.inference.deviation.sampled.motions import Motions, motions_near
-from bayesdamp.inference.deviation.sampled.straight import reference_of
+from bayesdamp.inference.deviation.sampled.reference import reference_of
 from bayesdamp.inference.deviation.weighing import Result, Weighing
 from bayesdamp.machine.threads import at_once
 

@@ -9,13 +9,15 @@ import numpy as np
 import pytest
 
 from bayesdamp.inference.deviation.numbers.draws import scores_of
+from bayesdamp.inference.deviation.parameters import Straight, retracted, straight_at
 from bayesdamp.inference.deviation.quick import weighing_of
-from bayesdamp.inference.deviation.sampled import candidates, straight
+from bayesdamp.inference.deviation.sampled import candidates, reference
 from bayesdamp.inference.deviation.sampled.motions import APART, LOOSER, Motions, motions_near
-from bayesdamp.inference.deviation.sampled.straight import Straight, reference_of, straight_at
+from bayesdamp.inference.deviation.sampled.reference import reference_of
 from bayesdamp.inference.deviation.weighing import Result, Weighing
 from bayesdamp.inference.model.defaults import Reference
 from bayesdamp.physics.oscillator import Oscillator
+from bayesdamp.physics.restoring import LAWS
 from bayesdamp.records.simulate import simulate_signal
 from bayesdamp.types import Signal
 
@@ -40,13 +42,13 @@ def weighed() -> tuple[Weighing, Result]:
     return of(record())
 
 
-def of(signal: Signal, reference: Reference | None = None, **known: float) -> tuple[Weighing, Result]:
+def of(signal: Signal, scales: Reference | None = None, **known: float) -> tuple[Weighing, Result]:
     weighing = weighing_of(
         signal,
         damping=["viscous"],
         restoring=["horizontal_pendulum"],
         known={"noise_sd": NOISE, **known},
-        reference=reference,
+        reference=scales,
     )
     return weighing, weighing.results[0]
 
@@ -105,7 +107,7 @@ def test_evidence_is_that_of_quadrature_over_gravity(monkeypatch: pytest.MonkeyP
     assert found.log_evidence == pytest.approx(np.log(whole) + max(logs), abs=0.1)
     mean = np.trapezoid(density * grid, grid) / whole
     assert drawn.mean() == pytest.approx(mean, abs=5 * drawn.std() / np.sqrt(found.draws.shape[0] / 2))
-    monkeypatch.setattr(straight, "_straightened", lambda *_: None)
+    monkeypatch.setattr(reference, "_straightened", lambda *_: None)
     plain = candidates.sampled_result(weighing, result, True).sampled
     assert plain is not None
     assert abs(plain.log_evidence - np.log(whole) - max(logs)) > 1.0
@@ -128,3 +130,23 @@ def test_looser_motions_are_as_near_as_they_say() -> None:
 
     assert off(found) < 2 * APART
     assert off(bare) > 5 * off(found)
+
+
+def test_a_step_along_gravity_keeps_what_the_record_tells() -> None:
+    """Angle at rest and frequency after a step along their tangent; control: along the scores they are lost."""
+    _, result = weighed()
+    parameters, z = result.fit.parameters, result.fit.z
+    found, law = coordinates()[0], LAWS.get("horizontal_pendulum")
+    step = np.linalg.inv(found.root)[:, found.at.index("gravity")]
+    new = z.copy()
+    new[found.places] += 10.0 * step
+
+    def told(scores: np.ndarray) -> np.ndarray:
+        p = dict(zip(parameters.names, map(float, parameters.values(scores)), strict=True))
+        natural = law.natural(p)
+        assert natural is not None
+        return np.array([natural[n] for n in ("stiffness", "spring_angle", "theta0")])
+
+    along = told(retracted(parameters, "horizontal_pendulum", z, new))
+    np.testing.assert_allclose(along, told(z), rtol=1e-6)
+    assert np.max(np.abs(told(new) / told(z) - 1)) > 1e-3

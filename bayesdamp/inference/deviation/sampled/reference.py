@@ -1,0 +1,109 @@
+"""What sampling starts from: a linear model, in straight coordinates where the restoring law has such.
+
+A record tells the angle at rest and the frequency far better than gravity, so that a posterior of spring, gravity and
+spring's angle lies along a curve, which a linear model leaves after a few of its sds.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from bayesdamp.inference.deviation.candidate import Linearised, exact, linearised, relinearised
+from bayesdamp.inference.deviation.data import Data
+from bayesdamp.inference.deviation.gaussian.hyperparameters import grid_of
+from bayesdamp.inference.deviation.gaussian.linear import Linear, Weighed, weigh
+from bayesdamp.inference.deviation.least_squares import fit
+from bayesdamp.inference.deviation.parameters import Parameters, Straight, straight_at
+from bayesdamp.inference.deviation.weighing import Result, Weighing
+from bayesdamp.physics.kernel import Solver
+
+ANCHORS = 3
+"""How often the coordinates are laid through the mode that was found in the last ones."""
+CLOSE = 0.1
+"""Scores by which v may differ from z at the mode for the coordinates not to be laid anew."""
+
+
+@dataclass(frozen=True)
+class Reference:
+    """What sampling starts from: a linear model in the coordinates of `parameters`, weighed."""
+
+    parameters: Parameters
+    model: Linear
+    weighed: Weighed
+
+    def scores(self, draws: np.ndarray) -> np.ndarray:
+        """Standard normal scores with g and h, (n, K), of draws."""
+        if not isinstance(self.parameters, Straight):
+            return draws
+        d, found = self.parameters.free.size, draws.copy()
+        found[:, :d] = [self.parameters.plain(row[:d]) for row in draws]
+        return found
+
+    @property
+    def log_prior(self) -> Callable[[np.ndarray], float] | None:
+        """Log of the prior's density over a standard normal one, of scores (d,); None where they are the same."""
+        return self.parameters.log_prior if isinstance(self.parameters, Straight) else None
+
+
+def reference_of(weighing: Weighing, result: Result, approximate: bool) -> Reference:
+    """The linear model that a candidate's draws begin with: in straight coordinates where there are such, about the
+    mode in them; else that which it was weighed by."""
+    model = result.exact if not approximate or result.about is None else result.about.model
+    weighed = result.weighed if approximate else result.exact_weighed
+    assert weighed is not None
+    found = _straightened(weighing, result, approximate)
+    return found or Reference(result.fit.parameters, model, weighed)
+
+
+def _straightened(weighing: Weighing, result: Result, approximate: bool) -> Reference | None:
+    data, solver = weighing.data, result.solver
+    samples, variance = data.y.size / weighing.inflation, weighing.variance
+    z = result.fit.z if not approximate or result.about is None else result.about.u[: result.fit.z.size]
+    coordinates = straight_at(result.fit.parameters, result.candidate.restoring, z)
+    if coordinates is None:
+        return None
+    if not approximate:
+        return _exact(coordinates, result, data, samples)
+    at = _about(coordinates, result, solver, data, None if result.about is None else result.about.u)
+    if at is None:
+        return None
+    for _ in range(ANCHORS):
+        found = relinearised(result.candidate, solver, data, at.fit, variance, at)
+        if found is None:
+            return None
+        mode, d = found[0], at.fit.z.size
+        assert isinstance(mode.parameters, Straight)
+        plain = mode.parameters.plain(mode.u[:d])
+        there = straight_at(result.fit.parameters, result.candidate.restoring, plain)
+        if there is None:
+            return None
+        new = _about(there, result, solver, data, np.concatenate([plain, mode.u[d:]]))
+        if new is None:
+            return None
+        apart = np.abs(plain - mode.u[:d]).max()
+        at = new
+        if apart < CLOSE:
+            break
+    grid = grid_of(solver.knots.size, absorbed=result.fit.parameters.absorbs)
+    return Reference(at.parameters, at.model, weigh(at.model, grid, variance, samples))
+
+
+def _about(
+    coordinates: Straight, result: Result, solver: Solver, data: Data, u: np.ndarray | None
+) -> Linearised | None:
+    z = result.fit.z if u is None else u[: result.fit.z.size]
+    found = replace(result.fit, parameters=coordinates, z=z)
+    return linearised(result.candidate, solver, data, found, u)
+
+
+def _exact(coordinates: Straight, result: Result, data: Data, samples: float) -> Reference | None:
+    fitted = fit(
+        result.solver, coordinates, result.fit.active, data.y, result.fit.z, noise=data.noise, windows=False
+    )
+    if fitted is None:
+        return None
+    model = exact(fitted)
+    return Reference(coordinates, model, weigh(model, grid_of(0, exact=True), result.exact_variance, samples))
