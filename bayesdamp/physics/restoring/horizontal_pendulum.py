@@ -46,8 +46,19 @@ class HorizontalPendulum(RestoringLaw):
 
     def natural(self, p: Mapping[str, float]) -> dict[str, float] | None:
         """The squared frequency of small motions, gravity, the equilibrium, and the start as seen from there."""
+        starts = [p[name] for name in ("theta0", "spring_angle") if name in p]
+        rest = next((found for at in starts if (found := self._rest(p, at)) is not None), None)
+        if rest is None:
+            return None
+        slope = p["stiffness"] + p["gravity"] * math.sin(rest)
+        start = p.get("theta0", 0.0) - rest
+        return {"stiffness": slope, "gravity": p["gravity"], "spring_angle": rest, "theta0": start}
+
+    @staticmethod
+    def _rest(p: Mapping[str, float], rest: float) -> float | None:
+        """The stable equilibrium that Newton's method finds from an angle; None where it comes to a slope that pushes
+        away."""
         k, gravity, spring = p["stiffness"], p["gravity"], p["spring_angle"]
-        rest = spring
         for _ in range(NEWTON):
             slope = k + gravity * math.sin(rest)
             if slope <= 0:
@@ -55,8 +66,7 @@ class HorizontalPendulum(RestoringLaw):
             step = (k * (rest - spring) - gravity * math.cos(rest)) / slope
             rest -= step
             if abs(step) < 1e-13:
-                start = p.get("theta0", 0.0) - rest
-                return {"stiffness": slope, "gravity": gravity, "spring_angle": rest, "theta0": start}
+                return rest
         return None
 
     def from_natural(self, p: Mapping[str, float]) -> dict[str, float] | None:
