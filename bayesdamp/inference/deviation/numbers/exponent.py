@@ -104,11 +104,17 @@ def _problem(
     # About there the size and the exponent are told by themselves.
     middle = Reference(float(np.sqrt(data.amplitude * data.final_amplitude)), data.frequency)
     given = {**known, **middle.scales(data.rest if rest is None else rest)}
-    epsilon = min(plain.epsilon, ROUNDED * weighing.reference.peak_velocity)
-    solver, c = replace(plain, terms=("power",), epsilon=epsilon), Candidate(("power",), law)
+    narrow = min(plain.epsilon, ROUNDED * weighing.reference.peak_velocity)
+    c = Candidate(("power",), law)
+
+    def solver_of(p: float) -> Solver:
+        # At 1 the width changes nothing; above, a narrow one costs ten times the steps.
+        return replace(plain, terms=("power",), epsilon=narrow if p < 1 else plain.epsilon)
+
+    starts: list[Mapping[str, float]] = [{**near, **one} for one in _starts(weighing, best, middle)]
+    solver = solver_of(starts[0]["exponent"] if starts else 1.0)
     assert solver.kernel
     parameters = parameters_of(c, solver, data, middle, {}, given)
-    starts: list[Mapping[str, float]] = [{**near, **one} for one in _starts(weighing, best, middle)]
     top = searched(c, solver, data, parameters, starts, windows=False)
     if top is None:
         return None
@@ -127,6 +133,7 @@ def _problem(
             {n: prior for n, prior in parameters.priors.items() if n != "exponent"},
             {**parameters.known, "exponent": p},
         )
+        solver = solver_of(p)
         z = np.delete(top.z, place) if near is None else near.u[: len(fixed.priors)]
         if not approximate:
             found = fit(solver, fixed, top.active, data.y, z, noise=data.noise, windows=False)
