@@ -128,7 +128,7 @@ class Comparison(Result):
         every = [*(r.verdict for r in self.records), self.verdict]
         return pd.DataFrame([row_of(v) for v in every])
 
-    def plot(self, axes: Sequence[Axes] | None = None) -> tuple[Axes, ...]:
+    def plot(self, axes: drawing.Given = None) -> tuple[Axes, ...]:
         """Draw the answer: record, damping ratio against amplitude, residual, energy by term; the four axes drawn on.
         Of several records the first that has an answer. Raises InputError where nothing was weighed."""
         from matplotlib import rc_context

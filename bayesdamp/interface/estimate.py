@@ -77,8 +77,8 @@ class Estimate(Result):
         if not self.values:
             raise Refusal(self.outcome)
         ax = drawing.one(ax)
-        t = self.signal.t
-        ax.plot(t, self.signal.y, ".", color=drawing.QUIET, ms=2, label="record")
+        t, unit = self.signal.t, self.signal.own_unit
+        ax.plot(t, unit.scale * self.signal.y, ".", color=drawing.QUIET, ms=2, label="record")
         case = Case.of(self.signal, self.model)
         rest = start_parameters(self.signal, case.problem, case.seen)
         oscillator = Oscillator(self.model.terms, self.model.restoring)
@@ -89,9 +89,9 @@ class Estimate(Result):
                 motion = simulate(
                     oscillator, every, t, self.signal.quantity, 1e-4 * float(np.ptp(self.signal.y))
                 )
-                ax.plot(t, motion, dashes, color=colour, lw=1.0, label=stage.stage)
+                ax.plot(t, unit.scale * motion, dashes, color=colour, lw=1.0, label=stage.stage)
         ax.set_xlabel("time / s")
-        ax.set_ylabel(f"{self.signal.quantity} / {self.signal.y_unit}")
+        ax.set_ylabel(f"{unit.called(self.signal.quantity)} / {unit.of(self.signal.quantity)}")
         ax.set_title(f"{self.estimator}, {self.model.name}", fontsize="small", loc="left")
         ax.legend(loc="upper right")
         return ax

@@ -208,14 +208,16 @@ class Fit(Result):
         }
         return pd.DataFrame.from_dict(rows, orient="index", columns=[*columns, "unit", "prior"])
 
-    def plot(self, axes: Sequence[Axes] | None = None, until: float | None = None) -> tuple[Axes, Axes]:
+    def plot(self, axes: drawing.Given = None, until: float | None = None) -> tuple[Axes, ...]:
         """Draw the record with the fit, and the residuals below; the two axes drawn on.
 
-        until: time in s up to which the fit goes on beyond the record. Raises Refusal without a fit.
+        axes: two, or one for the record with the fit alone. until: time in s up to which the fit goes on beyond the
+        record. Raises Refusal without a fit, InputError for other axes.
         """
         if not self.values:
             raise Refusal(self.outcome)
-        above, below = drawing.several(axes, 2, heights=(2, 1))
+        alone = axes is not None and len(drawing.listed(axes)) == 1
+        above, *rest = drawing.several(axes, 1 if alone else 2, heights=(2, 1))
         t = self.signal.t
         end = float(t[-1]) if until is None else max(float(until), float(t[-1]))
         unit = self.signal.own_unit
@@ -231,12 +233,13 @@ class Fit(Result):
             above.fill_between(ahead.t, low, high, color=drawing.BLUE, alpha=0.2, lw=0)
         above.set_ylabel(f"{unit.called(self.signal.quantity)} / {label}")
         above.legend(loc="upper right")
-        below.plot(t, self.residuals * scale, color=drawing.BLUE, lw=0.6)
-        below.axhline(0.0, color=drawing.QUIET, lw=0.6)
-        below.set_ylabel(f"residual / {label}")
-        below.set_xlabel("time / s")
-        below.set_xlim(above.get_xlim())
-        return above, below
+        for below in rest:
+            below.plot(t, self.residuals * scale, color=drawing.BLUE, lw=0.6)
+            below.axhline(0.0, color=drawing.QUIET, lw=0.6)
+            below.set_ylabel(f"residual / {label}")
+            below.set_xlim(above.get_xlim())
+        (above, *rest)[-1].set_xlabel("time / s")
+        return above, *rest
 
     def _table(self) -> Table:
         title = f"Fit of {self.model.name} to {self.signal.name}"

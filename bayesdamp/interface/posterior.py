@@ -139,9 +139,7 @@ class Posterior(Result):
         parts = ["sd_noise", "sd_law"] if self.fit.law is not None else []
         return pd.DataFrame.from_dict(rows, orient="index", columns=[*COLUMNS, *parts, "unit"])
 
-    def plot(
-        self, axes: Sequence[Axes] | None = None, names: Sequence[str] | None = None
-    ) -> tuple[Axes, ...]:
+    def plot(self, axes: drawing.Given = None, names: Sequence[str] | None = None) -> tuple[Axes, ...]:
         """Draw the trace of each parameter, and its density to the right of it; the axes drawn on, two a parameter.
 
         names: of the parameters to draw, all by default. Raises InputError for a name that is none, Refusal without

@@ -64,7 +64,11 @@ class Candidate(Shown):
         return Table(title, ("parameter", "value", "sd"), tuple(rows), said(self.outcome, notes))
 
     def _more(self) -> tuple[tuple[str, list[str]], ...]:
-        found = [f"{m} {number(e.log_evidence, 7)}" for m, e in self.evidence.items()]
+        found = [
+            f"{m} {number(e.log_evidence, 7)}"
+            for m, e in self.evidence.items()
+            if np.isfinite(e.log_evidence)
+        ]
         return (
             ("estimates", list(self.estimates)),
             ("posteriors", list(self.posteriors)),

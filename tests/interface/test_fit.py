@@ -99,8 +99,25 @@ def test_shown_and_drawn() -> None:
     above, below = fit().plot(until=10.0)
     assert below.get_xlabel() == "time / s"
     assert fit().plot((above, below)) == (above, below)
-    with pytest.raises(bd.InputError, match="1 given; 2 are drawn on"):
-        fit().plot([above])
+    plt.close("all")
+
+
+def test_axes_are_taken_as_a_user_has_them() -> None:
+    figure, four = plt.subplots(2, 2)
+    assert fit().plot(four[0]) == tuple(four[0])
+    assert fit().plot(four[:, :1]) == (four[0, 0], four[1, 0])
+    (alone,) = fit().plot(four[1, 1], until=10.0)  # the record with the fit, without the residuals
+    assert alone is four[1, 1]
+    assert (alone.get_xlabel(), len(alone.lines)) == ("time / s", 3)
+    for given, said in (
+        (four, "4 given; 2 are drawn on"),
+        (figure, "Figure given; it must be matplotlib's axes"),
+        ([four[0, 0], "below"], "str given"),
+    ):
+        with pytest.raises(bd.InputError, match=said):
+            fit().plot(given)
+    with pytest.raises(bd.InputError, match="2 given; 1 are drawn on"):
+        record().plot(tuple(four[0]))  # type: ignore[arg-type]
     plt.close("all")
 
 

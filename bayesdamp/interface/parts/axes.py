@@ -5,12 +5,18 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, TypeAlias
+
+import numpy as np
 
 from bayesdamp.types import InputError
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from numpy.typing import NDArray
+
+    Given: TypeAlias = Axes | Sequence[Axes] | NDArray[Any] | None
+    """Axes as a user has them: one, several, those that `plt.subplots` gives, or none yet."""
 
 UNSEEN = ("agg", "cairo", "pdf", "pgf", "ps", "svg", "template")
 """Backends of matplotlib that show nothing."""
@@ -18,14 +24,12 @@ INK, QUIET, FAINT, BLUE = "#222222", "#8a8a8a", "#d9d9d9", "#0072B2"
 
 
 def one(ax: Axes | None) -> Axes:
-    """The axes given, or those of a new figure of pyplot's."""
-    if ax is not None:
-        return ax
-    return several(None, 1)[0]
+    """The axes given, or those of a new figure of pyplot's. Raises InputError where something else is given."""
+    return several(ax, 1)[0]
 
 
 def several(
-    axes: Sequence[Axes] | None,
+    axes: Given,
     count: int,
     columns: int = 1,
     heights: Sequence[float] | None = None,
@@ -33,18 +37,30 @@ def several(
 ) -> tuple[Axes, ...]:
     """As many axes as are drawn on, row by row. columns, heights of the rows and size (inches): of a new figure.
 
-    Raises InputError where another number is given.
+    Raises InputError where another number is given, or something else.
     """
     if axes is not None:
-        if len(axes) != count:
-            raise InputError(f"axes: {len(axes)} given; {count} are drawn on")
-        return tuple(axes)
+        given = listed(axes)
+        if len(given) != count:
+            raise InputError(f"axes: {len(given)} given; {count} are drawn on")
+        return given
     import matplotlib.pyplot as plt
 
     seen_in_notebooks()
     figure = plt.figure(figsize=size, layout="constrained")
     grid = figure.subplots(-(-count // columns), columns, squeeze=False, height_ratios=heights)
     return tuple(grid.ravel().tolist())
+
+
+def listed(axes: Axes | Sequence[Axes] | NDArray[Any]) -> tuple[Axes, ...]:
+    """The axes given, row by row. Raises InputError for what is none."""
+    from matplotlib.axes import Axes
+
+    found: list[Any] = np.ravel(np.asarray(axes, dtype=object)).tolist()
+    for one_of_them in found:
+        if not isinstance(one_of_them, Axes):
+            raise InputError(f"axes: {type(one_of_them).__name__} given; it must be matplotlib's axes")
+    return tuple(found)
 
 
 def seen_in_notebooks() -> None:
