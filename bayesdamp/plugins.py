@@ -240,7 +240,7 @@ def _registry_of(plugin: object, where: str) -> Registry[Any]:
     """The registry of the kind that a plug-in's classes are of."""
     homes = [cls.__module__ for cls in type(plugin).__mro__]
     for registry in sorted(_REGISTRIES.values(), key=lambda r: -len(r.home)):
-        if any(home.startswith(f"{registry.home}.") for home in homes):
+        if any(home.startswith((f"{registry.home}.", f"{registry.package}.")) for home in homes):
             return registry
     raise InputError(
         f"{where}: PLUGIN is of type {type(plugin).__name__}, which is no plug-in; derive its class from one such as "

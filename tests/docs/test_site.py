@@ -15,6 +15,7 @@ import pandas as pd
 import pytest
 import typer
 
+import bayesdamp as bd
 from bayesdamp.cli.app import app
 from bayesdamp.envelope.report.tables import verdict
 from bayesdamp.envelope.results import EnvelopeResult
@@ -116,3 +117,19 @@ def test_every_field_of_a_verdict_is_described() -> None:
     envelope = verdict(EnvelopeResult("one", "exact", "sentence"))
     assert envelope["schema"] == 1
     assert set(envelope) <= described
+
+
+def unlisted(page: str, names: list[str]) -> list[str]:
+    """Names that a page of the interface does not document."""
+    listed = set(re.findall(r"^\.\. auto\w+:: ([\w.]+)", page, re.MULTILINE))
+    return [n for n in names if not any(one.rpartition(".")[2] == n for one in listed)]
+
+
+def test_what_is_public_is_on_the_page_of_the_interface() -> None:
+    page = (ROOT / "docs" / "api.md").read_text(encoding="utf-8")
+    examples = (ROOT / "docs" / "extending.md").read_text(encoding="utf-8")
+    imported = re.findall(r"^from bayesdamp(\.(?!priors|types)[\w.]+) import (.+)$", examples, re.MULTILINE)
+    used = [name for _, names in imported for name in names.split(", ")]
+    assert len(used) > 10
+    assert not unlisted(page, [n for n in bd.__all__ if n != "__version__"] + used)
+    assert unlisted(page.replace(".. autoclass:: Fit()", ""), ["Fit"]) == ["Fit"]  # the control

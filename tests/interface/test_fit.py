@@ -115,7 +115,7 @@ def test_axes_are_taken_as_a_user_has_them() -> None:
         ([four[0, 0], "below"], "str given"),
     ):
         with pytest.raises(bd.InputError, match=said):
-            fit().plot(given)
+            fit().plot(given)  # type: ignore[arg-type]
     with pytest.raises(bd.InputError, match="2 given; 1 are drawn on"):
         record().plot(tuple(four[0]))  # type: ignore[arg-type]
     plt.close("all")

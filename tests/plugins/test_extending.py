@@ -5,9 +5,11 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import bayesdamp as bd
+from bayesdamp.cli import main
 from bayesdamp.config import load_study
 from bayesdamp.pipeline import run_study
 from bayesdamp.plugins import read_modules, use
@@ -69,10 +71,33 @@ def test_a_term_with_a_parameter_of_its_own(tmp_path):
     assert own["c_thinning"].low < 0.3 < own["c_thinning"].high
 
 
+def test_a_reader_of_ones_own(tmp_path, capsys):
+    """By its content, whatever the file's name; by look, compare and a study's own modules; without it the file is of
+    no format."""
+    blocks = re.findall(r"```python\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL)
+    (block,) = [b for b in blocks if "Reader" in b]
+    (tmp_path / "own.py").write_text(block, encoding="utf-8")
+    t = np.arange(400) / 50.0
+    angles = 300.0 * np.exp(-0.1 * t) * np.cos(4.47 * t) + np.random.default_rng(0).normal(0.0, 1.0, t.size)
+    file = tmp_path / "swing.dat"
+    file.write_bytes(b"RIG1" + np.array([50.0, *angles], "<f4").tobytes())
+    with pytest.raises(bd.InputError, match="unknown format"):
+        bd.read(file)
+    assert main(["look", str(file), "--plugin", str(tmp_path / "own.py")]) == 0
+    assert "phi" in capsys.readouterr().out
+    use(read_modules([tmp_path / "own.py"]))
+    signal = bd.read(file).signal()
+    assert signal.provenance["unit"] == "mrad"
+    assert np.ptp(signal.y) == pytest.approx(0.58, abs=0.05)
+    file.write_bytes(b"RIG1")
+    with pytest.raises(bd.InputError, match="not readable as a file of our rig"):
+        bd.read(file)
+
+
 @pytest.mark.slow
 def test_all_kinds_in_one_study(tmp_path):
     blocks = re.findall(r"```python\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL)
-    assert len(blocks) == 6
+    assert len(blocks) == 7
     for i, block in enumerate(blocks):
         (tmp_path / f"own{i}.py").write_text(block, encoding="utf-8")
     files = ", ".join(f'"own{i}.py"' for i in range(len(blocks)))

@@ -134,9 +134,10 @@ def compare(
     if frequency is not None:
         raise InputError("--frequency: is for envelopes; give --quantity envelope, or leave it out")
     from bayesdamp.cli.asking import Options, as_signals, chosen_records, first_words_on
-    from bayesdamp.plugins import read_modules
+    from bayesdamp.plugins import read_modules, use
 
     plugins = read_modules(plugin or ())
+    use(plugins)  # which may read the files
     sums = [one.strip() for given in damping or () for one in given.split(",")]
     columns = time, angle, rate, time_unit
     reading = Options.of(columns, unit, quantity, clock, (start, stop), runs, channel)

@@ -32,14 +32,17 @@ def look(
     stop: o.Stop = "auto",
     runs: o.Runs = None,
     channel: o.Channels = None,
+    plugin: o.Plugins = None,
     html: Annotated[Path | None, typer.Option(help="A page to write it to as well.")] = None,
 ) -> int:
     """Show what would be read of a file: columns, units, clock, the free decay in it, and what looks wrong."""
     from rich.console import Console
 
     from bayesdamp.cli.asking import Options, found_records
+    from bayesdamp.plugins import read_modules, use
     from bayesdamp.records.opening.opening import contents
 
+    use(read_modules(plugin or ()))
     columns = time, angle, rate, time_unit
     asked = Options.of(columns, unit, quantity, clock, (start, stop), runs, channel)
     console = Console()

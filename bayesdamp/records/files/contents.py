@@ -74,7 +74,7 @@ class Contents:
 
 class Reader(Protocol):
     """A plug-in: one file format. A module in `bayesdamp.records.readers` binds one to the name PLUGIN and imports the
-    format's library only in `read`.
+    format's library only in `read`; a user's is derived from this class and has a `name`.
 
     format: the format's name with its article, as in "this is an Excel file". extensions: small letters with the dot.
     extra: the extra of this package that its library comes with, empty where it always does.
@@ -82,7 +82,7 @@ class Reader(Protocol):
 
     format: str
     extensions: tuple[str, ...]
-    extra: str
+    extra: str = ""
 
     def claims(self, head: bytes, path: Path) -> bool:
         """Whether the first bytes (up to HEAD of them) show the file to be of this format."""

@@ -1,6 +1,8 @@
 """One reader a file format, found by name."""
 
 from bayesdamp.plugins import Registry
-from bayesdamp.records.files.contents import Reader
+from bayesdamp.records.files.contents import Column, Contents, Reader
 
-READERS: Registry[Reader] = Registry("bayesdamp.records.readers", "reader")
+READERS: Registry[Reader] = Registry("bayesdamp.records.readers", "reader", home="bayesdamp.records.files")
+
+__all__ = ["READERS", "Column", "Contents", "Reader"]
