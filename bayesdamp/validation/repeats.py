@@ -29,7 +29,8 @@ class Agreement:
 
     first, second: names of the records. amplitudes: rad, at which they are compared. z: standardised differences of the
     damping ratio there, the same shape. named: the two damping sums. possible: whether the first's sum has a
-    probability of 0.05 or more in the second answer, and the second's in the first.
+    probability of 0.05 or more in the second answer, and the second's in the first. decided: whether each is named
+    outright.
     """
 
     first: str
@@ -38,6 +39,7 @@ class Agreement:
     z: np.ndarray
     named: tuple[str, str]
     possible: tuple[bool, bool]
+    decided: tuple[bool, bool]
 
 
 def runs(signals: Sequence[Signal], answering: Answering) -> list[Agreement]:
@@ -95,7 +97,8 @@ def agreement(first: str, one: Answer, second: str, other: Answer) -> Agreement:
         probability_of(one, other.damping) >= POSSIBLE,
     )
     z = (a - b) / np.hypot(sd_a, sd_b)
-    return Agreement(first, second, amplitudes, z, (one.damping, other.damping), possible)
+    decided = bool(one.decided), bool(other.decided)
+    return Agreement(first, second, amplitudes, z, (one.damping, other.damping), possible, decided)
 
 
 def mean_square(found: Iterable[Agreement]) -> float:
@@ -104,8 +107,14 @@ def mean_square(found: Iterable[Agreement]) -> float:
 
 
 def share_possible(found: Iterable[Agreement]) -> float:
-    """How often the sum that one answer names is not ruled out by the other."""
+    """How often the likeliest sum of one answer is not ruled out by the other."""
     return float(np.mean([one.possible for one in found]))
+
+
+def named_possible(found: Iterable[Agreement]) -> tuple[int, int]:
+    """Of the sums that an answer names outright: how many the other does not rule out, and how many there are."""
+    each = [p for one in found for p, sure in zip(one.possible, one.decided, strict=True) if sure]
+    return sum(each), len(each)
 
 
 def table(found: Iterable[Agreement]) -> pd.DataFrame:
@@ -115,6 +124,7 @@ def table(found: Iterable[Agreement]) -> pd.DataFrame:
             "first": one.first, "second": one.second, "named_first": one.named[0], "named_second": one.named[1],
             "mean_square": float(np.mean(one.z**2)), "largest": float(np.max(np.abs(one.z))),
             "first_possible": one.possible[0], "second_possible": one.possible[1],
+            "first_decided": one.decided[0], "second_decided": one.decided[1],
         }
         for one in found
     ])  # fmt: skip

@@ -17,7 +17,15 @@ import pandas as pd
 
 from bayesdamp.pipeline.answer import answer
 from bayesdamp.types import InputError, Refusal, Signal
-from bayesdamp.validation.repeats import Agreement, halves, mean_square, runs, share_possible, table
+from bayesdamp.validation.repeats import (
+    Agreement,
+    halves,
+    mean_square,
+    named_possible,
+    runs,
+    share_possible,
+    table,
+)
 from bayesdamp.validation.truth.records import KINDS, case
 from bayesdamp.verdict.types import Verdict
 from tests.measured.run import signals
@@ -79,7 +87,8 @@ def main(file: Path, wanted: list[str]) -> None:
         if found:
             print(
                 f"{part}: {len(found)} pairs, mean square {mean_square(found):.2f}, "
-                f"sums possible in the other answer {share_possible(found):.2f}",
+                f"likeliest sums possible in the other answer {share_possible(found):.2f}, "
+                "of those named outright {} of {}".format(*named_possible(found)),
                 flush=True,
             )
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +11,16 @@ import pytest
 from bayesdamp.types import Refusal, Signal
 from bayesdamp.validation.answers import Answering
 from bayesdamp.validation.envelope import amplitude_range
-from bayesdamp.validation.repeats import agreement, halves, mean_square, runs, share_possible, split, table
+from bayesdamp.validation.repeats import (
+    agreement,
+    halves,
+    mean_square,
+    named_possible,
+    runs,
+    share_possible,
+    split,
+    table,
+)
 from tests.validation.test_scoring import At, Rival, Said
 
 DATA = Path(__file__).resolve().parents[2] / ".." / "shared" / "data"
@@ -65,11 +75,13 @@ def test_halves_are_compared_at_the_amplitude_between_them() -> None:
 def test_a_sum_that_the_other_half_rules_out_is_seen() -> None:
     span = (At(0.1, 0.01, 0.009, 0.011),)
     one = Said(True, "viscous", 0.94, "exact", span, None, (Rival("coulomb", 0.03), Rival("quadratic", 0.03)))
-    other = Said(True, "coulomb", 0.6, "exact", span, None, (Rival("viscous", 0.4),))
+    other = Said(False, "coulomb", 0.6, "exact", span, None, (Rival("viscous", 0.4),))
     found = agreement("a", one, "b", other)
     assert found.possible == (True, False)
     assert found.z == pytest.approx(0.0)
     assert share_possible([found, agreement("a", one, "a", one)]) == 0.75
+    assert named_possible([found, agreement("a", other, "b", one)]) == (2, 2)
+    assert named_possible([agreement("b", replace(other, decided=True), "a", one)]) == (1, 2)
 
 
 def test_answers_at_different_amplitudes_are_a_fault() -> None:
