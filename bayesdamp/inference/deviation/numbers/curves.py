@@ -108,11 +108,11 @@ def between_knots(values: np.ndarray, rng: np.random.Generator) -> np.ndarray:
     """What deviations at equidistant knots, (n, k), may be beside the straight lines between these: (n,).
 
     Of a process with independent steps it is a bridge, with u (1 − u) of a step's variance a share u of the way to the
-    next knot (I. Karatzas and S. E. Shreve, Brownian Motion and Stochastic Calculus, 1991, 5.6.B), a sixth in the mean;
-    the step's is that of the draw's own. So the ratio at one amplitude is not known as well as its mean over the many
-    cycles between two knots.
+    next knot (I. Karatzas and S. E. Shreve, Brownian Motion and Stochastic Calculus, 1991, 5.6.B), a sixth in the mean.
+    A step's variance is half that of the draw's own second differences, which a trend along the record is not in. So
+    the ratio at one amplitude is not known as well as its mean over the many cycles between two knots.
     """
-    sd = np.sqrt(np.mean(np.diff(values, axis=1) ** 2, axis=1) / 6)
+    sd = np.sqrt(np.mean(np.diff(values, 2, axis=1) ** 2, axis=1) / 12)
     return sd * rng.standard_normal(len(values))
 
 
