@@ -61,7 +61,7 @@ Plugins = Annotated[
     ),
 ]
 Out = Annotated[
-    Path | None, typer.Option(help="The folder to write; reports/NAME by default.", rich_help_panel=RUNNING)
+    Path | None, typer.Option(help="The folder to write; by default reports/NAME.", rich_help_panel=RUNNING)
 ]
 Workers = Annotated[
     int | None, typer.Option(min=1, help="Processes; as many as cores by default.", rich_help_panel=RUNNING)

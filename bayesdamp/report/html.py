@@ -23,12 +23,18 @@ class Line:
 
 @dataclass(frozen=True)
 class Table:
-    """headers; lines; left: indices of the columns of text (the others are numbers, set to the right)."""
+    """headers; lines; left: indices of the columns of text (the others are numbers, set to the right).
+
+    groups, foot: of a line above the headers and one below all others, which stays there when the table is sorted: each
+    cell with the number of columns that it spans.
+    """
 
     headers: Sequence[str]
     lines: Sequence[Line]
     left: frozenset[int] = field(default_factory=lambda: frozenset({0}))
     caption: str = ""
+    groups: Sequence[tuple[str, int]] = ()
+    foot: Sequence[tuple[str, int]] = ()
 
     def __html__(self) -> str:
         return fill("table.html", table=self)
@@ -40,7 +46,7 @@ def _environment() -> Environment:
     found = Environment(
         loader=loader, autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
-    found.filters["symbols"] = _symbols
+    found.filters["symbols"] = symbols
     found.filters["model"] = words.model
     found.filters["law"] = words.law
     found.filters["method"] = words.method
@@ -49,7 +55,7 @@ def _environment() -> Environment:
     return found
 
 
-def _symbols(text: str) -> Markup:
+def symbols(text: str) -> Markup:
     """Escaped text in which the index of a symbol is set below the line."""
     shown = str(escape(text))
     for letters in ("μc", "μq", "μk", "μp", "θs", "θe"):

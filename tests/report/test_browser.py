@@ -34,6 +34,10 @@ out.scrolled = [...document.querySelectorAll(".scroll, figure > div")].filter((e
   && getComputedStyle(e).overflowX !== "auto").length;
 out.scales = [...document.images].filter(seen).map((i) => box(i).width
   / (i.currentSrc === i.src ? parseFloat(i.style.width) : 430));
+const lines = (c) => { const r = document.createRange(); r.selectNodeContents(c); return r.getClientRects().length; };
+const words = (c) => c.textContent.trim().split(/[\\s/+-]+/).length;
+out.torn = [...document.querySelectorAll("th, td")].filter((c) => seen(c) && !c.classList.contains("w")
+  && !c.querySelector("*") && lines(c) > words(c)).map((c) => c.textContent);
 const table = [...document.querySelectorAll("table")].find((t) => seen(t) && t.tHead.querySelector("[aria-sort]"));
 const column = (i) => [...table.tBodies[0].rows].map((r) => r.cells[i].textContent);
 if (table) {
@@ -114,6 +118,14 @@ def test_figures_are_drawn_and_text_is_legible(found, width):
     assert found[width]["figures"] > 5
     assert found[width]["broken"] == 0
     assert found[width]["smallest"] >= 12
+
+
+def test_words_in_tables_are_not_torn_into_letters(found, html, tmp_path):
+    """Negative control: words that may break anywhere, as those of the first column once did."""
+    assert found[390]["torn"] == []
+    anywhere = html.replace("overflow-wrap: break-word", "overflow-wrap: anywhere")
+    assert anywhere != html
+    assert len(probed(anywhere, tmp_path, 390)["torn"]) > 5
 
 
 def test_figures_shrink_no_further_than_their_letters_can_be_read_on_a_phone(found):

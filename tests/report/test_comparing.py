@@ -121,6 +121,7 @@ def test_a_study_with_published_figures_leads_with_its_two_tables(folder):
     page = render(folder).read_text(encoding="utf-8")
     first = page[page.index("<section") : page.index("</section>")]
     assert 'id="published"' in first
+    assert '<th class="g" colspan="3">' in first
     text = re.sub(r"<[^>]+>", " ", first)
     row = next(line for line in text.split("\n") if line.split()[:1] == ["genetic"])
     assert row.split() == ["genetic", "4.0", "0.010", "~0", "4.0", "0.010", "~0"]

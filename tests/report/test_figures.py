@@ -17,10 +17,14 @@ from PIL import Image
 from bayesdamp.report.drawing import Drawings
 from bayesdamp.report.figures.density import contours, outline
 from bayesdamp.report.figures.posteriors.evidence import Bar, bars
+from bayesdamp.report.figures.records.answer import answer
 from bayesdamp.report.figures.records.backbone import backbone
 from bayesdamp.report.figures.records.exponent import exponent
+from bayesdamp.report.figures.records.motions import motions
 from bayesdamp.report.figures.records.record import thinned
+from bayesdamp.report.html import Line, Table
 from bayesdamp.report.style import RC, WIDTH, colour, dash, legend_columns, looks
+from bayesdamp.verdict.types import Mode
 
 
 def test_thinning_keeps_the_extremes():
@@ -32,6 +36,47 @@ def test_thinning_keeps_the_extremes():
     assert kept.max() == 7.0
     assert (at[0], at[-1]) == (t[0], t[-1])
     assert np.all(np.diff(at) > 0)
+
+
+def test_what_is_no_free_decay_is_drawn_with_each_oscillation_in_it() -> None:
+    """Amplitudes halve and double; an acceleration's are those of the displacement times (2πf)²."""
+    t = np.linspace(0.0, 10.0, 2001)
+    modes = [Mode(1.0, 0.01, 0.009, 0.011, 2.0, 1.0, "mm"), Mode(1.5, -0.01, -0.011, -0.009, 0.5, 1.0, "mm")]
+    y = np.cos(2 * np.pi * t)
+    whole, each = motions(t, y, modes, "acceleration", "acceleration / (mm/s²)").axes
+    first, second = (np.asarray(line.get_ydata(), float) for line in each.lines)
+    np.testing.assert_allclose(first[[0, -1]], [2.0, 1.0])
+    np.testing.assert_allclose(second[[0, -1]], [0.5, 1.0])
+    edges = [np.asarray(line.get_ydata(), float) for line in whole.lines[1:]]
+    assert len(edges) == 4
+    np.testing.assert_allclose(edges[0] - edges[1], 2 * first * (2 * np.pi) ** 2, rtol=1e-9)
+    legend = each.get_legend()
+    assert legend is not None
+    assert [text.get_text() for text in legend.get_texts()] == ["1 Hz, 1 %", "1.5 Hz, -1 %"]
+    assert len(motions(t, y, modes[:1], "angle", "x", narrow=True).axes) == 2
+
+
+def test_the_record_of_an_acceleration_is_labelled_as_one() -> None:
+    t = np.linspace(0.0, 1.0, 50)
+    arrays = {name: np.cos(t) for name in ("record", "fit", "residual")} | {"t": t}
+    arrays |= {name: 1 + t for name in ("amplitude", "ratio", "low", "high", "work/viscous")}
+    labels = [ax.get_ylabel() for ax in answer(arrays, "m", "viscous", "m/s²").axes]
+    assert labels == ["m/s²", "%", "m/s²", "m²/s²"]
+    assert [ax.get_ylabel() for ax in answer(arrays, "m", "viscous").axes][::2] == ["m", "m"]
+
+
+def test_a_table_has_groups_above_its_headers_and_a_foot_below_its_lines() -> None:
+    table = Table(["method", "own", "refined"], [Line(["a", "1", "2"])], groups=[("", 1), ("viscous", 2)],
+                  foot=[("posterior", 1), ("−1 to +1", 2)])  # fmt: skip
+    html = table.__html__()
+    assert html.index('<th class="g" colspan="2">viscous</th>') < html.index("<th>own</th>")
+    assert (
+        '<tfoot><tr class="best"><td class="t" colspan="1">posterior</td><td class="g" colspan="2">−1 to'
+        in html
+    )
+    plain = Table(["method"], [Line(["a"])]).__html__()
+    assert "colspan" not in plain
+    assert "tfoot" not in plain
 
 
 def test_plain_decimation_would_lose_them():

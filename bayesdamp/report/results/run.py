@@ -64,9 +64,13 @@ class Run:
         """The unit that a signal's record came in."""
         return UNITS[self.about(signal).get("unit") or "rad"]
 
+    def quantity(self, signal: str) -> str:
+        """What was recorded of a signal: "angle", "velocity" or "acceleration"."""
+        return str(self.about(signal).get("quantity") or "angle")
+
     def rms(self, row: Row) -> tuple[float, str]:
         """The residual of a line of fits.csv, and its unit: that which the record came in."""
-        unit, quantity = self.unit(row["signal"]), str(self.about(row["signal"]).get("quantity") or "angle")
+        unit, quantity = self.unit(row["signal"]), self.quantity(row["signal"])
         return row["rms"] * unit.scale, unit.of(quantity)
 
     def warnings(self, signal: str) -> list[str]:

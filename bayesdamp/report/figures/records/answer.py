@@ -19,17 +19,24 @@ FREE = "#c9b27c"
 """The band of the damping curve without a law."""
 
 
-def answer(arrays: Mapping[str, np.ndarray], unit: str, damping: str, narrow: bool = False) -> Figure:
-    """Four panels; arrays as `inference.deviation.picture` leaves them, unit: of the displacement.
+def answer(
+    arrays: Mapping[str, np.ndarray], unit: str, damping: str, recorded: str = "", narrow: bool = False
+) -> Figure:
+    """Four panels; arrays as `inference.deviation.picture` leaves them, unit: of the displacement, recorded: of the
+    record where that is another.
 
     narrow: below each other, for a phone.
     """
     figure = Figure(figsize=(NARROW, 4 * PANEL) if narrow else (WIDTH, HEIGHT))
-    draw_answer(figure.subplots(*((4, 1) if narrow else (2, 2))).ravel().tolist(), arrays, unit, damping)
+    draw_answer(
+        figure.subplots(*((4, 1) if narrow else (2, 2))).ravel().tolist(), arrays, unit, damping, recorded
+    )
     return figure
 
 
-def draw_answer(axes: Sequence[Axes], arrays: Mapping[str, np.ndarray], unit: str, damping: str) -> None:
+def draw_answer(
+    axes: Sequence[Axes], arrays: Mapping[str, np.ndarray], unit: str, damping: str, recorded: str = ""
+) -> None:
     """Draw the four panels on these axes: record, damping ratio, residual, energy."""
     whole, ratio, left, energy = axes
     t = arrays["t"]
@@ -37,11 +44,11 @@ def draw_answer(axes: Sequence[Axes], arrays: Mapping[str, np.ndarray], unit: st
     whole.plot(
         *broken(t, arrays["fit"], t), color=colour(damping), lw=0.6, label=f"fit of {words.model(damping)}"
     )
-    _finish(whole, "Record and fit", "time / s", unit)
+    _finish(whole, "Record and fit", "time / s", recorded or unit)
     whole.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, borderaxespad=0.1, fontsize=7.5)
     left.plot(*broken(t, arrays["residual"], t), color=INK, lw=0.5)
     left.axhline(0.0, color=QUIET, lw=0.6)
-    _finish(left, "What the fit leaves", "time / s", unit)
+    _finish(left, "What the fit leaves", "time / s", recorded or unit)
     _ratios(ratio, arrays, unit)
     _energies(energy, arrays, unit)
 
@@ -70,7 +77,7 @@ def _ratios(ax: Axes, arrays: Mapping[str, np.ndarray], unit: str) -> None:
     _plain(ax)
     ax.set_xlim(a.min(), a.max())
     _finish(ax, "Equivalent damping ratio, and each law fitted alone", f"amplitude / {unit}", "%")
-    ax.legend(loc="best", fontsize=7.5, ncols=2)
+    ax.legend(loc="best", fontsize=7.5, ncols=2, frameon=True, framealpha=0.85, edgecolor="none")
 
 
 def _energies(ax: Axes, arrays: Mapping[str, np.ndarray], unit: str) -> None:

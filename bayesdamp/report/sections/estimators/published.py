@@ -7,7 +7,7 @@ import math
 from markupsafe import Markup
 
 from bayesdamp.report import words
-from bayesdamp.report.html import Line, Table, fill
+from bayesdamp.report.html import Line, Table, fill, symbols
 from bayesdamp.report.results.beside import beside, posterior_of
 from bayesdamp.report.results.comparing import STAGES, Comparison, compared, true_models
 from bayesdamp.report.results.reading import damping_parameters, truth
@@ -39,7 +39,7 @@ class PublishedSection(Section):
         if side_by_side:
             parts.append(picture(run, side_by_side))
             parts += [Markup("<p>{}</p>").format(said) for said in (inside(side_by_side),) if said]
-        parts += [Markup("<p>{}</p>").format(line) for line in _intervals(run, posteriors)]
+        parts += [Markup("<p>{}</p>").format(symbols(line)) for line in _intervals(run, posteriors)]
         return fill("stack.html", parts=parts)
 
 
@@ -64,8 +64,9 @@ def lead(found: Comparison) -> str:
 def errors(run: Run, found: Comparison, posteriors: dict[str, Row | None]) -> Table:
     """Errors in per cent by method and signal; in the last line the posterior's interval about the truth."""
     headers, lines = ["method"], []
-    for signal in found.signals:
-        headers += [f"{signal}: own", "refined", "published"]
+    groups = [("", 1), *((signal, 3) for signal in found.signals)]
+    for _ in found.signals:
+        headers += ["own", "refined", "published"]
     for method in found.methods:
         cells = [words.method(method)]
         for signal in found.signals:
@@ -75,18 +76,17 @@ def errors(run: Run, found: Comparison, posteriors: dict[str, Row | None]) -> Ta
                 cells.append(words.short(error) + ("*" if doubted else ""))
             cells.append(found.published.get((method, signal), words.NONE))
         lines.append(Line(cells))
+    foot: list[tuple[str, int]] = []
     if any(posteriors.values()):
-        last = ["posterior, 95 %"]
-        for signal in found.signals:
-            last += ["", _about(run, signal, posteriors[signal]), ""]
-        lines.append(Line(last, "best"))
+        about = ((_about(run, signal, posteriors[signal]), 3) for signal in found.signals)
+        foot = [("posterior, 95 %", 1), *about]
     said = "Errors in per cent of the truth: the method's own estimate, then the trajectory "
     said += "fit that starts there, then what was published."
     if any(posteriors.values()):
         said += " Last line: the posterior's 95 % interval about the truth, in per cent, from a record with noise."
     if any(o != OK for o in found.outcomes.values()):
         said += " *: the method itself doubts this answer; its sentence stands below."
-    return Table(headers, lines, frozenset({0}), said)
+    return Table(headers, lines, frozenset({0}), said, groups, foot)
 
 
 def times(found: Comparison) -> Table:

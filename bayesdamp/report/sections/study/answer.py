@@ -7,6 +7,7 @@ from markupsafe import Markup
 from bayesdamp.report import words
 from bayesdamp.report.figures.records import answer as figures
 from bayesdamp.report.figures.records.exponent import exponent
+from bayesdamp.report.figures.records.motions import motions
 from bayesdamp.report.html import Line, Table, fill, folded
 from bayesdamp.report.results.answers import Answer, answer_of
 from bayesdamp.report.results.confirmation import confirmation, sampled
@@ -14,7 +15,7 @@ from bayesdamp.report.results.run import Run
 from bayesdamp.report.sections._layout import ANCHOR, by_signal
 from bayesdamp.report.sections._section import Section
 from bayesdamp.types import OK
-from bayesdamp.verdict.types import Grade
+from bayesdamp.verdict.types import Grade, Verdict
 from bayesdamp.verdict.words import energy_of, loses_like, with_interval
 
 GIVEN = 1e-6
@@ -27,6 +28,10 @@ CAPTION = (
 )
 
 
+MOTIONS = (
+    "Each oscillation has its own line: falling straight on the right, it dies down as viscous damping would have it; "
+    "level, something drives it; rising, it is fed. One decay would have one line that follows the record's edge."
+)
 EXPONENT = (
     "The damping force as one power of the velocity: how probable each exponent is, its 95 % interval below. A hill "
     "on a dashed line is that damping; one between two lines is a sum, or none of the three."
@@ -59,17 +64,22 @@ def _one(run: Run, signal: str) -> Markup:
     v = answer.verdict
     unit = v.damping_ratio[0].unit if v.damping_ratio else "rad"
     if v.grade is Grade.NO_FREE_DECAY:
-        nothing = dict.fromkeys(
-            ("energy", "confirmed", "picture", "exponent", "coefficients", "candidates"), ""
-        )
+        nothing = dict.fromkeys(("energy", "confirmed", "exponent", "coefficients", "candidates"), "")
         return fill(
-            "answer.html", sentence=v.sentence, numbers=(), remarks=v.remarks, ratios=_modes(v), **nothing
+            "answer.html",
+            sentence=v.sentence,
+            numbers=(),
+            remarks=v.remarks,
+            picture=_motions(run, signal, v),
+            ratios=_modes(v),
+            **nothing,
         )
+    recorded = run.unit(signal).displacement.of(run.quantity(signal))
     picture = run.drawings.add(
         f"answer-{signal}",
         CAPTION,
-        lambda: figures.answer(answer.arrays, unit, v.damping),
-        narrow=lambda: figures.answer(answer.arrays, unit, v.damping, narrow=True),
+        lambda: figures.answer(answer.arrays, unit, v.damping, recorded),
+        narrow=lambda: figures.answer(answer.arrays, unit, v.damping, recorded, narrow=True),
     )
     return fill(
         "answer.html",
@@ -83,6 +93,23 @@ def _one(run: Run, signal: str) -> Markup:
         ratios=_ratios(v),
         coefficients=_coefficients(v),
         candidates=folded("Every candidate that was weighed at once", _candidates(answer)),
+    )
+
+
+def _motions(run: Run, signal: str, v: Verdict) -> Markup | str:
+    """The picture of what is no free decay; nothing where the record is not stored, or no oscillation is told."""
+    cell = run.cell("signal", signal, run.repeats(signal)[0])
+    if cell is None or "t" not in cell.arrays or not v.modes:
+        return ""
+    quantity = run.quantity(signal)
+    unit = run.unit(signal).displacement
+    t, y = cell.arrays["t"], cell.arrays["y"] * unit.scale
+    axis = f"{unit.called(quantity)} / {unit.of(quantity)}"
+    return run.drawings.add(
+        f"motions-{signal}",
+        MOTIONS,
+        lambda: motions(t, y, v.modes, quantity, axis),
+        narrow=lambda: motions(t, y, v.modes, quantity, axis, narrow=True),
     )
 
 
