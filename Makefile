@@ -9,7 +9,7 @@ WORKERS ?= 2
 ONE_THREAD := OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 MKL_NUM_THREADS=1 \
 	XLA_FLAGS="--xla_cpu_multi_thread_eigen=false intra_op_parallelism_threads=1"
 
-.PHONY: study test lint bench validate reports contest fuzz mutation docs lock clean
+.PHONY: study test lint bench validate reports contest fuzz mutation lowest audit coverage docs lock clean
 .DEFAULT_GOAL := study
 
 study: $(READY)
@@ -48,6 +48,26 @@ mutation: $(READY)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt "cosmic-ray>=8.3"
 	$(ONE_THREAD) $(BIN)/python -m tests.mutation.run $(ARGS)
 
+# The lowest versions that pyproject.toml allows, in an environment of their own: does a quick part of the tests pass?
+LOW   := .lowest
+PARTS ?= tests/physics tests/verdict tests/store tests/records/readers tests/config
+lowest: $(READY)
+	$(BIN)/python -m venv $(LOW)
+	$(BIN)/python -m tests.lowest > $(LOW)/constraints.txt
+	$(LOW)/bin/python -m pip install --quiet --disable-pip-version-check -c $(LOW)/constraints.txt -e ".[excel,parquet]" \
+	  pytest hypothesis jaxtyping beartype
+	$(ONE_THREAD) $(LOW)/bin/python -m pytest -m "not slow" $(PARTS) $(ARGS)
+
+# Known vulnerabilities of what is locked; needs an index that answers for them, by default that of PyPI.
+audit: $(READY)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check "pip-audit>=2.7"
+	$(BIN)/pip-audit --disable-pip --no-deps -r constraints.txt $(ARGS)
+
+# Which lines of the package the tests run; docs/validation.md has the number.
+coverage: $(READY)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check "pytest-cov>=5"
+	$(ONE_THREAD) $(BIN)/python -m pytest -n $(WORKERS) -m "not slow" --cov=bayesdamp --cov-report=term:skip-covered $(ARGS)
+
 # What people measure damping with today, beside us; in environments of their own, in .contest. Hours, and resumes.
 contest: $(READY)
 	$(ONE_THREAD) $(BIN)/python -m bayesdamp.validation.contest $(ARGS)
@@ -78,4 +98,4 @@ $(READY): pyproject.toml constraints.txt
 	touch $@
 
 clean:
-	rm -rf $(VENV) build docs/_build docs/_generated *.egg-info
+	rm -rf $(VENV) $(LOW) build docs/_build docs/_generated *.egg-info
