@@ -19,8 +19,9 @@ from bayesdamp.envelope.model.deviation import KNOTS, MEAN, knot_covariance
 from bayesdamp.envelope.model.laws import POWERS, SUMS, coefficients, decay, rate
 from bayesdamp.envelope.model.noise import SLOW, Noise, infer_noise
 from bayesdamp.envelope.model.posterior import DRIFT, SENSOR, Draws, draw
+from bayesdamp.envelope.records.one_law import blocks
 from bayesdamp.envelope.records.record import EnvelopeRecord
-from bayesdamp.envelope.records.window import Window, blocks, find_window
+from bayesdamp.envelope.records.window import Window, find_window
 from bayesdamp.envelope.results import (
     AtAmplitude,
     Coefficient,

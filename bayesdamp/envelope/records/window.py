@@ -5,41 +5,41 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import least_squares
 
-from bayesdamp.envelope.model.laws import power_decay
+from bayesdamp.envelope.records.one_law import (
+    GUARD,
+    LEAST_DROP,
+    LEAST_POINTS,
+    SMALLEST,
+    WORSE,
+    blocks,
+    fall,
+    one_law,
+    start_by_a_law,
+)
 from bayesdamp.types import Refusal
 
 POINTS = 600
 """Blocks that a record is looked at in."""
-FITTED = 80
-"""Blocks that a decay and its floor are fitted to."""
 COARSE = 72
 """Blocks among which the straightest descent is sought."""
 ABOVE_FLOOR = 10.0
 """dB above the mean power of the floor where a decay ends: there a Gaussian in the logarithm still describes what the
 floor does to it, and its mean is right to 1e-5 (the logarithm of a circular Gaussian's power plus a constant's)."""
-LEAST_DROP = 3.0
-"""dB that a decay has to fall for its rate to be told; a half-life is 6."""
 LOST = 0.4
 """Share of the straightest descent that has to be left behind the start."""
 SURE_DROP = 8.0
 """dB of descent that cannot be without a decay."""
-LEAST_POINTS = 6
 SPARSE = 60
 """Readings below which a record is a table: no release and no floor is looked for."""
 MISFIT_WEIGHT = 20.0
 """dB of fall that a dB of root mean square misfit of a straight line outweighs, conventional."""
-GUARD = 0.02
-"""Share of the decay's duration left out after the release where a drive stands before it."""
 NARROWEST = 10
 ROUNDS = 4
 SHORT = 0.12
 """Length of the short lines that find the release, as a share of the decay's duration."""
 AHEAD = 2
 """Lengths of short lines ahead over which the usual misfit is taken: it grows towards the floor."""
-WORSE = 2.0
-"""Times the usual misfit of a short line at which it is none of the decay."""
 SLOWEST, FASTEST = 0.4, 5.0
 """Shares of the rate after it beyond which a fall is none of the decay."""
 FLAT = 0.2
@@ -52,8 +52,6 @@ LEVEL = 0.15
 """The same share below which it is none, however the slope wobbles."""
 TOLERANCE = 3.0
 """Usual changes of the slope by which one has to be off to be none of the decay."""
-SMALLEST = 0.15
-"""dB that is no deviation: detectors are not linear to better."""
 
 
 @dataclass(frozen=True)
@@ -73,14 +71,6 @@ class Window:
     why: tuple[str, ...]
 
 
-def blocks(t: np.ndarray, y: np.ndarray, most: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Means of times and values over at most so many runs of samples, and the runs' bounds, shape (blocks + 1,)."""
-    count = min(most, t.size)
-    edges = np.linspace(0, t.size, count + 1).round().astype(int)
-    size = np.diff(edges)
-    return np.add.reduceat(t, edges[:-1]) / size, np.add.reduceat(y, edges[:-1]) / size, edges
-
-
 def find_window(t: np.ndarray, y: np.ndarray) -> Window:
     """The free decay in times (s) and levels (dB of power), both of shape (n,).
 
@@ -93,13 +83,17 @@ def find_window(t: np.ndarray, y: np.ndarray) -> Window:
         return _table(t, y)
     tb, yb, edges = blocks(t, y, POINTS)
     first, last = _straightest(tb, yb)
-    core = _fall(yb, first, last + 1)
+    core = fall(yb, first, last + 1)
     if core < LEAST_DROP:
         raise Refusal(f"the level falls by {max(core, 0):.1f} dB, {LEAST_DROP:g} are needed")
     begin, broken = _followed_back(tb, yb, first, last)
     end, floor, share, floor_at = _followed_on(t, y, begin, tb, yb, edges)
-    if core > SURE_DROP and (_fall(yb, begin, end) < LEAST_DROP or _fall(yb, begin, last) < LOST * core):
+    if core > SURE_DROP and (fall(yb, begin, end) < LEAST_DROP or fall(yb, begin, last) < LOST * core):
         begin, broken = first, first > 0  # the short lines were told from none
+        end, floor, share, floor_at = _followed_on(t, y, begin, tb, yb, edges)
+    begun = start_by_a_law(t, y, tb, yb, edges, begin, end)
+    if begun != begin:
+        begin, broken = begun, begun > 0
         end, floor, share, floor_at = _followed_on(t, y, begin, tb, yb, edges)
     why = []
     start = int(edges[begin])
@@ -118,7 +112,7 @@ def find_window(t: np.ndarray, y: np.ndarray) -> Window:
         )
     if stop - start < LEAST_POINTS:
         raise Refusal(f"{stop - start} readings stand between the start and the noise floor")
-    drop = _fall(yb, begin, end)
+    drop = fall(yb, begin, end)
     if drop < LEAST_DROP:
         raise Refusal(f"the level falls by {max(drop, 0):.1f} dB, {LEAST_DROP:g} are needed")
     return Window(start, stop, floor, share, int(edges[floor_at]), tuple(why))
@@ -136,14 +130,6 @@ def _table(t: np.ndarray, y: np.ndarray) -> Window:
         raise Refusal(f"the level falls by {max(drop, 0):.1f} dB, {LEAST_DROP:g} are needed")
     begins = "starts with the record" if start == 0 else f"starts at {t[start]:.4g} s, the highest reading"
     return Window(start, t.size, np.nan, 0.0, t.size, (begins, "ends with the record"))
-
-
-def _fall(y: np.ndarray, begin: int, end: int) -> float:
-    """dB from the first twentieth to the last."""
-    if end - begin < 2:
-        return 0.0
-    part = max(1, (end - begin) // 20)
-    return float(y[begin : begin + part].mean() - y[end - part : end].mean())
 
 
 def bounded(t: np.ndarray, y: np.ndarray, start: float | None, stop: float | None) -> Window:
@@ -183,9 +169,9 @@ def _straightest(t: np.ndarray, y: np.ndarray) -> tuple[int, int]:
     spread = np.maximum(stt - st * st / n, 1e-300)
     slope = (sty - st * sy / n) / spread
     rms = np.sqrt(np.maximum(syy - sy * sy / n - slope * slope * spread, 0.0) / n)
-    fall = slope * (tc[i] - tc[j - 1])
-    best = int(np.argmax(fall - MISFIT_WEIGHT * rms))
-    if not fall[best] > 0:
+    falls = slope * (tc[i] - tc[j - 1])
+    best = int(np.argmax(falls - MISFIT_WEIGHT * rms))
+    if not falls[best] > 0:
         raise Refusal("the level nowhere falls")
     return int(edges[i[best]]), int(edges[j[best]]) - 1
 
@@ -267,25 +253,7 @@ def _followed_on(
     A decay by a power of the amplitude, plus a floor, is fitted to the powers from the start on, robustly.
     """
     count = tb.size
-    start = int(edges[begin])
-    scale = float(y[start:].max())
-    stop = y.size
-    x, seen, floor, found = np.zeros(0), count, 0.0, None
-    for _ in range(2):
-        tc, power, _ = blocks(t[start:stop], 10.0 ** ((y[start:stop] - scale) / 10.0), FITTED)
-        found = _decay_and_floor(tc - t[start], power, found)
-        times = tb[begin:] - t[start]
-        x = power_decay(times, found[0], found[1] - (found[2] - 1.0) * found[0], found[2])
-        floor = float(np.exp(found[3]))
-        reached = np.flatnonzero(np.exp(2.0 * x) < floor)
-        if not reached.size:
-            break
-        # What the floor does long after is not what it does to the decay.
-        seen = begin + int(reached[0])
-        stop = int(np.searchsorted(t, t[start] + 2.0 * float(times[reached[0]])))
-        stop = min(max(stop, start + LEAST_POINTS), y.size)
-        if stop >= y.size:
-            break
+    x, floor, seen, stop, scale = one_law(t, y, begin, tb, edges)
     share = 0.0
     behind = 10.0 ** ((y[edges[seen] : stop] - scale) / 10.0)
     if behind.size > 4:
@@ -329,41 +297,3 @@ def _calm(y: np.ndarray) -> int:
     bends = (y[1:-1] - 0.5 * (y[:-2] + y[2:])) ** 2 / 1.5
     wild = np.flatnonzero(np.convolve(bends, np.ones(WILD_OVER) / WILD_OVER, "valid") > WILD**2)
     return int(wild[0]) + WILD_OVER // 2 if wild.size else y.size
-
-
-def _decay_and_floor(t: np.ndarray, power: np.ndarray, begin: np.ndarray | None) -> np.ndarray:
-    """ln of the amplitude at the start, ln of the rate there, the exponent, and ln of the floor's power."""
-    level = 5.0 * np.log(power)
-    tail = float(np.median(power[-max(2, power.size // 8) :]))
-    x0 = 0.5 * float(np.log(power[:3].mean()))
-    fallen = np.flatnonzero(0.5 * np.log(power) < 0.5 * (x0 + 0.5 * np.log(tail)))
-    half = float(t[fallen[0]]) if fallen.size and fallen[0] > 0 else float(t[-1])
-    depth = max(0.5 * (x0 - 0.5 * np.log(tail)), 0.05)
-
-    def off(p: np.ndarray) -> np.ndarray:
-        signal = np.exp(2.0 * power_decay(t, p[0], p[1] - (p[2] - 1.0) * p[0], p[2]))
-        floor = np.exp(p[3])
-        # A tolerance of 0.3 dB, and of what a floor of random phase does to a level.
-        return (5.0 * np.log(signal + floor) - level) / np.hypot(
-            0.3, 5.0 * np.sqrt(0.5 * tail / np.maximum(power, tail))
-        )
-
-    low, high = [-30.0, -60.0, 0.0, -80.0], [10.0, 60.0, 3.0, 1.0]
-    starts = [] if begin is None else [begin]
-    for exponent in (1.0, 0.2, 1.8) if begin is None else ():
-        # The rate at the start with which this law falls by `depth` in the time `half`.
-        q = exponent - 1.0
-        rate = depth if q == 0.0 else np.expm1(q * depth) / q
-        starts.append(np.array([x0, np.log(rate / max(half, 1e-300)), exponent, np.log(tail)]))
-    found = [
-        least_squares(
-            off,
-            np.clip(p, low, high),
-            bounds=(low, high),
-            loss="soft_l1",
-            max_nfev=25,
-            x_scale=[1.0, 1.0, 0.3, 1.0],
-        )
-        for p in starts
-    ]
-    return min(found, key=lambda one: one.cost).x
