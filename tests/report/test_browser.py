@@ -35,7 +35,7 @@ out.scrolled = [...document.querySelectorAll(".scroll, figure > div")].filter((e
 out.scales = [...document.images].filter(seen).map((i) => box(i).width
   / (i.currentSrc === i.src ? parseFloat(i.style.width) : 430));
 const lines = (c) => { const r = document.createRange(); r.selectNodeContents(c); return r.getClientRects().length; };
-const words = (c) => c.textContent.trim().split(/[\\s/+-]+/).length;
+const words = (c) => c.textContent.trim().split(/\\s+|(?<=[/+-])(?=\\S)/).length;
 out.torn = [...document.querySelectorAll("th, td")].filter((c) => seen(c) && !c.classList.contains("w")
   && !c.querySelector("*") && lines(c) > words(c)).map((c) => c.textContent);
 const table = [...document.querySelectorAll("table")].find((t) => seen(t) && t.tHead.querySelector("[aria-sort]"));
