@@ -13,7 +13,7 @@ from typing import Annotated
 import typer
 
 from bayesdamp import __version__
-from bayesdamp.cli.border import flush, one_line, refused_by_the_machine, silence
+from bayesdamp.cli.border import flush, one_line, present, refused_by_the_machine, silence
 from bayesdamp.cli.commands.calibrate import calibrate
 from bayesdamp.cli.commands.check import check
 from bayesdamp.cli.commands.claims import claims
@@ -87,6 +87,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     0 done, 1 a fault of the program, 2 the input is wrong, 3 done but with failed cells, 130 interrupted.
     """
     given = list(sys.argv[1:] if arguments is None else arguments)
+    present()
     prepare()
     try:
         if any("\0" in word for word in given):

@@ -46,6 +46,14 @@ def refused_by_the_machine(error: BaseException) -> str | None:
     return f"{where}: {(error.strerror or str(error)).lower()}; mend that, or give another path"
 
 
+def present() -> None:
+    """Give a process that was started without stdout or stderr ones that lead nowhere, before a file takes their
+    place."""
+    for name in ("stdout", "stderr"):
+        if getattr(sys, name) is None:
+            setattr(sys, name, open(os.devnull, "w", encoding="utf-8"))  # noqa: SIM115 - until the process ends
+
+
 def flush() -> None:
     """Hand over what was printed. Raises OSError where it cannot be, and then nothing is tried again at the end."""
     try:
