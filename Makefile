@@ -53,7 +53,9 @@ LOW   := .lowest
 PARTS ?= tests/physics tests/verdict tests/store tests/records/readers tests/config
 lowest: $(READY)
 	$(BIN)/python -m venv $(LOW)
-	$(BIN)/python -m tests.lowest > $(LOW)/constraints.txt
+	$(LOW)/bin/python -m pip install --quiet --disable-pip-version-check uv
+	$(LOW)/bin/uv pip compile --quiet --resolution lowest-direct --extra excel --extra parquet pyproject.toml \
+	  -o $(LOW)/constraints.txt
 	$(LOW)/bin/python -m pip install --quiet --disable-pip-version-check -c $(LOW)/constraints.txt -e ".[excel,parquet]" \
 	  pytest hypothesis jaxtyping beartype
 	$(ONE_THREAD) $(LOW)/bin/python -m pytest -m "not slow" $(PARTS) $(ARGS)
