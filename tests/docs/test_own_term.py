@@ -1,0 +1,25 @@
+"""The term of the how-to page is one that `compare` can weigh, with the ratio that its force has."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+from bayesdamp.physics.damping import DampingTerm
+
+PAGE = Path(__file__).resolve().parents[2] / "docs/howto/own-term.md"
+
+
+def test_the_term_on_the_page_has_a_kernel_and_the_ratio_of_its_force() -> None:
+    code = re.search(r"```python\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL)
+    assert code is not None
+    names: dict[str, object] = {}
+    exec(code[1], names)
+    term = names["PLUGIN"]
+    assert isinstance(term, DampingTerm)
+    assert not term.untraced
+    assert term.kernel(0.1, 2.0, 0.01) == 8.0
+    by_quadrature = DampingTerm.ratio_per_unit(term, 0.3, 4.5)
+    assert term.ratio_per_unit(0.3, 4.5) == pytest.approx(by_quadrature, rel=1e-6)
