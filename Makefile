@@ -27,7 +27,7 @@ lint: $(READY)
 # Writes reports/benchmarks, and says where a ratio has lost against the page that was there.
 bench: $(READY)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e ".[dev,bench]"
-	$(BIN)/python -m pytest tests/benchmarks --override-ini addopts= -s -p no:xdist $(ARGS)
+	$(ONE_THREAD) $(BIN)/python -m pytest tests/benchmarks --override-ini addopts= -s -p no:xdist $(ARGS)
 
 # The slow checks, which `make test` leaves out.
 validate: $(READY)

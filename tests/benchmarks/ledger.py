@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -11,32 +12,50 @@ from bayesdamp.store import provenance, read_table, write_bytes, write_json, wri
 
 LOSS = 0.2
 """Share of a ratio that must be lost for it to be shown as one."""
-COLUMNS = ("name", "ratio", "before", "change_pct")
-PAGE, RATIOS, MACHINE, PICTURE = "README.md", "ratios.csv", "machine.json", "ratios.png"
-PACKAGES = ("bayesdamp", "jax", "numpy", "scipy", "numpyro", "emcee", "nautilus-sampler", "diffrax")
+COLUMNS = ("name", "ratio", "bar", "before", "change_pct")
+PAGE, RATIOS, MACHINE, PICTURE, TABLES = (
+    "README.md",
+    "ratios.csv",
+    "machine.json",
+    "ratios.png",
+    "tables.json",
+)
+PACKAGES = (
+    "bayesdamp", "jax", "numpy", "scipy", "numba", "numpyro", "emcee", "blackjax", "pints", "nautilus-sampler",
+    "dynesty", "diffrax",
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
 class Ledger:
-    """Tables (title, header, rows) and named ratios, of which larger is better, in the order in which they came."""
+    """Tables (title, header, rows) and named ratios, of which larger is better, in the order in which they came; bars:
+    what a ratio is wanted to be, where that was said."""
 
     tables: list[tuple[str, Sequence[str], Sequence[Sequence[str]]]] = field(default_factory=list)
     ratios: dict[str, float] = field(default_factory=dict)
+    bars: dict[str, float] = field(default_factory=dict)
     began: float = field(default_factory=time.perf_counter)
 
 
 LEDGER = Ledger()
 
 
-def ratio(name: str, value: float) -> None:
-    """Note how many times better ours is."""
+def ratio(name: str, value: float, bar: float | None = None) -> None:
+    """Note how many times better ours is, and how many times it is wanted to be."""
     LEDGER.ratios[name] = float(value)
+    if bar is not None:
+        LEDGER.bars[name] = bar
 
 
 def before(folder: Path) -> dict[str, float]:
     """The ratios of the page that is there; none where there is none."""
+    return _column(folder, "ratio")
+
+
+def _column(folder: Path, column: str) -> dict[str, float]:
     path = folder / RATIOS
-    return {row["name"]: float(row["ratio"]) for row in read_table(path)} if path.is_file() else {}
+    rows = read_table(path) if path.is_file() else []
+    return {row["name"]: float(row[column]) for row in rows if row.get(column)}
 
 
 def losses(ratios: Mapping[str, float], earlier: Mapping[str, float]) -> list[str]:
@@ -49,16 +68,22 @@ def losses(ratios: Mapping[str, float], earlier: Mapping[str, float]) -> list[st
 
 
 def write(ledger: Ledger, folder: Path) -> list[str]:
-    """Write the page into a folder and return the losses against what was there. Ratios that were not measured this
-    time are kept from the time before."""
+    """Write the page into a folder and return the losses against what was there. Ratios and tables that were not
+    measured this time are kept from the time before."""
     folder.mkdir(parents=True, exist_ok=True)
     earlier = before(folder)
     lost = losses(ledger.ratios, earlier)
-    kept = earlier | ledger.ratios
+    kept, bars = earlier | ledger.ratios, _column(folder, "bar") | ledger.bars
+    known = json.loads((folder / TABLES).read_text("utf-8")) if (folder / TABLES).is_file() else {}
+    tables = known | {
+        title: [list(header), [list(row) for row in rows]] for title, header, rows in ledger.tables
+    }
+    write_json(folder / TABLES, tables)
     rows = [
         {
             "name": name,
             "ratio": value,
+            "bar": bars.get(name),
             "before": earlier.get(name),
             "change_pct": 100 * (value / earlier[name] - 1) if name in earlier else None,
         }
@@ -67,33 +92,52 @@ def write(ledger: Ledger, folder: Path) -> list[str]:
     write_table(folder / RATIOS, COLUMNS, rows)
     about = provenance(packages=PACKAGES)
     write_json(folder / MACHINE, about)
-    _draw(kept, folder / PICTURE)
-    write_bytes(folder / PAGE, _page(ledger, kept, earlier, lost, about["machine"]).encode())
+    _draw(kept, bars, folder / PICTURE)
+    seconds = time.perf_counter() - ledger.began
+    page = _page(seconds, tables, kept, bars, earlier, lost, about["machine"])
+    write_bytes(folder / PAGE, page.encode())
     return lost
 
 
 def _page(
-    ledger: Ledger,
+    seconds: float,
+    tables: Mapping[str, Sequence[Sequence[str]]],
     ratios: Mapping[str, float],
+    bars: Mapping[str, float],
     earlier: Mapping[str, float],
     lost: Sequence[str],
     machine: Mapping[str, object],
 ) -> str:
     where = ", ".join(f"{name} {value}" for name, value in machine.items())
+    below = [n for n, bar in bars.items() if n in ratios and ratios[n] < bar]
     parts = [
         "# Benchmarks",
-        f"`make bench` wrote this page in {time.perf_counter() - ledger.began:.0f} s on one machine ({where}; more "
-        f"in `{MACHINE}`). Both sides of a ratio ran in turns in one process, the best of several; seconds depend on "
-        "the machine, ratios hardly do.",
+        f"`make bench` wrote this page (the last part of it in {seconds:.0f} s) on one machine ({where}; more in "
+        f"`{MACHINE}`). Times are CPU seconds of one thread; both sides of a ratio ran in turns in one process, the "
+        "best of several.",
+        f"{len(bars) - len(below)} of {len(bars)} ratios that have a bar reach it"
+        + (
+            "."
+            if not below
+            else "; below it:\n" + "\n".join(f"- {n}: {ratios[n]:.3g} of {bars[n]:g}" for n in below)
+        ),
         f"Ratios that lost more than {100 * LOSS:.0f} % since the page before: "
         + ("none." if not lost else "\n" + "\n".join(f"- {line}" for line in lost)),
         "## Ratios\nHow many times faster ours is, or how many times less it takes.",
-        f"![Ratios, logarithmic]({PICTURE})",
+        f"![Ratios, logarithmic, their bars as lines]({PICTURE})",
         _table(
-            ["what", "ratio", "before"],
-            [[n, f"{v:.3g}", f"{earlier[n]:.3g}" if n in earlier else ""] for n, v in ratios.items()],
+            ["what", "ratio", "bar", "before"],
+            [
+                [
+                    n,
+                    f"{v:.3g}",
+                    f"{bars[n]:g}" if n in bars else "",
+                    f"{earlier[n]:.3g}" if n in earlier else "",
+                ]
+                for n, v in ratios.items()
+            ],
         ),
-        *(f"## {title}\n{_table(header, rows)}" for title, header, rows in ledger.tables),
+        *(f"## {title}\n{_table(header, rows)}" for title, (header, rows) in tables.items()),
     ]
     return "\n\n".join(parts) + "\n"
 
@@ -103,15 +147,18 @@ def _table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     return "\n".join("| " + " | ".join(line) + " |" for line in lines)
 
 
-def _draw(ratios: Mapping[str, float], path: Path) -> None:
-    """Bars on a logarithmic axis."""
+def _draw(ratios: Mapping[str, float], bars: Mapping[str, float], path: Path) -> None:
+    """Bars on a logarithmic axis, with a line where each is wanted to reach."""
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(8, 1 + 0.3 * len(ratios)), layout="constrained")
+    figure = Figure(figsize=(10, 1 + 0.3 * len(ratios)), layout="constrained")
     axes = figure.add_subplot()
     names, values = list(ratios)[::-1], list(ratios.values())[::-1]
     axes.barh(names, values)
+    for place, name in enumerate(names):
+        if name in bars:
+            axes.plot([bars[name]] * 2, [place - 0.45, place + 0.45], color="tab:red", linewidth=2)
     axes.set_xscale("log")
     axes.axvline(1.0, color="black", linewidth=0.8)
-    axes.set_xlabel("times better than the other")
+    axes.set_xlabel("times better than the other (red: wanted)")
     figure.savefig(path, dpi=120)

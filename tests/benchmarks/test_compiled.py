@@ -1,0 +1,177 @@
+"""The compiled motion that `compare` solves: one likelihood, a hundred, the gradient, and 1,000 s, against others."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import lru_cache
+from importlib.util import find_spec
+
+import numpy as np
+from scipy.integrate import odeint, solve_ivp
+
+from bayesdamp.physics.damping import TERMS
+from bayesdamp.physics.kernel import Solver
+from bayesdamp.physics.kernel.solve import NONE, PARAMETERS
+from tests.benchmarks.ledger import ratio
+from tests.benchmarks.test_likelihood import LAW, NOISE, diffrax_solver, loosest
+from tests.benchmarks.test_trajectories import ERROR, MODELS, TIMES, slope_of
+from tests.benchmarks.timing import in_turns, table
+from tests.physics.independent import LAWS, PAPER, trajectory
+
+BARS = {"odeint": 15.0, "diffrax Tsit5": 3.0}
+"""At least, of one likelihood."""
+GRADIENT, LONG = 2.5, 5.0
+"""At most, of one likelihood; at least, against odeint's."""
+
+
+def solver_of(terms: tuple[str, ...], t: np.ndarray, p: dict[str, float]) -> tuple[Solver, np.ndarray]:
+    scales = abs(p["theta0"]), float(np.sqrt(p["stiffness"]))
+    solver = Solver(terms, LAW, t, "angle", *scales, p["epsilon"], t[[0, -1]])
+    return solver, np.array([p[name] for name in solver.names])
+
+
+def others_of(model: str, p: dict[str, float], times: np.ndarray) -> dict[str, object]:
+    slope, start = slope_of(model, p), (p["theta0"], p["omega0"])
+    return {
+        "odeint": lambda tol: odeint(slope, start, times, rtol=tol, atol=tol, mxstep=100_000)[:, 0],
+        "solve_ivp": lambda tol: solve_ivp(
+            lambda t, s: slope(s, t), (0.0, times[-1]), start, "DOP853", times, rtol=tol, atol=tol
+        ).y[0],
+    }
+
+
+@lru_cache
+def measured(model: str) -> dict[str, float]:
+    """CPU seconds of one likelihood of each, and the largest errors of the trajectory (rad)."""
+    p = {TERMS.get(model).parameter: PAPER[TERMS.get(model).parameter], **LAWS[LAW]}
+    truth = trajectory(LAW, p, TIMES, longest=0.01)[:, 0]
+    y = truth + NOISE * np.random.default_rng(1).standard_normal(TIMES.size)
+    solver, values = solver_of((model,), TIMES, p)
+    active = np.ones(1, bool)
+
+    def ours(tolerance: float) -> np.ndarray:
+        motion = solver.solve(values, active, tangents=NONE, tolerance=tolerance)
+        assert motion is not None
+        return motion.y
+
+    solvers = {"ours": ours, **others_of(model, p, TIMES)}
+    if find_spec("diffrax"):
+        theirs = diffrax_solver(model, p, "Tsit5")
+        solvers["diffrax Tsit5"] = lambda tol: np.asarray(theirs(tol))
+    found, runs = {}, {}
+    for name, solve in solvers.items():
+        tolerance, found[f"{name} error"] = loosest(solve, truth)
+
+        def run(solve=solve, tolerance=tolerance) -> float:
+            r = (y - solve(tolerance)) / NOISE
+            return float(-0.5 * r @ r)
+
+        runs[name] = run
+    return found | dict(zip(runs, in_turns(*runs.values(), rounds=7), strict=True))
+
+
+@lru_cache
+def gradient() -> dict[str, float]:
+    """CPU seconds of a likelihood under all three terms, and of one with its slopes by seven parameters."""
+    terms = ("viscous", "coulomb", "quadratic")
+    p = {**{TERMS.get(t).parameter: PAPER[TERMS.get(t).parameter] for t in terms}, **LAWS[LAW]}
+    solver, values = solver_of(terms, TIMES, p)
+    y = trajectory(LAW, p, TIMES, longest=0.01)[:, 0]
+    active, free = np.ones(3, bool), [n for n in solver.names if n != "spring_angle"]
+    places = [solver.names.index(n) for n in free]
+
+    def one() -> float:
+        motion = solver.solve(values, active, tangents=NONE, tolerance=1e-7)
+        assert motion is not None
+        return float(np.sum((y - motion.y) ** 2))
+
+    def both() -> np.ndarray:
+        motion = solver.solve(values, active, tangents=PARAMETERS, tolerance=1e-7)
+        assert motion is not None
+        return (y - motion.y) @ motion.tangents[:, places]
+
+    times = in_turns(one, both, rounds=7)
+    return {"one": times[0], "with gradient": times[1], "parameters": float(len(places))}
+
+
+@lru_cache
+def long() -> dict[str, float]:
+    """1,000 s in 100,001 samples, after a tenth of which the motion is over."""
+    times = np.linspace(0.0, 1000.0, 100_001)
+    p = {"zeta": PAPER["zeta"], **LAWS[LAW]}
+    solver, values = solver_of(("viscous",), times, p)
+    their = others_of("viscous", p, times)["odeint"]
+    close = replace(solver).solve(values, np.ones(1, bool), tangents=NONE, tolerance=1e-13)
+    assert close is not None
+    found = {}
+    runs = []
+    for name, solve in (
+        ("ours", lambda tol: solver.solve(values, np.ones(1, bool), tangents=NONE, tolerance=tol).y),
+        ("odeint", their),
+    ):
+        tolerance, found[f"{name} error"] = loosest(solve, close.y)
+        runs.append(lambda solve=solve, tolerance=tolerance: solve(tolerance))
+    return found | dict(zip(("ours", "odeint"), in_turns(*runs, rounds=3), strict=True))
+
+
+def growth() -> list[list[str]]:
+    """CPU seconds of a likelihood against samples, cycles and terms."""
+    rows = []
+    for samples, cycles, terms in (
+        (1_000, 7, 1), (10_000, 7, 1), (100_000, 7, 1), (1_000, 70, 1), (1_000, 700, 1), (1_000, 7, 3),
+    ):  # fmt: skip
+        names = ("viscous", "coulomb", "quadratic")[:terms]
+        p = {**{TERMS.get(t).parameter: 0.003 for t in names}, **LAWS[LAW]}
+        times = np.linspace(0.0, cycles * 2 * np.pi / np.sqrt(20.0), samples)
+        solver, values = solver_of(names, times, p)
+        (spent,) = in_turns(
+            lambda s=solver, v=values, n=terms: s.solve(v, np.ones(n, bool), tangents=NONE, tolerance=1e-7),
+            rounds=3,
+        )
+        rows.append([f"{samples:,}", str(cycles), str(terms), f"{1e6 * spent:.0f}"])
+    return rows
+
+
+def test_table() -> None:
+    rows = []
+    for model in MODELS:
+        m = measured(model)
+        for name in [n for n in m if f"{n} error" in m and n != "ours"]:
+            ratio(f"compiled likelihood, {model}: {name} / ours", m[name] / m["ours"], BARS.get(name))
+            rows.append(
+                [
+                    model, name, f"{1e6 * m[name]:.0f}", f"{m[f'{name} error']:.1e}", f"{1e6 * m['ours']:.0f}",
+                    f"{m['ours error']:.1e}", f"{m[name] / m['ours']:.1f}",
+                ]
+            )  # fmt: skip
+    header = ["model", "solver", "µs", "error", "ours", "error", "ratio"]
+    table(f"One compiled likelihood of 1,001 samples, within {ERROR:g} rad", header, rows)
+    g, far = gradient(), long()
+    ratio("gradient by 7 parameters: 2.5 likelihoods / ours", GRADIENT * g["one"] / g["with gradient"], 1.0)
+    ratio("1,000 s, 100,001 samples: odeint / ours", far["odeint"] / far["ours"], LONG)
+    table(
+        "A likelihood with its gradient, and 1,000 s in 100,001 samples",
+        ["what", "µs", "beside", "µs", "ratio"],
+        [
+            ["likelihood with 7 slopes", f"{1e6 * g['with gradient']:.0f}", "likelihood", f"{1e6 * g['one']:.0f}",
+             f"{g['with gradient'] / g['one']:.2f}"],
+            ["1,000 s", f"{1e6 * far['ours']:.0f}", "odeint", f"{1e6 * far['odeint']:.0f}",
+             f"{far['odeint'] / far['ours']:.1f}"],
+        ],
+    )  # fmt: skip
+    table("Growth of one compiled likelihood", ["samples", "cycles", "terms", "µs"], growth())
+
+
+def test_all_keep_to_the_error() -> None:
+    for found in (*map(measured, MODELS), long()):
+        assert max(v for k, v in found.items() if k.endswith("error")) <= ERROR
+
+
+def test_each_takes_less_than_others() -> None:
+    """What is wanted beyond that is on the page."""
+    for model in MODELS:
+        m = measured(model)
+        assert all(m[name] > m["ours"] for name in m if f"{name} error" in m and name != "ours")
+    assert gradient()["parameters"] == 7
+    assert gradient()["with gradient"] < 7 * gradient()["one"]
+    assert long()["odeint"] > long()["ours"]
