@@ -112,9 +112,9 @@ def _page(
     below = [n for n, bar in bars.items() if n in ratios and ratios[n] < bar]
     parts = [
         "# Benchmarks",
-        f"`make bench` wrote this page (the last part of it in {seconds:.0f} s) on one machine ({where}; more in "
-        f"`{MACHINE}`). Times are CPU seconds of one thread; both sides of a ratio ran in turns in one process, the "
-        "best of several.",
+        "`make bench` writes this page, all of it or those files of `tests/benchmarks` that it is given (the last in "
+        f"{seconds:.0f} s), on one machine ({where}; more in `{MACHINE}`). Times are CPU seconds of one thread; both "
+        "sides of a ratio ran in turns in one process, the best of several.",
         f"{len(bars) - len(below)} of {len(bars)} ratios that have a bar reach it"
         + (
             "."
