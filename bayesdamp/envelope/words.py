@@ -27,7 +27,7 @@ def damping_words(name: str) -> str:
 
 def probability_words(value: float) -> str:
     """A probability with two digits, never above the cap of what is claimed."""
-    return f"> {CAP:.2f}" if value > CAP else f"{value:.2f}"
+    return f"{min(value, CAP):.2f}"
 
 
 def number(value: float, digits: int = 4) -> str:
