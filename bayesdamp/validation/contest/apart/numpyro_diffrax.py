@@ -45,11 +45,13 @@ def field(_, state, p):
 
 def motion(p, times):
     """Displacements at times from 0 on."""
-    return diffrax.diffeqsolve(
+    found = diffrax.diffeqsolve(
         diffrax.ODETerm(field), diffrax.Tsit5(), t0=0.0, t1=times[-1], dt0=0.05, y0=(p["x0"], p["v0"]), args=p,
         saveat=diffrax.SaveAt(ts=times), stepsize_controller=diffrax.PIDController(rtol=1e-6, atol=1e-6),
         adjoint=diffrax.ForwardMode(), max_steps=10_000, throw=False,
-    ).ys[0]  # fmt: skip
+    )  # fmt: skip
+    assert found.ys is not None  # what SaveAt(ts=...) asks for
+    return found.ys[0]
 
 
 NAMES = ("viscous", "coulomb", "quadratic", "stiffness", "cubic", "x0", "v0", "rest")
