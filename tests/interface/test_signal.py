@@ -142,7 +142,7 @@ def test_a_file_of_several_runs_is_a_record_of_several_runs(tmp_path: Path) -> N
     sizes = [float(np.ptp(signal.y)) for signal in record.signals()]
     assert np.allclose(np.array(sizes) / sizes[0], [1, 2, 3], rtol=1e-2)
     assert [one.run for one in bd.read(path, runs="1,3").raw] == ["1", "3"]
-    with pytest.raises(bd.InputError, match="no such run; it has runs 1, 2, 3"):
+    with pytest.raises(bd.InputError, match="is '7'; there are runs 1, 2, 3"):
         bd.read(path, runs=7)
 
 
