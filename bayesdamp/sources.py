@@ -15,7 +15,7 @@ OUTSIDE = (
 )  # fmt: skip
 """What decides where and when something is computed, and what is made of it, but not the result itself; settings are
 part of a key by their values."""
-LEAVES = ("bayesdamp.pipeline.candidates.cells",)
+LEAVES = ("bayesdamp.pipeline.candidates.branch", "bayesdamp.pipeline.candidates.cells")
 """Modules that bring many computations together: each counts with its own source, not with what it imports."""
 
 _IMPORT = re.compile(

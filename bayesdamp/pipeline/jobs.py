@@ -12,7 +12,8 @@ from bayesdamp.config import SignalSpec, Study
 from bayesdamp.inference.evidence.adopted import NESTED_CHECK
 from bayesdamp.pipeline import pruning
 from bayesdamp.pipeline.candidates.averaging import average, averages
-from bayesdamp.pipeline.candidates.cells import Branch
+from bayesdamp.pipeline.candidates.branch import Branch
+from bayesdamp.pipeline.candidates.cells import cells_of, compute
 from bayesdamp.pipeline.keys import task_key
 from bayesdamp.pipeline.many.many import joint_cells, populated, repeated
 from bayesdamp.pipeline.records.answering import ANSWERED, SAMPLED, AnswerCell, answers
@@ -112,15 +113,15 @@ def work_of(study: Study, store: Store, job: Job) -> dict[str, tuple[str, Callab
         one = noise if job.law is None else noise.fits[job.law]
         return {one.name: (one.key, lambda *_: one.compute())}
     if job.joined:
-        branches = [Branch(study, spec, job.repeat, m, store).cells() for m in study.compare(spec)]
+        branches = [cells_of(Branch(study, spec, job.repeat, m, store)) for m in study.compare(spec)]
         key = task_key("averaged", branches)
         return {f"averaged/{spec.name}/{job.repeat}": (key, partial(average, study, spec, store))}
     if job.model is None:
         return _of_record(study, spec, store, job)
     branch = Branch(study, spec, job.repeat, job.model, store)
     return {
-        name: (key, branch.compute)
-        for name, key in branch.cells().items()
+        name: (key, partial(compute, branch))
+        for name, key in cells_of(branch).items()
         if job.part is None or job.part == _part(name)
     }
 

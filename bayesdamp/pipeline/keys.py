@@ -8,7 +8,7 @@ import json
 from bayesdamp.sources import code_digest, reached
 
 _BRANCH = (
-    "bayesdamp.pipeline.candidates.cells",
+    "bayesdamp.pipeline.candidates.branch",
     "bayesdamp.pipeline.records.stored_modes",
     "bayesdamp.pipeline.records.targets",
 )
@@ -18,11 +18,8 @@ CODE: dict[str, tuple[str, ...]] = {
     "sampled": ("bayesdamp.pipeline.records.answering", "bayesdamp.physics.kernel.march"),
     "fitted": ("bayesdamp.pipeline.records.law_fits",),
     "noise": ("bayesdamp.pipeline.records.noise",),
-    "estimate": ("bayesdamp.pipeline.candidates.cells", "bayesdamp.pipeline.records.targets", "bayesdamp.estimators"),
-    "mode": (
-        *_BRANCH, "bayesdamp.inference.checks.checks", "bayesdamp.inference.fit.search",
-        "bayesdamp.inference.fit.starting_points", "bayesdamp.pipeline.records.starts",
-    ),
+    "estimate": ("bayesdamp.pipeline.candidates.estimates", "bayesdamp.pipeline.records.targets"),
+    "mode": (*_BRANCH, "bayesdamp.pipeline.candidates.modes"),
     "posterior": (*_BRANCH, "bayesdamp.pipeline.candidates.posteriors"),
     "evidence": (*_BRANCH, "bayesdamp.pipeline.candidates.weighing"),
     "sensitivity": (*_BRANCH, "bayesdamp.pipeline.candidates.sensitivity"),

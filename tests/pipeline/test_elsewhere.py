@@ -11,7 +11,7 @@ from bayesdamp.config import load_study
 from bayesdamp.inference.evidence import EVIDENCES
 from bayesdamp.inference.fit.search import find_mode
 from bayesdamp.pipeline import run_study
-from bayesdamp.pipeline.candidates.cells import Branch
+from bayesdamp.pipeline.candidates.branch import Branch
 from bayesdamp.report import render
 from bayesdamp.store import Store
 

@@ -6,7 +6,7 @@ import pytest
 
 from bayesdamp.config import load_study
 from bayesdamp.pipeline import run_study
-from bayesdamp.pipeline.candidates.cells import Branch
+from bayesdamp.pipeline.candidates.cells import CERTAIN
 from bayesdamp.pipeline.records.records import SignalCell
 from bayesdamp.store import Store, read_table
 
@@ -78,10 +78,10 @@ def test_a_failed_record(study, tmp_path, monkeypatch, capsys):
 
 @pytest.mark.parametrize("study", ['"gaussian"'], indirect=True)
 def test_a_failed_mode(study, tmp_path, monkeypatch):
-    def failing(self, name, key):
+    def failing(branch, name, key):
         raise ArithmeticError("made to fail")
 
-    monkeypatch.setattr(Branch, "mode", failing)
+    monkeypatch.setitem(CERTAIN, "mode", failing)
     assert run_study(study, tmp_path / "out", workers=1) == 3
     store = Store(tmp_path / "out")
     assert store.read("mode/good/0/viscous").outcome == "failed: ArithmeticError: made to fail"

@@ -18,7 +18,9 @@ from bayesdamp.inference.model.target import Target
 from bayesdamp.inference.noise import NOISES
 from bayesdamp.physics.integrate import simulate
 from bayesdamp.physics.oscillator import Oscillator
-from bayesdamp.pipeline.candidates.cells import Branch
+from bayesdamp.pipeline.candidates.branch import Branch
+from bayesdamp.pipeline.candidates.cells import cells_of
+from bayesdamp.pipeline.candidates.modes import seeds_of
 from bayesdamp.pipeline.records.law_fits import LawFit
 from bayesdamp.pipeline.records.noise import NoiseCell
 from bayesdamp.pipeline.records.records import SignalCell
@@ -85,9 +87,9 @@ def test_the_fit_of_all_dampings_is_where_each_begins(record, tmp_path) -> None:
     assert fits["linear"]["stiffness"] == pytest.approx(FREQUENCY**2, rel=0.01)
     for model, most in (("coulomb@linear", 20), ("viscous+coulomb+quadratic@linear", 6)):
         branch = Branch(study, record.spec, 0, model, store)
-        estimate, *_ = (n for n in branch.cells() if n.startswith("estimate/"))
+        estimate, *_ = (n for n in cells_of(branch) if n.startswith("estimate/"))
         store.write(CellResult(estimate, "", outcome="none"))
-        seeds, _ = branch._seeds()
+        seeds, _ = seeds_of(branch)
         found = find_mode(branch.shared, seeds, noise_level=record.seen.roughness, thrifty=True)
         assert [c.seed for c in found.searches] == [ALL]
         assert found.searches[0].evaluations <= most

@@ -9,7 +9,7 @@ from scipy.special import logsumexp
 
 from bayesdamp.config import SignalSpec, Study
 from bayesdamp.outcomes import Status, status_of
-from bayesdamp.pipeline.candidates.cells import Branch
+from bayesdamp.pipeline.candidates.branch import Branch
 from bayesdamp.pipeline.candidates.posteriors import CURVE, LEVELS
 from bayesdamp.pipeline.candidates.weighing import evidence_by_method
 from bayesdamp.pipeline.candidates.weighted import weighted_curves

@@ -4,22 +4,19 @@ from __future__ import annotations
 
 import time
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from bayesdamp.inference.curves.derived import Motions
 from bayesdamp.outcomes import following
 from bayesdamp.physics.oscillator import Oscillator
+from bayesdamp.pipeline.candidates.branch import Branch
 from bayesdamp.pipeline.candidates.posteriors import amplitude_grid
 from bayesdamp.pipeline.records.records import plain_seconds
 from bayesdamp.records.oscillation.curves import amplitude_curves
 from bayesdamp.store import CellResult
 from bayesdamp.store.contents.candidates import ModeContent
 from bayesdamp.types import OK, Refusal
-
-if TYPE_CHECKING:
-    from bayesdamp.pipeline.candidates.cells import Branch
 
 
 def compute_curve(branch: Branch, name: str, key: str) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -13,14 +13,12 @@ from bayesdamp.inference.checks import diagnostics
 from bayesdamp.inference.curves.derived import Motions, against_amplitude, derive, units
 from bayesdamp.inference.samplers import SAMPLERS, Settings
 from bayesdamp.physics.units import parameter_unit
+from bayesdamp.pipeline.candidates.branch import Branch
 from bayesdamp.records.oscillation.features import Features
 from bayesdamp.store import CellResult
 from bayesdamp.store.contents.posteriors import PosteriorContent
 from bayesdamp.store.folders import refuse_special, temporary
 from bayesdamp.types import Posterior, Refusal
-
-if TYPE_CHECKING:
-    from bayesdamp.pipeline.candidates.cells import Branch
 
 SUMMARIES = {"ensembles": "ensembles", "effective": "effective_draws"}
 """What `summarise` is to know of a sampler's draws, and where its diagnostics say it."""

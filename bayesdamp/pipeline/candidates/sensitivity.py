@@ -5,7 +5,6 @@ from __future__ import annotations
 import time
 from collections.abc import Mapping
 from dataclasses import asdict
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -15,6 +14,7 @@ from bayesdamp.inference.evidence.savage_dickey import savage_dickey
 from bayesdamp.inference.evidence.widths import against_width
 from bayesdamp.inference.fit.noise_choice import fit_with
 from bayesdamp.outcomes import following
+from bayesdamp.pipeline.candidates.branch import Branch
 from bayesdamp.store import CellResult
 from bayesdamp.store.contents.candidates import ModeContent
 from bayesdamp.store.contents.content import Content
@@ -28,9 +28,6 @@ from bayesdamp.store.contents.evidence import (
     WidthsContent,
 )
 from bayesdamp.types import OK, Refusal, candidate_name, candidate_parts
-
-if TYPE_CHECKING:
-    from bayesdamp.pipeline.candidates.cells import Branch
 
 SOURCES = {
     "widths": "evidence/{}/importance",

@@ -3,19 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from bayesdamp.config import Study
 from bayesdamp.inference.evidence import EVIDENCES, Draws
 from bayesdamp.inference.evidence.adopted import COMBINED, NESTED_CHECK, adopted, disagreement
+from bayesdamp.pipeline.candidates.branch import Branch
 from bayesdamp.store import CellResult, Store
 from bayesdamp.store.contents.evidence import EvidenceContent
 from bayesdamp.types import OK, Evidence, Refusal
-
-if TYPE_CHECKING:
-    from bayesdamp.pipeline.candidates.cells import Branch
 
 FIRST_LOOK = "laplace"
 """A method without an error estimate, by which candidates are set aside; it does not count where another one does."""

@@ -6,7 +6,7 @@ import numpy as np
 from scipy.special import logsumexp
 
 from bayesdamp.inference.curves.derived import CURVE_DRAWS, Motions
-from bayesdamp.pipeline.candidates.cells import Branch
+from bayesdamp.pipeline.candidates.branch import Branch
 from bayesdamp.pipeline.candidates.posteriors import curves
 from bayesdamp.types import OK
 

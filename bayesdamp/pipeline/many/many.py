@@ -6,7 +6,8 @@ from collections.abc import Callable
 from functools import partial
 
 from bayesdamp.config import Study
-from bayesdamp.pipeline.candidates.cells import Branch
+from bayesdamp.pipeline.candidates.branch import Branch
+from bayesdamp.pipeline.candidates.cells import cells_of
 from bayesdamp.pipeline.keys import task_key
 from bayesdamp.pipeline.many.joining import join
 from bayesdamp.pipeline.many.populating import populate
@@ -42,4 +43,4 @@ def joint_cells(
 
 def _key(specimen: Specimen) -> str:
     branches: list[Branch] = [b for c in specimen.candidates for b in specimen.branches(c)]
-    return task_key("joint", specimen.name, [b.cells() for b in branches])
+    return task_key("joint", specimen.name, [cells_of(b) for b in branches])

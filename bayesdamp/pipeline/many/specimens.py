@@ -22,7 +22,8 @@ from bayesdamp.inference.model.defaults import Reference
 from bayesdamp.inference.model.target import Target
 from bayesdamp.outcomes import Status, following
 from bayesdamp.physics.units import parameter_unit
-from bayesdamp.pipeline.candidates.cells import Branch
+from bayesdamp.pipeline.candidates.branch import Branch
+from bayesdamp.pipeline.candidates.cells import cells_of
 from bayesdamp.pipeline.records.records import cell_seed
 from bayesdamp.store import Store
 from bayesdamp.store.contents.candidates import ModeContent
@@ -100,7 +101,7 @@ class Specimen:
             name = f"mode/{branch.path}"
             try:
                 cell = self.store.read(name)
-                if cell.key != branch.cells()[name]:
+                if cell.key != cells_of(branch)[name]:
                     raise KeyError(name)  # of an earlier question in the same folder
             except KeyError:
                 raise Refusal(

@@ -1,0 +1,127 @@
+"""One candidate on one record: what its tasks read, from the study and from the store."""
+
+from __future__ import annotations
+
+from functools import cached_property
+
+from bayesdamp.config import SignalSpec, Study
+from bayesdamp.config.checks import plain
+from bayesdamp.inference.fit.mode import Mode
+from bayesdamp.inference.model.target import Target
+from bayesdamp.outcomes import following
+from bayesdamp.physics.damping import TERMS, parse_model
+from bayesdamp.physics.restoring import LAWS
+from bayesdamp.pipeline.records.noise import NoiseCell, noise_cell
+from bayesdamp.pipeline.records.records import SignalCell
+from bayesdamp.pipeline.records.stored_modes import alone, unpacked
+from bayesdamp.pipeline.records.targets import Record
+from bayesdamp.store import Store
+from bayesdamp.store.contents.records import NoiseContent
+from bayesdamp.types import OK, Refusal, System, candidate_parts
+
+
+class Branch:
+    """One candidate on one record: its estimates, mode, posteriors and evidence, each a cell.
+
+    model: the candidate's name, of which terms and restoring are the two parts.
+    """
+
+    def __init__(self, study: Study, spec: SignalSpec, repeat: int, model: str, store: Store) -> None:
+        self.study, self.spec, self.repeat, self.model, self.store = study, spec, repeat, model, store
+        damping, law = candidate_parts(model)
+        self.terms, self.restoring = parse_model(damping), law or spec.restoring[0]
+        self.parent = SignalCell(study, spec, repeat, store)
+        self.path = f"{spec.name}/{repeat}/{model}"
+        system = spec.under(self.restoring)
+        self.other = () if system is spec.system else (plain(system),)
+
+    @property
+    def methods(self) -> tuple[str, ...]:
+        """The estimators that are run for it."""
+        on = self.study.estimators.on(self.repeat)
+        return on if self.model in self.study.estimate(self.spec) else ()
+
+    @property
+    def forces(self) -> list[str]:
+        """The source of the damping terms and of the law, which are found by name."""
+        terms = dict.fromkeys((*self.terms, *self.beside))
+        return [*map(TERMS.source, terms), LAWS.source(self.restoring)]
+
+    @cached_property
+    def record(self) -> Record:
+        """The record as its cell holds it."""
+        return Record(self.study, self.spec, self.store.read(self.parent.name))
+
+    @cached_property
+    def system(self) -> System:
+        """What is known of the system under the candidate's law."""
+        return self.record.system(self.restoring)
+
+    @cached_property
+    def noise_cell(self) -> NoiseCell | None:
+        """What chooses the noise, where the study does not."""
+        return noise_cell(self.study, self.spec, self.repeat, self.store)
+
+    @cached_property
+    def chosen(self) -> NoiseContent:
+        """What was chosen for the record. Raises Refusal where nothing could be."""
+        assert self.noise_cell is not None
+        found = self.store.read(self.noise_cell.name)
+        if found.outcome != OK:
+            raise Refusal(following(found.name, found.outcome))
+        return NoiseContent.of(found)
+
+    @property
+    def noise(self) -> str:
+        """The noise model. Raises Refusal where none could be chosen."""
+        return self.chosen.chosen if self.noise_cell else self.study.noises[0]
+
+    @property
+    def epsilon(self) -> float | None:
+        """The friction's ε (rad/s) that suits the record better than the usual one, where nobody gave one."""
+        return self.chosen.epsilon if self.noise_cell else None
+
+    @cached_property
+    def target(self) -> Target:
+        """The target of this candidate alone."""
+        return self.record.target(self.terms, self.restoring, self.noise, epsilon=self.epsilon)
+
+    @cached_property
+    def shared(self) -> Target:
+        """The target in the program of all dampings that are compared under the law, where candidates are many."""
+        return self.record.target(
+            self.terms, self.restoring, self.noise, beside=self.beside, epsilon=self.epsilon
+        )
+
+    @cached_property
+    def beside(self) -> tuple[str, ...]:
+        """The terms of all dampings compared, where the candidates share a program.
+
+        None where each has its own: without a known ε, or with an exact switch, of which a candidate without friction
+        need not know.
+        """
+        system = self.spec.under(self.restoring)
+        if "epsilon" in system.free or system.known.get("epsilon") == 0.0:
+            return ()
+        every = [parse_model(m) for m in self.study.dampings(self.spec)]
+        whole = max(every, key=len)
+        return whole if all(set(terms) <= set(whole) for terms in every) else ()
+
+    @cached_property
+    def restored_mode(self) -> Mode:
+        """The mode in the scores of `shared`. Raises Refusal where there is none."""
+        found = self.store.read(f"mode/{self.path}")
+        if found.outcome != OK:
+            raise Refusal(following(found.name, found.outcome))
+        return unpacked(found, self.shared)
+
+    @cached_property
+    def own_mode(self) -> Mode:
+        """The mode in the scores of this candidate alone."""
+        mode = self.restored_mode
+        return alone(mode, self.shared, self.target) if self.beside else mode
+
+    @property
+    def many(self) -> bool:
+        """Whether there are so many candidates that one good start of each has to do."""
+        return self.study.models.prune is not None
