@@ -13,6 +13,7 @@ import numpy as np
 
 from bayesdamp.numerics.lazily import jax, jnp, tree
 from bayesdamp.physics.oscillator import Oscillator, Parameters
+from bayesdamp.physics.rest import traced_newton
 
 if TYPE_CHECKING:
     from jax import Array
@@ -50,13 +51,7 @@ class Cycle:
 
 def rest_position(osc: Oscillator, p: Parameters, near: Array | float) -> Array:
     """The equilibrium that Newton's method finds from `near` (rad), shape ()."""
-
-    def force(x: Array) -> Array:
-        return osc.law.force(x, p)
-
-    slope = jax.grad(force)
-    start = jnp.asarray(near, float)
-    return jax.lax.fori_loop(0, NEWTON, lambda _, x: x - force(x) / slope(x), start)
+    return traced_newton(lambda x: osc.law.force(x, p), near, NEWTON)
 
 
 def cycle(osc: Oscillator, p: Parameters, amplitude: Array | float, near: float) -> Cycle:

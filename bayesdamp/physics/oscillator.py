@@ -12,6 +12,7 @@ import numpy as np
 from bayesdamp.machine.programs import Program
 from bayesdamp.numerics.lazily import jax, jnp
 from bayesdamp.physics.damping import TERMS, DampingTerm
+from bayesdamp.physics.rest import bracket, by_kernel, frequency_over, rest_near, traced_newton
 from bayesdamp.physics.restoring import LAWS, RestoringLaw, Scalar
 
 if TYPE_CHECKING:
@@ -21,6 +22,8 @@ if TYPE_CHECKING:
 Parameters = Mapping[str, Scalar]
 ROOM = 4096
 """Angles in one call of a compiled force."""
+REACH, POINTS = 10.0, 4001
+"""How far an equilibrium is looked for, rad, and at how many angles."""
 NEWTON = 4
 """Steps from about where a motion comes to rest to where it does so: from a tenth of a radian within 1e-15."""
 
@@ -93,11 +96,8 @@ class Oscillator:
         """With `rest`, where a term asks for it, moved to the equilibrium near it: Newton's method."""
         if "rest" not in self.scales:
             return p
-        x = jnp.asarray(p["rest"], float)
-        for _ in range(NEWTON):
-            value, slope = jax.jvp(lambda at: self.law.force(at, p), (x,), (jnp.ones_like(x),))
-            x = x - value / slope
-        return {**p, "rest": x}
+        rest = traced_newton(lambda at: self.law.force(at, p), p["rest"], NEWTON, unroll=True)
+        return {**p, "rest": rest}
 
     def acceleration(self, theta: ArrayLike, omega: ArrayLike, p: Parameters) -> Array:
         """θ̈ in rad/s²; θ and θ̇ of one shape."""
@@ -123,40 +123,25 @@ class Oscillator:
         Raises ValueError as `equilibrium` does."""
         if self.law.kernel is RestoringLaw.kernel:
             return self.natural_frequency(p, near)
-        values = [float(p[name]) for name in self.law.parameters]
-        grid = _around(near)
-        force = np.array([self.law.kernel(x, values) for x in grid.tolist()])
-        i = _stable(self.restoring, grid, force, near)
-        return float(np.sqrt((force[i + 1] - force[i]) / (grid[i + 1] - grid[i])))
+        force = by_kernel(self.law.kernel, np.array([float(p[name]) for name in self.law.parameters]))
+        ends = bracket(force, near, REACH, POINTS)
+        if ends is None:
+            raise no_rest(self.restoring, near)
+        return frequency_over(force, *ends)
 
 
-def _around(near: float) -> np.ndarray:
-    """Angles among which an equilibrium is looked for, rad."""
-    return near + np.linspace(-10.0, 10.0, 4001)
-
-
-def _stable(restoring: str, grid: np.ndarray, force: np.ndarray, near: float) -> int:
-    """Behind which of the angles the nearest stable equilibrium lies. Raises ValueError where there is none."""
-    rising = np.flatnonzero((force[:-1] <= 0) & (force[1:] > 0))
-    if rising.size == 0:
-        raise ValueError(f"{restoring} has no stable equilibrium within 10 rad of {near:.3g}")
-    return int(rising[np.argmin(np.abs(grid[rising] - near))])
+def no_rest(restoring: str, near: float) -> ValueError:
+    """What is raised where a law has no equilibrium."""
+    return ValueError(f"{restoring} has no stable equilibrium within {REACH:g} rad of {near:.3g}")
 
 
 @lru_cache(maxsize=4096)
 def _equilibrium(restoring: str, values: tuple[float, ...], near: float) -> float:
-    from scipy.optimize import brentq
-
-    grid = _around(near)
     p = dict(zip(LAWS.get(restoring).parameters, values))
-    force = restoring_force(restoring, grid, p)[0]
-    i = _stable(restoring, grid, force, near)
-
-    def force_of(x: float) -> float:
-        return float(restoring_force(restoring, np.array([x]), p)[0][0])
-
-    root = brentq(force_of, grid[i], grid[i + 1], xtol=1e-14)
-    return float(root)  # type: ignore[arg-type]
+    found = rest_near(lambda x: restoring_force(restoring, x, p)[0], near, REACH, POINTS)
+    if found is None:
+        raise no_rest(restoring, near)
+    return found
 
 
 def restoring_force(

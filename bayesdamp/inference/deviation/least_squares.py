@@ -4,17 +4,19 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from itertools import product
+from typing import Self
 
 import numpy as np
 
 from bayesdamp.inference.deviation.parameters import Parameters, retracted
+from bayesdamp.numerics.levenberg_marquardt import Ended, Schedule, search
 from bayesdamp.physics.kernel import Motion, Solver
 from bayesdamp.physics.kernel.solve import NONE, PARAMETERS, TOLERANCE
 
-FIRST_DAMPING, MORE, LESS, MOST_DAMPING = 1e-3, 8.0, 0.2, 1e8
-"""Damping of a step: at first, by what it grows where a step fails and shrinks where it succeeds, and where the search
-ends (conventional)."""
-MOST_STEPS = 40
+SCHEDULE, MOST_DAMPING = Schedule(less=0.2, more=8.0, again=1e-6), 1e8
+"""How a step's damping changes, and from where on none is tried (conventional)."""
+MOST_STEPS, MOST_TRIALS = 40, 1000
+"""That are taken, and that are tried."""
 ROUGH, CLOSE = 1e-3, 1e-7
 """Relative fall of the sum of squares from which a window's, and the record's, search has ended."""
 NOTHING = 0.1
@@ -103,6 +105,107 @@ def fit(
     return None if found is None else replace(found, evaluations=before + found.evaluations)
 
 
+@dataclass(frozen=True)
+class _Window:
+    """What is searched: a part of a record, y (n,), by motions that are solved to a tolerance. close: the share by
+    which a step must lower the squares for the search to go on."""
+
+    solver: Solver
+    parameters: Parameters
+    active: np.ndarray
+    y: np.ndarray
+    noise: float
+    tolerance: float
+
+    @property
+    def close(self) -> float:
+        """Where the search ends, by how well motions are solved."""
+        return CLOSE if self.tolerance == TOLERANCE else ROUGH
+
+    def at(self, z: np.ndarray) -> tuple[np.ndarray, Motion] | None:
+        """Residuals and motion at scores; None where it escapes."""
+        motion = self._motion(z, NONE, self.tolerance)
+        return None if motion is None else (self.y - motion.y, motion)
+
+    def tangents(self, z: np.ndarray) -> np.ndarray | None:
+        """Of the motion by the scores, (n, d); None where it escapes."""
+        moved = self._motion(z, PARAMETERS, SEARCHED)
+        return None if moved is None else self.parameters.by_scores(moved.tangents, z)
+
+    def _motion(self, z: np.ndarray, tangents: int, tolerance: float) -> Motion | None:
+        values = self.parameters.values(z)
+        return self.solver.solve(
+            values, self.active, tangents=tangents, stop=self.y.size, tolerance=tolerance
+        )
+
+
+@dataclass(frozen=True)
+class _Trial:
+    """Scores that were tried, with residuals and motion there. gain: the share of the squares that it takes away."""
+
+    z: np.ndarray
+    there: tuple[np.ndarray, Motion] | None
+    gain: float
+
+
+@dataclass(frozen=True)
+class _Linear:
+    """The squares of residuals and of scores, linearised at scores z: |plain u − wanted|² + left. scale: of each score;
+    variance: of the noise; number: of points up to this one."""
+
+    window: _Window
+    z: np.ndarray
+    here: tuple[np.ndarray, Motion]
+    jacobian: np.ndarray
+    plain: np.ndarray
+    wanted: np.ndarray
+    left: float
+    scale: np.ndarray
+    variance: float
+    number: int
+
+    @classmethod
+    def of(cls, window: _Window, z: np.ndarray, here: tuple[np.ndarray, Motion], number: int) -> Self | None:
+        """None where the motion escapes."""
+        jacobian = window.tangents(z)
+        if jacobian is None:
+            return None
+        r = here[0]
+        variance = max(float(r @ r) / r.size, window.noise**2)
+        triangle, target = _triangle(jacobian, r)
+        plain = np.concatenate([triangle, np.sqrt(variance) * np.eye(z.size)])
+        # Of the prior too: where the motion does not change with a score, the prior alone would send it to 0.
+        scale = np.linalg.norm(plain, axis=0)
+        wanted = np.concatenate([target + triangle @ z, np.zeros(z.size)])
+        left = float(r @ r) - float(target @ target)
+        return cls(window, z, here, jacobian, plain, wanted, left, scale, variance, number)
+
+    def cost(self, z: np.ndarray, r: np.ndarray) -> float:
+        """The squares at scores with these residuals, by the noise that is thought of here."""
+        return float(r @ r) + self.variance * float(z @ z)
+
+    def tried(self, damping: float) -> _Trial | None:
+        """The step of a damping; None where it promises too little, or damping is too much."""
+        if damping >= MOST_DAMPING:
+            return None
+        parameters, cost = self.window.parameters, self.cost(self.z, self.here[0])
+        root = np.concatenate([self.plain, np.diag(np.sqrt(damping) * self.scale)])
+        aim = np.concatenate([self.wanted, np.sqrt(damping) * self.scale * self.z])
+        new = nonnegative(root, aim, parameters.positive)
+        promised = cost - self.left - float(np.sum((self.plain @ new - self.wanted) ** 2))
+        if promised < NOTHING * self.window.close * cost:
+            return None
+        new = retracted(parameters, self.window.solver.restoring, self.z, new)
+        there = self.window.at(new)
+        after = np.inf if there is None else self.cost(new, there[0])
+        return _Trial(new, there, (cost - after) / cost if after < cost else -np.inf)
+
+    def beyond(self, trial: _Trial) -> Self | None:
+        """Linearised where a step leads."""
+        assert trial.there is not None  # it gained
+        return self.of(self.window, trial.z, trial.there, self.number + 1)
+
+
 def _search(
     solver: Solver,
     parameters: Parameters,
@@ -113,50 +216,25 @@ def _search(
     stop: int | None,
     tolerance: float,
 ) -> Fit | None:
-    y = y[:stop]
-
-    def at(z: np.ndarray) -> tuple[np.ndarray, Motion] | None:
-        motion = solver.solve(parameters.values(z), active, tangents=NONE, stop=stop, tolerance=tolerance)
-        return None if motion is None else (y - motion.y, motion)
-
-    here = at(z)
-    if here is None:
+    window = _Window(solver, parameters, active, y[:stop], noise, tolerance)
+    here = window.at(z)
+    first = None if here is None else _Linear.of(window, z, here, 1)
+    if first is None:
         return None
-    (r, motion), jacobian = here, np.zeros((y.size, 0))
-    damping, count, close = FIRST_DAMPING, 1, CLOSE if tolerance == TOLERANCE else ROUGH
-    for _ in range(MOST_STEPS):
-        moved = solver.solve(parameters.values(z), active, tangents=PARAMETERS, stop=stop, tolerance=SEARCHED)
-        if moved is None:
-            return None
-        jacobian = parameters.by_scores(moved.tangents, z)
-        variance = max(float(r @ r) / r.size, noise**2)
-        cost = float(r @ r) + variance * float(z @ z)
-        triangle, target = _triangle(jacobian, r)
-        plain = np.concatenate([triangle, np.sqrt(variance) * np.eye(z.size)])
-        # Of the prior too: where the motion does not change with a score, the prior alone would send it to 0.
-        scale = np.linalg.norm(plain, axis=0)
-        wanted = np.concatenate([target + triangle @ z, np.zeros(z.size)])
-        left = float(r @ r) - float(target @ target)
-        fall = 0.0
-        while damping < MOST_DAMPING:
-            root = np.concatenate([plain, np.diag(np.sqrt(damping) * scale)])
-            new = nonnegative(
-                root, np.concatenate([wanted, np.sqrt(damping) * scale * z]), parameters.positive
-            )
-            promised = cost - left - float(np.sum((plain @ new - wanted) ** 2))
-            if promised < NOTHING * close * cost:
-                break
-            new = retracted(parameters, solver.restoring, z, new)
-            there, count = at(new), count + 1
-            after = np.inf if there is None else float(there[0] @ there[0]) + variance * float(new @ new)
-            if there is not None and after < cost:
-                fall, z, (r, motion) = (cost - after) / cost, new, there
-                damping = max(damping * LESS, 1e-12)
-                break
-            damping = max(damping, 1e-6) * MORE
-        if fall < close:
-            break
-    return Fit(parameters, active, z, r, jacobian, motion, count)
+    count = 1
+
+    def ended(near: _Linear, trial: _Trial, damping: float) -> bool:
+        nonlocal count
+        count += 1
+        return trial.gain >= 0 and (trial.gain < window.close or near.number == MOST_STEPS)
+
+    found: Ended[_Linear, _Trial] = search(first, ended, limit=MOST_TRIALS, schedule=SCHEDULE)
+    if found.near is None:
+        return None
+    z, (r, motion) = found.near.z, found.near.here
+    if found.taken is not None and found.taken.there is not None:
+        z, (r, motion) = found.taken.z, found.taken.there
+    return Fit(parameters, active, z, r, found.near.jacobian, motion, count)
 
 
 def _triangle(jacobian: np.ndarray, r: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

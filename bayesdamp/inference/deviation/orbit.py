@@ -9,6 +9,7 @@ from functools import lru_cache
 import numpy as np
 
 from bayesdamp.physics.damping import TERMS
+from bayesdamp.physics.rest import by_kernel, frequency_over, rest_near
 from bayesdamp.physics.restoring import LAWS
 
 POINTS = 200
@@ -128,19 +129,10 @@ def _work(
 
 def rest_of(restoring: str, law: np.ndarray, near: float, reach: float) -> float | None:
     """The stable equilibrium nearest to `near` within `reach`; None where there is none."""
-    from scipy.optimize import brentq
-
-    force = LAWS.get(restoring).kernel
-    grid = near + np.linspace(-reach, reach, 401)
-    values = np.array([force(float(x), law) for x in grid])
-    rising = np.flatnonzero((values[:-1] <= 0) & (values[1:] > 0))
-    if rising.size == 0:
-        return None
-    i = rising[np.argmin(np.abs(grid[rising] - near))]
-    return float(brentq(lambda x: force(x, law), grid[i], grid[i + 1], xtol=1e-14))  # type: ignore[arg-type]
+    return rest_near(by_kernel(LAWS.get(restoring).kernel, law), near, reach)
 
 
 def natural_frequency(restoring: str, law: np.ndarray, rest: float, scale: float) -> float:
     """√F′ at the equilibrium, rad/s."""
-    force, d = LAWS.get(restoring).kernel, 1e-5 * scale
-    return float(np.sqrt(max((force(rest + d, law) - force(rest - d, law)) / (2 * d), 0.0)))
+    d = 1e-5 * scale
+    return frequency_over(by_kernel(LAWS.get(restoring).kernel, law), rest - d, rest + d)

@@ -10,14 +10,12 @@ import numpy as np
 
 from bayesdamp.numerics.lazily import jnp
 from bayesdamp.physics.elementary import cosine
+from bayesdamp.physics.rest import newton
 from bayesdamp.physics.restoring._law import LinearForm, RestoringLaw, Scalar
 
 if TYPE_CHECKING:
     from jax import Array
     from jax.typing import ArrayLike
-
-NEWTON = 60
-"""Steps in which an equilibrium must be found."""
 
 
 class HorizontalPendulum(RestoringLaw):
@@ -55,19 +53,13 @@ class HorizontalPendulum(RestoringLaw):
         return {"stiffness": slope, "gravity": p["gravity"], "spring_angle": rest, "theta0": start}
 
     @staticmethod
-    def _rest(p: Mapping[str, float], rest: float) -> float | None:
-        """The stable equilibrium that Newton's method finds from an angle; None where it comes to a slope that pushes
-        away."""
+    def _rest(p: Mapping[str, float], near: float) -> float | None:
         k, gravity, spring = p["stiffness"], p["gravity"], p["spring_angle"]
-        for _ in range(NEWTON):
-            slope = k + gravity * math.sin(rest)
-            if slope <= 0:
-                return None
-            step = (k * (rest - spring) - gravity * math.cos(rest)) / slope
-            rest -= step
-            if abs(step) < 1e-13:
-                return rest
-        return None
+
+        def force_and_slope(x: float) -> tuple[float, float]:
+            return k * (x - spring) - gravity * math.cos(x), k + gravity * math.sin(x)
+
+        return newton(force_and_slope, near)
 
     def from_natural(self, p: Mapping[str, float]) -> dict[str, float] | None:
         """From the angle at rest, γ and ω²: k = ω² − γ sin θ there, and θ_s by balance."""
