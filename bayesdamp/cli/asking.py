@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING, Self
 from bayesdamp.cli.options import bound, wrong
 from bayesdamp.records.cleaning.decimate import decimated
 from bayesdamp.records.files.named_units import SECONDS, unit_written
-from bayesdamp.records.findings import Finding, findings
+from bayesdamp.records.findings import Finding, Kind, findings
 from bayesdamp.records.read import FASTEST, SLOWEST, read_records
 from bayesdamp.records.record import RawRecord
-from bayesdamp.records.stated_columns import resolved_unit
+from bayesdamp.records.stated_columns import read_as
 from bayesdamp.types import InputError, Refusal, Signal
 from bayesdamp.units import UNITS
 
@@ -128,8 +128,8 @@ def found_records(path: Path, options: Options, *, cleaned: bool = True) -> list
 
 
 def _found(path: Path, raw: RawRecord, options: Options, cleaned: bool) -> Found:
-    unit, quantity = resolved_unit(options.unit, options.quantity, raw.unit, raw.quantity)
-    doubts = findings(raw, unit, quantity) if unit in UNITS else ()
+    unit, quantity = read_as(raw, options.unit, options.quantity)
+    doubts = findings(raw, unit, quantity, options.unit is not None) if unit in UNITS else ()
     if not cleaned:
         return Found(path, raw, unit, quantity, doubts)
     from bayesdamp.records.cleaning.clean import clean  # imports slowly
@@ -171,13 +171,14 @@ def first_words_on(found: Sequence[Found], options: Options) -> list[str]:
     return said
 
 
-def chosen_records(paths: Sequence[Path], options: Options) -> tuple[list[Found], list[str]]:
-    """(the records of files, lines to say before anything is computed). Raises InputError.
+def chosen_records(paths: Sequence[Path], options: Options) -> tuple[list[Found], list[str], list[str]]:
+    """(the records of files, what is doubted, how they were read). Raises InputError.
 
     Of several records in a file that were not asked for one by one, those without a free decay are left out, and said.
     """
     records: list[Found] = []
     said: list[str] = []
+    doubted: list[str] = []
     for path in paths:
         all_of_it = options.runs is None and not options.channels and options.angle is None
         found = found_records(path, options, cleaned=False)
@@ -195,9 +196,10 @@ def chosen_records(paths: Sequence[Path], options: Options) -> tuple[list[Found]
         if several:
             said.append(f"{path.name}: {len(found)} records: {_labels(found)}")
         said += [f"{path.name}: {line}" for line in _choices(found[0])]
-        said += _doubts(path, found)
+        said += doubts(path, found, (Kind.CONSTANT,))
+        doubted += doubts(path, found, [kind for kind in Kind if kind is not Kind.CONSTANT])
         records += [replace(one, several=several) for one in found]
-    return records, said
+    return records, doubted, said
 
 
 def _labels(found: Sequence[Found]) -> str:
@@ -212,10 +214,10 @@ def _choices(one: Found) -> list[str]:
     return [line for line in said if line.startswith(("Column", "Left out"))]
 
 
-def _doubts(path: Path, found: Sequence[Found]) -> list[str]:
-    """The findings of all records of a file, each kind once."""
+def doubts(path: Path, found: Sequence[Found], kinds: Iterable[Kind] = Kind) -> list[str]:
+    """The findings of these kinds of all records of a file, each kind once."""
     first = {finding.kind: finding for one in reversed(found) for finding in one.findings}
-    return [f"{path.name}: {finding}" for finding in first.values()]
+    return [f"{path.name}: {finding}" for kind, finding in first.items() if kind in kinds]
 
 
 def _own_label(one: Found, found: Sequence[Found]) -> str:

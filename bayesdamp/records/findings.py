@@ -11,13 +11,16 @@ import numpy as np
 from bayesdamp.records.columns.swings import Swing, swing
 from bayesdamp.records.files.facts import sampling_rate
 from bayesdamp.records.record import RawRecord
+from bayesdamp.records.stated_columns import HALF_TURN, half_swing
 from bayesdamp.units import UNITS
 
-HALF_TURN = math.pi
-MANY_TURNS = 6 * math.pi
-"""Amplitudes in rad: beyond the first a pendulum goes over the top, beyond the second hardly anything swings."""
-FULL_TURN = 360.0
-"""An amplitude that is hardly one in degrees either."""
+MANY_TURNS = 3.0
+"""Turns to either side beyond which hardly anything swings."""
+_ASSUMED = {
+    "deg": ("degrees", "--unit rad, mm, V ... where they are not"),
+    "counts": ("a signal of unknown scale, in counts", "--unit deg, rad, mm, V ... where that is known"),
+}
+"""What values are taken for where nobody says a unit and they are too large for radians."""
 LONG, SHORT = 600.0, 1e-6
 """Periods in s that a rate given by hand hardly means."""
 SLOW = 30.0
@@ -31,7 +34,7 @@ DIFFER = 0.01
 class Kind(Enum):
     """What is doubted."""
 
-    DEGREES = "degrees taken for radians"
+    DEGREES = "a unit that was assumed"
     TURNS = "swings of many turns"
     PERIOD = "a rate that makes the period absurd"
     RATE = "a rate that differs from the file's"
@@ -53,11 +56,12 @@ class Finding:
         return f"{self.sentence} ({self.option})"
 
 
-def findings(raw: RawRecord, unit: str, quantity: str) -> tuple[Finding, ...]:
-    """What looks wrong with a record that is read in a unit of UNITS as a quantity; nothing is changed."""
+def findings(raw: RawRecord, unit: str, quantity: str, given: bool = False) -> tuple[Finding, ...]:
+    """What looks wrong with a record that is read in a unit of UNITS as a quantity; nothing is changed. given: whether
+    the user says the unit."""
     seen = swing(raw.y)
     doubts = (
-        _turns(raw, unit, quantity),
+        _turns(raw, unit, quantity, given),
         _unit(raw, unit),
         _times(raw, seen),
         _rate(raw, seen),
@@ -67,25 +71,19 @@ def findings(raw: RawRecord, unit: str, quantity: str) -> tuple[Finding, ...]:
     return tuple(doubt for doubt in doubts if doubt is not None)
 
 
-def _turns(raw: RawRecord, unit: str, quantity: str) -> Finding | None:
-    if UNITS[unit].base != "rad" or quantity != "angle" or (raw.unit and raw.unit not in UNITS):
+def _turns(raw: RawRecord, unit: str, quantity: str, given: bool) -> Finding | None:
+    if quantity != "angle" or (raw.unit and raw.unit not in UNITS):
         return None
-    size = float(np.ptp(raw.y)) / 2
-    amplitude = size * UNITS[unit].factor
-    turns = amplitude / (2 * math.pi)
-    if unit == "rad" and raw.unit == "" and amplitude > HALF_TURN:
-        said = f"values reach {size:.3g} about their middle: {turns:.2g} turns to either side if they are radians"
-        if size > FULL_TURN:
-            sentence = f"its {said}; are they counts of a sensor, volts or a length?"
-            return Finding(
-                Kind.DEGREES, sentence, "--unit counts, V, mm ..., or --unit deg if they are degrees"
-            )
-        return Finding(
-            Kind.DEGREES, f"its {said}; are they degrees?", "--unit deg, or --unit rad if they are"
-        )
-    if amplitude > MANY_TURNS:
+    size = half_swing(raw)
+    if not given and raw.unit == "" and size > HALF_TURN and unit in _ASSUMED:
+        turns = size / (2 * math.pi)
+        why = f"no unit is said, and its values reach {size:.3g}: {turns:.2g} turns to either side if radians"
+        what, option = _ASSUMED[unit]
+        return Finding(Kind.DEGREES, f"it is read as {what}: {why}", option)
+    turns = size * UNITS[unit].factor / (2 * math.pi)
+    if UNITS[unit].base == "rad" and turns > MANY_TURNS:
         sentence = f"it swings by {turns:.2g} turns to either side; is its unit {unit}?"
-        return Finding(Kind.TURNS, sentence, "--unit")
+        return Finding(Kind.TURNS, sentence, "--unit deg, counts, V, mm ...")
     return None
 
 

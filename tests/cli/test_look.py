@@ -71,7 +71,8 @@ def test_look_says_once_that_a_unit_is_doubted(tmp_path, capsys) -> None:
     assert main(["look", str(tmp_path / "a.csv")]) == 0
     said = " ".join(capsys.readouterr().out.split())
     assert said.count("turns to either side") == 1
-    assert "--unit deg" in said
+    assert said.startswith("! a.csv: it is read as degrees: no unit is said")
+    assert "--unit rad" in said
 
 
 def test_the_first_words_on_what_is_no_free_decay(tmp_path) -> None:
@@ -80,7 +81,7 @@ def test_the_first_words_on_what_is_no_free_decay(tmp_path) -> None:
     y = np.exp(-0.05 * t) * (np.sin(14 * t) + 0.6 * np.sin(16 * t))
     rows = [f"{a:.3f},{b:.5f}" for a, b in zip(t, y, strict=True)]
     (tmp_path / "a.csv").write_text("\n".join(["t,x (mm)", *rows]), encoding="utf-8")
-    found, _ = chosen_records([tmp_path / "a.csv"], Options())
+    found, *_ = chosen_records([tmp_path / "a.csv"], Options())
     (said,) = first_words_on(found, Options())
     assert said.startswith("a.csv: Not the free decay of one oscillator: two oscillations beat, at 2.228")
 
@@ -130,7 +131,7 @@ def test_init_writes_a_study_that_checks_and_reads(tmp_path, capsys) -> None:
 def test_what_init_writes_is_what_compare_asks(tmp_path) -> None:
     file = runs(tmp_path / "rig.csv")
     assert main(["init", str(file), "--runs", "1,3"]) == 0
-    found, _ = chosen_records([file], Options(runs="1,3"))
+    found, *_ = chosen_records([file], Options(runs="1,3"))
     asked = comparison(as_signals(found, Options(runs="1,3")))
     written_ = load_study(tmp_path / "rig.toml")
     ours, theirs = asked.resolved(), written_.resolved()
@@ -148,7 +149,7 @@ def test_values_are_written_as_toml_reads_them(value: object) -> None:
 
 def test_compare_says_its_choice_and_takes_runs_for_repeats(tmp_path) -> None:
     file = runs(tmp_path / "rig.csv")
-    found, said = chosen_records([file], Options())
+    found, _, said = chosen_records([file], Options())
     assert [one.raw.run for one in found] == ["1", "3"]
     assert "rig.csv: run 2, Angle, left (deg) is left out" in said[0]
     assert said[1] == "rig.csv: 2 records: run 1, Angle, left (deg); run 3, Angle, left (deg)"
@@ -158,7 +159,7 @@ def test_compare_says_its_choice_and_takes_runs_for_repeats(tmp_path) -> None:
     study = comparison(as_signals(found, Options()))
     assert len({s.name for s in study.signals}) == 2
     assert len(study.specimens) == 1
-    alone, _ = chosen_records([file], Options(runs="3"))
+    alone, *_ = chosen_records([file], Options(runs="3"))
     assert not comparison(as_signals(alone, Options())).specimens
 
 

@@ -7,9 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import bayesdamp
 from bayesdamp.records.findings import Kind, findings
 from bayesdamp.records.read import read_record
-from bayesdamp.records.stated_columns import resolved_unit
+from bayesdamp.records.stated_columns import read_as
 
 T = np.arange(600) / 50
 Y = 0.3 * np.exp(-0.1 * T) * np.cos(6 * T)
@@ -17,8 +18,10 @@ Y = 0.3 * np.exp(-0.1 * T) * np.cos(6 * T)
 CASES = {
     # names, times, values, options of reading, unit asked for, kinds, what the option says
     "right": ("t,angle", T, Y, {}, None, [], ""),
-    "degrees": ("t,angle", T, 50 * Y, {}, None, [Kind.DEGREES], "--unit deg"),
-    "counts": ("t,angle", T, 5000 * Y, {}, None, [Kind.DEGREES], "--unit counts"),
+    "degrees": ("t,angle", T, 50 * Y, {}, None, [Kind.DEGREES], "--unit rad"),
+    "counts": ("t,angle", T, 5000 * Y, {}, None, [Kind.DEGREES], "--unit deg"),
+    "rad, asked": ("t,angle", T, 50 * Y, {}, "rad", [], ""),
+    "many turns, asked": ("t,angle", T, 500 * Y, {}, "rad", [Kind.TURNS], "--unit deg"),
     "degrees, said": ("t,angle (deg)", T, 50 * Y, {}, None, [], ""),
     "degrees, asked": ("t,angle", T, 50 * Y, {}, "deg", [], ""),
     "over the top in rad": ("t,angle (rad)", T, 15 * Y, {}, None, [], ""),
@@ -49,7 +52,7 @@ def test_a_doubt_is_told_where_there_is_one(tmp_path: Path, what: str) -> None:
     rows = [f"{a!r},{b!r}" for a, b in zip(t.tolist(), y.tolist(), strict=True)]
     (tmp_path / "a.csv").write_text("\n".join([names, *rows]), encoding="utf-8")
     raw = read_record(tmp_path / "a.csv", **options)  # type: ignore[arg-type]
-    found = findings(raw, *resolved_unit(unit, None, raw.unit, raw.quantity))
+    found = findings(raw, *read_as(raw, unit, None), unit is not None)
     assert [finding.kind for finding in found] == kinds
     for finding in found:
         assert option in finding.option
@@ -63,3 +66,21 @@ def test_constant_columns_are_told(tmp_path: Path) -> None:
     (found,) = findings(raw, "rad", "angle")
     assert found.kind is Kind.CONSTANT
     assert "'volts', 'lamp'" in found.sentence
+
+
+@pytest.mark.parametrize(
+    ("name", "size", "unit"),
+    [
+        ("angle", 1, "rad"), ("angle", 50, "deg"), ("", 50, "deg"), ("Winkel", 50, "deg"), ("voltage", 50, "counts"),
+        ("angle", 5000, "counts"), ("angle (rad)", 50, "rad"), ("x", 1, "rad"),
+    ],
+)  # fmt: skip
+def test_what_is_too_large_for_radians_is_read_as_degrees_or_counts(
+    tmp_path: Path, name: str, size: float, unit: str
+) -> None:
+    rows = [f"{a!r},{b!r}" for a, b in zip(T.tolist(), (size * Y).tolist(), strict=True)]
+    (tmp_path / "a.csv").write_text("\n".join([f"t,{name}", *rows] if name else rows), encoding="utf-8")
+    assert read_as(read_record(tmp_path / "a.csv"), None, None) == (unit, "angle")
+    record = bayesdamp.read(tmp_path / "a.csv")
+    assert record.unit == unit
+    assert ("no unit is said" in str(record.signal().provenance["warnings"])) is (unit != "rad")

@@ -141,7 +141,7 @@ def compare(
     sums = [one.strip() for given in damping or () for one in given.split(",")]
     columns = time, angle, rate, time_unit
     reading = Options.of(columns, unit, quantity, clock, (start, stop), runs, channel)
-    found, said = chosen_records(records, reading)
+    found, doubted, said = chosen_records(records, reading)
     # One record is answered by threads of this process: others would only begin to wait.
     alone = len(found) == 1 and not exact
     with _early_processes(1 if alone else workers, sums, restoring or ()) as pool:
@@ -161,7 +161,8 @@ def compare(
             sensor=sensor,
         )
         first = first_words_on(found, reading) if len(found) <= FIRST_WORDS and not quiet else []
-        for line in [*first, *said] if not quiet else ():  # the answer comes before how the file was read
+        # What may be read wrongly comes before the answer, and how the file was read after it.
+        for line in [*doubted, *first, *said] if not quiet else ():
             typer.echo(line, err=True)
         folder = run_folder(out, made.name) if out is not None else own_folder(made)
         if folder.name != made.name and out is None and not quiet:

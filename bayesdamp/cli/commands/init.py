@@ -42,8 +42,8 @@ def init(
         raise InputError(f"{out}: is there already; it is not written over: move it away first")
     columns = time, angle, rate, time_unit
     asked = Options.of(columns, unit, quantity, clock, (start, stop), runs, channel)
-    records, said = chosen_records(files, asked)
-    for line in said:
+    records, doubted, said = chosen_records(files, asked)
+    for line in [*doubted, *said]:
         typer.echo(line, err=True)
     from bayesdamp.cli.study_file import study_text
     from bayesdamp.config.checks import StudyError

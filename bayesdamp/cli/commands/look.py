@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from bayesdamp.cli import options as o
+from bayesdamp.types import InputError
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -38,7 +39,7 @@ def look(
     """Show what would be read of a file: columns, units, clock, the free decay in it, and what looks wrong."""
     from rich.console import Console
 
-    from bayesdamp.cli.asking import Options, found_records
+    from bayesdamp.cli.asking import Options, doubts, found_records
     from bayesdamp.plugins import read_modules, use
     from bayesdamp.records.opening.opening import contents
 
@@ -47,8 +48,14 @@ def look(
     asked = Options.of(columns, unit, quantity, clock, (start, stop), runs, channel)
     console = Console()
     held = contents(file)
+    try:
+        found = found_records(file, asked)
+    except InputError:
+        _show_file(console, file, held)
+        raise
+    for line in doubts(file, found):
+        console.print(f"! {line}", style="yellow", markup=False, highlight=False)
     _show_file(console, file, held)
-    found = found_records(file, asked)
     for i, one in enumerate(found):
         _show_record(console, one, len(found) > 1, i < PLOTS)
     if html is not None:
@@ -91,7 +98,5 @@ def _show_record(console: Console, one: Found, several: bool, drawn: bool) -> No
     console.print(f"\n{title}: {reading(one)}", style="bold", markup=False, highlight=False)
     for line in sentences(one):
         console.print(f"  {line}", markup=False, highlight=False)
-    for finding in one.findings:
-        console.print(f"  ! {finding}", style="yellow", markup=False, highlight=False)
     if drawn:
         console.print(plot(*curve(one), kept(one), min(console.width, 100) - 2))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Self
 
@@ -16,9 +16,10 @@ from bayesdamp.interface.parts.table import Table, number
 from bayesdamp.interface.records.signal import Signal, cut
 from bayesdamp.plugins import nearest
 from bayesdamp.records.cleaning.clean import QUANTITIES
+from bayesdamp.records.findings import Kind, findings
 from bayesdamp.records.read import read_records
 from bayesdamp.records.record import RawRecord
-from bayesdamp.records.stated_columns import resolved_unit
+from bayesdamp.records.stated_columns import read_as
 from bayesdamp.types import InputError
 from bayesdamp.units import UNITS
 
@@ -144,7 +145,8 @@ def read(
 
     time, value: columns by name or by number from 1 (in MATLAB and .npz files a path with dots); chosen where one
     choice makes sense. rate: sampling rate in Hz, for a file without times. unit, quantity: of the values, as in
-    `signal`; by default what the file says (`Angle(deg)`, `acc (g)`), else an angle in rad. runs: of a file that has
+    `signal`; by default what the file says (`Angle(deg)`, `acc (g)`), else an angle in rad, or
+    what values too large for that are taken for, with a warning. runs: of a file that has
     several, such as `2` or `"1,3-5"`, channels: their names; all by default, numbered from 1 in the record.
     Raises InputError, one line, for all that is wrong with the file or the request, several units at once among it.
 
@@ -164,19 +166,35 @@ def read(
         raw = _runs(path, time, value, rate, runs, channels)
     except InputError as error:
         raise InputError(_in_python(str(error))) from None
-    said = {resolved_unit(unit, quantity, one.unit, one.quantity): one.channel for one in raw}
+    said = {read_as(one, unit, quantity): one.channel for one in raw}
     if len(said) > 1:
         each = ", ".join(f"{channel!r} ({u})" for (u, _), channel in said.items())
         raise InputError(f"{path.name}: holds records in several units: {each}; choose with channels=[...]")
+    given = unit
     unit, quantity = next(iter(said))
     if unit not in UNITS:
         raise InputError(f"{path.name}: unknown unit {unit!r}{nearest(unit, list(UNITS))}")
     if quantity not in QUANTITIES:
         raise InputError(f"{path.name}: unknown quantity {quantity!r}{nearest(quantity, list(QUANTITIES))}")
+    if given is None:
+        raw = tuple(_assumed(one, unit, quantity) for one in raw)
     columns = tuple(
         (str(r.provenance.get("time_column") or ""), str(r.provenance.get("value_column") or "")) for r in raw
     )
     return Record(path, columns, unit, quantity, raw)
+
+
+def _assumed(raw: RawRecord, unit: str, quantity: str) -> RawRecord:
+    """The record with a warning where its unit is assumed."""
+    doubt = next((f for f in findings(raw, unit, quantity) if f.kind is Kind.DEGREES), None)
+    if doubt is None:
+        return raw
+    before = raw.provenance.get("warnings")
+    said = [
+        *(before if isinstance(before, list) else []),
+        f"{doubt.sentence}; give unit= where that is wrong.",
+    ]
+    return replace(raw, provenance={**raw.provenance, "warnings": said})
 
 
 def _runs(

@@ -288,10 +288,16 @@ def _chosen(found: Contents, block: _Block) -> tuple[list[Column], tuple[str, ..
     """The columns of one run that are a record each, and why."""
     rest = _rest(block)
     left = _candidates(block) or rest
-    still = len(rest) - len(left)
+    still = sum(bool(c.name) or np.isfinite(c.values).any() for c in rest) - len(left)
     if len(left) == 1 and len(found.columns) <= 2:
         return left, ()
-    why = f"{still} column{'s' * (still != 1)} that do{'es' * (still == 1)} not change" if still else ""
+    why = (
+        "one column that does not change"
+        if still == 1
+        else f"{still} columns that do not change"
+        if still
+        else ""
+    )
     seen = {id(c): swing(c.values) for c in left}
     moving = [c for c in left if seen[id(c)].swings] or left
     if found.channels and not all(unit_said(c)[0] for c in moving):
@@ -338,7 +344,8 @@ def _because(
     dies = " ".join(filter(None, ("dies down", how)))
     reason = f"of {len(left)} that change it alone swings and {dies}, but for copies and derivatives of it"
     if len(left) == 1:
-        reason = f"beside it are only {still}" if still else "nothing else goes with these times"
+        verb = "is" if still.startswith("one") else "are"
+        reason = f"beside it {verb} only {still}" if still else "nothing else goes with these times"
     return (f"Column {shown(found.columns, kept[0])} is taken: {reason}.",)
 
 

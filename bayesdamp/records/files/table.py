@@ -7,6 +7,7 @@ import re
 from collections import Counter
 from dataclasses import dataclass
 
+from bayesdamp.records.files.blocks import side_by_side
 from bayesdamp.records.files.named_units import SECONDS, unit_and_quantity, unit_written
 from bayesdamp.records.files.stamps import stamp
 
@@ -29,7 +30,7 @@ class Layout:
 
     separator: one character, BLANKS for any run of blanks; decimal: "." or ","; columns: cells in a row;
     first: index of the first line of numbers; names: the header's names, stripped, or empty strings;
-    units: those of a line below the names, as they stand there.
+    units: those of a line below the names, as they stand there; groups: of several tables side by side, each column's.
     """
 
     separator: str
@@ -38,6 +39,7 @@ class Layout:
     first: int
     names: tuple[str, ...]
     units: tuple[str, ...] = ()
+    groups: tuple[str, ...] = ()
 
     def label(self, column: int) -> str:
         """A column's name (index from 0) with its unit, where the file has a line of them; empty without a name."""
@@ -132,8 +134,13 @@ def find_layout(lines: list[str]) -> Layout | None:
     first = _first_row(lines, separator, decimal, columns)
     if first is None:
         return None
-    top = [line.strip().lstrip("#% ") for line in lines[:first] if line.strip()]
+    blanks = " \r\n" if separator == "\t" else None  # a tab is an empty cell there
+    top = [line.strip(blanks).lstrip("#% ") for line in lines[:first] if line.strip()]
     heads = [split(line, separator) for line in top]
+    if separator != BLANKS and columns > 3:  # without the empty cells at its end
+        heads[-2:] = [
+            h + [""] * (columns - len(h)) if columns // 2 < len(h) < columns else h for h in heads[-2:]
+        ]
     if (
         separator == ","
         and columns == 2
@@ -142,7 +149,9 @@ def find_layout(lines: list[str]) -> Layout | None:
     ):
         separator, decimal, columns = BLANKS, ",", 1
         first = _first_row(lines, separator, decimal, columns) or first
-    names, units = _names([h for h in heads if len(h) == columns], columns)
+    full = [h for h in heads if len(h) == columns]
+    names, units = _names(full, columns)
+    groups = _groups(full, names or [])
     if columns == 1:
         single = [line.strip('"') for line in top if not _FACT.fullmatch(line)]
         single = [line for line in single if _named(line) and not re.search("[,;\\t]", line)]
@@ -151,7 +160,13 @@ def find_layout(lines: list[str]) -> Layout | None:
     elif names is None and separator == BLANKS:
         wide = [[c.strip() for c in re.split(r"\t|\s{2,}", line)] for line in top]
         names = next((h for h in wide if len(h) == columns and all(map(_named, h))), None)
-    return Layout(separator, decimal, columns, first, tuple(names or [""] * columns), tuple(units))
+    return Layout(separator, decimal, columns, first, tuple(names or [""] * columns), tuple(units), groups)
+
+
+def _groups(heads: list[list[str]], names: list[str]) -> tuple[str, ...]:
+    """The table of several side by side that each column belongs to, by the line above the names."""
+    at = heads.index(names) if names in heads else 0
+    return side_by_side(names, heads[at - 1] if at > 0 else ())
 
 
 def _names(heads: list[list[str]], columns: int) -> tuple[list[str] | None, list[str]]:

@@ -60,12 +60,23 @@ class ExcelReader:
                 continue
             held += 1
             facts |= {f"{title}.{name}": value for name, value in found.facts.items()}
-            columns += [replace(column, group=title) for column in found.columns]
+            columns += [_on_sheet(column, title) for column in found.columns]
         if not held:
             raise InputError("no sheet of it has rows of numbers; give a table with a row for each sample")
         if held > 1:
-            columns = [replace(c, name=f"{c.group}.{c.name or i}") for i, c in enumerate(columns, start=1)]
+            columns = [replace(c, name=_named(c, i)) for i, c in enumerate(columns, start=1)]
         return Contents("Excel", tuple(columns), facts)
+
+
+def _on_sheet(column: Column, title: str) -> Column:
+    """A column with its sheet as its group, or with its table there where several stand side by side."""
+    return column if column.group else replace(column, group=title)
+
+
+def _named(column: Column, number: int) -> str:
+    """A column's name behind its sheet's."""
+    name = column.name or str(number)
+    return name if name.startswith(f"{column.group}.") else f"{column.group}.{name}"
 
 
 def _lines(sheet: Any) -> list[str]:

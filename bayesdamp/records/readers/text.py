@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from bayesdamp.records.files import oscilloscope
 from bayesdamp.records.files.contents import Column, Contents
 from bayesdamp.records.files.facts import header_facts
 from bayesdamp.records.files.stamps import seconds, stamp
@@ -59,7 +60,9 @@ MOST_COLUMNS = 5000
 
 def from_lines(lines: list[str], form: str = "text") -> Contents:
     """The table in lines of text, whatever its separator. Raises InputError where there is none."""
-    lines = without_arrows(lines)
+    given = len(lines)
+    scope = oscilloscope.plain(lines)
+    lines, settings = scope if scope is not None else (without_arrows(lines), {})
     layout = find_layout(lines)
     if layout is None:
         raise InputError("no rows of numbers were found; give a table with a row for each sample")
@@ -72,20 +75,22 @@ def from_lines(lines: list[str], form: str = "text") -> Contents:
     if table is not None:
         at = np.arange(len(table))
         columns = [
-            Column(name, np.ascontiguousarray(table[:, i]), unit=unit)
-            for i, (name, unit) in enumerate(_heads(layout))
+            Column(name, np.ascontiguousarray(table[:, i]), group=group, unit=unit)
+            for i, (name, group, unit) in enumerate(_heads(layout))
         ]
     else:
         filled = [(i, line) for i, line in enumerate(body) if line.strip()]
         at = np.array([i for i, _ in filled])
         rows = [layout.cells(line) for _, line in filled]
         columns = [_column(rows, i, layout, *head) for i, head in enumerate(_heads(layout))]
-    first = layout.first
+    while len(columns) > 1 and not columns[-1].name and not np.isfinite(columns[-1].values).any():
+        columns.pop()  # a separator at the end of each line
+    first = layout.first - (len(lines) - given)
     notes = [f"{first} header line{'s' if first > 1 else ''} skipped."] if first else []
     return Contents(
         form,
         tuple(columns),
-        header_facts(line for line in lines[:first] if not _names_columns(line, layout)),
+        settings or header_facts(line for line in lines[: layout.first] if not _names_columns(line, layout)),
         tuple(notes),
         {
             "separator": "blanks" if layout.separator == BLANKS else layout.separator,
@@ -98,14 +103,17 @@ def from_lines(lines: list[str], form: str = "text") -> Contents:
 
 
 def _names_columns(line: str, layout: Layout) -> bool:
-    """Whether a line above the table is that of its columns' names."""
-    return layout.cells(line.strip().lstrip("#% ")) == list(layout.names)
+    """Whether a line above the table is that of its columns' names, or of what tables side by side are called."""
+    said = [cell for cell in layout.cells(line.strip().lstrip("#% ")) if cell]
+    return said in ([name for name in layout.names if name], list(dict.fromkeys(layout.groups)))
 
 
-def _heads(layout: Layout) -> list[tuple[str, str]]:
-    """Name and unit of each column."""
+def _heads(layout: Layout) -> list[tuple[str, str, str]]:
+    """Name, group and unit of each column."""
     units = [u.strip("()[] -") for u in layout.units] or [""] * layout.columns
-    return list(zip(layout.names, units, strict=True))
+    groups = layout.groups or [""] * layout.columns
+    names = [f"{g}.{n}" if g and n else n for g, n in zip(groups, layout.names, strict=True)]
+    return list(zip(names, groups, units, strict=True))
 
 
 def _plain(body: list[str], layout: Layout) -> np.ndarray | None:
@@ -126,7 +134,7 @@ def _plain(body: list[str], layout: Layout) -> np.ndarray | None:
     return table if table.shape == (len(body), layout.columns) else None
 
 
-def _column(rows: list[list[str]], index: int, layout: Layout, name: str, unit: str) -> Column:
+def _column(rows: list[list[str]], index: int, layout: Layout, name: str, group: str, unit: str) -> Column:
     cells = [row[index] if index < len(row) else "" for row in rows]
     values = np.full(len(cells), np.nan)
     days: list[int | None] = [None] * len(cells)
@@ -147,7 +155,7 @@ def _column(rows: list[list[str]], index: int, layout: Layout, name: str, unit: 
         timed = [i for i, cell in enumerate(cells) if cell and i not in words]
         values[timed] = seconds([days[i] for i in timed], values[timed])
     empty = np.array([not cell for cell in cells])
-    return Column(name, values, unit=unit, clock=clock, empty=empty, words=words)
+    return Column(name, values, group=group, unit=unit, clock=clock, empty=empty, words=words)
 
 
 PLUGIN = TextReader()

@@ -1,0 +1,103 @@
+"""Files as oscilloscopes write them, and tables side by side as spreadsheets do: times, values, units by the head."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from bayesdamp.records.read import read_records
+from bayesdamp.types import InputError
+
+T = -0.02 + 4e-4 * np.arange(1200)
+V = np.where(T < 0, 0.8, 0.8 * np.exp(-2 * T) * np.cos(90 * T))
+PAIRS = [f"{t:.6f},{v:.5f}" for t, v in zip(T.tolist(), V.tolist(), strict=True)]
+SETTINGS = [
+    "Model,MSO54", "Horizontal Units,s", "Sample Interval,0.0004", "Record Length,1200", "Vertical Units,V", ",",
+    "Labels,",
+]  # fmt: skip
+TDS = [
+    "Record Length,1.2e+03,",
+    "Sample Interval,4e-04,",
+    "Source,CH2,",
+    "Vertical Units,V,",
+    "Horizontal Units,s,",
+]
+
+FILES = {
+    "Tektronix TDS": [f"{TDS[i] if i < len(TDS) else ',,'},{pair}," for i, pair in enumerate(PAIRS)],
+    "Tektronix MSO": [*SETTINGS, "TIME,CH1", *PAIRS],
+    "Tektronix DPO, two channels": [
+        "Point Format,Y,,", "Sample Interval,0.0004,,", "Filter Frequency,1e+08,,", "Record Length,1200,,",
+        "Vertical Units,V,,V", "Vertical Scale,0.5,,0.5", ",,,", "TIME,CH1,CH1 Peak Detect,CH2",
+        *(f"{pair},,3.3" for pair in PAIRS),
+    ],
+    "Siglent": [
+        "Record Length,Analog:1200", "Sample Interval,Analog:0.0004", "Vertical Units,CH1:V", "Vertical Scale,CH1:0.5",
+        "Source,CH1", "Second,Value", *PAIRS,
+    ],
+    "Rigol, numbered": [
+        "X,CH1,Start,Increment,", "Sequence,Volt,-0.02,4e-04", *(f"{i},{v:.5f}," for i, v in enumerate(V.tolist())),
+    ],
+    "Rigol, times": ["Time(s),CH1V,", *(f"{pair}," for pair in PAIRS)],
+    "LeCroy": ["LECROYHDO4054,1,Waveform", "Segments,1,SegmentSize,1200", "Time,Ampl", *PAIRS],
+    "Keysight": ["x-axis,1", "second,Volt", *PAIRS],
+    "PicoScope": ["Time,Channel A", "(s),(V)", "", *PAIRS],
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("what", FILES)
+def test_times_values_and_unit_are_those_of_the_instrument(tmp_path: Path, what: str) -> None:
+    (tmp_path / "a.csv").write_text("\n".join(FILES[what]) + "\n", encoding="utf-8")
+    (raw,) = read_records(tmp_path / "a.csv")
+    assert raw.t is not None
+    np.testing.assert_allclose(raw.t, T, atol=1e-9)
+    np.testing.assert_allclose(raw.y, V, atol=1e-5)
+    assert raw.unit == "V"
+
+
+@pytest.mark.parametrize("what", ["Tektronix TDS", "Tektronix MSO", "Rigol, numbered"])
+def test_a_word_among_the_samples_is_told_with_its_line(tmp_path: Path, what: str) -> None:
+    lines = list(FILES[what])
+    value = f"{V[-2]:.5f}"
+    lines[-2] = lines[-2].replace(value, "clipped")
+    (tmp_path / "a.csv").write_text("\n".join(lines) + "\n", encoding="utf-8")
+    with pytest.raises(InputError, match=f"line {len(lines) - 1}: 'clipped'"):
+        read_records(tmp_path / "a.csv")
+
+
+def test_a_plain_table_is_no_oscilloscope(tmp_path: Path) -> None:
+    """Two settings are not enough, and numbers of samples without Start stay what they are."""
+    (tmp_path / "a.csv").write_text("\n".join([*SETTINGS[2:4], "TIME,CH1", *PAIRS]) + "\n", encoding="utf-8")
+    with pytest.raises(InputError):
+        read_records(tmp_path / "a.csv")
+    rows = [f"{i},{v:.5f}" for i, v in enumerate(V.tolist())]
+    (tmp_path / "b.csv").write_text("\n".join(["X,CH1", "Sequence,Volt", *rows]) + "\n", encoding="utf-8")
+    (raw,) = read_records(tmp_path / "b.csv")
+    assert raw.t is not None
+    assert raw.t[1] == 1
+
+
+@pytest.mark.parametrize("separator", [",", "\t"])
+@pytest.mark.parametrize("labels", [("Run 1", "Run 2", "Run 3"), ("soft", "stiff", "none"), ()])
+def test_tables_side_by_side_are_records_with_their_own_times(
+    tmp_path: Path, separator: str, labels: tuple[str, ...]
+) -> None:
+    t = np.arange(500) / 50
+    ys = [a * np.exp(-0.2 * t) * np.cos(6 * t) for a in (20.0, 15.0, 10.0)]
+    top = [cell for label in labels for cell in (label, "", "")][:-2]
+    names = ["Time (s)", "Angle (deg)", ""] * 3
+    rows = [
+        [x for k, y in enumerate(ys) for x in (f"{t[i] + k:.3f}", f"{y[i]:.6f}", "")] for i in range(t.size)
+    ]
+    lines = [separator.join(row) for row in ([top] if labels else []) + [names[:-1]] + rows]
+    (tmp_path / "a.csv").write_text("\n".join(lines), encoding="utf-8")
+    raws = read_records(tmp_path / "a.csv")
+    assert [raw.unit for raw in raws] == ["deg"] * 3
+    assert [raw.run for raw in raws] == (["1", "2", "3"] if labels[:1] == ("Run 1",) else [""] * 3)
+    for k, raw in enumerate(raws):
+        assert raw.t is not None
+        np.testing.assert_allclose(raw.t, t + k, atol=1e-9)
+        np.testing.assert_allclose(raw.y, ys[k], atol=1e-6)
+    assert [raw.repeat for raw in raws] == [labels[:1] == ("Run 1",)] * 3
