@@ -39,6 +39,12 @@ def _traced() -> SimpleNamespace:
     return SimpleNamespace(exp=jnp.exp, log=jnp.log, ndtr=ndtr)
 
 
+@cache
+def _numbers(kind: type[BaseModel]) -> tuple[str, ...]:
+    """Names of the fields that a kind of prior has numbers in."""
+    return tuple(name for name, field in kind.model_fields.items() if name != "prior" and not field.exclude)
+
+
 class _Prior(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
@@ -68,7 +74,7 @@ class _Prior(BaseModel):
     @property
     def numbers(self) -> tuple[float, ...]:
         """What distinguishes this prior from others of its kind, in the order of `transform`."""
-        return tuple(v for k, v in self.model_dump().items() if k != "prior")
+        return tuple(getattr(self, name) for name in _numbers(type(self)))
 
     def value(self, z: ArrayLike) -> np.ndarray:
         """The parameter at the normal score z (any shape)."""

@@ -61,9 +61,9 @@ class Parameters:
         return bool(np.any(self.positive)), "stiffness" in self.priors
 
     def scores(self, values: Mapping[str, float]) -> np.ndarray:
-        """Scores of values by name, (d,), within ±6."""
+        """Scores of values by name, (d,): ±6 where a prior ends, and as far away as a fit has them elsewhere."""
         found = [float(self.priors[n].score(values[n])) for n in self.free_names]
-        return np.clip(np.nan_to_num(found, posinf=6.0, neginf=-6.0), -6.0, 6.0)
+        return np.nan_to_num(found, posinf=6.0, neginf=-6.0)
 
     def slopes(self, z: np.ndarray) -> np.ndarray:
         """By how much each inferred parameter changes with its score at z, (d,)."""
