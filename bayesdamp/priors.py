@@ -8,7 +8,7 @@ further ado.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import cache
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, TypeAlias
@@ -16,7 +16,15 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, TypeAlias
 import numpy as np
 import scipy.special as host
 from numpy.typing import ArrayLike
-from pydantic import BaseModel, ConfigDict, Field, PositiveFloat, ValidationError, model_validator
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Field,
+    PositiveFloat,
+    TypeAdapter,
+    ValidationError,
+    model_validator,
+)
 
 from bayesdamp.numerics.lazily import jnp, traced
 from bayesdamp.types import InputError
@@ -269,3 +277,13 @@ class LogUniform(_Prior):
 
 
 Prior = Annotated[Normal | HalfNormal | LogNormal | Uniform | LogUniform, Field(discriminator="prior")]
+
+
+def prior_of(dumped: Mapping[str, object]) -> Prior:
+    """A prior from what `model_dump` gave of it."""
+    return _adapter().validate_python(dict(dumped))
+
+
+@cache
+def _adapter() -> TypeAdapter[Any]:
+    return TypeAdapter(Prior)

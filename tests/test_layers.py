@@ -39,6 +39,9 @@ MAY_IMPORT: dict[str, set[str]] = {
         for i, name in enumerate(INFERENCE)
     },
     "inference.deviation": _BELOW | {"inference.model.defaults", "inference.deviation"},
+    "inference.approximate": _BELOW
+    | {"inference.deviation", "inference.checks", "inference.coordinates", "inference.curves"}
+    | {"inference.samplers", "inference.evidence", "inference.approximate"},
     "inference": set(),
     "verdict": NEUTRAL | {"physics", "inference", "verdict"},
     "store": NEUTRAL | {"store"},

@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import Self
 
+from bayesdamp.inference.approximate.law import Approximate
 from bayesdamp.inference.evidence import EVIDENCES, Draws
 from bayesdamp.interface.fit import Fit
-from bayesdamp.interface.parts.approximate import Approximate
 from bayesdamp.interface.parts.result import Packed, Result
 from bayesdamp.interface.parts.table import Table, number, said
 from bayesdamp.interface.posterior import TEMPERED, Posterior, sample

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from bayesdamp import types
+from bayesdamp.inference.approximate.law import Approximate
 from bayesdamp.inference.checks.checks import laplace_draws
 from bayesdamp.inference.deviation.numbers.quantities import Quantity, quantity
 from bayesdamp.inference.fit.laplace import value_intervals, value_sds
@@ -18,9 +19,9 @@ from bayesdamp.inference.fit.mode import Mode
 from bayesdamp.inference.model.residuals import residual
 from bayesdamp.inference.model.target import Target
 from bayesdamp.interface.density import Density
-from bayesdamp.interface.model import GAUSSIAN, Model, prior_of
+from bayesdamp.interface.model import GAUSSIAN, Model
 from bayesdamp.interface.parts import axes as drawing
-from bayesdamp.interface.parts.approximate import Approximate, ratios_of
+from bayesdamp.interface.parts.approximate import approximate_of, ratios_of
 from bayesdamp.interface.parts.case import NO_POSTERIOR, Case, checked, searched
 from bayesdamp.interface.parts.definitions import units_of
 from bayesdamp.interface.parts.programs import keep_programs
@@ -32,8 +33,11 @@ from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.physics.solver.plan import QUANTITIES
 from bayesdamp.pipeline.records.stored_modes import packed as packed_mode
 from bayesdamp.pipeline.records.stored_modes import unpacked as unpacked_mode
+from bayesdamp.pipeline.stored_laws import packed as packed_law
+from bayesdamp.pipeline.stored_laws import put_together
+from bayesdamp.pipeline.stored_laws import unpacked as unpacked_law
 from bayesdamp.plugins import nearest
-from bayesdamp.priors import Prior
+from bayesdamp.priors import Prior, prior_of
 from bayesdamp.records.oscillation.features import features
 from bayesdamp.store import CellResult
 from bayesdamp.types import OK, InputError, Refusal
@@ -287,7 +291,7 @@ class Fit(Result):
             meta["priors"] = {n: p.model_dump() for n, p in self.target.priors.items()}
             arrays |= {f"mode/{n}": a for n, a in scores.items()}
         if self.law is not None:
-            found, scores = self.law.packed()
+            found, scores = packed_law(self.law.single.found)
             meta |= {"law": found}
             arrays |= {f"law/{n}": a for n, a in scores.items()}
         return Packed("Fit", meta, arrays)
@@ -299,7 +303,8 @@ class Fit(Result):
         model = Model._unpacked(packed.part("model"))
         notes = tuple(meta["notes"])
         if "law" in meta:
-            law = Approximate.unpacked(signal, model, meta["law"], packed.part("law").arrays)
+            found = unpacked_law(meta["law"], packed.part("law").arrays)
+            law = Approximate(put_together(signal, model.restoring, found), model.sensor)
             return cls._approximated(signal, model, law)
         if not meta["solved"]:
             return cls(signal, model, outcome=meta["outcome"], notes=notes)
@@ -396,7 +401,7 @@ def fit(
         if not case.noisy:
             return Fit(own, model, outcome=NO_POSTERIOR)
         if model.approximate:
-            return Fit._approximated(own, model, Approximate.of(case))
+            return Fit._approximated(own, model, approximate_of(case))
         target, mode, notes = searched(case, start, seed)
     except Refusal as refusal:
         return Fit(own, model, outcome=str(refusal))

@@ -5,9 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
-from typing import TYPE_CHECKING, Any, Self, get_args
-
-from pydantic import TypeAdapter
+from typing import TYPE_CHECKING, Self, get_args
 
 from bayesdamp import types
 from bayesdamp.config.checks import StudyError
@@ -21,7 +19,7 @@ from bayesdamp.physics.damping import TERMS
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.plugins import nearest
-from bayesdamp.priors import Normal, Prior, Uniform
+from bayesdamp.priors import Normal, Prior, Uniform, prior_of
 from bayesdamp.types import InputError, System
 
 if TYPE_CHECKING:
@@ -33,7 +31,6 @@ GAUSSIAN = "gaussian"
 HELD = (*POSITIVE, "epsilon")
 """Parameters that are not inferred where laws hold approximately: known, or read from the record once."""
 _KINDS = get_args(get_args(Prior)[0])
-_ADAPTER: TypeAdapter[Any] = TypeAdapter(Prior)
 
 
 @dataclass(frozen=True, repr=False)
@@ -234,11 +231,6 @@ class Model(Result):
         meta = dict(packed.meta)
         meta["noise"] = meta["noise"] if isinstance(meta["noise"], str) else tuple(meta["noise"])
         return cls(**{**meta, "priors": {n: prior_of(p) for n, p in meta["priors"].items()}})
-
-
-def prior_of(dumped: Mapping[str, object]) -> Prior:
-    """A prior from what `model_dump` gave of it."""
-    return _ADAPTER.validate_python(dict(dumped))
 
 
 def _number(value: object) -> float:

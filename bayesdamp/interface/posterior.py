@@ -11,14 +11,16 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from bayesdamp.inference.approximate.chains import by_emcee, by_nuts
+from bayesdamp.inference.approximate.law import Approximate
+from bayesdamp.inference.approximate.runs import runs_of, summaries_of
 from bayesdamp.inference.checks import diagnostics
 from bayesdamp.inference.curves.derived import Motions, derive, units
 from bayesdamp.inference.model.defaults import reference_of
 from bayesdamp.inference.samplers import SAMPLERS, Settings
 from bayesdamp.interface.fit import Fit
 from bayesdamp.interface.parts import axes as drawing
-from bayesdamp.interface.parts.approximate import Approximate, ratios_of, runs_of, summaries_of
-from bayesdamp.interface.parts.chains import by_emcee, by_nuts
+from bayesdamp.interface.parts.approximate import ratios_of
 from bayesdamp.interface.parts.result import Packed, Result
 from bayesdamp.interface.parts.table import Table, number, said
 from bayesdamp.plugins import nearest

@@ -13,14 +13,17 @@ from bayesdamp.inference.deviation.picture import picture
 from bayesdamp.inference.deviation.quick import weighing_of
 from bayesdamp.inference.deviation.sampled.candidates import with_samples
 from bayesdamp.inference.deviation.sampled.table import Posterior, posterior_of
+from bayesdamp.inference.deviation.single import Found, found_of
 from bayesdamp.inference.deviation.weighing import Known, Weighing
 from bayesdamp.inference.model.defaults import Reference
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.pipeline.not_one import no_free_decay, remark_on
+from bayesdamp.pipeline.stored_laws import packed
 from bayesdamp.priors import Prior
 from bayesdamp.store.contents.answers import (
     AnswerContent,
     CandidatePriors,
+    FoundLaw,
     SampledPosterior,
     WeighedCandidate,
 )
@@ -42,7 +45,7 @@ class Answer:
     candidates: each that was asked for, in the order of the question, refused ones last.
     fits: parameters of the fit of all terms, by restoring law. arrays: what its picture is drawn from, as
     `inference.deviation.picture` leaves them. posteriors: of the candidates that were sampled, priors: of
-    all, in words by parameter; both by (damping, restoring).
+    all, in words by parameter; laws: where the search for each with deviations ended; all by (damping, restoring).
     """
 
     verdict: Verdict
@@ -51,6 +54,7 @@ class Answer:
     arrays: Mapping[str, np.ndarray] = field(default_factory=dict)
     posteriors: Mapping[tuple[str, str], Posterior] = field(default_factory=dict)
     priors: Mapping[tuple[str, str], Mapping[str, str]] = field(default_factory=dict)
+    laws: Mapping[tuple[str, str], Found] = field(default_factory=dict)
 
     def content(self) -> AnswerContent:
         """As a cell or a file keeps it, beside its arrays."""
@@ -60,7 +64,16 @@ class Answer:
             fits=self.fits,
             priors=tuple(CandidatePriors(d, law, said) for (d, law), said in self.priors.items()),
             posteriors=tuple(_kept(*name, one) for name, one in self.posteriors.items()),
+            laws=tuple(FoundLaw(d, law, packed(one)[0]) for (d, law), one in self.laws.items()),
         )
+
+    def law_arrays(self) -> dict[str, np.ndarray]:
+        """What `content` has no room for of `laws`."""
+        return {
+            f"found/{d}@{law}/{n}": a
+            for (d, law), one in self.laws.items()
+            for n, a in packed(one)[1].items()
+        }
 
     def of_specimen(self) -> Answered:
         """What a verdict on several records takes of this one."""
@@ -150,6 +163,7 @@ def answer(
         picture(weighing, found),
         _posteriors(weighing),
         _priors(weighing),
+        _laws(weighing),
     )
 
 
@@ -242,6 +256,14 @@ def _priors(weighing: Weighing) -> dict[tuple[str, str], dict[str, str]]:
             n: p.describe() for n, p in r.fit.parameters.priors.items()
         }
         for r in weighing.results
+    }
+
+
+def _laws(weighing: Weighing) -> dict[tuple[str, str], Found]:
+    return {
+        ("+".join(r.candidate.damping), r.candidate.restoring): found_of(weighing, r)
+        for r in weighing.results
+        if r.about is not None and r.weighed is not None
     }
 
 

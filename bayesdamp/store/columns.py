@@ -29,6 +29,10 @@ _SUMMARY = {
     "q75": (_ROW, "quantile at 75 %"),
     "q97.5": (_ROW, "quantile at 97.5 %: upper end of the 95 % interval"),
 }
+_LIKELIHOOD = (
+    "",
+    "the likelihood: `law`, in which laws may hold approximately, or `none`, in which they hold exactly",
+)
 _COMMON = {
     "signal": ("", "name of the signal in the study"),
     "repeat": ("", "which repeat of a simulated signal, from 0"),
@@ -75,8 +79,12 @@ _TABLES: dict[str, dict[str, tuple[str, str]]] = {
     },
     "posteriors.csv": {
         "sampler": ("", "how the posterior was drawn from"),
-        "sd_noise": (_ROW, "part of the sd that noise alone would leave, were the laws exact (`smc`)"),
-        "sd_law": (_ROW, "part of the sd from how far the laws hold (`smc`)"),
+        "deviation": _LIKELIHOOD,
+        "sd_noise": (
+            _ROW,
+            "part of the sd that noise alone would leave, were the laws exact (where `deviation` is `law`)",
+        ),
+        "sd_law": (_ROW, "part of the sd from how far the laws hold (where `deviation` is `law`)"),
         "hdi_low": (_ROW, "lower end of the shortest 95 % interval"),
         "hdi_high": (_ROW, "upper end of the shortest 95 % interval"),
         "ess_bulk": ("", "effective draws for the mean"),
@@ -86,6 +94,7 @@ _TABLES: dict[str, dict[str, tuple[str, str]]] = {
     },
     "evidence.csv": {
         "method": ("", "how the evidence was computed; `combined` is what counts"),
+        "deviation": _LIKELIHOOD,
         "log_evidence": ("nat", "log probability of the record under the model"),
         "stderr": ("nat", "standard error of the computation"),
         "log_bayes_factor": ("nat", "log evidence less that of the best model; 0 for the best"),

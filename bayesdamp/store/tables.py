@@ -20,12 +20,12 @@ TABLES: dict[str, tuple[str, ...]] = {
         "error_pct", "evaluations", "seconds", "outcome",
     ),
     "posteriors.csv": (
-        "signal", "repeat", "model", "restoring", "sampler", "parameter", "unit", "mean", "sd", "sd_noise", "sd_law",
-        "median", "q2.5", "q25", "q75", "q97.5", "hdi_low", "hdi_high", "ess_bulk", "ess_tail", "rhat", "divergences",
-        "seconds", "outcome",
+        "signal", "repeat", "model", "restoring", "sampler", "deviation", "parameter", "unit", "mean", "sd",
+        "sd_noise", "sd_law", "median", "q2.5", "q25", "q75", "q97.5", "hdi_low", "hdi_high", "ess_bulk", "ess_tail",
+        "rhat", "divergences", "seconds", "outcome",
     ),
     "evidence.csv": (
-        "signal", "repeat", "model", "restoring", "method", "log_evidence", "stderr", "log_bayes_factor",
+        "signal", "repeat", "model", "restoring", "method", "deviation", "log_evidence", "stderr", "log_bayes_factor",
         "probability", "diagnostic", "outcome",
     ),
     "fits.csv": (
@@ -90,6 +90,10 @@ _NUMBER = (
 )
 
 
+TEXT_OF = frozenset({("posteriors.csv", "deviation"), ("evidence.csv", "deviation")})
+"""Columns that are numbers in another table."""
+
+
 def write_table(path: Path, columns: Sequence[str], rows: Iterable[Mapping[str, object]]) -> None:
     """Write a CSV in one step. Floats read back exactly; nan, None and missing keys are empty fields.
 
@@ -139,7 +143,7 @@ def _value(path: Path, line: int, column: str, text: str) -> object:
     try:
         if column in _WHOLE:
             return int(text) if text else None
-        if column in _NUMBER:
+        if column in _NUMBER and (path.name, column) not in TEXT_OF:
             return float(text) if text else math.nan
     except ValueError:
         raise InputError(f"{path.name}, line {line}, column {column}: {text!r} is not a number") from None

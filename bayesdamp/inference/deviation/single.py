@@ -88,10 +88,18 @@ def single(
         raise Refusal(weighing.refused.get(asked, ESCAPED))
     if result.about is None:
         raise Refusal(ESCAPED)
-    parameters, solver = result.fit.parameters, weighing.solvers[restoring]
-    found = Found(
+    return again(data, result.candidate, found_of(weighing, result))
+
+
+def found_of(weighing: Weighing, result: Result) -> Found:
+    """Where the search for one of the candidates that were weighed ended. Raises Refusal where none with deviations
+    did."""
+    if result.about is None:
+        raise Refusal(ESCAPED)
+    parameters, solver = result.fit.parameters, result.solver
+    return Found(
         terms=solver.terms,
-        reference=reference,
+        reference=weighing.reference,
         priors=parameters.priors,
         known=parameters.known,
         z=result.fit.z,
@@ -101,9 +109,8 @@ def single(
         exact_variance=result.exact_variance,
         epsilon=solver.epsilon,
         frictions=weighing.frictions,
-        averaged=data.averaged is not None,
+        averaged=weighing.data.averaged is not None,
     )
-    return again(data, result.candidate, found)
 
 
 def again(data: Data, candidate: Candidate, found: Found) -> Single:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import xarray as xr
 
-from bayesdamp.interface.parts.approximate import Approximate
+from bayesdamp.inference.approximate.law import Approximate
 from bayesdamp.interface.parts.definitions import definition
 from bayesdamp.interface.parts.tree import CELLS, RECORD, in_order, origin_of
 

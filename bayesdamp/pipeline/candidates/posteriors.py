@@ -46,7 +46,7 @@ def compute_posterior(branch: Branch, name: str, key: str, seed: int) -> None:
         return
     folder = branch.store.folder
     file = folder / "posterior" / f"{branch.path.replace('/', '.')}.{sampler}.nc"
-    _save_whole(found, file)
+    save_whole(found, file)
     motions = _motions(branch, found)
     content = replace(
         _content(branch, found, motions),
@@ -101,8 +101,8 @@ def curves(motions: Motions, seen: Features) -> dict[str, np.ndarray]:
     return {"amplitudes": grid[whole], **band, f"spread/{CURVE}": found[CURVE][len(LEVELS) :, whole]}
 
 
-def _save_whole(posterior: Posterior, file: Path) -> None:
-    """Write the netCDF beside its place and move it there, so that a kill leaves no part of it."""
+def save_whole(posterior: Posterior, file: Path) -> None:
+    """Write a posterior's netCDF beside its place and move it there, so that a kill leaves no part of it."""
     file.parent.mkdir(parents=True, exist_ok=True)
     refuse_special(file)
     partial = temporary(file)

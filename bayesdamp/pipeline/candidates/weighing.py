@@ -18,17 +18,19 @@ FIRST_LOOK = "laplace"
 """A method without an error estimate, by which candidates are set aside; it does not count where another one does."""
 
 
-def evidence_parts(study: Study, path: str, found: Mapping[str, str]) -> dict[str, tuple[object, ...]]:
+def evidence_parts(
+    study: Study, path: str, found: Mapping[str, str], refereed: bool = True
+) -> dict[str, tuple[object, ...]]:
     """Name of each evidence cell of a branch to what its key depends on besides the mode, the referee's last.
 
-    found: the branch's other cells, name to key.
+    found: the branch's other cells, name to key; refereed: whether nested sampling may be called.
     """
     asked = study.evidence.methods
     draws = found.get(f"posterior/{path}/nuts")
     parts: dict[str, tuple[object, ...]] = {
         f"evidence/{path}/{m}": (m, draws) if EVIDENCES.get(m).needs_draws else (m,) for m in asked
     }
-    if asked and study.evidence.referee != "never" and NESTED_CHECK not in asked:
+    if refereed and asked and study.evidence.referee != "never" and NESTED_CHECK not in asked:
         parts[f"evidence/{path}/{NESTED_CHECK}"] = (
             NESTED_CHECK,
             study.evidence.referee,

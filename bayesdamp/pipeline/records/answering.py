@@ -9,6 +9,7 @@ import numpy as np
 
 from bayesdamp.config import Recording, SignalSpec, Study
 from bayesdamp.config.checks import plain
+from bayesdamp.inference.deviation.single import ESCAPED, Found
 from bayesdamp.inference.deviation.weighing import Weighing
 from bayesdamp.outcomes import following
 from bayesdamp.physics.damping import TERMS, DampingTerm, others, parse_model
@@ -17,6 +18,7 @@ from bayesdamp.pipeline.answer import Answer, answer, answered_from
 from bayesdamp.pipeline.keys import task_key
 from bayesdamp.pipeline.records.records import NOT_APPLICABLE, SignalCell, cell_seed, plain_seconds
 from bayesdamp.pipeline.records.targets import Record
+from bayesdamp.pipeline.stored_laws import unpacked
 from bayesdamp.priors import Prior
 from bayesdamp.store import CellResult, Store
 from bayesdamp.store.contents.answers import AnswerContent
@@ -37,6 +39,12 @@ def answers(study: Study) -> bool:
     return bool(study.posterior.samplers or study.evidence.methods)
 
 
+def approximately(study: Study, spec: SignalSpec) -> bool:
+    """Whether a record's answer has laws hold approximately: of measured ones, where the study does not say."""
+    asked = study.posterior.deviation
+    return asked == "law" or (asked == "auto" and isinstance(spec.source, Recording))
+
+
 class AnswerCell:
     """The verdict on one record, as `answer/SIGNAL/REPEAT`; with the likeliest candidates' motions sampled, as
     `sampled/SIGNAL/REPEAT`."""
@@ -50,9 +58,8 @@ class AnswerCell:
 
     @property
     def approximate(self) -> bool:
-        """Whether laws may hold approximately: of measured records, where the study does not say."""
-        asked = self.study.posterior.deviation
-        return asked == "law" or (asked == "auto" and isinstance(self.spec.source, Recording))
+        """Whether laws may hold approximately."""
+        return approximately(self.study, self.spec)
 
     @property
     def key(self) -> str:
@@ -96,6 +103,7 @@ class AnswerCell:
             return
         arrays = {
             **found.arrays,
+            **found.law_arrays(),
             **{f"draws/{d}@{law}": one.draws for (d, law), one in found.posteriors.items()},
         }
         outcome = found.verdict.sentence if found.verdict.grade is Grade.NOT_WEIGHED else OK
@@ -166,6 +174,24 @@ def fits_of(store: Store, signal: str, repeat: int) -> Mapping[str, Mapping[str,
         return {}
     content = AnswerContent.maybe(cell)
     return content.fits if content else {}
+
+
+def law_of(store: Store, signal: str, repeat: int, damping: str, restoring: str) -> Found:
+    """Where the search for a candidate with deviations ended. Raises Refusal where the answer has none."""
+    cell = store.read(f"{ANSWERED}/{signal}/{repeat}")
+    content = AnswerContent.maybe(cell)
+    if content is None:
+        raise Refusal(following(cell.name, cell.outcome))
+    own = set(damping.split("+"))
+    for one in content.laws:
+        if set(one.damping.split("+")) == own and one.restoring == restoring:
+            prefix = f"found/{one.damping}@{one.restoring}/"
+            arrays = {n.removeprefix(prefix): a for n, a in cell.arrays.items() if n.startswith(prefix)}
+            return unpacked(one.found, arrays)
+    refused = (
+        r.outcome for r in content.candidates if set(r.damping.split("+")) == own and r.restoring == restoring
+    )
+    raise Refusal(next(refused, ESCAPED))
 
 
 def shortlist(store: Store, signal: str, repeat: int, nats: float) -> set[tuple[str, str]] | None:

@@ -17,8 +17,9 @@ from bayesdamp.physics.damping import TERMS
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.physics.units import parameter_unit
+from bayesdamp.pipeline.candidates.approximate import likelihood_of
 from bayesdamp.pipeline.candidates.weighing import evidence_by_method
-from bayesdamp.pipeline.records.answering import SAMPLED, answer_cell
+from bayesdamp.pipeline.records.answering import SAMPLED, answer_cell, approximately
 from bayesdamp.pipeline.tables.specimen_tables import write_specimen_tables
 from bayesdamp.pipeline.tables.verdicts import write_verdicts
 from bayesdamp.store import TABLES, CellResult, Store, provenance, write_json, write_table
@@ -134,6 +135,7 @@ def _posteriors(study: Study, store: Store) -> Iterator[Row]:
             if cell is None:
                 continue
             common = {**head, "sampler": sampler, "seconds": cell.seconds, "outcome": cell.outcome}
+            common["deviation"] = likelihood_of(study)
             content = PosteriorContent.of(cell)
             if not content.summary:
                 yield common
@@ -143,7 +145,13 @@ def _posteriors(study: Study, store: Store) -> Iterator[Row]:
         one = _sampled(store, spec, repeat).get(model)
         for name, s in (one.parameters if one else {}).items():
             unit = _unit(spec, name, head["restoring"])
-            yield {**head, "sampler": SMC, "parameter": name, "unit": unit, **s, "outcome": OK}
+            said = {"deviation": _answers(study, spec), "parameter": name, "unit": unit}
+            yield {**head, "sampler": SMC, **said, **s, "outcome": OK}
+
+
+def _answers(study: Study, spec: SignalSpec) -> str:
+    """Under which likelihood a record was answered: "law" or "none"."""
+    return "law" if approximately(study, spec) else "none"
 
 
 def _sampled(store: Store, spec: SignalSpec, repeat: int) -> dict[str, SampledPosterior]:
@@ -181,6 +189,7 @@ def _evidence(study: Study, store: Store) -> Iterator[Row]:
                 yield {
                     **_head(spec, repeat, model),
                     "method": method,
+                    "deviation": likelihood_of(study),
                     "log_evidence": one.log_evidence,
                     "stderr": one.stderr,
                     "log_bayes_factor": one.log_evidence - best,
@@ -196,6 +205,7 @@ def _evidence(study: Study, store: Store) -> Iterator[Row]:
             yield {
                 **_head(spec, repeat, model),
                 "method": SMC,
+                "deviation": _answers(study, spec),
                 "log_evidence": one.log_evidence,
                 "stderr": one.stderr,
                 "log_bayes_factor": one.log_evidence - top,

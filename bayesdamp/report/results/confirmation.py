@@ -1,6 +1,8 @@
-"""Whether sampling confirms what was said at once, and what laws that hold exactly would say."""
+"""Whether sampling confirms what was said at once, and what samplers and evidence say of it."""
 
 from __future__ import annotations
+
+import numpy as np
 
 from bayesdamp.outcomes import reason_of
 from bayesdamp.report import words
@@ -8,9 +10,11 @@ from bayesdamp.report.results.answers import answer_of
 from bayesdamp.report.results.reading import damping_of, ranking
 from bayesdamp.report.results.run import Run
 from bayesdamp.store.contents.answers import AnswerContent
+from bayesdamp.store.contents.posteriors import PosteriorContent
 from bayesdamp.types import OK
-from bayesdamp.verdict.agreement import Agreement, agreement
+from bayesdamp.verdict.agreement import Agreement, agreement, intervals
 from bayesdamp.verdict.types import Grade, Verdict
+from bayesdamp.verdict.words import with_interval
 
 
 def sampled_words(found: Agreement) -> str:
@@ -43,8 +47,11 @@ def sampled(run: Run, signal: str) -> str:
 
 
 def confirmation(run: Run, signal: str) -> str:
-    """A sentence on what the evidence under exact laws, by sampling, says of a record; empty where none was sampled."""
+    """A sentence on what samplers and evidence say of an answer: under exact laws, or where the study has it so with
+    the answer's own deviations; empty where none was sampled."""
     repeat = run.repeats(signal)[0]
+    if run.under_law:
+        return " ".join(filter(None, (_intervals(run, signal, repeat), _same_sum(run, signal, repeat))))
     answer, found = answer_of(run, signal, repeat), ranking(run, signal, repeat)
     if answer is None or found is None or found.method == "laplace":
         return ""
@@ -61,3 +68,60 @@ def confirmation(run: Run, signal: str) -> str:
         f"Exact laws, sampled, put {words.model(first)} first, with probability {share}: the choice hangs on how "
         "well the laws hold."
     )
+
+
+def _intervals(run: Run, signal: str, repeat: int) -> str:
+    """Whether chains with the deviations integrated out confirm the intervals of the damping ratio, or correct them."""
+    answer = answer_of(run, signal, repeat)
+    drawn = _ratios(run, signal, repeat, answer.verdict) if answer is not None else None
+    if answer is None or drawn is None:
+        return ""
+    sampler, ratios = drawn
+    found = intervals(answer.verdict, ratios)
+    whose = f"{words.method(sampler)}, the deviations integrated out,"
+    if found.confirms:
+        return f"{whose} confirms the intervals of the damping ratio."
+    i = next(k for k, r in enumerate(answer.verdict.damping_ratio) if r.amplitude == found.amplitude)
+    at = answer.verdict.damping_ratio[i]
+    said = with_interval(*ratios[i], " %", 100)
+    return (
+        f"{whose} corrects the intervals: at {at.amplitude:.2g} {at.unit} the damping ratio is {said}, which moves it "
+        f"by {found.moved:.1f} of its standard deviations and is {found.wider:.1f} times as wide."
+    )
+
+
+def _ratios(
+    run: Run, signal: str, repeat: int, verdict: Verdict
+) -> tuple[str, list[tuple[float, float, float]]] | None:
+    """The sampler, and (value, low, high) of the damping ratio at the verdict's amplitudes: averaged over the sums by
+    their evidence where that was done, else of the verdict's own sum."""
+    if not verdict.damping_ratio:
+        return None
+    scale = run.unit(signal).displacement.scale
+    averaged = run.cell("averaged", signal, repeat)
+    if averaged is not None and averaged.outcome == OK and averaged.arrays["amplitudes"].size > 1:
+        at = np.log([r.amplitude / scale for r in verdict.damping_ratio])
+        grid = np.log(averaged.arrays["amplitudes"])
+        low, middle, high = (np.interp(at, grid, row) for row in averaged.arrays["curve/equivalent_ratio"])
+        return "nuts", [(float(m), float(a), float(b)) for a, m, b in zip(low, middle, high, strict=True)]
+    own = set(verdict.damping.split("+"))
+    rows = [r for r in run.posteriors if r["signal"] == signal and set(damping_of(r).split("+")) == own]
+    trusted = [r for r in rows if r["restoring"] == verdict.restoring and r["outcome"] == OK]
+    for model, sampler in dict.fromkeys((r["model"], r["sampler"]) for r in trusted):
+        content = PosteriorContent.maybe(run.cell("posterior", signal, repeat, model, sampler))
+        if content is not None and len(content.ratios) == len(verdict.damping_ratio):
+            return sampler, [(r.value, r.low, r.high) for r in content.ratios]
+    return None
+
+
+def _same_sum(run: Run, signal: str, repeat: int) -> str:
+    """Whether evidence with the same deviations puts the verdict's sum first."""
+    answer, found = answer_of(run, signal, repeat), ranking(run, signal, repeat)
+    if answer is None or found is None or len(found.dampings) < 2:
+        return ""
+    first = damping_of(found.best)
+    whose = f"Evidence with the same deviations ({words.method(found.method)})"
+    share = words.probability(found.dampings[first])
+    if set(first.split("+")) == set(answer.verdict.damping.split("+")):
+        return f"{whose} agrees: {words.model(first)} has probability {share}."
+    return f"{whose} puts {words.model(first)} first, with probability {share}."

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from bayesdamp.report.drawing import Drawings
-from bayesdamp.store import TABLES, CellResult, Store, read_table
+from bayesdamp.store import TABLES, TEXT_OF, CellResult, Store, read_table
 from bayesdamp.types import OK, InputError, candidate_name
 from bayesdamp.units import UNITS, Unit
 
@@ -39,6 +39,11 @@ class Run:
     def study(self) -> Row:
         """The resolved study, as far as run.json has it."""
         return self.info.get("study") or {}
+
+    @property
+    def under_law(self) -> bool:
+        """Whether its samplers and evidence had laws hold approximately."""
+        return (self.study.get("posterior") or {}).get("deviation") == "law"
 
     @property
     def signals(self) -> list[str]:
@@ -113,7 +118,8 @@ class Run:
         if not path.is_file():
             return []
         rows = read_table(path)
-        rows = [{**LATER, **row} for row in rows]
+        later = LATER | ({"deviation": ""} if (name, "deviation") in TEXT_OF else {})
+        rows = [{**later, **row} for row in rows]
         missing = set(TABLES[name]) - set(rows[0]) if rows else set()
         if missing:
             raise InputError(

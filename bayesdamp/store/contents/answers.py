@@ -54,11 +54,21 @@ class CandidatePriors:
 
 
 @dataclass(frozen=True)
+class FoundLaw:
+    """Where the search for a candidate with deviations ended, as `pipeline.stored_laws` leaves it; its arrays
+    are `found/DAMPING@RESTORING/...`."""
+
+    damping: str
+    restoring: str
+    found: Mapping[str, Any]
+
+
+@dataclass(frozen=True)
 class AnswerContent(Content):
     """The answer on a record (`answer/NAME/REPEAT`, `sampled/NAME/REPEAT`).
 
     verdict: as `Verdict.to_dict` gives it. fits: parameters of the fit of all terms, by restoring law. posteriors: of
-    the candidates that were sampled.
+    the candidates that were sampled; laws: of those that were weighed with deviations.
     """
 
     verdict: Mapping[str, Any]
@@ -66,3 +76,4 @@ class AnswerContent(Content):
     fits: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     priors: tuple[CandidatePriors, ...] = ()
     posteriors: tuple[SampledPosterior, ...] = ()
+    laws: tuple[FoundLaw, ...] = ()

@@ -23,12 +23,25 @@ class ChainStart:
 
 
 @dataclass(frozen=True)
+class DrawnRatio:
+    """Equivalent damping ratio at an amplitude (rad or m), with the parts of its sd and its total 95 % interval."""
+
+    amplitude: float
+    value: float
+    low: float
+    high: float
+    sd_noise: float
+    sd_law: float
+
+
+@dataclass(frozen=True)
 class PosteriorContent(Content):
     """One sampler's draws (`posterior/NAME/REPEAT/CANDIDATE/SAMPLER`).
 
     names: of the parameters of the array `draws`, (chain, draw, parameter). summary, units: of these and of what
     follows from them, at the reference amplitude (unit of displacement); without: derived quantities that have no
     summary, by how many draws have no such motion. diagnostics: the sampler's own. file: whole, in the run's folder.
+    ratios: where laws may hold approximately, the damping ratio at the verdict's amplitudes.
     """
 
     names: tuple[str, ...] = ()
@@ -38,6 +51,7 @@ class PosteriorContent(Content):
     without: Mapping[str, int] = field(default_factory=dict)
     diagnostics: Mapping[str, Any] = field(default_factory=dict)
     file: str = ""
+    ratios: tuple[DrawnRatio, ...] = ()
 
     @property
     def divergences(self) -> int | None:

@@ -125,10 +125,7 @@ def ratio_at(
         per_unit = ratios_per_unit(weighing, d, amplitude)
         if per_unit is None:
             continue
-        share = share_of_time(weighing, d.result, amplitude)
-        each = _under_frictions(weighing, d, amplitude, per_unit, rng)
-        g = at_share(d.g, share) + between_knots(d.g, rng)
-        values.append(each * np.exp(g) / (1 + at_share(d.h, share)))
+        values.append(_deviating(weighing, d, amplitude, per_unit, rng))
         noises.append(_noise_sd(weighing, d.result, per_unit.mean(axis=0)))
         weights.append(len(d.coefficients))
     if not values:
@@ -138,6 +135,27 @@ def ratio_at(
     noise = float(np.average(noises, weights=weights))
     q = quantity(found, min(noise, float(np.std(found))))
     return Ratio(amplitude, q.value, q.low, q.high, q.sd_noise, q.sd_law)
+
+
+def ratios_drawn(
+    weighing: Weighing, d: Drawn, amplitude: float, sensor: float, rng: np.random.Generator
+) -> np.ndarray | None:
+    """The draws behind `ratio_at`, (n,), of one candidate; None where no orbit has the amplitude."""
+    per_unit = ratios_per_unit(weighing, d, amplitude)
+    if per_unit is None:
+        return None
+    found = _deviating(weighing, d, amplitude, per_unit, rng)
+    return found * (1 + sensor * rng.standard_normal(found.size))
+
+
+def _deviating(
+    weighing: Weighing, d: Drawn, amplitude: float, per_unit: np.ndarray, rng: np.random.Generator
+) -> np.ndarray:
+    """Ratios of the draws with their deviations, (n,)."""
+    share = share_of_time(weighing, d.result, amplitude)
+    each = _under_frictions(weighing, d, amplitude, per_unit, rng)
+    g = at_share(d.g, share) + between_knots(d.g, rng)
+    return each * np.exp(g) / (1 + at_share(d.h, share))
 
 
 def _under_frictions(

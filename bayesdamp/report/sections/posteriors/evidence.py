@@ -31,7 +31,7 @@ class EvidenceSection(Section):
     title = "Which damping: the evidence"
 
     def applies(self, run: Run) -> bool:
-        """Where exact laws were weighed, or should have been."""
+        """Where a study weighed candidates beside the answer, or should have."""
         return bool(run.signals) and not only_answered(run)
 
     def render(self, run: Run) -> str:

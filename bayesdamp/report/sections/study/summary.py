@@ -27,6 +27,7 @@ from bayesdamp.types import OK
 
 _CARDS = 4
 SECOND = "A second opinion: what sampling says if every law held exactly"
+SAME = "What chains and evidence say with the same deviations from the laws"
 
 
 class Summary(Section):
@@ -37,7 +38,7 @@ class Summary(Section):
     title = "Conclusions and caveats"
 
     def applies(self, run: Run) -> bool:
-        """In a study's report that went on to exact laws."""
+        """In a study's report that went on to samplers and evidence."""
         return run.info.get("kind") is None and not only_answered(
             run
         )  # a calibration has a verdict of its own
@@ -52,7 +53,7 @@ class Summary(Section):
             rest = fill("summary.html", cards=cards[_CARDS:], overview=None, failed=[])
             overview = fill("stack.html", parts=[folded("The other signals, one by one", rest), overview])
         body = fill("summary.html", cards=cards[:_CARDS], overview=overview, failed=_by_sentence(run))
-        return folded(SECOND, body) if verdicts(run) else body
+        return folded(SAME if run.under_law else SECOND, body) if verdicts(run) else body
 
 
 def _by_sentence(run: Run) -> list[tuple[str, list[str]]]:

@@ -9,13 +9,14 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from bayesdamp.inference.approximate.law import Approximate
 from bayesdamp.inference.deviation.sampled.marginal import Marginal, marginal_of
-from bayesdamp.interface.parts.approximate import Approximate
 from bayesdamp.types import OK
 
 Array = NDArray[np.float64]
-STEP = 1.05
-"""As in `inference.samplers.nuts`: four points of a circle span half a turn."""
+STEP = 0.7
+"""Shorter than in `inference.samplers.nuts`: the posterior is a mixture whose core, that of exact laws, is narrower
+than the whole (measured: acceptance 0.73 and 2.5 times the effective draws of 1.05, for 1.4 times the motions)."""
 DOUBLINGS = 7
 BLOCK, LONGEST = 100, 20
 """Steps of an ensemble after which it is looked at, and blocks after which it ends."""

@@ -1,0 +1,1 @@
+"""One candidate whose laws may hold approximately: draws of its posterior, and its evidence."""

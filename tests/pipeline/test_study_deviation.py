@@ -1,0 +1,126 @@
+"""A study whose laws may hold approximately: its chains and evidence against Python's call, a sum over the parameter,
+and the linear model's interval."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from pathlib import Path
+from tempfile import mkdtemp
+
+import numpy as np
+import pytest
+
+from bayesdamp.config import load_study
+from bayesdamp.pipeline import run_study
+from bayesdamp.report.results.confirmation import confirmation
+from bayesdamp.report.results.run import Run
+from bayesdamp.store import read_table
+from tests.interface.test_chains import by_sum
+from tests.interface.test_deviation import KNOWN, SCALE, drifting, one_parameter
+
+STUDY = """
+version = 1
+name = "drift"
+seed = 5
+[system]
+restoring = "linear"
+{known}
+[[signal]]
+name = "drift"
+file = "drift.csv"
+start = 0.0
+stop = 20.0
+[estimators]
+use = ["least_squares"]
+stages = ["initial"]
+[models]
+compare = ["viscous"]
+prior = {{ viscous = {{ prior = "halfnormal", scale = {scale} }} }}
+[posterior]
+samplers = {samplers}
+deviation = "{deviation}"
+chains = 2
+draws = 900
+[evidence]
+methods = ["laplace", "importance", "bridge"]
+referee = "never"
+"""
+
+
+@lru_cache
+def ran(deviation: str, samplers: str = '["nuts"]') -> Path:
+    folder = Path(mkdtemp())
+    record = np.column_stack([drifting().t, drifting().y])
+    np.savetxt(folder / "drift.csv", record, delimiter=",", header="time (s),angle (rad)", comments="")
+    known = "\n".join(f"{n} = {v}" for n, v in KNOWN.items())
+    text = STUDY.format(known=known, scale=SCALE, deviation=deviation, samplers=samplers)
+    (folder / "drift.toml").write_text(text, encoding="utf-8")
+    assert run_study(load_study(folder / "drift.toml"), folder / "out", workers=1) == 0
+    return folder / "out"
+
+
+def zeta(folder: Path, sampler: str = "nuts") -> dict:
+    rows = read_table(folder / "posteriors.csv")
+    return next(r for r in rows if (r["sampler"], r["parameter"]) == (sampler, "zeta"))
+
+
+def test_chains_are_those_of_the_total_interval() -> None:
+    """NUTS against a sum over ζ, within five standard errors of the effective draws; its interval is the linear model's
+    to a fifth of its width. Controls: noise alone is narrower, and so is the study that takes laws to hold exactly."""
+    row, (mean, sd, _) = zeta(ran("law")), by_sum()
+    error = sd / np.sqrt(row["ess_bulk"])
+    assert abs(row["mean"] - mean) < 5 * error
+    assert abs(row["sd"] - sd) < 5 * error
+    low, high = one_parameter().intervals["zeta"]
+    assert row["q2.5"] == pytest.approx(low, abs=0.2 * (high - low))
+    assert row["q97.5"] == pytest.approx(high, abs=0.2 * (high - low))
+    assert row["deviation"] == "law"
+    assert row["sd_noise"] ** 2 + row["sd_law"] ** 2 == pytest.approx(row["sd"] ** 2)
+    exact = zeta(ran("none"))
+    assert exact["deviation"] == "none"
+    assert exact["sd"] < 0.75 * row["sd"]
+    assert row["sd_noise"] < 0.75 * row["sd"]
+
+
+def test_evidence_is_that_of_the_same_density() -> None:
+    """Within four standard errors of a sum over ζ, the linear model's to 0.1 nats, which curvature is worth.
+    Control: under exact laws it is nats behind."""
+    rows = {r["method"]: r for r in read_table(ran("law") / "evidence.csv")}
+    total = by_sum()[2]
+    for method in ("importance", "bridge"):
+        assert rows[method]["deviation"] == "law"
+        assert abs(rows[method]["log_evidence"] - total) < 4 * rows[method]["stderr"] + 1e-3
+    assert rows["importance"]["outcome"] == "ok"
+    assert abs(rows["laplace"]["log_evidence"] - total) < 0.1
+    exact = {r["method"]: r for r in read_table(ran("none") / "evidence.csv")}
+    assert {r["deviation"] for r in exact.values()} == {"none"}
+    assert total - exact["importance"]["log_evidence"] > 5
+
+
+def test_the_page_says_whether_chains_confirm() -> None:
+    """Control: a folder of the same name whose laws held exactly says something else."""
+    said = confirmation(Run(ran("law")), "drift")
+    assert said.startswith("NUTS, the deviations integrated out, confirms the intervals")
+    page = (ran("law") / "report.html").read_text(encoding="utf-8")
+    assert "with the same deviations from the laws" in page
+    assert "if every law held exactly" not in page
+    assert "deviations integrated out" not in confirmation(Run(ran("none")), "drift")
+
+
+def test_auto_says_which_likelihood_each_row_has() -> None:
+    """Of a measured record the answer's draws have the deviations, the chains not."""
+    folder = ran("auto", '["nuts", "laplace"]')
+    rows = read_table(folder / "posteriors.csv")
+    assert {(r["sampler"], r["deviation"]) for r in rows} == {
+        ("nuts", "none"),
+        ("laplace", "none"),
+        ("smc", "law"),
+    }
+
+
+def test_what_takes_laws_to_hold_exactly_says_so(tmp_path: Path) -> None:
+    rows = read_table(ran("law", '["laplace", "emcee"]') / "posteriors.csv")
+    refused = [r["outcome"] for r in rows if r["sampler"] == "laplace"]
+    assert len(refused) == 1
+    assert "takes laws to hold exactly" in refused[0]
+    assert zeta(ran("law", '["laplace", "emcee"]'), "emcee")["sd"] == pytest.approx(by_sum()[1], rel=0.15)
