@@ -127,7 +127,12 @@ _TABLES: dict[str, dict[str, tuple[str, str]]] = {
         "rivals": ("", "other sums with their probabilities, as `sum:probability`"),
         "restoring": ("", "the likeliest restoring law"),
         "restoring_probability": ("", "its probability"),
-        "frequency": ("Hz", "natural frequency of small oscillations"),
+        "frequency": ("Hz", "natural frequency of small oscillations, by the restoring law"),
+        "frequency_at": ("Hz", "frequency at the last amplitude that a ratio is given at"),
+        "midline_drift_pct": (
+            "% of the first amplitude",
+            "by how much the midline moves over the record; 0 where that is not seen",
+        ),
         "amplitude_#": (_ROW.replace("unit", "unit_#"), "where the damping ratio is given"),
         "unit_#": ("", "its unit: that which the record came in"),
         "ratio_#": ("", "equivalent viscous damping ratio there"),

@@ -47,7 +47,8 @@ SPECIMEN_TABLES: dict[str, tuple[str, ...]] = {
 """Tables of a study that names specimens."""
 VERDICTS: tuple[str, ...] = (
     "record", "grade", "decided", "damping", "probability", "rivals", "restoring", "restoring_probability",
-    "frequency", "frequency_low", "frequency_high", "exponent", "exponent_low", "exponent_high",
+    "frequency", "frequency_low", "frequency_high", "frequency_at",
+    "frequency_at_low", "frequency_at_high", "exponent", "exponent_low", "exponent_high",
     *(
         f"{name}_{i}{end}"
         for i in (1, 2, 3)
@@ -59,7 +60,7 @@ VERDICTS: tuple[str, ...] = (
         for end in ends
     ),
     "energy", "other_forms", "deviation", "deviation_low", "deviation_high", "unnamed", "unnamed_low", "unnamed_high",
-    "unexplained_pct", "noise_pct",
+    "unexplained_pct", "noise_pct", "midline_drift_pct",
     "start", "stop", "cycles", "remarks", "sentence",
 )  # fmt: skip
 """Columns of verdicts.csv."""

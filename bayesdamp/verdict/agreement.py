@@ -15,8 +15,8 @@ Z95 = 1.96
 
 @dataclass(frozen=True)
 class Agreement:
-    """same: whether both name the same damping, or both none. moved: the largest change of a damping ratio, in its
-    standard deviations."""
+    """same: whether both name the same damping, or both none. moved: the largest change of a damping ratio, in the
+    total standard deviations that the first verdict gave it."""
 
     same: bool
     moved: float
@@ -62,7 +62,7 @@ def agreement(first: Verdict, second: Verdict) -> Agreement:
     """How a second verdict on a record compares with the first."""
     named = {frozenset(v.damping.split("+")) if v.decided else frozenset() for v in (first, second)}
     moves = [
-        abs(b.value - a.value) / max((b.high - b.low) / (2 * Z95), 1e-300)
+        abs(b.value - a.value) / max((a.high - a.low) / (2 * Z95), 1e-300)
         for a, b in zip(first.damping_ratio, second.damping_ratio, strict=False)
     ]
     return Agreement(len(named) == 1, max(moves, default=0.0))

@@ -14,6 +14,7 @@ from bayesdamp.verdict.types import (
     Bound,
     Coefficient,
     DampingRatio,
+    FrequencyAt,
     Grade,
     Interval,
     Rival,
@@ -73,6 +74,8 @@ def decide(
         unnamed=None if found.unnamed is None else _interval(found.unnamed),
         unexplained_pct=100 * found.unexplained,
         noise_pct=100 * found.noise,
+        midline_drift_pct=100 * found.midline,
+        frequency_at=_frequency_at(found, unit),
         coefficients=_coefficients(found, unit),
         window=window,
         averages=averages,
@@ -120,6 +123,11 @@ def _with(verdict: Verdict, **changes: object) -> Verdict:
 
 def _interval(q: Quantity, unit: str = "") -> Interval:
     return Interval(q.value, q.low, q.high, unit)
+
+
+def _frequency_at(found: Findings, unit: str) -> FrequencyAt | None:
+    q = found.frequency_at
+    return None if q is None else FrequencyAt(found.ratios[-1].amplitude, unit, q.value, q.low, q.high)
 
 
 def _energy(found: Findings) -> tuple[Share, ...]:

@@ -19,6 +19,9 @@ OTHER_MOTION = 0.05
 """Share of the amplitude of the first oscillation from which a second one, or growth, is what a record is about."""
 REMARK = 0.01
 """Share of the amplitude from which what is left unexplained is remarked on."""
+EXTRAPOLATED = 0.005
+"""Share of the natural frequency from which it is told as an extrapolation, after that at an amplitude of the record:
+of their difference, or of half its interval (conventional)."""
 MIDLINE = 0.002
 """Share of the first amplitude from which a midline's drift is remarked on (a sensor's usual linearity)."""
 TWIN = 0.3

@@ -33,6 +33,17 @@ class Interval:
 
 
 @dataclass(frozen=True)
+class FrequencyAt:
+    """Frequency in Hz of the oscillation at an amplitude of the record, with its 95 % interval."""
+
+    amplitude: float
+    unit: str
+    value: float
+    low: float
+    high: float
+
+
+@dataclass(frozen=True)
 class DampingRatio:
     """Equivalent viscous damping ratio at an amplitude, with its total 95 % interval.
 
@@ -140,7 +151,9 @@ class Verdict:
     decided: whether one damping is named without reservation. motion, modes: of a record that is no free decay of one
     oscillator, what it is and its oscillations, the largest first. deviation: energy-weighted mean of the relative
     deviation from the law. unnamed: share of the energy that no named law explains. unexplained_pct, noise_pct: root
-    mean square beyond the noise, and of the noise, in % of the amplitude.
+    mean square beyond the noise, and of the noise, in % of the amplitude. frequency: of small oscillations, by the
+    restoring law; frequency_at: at the last of the ratios' amplitudes. midline_drift_pct: by how much the midline moves
+    over the record, in % of the first amplitude, 0 where that is not seen.
     """
 
     record: str
@@ -160,6 +173,8 @@ class Verdict:
     unnamed: Interval | None = None
     unexplained_pct: float = float("nan")
     noise_pct: float = float("nan")
+    midline_drift_pct: float = float("nan")
+    frequency_at: FrequencyAt | None = None
     coefficients: tuple[Coefficient, ...] = ()
     motion: Motion | None = None
     modes: tuple[Mode, ...] = ()
@@ -200,7 +215,13 @@ class Verdict:
             made[name] = one(kind, given.get(name))
         for name, kind in _LISTS.items():
             made[name] = tuple(one(kind, v) for v in given.get(name, ()))
-        numbers = ("probability", "restoring_probability", "unexplained_pct", "noise_pct")
+        numbers = (
+            "probability",
+            "restoring_probability",
+            "unexplained_pct",
+            "noise_pct",
+            "midline_drift_pct",
+        )
         made |= {n: nan if given.get(n) is None else given[n] for n in numbers}
         made["motion"] = Motion(given["motion"]) if given.get("motion") else None
         return cls(**{**made, "grade": Grade(given["grade"]), "remarks": tuple(given.get("remarks", ()))})
@@ -212,6 +233,7 @@ class Verdict:
 
 _SINGLE = {
     "frequency": Interval,
+    "frequency_at": FrequencyAt,
     "exponent": Interval,
     "deviation": Interval,
     "unnamed": Interval,

@@ -27,7 +27,9 @@ def in_unit(v: Verdict, unit: Unit) -> Verdict:
     modes = tuple(
         replace(m, first=m.first * own.scale, last=m.last * own.scale, unit=own.name) for m in v.modes
     )
-    shown = replace(v, damping_ratio=ratios, modes=modes)
+    at = v.frequency_at
+    at = None if at is None else replace(at, amplitude=at.amplitude * own.scale, unit=own.name)
+    shown = replace(v, damping_ratio=ratios, modes=modes, frequency_at=at)
     return replace(shown, sentence=v.sentence.replace(sentence(v), sentence(shown)))
 
 

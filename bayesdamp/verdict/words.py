@@ -6,9 +6,9 @@ from collections.abc import Sequence
 from math import floor, isfinite, log10
 from typing import TYPE_CHECKING
 
-from bayesdamp.physics.damping import words_of
+from bayesdamp.physics.damping import TERMS, words_of
 from bayesdamp.verdict import thresholds
-from bayesdamp.verdict.types import DampingRatio, Grade, Interval, Mode, Motion, Verdict
+from bayesdamp.verdict.types import DampingRatio, FrequencyAt, Grade, Interval, Mode, Motion, Verdict
 
 if TYPE_CHECKING:
     from bayesdamp.inference.deviation.findings import Findings
@@ -64,7 +64,7 @@ def sentence(v: Verdict) -> str:
         size = f"equivalent damping ratio {_ratio(ratios[0])}"
         if len(ratios) > 1:
             size += f", {_ratio(ratios[-1])}"
-    frequency = f", natural frequency {plus_minus(v.frequency)}" if v.frequency is not None else ""
+    frequency = _frequency(v)
     if v.grade is Grade.DEVIATES:
         off = (
             f", from which it deviates by {100 * v.deviation.value:.2g} %" if v.deviation is not None else ""
@@ -87,6 +87,24 @@ def sentence(v: Verdict) -> str:
         else ""
     )
     return f"{_first(size)}{frequency}; damping {' or '.join(between)}{part}{_hold(v)}."
+
+
+def _frequency(v: Verdict) -> str:
+    """The natural frequency; where it lies beyond the record, that at an amplitude of the record before it."""
+    if v.frequency is None:
+        return ""
+    if v.frequency_at is None or not extrapolated(v.frequency, v.frequency_at):
+        return f", natural frequency {plus_minus(v.frequency)}"
+    at = v.frequency_at
+    seen = plus_minus(Interval(at.value, at.low, at.high, "Hz"))
+    beyond = f"extrapolated to small oscillations: {plus_minus(v.frequency)}"
+    return f", frequency {seen} at {at.amplitude:.2g} {at.unit} ({beyond})"
+
+
+def extrapolated(natural: Interval, at: FrequencyAt) -> bool:
+    """Whether the frequency of small oscillations is one that the record does not come to."""
+    off = max(abs(natural.value - at.value), 0.5 * (natural.high - natural.low))
+    return off > thresholds.EXTRAPOLATED * natural.value
 
 
 def _no_free_decay(v: Verdict, motion: Motion) -> str:
@@ -184,6 +202,12 @@ def _kind(e: Interval) -> str:
     return f": {held[0]}" if len(held) == 1 else ""
 
 
+def called(name: str) -> str:
+    """A parameter of a damping, as a sentence has it: a coefficient by its term."""
+    term = next((t for t in TERMS.names() if TERMS.get(t).parameter == name), None)
+    return f"the {_plain(name)}" if term is None else f"the coefficient of {words_of(term)} damping"
+
+
 def _plain(name: str) -> str:
     """A parameter's name in a sentence."""
     return name.replace("_", " ")
@@ -237,7 +261,8 @@ def remarks(
             (0.6, f"The record does not tell the {_plain(name)}: its interval is that of what was assumed.")
         )
     for one, other in found.tied:
-        said.append((0.6, f"{_plain(one)} and {_plain(other)} are told together only, not each by itself."))
+        pair = f"{called(one)} and {called(other)}"
+        said.append((0.6, f"{_first(pair)} are told together only, not each by itself."))
     if v.averages is not None:
         a = v.averages
         moved = f"that moves no parameter by more than {a.error_sd:.1g} of its standard deviation"

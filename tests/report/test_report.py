@@ -239,7 +239,7 @@ def test_poor_evidence_is_not_to_be_believed(maker):
     folder = maker.make()
     text = (folder / "evidence.csv").read_text()
     assert "was weighed by bridge" not in Page(render(folder).read_text()).words
-    text = re.sub(r"(bridge,[^,]*,[^,]*,[^,]*,[^,]*),,ok", r"\1,halves apart,not settled", text)
+    text = re.sub(r"(bridge,[^,]*,[^,]*,[^,]*,[^,]*,[^,]*),,ok", r"\1,halves apart,not settled", text)
     (folder / "evidence.csv").write_text(text)
     words = Page(render(folder).read_text()).words
     assert "that viscous was weighed by bridge: not settled" in words

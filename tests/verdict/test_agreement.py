@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from bayesdamp.verdict.agreement import SMALL, agreement
+from bayesdamp.verdict.agreement import SMALL, agreement, intervals
 from bayesdamp.verdict.types import DampingRatio, Grade, Verdict
 
 
@@ -32,6 +32,24 @@ def test_a_ratio_that_moved_does_not_confirm_and_has_its_size() -> None:
     assert found.same
     assert not found.confirms
     assert abs(found.moved - 3.0) < 1e-6
+
+
+def test_a_move_is_counted_in_the_intervals_that_were_quoted() -> None:
+    """Control: in the narrower ones of the second verdict it would be ten times as many."""
+    second = verdict(0.0203)
+    narrow = replace(second, damping_ratio=(replace(second.damping_ratio[0], low=0.02028, high=0.02032),))
+    assert abs(agreement(verdict(), narrow).moved - 3.0) < 1e-6
+
+
+def test_intervals_are_confirmed_by_place_and_width() -> None:
+    low, high = 0.02 - 1.96e-4, 0.02 + 1.96e-4
+    assert intervals(verdict(), [(0.02, low, high)]).confirms
+    moved = intervals(verdict(), [(0.0203, low + 3e-4, high + 3e-4)])
+    assert not moved.confirms
+    assert abs(moved.moved - 3.0) < 1e-6
+    wider = intervals(verdict(), [(0.02, low - 1.96e-4, high + 1.96e-4)])
+    assert not wider.confirms
+    assert abs(wider.wider - 2.0) < 1e-6
 
 
 def test_another_damping_or_none_does_not_confirm() -> None:

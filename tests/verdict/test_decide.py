@@ -162,6 +162,27 @@ def test_a_midline_that_drifts_is_said_with_its_size() -> None:
     said = decided(findings(midline=-0.0123)).remarks
     assert "Its midline drifts by 1.2 % of the first amplitude over the record." in said
     assert not any("midline" in one for one in decided(findings(midline=0.5 * thresholds.MIDLINE)).remarks)
+    found = decided(findings(midline=-0.0123))
+    assert Verdict.from_dict(json.loads(found.to_json())).midline_drift_pct == pytest.approx(-1.23)
+
+
+def test_coefficients_that_are_told_together_have_the_names_of_their_terms() -> None:
+    said = decided(findings(tied=(("zeta", "mu_q"),))).remarks
+    whose = "The coefficient of viscous damping and the coefficient of quadratic (drag) damping are told together only"
+    assert any(one.startswith(whose) for one in said)
+    further = decided(findings(tied=(("mu_k", "stribeck_velocity"),))).remarks
+    assert any("the stribeck velocity are told together" in one for one in further)
+
+
+@pytest.mark.parametrize(("natural", "beyond"), [(0.7118, False), (0.7118 * 1.006, True)])
+def test_a_frequency_beyond_the_record_follows_one_of_the_record(natural: float, beyond: bool) -> None:
+    seen = Quantity(0.7118, 0.7117, 0.7119)
+    interval = Quantity(natural, natural - 1e-4, natural + 1e-4)
+    found = decided(findings(frequency=interval, frequency_at=seen))
+    assert ("frequency 0.711800 ± 0.000100 Hz at 0.03 rad (extrapolated" in found.sentence) is beyond
+    assert ("natural frequency" in found.sentence) is not beyond
+    assert found.frequency_at is not None
+    assert Verdict.from_dict(json.loads(found.to_json())).frequency_at == found.frequency_at
 
 
 @pytest.mark.parametrize(("last", "said"), [(0.31 * 0.71, True), (0.31 * 0.69, False)])
@@ -243,7 +264,8 @@ def test_a_verdict_survives_json() -> None:
     assert lost["unexplained_pct"] is None
     assert {"schema", "record", "grade", "decided", "damping", "probability", "rivals", "restoring",
             "restoring_probability", "frequency", "exponent", "damping_ratio", "energy", "other_forms", "deviation",
-            "unnamed", "unexplained_pct", "noise_pct", "coefficients", "motion", "modes",
+            "unnamed", "unexplained_pct", "noise_pct", "midline_drift_pct", "frequency_at",
+            "coefficients", "motion", "modes",
                 "window", "averages", "remarks", "sentence"} == set(back)  # fmt: skip
 
 

@@ -9,7 +9,13 @@ import numpy as np
 
 from bayesdamp.inference.deviation.candidate import Candidate
 from bayesdamp.inference.deviation.numbers.bounds import bounds_of_others
-from bayesdamp.inference.deviation.numbers.curves import ratio_at
+from bayesdamp.inference.deviation.numbers.curves import (
+    at_share,
+    orbit_of,
+    ratio_at,
+    share_of_time,
+    values_of,
+)
 from bayesdamp.inference.deviation.numbers.deviations import left_over, midline_drift, size_of
 from bayesdamp.inference.deviation.numbers.draws import (
     DRAWS,
@@ -24,7 +30,7 @@ from bayesdamp.inference.deviation.numbers.free import FreeCurve, free_curve
 from bayesdamp.inference.deviation.numbers.quantities import Quantity, Ratio, quantity
 from bayesdamp.inference.deviation.numbers.shares import shares_of
 from bayesdamp.inference.deviation.numbers.unnamed import AS_WIDE, tied, unnamed_share, untold
-from bayesdamp.inference.deviation.orbit import natural_frequency, rest_of
+from bayesdamp.inference.deviation.orbit import balanced_frequency, natural_frequency, rest_of
 from bayesdamp.inference.deviation.weighing import Weighing
 
 SENSOR = 0.002
@@ -49,7 +55,8 @@ class Findings:
     free: the damping curve without a law; unnamed: share of the energy that no sum of the terms explains; untold, tied:
     parameters of the likeliest sum that the record does not tell, and pairs that it tells only together; exponents:
     quantiles of the exponent, equidistant in probability, none where there is no exponent; midline: by how much it
-    drifts over the record, as a share of the first amplitude, 0 where that is not seen.
+    drifts over the record, as a share of the first amplitude, 0 where that is not seen. frequency: of small
+    oscillations, frequency_at: at the last of the ratios' amplitudes, Hz.
     """
 
     damping: Mapping[str, float]
@@ -78,6 +85,7 @@ class Findings:
     tied: tuple[tuple[str, str], ...] = ()
     exponents: tuple[float, ...] = ()
     midline: float = 0.0
+    frequency_at: Quantity | None = None
 
 
 def default_amplitudes(weighing: Weighing) -> tuple[float, float, float]:
@@ -135,6 +143,7 @@ def findings(
         ratios=tuple(ratio_at(weighing, every, a, sensor if approximate else 0.0, rng) for a in wanted),
         curve=curve,
         frequency=_frequency(weighing, drawn),
+        frequency_at=_frequency_at(weighing, drawn, wanted[-1]) if wanted else None,
         energy={t: quantity(shares[:, i]) for i, t in enumerate(terms)},
         bound=forms | absent,
         deviation=quantity(size),
@@ -176,6 +185,25 @@ def _frequency(weighing: Weighing, drawn: Sequence[Drawn]) -> Quantity:
             at = weighing.data.rest if rest is None else rest
             values.append(natural_frequency(name, row, at, weighing.data.amplitude) * (1 + h) / (2 * np.pi))
     return quantity(np.array(values))
+
+
+def _frequency_at(weighing: Weighing, drawn: Sequence[Drawn], amplitude: float) -> Quantity | None:
+    """Of the oscillation when it has an amplitude of the record, deviation included; None where no orbit has it."""
+    values = []
+    for d in drawn:
+        orbit = orbit_of(weighing, d.result, amplitude)
+        if orbit is None:
+            continue
+        name, centre = d.result.candidate.restoring, values_of(d.result)[d.result.solver.law_places]
+        rest = rest_of(name, centre, weighing.data.rest, 2 * weighing.data.amplitude)
+        at = weighing.data.rest if rest is None else rest
+        # The first harmonic's error is that of the mode.
+        scale = orbit.frequency / max(balanced_frequency(name, centre, at, amplitude), 1e-300)
+        every = slice(None, None, max(1, len(d.law) // 200))
+        share = share_of_time(weighing, d.result, amplitude)
+        for row, h in zip(d.law[every], at_share(d.h, share)[every], strict=True):
+            values.append(scale * balanced_frequency(name, row, at, amplitude) * (1 + h) / (2 * np.pi))
+    return quantity(np.array(values)) if values else None
 
 
 def _bounds(

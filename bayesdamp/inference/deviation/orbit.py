@@ -16,6 +16,7 @@ POINTS = 200
 REACHES = (1e-3, 0.03, 0.1, 0.25, 0.5)
 """Half widths, in amplitudes, in which a cycle's middle is looked for about its rest."""
 _PHASE = (np.arange(POINTS) + 0.5) / POINTS * np.pi - 0.5 * np.pi
+_COSINES = np.cos((np.arange(16) + 0.5) / 16 * 2 * np.pi).tolist()
 _X, _W = (one.tolist() for one in np.polynomial.legendre.leggauss(48))
 _X_PART, _W_PART = (one.tolist() for one in np.polynomial.legendre.leggauss(4))
 
@@ -63,6 +64,11 @@ class Orbit:
     x: np.ndarray
     speed: np.ndarray
     width: np.ndarray
+
+    @property
+    def frequency(self) -> float:
+        """Of the oscillation, rad/s."""
+        return float(np.pi / np.sum(self.width / self.speed))
 
     def cycle(self, terms: Sequence[str], epsilon: float, further: Mapping[str, float]) -> Cycle:
         """The work of each term along it."""
@@ -136,3 +142,11 @@ def natural_frequency(restoring: str, law: np.ndarray, rest: float, scale: float
     """√F′ at the equilibrium, rad/s."""
     d = 1e-5 * scale
     return frequency_over(by_kernel(LAWS.get(restoring).kernel, law), rest - d, rest + d)
+
+
+def balanced_frequency(restoring: str, law: np.ndarray, rest: float, amplitude: float) -> float:
+    """Frequency of the oscillation of an amplitude, rad/s, by the force's first harmonic: a few forces, and near enough
+    for how it changes with the law's parameters (N. M. Krylov and N. N. Bogoliubov, 1943)."""
+    force = LAWS.get(restoring).kernel
+    pull = sum(force(rest + amplitude * c, law) * c for c in _COSINES)
+    return float(np.sqrt(max(2 * pull / (len(_COSINES) * amplitude), 0.0)))

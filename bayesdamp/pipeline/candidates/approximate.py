@@ -8,13 +8,13 @@ from typing import Any
 
 import numpy as np
 
+from bayesdamp.config import Study
 from bayesdamp.inference.approximate.chains import Chains, by_emcee, by_nuts
 from bayesdamp.inference.approximate.evidence import by_bridge, by_importance, linear
 from bayesdamp.inference.approximate.law import Approximate
 from bayesdamp.inference.approximate.runs import summaries_of
 from bayesdamp.inference.checks import diagnostics
 from bayesdamp.inference.curves.derived import Motions, against_amplitude, derive, units
-from bayesdamp.config import Study
 from bayesdamp.outcomes import Status
 from bayesdamp.physics.units import parameter_unit
 from bayesdamp.pipeline.candidates.branch import Branch
@@ -25,7 +25,6 @@ from bayesdamp.store import CellResult
 from bayesdamp.store.contents.evidence import EvidenceContent
 from bayesdamp.store.contents.posteriors import DrawnRatio, PosteriorContent
 from bayesdamp.types import Evidence, Posterior, Refusal
-
 
 SAMPLERS: Mapping[str, Callable[[Approximate, int, int, int, int], Chains]] = {
     "nuts": by_nuts,

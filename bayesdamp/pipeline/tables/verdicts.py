@@ -86,12 +86,13 @@ def row_of(v: Verdict) -> dict[str, object]:
         "restoring_probability": v.restoring_probability,
         "unexplained_pct": v.unexplained_pct,
         "noise_pct": v.noise_pct,
+        "midline_drift_pct": v.midline_drift_pct,
         "energy": " ".join(f"{s.term}:{s.share:.4g}({s.low:.4g},{s.high:.4g})" for s in v.energy),
         "other_forms": " ".join(f"{b.form.replace(' ', '_')}:{b.share_below:.4g}" for b in v.other_forms),
         "remarks": " ".join(v.remarks),
         "sentence": v.sentence,
     }
-    for name in ("frequency", "exponent", "deviation", "unnamed"):
+    for name in ("frequency", "frequency_at", "exponent", "deviation", "unnamed"):
         one = getattr(v, name)
         if one is not None:
             row |= {name: one.value, f"{name}_low": one.low, f"{name}_high": one.high}

@@ -22,7 +22,8 @@ def sampled_words(found: Agreement) -> str:
     if found.confirms:
         return "Sampling the motions themselves confirms it."
     if found.same:
-        return f"Sampling the motions themselves moves the damping ratio by {found.moved:.1f} standard deviations:"
+        by = f"{found.moved:.1f} of those standard deviations"
+        return f"Sampling the motions themselves moves the damping ratio by {by}:"
     return "Sampling the motions themselves corrects it:"
 
 

@@ -7,8 +7,15 @@ import math
 import numpy as np
 import pytest
 from scipy.integrate import quad
+from scipy.special import ellipk
 
-from bayesdamp.inference.deviation.orbit import cycle_at, natural_frequency, rest_of
+from bayesdamp.inference.deviation.orbit import (
+    balanced_frequency,
+    cycle_at,
+    natural_frequency,
+    orbit_at,
+    rest_of,
+)
 from bayesdamp.physics.damping import PAPER_TERMS
 from bayesdamp.physics.restoring import LAWS
 
@@ -88,6 +95,13 @@ def test_rest_and_frequency() -> None:
     assert rest_of("duffing", law, 0.0, 0.5) == pytest.approx(-0.3, abs=1e-9)
     assert rest_of("duffing", law, 5.0, 0.5) is None
     assert natural_frequency("duffing", law, -0.3, 0.3) == pytest.approx(math.sqrt(20), rel=1e-6)
+    # At an amplitude a pendulum's is that of the elliptic integral; the first harmonic alone is 4e-4 off.
+    orbit, pendulum = orbit_at(1.0, "pendulum", (20.0, 0.0), 0.0), np.array([20.0, 0.0])
+    exact = math.sqrt(20) * math.pi / 2 / ellipk(math.sin(0.5) ** 2)
+    assert orbit is not None
+    assert orbit.frequency == pytest.approx(exact, rel=1e-10)
+    assert balanced_frequency("pendulum", pendulum, 0.0, 1.0) == pytest.approx(exact, rel=1e-3)
+    assert balanced_frequency("pendulum", pendulum, 0.0, 1.0) != pytest.approx(exact, rel=1e-4)
     paper = np.array([20.0, 1.0, 0.0])
     rest = rest_of("horizontal_pendulum", paper, 0.0, 1.0)
     assert rest is not None

@@ -16,7 +16,7 @@ from bayesdamp.report.sections._layout import ANCHOR, by_signal
 from bayesdamp.report.sections._section import Section
 from bayesdamp.types import OK
 from bayesdamp.verdict.types import Grade, Verdict
-from bayesdamp.verdict.words import energy_of, loses_like, with_interval
+from bayesdamp.verdict.words import energy_of, extrapolated, loses_like, with_interval
 
 GIVEN = 1e-6
 """Width of a frequency's interval, as a share of it, below which the frequency was given and not found."""
@@ -136,7 +136,12 @@ def _numbers(v) -> list[tuple[str, str]]:
         shown = (
             f"{f.value:.5g} {f.unit}, given" if known else with_interval(f.value, f.low, f.high, f" {f.unit}")
         )
-        found.append(("natural frequency", shown))
+        name, at = "natural frequency", v.frequency_at
+        if at is not None and extrapolated(f, at):
+            seen = with_interval(at.value, at.low, at.high, " Hz")
+            found.append((f"frequency at {at.amplitude:.2g} {at.unit}", seen))
+            name = "natural frequency, extrapolated to small oscillations"
+        found.append((name, shown))
     if v.damping_ratio:
         r = v.damping_ratio[len(v.damping_ratio) // 2]
         found.append(
