@@ -12,6 +12,7 @@ from bayesdamp.inference.deviation.candidate import Candidate
 from bayesdamp.inference.deviation.data import Data, prepared
 from bayesdamp.inference.deviation.numbers.averaging import START, averaging_of, set_right
 from bayesdamp.inference.deviation.numbers.exponent import exponents_of
+from bayesdamp.inference.deviation.numbers.rivals import with_rivals
 from bayesdamp.inference.deviation.weighing import Known, Weighing, weigh_all
 from bayesdamp.inference.model.defaults import Reference
 from bayesdamp.physics.damping import all_sums, parse_model
@@ -51,6 +52,7 @@ def weighing_of(
         )  # fmt: skip
         data = prepared(signal, average=not _start_known(known, laws))
         weighing = _weighed(of, data, signal, approximate)
+        weighing = with_rivals(weighing, approximate)
         return replace(weighing, exponents=exponents_of(weighing, approximate))
 
 

@@ -81,7 +81,6 @@ def single(
             known=known,
             priors=priors,
             reference=reference,
-            forms=False,
         )
     result = next((r for r in weighing.results if set(r.candidate.damping) == set(damping)), None)
     if result is None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
-from itertools import combinations
 
 import numpy as np
 
@@ -28,7 +27,7 @@ from bayesdamp.inference.deviation.least_squares import Fit, fit
 from bayesdamp.inference.deviation.orbit import rest_of
 from bayesdamp.inference.model.defaults import Reference
 from bayesdamp.machine.threads import at_once
-from bayesdamp.physics.damping import PAPER_TERMS, TERMS
+from bayesdamp.physics.damping import TERMS
 from bayesdamp.physics.kernel import Motion, Solver
 from bayesdamp.physics.kernel.averaged import AveragedSolver
 from bayesdamp.priors import Prior
@@ -42,8 +41,6 @@ USUAL = 0.01
 """The share under which candidates are compared where the record tells none from it."""
 LEAD = 3.0
 """Nats by which another ε must be ahead of the usual one."""
-FORM, LIKE = "displacement", "quadratic"
-"""The form that is weighed as a rival, and the term whose place it takes: both grow with the amplitude."""
 Known = Mapping[str, float] | Callable[[str], Mapping[str, float]]
 START = ("theta0", "omega0")
 ROUNDS = 2
@@ -119,13 +116,11 @@ def weigh_all(
     priors: Mapping[str, Prior] | None = None,
     reference: Reference | None = None,
     approximate: bool = True,
-    forms: bool = True,
 ) -> Weighing:
     """Fit and weigh candidates; those under one law begin with the sum of all terms.
 
     known: values of parameters, `noise_sd` among them, or a function of a law's name that gives them; priors: by
-    parameter; approximate: whether deviations from the laws are weighed too; forms: whether rivals with another form
-    of damping are.
+    parameter; approximate: whether deviations from the laws are weighed too.
     """
     priors = dict(priors or {})
     known_under = known if callable(known) else lambda _: known or {}
@@ -209,45 +204,10 @@ def weigh_all(
     # In an order that does not depend on which core was first.
     order = dict.fromkeys([*every, *(Candidate(terms, law) for law in laws), *candidates])
     refused = {c: refused[c] for c in order if c in refused}
-    weighing = Weighing(
+    return Weighing(
         data, reference, epsilon, tuple(frictions), solvers, tuple(results), variance, kappa, refused,
         noise_known=stated is not None,
     )  # fmt: skip
-    if forms and results:
-        weighing = replace(weighing, forms=_rivals(weighing, approximate))
-    return weighing
-
-
-def _rivals(weighing: Weighing, approximate: bool) -> tuple[Result, ...]:
-    """Rivals with another form of damping under the likeliest restoring law."""
-    data, reference = weighing.data, weighing.reference
-    best = max(weighing.results, key=lambda r: r.log_evidence)
-    law, near = best.candidate.restoring, best.fit.parameters.named(best.fit.z)
-    plain = weighing.solvers[law]
-    values = best.fit.parameters.values(best.fit.z)[plain.law_places]
-    at = rest_of(law, values, data.rest, 2 * data.amplitude)
-    given = reference.scales(data.rest if at is None else at)
-    fixed = {
-        n: v for n, v in best.fit.parameters.known.items() if n in plain.names[plain.law_places] or n in START
-    }
-    noise, stated = (weighing.variance, weighing.inflation), weighing.noise_known
-
-    def weighed(c: Candidate) -> Result | None:
-        parameters = parameters_of(c, solver, data, reference, {}, {**fixed, **given})
-        first = first_values(c, data, fixed)
-        begun = {**near, **{n: first[n] for n in _coefficients(c)}}
-        found = searched(c, solver, data, parameters, [begun], windows=False)
-        return None if found is None else result_of(c, solver, found, data, noise, approximate, stated)
-
-    paper = tuple(t for t in plain.terms if t in PAPER_TERMS)
-    if FORM in plain.terms:
-        return ()
-    solver = replace(plain, terms=(*paper, FORM))
-    rest = [t for t in paper if t != LIKE]
-    sums = [(*c, FORM) for n in range(len(rest) + 1) for c in combinations(rest, n)]
-    assert solver.kernel
-    rivals = at_once(weighed, [Candidate(terms, law) for terms in sums])
-    return tuple(r for r in rivals if r is not None)
 
 
 def _given(

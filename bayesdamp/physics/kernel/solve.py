@@ -17,8 +17,8 @@ MOST_A_CYCLE = 4000
 """Steps in a cycle after which a motion is given up."""
 QUANTITIES = ("angle", "velocity", "acceleration")
 NONE, PARAMETERS, ALL = 0, 1, 2
-SHARED = (*PAPER_TERMS, "displacement")
-"""Terms that every record is weighed under."""
+SHARED = (*PAPER_TERMS, "displacement", "stribeck")
+"""Terms that every record is weighed under, rivals among them."""
 
 
 @dataclass(frozen=True)

@@ -19,6 +19,7 @@ def warm() -> None:
                 "theta0": 0.1,
                 "exponent": 1.0,
                 "reference_velocity": 0.4,
+                "stribeck_velocity": 0.1,
             }
             p = np.array([values.get(name, 0.0) for name in solver.names])
             active = np.ones(len(terms), bool)

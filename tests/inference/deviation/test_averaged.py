@@ -155,7 +155,7 @@ def both(name: str) -> tuple[Weighing, Weighing]:
     law = truth(name)[0]
     candidates = [Candidate(c, law) for c in (("viscous",), ("viscous", "quadratic"))]
     few = weighing_of(signal, damping=["viscous", "viscous+quadratic"], restoring=[law])
-    return few, weigh_all(prepared(signal, average=False), candidates, forms=False)
+    return few, weigh_all(prepared(signal, average=False), candidates)
 
 
 def test_the_answer_is_that_of_the_equation_of_motion() -> None:

@@ -40,7 +40,8 @@ def ratio(amplitude: float) -> float:
 def test_probabilities_are_probabilities(weighing: Weighing) -> None:
     for exact in (True, False):
         each = probabilities(weighing, exact)
-        assert len(each) == 7 + 4  # and those with another form of damping
+        assert len(each) == 7 + len(weighing.forms)
+        assert {"displacement", "stribeck", "power"} <= {r.candidate.damping[-1] for r in weighing.forms}
         assert sum(each.values()) == pytest.approx(1.0)
         by_sum = summed(each, "damping")
         assert sum(by_sum.values()) == pytest.approx(1.0)

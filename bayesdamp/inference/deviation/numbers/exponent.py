@@ -104,14 +104,12 @@ def _problem(
     # About there the size and the exponent are told by themselves.
     middle = Reference(float(np.sqrt(data.amplitude * data.final_amplitude)), data.frequency)
     given = {**known, **middle.scales(data.rest if rest is None else rest)}
-    narrow = min(plain.epsilon, ROUNDED * weighing.reference.peak_velocity)
     c = Candidate(("power",), law)
 
     def solver_of(p: float) -> Solver:
-        # At 1 the width changes nothing; above, a narrow one costs ten times the steps.
-        return replace(plain, terms=("power",), epsilon=narrow if p < 1 else plain.epsilon)
+        return power_solver(weighing, law, p)
 
-    starts: list[Mapping[str, float]] = [{**near, **one} for one in _starts(weighing, best, middle)]
+    starts: list[Mapping[str, float]] = [{**near, **one} for one in power_starts(weighing, best, middle)]
     solver = solver_of(starts[0]["exponent"] if starts else 1.0)
     assert solver.kernel
     parameters = parameters_of(c, solver, data, middle, {}, given)
@@ -153,7 +151,15 @@ def _problem(
     return at, float(parameters.values(top.z)[parameters.names.index("exponent")]), sd
 
 
-def _starts(weighing: Weighing, best: Result, middle: Reference) -> list[dict[str, float]]:
+def power_solver(weighing: Weighing, law: str, p: float) -> Solver:
+    """Of motions under powers of the velocity near p."""
+    plain = weighing.solvers[law]
+    narrow = min(plain.epsilon, ROUNDED * weighing.reference.peak_velocity)
+    # At 1 the width changes nothing; above, a narrow one costs ten times the steps.
+    return replace(plain, terms=("power",), epsilon=narrow if p < 1 else plain.epsilon)
+
+
+def power_starts(weighing: Weighing, best: Result, middle: Reference) -> list[dict[str, float]]:
     """Coefficients and exponents that lose as much as the likeliest sum at the middle amplitude: at first as that
     depends on the amplitude there, then steeper and less steep."""
     law, values, active = best.candidate.restoring, values_of(best), best.fit.active
