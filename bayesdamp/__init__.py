@@ -37,7 +37,7 @@ _HOME = {
     "Estimate": "bayesdamp.interface.estimate",
     "estimate": "bayesdamp.interface.estimate",
     "Fit": "bayesdamp.interface.fit",
-    "Prediction": "bayesdamp.interface.fit",
+    "Prediction": "bayesdamp.interface.prediction",
     "first_words": "bayesdamp.records.oscillation.first_look",
     "fit": "bayesdamp.interface.fit",
     "Density": "bayesdamp.interface.density",
@@ -116,10 +116,11 @@ if TYPE_CHECKING:
     from bayesdamp.interface.density import Density
     from bayesdamp.interface.estimate import Estimate, estimate
     from bayesdamp.interface.evidence import Evidence, evidence
-    from bayesdamp.interface.fit import Fit, Prediction, fit
+    from bayesdamp.interface.fit import Fit, fit
     from bayesdamp.interface.load import load
     from bayesdamp.interface.model import Model
     from bayesdamp.interface.posterior import Posterior, sample
+    from bayesdamp.interface.prediction import Prediction
     from bayesdamp.interface.records.record import Record, read
     from bayesdamp.interface.records.signal import Signal, signal
     from bayesdamp.interface.records.simulate import simulate

@@ -12,7 +12,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from bayesdamp import types
 from bayesdamp.inference.approximate.law import Approximate
-from bayesdamp.inference.checks.checks import laplace_draws
 from bayesdamp.inference.deviation.numbers.quantities import Quantity, quantity
 from bayesdamp.inference.fit.laplace import value_intervals, value_sds
 from bayesdamp.inference.fit.mode import Mode
@@ -27,31 +26,23 @@ from bayesdamp.interface.parts.definitions import units_of
 from bayesdamp.interface.parts.programs import keep_programs
 from bayesdamp.interface.parts.result import Packed, Result
 from bayesdamp.interface.parts.table import Table, number, said
+from bayesdamp.interface.prediction import Prediction, anywhere, asked_motion, within_record
 from bayesdamp.interface.records.signal import Signal
-from bayesdamp.physics.integrate import make_plan
 from bayesdamp.physics.oscillator import Oscillator
-from bayesdamp.physics.solver.plan import QUANTITIES
 from bayesdamp.pipeline.records.stored_modes import packed as packed_mode
 from bayesdamp.pipeline.records.stored_modes import unpacked as unpacked_mode
 from bayesdamp.pipeline.stored_laws import packed as packed_law
 from bayesdamp.pipeline.stored_laws import put_together
 from bayesdamp.pipeline.stored_laws import unpacked as unpacked_law
-from bayesdamp.plugins import nearest
 from bayesdamp.priors import Prior, prior_of
-from bayesdamp.records.oscillation.features import features
 from bayesdamp.store import CellResult
 from bayesdamp.types import OK, InputError, Refusal
-from bayesdamp.units import UNITS
 
 if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.axes import Axes
 
 Vector = NDArray[np.float64]
-BAND = 200
-"""Draws behind a prediction's standard deviation, which they make good to a twentieth of itself."""
-PRECISION = 1e-6
-"""Of a predicted motion, as a share of the record's range."""
 NO_DENSITY = (
     'deviations are integrated out, and there is no density of the parameters alone; give deviation="none"'
 )
@@ -59,18 +50,6 @@ EXACT = (
     'laws are taken to hold exactly: draws have the ratio, in sample(fit).derived; or give deviation="law"'
 )
 _EMPTY = np.empty(0)
-
-
-@dataclass(frozen=True, eq=False)
-class Prediction:
-    """A motion at times t (s, shape (m,)): value at the best fit, and the sd that the parameters' uncertainty gives it
-    (noise not included), both (m,), in `unit`."""
-
-    t: Vector
-    value: Vector
-    sd: Vector
-    quantity: str
-    unit: str
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -157,39 +136,10 @@ class Fit(Result):
         quantity: "angle", "velocity" or "acceleration"; by default the recorded one. Raises InputError for times that
         are outside, Refusal without a fit.
         """
-        times = np.atleast_1d(np.array(t, float))
-        wanted = quantity or self.signal.quantity
-        if wanted not in QUANTITIES:
-            raise InputError(f"predict: unknown quantity {wanted!r}{nearest(wanted, list(QUANTITIES))}")
-        if times.ndim != 1 or not np.all(np.isfinite(times)) or np.any(times < 0):
-            raise InputError("predict: t must be finite times in s from the first sample on, 0 or more")
+        times, wanted = asked_motion(t, quantity or self.signal.quantity)
         if self.law is not None:
-            return self._predicted(self.law, times, wanted)
-        target, mode = self.engine
-        grid, at = np.unique(np.concatenate([[0.0], times]), return_inverse=True)
-        derivatives = QUANTITIES.index(wanted) - QUANTITIES.index(self.signal.quantity)
-        size = float(np.ptp(self.signal.y)) * features(self.signal).frequency ** derivatives
-        plan = make_plan(target.oscillator, target.all_values(mode.z), grid, wanted, PRECISION * size)
-        z = laplace_draws(target, mode, BAND, 0)
-        every = {**{n: np.full(BAND, float(v)) for n, v in target.known.items()}, **target.values(z)}
-        band = plan.many_at_samples(target.oscillator, every)
-        value = plan.at_samples(target.oscillator, target.all_values(mode.z))
-        here = at[1:]
-        unit = UNITS[self.signal.unit].of(wanted)
-        return Prediction(times, value[here], band.std(axis=0)[here], wanted, unit)
-
-    def _predicted(self, law: Approximate, times: Vector, wanted: str) -> Prediction:
-        """Within the part of the record that was read."""
-        end = float(law.knots[-1])
-        if times.max(initial=0.0) > end:
-            raise InputError(
-                f"predict: t goes to {times.max():.6g} s; the record is read to {end:.6g} s, and how the law deviates "
-                'later is not known; give deviation="none" to go on'
-            )
-        grid, at = np.unique(times, return_inverse=True)
-        every = law.motions(np.concatenate([law.best, law.scores[:: len(law.scores) // BAND]]), grid, wanted)
-        band = np.nanstd(every[1:], axis=0)
-        return Prediction(times, every[0][at], band[at], wanted, UNITS[self.signal.unit].of(wanted))
+            return within_record(self.law, self.signal, times, wanted)
+        return anywhere(*self.engine, self.signal, times, wanted)
 
     def summary(self) -> pd.DataFrame:
         """A row for each inferred parameter: value, sd (and its parts where laws may hold approximately), the 95 %

@@ -7,8 +7,6 @@ import json
 import re
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
-from html.parser import HTMLParser
-from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -16,7 +14,7 @@ import pytest
 from rich.console import Console
 
 from bayesdamp.report import render
-from bayesdamp.report.results.reading import coefficients, models_by_rank, models_kept, ranking
+from bayesdamp.report.results.reading import coefficients, models_by_rank, models_kept
 from bayesdamp.report.results.run import Run
 from bayesdamp.report.sections import SECTIONS, Section, in_order
 from bayesdamp.report.sections._layout import drawn
@@ -24,48 +22,7 @@ from bayesdamp.report.sections.study.asked import _sentences
 from bayesdamp.report.terminal import conclude
 from bayesdamp.store import CellResult, Store, write_json
 from bayesdamp.store.folders import claim
-from bayesdamp.types import InputError
-
-
-class Page(HTMLParser):
-    """Collects what a page loads, its identifiers and its text, and checks that tags close in order."""
-
-    VOID = frozenset({"meta", "img", "br", "link", "input", "hr", "source"})
-
-    def __init__(self, html: str) -> None:
-        super().__init__()
-        self.loads: list[str] = []
-        self.ids: list[str] = []
-        self.text: list[str] = []
-        self.open: list[str] = []
-        self.feed(html)
-        self.close()
-        assert self.open == []
-
-    def handle_starttag(self, tag, attrs):
-        if tag not in self.VOID:
-            self.open.append(tag)
-        for name, value in attrs:
-            if name in ("src", "href", "data", "srcset", "action"):
-                self.loads.append(value or "")
-            if name == "id":
-                self.ids.append(value or "")
-
-    def handle_endtag(self, tag):
-        assert self.open.pop() == tag
-
-    def handle_data(self, data):
-        self.text.append(data)
-
-    @property
-    def words(self) -> str:
-        return re.sub(r"\s+", " ", " ".join(self.text))
-
-
-def foreign(html: str) -> list[str]:
-    """Everything that a browser would fetch from elsewhere."""
-    loads = [load for load in Page(html).loads if not load.startswith(("data:", "#"))]
-    return loads + re.findall(r"@import[^;]*|url\([^)]*\)|https?://[^\s\"'<]+", html)
+from tests.report.pages import Page, foreign
 
 
 @pytest.fixture(scope="module")
@@ -182,84 +139,6 @@ def test_a_section_is_one_class(tmp_path):
     assert "said by a plug-in" not in render(tmp_path).read_text()
 
 
-def test_an_empty_run_says_so(tmp_path):
-    claim(tmp_path)
-    write_json(tmp_path / "run.json", {})
-    words = Page(render(tmp_path).read_text()).words
-    assert "holds no signal yet" in words
-
-
-def without(folder: Path, *kinds: str) -> None:
-    for path in (folder / "cells").rglob("*.npz"):
-        if path.relative_to(folder / "cells").parts[0] in kinds:
-            path.unlink()
-
-
-@pytest.mark.parametrize(
-    ("missing", "cells", "said"),
-    [
-        (["estimates.csv"], ["estimate"], "No estimator ran in this study."),
-        (["posteriors.csv"], ["posterior"], "No posterior was sampled in this study."),
-        (["evidence.csv"], ["evidence"], "Which damping it is was not decided: no evidence was computed."),
-        (["fits.csv"], ["mode"], "No model was fitted in this study."),
-        ([], ["signal"], "The record is not in this folder."),
-        ([], ["mode"], "No fit of viscous + Coulomb is stored."),
-        ([], ["posterior", "estimate", "evidence", "mode", "signal"], "damping is most likely viscous"),
-        (
-            ["estimates.csv", "posteriors.csv", "evidence.csv", "fits.csv"],
-            ["posterior", "estimate", "evidence", "mode"],
-            "Nothing was computed for this signal.",
-        ),
-    ],
-)
-def test_what_is_missing_is_said(maker, missing, cells, said):
-    folder = maker.make()
-    for name in missing:
-        (folder / name).unlink()
-    without(folder, *cells)
-    assert said in Page(render(folder).read_text()).words
-
-
-def test_a_damaged_cell_is_missing_not_fatal(maker):
-    folder = maker.make()
-    path = folder / "cells" / "mode" / "sim" / "0" / "viscous.npz"
-    path.write_bytes(path.read_bytes()[:1000])
-    assert "No fit of viscous is stored." in Page(render(folder).read_text()).words
-
-
-def test_a_refusal_is_shown(maker):
-    folder = maker.make()
-    maker.store.write(CellResult("mode/sim/0/viscous", "k", {}, {}, "not applicable: a record without noise"))
-    words = Page(render(folder).read_text()).words
-    assert "No fit of viscous: not applicable: a record without noise" in words
-    assert "1 task ended with a sentence instead of a result" in words
-
-
-def test_poor_evidence_is_not_to_be_believed(maker):
-    folder = maker.make()
-    text = (folder / "evidence.csv").read_text()
-    assert "was weighed by bridge" not in Page(render(folder).read_text()).words
-    text = re.sub(r"(bridge,[^,]*,[^,]*,[^,]*,[^,]*,[^,]*),,ok", r"\1,halves apart,not settled", text)
-    (folder / "evidence.csv").write_text(text)
-    words = Page(render(folder).read_text()).words
-    assert "that viscous was weighed by bridge: not settled" in words
-
-
-def test_methods_that_disagree_are_named(maker):
-    folder = maker.make()
-    run = Run(folder)
-    agreed = ranking(run, "sim", 0)
-    assert agreed
-    assert agreed.others == {}
-    for row in run.evidence:
-        if row["method"] == "importance":
-            row["probability"] = 1 - row["probability"]
-    found = ranking(run, "sim", 0)
-    assert found
-    assert found.method == "bridge"
-    assert found.others == {"importance": "viscous + Coulomb"}
-
-
 def test_text_of_the_user_is_escaped(maker):
     folder = maker.make()
     info = json.loads((folder / "run.json").read_text())
@@ -309,27 +188,6 @@ def test_draws_with_nan_are_not_drawn(maker):
     draws[0, 0, 0] = np.nan
     maker.store.write(CellResult(cell.name, cell.key, cell.meta, {"draws": draws}))
     assert "marginal posterior of each parameter by emcee." in Page(render(folder).read_text()).words
-
-
-def test_a_folder_that_is_no_run(tmp_path):
-    with pytest.raises(InputError, match=r"no run\.json here; give the folder of a run"):
-        render(tmp_path)
-    with pytest.raises(InputError, match=r"no run\.json here"):
-        render(tmp_path / "absent")
-    (tmp_path / "run.json").write_text('{"name": ')
-    with pytest.raises(InputError, match=r"run\.json: cannot be read"):
-        render(tmp_path)
-    (tmp_path / "run.json").write_text("[]")
-    with pytest.raises(InputError, match=r"run\.json: holds no description of a run"):
-        render(tmp_path)
-    assert not (tmp_path / "report.html").exists()
-
-
-def test_a_table_of_another_program(maker):
-    folder = maker.make()
-    (folder / "fits.csv").write_text("a,b\n1,2\n")
-    with pytest.raises(InputError, match=r"fits\.csv: column model, predictive_p"):
-        render(folder)
 
 
 def test_what_methods_found_besides(maker):

@@ -1,16 +1,15 @@
-"""Every format written by its own library, or by hand, and read back: values, rates, units, names, runs."""
+"""Every format read back: values, rates, units, names, runs."""
 
 from __future__ import annotations
 
 import json
 import re
 import wave
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.io import savemat, wavfile
+from scipy.io import savemat
 
 from bayesdamp.records.files.contents import Contents, Reader
 from bayesdamp.records.opening.opening import contents, read_packed
@@ -19,180 +18,7 @@ from bayesdamp.records.read import read_record, read_records
 from bayesdamp.records.readers import READERS
 from bayesdamp.records.record import RawRecord
 from bayesdamp.types import InputError
-
-RATE = 50.0
-T = np.arange(600) / RATE
-Y = 0.3 * np.exp(-0.1 * T) * np.cos(6 * T)
-Z = 0.2 * np.exp(-0.15 * T) * np.cos(7 * T + 1)
-
-
-def uff(path: Path, even: int = 1, names: tuple[str, ...] = ("arm", "beam")) -> None:
-    import pyuff
-
-    file = pyuff.UFF(str(path))
-    for name, y in zip(names, (Y, Z), strict=False):
-        data = pyuff.prepare_58(
-            binary=0,
-            func_type=1,
-            rsp_ent_name=name,
-            rsp_node=0,
-            rsp_dir=0,
-            ref_node=0,
-            ref_dir=0,
-            data=y,
-            x=T,
-            id1="a record",
-            abscissa_spacing=even,
-            abscissa_min=0.0,
-            abscissa_inc=1 / RATE,
-            abscissa_spec_data_type=17,
-            ordinate_spec_data_type=12,
-            orddenom_spec_data_type=0,
-            ordinate_axis_units_lab="m/s^2",
-        )
-        file.write_sets(data, mode="add" if path.exists() else "overwrite")
-
-
-def binary_uff(path: Path) -> None:
-    """A data set 58b by hand, after the standard: pyuff's own writer doubles the first line."""
-    uff(path.with_suffix(".ascii"))
-    sets = path.with_suffix(".ascii").read_text(encoding="utf-8")
-    sets = re.split(r"    -1\n    58 *\n", sets)[1:]
-    parts = []
-    for text, y in zip(sets, (Y, Z), strict=True):
-        head = "".join(text.splitlines(keepends=True)[:11])
-        mark = f"    -1\n{58:6d}b{1:6d}{2:6d}{11:12d}{8 * y.size:12d}{0:6d}{0:6d}{0:12d}{0:12d}\n"
-        parts.append((mark + head).encode() + y.astype("<f8").tobytes() + b"\n    -1\n")
-    path.write_bytes(b"".join(parts))
-
-
-def test_a_tdms_file_that_was_cut_off_says_so(tmp_path: Path) -> None:
-    whole, cut = tmp_path / "whole.tdms", tmp_path / "cut.tdms"
-    tdms(whole)
-    cut.write_bytes(whole.read_bytes()[:-800])
-    assert contents(whole).warnings == ()
-    (note,) = contents(cut).warnings
-    assert re.search(r"^the file is cut off .* \d+ samples of a channel are missing", note)
-
-
-def tdms(path: Path) -> None:
-    from nptdms import ChannelObject, RootObject, TdmsWriter
-
-    said = {"wf_increment": 1 / RATE, "wf_start_offset": 0.0, "unit_string": "deg"}
-    with TdmsWriter(path) as writer:
-        writer.write_segment(
-            [
-                RootObject({"operator": "somebody"}),
-                ChannelObject("Bench", "roll", Y, said),
-                ChannelObject("Bench", "pitch", Z, said),
-            ]
-        )
-
-
-def lvm(path: Path) -> None:
-    head = [
-        "LabVIEW Measurement\t",
-        "Writer_Version\t2",
-        "Separator\tTab",
-        "Decimal_Separator\t,",
-        "X_Columns\tNo",
-        "Date\t2024/05/03",
-        "***End_of_Header***\t",
-        "\t",
-        "Channels\t2\t\t",
-        "Samples\t600\t600\t",
-        "Y_Unit_Label\tmm\tmm\t",
-        "X0\t0,0\t0,0\t",
-        "Delta_X\t0,02\t0,02\t",
-        "***End_of_Header***\t\t\t",
-        "X_Value\tfront\tback\tComment",
-    ]
-    rows = [f"\t{y!r}\t{z!r}".replace(".", ",") for y, z in zip(Y.tolist(), Z.tolist())]
-    path.write_text("\n".join([*head, *rows]) + "\n", encoding="utf-8")
-
-
-def excel(path: Path) -> None:
-    import openpyxl
-
-    book = openpyxl.Workbook()
-    for i, y in enumerate((Y, Z)):
-        sheet = book.active if i == 0 else book.create_sheet("Second")
-        assert sheet is not None
-        sheet.title = ("First", "Second")[i]
-        sheet.append(["Time (s)", "Angle (deg)"])
-        for row in zip(T.tolist(), y.tolist()):
-            sheet.append(row)
-    book.create_sheet("Remarks").append(["nothing here"])
-    book.save(path)
-
-
-def parquet(path: Path) -> None:
-    import pyarrow
-    import pyarrow.parquet
-
-    stamps = (
-        np.datetime64("2024-05-03T10:00:00", "us") + np.round(T * 1e6).astype("timedelta64[us]")
-    ).astype("M8[us]")
-    schema = pyarrow.schema(
-        [
-            pyarrow.field("stamp", pyarrow.timestamp("us")),
-            pyarrow.field("x", pyarrow.float64(), metadata={"unit": "mm"}),
-        ]
-    )
-    pyarrow.parquet.write_table(pyarrow.table([stamps, Y], schema=schema), path)
-
-
-def hdf5(path: Path) -> None:
-    import h5py
-
-    with h5py.File(path, "w") as file:
-        data = file.create_dataset("bench/accelerometer", data=Y)
-        data.attrs["units"] = "g"
-        data.attrs["sample_rate"] = RATE
-
-
-def matlab_73(path: Path) -> None:
-    """As MATLAB lays it out: cells are references, words are numbers of characters."""
-    import h5py
-
-    with h5py.File(path, "w", userblock_size=512) as file:
-        file["t"] = T[None, :]
-        cells = []
-        for i, y in enumerate((Y, Z)):
-            file[f"#refs#/{'ab'[i]}"] = y[None, :]
-            cells.append(file[f"#refs#/{'ab'[i]}"].ref)
-        runs = file.create_dataset("angles", (2, 1), dtype=h5py.ref_dtype)
-        runs[:, 0] = cells
-        runs.attrs["MATLAB_class"] = np.bytes_("cell")
-        note = file.create_dataset("who", data=np.array([[97], [98]], np.uint16))
-        note.attrs["MATLAB_class"] = np.bytes_("char")
-    with path.open("r+b") as file:
-        file.write(b"MATLAB 7.3 MAT-file, Platform: GLNXA64".ljust(124) + b"\0\2IM")
-
-
-def wav(path: Path) -> None:
-    wavfile.write(path, int(RATE), np.round(1e4 * np.stack([Y, Z], axis=1)).astype(np.int16))
-
-
-def write_json(path: Path) -> None:
-    path.write_text(json.dumps({"sample_rate": RATE, "unit": "deg", "roll": Y.tolist()}), encoding="utf-8")
-
-
-Check = tuple[Callable[[Path], object], int, str, str, float | None]
-FORMATS: dict[str, tuple[str, Callable[[Path], object], list[str], str, str, float | None]] = {
-    # file, writer, channels, unit, quantity, rate where the file has no column of times
-    "UFF ascii": ("a.uff", uff, ["arm", "beam"], "m", "acceleration", RATE),
-    "UFF binary": ("b.unv", binary_uff, ["arm", "beam"], "m", "acceleration", RATE),
-    "UFF uneven": ("c.uff", lambda p: uff(p, even=0), ["arm", "beam"], "m", "acceleration", None),
-    "UFF named as text": ("d.txt", uff, ["arm", "beam"], "m", "acceleration", RATE),
-    "TDMS": ("a.tdms", tdms, ["roll", "pitch"], "deg", "angle", RATE),
-    "LVM": ("a.lvm", lvm, ["front", "back"], "mm", "angle", RATE),
-    "Excel": ("a.xlsx", excel, ["First.Angle (deg)", "Second.Angle (deg)"], "deg", "angle", None),
-    "Parquet": ("a.parquet", parquet, ["x"], "mm", "angle", None),
-    "HDF5": ("a.h5", hdf5, ["bench.accelerometer"], "g", "acceleration", RATE),
-    "WAV": ("a.wav", wav, ["channel 1", "channel 2"], "counts", "angle", RATE),
-    "JSON": ("a.json", write_json, ["roll"], "deg", "angle", RATE),
-}
+from tests.records.readers.written import FORMATS, RATE, T, Y, Z, excel, matlab_73, parquet, tdms, uff
 
 
 @pytest.mark.parametrize("what", FORMATS)
@@ -226,6 +52,15 @@ def times(record: RawRecord, rate: float | None) -> None:
     else:
         assert record.t is None
         assert record.rate == pytest.approx(rate, rel=1e-12)
+
+
+def test_a_tdms_file_that_was_cut_off_says_so(tmp_path: Path) -> None:
+    whole, cut = tmp_path / "whole.tdms", tmp_path / "cut.tdms"
+    tdms(whole)
+    cut.write_bytes(whole.read_bytes()[:-800])
+    assert contents(whole).warnings == ()
+    (note,) = contents(cut).warnings
+    assert re.search(r"^the file is cut off .* \d+ samples of a channel are missing", note)
 
 
 def test_cells_and_structs_of_matlab_are_runs(tmp_path: Path) -> None:

@@ -1,0 +1,79 @@
+"""What a fit says of the motion at times that nobody recorded."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from bayesdamp.inference.approximate.law import Approximate
+from bayesdamp.inference.checks.checks import laplace_draws
+from bayesdamp.inference.fit.mode import Mode
+from bayesdamp.inference.model.target import Target
+from bayesdamp.interface.records.signal import Signal
+from bayesdamp.physics.integrate import make_plan
+from bayesdamp.physics.solver.plan import QUANTITIES
+from bayesdamp.plugins import nearest
+from bayesdamp.records.oscillation.features import features
+from bayesdamp.types import InputError
+from bayesdamp.units import UNITS
+
+Vector = NDArray[np.float64]
+BAND = 200
+"""Draws behind a prediction's standard deviation, which they make good to a twentieth of itself."""
+PRECISION = 1e-6
+"""Of a predicted motion, as a share of the record's range."""
+
+
+@dataclass(frozen=True, eq=False)
+class Prediction:
+    """A motion at times t (s, shape (m,)): value at the best fit, and the sd that the parameters' uncertainty gives it
+    (noise not included), both (m,), in `unit`."""
+
+    t: Vector
+    value: Vector
+    sd: Vector
+    quantity: str
+    unit: str
+
+
+def asked_motion(t: ArrayLike, quantity: str) -> tuple[Vector, str]:
+    """Times, (m,), and quantity. Raises InputError for what no motion has."""
+    if quantity not in QUANTITIES:
+        raise InputError(f"predict: unknown quantity {quantity!r}{nearest(quantity, list(QUANTITIES))}")
+    try:
+        times = np.atleast_1d(np.array(t, float))
+    except (TypeError, ValueError):
+        raise InputError("predict: t must be numbers, in s from the first sample on") from None
+    if times.ndim != 1 or not np.all(np.isfinite(times)) or np.any(times < 0):
+        raise InputError("predict: t must be finite times in s from the first sample on, 0 or more")
+    return times, quantity
+
+
+def anywhere(target: Target, mode: Mode, signal: Signal, times: Vector, wanted: str) -> Prediction:
+    """Where laws hold exactly: at times (m,) within the record or beyond it."""
+    grid, at = np.unique(np.concatenate([[0.0], times]), return_inverse=True)
+    derivatives = QUANTITIES.index(wanted) - QUANTITIES.index(signal.quantity)
+    size = float(np.ptp(signal.y)) * features(signal).frequency ** derivatives
+    plan = make_plan(target.oscillator, target.all_values(mode.z), grid, wanted, PRECISION * size)
+    z = laplace_draws(target, mode, BAND, 0)
+    every = {**{n: np.full(BAND, float(v)) for n, v in target.known.items()}, **target.values(z)}
+    band = plan.many_at_samples(target.oscillator, every)
+    value = plan.at_samples(target.oscillator, target.all_values(mode.z))
+    here = at[1:]
+    return Prediction(times, value[here], band.std(axis=0)[here], wanted, UNITS[signal.unit].of(wanted))
+
+
+def within_record(law: Approximate, signal: Signal, times: Vector, wanted: str) -> Prediction:
+    """Where laws hold approximately: within the part of the record that was read. Raises InputError beyond it."""
+    end = float(law.knots[-1])
+    if times.max(initial=0.0) > end:
+        raise InputError(
+            f"predict: t goes to {times.max():.6g} s; the record is read to {end:.6g} s, and how the law deviates "
+            'later is not known; give deviation="none" to go on'
+        )
+    grid, at = np.unique(times, return_inverse=True)
+    every = law.motions(np.concatenate([law.best, law.scores[:: len(law.scores) // BAND]]), grid, wanted)
+    band = np.nanstd(every[1:], axis=0)
+    return Prediction(times, every[0][at], band[at], wanted, UNITS[signal.unit].of(wanted))

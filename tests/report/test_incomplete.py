@@ -1,0 +1,115 @@
+"""The report of a folder in which something is missing, damaged, refused or in doubt."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+from bayesdamp.report import render
+from bayesdamp.report.results.reading import ranking
+from bayesdamp.report.results.run import Run
+from bayesdamp.store import CellResult, write_json
+from bayesdamp.store.folders import claim
+from bayesdamp.types import InputError
+from tests.report.pages import Page
+
+
+def test_an_empty_run_says_so(tmp_path):
+    claim(tmp_path)
+    write_json(tmp_path / "run.json", {})
+    words = Page(render(tmp_path).read_text()).words
+    assert "holds no signal yet" in words
+
+
+def without(folder: Path, *kinds: str) -> None:
+    for path in (folder / "cells").rglob("*.npz"):
+        if path.relative_to(folder / "cells").parts[0] in kinds:
+            path.unlink()
+
+
+@pytest.mark.parametrize(
+    ("missing", "cells", "said"),
+    [
+        (["estimates.csv"], ["estimate"], "No estimator ran in this study."),
+        (["posteriors.csv"], ["posterior"], "No posterior was sampled in this study."),
+        (["evidence.csv"], ["evidence"], "Which damping it is was not decided: no evidence was computed."),
+        (["fits.csv"], ["mode"], "No model was fitted in this study."),
+        ([], ["signal"], "The record is not in this folder."),
+        ([], ["mode"], "No fit of viscous + Coulomb is stored."),
+        ([], ["posterior", "estimate", "evidence", "mode", "signal"], "damping is most likely viscous"),
+        (
+            ["estimates.csv", "posteriors.csv", "evidence.csv", "fits.csv"],
+            ["posterior", "estimate", "evidence", "mode"],
+            "Nothing was computed for this signal.",
+        ),
+    ],
+)
+def test_what_is_missing_is_said(maker, missing, cells, said):
+    folder = maker.make()
+    for name in missing:
+        (folder / name).unlink()
+    without(folder, *cells)
+    assert said in Page(render(folder).read_text()).words
+
+
+def test_a_damaged_cell_is_missing_not_fatal(maker):
+    folder = maker.make()
+    path = folder / "cells" / "mode" / "sim" / "0" / "viscous.npz"
+    path.write_bytes(path.read_bytes()[:1000])
+    assert "No fit of viscous is stored." in Page(render(folder).read_text()).words
+
+
+def test_a_refusal_is_shown(maker):
+    folder = maker.make()
+    maker.store.write(CellResult("mode/sim/0/viscous", "k", {}, {}, "not applicable: a record without noise"))
+    words = Page(render(folder).read_text()).words
+    assert "No fit of viscous: not applicable: a record without noise" in words
+    assert "1 task ended with a sentence instead of a result" in words
+
+
+def test_poor_evidence_is_not_to_be_believed(maker):
+    folder = maker.make()
+    text = (folder / "evidence.csv").read_text()
+    assert "was weighed by bridge" not in Page(render(folder).read_text()).words
+    text = re.sub(r"(bridge,[^,]*,[^,]*,[^,]*,[^,]*,[^,]*),,ok", r"\1,halves apart,not settled", text)
+    (folder / "evidence.csv").write_text(text)
+    words = Page(render(folder).read_text()).words
+    assert "that viscous was weighed by bridge: not settled" in words
+
+
+def test_methods_that_disagree_are_named(maker):
+    folder = maker.make()
+    run = Run(folder)
+    agreed = ranking(run, "sim", 0)
+    assert agreed
+    assert agreed.others == {}
+    for row in run.evidence:
+        if row["method"] == "importance":
+            row["probability"] = 1 - row["probability"]
+    found = ranking(run, "sim", 0)
+    assert found
+    assert found.method == "bridge"
+    assert found.others == {"importance": "viscous + Coulomb"}
+
+
+def test_a_folder_that_is_no_run(tmp_path):
+    with pytest.raises(InputError, match=r"no run\.json here; give the folder of a run"):
+        render(tmp_path)
+    with pytest.raises(InputError, match=r"no run\.json here"):
+        render(tmp_path / "absent")
+    (tmp_path / "run.json").write_text('{"name": ')
+    with pytest.raises(InputError, match=r"run\.json: cannot be read"):
+        render(tmp_path)
+    (tmp_path / "run.json").write_text("[]")
+    with pytest.raises(InputError, match=r"run\.json: holds no description of a run"):
+        render(tmp_path)
+    assert not (tmp_path / "report.html").exists()
+
+
+def test_a_table_of_another_program(maker):
+    folder = maker.make()
+    (folder / "fits.csv").write_text("a,b\n1,2\n")
+    with pytest.raises(InputError, match=r"fits\.csv: column model, predictive_p"):
+        render(folder)
