@@ -35,3 +35,13 @@ def test_what_was_not_measured_again_is_kept(tmp_path: Path) -> None:
     write(ledger(one=10.0, other=3.0), tmp_path)
     write(ledger(one=11.0), tmp_path)
     assert before(tmp_path) == {"one": 11.0, "other": 3.0}
+
+
+def test_a_run_that_was_not_whole_is_said_to_be_none(tmp_path: Path) -> None:
+    every = ("test_a.py", "test_b.py")
+    write(ledger(one=10.0), tmp_path, every, every)
+    assert "measured all of it" in (tmp_path / "README.md").read_text(encoding="utf-8")
+    write(ledger(one=10.0), tmp_path, every[:1], every)
+    page = (tmp_path / "README.md").read_text(encoding="utf-8")
+    assert "not a whole one: test_b.py did not run" in page
+    assert "measured all of it" not in page

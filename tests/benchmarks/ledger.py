@@ -67,9 +67,9 @@ def losses(ratios: Mapping[str, float], earlier: Mapping[str, float]) -> list[st
     ]
 
 
-def write(ledger: Ledger, folder: Path) -> list[str]:
+def write(ledger: Ledger, folder: Path, files: Sequence[str] = (), every: Sequence[str] = ()) -> list[str]:
     """Write the page into a folder and return the losses against what was there. Ratios and tables that were not
-    measured this time are kept from the time before."""
+    measured this time are kept from the time before. files: that were run to their end, every: that there are."""
     folder.mkdir(parents=True, exist_ok=True)
     earlier = before(folder)
     lost = losses(ledger.ratios, earlier)
@@ -94,13 +94,24 @@ def write(ledger: Ledger, folder: Path) -> list[str]:
     write_json(folder / MACHINE, about)
     _draw(kept, bars, folder / PICTURE)
     seconds = time.perf_counter() - ledger.began
-    page = _page(seconds, tables, kept, bars, earlier, lost, about["machine"])
+    page = _page(_run(seconds, files, every), tables, kept, bars, earlier, lost, about["machine"])
     write_bytes(folder / PAGE, page.encode())
     return lost
 
 
+def _run(seconds: float, files: Sequence[str], every: Sequence[str]) -> str:
+    """What of the page the last run measured."""
+    missing = [name for name in every if name not in files]
+    if not missing:
+        return f"The last run measured all of it, in {seconds:.0f} s"
+    return (
+        f"The last run, of {seconds:.0f} s, was not a whole one: {', '.join(missing)} did not run to the end in it, "
+        "and what is here of these is from a run before, if there was one. It was"
+    )
+
+
 def _page(
-    seconds: float,
+    run: str,
     tables: Mapping[str, Sequence[Sequence[str]]],
     ratios: Mapping[str, float],
     bars: Mapping[str, float],
@@ -112,9 +123,8 @@ def _page(
     below = [n for n, bar in bars.items() if n in ratios and ratios[n] < bar]
     parts = [
         "# Benchmarks",
-        "`make bench` writes this page, all of it or those files of `tests/benchmarks` that it is given (the last in "
-        f"{seconds:.0f} s), on one machine ({where}; more in `{MACHINE}`). Times are CPU seconds of one thread; both "
-        "sides of a ratio ran in turns in one process, the best of several.",
+        f"`make bench` writes this page. {run}, on one machine ({where}; more in `{MACHINE}`). Times are CPU seconds "
+        "of one thread; both sides of a ratio ran in turns in one process, the best of several.",
         f"{len(bars) - len(below)} of {len(bars)} ratios that have a bar reach it"
         + (
             "."
