@@ -13,7 +13,7 @@ from bayesdamp.report import words
 from bayesdamp.report.figures._panels import NARROW, broken
 from bayesdamp.report.style import FAINT, INK, QUIET, WIDTH, colour, dash
 
-HEIGHT, PANEL = 5.6, 2.5
+HEIGHT, PANEL = 6.2, 2.5
 """Inches: of the figure, and of a panel where they stand below each other."""
 FREE = "#c9b27c"
 """The band of the damping curve without a law."""
@@ -27,7 +27,7 @@ def answer(
 
     narrow: below each other, for a phone.
     """
-    figure = Figure(figsize=(NARROW, 4 * PANEL) if narrow else (WIDTH, HEIGHT))
+    figure = Figure(figsize=(NARROW, 4 * PANEL + 0.7) if narrow else (WIDTH, HEIGHT))
     draw_answer(
         figure.subplots(*((4, 1) if narrow else (2, 2))).ravel().tolist(), arrays, unit, damping, recorded
     )
@@ -69,15 +69,15 @@ def _ratios(ax: Axes, arrays: Mapping[str, np.ndarray], unit: str) -> None:
         sum_ = name.removeprefix("law/")
         single = "+" not in sum_
         ax.plot(
-            a, 100 * values, color=colour(sum_), ls=dash(sum_), lw=1.0 if single else 0.7,
-            label=words.model(sum_) if single else None,
+            a, 100 * values, color=colour(sum_), ls=dash(sum_), lw=1.0 if single else 0.7, label=words.model(sum_)
         )  # fmt: skip
     ax.set_xscale("log")
     ax.set_ylim(0, 1.35 * top)
     _plain(ax)
     ax.set_xlim(a.min(), a.max())
     _finish(ax, "Equivalent damping ratio, and each law fitted alone", f"amplitude / {unit}", "%")
-    ax.legend(loc="best", fontsize=7.5, ncols=2, frameon=True, framealpha=0.85, edgecolor="none")
+    # Below: ten names over the curves would hide them.
+    ax.legend(loc="upper center", bbox_to_anchor=(0.5, -0.2), fontsize=6.5, ncols=2, borderaxespad=0.1)
 
 
 def _energies(ax: Axes, arrays: Mapping[str, np.ndarray], unit: str) -> None:
