@@ -35,16 +35,27 @@ SAMPLED = 2
 
 @dataclass(frozen=True)
 class Step:
-    """Jobs that run side by side. kind: of which they are, by which the time of one is remembered."""
+    """Jobs that run side by side. kind: of which they are, by which the time of one is remembered; usual: whether the
+    time that these take says something of others."""
 
     kind: str
     words: str
     jobs: int
+    usual: bool = True
 
 
-def step_of(study: Study, jobs: list[Job]) -> Step:
-    """A stage of a study in words."""
-    job = jobs[0]
+def step_of(study: Study, jobs: list[Job], others: Set[tuple[str, int]] = frozenset()) -> Step:
+    """A stage of a study in words. others: records, as (signal, repeat), that are known to be no free decay, of which
+    nothing is weighed."""
+    job, whole = jobs[0], len(jobs)
+    weighed = [j for j in jobs if (j.signal, j.repeat) not in others]
+    if job.part in ("answer", "sampled"):
+        if not weighed:
+            it = "what moves" if len(jobs) == 1 else f"what moves in {counted(len(jobs), 'record')}"
+            return Step(
+                job.part, f"measuring {it}: no free decay, so no damping model is weighed", len(jobs), False
+            )
+        jobs = weighed
     records = counted(len({(j.signal, j.repeat) for j in jobs}), "record")
     if job.part == "read":
         return Step("read", f"reading {records}", len(jobs))
@@ -53,9 +64,9 @@ def step_of(study: Study, jobs: list[Job]) -> Step:
         sums = counted(max(len(study.dampings(s)) for s in specs), "damping model")
         laws = counted(max(len(s.restoring) for s in specs), "restoring law")
         of = f" for {records}" if len(jobs) > 1 else ""
-        return Step("answer", f"weighing {sums} under {laws}{of}", len(jobs))
+        return Step("answer", f"weighing {sums} under {laws}{of}", whole)
     if job.part == "sampled":
-        return Step("sampled", f"sampling the likeliest damping models of {records}", len(jobs))
+        return Step("sampled", f"sampling the likeliest damping models of {records}", whole)
     if job.law is not None:
         laws = counted(len({j.law for j in jobs}), "restoring law")
         return Step("law", f"fitting {records} under {laws} to see the noise", len(jobs))
@@ -112,13 +123,13 @@ def left_words(seconds: float) -> str:
     """Time left, as coarse as it is known."""
     if math.isnan(seconds):
         return ""
-    if seconds < 1.5:
-        return "a moment left"
-    if seconds < 90:
-        return f"{round(seconds) if seconds < 10 else 5 * round(seconds / 5)} s left"
+    if seconds < 10:
+        return "a few seconds left"
+    if seconds < 95:
+        return f"about {max(10, 10 * round(seconds / 10))} s left"
     if seconds < 5400:
-        return f"{round(seconds / 60)} min left"
-    return f"{seconds / 3600:.1f} h left"
+        return f"about {counted(round(seconds / 60), 'minute')} left"
+    return f"about {counted(round(seconds / 3600), 'hour')} left"
 
 
 USUAL = {
@@ -156,6 +167,10 @@ class Pace:
             partial.replace(self.path)
 
 
+SLOWER, LATER = 1.5, 10.0
+"""What is shown goes up only where the estimate is so many times it and so many seconds more (conventional)."""
+
+
 class Progress:
     """One step after the other. show: told of a step's words and the time that is left."""
 
@@ -165,6 +180,7 @@ class Progress:
         self.done = 0
         self._later: list[Step] = []
         self._began = time.monotonic()
+        self._shown = math.nan
 
     def plan(self, steps: Sequence[Step]) -> None:
         """What the run will do, as far as it is known before: each step as it begins takes its kind out of it."""
@@ -186,7 +202,7 @@ class Progress:
 
     def end(self) -> None:
         """The step is over."""
-        if self.step.jobs:
+        if self.step.jobs and self.step.usual:
             self._pace.learn(self.step.kind, (time.monotonic() - self._began) / self.step.jobs)
         self.step = Step("", "", 0)
 
@@ -207,8 +223,19 @@ class Progress:
         return step.jobs * (USUAL.get(step.kind, math.nan) if math.isnan(each) else each)
 
     def line(self) -> str:
-        """The step, and the time that the run has left."""
-        return ", ".join(filter(None, (self.step.words, left_words(self.left()))))
+        """The step, and the time that the run has left: it goes down, or stays, but for a run that is far slower than
+        was thought."""
+        left = self.left()
+        if math.isnan(self._shown) or left < self._shown or left > SLOWER * self._shown + LATER:
+            self._shown = left
+        late = math.isnan(left) and self._overdue()
+        return ", ".join(
+            filter(None, (self.step.words, "longer than usual" if late else left_words(self._shown)))
+        )
+
+    def _overdue(self) -> bool:
+        """Whether a step has taken far longer than its kind does."""
+        return time.monotonic() - self._began > SLOWER * self._seconds(self.step) + LATER
 
 
 @contextmanager

@@ -17,8 +17,10 @@ from bayesdamp.machine.cache_eviction import evict_programs
 from bayesdamp.outcomes import Status, status_of
 from bayesdamp.pipeline.jobs import Depth, Job, jobs_of, side_by_side, stages, within, work_of
 from bayesdamp.pipeline.keys import digest
+from bayesdamp.pipeline.not_one import no_free_decay
 from bayesdamp.pipeline.progress import REPORT, Step, planned, progress_on, step_of
 from bayesdamp.pipeline.records.answering import ANSWERED, SAMPLED, verdict_of
+from bayesdamp.pipeline.records.records import signal_of
 from bayesdamp.pipeline.spread import KILLED, restart, spread
 from bayesdamp.pipeline.tables.tables import write_tables
 from bayesdamp.pipeline.tables.verdicts import write_verdicts
@@ -26,13 +28,15 @@ from bayesdamp.pipeline.workers import cache_compilations, pool_of
 from bayesdamp.plugins import use
 from bayesdamp.sources import package_digest
 from bayesdamp.store import CellResult, Store
-from bayesdamp.types import InputError
-from bayesdamp.verdict.types import Verdict
+from bayesdamp.types import OK, InputError
+from bayesdamp.verdict.types import Grade, Verdict
 
 if TYPE_CHECKING:
     from rich.console import Console
 
 DONE, WRONG_CELLS = 0, 3
+FEW = 5
+"""Records that are looked at before they are said to be weighed: a tenth of a second each."""
 _ONE_AT_A_TIME = threading.Lock()
 """A process has one job under way, also where a Dask worker has several threads."""
 
@@ -78,7 +82,7 @@ def run_study(
                 progress.plan(planned(study, wanted, set(store.names())))
                 for stage in stages(study, store, depth):
                     if stage:
-                        progress.begin(step_of(study, stage))
+                        progress.begin(step_of(study, stage, _no_free_decays(study, store, stage)))
                     _run_jobs(study, store, stage, pool, lambda _: progress.advance())
                     if stage and stage[0].part in (ANSWERED, SAMPLED):
                         current = Store(out, _current(study, store))
@@ -93,6 +97,21 @@ def run_study(
         for name, outcome in failed:
             console.print(f"{name}: {outcome}", style="red", highlight=False)
         return WRONG_CELLS if failed else DONE
+
+
+def _no_free_decays(study: Study, store: Store, stage: list[Job]) -> set[tuple[str, int]]:
+    """The records of a stage that are no free decay, as far as it takes no time to know."""
+    if stage[0].part == SAMPLED:
+        return {(j.signal, j.repeat) for j in stage if _is_none(verdict_of(store, j.signal, j.repeat))}
+    if stage[0].part != ANSWERED or len(stage) > FEW:
+        return set()
+    cells = [(j, store.read(f"signal/{j.signal}/{j.repeat}")) for j in stage]
+    good = [(j, cell) for j, cell in cells if cell.outcome == OK]
+    return {(j.signal, j.repeat) for j, cell in good if no_free_decay(signal_of(cell)) is not None}
+
+
+def _is_none(verdict: Verdict | None) -> bool:
+    return verdict is not None and verdict.grade is Grade.NO_FREE_DECAY
 
 
 def _read_inputs(study: Study) -> None:

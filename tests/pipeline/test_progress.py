@@ -38,7 +38,7 @@ def test_time_left_by_the_steps_own_pace(clock: Clock) -> None:
     clock.now = 20.0
     shown.advance()
     assert shown.left() == pytest.approx(60.0)
-    assert shown.line() == "weighing, 60 s left"
+    assert shown.line() == "weighing, about 60 s left"
 
 
 def test_the_pace_of_the_last_run_is_remembered(clock: Clock) -> None:
@@ -102,11 +102,12 @@ def test_what_was_there_already_is_no_pace(clock: Clock, tmp_path: Path) -> None
     ("seconds", "words"),
     [
         (math.nan, ""),
-        (1.0, "a moment left"),
-        (7.4, "7 s left"),
-        (42.0, "40 s left"),
-        (600.0, "10 min left"),
-        (7200.0, "2.0 h left"),
+        (1.0, "a few seconds left"),
+        (12.0, "about 10 s left"),
+        (42.0, "about 40 s left"),
+        (97.0, "about 2 minutes left"),
+        (600.0, "about 10 minutes left"),
+        (7200.0, "about 2 hours left"),
     ],
 )
 def test_words_of_time(seconds: float, words: str) -> None:
@@ -123,8 +124,61 @@ def test_plain_lines_where_there_is_no_terminal(clock: Clock) -> None:
             clock.now += 1.0
             shown.advance()
     assert out.getvalue().splitlines() == [
-        "estimating, 7 min left", "estimating, 85 s left", "estimating, 70 s left",
+        "estimating, about 7 minutes left", "estimating, about 80 s left", "estimating, about 70 s left",
     ]  # fmt: skip
+
+
+def shown_over(clock: Clock, seconds: list[float]) -> list[str]:
+    """What is shown while jobs take so long each."""
+    shown = p.Progress(lambda _: None)
+    shown.begin(p.Step("unheard-of", "weighing", len(seconds)))
+    said = []
+    for each in seconds[:-1]:
+        clock.now += each
+        shown.advance()
+        said.append(shown.line().partition(", ")[2])
+    return said
+
+
+def test_the_time_left_does_not_jump(clock: Clock) -> None:
+    """Jobs that take 5 to 7 s in turn: an estimate of its own each time goes up and down."""
+    said = shown_over(clock, [5.0, 7.0, 5.5, 8.0, 5.0, 6.0, 7.0, 5.0])
+    numbers = [int(line.split()[1]) for line in said if line.startswith("about")]
+    assert numbers == sorted(numbers, reverse=True)
+    assert said[-1] == "a few seconds left"
+
+
+def test_the_time_left_grows_where_a_run_is_far_slower(clock: Clock) -> None:
+    said = shown_over(clock, [1.0] * 10 + [20.0] * 10)
+    assert said[9] == "about 10 s left"
+    assert said[12] == "about 30 s left"
+
+
+def test_what_takes_longer_than_usual_is_said(clock: Clock) -> None:
+    first = p.Progress(lambda _: None)
+    first.begin(p.Step("answer", "weighing", 1))
+    clock.now = 10.0
+    first.end()
+    first.begin(p.Step("answer", "weighing", 1))
+    assert first.line() == "weighing, about 10 s left"
+    clock.now += 9.0
+    assert first.line() == "weighing, a few seconds left"
+    clock.now += 9.0
+    assert first.line() == "weighing, a few seconds left"
+    clock.now += 30.0
+    assert first.line() == "weighing, longer than usual"
+
+
+def test_nothing_is_said_to_be_weighed_of_what_is_no_free_decay(clock: Clock) -> None:
+    study = load_study(folder() / "quickstart.toml")
+    job = next(job for job in jobs_of(study) if job.part == "answer")
+    step = p.step_of(study, [job], {(job.signal, job.repeat)})
+    assert step.words == "measuring what moves: no free decay, so no damping model is weighed"
+    shown = p.Progress(lambda _: None)
+    shown.begin(step)
+    clock.now += 3.0
+    shown.end()
+    assert math.isnan(p.Pace().of("answer"))  # and its time says nothing of others
 
 
 def test_a_quiet_console_says_nothing(clock: Clock) -> None:
