@@ -78,8 +78,14 @@ def _intervals(run: Run, signal: str, repeat: int) -> str:
     if answer is None or drawn is None:
         return ""
     sampler, ratios = drawn
-    found = intervals(answer.verdict, ratios)
-    whose = f"{words.method(sampler)}, the deviations integrated out,"
+    verdict, whose = answer.verdict, f"{words.method(sampler)}, the deviations integrated out,"
+    if verdict.probability < 0.5 and verdict.rivals and verdict.rivals[0].probability > verdict.probability:
+        share, rival = words.probability(verdict.probability), verdict.rivals[0]
+        return (
+            f"{whose} is of {words.model(verdict.damping)} alone, to which the answer gives {share}, and "
+            f"{words.probability(rival.probability)} to {words.model(rival.damping)}."
+        )
+    found = intervals(verdict, ratios)
     if found.confirms:
         return f"{whose} confirms the intervals of the damping ratio."
     i = next(k for k, r in enumerate(answer.verdict.damping_ratio) if r.amplitude == found.amplitude)

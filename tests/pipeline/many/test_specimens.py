@@ -11,6 +11,7 @@ from bayesdamp.cli import main
 from bayesdamp.config import load_study
 from bayesdamp.config.compare import SPECIMEN, Asked, comparison
 from bayesdamp.pipeline import cells
+from bayesdamp.pipeline.many import specimens
 from bayesdamp.pipeline.many.specimens import Specimen
 from bayesdamp.types import OK, InputError
 
@@ -140,9 +141,9 @@ def test_records_of_one_specimen_share_one_friction(monkeypatch):
         what = {"path": "p", "terms": (), "restoring": "linear", "noise": "gaussian", "beside": ()}
         record = SimpleNamespace(target=lambda *_, **more: given.append(more["epsilon"]))
         system = SimpleNamespace(known={"epsilon": usual})
-        cells = {"mode/p": "key"}
-        return SimpleNamespace(epsilon=epsilon, system=system, record=record, cells=lambda: cells, **what)
+        return SimpleNamespace(epsilon=epsilon, system=system, record=record, **what)
 
+    monkeypatch.setattr(specimens, "cells_of", lambda _: {"mode/p": "key"})
     one = object.__new__(Specimen)
     cell = SimpleNamespace(key="key", outcome=OK, meta={"values": {}, "tolerance": 1e-6})
     vars(one).update(labels=["a", "b"], reference=None, store=SimpleNamespace(read=lambda _: cell))
