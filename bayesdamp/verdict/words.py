@@ -166,7 +166,10 @@ def energy_of(v: Verdict) -> tuple[str, ...]:
         for s in v.energy
         if s.high > 0.005
     ]
-    absent = [f"{words_of(b.form)} {100 * b.share_below:.2g} %" for b in v.other_forms]
+    listed = {t for r in v.rivals if r.probability >= thresholds.NAMED for t in r.damping.split("+")}
+    absent = [
+        f"{words_of(b.form)} {100 * b.share_below:.2g} %" for b in v.other_forms if b.form not in listed
+    ]
     said = (
         f"Energy lost: {', '.join(parts)}." if parts else "",
         f"Of it at most (95 %) by what is not in the answer: {', '.join(absent)}." if absent else "",

@@ -8,9 +8,9 @@ from dataclasses import replace
 import pytest
 
 from bayesdamp.units import UNITS
-from bayesdamp.verdict.types import DampingRatio, Grade, Interval, Verdict
+from bayesdamp.verdict.types import Bound, DampingRatio, Grade, Interval, Rival, Verdict
 from bayesdamp.verdict.units import in_unit
-from bayesdamp.verdict.words import loses_like, sentence
+from bayesdamp.verdict.words import energy_of, loses_like, sentence
 
 
 def test_a_verdict_in_the_records_own_unit_has_all_its_amplitudes_in_it() -> None:
@@ -41,3 +41,14 @@ def test_the_exponent_in_words(interval, said):
     """With ± where the interval is even; a law is named where the interval is narrow and holds it alone."""
     found = loses_like(Interval(*interval))
     assert found == said
+
+
+def test_what_the_sentence_lists_is_not_bounded_as_absent() -> None:
+    """Negative control: where the rival is hardly possible, its form is."""
+    forms = (Bound("stribeck", 0.049), Bound("structural", 0.035))
+    for p, bounded in ((0.98, False), (0.01, True)):
+        rivals = (Rival("viscous+stribeck", p),)
+        one = Verdict("rig", Grade.EXACT, False, "viscous+coulomb", 1 - p, rivals=rivals, other_forms=forms)
+        (said,) = energy_of(one)
+        assert "structural" in said
+        assert ("Stribeck" in said) is bounded
