@@ -66,8 +66,8 @@ def folder(tmp_path: Path, sketchy: None) -> Path:
 def test_every_record_has_a_picture_and_a_line_that_lead_to_its_answer(folder: Path) -> None:
     page = render(folder).read_text(encoding="utf-8")
     section = page[page.index('id="overview"') : page.index('id="answer"')]
-    assert "rig is viscous." in section, "what they say together comes first"
-    assert section.index("rig is viscous.") < section.index("<svg")
+    assert "Viscous damping (probability 0.98)" in section, "what they say together comes first"
+    assert section.index("Viscous damping (probability 0.98)") < section.index("<svg")
     for name in SIZES:
         assert section.count(f'href="#answer-{name}"') == 2
         assert f'id="answer-{name}"' in page
@@ -93,7 +93,7 @@ def test_the_terminal_has_a_line_a_record_and_the_specimen(folder: Path) -> None
     assert [line[0] for line in lines if "viscous" in line] == ["1", "2", "3"], (
         "names without what all begin with"
     )
-    assert text.index("rig: rig is viscous.") < text.index("record "), "what they say together comes first"
+    assert text.index("rig: Viscous damping") < text.index("record "), "what they say together comes first"
     assert "at 7" in text.replace("\n", " "), "at an amplitude that all pass"
 
 
