@@ -141,9 +141,11 @@ def _first(text: str) -> str:
 
 
 def plus_minus(i: Interval) -> str:
-    """`3.4643 ± 0.0006 Hz`; an interval with one side much longer stands in brackets."""
+    """`3.4643 ± 0.0006 Hz`; an interval with one side much longer stands in brackets; without a width it was given."""
     up, down = i.high - i.value, i.value - i.low
     half, unit = 0.5 * (up + down), f" {i.unit}" if i.unit else ""
+    if half <= 1e-12 * abs(i.value):
+        return f"{i.value:.5g}{unit}, given"
     if max(up, down) > UNEVEN * max(min(up, down), 1e-12):
         return with_interval(i.value, i.low, i.high, unit)
     return f"{digits(i.value, half)} ± {digits(half, half)}{unit}"

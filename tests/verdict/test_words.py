@@ -52,3 +52,14 @@ def test_what_the_sentence_lists_is_not_bounded_as_absent() -> None:
         (said,) = energy_of(one)
         assert "structural" in said
         assert ("Stribeck" in said) is bounded
+
+
+def test_a_frequency_that_was_given_has_no_width() -> None:
+    """Negative control: one that was found has."""
+    one = Verdict(
+        "rig", Grade.EXACT, True, "viscous", 0.99, frequency=Interval(0.71265, 0.71265, 0.71265, "Hz")
+    )
+    assert "natural frequency 0.71265 Hz, given" in sentence(one)
+    found = replace(one, frequency=Interval(0.71265, 0.7126, 0.7127, "Hz"))
+    assert "given" not in sentence(found)
+    assert "0.712650 ± 0.000050 Hz" in sentence(found)
