@@ -17,7 +17,7 @@ from bayesdamp.inference.checks.diagnostics import pareto_k
 from bayesdamp.inference.curves.weighted import effective
 from bayesdamp.inference.deviation.sampled.marginal import Marginal, marginal_of
 from bayesdamp.inference.evidence.methods.bridge import APART, OVERLAP_LIMIT, PROPOSALS, Span, fitted, span
-from bayesdamp.inference.evidence.methods.importance import FEWEST, K_LIMIT
+from bayesdamp.inference.evidence.methods.importance import FEWEST, K_LIMIT, trusted
 from bayesdamp.types import OK, Evidence
 
 Array = NDArray[np.float64]
@@ -56,11 +56,6 @@ def by_importance(law: Approximate, model: str, method: str, seed: int) -> Evide
     log_evidence = float(logsumexp(log_weights) - np.log(FINAL))
     relative = np.exp(log_weights - log_evidence)
     k, worth = float(pareto_k(log_weights)), float(effective(log_weights))
-    outcome = OK
-    if not k < K_LIMIT:
-        outcome = f"not to be trusted: Pareto shape of the weights is {k:.2f}, above {K_LIMIT}"
-    elif worth < FEWEST:
-        outcome = f"not to be trusted: a few draws have all the weight, as much as {worth:.0f} equal ones"
     return Evidence(
         model=model,
         method=method,
@@ -69,7 +64,7 @@ def by_importance(law: Approximate, model: str, method: str, seed: int) -> Evide
         diagnostic=f"Pareto k {k:.2f}, effective share {worth / FINAL:.2f}",
         evaluations=count,
         seconds=time.perf_counter() - began,
-        outcome=outcome,
+        outcome=trusted(k, worth),
     )
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Mapping
 from dataclasses import asdict
 from typing import Any
@@ -134,8 +135,6 @@ def _weighed(branch: Branch, law: Approximate, method: str, seed: int) -> Eviden
 def _drawn(
     law: Approximate, sampler: str, chains: int, warmup: int, draws: int, seed: int
 ) -> tuple[Chains, float]:
-    import time
-
     began = time.perf_counter()
     found = SAMPLERS[sampler](law, chains, warmup, draws, seed)
     return found, time.perf_counter() - began

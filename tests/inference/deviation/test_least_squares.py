@@ -145,3 +145,22 @@ def test_nonnegative_least_squares_are_scipys(seed: int) -> None:
     half = nonnegative(root, target, np.array([True, False, False]))
     split = nnls(np.column_stack([root, -root[:, 1:]]), target)[0]
     assert half == pytest.approx([split[0], *(split[1:3] - split[3:])], abs=1e-9)
+
+
+def test_a_search_begins_where_the_last_fit_was() -> None:
+    """However many standard deviations of its prior a parameter lies out. Negative control: a damping of nothing has
+    no score, and begins at the lowest."""
+    parameters = Parameters(
+        ("stiffness", "theta0", "zeta"),
+        {
+            "stiffness": LogNormal(median=20.0, sigma=0.1),
+            "theta0": Normal(mean=0.0, sd=0.01),
+            "zeta": HalfNormal(scale=1.0),
+        },
+        {},
+    )
+    values = {"stiffness": 20.0 * math.exp(-3.8), "theta0": 0.4, "zeta": 0.05}
+    z = parameters.scores(values)
+    assert z[:2] == pytest.approx([-38.0, 40.0])
+    assert parameters.named(z) == pytest.approx(values)
+    assert parameters.scores({**values, "zeta": 0.0})[2] >= -6.0

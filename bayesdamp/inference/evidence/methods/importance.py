@@ -27,6 +27,15 @@ FEWEST = 50
 """Effective draws below which an evidence is not trusted."""
 
 
+def trusted(k: float, worth: float) -> str:
+    """The outcome of an evidence by weights with Pareto shape k that are worth so many equal draws."""
+    if not k < K_LIMIT:
+        return f"not to be trusted: Pareto shape of the weights is {k:.2f}, above {K_LIMIT}"
+    if not worth >= FEWEST:  # the rest of which may have no weight at all, and no shape
+        return f"not to be trusted: a few draws have all the weight, as much as {worth:.0f} equal ones"
+    return OK
+
+
 def _good(log_weights: np.ndarray) -> bool:
     """Whether a pilot will do; on one of this size the fitted shape scatters by about 0.1."""
     return diagnostics.pareto_k(log_weights) < K_GOOD - 0.1 and effective(log_weights) > 0.2 * PILOT
@@ -73,11 +82,6 @@ class Importance(EvidenceMethod):
         k, share = diagnostics.pareto_k(log_weights), effective(log_weights) / FINAL
         log_evidence = float(logsumexp(log_weights) - np.log(FINAL))
         relative = np.exp(log_weights - log_evidence)
-        outcome = OK
-        if not k < K_LIMIT:
-            outcome = f"not to be trusted: Pareto shape of the weights is {k:.2f}, above {K_LIMIT}"
-        elif share * FINAL < FEWEST:  # the rest of which may have no weight at all, and no shape
-            outcome = f"not to be trusted: a few draws have all the weight, as much as {share * FINAL:.0f} equal ones"
         return Evidence(
             model=model,
             method=self.name,
@@ -86,7 +90,7 @@ class Importance(EvidenceMethod):
             diagnostic=f"Pareto k {k:.2f}, effective share {share:.2f}",
             evaluations=evaluations,
             seconds=time.perf_counter() - began,
-            outcome=outcome,
+            outcome=trusted(k, share * FINAL),
             arrays={"y": place[1].scores(y), "log_weights": log_weights},
         )
 
