@@ -129,10 +129,8 @@ class AveragedSolver(Solver):
 
         inner, order = self._read(len(self.track.sizes))
         derivative = QUANTITIES.index(self.quantity)
-        y, moved = (
-            read(times, one, inner.t, derivative)
-            for read, one in ((at_times, states), (slopes_at_times, slopes))
-        )
+        y = at_times(times, states, inner.t, derivative)
+        moved = slopes_at_times(times, slopes, np.arange(slopes.shape[1]), inner.t, derivative)
         z, _ = _projected(y, order, self.track.phases)
         return self._turned(z, *_projected(moved, order, self.track.phases))
 

@@ -10,78 +10,85 @@ from numba import njit
 
 
 def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
-    """`njit`, the machine code kept on disk where there is a folder that can be written."""
+    """`njit`, the machine code kept on disk where there is a folder that can be written.
+
+    A product and a sum may be rounded at once.
+    """
     try:
-        return njit(cache=True, nogil=True)(function)
+        return njit(cache=True, nogil=True, fastmath={"contract"})(function)
     except RuntimeError:  # Numba's, of an installation and a home that are both read-only
-        return njit(nogil=True)(function)
+        return njit(nogil=True, fastmath={"contract"})(function)
 
 
 @compiled
-def weights(u, step, order, out):
-    """Weights, into `out` (6,), of value, slope and curvature at the beginning and the end of a step (s).
-
-    For the derivative of that order (0 to 2) at share u of the step: the quintic that has the six numbers.
-    """
-    u2, u3 = u * u, u * u * u
-    u4, u5 = u2 * u2, u2 * u3
+def quintic(before, after, step, order):
+    """Coefficients, of powers 0 to 5 of the share of a step (s), of the order-th derivative (0 to 2) of the polynomial
+    that has these values, slopes and curvatures, (3,), at both ends."""
+    slope, bend = step * before[1], step * step * before[2]
+    d = after[0] - before[0] - slope - 0.5 * bend
+    v = step * after[1] - slope - bend
+    a = step * step * after[2] - bend
+    c2, c3, c4, c5 = (
+        0.5 * bend,
+        10.0 * d - 4.0 * v + 0.5 * a,
+        -15.0 * d + 7.0 * v - a,
+        6.0 * d - 3.0 * v + 0.5 * a,
+    )
     if order == 0:
-        out[0] = 1 - 10 * u3 + 15 * u4 - 6 * u5
-        out[1] = (u - 6 * u3 + 8 * u4 - 3 * u5) * step
-        out[2] = 0.5 * (u2 - 3 * u3 + 3 * u4 - u5) * step * step
-        out[3] = 10 * u3 - 15 * u4 + 6 * u5
-        out[4] = (-4 * u3 + 7 * u4 - 3 * u5) * step
-        out[5] = 0.5 * (u3 - 2 * u4 + u5) * step * step
-    elif order == 1:
-        out[0] = (-30 * u2 + 60 * u3 - 30 * u4) / step
-        out[1] = 1 - 18 * u2 + 32 * u3 - 15 * u4
-        out[2] = 0.5 * (2 * u - 9 * u2 + 12 * u3 - 5 * u4) * step
-        out[3] = (30 * u2 - 60 * u3 + 30 * u4) / step
-        out[4] = -12 * u2 + 28 * u3 - 15 * u4
-        out[5] = 0.5 * (3 * u2 - 8 * u3 + 5 * u4) * step
-    else:
-        out[0] = (-60 * u + 180 * u2 - 120 * u3) / (step * step)
-        out[1] = (-36 * u + 96 * u2 - 60 * u3) / step
-        out[2] = 0.5 * (2 - 18 * u + 36 * u2 - 20 * u3)
-        out[3] = (60 * u - 180 * u2 + 120 * u3) / (step * step)
-        out[4] = (-24 * u + 84 * u2 - 60 * u3) / step
-        out[5] = 0.5 * (6 * u - 24 * u2 + 20 * u3)
+        return before[0], slope, c2, c3, c4, c5
+    if order == 1:
+        return before[1], 2.0 * c2 / step, 3.0 * c3 / step, 4.0 * c4 / step, 5.0 * c5 / step, 0.0
+    square = step * step
+    return before[2], 6.0 * c3 / square, 12.0 * c4 / square, 20.0 * c5 / square, 0.0, 0.0
+
+
+@compiled
+def last_within(times, node, t, first):
+    """One past the last of t, rising, from `first` on, that the step from a node takes."""
+    end = first
+    if node == times.size - 2:
+        return t.size
+    while end < t.size and t[end] <= times[node + 1]:
+        end += 1
+    return end
 
 
 @compiled
 def at_times(times, states, t, order):
     """The order-th derivative (0 to 2) at t, (n,), rising, of states (s, 3) at nodes (s,)."""
-    found, w = np.zeros(t.size), np.zeros(6)
-    node = 0
-    for i in range(t.size):
-        while node < times.size - 2 and times[node + 1] < t[i]:
-            node += 1
-        step = times[node + 1] - times[node]
-        weights((t[i] - times[node]) / step, step, order, w)
-        for j in range(3):
-            found[i] += w[j] * states[node, j] + w[3 + j] * states[node + 1, j]
+    found, first = np.empty(t.size), 0
+    for node in range(times.size - 1):
+        end = last_within(times, node, t, first)
+        if end == first:
+            continue
+        begun, step = times[node], times[node + 1] - times[node]
+        c0, c1, c2, c3, c4, c5 = quintic(states[node], states[node + 1], step, order)
+        for i in range(first, end):
+            u = (t[i] - begun) / step
+            found[i] = c0 + u * (c1 + u * (c2 + u * (c3 + u * (c4 + u * c5))))
+        first = end
     return found
 
 
 @compiled
-def slopes_at_times(times, slopes, t, order):
-    """`at_times` of each tangent, slopes (s, k, 3): shape (n, k)."""
-    k = slopes.shape[1]
-    found, w = np.zeros((t.size, k)), np.zeros(6)
-    node = 0
-    for i in range(t.size):
-        while node < times.size - 2 and times[node + 1] < t[i]:
-            node += 1
-        step = times[node + 1] - times[node]
-        weights((t[i] - times[node]) / step, step, order, w)
+def slopes_at_times(times, slopes, columns, t, order):
+    """`at_times` of some of the tangents, slopes (s, k, 3): shape (n, columns.size)."""
+    k = columns.size
+    found, c, first = np.empty((t.size, k)), np.empty((6, k)), 0
+    for node in range(times.size - 1):
+        end = last_within(times, node, t, first)
+        if end == first:
+            continue
+        begun, step = times[node], times[node + 1] - times[node]
         for p in range(k):
-            before, after = slopes[node, p], slopes[node + 1, p]
-            found[i, p] = (
-                w[0] * before[0]
-                + w[1] * before[1]
-                + w[2] * before[2]
-                + w[3] * after[0]
-                + w[4] * after[1]
-                + w[5] * after[2]
+            c[0, p], c[1, p], c[2, p], c[3, p], c[4, p], c[5, p] = quintic(
+                slopes[node, columns[p]], slopes[node + 1, columns[p]], step, order
             )
+        for i in range(first, end):
+            u = (t[i] - begun) / step
+            for p in range(k):
+                found[i, p] = c[0, p] + u * (
+                    c[1, p] + u * (c[2, p] + u * (c[3, p] + u * (c[4, p] + u * c[5, p])))
+                )
+        first = end
     return found

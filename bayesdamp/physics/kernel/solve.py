@@ -32,6 +32,23 @@ class Motion:
 
 
 @dataclass(frozen=True)
+class _Layout:
+    """Places of a solver's parameters among its kernel's.
+
+    own, terms: damping terms of the solver and of its kernel. further: of its kernel's shapes, beside the motion.
+    places, (own,), and given: of the solver's terms and their further parameters among them. law: of the law's
+    parameters among the solver's.
+    """
+
+    own: int
+    terms: int
+    further: int
+    places: np.ndarray
+    given: np.ndarray
+    law: slice
+
+
+@dataclass(frozen=True)
 class Solver:
     """Trajectories of all of `terms` under a law at the times t, (n,) in s from 0.
 
@@ -96,6 +113,25 @@ class Solver:
         return tuple(p.name for name in self.terms for p in TERMS.get(name).inferred)
 
     @cached_property
+    def _times(self) -> np.ndarray:
+        """A writable copy of t: Numba would compile anew for an array that is read-only."""
+        return np.array(self.t, float)
+
+    @cached_property
+    def _layout(self) -> _Layout:
+        every = [n for name in self._compiled for n in TERMS.get(name).further]
+        same = self._compiled == self.terms
+        given = range(len(every)) if same else [every.index(name) for name in self.further]
+        return _Layout(
+            len(self.terms),
+            len(self._compiled),
+            len(every),
+            self._places,
+            np.array(given, int),
+            self.law_places,
+        )
+
+    @cached_property
     def _sizes(self) -> np.ndarray:
         a, w = self.amplitude, self.frequency
         usual = {"stiffness": w**2, "gravity": w**2, "cubic": w**2 / a**2}
@@ -118,35 +154,30 @@ class Solver:
         """
         from bayesdamp.physics.kernel.dense import at_times, slopes_at_times
 
-        m, r = len(self.terms), len(LAWS.get(self.restoring).parameters)
-        e = m + len(self.further)
-        # A writable copy: Numba would compile anew for an array that is read-only.
-        t = np.array(self.t[:stop], float)
+        layout = self._layout
+        t = self._times if stop is None else self._times[:stop]
         knots, g, h = self._deviations(float(t[-1]), g, h)
         most = int(MOST_A_CYCLE * max(1.0, t[-1] * self.frequency / (2 * np.pi)))
         p = np.asarray(p, float)
-        coefficients, switched = np.zeros(len(self._compiled)), np.zeros(len(self._compiled), bool)
-        coefficients[self._places], switched[self._places] = p[:m], active
-        every = [n for name in self._compiled for n in TERMS.get(name).further]
-        given = dict(zip(self.further, p[m:e], strict=True))
-        q = np.array([given.get(n, 0.0) for n in every], float)
+        coefficients, switched = np.zeros(layout.terms), np.zeros(layout.terms, bool)
+        coefficients[layout.places], switched[layout.places] = p[: layout.own], active
+        q = np.zeros(layout.further)
+        q[layout.given] = p[layout.own : layout.law.start]
         times, states, slopes = self.kernel.march(
-            coefficients, q, switched, p[e : e + r].copy(), float(self.epsilon),
-            p[e + r :].copy(), knots, g, h, tolerance or TOLERANCE, self._sizes, tangents, most,
+            coefficients, q, switched, p[layout.law].copy(), float(self.epsilon), p[layout.law.stop :].copy(),
+            knots, g, h, tolerance or TOLERANCE, self._sizes, tangents, most,
         )  # fmt: skip
         if times.size == 0:
             return None
         order = QUANTITIES.index(self.quantity)
         y = at_times(times, states, t, order)
-        found = np.zeros((t.size, 0))
-        if tangents:
-            found = slopes_at_times(times, slopes, t, order)
-            if self._compiled != self.terms:
-                whole = len(self._compiled)
-                taken = [whole + i for i, n in enumerate(every) if n in given]
-                rest = np.arange(whole + len(every), found.shape[1])
-                found = found[:, np.concatenate([self._places, np.array(taken, int), rest])]
-        return Motion(y, found, times, states)
+        if not tangents:
+            return Motion(y, np.zeros((t.size, 0)), times, states)
+        columns = np.arange(slopes.shape[1] - layout.terms - layout.further)
+        columns = np.concatenate(
+            [layout.places, layout.terms + layout.given, layout.terms + layout.further + columns]
+        )
+        return Motion(y, slopes_at_times(times, slopes, columns, t, order), times, states)
 
     def read_slopes(self, times: np.ndarray, states: np.ndarray, slopes: np.ndarray) -> np.ndarray:
         """Tangents of what is solved for, (n, k), from those at a motion's nodes: times (s,), states (s, 3), slopes
@@ -154,7 +185,8 @@ class Solver:
         from bayesdamp.physics.kernel.dense import slopes_at_times
 
         del states
-        return slopes_at_times(times, slopes, np.array(self.t, float), QUANTITIES.index(self.quantity))
+        columns = np.arange(slopes.shape[1])
+        return slopes_at_times(times, slopes, columns, self._times, QUANTITIES.index(self.quantity))
 
     def works(
         self,
