@@ -43,7 +43,7 @@ MAY_IMPORT: dict[str, set[str]] = {
     | {"inference.deviation", "inference.checks", "inference.coordinates", "inference.curves"}
     | {"inference.samplers", "inference.evidence", "inference.approximate"},
     "inference": set(),
-    "verdict": NEUTRAL | {"physics", "inference", "verdict"},
+    "verdict": NEUTRAL | {"physics", "inference", "store", "verdict"},
     "store": NEUTRAL | {"store"},
     "report": NEUTRAL | {"store", "verdict", "report"},
     "validation.calibration": _BELOW

@@ -25,6 +25,7 @@ from bayesdamp.store.contents.answers import AnswerContent
 from bayesdamp.store.folders import claim
 from bayesdamp.types import OK, InputError
 from bayesdamp.units import UNITS, Unit
+from bayesdamp.verdict.row import row_of
 from bayesdamp.verdict.specimen import specimen
 from bayesdamp.verdict.types import Grade, Verdict
 from bayesdamp.verdict.units import in_unit, picture_in_unit
@@ -122,8 +123,6 @@ class Comparison(Result):
     def summary(self) -> pd.DataFrame:
         """A row a record, with the columns of verdicts.csv."""
         import pandas as pd
-
-        from bayesdamp.pipeline.tables.verdicts import row_of
 
         every = [*(r.verdict for r in self.records), self.verdict]
         return pd.DataFrame([row_of(v) for v in every])

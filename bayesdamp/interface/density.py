@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -21,6 +21,9 @@ from bayesdamp.interface.parts.table import Table, number
 from bayesdamp.plugins import nearest
 from bayesdamp.priors import Prior
 from bayesdamp.types import InputError
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 Vector = NDArray[np.float64]
 
@@ -64,6 +67,13 @@ class Density(Shown):
     def known(self) -> Mapping[str, float]:
         """Names and values of what is not inferred."""
         return self.target.known
+
+    def summary(self) -> pd.DataFrame:
+        """A row a parameter, in the order of x: value at the best fit, unit, prior."""
+        import pandas as pd
+
+        rows = {n: (self.values[n], self.units[n], p.describe()) for n, p in self.priors.items()}
+        return pd.DataFrame.from_dict(rows, orient="index", columns=["value", "unit", "prior"])
 
     def vector(self, values: Mapping[str, float] | None = None) -> Vector:
         """Values by name as x, (d,); of what is not given, and by default, those of the best fit.

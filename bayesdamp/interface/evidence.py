@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Self
+from typing import TYPE_CHECKING, Self
 
 from bayesdamp.inference.approximate.law import Approximate
 from bayesdamp.inference.evidence import EVIDENCES, Draws
@@ -12,6 +12,9 @@ from bayesdamp.interface.parts.result import Packed, Result
 from bayesdamp.interface.parts.table import Table, number, said
 from bayesdamp.interface.posterior import TEMPERED, Posterior, sample
 from bayesdamp.types import OK, InputError, Refusal
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 EXACT_METHOD, LINEAR = "bridge", "linear"
 """The method by default where laws hold exactly; and where they may hold approximately, the linear model's own."""
@@ -38,6 +41,12 @@ class Evidence(Result):
     evaluations: int = 0
     seconds: float = 0.0
     outcome: str = OK
+
+    def summary(self) -> pd.DataFrame:
+        """One row; log_evidence and stderr in nats. Those of several models, one below the other, are a comparison."""
+        import pandas as pd
+
+        return pd.DataFrame([vars(self)])
 
     def _table(self) -> Table:
         rows = (

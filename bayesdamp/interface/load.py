@@ -19,18 +19,25 @@ HOME = {
     "Posterior": "posterior",
     "Evidence": "evidence",
     "Comparison": "comparison",
+    "Prediction": "prediction",
 }
 """Where each kind of result is, in this package."""
 
 
 def load(path: str | Path) -> Any:
-    """The result that `save` wrote to a file, or the run in a folder, whichever it is. A class's own `load`, such as
-    `Fit.load(path)`, is the same with a type. Raises InputError where it is neither."""
+    """The result that `save` wrote to a file, a verdict in JSON, or the run in a folder, whichever it is.
+
+    A class's own `load`, such as `Fit.load(path)`, is the same with a type. Raises InputError where it is none of them.
+    """
     path = Path(path)
     if path.is_dir():
         from bayesdamp.interface.run import Run
 
         return Run.load(path)
+    if path.suffix == ".json":
+        from bayesdamp.verdict.types import Verdict
+
+        return Verdict.load(path)
     packed = read(path)
     if packed.kind not in HOME:
         raise InputError(

@@ -23,6 +23,8 @@ from bayesdamp.priors import Normal, Prior, Uniform, prior_of
 from bayesdamp.types import InputError, System
 
 if TYPE_CHECKING:
+    import pandas as pd
+
     from bayesdamp.interface.density import Density
 
 POSITIVE = ("noise_sd", "noise_time", "noise_dof")
@@ -212,6 +214,16 @@ class Model(Result):
                 right = "a HalfNormal, LogNormal, LogUniform, or a Uniform from 0 up"
                 raise InputError(f"Model: the prior of {name!r} allows values below zero; it must be {right}")
         return dict(self.priors)
+
+    def summary(self) -> pd.DataFrame:
+        """A row a parameter: its value where it is known, and the prior that was given. Defaults depend on the record,
+        and stand in the summary of a fit."""
+        import pandas as pd
+
+        own = {term: name for name, term in self._coefficients.items()}
+        given = {own.get(n, n): p.describe() for n, p in self.priors.items()}
+        rows = [(n, self.known.get(n), given.get(n)) for n in self.parameters]
+        return pd.DataFrame(rows, columns=["parameter", "known", "prior"]).set_index("parameter")
 
     def _table(self) -> Table:
         rows = [("damping", self.damping), ("restoring", self.restoring)]

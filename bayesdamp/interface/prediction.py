@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -11,6 +12,9 @@ from bayesdamp.inference.approximate.law import Approximate
 from bayesdamp.inference.checks.checks import laplace_draws
 from bayesdamp.inference.fit.mode import Mode
 from bayesdamp.inference.model.target import Target
+from bayesdamp.interface.parts import axes
+from bayesdamp.interface.parts.result import Packed, Result
+from bayesdamp.interface.parts.table import Table, number
 from bayesdamp.interface.records.signal import Signal
 from bayesdamp.physics.integrate import make_plan
 from bayesdamp.physics.solver.plan import QUANTITIES
@@ -19,6 +23,10 @@ from bayesdamp.records.oscillation.features import features
 from bayesdamp.types import InputError
 from bayesdamp.units import UNITS
 
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.axes import Axes
+
 Vector = NDArray[np.float64]
 BAND = 200
 """Draws behind a prediction's standard deviation, which they make good to a twentieth of itself."""
@@ -26,8 +34,14 @@ PRECISION = 1e-6
 """Of a predicted motion, as a share of the record's range."""
 
 
-@dataclass(frozen=True, eq=False)
-class Prediction:
+SHOWN = 8
+"""Times that a printed prediction has at most."""
+TWO_SIDED = 1.96
+"""Standard deviations on either side of a band that holds 95 %."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Prediction(Result):
     """A motion at times t (s, shape (m,)): value at the best fit, and the sd that the parameters' uncertainty gives it
     (noise not included), both (m,), in `unit`."""
 
@@ -36,6 +50,40 @@ class Prediction:
     sd: Vector
     quantity: str
     unit: str
+
+    def summary(self) -> pd.DataFrame:
+        """A row a time: t in s, value and sd in `unit`."""
+        import pandas as pd
+
+        return pd.DataFrame({"t": self.t, "value": self.value, "sd": self.sd, "unit": self.unit})
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Draw the motion with its 95 % band; the axes drawn on."""
+        ax = axes.one(ax)
+        order = np.argsort(self.t)
+        t, value, half = self.t[order], self.value[order], TWO_SIDED * self.sd[order]
+        ax.fill_between(t, value - half, value + half, color=axes.FAINT, label="95 %")
+        ax.plot(t, value, color=axes.BLUE, lw=1.0, label="best fit")
+        ax.set_xlabel("time / s")
+        ax.set_ylabel(f"{self.quantity} / {self.unit}")
+        ax.legend(loc="upper right")
+        return ax
+
+    def _table(self) -> Table:
+        some = np.unique(np.linspace(0, self.t.size - 1, min(SHOWN, self.t.size)).astype(int))
+        columns = (self.t[some].tolist(), self.value[some].tolist(), self.sd[some].tolist())
+        rows = tuple((number(t), number(v, 5), number(sd, 2)) for t, v, sd in zip(*columns, strict=True))
+        notes = (f"{some.size} of {self.t.size} times",) if some.size < self.t.size else ()
+        heads = ("time / s", f"{self.quantity} / {self.unit}", "sd")
+        return Table("Predicted motion", heads, rows, notes)
+
+    def _packed(self) -> Packed:
+        arrays = {n: getattr(self, n) for n in ("t", "value", "sd")}
+        return Packed("Prediction", {"quantity": self.quantity, "unit": self.unit}, arrays)
+
+    @classmethod
+    def _unpacked(cls, packed: Packed) -> Self:
+        return cls(**packed.arrays, **packed.meta)
 
 
 def asked_motion(t: ArrayLike, quantity: str) -> tuple[Vector, str]:

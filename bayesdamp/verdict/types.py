@@ -6,10 +6,16 @@ import json
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from enum import StrEnum
-from typing import Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Self
 
-from bayesdamp.types import VERDICT_SCHEMA
+from bayesdamp.store.files import write_json
+from bayesdamp.types import VERDICT_SCHEMA, InputError
+from bayesdamp.verdict.row import row_of
 from bayesdamp.verdict.table import html_table
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 
 class Grade(StrEnum):
@@ -144,9 +150,9 @@ class Motion(StrEnum):
     DRIVEN = "driven"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Verdict:
-    """What is said of one record; the file `verdict.json` holds a list of these.
+    """What is said of one record; it prints as its sentence. The file `verdict.json` holds a list of these.
 
     decided: whether one damping is named without reservation. motion, modes: of a record that is no free decay of one
     oscillator, what it is and its oscillations, the largest first. deviation: energy-weighted mean of the relative
@@ -184,8 +190,14 @@ class Verdict:
     sentence: str = ""
     provenance: Mapping[str, object] = field(default_factory=dict, repr=False)
 
-    def __str__(self) -> str:
+    def __repr__(self) -> str:
         return self.sentence
+
+    def summary(self) -> pd.DataFrame:
+        """One row, with the columns of verdicts.csv."""
+        import pandas as pd
+
+        return pd.DataFrame([row_of(self)])
 
     def _repr_html_(self) -> str:
         rows = [(f"{r.amplitude:.3g} {r.unit}", f"{100 * r.value:.3g} %", f"{100 * r.low:.3g} to {100 * r.high:.3g} %")
@@ -201,7 +213,7 @@ class Verdict:
         return _plain(found)  # type: ignore[return-value]
 
     @classmethod
-    def from_dict(cls, given: Mapping[str, Any]) -> Verdict:
+    def from_dict(cls, given: Mapping[str, Any]) -> Self:
         """The inverse of `to_dict`."""
         nan = float("nan")
 
@@ -229,6 +241,38 @@ class Verdict:
     def to_json(self) -> str:
         """As `verdict.json` has it, but with amplitudes in this verdict's own unit."""
         return json.dumps(self.to_dict(), indent=1, ensure_ascii=False)
+
+    def save(self, path: str | Path) -> Path:
+        """Write it as JSON, all of it or nothing; the path. Raises InputError where it cannot be written."""
+        path = Path(path)
+        try:
+            write_json(path, self.to_dict())
+        except OSError as error:
+            raise InputError(f"{path}: cannot be written ({error.strerror or error})") from None
+        return path
+
+    @classmethod
+    def load(cls, path: str | Path, record: str | None = None) -> Self:
+        """What `save` wrote, or one of the verdicts in a run's verdict.json: the only one, or that of `record`.
+
+        Raises InputError where the file holds none, or several and no `record` says which.
+        """
+        try:
+            found = json.loads(Path(path).read_text(encoding="utf-8"))
+            every = [cls.from_dict(v) for v in (found if isinstance(found, list) else [found])]
+        except FileNotFoundError:
+            raise InputError(
+                f"{path}: no such file; give one that a verdict's save() or a run wrote"
+            ) from None
+        except (OSError, ValueError, KeyError, TypeError, AttributeError):
+            raise InputError(f"{path}: is no verdict; give what a verdict's save() or a run wrote") from None
+        names = ", ".join(v.record for v in every)
+        chosen = every if record is None else [v for v in every if v.record == record]
+        if len(chosen) != 1:
+            raise InputError(
+                f"{path}: holds verdicts of {names or 'no record'}; record= must name one of them"
+            )
+        return chosen[0]
 
 
 _SINGLE = {

@@ -12,9 +12,9 @@ from pathlib import Path
 
 from bayesdamp.cli.asking import Options, found_records
 from bayesdamp.pipeline.answer import Answer, answer
-from bayesdamp.pipeline.tables.verdicts import row_of
 from bayesdamp.store import VERDICTS, write_table
 from bayesdamp.types import Signal
+from bayesdamp.verdict.row import row_of
 from bayesdamp.verdict.specimen import specimen
 from bayesdamp.verdict.types import Verdict
 from tests.measured.records import DATA, RECORDS, RUNS

@@ -23,6 +23,7 @@ from bayesdamp.types import InputError, told
 from bayesdamp.units import UNITS, Unit
 
 if TYPE_CHECKING:
+    import pandas as pd
     from matplotlib.axes import Axes
 
 LEAST = 10
@@ -62,6 +63,24 @@ class Signal(Result, types.Signal):
         """The unit that the record came in, in which pictures and tables are drawn and written."""
         return UNITS[str(self.provenance.get("unit", self.unit))]
 
+    def summary(self) -> pd.DataFrame:
+        """One row: record, samples, length (s), rate (Hz, the mean), uniform, quantity, unit, low and high in it."""
+        import pandas as pd
+
+        unit, n = self.own_unit, self.t.size
+        row = {
+            "record": self.name,
+            "samples": n,
+            "length": float(self.t[-1]),
+            "rate": (n - 1) / float(self.t[-1]),
+            "uniform": self.uniform,
+            "quantity": unit.called(self.quantity),
+            "unit": unit.of(self.quantity),
+            "low": float(self.y.min()) * unit.scale,
+            "high": float(self.y.max()) * unit.scale,
+        }
+        return pd.DataFrame([row])
+
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw the record: what was cut away faint, what was kept dark, why in the title's lines; the axes drawn on."""
         ax = axes.one(ax)
@@ -80,15 +99,13 @@ class Signal(Result, types.Signal):
         return ax
 
     def _table(self) -> Table:
-        gaps, unit = np.diff(self.t), self.own_unit
+        unit, n, length = self.own_unit, self.t.size, float(self.t[-1])
         low, high = (float(end) * unit.scale for end in (self.y.min(), self.y.max()))
+        rate = f"{number((n - 1) / length, 5)} Hz"
         rows = (
-            ("samples", str(self.t.size)),
-            ("length", f"{number(float(self.t[-1]), 5)} s"),
-            (
-                "sampling rate",
-                f"{number(1.0 / float(gaps.mean()), 5)} Hz" + ("" if self.uniform else ", uneven"),
-            ),
+            ("samples", str(n)),
+            ("length", f"{number(length, 5)} s"),
+            ("sampling rate", rate if self.uniform else f"{rate}, uneven"),
             ("quantity", f"{unit.called(self.quantity)} in {unit.of(self.quantity)}"),
             ("range", f"{number(low)} to {number(high)}"),
         )

@@ -6,6 +6,7 @@ from bayesdamp.config import SignalSpec, Study
 from bayesdamp.pipeline.records.answering import answered_of, arrays_of, verdict_of
 from bayesdamp.store import DAMPING_CURVES, VERDICTS, Store, write_json, write_table
 from bayesdamp.units import UNITS, Unit
+from bayesdamp.verdict.row import row_of
 from bayesdamp.verdict.specimen import specimen
 from bayesdamp.verdict.types import Verdict
 from bayesdamp.verdict.units import in_unit, picture_in_unit
@@ -71,35 +72,3 @@ def repeated_specs(study: Study) -> dict[str, list[SignalSpec]]:
         if spec.specimen:
             found.setdefault(spec.specimen, []).append(spec)
     return {name: specs for name, specs in found.items() if len(specs) > 1}
-
-
-def row_of(v: Verdict) -> dict[str, object]:
-    """A verdict as a line: three amplitudes, the first three rivals and the terms' shares in columns of their own."""
-    row: dict[str, object] = {
-        "record": v.record,
-        "grade": str(v.grade),
-        "decided": v.decided,
-        "damping": v.damping,
-        "probability": v.probability,
-        "rivals": " ".join(f"{r.damping}:{r.probability:.4g}" for r in v.rivals),
-        "restoring": v.restoring,
-        "restoring_probability": v.restoring_probability,
-        "unexplained_pct": v.unexplained_pct,
-        "noise_pct": v.noise_pct,
-        "midline_drift_pct": v.midline_drift_pct,
-        "energy": " ".join(f"{s.term}:{s.share:.4g}({s.low:.4g},{s.high:.4g})" for s in v.energy),
-        "other_forms": " ".join(f"{b.form.replace(' ', '_')}:{b.share_below:.4g}" for b in v.other_forms),
-        "remarks": " ".join(v.remarks),
-        "sentence": v.sentence,
-    }
-    for name in ("frequency", "frequency_at", "exponent", "deviation", "unnamed"):
-        one = getattr(v, name)
-        if one is not None:
-            row |= {name: one.value, f"{name}_low": one.low, f"{name}_high": one.high}
-    for i, ratio in enumerate(v.damping_ratio[:3], start=1):
-        row |= {f"amplitude_{i}": ratio.amplitude, f"unit_{i}": ratio.unit}
-        row |= {f"ratio_{i}": ratio.value, f"ratio_{i}_low": ratio.low, f"ratio_{i}_high": ratio.high}
-        row |= {f"ratio_{i}_sd_noise": ratio.sd_noise, f"ratio_{i}_sd_law": ratio.sd_law}
-    if v.window is not None:
-        row |= {"start": v.window.start, "stop": v.window.stop, "cycles": v.window.cycles}
-    return row

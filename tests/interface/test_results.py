@@ -1,0 +1,110 @@
+"""What every result can do: print in a few lines, be a table of pandas, be drawn, be saved and loaded."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import matplotlib as mpl
+import numpy as np
+import pandas as pd
+import pytest
+
+import bayesdamp as bd
+from bayesdamp.store import write_json
+from bayesdamp.types import InputError
+from bayesdamp.verdict.types import DampingRatio, Grade, Verdict
+
+mpl.use("Agg")
+LINES, WIDTH = 20, 200
+
+
+@pytest.fixture(scope="module")
+def signal() -> bd.Signal:
+    return bd.simulate({"viscous": 0.05}, "linear", stiffness=20.0, duration=6.0, samples=150, noise_sd=0.003)
+
+
+@pytest.fixture(scope="module")
+def fit(signal: bd.Signal) -> bd.Fit:
+    return bd.fit(signal, bd.Model("viscous", noise="gaussian", known={"rest_angle": 0.0}))
+
+
+@pytest.fixture
+def verdict() -> Verdict:
+    ratio = DampingRatio(0.3, "rad", 0.011, 1e-4, 2e-4, 0.0105, 0.0115)
+    return Verdict("rig", Grade.EXACT, True, "viscous", 0.97, damping_ratio=(ratio,), sentence="Viscous.")
+
+
+@pytest.fixture(scope="module")
+def results(signal: bd.Signal, fit: bd.Fit) -> dict[str, object]:
+    return {
+        "signal": signal,
+        "model": fit.model,
+        "fit": fit,
+        "density": fit.density,
+        "prediction": fit.predict(np.linspace(0.0, 12.0, 50)),
+        "estimate": bd.estimate(signal, "least_squares", fit.model),
+        "evidence": bd.evidence(fit, "laplace"),
+    }
+
+
+def test_each_prints_in_a_few_lines_and_is_a_table(results: dict[str, object], verdict: Verdict) -> None:
+    for name, found in {**results, "verdict": verdict}.items():
+        lines = repr(found).splitlines()
+        assert len(lines) <= LINES, name
+        assert max(map(len, lines)) <= WIDTH, name
+        assert found._repr_html_().startswith("<"), name  # type: ignore[attr-defined]
+        table = found.summary()  # type: ignore[attr-defined]
+        assert isinstance(table, pd.DataFrame), name
+        assert len(table) > 0, name
+
+
+def test_each_is_saved_and_loaded(results: dict[str, object], verdict: Verdict, tmp_path: Path) -> None:
+    every = {**{f"{n}.bd": r for n, r in results.items() if n != "density"}, "verdict.json": verdict}
+    for name, found in every.items():
+        again = bd.load(found.save(tmp_path / name))  # type: ignore[attr-defined]
+        assert type(again) is type(found), name
+        pd.testing.assert_frame_equal(again.summary(), found.summary())  # type: ignore[attr-defined]
+
+
+def test_numbers_of_a_summary_are_those_of_the_result(results: dict[str, object]) -> None:
+    signal, ahead = results["signal"], results["prediction"]
+    assert isinstance(signal, bd.Signal)
+    assert isinstance(ahead, bd.Prediction)
+    row = signal.summary().iloc[0]
+    assert row["rate"] == pytest.approx(149 / 6.0)
+    assert row["samples"] == 150
+    assert np.array_equal(ahead.summary()["value"], ahead.value)
+    model = bd.Model(
+        "viscous", noise="gaussian", priors={"viscous": bd.HalfNormal(0.5)}, known={"stiffness": 20.0}
+    )
+    table = model.summary()
+    assert "0.5" in str(table.loc["zeta", "prior"])
+    assert table.loc["stiffness", "known"] == 20.0
+
+
+def test_a_prediction_is_drawn_with_its_band(results: dict[str, object]) -> None:
+    ahead = results["prediction"]
+    assert isinstance(ahead, bd.Prediction)
+    ax = ahead.plot()
+    assert np.array_equal(np.asarray(ax.lines[0].get_ydata()), ahead.value)
+    assert "rad" in ax.get_ylabel()
+    assert len(ax.collections) == 1
+
+
+def test_a_verdict_of_several_is_asked_for_by_its_record(verdict: Verdict, tmp_path: Path) -> None:
+    path = tmp_path / "verdict.json"
+    other = {**verdict.to_dict(), "record": "ship"}
+    write_json(path, [verdict.to_dict(), other])
+    assert Verdict.load(path, "ship").record == "ship"
+    with pytest.raises(InputError, match="rig, ship; record= must name one of them"):
+        bd.load(path)
+
+
+@pytest.mark.parametrize("text", ["", "[]", "3", '{"record": 1}', '[{"grade": "no"}]'])
+def test_what_is_no_verdict_is_said_in_one_line(text: str, tmp_path: Path) -> None:
+    path = tmp_path / "broken.json"
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(InputError) as caught:
+        bd.load(path)
+    assert str(path) in str(caught.value)
+    assert "\n" not in str(caught.value)
