@@ -13,11 +13,10 @@ import numpy as np
 from bayesdamp import types
 from bayesdamp.inference.deviation.findings import SENSOR
 from bayesdamp.interface.parts import axes as drawing
+from bayesdamp.interface.parts.asked import known_and_priors, sums_and_laws
 from bayesdamp.interface.parts.result import Packed, Result
 from bayesdamp.interface.parts.table import Table
 from bayesdamp.interface.records.signal import Signal
-from bayesdamp.physics.damping import parse_model
-from bayesdamp.physics.restoring import LAWS
 from bayesdamp.pipeline.answer import Answer, answer
 from bayesdamp.priors import Prior
 from bayesdamp.store import DAMPING_CURVES, CellResult, Store, write_bytes, write_json
@@ -208,8 +207,8 @@ def compare(
     repeats: bool = False,
     name: str = "specimen",
     deviation: str = "auto",
-    damping: Sequence[str] = (),
-    restoring: Sequence[str] = (),
+    damping: str | Sequence[str] = (),
+    restoring: str | Sequence[str] = (),
     known: Mapping[str, float] | None = None,
     priors: Mapping[str, Prior] | None = None,
     sensor: float = SENSOR,
@@ -223,10 +222,11 @@ def compare(
     signals: one, or several of one specimen with `repeats`: one damping for all, whose size differs from record to
     record by a spread that is inferred. deviation: "auto" or "law", laws may hold approximately; "none", they hold
     exactly. damping, restoring: what is compared, by default every sum under every law that the record's unit allows.
-    known: values of parameters; priors: by parameter. sensor: the sensor's relative linearity, the floor of every rate.
+    known: values of parameters; priors: by damping term or parameter. sensor: the sensor's relative linearity, the
+    floor of every rate.
     amplitudes: where the damping ratio is given, in the unit that the records came in. sample: whether the motions
     themselves are sampled, and not their linear model alone.
-    Raises InputError for a name that is none; a record on which nothing can be said has it in `outcome`.
+    Raises InputError for what is none of these; a record on which nothing can be said has it in `outcome`.
 
     >>> import bayesdamp as bd
     >>> made = {"stiffness": 20.0, "duration": 10.0, "samples": 200, "noise_sd": 0.003}
@@ -238,12 +238,10 @@ def compare(
     >>> first.low < 0.05 / 20.0**0.5 < first.high
     True
     """
-    for one in damping:
-        parse_model(one)
-    for law in restoring:
-        LAWS.get(law)
+    sums, laws = sums_and_laws(damping, restoring)
+    given = known_and_priors(sums, laws, known, priors, sensor)
     every = [signals] if isinstance(signals, types.Signal) else list(signals)
-    if not every or (len(every) > 1 and not repeats):
+    if not every or (len(every) > 1 and not repeats) or not all(isinstance(s, types.Signal) for s in every):
         raise InputError("compare takes one signal, or several of one specimen with repeats=True")
     units = tuple(Signal.of(s).own_unit.name for s in every)
     answers = tuple(
@@ -252,10 +250,10 @@ def compare(
             amplitudes,
             unit=UNITS[unit],
             deviation=deviation,
-            damping=damping,
-            restoring=restoring,
+            damping=sums,
+            restoring=laws,
             known=known,
-            priors=priors,
+            priors=given,
             sensor=sensor,
             sample=sample,
             seed=seed,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
-from typing import TYPE_CHECKING, Self, get_args
+from typing import TYPE_CHECKING, Self
 
 from bayesdamp import types
 from bayesdamp.config.checks import StudyError
@@ -13,6 +13,7 @@ from bayesdamp.config.sections import DEVIATIONS
 from bayesdamp.config.signals import canonical_model
 from bayesdamp.inference.deviation.findings import SENSOR
 from bayesdamp.inference.noise import NOISES
+from bayesdamp.interface.parts.asked import KINDS
 from bayesdamp.interface.parts.result import Packed, Result
 from bayesdamp.interface.parts.table import Table
 from bayesdamp.physics.damping import TERMS
@@ -32,7 +33,6 @@ POSITIVE = ("noise_sd", "noise_time", "noise_dof")
 GAUSSIAN = "gaussian"
 HELD = (*POSITIVE, "epsilon")
 """Parameters that are not inferred where laws hold approximately: known, or read from the record once."""
-_KINDS = get_args(get_args(Prior)[0])
 
 
 @dataclass(frozen=True, repr=False)
@@ -71,14 +71,16 @@ class Model(Result):
             damping = canonical_model(self.damping, "damping")
         except StudyError as error:
             raise InputError(f"Model: {error}") from None
-        if self.restoring not in LAWS.names():
-            raise InputError(
-                f"Model: unknown restoring law {self.restoring!r}{nearest(self.restoring, LAWS.names())}"
-            )
-        if self.deviation not in DEVIATIONS:
-            raise InputError(
-                f"Model: unknown deviation {self.deviation!r}{nearest(self.deviation, list(DEVIATIONS))}"
-            )
+        for what, given in (("priors", self.priors), ("known", self.known)):
+            if not isinstance(given, Mapping):
+                right = "it must be a dictionary by parameter"
+                raise InputError(f"Model: {what} is {type(given).__name__}; {right}")
+        for what, given, valid in (
+            ("restoring law", self.restoring, LAWS.names()),
+            ("deviation", self.deviation, list(DEVIATIONS)),
+        ):
+            if given not in valid:
+                raise InputError(f"Model: unknown {what} {given!r}{nearest(str(given), valid)}")
         object.__setattr__(self, "damping", damping)
         object.__setattr__(self, "noise", self.noise if isinstance(self.noise, str) else tuple(self.noise))
         _check_noise(self.noises)
@@ -200,8 +202,8 @@ class Model(Result):
                 raise InputError(
                     f"Model: priors has unknown term or parameter {name!r}{nearest(name, valid)}"
                 )
-            if not isinstance(prior, _KINDS):
-                kinds = ", ".join(kind.__name__ for kind in _KINDS)
+            if not isinstance(prior, KINDS):
+                kinds = ", ".join(kind.__name__ for kind in KINDS)
                 raise InputError(f"Model: the prior of {name!r} is {prior!r}; it must be one of {kinds}")
             if name in self.known:
                 raise InputError(f"Model: {name!r} is known and has a prior; give one of the two")

@@ -60,11 +60,33 @@ def test_records_of_one_specimen_share_a_damping() -> None:
         ({"damping": ["viscuos"]}, "viscous"),
         ({"restoring": ["lineal"]}, "linear"),
         ({"deviation": "no"}, "auto"),
+        ({"known": {"stifness": 20.0}}, "did you mean 'stiffness'"),
+        ({"known": {"zeta": 0.05}}, "always inferred"),
+        ({"known": {"stiffness": "20"}}, "finite number"),
+        ({"known": {"cubic": 1.0}, "restoring": "linear"}, "unknown parameter 'cubic'"),
+        ({"known": ["stiffness"]}, "dictionary"),
+        ({"priors": {"visc": bd.HalfNormal(0.1)}}, "did you mean 'viscous'"),
+        ({"priors": {"viscous": 0.1}}, "HalfNormal"),
+        ({"priors": {"coulomb": bd.HalfNormal(0.1)}, "damping": "viscous"}, "unknown term"),
+        ({"sensor": -1.0}, "0 to below"),
     ],
 )
 def test_a_wrong_name_is_one_line(how: dict, said: str) -> None:
     with pytest.raises(bd.InputError, match=said):
         bd.compare(case("family", 33, 0).signal, **how)
+
+
+def test_a_prior_counts_by_its_term_as_by_its_parameter() -> None:
+    """And it counts: the negative control is a prior that says something else."""
+    made = case("family", 33, 0)
+    narrow, other = bd.LogNormal(0.02, 0.01), bd.LogNormal(0.03, 0.01)
+    how = {"damping": "viscous", "restoring": made.restoring, "sample": False}
+    by_term, by_name, control = (
+        bd.compare(made.signal, priors=p, **how).verdict.coefficients[0].value
+        for p in ({"viscous": narrow}, {"zeta": narrow}, {"viscous": other})
+    )
+    assert by_term == by_name
+    assert by_term != pytest.approx(control, rel=0.01)
 
 
 def test_several_records_need_repeats() -> None:
