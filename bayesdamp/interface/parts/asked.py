@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import get_args
+from typing import Any, get_args
 
 from bayesdamp.physics.damping import TERMS, all_sums, parse_model
 from bayesdamp.physics.oscillator import Oscillator
@@ -78,7 +78,7 @@ def known_and_priors(
     return found
 
 
-def _mapping(what: str, given: object) -> Mapping[str, object]:
+def _mapping(what: str, given: object) -> Mapping[str, Any]:
     if given is None:
         return {}
     if not isinstance(given, Mapping):
