@@ -15,13 +15,13 @@ from bayesdamp.envelope.model.candidates import (
     weigh,
     weigh_power,
 )
-from bayesdamp.envelope.model.deviation import KNOTS, MEAN, knot_covariance
+from bayesdamp.envelope.model.deviation import KNOTS, knot_covariance
 from bayesdamp.envelope.model.laws import POWERS, SUMS, coefficients, decay, rate
-from bayesdamp.envelope.model.noise import SLOW, Noise, infer_noise
+from bayesdamp.envelope.model.noise import SHARES, SLOW, Noise, infer_noise
 from bayesdamp.envelope.model.posterior import DRIFT, SENSOR, Draws, draw
 from bayesdamp.envelope.records.one_law import blocks
 from bayesdamp.envelope.records.record import EnvelopeRecord
-from bayesdamp.envelope.records.window import Window, find_window
+from bayesdamp.envelope.records.window import ABOVE_FLOOR, Window, find_window
 from bayesdamp.envelope.results import (
     AtAmplitude,
     Coefficient,
@@ -52,6 +52,8 @@ SURPRISE = 4.5
 HOPELESS = 25.0
 """Nats behind the best with the first noise at which a sum is not weighed with the others: those are worth few."""
 TRIES = 3
+SHORTER = 0.05
+"""Share of a decay by which one of which no floor is seen has to be shorter to be cut where its scatter shows one."""
 SPARSE = 40
 """Readings below which none is left out for standing off."""
 
@@ -65,15 +67,26 @@ def analyse(record: EnvelopeRecord, window: Window | None = None, seed: int = 0)
         chosen = window or find_window(record.t, record.level)
     except Refusal as refusal:
         return EnvelopeResult(record.name, "no_free_decay", no_decay(record.name, str(refusal)))
-    first = chosen.start
+    first, stop = chosen.start, chosen.stop
     found, reference = _blocks(record, chosen, first)
-    noises, inverse, later = _noises(found)
+    noises, inverse, later, end = _noises(found)
     for _ in range(TRIES):
-        if later == 0 or window is not None or chosen.stop - first < SPARSE:
+        if window is not None or chosen.stop - first < SPARSE:
             break
-        first += later * (chosen.stop - first) // found.t.size
+        size = chosen.stop - first
+        behind = first + end * size // found.t.size
+        if later == 0 and (chosen.floor is not None or size - (behind - first) < SHORTER * size):
+            break
+        if behind - first < SPARSE or later > 0:
+            behind = chosen.stop
+        first += later * size // found.t.size
+        chosen = replace(chosen, stop=behind)
         found, reference = _blocks(record, chosen, first)
-        noises, inverse, later = _noises(found)
+        noises, inverse, later, end = _noises(found)
+    if chosen.stop < stop:
+        last = f"{record.t[chosen.stop - 1]:.4g} s"
+        ends = f"ends at {last}, {ABOVE_FLOOR:g} dB above the noise floor that its scatter shows"
+        chosen = replace(chosen, why=(chosen.why[0], ends))
     return _result(record, chosen, first, found, reference, noises, inverse, seed)
 
 
@@ -84,35 +97,43 @@ def _blocks(record: EnvelopeRecord, window: Window, first: int) -> tuple[Blocks,
     top, bottom = x[:edge].mean(), x[-edge:].mean()
     reference = 0.5 * float(top + bottom)
     duration = float(t[-1] - t[0])
-    floor = window.floor * np.exp(-2.0 * reference) if np.isfinite(window.floor) else np.nan
+    floor = None if window.floor is None else window.floor.scaled(np.exp(-2.0 * reference))
     mean_rate = float(top - bottom) / (duration * (1.0 - edge / t.size))
-    return Blocks(t - t[0], x - reference, duration, mean_rate, floor, window.floor_share), reference
+    each = (window.stop - first) / t.size
+    return Blocks(t - t[0], x - reference, duration, mean_rate, floor, each), reference
 
 
-def _noises(b: Blocks) -> tuple[list[tuple[Noise, np.ndarray]], np.ndarray, int]:
-    """The noise inferred without and with a deviation, the inverse triangle in which fits are sought, and how many
-    blocks at the start are none of the decay."""
+def _noises(b: Blocks) -> tuple[list[tuple[Noise, np.ndarray]], np.ndarray, int, int]:
+    """The noise inferred without and with a deviation, the inverse triangle in which fits are sought, how many blocks
+    at the start are none of the decay, and how many stand before it comes too close to the floor."""
     n = b.t.size
-    floor = b.floor * (1.0 - b.constant)
-    seen = np.sqrt(b.floor) if np.isfinite(b.floor) else 1e-3
+    seen = np.sqrt(b.floor.power) if b.floor is not None else 1e-3
     terms = SUMS[-1]
     x0, rates = fit_rates(b, terms, np.diag(1.0 / np.maximum(0.02, np.exp(-b.x) * seen)))
     fit = decay(b.t, x0, terms, rates)
     h0, h = derivatives(b, terms, x0, rates)
     warp = warp_columns(b, rate(fit, terms, rates))
     columns = np.column_stack([h0, h])
-    if b.constant > 0 and np.isfinite(b.floor):
-        columns = np.column_stack([columns, np.exp(-2.0 * fit)])
     early = max(1, round(CHECKED * n)) if n >= 30 else 0
     rest = slice(early, n)
-    given = (b.t[rest], (b.x - fit)[rest], fit[rest], columns[rest], warp[rest], floor)
-    plain = infer_noise(*given, with_deviation=False, deviation_mean=MEAN)
-    loose = infer_noise(*given, with_deviation=True, deviation_mean=MEAN, begin=plain)
-    rivals = (plain, loose, *plain.slower(b.duration))
+    given = (b.t[rest], (b.x - fit)[rest], fit[rest], columns[rest], warp[rest], b.floor)
+    slow_time = 1.0 / b.mean_rate
+    middle = infer_noise(*given, 0.5, slow_time, b.each)
+    rivals = [
+        infer_noise(*given, share, slow_time, b.each, begin=middle, only_floor=True) for share in SHARES
+    ]
+    best = max(rivals, key=lambda one: one.log_density)
+    loose = infer_noise(*given, best.slow, slow_time, b.each, with_deviation=True, begin=best)
+    rivals += [loose, best.slower(b.duration)]
     covariances = [(one, one.covariance(b.t, fit)) for one in rivals]
-    whole = covariances[1][1] + loose.deviation**2 * warp @ knot_covariance(KNOTS, SLOW) @ warp.T
+    whole = best.covariance(b.t, fit) + loose.deviation**2 * warp @ knot_covariance(KNOTS, SLOW) @ warp.T
+    if best.constant > 0:
+        one = 0.5 * best.constant * np.exp(-2.0 * fit)
+        whole = whole + np.outer(one, one)
     inverse = np.linalg.inv(np.linalg.cholesky(whole))
-    return covariances, inverse, _strangers(whole, columns, b.x - fit, early)
+    low = np.flatnonzero(np.exp(2.0 * fit) < 10.0 ** (ABOVE_FLOOR / 10.0) * best.floor)
+    end = int(low[0]) if low.size else n
+    return covariances, inverse, _strangers(whole, columns, b.x - fit, early), end
 
 
 def _strangers(covariance: np.ndarray, columns: np.ndarray, residual: np.ndarray, early: int) -> int:
@@ -192,7 +213,7 @@ def _result(
         why[0] = (
             f"starts at {record.t[first]:.4g} s, where the reading before it is no continuation of the decay"
         )
-    floor = 10.0 * np.log10(window.floor) if np.isfinite(window.floor) else float("nan")
+    floor = 10.0 * np.log10(window.floor.power) if window.floor is not None else float("nan")
     cut = Cut(
         float(record.t[start]), float(record.t[window.stop - 1]), start, window.stop, tuple(why), float(floor)
     )

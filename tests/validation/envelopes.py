@@ -76,7 +76,9 @@ def held(made: Ringdown, truth: Simulated, result: EnvelopeResult) -> Held:
         span = 0.05 * (first - last)
         near = np.clip([middle + span, middle - span], x[-1], x[0])
         # An amplitude above the release's was never passed in free decay: no interval holds its rate.
-        true = (near[0] - near[1]) / float(np.diff(np.interp(-near, -x, t))[0]) if near[0] > near[1] else np.nan
+        true = (
+            (near[0] - near[1]) / float(np.diff(np.interp(-near, -x, t))[0]) if near[0] > near[1] else np.nan
+        )
         pairs.append((at.rate, true))
     z = tuple(float((e.value - true) / np.hypot(e.sd_noise, e.sd_law)) for e, true in pairs)
     return Held(z, tuple(bool(e.low <= true <= e.high) for e, true in pairs))

@@ -10,6 +10,7 @@ from scipy.optimize import nnls
 from scipy.special import ndtr
 
 from bayesdamp.envelope.model.deviation import KNOTS, knot_covariance, warp_integrals, weights
+from bayesdamp.envelope.model.floor import SeenFloor
 from bayesdamp.envelope.model.laws import decay, power_decay, rate
 from bayesdamp.envelope.model.noise import Noise, whiten
 from bayesdamp.envelope.model.orthant import log_orthant
@@ -34,16 +35,16 @@ _ZERO = 1e-5
 class Blocks:
     """A free decay: t in s from its start, x = ln(A/A_ref) (means over runs of readings), shape (n,).
 
-    duration in s; mean_rate in 1/s; floor: power of the floor in units of A_ref² (nan where none is seen), constant:
-    its share that does not fluctuate.
+    duration in s; mean_rate in 1/s; floor: as seen behind the decay, in units of A_ref², None where none is;
+    each: readings that are averaged to one.
     """
 
     t: np.ndarray
     x: np.ndarray
     duration: float
     mean_rate: float
-    floor: float
-    constant: float
+    floor: SeenFloor | None = None
+    each: float = 1.0
 
 
 @dataclass(frozen=True)
@@ -169,11 +170,12 @@ def weigh(
     h0, h = derivatives(blocks, terms, x0, rates)
     prior = np.full(len(terms), (WIDTH * blocks.mean_rate) ** -2)
     warp = warp_columns(blocks, rate(fit, terms, rates))
-    parts = [_grid(blocks, blocks.x - fit, h0, h, fit, warp, -rates, prior, c) for _, c in noises]
+    parts = [_grid(blocks, blocks.x - fit, h0, h, fit, warp, -rates, prior, *one) for one in noises]
     log_z, mean, covariance, tau = (np.concatenate(p) for p in zip(*parts, strict=True))
     d = len(terms)
     mean[:, :d] += rates
-    log_z = log_z + d * np.log(2.0) + log_orthant(mean[:, :d], covariance[:, :d, :d]) - np.log(len(noises))
+    log_z = log_z + d * np.log(2.0) + log_orthant(mean[:, :d], covariance[:, :d, :d])
+    log_z = log_z + _log_weights(noises, log_z.size)
     return Candidate(terms, x0, rates, fit, log_z, tau == 0.0, tau, mean, covariance)
 
 
@@ -222,7 +224,7 @@ def weigh_power(
     # p's uniform prior is a wide normal here, whose height is put right below.
     prior = np.array([1e-4, 1e-4])
     warp = warp_columns(blocks, np.exp(values[0] + (values[1] - 1.0) * fit))
-    parts = [_grid(blocks, blocks.x - fit, h0, h, fit, warp, np.zeros(2), prior, c) for _, c in noises]
+    parts = [_grid(blocks, blocks.x - fit, h0, h, fit, warp, np.zeros(2), prior, *one) for one in noises]
     log_z, mean, covariance, _ = (np.concatenate(p) for p in zip(*parts, strict=True))
     power, variance = mean[:, 1] + values[1], covariance[:, 1, 1]
     scale = WIDTH * blocks.mean_rate
@@ -230,8 +232,14 @@ def weigh_power(
     log_z = log_z + density - np.log(POWER_MOST) - np.log(1e-4) + 0.5 * np.log(2 * np.pi)
     sd = np.sqrt(variance)
     inside = ndtr((POWER_MOST - power) / sd) - ndtr(-power / sd)
-    log_z = log_z + np.log(np.maximum(inside, 1e-300)) - np.log(len(noises))
+    log_z = log_z + np.log(np.maximum(inside, 1e-300)) + _log_weights(noises, log_z.size)
     return log_z, power, variance
+
+
+def _log_weights(noises: Sequence[tuple[Noise, np.ndarray]], size: int) -> np.ndarray:
+    """Log prior probability of each noise at each point of the grid, shape (size,)."""
+    weight = np.array([noise.log_weight for noise, _ in noises])
+    return np.repeat(weight - np.logaddexp.reduce(weight), size // weight.size)
 
 
 def _grid(
@@ -243,6 +251,7 @@ def _grid(
     warp: np.ndarray,
     offset: np.ndarray,
     prior: np.ndarray,
+    noise: Noise,
     covariance: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """(log evidence, posterior mean, covariance of (parameters, g), τ) over scales, τ and ℓ.
@@ -251,8 +260,7 @@ def _grid(
     """
     tau, length, log_prior = weights()
     n, d = h.shape
-    constant = blocks.floor * blocks.constant if np.isfinite(blocks.floor) else 0.0
-    extra = [0.5 * constant * np.exp(-2.0 * fit)] if constant > 0 else []
+    extra = [0.5 * noise.constant * np.exp(-2.0 * fit)] if noise.constant > 0 else []
     white, log_det = whiten(covariance, [h0, *extra, h, warp, residual])
     columns, r = white[:, :-1], white[:, -1]
     e = len(extra)
@@ -264,14 +272,15 @@ def _grid(
     precision = np.zeros((tau.size, q, q))
     precision[:, 0, 0] = START_SD**-2
     mu = np.zeros(q)
-    if e:  # the constant part of the floor is as seen behind the decay, to 30 %
-        precision[:, 1, 1] = 0.3**-2
+    sure = (noise.constant / noise.constant_sd) ** 2 if e else 1.0
+    if e:  # the constant part of the floor, as seen behind the decay
+        precision[:, 1, 1] = sure
         mu[1] = 1.0
     inner = slice(1 + e, 1 + e + d)
     precision[:, range(1 + e, 1 + e + d), range(1 + e, 1 + e + d)] = prior
     mu[inner] = offset
     precision[:, 1 + e + d :, 1 + e + d :] = np.stack(places) / width[:, None, None] ** 2
-    log_det_prior = np.log(prior).sum() - 2 * np.log(START_SD) + e * np.log(0.3**-2)
+    log_det_prior = np.log(prior).sum() - 2 * np.log(START_SD) + np.log(sure)
     log_det_prior = log_det_prior + log_dets - 2 * KNOTS * np.log(width)
     pull = precision @ mu
     quiet = 0.5 * np.einsum("i,bi->b", mu, pull)

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from bayesdamp.envelope.model.floor import SeenFloor, seen_floor
 from bayesdamp.envelope.records.one_law import (
     GUARD,
     LEAST_DROP,
@@ -59,15 +60,12 @@ class Window:
     """The part of a record that decays freely.
 
     start, stop: indices of its first sample and behind its last one. why: sentences on how they were chosen.
-    floor: mean power of the floor in the unit of the reading's power, nan where the record does not reach it.
-    floor_share: of that power what does not fluctuate, 0 to 1. floor_start: index from which the floor is seen.
+    floor: what is seen of the noise floor behind it, None where the record does not reach it.
     """
 
     start: int
     stop: int
-    floor: float
-    floor_share: float
-    floor_start: int
+    floor: SeenFloor | None
     why: tuple[str, ...]
 
 
@@ -87,14 +85,14 @@ def find_window(t: np.ndarray, y: np.ndarray) -> Window:
     if core < LEAST_DROP:
         raise Refusal(f"the level falls by {max(core, 0):.1f} dB, {LEAST_DROP:g} are needed")
     begin, broken = _followed_back(tb, yb, first, last)
-    end, floor, share, floor_at = _followed_on(t, y, begin, tb, yb, edges)
+    end, floor = _followed_on(t, y, begin, tb, yb, edges)
     if core > SURE_DROP and (fall(yb, begin, end) < LEAST_DROP or fall(yb, begin, last) < LOST * core):
         begin, broken = first, first > 0  # the short lines were told from none
-        end, floor, share, floor_at = _followed_on(t, y, begin, tb, yb, edges)
+        end, floor = _followed_on(t, y, begin, tb, yb, edges)
     begun = start_by_a_law(t, y, tb, yb, edges, begin, end)
     if begun != begin:
         begin, broken = begun, begun > 0
-        end, floor, share, floor_at = _followed_on(t, y, begin, tb, yb, edges)
+        end, floor = _followed_on(t, y, begin, tb, yb, edges)
     why = []
     start = int(edges[begin])
     if broken:
@@ -104,7 +102,7 @@ def find_window(t: np.ndarray, y: np.ndarray) -> Window:
             "starts with the record" if begin == 0 else f"starts at {t[start]:.4g} s, the highest reading"
         )
     stop = int(edges[end])
-    if np.isfinite(floor):
+    if floor is not None:
         why.append(f"ends at {t[stop - 1]:.4g} s, {ABOVE_FLOOR:g} dB above the noise floor")
     else:
         why.append(
@@ -115,7 +113,7 @@ def find_window(t: np.ndarray, y: np.ndarray) -> Window:
     drop = fall(yb, begin, end)
     if drop < LEAST_DROP:
         raise Refusal(f"the level falls by {max(drop, 0):.1f} dB, {LEAST_DROP:g} are needed")
-    return Window(start, stop, floor, share, int(edges[floor_at]), tuple(why))
+    return Window(start, stop, floor, tuple(why))
 
 
 def _table(t: np.ndarray, y: np.ndarray) -> Window:
@@ -129,7 +127,7 @@ def _table(t: np.ndarray, y: np.ndarray) -> Window:
     if drop < LEAST_DROP:
         raise Refusal(f"the level falls by {max(drop, 0):.1f} dB, {LEAST_DROP:g} are needed")
     begins = "starts with the record" if start == 0 else f"starts at {t[start]:.4g} s, the highest reading"
-    return Window(start, t.size, np.nan, 0.0, t.size, (begins, "ends with the record"))
+    return Window(start, t.size, None, (begins, "ends with the record"))
 
 
 def bounded(t: np.ndarray, y: np.ndarray, start: float | None, stop: float | None) -> Window:
@@ -139,7 +137,7 @@ def bounded(t: np.ndarray, y: np.ndarray, start: float | None, stop: float | Non
     except Refusal:
         if start is None or stop is None:
             raise
-        found = Window(0, t.size, np.nan, 0.0, t.size, ("", ""))
+        found = Window(0, t.size, None, ("", ""))
     first = found.start if start is None else int(np.searchsorted(t, start))
     behind = found.stop if stop is None else int(np.searchsorted(t, stop, side="right"))
     if behind - first < LEAST_POINTS:
@@ -150,7 +148,7 @@ def bounded(t: np.ndarray, y: np.ndarray, start: float | None, stop: float | Non
         found.why[0] if start is None else f"starts at {t[first]:.4g} s, as asked",
         found.why[1] if stop is None else f"ends at {t[behind - 1]:.4g} s, as asked",
     )
-    return Window(first, behind, found.floor, found.floor_share, found.floor_start, why)
+    return Window(first, behind, found.floor, why)
 
 
 def _straightest(t: np.ndarray, y: np.ndarray) -> tuple[int, int]:
@@ -247,24 +245,29 @@ def _short_lines(t: np.ndarray, y: np.ndarray, width: int) -> tuple[np.ndarray, 
 
 def _followed_on(
     t: np.ndarray, y: np.ndarray, begin: int, tb: np.ndarray, yb: np.ndarray, edges: np.ndarray
-) -> tuple[int, float, float, int]:
-    """(block behind the decay's last, mean power of the floor, its constant share, block from which it is seen).
+) -> tuple[int, SeenFloor | None]:
+    """The block behind the decay's last, and the floor that is seen.
 
     A decay by a power of the amplitude, plus a floor, is fitted to the powers from the start on, robustly.
     """
     count = tb.size
     x, floor, seen, stop, scale = one_law(t, y, begin, tb, edges)
-    share = 0.0
-    behind = 10.0 ** ((y[edges[seen] : stop] - scale) / 10.0)
-    if behind.size > 4:
-        floor = max(floor, float(behind.mean()))
-        share = float(np.clip(1.0 - behind.std() / behind.mean(), 0.0, 1.0))
+    behind = slice(int(edges[seen]), stop)
+    known = SeenFloor(floor)
+    if stop - behind.start > 4:
+        power = 10.0 ** ((y[behind] - scale) / 10.0)
+        floor = max(floor, float(power.mean()))
+        rest = np.exp(2.0 * np.interp(t[behind], tb[begin:], x))
+        took = float(tb[seen] - tb[begin])
+        known = seen_floor(t[behind], power, rest, float(x[0] - x[seen - begin]) / took if took > 0 else 0.0)
     else:
         flat = _flat_end(tb[begin:], yb[begin:] - scale)
-        floor, seen = (max(floor, flat), count - 1) if flat > 0 else (floor, seen)
+        if flat > 0:
+            floor, seen = max(floor, flat), count - 1
+            known = SeenFloor(floor)
     end = min(count, begin + _calm(yb[begin:]))
     if seen == count and floor < 10.0 ** (-ABOVE_FLOOR / 10.0) * np.exp(2.0 * x[-1]):
-        return end, np.nan, 0.0, count
+        return end, None
     limit = 10.0 ** (ABOVE_FLOOR / 10.0) * floor
     above = np.flatnonzero(np.exp(2.0 * x) < limit)
     end = min(end, begin + int(above[0])) if above.size else end
@@ -272,7 +275,7 @@ def _followed_on(
         smooth = np.convolve(yb[begin:end], np.ones(SMOOTH) / SMOOTH, "valid")
         below = np.flatnonzero(smooth - scale < 10.0 * np.log10(limit) - 3.0)
         end = begin + int(below[0]) + SMOOTH // 2 if below.size else end
-    return end, floor * 10.0 ** (scale / 10.0), share, seen
+    return end, known.scaled(10.0 ** (scale / 10.0))
 
 
 def _flat_end(t: np.ndarray, y: np.ndarray) -> float:

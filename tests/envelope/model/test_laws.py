@@ -84,7 +84,7 @@ def test_the_grid_of_the_deviation_has_all_the_probability():
 @pytest.mark.parametrize("terms", [SUMS[0], SUMS[3], SUMS[-1]], ids="+".join)
 def test_derivatives_are_those_of_the_integrated_equation(terms):
     rates = np.array([RATES[term] for term in terms])
-    b = Blocks(T, decay(T, 0.3, terms, rates), float(T[-1]), 0.5, np.nan, 0.0)
+    b = Blocks(T, decay(T, 0.3, terms, rates), float(T[-1]), 0.5)
     h0, h = derivatives(b, terms, 0.3, rates)
     step = 1e-4
 
