@@ -1,12 +1,17 @@
-"""What `bayesdamp compare` does with records of envelopes: one pass, one process, a line a record."""
+"""What `bayesdamp compare` does with records of envelopes: a line a record, many of them in several processes."""
 
 from __future__ import annotations
 
+import os
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import BrokenExecutor
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 from bayesdamp.envelope.analysis import analyse
+from bayesdamp.envelope.folder import make_page, write_about
 from bayesdamp.envelope.model.candidates import WIDTH
 from bayesdamp.envelope.model.deviation import EXACT, MEAN
 from bayesdamp.envelope.model.posterior import DRIFT, SENSOR
@@ -14,13 +19,15 @@ from bayesdamp.envelope.pooled import pooled
 from bayesdamp.envelope.records.reading import Column, is_envelope, read_envelope
 from bayesdamp.envelope.records.record import EnvelopeRecord
 from bayesdamp.envelope.records.window import ABOVE_FLOOR, Window, bounded
-from bayesdamp.envelope.report.page import page
 from bayesdamp.envelope.report.tables import verdict_json, verdicts_csv
 from bayesdamp.envelope.results import EnvelopeResult
+from bayesdamp.machine.processes import processes
 from bayesdamp.types import InputError, Refusal
 
-KEPT = 24
-"""Pictures that are kept for the page."""
+BATCH = 8
+"""Records that a process is given at a time: handing over costs a millisecond, a record some 0.4 s."""
+ALONE = 6
+"""Records that are answered before another process would have begun."""
 SETTINGS = (
     f"Each term's rate at the amplitude in the middle of the fall in dB: half-normal, scale {WIDTH:g} times the "
     "record's own mean rate, the same for all terms.",
@@ -54,7 +61,7 @@ def recognised(records: Sequence[Path], value: Column | None, unit: str | None, 
 def compare_envelopes(
     paths: Sequence[Path],
     *,
-    folder: Callable[[str], Path],
+    folder: Callable[[str, Mapping[str, Any]], Path],
     say: Callable[[str], object],
     time: Column | None = None,
     value: Column | None = None,
@@ -65,11 +72,12 @@ def compare_envelopes(
     stop: float | str = "auto",
     repeats: bool = False,
     seed: int = 0,
+    workers: int | None = None,
 ) -> int:
     """Say the damping of each record in a sentence; write verdicts.csv, verdict.json, report.html and a picture each.
 
-    folder: the run's folder from the name it has by default; say: prints a line. start, stop: of the decay in s, or
-    "auto".
+    folder: the run's folder from the name it has by default and the options that make its question; say: prints a line.
+    start, stop: of the decay in s, or "auto". workers: processes, None for as many as cores.
     All records are read before anything is written. Raises InputError.
     """
     if repeats and len(paths) < 2:
@@ -82,23 +90,20 @@ def compare_envelopes(
     ]
     windows = [_window(record, start, stop) for record in records]
     keys = _keys(paths)
-    out = folder(keys[0] if len(keys) == 1 else f"{keys[0]}-and-{len(keys) - 1}-more")
+    options = {
+        "time": time, "value": value, "rate": rate, "unit": unit, "frequency": frequency, "start": start,
+        "stop": stop, "repeats": repeats, "seed": seed,
+    }  # fmt: skip
+    out = folder(keys[0] if len(keys) == 1 else f"{keys[0]}-and-{len(keys) - 1}-more", options)
     try:
         (out / "figures").mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise InputError(
             f"--out {out}: cannot be written: {(error.strerror or str(error)).lower()}"
         ) from None
-    from bayesdamp.envelope.report.picture import picture  # imports slowly; most records are no envelopes
-
+    tasks = list(zip(records, windows, (out / "figures" / f"{key}.png" for key in keys), strict=True))
     found: list[EnvelopeResult] = []
-    kept: dict[str, bytes] = {}
-    for record, window, key in zip(records, windows, keys, strict=True):
-        result = analyse(record, window, seed)
-        drawn = picture(record, result)
-        (out / "figures" / f"{key}.png").write_bytes(drawn)
-        if len(kept) < KEPT:
-            kept[key] = drawn
+    for result in _answers(tasks, seed, workers or len(os.sched_getaffinity(0))):
         found.append(result)
         say(result.sentence)
     common = pooled(out.name, found) if repeats else None
@@ -106,10 +111,41 @@ def compare_envelopes(
         say(common.sentence)
     (out / "verdicts.csv").write_bytes(verdicts_csv(found))
     (out / "verdict.json").write_bytes(verdict_json(found, common))
-    files = {key: f"figures/{key}.png" for key in keys}
-    (out / "report.html").write_bytes(page(out.name, found, kept, files, common, SETTINGS))
-    say(str(out / "report.html"))
+    write_about(out, paths, options, keys, SETTINGS)
+    say(str(make_page(out)))
     return 0
+
+
+Task = tuple[EnvelopeRecord, Window | None, Path]
+
+
+def _answers(tasks: Sequence[Task], seed: int, workers: int) -> Iterator[EnvelopeResult]:
+    """The results in their order, as they come."""
+    answer = partial(_answer, seed=seed)
+    if workers == 1 or len(tasks) <= ALONE:
+        yield from (result for task in tasks for result in answer([task]))
+        return
+    size = max(1, min(BATCH, len(tasks) // (2 * workers)))
+    batches = [tasks[at : at + size] for at in range(0, len(tasks), size)]
+    with processes(workers, "bayesdamp.envelope.report.picture") as pool:
+        futures = [pool.submit(answer, batch) for batch in batches]
+        for future, batch in zip(futures, batches, strict=True):
+            try:
+                yield from future.result()
+            except BrokenExecutor:  # a process was killed; this one is still here
+                yield from answer(batch)
+
+
+def _answer(tasks: Sequence[Task], seed: int) -> list[EnvelopeResult]:
+    """The results, their pictures written."""
+    from bayesdamp.envelope.report.picture import picture  # imports slowly; most records are no envelopes
+
+    found = []
+    for record, window, path in tasks:
+        result = analyse(record, window, seed)
+        path.write_bytes(picture(record, result))
+        found.append(result)
+    return found
 
 
 def _window(record: EnvelopeRecord, start: float | str, stop: float | str) -> Window | None:

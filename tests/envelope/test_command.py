@@ -166,3 +166,63 @@ def test_repeats_of_measured_samples_agree_within_their_intervals():
             stated = float(record.facts["Quality factor"])
             assert one.quality_factor.value == pytest.approx(stated, rel=0.12 if count == 2 else 0.05)
             assert max(one.probabilities, key=one.probabilities.__getitem__) == "viscous"
+
+
+def test_the_page_is_made_anew_and_nothing_is_computed(tmp_path, capsys):
+    files = [written(tmp_path / f"r{k}.txt", k) for k in (1, 2)]
+    flat = tmp_path / "flat.txt"
+    flat.write_text("time [s], level [dB]\n" + "\n".join(f"{k}, {(7 * k) % 5}" for k in range(300)) + "\n")
+    out = tmp_path / "out"
+    assert main(["compare", *map(str, [*files, flat]), "--repeats", "--out", str(out)]) == 0
+    page = (out / "report.html").read_bytes()
+    (out / "report.html").unlink()
+    capsys.readouterr()
+    assert main(["report", str(out)]) == 0
+    assert capsys.readouterr().out.strip() == str(out / "report.html")
+    assert (out / "report.html").read_bytes() == page
+    # Negative control: it is the verdicts that are shown.
+    verdicts = json.loads((out / "verdict.json").read_text())
+    verdicts[0]["sentence"] = "r1.txt: another sentence."
+    (out / "verdict.json").write_text(json.dumps(verdicts))
+    assert main(["report", str(out)]) == 0
+    assert "another sentence" in (out / "report.html").read_text()
+    (out / "verdict.json").write_text("[{}, 3]")
+    capsys.readouterr()
+    assert main(["report", str(out)]) == 2
+    assert "compare the records again" in capsys.readouterr().err
+
+
+def test_two_questions_do_not_share_a_folder(tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "other").mkdir()
+    asked = [
+        [str(written(tmp_path / "r.txt"))],
+        [str(written(tmp_path / "other" / "r.txt", 2))],
+        [str(tmp_path / "r.txt"), "--frequency", "2e6"],
+        [str(tmp_path / "r.txt")],
+    ]
+    places = []
+    for more in asked:
+        assert main(["compare", *more]) == 0
+        said = capsys.readouterr()
+        places.append(said.out.splitlines()[-1].split("/")[1])
+        assert ("another question" in said.err) == (places[-1] != "r")
+    assert places == ["r", "r-2", "r-3", "r"]
+
+
+def test_many_records_in_two_processes_are_those_of_one(tmp_path, capsys):
+    t = np.arange(0.0, 120.0, 4.0)
+    for k in range(8):
+        y = 2.0 * np.exp(-(0.02 + 0.002 * k) * t + 0.01 * np.random.default_rng(k).standard_normal(t.size))
+        text = "\n".join(f"{a},{b}" for a, b in zip(t, y))
+        (tmp_path / f"r{k}.csv").write_text("time (s),amplitude (mm)\n" + text + "\n")
+    files = [str(tmp_path / f"r{k}.csv") for k in range(8)]
+    for workers in "12":
+        more = ["--quantity", "envelope", "--workers", workers, "--out", str(tmp_path / workers)]
+        assert main(["compare", *files, *more]) == 0
+    one, two = (list(csv.DictReader((tmp_path / w / "verdicts.csv").read_text().splitlines())) for w in "12")
+    assert [row["record"] for row in two] == [f"r{k}.csv" for k in range(8)]
+    for a, b in zip(one, two):
+        assert float(a["rate"]) == pytest.approx(float(b["rate"]), rel=1e-6)
+        assert a["damping"] == b["damping"]
+    assert len(list((tmp_path / "2" / "figures").glob("*.png"))) == 8

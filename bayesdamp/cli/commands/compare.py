@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
 from bayesdamp.cli import options as o
-from bayesdamp.cli.asked import FIRST_WORDS, own_folder, run_folder, units_of
+from bayesdamp.cli.asked import FIRST_WORDS, free_folder, own_folder, run_folder, units_of
 from bayesdamp.cli.options import READING, RUNNING, WEIGHED
 from bayesdamp.cli.verdicts import verdicts_json
 from bayesdamp.machine.processes import processes
@@ -111,12 +111,27 @@ def compare(
     if out is not None:
         run_folder(out, "")
     from bayesdamp.envelope.command import compare_envelopes, recognised
+    from bayesdamp.envelope.folder import asks_another
 
     if recognised(records, angle, unit, quantity):
         written: list[Path] = []
+
+        def chosen(name: str, options: Mapping[str, Any]) -> Path:
+            written.append(
+                run_folder(out, name)
+                if out is not None
+                else free_folder(name, lambda place: asks_another(place, records, options))
+            )
+            if out is None and written[-1].name != name and not quiet:
+                before = written[-1].with_name(name)
+                typer.echo(
+                    f"{before} has the answer to another question; this one goes to {written[-1]}", err=True
+                )
+            return written[-1]
+
         status = compare_envelopes(
             records,
-            folder=lambda name: written.append(run_folder(out, name)) or written[-1],
+            folder=chosen,
             say=(lambda _: None) if as_json else typer.echo,
             time=time,
             value=angle,
@@ -127,6 +142,7 @@ def compare(
             stop=o.bound(stop, "--stop"),
             repeats=repeats,
             seed=seed,
+            workers=workers,
         )
         if as_json:
             typer.echo(verdicts_json(written[-1]))
