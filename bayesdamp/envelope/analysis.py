@@ -19,6 +19,7 @@ from bayesdamp.envelope.model.deviation import KNOTS, knot_covariance
 from bayesdamp.envelope.model.laws import POWERS, SUMS, coefficients, decay, rate
 from bayesdamp.envelope.model.noise import SHARES, SLOW, Noise, infer_noise
 from bayesdamp.envelope.model.posterior import DRIFT, SENSOR, Draws, draw
+from bayesdamp.envelope.model.release import held_blocks
 from bayesdamp.envelope.records.one_law import blocks
 from bayesdamp.envelope.records.record import EnvelopeRecord
 from bayesdamp.envelope.records.window import ABOVE_FLOOR, Window, find_window
@@ -69,6 +70,12 @@ def analyse(record: EnvelopeRecord, window: Window | None = None, seed: int = 0)
         return EnvelopeResult(record.name, "no_free_decay", no_decay(record.name, str(refusal)))
     first, stop = chosen.start, chosen.stop
     found, reference = _blocks(record, chosen, first)
+    for _ in range(TRIES):
+        held = held_blocks(found) if window is None and stop - first >= SPARSE else 0
+        if held == 0:
+            break
+        first += held * (stop - first) // found.t.size
+        found, reference = _blocks(record, chosen, first)
     noises, inverse, later, end = _noises(found)
     for _ in range(TRIES):
         if window is not None or chosen.stop - first < SPARSE:
