@@ -24,7 +24,7 @@ from bayesdamp.envelope.results import EnvelopeResult
 from bayesdamp.machine.processes import processes
 from bayesdamp.types import InputError, Refusal
 
-BATCH = 8
+BATCH = 2
 """Records that a process is given at a time: handing over costs a millisecond, a record some 0.4 s."""
 ALONE = 6
 """Records that are answered before another process would have begun."""

@@ -1,0 +1,62 @@
+"""The Q of an envelope and that of the oscillation it is the envelope of, both inferred from the same readings."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+import bayesdamp as bd
+from bayesdamp.cli import main
+from bayesdamp.envelope import analyse, made_record
+
+OMEGA = 2 * np.pi * 2.0
+
+
+def swung(zeta: float, seed: int) -> tuple[np.ndarray, np.ndarray]:
+    """θ̈ + 2ζθ̇ + ω²θ = 0 from 0.3 rad by another solver, with 1 mrad of noise."""
+    t = np.arange(0.0, 40.0, 0.01)
+    found = solve_ivp(
+        lambda _, y: [y[1], -2 * zeta * y[1] - OMEGA**2 * y[0]], (0.0, 40.0), [0.3, 0.0], t_eval=t, rtol=1e-9,
+        atol=1e-12, method="DOP853",
+    )  # fmt: skip
+    return t, found.y[0] + 1e-3 * np.random.default_rng(seed).standard_normal(t.size)
+
+
+def locked_in(t: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Amplitude once a period: means over a period of the product with the reference."""
+    period = 50
+    means = (y * np.exp(-1j * OMEGA * t)).reshape(-1, period).mean(axis=1)
+    return t.reshape(-1, period).mean(axis=1), 2 * np.abs(means)
+
+
+@pytest.fixture(scope="module")
+def in_time() -> tuple[float, float]:
+    """ζ and its sd by the fit of the motion."""
+    t, y = swung(0.05, 1)
+    fit = bd.fit(bd.Signal(t=t, y=y), bd.Model("viscous", restoring="linear"))
+    return fit.values["zeta"], fit.sd["zeta"]
+
+
+def test_an_envelope_has_the_damping_of_its_oscillation(in_time, tmp_path):
+    """Within the joint 99.7 % interval; a damping that is 3 % larger is not."""
+    file = tmp_path / "lock_in.csv"
+    text = "\n".join(f"{a},{b}" for a, b in zip(*locked_in(*swung(0.05, 1))))
+    file.write_text("time (s),amplitude (rad)\n" + text + "\n")
+    asked = ["--quantity", "envelope", "--frequency", "2", "--out", str(tmp_path / "out")]
+    assert main(["compare", str(file), *asked]) == 0
+    found = json.loads((tmp_path / "out" / "verdict.json").read_text())[0]
+    assert found["damping"] == "viscous"
+    one = next(c for c in found["coefficients"] if c["name"] == "zeta")
+    assert abs(apart(one["value"], np.hypot(one["sd_noise"], one["sd_law"]), in_time)) < 3.0
+    # Negative control.
+    other = analyse(made_record("x", *locked_in(*swung(0.0515, 2)), "rad", 2.0))
+    two = next(c.estimate for c in other.coefficients if c.name == "zeta")
+    assert abs(apart(two.value, np.hypot(two.sd_noise, two.sd_law), in_time)) > 4.0
+
+
+def apart(value: float, sd: float, other: tuple[float, float]) -> float:
+    """Difference of two ζ in its sd."""
+    return (value - other[0]) / float(np.hypot(sd, other[1]))
