@@ -26,12 +26,21 @@ from bayesdamp.physics.damping import TERMS, DampingTerm
 from bayesdamp.physics.restoring import LAWS, RestoringLaw
 from bayesdamp.types import Refusal
 
-MARCH, END = "# --- march ---", "# --- end ---"
+TEMPLATES, END = ("tangents", "march"), "# --- end ---"
 MOST_KEPT = 50
 """Kernels on disk, 0.6 MB each, beyond which those that were not used for longest are removed (conventional)."""
 IN_USE = 3600.0
 """Time in s after its last use in which another process may still be compiling a kernel (conventional)."""
-_HEAD = "import math\n\nimport numpy as np\nfrom numba import njit\n"
+_HEAD = """import math
+
+import numpy as np
+from numba import njit
+
+
+@njit
+def _tanh(y):
+    return 1.0 - 2.0 / (math.exp(2.0 * y) + 1.0)
+"""
 _STAMP = (1_000_000_000, 1_000_000_000)
 """Times of every module's file: Numba takes a file of another time for another source, and processes may write it
 both at once."""
@@ -58,7 +67,7 @@ def kernel_of(terms: tuple[str, ...], restoring: str) -> Kernel:
 
 def source_of(terms: tuple[str, ...], restoring: str) -> str:
     """The source of a kernel's module."""
-    parts, calls, at = [_HEAD], [], 0
+    parts, calls, sums, at = [_HEAD], [], [], 0
     owners: list[int] = []
     by_position, switches = list[bool](), list[bool]()
     for number, name in enumerate(terms):
@@ -70,22 +79,32 @@ def source_of(terms: tuple[str, ...], restoring: str) -> str:
         owners += [number] * len(term.further)
         by_position.append(_takes_position(term.kernel))
         switches.append(bool(term.switches))
+        sums.append(f"    if c[{number}] != 0.0:\n        total += c[{number}] * _shape_{number}({inside})")
         calls.append(f"    out[{number}] = _shape_{number}({inside}) if active[{number}] else 0.0")
     parts.append(
         f"OWNERS = np.array({owners}, np.int64)\nBY_POSITION = np.array({by_position}, np.bool_)\n"
         f"SWITCHES = np.array({switches}, np.bool_)\n"
     )
     parts.append("@njit\ndef shapes(x, v, epsilon, q, active, out):\n" + "\n".join(calls) + "\n")
+    parts.append(
+        "@njit\ndef damping(x, v, epsilon, q, c):\n    total = 0.0\n"
+        + "\n".join(sums)
+        + "\n    return total\n"
+    )
     law = LAWS.get(restoring)
     _own(law, RestoringLaw, f"restoring law {restoring!r}")
     parts.append(_function(law.kernel, "restoring", f"restoring law {restoring!r}"))
-    return "\n\n".join([*parts, _march()])
+    acting = [f"coefficients[{i}] if active[{i}] else 0.0" for i in range(len(terms))]
+    further, rests = [f"q[{i}]" for i in range(at)], [f"law[{i}]" for i in range(len(law.parameters))]
+    tuples = ", ".join(f"({', '.join([*each, '0.0'])})" for each in (acting, further, rests))
+    parts.append(f"@njit\ndef gathered(coefficients, q, active, law):\n    return {tuples}\n")
+    return "\n\n".join([*parts, *map(_template, TEMPLATES)])
 
 
 @cache
-def _march() -> str:
-    template = Path(__file__).with_name("march.py").read_text(encoding="utf-8")
-    return template[template.index(MARCH) : template.index(END)]
+def _template(name: str) -> str:
+    template = Path(__file__).with_name(f"{name}.py").read_text(encoding="utf-8")
+    return template[template.index(f"# --- {name} ---") : template.index(END)]
 
 
 def _own(plugin: DampingTerm | RestoringLaw, base: type, what: str) -> None:
@@ -115,7 +134,17 @@ def _function(function: Callable[..., Any], name: str, what: str) -> str:
     for argument in [*found.args.posonlyargs, *found.args.args]:
         argument.annotation = None
     found.args.defaults = []
-    return ast.unparse(ast.fix_missing_locations(found)) + "\n"
+    return ast.unparse(ast.fix_missing_locations(_Quick().visit(found))) + "\n"
+
+
+class _Quick(ast.NodeTransformer):
+    """The hyperbolic tangent by an exponential, in a third of the time: right to 2e-16 of its largest value."""
+
+    def visit_Attribute(self, node: ast.Attribute) -> ast.AST:
+        """math.tanh becomes _tanh."""
+        if isinstance(node.value, ast.Name) and (node.value.id, node.attr) == ("math", "tanh"):
+            return ast.Name("_tanh", ast.Load())
+        return self.generic_visit(node)
 
 
 def _takes_position(function: Callable[..., Any]) -> bool:

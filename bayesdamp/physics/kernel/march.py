@@ -1,4 +1,4 @@
-"""The template of a kernel: Dormand and Prince's pair of orders 5 and 4 with the variational equations.
+"""The template of a kernel: Verner's pair of orders 7 and 6 with the variational equations.
 
 `build` puts the forces of an oscillator before this source, and the two are compiled together; here the forces are
 stand-ins. Solved is
@@ -6,8 +6,8 @@ stand-ins. Solved is
     θ̈ + (1 + g(t)) Σ c_j shape_j(θ, θ̇) + (1 + 2 h(t)) F_rest(θ) = 0,
 
 g and h piecewise linear between knots. Steps end on knots and at the end. The tangents are carried from step to step
-by the step's own fundamental matrix, so that their cost does not grow with the number of knots (J. R. Dormand and
-P. J. Prince, J. Comput. Appl. Math. 6, 19 (1980)).
+by the step's own fundamental matrix, so that their cost does not grow with the number of knots (J. H.
+Verner, Numer. Algorithms 53, 383 (2010)).
 """
 
 from __future__ import annotations
@@ -17,43 +17,65 @@ import math
 import numpy as np
 from numba import njit
 
-# --- forces ---
-
-OWNERS = np.array([0], np.int64)
-"""Of each further parameter, the term's number."""
-BY_POSITION = np.array([False])
-"""Of each term, whether its force depends on the position."""
-SWITCHES = np.array([False])
-"""Of each term, whether its force turns over within ε where the velocity does."""
-
-
-@njit
-def shapes(x, v, epsilon, q, active, out):
-    """Forces per unit of the coefficients at one point; q: the terms' further parameters, one after the other."""
-    out[:] = 0.0
-
-
-@njit
-def restoring(x, p):
-    """Restoring force at one point."""
-    return p[0] * x
-
+from bayesdamp.physics.kernel.forces import OWNERS, SWITCHES, damping, gathered, restoring, shapes
+from bayesdamp.physics.kernel.tangents import (
+    POINTS,
+    add,
+    along,
+    carry,
+    close,
+    middle,
+    over_a_step,
+    read_at,
+)
 
 # --- march ---
 
+C = np.array([0.0, 0.005, 49 / 450, 49 / 300, 911 / 2000, 0.60950944899783813171, 0.884, 0.925, 1.0, 1.0])
 A = np.array(
     [
-        [0.0, 0.0, 0.0, 0.0, 0.0, 0.0],
-        [1 / 5, 0.0, 0.0, 0.0, 0.0, 0.0],
-        [3 / 40, 9 / 40, 0.0, 0.0, 0.0, 0.0],
-        [44 / 45, -56 / 15, 32 / 9, 0.0, 0.0, 0.0],
-        [19372 / 6561, -25360 / 2187, 64448 / 6561, -212 / 729, 0.0, 0.0],
-        [9017 / 3168, -355 / 33, 46732 / 5247, 49 / 176, -5103 / 18656, 0.0],
+        [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0],
+        [0.005, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0],
+        [-1.07679012345679012346, 1.18567901234567901235, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0],
+        [49 / 1200, 0.0, 0.1225, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0],
+        [0.63891392362557267805, 0.0, -2.45567263822365680966, 2.27225871459808413161, 0.0, 0.0, 0.0, 0.0, 0.0],
+        [
+            -2.66157737501875713112, 0.0, 10.80451388645613769565, -8.35391465739619941197,
+            0.82048759495665697914, 0.0, 0.0, 0.0, 0.0,
+        ],
+        [
+            6.06774143469677099272, 0.0, -24.71127363591108579734, 20.42751793078889394046,
+            -1.90615797881664715062, 1.00617224924206801479, 0.0, 0.0, 0.0,
+        ],
+        [
+            12.05467007625320299509, 0.0, -49.75478495046898932807, 41.14288863860467663260,
+            -4.46176014997400418564, 2.04233482223917495982, -0.09834843665406107380, 0.0, 0.0,
+        ],
+        [
+            10.13814652288180787642, 0.0, -42.64113603171750214622, 35.76384003992257007135,
+            -4.34802284039290765334, 2.00986226837703589544, 0.34874904603382724060, -0.27143900510483128424, 0.0,
+        ],
+        [
+            -45.03007203429867712435, 0.0, 187.32724376545888407524, -154.02882369350186905967,
+            18.56465306347536233859, -7.14180967929507885493, 1.30880857816137862511, 0.0, 0.0,
+        ],
     ]
-)
-B = np.array([35 / 384, 0.0, 500 / 1113, 125 / 192, -2187 / 6784, 11 / 84])
-E = np.array([71 / 57600, 0.0, -71 / 16695, 71 / 1920, -17253 / 339200, 22 / 525, -1 / 40])
-C = np.array([0.0, 1 / 5, 3 / 10, 4 / 5, 8 / 9, 1.0])
+)  # fmt: skip
+B = np.array(
+    [
+        0.04715561848627222170, 0.0, 0.0, 0.25750564298434151896, 0.26216653977412620477, 0.15216092656738557403,
+        0.49399691700324842469, -0.29430311714032504416, 0.08131747232495109999, 0.0,
+    ]
+)  # fmt: skip
+E = B - np.array(
+    [
+        0.04460860660634117629, 0.0, 0.0, 0.26716403785713726805, 0.22010183001772930200, 0.21884317031431568310,
+        0.22898717054112028834, 0.0, 0.0, 0.02029518466335628223,
+    ]
+)  # fmt: skip
+BEYOND = 0.022 / 64
+"""Error of the dense output over its correction, for each ωh of the step: of Hermite's polynomials of u³(1 − u)³ and
+of one degree more, on a sine."""
 EDGE, WIDE, PARTS = 4.0, 3.0, 4.0
 """Velocity, in ε, at which a friction's turning over begins and ends. Where a step would cross it and is more than a
 third of what the turning over takes, it ends at the edge, and quarters of the turning over follow: the stages of a long
@@ -62,112 +84,11 @@ errors ten to thirty times smaller at 1e-6 of the amplitude, of motions that fol
 
 
 @njit
-def acceleration(x, v, w, g, h, coefficients, q, epsilon, active, law, work):
+def acceleration(x, v, w, g, h, c, q, epsilon, law):
     """θ̈ at one point, under relative deviations g of the damping and h of the frequency: w is the share of the way
-    between two knots, where they are g[0] and g[1]."""
-    shapes(x, v, epsilon, q, active, work)
-    damping = 0.0
-    for j in range(coefficients.size):
-        damping += coefficients[j] * work[j]
+    between two knots, where they are g[0] and g[1]. c, q, law: tuples, as of `gathered`."""
     here, there = g[0] + w * (g[1] - g[0]), h[0] + w * (h[1] - h[0])
-    return -(1.0 + here) * damping - (1.0 + 2.0 * there) * restoring(x, law)
-
-
-@njit
-def linearise(x, v, w, g_at, h_at, coefficients, q, epsilon, active, law, sizes, scratch, source):
-    """Slopes of the force by x and v at one point; the sources of the tangents go into `source`.
-
-    w, g_at, h_at: as in `acceleration`. source: (m + e + r + 4,): coefficients, the terms' further parameters, the
-    law's, and the hats of g and h to the left and right of w.
-    """
-    g, h = g_at[0] + w * (g_at[1] - g_at[0]), h_at[0] + w * (h_at[1] - h_at[0])
-    work, other = scratch[0], scratch[1]
-    m, e, r = coefficients.size, q.size, law.size
-    shapes(x, v, epsilon, q, active, work)
-    damping = 0.0
-    for j in range(m):
-        source[j] = (1.0 + g) * work[j]
-        damping += coefficients[j] * work[j]
-    dx, dv = 1e-6 * sizes[0], 1e-6 * sizes[1]
-    by_v = 0.0
-    shapes(x, v + dv, epsilon, q, active, other)
-    for j in range(m):
-        by_v += coefficients[j] * other[j]
-    shapes(x, v - dv, epsilon, q, active, other)
-    for j in range(m):
-        by_v -= coefficients[j] * other[j]
-    by_x, varies = 0.0, False
-    for j in range(m):
-        varies = varies or (active[j] and BY_POSITION[j])
-    if varies:
-        shapes(x + dx, v, epsilon, q, active, other)
-        for j in range(m):
-            by_x += coefficients[j] * other[j]
-        shapes(x - dx, v, epsilon, q, active, other)
-        for j in range(m):
-            by_x -= coefficients[j] * other[j]
-    for i in range(e):
-        source[m + i] = 0.0
-        if not active[OWNERS[i]]:
-            continue
-        kept = q[i]
-        d = 1e-6 * (abs(kept) + 1e-3)
-        q[i] = kept + d
-        shapes(x, v, epsilon, q, active, other)
-        change = 0.0
-        for j in range(m):
-            change += coefficients[j] * other[j]
-        q[i] = kept - d
-        shapes(x, v, epsilon, q, active, other)
-        for j in range(m):
-            change -= coefficients[j] * other[j]
-        q[i] = kept
-        source[m + i] = (1.0 + g) * change / (2 * d)
-    force = restoring(x, law)
-    slope = (restoring(x + dx, law) - restoring(x - dx, law)) / (2 * dx)
-    for i in range(r):
-        kept = law[i]
-        d = 1e-6 * (abs(kept) + sizes[2 + i])
-        law[i] = kept + d
-        change = restoring(x, law)
-        law[i] = kept - d
-        change -= restoring(x, law)
-        law[i] = kept
-        source[m + e + i] = (1.0 + 2.0 * h) * change / (2 * d)
-    i = m + e + r
-    source[i] = (1.0 - w) * damping
-    source[i + 1] = w * damping
-    source[i + 2] = 2.0 * (1.0 - w) * force
-    source[i + 3] = 2.0 * w * force
-    return (1.0 + g) * by_x / (2 * dx) + (1.0 + 2.0 * h) * slope, (1.0 + g) * by_v / (2 * dv)
-
-
-@njit
-def advance_tangents(
-    x, v, w, step, g, h, coefficients, q, epsilon, active, law, sizes, scratch, begun, ended, stages, local
-):
-    """The step's fundamental matrix and what its sources add, (2, 2 + s), from its stages x, v, w, (6,).
-
-    begun, ended: (2 + s,), slopes by x and v and the sources where the step begins, as they are known, and room for
-    those of a stage; stages: room, (6, 2, 2 + s).
-    """
-    count = local.shape[1]
-    for i in range(6):
-        if i == 0:
-            at = begun
-        else:
-            at = ended
-            at[0], at[1] = linearise(
-                x[i], v[i], w[i], g, h, coefficients, q, epsilon, active, law, sizes, scratch, at[2:]
-            )
-        combined(local, stages, A[i], i, step)
-        by_x, by_v = at[0], at[1]
-        for p in range(count):
-            stages[i, 0, p] = local[1, p]
-            stages[i, 1, p] = -(by_x * local[0, p] + by_v * local[1, p])
-        for p in range(2, count):
-            stages[i, 1, p] -= at[p]
-    combined(local, stages, B, 6, step)
+    return -(1.0 + here) * damping(x, v, epsilon, q, c) - (1.0 + 2.0 * there) * restoring(x, law)
 
 
 @njit
@@ -198,20 +119,6 @@ def share_until(v, a, new_v, new_a, step, wanted):
     return at
 
 
-@njit
-def combined(local, stages, shares, number, step):
-    """Tangents, (2, 2 + s), after shares of a step along the slopes of the first stages."""
-    local[:] = 0.0
-    local[0, 0], local[1, 1] = 1.0, 1.0
-    for j in range(number):
-        share = step * shares[j]
-        if share == 0.0:
-            continue
-        for p in range(local.shape[1]):
-            local[0, p] += share * stages[j, 0, p]
-            local[1, p] += share * stages[j, 1, p]
-
-
 @njit(cache=True, nogil=True)
 def sums(x, v, weight, epsilon, q, active, out):
     """Weighted sums over points, (n,), of the terms' shapes, (d, m), for rows of further parameters, (d, e)."""
@@ -226,7 +133,8 @@ def sums(x, v, weight, epsilon, q, active, out):
 
 @njit(cache=True, nogil=True)
 def march(coefficients, q, active, law, epsilon, start, knots, g, h, tolerance, sizes, tangents, most):
-    """Node times (s,), states (s, 3): θ, θ̇, θ̈, and tangents (s, k, 3); the times are empty where it escapes.
+    """Node times (s,), states (s, 4): θ, θ̇, θ̈, and the correction of the quintic of the step
+    that begins there, and tangents (s, k, 4) likewise; the times are empty where it escapes.
 
     knots: (n,), from the first to the last time, g and h there. tolerance: of a step, as a share of the sizes of θ
     and θ̇ (sizes[:2]; then those of the law's parameters). tangents: 0 none, 1 by the parameters, 2 by g and h too,
@@ -235,127 +143,154 @@ def march(coefficients, q, active, law, epsilon, start, knots, g, h, tolerance, 
     m, e, r, n = coefficients.size, q.size, law.size, knots.size
     base = m + e + r
     k = 0 if tangents == 0 else base + 2 + (2 * n if tangents == 2 else 0)
-    room = 512
-    times, states, slopes = np.zeros(room), np.zeros((room, 3)), np.zeros((room, k, 3))
-    scratch, begun, ended = np.zeros((2, m)), np.zeros(base + 6), np.zeros(base + 6)
-    sources, hats = begun[2:], 2 + base
-    local = np.zeros((2, hats + (4 if tangents == 2 else 0)))
-    stages = np.zeros((6, 2, local.shape[1]))
-    xs, vs, ws, kx, kv = np.zeros(6), np.zeros(6), np.zeros(6), np.zeros(7), np.zeros(7)
+    room = 256
+    times, states, slopes = np.zeros(room), np.zeros((room, 4)), np.zeros((room, k, 4))
+    live, count = np.zeros(base, np.int64), 0
+    for p in range(base):
+        if (p < m and active[p]) or p >= m + e or (m <= p < m + e and active[OWNERS[p - m]]):
+            live[count] = p
+            count += 1
+    live, scratch, sources = live[:count], np.zeros((2, m)), np.zeros(base + 4)
+    hats, wide = 2 + live.size, 2 + live.size + (4 if tangents == 2 else 0)
+    read, local, half = np.zeros((5, wide)), np.zeros((2, wide)), np.zeros(wide)
+    moved = np.concatenate((live, np.array([base, base + 1])))
+    xs, vs, ws, kv = np.zeros(10), np.zeros(10), np.zeros(10), np.zeros(10)
     gs, hs = np.zeros(2), np.zeros(2)
+    sized, more, rests = gathered(coefficients, q, active, law)
     x, v, t, piece = start[0], start[1], knots[0], 0
     gs[0], gs[1], hs[0], hs[1] = g[0], g[1], h[0], h[1]
-    a = acceleration(x, v, 0.0, gs, hs, coefficients, q, epsilon, active, law, scratch[0])
+    a = acceleration(x, v, 0.0, (g[0], g[1]), (h[0], h[1]), sized, more, epsilon, rests)
     states[0, 0], states[0, 1], states[0, 2], times[0] = x, v, a, t
     if tangents > 0:
-        begun[0], begun[1] = linearise(
-            x, v, 0.0, gs, hs, coefficients, q, epsilon, active, law, sizes, scratch, sources
+        read_at(
+            x,
+            v,
+            0.0,
+            gs,
+            hs,
+            sized,
+            more,
+            rests,
+            q,
+            epsilon,
+            active,
+            law,
+            sizes,
+            scratch,
+            sources,
+            live,
+            read[0],
         )
-        slopes[0, base, 0], slopes[0, base, 2] = 1.0, -begun[0]
-        slopes[0, base + 1, 1], slopes[0, base + 1, 2] = 1.0, -begun[1]
-        for p in range(base):
-            slopes[0, p, 2] = -sources[p]
+        slopes[0, base, 0], slopes[0, base, 2] = 1.0, -read[0, 0]
+        slopes[0, base + 1, 1], slopes[0, base + 1, 2] = 1.0, -read[0, 1]
+        for i in range(live.size):
+            slopes[0, live[i], 2] = -read[0, 2 + i]
         if tangents == 2:
-            slopes[0, base + 2, 2] = -sources[base]
-            slopes[0, base + 2 + n, 2] = -sources[base + 2]
+            slopes[0, base + 2, 2] = -read[0, hats]
+            slopes[0, base + 2 + n, 2] = -read[0, hats + 2]
     step = 0.05 * sizes[0] / sizes[1]
     count, tries = 1, 0
     edge, usual = 0.0, 0.0
     for j in range(m):
         if active[j] and SWITCHES[j]:
             edge = EDGE * epsilon
+    if abs(v) < edge and a != 0.0:
+        usual, step = step, min(step, 2.0 * edge / abs(a) / PARTS)
     while True:
         if tries > most:
             return times[:0], states[:0], slopes[:0]
         tries += 1
+        if count == room:
+            room *= 2
+            more_t, more_s, more_k = np.zeros(room), np.zeros((room, 4)), np.zeros((room, k, 4))
+            more_t[:count], more_s[:count], more_k[:count] = times, states, slopes
+            times, states, slopes = more_t, more_s, more_k
         left = knots[piece + 1] - t
         whole = step >= left * (1 - 1e-9)
         taken = left if whole else (step if step < 0.5 * left else 0.5 * left)
-        width = knots[piece + 1] - knots[piece]
         gs[0], gs[1], hs[0], hs[1] = g[piece], g[piece + 1], h[piece], h[piece + 1]
-        kx[0], kv[0] = v, a
-        for i in range(6):
-            px, pv = x, v
+        gone, width = t - knots[piece], knots[piece + 1] - knots[piece]
+        at_g, at_h = (g[piece], g[piece + 1]), (h[piece], h[piece + 1])
+        xs[0], vs[0], ws[0], kv[0] = x, v, gone / width, a
+        for i in range(1, 10):
+            px, pv = 0.0, 0.0
             for j in range(i):
-                px += taken * A[i, j] * kx[j]
-                pv += taken * A[i, j] * kv[j]
-            w = (t - knots[piece] + C[i] * taken) / width
-            xs[i], vs[i], ws[i] = px, pv, w
-            if i > 0:
-                kx[i] = pv
-                kv[i] = acceleration(px, pv, w, gs, hs, coefficients, q, epsilon, active, law, scratch[0])
-        px, pv = x, v
-        for i in range(6):
-            px += taken * B[i] * kx[i]
-            pv += taken * B[i] * kv[i]
-        w = ws[5]
-        kx[6] = pv
-        kv[6] = acceleration(px, pv, w, gs, hs, coefficients, q, epsilon, active, law, scratch[0])
-        ex, ev = 0.0, 0.0
-        for i in range(7):
-            ex += taken * E[i] * kx[i]
-            ev += taken * E[i] * kv[i]
-        error = max(abs(ex) / sizes[0], abs(ev) / sizes[1]) / tolerance
+                px += A[i, j] * vs[j]
+                pv += A[i, j] * kv[j]
+            xs[i], vs[i], ws[i] = x + taken * px, v + taken * pv, (gone + C[i] * taken) / width
+            kv[i] = acceleration(xs[i], vs[i], ws[i], at_g, at_h, sized, more, epsilon, rests)
+        px, pv, ex, ev = 0.0, 0.0, 0.0, 0.0
+        for i in range(10):
+            px += B[i] * vs[i]
+            pv += B[i] * kv[i]
+            ex += E[i] * vs[i]
+            ev += E[i] * kv[i]
+        px, pv, w = x + taken * px, v + taken * pv, ws[9]
+        error = taken * max(abs(ex) / sizes[0], abs(ev) / sizes[1]) / tolerance
         if not math.isfinite(error) or abs(px) > 1e3 * (sizes[0] + abs(start[0])):
             if not math.isfinite(error) and taken > 1e-9 * sizes[0] / sizes[1]:
                 step = 0.2 * taken
                 continue
             return times[:0], states[:0], slopes[:0]
         if error > 1.0:
-            step = taken * max(0.2, 0.9 * error ** (-0.2))
+            step = taken * max(0.2, 0.9 * error ** (-1 / 7))
             continue
+        pa = acceleration(px, pv, w, at_g, at_h, sized, more, epsilon, rests)
+        last, now = states[count - 1], states[count]
+        times[count], now[0], now[1], now[2] = t + taken, px, pv, pa
+        mx, mv, bend = middle(last, now, taken)
+        ma = acceleration(mx, mv, (gone + 0.5 * taken) / width, at_g, at_h, sized, more, epsilon, rests)
+        last[3] = (bend - ma) * taken * taken / 0.375
+        rest = BEYOND * abs(last[3]) * taken * sizes[1] / (sizes[0] * sizes[0]) / tolerance
+        if rest > 1.0:
+            step = taken * max(0.2, 0.9 * rest ** (-1 / 7))
+            continue
+        error = max(error, rest)
         sign = 1.0 if v > 0.0 else -1.0
         beyond = v * sign > edge * (1.0 + 1e-9)
-        if (
-            edge > 0.0
-            and beyond
-            and pv * sign < edge * (1.0 - 1e-6)
-            and 2.0 * edge < WIDE * taken * abs(kv[6])
-        ):
-            usual, step = taken, taken * share_until(v, a, pv, kv[6], taken, edge * sign)
+        if edge > 0.0 and beyond and pv * sign < edge * (1.0 - 1e-6) and 2.0 * edge < WIDE * taken * abs(pa):
+            usual, step = taken, taken * share_until(v, a, pv, pa, taken, edge * sign)
             continue
-        if count == room:
-            room *= 2
-            more_t, more_s, more_k = np.zeros(room), np.zeros((room, 3)), np.zeros((room, k, 3))
-            more_t[:count], more_s[:count], more_k[:count] = times, states, slopes
-            times, states, slopes = more_t, more_s, more_k
         if tangents > 0:
-            advance_tangents(
-                xs, vs, ws, taken, gs, hs, coefficients, q, epsilon, active, law, sizes, scratch, begun, ended,
-                stages, local,
-            )  # fmt: skip
-            begun[0], begun[1] = linearise(
-                px, pv, w, gs, hs, coefficients, q, epsilon, active, law, sizes, scratch, sources
-            )
+            for i in range(1, 5):
+                if i == 4:
+                    sx, sv = px, pv
+                else:
+                    sx, sv = along(last, now, taken, last[3], POINTS[i])
+                read_at(
+                    sx, sv, (gone + POINTS[i] * taken) / width, gs, hs, sized, more, rests, q, epsilon, active, law,
+                    sizes, scratch, sources, live, read[i],
+                )  # fmt: skip
+            over_a_step(read, taken, local, half)
             old, new = slopes[count - 1], slopes[count]
-            first = base + 2 + piece
-            for p in range(k):
-                new[p, 0] = local[0, 0] * old[p, 0] + local[0, 1] * old[p, 1]
-                new[p, 1] = local[1, 0] * old[p, 0] + local[1, 1] * old[p, 1]
-            for p in range(base):
-                new[p, 0] += local[0, 2 + p]
-                new[p, 1] += local[1, 2 + p]
+            for p in moved:
+                carry(old[p], new[p], local, half)
+            for i in range(live.size):
+                add(old[live[i]], new[live[i]], local, half, read, 2 + i)
             if tangents == 2:
+                for i in range(piece + 2):
+                    carry(old[base + 2 + i], new[base + 2 + i], local, half)
+                    carry(old[base + 2 + n + i], new[base + 2 + n + i], local, half)
                 for i in range(2):
-                    for c in range(2):
-                        new[first + i, c] += local[c, hats + i]
-                        new[first + n + i, c] += local[c, hats + 2 + i]
-            for p in range(k):
-                new[p, 2] = -(begun[0] * new[p, 0] + begun[1] * new[p, 1])
-            for p in range(base):
-                new[p, 2] -= sources[p]
+                    p = base + 2 + piece + i
+                    add(old[p], new[p], local, half, read, hats + i)
+                    add(old[p + n], new[p + n], local, half, read, hats + 2 + i)
+            for p in moved:
+                close(old[p], new[p], read, taken)
             if tangents == 2:
-                for i in range(2):
-                    new[first + i, 2] -= sources[base + i]
-                    new[first + n + i, 2] -= sources[base + 2 + i]
-            if whole:  # what was the hat on the right is the one on the left of the next knots
-                sources[base], sources[base + 1] = sources[base + 1], 0.0
-                sources[base + 2], sources[base + 3] = sources[base + 3], 0.0
+                for i in range(piece + 2):
+                    close(old[base + 2 + i], new[base + 2 + i], read, taken)
+                    close(old[base + 2 + n + i], new[base + 2 + n + i], read, taken)
+            read[0] = read[4]
+            if (
+                whole and tangents == 2
+            ):  # the hat that was on the right is the one on the left of the next knots
+                read[0, hats], read[0, hats + 1] = read[4, hats + 1], 0.0
+                read[0, hats + 2], read[0, hats + 3] = read[4, hats + 3], 0.0
         t = knots[piece + 1] if whole else t + taken
-        x, v, a = px, pv, kv[6]
-        times[count], states[count, 0], states[count, 1], states[count, 2] = t, x, v, a
+        x, v, a, times[count] = px, pv, pa, t
         count += 1
-        grown = taken * min(5.0, 0.9 * max(error, 1e-10) ** (-0.2))
+        grown = taken * min(5.0, 0.9 * max(error, 1e-10) ** (-1 / 7))
         step = max(grown, step) if whole else grown
         if usual > 0.0 and not whole:
             if v * a < edge * abs(a) * (1.0 - 1e-3):  # before the edge on the other side

@@ -15,6 +15,8 @@ TOLERANCE = 3e-8
 """Error of a step as a share of the amplitude."""
 MOST_A_CYCLE = 4000
 """Steps in a cycle after which a motion is given up."""
+PARTS = 3
+"""Of a step, in which trapezoids and low-order formulas take a motion (conventional)."""
 QUANTITIES = ("angle", "velocity", "acceleration")
 NONE, PARAMETERS, ALL = 0, 1, 2
 SHARED = (*PAPER_TERMS, "displacement", "stribeck")
@@ -23,12 +25,22 @@ SHARED = (*PAPER_TERMS, "displacement", "stribeck")
 
 @dataclass(frozen=True)
 class Motion:
-    """A trajectory: values at the samples, (n,), their tangents, (n, k), and the nodes with θ, θ̇, θ̈ there, (s, 3)."""
+    """A trajectory: values at the samples, (n,), their tangents, (n, k), and the ends of steps, times (s,), with
+    θ, θ̇, θ̈ there, and what `dense` takes besides, (s, 4)."""
 
     y: np.ndarray
     tangents: np.ndarray
     times: np.ndarray
     states: np.ndarray
+
+    @cached_property
+    def refined(self) -> tuple[np.ndarray, np.ndarray]:
+        """Times, (r,), so close that curves between them are short, with θ, θ̇, θ̈ there, (r, 3): steps in `PARTS`."""
+        from bayesdamp.physics.kernel.dense import at_times
+
+        step = np.diff(self.times)[:, None] * np.arange(PARTS) / PARTS
+        times = np.append((self.times[:-1, None] + step).ravel(), self.times[-1:])
+        return times, np.column_stack([at_times(self.times, self.states, times, order) for order in range(3)])
 
 
 @dataclass(frozen=True)

@@ -122,11 +122,12 @@ def test_tangents_are_central_differences(law: str, order: int, monkeypatch: pyt
 
 
 def test_a_term_that_is_switched_off_does_nothing() -> None:
+    """As with a coefficient of zero, but that no step ends where the friction would turn over."""
     made, p = solver_of("linear")
-    off = made.solve(p, np.array([True, False, True]), tangents=PARAMETERS)
+    off = made.solve(p, np.array([True, False, True]), tangents=PARAMETERS, tolerance=1e-12)
     absent, q = solver_of("linear", mu_c=0.0)
     assert off is not None
-    assert off.y == pytest.approx(solved(absent, q).y, abs=1e-12)
+    assert off.y == pytest.approx(solved(absent, q, tolerance=1e-12).y, abs=1e-10)
     assert np.all(off.tangents[:, made.names.index("mu_c")] == 0)
     assert np.max(np.abs(off.y - solved(made, p).y)) > 1e-3  # control
 

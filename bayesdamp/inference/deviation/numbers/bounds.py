@@ -153,8 +153,8 @@ def columns_of(weighing: Weighing, result: Result, approximate: bool) -> tuple[n
 
 
 def _middle(result: Result) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Times (2s − 1,), displacements and velocities at a motion's nodes and half way between them."""
-    t, states = result.motion.times, result.motion.states
+    """Times (2s − 1,), displacements and velocities at a motion's refined points and half way between them."""
+    t, states = result.motion.refined
     step = np.diff(t)
     between = 0.5 * (states[1:] + states[:-1])
     between[:, :2] -= step[:, None] / 8 * np.diff(states[:, 1:], axis=0)
@@ -213,7 +213,7 @@ def _tangents(weighing: Weighing, result: Result, sources: np.ndarray) -> np.nda
         w = w + step / 6 * (w1 + 2 * w2 + 2 * w3 + w4)
         found[i + 1, :, 0], found[i + 1, :, 1] = d, w
         found[i + 1, :, 2] = force[b] - by_x[b] * d - by_v[b] * w
-    return solver.read_slopes(t, result.motion.states, found)
+    return solver.read_slopes(t, result.motion.refined[1], found)
 
 
 def _slopes(

@@ -21,14 +21,13 @@ def times_of(result: Result) -> tuple[np.ndarray, np.ndarray]:
 
 def turning_amplitudes(motion: Motion) -> tuple[np.ndarray, np.ndarray]:
     """Times in s of a motion's half cycles, and half the distance of their turning points, in falling order."""
-    v = motion.states[:, 1]
+    times, states = motion.refined
+    v = states[:, 1]
     turns = np.flatnonzero(v[:-1] * v[1:] <= 0)
     share = v[turns] / np.where(v[turns] == v[turns + 1], 1.0, v[turns] - v[turns + 1])
-    t = motion.times[turns] + share * (motion.times[turns + 1] - motion.times[turns])
-    h = motion.times[turns + 1] - motion.times[turns]
-    x = motion.states[turns, 0] + h * share * (
-        motion.states[turns, 1] + 0.5 * h * share * motion.states[turns, 2]
-    )
+    t = times[turns] + share * (times[turns + 1] - times[turns])
+    h = times[turns + 1] - times[turns]
+    x = states[turns, 0] + h * share * (states[turns, 1] + 0.5 * h * share * states[turns, 2])
     sizes, at = 0.5 * np.abs(np.diff(x)), 0.5 * (t[1:] + t[:-1])
     good = sizes > 0
     return at[good], np.minimum.accumulate(sizes[good])

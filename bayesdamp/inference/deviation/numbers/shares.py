@@ -16,9 +16,11 @@ POINTS = 4000
 def power_of(weighing: Weighing, result: Result, further: np.ndarray) -> np.ndarray:
     """Mean power of each term per unit of its coefficient over the record's own motion, (d, m), for rows of further
     parameters, (d, e)."""
+    from bayesdamp.physics.kernel.dense import at_times
+
     solver, motion = weighing.solvers[result.candidate.restoring], result.motion
     at = np.linspace(motion.times[0], motion.times[-1], POINTS)
-    x, v = (np.interp(at, motion.times, motion.states[:, i]) for i in (0, 1))
+    x, v = (at_times(motion.times, motion.states, at, order) for order in (0, 1))
     return solver.works(x, v, v / POINTS, further, result.fit.active)
 
 

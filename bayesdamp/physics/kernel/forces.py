@@ -1,0 +1,38 @@
+"""Stand-ins for the forces of an oscillator, which `build` writes in their place."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+OWNERS = np.array([0], np.int64)
+"""Of each further parameter, the term's number."""
+BY_POSITION = np.array([False])
+"""Of each term, whether its force depends on the position."""
+SWITCHES = np.array([False])
+"""Of each term, whether its force turns over within ε where the velocity does."""
+
+
+@njit
+def shapes(x, v, epsilon, q, active, out):
+    """Forces per unit of the coefficients at one point; q: the terms' further parameters, one after the other."""
+    out[:] = 0.0
+
+
+@njit
+def damping(x, v, epsilon, q, c):
+    """The force of all terms at one point; one of which the coefficient is 0 costs nothing."""
+    return 0.0
+
+
+@njit
+def gathered(coefficients, q, active, law):
+    """Coefficients, 0 of terms that do not act, further parameters and the law's as tuples, which cost no counting of
+    references."""
+    return (coefficients[0],), (0.0,), (law[0],)
+
+
+@njit
+def restoring(x, p):
+    """Restoring force at one point."""
+    return p[0] * x

@@ -1,0 +1,234 @@
+"""The template of a kernel, its variational equations: on a step they are linear, with coefficients that are read along
+the motion, and solved by their power series."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from bayesdamp.physics.kernel.forces import BY_POSITION, OWNERS, damping, restoring, shapes
+
+# --- tangents ---
+
+POINTS = np.array([0.0, 0.5 - np.sqrt(3 / 28), 0.5, 0.5 + np.sqrt(3 / 28), 1.0])
+"""Shares of a step where the coefficients are read: Lobatto's, with which the step's end is right to order eight."""
+POWERS = np.linalg.inv(np.vander(POINTS, increasing=True))
+WHOLE, HALF = (POWERS.T @ (end ** np.arange(1.0, 6.0) / np.arange(1.0, 6.0)) for end in (1.0, 0.5))
+"""Weights at the points of an integral over a step and over its first half."""
+MOST_TERMS, SMALL = 30, 1e-13
+"""Terms of the power series of a step at most, and their size, over the sum's, at which it ends."""
+
+
+@njit
+def linearise(x, v, w, g_at, h_at, sized, more, rests, q, epsilon, active, law, sizes, scratch, source):
+    """Slopes of the force by x and v at one point; the sources of the tangents go into `source`.
+
+    w, g_at, h_at: as in `acceleration`; sized, more, rests: as of `gathered`. source: (m + e + r + 4,): coefficients,
+    the terms' further parameters, the law's, and the hats of g and h to the left and right of w.
+    """
+    g, h = g_at[0] + w * (g_at[1] - g_at[0]), h_at[0] + w * (h_at[1] - h_at[0])
+    work, other = scratch[0], scratch[1]
+    m, e, r = work.size, q.size, law.size
+    shapes(x, v, epsilon, q, active, work)
+    total, varies = 0.0, False
+    for j in range(m):
+        source[j] = (1.0 + g) * work[j]
+        total += sized[j] * work[j]
+        varies = varies or (active[j] and BY_POSITION[j])
+    dx, dv = 1e-6 * sizes[0], 1e-6 * sizes[1]
+    by_v = damping(x, v + dv, epsilon, more, sized) - damping(x, v - dv, epsilon, more, sized)
+    by_x = 0.0
+    if varies:
+        by_x = damping(x + dx, v, epsilon, more, sized) - damping(x - dx, v, epsilon, more, sized)
+    for i in range(e):
+        source[m + i] = 0.0
+        if not active[OWNERS[i]]:
+            continue
+        kept = q[i]
+        d = 1e-6 * (abs(kept) + 1e-3)
+        q[i] = kept + d
+        shapes(x, v, epsilon, q, active, other)
+        change = 0.0
+        for j in range(m):
+            change += sized[j] * other[j]
+        q[i] = kept - d
+        shapes(x, v, epsilon, q, active, other)
+        for j in range(m):
+            change -= sized[j] * other[j]
+        q[i] = kept
+        source[m + i] = (1.0 + g) * change / (2 * d)
+    force = restoring(x, rests)
+    slope = (restoring(x + dx, rests) - restoring(x - dx, rests)) / (2 * dx)
+    for i in range(r):
+        kept = law[i]
+        d = 1e-6 * (abs(kept) + sizes[2 + i])
+        law[i] = kept + d
+        change = restoring(x, law)
+        law[i] = kept - d
+        change -= restoring(x, law)
+        law[i] = kept
+        source[m + e + i] = (1.0 + 2.0 * h) * change / (2 * d)
+    i = m + e + r
+    source[i] = (1.0 - w) * total
+    source[i + 1] = w * total
+    source[i + 2] = 2.0 * (1.0 - w) * force
+    source[i + 3] = 2.0 * w * force
+    return (1.0 + g) * by_x / (2 * dx) + (1.0 + 2.0 * h) * slope, (1.0 + g) * by_v / (2 * dv)
+
+
+@njit
+def middle(before, after, step):
+    """Value, slope and curvature half way of a step (s), of the quintic that has those at both ends, (3,)."""
+    value = 0.5 * (before[0] + after[0]) + step * (
+        5 / 32 * (before[1] - after[1]) + step / 64 * (before[2] + after[2])
+    )
+    slope = 15 / 8 * (after[0] - before[0]) / step - 7 / 16 * (before[1] + after[1])
+    slope += step / 32 * (after[2] - before[2])
+    curvature = 1.5 * (after[1] - before[1]) / step - 0.25 * (before[2] + after[2])
+    return value, slope, curvature
+
+
+@njit
+def along(before, after, step, more, share):
+    """Value and slope at a share of a step (s): of the quintic and its correction, as `dense` reads them."""
+    u, r = share, 1.0 - share
+    value = (
+        r
+        * r
+        * r
+        * (
+            (1.0 + 3.0 * u + 6.0 * u * u) * before[0]
+            + u * step * ((1.0 + 3.0 * u) * before[1] + 0.5 * u * step * before[2])
+        )
+        + u
+        * u
+        * u
+        * (
+            (1.0 + 3.0 * r + 6.0 * r * r) * after[0]
+            - r * step * ((1.0 + 3.0 * r) * after[1] - 0.5 * r * step * after[2])
+        )
+        + u * u * u * r * r * r * more
+    )
+    slope = (
+        30.0 * u * u * r * r * (after[0] - before[0]) / step
+        + r * r * ((1.0 + 2.0 * u - 15.0 * u * u) * before[1] + 0.5 * u * (2.0 - 5.0 * u) * step * before[2])
+        + u * u * ((1.0 + 2.0 * r - 15.0 * r * r) * after[1] - 0.5 * r * (2.0 - 5.0 * r) * step * after[2])
+        + 3.0 * u * u * r * r * (r - u) * more / step
+    )
+    return value, slope
+
+
+@njit
+def powers(read, column):
+    """Coefficients of powers of the share of a step of the polynomial through five values."""
+    r0, r1, r2, r3, r4 = read[0, column], read[1, column], read[2, column], read[3, column], read[4, column]
+    return (
+        r0,
+        POWERS[1, 0] * r0 + POWERS[1, 1] * r1 + POWERS[1, 2] * r2 + POWERS[1, 3] * r3 + POWERS[1, 4] * r4,
+        POWERS[2, 0] * r0 + POWERS[2, 1] * r1 + POWERS[2, 2] * r2 + POWERS[2, 3] * r3 + POWERS[2, 4] * r4,
+        POWERS[3, 0] * r0 + POWERS[3, 1] * r1 + POWERS[3, 2] * r2 + POWERS[3, 3] * r3 + POWERS[3, 4] * r4,
+        POWERS[4, 0] * r0 + POWERS[4, 1] * r1 + POWERS[4, 2] * r2 + POWERS[4, 3] * r3 + POWERS[4, 4] * r4,
+    )
+
+
+@njit
+def unforced(x, v, step, value, slope):
+    """Value and slope at the last four of `POINTS` without sources, (8,), of those where the step begins.
+
+    x, v: slopes of the force by displacement and velocity, as coefficients of powers of the share of a step, (5,).
+    """
+    y0, y1, y2, y3, y4 = value, 0.0, 0.0, 0.0, 0.0
+    s0, s1, s2, s3, s4 = slope, 0.0, 0.0, 0.0, 0.0
+    a1, a2, a3, b1, b2, b3 = value, value, value, slope, slope, slope
+    end, ended = value, slope
+    u1, u2, u3 = POINTS[1], POINTS[2], POINTS[3]
+    p1, p2, p3 = 1.0, 1.0, 1.0
+    for n in range(1, MOST_TERMS):
+        share = step / n
+        new = -share * (
+            (x[0] * y0 + x[1] * y1 + x[2] * y2 + x[3] * y3 + x[4] * y4)
+            + (v[0] * s0 + v[1] * s1 + v[2] * s2 + v[3] * s3 + v[4] * s4)
+        )
+        y4, y3, y2, y1, y0 = y3, y2, y1, y0, share * s0
+        s4, s3, s2, s1, s0 = s3, s2, s1, s0, new
+        p1, p2, p3 = p1 * u1, p2 * u2, p3 * u3
+        a1, a2, a3, end = a1 + p1 * y0, a2 + p2 * y0, a3 + p3 * y0, end + y0
+        b1, b2, b3, ended = b1 + p1 * s0, b2 + p2 * s0, b3 + p3 * s0, ended + s0
+        if abs(y0) + abs(y1) < SMALL * abs(end) and abs(s0) + abs(s1) < SMALL * abs(ended):
+            break
+    return a1, b1, a2, b2, a3, b3, end, ended
+
+
+@njit
+def over_a_step(read, step, local, half):
+    """What the variational equations make of a step: values and slopes at its end, (2, l), and values half way, (l,).
+
+    The first two columns are of a unit of displacement and of velocity at the beginning, the others of the sources, by
+    variation of constants. read: slopes of the force by x and v, then the sources, at `POINTS`, (5, l).
+    """
+    x, v = powers(read, 0), powers(read, 1)
+    c1, d1, c2, d2, c3, d3, c4, d4 = unforced(x, v, step, 1.0, 0.0)
+    e1, f1, e2, f2, e3, f3, e4, f4 = unforced(x, v, step, 0.0, 1.0)
+    local[0, 0], local[1, 0], half[0] = c4, d4, c2
+    local[0, 1], local[1, 1], half[1] = e4, f4, e2
+    # A unit of velocity at each point, of which what was at the beginning is (−e, c) over the determinant.
+    i1, i2, i3, i4 = c1 * f1 - d1 * e1, c2 * f2 - d2 * e2, c3 * f3 - d3 * e3, c4 * f4 - d4 * e4
+    i1, i2, i3, i4 = -step / i1, -step / i2, -step / i3, -step / i4
+    w0, w1, w2, w3 = WHOLE[0], WHOLE[1], WHOLE[2], WHOLE[3]
+    a0, a1, a2, a3 = (
+        -step * w0 * e4, w1 * i1 * (c1 * e4 - e1 * c4), w2 * i2 * (c2 * e4 - e2 * c4), w3 * i3 * (c3 * e4 - e3 * c4),
+    )  # fmt: skip
+    b0, b1, b2, b3, b4 = (
+        -step * w0 * f4, w1 * i1 * (c1 * f4 - e1 * d4), w2 * i2 * (c2 * f4 - e2 * d4), w3 * i3 * (c3 * f4 - e3 * d4),
+        -step * WHOLE[4],
+    )  # fmt: skip
+    m0, m1, m3, m4 = (
+        -step * HALF[0] * e2, HALF[1] * i1 * (c1 * e2 - e1 * c2), HALF[3] * i3 * (c3 * e2 - e3 * c2),
+        HALF[4] * i4 * (c4 * e2 - e4 * c2),
+    )  # fmt: skip
+    for p in range(2, read.shape[1]):
+        r0, r1, r2, r3, r4 = read[0, p], read[1, p], read[2, p], read[3, p], read[4, p]
+        local[0, p] = a0 * r0 + a1 * r1 + a2 * r2 + a3 * r3
+        local[1, p] = b0 * r0 + b1 * r1 + b2 * r2 + b3 * r3 + b4 * r4
+        half[p] = m0 * r0 + m1 * r1 + m3 * r3 + m4 * r4
+
+
+@njit
+def read_at(x, v, w, g, h, sized, more, rests, q, epsilon, active, law, sizes, scratch, sources, live, row):
+    """Slopes and the sources that act at one point, into a row of `over_a_step`'s."""
+    row[0], row[1] = linearise(
+        x, v, w, g, h, sized, more, rests, q, epsilon, active, law, sizes, scratch, sources
+    )
+    for i in range(live.size):
+        row[2 + i] = sources[live[i]]
+    for i in range(row.size - 2 - live.size):
+        row[2 + live.size + i] = sources[sources.size - 4 + i]
+
+
+@njit
+def carry(old, new, local, half):
+    """A tangent at a step's end, of itself at the beginning; the value half way goes where its correction will."""
+    new[0] = local[0, 0] * old[0] + local[0, 1] * old[1]
+    new[1] = local[1, 0] * old[0] + local[1, 1] * old[1]
+    new[2] = 0.0
+    old[3] = half[0] * old[0] + half[1] * old[1]
+
+
+@njit
+def add(old, new, local, half, read, place):
+    """What a source adds to a tangent."""
+    new[0] += local[0, place]
+    new[1] += local[1, place]
+    new[2] -= read[4, place]
+    old[3] += half[place]
+
+
+@njit
+def close(old, new, read, step):
+    """A tangent's curvature at the step's end, and the correction of its quintic."""
+    new[2] -= read[4, 0] * new[0] + read[4, 1] * new[1]
+    value, _, _ = middle(old, new, step)
+    old[3] = 64.0 * (old[3] - value)
+
+
+# --- end ---
