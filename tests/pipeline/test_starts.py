@@ -89,7 +89,7 @@ def test_the_fit_of_all_dampings_is_where_each_begins(record, tmp_path) -> None:
         branch = Branch(study, record.spec, 0, model, store)
         estimate, *_ = (n for n in cells_of(branch) if n.startswith("estimate/"))
         store.write(CellResult(estimate, "", outcome="none"))
-        seeds, _ = seeds_of(branch)
+        seeds, _, _ = seeds_of(branch)
         found = find_mode(branch.shared, seeds, noise_level=record.seen.roughness, thrifty=True)
         assert [c.seed for c in found.searches] == [ALL]
         assert found.searches[0].evaluations <= most
@@ -152,7 +152,7 @@ def test_a_start_that_loses_step_is_taken_along_growing_windows(monkeypatch) -> 
     t, y = swing().signal.t, swing().signal.y
     kept = (t < 0.01) | (t > 5.0)
     gappy = replace(swing(), signal=Signal(t[kept], y[kept]))
-    begun = search._begun(gappy, ["fast"], gappy.scores(FAST), 1e-4)
+    begun = search._begun(gappy, ["fast"], False, gappy.scores(FAST), 1e-4)
     (after,) = search._grown(gappy, [begun], 1e-4, PERIOD)
     assert abs(float(gappy.values(after.z)["stiffness"]) - TRUTH["stiffness"]) < 0.01
     # Where a seed keeps step no window is needed, nor computed.

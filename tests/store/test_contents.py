@@ -48,7 +48,7 @@ NOISE = NoiseContent(
 )  # fmt: skip
 MODE = ModeContent(
     {"zeta": 0.05}, {"zeta": 0.001}, {}, {"zeta": "halfnormal"}, 12.5, 1e-6, {"step_error": 1e-8},
-    (Climb("koopman", ("sindy",), -5.0, 12.5, 30, -2.0, True, 1.5, 0),), (), ("mu_c",),
+    (Climb("koopman", ("sindy",), -5.0, 12.5, 30, -2.0, True, 1.5, 0, True),), (), ("mu_c",),
     windows=(Part("whole", 0.0, 6.0, {"zeta": 0.05}, {"zeta": 0.001}, math.inf),),
     forecast=SecondHalf(0.1, 0.1, 0.95, 30.0), rms=0.003, verdict="fits: well",
 )  # fmt: skip

@@ -27,7 +27,8 @@ FINER = 5
 class LocalSearch:
     """One seed's way to a mode: where it started and ended (scores, log posterior), and what it cost.
 
-    seed: its name; same: names of the seeds that start at the same place and were not climbed again.
+    seed: its name; same: names of the seeds that start at the same place and were not climbed again. drawn: whether the
+    prior gave the seed, and not the record.
     origin, z: scores at the start and the end, (d,). volume: log of the square root of the determinant of the inverse
     information at the end, by which modes are weighed.
     """
@@ -41,6 +42,7 @@ class LocalSearch:
     z: np.ndarray
     volume: float
     converged: bool
+    drawn: bool = False
 
 
 @dataclass(frozen=True)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -43,6 +43,7 @@ def find_mode(
     noise_level: float,
     period: float | None = None,
     thrifty: bool = False,
+    drawn: Collection[str] = (),
 ) -> Mode:
     """The highest mode that the seeds reach.
 
@@ -50,7 +51,7 @@ def find_mode(
     sets how well trajectories are first computed. period: the oscillation's, s; with one, where no seed leads to a
     motion that keeps step with the record, the search goes on over a window that grows from two cycles. thrifty:
     seeds are climbed from only until one leads to such a motion: those that keep step already, then the others over
-    growing windows, then these as they are.
+    growing windows, then these as they are. drawn: names of the seeds that the prior gave.
     Raises Refusal where no seed reaches a finite posterior with a curvature, or the noise takes the motion's place in
     all that do.
     """
@@ -69,7 +70,7 @@ def find_mode(
     def begin() -> Iterator[_Begun]:
         """The seeds in turn, each planned when it is asked for."""
         for names, z in _distinct(target, seeds):
-            begun.append(_begun(target, names, z, tolerance))
+            begun.append(_begun(target, names, names[0] in drawn, z, tolerance))
             yield begun[-1]
 
     def stages() -> Iterator[Iterable[_Begun]]:
@@ -84,7 +85,7 @@ def find_mode(
     for stage in stages():
         if keeps:  # and nothing of the next stage is computed
             break
-        for names, z0, context, start, _ in stage:
+        for names, is_drawn, z0, context, start, _ in stage:
             top = _ascend(target, context, z0, tolerance)
             volume = -0.5 * float(np.linalg.slogdet(top.information)[1])
             searches.append(
@@ -98,6 +99,7 @@ def find_mode(
                     top.x,
                     volume,
                     top.converged,
+                    is_drawn,
                 )
             )
             if not np.isfinite(top.value):
@@ -126,10 +128,11 @@ def find_mode(
 
 
 class _Begun(NamedTuple):
-    """A seed's names, its scores (d,) with the noise that they leave, a plan there, the log posterior and the root mean
-    square of what is left of the record."""
+    """A seed's names, whether the prior gave it, its scores (d,) with the noise that they leave, a plan there,
+    the log posterior and the root mean square of what is left of the record."""
 
     names: list[str]
+    drawn: bool
     z: np.ndarray
     context: Context
     value: float
@@ -137,13 +140,13 @@ class _Begun(NamedTuple):
 
 
 def _begun(
-    target: Target, names: list[str], z: np.ndarray, tolerance: float, stepped: bool = False
+    target: Target, names: list[str], drawn: bool, z: np.ndarray, tolerance: float, stepped: bool = False
 ) -> _Begun:
     context = target.context(plans(target, z, tolerance, stepped)[0])
     r = residual(target, context.plan, z)
     z = _with_noise(target, z, r)
     value = float(compiled(target.layout).curvature(context, z)[0])
-    return _Begun(names, z, context, value, _size(r))
+    return _Begun(names, drawn, z, context, value, _size(r))
 
 
 def _grown(
@@ -164,7 +167,7 @@ def _grown(
                 continue
             part = replace(target, signal=replace(target.signal, t=t[:keep], y=y[:keep]))
             # In steps: these share programs, whatever the number of samples.
-            there = _begun(part, one.names, z, tolerance, stepped=True)
+            there = _begun(part, one.names, one.drawn, z, tolerance, stepped=True)
             top = maximise_posterior(
                 part.layout, there.context, there.z, retract=retraction(part), close=ROUGHLY
             )
@@ -174,7 +177,8 @@ def _grown(
         else:
             if not any(np.max(np.abs(z - other)) < SAME for other in found):
                 found.append(z)
-                yield _begun(target, [f"{name}{GROWN}" for name in one.names], z, tolerance)
+                names = [f"{name}{GROWN}" for name in one.names]
+                yield _begun(target, names, one.drawn, z, tolerance)
 
 
 def _left(target: Target, z: np.ndarray, tolerance: float) -> float:

@@ -10,8 +10,6 @@ import numpy as np
 from bayesdamp.inference.fit.mode import LocalSearch, Mode
 from bayesdamp.inference.model.target import Target
 
-PRIOR = "prior"
-"""Name that seeds drawn from the prior begin with."""
 SAME_MODE = 1.0
 """Posterior sds within which two ends are one mode."""
 
@@ -29,9 +27,7 @@ class Basin:
 def prior_starts(target: Target, count: int, seed: int) -> dict[str, Mapping[str, float]]:
     """Draws from the prior: name to parameter values in natural units."""
     draws = np.random.default_rng(seed).standard_normal((count, len(target.names)))
-    return {
-        f"{PRIOR} {i + 1}": {n: float(v) for n, v in target.values(z).items()} for i, z in enumerate(draws)
-    }
+    return {f"prior {i + 1}": {n: float(v) for n, v in target.values(z).items()} for i, z in enumerate(draws)}
 
 
 def reached(climb: LocalSearch) -> bool:

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from bayesdamp.inference.coordinates.whitening import Whitening
 from bayesdamp.inference.fit.mode import Mode
-from bayesdamp.inference.fit.starting_points import PRIOR
 from bayesdamp.inference.model import batches
 from bayesdamp.inference.model.target import Target
 from bayesdamp.inference.samplers._sampler import Settings
@@ -44,7 +44,7 @@ def seeded_starts(
     names = [c.seed for c in mode.searches] or ["mode"]
     origins = [c.origin for c in mode.searches] or [mode.z]
     seeds = at.whitened(np.where(reflected, np.abs(origins), origins))
-    order = _spread_out(seeds, names)
+    order = _spread_out(seeds, [c.drawn for c in mode.searches] or [False])
     scatter = SPREAD * rng.standard_normal((count, seeds.shape[1]))
     chosen = [order[i % len(order)] for i in range(count)]
     # Scatter alone is the last resort but one, the centre itself the last.
@@ -70,15 +70,18 @@ def seeded_starts(
     return u, height[first, each], found
 
 
-def _spread_out(seeds: np.ndarray, names: list[str]) -> list[int]:
-    """Indices of the seeds (m, d): the first two are the farthest from the centre and a draw from the prior."""
+def _spread_out(seeds: np.ndarray, drawn: Sequence[bool]) -> list[int]:
+    """Indices of the seeds (m, d): the first two are the farthest from the centre and one of the prior.
+
+    drawn: whether the prior gave each.
+    """
     size = np.linalg.norm(np.nan_to_num(seeds, nan=0.0, posinf=1e6, neginf=-1e6), axis=1)
-    prior = [i for i, name in enumerate(names) if name.startswith(PRIOR)]
-    own = [i for i in range(len(names)) if i not in prior]
+    prior = [i for i, one in enumerate(drawn) if one]
+    own = [i for i, one in enumerate(drawn) if not one]
     order: list[int] = []
     for i in sorted(own, key=lambda i: -size[i])[:1] + prior[:1]:
         order.append(i)
-    rest = [i for i in range(len(names)) if i not in order]
+    rest = [i for i in range(len(drawn)) if i not in order]
     while rest:
         gaps = np.linalg.norm(seeds[rest][:, None] - seeds[order][None], axis=2).min(axis=1)
         nearest = int(np.argmax(np.nan_to_num(gaps, nan=-1.0)))

@@ -158,8 +158,9 @@ def searched(
         starts = dict(given)
     choice = choose(case, starts)
     target = case.target(choice.noise, choice.epsilon)
-    seeds = {**choice.starts, **starts, **prior_starts(target, PRIOR_STARTS, seed)}
-    mode = find_mode(target, seeds, noise_level=case.seen.roughness, period=case.seen.period)
+    drawn = prior_starts(target, PRIOR_STARTS, seed)
+    seeds = {**choice.starts, **starts, **drawn}
+    mode = find_mode(target, seeds, noise_level=case.seen.roughness, period=case.seen.period, drawn=drawn)
     # Made anew at the mode, as it is where a fit is read from a file, so that both are the same.
     again = restore_mode(target, mode.z, mode.log_posterior, mode.information, mode.tolerance, mode.searches)
     return target, again, choice.notes

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -26,11 +26,11 @@ CHECKS = ("fit", "residual", "whitened", "autocorrelation")
 """What of the checks of a fit is stored as arrays."""
 
 
-def seeds_of(branch: Branch) -> tuple[dict[str, Mapping[str, float]], dict[str, str]]:
-    """Every estimator's values at each of its stages, and what those said that have none; what the record's
-    frequency and decay say; draws from the prior.
+def seeds_of(branch: Branch) -> tuple[dict[str, Mapping[str, float]], Collection[str], dict[str, str]]:
+    """Seeds by name, the names of those drawn from the prior, and what methods said that have no values.
 
-    With no estimator in the study, least squares'. Raises Refusal where there is nothing to start from.
+    Seeds are every estimator's values at each of its stages; what the record's frequency and decay say; draws from the
+    prior. With no estimator in the study, least squares'. Raises Refusal where there is nothing to start from.
     """
     seeds: dict[str, Mapping[str, float]] = {}
     refused: dict[str, str] = {}
@@ -56,7 +56,7 @@ def seeds_of(branch: Branch) -> tuple[dict[str, Mapping[str, float]], dict[str, 
         raise Refusal("no estimator found a place to start from")
     count = 0 if branch.many else PRIOR_SEEDS
     from_prior = prior_starts(branch.target, count, cell_seed(branch.study, f"seeds/{branch.path}"))
-    return seeds | from_prior, refused
+    return seeds | from_prior, from_prior.keys(), refused
 
 
 def compute_mode(branch: Branch, name: str, key: str) -> None:
@@ -66,9 +66,14 @@ def compute_mode(branch: Branch, name: str, key: str) -> None:
         branch.store.write(CellResult(name, key, outcome=NOT_APPLICABLE))
         return
     try:
-        (seeds, refused), seen = seeds_of(branch), branch.record.seen
+        (seeds, drawn, refused), seen = seeds_of(branch), branch.record.seen
         mode = find_mode(
-            branch.shared, seeds, noise_level=seen.roughness, period=seen.period, thrifty=branch.many
+            branch.shared,
+            seeds,
+            noise_level=seen.roughness,
+            period=seen.period,
+            thrifty=branch.many,
+            drawn=drawn,
         )
     except Refusal as refusal:
         branch.store.write(CellResult(name, key, outcome=str(refusal), seconds=plain_seconds(began)))

@@ -14,7 +14,7 @@ NAN = float("nan")
 class Climb:
     """A search for the mode: the seed it started from and those that would have started there too, log posterior at
     both ends, likelihoods, log volume at the end; distance: of the start from the mode, in sds; mode: number of the
-    maximum it ended in, 0 for the highest, None for none."""
+    maximum it ended in, 0 for the highest, None for none; drawn: whether the prior gave the seed."""
 
     seed: str
     same: tuple[str, ...]
@@ -25,6 +25,7 @@ class Climb:
     converged: bool
     distance: float = NAN
     mode: int | None = None
+    drawn: bool = False
 
 
 @dataclass(frozen=True)

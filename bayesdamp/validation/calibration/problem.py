@@ -181,10 +181,10 @@ def mode_of(drawn: Drawn, system: System) -> tuple[Mode, Estimate]:
     problem = Problem(drawn.target.oscillator.damping, system)
     first = run_estimator(ESTIMATOR, drawn.signal, problem, seed=0)
     refined = first[-1]
-    seeds = {"refined": refined.values} if refined.values else {}
+    seeds, centre = {"refined": refined.values} if refined.values else {}, "prior centre"
     if refined.outcome != OK:
         second = run_estimator(SECOND, drawn.signal, problem, stages=["initial"], seed=0)
         more = [*first[:-1], *second]
         seeds |= {f"{e.estimator} {e.stage}": e.values for e in more if e.values}
-        seeds["prior centre"] = {}
-    return find_mode(drawn.target, seeds, noise_level=seen.roughness), refined
+        seeds[centre] = {}
+    return find_mode(drawn.target, seeds, noise_level=seen.roughness, drawn=(centre,)), refined

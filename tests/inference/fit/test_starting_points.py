@@ -78,8 +78,9 @@ def test_without_aliasing_the_other_mode_is_far_below():
 def test_starts_are_spread_over_the_seeds_and_wider_than_the_posterior():
     target = problems.target("viscous_coulomb")
     truth = problems.reference("viscous_coulomb")["truth"]
-    seeds = {"near": truth, "off": {n: 1.3 * v for n, v in truth.items()}, **prior_starts(target, 2, 3)}
-    mode = find_mode(target, seeds, noise_level=truth["noise_sd"])
+    drawn = prior_starts(target, 2, 3)
+    seeds = {"near": truth, "off": {n: 1.3 * v for n, v in truth.items()}, **drawn}
+    mode = find_mode(target, seeds, noise_level=truth["noise_sd"], drawn=drawn)
     assert basins(mode)[1][:2] == [0, 0]
     *_, starts = seeded_starts(target, mode, whitening_of(target, mode), 4, Settings(seed=1))
     assert {s.seed for s in starts} == {"near", "off", "prior 1", "prior 2"}
@@ -90,6 +91,22 @@ def test_starts_are_spread_over_the_seeds_and_wider_than_the_posterior():
     assert np.all(z[:, np.asarray(target.layout.reflected)] >= 0)
     heights = problems.log_likelihoods(target, mode, z) - 0.5 * np.sum(z**2, axis=1)
     assert heights.min() > heights.max() - 8 * z.shape[1]
+
+
+def test_the_second_chain_starts_where_the_prior_says_whatever_a_start_is_called():
+    target = problems.target("viscous_coulomb")
+    truth = problems.reference("viscous_coulomb")["truth"]
+    first, second = prior_starts(target, 2, 3).values()
+    seeds = {"prior work": truth, "one": first, "other": second}
+
+    def chains(drawn: tuple[str, ...]) -> list[str]:
+        mode = find_mode(target, seeds, noise_level=truth["noise_sd"], drawn=drawn)
+        assert {c.seed for c in mode.searches if c.drawn} == set(drawn)
+        *_, starts = seeded_starts(target, mode, whitening_of(target, mode), 2, Settings(seed=1))
+        return [s.seed for s in starts]
+
+    assert chains(("one", "other")) == ["prior work", "one"]
+    assert chains(())[0] != "prior work"  # the farthest of all
 
 
 def test_draws_from_the_prior_have_its_moments():
