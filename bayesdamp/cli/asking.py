@@ -195,7 +195,8 @@ def chosen_records(paths: Sequence[Path], options: Options) -> tuple[list[Found]
                 )
         if several:
             said.append(f"{path.name}: {len(found)} records: {_labels(found)}")
-        said += [f"{path.name}: {line}" for line in _choices(found[0])]
+        if found[0].raw.choice is not None:
+            said.append(f"{path.name}: {found[0].raw.choice}")
         said += doubts(path, found, (Kind.CONSTANT,))
         doubted += doubts(path, found, [kind for kind in Kind if kind is not Kind.CONSTANT])
         records += [replace(one, several=several) for one in found]
@@ -205,13 +206,6 @@ def chosen_records(paths: Sequence[Path], options: Options) -> tuple[list[Found]
 def _labels(found: Sequence[Found]) -> str:
     names = [one.label for one in found]
     return "; ".join(names[:4]) + (f" and {len(names) - 4} more" if len(names) > 4 else "")
-
-
-def _choices(one: Found) -> list[str]:
-    """What was chosen where there was a choice."""
-    chosen = one.raw.provenance.get("chosen")
-    said = [str(line) for line in chosen] if isinstance(chosen, list) else []
-    return [line for line in said if line.startswith(("Column", "Left out"))]
 
 
 def doubts(path: Path, found: Sequence[Found], kinds: Iterable[Kind] = Kind) -> list[str]:

@@ -132,7 +132,6 @@ def _record(found: Contents, chosen: Series, path: Path, time_unit: str | None, 
         "warnings": list(found.warnings),
         "facts": dict(found.facts),
         "time_unit": _time_unit(time, time_unit),
-        "chosen": list(chosen.why),
         "constant_columns": list(chosen.still),
     }
     return RawRecord(
@@ -147,6 +146,7 @@ def _record(found: Contents, chosen: Series, path: Path, time_unit: str | None, 
         quantity=quantity,
         columns=(None if time is None else _typed(time, found), _typed(value, found)),
         repeat=bool(run or chosen.run),
+        choice=chosen.choice,
     )
 
 

@@ -7,6 +7,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from bayesdamp.records.columns.choice import Choice
+
 
 @dataclass(frozen=True)
 class RawRecord:
@@ -21,7 +23,8 @@ class RawRecord:
     unit: the displacement's unit in UNITS that the file or the caller says, else as the file writes it, empty where
     nobody says. quantity: "angle", "velocity", "acceleration", or empty where nobody says.
     columns: what to ask for to get these columns again: (times or None, values), by name or number from 1.
-    repeat: whether the file says that it is one of several runs of one thing.
+    repeat: whether the file says that it is one of several runs of one thing. choice: of the file's columns, None where
+    there was none.
     """
 
     t: np.ndarray | None
@@ -35,3 +38,4 @@ class RawRecord:
     quantity: str = ""
     columns: tuple[str | int | None, str | int | None] = (None, None)
     repeat: bool = False
+    choice: Choice | None = None

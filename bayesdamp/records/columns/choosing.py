@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from bayesdamp.records.columns.choice import Choice, Why
 from bayesdamp.records.columns.names import (
     asked_for,
     listed,
@@ -47,7 +48,7 @@ _MINOR = 1 / 3
 @dataclass(frozen=True, eq=False)
 class Series:
     """The columns of one record. rate: in Hz, where there is no column of times; why: sentences on what was chosen;
-    still: names of columns beside it that do not change."""
+    choice: why these columns, where there were others; still: names of columns beside it that do not change."""
 
     value: Column
     time: Column | None = None
@@ -55,6 +56,7 @@ class Series:
     run: str = ""
     why: tuple[str, ...] = ()
     still: tuple[str, ...] = ()
+    choice: Choice | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -256,13 +258,14 @@ def _same_in_all(found: Contents, blocks: list[_Block]) -> list[Series]:
     runs = len({block.run for block in blocks}) > 1
     usual = bases.most_common(1)[0][0]
     records: list[Series] = []
-    for block, (some, why) in zip(blocks, picks, strict=True):
+    for block, (some, choice) in zip(blocks, picks, strict=True):
         if runs:
             named = [c for base in usual for c in block.columns if parted(c)[0] == base]
             some = named or some
         rate = None if block.time is not None else block.rate
         still = tuple(c.name for c in _rest(block) if c.name and not _changes(c))
-        records += [Series(c, block.time, rate, block.run, (*block.said, *why), still) for c in some]
+        why = block.said if choice is None else (*block.said, str(choice))
+        records += [Series(c, block.time, rate, block.run, why, still, choice) for c in some]
     for run in dict.fromkeys(record.run for record in records):
         _plain(found, [record.value for record in records if record.run == run])
     return records
@@ -284,36 +287,29 @@ def _plain(found: Contents, some: list[Column]) -> None:
         )
 
 
-def _chosen(found: Contents, block: _Block) -> tuple[list[Column], tuple[str, ...]]:
+def _chosen(found: Contents, block: _Block) -> tuple[list[Column], Choice | None]:
     """The columns of one run that are a record each, and why."""
     rest = _rest(block)
     left = _candidates(block) or rest
     still = sum(bool(c.name) or np.isfinite(c.values).any() for c in rest) - len(left)
     if len(left) == 1 and len(found.columns) <= 2:
-        return left, ()
-    why = (
-        "one column that does not change"
-        if still == 1
-        else f"{still} columns that do not change"
-        if still
-        else ""
-    )
+        return left, None
     seen = {id(c): swing(c.values) for c in left}
     moving = [c for c in left if seen[id(c)].swings] or left
     if found.channels and not all(unit_said(c)[0] for c in moving):
-        return moving, _because(found, left, moving, why)
+        return moving, _because(found, left, moving, still)
     moving = _lowest_derivative(moving)
     if len(moving) <= _PAIRS:
         moving = _independent(moving, seen)
     plain = [c for c in moving if not _DERIVED.search(parted(c)[0])] or moving
     dying = [c for c in plain if seen[id(c)].dies] or plain
     if found.channels:
-        return dying, _because(found, left, dying, why)
+        return dying, _because(found, left, dying, still)
     dying = _major(dying, seen)
     steady = [c for c in dying if not seen[id(c)].grows_again]
     if 0 < len(steady) < len(dying) and not any(unit_said(c)[0] for c in dying):
-        return steady, _because(found, left, steady, why, "for good")
-    return dying, _because(found, left, dying, why)
+        return steady, _because(found, left, steady, still, Why.DIES_FOR_GOOD)
+    return dying, _because(found, left, dying, still)
 
 
 def _independent(columns: list[Column], seen: dict[int, Swing]) -> list[Column]:
@@ -336,17 +332,12 @@ def _independent(columns: list[Column], seen: dict[int, Swing]) -> list[Column]:
 
 
 def _because(
-    found: Contents, left: list[Column], kept: list[Column], still: str, how: str = ""
-) -> tuple[str, ...]:
+    found: Contents, left: list[Column], kept: list[Column], still: int, why: Why = Why.DIES
+) -> Choice | None:
     if len(kept) > 1:
-        out = [shown(found.columns, c) for c in left if c not in kept]
-        return (f"Left out are columns that do not swing and die down: {', '.join(out[:6])}.",) if out else ()
-    dies = " ".join(filter(None, ("dies down", how)))
-    reason = f"of {len(left)} that change it alone swings and {dies}, but for copies and derivatives of it"
-    if len(left) == 1:
-        verb = "is" if still.startswith("one") else "are"
-        reason = f"beside it {verb} only {still}" if still else "nothing else goes with these times"
-    return (f"Column {shown(found.columns, kept[0])} is taken: {reason}.",)
+        out = tuple(shown(found.columns, c) for c in left if c not in kept)
+        return Choice(left_out=out) if out else None
+    return Choice(shown(found.columns, kept[0]), why, len(left), still)
 
 
 def _lowest_derivative(columns: list[Column]) -> list[Column]:

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from bayesdamp.records.columns.choice import Choice, Why
 from bayesdamp.records.columns.names import parted
 from bayesdamp.records.files.contents import Column
 from bayesdamp.records.read import read_record, read_records
@@ -64,6 +65,19 @@ def test_a_plain_choice_is_made_and_said(tmp_path: Path, what: str) -> None:
     np.testing.assert_allclose(record.t, T, atol=1e-12)
     notes = " ".join(map(str, record.provenance["notes"]))  # type: ignore[call-overload]
     assert (f"Column {value!r} is taken" in notes) == (len(columns) > 2)
+    assert (None if record.choice is None else record.choice.taken) == (
+        repr(value) if len(columns) > 2 else None
+    )
+
+
+def test_a_choice_s_sentence_is_made_of_its_values() -> None:
+    dies, for_good = Choice("'x'", changing=3), Choice("'x'", Why.DIES_FOR_GOOD, 2, still=4)
+    assert "of 3 that change it alone swings and dies down, but for" in str(dies)
+    assert "of 2 that change it alone swings and dies down for good, but for" in str(for_good)
+    assert "beside it is only one column that does not change" in str(Choice("'x'", still=1))
+    assert "beside it are only 4 columns that do not change" in str(Choice("'x'", still=4))
+    assert str(Choice("'x'")) == "Column 'x' is taken: nothing else goes with these times."
+    assert str(Choice(left_out=("'a'", "'b'"))).endswith("do not swing and die down: 'a', 'b'.")
 
 
 OPEN: dict[str, tuple[dict[str, np.ndarray], bool, str]] = {
