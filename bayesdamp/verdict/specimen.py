@@ -61,8 +61,9 @@ def specimen(name: str, records: Sequence[Answered]) -> Verdict:
         unexplained_pct=max(v.unexplained_pct for v in own),
         noise_pct=float(np.median([v.noise_pct for v in own])),
         remarks=_remarks(records),
+        records=len(records),
     )
-    return replace(verdict, sentence=f"{len(records)} records: {sentence(verdict)}")
+    return replace(verdict, sentence=sentence(verdict))
 
 
 def _probabilities(records: Sequence[Answered]) -> tuple[dict[str, float], dict[str, float]]:

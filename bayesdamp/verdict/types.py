@@ -152,14 +152,16 @@ class Motion(StrEnum):
 
 @dataclass(frozen=True, repr=False)
 class Verdict:
-    """What is said of one record; it prints as its sentence. The file `verdict.json` holds a list of these.
+    """What is said of one record, or of several of one specimen; it prints as its sentence. The file `verdict.json` holds
+    a list of these.
 
-    decided: whether one damping is named without reservation. motion, modes: of a record that is no free decay of one
-    oscillator, what it is and its oscillations, the largest first. deviation: energy-weighted mean of the relative
-    deviation from the law. unnamed: share of the energy that no named law explains. unexplained_pct, noise_pct: root
-    mean square beyond the noise, and of the noise, in % of the amplitude. frequency: of small oscillations, by the
-    restoring law; frequency_at: at the last of the ratios' amplitudes. midline_drift_pct: by how much the midline moves
-    over the record, in % of the first amplitude, 0 where that is not seen.
+    records: how many it is said of. decided: whether one damping is named without reservation. motion, modes: of a
+    record that is no free decay of one oscillator, what it is and its oscillations, the largest first. deviation:
+    energy-weighted mean of the relative deviation from the law. unnamed: share of the energy that no named law
+    explains. unexplained_pct, noise_pct: root mean square beyond the noise, and of the noise, in % of the amplitude.
+    frequency: of small oscillations, by the restoring law; frequency_at: at the last of the ratios' amplitudes.
+    midline_drift_pct: by how much the midline moves over the record, in % of the first amplitude, 0 where that is not
+    seen.
     """
 
     record: str
@@ -187,6 +189,7 @@ class Verdict:
     window: Window | None = None
     averages: Averages | None = None
     remarks: tuple[str, ...] = ()
+    records: int = 1
     sentence: str = ""
     provenance: Mapping[str, object] = field(default_factory=dict, repr=False)
 

@@ -18,10 +18,10 @@ ENERGIES = ("work/", "free/lost")
 
 
 def in_unit(v: Verdict, unit: Unit) -> Verdict:
-    """The verdict with its amplitudes in a record's own unit of displacement; coefficients stay in those of the
-    equation of motion."""
-    own = unit.displacement
-    if own.base == own.name or any(r.unit != own.base for r in (*v.damping_ratio, *v.modes)):
+    """The verdict with its amplitudes, and its sentence, in a record's own unit of displacement; coefficients stay in
+    those of the equation of motion."""
+    own, amplitudes = unit.displacement, (*v.damping_ratio, *v.modes)
+    if not amplitudes or own.base == own.name or any(r.unit != own.base for r in amplitudes):
         return v
     ratios = tuple(replace(r, amplitude=r.amplitude * own.scale, unit=own.name) for r in v.damping_ratio)
     modes = tuple(
@@ -30,7 +30,7 @@ def in_unit(v: Verdict, unit: Unit) -> Verdict:
     at = v.frequency_at
     at = None if at is None else replace(at, amplitude=at.amplitude * own.scale, unit=own.name)
     shown = replace(v, damping_ratio=ratios, modes=modes, frequency_at=at)
-    return replace(shown, sentence=v.sentence.replace(sentence(v), sentence(shown)))
+    return replace(shown, sentence=sentence(shown))
 
 
 def picture_in_unit(arrays: Mapping[str, np.ndarray], unit: Unit) -> dict[str, np.ndarray]:

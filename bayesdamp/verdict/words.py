@@ -55,7 +55,11 @@ def _ratio(r: DampingRatio) -> str:
 
 
 def sentence(v: Verdict) -> str:
-    """The answer in a sentence: the damping, how large it is, how well the law holds."""
+    """The answer in a sentence: the damping, how large it is, how well the law holds; of several records, how many."""
+    return f"{v.records} records: {_answer(v)}" if v.records > 1 else _answer(v)
+
+
+def _answer(v: Verdict) -> str:
     if v.motion is not None:
         return _no_free_decay(v, v.motion)
     ratios = [r for r in v.damping_ratio if isfinite(r.value)]

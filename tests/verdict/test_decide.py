@@ -266,7 +266,7 @@ def test_a_verdict_survives_json() -> None:
             "restoring_probability", "frequency", "exponent", "damping_ratio", "energy", "other_forms", "deviation",
             "unnamed", "unexplained_pct", "noise_pct", "midline_drift_pct", "frequency_at",
             "coefficients", "motion", "modes",
-                "window", "averages", "remarks", "sentence"} == set(back)  # fmt: skip
+                "window", "averages", "remarks", "records", "sentence"} == set(back)  # fmt: skip
 
 
 @pytest.mark.parametrize(

@@ -16,7 +16,8 @@ from bayesdamp.verdict.words import energy_of, loses_like, sentence
 def test_a_verdict_in_the_records_own_unit_has_all_its_amplitudes_in_it() -> None:
     ratio = DampingRatio(0.2, "rad", 0.01, 1e-4, 1e-4, 0.0098, 0.0102)
     one = Verdict("rig", Grade.EXACT, True, "viscous", 0.99, damping_ratio=(ratio,))
-    one = replace(one, sentence=f"10 records: {sentence(one)}")
+    one = replace(one, records=10)
+    one = replace(one, sentence=sentence(one))
     shown = in_unit(one, UNITS["deg"])
     assert shown.damping_ratio[0].amplitude == pytest.approx(math.degrees(0.2))
     assert (shown.damping_ratio[0].unit, shown.damping_ratio[0].value) == ("deg", 0.01)
@@ -26,6 +27,10 @@ def test_a_verdict_in_the_records_own_unit_has_all_its_amplitudes_in_it() -> Non
     assert in_unit(one, UNITS["rad"]) is one
     assert in_unit(one, UNITS["rpm"]) is one, "a unit of velocity: amplitudes are told in the base"
     assert in_unit(one, UNITS["mm"]) is one, "a unit of another kind changes nothing"
+    alone = in_unit(replace(one, records=1), UNITS["deg"])
+    assert "records" not in alone.sentence
+    refused = Verdict("rig", Grade.NOT_WEIGHED, False, "", math.nan, sentence="Nothing was weighed.")
+    assert in_unit(refused, UNITS["deg"]).sentence == "Nothing was weighed."
 
 
 @pytest.mark.parametrize(

@@ -4,17 +4,15 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from bayesdamp.report.results.run import Run
 from bayesdamp.store.contents.answers import AnswerContent, WeighedCandidate
 from bayesdamp.types import OK
-from bayesdamp.units import Unit
 from bayesdamp.verdict.types import Verdict
 from bayesdamp.verdict.units import in_unit, picture_in_unit
-from bayesdamp.verdict.words import sentence
 
 
 @dataclass(frozen=True)
@@ -36,16 +34,8 @@ def answer_of(run: Run, signal: str, repeat: int) -> Answer | None:
         return None
     unit = run.unit(signal)
     content = AnswerContent.of(cell)
-    verdict = _shown(Verdict.from_dict(content.verdict), unit)
+    verdict = in_unit(Verdict.from_dict(content.verdict), unit)
     return Answer(signal, repeat, verdict, content.candidates, picture_in_unit(cell.arrays, unit))
-
-
-def _shown(verdict: Verdict, unit: Unit) -> Verdict:
-    """The verdict in a record's own unit; a sentence that other code made has no words that could be told in another
-    unit one by one, and is made anew of the values."""
-    shown = in_unit(verdict, unit)
-    told_in_base = shown is not verdict and shown.sentence == verdict.sentence
-    return replace(shown, sentence=sentence(shown)) if told_in_base else shown
 
 
 def answers(run: Run) -> list[Answer]:
@@ -67,7 +57,7 @@ def specimens(run: Run) -> list[Verdict]:
         return []
     together = [Verdict.from_dict(one) for one in found if one["record"] not in run.signals]
     units = {run.unit(signal) for signal in run.signals}
-    return [_shown(v, next(iter(units))) for v in together] if len(units) == 1 else together
+    return [in_unit(v, next(iter(units))) for v in together] if len(units) == 1 else together
 
 
 def only_answered(run: Run) -> bool:
