@@ -21,7 +21,16 @@ class BayesdampError(Exception):
 
 
 class InputError(BayesdampError):
-    """The input is wrong: the text says where, what, and what would be right (exit status 2)."""
+    """The input is wrong: the text says where, what, and what would be right (exit status 2).
+
+    what: without where. where: the file, the record, the option or the argument; at: the place in it, such as a line;
+    both are empty where nobody has said.
+    """
+
+    def __init__(self, what: str, where: str = "", at: str = "") -> None:
+        self.what, self.where, self.at = what, where, at
+        place = ", ".join(filter(None, (where, at)))
+        super().__init__(f"{place}: {what}" if place else what)
 
 
 class Refusal(BayesdampError):  # noqa: N818 - a method's answer, not an error

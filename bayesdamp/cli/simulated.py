@@ -120,8 +120,6 @@ def _checked(given: Mapping[str, object], restoring: str) -> Simulation:
     try:
         made = resolve_signal(entry, {}, Path(), "").source
     except StudyError as error:
-        raise InputError(
-            f"simulate: {str(error).removeprefix('simulate.').removeprefix('simulate: ')}"
-        ) from None
+        raise InputError(error.within("simulate"), "simulate") from None
     assert isinstance(made, Simulation)
     return made

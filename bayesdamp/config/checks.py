@@ -23,7 +23,13 @@ class StudyError(Exception):
 
     def __init__(self, key: str, what: str) -> None:
         key = key if len(key) <= 80 else f"{key[:50]}...{key[-27:]}"
+        self.key, self.what = key, what
         super().__init__(f"{key}: {what}" if key else what)
+
+    def within(self, table: str) -> str:
+        """The line with its key as it is called inside a table."""
+        key = "" if self.key == table else self.key.removeprefix(f"{table}.")
+        return f"{key}: {self.what}" if key else self.what
 
 
 def shown(value: object) -> str:
@@ -159,7 +165,7 @@ def distinct(names: Iterable[str], key: str, what: str) -> None:
 
 def as_input_error(source: object, error: StudyError | InputError) -> InputError:
     """The one line that a user reads."""
-    return InputError(f"{source}: {error}")
+    return InputError(str(error), str(source))
 
 
 def plain(value: Any) -> Any:

@@ -94,7 +94,7 @@ def comparison(
     try:
         return resolve_study(raw, Path("compare"), plugins)
     except StudyError as error:
-        raise InputError(_in_options(str(error))) from None
+        raise _in_options(error) from None
 
 
 def _sums() -> list[str]:
@@ -191,9 +191,8 @@ def _name(label: str) -> str:
     return name if not name or re.match(r"[A-Za-z0-9_]", name) else f"_{name}"
 
 
-def _in_options(text: str) -> str:
-    """A study's line with its key as the command's option."""
-    key, _, what = text.partition(": ")
-    option = re.sub(r"^signal\[[^\]]*\]\.(system\.)?|^models\.|^posterior\.", "", key)
+def _in_options(error: StudyError) -> InputError:
+    """What is wrong with a key of the study, told of the command's option."""
+    option = re.sub(r"^signal\[[^\]]*\]\.(system\.)?|^models\.|^posterior\.", "", error.key)
     option = {"compare": "damping"}.get(option, option)
-    return f"--{option}: {what}" if what else text
+    return InputError(error.what, f"--{option}" if option else "")

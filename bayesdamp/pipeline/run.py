@@ -116,7 +116,7 @@ def _is_none(verdict: Verdict | None) -> bool:
 
 def _read_inputs(study: Study) -> None:
     """Read every file once, so that a wrong one is told before anything is written."""
-    from bayesdamp.pipeline.records.recorded import cleaned
+    from bayesdamp.pipeline.records.recorded import cleaned, of_file
 
     for spec in study.signals:
         source = spec.source
@@ -125,9 +125,7 @@ def _read_inputs(study: Study) -> None:
         try:
             cleaned(source, spec.name)
         except InputError as error:
-            text = str(error).removeprefix(f"{spec.name}: ")
-            where = "" if source.file in text or str(source.path) in text else f"{source.file}: "
-            raise InputError(f"{where}{text}") from None
+            raise of_file(error, source) from None
 
 
 def _run_job(

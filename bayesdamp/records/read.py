@@ -82,7 +82,7 @@ def read_records(
         some = series(found, time=time, values=values, rate=rate, runs=runs)
         return [_record(found, one, path, time_unit, len(some) > 1) for one in some]
     except InputError as error:
-        raise fault(path, str(error).removeprefix(f"{path.name}: ")) from None
+        raise fault(path, error.what) from None
 
 
 def _several(found: Sequence[RawRecord]) -> str:

@@ -48,7 +48,7 @@ def simulate_signal(
     t = np.linspace(0.0, duration, samples)
     clean = np.asarray(simulate(osc, dict(p), t, quantity=quantity), float)
     if not np.all(np.isfinite(clean)):
-        raise InputError(f"{name}: the simulated oscillator does not stay finite; change its parameters")
+        raise InputError("the simulated oscillator does not stay finite; change its parameters", name)
     y = clean + noise_sd * _noise(noise, t, noise_time, noise_dof, rng)
     notes = [f"Simulated: {samples} samples in {duration:g} s."]
     spikes = round(outliers * samples) if outliers < 1 else int(outliers)
@@ -146,4 +146,4 @@ def _check(
     elif unit not in ("rad", "m"):
         wrong = f"unit must be rad or m, not {unit!r}"
     if wrong:
-        raise InputError(f"{name}: {wrong}")
+        raise InputError(wrong, name)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import os
+import pickle
 import struct
 import zipfile
 import zlib
@@ -274,3 +275,12 @@ def test_what_was_meant_is_named(tmp_path: Path) -> None:
         InputError, match=r"is a folder, not a file; give the files in it: .*/\*\.csv \(1 file\)"
     ):
         read_record(tmp_path)
+
+
+def test_an_error_knows_what_is_wrong_where_by_itself_and_in_another_process() -> None:
+    error = InputError("the time goes back", "rig.csv", "line 7")
+    assert str(error) == "rig.csv, line 7: the time goes back"
+    for one in (error, pickle.loads(pickle.dumps(error))):
+        assert (one.what, one.where, one.at) == ("the time goes back", "rig.csv", "line 7")
+        assert str(one) == str(error)
+    assert str(InputError("nothing oscillates")) == "nothing oscillates"

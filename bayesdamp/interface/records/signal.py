@@ -159,16 +159,17 @@ def signal(
     """
     times, values = _vectors(t, y, name)
     if unit not in UNITS:
-        raise InputError(f"{name}: unknown unit {unit!r}{nearest(unit, list(UNITS))}")
+        raise InputError(f"unknown unit {unit!r}{nearest(unit, list(UNITS))}", name)
     if quantity not in QUANTITIES:
-        raise InputError(f"{name}: unknown quantity {quantity!r}{nearest(quantity, list(QUANTITIES))}")
+        raise InputError(f"unknown quantity {quantity!r}{nearest(quantity, list(QUANTITIES))}", name)
     raw = RawRecord(times, values, rows=np.arange(times.size))
     if cleaned:
         return cut(raw, name=name, unit=unit, quantity=quantity, clock=clock, start=start, stop=stop)
     if np.any(np.diff(times) <= 0):
         at = int(np.argmax(np.diff(times) <= 0)) + 1
         raise InputError(
-            f"{name}: times must increase; sample {at} (from 0) does not come after the one before"
+            f"times must increase; sample {at} (from 0) does not come after the one before",
+            name,
         )
     scale = UNITS[unit].factor
     provenance: Mapping[str, object] = {"unit": unit, "quantity": quantity, "notes": ["Taken as it is."]}
@@ -198,17 +199,18 @@ def _vectors(t: ArrayLike, y: ArrayLike, name: str) -> tuple[NDArray[np.float64]
     try:
         times, values = np.array(t, float), np.array(y, float)
     except (TypeError, ValueError):
-        raise InputError(f"{name}: t and y must be arrays of numbers") from None
+        raise InputError("t and y must be arrays of numbers", name) from None
     if times.ndim != 1 or times.shape != values.shape:
         raise InputError(
-            f"{name}: t and y must be vectors of one length, not of shapes {times.shape} and {values.shape}"
+            f"t and y must be vectors of one length, not of shapes {times.shape} and {values.shape}",
+            name,
         )
     if times.size < LEAST:
-        raise InputError(f"{name}: {times.size} samples, a signal needs at least {LEAST}")
+        raise InputError(f"{times.size} samples, a signal needs at least {LEAST}", name)
     for what, column in (("t", times), ("y", values)):
         if not np.all(np.isfinite(column)):
             at = int(np.flatnonzero(~np.isfinite(column))[0])
-            raise InputError(f"{name}: {what}[{at}] is {column[at]}, not a finite number")
+            raise InputError(f"{what}[{at}] is {column[at]}, not a finite number", name)
     if np.ptp(values) == 0:
-        raise InputError(f"{name}: the values are constant ({values[0]:g}), nothing oscillates")
+        raise InputError(f"the values are constant ({values[0]:g}), nothing oscillates", name)
     return times, values

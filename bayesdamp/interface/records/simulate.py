@@ -102,8 +102,6 @@ def _checked(given: Mapping[str, object], restoring: str, name: str) -> Simulati
     try:
         made = resolve_signal(entry, {}, Path(), "").source
     except StudyError as error:
-        raise InputError(
-            f"{name}: {str(error).removeprefix('simulate.').removeprefix('simulate: ')}"
-        ) from None
+        raise InputError(error.within("simulate"), name) from None
     assert isinstance(made, Simulation)
     return made

@@ -9,7 +9,7 @@ from bayesdamp.records.cleaning.clean import clean
 from bayesdamp.records.cleaning.decimate import decimated
 from bayesdamp.records.read import read_record
 from bayesdamp.records.record import RawRecord
-from bayesdamp.types import Signal
+from bayesdamp.types import InputError, Signal
 
 
 def recorded(source: Recording) -> RawRecord:
@@ -24,6 +24,11 @@ def recorded(source: Recording) -> RawRecord:
         time_unit=source.time_unit,
     )
     return decimated(raw)
+
+
+def of_file(error: InputError, source: Recording) -> InputError:
+    """What is wrong with a record, told by its file as the study has it, and not by a name that was given it."""
+    return InputError(error.what, source.file, error.at)
 
 
 def cleaned(source: Recording, name: str) -> tuple[RawRecord, Signal]:

@@ -17,7 +17,7 @@ from bayesdamp.physics.damping import TERMS
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.pipeline.keys import task_key
-from bayesdamp.pipeline.records.recorded import cleaned
+from bayesdamp.pipeline.records.recorded import cleaned, of_file
 from bayesdamp.plugins import sources_below
 from bayesdamp.records.oscillation.anomalies import anomalies
 from bayesdamp.records.oscillation.curves import amplitude_curves
@@ -83,8 +83,7 @@ class SignalCell:
             try:
                 raw, signal = cleaned(source, self.spec.name)
             except InputError as error:
-                where = "" if source.file in str(error) else f"{source.file}: "
-                raise InputError(f"{where}{error}") from None
+                raise of_file(error, source) from None
             signal = self._with_noise(signal, source.least_noise)
             arrays = _raw(raw, source)
         content = RecordContent(

@@ -45,16 +45,16 @@ def clean(
     Raises InputError, one line, where there are not two periods of an oscillation.
     """
     if unit not in UNITS:
-        raise InputError(f"{name}: unknown unit {unit!r}; valid are {', '.join(UNITS)}")
+        raise InputError(f"unknown unit {unit!r}; valid are {', '.join(UNITS)}", name)
     if quantity not in QUANTITIES:
-        raise InputError(f"{name}: unknown quantity {quantity!r}; valid are {', '.join(QUANTITIES)}")
+        raise InputError(f"unknown quantity {quantity!r}; valid are {', '.join(QUANTITIES)}", name)
     scale, base = UNITS[unit].factor, UNITS[unit].base
     times = clock_times(raw, clock, name)
     a, b = _asked(times.t, start, stop, name)
     step = recording_step(raw.y) * scale
     t, y = times.t[a : b + 1], raw.y[a : b + 1] * scale
     if np.ptp(y) == 0:
-        raise InputError(f"{name}: the values between start and stop are constant, nothing oscillates")
+        raise InputError("the values between start and stop are constant, nothing oscillates", name)
     window = no_free_decay(t, y, start == "auto", stop == "auto")
     if window is None:
         window = free_decay(t, y, step, start == "auto", stop == "auto", name)
@@ -68,10 +68,10 @@ def clean(
             signal = replace(signal, y=y - offset)
             found = features(signal)
     except Refusal as error:
-        raise InputError(f"{name}: {error}") from None
+        raise InputError(str(error), name) from None
     cycles = found.cycles
     if cycles < 1.95:
-        raise InputError(f"{name}: needs at least two periods of free decay, has {cycles:.1f}")
+        raise InputError(f"needs at least two periods of free decay, has {cycles:.1f}", name)
     outliers = count_outliers(signal, found.period, float(found.turning_amplitudes.max()))
     rate = (t.size - 1) / float(t[-1] - t[0])
     notes, warnings = [*_words(raw, "notes"), *times.notes, *window.notes], _words(raw, "warnings")
@@ -157,23 +157,24 @@ def _asked(t: np.ndarray, start: str | float, stop: str | float, name: str) -> t
     for what, at in (("start", start), ("stop", stop)):
         if isinstance(at, str):
             if at != "auto":
-                raise InputError(f'{name}: {what} must be "auto" or a number of seconds, not {at!r}')
+                raise InputError(f'{what} must be "auto" or a number of seconds, not {at!r}', name)
             bounds.append(None)
         elif not np.isfinite(at) or not t[0] - 1e-9 <= at <= t[-1] + 1e-9:
             raise InputError(
-                f"{name}: {what} = {at:g} s lies outside the record, "
-                f"which goes from {t[0]:.8g} to {t[-1]:.8g} s"
+                f"{what} = {at:g} s lies outside the record, which goes from {t[0]:.8g} to {t[-1]:.8g} s",
+                name,
             )
         else:
             bounds.append(float(at))
     if None not in bounds and bounds[0] >= bounds[1]:
-        raise InputError(f"{name}: start = {bounds[0]:g} s must be before stop = {bounds[1]:g} s")
+        raise InputError(f"start = {bounds[0]:g} s must be before stop = {bounds[1]:g} s", name)
     slack = 1e-6 * float(t[-1] - t[0]) / t.size
     a = 0 if bounds[0] is None else int(np.searchsorted(t, bounds[0] - slack))
     b = t.size - 1 if bounds[1] is None else int(np.searchsorted(t, bounds[1] + slack)) - 1
     if b - a + 1 < 10:
         raise InputError(
-            f"{name}: between start and stop are {max(b - a + 1, 0)} samples, at least 10 are needed"
+            f"between start and stop are {max(b - a + 1, 0)} samples, at least 10 are needed",
+            name,
         )
     return a, b
 

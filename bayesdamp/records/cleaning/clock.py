@@ -34,35 +34,41 @@ def clock_times(raw: RawRecord, clock: str, name: str) -> Clock:
     repeat on no straight line.
     """
     if clock not in ("auto", "as_logged", "uniform"):
-        raise InputError(f"{name}: unknown clock {clock!r}; valid are auto, as_logged, uniform")
+        raise InputError(f"unknown clock {clock!r}; valid are auto, as_logged, uniform", name)
     rows = raw.rows - raw.rows[0] if raw.rows.size else np.arange(raw.y.size)
     if raw.t is None:
         if raw.rate is None:
-            raise InputError(f"{name}: the record has neither times nor a sampling rate; give rate in Hz")
+            raise InputError("the record has neither times nor a sampling rate; give rate in Hz", name)
         note = f"No times in the file: samples taken as equally spaced at the given {raw.rate:g} Hz."
         return Clock(rows / raw.rate, "rate", 0.0, (note,))
     gaps = np.diff(raw.t)
     if np.any(gaps < 0):
         at = int(np.argmax(gaps < 0))
         raise InputError(
-            f"{name}, {_place(raw, at + 1)}: the time goes back from {raw.t[at]:.10g} to "
-            f"{raw.t[at + 1]:.10g} s; sort the file, or name the right time column"
+            f"the time goes back from {raw.t[at]:.10g} to "
+            f"{raw.t[at + 1]:.10g} s; sort the file, or name the right time column",
+            name,
+            _place(raw, at + 1),
         )
     if raw.t[-1] == raw.t[0]:
         raise InputError(
-            f"{name}: all times are {raw.t[0]:g}; name the right time column, or give rate in Hz"
+            f"all times are {raw.t[0]:g}; name the right time column, or give rate in Hz",
+            name,
         )
     repeated = float(np.mean(gaps == 0))
     first = int(np.argmax(gaps == 0)) + 1
     if clock == "as_logged" and repeated:
         raise InputError(
-            f"{name}, {_place(raw, first)}: {_share(repeated)} of the times repeat, which "
-            'clock = "as_logged" cannot take; use "uniform"'
+            f'{_share(repeated)} of the times repeat, which clock = "as_logged" cannot take; use "uniform"',
+            name,
+            _place(raw, first),
         )
     if clock == "auto" and 0 < repeated < MANY:
         raise InputError(
-            f"{name}, {_place(raw, first)}: the time {raw.t[first]:.10g} s repeats, as {_share(repeated)} of "
-            'the times do, too few for bursts; mend the file, or use clock = "uniform"'
+            f"the time {raw.t[first]:.10g} s repeats, as {_share(repeated)} of "
+            'the times do, too few for bursts; mend the file, or use clock = "uniform"',
+            name,
+            _place(raw, first),
         )
     if clock == "as_logged" or (clock == "auto" and not repeated):
         return Clock(raw.t, "as_logged", repeated, ())
@@ -70,9 +76,10 @@ def clock_times(raw: RawRecord, clock: str, name: str) -> Clock:
     usual = float(np.median(gaps[gaps > 0]))
     if clock == "auto" and off > 8 * usual:
         raise InputError(
-            f"{name}: {_share(repeated)} of the times repeat, but a uniform clock would miss them by "
+            f"{_share(repeated)} of the times repeat, but a uniform clock would miss them by "
             f"up to {off:.3g} s; "
-            'is there a pause in the record? clock = "uniform" insists'
+            'is there a pause in the record? clock = "uniform" insists',
+            name,
         )
     what = f"{_share(repeated)} of the time stamps repeat (they come in bursts)" if repeated else "As asked"
     note = (

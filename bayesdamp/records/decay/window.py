@@ -133,10 +133,12 @@ def _found(t: np.ndarray, y: np.ndarray, step: float, name: str) -> _Found:
         share = max(share for _, share in periods)
         if share < SHARE:
             raise InputError(
-                f"{name}: no oscillation stands out of the noise (share of the best sinusoid {share:.2f})"
+                f"no oscillation stands out of the noise (share of the best sinusoid {share:.2f})",
+                name,
             )
         raise InputError(
-            f"{name}: no oscillation: fewer than three turning points stand out of noise and rounding"
+            "no oscillation: fewer than three turning points stand out of noise and rounding",
+            name,
         )
     return max(seen, key=lambda one: worth(one.turns, one.best))
 

@@ -51,12 +51,12 @@ def load_isolated(
                 timeout=patience,
             )
         except subprocess.TimeoutExpired:
-            raise InputError(f"{path.name}: its reader did not end within {patience:g} s; {_AGAIN}") from None
+            raise InputError(f"its reader did not end within {patience:g} s; {_AGAIN}", path.name) from None
         if not (out / "names.json").is_file():
-            raise InputError(f"{path.name}: {_end(done.returncode, done.stderr)}; {_AGAIN}")
+            raise InputError(f"{_end(done.returncode, done.stderr)}; {_AGAIN}", path.name)
         said = json.loads((out / "names.json").read_text(encoding="utf-8"))
         if "error" in said:
-            raise InputError(said["error"])
+            raise InputError(**said["error"])
         return {name: np.load(out / f"{i}.npy", allow_pickle=False) for i, name in enumerate(said["names"])}
 
 
@@ -80,7 +80,7 @@ def serve(module: str, function: str, path: str, out: str, options: Mapping[str,
     try:
         found = getattr(import_module(module), function)(Path(path), **options)
     except InputError as error:
-        said: dict[str, object] = {"error": str(error)}
+        said: dict[str, object] = {"error": {"what": error.what, "where": error.where, "at": error.at}}
     else:
         for i, array in enumerate(found.values()):
             np.save(folder / f"{i}.npy", array, allow_pickle=False)

@@ -38,8 +38,9 @@ def called(path: Path) -> str:
 
 def fault(path: Path, text: object) -> InputError:
     """One line about a file, cut to its length and without line breaks."""
-    line = " ".join(f"{called(path)}: {text}".split())
-    return InputError(line if len(line) <= LONGEST else f"{line[: LONGEST - 3]}...")
+    where, what = " ".join(called(path).split()), " ".join(str(text).split())
+    room = LONGEST - len(f"{where}: ")
+    return InputError(what if len(what) <= room else f"{what[: room - 3]}...", where)
 
 
 def contents(path: Path | str) -> Contents:
@@ -50,7 +51,7 @@ def contents(path: Path | str) -> Contents:
         if foreign:
             return unpacked(load_isolated(read_packed, path, largest=limits.LARGEST))
     except InputError as error:
-        raise fault(path, str(error).removeprefix(f"{path.name}: ")) from None
+        raise fault(path, error.what) from None
     return read_here(path)
 
 
@@ -63,7 +64,7 @@ def read_here(path: Path) -> Contents:
             warnings.simplefilter("ignore")
             found = reader.read(path)
     except InputError as error:
-        raise fault(path, str(error).removeprefix(f"{path.name}: ")) from None
+        raise fault(path, error.what) from None
     except ImportError as error:
         raise fault(path, _missing(reader, error)) from None
     except MemoryError:
