@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -25,6 +25,7 @@ from bayesdamp.store.contents.candidates import ModeContent
 from bayesdamp.store.contents.estimates import EstimateContent, StageFound
 from bayesdamp.store.contents.evidence import EvidenceContent
 from bayesdamp.store.contents.posteriors import PosteriorContent
+from bayesdamp.store.places import Place
 from bayesdamp.types import OK, InputError
 
 if TYPE_CHECKING:
@@ -112,13 +113,12 @@ class Run(Shown):
     def candidates(self) -> tuple[Candidate, ...]:
         """What was found for each model on each record."""
         store = Store(self.folder)
-        cells: dict[tuple[str, str, str], dict[str, CellResult]] = {}
+        cells: dict[tuple[str, int, str], list[CellResult]] = {}
         for name in store.names():
-            kind, _, rest = name.partition("/")
-            parts = rest.split("/")
-            if kind in ("mode", "estimate", "posterior", "evidence") and len(parts) >= 3:
-                label = "/".join([kind, *parts[3:]])
-                cells.setdefault((parts[0], parts[1], parts[2]), {})[label] = store.read(name)
+            place = Place.of(name)
+            if place.kind in ("mode", "estimate", "posterior", "evidence") and place.repeat is not None:
+                key = place.record, place.repeat, place.candidate
+                cells.setdefault(key, []).append(store.read(name))
         laws = {s["name"]: s["system"]["restoring"] for s in self._about["study"]["signals"]}
         return tuple(
             _candidate(self.folder, key, found, laws.get(key[0], "")) for key, found in cells.items()
@@ -258,17 +258,15 @@ def _about(folder: Path) -> dict[str, Any]:
     return json.loads((folder / "run.json").read_text(encoding="utf-8"))
 
 
-def _candidate(
-    folder: Path, key: tuple[str, str, str], cells: Mapping[str, CellResult], law: str
-) -> Candidate:
+def _candidate(folder: Path, key: tuple[str, int, str], cells: Sequence[CellResult], law: str) -> Candidate:
     damping, restoring = types.candidate_parts(key[2])
-    mode = cells.get("mode")
+    mode = next((cell for cell in cells if cell.place.kind == "mode"), None)
     found = None if mode is None or mode.outcome != OK else ModeContent.of(mode)
     estimates: dict[str, tuple[types.Estimate, ...]] = {}
     posteriors: dict[str, types.Posterior] = {}
     evidence: dict[str, types.Evidence] = {}
-    for label, cell in cells.items():
-        kind, _, name = label.partition("/")
+    for cell in cells:
+        kind, name = cell.place.kind, cell.place.method
         if kind == "estimate":
             estimates[name] = tuple(_stage(name, cell, stage) for stage in EstimateContent.of(cell).stages)
         elif kind == "posterior":
@@ -278,7 +276,7 @@ def _candidate(
             evidence[name] = known or types.Evidence(key[2], name, outcome=cell.outcome)
     return Candidate(
         record=key[0],
-        repeat=int(key[1]),
+        repeat=key[1],
         damping=damping,
         restoring=restoring or law,
         values=found.values if found else {},

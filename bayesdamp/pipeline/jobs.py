@@ -21,6 +21,7 @@ from bayesdamp.pipeline.records.noise import NoiseCell, has_noise_cell
 from bayesdamp.pipeline.records.records import SignalCell
 from bayesdamp.plugins import use
 from bayesdamp.store import Store
+from bayesdamp.store.places import Place
 from bayesdamp.types import OK
 
 
@@ -138,7 +139,8 @@ def _of_record(
 
 
 def _part(name: str) -> str:
-    kind, method = name.partition("/")[0], name.rpartition("/")[2]
+    place = Place.of(name)
+    kind, method = place.kind, place.method
     if kind == "sensitivity" and method != "savage_dickey":
         return "depend"
     if kind in ("posterior", "sensitivity") or method in ("bridge", NESTED_CHECK):
@@ -200,7 +202,9 @@ def _kept(
             job = Job(spec.name, repeat, name, part=part)
             if why:
                 cells = {n: key for n, (key, _) in work_of(study, store, job).items()}
-                pruning.set_aside(store, {n: k for n, k in cells.items() if n.startswith("evidence/")}, why)
+                pruning.set_aside(
+                    store, {n: k for n, k in cells.items() if Place.of(n).kind == "evidence"}, why
+                )
             else:
                 found.append(job)
     return found

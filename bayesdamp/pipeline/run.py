@@ -28,6 +28,7 @@ from bayesdamp.pipeline.workers import cache_compilations, pool_of
 from bayesdamp.plugins import use
 from bayesdamp.sources import package_digest
 from bayesdamp.store import CellResult, Store
+from bayesdamp.store.places import Place
 from bayesdamp.types import OK, InputError
 from bayesdamp.verdict.types import Grade, Verdict
 
@@ -250,7 +251,7 @@ def _current(study: Study, store: Store) -> dict[str, str]:
 
 def _of_candidate(name: str) -> bool:
     """Whether a cell is one of a candidate, or of the average over them."""
-    return name.partition("/")[0] not in ("signal", ANSWERED, SAMPLED, "fitted", "noise")
+    return Place.of(name).kind not in ("signal", ANSWERED, SAMPLED, "fitted", "noise")
 
 
 def _results(store: Store, names: list[str]) -> Iterator[tuple[str, CellResult]]:

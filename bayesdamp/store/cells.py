@@ -19,6 +19,7 @@ import numpy as np
 
 from bayesdamp.store import folders
 from bayesdamp.store.files import plain, write_bytes
+from bayesdamp.store.places import Place
 from bayesdamp.store.tables import CALIBRATION_TABLES, SPECIMEN_TABLES, TABLES
 from bayesdamp.types import OK, InputError
 
@@ -45,6 +46,11 @@ class CellResult:
     arrays: Mapping[str, np.ndarray] = field(default_factory=dict)
     outcome: str = OK
     seconds: float = 0.0
+
+    @property
+    def place(self) -> Place:
+        """What the cell is about."""
+        return Place.of(self.name)
 
 
 class Store:

@@ -91,9 +91,9 @@ OVER = PopulationContent(
     {"zeta": POPULATION},
 )
 RANKS = RanksContent(
-    ("ok", "none"), (True, False), ("zeta",), {"nuts": ("ok", "")}, {"record": 1.0, "nuts": 2.0}
+    ("ok", "none"), (True, False), 8, "viscous", ("zeta",), {"nuts": ("ok", "")}, {"record": 1.0, "nuts": 2.0}
 )
-RECOVERY = RecoveryContent(("ok",), (True,), ("viscous", "coulomb"), (("ok", "poor"),))
+RECOVERY = RecoveryContent(("ok",), (True,), 4, ("viscous", "coulomb"), (("ok", "poor"),))
 ALL = [
     RECORD, NOISE, MODE, ANSWER, ESTIMATE, POSTERIOR, AVERAGE, EVIDENCE, WidthsContent(("zeta",)), HALF, NOISES, RATIOS,
     JOINT, OVER, WeighedContent(9.0, 0.1, math.inf, 900.0, 300), RANKS, RECOVERY,

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
@@ -27,8 +26,9 @@ def check(
 
     loaded = read_study(file, plugin)
     from bayesdamp.pipeline import cells
+    from bayesdamp.store.places import Place
 
-    counts = Counter(re.split(r"[/:]", cell.name)[0] for cell in cells(loaded))
+    counts = Counter(Place.of(cell.name).kind for cell in cells(loaded))
     console = Console()
     summary = Table("", "what the study asks for", title=f"{loaded.name}: {file}", title_justify="left")
     for label, names in _asked(loaded):

@@ -25,6 +25,7 @@ from bayesdamp.pipeline.stored_laws import put_together
 from bayesdamp.store import CellResult
 from bayesdamp.store.contents.evidence import EvidenceContent
 from bayesdamp.store.contents.posteriors import DrawnRatio, PosteriorContent
+from bayesdamp.store.places import Place
 from bayesdamp.types import Evidence, Posterior, Refusal
 
 SAMPLERS: Mapping[str, Callable[[Approximate, int, int, int, int], Chains]] = {
@@ -60,7 +61,7 @@ def law_on(branch: Branch) -> Approximate:
 
 def compute_posterior(branch: Branch, name: str, key: str, seed: int) -> None:
     """Draw with one sampler, and keep what the draws say."""
-    sampler, s = name.rsplit("/", 1)[1], branch.study.posterior
+    sampler, s = Place.of(name).method, branch.study.posterior
     try:
         if sampler not in SAMPLERS:
             raise Refusal(NOT_DRAWN.format(sampler, " or ".join(SAMPLERS)))
@@ -103,7 +104,7 @@ def compute_posterior(branch: Branch, name: str, key: str, seed: int) -> None:
 
 def compute_evidence(branch: Branch, name: str, key: str, seed: int) -> None:
     """Compute one method's evidence; a method that takes laws to hold exactly says so."""
-    method = name.rsplit("/", 1)[1]
+    method = Place.of(name).method
     try:
         if method not in (LINEAR, IMPORTANCE, BRIDGE):
             raise Refusal(NOT_DRAWN.format(method, f"{IMPORTANCE} or {BRIDGE}"))

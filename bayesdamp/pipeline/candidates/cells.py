@@ -21,6 +21,7 @@ from bayesdamp.pipeline.records.answering import AnswerCell
 from bayesdamp.pipeline.records.records import cell_seed
 from bayesdamp.pipeline.records.starts import REGRESSION
 from bayesdamp.store import CellResult
+from bayesdamp.store.places import Place
 from bayesdamp.types import OK
 
 SEEDED = {
@@ -68,7 +69,7 @@ def cells_of(branch: Branch) -> dict[str, str]:
         key = task_key(drawn, *whence, name, *length, SAMPLERS.source(name))
         found[f"posterior/{branch.path}/{name}"] = key
     for name, parts in evidence_parts(branch.study, branch.path, found, not law).items():
-        own = [EVIDENCES.source(name.rpartition("/")[2]), SAMPLERS.source("nuts")]
+        own = [EVIDENCES.source(Place.of(name).method), SAMPLERS.source("nuts")]
         found[name] = task_key(weighed, *whence, *parts, own)
     terms, noises = len(branch.terms), len(branch.study.noises)
     together = sum(s.repeats for s in branch.study.specimens.get(branch.spec.specimen, ())) > 1
@@ -87,7 +88,7 @@ def compute(branch: Branch, name: str, key: str) -> None:
         outcome = following(branch.parent.name, branch.record.cell.outcome)
         branch.store.write(CellResult(name, key, outcome=outcome))
         return
-    kind = name.partition("/")[0]
+    kind = Place.of(name).kind
     seeded = SEEDED | UNDER_LAW if approximate.under_law(branch.study) else SEEDED
     if kind in seeded:
         seeded[kind](branch, name, key, cell_seed(branch.study, name))

@@ -11,13 +11,14 @@ from bayesdamp.pipeline.candidates.branch import Branch
 from bayesdamp.pipeline.records.records import plain_seconds
 from bayesdamp.store import CellResult
 from bayesdamp.store.contents.estimates import EstimateContent, StageFound
+from bayesdamp.store.places import Place
 from bayesdamp.types import OK, Problem
 
 
 def compute_estimate(branch: Branch, name: str, key: str, seed: int) -> None:
     """Store both stages of one estimator, and its curves."""
     began = time.perf_counter()
-    method, use = name.rsplit("/", 1)[1], branch.study.estimators
+    method, use = Place.of(name).method, branch.study.estimators
     found = run_estimator(
         use.method(method),
         branch.record.signal,

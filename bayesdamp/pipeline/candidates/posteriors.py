@@ -18,6 +18,7 @@ from bayesdamp.records.oscillation.features import Features
 from bayesdamp.store import CellResult
 from bayesdamp.store.contents.posteriors import PosteriorContent
 from bayesdamp.store.folders import refuse_special, temporary
+from bayesdamp.store.places import Place
 from bayesdamp.types import Posterior, Refusal
 
 SUMMARIES = {"ensembles": "ensembles", "effective": "effective_draws"}
@@ -33,7 +34,7 @@ FAINTEST = 0.02
 
 def compute_posterior(branch: Branch, name: str, key: str, seed: int) -> None:
     """Draw with one sampler, and keep what the draws say."""
-    sampler, s = name.rsplit("/", 1)[1], branch.study.posterior
+    sampler, s = Place.of(name).method, branch.study.posterior
     plugin = SAMPLERS.get(sampler)
     settings = Settings(s.chains, s.warmup, s.draws, seed % 2**31)
     try:

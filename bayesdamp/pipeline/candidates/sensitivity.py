@@ -27,6 +27,7 @@ from bayesdamp.store.contents.evidence import (
     UnderNoise,
     WidthsContent,
 )
+from bayesdamp.store.places import Place
 from bayesdamp.types import OK, Refusal, candidate_name, candidate_parts
 
 SOURCES = {
@@ -50,7 +51,7 @@ def sensitivity_cells(
     found: the branch's other cells, name to key; terms, noises: how many of the candidate's and in play. joined:
     whether what counts is a fit of this record and others together, so that it is not looked at closely by itself.
     """
-    asked = repeat == 0 and any(n.startswith("evidence/") for n in found)
+    asked = repeat == 0 and any(Place.of(n).kind == "evidence" for n in found)
     sources = {kind: source.format(path) for kind, source in SOURCES.items()}
     return {
         f"sensitivity/{path}/{kind}": found[source]
@@ -64,7 +65,7 @@ def sensitivity_cells(
 
 def compute_sensitivity(branch: Branch, name: str, key: str, seed: int) -> None:
     """Compute one of these cells."""
-    kind, began = name.rsplit("/", 1)[1], time.perf_counter()
+    kind, began = Place.of(name).method, time.perf_counter()
     source = branch.store.read(SOURCES[kind].format(branch.path))
     if not source.arrays:
         none = "not applicable: no draws were kept; run with --fresh"

@@ -12,6 +12,7 @@ from bayesdamp.inference.evidence.adopted import COMBINED, NESTED_CHECK, adopted
 from bayesdamp.pipeline.candidates.branch import Branch
 from bayesdamp.store import CellResult, Store
 from bayesdamp.store.contents.evidence import EvidenceContent
+from bayesdamp.store.places import Place
 from bayesdamp.types import OK, Evidence, Refusal
 
 FIRST_LOOK = "laplace"
@@ -42,11 +43,12 @@ def evidence_parts(
 
 def compute_evidence(branch: Branch, name: str, key: str, seed: int) -> None:
     """Compute one of these cells; a referee that is not needed says so."""
-    method = name.rsplit("/", 1)[1]
+    method = Place.of(name).method
     study, store = branch.study.evidence, branch.store
     try:
         if method == NESTED_CHECK and NESTED_CHECK not in study.methods and study.referee == "auto":
-            found = evidences(store, branch.path, [m for m in study.methods if m != FIRST_LOOK])
+            asked = [m for m in study.methods if m != FIRST_LOOK]
+            found = evidences(store, f"{branch.spec.name}/{branch.repeat}", branch.model, asked)
             if found and not disagreement(found):
                 silent = EvidenceContent(branch.model, method, diagnostic="not called: the others agree")
                 store.write(CellResult(name, key, silent.meta()))
@@ -73,19 +75,20 @@ def _draws(branch: Branch) -> Draws | None:
     return Draws.of(branch.shared, cell.arrays["draws"], cell.outcome) if "draws" in cell.arrays else None
 
 
-def evidences(store: Store, path: str, methods: Sequence[str]) -> list[Evidence]:
-    """What the methods found for a branch, the referee among them where it was called; sentences have no number."""
+def evidences(store: Store, record: str, model: str, methods: Sequence[str]) -> list[Evidence]:
+    """What the methods found for a model on a record (`bench/0`), the referee among them where it was called; sentences
+    have no number."""
     found = []
     for method in dict.fromkeys((*methods, NESTED_CHECK)):
         try:
-            cell = store.read(f"evidence/{path}/{method}")
+            cell = store.read(f"evidence/{record}/{model}/{method}")
         except KeyError:
             continue
         one = EvidenceContent.of(cell).evidence()
         if one is not None:
             found.append(one)
         elif cell.outcome != OK:
-            found.append(Evidence(path.rpartition("/")[2], method, outcome=cell.outcome))
+            found.append(Evidence(model, method, outcome=cell.outcome))
     return found
 
 
@@ -96,7 +99,7 @@ def evidence_by_method(
     that counts for each model, where there is more than one method."""
     asked = study.evidence.methods
     by_method: dict[str, dict[str, Evidence]] = {m: {} for m in asked}
-    every = {model: evidences(store, f"{record}/{model}", asked) for model in models}
+    every = {model: evidences(store, record, model, asked) for model in models}
     for model, found in every.items():
         for e in found:
             by_method.setdefault(e.method, {})[model] = e

@@ -53,7 +53,8 @@ class AnswerCell:
         self, study: Study, spec: SignalSpec, repeat: int, store: Store, sample: bool = False
     ) -> None:
         self.study, self.spec, self.repeat, self.store, self.sample = study, spec, repeat, store, sample
-        self.name = f"{SAMPLED if sample else ANSWERED}/{spec.name}/{repeat}"
+        self.kind = SAMPLED if sample else ANSWERED
+        self.name = f"{self.kind}/{spec.name}/{repeat}"
         self.parent = SignalCell(study, spec, repeat, store)
 
     @property
@@ -78,7 +79,7 @@ class AnswerCell:
         )
         named = [*map(TERMS.source, self._terms), *map(LAWS.source, self.spec.restoring)]
         named += [*map(TERMS.source, others())]
-        return task_key(self.name.partition("/")[0], self.parent.key, *parts, named)
+        return task_key(self.kind, self.parent.key, *parts, named)
 
     def compute(self) -> None:
         """Store the verdict with what it rests on, or why nothing was weighed."""

@@ -182,7 +182,7 @@ def models_by_rank(run: Run, signal: str, repeat: int) -> list[str]:
     ranked = [row["model"] for row in found.rows] if found else []
     rows = (*run.estimates, *run.posteriors, *run.evidence, *run.fits)
     seen = {r["model"] for r in rows if r["signal"] == signal} | {
-        cell.name.split("/")[3] for cell in run.cells("mode", signal, repeat)
+        cell.place.candidate for cell in run.cells("mode", signal, repeat)
     }
     order = [*ranked, *(m for m in run.models if m in seen), *sorted(seen)]
     return list(dict.fromkeys(order))

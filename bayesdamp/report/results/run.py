@@ -10,6 +10,7 @@ from typing import Any
 
 from bayesdamp.report.drawing import Drawings
 from bayesdamp.store import TABLES, TEXT_OF, CellResult, Store, read_table
+from bayesdamp.store.places import Place
 from bayesdamp.types import OK, InputError, candidate_name
 from bayesdamp.units import UNITS, Unit
 
@@ -33,6 +34,7 @@ class Run:
         self.drawings = Drawings(self.folder / "figures")
         self._store = Store(self.folder, self.info.get("cells"))
         self._names = self._store.names()
+        self._places = [Place.of(name) for name in self._names]
         self._read: dict[str, CellResult | None] = {}
 
     @property
@@ -49,7 +51,7 @@ class Run:
     def signals(self) -> list[str]:
         """Names of the signals, in the study's order."""
         tables = (row["signal"] for rows in self._tables for row in rows)
-        cells = (name.split("/")[1] for name in self._names if name.startswith("signal/"))
+        cells = (place.record for place in self._places if place.kind == "signal")
         return _unique([*(self.info.get("signals") or {}), *tables, *cells])
 
     @property
@@ -89,8 +91,8 @@ class Run:
     def repeats(self, signal: str) -> list[int]:
         """Numbers of a signal's repeats, at least one."""
         tables = {row["repeat"] for rows in self._tables for row in rows if row["signal"] == signal}
-        cells = {n.split("/")[2] for n in self._names if n.split("/")[1:2] == [signal] and n.count("/") >= 2}
-        return sorted({r for r in tables if r is not None} | {int(c) for c in cells if c.isdigit()}) or [0]
+        cells = {place.repeat for place in self._places if place.record == signal}
+        return sorted(r for r in tables | cells if r is not None) or [0]
 
     def cell(self, *parts: object) -> CellResult | None:
         """A stored cell by the parts of its name; None where there is none that can be read."""

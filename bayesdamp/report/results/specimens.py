@@ -15,7 +15,7 @@ from bayesdamp.types import OK
 
 def joint_cells(run: Run) -> dict[str, CellResult]:
     """The joint fit of each specimen with several records, by its name."""
-    return {cell.name.partition("/")[2]: cell for cell in run.cells("joint")}
+    return {cell.place.record: cell for cell in run.cells("joint")}
 
 
 def population_cell(run: Run) -> CellResult | None:

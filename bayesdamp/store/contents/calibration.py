@@ -10,10 +10,12 @@ from bayesdamp.store.contents.content import Content
 
 @dataclass(frozen=True)
 class ChunkContent(Content):
-    """A chunk of records that were drawn and fitted, or refused: each one's outcome, and whether it counts."""
+    """A chunk of records that were drawn and fitted, or refused: each one's outcome, and whether it counts; first:
+    number of the first of them."""
 
     outcomes: tuple[str, ...] = ()
     accepted: tuple[bool, ...] = ()
+    first: int = 0
 
 
 @dataclass(frozen=True)
@@ -21,6 +23,7 @@ class RanksContent(ChunkContent):
     """Of one model (`ranks/MODEL/FIRST`): names of what is ranked, outcomes of each sampler by record, and seconds by
     sampler and under "record"."""
 
+    model: str = ""
     names: tuple[str, ...] = ()
     sampler_outcomes: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     seconds: Mapping[str, float] = field(default_factory=dict)

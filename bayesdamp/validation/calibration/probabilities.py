@@ -36,11 +36,16 @@ def record_table(found: Mapping[str, Sequence[CellResult]]) -> tuple[tuple[str, 
 def _rows(found: Mapping[str, Sequence[CellResult]]) -> Iterator[Row]:
     for name, chunks in found.items():
         for c in chunks:
-            content, first = RecoveryContent.of(c), int(c.name.rpartition("/")[2])
+            content = RecoveryContent.of(c)
             models = content.models
             for i, outcome in enumerate(content.outcomes):
                 noise, cycles = c.arrays["design"][i]
-                head = {"series": name, "record": first + i, "noise": float(noise), "cycles": float(cycles)}
+                head = {
+                    "series": name,
+                    "record": content.first + i,
+                    "noise": float(noise),
+                    "cycles": float(cycles),
+                }
                 head |= {"loss": round(float(c.arrays["loss"][i]), 4), "model": models[c.arrays["model"][i]]}
                 doubts = sum(said != OK for said in content.evidence_outcomes[i]) if outcome == OK else None
                 shares = {m: _short(p) for m, p in zip(models, c.arrays["probability"][i])}

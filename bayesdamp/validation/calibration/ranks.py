@@ -85,6 +85,8 @@ def ranked(study: Study, model: str, first: int) -> CellResult:
     content = RanksContent(
         tuple(outcomes),
         tuple(outcome == OK for outcome in outcomes),
+        first,
+        model=model,
         names=tuple(names),
         sampler_outcomes={s: tuple(one) for s, one in said.items()},
         seconds=seconds,

@@ -66,6 +66,7 @@ def recovered(study: Study, kind: str, first: int) -> CellResult:
     content = RecoveryContent(
         tuple(outcomes),
         tuple(outcome == OK for outcome in outcomes),
+        first,
         models=tuple(models),
         evidence_outcomes=tuple(map(tuple, said)),
     )

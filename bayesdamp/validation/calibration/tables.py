@@ -60,7 +60,7 @@ def _sampler_rows(study: Study, chunks: Sequence[CellResult]) -> Iterator[Row]:
 
 
 def _model(chunks: Sequence[CellResult]) -> str:
-    return chunks[0].name.split("/")[1]
+    return RanksContent.of(chunks[0]).model
 
 
 def points(draws: int) -> int:

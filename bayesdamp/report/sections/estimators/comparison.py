@@ -98,7 +98,7 @@ def _convergence(run: Run, truths: dict[str, float], models: dict[str, str]) -> 
         for cell in run.cells("estimate", signal, run.repeats(signal)[0], models[signal]):
             course = cell.arrays.get(f"initial/{parameter}")
             if course is not None and course.ndim == 1 and course.size > 2:
-                courses[cell.name.split("/")[4], signal] = course
+                courses[cell.place.method, signal] = course
     if not courses:
         return None
     first = list(dict.fromkeys(signal for _, signal in courses))[:ABREAST]

@@ -187,7 +187,7 @@ def _others(rows: Sequence[Row]) -> Table:
 def _traces(run: Run, signal: str, repeat: int, model: str) -> Markup | None:
     curves: dict[str, np.ndarray] = {}
     for cell in run.cells("estimate", signal, repeat, model):
-        estimator = cell.name.split("/")[4]
+        estimator = cell.place.method
         for name, curve in cell.arrays.items():
             if curve.ndim == 1 and curve.size >= 3 and np.issubdtype(curve.dtype, np.number):
                 curves[f"{words.method(estimator)}: {name.replace('_', ' ').replace('/', ' ')}"] = curve

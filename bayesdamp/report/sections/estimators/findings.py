@@ -49,7 +49,7 @@ def _found(run: Run, signal: str) -> dict[str, Details]:
     for cell in run.cells("estimate", signal, run.repeats(signal)[0], _model(run, signal)):
         for stage in EstimateContent.of(cell).stages:
             if stage.details:
-                found[cell.name.split("/")[4]] = stage.details
+                found[cell.place.method] = stage.details
     return found
 
 

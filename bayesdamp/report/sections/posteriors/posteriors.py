@@ -69,15 +69,13 @@ def _one(run: Run, signal: str) -> Markup:
 def _figures(run: Run, signal: str, repeat: int, model: str) -> list[Markup]:
     draws: dict[str, dict[str, np.ndarray]] = {}
     units = {r["parameter"]: r["unit"] for r in rows_of(run.posteriors, signal=signal, model=model)}
-    for cell in sorted(
-        run.cells("posterior", signal, repeat, model), key=lambda c: not c.name.endswith("/nuts")
-    ):
+    for cell in sorted(run.cells("posterior", signal, repeat, model), key=lambda c: c.place.method != "nuts"):
         array = cell.arrays.get("draws")
         content = PosteriorContent.of(cell)
         names = content.names
         if array is None or array.ndim != 3 or array.shape[2] != len(names) or not np.isfinite(array).all():
             continue
-        draws[cell.name.split("/")[4]] = {name: array[:, :, i] for i, name in enumerate(names)}
+        draws[cell.place.method] = {name: array[:, :, i] for i, name in enumerate(names)}
         units = {**content.units, **units}
     if not draws:
         return []
@@ -167,7 +165,7 @@ def _left_out(run: Run, signal: str, repeat: int, model: str) -> set[tuple[str, 
             names = words.listing(words.symbol(n).text for n in without)
             draws = max(without.values())
             said = f"no {names}: {draws} draws have no such motion (no stable equilibrium, or an escape)"
-            found.add((cell.name.split("/")[4], said))
+            found.add((cell.place.method, said))
     return found
 
 

@@ -63,7 +63,7 @@ def _drawn(run: Run, signal: str, model: str, cell: CellResult) -> Markup:
     first, last = (_by_name(cell, label, listed) for label in _PASSES)
     t, units = cell.arrays["running/t"], content.units
     true = {n: truth(run, signal, n) for n in names}
-    sampler = words.method(cell.name.split("/")[4])
+    sampler = words.method(cell.place.method)
     caption = f"{signal}, {words.model(model)}: running estimate of the damping by {sampler}."
 
     def draw() -> Figure:

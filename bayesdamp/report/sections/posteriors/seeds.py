@@ -155,7 +155,7 @@ def _chains(run: Run, signal: str, repeat: int, model: str) -> list[Table]:
         starts = PosteriorContent.of(cell).starts
         if not starts:
             continue
-        sampler = words.method(cell.name.rsplit("/", 1)[1])
+        sampler = words.method(cell.place.method)
         lines = [
             Line(
                 [

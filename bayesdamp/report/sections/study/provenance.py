@@ -9,6 +9,7 @@ from bayesdamp.report import words
 from bayesdamp.report.html import Line, Table, fill, folded
 from bayesdamp.report.results.run import Run
 from bayesdamp.report.sections._section import Section
+from bayesdamp.store.places import Place
 
 
 class Provenance(Section):
@@ -57,7 +58,7 @@ def _timing(seconds: Mapping[str, float]) -> list[object]:
         return []
     kinds: dict[str, list[float]] = {}
     for name, s in known.items():
-        kinds.setdefault(name.split("/")[0], []).append(s)
+        kinds.setdefault(Place.of(name).kind, []).append(s)
     lines = [
         Line([kind, str(len(found)), words.duration(sum(found)), words.duration(max(found))])
         for kind, found in kinds.items()

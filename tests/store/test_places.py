@@ -1,0 +1,24 @@
+"""What a task is about, told from its name."""
+
+from __future__ import annotations
+
+import pytest
+
+from bayesdamp.store import CellResult
+from bayesdamp.store.places import Place
+
+
+@pytest.mark.parametrize(
+    ("name", "place"),
+    [
+        ("signal/bench/0", Place("signal", "bench", 0)),
+        ("mode/bench/12/viscous+coulomb@pendulum", Place("mode", "bench", 12, "viscous+coulomb@pendulum")),
+        ("evidence/0/1/viscous/bridge", Place("evidence", "0", 1, "viscous", "bridge")),
+        ("fitted/bench/0/linear", Place("fitted", "bench", 0, "linear")),
+        ("joint/rig", Place("joint", "rig")),
+        ("weighed/rig/viscous", Place("weighed", "rig", None, "viscous")),
+        ("population", Place("population")),
+    ],
+)
+def test_a_task_s_name_says_what_it_is_about(name: str, place: Place) -> None:
+    assert CellResult(name, "").place == place
