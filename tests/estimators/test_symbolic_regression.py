@@ -73,6 +73,7 @@ def test_it_discovers_the_law(damping):
     assert found.details["read"] == "the expression is the law: its own constants"
     assert error(found.values[parameter], truth) < PUBLISHED[parameter]
     lengths, errors = found.details["pareto_length"], found.details["pareto_error"]
+    assert 0 <= found.details["pareto_chosen"] < len(lengths)
     assert len(lengths) == len(errors) == len(found.details["pareto_expression"])
     assert lengths == sorted(set(lengths))
     assert found.evaluations == 500 * 41

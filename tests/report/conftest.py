@@ -40,6 +40,7 @@ DETAILS = {
     "sindy": {"selected": ["2θ̇", "θ"], "coefficients": [0.0502, 20.1], "knots_per_period": 4.4},
     "symbolic_regression": {
         "chosen": "f(v) = 0.1·v",
+        "pareto_chosen": 1,
         "pareto_length": [1, 3],
         "pareto_error": [0.2, 1e-3],
         "pareto_expression": ["v", "0.1·v"],

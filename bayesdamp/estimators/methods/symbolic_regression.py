@@ -125,6 +125,7 @@ class SymbolicRegression(Estimator):
                 "chosen": f"f(v) = {expression}",
                 "read": how,
                 "epsilon_found": width if width is not None else "none",
+                "pareto_chosen": chosen,
                 "pareto_length": [one.length for one, _ in best],
                 "pareto_error": [float(np.sqrt(error)) for error in errors],
                 "pareto_expression": [str(expression) for _, expression in best],

@@ -176,6 +176,8 @@ def synthetic(scale: float, calls: list[int], refuse: bool = False):
         ok = [not (refuse and i % 4 == 0) for i in range(size)]
         place[~np.array(ok)] = -1
         meta = {
+            "first": first,
+            "model": model,
             "names": names,
             "outcomes": ["ok" if good else "no oscillation" for good in ok],
             "accepted": ok,
@@ -326,6 +328,7 @@ def invented(sharper: float):
         truth = [rng.choice(len(models), p=p) for p in right]
         told = np.exp(sharper * odds - logsumexp(sharper * odds, axis=1, keepdims=True))
         meta = {
+            "first": first,
             "models": models,
             "outcomes": ["ok"] * size,
             "accepted": [True] * size,

@@ -42,8 +42,9 @@ class Fit:
     rms: str
 
 
-def record(t: np.ndarray, y: np.ndarray, fits: Sequence[Fit], axis: str, period: float) -> Figure:
-    """t in s and y in the displayed unit, shape (n,); fits in the order of their rank; axis: label of y."""
+def record(t: np.ndarray, y: np.ndarray, fits: Sequence[Fit], axis: str, unit: str, period: float) -> Figure:
+    """t in s and y in the displayed unit, shape (n,); fits in the order of their rank; axis: label of y; unit: as it
+    stands there."""
     rows = 2 + len(fits) if fits else 1
     heights = [1.9, 1.9, *[1.05] * len(fits)] if fits else [2.2]
     figure = Figure(figsize=(WIDTH, sum(heights) + 0.4))
@@ -68,7 +69,7 @@ def record(t: np.ndarray, y: np.ndarray, fits: Sequence[Fit], axis: str, period:
     _zoom(last, t, y, fits, t[-1] - length, t[-1])
     _finish(first, axis, "The first cycles and their fits")
     _finish(last, "", "The last cycles and their fits")
-    _residuals(figure, grid, t, fits, axis)
+    _residuals(figure, grid, t, fits, unit)
     handles, labels = first.get_legend_handles_labels()
     columns = legend_columns(labels, figure.get_figwidth(), 5)
     figure.legend(handles, labels, loc="outside lower center", ncols=columns)
@@ -140,7 +141,7 @@ def _zoom(ax: Axes, t: np.ndarray, y: np.ndarray, fits: Sequence[Fit], start: fl
     ax.margins(x=0)
 
 
-def _residuals(figure: Figure, grid, t: np.ndarray, fits: Sequence[Fit], axis: str) -> None:
+def _residuals(figure: Figure, grid, t: np.ndarray, fits: Sequence[Fit], unit: str) -> None:
     lags = max((len(fit.autocorrelation) for fit in fits), default=0)
     first_right: Axes | None = None
     for i, fit in enumerate(fits):
@@ -151,7 +152,6 @@ def _residuals(figure: Figure, grid, t: np.ndarray, fits: Sequence[Fit], axis: s
         reach = 1.15 * float(np.nanmax(np.abs(fit.residual), initial=0.0)) or 1.0
         left.set_ylim(-reach, reach)
         left.set_xlim(t[0], t[-1])
-        unit = axis.rpartition("/ ")[2]
         _finish(left, unit, f"Residual of {words.model(fit.model)}, rms {fit.rms}")
         right = figure.add_subplot(grid[2 + i, 8:])
         if len(fit.autocorrelation):

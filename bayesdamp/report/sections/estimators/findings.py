@@ -19,6 +19,11 @@ from bayesdamp.report.sections._section import Section
 from bayesdamp.store.contents.estimates import EstimateContent
 
 Details = Mapping[str, Any]
+TOLD = {
+    "selected", "coefficients", "chosen", "pareto_chosen", "pareto_length", "pareto_error", "pareto_expression",
+    "path_threshold", "path_terms", "path_score",
+}  # fmt: skip
+"""Details that stand in tables of their own, or are steps on the way to them."""
 
 
 class Findings(Section):
@@ -82,13 +87,10 @@ def _terms(details: Details) -> str:
 
 
 def _front(details: Details) -> Table:
+    front = zip(details["pareto_length"], details["pareto_error"], details["pareto_expression"])
     lines = [
-        Line(
-            [str(length), words.number(error, 3), text], "best" if text in str(details.get("chosen")) else ""
-        )
-        for length, error, text in zip(
-            details["pareto_length"], details["pareto_error"], details["pareto_expression"]
-        )
+        Line([str(length), words.number(error, 3), text], "best" if i == details.get("pareto_chosen") else "")
+        for i, (length, error, text) in enumerate(front)
     ]
     return Table(["length", "relative error", "expression"], lines, frozenset({2}))
 
@@ -107,9 +109,8 @@ def _drawn(run: Run, signal: str, model: str, method: str, details: Details, uni
 
 
 def _is_plain(name: str, value: object) -> bool:
-    shown = name in ("selected", "coefficients", "chosen") or name.startswith(("pareto_", "path_"))
     short = isinstance(value, list) and len(value) <= 3
-    return not shown and (isinstance(value, (str, int, float)) or short)
+    return name not in TOLD and (isinstance(value, (str, int, float)) or short)
 
 
 def _plain(value: object) -> str:

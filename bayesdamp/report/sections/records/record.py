@@ -58,7 +58,8 @@ def _one(run: Run, signal: str) -> Markup:
     factor = run.unit(signal).scale
     unit = run.unit(signal).of(quantity)
     name = run.unit(signal).called(quantity)
-    axis = f"{name} / {f'({unit})' if '/' in unit else unit}"
+    ratio = f"({unit})" if "/" in unit else unit
+    axis = f"{name} / {ratio}"
     t, y = cell.arrays["t"], cell.arrays["y"]
     fits, missing = _fits(run, signal, repeat, factor, unit, len(t))
     figures = []
@@ -79,7 +80,9 @@ def _one(run: Run, signal: str) -> Markup:
         caption += " Grey band: what white noise would give."
     period = _period(content, t)
     figures.append(
-        run.drawings.add(f"record-{signal}", caption, lambda: record(t, y * factor, fits, axis, period))
+        run.drawings.add(
+            f"record-{signal}", caption, lambda: record(t, y * factor, fits, axis, ratio, period)
+        )
     )
     return fill("record.html", notes=said, figures=figures, missing=missing, repeats=len(repeats))
 

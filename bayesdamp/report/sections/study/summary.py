@@ -205,10 +205,10 @@ def _estimated(run: Run, signal: str, repeat: int, model: str) -> list[str]:
         count = f"{len(values)} refined estimate{'s' if len(values) > 1 else ''}"
         symbol = words.symbol(name).text
         if high - low <= AGREE * abs(high):
-            text = f"{symbol} = {words.number(high, 6)} {unit} by {count}, which agree"
+            text = f"{symbol} = {words.number(high, 6)} {unit} by {count}"
+            text += ", which agree" if len(values) > 1 else ""
         else:
             text = f"{symbol} from {words.number(low, 6)} to {words.number(high, 6)} {unit} by {count}"
-        text = text.removesuffix(", which agree") if len(values) == 1 else text
         true = truth(run, signal, name)
         sentences.append(text + (f"; truth {words.given(true)}" if math.isfinite(true) else ""))
     return sentences
