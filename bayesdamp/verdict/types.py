@@ -152,8 +152,8 @@ class Motion(StrEnum):
 
 @dataclass(frozen=True, repr=False)
 class Verdict:
-    """What is said of one record, or of several of one specimen; it prints as its sentence. The file `verdict.json` holds
-    a list of these.
+    """What is said of one record, or of several of one specimen; it prints as its sentence. The file `verdict.json`
+    holds a list of these.
 
     records: how many it is said of. decided: whether one damping is named without reservation. motion, modes: of a
     record that is no free decay of one oscillator, what it is and its oscillations, the largest first. deviation:
