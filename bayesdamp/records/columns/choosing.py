@@ -291,7 +291,7 @@ def _chosen(found: Contents, block: _Block) -> tuple[list[Column], Choice | None
     """The columns of one run that are a record each, and why."""
     rest = _rest(block)
     left = _candidates(block) or rest
-    still = sum(bool(c.name) or np.isfinite(c.values).any() for c in rest) - len(left)
+    still = sum(bool(c.name or np.isfinite(c.values).any()) for c in rest) - len(left)
     if len(left) == 1 and len(found.columns) <= 2:
         return left, None
     seen = {id(c): swing(c.values) for c in left}
