@@ -51,7 +51,7 @@ prior = {{ viscous = {{ prior = "halfnormal", scale = {scale} }} }}
 samplers = {samplers}
 deviation = "{deviation}"
 chains = 2
-draws = 900
+draws = 1400
 [evidence]
 methods = ["laplace", "importance", "bridge"]
 referee = "never"
