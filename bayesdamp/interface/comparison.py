@@ -44,23 +44,34 @@ class Comparison(Result):
 
     verdict: the answer, its amplitudes in the unit that the record came in; so are tables and pictures. records: of
     several records, the comparison of each by itself. outcome: "ok", or a sentence why nothing could be said.
-    answers: what is kept of each record, in rad, m or the sensor's unit; units: that each record came in.
+    answers: what is kept of each record, in rad, m or the sensor's unit; units: that each record came in; quantities:
+    what was recorded, "angle" (any displacement), "velocity" or "acceleration".
     """
 
     verdict: Verdict
     answers: tuple[Answer, ...]
     units: tuple[str, ...]
+    quantities: tuple[str, ...]
     records: tuple[Comparison, ...] = ()
 
     @classmethod
-    def _of(cls, answers: Sequence[Answer], units: Sequence[str], together: Verdict | None = None) -> Self:
+    def _of(
+        cls,
+        answers: Sequence[Answer],
+        units: Sequence[str],
+        quantities: Sequence[str],
+        together: Verdict | None = None,
+    ) -> Self:
         """Of one record, or of several: together, the verdict on all, in base units."""
         own = [UNITS[name] for name in units]
         if together is None:
-            return cls(in_unit(answers[0].verdict, own[0]), tuple(answers), tuple(units))
+            return cls(in_unit(answers[0].verdict, own[0]), tuple(answers), tuple(units), tuple(quantities))
         shown = in_unit(together, own[0]) if len({one.displacement.name for one in own}) == 1 else together
-        records = tuple(cls._of([a], [unit]) for a, unit in zip(answers, units, strict=True))
-        return cls(shown, tuple(answers), tuple(units), records)
+        records = tuple(
+            cls._of([a], [unit], [quantity])
+            for a, unit, quantity in zip(answers, units, quantities, strict=True)
+        )
+        return cls(shown, tuple(answers), tuple(units), tuple(quantities), records)
 
     @property
     def outcome(self) -> str:
@@ -134,15 +145,16 @@ class Comparison(Result):
         from bayesdamp.report.figures.records.answer import HEIGHT, draw_answer
         from bayesdamp.report.style import RC, WIDTH
 
-        first = next(((a, unit) for a, unit in self._each() if a.arrays), None)
+        first = next((i for i, a in enumerate(self.answers) if a.arrays), None)
         if first is None:
             raise InputError(f"nothing to draw: {self.outcome}")
-        found, unit = first
+        found, unit = self.answers[first], UNITS[self.units[first]]
+        recorded = unit.of(self.quantities[first])
         drawing.seen_in_notebooks()
         with rc_context(RC):
             four = drawing.several(axes, 4, columns=2, size=(WIDTH, HEIGHT))
             arrays = picture_in_unit(found.arrays, unit)
-            draw_answer(four, arrays, unit.displacement.name, found.verdict.damping)
+            draw_answer(four, arrays, unit.displacement.name, found.verdict.damping, recorded)
         return four
 
     def report(self, path: str | Path) -> Path:
@@ -156,7 +168,10 @@ class Comparison(Result):
             for a in self.answers:
                 key = f"answer/{a.verdict.record}/0"
                 store.write(CellResult(key, "comparison", a.content().meta(), a.arrays))
-            about = {a.verdict.record: {"unit": unit.name} for a, unit in self._each()}
+            about = {
+                a.verdict.record: {"unit": unit, "quantity": quantity}
+                for a, unit, quantity in zip(self.answers, self.units, self.quantities, strict=True)
+            }
             write_json(folder / "run.json", {"name": self.verdict.record, "signals": about, "models": []})
             page = render(folder).read_bytes()
         try:
@@ -181,6 +196,7 @@ class Comparison(Result):
         meta: dict[str, Any] = {
             "verdict": self.verdict.to_dict(),
             "units": self.units,
+            "quantities": self.quantities,
             "answers": [replace(a.content(), posteriors=()).meta() for a in self.answers],
         }
         arrays = {f"{i}/{n}": np.asarray(v) for i, a in enumerate(self.answers) for n, v in a.arrays.items()}
@@ -195,9 +211,10 @@ class Comparison(Result):
             verdict = Verdict.from_dict(content.verdict)
             answers.append(Answer(verdict, content.candidates, content.fits, arrays))
         units = packed.meta["units"]
+        quantities = packed.meta.get("quantities") or ["angle"] * len(units)
         if len(answers) == 1:
-            return cls._of(answers, units)
-        found = cls._of(answers, units, answers[0].verdict)
+            return cls._of(answers, units, quantities)
+        found = cls._of(answers, units, quantities, answers[0].verdict)
         return replace(found, verdict=Verdict.from_dict(packed.meta["verdict"]))
 
 
@@ -244,6 +261,7 @@ def compare(
     if not every or (len(every) > 1 and not repeats) or not all(isinstance(s, types.Signal) for s in every):
         raise InputError("compare takes one signal, or several of one specimen with repeats=True")
     units = tuple(Signal.of(s).own_unit.name for s in every)
+    quantities = tuple(s.quantity for s in every)
     answers = tuple(
         answer(
             s,
@@ -261,6 +279,6 @@ def compare(
         for s, unit in zip(every, units, strict=True)
     )
     if len(answers) == 1:
-        return Comparison._of(answers, units)
+        return Comparison._of(answers, units, quantities)
     good = [a.of_specimen() for a in answers if a.arrays]
-    return Comparison._of(answers, units, specimen(name, good) if good else answers[0].verdict)
+    return Comparison._of(answers, units, quantities, specimen(name, good) if good else answers[0].verdict)
