@@ -49,9 +49,8 @@ def test_probabilities_are_probabilities(weighing: Weighing) -> None:
         assert next(iter(by_sum)) == "viscous+coulomb"
         assert by_sum["quadratic"] < 1e-6
     found = findings(weighing)
-    assert found.term["coulomb"] == pytest.approx(
-        sum(p for s, p in found.damping.items() if "coulomb" in s) / sum(found.damping.values())
-    )
+    every = {**found.damping, **found.exotic}
+    assert found.term["coulomb"] == pytest.approx(sum(p for s, p in every.items() if "coulomb" in s))
     assert found.restoring == pytest.approx({"linear": 1.0})
     assert found.best.damping == ("viscous", "coulomb")
 
@@ -134,6 +133,10 @@ def test_rates_are_averaged_over_other_forms_too() -> None:
     truth = [(0.02 + extra * a * a / 8) / W for a in asked]
     found = findings(made, asked)
     assert sum(found.exotic.values()) > 0.9
+    every = {**found.damping, **found.exotic}
+    for term, p in found.term.items():
+        has = sum(q for name, q in every.items() if term in name.split("+"))
+        assert p == pytest.approx(has, abs=1e-9)  # not of the sums alone, which are hardly there
     assert all(r.low < wanted < r.high for r, wanted in zip(found.ratios, truth, strict=True))
     assert not findings(replace(made, forms=()), asked).ratios[-1].high > truth[-1]
 
