@@ -47,7 +47,8 @@ class Findings:
 
     damping, exact: probability of each sum (its terms joined by +) under laws that hold approximately, and exactly.
     exotic: of sums with another form of damping. exponent: of a power law in the velocity. restoring: of each law.
-    term: of each term, summed over all that was weighed that has it. ratios: at the amplitudes asked for, curve: over all.
+    term: of each term, summed over all that was weighed that has it. ratios: at the amplitudes asked for, curve: over
+    all.
     energy: share of the dissipated energy by term; bound: 95 % upper limit of an absent one's beside the likeliest sum.
     deviation, restoring_deviation: energy-weighted mean of the relative deviation of the damping and restoring laws.
     other: 95 % upper limit of the share of any other form. coefficients: under the likeliest sum. unexplained, noise:
