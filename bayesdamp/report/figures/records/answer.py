@@ -45,7 +45,10 @@ def draw_answer(
         *broken(t, arrays["fit"], t), color=colour(damping), lw=0.6, label=f"fit of {words.model(damping)}"
     )
     _finish(whole, "Record and fit", "time / s", recorded or unit)
-    whole.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, borderaxespad=0.1, fontsize=7.5)
+    # Beside the title where there is room for a sum's name, else below.
+    narrow = whole.figure.get_figwidth() <= NARROW
+    place = ("upper center", (0.5, -0.2)) if narrow else ("lower right", (1.0, 1.0))
+    whole.legend(loc=place[0], bbox_to_anchor=place[1], ncols=2, borderaxespad=0.1, fontsize=7.5)
     left.plot(*broken(t, arrays["residual"], t), color=INK, lw=0.5)
     left.axhline(0.0, color=QUIET, lw=0.6)
     _finish(left, "What the fit leaves", "time / s", recorded or unit)

@@ -75,9 +75,9 @@ def _timing(seconds: Mapping[str, float]) -> list[object]:
 
 
 def _budget(budget: Mapping[str, Any]) -> list[object]:
-    if not budget:
-        return []
     rows = _leaves(budget)
+    if not rows:
+        return []
     columns = list(dict.fromkeys(key for found in rows.values() for key in found))
     lines = [Line([name or "all", *(_show(found.get(c)) for c in columns)]) for name, found in rows.items()]
     headers = ["where", *(c.replace("_", " ") for c in columns)]
