@@ -175,6 +175,9 @@ def test_the_page_is_made_anew_and_nothing_is_computed(tmp_path, capsys):
     out = tmp_path / "out"
     assert main(["compare", *map(str, [*files, flat]), "--repeats", "--out", str(out)]) == 0
     page = (out / "report.html").read_bytes()
+    overview = page.decode().split("</table>")[0]
+    assert [overview.count(f'href="#{name}"') for name in ("r1", "r2", "flat")] == [1, 1, 1]
+    assert "Coulomb" in overview or "viscous" in overview
     (out / "report.html").unlink()
     capsys.readouterr()
     assert main(["report", str(out)]) == 0

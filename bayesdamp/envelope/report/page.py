@@ -16,9 +16,20 @@ STYLE = """
 body { margin: 0; color: #1d1d1f; font: 16px/1.5 system-ui, sans-serif; }
 main { max-width: 1008px; margin: 0 auto; padding: 40px 24px 64px; }
 h1 { font-size: 28px; } h2 { font-size: 17px; margin: 40px 0 6px; padding-top: 12px; border-top: 1px solid #dcdce0; }
-table { border-collapse: collapse; font-size: 13.5px; } th, td { padding: 3px 14px 3px 0; text-align: right; }
+table { border-collapse: collapse; font-size: 13.5px; }
+th, td { padding: 3px 14px 3px 0; text-align: right; white-space: nowrap; }
 th:first-child, td:first-child { text-align: left; } th { border-bottom: 1px solid #1d1d1f; }
 img { max-width: 100%; } .quiet, li { color: #6b6b70; font-size: 13.5px; }
+h2 { overflow-wrap: anywhere; } a { color: inherit; } .scroll { overflow-x: auto; }
+/* A picture is drawn in ink on white: turned round it is light on the dark page, and its hues stay. */
+@media screen and (prefers-color-scheme: dark) {
+  body { color: #f2f2f4; background: #151517; } h2 { border-color: #3a3a3e; } th { border-color: #f2f2f4; }
+  .quiet, li { color: #a0a0a6; } img { filter: invert(0.922) hue-rotate(180deg); }
+}
+@media print {
+  body { font-size: 10pt; } main { max-width: none; padding: 0; } h2 { break-after: avoid; }
+  img, tr { break-inside: avoid; } .scroll { overflow: visible; }
+}
 """
 
 
@@ -39,8 +50,13 @@ def page(
     ]  # fmt: skip
     if pooled is not None:
         parts.append(f"<p>{html.escape(pooled.sentence)}</p>")
+    if len(found) > 1:
+        parts.append(_overview(list(files), found))
     for key, one in zip(files, found, strict=True):
-        parts += [f"<h2>{html.escape(one.name)}</h2>", f"<p>{html.escape(one.sentence)}</p>"]
+        parts += [
+            f'<h2 id="{html.escape(key)}">{html.escape(one.name)}</h2>',
+            f"<p>{html.escape(one.sentence)}</p>",
+        ]
         if key in pictures and len(found) <= EMBEDDED:
             source = f"data:image/png;base64,{base64.b64encode(pictures[key]).decode()}"
         else:
@@ -58,6 +74,30 @@ def page(
     ]
     parts.append("</main></body></html>")
     return "\n".join(parts).encode()
+
+
+def _overview(keys: Sequence[str], found: Sequence[EnvelopeResult]) -> str:
+    """A row a record, its name a link to it: Q, or the rate where the frequency is not known, damping and power."""
+    quality = any(one.quality_factor is not None for one in found)
+    rows = [
+        _row(
+            "th",
+            ["record", "Q" if quality else "rate / (1/s)", "95 %", "damping", "probability", "power", "95 %"],
+        )
+    ]
+    for key, one in zip(keys, found, strict=True):
+        link = f'<td><a href="#{html.escape(key)}">{html.escape(one.name)}</a></td>'
+        size = one.quality_factor if quality else one.rate
+        cells = (
+            ["–", "–"] if size is None else [number(size.value), f"{number(size.low)} to {number(size.high)}"]
+        )
+        cells += (
+            [damping_words(one.damping), probability_words(one.probability)] if one.damping else ["–", "–"]
+        )
+        p = one.exponent
+        cells += ["–", "–"] if p is None else [f"{p.value:.2f}", f"{p.low:.2f} to {p.high:.2f}"]
+        rows.append(f"<tr>{link}{''.join(f'<td>{html.escape(cell)}</td>' for cell in cells)}</tr>")
+    return f'<div class="scroll"><table>{"".join(rows)}</table></div>'
 
 
 def _table(one: EnvelopeResult) -> str:
@@ -82,7 +122,9 @@ def _table(one: EnvelopeResult) -> str:
     )
     terms = ", ".join(f"{damping_words(name)} {probability_words(p)}" for name, p in one.terms.items())
     said = f"Probabilities: {dampings}. Of each term, in any sum: {terms}."
-    return f'<table>{"".join(shown)}</table><p class="quiet">{html.escape(said)}</p>'
+    return (
+        f'<div class="scroll"><table>{"".join(shown)}</table></div><p class="quiet">{html.escape(said)}</p>'
+    )
 
 
 def _row(tag: str, cells: Sequence[str]) -> str:

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from bayesdamp.envelope.pooled import Pooled
-from bayesdamp.envelope.results import AtAmplitude, Cut, EnvelopeResult, Estimated
+from bayesdamp.envelope.results import AtAmplitude, Cut, EnvelopeResult, Estimated, Range
 
 _PARTS = ("value", "low", "high", "sd_noise", "sd_law")
 
@@ -29,12 +29,15 @@ def _result(one: Mapping[str, Any]) -> EnvelopeResult:
     window = one["window"]
     cut = None
     if window is not None:
-        cut = Cut(window["start"], window["stop"], 0, 0, tuple(window["why"].split("; ")), math.nan)
+        cut = Cut(window["start"], window["stop"], 0, 0, tuple(window["reasons"]), math.nan)
     quality = one["quality_factor_at"] or [None] * len(one["decay_rate"])
     return EnvelopeResult(
         one["record"],
         one["grade"],
         one["sentence"],
+        decided=one["decided"],
+        damping=one["damping"] or "",
+        probability=_number(one["probability"]),
         probabilities=probabilities | {rival["damping"]: rival["probability"] for rival in one["rivals"]},
         terms=one["terms"],
         rate=None if one["rate"] is None else _estimated(one["rate"]),
@@ -44,6 +47,7 @@ def _result(one: Mapping[str, Any]) -> EnvelopeResult:
             )
             for rate, q in zip(one["decay_rate"], quality, strict=True)
         ),
+        exponent=None if one["exponent"] is None else _range(one["exponent"]),
         quality_factor=None if one["quality_factor"] is None else _estimated(one["quality_factor"]),
         cut=cut,
         remarks=tuple(one["remarks"]),
@@ -51,4 +55,12 @@ def _result(one: Mapping[str, Any]) -> EnvelopeResult:
 
 
 def _estimated(one: Mapping[str, Any]) -> Estimated:
-    return Estimated(*(math.nan if one[part] is None else float(one[part]) for part in _PARTS))
+    return Estimated(*(_number(one[part]) for part in _PARTS))
+
+
+def _range(one: Mapping[str, Any]) -> Range:
+    return Range(*(_number(one[part]) for part in _PARTS[:3]))
+
+
+def _number(value: float | None) -> float:
+    return math.nan if value is None else float(value)

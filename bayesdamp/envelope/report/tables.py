@@ -54,7 +54,7 @@ def verdict(found: EnvelopeResult) -> dict[str, Any]:
         "coefficients": [{"name": c.name, **_estimated(c.estimate), "unit": c.unit} for c in found.coefficients],
         "window": None if cut is None else {
             "start": cut.start, "stop": cut.stop, "cycles": _cycles(found), "why": "; ".join(cut.why),
-            "floor_db": cut.floor,
+            "reasons": list(cut.why), "floor_db": cut.floor,
         },
         "remarks": list(found.remarks),
         "sentence": found.sentence,
