@@ -28,16 +28,20 @@ def answer(
     narrow: below each other, for a phone.
     """
     figure = Figure(figsize=(NARROW, 4 * PANEL + 0.7) if narrow else (WIDTH, HEIGHT))
-    draw_answer(
-        figure.subplots(*((4, 1) if narrow else (2, 2))).ravel().tolist(), arrays, unit, damping, recorded
-    )
+    axes = figure.subplots(*((4, 1) if narrow else (2, 2))).ravel().tolist()
+    draw_answer(axes, arrays, unit, damping, recorded, narrow)
     return figure
 
 
 def draw_answer(
-    axes: Sequence[Axes], arrays: Mapping[str, np.ndarray], unit: str, damping: str, recorded: str = ""
+    axes: Sequence[Axes],
+    arrays: Mapping[str, np.ndarray],
+    unit: str,
+    damping: str,
+    recorded: str = "",
+    narrow: bool = False,
 ) -> None:
-    """Draw the four panels on these axes: record, damping ratio, residual, energy."""
+    """Draw the four panels on these axes: record, damping ratio, residual, energy. Arguments as those of `answer`."""
     whole, ratio, left, energy = axes
     t = arrays["t"]
     whole.plot(*broken(t, arrays["record"], t), color=FAINT, lw=1.8, label="record")
@@ -46,7 +50,6 @@ def draw_answer(
     )
     _finish(whole, "Record and fit", "time / s", recorded or unit)
     # Beside the title where there is room for a sum's name, else below.
-    narrow = whole.figure.get_figwidth() <= NARROW
     place = ("upper center", (0.5, -0.2)) if narrow else ("lower right", (1.0, 1.0))
     whole.legend(loc=place[0], bbox_to_anchor=place[1], ncols=2, borderaxespad=0.1, fontsize=7.5)
     left.plot(*broken(t, arrays["residual"], t), color=INK, lw=0.5)

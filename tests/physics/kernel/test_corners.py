@@ -1,0 +1,64 @@
+"""Tangents of terms whose force has a corner or parameters of its own, at the error of steps that searches take."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from bayesdamp.inference.deviation.least_squares import SEARCHED
+from bayesdamp.physics.damping import TERMS
+from bayesdamp.physics.kernel import Solver
+from bayesdamp.physics.kernel.solve import NONE, PARAMETERS
+
+TIMES = np.linspace(0.0, 12.0, 481)
+MOTION = {"stiffness": 20.0, "rest_angle": 0.0, "theta0": 0.3, "omega0": 0.0, "epsilon": 0.02}
+OWN = {
+    "exponent": 1.5,
+    "static_excess": 0.5,
+    "stribeck_velocity": 0.2,
+    "friction_slope": 0.3,
+    "friction_curvature": 0.5,
+}
+SHARE = 0.01
+"""Equivalent damping ratio of the term at the first amplitude: an eighth of the energy is lost in a cycle."""
+SMOOTH, CORNERED, ROUGH = 1e-4, 4e-3, 1e-3
+"""Error of tangents over their largest value, of forces without a corner and of structural damping, whose force jumps
+wherever the motion turns; and a step's error at which each is far beyond it."""
+
+
+def worst(name: str, tolerance: float) -> float:
+    """Of the parameters of a term, the largest error of a tangent against central differences of motions solved to a
+    step's error of 1e-12, over the largest value of that difference."""
+    term, w = TERMS.get(name), math.sqrt(MOTION["stiffness"])
+    made = Solver(
+        ("viscous", name), "linear", TIMES, "angle", MOTION["theta0"], w, MOTION["epsilon"], TIMES[::120]
+    )
+    values = {n: OWN.get(n, 0.1) for n in made.names} | MOTION | {"zeta": 0.02}
+    a = MOTION["theta0"]
+    values[term.parameter] = SHARE * 2 * math.pi * w**2 * a**2 / term.work(a, w, values)
+    p, on = np.array([values[n] for n in made.names]), np.ones(2, bool)
+    found = made.solve(p, on, tangents=PARAMETERS, tolerance=tolerance)
+    assert found is not None
+    errors = []
+    for parameter in (term.parameter, *(q.name for q in term.inferred if q.name != term.parameter)):
+        i = made.names.index(parameter)
+        ends = []
+        for sign in (1.0, -1.0):
+            moved = p.copy()
+            moved[i] += sign * 1e-4 * p[i]
+            end = made.solve(moved, on, tangents=NONE, tolerance=1e-12)
+            assert end is not None
+            ends.append(end.y)
+        difference = (ends[0] - ends[1]) / (2e-4 * p[i])
+        errors.append(float(np.max(np.abs(found.tangents[:, i] - difference)) / np.max(np.abs(difference))))
+    return max(errors)
+
+
+@pytest.mark.parametrize("name", [n for n in TERMS.names() if n != "viscous"])
+def test_tangents_of_every_term_are_central_differences(name: str) -> None:
+    """The control: at steps' errors that are ten thousand times as large they are not."""
+    limit = CORNERED if name == "structural" else SMOOTH
+    assert worst(name, SEARCHED) < limit
+    assert worst(name, ROUGH) > limit
