@@ -197,10 +197,19 @@ def chosen_records(paths: Sequence[Path], options: Options) -> tuple[list[Found]
             said.append(f"{path.name}: {len(found)} records: {_labels(found)}")
         if found[0].raw.choice is not None:
             said.append(f"{path.name}: {found[0].raw.choice}")
+        if any(_unstated(one, options) for one in found):
+            said.append(
+                f"{path.name}: No unit is stated: an angle in rad is taken; --unit m (mm, deg) says another."
+            )
         said += doubts(path, found, (Kind.CONSTANT,))
         doubted += doubts(path, found, [kind for kind in Kind if kind is not Kind.CONSTANT])
         records += [replace(one, several=several) for one in found]
     return records, doubted, said
+
+
+def _unstated(one: Found, options: Options) -> bool:
+    """Whether rad is what is left where neither the file nor the user says a unit."""
+    return options.unit is None and not one.raw.unit and (one.unit, one.quantity) == ("rad", "angle")
 
 
 def _labels(found: Sequence[Found]) -> str:

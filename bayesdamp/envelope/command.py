@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import BrokenExecutor
@@ -11,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from bayesdamp.envelope.analysis import analyse
-from bayesdamp.envelope.folder import make_page, write_about
+from bayesdamp.envelope.folder import TABLE, VERDICTS, make_page, write_about
 from bayesdamp.envelope.model.candidates import WIDTH
 from bayesdamp.envelope.model.deviation import EXACT, MEAN
 from bayesdamp.envelope.model.posterior import DRIFT, SENSOR
@@ -22,6 +21,9 @@ from bayesdamp.envelope.records.window import ABOVE_FLOOR, Window, bounded
 from bayesdamp.envelope.report.tables import verdict_json, verdicts_csv
 from bayesdamp.envelope.results import EnvelopeResult
 from bayesdamp.machine.processes import processes
+from bayesdamp.machine.threads import cores
+from bayesdamp.store.files import write_bytes
+from bayesdamp.store.folders import claim
 from bayesdamp.types import InputError, Refusal
 
 BATCH = 2
@@ -96,21 +98,22 @@ def compare_envelopes(
     }  # fmt: skip
     out = folder(keys[0] if len(keys) == 1 else f"{keys[0]}-and-{len(keys) - 1}-more", options)
     try:
-        (out / "figures").mkdir(parents=True, exist_ok=True)
+        claim(out, (VERDICTS, TABLE))
+        (out / "figures").mkdir(exist_ok=True)
     except OSError as error:
         raise InputError(
             f"--out {out}: cannot be written: {(error.strerror or str(error)).lower()}"
         ) from None
     tasks = list(zip(records, windows, (out / "figures" / f"{key}.png" for key in keys), strict=True))
     found: list[EnvelopeResult] = []
-    for result in _answers(tasks, seed, workers or len(os.sched_getaffinity(0))):
+    for result in _answers(tasks, seed, workers or cores()):
         found.append(result)
         say(result.sentence)
     common = pooled(out.name, found) if repeats else None
     if common is not None:
         say(common.sentence)
-    (out / "verdicts.csv").write_bytes(verdicts_csv(found))
-    (out / "verdict.json").write_bytes(verdict_json(found, common))
+    write_bytes(out / TABLE, verdicts_csv(found))
+    write_bytes(out / VERDICTS, verdict_json(found, common))
     write_about(out, paths, options, keys, SETTINGS)
     say(str(make_page(out)))
     return 0
@@ -143,7 +146,7 @@ def _answer(tasks: Sequence[Task], seed: int) -> list[EnvelopeResult]:
     found = []
     for record, window, path in tasks:
         result = analyse(record, window, seed)
-        path.write_bytes(picture(record, result))
+        write_bytes(path, picture(record, result))
         found.append(result)
     return found
 

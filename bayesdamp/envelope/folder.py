@@ -12,10 +12,12 @@ from typing import Any
 from bayesdamp.envelope.pooled import Pooled
 from bayesdamp.envelope.report.page import EMBEDDED, page
 from bayesdamp.envelope.report.stored import read_verdicts
+from bayesdamp.store.files import write_bytes, write_json
 from bayesdamp.types import InputError
 
 KIND = "envelopes"
-RUN, VERDICTS, PAGE, FIGURES = "run.json", "verdict.json", "report.html", "figures"
+RUN, VERDICTS, TABLE = "run.json", "verdict.json", "verdicts.csv"
+PAGE, FIGURES = "report.html", "figures"
 
 
 def asks_another(folder: Path, records: Sequence[Path], options: Mapping[str, Any]) -> bool:
@@ -39,7 +41,7 @@ def write_about(
         "pictures": list(pictures),
         "settings": list(settings),
     }
-    (folder / RUN).write_text(json.dumps(about, indent=1, ensure_ascii=False), encoding="utf-8")
+    write_json(folder / RUN, about)
 
 
 def is_envelopes(folder: Path) -> bool:
@@ -63,7 +65,7 @@ def make_page(folder: Path) -> Path:
         ) from None
     title = str(about.get("name") or folder.resolve().name)
     settings = [str(one) for one in about.get("settings", ())]
-    (folder / PAGE).write_bytes(_page(folder, title, found, pictures, pooled, settings))
+    write_bytes(folder / PAGE, _page(folder, title, found, pictures, pooled, settings))
     return folder / PAGE
 
 

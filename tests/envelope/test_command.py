@@ -195,6 +195,24 @@ def test_the_page_is_made_anew_and_nothing_is_computed(tmp_path, capsys):
     assert "compare the records again" in capsys.readouterr().err
 
 
+def test_a_users_own_files_are_not_replaced(tmp_path, capsys):
+    """Neither a table that no run wrote, nor what a link leads to; the control is a folder that a run made."""
+    record, out = written(tmp_path / "r.txt", 1), tmp_path / "out"
+    out.mkdir()
+    (out / "verdicts.csv").write_text("mine")
+    assert main(["compare", str(record), "--out", str(out)]) == 2
+    assert "no run of bayesdamp wrote" in capsys.readouterr().err
+    assert (out / "verdicts.csv").read_text() == "mine"
+    (out / "verdicts.csv").unlink()
+    (tmp_path / "elsewhere").mkdir()
+    (out / "figures").symlink_to(tmp_path / "elsewhere")
+    assert main(["compare", str(record), "--out", str(out)]) == 2
+    assert not list((tmp_path / "elsewhere").iterdir())
+    (out / "figures").unlink()
+    for _ in range(2):
+        assert main(["compare", str(record), "--out", str(out)]) == 0
+
+
 def test_two_questions_do_not_share_a_folder(tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "other").mkdir()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from contextlib import contextmanager
@@ -16,6 +15,7 @@ from bayesdamp.cli.asked import FIRST_WORDS, free_folder, own_folder, run_folder
 from bayesdamp.cli.options import READING, RUNNING, WEIGHED
 from bayesdamp.cli.verdicts import verdicts_json
 from bayesdamp.machine.processes import processes
+from bayesdamp.machine.threads import cores
 from bayesdamp.types import InputError
 
 
@@ -207,7 +207,7 @@ def _early_processes(
     workers: int | None, damping: Sequence[str], restoring: Sequence[str]
 ) -> Iterator[Executor | None]:
     """Processes that begin while the command is still read; None where one candidate needs none."""
-    workers = workers or len(os.sched_getaffinity(0))
+    workers = workers or cores()
     if workers == 1 or len(damping) == len(restoring) == 1:
         yield None
     else:

@@ -88,10 +88,12 @@ def kernels() -> Finding:
 
 def machine() -> Finding:
     """Cores and memory (GiB) that this process may use."""
-    cores = len(os.sched_getaffinity(0))
+    from bayesdamp.machine.threads import cores
+
+    found = cores()
     memory = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / 2**30
     well = memory >= LEAST_MEMORY
-    said = f"{cores} core{'s' if cores > 1 else ''}, {memory:.1f} GiB of memory"
+    said = f"{found} core{'s' if found > 1 else ''}, {memory:.1f} GiB of memory"
     return Finding("machine", well, said if well else f"{said}; {LEAST_MEMORY:g} are needed")
 
 
