@@ -13,7 +13,7 @@ import numpy as np
 from bayesdamp import types
 from bayesdamp.inference.deviation.findings import SENSOR
 from bayesdamp.interface.parts import axes as drawing
-from bayesdamp.interface.parts.asked import known_and_priors, sums_and_laws
+from bayesdamp.interface.parts.asked import checked_sensor, known_and_priors, sums_and_laws
 from bayesdamp.interface.parts.result import Packed, Result
 from bayesdamp.interface.parts.table import Table
 from bayesdamp.interface.records.signal import Signal
@@ -256,7 +256,8 @@ def compare(
     True
     """
     sums, laws = sums_and_laws(damping, restoring)
-    given = known_and_priors(sums, laws, known, priors, sensor)
+    values, given = known_and_priors(sums, laws, known, priors)
+    checked_sensor("compare", sensor)
     every = [signals] if isinstance(signals, types.Signal) else list(signals)
     if not every or (len(every) > 1 and not repeats) or not all(isinstance(s, types.Signal) for s in every):
         raise InputError("compare takes one signal, or several of one specimen with repeats=True")
@@ -270,7 +271,7 @@ def compare(
             deviation=deviation,
             damping=sums,
             restoring=laws,
-            known=known,
+            known=values,
             priors=given,
             sensor=sensor,
             sample=sample,

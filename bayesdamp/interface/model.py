@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from typing import TYPE_CHECKING, Self
@@ -13,14 +12,20 @@ from bayesdamp.config.sections import DEVIATIONS
 from bayesdamp.config.signals import canonical_model
 from bayesdamp.inference.deviation.findings import SENSOR
 from bayesdamp.inference.noise import NOISES
-from bayesdamp.interface.parts.asked import KINDS
+from bayesdamp.interface.parts.asked import (
+    POSITIVE,
+    checked_known,
+    checked_priors,
+    checked_sensor,
+    coefficients_of,
+    number,
+)
 from bayesdamp.interface.parts.result import Packed, Result
 from bayesdamp.interface.parts.table import Table
-from bayesdamp.physics.damping import TERMS
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.plugins import nearest
-from bayesdamp.priors import Normal, Prior, Uniform, prior_of
+from bayesdamp.priors import Prior, prior_of
 from bayesdamp.types import InputError, System
 
 if TYPE_CHECKING:
@@ -28,8 +33,6 @@ if TYPE_CHECKING:
 
     from bayesdamp.interface.density import Density
 
-POSITIVE = ("noise_sd", "noise_time", "noise_dof")
-"""Parameters that are above zero; friction's epsilon may be zero, the sign itself."""
 GAUSSIAN = "gaussian"
 HELD = (*POSITIVE, "epsilon")
 """Parameters that are not inferred where laws hold approximately: known, or read from the record once."""
@@ -71,10 +74,6 @@ class Model(Result):
             damping = canonical_model(self.damping, "damping")
         except StudyError as error:
             raise InputError(f"Model: {error}") from None
-        for what, given in (("priors", self.priors), ("known", self.known)):
-            if not isinstance(given, Mapping):
-                right = "it must be a dictionary by parameter"
-                raise InputError(f"Model: {what} is {type(given).__name__}; {right}")
         for what, given, valid in (
             ("restoring law", self.restoring, LAWS.names()),
             ("deviation", self.deviation, list(DEVIATIONS)),
@@ -86,11 +85,13 @@ class Model(Result):
         _check_noise(self.noises)
         if self.approximate:
             self._check_approximate()
-        object.__setattr__(self, "known", self._checked_known())
-        object.__setattr__(self, "priors", self._checked_priors())
+        known = checked_known("Model", self.known, self._coefficients, self.parameters)
+        priors = checked_priors("Model", self.priors, known, self._coefficients, self.parameters)
+        object.__setattr__(self, "known", {n: v for n, v in known.items() if n in self.parameters})
+        object.__setattr__(self, "priors", priors)
         for name in ("amplitude", "frequency"):
             value = getattr(self, name)
-            if value is not None and not _number(value) > 0:
+            if value is not None and not number(value) > 0:
                 raise InputError(f"Model: {name} is {value!r}; it must be a positive number")
 
     def __hash__(self) -> int:
@@ -155,7 +156,7 @@ class Model(Result):
     @property
     def _coefficients(self) -> dict[str, str]:
         """Coefficient to term."""
-        return {TERMS.get(t).parameter: t for t in self.terms}
+        return coefficients_of(self.terms)
 
     def _check_approximate(self) -> None:
         """What is asked of a law that may hold approximately. Raises InputError."""
@@ -163,59 +164,13 @@ class Model(Result):
             raise InputError(
                 f'Model: noise is {self.noise!r}; under deviation {self.deviation!r} it must be "{GAUSSIAN}" or "auto"'
             )
-        if not 0 <= _number(self.sensor) < 0.5:
-            raise InputError(f"Model: sensor is {self.sensor!r}; it must be a number from 0 to below 0.5")
+        checked_sensor("Model", self.sensor)
         for name in self.priors:
             if name in HELD:
                 raise InputError(
                     f"Model: the prior of {name!r} has no meaning under deviation {self.deviation!r}, which holds it; "
                     "leave it out, or give it as known"
                 )
-
-    def _checked_known(self) -> dict[str, float]:
-        valid = [n for n in self.parameters if n not in self._coefficients]
-        valid += ["epsilon"] * ("epsilon" not in valid)  # one dictionary for models with and without friction
-        for name in self.known:
-            if name in self._coefficients or name in self.terms:
-                raise InputError(
-                    f"Model: known {name!r} is a damping, which is always inferred; give it a prior"
-                )
-            if name not in valid:
-                raise InputError(f"Model: known has unknown parameter {name!r}{nearest(name, valid)}")
-        found = {name: _number(value) for name, value in self.known.items()}
-        for name, value in found.items():
-            low = name in POSITIVE and not value > 0
-            if not math.isfinite(value) or low or (name == "epsilon" and value < 0):
-                right = (
-                    "a positive number"
-                    if name in POSITIVE
-                    else "a finite number" + (", 0 or more" * (name == "epsilon"))
-                )
-                raise InputError(f"Model: known {name!r} is {self.known[name]!r}; it must be {right}")
-        return {name: value for name, value in found.items() if name in self.parameters}
-
-    def _checked_priors(self) -> dict[str, Prior]:
-        valid = [*self.terms, *self.parameters]
-        seen: dict[str, str] = {}
-        for name, prior in self.priors.items():
-            if name not in valid:
-                raise InputError(
-                    f"Model: priors has unknown term or parameter {name!r}{nearest(name, valid)}"
-                )
-            if not isinstance(prior, KINDS):
-                kinds = ", ".join(kind.__name__ for kind in KINDS)
-                raise InputError(f"Model: the prior of {name!r} is {prior!r}; it must be one of {kinds}")
-            if name in self.known:
-                raise InputError(f"Model: {name!r} is known and has a prior; give one of the two")
-            term = self._coefficients.get(name, name)
-            if term in seen:
-                raise InputError(f"Model: {seen[term]!r} and {name!r} are one parameter; give one prior")
-            seen[term] = name
-            negative = isinstance(prior, Normal) or (isinstance(prior, Uniform) and prior.low < 0)
-            if negative and (term in self.terms or name in (*POSITIVE, "epsilon")):
-                right = "a HalfNormal, LogNormal, LogUniform, or a Uniform from 0 up"
-                raise InputError(f"Model: the prior of {name!r} allows values below zero; it must be {right}")
-        return dict(self.priors)
 
     def summary(self) -> pd.DataFrame:
         """A row a parameter: its value where it is known, and the prior that was given. Defaults depend on the record,
@@ -245,10 +200,6 @@ class Model(Result):
         meta = dict(packed.meta)
         meta["noise"] = meta["noise"] if isinstance(meta["noise"], str) else tuple(meta["noise"])
         return cls(**{**meta, "priors": {n: prior_of(p) for n, p in meta["priors"].items()}})
-
-
-def _number(value: object) -> float:
-    return float(value) if isinstance(value, int | float) and not isinstance(value, bool) else math.nan
 
 
 def _check_noise(names: tuple[str, ...]) -> None:

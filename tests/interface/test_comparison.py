@@ -69,6 +69,8 @@ def test_records_of_one_specimen_share_a_damping() -> None:
         ({"priors": {"viscous": 0.1}}, "HalfNormal"),
         ({"priors": {"coulomb": bd.HalfNormal(0.1)}, "damping": "viscous"}, "unknown term"),
         ({"sensor": -1.0}, "0 to below"),
+        ({"known": {"noise_sd": -0.1}}, "positive number"),
+        ({"priors": {"viscous": bd.Normal(0.0, 1.0)}}, "below zero"),
     ],
 )
 def test_a_wrong_name_is_one_line(how: dict, said: str) -> None:

@@ -1,4 +1,4 @@
-"""What is asked of a comparison, checked before anything is computed."""
+"""What is asked of a model or of a comparison, checked before anything is computed."""
 
 from __future__ import annotations
 
@@ -10,13 +10,83 @@ from bayesdamp.physics.damping import TERMS, all_sums, parse_model
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.plugins import nearest
-from bayesdamp.priors import Prior
+from bayesdamp.priors import Normal, Prior, Uniform
 from bayesdamp.types import InputError
 
 KINDS = get_args(get_args(Prior)[0])
 """The classes of priors."""
-NOISE = "noise_sd"
+POSITIVE = ("noise_sd", "noise_time", "noise_dof")
+"""Parameters that are above zero; friction's epsilon may be zero, the sign itself."""
+EPSILON, NOISE = "epsilon", "noise_sd"
 LARGEST_SENSOR = 0.5
+
+
+def coefficients_of(terms: Sequence[str]) -> dict[str, str]:
+    """Coefficient to term."""
+    return {TERMS.get(t).parameter: t for t in terms}
+
+
+def checked_known(
+    who: str, known: object, coefficients: Mapping[str, str], parameters: Sequence[str]
+) -> dict[str, float]:
+    """Values of parameters, as numbers. who: what is called; coefficients: to their terms. Raises InputError for a name
+    that is none of the parameters, for a damping, and for what is no value of that parameter."""
+    valid = [n for n in parameters if n not in coefficients]
+    valid += [EPSILON] * (EPSILON not in valid)  # one dictionary for models with and without friction
+    given = _mapping(who, "known", known)
+    for name in given:
+        if name in coefficients or name in coefficients.values():
+            raise InputError(f"{who}: known {name!r} is a damping, which is always inferred; give it a prior")
+        if name not in valid:
+            raise InputError(f"{who}: known has unknown parameter {name!r}{nearest(name, valid)}")
+    found = {name: number(value) for name, value in given.items()}
+    for name, value in found.items():
+        low = name in POSITIVE and not value > 0
+        if not math.isfinite(value) or low or (name == EPSILON and value < 0):
+            right = "a positive number" if name in POSITIVE else "a finite number"
+            right += ", 0 or more" * (name == EPSILON)
+            raise InputError(f"{who}: known {name!r} is {given[name]!r}; it must be {right}")
+    return found
+
+
+def checked_priors(
+    who: str,
+    priors: object,
+    known: Mapping[str, float],
+    coefficients: Mapping[str, str],
+    parameters: Sequence[str],
+) -> dict[str, Prior]:
+    """Priors, by damping term or parameter as they are given. Raises InputError for a name that is none of these, for
+    what is no prior, and for one that the parameter cannot have."""
+    terms = tuple(coefficients.values())
+    valid = [*terms, *parameters]
+    given = _mapping(who, "priors", priors)
+    seen: dict[str, str] = {}
+    for name, prior in given.items():
+        if name not in valid:
+            raise InputError(f"{who}: priors has unknown term or parameter {name!r}{nearest(name, valid)}")
+        if not isinstance(prior, KINDS):
+            kinds = ", ".join(kind.__name__ for kind in KINDS)
+            raise InputError(f"{who}: the prior of {name!r} is {prior!r}; it must be one of {kinds}")
+        if name in known:
+            raise InputError(f"{who}: {name!r} is known and has a prior; give one of the two")
+        term = coefficients.get(name, name)
+        if term in seen:
+            raise InputError(f"{who}: {seen[term]!r} and {name!r} are one parameter; give one prior")
+        seen[term] = name
+        negative = isinstance(prior, Normal) or (isinstance(prior, Uniform) and prior.low < 0)
+        if negative and (term in terms or name in (*POSITIVE, EPSILON)):
+            right = "a HalfNormal, LogNormal, LogUniform, or a Uniform from 0 up"
+            raise InputError(f"{who}: the prior of {name!r} allows values below zero; it must be {right}")
+    return dict(given)
+
+
+def checked_sensor(who: str, sensor: object) -> None:
+    """Raises InputError for what is no relative linearity of a sensor."""
+    if not 0 <= number(sensor) < LARGEST_SENSOR:
+        raise InputError(
+            f"{who}: sensor is {sensor!r}; it must be a number from 0 to below {LARGEST_SENSOR:g}"
+        )
 
 
 def sums_and_laws(
@@ -38,53 +108,28 @@ def known_and_priors(
     laws: Sequence[str],
     known: Mapping[str, float] | None,
     priors: Mapping[str, Prior] | None,
-    sensor: float,
-) -> dict[str, Prior]:
-    """The priors by parameter. Raises InputError for a name that no model here has, and for what is no such value.
-
-    sums, laws: what is compared, empty for all; known: values of parameters; priors: by damping term or parameter.
-    """
-    terms = tuple(dict.fromkeys(t for s in sums or all_sums() for t in parse_model(s)))
-    coefficients = {t: TERMS.get(t).parameter for t in terms}
-    parameters = dict.fromkeys(p for law in laws or LAWS.names() for p in Oscillator(terms, law).parameters)
-    free = [
-        *(p for p in parameters if p not in coefficients.values()),
-        *["epsilon"] * ("epsilon" not in parameters),
-    ]
-    for name, value in _mapping("known", known).items():
-        if name in coefficients or name in coefficients.values():
-            raise InputError(
-                f"compare: known {name!r} is a damping, which is always inferred; give it a prior"
-            )
-        if name not in (*free, NOISE):
-            raise InputError(f"compare: known has unknown parameter {name!r}{nearest(name, [*free, NOISE])}")
-        if not _is_number(value):
-            raise InputError(f"compare: known {name!r} is {value!r}; it must be a finite number")
-    found: dict[str, Prior] = {}
-    for name, prior in _mapping("priors", priors).items():
-        if name not in (*terms, *parameters):
-            right = nearest(name, [*terms, *parameters])
-            raise InputError(f"compare: priors has unknown term or parameter {name!r}{right}")
-        if not isinstance(prior, KINDS):
-            kinds = ", ".join(kind.__name__ for kind in KINDS)
-            raise InputError(f"compare: the prior of {name!r} is {prior!r}; it must be one of {kinds}")
-        if name in (known or {}):
-            raise InputError(f"compare: {name!r} is known and has a prior; give one of the two")
-        found[coefficients.get(name, name)] = prior
-    if not (_is_number(sensor) and 0 <= sensor < LARGEST_SENSOR):
-        raise InputError(
-            f"compare: sensor is {sensor!r}; it must be a number from 0 to below {LARGEST_SENSOR:g}"
-        )
-    return found
+) -> tuple[dict[str, float], dict[str, Prior]]:
+    """Of a comparison of sums under laws, empty for all: known values, and priors by parameter. Raises InputError for
+    what none of these models has."""
+    coefficients = coefficients_of(
+        tuple(dict.fromkeys(t for s in sums or all_sums() for t in parse_model(s)))
+    )
+    terms = tuple(coefficients.values())
+    parameters = tuple(
+        dict.fromkeys(p for law in laws or LAWS.names() for p in Oscillator(terms, law).parameters)
+    )
+    values = checked_known("compare", known or {}, coefficients, (*parameters, NOISE))
+    given = checked_priors("compare", priors or {}, values, coefficients, parameters)
+    own = {term: name for name, term in coefficients.items()}
+    return values, {own.get(name, name): prior for name, prior in given.items()}
 
 
-def _mapping(what: str, given: object) -> Mapping[str, Any]:
-    if given is None:
-        return {}
+def number(value: object) -> float:
+    """A number as a float; nan for what is none."""
+    return float(value) if isinstance(value, int | float) and not isinstance(value, bool) else math.nan
+
+
+def _mapping(who: str, what: str, given: object) -> Mapping[str, Any]:
     if not isinstance(given, Mapping):
-        raise InputError(f"compare: {what} is {type(given).__name__}; it must be a dictionary by parameter")
+        raise InputError(f"{who}: {what} is {type(given).__name__}; it must be a dictionary by parameter")
     return given
-
-
-def _is_number(value: object) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
