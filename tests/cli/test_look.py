@@ -199,3 +199,17 @@ def test_a_study_without_these_keys_reads_as_it_always_did(tmp_path) -> None:
     (tmp_path / "a.toml").write_text(STUDY.format("rate = 50.0\nangle = 2"), encoding="utf-8")
     source = load_study(tmp_path / "a.toml").signals[0].resolved()["source"]
     assert not {"run", "channel", "time_unit"} & set(source)
+
+
+@pytest.mark.parametrize(
+    ("head", "unit", "said"),
+    [("position", None, True), ("position", "m", False), ("angle (deg)", None, False)],
+)
+def test_a_unit_that_nobody_states_is_said(tmp_path: Path, head: str, unit: str | None, said: bool) -> None:
+    """The controls state one, the user or the file."""
+    t = np.linspace(0.0, 10.0, 500)
+    path = tmp_path / "rig.csv"
+    rows = np.column_stack([t, 0.05 * np.exp(-0.1 * t) * np.cos(8 * t)])
+    np.savetxt(path, rows, delimiter=",", header=f"time,{head}", comments="")
+    lines = chosen_records([path], Options(unit=unit))[2]
+    assert any("No unit is stated" in line and "--unit" in line for line in lines) == said
