@@ -151,15 +151,18 @@ def _found(path: Path, raw: RawRecord, options: Options, cleaned: bool) -> Found
 
 def first_words_on(found: Sequence[Found], options: Options) -> list[str]:
     """A line on each record before anything is fitted: its frequency and damping without any law, or what it is if not
-    the free decay of one oscillator; none where nothing swings."""
+    the free decay of one oscillator; none where nothing swings. Then of each file whose unit nobody states, which is
+    taken."""
     from bayesdamp.pipeline.not_one import no_free_decay
     from bayesdamp.records.oscillation.first_look import first_words  # imports slowly
     from bayesdamp.verdict.units import in_unit
 
     said = []
+    unstated: dict[str, None] = {}
     for one in found:
         seen = one if one.signal is not None else _found(one.path, one.raw, options, True)
         if seen.signal is not None:
+            unstated |= {one.path.name: None} if _unstated(one, options) else {}
             other = no_free_decay(seen.signal)
             whose = ", ".join(filter(None, (one.path.name, _own_label(one, found) if one.several else "")))
             with suppress(Refusal):
@@ -168,7 +171,8 @@ def first_words_on(found: Sequence[Found], options: Options) -> list[str]:
                     continue
                 first = first_words(seen.signal).in_unit(UNITS[one.unit])
                 said.append(f"{whose}: {first.sentence()}")
-    return said
+    taken = "No unit is stated: an angle in rad is taken; --unit m (mm, deg) says another."
+    return [*said, *(f"{name}: {taken}" for name in unstated)]
 
 
 def chosen_records(paths: Sequence[Path], options: Options) -> tuple[list[Found], list[str], list[str]]:
@@ -197,10 +201,6 @@ def chosen_records(paths: Sequence[Path], options: Options) -> tuple[list[Found]
             said.append(f"{path.name}: {len(found)} records: {_labels(found)}")
         if found[0].raw.choice is not None:
             said.append(f"{path.name}: {found[0].raw.choice}")
-        if any(_unstated(one, options) for one in found):
-            said.append(
-                f"{path.name}: No unit is stated: an angle in rad is taken; --unit m (mm, deg) says another."
-            )
         said += doubts(path, found, (Kind.CONSTANT,))
         doubted += doubts(path, found, [kind for kind in Kind if kind is not Kind.CONSTANT])
         records += [replace(one, several=several) for one in found]

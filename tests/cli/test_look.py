@@ -211,5 +211,6 @@ def test_a_unit_that_nobody_states_is_said(tmp_path: Path, head: str, unit: str 
     path = tmp_path / "rig.csv"
     rows = np.column_stack([t, 0.05 * np.exp(-0.1 * t) * np.cos(8 * t)])
     np.savetxt(path, rows, delimiter=",", header=f"time,{head}", comments="")
-    lines = chosen_records([path], Options(unit=unit))[2]
+    options = Options(unit=unit)
+    lines = first_words_on(chosen_records([path], options)[0], options)
     assert any("No unit is stated" in line and "--unit" in line for line in lines) == said
