@@ -111,6 +111,15 @@ class Found:
         run = f"run {self.raw.run}" if self.raw.run else ""
         return ", ".join(filter(None, (run, self.raw.channel)))
 
+    @property
+    def choice(self) -> str:
+        """Why these columns, empty where there was no choice or a finding names all that was left out."""
+        choice = self.raw.choice
+        said = any(finding.kind is Kind.CONSTANT for finding in self.findings)
+        return (
+            "" if choice is None or (said and choice.changing == 1 and not choice.left_out) else str(choice)
+        )
+
 
 def found_records(path: Path, options: Options, *, cleaned: bool = True) -> list[Found]:
     """The records in a file. cleaned: whether to look for the free decay in each. Raises InputError."""
@@ -199,8 +208,8 @@ def chosen_records(paths: Sequence[Path], options: Options) -> tuple[list[Found]
                 )
         if several:
             said.append(f"{path.name}: {len(found)} records: {_labels(found)}")
-        if found[0].raw.choice is not None:
-            said.append(f"{path.name}: {found[0].raw.choice}")
+        if found[0].choice:
+            said.append(f"{path.name}: {found[0].choice}")
         said += doubts(path, found, (Kind.CONSTANT,))
         doubted += doubts(path, found, [kind for kind in Kind if kind is not Kind.CONSTANT])
         records += [replace(one, several=several) for one in found]

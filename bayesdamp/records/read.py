@@ -147,6 +147,7 @@ def _record(found: Contents, chosen: Series, path: Path, time_unit: str | None, 
         columns=(None if time is None else _typed(time, found), _typed(value, found)),
         repeat=bool(run or chosen.run),
         choice=chosen.choice,
+        why=chosen.why,
     )
 
 

@@ -24,7 +24,7 @@ class RawRecord:
     nobody says. quantity: "angle", "velocity", "acceleration", or empty where nobody says.
     columns: what to ask for to get these columns again: (times or None, values), by name or number from 1.
     repeat: whether the file says that it is one of several runs of one thing. choice: of the file's columns, None where
-    there was none.
+    there was none. why: those of the notes that say where times and values are.
     """
 
     t: np.ndarray | None
@@ -39,3 +39,4 @@ class RawRecord:
     columns: tuple[str | int | None, str | int | None] = (None, None)
     repeat: bool = False
     choice: Choice | None = None
+    why: tuple[str, ...] = ()

@@ -65,6 +65,20 @@ def test_look_shows_the_columns_where_none_can_be_chosen(tmp_path, capsys) -> No
     assert "is a folder and is not replaced; give a regular file" in capsys.readouterr().err
 
 
+def test_look_says_once_which_columns_are_read(tmp_path, capsys) -> None:
+    """The control has a column more that changes, and there is a reason to say."""
+    rows = [f"{t:.3f},{y:.5f},7" for t, y in zip(T, Y, strict=True)]
+    (tmp_path / "a.csv").write_text("\n".join(["t,angle (rad),gain", *rows]), encoding="utf-8")
+    assert main(["look", str(tmp_path / "a.csv")]) == 0
+    said = " ".join(capsys.readouterr().out.split())
+    assert said.count("do not change") + said.count("does not change") == 1
+    assert said.count("column 't'") == 1
+    rows = [f"{t:.3f},{y:.5f},{t * t:.5f}" for t, y in zip(T, Y, strict=True)]
+    (tmp_path / "a.csv").write_text("\n".join(["t,angle (rad),drift", *rows]), encoding="utf-8")
+    assert main(["look", str(tmp_path / "a.csv")]) == 0
+    assert "Column 'angle (rad)' is taken: of 2 that change" in " ".join(capsys.readouterr().out.split())
+
+
 def test_look_says_once_that_a_unit_is_doubted(tmp_path, capsys) -> None:
     rows = [f"{t:.3f},{60 * y:.5f}" for t, y in zip(T, Y, strict=True)]
     (tmp_path / "a.csv").write_text("\n".join(["t,angle", *rows]), encoding="utf-8")
@@ -153,7 +167,10 @@ def test_compare_says_its_choice_and_takes_runs_for_repeats(tmp_path) -> None:
     assert [one.raw.run for one in found] == ["1", "3"]
     assert "rig.csv: run 2, Angle, left (deg) is left out" in said[0]
     assert said[1] == "rig.csv: 2 records: run 1, Angle, left (deg); run 3, Angle, left (deg)"
-    assert any("Column 'Angle, left (deg) Run #1' is taken" in line for line in said)
+    assert sum("Supply" in line for line in said) == 1
+    assert any(
+        "left out because it does not change: 'Supply (V) Run #1' (--angle NAME" in line for line in said
+    )
     first = first_words_on(found, Options())
     assert [line.split(":")[0] for line in first] == ["rig.csv, run 1", "rig.csv, run 3"]
     study = comparison(as_signals(found, Options()))

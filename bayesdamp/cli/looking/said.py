@@ -47,9 +47,13 @@ def sentences(one: Found) -> list[str]:
     """What was done to a record, or why there is no free decay in it; nothing that its findings say."""
     from bayesdamp.records.findings import Kind
 
+    about = dict(one.raw.provenance if one.signal is None else one.signal.provenance)
+    notes = about.get("notes")
+    if isinstance(notes, list):  # `reading` says where times and values are, but not why these
+        chosen = [one.choice] if one.choice else []
+        about["notes"] = [*chosen, *(text for text in notes if text not in one.raw.why)]
     if one.signal is None:
-        return [*told(one.raw.provenance), f"No free decay: {one.refusal}"]
-    about = dict(one.signal.provenance)
+        return [*told(about), f"No free decay: {one.refusal}"]
     if any(finding.kind in (Kind.DEGREES, Kind.TURNS) for finding in one.findings):
         kept_back = about.get("turns_warning")  # the finding says it with the option to type
         warnings = about.get("warnings")

@@ -39,7 +39,7 @@ def clock_times(raw: RawRecord, clock: str, name: str) -> Clock:
     if raw.t is None:
         if raw.rate is None:
             raise InputError("the record has neither times nor a sampling rate; give rate in Hz", name)
-        note = f"No times in the file: samples taken as equally spaced at the given {raw.rate:g} Hz."
+        note = f"No times in the file: samples taken as equally spaced at {raw.rate:g} Hz."
         return Clock(rows / raw.rate, "rate", 0.0, (note,))
     gaps = np.diff(raw.t)
     if np.any(gaps < 0):

@@ -292,7 +292,7 @@ def _chosen(found: Contents, block: _Block) -> tuple[list[Column], Choice | None
     rest = _rest(block)
     left = _candidates(block) or rest
     still = sum(bool(c.name or np.isfinite(c.values).any()) for c in rest) - len(left)
-    if len(left) == 1 and len(found.columns) <= 2:
+    if len(left) == 1 and (len(found.columns) <= 2 or (len(block.columns) <= 2 and not still)):
         return left, None
     seen = {id(c): swing(c.values) for c in left}
     moving = [c for c in left if seen[id(c)].swings] or left

@@ -31,6 +31,11 @@ MARGIN = 0.2
 """Share of a swing that is left out after a hand where a start lies in the midst of a swing."""
 LEAST_BEFORE = 6
 """Turning points before a hole by which its first swings are judged."""
+OTHER = 0.1
+"""Of what the used stretch tells of the damping, the share from which another is a free decay and not what hums on in
+the noise."""
+NAMED = 3
+"""Other free decays that are named by their times; more are counted."""
 FEW = 30
 """Swings below which half a swing more is worth a start in its midst."""
 
@@ -115,9 +120,17 @@ def free_decay(
     pieces = _pieces(t, grid, smooth, found, decay, first, last, tail, 2 * (step + 4 * found.noise))
     others = [p for p in pieces if p.kind == "free decay" and (p.stop <= t[first] or p.start >= t[last])]
     if others:
-        told = ", ".join(f"{p.start:.4g} to {p.stop:.4g} s" for p in others)
-        notes.append(f"Other free decays are in the record and not used: {told}.")
+        notes.append(_not_used(others))
     return Window(first, last, tuple(notes), tuple(pieces))
+
+
+def _not_used(others: list[Piece]) -> str:
+    spans = ", ".join(f"{p.start:.4g} to {p.stop:.4g} s" for p in others[:NAMED])
+    more = len(others) - NAMED
+    if len(others) == 1:
+        return f"Another free decay is in the record and not used: {spans}; start and stop choose it."
+    tail = f" and {more} more" if more > 0 else ""
+    return f"{len(others)} other free decays are in the record and not used: {spans}{tail}; start and stop choose one."
 
 
 def _found(t: np.ndarray, y: np.ndarray, step: float, name: str) -> _Found:
@@ -283,9 +296,11 @@ def _pieces(
     scale = Scale(found.period, size, float(np.median(middle)), floor)
     kept = Piece(float(t[first]), float(t[last]), "free decay", "Used: each swing continues the later ones.")
     used = [kept]
+    least = OTHER * worth(found.turns, found.best)
     for a, b in found.stretches:
         begin, end = float(found.turns.times[a]), float(found.turns.times[b - 1])
-        if (a, b) != found.best and b - a >= 4 and (end <= t[first] or begin >= t[last]):
+        apart = (a, b) != found.best and (end <= t[first] or begin >= t[last])
+        if apart and b - a >= 4 and worth(found.turns, (a, b)) >= least:
             why = "Not used: it tells less of the damping than the one that is used."
             used.append(Piece(begin, end, "free decay", why))
     used.sort(key=lambda piece: piece.start)

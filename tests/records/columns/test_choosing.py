@@ -70,6 +70,15 @@ def test_a_plain_choice_is_made_and_said(tmp_path: Path, what: str) -> None:
     )
 
 
+def test_where_a_run_has_one_column_there_is_no_choice(tmp_path: Path) -> None:
+    columns = {f"{name} Run #{i}": x for i in (1, 2) for name, x in (("t (s)", T), ("x (m)", i * Y))}
+    found = read_records(write(tmp_path / "a.csv", columns))
+    assert [record.choice for record in found] == [None, None]
+    columns |= {"u (m) Run #1": FLAT, "u (m) Run #2": FLAT}
+    beside = read_records(write(tmp_path / "b.csv", columns))
+    assert all(record.choice is not None and record.choice.still == 1 for record in beside)
+
+
 def test_a_choice_s_sentence_is_made_of_its_values() -> None:
     dies, for_good = Choice("'x'", changing=3), Choice("'x'", Why.DIES_FOR_GOOD, 2, still=4)
     assert "of 3 that change it alone swings and dies down, but for" in str(dies)

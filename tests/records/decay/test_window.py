@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from bayesdamp.records.cleaning.quantum import recording_step
+from bayesdamp.records.decay import window as window_module
 from bayesdamp.records.decay.continuation import Swings
 from bayesdamp.records.decay.window import Window, free_decay
 from bayesdamp.records.oscillation.turning import turning_points
@@ -156,6 +157,32 @@ def test_pieces_are_named_and_join_up() -> None:
     found = window(twice)
     assert [piece.kind for piece in found.pieces].count("free decay") == 2
     assert any("not used" in note for note in found.notes)
+
+
+def struck(strikes: int) -> tuple[np.ndarray, np.ndarray]:
+    """A plate that is struck every 2 s and hums on in the noise until it is struck again."""
+    t = np.arange(0, 2 * strikes + 1, 1 / 2000)
+    y = 0.003 * np.random.default_rng(11).standard_normal(t.size)
+    for begin in 0.5 + 2.0 * np.arange(strikes):
+        y += np.where(t >= begin, np.exp(-4 * (t - begin)) * np.sin(2 * np.pi * 100 * (t - begin)), 0.0)
+    return t, y
+
+
+@pytest.mark.parametrize(("strikes", "told"), [(2, "Another free decay"), (7, "6 other free decays")])
+def test_other_strikes_are_counted_and_what_hums_in_the_noise_is_not(strikes: int, told: str) -> None:
+    found = free_decay(*struck(strikes), 0.0, True, True, "x")
+    begins = [piece.start for piece in found.pieces if piece.kind == "free decay"]
+    assert begins == pytest.approx(0.5 + 2.0 * np.arange(strikes), abs=0.02)
+    (said,) = (note for note in found.notes if "not used" in note)
+    assert said.startswith(told)
+    assert said.count(" to ") == min(strikes - 1, 3)
+
+
+def test_with_no_least_worth_the_hum_counts(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Negative control."""
+    monkeypatch.setattr(window_module, "OTHER", 0.0)
+    found = free_decay(*struck(7), 0.0, True, True, "x")
+    assert sum(piece.kind == "free decay" for piece in found.pieces) > 7
 
 
 def test_a_start_in_the_push_breaks_the_curve() -> None:
