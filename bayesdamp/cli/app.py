@@ -13,7 +13,7 @@ from typing import Annotated
 import typer
 
 from bayesdamp import __version__
-from bayesdamp.cli.border import flush, one_line, present, refused_by_the_machine, silence
+from bayesdamp.cli.border import flush, one_line, present, reader_gone, refused_by_the_machine, say, silence
 from bayesdamp.cli.commands.calibrate import calibrate
 from bayesdamp.cli.commands.check import check
 from bayesdamp.cli.commands.claims import claims
@@ -28,6 +28,8 @@ from bayesdamp.cli.commands.study import study
 from bayesdamp.types import BayesdampError, InputError
 
 FAULT, WRONG_INPUT, INTERRUPTED = 1, 2, 130
+UNREAD = 141
+"""What a shell says of a process that SIGPIPE ends: `bayesdamp look rig.csv | head -3` is no mistake."""
 app = typer.Typer(
     name="bayesdamp",
     help="How large is the damping of a decaying oscillation, which damping is it, and how sure may one be?",
@@ -84,7 +86,8 @@ def _main(
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run a command and return its exit status.
 
-    0 done, 1 a fault of the program, 2 the input is wrong, 3 done but with failed cells, 130 interrupted.
+    0 done, 1 a fault of the program, 2 the input is wrong, 3 done but with failed tasks, 130 interrupted,
+    141 what reads the output has closed it.
     """
     given = list(sys.argv[1:] if arguments is None else arguments)
     present()
@@ -105,8 +108,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if not isinstance(left.__context__, BrokenPipeError):
             raise
         silence()
-        return _refused(refused_by_the_machine(left.__context__))
+        return UNREAD
     except Exception as error:
+        if isinstance(error, BrokenPipeError) and reader_gone():
+            silence()
+            return UNREAD
         usage = getattr(error, "format_message", None)
         if usage is not None:
             said = _of_one_kind(usage().rstrip("."))
@@ -117,16 +123,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
             )
         _trace()
         said = refused_by_the_machine(error)
+        silence()
         if said is not None:
-            if getattr(error, "filename", None) is None:
-                silence()
             return _refused(said)
         what = f"{type(error).__name__}: {error}"
         hint = "BAYESDAMP_DEBUG=1 shows where"
-        print(one_line(f"bayesdamp: a fault of the program: {what} ({hint})"), file=sys.stderr)
+        say(one_line(f"bayesdamp: a fault of the program: {what} ({hint})"))
         return FAULT
     if status == INTERRUPTED:
-        print("interrupted; the same command resumes what was done", file=sys.stderr)
+        say("interrupted; the same command resumes what was done")
     return int(status or 0)
 
 
@@ -137,7 +142,7 @@ def _commands() -> Callable[..., int | None]:
 
 
 def _refused(what: object) -> int:
-    print(one_line(what), file=sys.stderr)
+    say(one_line(what))
     return WRONG_INPUT
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import os
+import select
 import sys
 
 LONGEST = 295
@@ -23,8 +24,7 @@ def one_line(text: object) -> str:
 
 
 def refused_by_the_machine(error: BaseException) -> str | None:
-    """What is said of a full disk, a closed pipe, too little memory or a path that the system refuses; None of all
-    else."""
+    """What is said of a full disk, too little memory or a path that the system refuses; None of all else."""
     if isinstance(error, MemoryError) or any(mark in str(error) for mark in _MEMORY):
         return (
             "too little memory for this; close other programs, give fewer --workers, or a part of the record"
@@ -33,8 +33,6 @@ def refused_by_the_machine(error: BaseException) -> str | None:
         return None
     place = error.filename if isinstance(error.filename, str | bytes | os.PathLike) else None
     where = os.fsdecode(place) if place is not None else ""
-    if error.errno == errno.EPIPE:
-        return "what reads the output has closed it before the end; let it read all, or write to a file"
     if error.errno in _FULL:
         return f"{where or 'the output'}: the disk is full; make room there, then run the same command again"
     if error.errno == errno.ENOMEM:
@@ -55,19 +53,35 @@ def present() -> None:
 
 
 def flush() -> None:
-    """Hand over what was printed. Raises OSError where it cannot be, and then nothing is tried again at the end."""
+    """Hand over what was printed. Raises OSError where it cannot be."""
+    sys.stdout.flush()
+
+
+def say(line: str) -> None:
+    """A line on stderr, or nowhere where nobody reads it."""
     try:
-        sys.stdout.flush()
+        print(line, file=sys.stderr, flush=True)
     except OSError:
         silence()
-        raise
+
+
+def reader_gone() -> bool:
+    """Whether what read stdout or stderr has closed it, as `head` does when it has seen enough."""
+    asked = select.poll()
+    for stream in (sys.stdout, sys.stderr):
+        try:
+            asked.register(stream.fileno(), 0)  # errors alone
+        except (OSError, ValueError):  # one without a file, as under a test
+            continue
+    return any(event & select.POLLERR for _, event in asked.poll(0))
 
 
 def silence() -> None:
-    """Let what is still to be printed go nowhere: the output is closed or full."""
-    try:
-        nowhere = os.open(os.devnull, os.O_WRONLY)
-        os.dup2(nowhere, sys.stdout.fileno())
-        os.close(nowhere)
-    except (OSError, ValueError):  # a stdout without a file, as under a test
-        return
+    """Let what cannot be printed go nowhere, so that it is not tried again at the end: the output is closed or full."""
+    for stream in (sys.stdout, sys.stderr):
+        try:
+            stream.flush()
+        except OSError:
+            nowhere = os.open(os.devnull, os.O_WRONLY)
+            os.dup2(nowhere, stream.fileno())
+            os.close(nowhere)

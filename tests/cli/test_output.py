@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import subprocess
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+
+from bayesdamp.cli import app
+from bayesdamp.cli.app import UNREAD, WRONG_INPUT
 
 HELP = (sys.executable, "-m", "bayesdamp", "--help")
 FULL = Path("/dev/full")
@@ -21,14 +26,38 @@ def test_a_full_disk_behind_the_output_is_named():
     assert done.stderr == "the output: the disk is full; make room there, then run the same command again\n"
 
 
-def test_a_reader_that_has_gone_is_named():
+@pytest.fixture
+def closed() -> Iterator[int]:
+    """A pipe that nobody reads."""
     read, write = os.pipe()
     os.close(read)
-    done = subprocess.run(HELP, stdout=write, stderr=subprocess.PIPE, text=True)
+    yield write
     os.close(write)
-    assert done.returncode == 2
-    assert done.stderr.startswith("what reads the output has closed it")
-    assert done.stderr.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    "words", [("--help",), ("--version",), ("doctor",), ("completion", "bash"), ("look", "--help")]
+)
+def test_a_reader_that_has_seen_enough_is_no_mistake(closed: int, words: tuple[str, ...]):
+    done = subprocess.run((*HELP[:-1], *words), stdout=closed, stderr=subprocess.PIPE, text=True)
+    assert (done.returncode, done.stderr) == (UNREAD, "")
+
+
+@pytest.mark.parametrize("words", [("--nope",), ("look", "no-such-file.csv"), ("--help",)])
+def test_nor_is_one_of_both_outputs(closed: int, words: tuple[str, ...]):
+    done = subprocess.run((*HELP[:-1], *words), stdout=closed, stderr=closed)
+    assert done.returncode in (UNREAD, WRONG_INPUT)
+
+
+def test_a_pipe_that_is_closed_elsewhere_is_a_fault(monkeypatch: pytest.MonkeyPatch, capsys):
+    """Negative control: of a pipe that is none of the outputs it is not known why it is closed."""
+
+    def broken(_: object) -> None:
+        raise BrokenPipeError(errno.EPIPE, "Broken pipe")
+
+    monkeypatch.setattr(app, "_commands", lambda: lambda args, standalone_mode: broken(args))
+    assert app.main(["doctor"]) == 1
+    assert "a fault of the program: BrokenPipeError" in capsys.readouterr().err
 
 
 def test_without_an_output_a_command_does_what_it_does():
