@@ -45,7 +45,7 @@ EXAMPLES = {
     compare: "bayesdamp compare rig.csv --quick",
     calibrate: "bayesdamp calibrate studies/calibration.toml --records 100",
     check: "bayesdamp check rig.toml",
-    simulate: "bayesdamp simulate --damping viscous=0.05 --restoring linear --set stiffness=20 --out play.csv",
+    simulate: "bayesdamp simulate --damping viscous=0.1,coulomb=0.05 --restoring pendulum --out play.csv",
     report: "bayesdamp report reports/rig",
     claims: "bayesdamp claims --paper reports/paper --noise reports/noise",
     doctor: "bayesdamp doctor",
@@ -66,6 +66,16 @@ def _of_one_kind(said: str) -> str:
     """What the parser of the command line says of an option's value, in the form of all other lines."""
     at = re.fullmatch(r"Invalid value for '(--[\w-]+)[^']*': Input should be ([^,]*)(,.*)?", said)
     return f"{at[1]}: must be {at[2]}" if at else said
+
+
+def _meant(given: Sequence[str], option: str | None) -> str:
+    """What is meant by an option of `simulate` that names a damping term or a parameter."""
+    if option is None or given[:1] != ["simulate"]:
+        return ""
+    from bayesdamp.cli.simulated import meant
+
+    typed = meant(option)
+    return f"; it is {typed}" if typed else ""
 
 
 def _version(asked: bool) -> None:
@@ -115,7 +125,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             return UNREAD
         usage = getattr(error, "format_message", None)
         if usage is not None:
-            said = _of_one_kind(usage().rstrip("."))
+            said = _of_one_kind(usage().rstrip(".")) + _meant(given, getattr(error, "option_name", None))
             return (
                 _refused(f"{said}{'' if said.endswith('?') else ';'} see {_help_of(given)}")
                 if said

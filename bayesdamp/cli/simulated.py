@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from difflib import get_close_matches
 from pathlib import Path
 
 import numpy as np
@@ -20,10 +19,11 @@ from bayesdamp.records.simulate import simulate_signal
 from bayesdamp.store import write_bytes
 from bayesdamp.types import InputError, Signal
 
+DAMPING = {"viscous": 0.1}
+"""What damps where nothing is given, in 1/s: Q of about 30."""
 START = {"theta0": 0.3, "omega0": 0.0, "epsilon": 0.0}
-"""What holds where it is not given."""
-AT_REST = {"rest_angle": 0.0, "spring_angle": 0.0}
-"""Where the oscillator rests where it is not given, of the laws that have it."""
+LAW = {"stiffness": 40.0, "gravity": 4.0, "cubic": 40.0, "rest_angle": 0.0, "spring_angle": 0.0}
+"""What holds where it is not given, of the laws that have it: about 1 Hz, and bends that one sees."""
 
 
 def pairs(texts: Sequence[str], option: str) -> dict[str, float]:
@@ -57,7 +57,25 @@ def terms_and_set(
             raise InputError(f"--damping: unknown damping term {term[:40]!r}{nearest(term, TERMS.names())}")
     law = LAWS.get(restoring).parameters if restoring in LAWS.names() else ()
     keys = {term: name for name, term in term_keys(law).items()}
-    return {**{keys.get(term, term): value for term, value in damping.items()}, **other}
+    return {**{keys.get(term, term): value for term, value in (damping or DAMPING).items()}, **other}
+
+
+def taken(damping: Mapping[str, float], other: Mapping[str, float], restoring: str) -> str:
+    """What was not given and is not zero, as one would type it; empty where there is nothing."""
+    system = {name: LAW[name] for name in LAWS.get(restoring).parameters if name in LAW} | START
+    left = {name: value for name, value in system.items() if value and name not in other}
+    options = {"--damping": {} if damping else DAMPING, "--set": left}
+    typed = ((option, [f"{n}={v:g}" for n, v in values.items()]) for option, values in options.items())
+    return " ".join(f"{option} {','.join(words)}" for option, words in typed if words)
+
+
+def meant(option: str) -> str:
+    """What is typed for an option that there is not but that names a damping term or a parameter; empty elsewhere."""
+    name = option.lstrip("-").replace("-", "_")
+    if name in TERMS.names():
+        return f"--damping {name}=NUMBER"
+    parameters = {*START, *(p for law in LAWS.names() for p in LAWS.get(law).parameters)}
+    return f"--set {name}=NUMBER" if name in parameters else ""
 
 
 NOISE = 0.01
@@ -109,11 +127,8 @@ def _checked(given: Mapping[str, object], restoring: str) -> Simulation:
             f"--restoring: unknown restoring law {restoring[:40]!r}{nearest(restoring, LAWS.names())}"
         )
     needed = LAWS.get(restoring).parameters
-    given = {**{name: value for name, value in AT_REST.items() if name in needed}, **given}
+    given = {**{name: value for name, value in LAW.items() if name in needed}, **given}
     missing = [name for name in needed if name not in given]
-    for name in given if missing else ():
-        if name not in needed and (close := get_close_matches(name, missing, 1)):
-            raise InputError(f"--set: unknown parameter {name[:40]!r}; did you mean {close[0]!r}?")
     if missing:
         raise InputError(f"--set: {restoring} needs {', '.join(f'{name}=NUMBER' for name in missing)} too")
     entry = {"name": "simulated", "simulate": {**START, **given}, "system": {"restoring": restoring}}

@@ -34,7 +34,8 @@ simulate = { viscous = 0.05, duration = 10.0, samples = 100, noise_sd = 0.003 }
 [estimators]
 use = ["least_squares"]
 """
-SET = ["--set", "stiffness=20,gravity=1", "--set", "spring_angle=0"]
+LAW = ["--restoring", "horizontal_pendulum", "--duration", "10"]
+SET = [*LAW, "--set", "stiffness=20,gravity=1,theta0=0.3", "--set", "spring_angle=0"]
 
 
 @dataclass(frozen=True)
@@ -102,9 +103,13 @@ WRONG = {
         ["simulate", "--out", "x.csv", "--damping", "viscous=1", "--restoring", "pendulm"],
         "did you mean 'pendul",
     ),
-    "not set": (
-        ["simulate", "--out", "x.csv", "--damping", "viscous=1"],
-        "needs stiffness=NUMBER, gravity=NUMBER",
+    "a term as an option": (
+        ["simulate", "--out", "x.csv", "--viscous", "0.1"],
+        "No such option: --viscous; it is --damping viscous=NUMBER; see bayesdamp simulate --help",
+    ),
+    "a parameter as an option": (
+        ["simulate", "--out", "x.csv", "--rest-angle", "0.1"],
+        "it is --set rest_angle=NUMBER",
     ),
     "term before what is not set": (
         ["simulate", "--out", "x.csv", "--damping", "viscos=1"],
@@ -112,7 +117,7 @@ WRONG = {
     ),
     "nearly set": (
         ["simulate", "--out", "x.csv", "--damping", "viscous=1", "--set", "stifness=20,gravity=1"],
-        "--set: unknown parameter 'stifness'; did you mean 'stiffness'?",
+        "simulate: stifness: unknown key; did you mean 'stiffness'?",
     ),
     "set": (["simulate", "--out", "x.csv", "--damping", "viscous=1", *SET, "--set", "thet0=1"], "'theta0'"),
     "samples": (
@@ -264,6 +269,32 @@ def test_a_simulation_has_noise_unless_it_is_told_not_to(
     noisy, clean = (np.loadtxt(folder / f"{n}.csv", delimiter=",", skiprows=1) for n in ("noisy", "clean"))
     assert np.array_equal(noisy[:, 0], clean[:, 0])
     assert np.std(noisy[:, 1] - clean[:, 1]) == pytest.approx(0.0025, rel=0.1)
+
+
+@pytest.mark.parametrize(
+    ("words", "said", "frequency"),
+    [
+        ([], "--damping viscous=0.1 --set stiffness=40,theta0=0.3", 1.0066),
+        (
+            ["--restoring", "duffing", "--damping", "coulomb=0.1"],
+            "--set stiffness=40,cubic=40,theta0=0.3",
+            1.03,
+        ),
+        (["--set", "stiffness=90,theta0=0.1", "--damping", "viscous=0.2"], "", 1.5099),
+    ],
+)
+def test_what_is_not_said_of_a_simulation_is_taken_and_said(
+    folder: Path, capsys: pytest.CaptureFixture[str], words: list[str], said: str, frequency: float
+) -> None:
+    """Its frequency is that of the stiffness: sqrt(40)/2π; with a cubic of 40 the first swings are some per cent
+    faster. The control says all, and nothing is said of it. What is said can be typed and is the same record."""
+    assert main(["simulate", "--out", "a.csv", "--noise-sd", "0", *words]) == 0
+    assert capsys.readouterr().err == (f"taken where nothing was said: {said}\n" if said else "")
+    t, y = np.loadtxt(folder / "a.csv", delimiter=",", skiprows=1).T
+    crossings = t[:-1][np.diff(np.sign(y)) < 0]
+    assert 1 / np.mean(np.diff(crossings[:6])) == pytest.approx(frequency, rel=0.015)
+    assert main(["simulate", "--out", "b.csv", "--noise-sd", "0", *words, *said.split()]) == 0
+    assert (folder / "a.csv").read_bytes() == (folder / "b.csv").read_bytes()
 
 
 def test_help_lists_the_commands_and_needs_no_method() -> None:

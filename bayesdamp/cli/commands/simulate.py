@@ -13,14 +13,22 @@ from bayesdamp.cli import options as o
 def simulate(
     out: Annotated[Path, typer.Option(help="The CSV file to write.")],
     damping: Annotated[
-        list[str], typer.Option(help="Damping terms with coefficients: viscous=0.05,coulomb=0.03.")
-    ],
-    restoring: Annotated[str, typer.Option(help="The restoring law.")] = "horizontal_pendulum",
-    set_: Annotated[
-        list[str] | None, typer.Option("--set", help="A parameter: stiffness=20,theta0=0.3.")
+        list[str] | None,
+        typer.Option(help="Damping terms with coefficients: viscous=0.05,coulomb=0.03; else viscous=0.1."),
     ] = None,
-    duration: Annotated[float, typer.Option(help="Length of the record in s.")] = 10.0,
-    samples: Annotated[int, typer.Option(help="Number of samples.")] = 1001,
+    restoring: Annotated[
+        str, typer.Option(help="The restoring law: linear, pendulum, duffing, horizontal_pendulum.")
+    ] = "linear",
+    set_: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--set",
+            help="Parameters: stiffness=20,theta0=0.2; else stiffness=40 (1/s², about 1 Hz), theta0=0.3 (rad), "
+            "gravity=4, cubic=40 and all others 0.",
+        ),
+    ] = None,
+    duration: Annotated[float, typer.Option(help="Length of the record in s.")] = 20.0,
+    samples: Annotated[int, typer.Option(help="Number of samples.")] = 2001,
     noise_sd: Annotated[
         float | None,
         typer.Option(
@@ -31,15 +39,18 @@ def simulate(
     plugin: o.Plugins = None,
 ) -> int:
     """Write a simulated record to play with: a CSV of times in s and angles in rad."""
-    from bayesdamp.cli.simulated import pairs, simulated, terms_and_set, write_csv
+    from bayesdamp.cli.simulated import pairs, simulated, taken, terms_and_set, write_csv
     from bayesdamp.plugins import read_modules, use
 
     use(read_modules(plugin or ()))
-    given = terms_and_set(pairs(damping, "--damping"), pairs(set_ or [], "--set"), restoring)
+    terms, system = pairs(damping or [], "--damping"), pairs(set_ or [], "--set")
+    given = terms_and_set(terms, system, restoring)
     given |= {"duration": duration, "samples": samples}
     given |= {} if noise_sd is None else {"noise_sd": noise_sd}
     record, sd = simulated(given, restoring, seed)
     write_csv(record, out)
+    if by_default := taken(terms, system, restoring):
+        typer.echo(f"taken where nothing was said: {by_default}", err=True)
     if "noise_sd" not in given:
         typer.echo(f"noise: sd {sd:g} rad, 1 % of the amplitude (--noise-sd 0 for none)", err=True)
     typer.echo(out)
