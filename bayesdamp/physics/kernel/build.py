@@ -23,6 +23,7 @@ from typing import Any
 from platformdirs import user_cache_dir
 
 from bayesdamp.physics.damping import TERMS, DampingTerm
+from bayesdamp.physics.kernel.differentiate import NoSlopeError, differenced, differentiated
 from bayesdamp.physics.restoring import LAWS, RestoringLaw
 from bayesdamp.types import Refusal
 
@@ -67,38 +68,95 @@ def kernel_of(terms: tuple[str, ...], restoring: str) -> Kernel:
 
 def source_of(terms: tuple[str, ...], restoring: str) -> str:
     """The source of a kernel's module."""
-    parts, calls, sums, at = [_HEAD], [], [], 0
-    owners: list[int] = []
-    by_position, switches = list[bool](), list[bool]()
+    parts, calls, sums, slopes, at = [_HEAD], [], [], [], 0
+    owners, switches = list[int](), list[bool]()
     for number, name in enumerate(terms):
         term = TERMS.get(name)
         _own(term, DampingTerm, f"damping term {name!r}")
         parts.append(_function(term.kernel, f"_shape_{number}", f"damping term {name!r}"))
-        inside = ", ".join(["x", "v", "epsilon", *(f"q[{at + i}]" for i in range(len(term.further)))])
-        at += len(term.further)
-        owners += [number] * len(term.further)
-        by_position.append(_takes_position(term.kernel))
+        further = [f"q[{at + i}]" for i in range(len(term.further))]
+        inside = ", ".join(["x", "v", "epsilon", *further])
+        slope, changes = _slopes_of_term(parts[-1], number, len(further))
+        parts.append(slope)
+        owners += [number] * len(further)
         switches.append(bool(term.switches))
         sums.append(f"    if c[{number}] != 0.0:\n        total += c[{number}] * _shape_{number}({inside})")
         calls.append(f"    out[{number}] = _shape_{number}({inside}) if active[{number}] else 0.0")
-    parts.append(
-        f"OWNERS = np.array({owners}, np.int64)\nBY_POSITION = np.array({by_position}, np.bool_)\n"
-        f"SWITCHES = np.array({switches}, np.bool_)\n"
-    )
+        found = ", ".join(["f", "by_x", "by_v", *(f"by_{i}" for i in range(len(further)))])
+        slopes += [
+            f"    if active[{number}]:",
+            f"        {found} = _slopes_{number}({inside}{changes})",
+            f"        out[{number}] = f",
+            f"        total, x_slope, v_slope = (total + c[{number}] * f, x_slope + c[{number}] * by_x, "
+            f"v_slope + c[{number}] * by_v)",
+            *(f"        out[{len(terms) + at + i}] = c[{number}] * by_{i}" for i in range(len(further))),
+        ]
+        at += len(further)
+    parts.append(f"OWNERS = np.array({owners}, np.int64)\nSWITCHES = np.array({switches}, np.bool_)\n")
     parts.append("@njit\ndef shapes(x, v, epsilon, q, active, out):\n" + "\n".join(calls) + "\n")
     parts.append(
         "@njit\ndef damping(x, v, epsilon, q, c):\n    total = 0.0\n"
         + "\n".join(sums)
         + "\n    return total\n"
     )
+    parts.append(
+        "@njit\ndef damping_slopes(x, v, epsilon, q, c, active, sizes, out):\n"
+        "    total, x_slope, v_slope = 0.0, 0.0, 0.0\n"
+        + "\n".join(slopes)
+        + "\n    return total, x_slope, v_slope\n"
+    )
     law = LAWS.get(restoring)
     _own(law, RestoringLaw, f"restoring law {restoring!r}")
     parts.append(_function(law.kernel, "restoring", f"restoring law {restoring!r}"))
+    parts += _slopes_of_law(parts[-1], len(law.parameters))
     acting = [f"coefficients[{i}] if active[{i}] else 0.0" for i in range(len(terms))]
     further, rests = [f"q[{i}]" for i in range(at)], [f"law[{i}]" for i in range(len(law.parameters))]
     tuples = ", ".join(f"({', '.join([*each, '0.0'])})" for each in (acting, further, rests))
     parts.append(f"@njit\ndef gathered(coefficients, q, active, law):\n    return {tuples}\n")
     return "\n\n".join([*parts, *map(_template, TEMPLATES)])
+
+
+def _slopes_of_term(source: str, number: int, further: int) -> tuple[str, str]:
+    """The function of a term's value and slopes by x, v and its further parameters, and what a call passes besides."""
+    given, name = _arguments(source), f"_slopes_{number}"
+    try:
+        return differentiated(source, name, [*given[:2], *given[3:]]), ""
+    except NoSlopeError:
+        q = [f"q{i}" for i in range(further)]
+        call = f"_shape_{number}({{x}}, {{v}}, epsilon{''.join(f', {{{one}}}' for one in q)})"
+        changes = {"x": "1e-6 * sizes[0]", "v": "1e-6 * sizes[1]"}
+        changes |= {one: f"1e-6 * (abs({one}) + 1e-3)" for one in q}
+        return differenced(call, ["x", "v", "epsilon", *q, "sizes"], changes, name), ", sizes"
+
+
+def _slopes_of_law(source: str, count: int) -> list[str]:
+    """`restoring_slopes`, and the function that it calls for the law's value and slopes by x and its parameters."""
+    x, p = _arguments(source)
+    try:
+        own, changes = differentiated(source, "_law_slopes", [x, *(f"{p}[{i}]" for i in range(count))]), ""
+    except NoSlopeError:
+        numbers = [f"p{i}" for i in range(count)]
+        call = f"restoring({{x}}, ({', '.join(f'{{{one}}}' for one in [*numbers])}, 0.0))"
+        moved = {"x": "1e-6 * sizes[0]"}
+        moved |= {one: f"1e-6 * (abs({one}) + sizes[{2 + i}])" for i, one in enumerate(numbers)}
+        inner = differenced(call, ["x", *numbers, "sizes"], moved, "_law_numbers")
+        given = ", ".join(["x", *(f"p[{i}]" for i in range(count)), "sizes"])
+        own = f"{inner}\n\n@njit\ndef _law_slopes(x, p, sizes):\n    return _law_numbers({given})\n"
+        changes = ", sizes"
+    found = ", ".join(["f", "by_x", *(f"by_{i}" for i in range(count))])
+    kept = "".join(f"    out[first + {i}] = by_{i}\n" for i in range(count))
+    return [
+        own,
+        "@njit\ndef restoring_slopes(x, p, sizes, out, first):\n"
+        f"    {found} = _law_slopes(x, p{changes})\n{kept}    return f, by_x\n",
+    ]
+
+
+def _arguments(source: str) -> list[str]:
+    """Names of the arguments of the function of a source."""
+    function = ast.parse(source).body[0]
+    assert isinstance(function, ast.FunctionDef)
+    return [a.arg for a in (*function.args.posonlyargs, *function.args.args)]
 
 
 @cache
@@ -145,15 +203,6 @@ class _Quick(ast.NodeTransformer):
         if isinstance(node.value, ast.Name) and (node.value.id, node.attr) == ("math", "tanh"):
             return ast.Name("_tanh", ast.Load())
         return self.generic_visit(node)
-
-
-def _takes_position(function: Callable[..., Any]) -> bool:
-    """Whether a term's kernel, which could be compiled, uses its first argument."""
-    tree = ast.parse(textwrap.dedent(inspect.getsource(function)))
-    found = tree.body[0]
-    assert isinstance(found, ast.FunctionDef)
-    first = [*found.args.posonlyargs, *found.args.args][0].arg
-    return any(isinstance(node, ast.Name) and node.id == first for node in ast.walk(found))
 
 
 @lru_cache(maxsize=64)

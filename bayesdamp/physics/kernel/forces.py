@@ -7,8 +7,6 @@ from numba import njit
 
 OWNERS = np.array([0], np.int64)
 """Of each further parameter, the term's number."""
-BY_POSITION = np.array([False])
-"""Of each term, whether its force depends on the position."""
 SWITCHES = np.array([False])
 """Of each term, whether its force turns over within ε where the velocity does."""
 
@@ -26,6 +24,13 @@ def damping(x, v, epsilon, q, c):
 
 
 @njit
+def damping_slopes(x, v, epsilon, q, c, active, sizes, out):
+    """The force of all terms at one point and its slopes by x and v; into `out` go each term's force per unit and the
+    slopes of the whole by the further parameters."""
+    return 0.0, 0.0, 0.0
+
+
+@njit
 def gathered(coefficients, q, active, law):
     """Coefficients, 0 of terms that do not act, further parameters and the law's as tuples, which cost no counting of
     references."""
@@ -36,3 +41,10 @@ def gathered(coefficients, q, active, law):
 def restoring(x, p):
     """Restoring force at one point."""
     return p[0] * x
+
+
+@njit
+def restoring_slopes(x, p, sizes, out, first):
+    """Restoring force at one point and its slope by x; slopes by the law's parameters go into `out` from `first` on."""
+    out[first] = x
+    return p[0] * x, p[0]

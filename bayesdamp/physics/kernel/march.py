@@ -150,7 +150,7 @@ def march(coefficients, q, active, law, epsilon, start, knots, g, h, tolerance, 
         if (p < m and active[p]) or p >= m + e or (m <= p < m + e and active[OWNERS[p - m]]):
             live[count] = p
             count += 1
-    live, scratch, sources = live[:count], np.zeros((2, m)), np.zeros(base + 4)
+    live, sources = live[:count], np.zeros(base + 4)
     hats, wide = 2 + live.size, 2 + live.size + (4 if tangents == 2 else 0)
     read, local, half = np.zeros((5, wide)), np.zeros((2, wide)), np.zeros(wide)
     moved = np.concatenate((live, np.array([base, base + 1])))
@@ -162,25 +162,7 @@ def march(coefficients, q, active, law, epsilon, start, knots, g, h, tolerance, 
     a = acceleration(x, v, 0.0, (g[0], g[1]), (h[0], h[1]), sized, more, epsilon, rests)
     states[0, 0], states[0, 1], states[0, 2], times[0] = x, v, a, t
     if tangents > 0:
-        read_at(
-            x,
-            v,
-            0.0,
-            gs,
-            hs,
-            sized,
-            more,
-            rests,
-            q,
-            epsilon,
-            active,
-            law,
-            sizes,
-            scratch,
-            sources,
-            live,
-            read[0],
-        )
+        read_at(x, v, 0.0, gs, hs, sized, more, epsilon, active, rests, sizes, sources, live, read[0])
         slopes[0, base, 0], slopes[0, base, 2] = 1.0, -read[0, 0]
         slopes[0, base + 1, 1], slopes[0, base + 1, 2] = 1.0, -read[0, 1]
         for i in range(live.size):
@@ -258,8 +240,8 @@ def march(coefficients, q, active, law, epsilon, start, knots, g, h, tolerance, 
                 else:
                     sx, sv = along(last, now, taken, last[3], POINTS[i])
                 read_at(
-                    sx, sv, (gone + POINTS[i] * taken) / width, gs, hs, sized, more, rests, q, epsilon, active, law,
-                    sizes, scratch, sources, live, read[i],
+                    sx, sv, (gone + POINTS[i] * taken) / width, gs, hs, sized, more, epsilon, active, rests, sizes,
+                    sources, live, read[i],
                 )  # fmt: skip
             over_a_step(read, taken, local, half)
             old, new = slopes[count - 1], slopes[count]

@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from bayesdamp.physics.kernel.forces import BY_POSITION, OWNERS, damping, restoring, shapes
+from bayesdamp.physics.kernel.forces import damping_slopes, restoring_slopes
 
 # --- tangents ---
 
@@ -20,60 +20,24 @@ MOST_TERMS, SMALL = 30, 1e-13
 
 
 @njit
-def linearise(x, v, w, g_at, h_at, sized, more, rests, q, epsilon, active, law, sizes, scratch, source):
+def linearise(x, v, w, g_at, h_at, c, q, epsilon, active, law, sizes, source):
     """Slopes of the force by x and v at one point; the sources of the tangents go into `source`.
 
-    w, g_at, h_at: as in `acceleration`; sized, more, rests: as of `gathered`. source: (m + e + r + 4,): coefficients,
-    the terms' further parameters, the law's, and the hats of g and h to the left and right of w.
+    w, g_at, h_at, c, q, law: as in `acceleration`. source: (m + e + r + 4,): coefficients, the terms' further
+    parameters, the law's, and the hats of g and h to the left and right of w.
     """
     g, h = g_at[0] + w * (g_at[1] - g_at[0]), h_at[0] + w * (h_at[1] - h_at[0])
-    work, other = scratch[0], scratch[1]
-    m, e, r = work.size, q.size, law.size
-    shapes(x, v, epsilon, q, active, work)
-    total, varies = 0.0, False
-    for j in range(m):
-        source[j] = (1.0 + g) * work[j]
-        total += sized[j] * work[j]
-        varies = varies or (active[j] and BY_POSITION[j])
-    dx, dv = 1e-6 * sizes[0], 1e-6 * sizes[1]
-    by_v = damping(x, v + dv, epsilon, more, sized) - damping(x, v - dv, epsilon, more, sized)
-    by_x = 0.0
-    if varies:
-        by_x = damping(x + dx, v, epsilon, more, sized) - damping(x - dx, v, epsilon, more, sized)
-    for i in range(e):
-        source[m + i] = 0.0
-        if not active[OWNERS[i]]:
-            continue
-        kept = q[i]
-        d = 1e-6 * (abs(kept) + 1e-3)
-        q[i] = kept + d
-        shapes(x, v, epsilon, q, active, other)
-        change = 0.0
-        for j in range(m):
-            change += sized[j] * other[j]
-        q[i] = kept - d
-        shapes(x, v, epsilon, q, active, other)
-        for j in range(m):
-            change -= sized[j] * other[j]
-        q[i] = kept
-        source[m + i] = (1.0 + g) * change / (2 * d)
-    force = restoring(x, rests)
-    slope = (restoring(x + dx, rests) - restoring(x - dx, rests)) / (2 * dx)
-    for i in range(r):
-        kept = law[i]
-        d = 1e-6 * (abs(kept) + sizes[2 + i])
-        law[i] = kept + d
-        change = restoring(x, law)
-        law[i] = kept - d
-        change -= restoring(x, law)
-        law[i] = kept
-        source[m + e + i] = (1.0 + 2.0 * h) * change / (2 * d)
-    i = m + e + r
-    source[i] = (1.0 - w) * total
-    source[i + 1] = w * total
-    source[i + 2] = 2.0 * (1.0 - w) * force
-    source[i + 3] = 2.0 * w * force
-    return (1.0 + g) * by_x / (2 * dx) + (1.0 + 2.0 * h) * slope, (1.0 + g) * by_v / (2 * dv)
+    last = source.size - 4
+    first = last - (len(law) - 1)
+    total, by_x, by_v = damping_slopes(x, v, epsilon, q, c, active, sizes, source)
+    force, slope = restoring_slopes(x, law, sizes, source, first)
+    for i in range(first):
+        source[i] *= 1.0 + g
+    for i in range(first, last):
+        source[i] *= 1.0 + 2.0 * h
+    source[last], source[last + 1] = (1.0 - w) * total, w * total
+    source[last + 2], source[last + 3] = 2.0 * (1.0 - w) * force, 2.0 * w * force
+    return (1.0 + g) * by_x + (1.0 + 2.0 * h) * slope, (1.0 + g) * by_v
 
 
 @njit
@@ -194,11 +158,9 @@ def over_a_step(read, step, local, half):
 
 
 @njit
-def read_at(x, v, w, g, h, sized, more, rests, q, epsilon, active, law, sizes, scratch, sources, live, row):
+def read_at(x, v, w, g, h, c, q, epsilon, active, law, sizes, sources, live, row):
     """Slopes and the sources that act at one point, into a row of `over_a_step`'s."""
-    row[0], row[1] = linearise(
-        x, v, w, g, h, sized, more, rests, q, epsilon, active, law, sizes, scratch, sources
-    )
+    row[0], row[1] = linearise(x, v, w, g, h, c, q, epsilon, active, law, sizes, sources)
     for i in range(live.size):
         row[2 + i] = sources[live[i]]
     for i in range(row.size - 2 - live.size):

@@ -1,0 +1,160 @@
+"""Slopes of a force from its source, by the chain rule: the functions that it calls are called once for the value and
+every slope (forward accumulation; A. Griewank, A. Walther, Evaluating Derivatives, 2008, ch. 3)."""
+
+from __future__ import annotations
+
+import ast
+
+SLOPES = {
+    "sin": "math.cos({a})",
+    "cos": "-math.sin({a})",
+    "tan": "1.0 + {f} * {f}",
+    "tanh": "1.0 - {f} * {f}",
+    "exp": "{f}",
+    "log": "1.0 / {a}",
+    "sqrt": "0.5 / {f} if {f} != 0.0 else 0.0",
+    "atan": "1.0 / (1.0 + {a} * {a})",
+    "arctan": "1.0 / (1.0 + {a} * {a})",
+    "sinh": "math.cosh({a})",
+    "cosh": "math.sinh({a})",
+    "abs": "1.0 if {a} >= 0.0 else -1.0",
+    "fabs": "1.0 if {a} >= 0.0 else -1.0",
+}
+"""Of functions of a number a of the value f."""
+
+
+class NoSlopeError(Exception):
+    """The source has something of which no slope is known here."""
+
+
+def differentiated(source: str, name: str, seeds: list[str]) -> str:
+    """A function of the same arguments, beside the given source of one, that returns its value and its slopes by the
+    seeds: arguments, or items of one such as `p[0]`. Raises NoSlopeError."""
+    function = ast.parse(source).body[0]
+    assert isinstance(function, ast.FunctionDef)
+    arguments = [a.arg for a in (*function.args.posonlyargs, *function.args.args)]
+    lines = _Lines(seeds, arguments)
+    for statement in function.body:
+        if isinstance(statement, ast.Expr) and isinstance(statement.value, ast.Constant):
+            continue  # what it says of itself
+        match statement:
+            case ast.Assign(targets=[ast.Name(id=target)]):
+                lines.known[target] = lines.of(statement.value)
+            case ast.Return(value=ast.expr() as value):
+                found, slopes = lines.of(value)
+                returned = ", ".join([found, *(slopes.get(seed, "0.0") for seed in seeds)])
+                lines.text.append(f"return {returned}")
+                body = "".join(f"    {line}\n" for line in lines.text)
+                return f"@njit\ndef {name}({', '.join(arguments)}):\n{body}"
+            case _:
+                break
+    raise NoSlopeError
+
+
+class _Lines:
+    """Lines of a function, each of one operation on names and numbers. A value is its name and those of its slopes,
+    by the seeds of which it depends."""
+
+    def __init__(self, seeds: list[str], arguments: list[str]) -> None:
+        self.text: list[str] = []
+        self.seeds = seeds
+        self.known = {a: (a, {a: "1.0"} if a in seeds else {}) for a in arguments}
+
+    def of(self, node: ast.expr) -> tuple[str, dict[str, str]]:
+        """The value of an expression, its lines added. Raises NoSlopeError."""
+        match node:
+            case ast.Constant(value=int() | float() as number):
+                return repr(float(number)), {}
+            case ast.Name(id=name) if name in self.known:
+                return self.known[name]
+            case ast.Subscript() if ast.unparse(node) in self.seeds:
+                return ast.unparse(node), {ast.unparse(node): "1.0"}
+            case ast.Attribute(value=ast.Name(id="math" | "np"), attr="pi"):
+                return "math.pi", {}
+            case ast.UnaryOp(op=ast.USub(), operand=inner):
+                value, slopes = self.of(inner)
+                return self._new(f"-{value}"), self._chain([("-1.0", slopes)])
+            case ast.BinOp(left=left, op=op, right=right):
+                return self._of_two(op, self.of(left), self.of(right))
+            case ast.Call(func=called, args=given, keywords=[]):
+                return self._of_call(called, [self.of(one) for one in given])
+            case _:
+                raise NoSlopeError
+
+    def _of_two(
+        self, op: ast.operator, left: tuple[str, dict[str, str]], right: tuple[str, dict[str, str]]
+    ) -> tuple[str, dict[str, str]]:
+        (a, by_a), (b, by_b) = left, right
+        match op:
+            case ast.Add():
+                return self._new(f"{a} + {b}"), self._chain([("1.0", by_a), ("1.0", by_b)])
+            case ast.Sub():
+                return self._new(f"{a} - {b}"), self._chain([("1.0", by_a), ("-1.0", by_b)])
+            case ast.Mult():
+                return self._new(f"{a} * {b}"), self._chain([(b, by_a), (a, by_b)])
+            case ast.Div():
+                f = self._new(f"{a} / {b}")
+                over = self._new(f"1.0 / {b}")
+                return f, self._chain([(over, by_a), (f"-{f} * {over}", by_b)])
+            case ast.Pow():
+                return self._of_power(a, b, by_a, by_b)
+            case _:
+                raise NoSlopeError
+
+    def _of_power(
+        self, a: str, b: str, by_a: dict[str, str], by_b: dict[str, str]
+    ) -> tuple[str, dict[str, str]]:
+        if b == "2.0":
+            return self._new(f"{a} * {a}"), self._chain([(f"2.0 * {a}", by_a)])
+        f = self._new(f"{a} ** {b}")
+        fixed = b.replace(".", "").isdigit()
+        slope = f"{b} * {a} ** ({b} - 1.0)" if fixed else f"{b} * {f} / {a} if {a} != 0.0 else 0.0"
+        return f, self._chain([(slope, by_a), (f"{f} * math.log({a}) if {a} > 0.0 else 0.0", by_b)])
+
+    def _of_call(
+        self, called: ast.expr, given: list[tuple[str, dict[str, str]]]
+    ) -> tuple[str, dict[str, str]]:
+        text, name = ast.unparse(called), ast.unparse(called).split(".")[-1].lstrip("_")
+        values = [value for value, _ in given]
+        f = self._new(f"{text}({', '.join(values)})")
+        if name in SLOPES and len(given) == 1:
+            return f, self._chain([(SLOPES[name].format(a=values[0], f=f), given[0][1])])
+        if text in ("max", "min") and len(given) == 2:
+            first = self._new(f"1.0 if {f} == {values[0]} else 0.0")
+            return f, self._chain([(first, given[0][1]), (f"1.0 - {first}", given[1][1])])
+        raise NoSlopeError
+
+    def _new(self, text: str) -> str:
+        name = f"_s{len(self.text)}"
+        self.text.append(f"{name} = {text}")
+        return name
+
+    def _chain(self, parts: list[tuple[str, dict[str, str]]]) -> dict[str, str]:
+        """Slopes of what has these partial derivatives by values of these slopes."""
+        found: dict[str, str] = {}
+        for factor, slopes in parts:
+            if not slopes:
+                continue
+            plain = factor if factor in ("1.0", "-1.0") or factor.isidentifier() else self._new(factor)
+            for seed, slope in slopes.items():
+                if "1.0" in (plain, slope):
+                    term = slope if plain == "1.0" else plain
+                else:
+                    term = self._new(f"{plain} * {slope}")
+                found[seed] = self._new(f"{found[seed]} + {term}") if seed in found else term
+        return found
+
+
+def differenced(call: str, arguments: list[str], seeds: dict[str, str], name: str) -> str:
+    """A function as `differentiated` gives, by central differences, its arguments as given.
+
+    call: of the function, the seeds in braces; seeds: by the text of each, the change of it.
+    """
+    plain = {seed: seed for seed in seeds}
+    lines, returned = [], [call.format_map(plain)]
+    for i, (seed, change) in enumerate(seeds.items()):
+        high, low = (call.format_map(plain | {seed: f"{seed} {sign} d{i}"}) for sign in "+-")
+        lines += [f"d{i} = {change}", f"slope{i} = ({high} - {low}) / (2.0 * d{i})"]
+        returned.append(f"slope{i}")
+    body = "".join(f"    {line}\n" for line in [*lines, f"return {', '.join(returned)}"])
+    return f"@njit\ndef {name}({', '.join(arguments)}):\n{body}"
