@@ -86,10 +86,13 @@ def source_of(terms: tuple[str, ...], restoring: str) -> str:
         slopes += [
             f"    if active[{number}]:",
             f"        {found} = _slopes_{number}({inside}{changes})",
-            f"        out[{number}] = f",
+            f"        out[{2 + number}] = share * f",
             f"        total, x_slope, v_slope = (total + c[{number}] * f, x_slope + c[{number}] * by_x, "
             f"v_slope + c[{number}] * by_v)",
-            *(f"        out[{len(terms) + at + i}] = c[{number}] * by_{i}" for i in range(len(further))),
+            *(
+                f"        out[{2 + len(terms) + at + i}] = share * c[{number}] * by_{i}"
+                for i in range(len(further))
+            ),
         ]
         at += len(further)
     parts.append(f"OWNERS = np.array({owners}, np.int64)\nSWITCHES = np.array({switches}, np.bool_)\n")
@@ -100,7 +103,7 @@ def source_of(terms: tuple[str, ...], restoring: str) -> str:
         + "\n    return total\n"
     )
     parts.append(
-        "@njit\ndef damping_slopes(x, v, epsilon, q, c, active, sizes, out):\n"
+        "@njit\ndef damping_slopes(x, v, epsilon, q, c, active, sizes, share, out):\n"
         "    total, x_slope, v_slope = 0.0, 0.0, 0.0\n"
         + "\n".join(slopes)
         + "\n    return total, x_slope, v_slope\n"
@@ -144,10 +147,10 @@ def _slopes_of_law(source: str, count: int) -> list[str]:
         own = f"{inner}\n\n@njit\ndef _law_slopes(x, p, sizes):\n    return _law_numbers({given})\n"
         changes = ", sizes"
     found = ", ".join(["f", "by_x", *(f"by_{i}" for i in range(count))])
-    kept = "".join(f"    out[first + {i}] = by_{i}\n" for i in range(count))
+    kept = "".join(f"    out[first + {i}] = share * by_{i}\n" for i in range(count))
     return [
         own,
-        "@njit\ndef restoring_slopes(x, p, sizes, out, first):\n"
+        "@njit\ndef restoring_slopes(x, p, sizes, share, out, first):\n"
         f"    {found} = _law_slopes(x, p{changes})\n{kept}    return f, by_x\n",
     ]
 

@@ -78,24 +78,80 @@ def at_times(times, states, t, order):
 
 
 @compiled
+def parts(m0, m1, m2, m3, m4, m5, m6, step, order):
+    """What value, slope, curvature and correction where a step (s) begins, and the first three where it ends, have in
+    a weighted sum over samples of the order-th derivative of its polynomial; m0 to m6: sums of weights times powers of
+    the samples' shares of the step."""
+    if order == 1:
+        m0, m1, m2, m3, m4, m5, m6 = 0.0, m0, 2.0 * m1, 3.0 * m2, 4.0 * m3, 5.0 * m4, 6.0 * m5
+        m1, m2, m3, m4, m5, m6 = m1 / step, m2 / step, m3 / step, m4 / step, m5 / step, m6 / step
+    elif order == 2:
+        share = 1.0 / (step * step)
+        m0, m1, m2, m3, m4, m5, m6 = (
+            0.0, 0.0, 2.0 * m0 * share, 6.0 * m1 * share, 12.0 * m2 * share, 20.0 * m3 * share, 30.0 * m4 * share,
+        )  # fmt: skip
+    # Of what the ends have beyond the parabola through the beginning: value, slope and curvature, as in `quintic`.
+    d, v, a = 10.0 * m3 - 15.0 * m4 + 6.0 * m5, -4.0 * m3 + 7.0 * m4 - 3.0 * m5, 0.5 * (m3 + m5) - m4
+    return (
+        m0 - d, step * (m1 - d - v), step * step * (0.5 * (m2 - d) - v - a), m3 - 3.0 * m4 + 3.0 * m5 - m6,
+        d, step * v, step * step * a,
+    )  # fmt: skip
+
+
+@compiled
 def slopes_at_times(times, slopes, columns, t, order):
     """`at_times` of some of the tangents, slopes (s, k, 3 or 4): shape (n, columns.size)."""
-    k = columns.size
-    found, c, first = np.empty((t.size, k)), np.empty((7, k)), 0
+    k, four = columns.size, slopes.shape[2] > 3
+    found, c, first = np.empty((t.size, k)), np.zeros((7, k)), 0
     for node in range(times.size - 1):
         end = last_within(times, node, t, first)
         if end == first:
             continue
         begun, step = times[node], times[node + 1] - times[node]
         for p in range(k):
-            c[0, p], c[1, p], c[2, p], c[3, p], c[4, p], c[5, p], c[6, p] = quintic(
-                slopes[node, columns[p]], slopes[node + 1, columns[p]], step, order
-            )
+            q = columns[p]
+            for j in range(3):
+                c[j, p], c[4 + j, p] = slopes[node, q, j], slopes[node + 1, q, j]
+            if four:
+                c[3, p] = slopes[node, q, 3]
         for i in range(first, end):
             u = (t[i] - begun) / step
+            u2, u3 = u * u, u * u * u
+            w0, w1, w2, w3, w4, w5, w6 = parts(1.0, u, u2, u3, u2 * u2, u2 * u3, u3 * u3, step, order)
             for p in range(k):
-                found[i, p] = c[0, p] + u * (
-                    c[1, p] + u * (c[2, p] + u * (c[3, p] + u * (c[4, p] + u * (c[5, p] + u * c[6, p]))))
-                )
+                found[i, p] = (
+                    w0 * c[0, p] + w1 * c[1, p] + w2 * c[2, p] + w3 * c[3, p]
+                    + w4 * c[4, p] + w5 * c[5, p] + w6 * c[6, p]
+                )  # fmt: skip
+        first = end
+    return found
+
+
+@compiled
+def pulled(times, slopes, columns, t, order, weights):
+    """Sums over t, (n,), of weights, (n,), times what `slopes_at_times` gives of slopes (s, k, 4): (columns.size,).
+
+    The weights' moments in each step are all that the polynomials of its tangents need.
+    """
+    found, first = np.zeros(columns.size), 0
+    for node in range(times.size - 1):
+        end = last_within(times, node, t, first)
+        if end == first:
+            continue
+        begun, step = times[node], times[node + 1] - times[node]
+        m0, m1, m2, m3, m4, m5, m6 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+        for i in range(first, end):
+            u, w = (t[i] - begun) / step, weights[i]
+            u2 = u * u
+            u3, w3 = u * u2, w * u2 * u
+            m0, m1, m2, m3 = m0 + w, m1 + w * u, m2 + w * u2, m3 + w3
+            m4, m5, m6 = m4 + w3 * u, m5 + w3 * u2, m6 + w3 * u3
+        w0, w1, w2, w3, w4, w5, w6 = parts(m0, m1, m2, m3, m4, m5, m6, step, order)
+        for p in range(columns.size):
+            q = columns[p]
+            found[p] += (
+                w0 * slopes[node, q, 0] + w1 * slopes[node, q, 1] + w2 * slopes[node, q, 2] + w3 * slopes[node, q, 3]
+                + w4 * slopes[node + 1, q, 0] + w5 * slopes[node + 1, q, 1] + w6 * slopes[node + 1, q, 2]
+            )  # fmt: skip
         first = end
     return found

@@ -24,9 +24,12 @@ def damping(x, v, epsilon, q, c):
 
 
 @njit
-def damping_slopes(x, v, epsilon, q, c, active, sizes, out):
-    """The force of all terms at one point and its slopes by x and v; into `out` go each term's force per unit and the
-    slopes of the whole by the further parameters."""
+def damping_slopes(x, v, epsilon, q, c, active, sizes, share, out):
+    """The force of all terms at one point and its slopes by x and v.
+
+    Into `out`, from its third place on, go each term's force per unit and the slopes of the whole by the further
+    parameters, times share.
+    """
     return 0.0, 0.0, 0.0
 
 
@@ -44,7 +47,8 @@ def restoring(x, p):
 
 
 @njit
-def restoring_slopes(x, p, sizes, out, first):
-    """Restoring force at one point and its slope by x; slopes by the law's parameters go into `out` from `first` on."""
-    out[first] = x
+def restoring_slopes(x, p, sizes, share, out, first):
+    """Restoring force at one point and its slope by x; slopes by the law's parameters go into `out` from `first` on,
+    times share."""
+    out[first] = share * x
     return p[0] * x, p[0]

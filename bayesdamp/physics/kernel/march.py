@@ -24,9 +24,9 @@ from bayesdamp.physics.kernel.tangents import (
     along,
     carry,
     close,
+    linearise,
     middle,
     over_a_step,
-    read_at,
 )
 
 # --- march ---
@@ -150,23 +150,22 @@ def march(coefficients, q, active, law, epsilon, start, knots, g, h, tolerance, 
         if (p < m and active[p]) or p >= m + e or (m <= p < m + e and active[OWNERS[p - m]]):
             live[count] = p
             count += 1
-    live, sources = live[:count], np.zeros(base + 4)
-    hats, wide = 2 + live.size, 2 + live.size + (4 if tangents == 2 else 0)
+    live, hats, wide = live[:count], 2 + base, 2 + base + 4
+    sources = np.concatenate((live + 2, np.arange(hats, wide if tangents == 2 else hats)))
     read, local, half = np.zeros((5, wide)), np.zeros((2, wide)), np.zeros(wide)
     moved = np.concatenate((live, np.array([base, base + 1])))
     xs, vs, ws, kv = np.zeros(10), np.zeros(10), np.zeros(10), np.zeros(10)
-    gs, hs = np.zeros(2), np.zeros(2)
     sized, more, rests = gathered(coefficients, q, active, law)
     x, v, t, piece = start[0], start[1], knots[0], 0
-    gs[0], gs[1], hs[0], hs[1] = g[0], g[1], h[0], h[1]
-    a = acceleration(x, v, 0.0, (g[0], g[1]), (h[0], h[1]), sized, more, epsilon, rests)
+    at_g, at_h = (g[0], g[1]), (h[0], h[1])
+    a = acceleration(x, v, 0.0, at_g, at_h, sized, more, epsilon, rests)
     states[0, 0], states[0, 1], states[0, 2], times[0] = x, v, a, t
     if tangents > 0:
-        read_at(x, v, 0.0, gs, hs, sized, more, epsilon, active, rests, sizes, sources, live, read[0])
+        linearise(x, v, 0.0, at_g, at_h, sized, more, epsilon, active, rests, sizes, read[0])
         slopes[0, base, 0], slopes[0, base, 2] = 1.0, -read[0, 0]
         slopes[0, base + 1, 1], slopes[0, base + 1, 2] = 1.0, -read[0, 1]
         for i in range(live.size):
-            slopes[0, live[i], 2] = -read[0, 2 + i]
+            slopes[0, live[i], 2] = -read[0, 2 + live[i]]
         if tangents == 2:
             slopes[0, base + 2, 2] = -read[0, hats]
             slopes[0, base + 2 + n, 2] = -read[0, hats + 2]
@@ -190,7 +189,6 @@ def march(coefficients, q, active, law, epsilon, start, knots, g, h, tolerance, 
         left = knots[piece + 1] - t
         whole = step >= left * (1 - 1e-9)
         taken = left if whole else (step if step < 0.5 * left else 0.5 * left)
-        gs[0], gs[1], hs[0], hs[1] = g[piece], g[piece + 1], h[piece], h[piece + 1]
         gone, width = t - knots[piece], knots[piece + 1] - knots[piece]
         at_g, at_h = (g[piece], g[piece + 1]), (h[piece], h[piece + 1])
         xs[0], vs[0], ws[0], kv[0] = x, v, gone / width, a
@@ -239,16 +237,16 @@ def march(coefficients, q, active, law, epsilon, start, knots, g, h, tolerance, 
                     sx, sv = px, pv
                 else:
                     sx, sv = along(last, now, taken, last[3], POINTS[i])
-                read_at(
-                    sx, sv, (gone + POINTS[i] * taken) / width, gs, hs, sized, more, epsilon, active, rests, sizes,
-                    sources, live, read[i],
+                linearise(
+                    sx, sv, (gone + POINTS[i] * taken) / width, at_g, at_h, sized, more, epsilon, active, rests, sizes,
+                    read[i],
                 )  # fmt: skip
-            over_a_step(read, taken, local, half)
+            over_a_step(read, taken, sources, local, half)
             old, new = slopes[count - 1], slopes[count]
             for p in moved:
                 carry(old[p], new[p], local, half)
             for i in range(live.size):
-                add(old[live[i]], new[live[i]], local, half, read, 2 + i)
+                add(old[live[i]], new[live[i]], local, half, read, 2 + live[i])
             if tangents == 2:
                 for i in range(piece + 2):
                     carry(old[base + 2 + i], new[base + 2 + i], local, half)

@@ -24,14 +24,49 @@ SHARED = (*PAPER_TERMS, "displacement", "stribeck")
 
 
 @dataclass(frozen=True)
+class Slopes:
+    """Tangents of a motion where its steps end: times (s,), slopes (s, k, 4), of which the columns (p,) are wanted.
+
+    t: the samples, (n,). order: of the derivative that is read there.
+    """
+
+    times: np.ndarray
+    slopes: np.ndarray
+    columns: np.ndarray
+    t: np.ndarray
+    order: int
+
+    def at_samples(self) -> np.ndarray:
+        """At each sample, (n, p)."""
+        from bayesdamp.physics.kernel.dense import slopes_at_times
+
+        return slopes_at_times(self.times, self.slopes, self.columns, self.t, self.order)
+
+    def pulled(self, weights: np.ndarray) -> np.ndarray:
+        """Summed over the samples by weights, (n,): (p,), without those at each."""
+        from bayesdamp.physics.kernel.dense import pulled
+
+        return pulled(self.times, self.slopes, self.columns, self.t, self.order, weights)
+
+
+@dataclass(frozen=True)
 class Motion:
-    """A trajectory: values at the samples, (n,), their tangents, (n, k), and the ends of steps, times (s,), with
-    θ, θ̇, θ̈ there, and what `dense` takes besides, (s, 4)."""
+    """A trajectory: values at the samples, (n,), their tangents, (n, k), or what they are read from, and the ends of
+    steps, times (s,), with θ, θ̇, θ̈ there, and what `dense` takes besides, (s, 4)."""
 
     y: np.ndarray
-    tangents: np.ndarray
+    slopes: np.ndarray | Slopes
     times: np.ndarray
     states: np.ndarray
+
+    @cached_property
+    def tangents(self) -> np.ndarray:
+        """Of the values at the samples, (n, k)."""
+        return self.slopes.at_samples() if isinstance(self.slopes, Slopes) else self.slopes
+
+    def pulled(self, weights: np.ndarray) -> np.ndarray:
+        """Sums of the tangents over the samples by weights, (n,): the slope of a function of the values, (k,)."""
+        return self.slopes.pulled(weights) if isinstance(self.slopes, Slopes) else weights @ self.slopes
 
     @cached_property
     def refined(self) -> tuple[np.ndarray, np.ndarray]:
@@ -164,7 +199,7 @@ class Solver:
         active: which terms act, (m,). tangents: NONE, by PARAMETERS, or by ALL: parameters, g, h. stop: samples that
         are wanted, the first ones. tolerance: error of a step as a share of the amplitude, `TOLERANCE` by default.
         """
-        from bayesdamp.physics.kernel.dense import at_times, slopes_at_times
+        from bayesdamp.physics.kernel.dense import at_times
 
         layout = self._layout
         t = self._times if stop is None else self._times[:stop]
@@ -189,7 +224,7 @@ class Solver:
         columns = np.concatenate(
             [layout.places, layout.terms + layout.given, layout.terms + layout.further + columns]
         )
-        return Motion(y, slopes_at_times(times, slopes, columns, t, order), times, states)
+        return Motion(y, Slopes(times, slopes, columns, t, order), times, states)
 
     def read_slopes(self, times: np.ndarray, states: np.ndarray, slopes: np.ndarray) -> np.ndarray:
         """Tangents of what is solved for, (n, k), from those at a motion's nodes: times (s,), states (s, 3), slopes

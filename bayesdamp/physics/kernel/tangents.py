@@ -20,24 +20,20 @@ MOST_TERMS, SMALL = 30, 1e-13
 
 
 @njit
-def linearise(x, v, w, g_at, h_at, c, q, epsilon, active, law, sizes, source):
-    """Slopes of the force by x and v at one point; the sources of the tangents go into `source`.
+def linearise(x, v, w, g_at, h_at, c, q, epsilon, active, law, sizes, row):
+    """Slopes of the force by x and v at one point, and the sources of the tangents, into a row of `over_a_step`'s.
 
-    w, g_at, h_at, c, q, law: as in `acceleration`. source: (m + e + r + 4,): coefficients, the terms' further
-    parameters, the law's, and the hats of g and h to the left and right of w.
+    w, g_at, h_at, c, q, law: as in `acceleration`. row: (2 + m + e + r + 4,): by x and v, then coefficients, the terms'
+    further parameters, the law's, and the hats of g and h to the left and right of w.
     """
-    g, h = g_at[0] + w * (g_at[1] - g_at[0]), h_at[0] + w * (h_at[1] - h_at[0])
-    last = source.size - 4
-    first = last - (len(law) - 1)
-    total, by_x, by_v = damping_slopes(x, v, epsilon, q, c, active, sizes, source)
-    force, slope = restoring_slopes(x, law, sizes, source, first)
-    for i in range(first):
-        source[i] *= 1.0 + g
-    for i in range(first, last):
-        source[i] *= 1.0 + 2.0 * h
-    source[last], source[last + 1] = (1.0 - w) * total, w * total
-    source[last + 2], source[last + 3] = 2.0 * (1.0 - w) * force, 2.0 * w * force
-    return (1.0 + g) * by_x + (1.0 + 2.0 * h) * slope, (1.0 + g) * by_v
+    damps = 1.0 + g_at[0] + w * (g_at[1] - g_at[0])
+    pulls = 1.0 + 2.0 * (h_at[0] + w * (h_at[1] - h_at[0]))
+    last = row.size - 4
+    total, by_x, by_v = damping_slopes(x, v, epsilon, q, c, active, sizes, damps, row)
+    force, slope = restoring_slopes(x, law, sizes, pulls, row, last - (len(law) - 1))
+    row[0], row[1] = damps * by_x + pulls * slope, damps * by_v
+    row[last], row[last + 1] = (1.0 - w) * total, w * total
+    row[last + 2], row[last + 3] = 2.0 * (1.0 - w) * force, 2.0 * w * force
 
 
 @njit
@@ -96,43 +92,55 @@ def powers(read, column):
 
 
 @njit
-def unforced(x, v, step, value, slope):
-    """Value and slope at the last four of `POINTS` without sources, (8,), of those where the step begins.
+def unforced(x, v, step):
+    """Values and slopes at the last four of `POINTS` without sources, of a unit of displacement where the step begins,
+    (8,), and of a unit of velocity, (8,).
 
     x, v: slopes of the force by displacement and velocity, as coefficients of powers of the share of a step, (5,).
     """
-    y0, y1, y2, y3, y4 = value, 0.0, 0.0, 0.0, 0.0
-    s0, s1, s2, s3, s4 = slope, 0.0, 0.0, 0.0, 0.0
-    a1, a2, a3, b1, b2, b3 = value, value, value, slope, slope, slope
-    end, ended = value, slope
+    y0, y1, y2, y3, y4, s0, s1, s2, s3, s4 = 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    z0, z1, z2, z3, z4, t0, t1, t2, t3, t4 = 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0
+    a1, a2, a3, a4, b1, b2, b3, b4 = 1.0, 1.0, 1.0, 1.0, 0.0, 0.0, 0.0, 0.0
+    c1, c2, c3, c4, d1, d2, d3, d4 = 0.0, 0.0, 0.0, 0.0, 1.0, 1.0, 1.0, 1.0
     u1, u2, u3 = POINTS[1], POINTS[2], POINTS[3]
     p1, p2, p3 = 1.0, 1.0, 1.0
     for n in range(1, MOST_TERMS):
         share = step / n
-        new = -share * (
+        first = -share * (
             (x[0] * y0 + x[1] * y1 + x[2] * y2 + x[3] * y3 + x[4] * y4)
             + (v[0] * s0 + v[1] * s1 + v[2] * s2 + v[3] * s3 + v[4] * s4)
         )
+        second = -share * (
+            (x[0] * z0 + x[1] * z1 + x[2] * z2 + x[3] * z3 + x[4] * z4)
+            + (v[0] * t0 + v[1] * t1 + v[2] * t2 + v[3] * t3 + v[4] * t4)
+        )
         y4, y3, y2, y1, y0 = y3, y2, y1, y0, share * s0
-        s4, s3, s2, s1, s0 = s3, s2, s1, s0, new
+        z4, z3, z2, z1, z0 = z3, z2, z1, z0, share * t0
+        s4, s3, s2, s1, s0 = s3, s2, s1, s0, first
+        t4, t3, t2, t1, t0 = t3, t2, t1, t0, second
         p1, p2, p3 = p1 * u1, p2 * u2, p3 * u3
-        a1, a2, a3, end = a1 + p1 * y0, a2 + p2 * y0, a3 + p3 * y0, end + y0
-        b1, b2, b3, ended = b1 + p1 * s0, b2 + p2 * s0, b3 + p3 * s0, ended + s0
-        if abs(y0) + abs(y1) < SMALL * abs(end) and abs(s0) + abs(s1) < SMALL * abs(ended):
+        a1, a2, a3, a4 = a1 + p1 * y0, a2 + p2 * y0, a3 + p3 * y0, a4 + y0
+        b1, b2, b3, b4 = b1 + p1 * s0, b2 + p2 * s0, b3 + p3 * s0, b4 + s0
+        c1, c2, c3, c4 = c1 + p1 * z0, c2 + p2 * z0, c3 + p3 * z0, c4 + z0
+        d1, d2, d3, d4 = d1 + p1 * t0, d2 + p2 * t0, d3 + p3 * t0, d4 + t0
+        left = abs(y0) + abs(y1) - SMALL * abs(a4), abs(s0) + abs(s1) - SMALL * abs(b4)
+        more = abs(z0) + abs(z1) - SMALL * abs(c4), abs(t0) + abs(t1) - SMALL * abs(d4)
+        if max(left[0], left[1], more[0], more[1]) < 0.0:
             break
-    return a1, b1, a2, b2, a3, b3, end, ended
+    return (a1, b1, a2, b2, a3, b3, a4, b4), (c1, d1, c2, d2, c3, d3, c4, d4)
 
 
 @njit
-def over_a_step(read, step, local, half):
+def over_a_step(read, step, sources, local, half):
     """What the variational equations make of a step: values and slopes at its end, (2, l), and values half way, (l,).
 
     The first two columns are of a unit of displacement and of velocity at the beginning, the others of the sources, by
-    variation of constants. read: slopes of the force by x and v, then the sources, at `POINTS`, (5, l).
+    variation of constants. read: slopes of the force by x and v, then the sources, at `POINTS`, (5, l); sources:
+    columns of those that act.
     """
-    x, v = powers(read, 0), powers(read, 1)
-    c1, d1, c2, d2, c3, d3, c4, d4 = unforced(x, v, step, 1.0, 0.0)
-    e1, f1, e2, f2, e3, f3, e4, f4 = unforced(x, v, step, 0.0, 1.0)
+    of_x, of_v = unforced(powers(read, 0), powers(read, 1), step)
+    c1, d1, c2, d2, c3, d3, c4, d4 = of_x
+    e1, f1, e2, f2, e3, f3, e4, f4 = of_v
     local[0, 0], local[1, 0], half[0] = c4, d4, c2
     local[0, 1], local[1, 1], half[1] = e4, f4, e2
     # A unit of velocity at each point, of which what was at the beginning is (−e, c) over the determinant.
@@ -150,21 +158,11 @@ def over_a_step(read, step, local, half):
         -step * HALF[0] * e2, HALF[1] * i1 * (c1 * e2 - e1 * c2), HALF[3] * i3 * (c3 * e2 - e3 * c2),
         HALF[4] * i4 * (c4 * e2 - e4 * c2),
     )  # fmt: skip
-    for p in range(2, read.shape[1]):
+    for p in sources:
         r0, r1, r2, r3, r4 = read[0, p], read[1, p], read[2, p], read[3, p], read[4, p]
         local[0, p] = a0 * r0 + a1 * r1 + a2 * r2 + a3 * r3
         local[1, p] = b0 * r0 + b1 * r1 + b2 * r2 + b3 * r3 + b4 * r4
         half[p] = m0 * r0 + m1 * r1 + m3 * r3 + m4 * r4
-
-
-@njit
-def read_at(x, v, w, g, h, c, q, epsilon, active, law, sizes, sources, live, row):
-    """Slopes and the sources that act at one point, into a row of `over_a_step`'s."""
-    row[0], row[1] = linearise(x, v, w, g, h, c, q, epsilon, active, law, sizes, sources)
-    for i in range(live.size):
-        row[2 + i] = sources[live[i]]
-    for i in range(row.size - 2 - live.size):
-        row[2 + live.size + i] = sources[sources.size - 4 + i]
 
 
 @njit

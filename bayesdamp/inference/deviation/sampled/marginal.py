@@ -78,9 +78,8 @@ class Marginal:
         weights = np.exp(each - _log_sum(each))
         white = self.whitening @ along
         pull = np.einsum("c,cji,cj->i", weights, self.whitening, white)
-        tangents = motion.tangents[:, parameters.free] * parameters.slopes(z)
-        left = self.basis @ pull + across
-        return tangents.T @ left / np.sqrt(self.variance) - z
+        by_values = (self.basis @ pull + across) / np.sqrt(self.variance)
+        return motion.pulled(by_values)[parameters.free] * parameters.slopes(z) - z
 
     def with_deviations(self, z: np.ndarray, rng: np.random.Generator) -> np.ndarray:
         """Scores (n, d) each with a draw of log g and h given them, (n, d + 2n)."""
