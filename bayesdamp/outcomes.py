@@ -14,15 +14,15 @@ _BETWEEN = ": "
 class Status(Enum):
     """What became of a task; the value is how its outcome begins.
 
-    FAILED: by a fault of the program; NOT_COMPUTED: it depends on one that failed; both are tried again. SET_ASIDE: a
-    candidate far behind; NOT_SAMPLED: one whose evidence is enough; NOT_APPLICABLE: nothing to infer from; REFUSED: a
+    FAILED: by a fault of the program; NOT_COMPUTED: it depends on one that failed; both are tried again. PRUNED: a
+    model far behind; NOT_SAMPLED: one whose evidence is enough; NOT_APPLICABLE: nothing to infer from; REFUSED: a
     method cannot work on this record, and says why.
     """
 
     OK = "ok"
     FAILED = "failed"
     NOT_COMPUTED = "not computed"
-    SET_ASIDE = "set aside"
+    PRUNED = "pruned"
     NOT_SAMPLED = "not sampled"
     NOT_APPLICABLE = "not applicable"
     REFUSED = ""

@@ -15,7 +15,7 @@ def test_an_outcome_reads_back(status: Status) -> None:
 
 
 @pytest.mark.parametrize(
-    "said", ["", "okay", "no oscillation", "failedly: it did", "the search failed: it ended", "set asides"]
+    "said", ["", "okay", "no oscillation", "failedly: it did", "the search failed: it ended", "pruneds"]
 )
 def test_a_sentence_that_names_no_status_is_a_refusal(said: str) -> None:
     assert status_of(said) is Status.REFUSED

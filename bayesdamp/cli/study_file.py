@@ -27,16 +27,16 @@ _COMMENTS = {
     "system": 'what is known, as in { restoring = "pendulum", stiffness = 20.1 }; all else is inferred',
     "specimen": "records of one specimen are fitted jointly",
     "compare": '"all" damping sums, or a list such as ["viscous", "viscous+coulomb"]',
-    "prune": "nats behind the best at which a candidate is set aside",
+    "prune": "log Bayes factor to the best (nats, Laplace) from which a damping model is pruned",
     "noise": 'a noise model, or "auto": chosen for each record',
-    "best": "candidates whose posterior is sampled",
+    "best": "how many damping models are sampled",
     "methods": "of the evidence",
 }
 _TABLES = {
     "estimators": 'Estimates beside the comparison; use = "all" runs the eleven methods.',
     "models": "Which damping laws are weighed against each other.",
     "posterior": "How the posterior is sampled.",
-    "evidence": "How candidates are weighed, and when nested sampling is asked as well.",
+    "evidence": "How damping models are weighed, and when nested sampling is asked as well.",
 }
 
 

@@ -18,7 +18,7 @@ from bayesdamp.types import InputError
 from bayesdamp.units import UNITS
 
 PRUNE = 20.0
-"""Nats behind the best at which a candidate is set aside: a probability of 2e-9, and Laplace's evidence, by which it is
+"""Nats behind the best at which a candidate is pruned: a probability of 2e-9, and Laplace's evidence, by which it is
 judged, is a few nats off at most where a posterior is not normal."""
 BEST = 2
 """Candidates whose posterior is sampled: what is concluded, and what it is weighed against."""

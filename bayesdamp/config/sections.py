@@ -190,7 +190,7 @@ class PosteriorTable(Section):
         "gaussian", description='a noise model\'s name in quotes, a list of names, or "auto"'
     )
     best: int | None = Field(
-        None, ge=1, description="how many candidates of a signal are sampled, a whole number"
+        None, ge=1, description="how many models of a signal are sampled, a whole number"
     )
     deviation: Deviation = Field(
         "auto", description='"auto", "none" or "law": whether laws may hold approximately'

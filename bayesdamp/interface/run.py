@@ -82,7 +82,7 @@ class Run(Shown):
     """A study's run, as its folder holds it.
 
     folder: with tables, cells, figures and report.html. name: the study's. candidates: what was found, in the tables'
-    order. outcome: "ok", or which cells failed.
+    order. outcome: "ok", or which tasks failed.
     """
 
     folder: Path
@@ -167,7 +167,7 @@ class Run(Shown):
         store = Store(folder)
         found = ((n, store.read(n).outcome) for n in store.names())
         failed = [n for n, outcome in found if status_of(outcome) is Status.FAILED]
-        outcome = f"{len(failed)} cells failed: {', '.join(failed)}" if failed else OK
+        outcome = f"{len(failed)} tasks failed: {', '.join(failed)}" if failed else OK
         return cls(folder, _about(folder)["study"]["name"], outcome)
 
     @cached_property

@@ -18,7 +18,7 @@ LAW_MARGIN = 40.0
 them fits no better; what it can gain is the Occam factors of the terms it lacks, some ten nats each at most."""
 FAR = 5.0
 """Nats behind the best, beyond which a candidate that is not sampled is not looked at under other circumstances."""
-FAR_AT_ONCE = Status.SET_ASIDE.because("far behind in the first weighing")
+FAR_AT_ONCE = Status.PRUNED.because("far behind in the first weighing")
 NOT_SAMPLED = Status.NOT_SAMPLED.because("not among the best by evidence")
 
 
@@ -80,7 +80,7 @@ def laws_left(study: Study, spec: SignalSpec, repeat: int, store: Store) -> dict
         covered = set(candidate_parts(name)[0].split("+")) <= set(candidate_parts(head)[0].split("+"))
         out = study.models.prune is not None and covered and behind > study.models.prune + LAW_MARGIN
         found[name] = (
-            Status.SET_ASIDE.because("its restoring law is far behind with all damping terms already")
+            Status.PRUNED.because("its restoring law is far behind with all damping terms already")
             if out
             else ""
         )
@@ -96,11 +96,11 @@ def candidates_left(study: Study, spec: SignalSpec, repeat: int, store: Store) -
     found = {}
     for name in names:
         earlier = _outcome(store, f"evidence/{spec.name}/{repeat}/{name}/laplace")
-        if status_of(earlier) is Status.SET_ASIDE:
+        if status_of(earlier) is Status.PRUNED:
             found[name] = earlier
         elif limit is not None and name in logs and best - logs[name] > limit:
-            found[name] = Status.SET_ASIDE.because(
-                f"more than {limit:g} nats behind the best by Laplace's evidence"
+            found[name] = Status.PRUNED.because(
+                f"log Bayes factor to the best below −{limit:g} by Laplace's approximation"
             )
         else:
             found[name] = ""
@@ -165,7 +165,7 @@ def _doubtful(study: Study, spec: SignalSpec, repeat: int, store: Store, name: s
     """Whether a method that has an error was tried on a candidate and is not to be trusted."""
     tried = [m for m in study.evidence.methods if m != "laplace"]
     said = [_outcome(store, f"evidence/{spec.name}/{repeat}/{name}/{method}") for method in tried]
-    return any(status_of(one) not in (Status.OK, Status.NOT_SAMPLED, Status.SET_ASIDE) for one in said)
+    return any(status_of(one) not in (Status.OK, Status.NOT_SAMPLED, Status.PRUNED) for one in said)
 
 
 def _outcome(store: Store, name: str) -> str:

@@ -117,7 +117,7 @@ def method(name: str) -> str:
 
 def stage(name: str) -> str:
     """A stage of an estimator in words."""
-    return {"initial": "own estimate"}.get(name, name)
+    return {"initial": "own estimate", "refined": "trajectory fit"}.get(name, name)
 
 
 def unit(text: str) -> str:

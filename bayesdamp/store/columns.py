@@ -182,7 +182,7 @@ _TABLES: dict[str, dict[str, tuple[str, str]]] = {
         "prior_scale": (_ROW, "scale of the half-normal prior of the spread"),
     },
     "calibration.csv": {
-        "method": ("", "sampler, or `refined estimate`"),
+        "method": ("", "sampler, or `refined estimate`, the trajectory fit"),
         "check": ("", "`ranks` or `coverage`"),
         "level": ("", "nominal coverage of the interval"),
         "records": ("", "records that count"),

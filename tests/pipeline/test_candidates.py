@@ -121,7 +121,7 @@ def test_tables_say_which_law_and_the_report_tells_them_apart(tmp_path) -> None:
 
 
 def test_a_candidate_that_cannot_be_weighed_leaves_the_others_theirs(tmp_path, monkeypatch) -> None:
-    """Odds of e² among the two that were weighed, one set aside with nothing; a method that is still to come to a
+    """Odds of e² among the two that were weighed, one pruned with nothing; a method that is still to come to a
     candidate gives nobody a share (negative control)."""
     study = load(tmp_path)
 
@@ -141,7 +141,7 @@ def test_a_candidate_that_cannot_be_weighed_leaves_the_others_theirs(tmp_path, m
         "bridge": of("bridge", -5.0, nan, nan, nan, said="no draws"),
     }
     for method in found.values():
-        method["coulomb@duffing"] = Evidence("coulomb@duffing", "any", outcome="set aside: far behind")
+        method["coulomb@duffing"] = Evidence("coulomb@duffing", "any", outcome="pruned: far behind")
     monkeypatch.setattr(tables, "evidence_by_method", lambda *_: found)
     rows = list(tables._evidence(study, Store(tmp_path / "run")))
     shares = {(r["method"], r["model"], r["restoring"]): r["probability"] for r in rows}
@@ -173,7 +173,7 @@ def test_what_evidence_depends_on_is_told_of_all_that_are_not_far_behind(monkeyp
     ("said", "doubtful"),
     [
         *(("ok", False), ("not to be trusted: Pareto k 0.8", True), ("no mode was found", True)),
-        *((pruning.NOT_SAMPLED, False), ("set aside: far behind", False)),
+        *((pruning.NOT_SAMPLED, False), ("pruned: far behind", False)),
     ],
 )
 def test_evidence_in_doubt_is_what_was_tried_and_is_not_trusted(tmp_path, said, doubtful) -> None:

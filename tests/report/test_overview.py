@@ -113,7 +113,7 @@ def test_estimates_stand_against_the_posterior_of_their_own_record(whole_run: Pa
     low, high = one.posterior
     assert low < 0.0501 < high
     count = sum(low <= value <= high for value in one.refined.values())
-    assert f"{count} of the 11 refined ones" in inside([one])
+    assert f"{count} of the 11 trajectory fits" in inside([one])
     assert np.isnan(found["bench"].truth)
 
 

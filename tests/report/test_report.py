@@ -59,7 +59,7 @@ def test_every_section_is_there_in_order(page):
 
 def test_the_verdict_comes_first_and_warns(page):
     words = Page(page).words
-    verdict = words.index("Damping is viscous + Coulomb, with probability > 0.999 among 4 candidates.")
+    verdict = words.index("Damping is viscous + Coulomb, with probability > 0.999 among 4 models.")
     assert verdict < words.index("What was asked")
     assert "damping is most likely viscous, with probability 0.802." in words
     assert "viscous + Coulomb keeps a probability of 0.198" in words
@@ -235,20 +235,20 @@ def test_what_one_has_to_know_of_the_reading_is_a_doubt_and_on_the_terminal(make
         (folder / "run.json").write_text(json.dumps(info))
 
 
-def test_candidates_set_aside_are_no_doubt(maker_of) -> None:
+def test_models_that_were_pruned_are_no_doubt(maker_of) -> None:
     """They are counted among what to believe; another outcome is a doubt."""
     folder = maker_of(signals=("sim",), repeats={"sim": 1}, models=("viscous", "coulomb", "quadratic")).make()
     table = (folder / "evidence.csv").read_text()
-    for outcome, believed in (("set aside: far behind", True), ("refused: no mode", False)):
+    for outcome, believed in (("pruned: far behind", True), ("refused: no mode", False)):
         rows = [
             re.sub(r",ok$", f",{outcome}", row) if ",coulomb," in row else row for row in table.splitlines()
         ]
         (folder / "evidence.csv").write_text("\n".join(rows) + "\n")
         words = Page(render(folder).read_text()).words
-        assert ("that 1 more candidate could be pruned unweighed" in words) == believed
+        assert ("that 1 more model could be pruned unweighed" in words) == believed
         assert ("that Coulomb was weighed by" in words) != believed
-        # What was set aside is a line of its own table, with its reason, and has no bar and no fit.
-        assert ("1 candidate pruned by Laplace's evidence, and why" in words) == believed
+        # What was pruned is a line of its own table, with its reason, and has no bar and no fit.
+        assert ("1 model pruned by Laplace's evidence, and why" in words) == believed
         assert ("not shown: 1 that was pruned" in words) == believed
         assert ("far behind" in words) == believed
         assert ("coulomb" in models_kept(Run(folder), "sim", 0)) != believed

@@ -52,7 +52,7 @@ def width(model: object, log_evidence: dict[str, list[float]]) -> SimpleNamespac
     [
         ({"viscous": 0.99, "coulomb": 0.01}, {"viscous": FITS, "coulomb": LEFT}, False, "damping is viscous,"),
         ({"viscous": 0.7, "coulomb": 0.3}, {"viscous": FITS, "coulomb": FITS}, False, "the record does not decide"),
-        ({"viscous": 0.99, "coulomb": 0.01}, {"viscous": LEFT, "coulomb": LEFT}, True, "no candidate fits"),
+        ({"viscous": 0.99, "coulomb": 0.01}, {"viscous": LEFT, "coulomb": LEFT}, True, "no model fits"),
         ({"viscous": 0.99, "coulomb": 0.01}, {"viscous": LEFT, "coulomb": FITS}, True, "the most probable"),
     ],
 )  # fmt: skip
@@ -112,13 +112,13 @@ def test_where_nothing_was_weighed_the_first_reason_is_given() -> None:
     [
         (
             {"viscous@pendulum": 0.52, "viscous@linear": 0.46, "coulomb@linear": 0.02},
-            "damping is viscous, with probability 0.980 among 3 candidates; the restoring law is left open: "
+            "damping is viscous, with probability 0.980 among 3 models; the restoring law is left open: "
             "pendulum (0.520) or linear (0.460).",
             False,
         ),
         (
             {"viscous@pendulum": 0.96, "viscous@linear": 0.02, "coulomb@linear": 0.02},
-            "damping is viscous (pendulum), with probability 0.960 among 3 candidates.",
+            "damping is viscous (pendulum), with probability 0.960 among 3 models.",
             False,
         ),
         (
@@ -186,7 +186,7 @@ def test_a_candidate_that_could_not_be_weighed_is_said_before_any_probability() 
     found = verdict(made, "a", 0)  # type: ignore[arg-type]
     assert found.sentence == (
         "Coulomb could not be weighed (the posterior has no curvature at its mode); of the others, damping is viscous, "
-        "with probability 0.990 among 2 candidates."
+        "with probability 0.990 among 2 models."
     )
 
 

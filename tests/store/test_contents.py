@@ -77,7 +77,7 @@ POPULATION = PopulationFound(0.1, SUMMARY, SUMMARY, {"a": SUMMARY}, {"a": 900.0}
 JOINT = JointContent(
     ("a1", "a2"), (("a1", 0), ("a2", 0)), Scales(0.3, 4.5), "damping", "viscous",
     {"viscous": JointCandidate("ok", 9.0, 0.1, 0.2, 900.0, 300, {"zeta": SUMMARY}, {"zeta": ""}, 1.0, 9.1, True),
-     "coulomb": JointCandidate("set aside: far behind")},
+     "coulomb": JointCandidate("pruned: far behind")},
     {"damping": SharedEvidence(9.0, 0.1), "law": SharedEvidence(outcome="no mode")},
     {"damping": BayesFactor(4.0, 0.1)}, {"damping": "they agree"}, {"a1": Weighing("ok", 4.5)}, {"zeta": POPULATION},
 )  # fmt: skip

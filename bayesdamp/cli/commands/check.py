@@ -34,7 +34,7 @@ def check(
     for label, names in _asked(loaded):
         summary.add_row(label, ", ".join(names) or "none")
     console.print(summary)
-    table = Table("cells", "number")
+    table = Table("tasks", "number")
     for kind, number in counts.items():
         table.add_row(kind, str(number))
     table.add_row("all", str(sum(counts.values())), style="bold")

@@ -114,11 +114,11 @@ def find_mode(
                 break
     if not ends and displaced:
         raise Refusal(
-            Status.SET_ASIDE.because(
+            Status.PRUNED.because(
                 "noise takes the motion's place: the likeliest trajectory is farther from the record than its mean is"
             )
         )
-    said = Refusal("no seed leads to a trajectory with a finite likelihood")
+    said = Refusal("no starting point leads to a trajectory with a finite likelihood")
     for _, z in sorted(ends, key=lambda end: -end[0]):
         try:
             return settle(target, z, tolerance, tuple(searches))

@@ -136,7 +136,7 @@ class JointMode:
     converged: bool
 
     def look(self) -> float:
-        """Laplace's log evidence: for choosing and setting aside, without an error estimate."""
+        """Laplace's log evidence: for choosing and pruning, without an error estimate."""
         reflected = np.flatnonzero(self.joint.reflected)
         sd = np.sqrt(np.diag(np.linalg.inv(self.information)))
         mean = self.x + np.linalg.solve(self.information, self.gradient)

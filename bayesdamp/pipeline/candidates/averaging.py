@@ -40,7 +40,7 @@ def _one(study: Study, spec: SignalSpec, store: Store, name: str, key: str) -> C
     by_method = evidence_by_method(study, store, record, models)
     method = list(by_method)[-1]
     shares = probabilities(by_method[method])
-    shares |= {m: 0.0 for m, e in by_method[method].items() if status_of(e.outcome) is Status.SET_ASIDE}
+    shares |= {m: 0.0 for m, e in by_method[method].items() if status_of(e.outcome) is Status.PRUNED}
     if len(shares) < len(models):
         return CellResult(name, key, outcome="not applicable: not every model has its evidence")
     drawn = {m: _sampled(store, f"posterior/{record}/{m}/nuts") for m in models}

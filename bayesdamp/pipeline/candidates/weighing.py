@@ -16,7 +16,7 @@ from bayesdamp.store.places import Place
 from bayesdamp.types import OK, Evidence, Refusal
 
 FIRST_LOOK = "laplace"
-"""A method without an error estimate, by which candidates are set aside; it does not count where another one does."""
+"""A method without an error estimate, by which candidates are pruned; it does not count where another one does."""
 
 
 def evidence_parts(

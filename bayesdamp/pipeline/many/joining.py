@@ -105,13 +105,13 @@ def _problems(specimen: Specimen) -> tuple[dict[str, Problem], dict[str, str]]:
         except Refusal as refusal:
             aside[candidate] = str(refusal)
     if not found:
-        raise Refusal(f"no candidate was fitted to all records: {next(iter(aside.values()))}")
+        raise Refusal(f"no model was fitted to all records: {next(iter(aside.values()))}")
     if specimen.study.models.prune is not None:
         apart = [looked(specimen.study, s, r, specimen.store, tuple(found)) for s, r in specimen.records]
         sums = {c: sum(one.get(c, -math.inf) for one in apart) for c in found}
         limit = max(sums.values()) - specimen.study.models.prune - LAW_MARGIN
         for candidate in [c for c in found if sums[c] < limit]:
-            aside[candidate] = Status.SET_ASIDE.because("far behind on the records one by one")
+            aside[candidate] = Status.PRUNED.because("far behind on the records one by one")
             del found[candidate]
     return found, aside
 
@@ -137,15 +137,15 @@ def _looks(
                 refused[candidate] = str(refusal)
     logs = {s: {c: m.look() for c, m in found.items()} for s, found in modes.items() if found}
     if not logs:
-        raise Refusal(f"no candidate has a joint mode: {next(iter(refused.values()))}")
+        raise Refusal(f"no model has a joint mode: {next(iter(refused.values()))}")
     sharing = max(logs, key=lambda s: max(logs[s].values()))
     own, prune = logs[sharing], specimen.study.models.prune
     for candidate in problems:
         if candidate not in own:
             aside[candidate] = refused[candidate]
         elif prune is not None and max(own.values()) - own[candidate] > prune:
-            aside[candidate] = Status.SET_ASIDE.because(
-                f"more than {prune:g} nats behind the best by Laplace's evidence"
+            aside[candidate] = Status.PRUNED.because(
+                f"log Bayes factor to the best below −{prune:g} by Laplace's approximation"
             )
     return {c: m for c, m in modes[sharing].items() if c not in aside}, sharing
 

@@ -45,7 +45,7 @@ def _populated(specimens: list[Specimen]) -> PopulationContent:
     logs = {s.name: log_evidences(s) for s in specimens}
     common = set.intersection(*(set(found) for found in logs.values()))
     if not common:
-        raise Refusal("no population: no candidate was weighed on every specimen")
+        raise Refusal("no population: no model was weighed on every specimen")
     sums = {c: sum(found[c] for found in logs.values()) for c in specimens[0].candidates if c in common}
     best = max(sums, key=lambda c: sums[c])
     arrays, scales, rows = {}, {}, {}

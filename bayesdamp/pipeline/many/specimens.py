@@ -105,7 +105,7 @@ class Specimen:
                     raise KeyError(name)  # of an earlier question in the same folder
             except KeyError:
                 raise Refusal(
-                    Status.SET_ASIDE.because(f"not fitted to {label}, where its law is far behind")
+                    Status.PRUNED.because(f"not fitted to {label}, where its law is far behind")
                 ) from None
             if cell.outcome != OK:
                 raise Refusal(f"{label}: {following(cell.name, cell.outcome)}")

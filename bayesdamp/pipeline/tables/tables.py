@@ -172,12 +172,12 @@ def _evidence(study: Study, store: Store) -> Iterator[Row]:
         by_method = evidence_by_method(study, store, f"{spec.name}/{repeat}", models)
         every = [(m, e) for found in by_method.values() for m, e in found.items()]
         weighed = {
-            m for m, e in every if np.isfinite(e.log_evidence) or status_of(e.outcome) is Status.SET_ASIDE
+            m for m, e in every if np.isfinite(e.log_evidence) or status_of(e.outcome) is Status.PRUNED
         }
         for method, found in by_method.items():
             logs = {m: e.log_evidence for m, e in found.items()}
             lost = [m for m, e in found.items() if m not in weighed and e.outcome != OK]
-            aside = [m for m, e in found.items() if status_of(e.outcome) is Status.SET_ASIDE]
+            aside = [m for m, e in found.items() if status_of(e.outcome) is Status.PRUNED]
             finite = [v for v in logs.values() if np.isfinite(v)]
             best = max(finite, default=math.nan)
             total = sum(math.exp(v - best) for v in finite)

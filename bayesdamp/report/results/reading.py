@@ -38,9 +38,7 @@ class Ranking:
     @property
     def unsettled(self) -> list[Row]:
         """Rows whose evidence is not to be trusted and might be another by some nats, where that matters."""
-        poor = [
-            r for r in self.rows if r["outcome"] != OK and status_of(r["outcome"]) is not Status.SET_ASIDE
-        ]
+        poor = [r for r in self.rows if r["outcome"] != OK and status_of(r["outcome"]) is not Status.PRUNED]
         return [r for r in poor if MATTERS <= r["probability"] <= 1.0 - MATTERS]
 
     @property
@@ -112,7 +110,7 @@ class AtWidth:
 def over_widths(run: Run, signal: str, repeat: int, found: Ranking) -> list[AtWidth]:
     """A ranking over the widths for which the evidence of all its candidates is known; empty where it is not.
 
-    Candidates that were set aside keep their share.
+    Candidates that were pruned keep their share.
     """
     moved: dict[str, np.ndarray] = {}
     factors = np.empty(0)
@@ -124,7 +122,7 @@ def over_widths(run: Run, signal: str, repeat: int, found: Ranking) -> list[AtWi
                 cell.arrays["log_evidence"] - cell.arrays["log_evidence"][np.argmin(np.abs(np.log(factors)))]
             )
             moved[row["model"]] = np.where(cell.arrays["trusted"], change, np.nan)
-        elif status_of(row["outcome"]) is not Status.SET_ASIDE:
+        elif status_of(row["outcome"]) is not Status.PRUNED:
             return []
     if len(found.rows) < 2 or not moved:
         return []
@@ -189,11 +187,9 @@ def models_by_rank(run: Run, signal: str, repeat: int) -> list[str]:
 
 
 def models_kept(run: Run, signal: str, repeat: int) -> list[str]:
-    """Those of all models that were not set aside, in the same order."""
+    """Those of all models that were not pruned, in the same order."""
     found = ranking(run, signal, repeat)
-    aside = (
-        {r["model"] for r in found.rows if status_of(r["outcome"]) is Status.SET_ASIDE} if found else set()
-    )
+    aside = {r["model"] for r in found.rows if status_of(r["outcome"]) is Status.PRUNED} if found else set()
     return [model for model in models_by_rank(run, signal, repeat) if model not in aside]
 
 

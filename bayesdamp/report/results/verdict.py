@@ -52,7 +52,7 @@ def verdict(run: Run, signal: str, repeat: int) -> Verdict:
         return Verdict(
             False, f"nothing was weighed, so no damping can be named{_why(run, signal, repeat)}.", open=True
         )
-    weighed = [row["model"] for row in found.rows if status_of(row["outcome"]) is not Status.SET_ASIDE]
+    weighed = [row["model"] for row in found.rows if status_of(row["outcome"]) is not Status.PRUNED]
     checks = {r["model"]: r["verdict"] for r in rows_of(run.fits, signal=signal, repeat=repeat)}
     said = [checks[m] for m in weighed if m in checks]
     best = found.best
@@ -62,21 +62,23 @@ def verdict(run: Run, signal: str, repeat: int) -> Verdict:
     odd = words.listing(content.anomalies) if content else ""
     if odd:
         sentence = (
-            f"the record is no free decay of one oscillator, so no candidate fits: {odd}; of those that are compared "
+            f"the record is no free decay of one oscillator, so no model fits: {odd}; of those that are compared "
             f"all the same, {label(best)} comes first, with probability {share} among them only."
         )
         return Verdict(True, sentence)
     if said and all(fitting_of(s) is Fitting.DOES_NOT_FIT for s in said):
         why = reason_of(checks[weighed[0]])
         sentence = (
-            f"no candidate fits ({why}){_left(run, signal, repeat, weighed[0])}; of those that do not fit, "
+            f"no model fits ({why}){_left(run, signal, repeat, weighed[0])}; of those that do not fit, "
             f"{label(best)} is least unlikely, with probability {share} among them only."
         )
         return Verdict(True, sentence)
     fitting = {m: fitting_of(text) for m, text in checks.items()}
     warned = fitting.get(best["model"]) is Fitting.DOES_NOT_FIT
     if warned:
-        lead = f"the most probable candidate, {label(best)}, {checks[best['model']]}; {share} is its share among all"
+        lead = (
+            f"the most probable model, {label(best)}, {checks[best['model']]}; {share} is its share among all"
+        )
         fine = [label(r) for r in found.rows if fitting.get(r["model"]) is Fitting.FITS]
         less = f" Fitting, though less probable: {words.listing(fine)}." if fine else ""
         return Verdict(True, f"{lead}.{less}")
@@ -113,19 +115,17 @@ def _decided(run: Run, signal: str, repeat: int, found: Ranking) -> Verdict:
         rival = lowest.second if lowest.first == name else lowest.first
         sentence = (
             f"how wide the priors are decides between {name} and {rival}: "
-            f"damping is {name} with probability {share} among {len(found.rows)} candidates, but "
+            f"damping is {name} with probability {share} among {len(found.rows)} models, but "
             f"{words.probability(lowest.probability)} under priors {words.number(lowest.factor, 2)} times as wide."
         )
         return Verdict(False, sentence, open=True)
     if found.best["probability"] < SURE:
         sentence = (
-            f"damping is {name}, with probability {share} among {len(found.rows)} candidates{_laws(found)}."
+            f"damping is {name}, with probability {share} among {len(found.rows)} models{_laws(found)}."
         )
     else:
         share = words.probability(found.best["probability"])
-        sentence = (
-            f"damping is {label(found.best)}, with probability {share} among {len(found.rows)} candidates."
-        )
+        sentence = f"damping is {label(found.best)}, with probability {share} among {len(found.rows)} models."
     forms = other_forms(run, signal, repeat, found.best["model"])
     rivals = tuple((form.words, form.probability) for form in forms if form.probability > 1 - HOLDS)
     if rivals:

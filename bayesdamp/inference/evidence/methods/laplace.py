@@ -14,7 +14,7 @@ from bayesdamp.types import Evidence
 class Laplace(EvidenceMethod):
     """∫ of the second-order expansion of the log posterior at its mode, reflected scores from zero on.
 
-    A few likelihoods, no draws and no error estimate: for setting aside candidates that are far behind. The curvature
+    A few likelihoods, no draws and no error estimate: for pruning candidates that are far behind. The curvature
     is Gauss and Newton's; a mode at zero, where the gradient is not zero, leaves the tail of a normal.
     """
 

@@ -100,7 +100,7 @@ def _handles(found: Sequence[Beside], published: bool) -> list[Line2D | Patch]:
     shade = colour(found[0].model) if len({one.model for one in found}) == 1 else QUIET
     kinds: list[Line2D | Patch] = [
         Line2D([], [], ls="", marker="o", ms=4.5, mfc="white", mec=shade, label="own estimate"),
-        Line2D([], [], ls="", marker="o", ms=4.5, mfc=shade, mec=shade, label="refined"),
+        Line2D([], [], ls="", marker="o", ms=4.5, mfc=shade, mec=shade, label=words.stage("refined")),
     ]
     if published:
         kinds.append(Line2D([], [], ls="", marker="|", ms=8, mec=INK, mew=1.2, label="published error"))

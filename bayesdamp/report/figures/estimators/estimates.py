@@ -127,7 +127,16 @@ def _handles(model: str, posterior: bool, truth: Mapping[str, float]) -> list[Li
         Line2D(
             [], [], ls="", marker="o", ms=4.5, mfc="white", mec=colour(model), label=words.stage("initial")
         ),
-        Line2D([], [], ls="", marker="o", ms=4.5, mfc=colour(model), mec=colour(model), label="refined"),
+        Line2D(
+            [],
+            [],
+            ls="",
+            marker="o",
+            ms=4.5,
+            mfc=colour(model),
+            mec=colour(model),
+            label=words.stage("refined"),
+        ),
     ]
     if posterior:
         kinds.append(Patch(color=colour(model), alpha=0.18, lw=0, label="posterior"))

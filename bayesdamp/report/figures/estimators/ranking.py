@@ -33,7 +33,7 @@ def ranking(found: Comparison) -> Figure:
         _point(ax, found.mean_published(method), row, "|", INK, INK, size=11)
     for marker, face, edge, label in (
         ("o", "white", _INITIAL, words.stage("initial")),
-        ("o", _REFINED, _REFINED, "refined"),
+        ("o", _REFINED, _REFINED, words.stage("refined")),
         ("|", INK, INK, "published"),
     ):
         if label != "published" or found.published:
@@ -79,8 +79,8 @@ def categories(found: Comparison) -> Figure:
         ax.set_xlim(-0.5, len(names) - 0.5)
     for ax in firsts:
         ax.set_ylabel("error / %")
-    for face, edge, label in (("white", _INITIAL, words.stage("initial")), (_REFINED, _REFINED, "refined")):
-        axes[0].plot([], [], ls="", marker="o", ms=4.5, mfc=face, mec=edge, label=label)
+    for stage, face, edge in (("initial", "white", _INITIAL), ("refined", _REFINED, _REFINED)):
+        axes[0].plot([], [], ls="", marker="o", ms=4.5, mfc=face, mec=edge, label=words.stage(stage))
     axes[0].plot([], [], color=INK, lw=1.2, label="median")
     legend_above(figure)
     return figure

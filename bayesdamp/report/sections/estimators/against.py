@@ -38,7 +38,7 @@ def inside(found: Sequence[Beside]) -> str:
     said = []
     for name, values in (
         ("own estimates", _values(found, "own")),
-        ("refined ones", _values(found, "refined")),
+        ("trajectory fits", _values(found, "refined")),
     ):
         if values:
             count = sum(low <= value <= high for value, low, high in values)

@@ -68,7 +68,7 @@ class ComparisonSection(Section):
 def _errors(found: Comparison) -> Table:
     headers = ["method"]
     for signal in found.signals:
-        headers += [signal, "refined"]
+        headers += [signal, "fit"]
     lines = []
     for method in found.methods:
         cells = [words.method(method)]
@@ -85,7 +85,8 @@ def _errors(found: Comparison) -> Table:
         else ""
     )
     said = (
-        "Errors in per cent of the truth: the method's own estimate under the signal's name, the refined one."
+        "Errors in per cent of the truth: the method's own estimate under the signal's name, then the trajectory "
+        "fit that starts there."
     )
     return Table(headers, lines, frozenset({0}), said + note)
 

@@ -50,8 +50,8 @@ def lead(found: Comparison) -> str:
     said = []
     if refined:
         said.append(
-            f"Refined, every method is within {words.short(max(refined))} % of the truth: the fit of the trajectory "
-            "has one optimum, whatever starts it. Methods differ in their own estimates."
+            f"After the trajectory fit every method is within {words.short(max(refined))} % of the truth: that fit has "
+            "one optimum, whatever starts it. Methods differ in their own estimates."
         )
     if own:
         worst = max(own, key=lambda key: own[key])
@@ -66,7 +66,7 @@ def errors(run: Run, found: Comparison, posteriors: dict[str, Row | None]) -> Ta
     headers, lines = ["method"], []
     groups = [("", 1), *((signal, 3) for signal in found.signals)]
     for _ in found.signals:
-        headers += ["own", "refined", "published"]
+        headers += ["own", "fit", "published"]
     for method in found.methods:
         cells = [words.method(method)]
         for signal in found.signals:
@@ -96,7 +96,7 @@ def times(found: Comparison) -> Table:
         seconds = [found.seconds.get((method, stage), math.nan) for stage in STAGES]
         printed = [found.times.get(method, words.NONE)] if found.times else []
         lines.append(Line([words.method(method), *map(words.duration, seconds), *printed]))
-    headers = ["method", "own estimate", "refined", *(["published"] if found.times else [])]
+    headers = ["method", "own estimate", "trajectory fit", *(["published"] if found.times else [])]
     many = f"{len(found.signals)} signals" if len(found.signals) > 1 else "the signal"
     said = f"Time for {many} together, compilation included where it fell due."
     return Table(headers, lines, frozenset({0}), said)

@@ -47,7 +47,7 @@ def _one(run: Run, signal: str) -> Markup:
     repeat = repeats[0]
     found = ranking(run, signal, repeat)
     parts: list[object] = []
-    weighed = [r for r in found.rows if status_of(r["outcome"]) is not Status.SET_ASIDE] if found else []
+    weighed = [r for r in found.rows if status_of(r["outcome"]) is not Status.PRUNED] if found else []
     if found and len(weighed) > 1:
         shown = [
             Bar(r["model"], label(r), r["log_bayes_factor"], r["stderr"], r["probability"]) for r in weighed
@@ -63,7 +63,7 @@ def _one(run: Run, signal: str) -> Markup:
     parts.append(_table(run, signal, [repeat]))
     aside = _aside(run, signal, repeat)
     if aside.lines:
-        count = f"{len(aside.lines)} candidate{'s' * (len(aside.lines) > 1)}"
+        count = f"{len(aside.lines)} model{'s' * (len(aside.lines) > 1)}"
         parts.append(folded(f"{count} pruned by Laplace's evidence, and why", aside))
     if len(repeats) > 1:
         parts.append(folded(f"All {len(repeats)} repeats", _table(run, signal, repeats)))
@@ -75,7 +75,7 @@ def _table(run: Run, signal: str, repeats: list[int]) -> Table:
     lines = []
     for repeat in repeats:
         rows = rows_of(run.evidence, signal=signal, repeat=repeat)
-        out = {r["model"] for r in rows if status_of(r["outcome"]) is Status.SET_ASIDE}
+        out = {r["model"] for r in rows if status_of(r["outcome"]) is Status.PRUNED}
         found = ranking(run, signal, repeat)
         order = [r["model"] for r in found.rows] if found else []
         rows.sort(key=lambda r: order.index(r["model"]) if r["model"] in order else len(order))
@@ -110,9 +110,9 @@ def _table(run: Run, signal: str, repeats: list[int]) -> Table:
 
 
 def _aside(run: Run, signal: str, repeat: int) -> Table:
-    """The candidates that were set aside, the likeliest first, each with its cheap evidence where it came so far."""
+    """The candidates that were pruned, the likeliest first, each with its cheap evidence where it came so far."""
     rows = rows_of(run.evidence, signal=signal, repeat=repeat)
-    why = {r["model"]: r["outcome"] for r in rows if status_of(r["outcome"]) is Status.SET_ASIDE}
+    why = {r["model"]: r["outcome"] for r in rows if status_of(r["outcome"]) is Status.PRUNED}
     cheap = {r["model"]: r for r in rows if r["method"] == "laplace"}
     first = {r["model"]: r for r in reversed(rows)}
 

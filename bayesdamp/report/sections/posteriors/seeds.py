@@ -70,7 +70,7 @@ def _one(run: Run, signal: str) -> Markup:
         else:
             rest += told
     if rest:
-        parts.append(folded(f"{len(rest) // 2} more candidates", *rest))
+        parts.append(folded(f"{len(rest) // 2} more models", *rest))
     return fill("stack.html", parts=parts or [Markup("<p>No model was fitted to this signal.</p>")])
 
 

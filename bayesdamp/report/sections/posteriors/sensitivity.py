@@ -111,7 +111,7 @@ def _elsewhere(run: Run, signal: str, models: list[str]) -> Table | None:
     ]
     caption = (
         "Log Bayes factors (nats) to the best of each column, by Laplace's approximation: of parts of the record, "
-        "and of all of it under each noise model (the likelier candidates only)."
+        "and of all of it under each noise model (the likelier models only)."
     )
     return Table(["model", *headers], lines, frozenset({0}), caption)
 

@@ -70,7 +70,7 @@ def _joint(run: Run, name: str, cell: CellResult) -> list[object]:
     how = (
         f"Shared: {_SHARED[joint.sharing]}. Each record's own: its start, its angle at rest (an encoder "
         "may be offset) and its noise. The joint interval is right if the records share what they are said to "
-        "share and the candidate and each record's noise are right; it is not widened for what differs from "
+        "share and the model and each record's noise are right; it is not widened for what differs from "
         "record to record."
     )
     law = f"As to the law, {joint.said['law']}." if "law" in joint.said else ""
@@ -115,7 +115,7 @@ def _candidates(joint: JointContent) -> Table:
         share = words.probability(row.probability)
         drawn = words.number(row.effective, 3)
         lines.append(Line([words.model(candidate), share, shown, *sizes, drawn, row.outcome], kind))
-    headers = ["candidate", "probability", "log Bayes factor", *(words.symbol(n).text for n in names)]
+    headers = ["damping model", "probability", "log Bayes factor", *(words.symbol(n).text for n in names)]
     caption = (
         "All records together: evidence of the joint posterior by importance sampling, and what is shared "
         "(mean ± sd)."
@@ -162,11 +162,11 @@ def _population(run: Run, cell: CellResult) -> list[object]:
         "Specimens' coefficients are taken as normal, cut off at zero; the mean and the spread are of what is "
         "left. The normal's location has a half-normal prior with the scale of the coefficient's own, "
         f"{words.listing(scales)}, and its width one with the scale of the location: specimens of one kind hardly "
-        "spread by more than their size. The candidate is the one with the greatest evidence over all specimens "
+        "spread by more than their size. The model is the one with the greatest evidence over all specimens "
         "together."
     )
     if behind:
-        how += f" Another candidate is ahead for {words.listing(behind)}."
+        how += f" Another model is ahead for {words.listing(behind)}."
     parts += [_text(how), _values(content)]
     panels = [
         Panel(

@@ -53,7 +53,7 @@ def _one(run: Run, signal: str) -> Markup:
     unit, scale = shown.name, shown.scale
     caption = (
         f"{signal}: damping ratio (fall of the log amplitude a cycle, over 2π) and angular frequency of the record, "
-        "and of the candidates at their posterior modes."
+        "and of the models at their posterior modes."
     )
     figure = run.drawings.add(f"backbone-{signal}", caption, lambda: backbone(record, curves, scale, unit))
     lines = [

@@ -35,7 +35,7 @@ class Friction(Section):
         said = (
             "Friction turns over within a velocity ε, of which a precise record shows something near rest and at each "
             "turning point. Chosen once for each record, under all damping terms together, and taken as known by all "
-            "candidates: their evidence does not pay for the choice, and their intervals are under that ε. How far the "
+            "models: their evidence does not pay for the choice, and their intervals are under that ε. How far the "
             "coefficients move with it is seen here, in the fits of all terms together. Estimators take the usual one. "
             "The evidence here is by Laplace's approximation."
         )
@@ -54,7 +54,7 @@ def _chosen(run: Run, signal: str) -> NoiseContent | None:
 def _one(run: Run, signal: str) -> Markup:
     chosen = _chosen(run, signal)
     if chosen is None:
-        return Markup("<p>ε of this signal was given, or is inferred, or no candidate has friction.</p>")
+        return Markup("<p>ε of this signal was given, or is inferred, or no model has friction.</p>")
     tried, taken = chosen.epsilons, chosen.epsilon or chosen.usual_epsilon
     best = max((t.log_evidence for t in tried if t.outcome == OK), default=math.nan)
     names = list(tried[0].coefficients)

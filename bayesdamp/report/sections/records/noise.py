@@ -30,7 +30,7 @@ class Noise(Section):
         """A table of the noise models for each signal."""
         said = (
             "Chosen once for each record, under all damping terms together and the restoring law that fits best, "
-            "and shared by all candidates. The evidence is by Laplace's approximation; densities of rounded values "
+            "and shared by all models. The evidence is by Laplace's approximation; densities of rounded values "
             "are probabilities divided by the recording step, so that all are on one scale."
         )
         return fill(

@@ -46,7 +46,7 @@ def _one(run: Run, signal: str) -> Markup:
         said.append(str(about["epsilon_note"]))
     if about.get("noise"):
         said.append(
-            f"Noise is taken as {words.method(about['noise'])}: chosen once for all candidates, see below."
+            f"Noise is taken as {words.method(about['noise'])}: chosen once for all models, see below."
         )
     if about.get("outcome", OK) != OK:
         said.append(str(about["outcome"]))

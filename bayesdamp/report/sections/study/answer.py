@@ -92,7 +92,7 @@ def _one(run: Run, signal: str) -> Markup:
         exponent=_exponent(run, signal, answer),
         ratios=_ratios(v),
         coefficients=_coefficients(v),
-        candidates=folded("Every candidate that was weighed at once", _candidates(answer)),
+        candidates=folded("Every damping model that was weighed at once", _candidates(answer)),
     )
 
 

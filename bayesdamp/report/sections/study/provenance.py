@@ -67,11 +67,11 @@ def _timing(seconds: Mapping[str, float]) -> list[object]:
         ["all", str(len(known)), words.duration(sum(known.values())), words.duration(max(known.values()))]
     )
     table = Table(
-        ["stage", "cells", "together", "the longest"], [*lines, total], caption="Time, summed over workers"
+        ["stage", "tasks", "together", "the longest"], [*lines, total], caption="Time, summed over workers"
     )
     longest = sorted(known, key=lambda name: -known[name])[:20]
-    cells = Table(["cell", "time"], [Line([name, words.duration(known[name])]) for name in longest])
-    return [table, folded(f"The {len(longest)} longest cells", cells)]
+    cells = Table(["task", "time"], [Line([name, words.duration(known[name])]) for name in longest])
+    return [table, folded(f"The {len(longest)} longest tasks", cells)]
 
 
 def _budget(budget: Mapping[str, Any]) -> list[object]:

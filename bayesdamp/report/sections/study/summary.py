@@ -60,7 +60,7 @@ def _by_sentence(run: Run) -> list[tuple[str, list[str]]]:
     """The sentences that cells ended with, each with the names of its cells."""
     found: dict[str, list[str]] = {}
     for cell in run.not_ok():
-        if status_of(cell.outcome) is Status.SET_ASIDE:  # no fault: the evidence section has them
+        if status_of(cell.outcome) is Status.PRUNED:  # no fault: the evidence section has them
             continue
         found.setdefault(cell.outcome, []).append(cell.name)
     return list(found.items())
@@ -123,8 +123,8 @@ def _weigh(run: Run, found, believe: list[str], doubt: list[str]) -> None:
     other = next((r for r in found.rows if damping_of(r) != best), None)
     if other is not None and found.dampings[damping_of(other)] < 0.01:
         believe.append(
-            f"the order of the dampings: the next, {label(other)}, is {words.nats(-other['log_bayes_factor'])} nats "
-            f"behind ({words.method(found.method)})."
+            f"the order of the dampings: the next, {label(other)}, has a log Bayes factor of "
+            f"{words.nats(other['log_bayes_factor'])} ({words.method(found.method)})."
         )
     elif other is not None:
         doubt.append(
@@ -139,14 +139,14 @@ def _weigh(run: Run, found, believe: list[str], doubt: list[str]) -> None:
         )
     for other, name in found.others.items():
         doubt.append(f"the order of the models: {words.method(other)} puts {name} first.")
-    left = sum(status_of(row["outcome"]) is Status.SET_ASIDE for row in found.rows)
+    left = sum(status_of(row["outcome"]) is Status.PRUNED for row in found.rows)
     if left:
         believe.append(
-            f"that {left} more candidate{'s' if left > 1 else ''} could be pruned unweighed; the evidence says why."
+            f"that {left} more model{'s' if left > 1 else ''} could be pruned unweighed; the evidence says why."
         )
     for row in rows_of(run.evidence, signal=found.best["signal"], repeat=found.best["repeat"]):
         counts = found.method != "combined" or row["method"] == "combined"
-        if row["outcome"] != OK and status_of(row["outcome"]) is not Status.SET_ASIDE and counts:
+        if row["outcome"] != OK and status_of(row["outcome"]) is not Status.PRUNED and counts:
             doubt.append(f"that {label(row)} was weighed by {words.method(row['method'])}: {row['outcome']}.")
 
 
@@ -202,7 +202,7 @@ def _estimated(run: Run, signal: str, repeat: int, model: str) -> list[str]:
         if not values:
             continue
         low, high, unit = min(values), max(values), words.unit(rows[0]["unit"])
-        count = f"{len(values)} refined estimate{'s' if len(values) > 1 else ''}"
+        count = f"{len(values)} trajectory fit{'s' if len(values) > 1 else ''}"
         symbol = words.symbol(name).text
         if high - low <= AGREE * abs(high):
             text = f"{symbol} = {words.number(high, 6)} {unit} by {count}"

@@ -19,10 +19,10 @@ from bayesdamp.types import OK
 FEWEST = 15
 EXPLAINED = (
     "Parameters are drawn from the study's own priors, noise included, a record is simulated from them, and its "
-    "posterior is sampled from seeds that know the record alone. Then the rank of each true value among "
+    "posterior is sampled from starting points that know the record alone. Then the rank of each true value among "
     "independent draws is uniform, and an interval of 80 % holds it in 80 % of the records.",
     "A record is left out only where the record itself says so, before anything is sampled: it shows no "
-    "oscillation, or no seed leads to a finite posterior. That looks at the data alone, and a posterior is "
+    "oscillation, or no starting point leads to a finite posterior. That looks at the data alone, and a posterior is "
     "conditional on its data, so the ranks of what is left are still uniform. Draws that a sampler's own diagnostics "
     "doubt are not left out: that would choose among draws.",
 )
@@ -63,7 +63,7 @@ def _claim(result: Mapping[str, Any]) -> str:
     said = []
     for family, of in (
         ("posterior", "of the posteriors"),
-        ("classical", "of the refined estimates' own intervals"),
+        ("classical", "of the trajectory fits' own intervals"),
     ):
         found = result["families"][family]
         if found["tests"]:

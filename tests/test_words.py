@@ -1,0 +1,104 @@
+"""What a user reads is in the words of the field: none of those that once stood for them in this program."""
+
+from __future__ import annotations
+
+import ast
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+PACKAGE = ROOT / "bayesdamp"
+
+INSTEAD = {
+    r"equivalent ratio": "equivalent viscous damping ratio",
+    r"keeps? step|in step with": "stays in phase",
+    r"nats behind": "log Bayes factor",
+    r"(?<!mean that is )\bset(s|ting)? aside": "pruned",
+    r"\bclimb": "optimisation",
+    r"seed leads|\bseeds that\b|from seeds": "starting point",
+    r"\breferee": "nested-sampling check",
+    r"\bcells? (failed|under way)|longest cells|some cells": "task",
+    r"\bcandidate(s|\b)(?! (terms|records))": "damping model",
+    r"energy lost a cycle": "specific damping capacity",
+    r"window spread": "stability over sub-records",
+    r"what to believe": "conclusions and caveats",
+    r"\brefined (estimate|one|figure|value)": "trajectory fit",
+}
+"""Words of ours, as patterns, and the field's."""
+OWN = re.compile("|".join(f"(?:{pattern})" for pattern in INSTEAD), re.IGNORECASE)
+CODE = re.compile(r"```.*?```|`[^`]*`|\(\w+\.md\)", re.DOTALL)
+"""What is typed stays as it is: keys of studies and tables."""
+MAY = ("validation/claims/", "validation/contest/", "validation/reports/", "validation/calibration/tables.py")
+"""What ships in `reports/`, and a key of tables."""
+
+
+def own_words(text: str) -> list[str]:
+    """The words of ours in a text, without what is typed."""
+    return [found.group() for found in OWN.finditer(CODE.sub("", text))]
+
+
+def said(source: str) -> Iterator[tuple[int, str]]:
+    """Lines and texts of a module that are prose: strings with a blank in them, but no docstrings."""
+    tree = ast.parse(source)
+    silent: set[int] = set()
+    for node in ast.walk(tree):
+        for line in getattr(node, "body", []) if isinstance(getattr(node, "body", None), list) else []:
+            if isinstance(line, ast.Expr) and isinstance(line.value, ast.Constant):
+                silent.add(id(line.value))
+        if isinstance(node, ast.JoinedStr):
+            silent |= {id(part) for part in node.values}
+            yield (
+                node.lineno,
+                "".join(str(p.value) if isinstance(p, ast.Constant) else "{}" for p in node.values),
+            )
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Constant) and isinstance(node.value, str) and id(node) not in silent:
+            yield node.lineno, node.value
+
+
+def test_the_program_speaks_the_words_of_the_field() -> None:
+    found = []
+    for path in sorted(PACKAGE.rglob("*.py")):
+        inside = path.relative_to(PACKAGE).as_posix()
+        if inside.startswith(MAY):
+            continue
+        for line, text in said(path.read_text(encoding="utf-8")):
+            found += [f"{inside}:{line}: {word}" for word in own_words(text) if " " in text.strip()]
+    for path in sorted((PACKAGE / "report" / "templates").glob("*.html")):
+        markup = re.sub(r"\{[{%].*?[%}]\}", "", path.read_text(encoding="utf-8"))
+        found += [f"{path.name}: {word}" for word in own_words(markup)]
+    assert not found, "\n".join(found)
+
+
+@pytest.mark.parametrize(
+    "path", [ROOT / "README.md", *sorted((ROOT / "docs").glob("**/*.md"))], ids=lambda p: p.name
+)
+def test_the_pages_do_too(path: Path) -> None:
+    if {"_build", "_generated"} & set(path.parts):
+        pytest.skip("made by the site")
+    assert not own_words(path.read_text(encoding="utf-8"))
+
+
+@pytest.mark.parametrize(
+    ("text", "count"),
+    [
+        ("the next is 12 nats behind the best", 1),
+        ("no candidate fits; 3 cells failed: a/b", 2),
+        ("Refined values agree, and the refined estimate is best", 2),
+        ("`combined` and `referee` are keys, `refined estimate` is a method", 0),
+        ("2 rows with an empty cell left out; candidate terms of a library; the seed of the noise", 0),
+    ],
+)
+def test_own_words_are_seen(text: str, count: int) -> None:
+    """The negative control: each is found, and what only looks alike is not."""
+    assert len(own_words(text)) == count
+
+
+def test_prose_is_told_from_docstrings() -> None:
+    source = (
+        '"""A candidate."""\n\n\ndef f(n):\n    """Of a referee."""\n    return f"{n} candidates are left"\n'
+    )
+    assert [text for _, text in said(source) if own_words(text)] == ["{} candidates are left"]
