@@ -10,13 +10,10 @@ import numpy as np
 from bayesdamp.inference.deviation.candidate import Candidate
 from bayesdamp.inference.deviation.gaussian.linear import Weighed
 from bayesdamp.inference.deviation.gaussian.orthant import draw
+from bayesdamp.inference.deviation.numbers.odds import odds
 from bayesdamp.inference.deviation.weighing import Result, Weighing
 
 DRAWS = 4000
-EXOTIC = 0.1
-"""Prior weight of a sum with another form of damping."""
-THIRD = 0.5
-"""Prior weight of a sum of three terms beside sums of one or two."""
 NEGLIGIBLE = 1e-4
 SHOWN = 0.99
 """Probability of the candidates together from which the others are not drawn from."""
@@ -38,16 +35,16 @@ class Drawn:
 
 
 def probabilities(weighing: Weighing, exact: bool) -> dict[Candidate, float]:
-    """Posterior probability of each candidate. Prior: the sums alike, of three half; laws alike."""
+    """Posterior probability of each candidate, with the prior `odds`; laws alike."""
     logs: dict[Candidate, float] = {}
+    others = len({r.candidate.damping for r in weighing.forms})
     for r in (*weighing.results, *weighing.forms):
         weighed = r.exact_weighed if exact else r.weighed
         if weighed is None:
             continue
-        odds = THIRD if len(r.candidate.damping) > 2 else 1.0
-        odds *= EXOTIC if r in weighing.forms else 1.0
+        prior = odds(r.candidate.damping, others if r in weighing.forms else 0)
         sampled = r.sampled is not None and exact == (r.weighed is None)
-        logs[r.candidate] = (r.log_evidence if sampled else weighed.log_evidence) + np.log(odds)
+        logs[r.candidate] = (r.log_evidence if sampled else weighed.log_evidence) + np.log(prior)
     if not logs:  # none could be linearised: exact laws are all that is known
         return probabilities(weighing, True)
     top = max(logs.values())

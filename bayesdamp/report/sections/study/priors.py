@@ -13,8 +13,8 @@ from bayesdamp.report.sections._section import Section
 
 ALIKE = "The models are equally probable before the record is seen."
 ANSWERED = (
-    "Before the record is seen single terms and sums of two are equally probable, the sum of three half as much, a sum "
-    "with another form of damping a tenth; restoring laws are alike."
+    "Before the record is seen single terms and sums of two are equally probable, the sum of three half as much, all "
+    "other forms of damping together a tenth of one sum; restoring laws are alike."
 )
 
 
