@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from bayesdamp.config.sections import DEVIATIONS
 from bayesdamp.inference.deviation.findings import SENSOR, findings
+from bayesdamp.inference.deviation.numbers.rivals import place_of
 from bayesdamp.inference.deviation.picture import picture
 from bayesdamp.inference.deviation.quick import weighing_of
 from bayesdamp.inference.deviation.sampled.candidates import with_samples
 from bayesdamp.inference.deviation.sampled.table import Posterior, posterior_of
 from bayesdamp.inference.deviation.single import Found, found_of
-from bayesdamp.inference.deviation.weighing import Known, Weighing
+from bayesdamp.inference.deviation.weighing import Known, Result, Weighing
 from bayesdamp.inference.model.defaults import Reference
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.pipeline.not_one import no_free_decay, remark_on
@@ -30,7 +31,7 @@ from bayesdamp.store.contents.answers import (
 from bayesdamp.types import OK, InputError, Refusal, Signal
 from bayesdamp.units import UNITS, Unit
 from bayesdamp.verdict.decide import decide
-from bayesdamp.verdict.specimen import Answered
+from bayesdamp.verdict.specimen import Answered, OtherForm
 from bayesdamp.verdict.types import Averages, Grade, Verdict, Window
 
 BEYOND = 1.3
@@ -42,7 +43,7 @@ WEIGHED = "weighing"
 class Answer:
     """A verdict and what it rests on.
 
-    candidates: each that was asked for, in the order of the question, refused ones last.
+    candidates: each that was asked for, in the order of the question, refused ones last. rivals: other forms.
     fits: parameters of the fit of all terms, by restoring law. arrays: what its picture is drawn from, as
     `inference.deviation.picture` leaves them. posteriors: of the candidates that were sampled, priors: of
     all, in words by parameter; laws: where the search for each with deviations ended; all by (damping, restoring).
@@ -50,6 +51,7 @@ class Answer:
 
     verdict: Verdict
     candidates: tuple[WeighedCandidate, ...] = ()
+    rivals: tuple[WeighedCandidate, ...] = ()
     fits: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     arrays: Mapping[str, np.ndarray] = field(default_factory=dict)
     posteriors: Mapping[tuple[str, str], Posterior] = field(default_factory=dict)
@@ -61,6 +63,7 @@ class Answer:
         return AnswerContent(
             verdict=self.verdict.to_dict(),
             candidates=self.candidates,
+            rivals=self.rivals,
             fits=self.fits,
             priors=tuple(CandidatePriors(d, law, said) for (d, law), said in self.priors.items()),
             posteriors=tuple(_kept(*name, one) for name, one in self.posteriors.items()),
@@ -77,7 +80,7 @@ class Answer:
 
     def of_specimen(self) -> Answered:
         """What a verdict on several records takes of this one."""
-        return answered_from(self.verdict, self.candidates, self.arrays)
+        return answered_from(self.verdict, self.candidates, self.rivals, self.arrays)
 
 
 def answer(
@@ -159,6 +162,7 @@ def answer(
     return Answer(
         verdict,
         tuple(_rows(weighing)),
+        tuple(_rivals(weighing)),
         _fits(weighing),
         picture(weighing, found),
         _posteriors(weighing),
@@ -182,17 +186,26 @@ def quick_verdict(
 
 
 def answered_from(
-    verdict: Verdict, candidates: Sequence[WeighedCandidate], arrays: Mapping[str, np.ndarray]
+    verdict: Verdict,
+    candidates: Sequence[WeighedCandidate],
+    rivals: Sequence[WeighedCandidate],
+    arrays: Mapping[str, np.ndarray],
 ) -> Answered:
     """What a verdict on several records takes of one, from what is kept of its answer."""
     rows = [r for r in candidates if r.outcome == OK]
     exact = any(r.log_evidence is None for r in rows)
-    logs = {
-        (r.damping, r.restoring): r.exact if exact or r.log_evidence is None else r.log_evidence for r in rows
-    }
-    top = max(logs.values())
+
+    def log_of(row: WeighedCandidate) -> float:
+        return row.exact if exact or row.log_evidence is None else row.log_evidence
+
+    top = max(map(log_of, rows))
     curve = {name: arrays[name] for name in ("amplitude", "ratio", "low", "high")}
-    return Answered(verdict, {k: v - top for k, v in logs.items()}, curve)
+    return Answered(
+        verdict,
+        {(r.damping, r.restoring): log_of(r) - top for r in rows},
+        curve,
+        tuple(OtherForm(r.damping, r.restoring, log_of(r) - top, r.place) for r in rivals),
+    )
 
 
 def in_base(amplitudes: Sequence[float] | None, weighing: Weighing, unit: Unit) -> tuple[float, ...] | None:
@@ -211,21 +224,36 @@ def in_base(amplitudes: Sequence[float] | None, weighing: Weighing, unit: Unit) 
 
 
 def _rows(weighing: Weighing) -> list[WeighedCandidate]:
-    rows = [
-        WeighedCandidate(
-            damping="+".join(r.candidate.damping),
-            restoring=r.candidate.restoring,
-            log_evidence=None if r.weighed is None else r.log_evidence,
-            log_evidence_exact=r.log_evidence if r.weighed is None else r.exact_weighed.log_evidence,
-            rms=float((r.fit.squares / r.fit.residual.size) ** 0.5),
-        )
-        for r in weighing.results
-        if weighing.results[0].weighed is None or r.weighed is not None
-    ]
+    rows = [_row(r) for r in weighing.results if _counts(weighing, r)]
     refused = [
         WeighedCandidate("+".join(c.damping), c.restoring, outcome=why) for c, why in weighing.refused.items()
     ]
     return [*rows, *refused]
+
+
+def _rivals(weighing: Weighing) -> list[WeighedCandidate]:
+    return [
+        replace(_row(r), place="+".join(place_of(r.candidate.damping)))
+        for r in weighing.forms
+        if _counts(weighing, r)
+    ]
+
+
+def _counts(weighing: Weighing, result: Result) -> bool:
+    """Whether a candidate is compared: under approximate laws those that could be linearised."""
+    return weighing.results[0].weighed is None or result.weighed is not None
+
+
+def _row(result: Result) -> WeighedCandidate:
+    return WeighedCandidate(
+        damping="+".join(result.candidate.damping),
+        restoring=result.candidate.restoring,
+        log_evidence=None if result.weighed is None else result.log_evidence,
+        log_evidence_exact=(
+            result.log_evidence if result.weighed is None else result.exact_weighed.log_evidence
+        ),
+        rms=float((result.fit.squares / result.fit.residual.size) ** 0.5),
+    )
 
 
 def _kept(damping: str, restoring: str, posterior: Posterior) -> SampledPosterior:

@@ -56,7 +56,7 @@ def decide(
         decided=decided,
         damping=first,
         probability=damping[first],
-        rivals=_rivals(found, damping),
+        rivals=rivals_of(damping, found.exotic),
         restoring=next(iter(found.restoring)),
         restoring_probability=min(next(iter(found.restoring.values())), cap),
         frequency=_interval(found.frequency, "Hz"),
@@ -98,10 +98,10 @@ def untold_twins(found: Findings, damping: str) -> tuple[tuple[str, str, float],
     )
 
 
-def _rivals(found: Findings, damping: Mapping[str, float]) -> tuple[Rival, ...]:
-    """Every other sum, those with another form of damping among them, the likeliest first."""
-    others = [Rival(n, p) for n, p in [*list(damping.items())[1:], *found.exotic.items()]]
-    return tuple(sorted(others, key=lambda r: -r.probability))
+def rivals_of(sums: Mapping[str, float], others: Mapping[str, float]) -> tuple[Rival, ...]:
+    """Every sum but the first, and every other form of damping, the likeliest first."""
+    found = [Rival(n, p) for n, p in [*list(sums.items())[1:], *others.items()]]
+    return tuple(sorted(found, key=lambda r: -r.probability))
 
 
 def grade_of(found: Findings) -> Grade:

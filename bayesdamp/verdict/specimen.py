@@ -7,26 +7,53 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from bayesdamp.inference.deviation.numbers.odds import odds
 from bayesdamp.verdict import thresholds
+from bayesdamp.verdict.decide import rivals_of
 from bayesdamp.verdict.pooled import Pooled, pooled
-from bayesdamp.verdict.types import DampingRatio, Grade, Interval, Rival, Share, Verdict
+from bayesdamp.verdict.types import DampingRatio, Grade, Interval, Share, Verdict
 from bayesdamp.verdict.words import named, sentence
 
-THIRD = 0.5
-"""Prior weight of a sum of three terms beside sums of one or two."""
 FAR = -60.0
 """Nats behind a record's best that stand for a candidate which was out of the question there."""
 Curve = Mapping[str, np.ndarray]
 
 
 @dataclass(frozen=True)
+class OtherForm:
+    """A form of damping that is not compared, weighed on one record under its likeliest restoring law: log evidence
+    relative to the best sum; the sum that it comes to in a limit, if there is one."""
+
+    damping: str
+    restoring: str
+    log_evidence: float
+    place: str = ""
+
+
+@dataclass(frozen=True)
 class Answered:
     """What was said of one record: its verdict; log evidence of each (damping, restoring law), relative to the best;
-    its damping ratio against amplitude, with arrays `amplitude`, `ratio`, `low`, `high`."""
+    its damping ratio against amplitude, with arrays `amplitude`, `ratio`, `low`, `high`; other forms of damping."""
 
     verdict: Verdict
     log_evidence: Mapping[tuple[str, str], float]
     curve: Curve
+    others: tuple[OtherForm, ...] = ()
+
+    def of_sum(self, damping: str, restoring: str) -> float:
+        """Log evidence of a sum; `FAR` at least."""
+        return max(self.log_evidence.get((damping, restoring), FAR), FAR)
+
+    def of_other(self, damping: str, restoring: str, place: str) -> float:
+        """Log evidence of another form: under a law that it was not weighed under it is as far behind the law's best
+        sum; where it was not weighed at all, that of the sum that it comes to in a limit."""
+        for one in self.others:
+            if one.damping == damping:
+                return max(one.log_evidence - self._best(one.restoring) + self._best(restoring), FAR)
+        return self.of_sum(place, restoring) if place else FAR
+
+    def _best(self, restoring: str) -> float:
+        return max([v for (_, law), v in self.log_evidence.items() if law == restoring], default=FAR)
 
 
 def specimen(name: str, records: Sequence[Answered]) -> Verdict:
@@ -37,7 +64,7 @@ def specimen(name: str, records: Sequence[Answered]) -> Verdict:
     """
     if not records:
         raise ValueError("a specimen needs a record with a verdict")
-    damping, restoring = _probabilities(records)
+    damping, restoring, others = _probabilities(records)
     first, probability = next(iter(damping.items()))
     own = [r.verdict for r in records]
     worst = max(own, key=lambda v: list(Grade).index(v.grade))
@@ -49,13 +76,13 @@ def specimen(name: str, records: Sequence[Answered]) -> Verdict:
         decided=decided,
         damping=first,
         probability=min(probability, thresholds.CAP),
-        rivals=tuple(Rival(n, p) for n, p in list(damping.items())[1:]),
+        rivals=rivals_of(damping, others),
         restoring=next(iter(restoring)),
         restoring_probability=min(next(iter(restoring.values())), thresholds.CAP),
         frequency=_pooled_interval([v.frequency for v in own]),
         exponent=_pooled_interval([v.exponent for v in own]),
         damping_ratio=_ratios(records),
-        energy=_energy(own, damping),
+        energy=_energy(own, damping | others),
         deviation=_largest([v.deviation for v in own]),
         unnamed=_largest([v.unnamed for v in own]),
         unexplained_pct=max(v.unexplained_pct for v in own),
@@ -66,22 +93,33 @@ def specimen(name: str, records: Sequence[Answered]) -> Verdict:
     return replace(verdict, sentence=sentence(verdict))
 
 
-def _probabilities(records: Sequence[Answered]) -> tuple[dict[str, float], dict[str, float]]:
-    """Of each damping and of each law, the same for all records."""
+def _probabilities(
+    records: Sequence[Answered],
+) -> tuple[dict[str, float], dict[str, float], dict[str, float]]:
+    """Of each sum, of each law and of each other form of damping, the same for all records."""
     names = {key for r in records for key in r.log_evidence}
-    logs = {}
+    places = {one.damping: one.place for r in records for one in r.others}
+    logs: dict[tuple[str, str], float] = {}
     for damping, law in names:
-        total = sum(max(r.log_evidence.get((damping, law), FAR), FAR) for r in records)
-        logs[damping, law] = total + (np.log(THIRD) if damping.count("+") > 1 else 0.0)
+        total = sum(r.of_sum(damping, law) for r in records)
+        logs[damping, law] = total + float(np.log(odds(damping.split("+"))))
+    for law in {law for _, law in names}:
+        for damping, place in places.items():
+            total = sum(r.of_other(damping, law, place) for r in records)
+            logs[damping, law] = total + float(np.log(odds(damping.split("+"), len(places))))
     top = max(logs.values())
     weight = {key: float(np.exp(v - top)) for key, v in logs.items()}
     total = sum(weight.values())
-    found: tuple[dict[str, float], dict[str, float]] = ({}, {})
-    for key, w in weight.items():
-        for place in (0, 1):
-            found[place][key[place]] = found[place].get(key[place], 0.0) + w / total
-    by_damping, by_law = (dict(sorted(one.items(), key=lambda item: -item[1])) for one in found)
-    return by_damping, by_law
+    by_damping: dict[str, float] = {}
+    by_law: dict[str, float] = {}
+    for (damping, law), w in weight.items():
+        by_damping[damping] = by_damping.get(damping, 0.0) + w / total
+        by_law[law] = by_law.get(law, 0.0) + w / total
+    ordered = [dict(sorted(one.items(), key=lambda item: -item[1])) for one in (by_damping, by_law)]
+    sums, others = (
+        {n: p for n, p in ordered[0].items() if (n in places) is other} for other in (False, True)
+    )
+    return sums, ordered[1], others
 
 
 def _common(records: Sequence[Answered]) -> np.ndarray:

@@ -12,15 +12,16 @@ from pathlib import Path
 import numpy as np
 from scipy.stats import beta
 
+from bayesdamp.inference.deviation.weighing import Weighing
 from bayesdamp.physics.damping import all_sums
-from bayesdamp.pipeline.answer import answer
+from bayesdamp.pipeline.answer import WEIGHED, answer
 from bayesdamp.validation.reports.rows import gathered, shipped
-from tests.validation.laws import case
+from tests.validation.laws import LEAST_NATS, case, nats_ahead
 
 EXPONENT = "exponent"
 TERMS = ("cubic", "displacement", "power", "dry_position", "structural", "stribeck")
 COLUMNS = (
-    "case", "term", "truth", "share", "exponent", "exponent_low", "exponent_high", "first", "probability",
+    "case", "term", "truth", "share", "nats", "exponent", "exponent_low", "exponent_high", "first", "probability",
     "decided", "intervals", "held",
 )  # fmt: skip
 Rows = Sequence[Mapping[str, str]]
@@ -41,10 +42,13 @@ def row(term: str, seed: int) -> dict[str, object]:
         truth = made.values["exponent"]
         spans = {"exponent": value, "exponent_low": low, "exponent_high": high}
         return head | spans | {"truth": truth, "intervals": 1, "held": int(low <= truth <= high)}
-    said = answer(made.signal, damping=[*all_sums(), term, f"viscous+{term}"], restoring=["linear"]).verdict
+    kept: dict[str, Weighing] = {}
+    sums = [*all_sums(), term, f"viscous+{term}"]
+    said = answer(made.signal, damping=sums, restoring=["linear"], made=kept).verdict
     order = [(said.probability, said.damping), *((r.probability, r.damping) for r in said.rivals)]
     own = [q for q in said.coefficients if q.name in made.values] if said.damping == made.damping else []
     return head | {
+        "nats": nats_ahead(kept[WEIGHED], made) if WEIGHED in kept else np.nan,
         "first": max(order)[1], "probability": said.probability, "decided": int(said.decided), "intervals": len(own),
         "held": sum(q.low <= made.values[q.name] <= q.high for q in own),
     }  # fmt: skip
@@ -63,28 +67,29 @@ def page(rows: Rows) -> str:
     """The page, in Markdown."""
     exponents = [r for r in rows if r["term"] == EXPONENT]
     terms = {t: [r for r in rows if r["term"] == t] for t in TERMS}
+    tellable = [r for r in rows if r["term"] != EXPONENT and float(r["nats"]) >= LEAST_NATS]
+    of_these = sum(r["decided"] == "1" and r["first"] == r["truth"] for r in tellable)
     named = [r for r in rows if r["term"] != EXPONENT and r["decided"] == "1"]
     right = sum(r["first"] == r["truth"] for r in named)
     count = sum(map(len, terms.values()))
     lines = [
         "# The exponent, and damping terms beside the paper's",
         "",
-        f"The exponent's 95 % interval holds the truth in {interval(_held(exponents), len(exponents))} power "
-        "laws; of "
-        f"{count} records of six further terms {len(named)} are named outright, {right} of these rightly.",
+        f"The exponent's 95 % interval holds the truth in {interval(_held(exponents), len(exponents))} power laws; of "
+        f"{count} records of six further terms {len(named)} are named outright, {right} of these rightly; of the "
+        f"{len(tellable)} of which anybody could tell the true sum, {of_these}.",
         "",
-        "Records of the validation's own solver whose amplitude falls by 60 % or more with 0.5 to 2 % of "
-        "noise; a term has "
-        "at least 30 % of the loss, alone or beside viscous damping, and is weighed beside the paper's "
-        "seven sums; its "
-        "motions are sampled. Exponents are between 0.2 and 2.5. In brackets: 95 % intervals of the shares. "
-        f"{len(exponents)} exponents tell a coverage of 0.95 from one below {_least(len(exponents)):.2f} (5 "
-        "%) with a "
-        "probability of 0.8.",
+        "Records of the validation's own solver whose amplitude falls by 60 % or more with 0.5 to 2 % of noise; a "
+        "term has at least 30 % of the loss, alone or beside viscous damping, and is weighed beside the paper's seven "
+        "sums; its motions are sampled. Exponents are between 0.2 and 2.5. Anybody could tell where the true sum's "
+        f"best fit is {LEAST_NATS:g} nats ahead of that of every sum that lacks one of its terms. In brackets: 95 % "
+        f"intervals of the shares. {len(exponents)} exponents tell a coverage of 0.95 from one below "
+        f"{_least(len(exponents)):.2f} (5 %) with a probability of 0.8.",
         "",
         "| term | first | with the right sum first | named without reservation, rightly | wrongly | "
+        "rightly, where anybody could tell | "
         "intervals that hold |",
-        "|---|---|---|---|---|---|",
+        "|---|---|---|---|---|---|---|",
     ]  # fmt: skip
     for term, own in terms.items():
         decided = [r for r in own if r["decided"] == "1"]
@@ -94,6 +99,10 @@ def page(rows: Rows) -> str:
             interval(sum(r["first"] == r["truth"] for r in own), len(own)),
             interval(good, len(own)),
             interval(len(decided) - good, len(own)),
+            interval(
+                sum(r in decided and r["first"] == r["truth"] for r in own if r in tellable),
+                sum(r in tellable for r in own),
+            ),
             f"{_held(own)} of {sum(int(r['intervals']) for r in own)}",
         )
         lines.append(f"| `{term}` | " + " | ".join(told) + " |")

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import math
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from bayesdamp.verdict import thresholds
 from bayesdamp.verdict.pooled import pooled
-from bayesdamp.verdict.specimen import Answered, at_amplitude, specimen
+from bayesdamp.verdict.specimen import Answered, OtherForm, at_amplitude, specimen
 from bayesdamp.verdict.types import DampingRatio, Grade, Interval, Share, Verdict
 
 AMPLITUDE = np.array([0.1, 0.2, 0.4])
@@ -65,6 +68,38 @@ def test_a_damping_that_a_record_did_not_weigh_is_far_behind() -> None:
     assert found.damping == "viscous"
     assert found.probability == thresholds.CAP
     assert found.decided
+
+
+def test_another_form_that_is_ahead_in_every_record_is_ahead_of_all() -> None:
+    """By hand: in two records 3 nats ahead of viscous damping, with a tenth of its prior shared by two forms; in one
+    of them under another law, that is as good."""
+    hard = "viscous", "duffing"
+    power, stribeck = OtherForm("power", "linear", 3.0), OtherForm("stribeck", "linear", -2.0, "coulomb")
+    one = replace(answered("a", 0.01, {V: 0.0, hard: -40.0}), others=(power, stribeck))
+    two = replace(answered("b", 0.01, {V: 0.0, hard: -40.0}), others=(power,))
+    found = specimen("rig", [one, two])
+    alone = math.exp(6) * 0.05
+    assert found.damping == "viscous"
+    assert found.probability == pytest.approx(1 / (1 + alone), rel=1e-6)
+    assert found.rivals[0].damping == "power"
+    assert not found.decided
+    elsewhere = replace(power, restoring="duffing", log_evidence=-37.0)
+    moved = specimen("rig", [one, replace(two, others=(elsewhere,))])
+    assert moved.probability == pytest.approx(found.probability)
+    behind = specimen("rig", [one, replace(two, others=())])
+    assert behind.probability == pytest.approx(1.0, abs=0.02)
+    assert behind.rivals == () or behind.rivals[0].probability < 1e-10
+
+
+def test_another_form_that_was_not_weighed_is_the_sum_that_it_comes_to() -> None:
+    """Friction that rises near rest, weighed in one record of two."""
+    c = "coulomb", "linear"
+    stribeck = OtherForm("stribeck", "linear", 5.0, "coulomb")
+    one = replace(answered("a", 0.01, {c: 0.0, V: -9.0}), others=(stribeck,))
+    found = specimen("rig", [one, answered("b", 0.01, {c: -1.0, V: 0.0})])
+    assert found.damping == "coulomb"
+    weights = {"coulomb": math.exp(-1), "viscous": math.exp(-9), "stribeck": 0.1 * math.exp(5 - 1)}
+    assert found.probability == pytest.approx(weights["coulomb"] / sum(weights.values()))
 
 
 def test_sizes_are_pooled_in_the_logarithm() -> None:

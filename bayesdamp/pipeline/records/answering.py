@@ -233,4 +233,4 @@ def answered_of(store: Store, signal: str, repeat: int) -> Answered | None:
     if cell is None or not AnswerContent.of(cell).candidates:
         return None
     content = AnswerContent.of(cell)
-    return answered_from(Verdict.from_dict(content.verdict), content.candidates, cell.arrays)
+    return answered_from(Verdict.from_dict(content.verdict), content.candidates, content.rivals, cell.arrays)

@@ -13,7 +13,8 @@ from bayesdamp.types import OK
 @dataclass(frozen=True)
 class WeighedCandidate:
     """A damping sum under a restoring law: log evidence (nats) under approximate laws, None where they were taken to
-    hold exactly, and under exact ones; rms of the plain fit, in the record's unit."""
+    hold exactly, and under exact ones; rms of the plain fit, in the record's unit. place: of another form of damping
+    than those that are compared, the sum that it comes to in a limit, if there is one."""
 
     damping: str
     restoring: str
@@ -21,6 +22,7 @@ class WeighedCandidate:
     log_evidence_exact: float | None = None
     rms: float | None = None
     outcome: str = OK
+    place: str = ""
 
     @property
     def exact(self) -> float:
@@ -67,12 +69,14 @@ class FoundLaw:
 class AnswerContent(Content):
     """The answer on a record (`answer/NAME/REPEAT`, `sampled/NAME/REPEAT`).
 
-    verdict: as `Verdict.to_dict` gives it. fits: parameters of the fit of all terms, by restoring law. posteriors: of
-    the candidates that were sampled; laws: of those that were weighed with deviations.
+    verdict: as `Verdict.to_dict` gives it. rivals: other forms of damping that were weighed. fits: parameters of the
+    fit of all terms, by restoring law. posteriors: of the candidates that were sampled; laws: of those that were
+    weighed with deviations.
     """
 
     verdict: Mapping[str, Any]
     candidates: tuple[WeighedCandidate, ...] = ()
+    rivals: tuple[WeighedCandidate, ...] = ()
     fits: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     priors: tuple[CandidatePriors, ...] = ()
     posteriors: tuple[SampledPosterior, ...] = ()

@@ -96,7 +96,7 @@ RECIPES: tuple[Recipe, ...] = (
         _made("tests.misfit.run", "--seed 21 --count 18"),
     ),
     Recipe(
-        "laws", 4, _made("tests.validation.laws_report", "--exponents 50 --each 5"),
+        "laws", 6, _made("tests.validation.laws_report", "--exponents 50 --each 8"),
         (*TRUTH, "tests/validation/laws.py", "tests/validation/laws_report.py"),
         _made("tests.validation.laws_report", "--exponents 200 --each 15"),
     ),

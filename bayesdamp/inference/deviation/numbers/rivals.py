@@ -37,6 +37,14 @@ BEHIND = 7.0
 the prior of a rival less than 1 in 1,000 is beyond."""
 
 
+def place_of(damping: Sequence[str]) -> tuple[str, ...]:
+    """The sum in whose place a rival stands and which it comes to in a limit; empty where there is none."""
+    if not any(TERMS.get(t).inferred and t in PLACES for t in damping):
+        return ()
+    like = {PLACES.get(t, t) for t in damping}
+    return tuple(t for t in PAPER_TERMS if t in like)
+
+
 def with_rivals(weighing: Weighing, approximate: bool) -> Weighing:
     """The weighing with its rivals, under the likeliest restoring law."""
     if not weighing.results:
