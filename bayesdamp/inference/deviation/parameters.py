@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -49,10 +49,14 @@ class Parameters:
 
     def values(self, z: np.ndarray) -> np.ndarray:
         """The kernel's parameters at scores z, (..., d): shape (..., k)."""
+        return self._filled(z, range(self.free.size))
+
+    def _filled(self, z: np.ndarray, scores: Iterable[int]) -> np.ndarray:
+        """The kernel's parameters, (..., k), what is known of them and what these of the scores, (..., d), stand for."""
         p = np.empty((*z.shape[:-1], self._fixed.size))
         p[...] = self._fixed
-        for j, (i, name) in enumerate(zip(self.free, self.free_names, strict=True)):
-            p[..., i] = self.priors[name].value(z[..., j])
+        for j in scores:
+            p[..., self.free[j]] = self.priors[self.free_names[j]].value(z[..., j])
         return p
 
     @property
@@ -102,11 +106,20 @@ class Straight(Parameters):
         """The kernel's parameters at z, (..., d): shape (..., k); NaN where no parameters have these coordinates."""
         if z.ndim > 1:
             return np.array([self.values(row) for row in z])
-        p = super().values(z)
-        natural = self.origin + self.root @ (z[self.places] - self.anchor)
-        found = self.law.from_natural(dict(zip(self.at, map(float, natural), strict=True)))
-        p[self.free[self.places]] = np.nan if found is None else [found[name] for name in self.at]
+        p = self._filled(z, self._others)
+        p[self.free[self.places]] = self._of_law(z[self.places])
         return p
+
+    @cached_property
+    def _others(self) -> tuple[int, ...]:
+        """Places among the scores of what is not of the law."""
+        return tuple(i for i in range(self.free.size) if i not in self.places)
+
+    def _of_law(self, v: np.ndarray) -> np.ndarray:
+        """Values of what v stands for, both (b,); NaN where there are none."""
+        natural = self.origin + self.root @ (v - self.anchor)
+        found = self.law.from_natural(dict(zip(self.at, natural.tolist(), strict=True)))
+        return np.full(v.size, np.nan) if found is None else np.array([found[name] for name in self.at])
 
     def by_scores(self, tangents: np.ndarray, z: np.ndarray) -> np.ndarray:
         """Tangents by v of those by the kernel's parameters, (n, k): shape (n, d)."""
@@ -116,18 +129,20 @@ class Straight(Parameters):
 
     def plain(self, z: np.ndarray) -> np.ndarray:
         """Standard normal scores of v, both (d,); NaN where there are none."""
-        p, found = self.values(z)[self.free[self.places]], z.copy()
-        found[self.places] = [
-            float(self.priors[name].score(value)) for name, value in zip(self.at, p, strict=True)
-        ]
+        found = z.copy()
+        found[self.places] = self._plain_of(self._of_law(z[self.places]))
         return found
+
+    def _plain_of(self, values: np.ndarray) -> list[float]:
+        return [float(self.priors[name].score(value)) for name, value in zip(self.at, values, strict=True)]
 
     def log_prior(self, z: np.ndarray) -> float:
         """Log of the prior's density at v, (d,), over that of standard normal v; −∞ where it has none."""
-        plain = self.plain(z)[self.places]
+        p = self._of_law(z[self.places])
+        plain = np.array(self._plain_of(p))
         if not np.all(np.isfinite(plain)):
             return -np.inf
-        p, slopes = self.values(z)[self.free[self.places]], self._slopes(z)
+        slopes = self._slopes(z)
         scales = []
         for name, score, value in zip(self.at, plain, p, strict=True):
             d = SMALL_STEP * max(1.0, abs(score))
@@ -141,12 +156,12 @@ class Straight(Parameters):
     def _slopes(self, z: np.ndarray) -> np.ndarray:
         """Of the values by v, (b, b)."""
         found = np.empty((self.places.size, self.places.size))
-        for i, place in enumerate(self.places):
+        for i in range(self.places.size):
             ends = []
             for sign in (-1.0, 1.0):
-                moved = z.copy()
-                moved[place] += sign * SMALL_STEP
-                ends.append(self.values(moved)[self.free[self.places]])
+                moved = z[self.places]
+                moved[i] += sign * SMALL_STEP
+                ends.append(self._of_law(moved))
             found[:, i] = (ends[1] - ends[0]) / (2 * SMALL_STEP)
         return found
 
