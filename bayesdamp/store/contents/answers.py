@@ -76,8 +76,8 @@ class AnswerContent(Content):
 
     verdict: Mapping[str, Any]
     candidates: tuple[WeighedCandidate, ...] = ()
-    rivals: tuple[WeighedCandidate, ...] = ()
     fits: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     priors: tuple[CandidatePriors, ...] = ()
     posteriors: tuple[SampledPosterior, ...] = ()
     laws: tuple[FoundLaw, ...] = ()
+    rivals: tuple[WeighedCandidate, ...] = ()
