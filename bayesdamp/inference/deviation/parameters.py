@@ -52,7 +52,7 @@ class Parameters:
         return self._filled(z, range(self.free.size))
 
     def _filled(self, z: np.ndarray, scores: Iterable[int]) -> np.ndarray:
-        """The kernel's parameters, (..., k), what is known of them and what these of the scores, (..., d), stand for."""
+        """The kernel's parameters, (..., k): what is known, and what these of the scores, (..., d), stand for."""
         p = np.empty((*z.shape[:-1], self._fixed.size))
         p[...] = self._fixed
         for j in scores:
