@@ -209,7 +209,7 @@ class Comparison(Result):
             arrays = {n.removeprefix(f"{i}/"): v for n, v in packed.arrays.items() if n.startswith(f"{i}/")}
             content = AnswerContent.of_meta(one)
             verdict = Verdict.from_dict(content.verdict)
-            answers.append(Answer(verdict, content.candidates, content.fits, arrays))
+            answers.append(Answer(verdict, content.candidates, content.fits, arrays, rivals=content.rivals))
         units = packed.meta["units"]
         quantities = packed.meta.get("quantities") or ["angle"] * len(units)
         if len(answers) == 1:

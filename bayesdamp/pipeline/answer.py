@@ -51,12 +51,12 @@ class Answer:
 
     verdict: Verdict
     candidates: tuple[WeighedCandidate, ...] = ()
-    rivals: tuple[WeighedCandidate, ...] = ()
     fits: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     arrays: Mapping[str, np.ndarray] = field(default_factory=dict)
     posteriors: Mapping[tuple[str, str], Posterior] = field(default_factory=dict)
     priors: Mapping[tuple[str, str], Mapping[str, str]] = field(default_factory=dict)
     laws: Mapping[tuple[str, str], Found] = field(default_factory=dict)
+    rivals: tuple[WeighedCandidate, ...] = ()
 
     def content(self) -> AnswerContent:
         """As a cell or a file keeps it, beside its arrays."""
@@ -162,12 +162,12 @@ def answer(
     return Answer(
         verdict,
         tuple(_rows(weighing)),
-        tuple(_rivals(weighing)),
         _fits(weighing),
         picture(weighing, found),
         _posteriors(weighing),
         _priors(weighing),
         _laws(weighing),
+        tuple(_rivals(weighing)),
     )
 
 
