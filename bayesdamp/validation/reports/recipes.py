@@ -87,9 +87,9 @@ def _made(module: str, options: str) -> tuple[str, ...]:
 RECIPES: tuple[Recipe, ...] = (
     _study("sign_or_tanh", 2),
     Recipe(
-        "deviation", 3, _answers(14, 30, 10),
+        "deviation", 10, _answers(100, 60, 20),
         (*TRUTH, "bayesdamp/validation/scoring.py", "bayesdamp/validation/reports/deviation.py"),
-        _answers(40, 100, 30),
+        _answers(200, 200, 30),
     ),
     Recipe(
         "misfit", 2, _made("tests.misfit.run", "--seed 21 --count 6"), (*TRUTH, "tests/misfit"),
