@@ -119,14 +119,18 @@ def counted(number: int, what: str) -> str:
     return f"{number} {what}{'' if number == 1 else 's'}"
 
 
+FEW = 3.5
+"""Seconds that are called a few (conventional)."""
+
+
 def left_words(seconds: float) -> str:
     """Time left, as coarse as it is known."""
     if math.isnan(seconds):
         return ""
-    if seconds < 10:
+    if seconds < FEW:
         return "a few seconds left"
     if seconds < 95:
-        return f"about {max(10, 10 * round(seconds / 10))} s left"
+        return f"about {5 if seconds < 7.5 else max(10, 10 * round(seconds / 10))} s left"
     if seconds < 5400:
         return f"about {counted(round(seconds / 60), 'minute')} left"
     return f"about {counted(round(seconds / 3600), 'hour')} left"
@@ -169,6 +173,8 @@ class Pace:
 
 SLOWER, LATER = 1.5, 10.0
 """What is shown goes up only where the estimate is so many times it and so many seconds more (conventional)."""
+OVERDUE = 1.1
+"""Times what a step usually takes, or `FEW` seconds more, after which it takes longer than usual (conventional)."""
 
 
 class Progress:
@@ -204,7 +210,7 @@ class Progress:
         """The step is over."""
         if self.step.jobs and self.step.usual:
             self._pace.learn(self.step.kind, (time.monotonic() - self._began) / self.step.jobs)
-        self.step = Step("", "", 0)
+        self.step, self.done = Step("", "", 0), 0
 
     def left(self) -> float:
         """Seconds that the whole run has left: of this step by its own pace or that of earlier runs, of later ones by
@@ -234,8 +240,9 @@ class Progress:
         )
 
     def _overdue(self) -> bool:
-        """Whether a step has taken far longer than its kind does."""
-        return time.monotonic() - self._began > SLOWER * self._seconds(self.step) + LATER
+        """Whether a step has taken longer than its kind does."""
+        usual = self._seconds(self.step)
+        return time.monotonic() - self._began > max(OVERDUE * usual, usual + FEW)
 
 
 @contextmanager
@@ -256,9 +263,10 @@ def progress_on(console: Console) -> Iterator[Progress]:
         def render(self, task: Task) -> Text:
             return Text(found.line())
 
-    with Bar(Line(), BarColumn(bar_width=20), TimeElapsedColumn(), console=console, transient=True) as bar:
-        task = bar.add_task("", total=None)
-        found = Progress(lambda p: bar.update(task, total=p.step.jobs or None, completed=p.done))
+    bar = Bar(Line(), BarColumn(bar_width=20), TimeElapsedColumn(), console=console, transient=True)
+    found = Progress(lambda p: bar.update(task, total=p.step.jobs or None, completed=p.done))
+    task = bar.add_task("", total=None)
+    with bar:
         yield found
         found.end()
 

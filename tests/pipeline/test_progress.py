@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import math
+import time
 from pathlib import Path
 
 import pytest
@@ -102,7 +103,9 @@ def test_what_was_there_already_is_no_pace(clock: Clock, tmp_path: Path) -> None
     ("seconds", "words"),
     [
         (math.nan, ""),
-        (1.0, "a few seconds left"),
+        (3.4, "a few seconds left"),
+        (3.6, "about 5 s left"),
+        (9.0, "about 10 s left"),
         (12.0, "about 10 s left"),
         (42.0, "about 40 s left"),
         (97.0, "about 2 minutes left"),
@@ -128,6 +131,16 @@ def test_plain_lines_where_there_is_no_terminal(clock: Clock) -> None:
     ]  # fmt: skip
 
 
+def test_a_line_on_a_terminal(clock: Clock) -> None:
+    out = io.StringIO()
+    with p.progress_on(Console(file=out, force_terminal=True, width=100)) as shown:
+        shown.begin(p.Step("look", "estimating", 100))
+        clock.now += 1.0
+        shown.advance()
+        time.sleep(0.4)  # it is drawn ten times a second
+    assert "estimating, about 2 minutes left" in out.getvalue()
+
+
 def shown_over(clock: Clock, seconds: list[float]) -> list[str]:
     """What is shown while jobs take so long each."""
     shown = p.Progress(lambda _: None)
@@ -145,7 +158,7 @@ def test_the_time_left_does_not_jump(clock: Clock) -> None:
     said = shown_over(clock, [5.0, 7.0, 5.5, 8.0, 5.0, 6.0, 7.0, 5.0])
     numbers = [int(line.split()[1]) for line in said if line.startswith("about")]
     assert numbers == sorted(numbers, reverse=True)
-    assert said[-1] == "a few seconds left"
+    assert said[-1] == "about 5 s left"
 
 
 def test_the_time_left_grows_where_a_run_is_far_slower(clock: Clock) -> None:
@@ -161,11 +174,13 @@ def test_what_takes_longer_than_usual_is_said(clock: Clock) -> None:
     first.end()
     first.begin(p.Step("answer", "weighing", 1))
     assert first.line() == "weighing, about 10 s left"
-    clock.now += 9.0
+    clock.now += 3.0
+    assert first.line() == "weighing, about 5 s left"
+    clock.now += 4.0
     assert first.line() == "weighing, a few seconds left"
-    clock.now += 9.0
+    clock.now += 6.0
     assert first.line() == "weighing, a few seconds left"
-    clock.now += 30.0
+    clock.now += 1.0
     assert first.line() == "weighing, longer than usual"
 
 
