@@ -14,6 +14,7 @@ from threadpoolctl import threadpool_limits
 
 from bayesdamp.config import Recording, Study
 from bayesdamp.machine.cache_eviction import evict_programs
+from bayesdamp.machine.threads import cores
 from bayesdamp.outcomes import Status, status_of
 from bayesdamp.pipeline.jobs import Depth, Job, jobs_of, side_by_side, stages, within, work_of
 from bayesdamp.pipeline.keys import digest
@@ -73,7 +74,7 @@ def run_study(
             store.clear()
         jobs = jobs_of(study)
         wanted = [job for job in jobs if within(job, depth)]
-        workers = workers or max(1, min(len(os.sched_getaffinity(0)), side_by_side(jobs, depth)))
+        workers = workers or max(1, min(cores(), side_by_side(jobs, depth)))
         names = [name for job in wanted for name in work_of(study, store, job)]
         with progress_on(Console(quiet=True) if quiet else console) as progress:
             with pool_of(workers, scheduler, pool) as pool:

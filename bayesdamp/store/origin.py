@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import hashlib
 import importlib.metadata
-import os
 import platform
 import subprocess
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
+
+from bayesdamp.machine.threads import cores
 
 
 def provenance(inputs: Iterable[Path] = (), packages: Iterable[str] = ()) -> dict[str, Any]:
@@ -26,7 +27,7 @@ def provenance(inputs: Iterable[Path] = (), packages: Iterable[str] = ()) -> dic
         "machine": {
             "system": platform.platform(),
             "processor": _processor(),
-            "cpus": len(os.sched_getaffinity(0)),
+            "cpus": cores(),
             "python": platform.python_version(),
         },
         "inputs": {str(p): sha256(p) for p in inputs},

@@ -8,7 +8,6 @@ no more dimensions than the shared scores and those of one record, however many 
 
 from __future__ import annotations
 
-import os
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -24,6 +23,7 @@ from bayesdamp.inference.evidence.methods.importance import K_GOOD, K_LIMIT
 from bayesdamp.inference.many.joint import Joint, JointMode
 from bayesdamp.inference.model.batches import log_likelihood
 from bayesdamp.inference.model.density import LOG_2PI
+from bayesdamp.machine.threads import cores
 from bayesdamp.types import OK
 
 PILOT = 500
@@ -185,17 +185,13 @@ def _draw(mode: JointMode, proposal: _Proposal, rng: np.random.Generator, n: int
         return log_likelihood(joint.targets[j], mode.modes[j].context, joint.scores(j, repeated, scores[j]))
 
     # Records side by side, in threads: nearly all of it is compiled, and other processes have nothing to do by now.
-    with ThreadPoolExecutor(_threads(len(joint.targets))) as threads:
+    with ThreadPoolExecutor(min(len(joint.targets), cores())) as threads:
         heights = list(threads.map(likelihood, range(len(joint.targets))))
     own_weights = [(h + d).reshape(n, inner) for h, d in zip(heights, densities, strict=True)]
     for one in own_weights:
         weights = weights + logsumexp(one, axis=1) - np.log(inner)
     own = [y.reshape(n, inner, -1) for y in scores]
     return _Drawn(shared, own, np.asarray(weights), own_weights)
-
-
-def _threads(records: int) -> int:
-    return min(records, len(os.sched_getaffinity(0)))
 
 
 def _log_normal(y: np.ndarray, reflected: np.ndarray) -> np.ndarray:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor, as_completed
 from dataclasses import dataclass, replace
@@ -16,6 +15,7 @@ from bayesdamp.inference.evidence import EVIDENCES
 from bayesdamp.inference.noise import NOISES
 from bayesdamp.inference.samplers import SAMPLERS
 from bayesdamp.machine.cache_eviction import evict_programs
+from bayesdamp.machine.threads import cores
 from bayesdamp.outcomes import Status, status_of
 from bayesdamp.physics.damping import TERMS
 from bayesdamp.physics.restoring import LAWS
@@ -83,7 +83,7 @@ def gather(
     A wave's size follows from how many records the waves before it accepted, not from what was stored already: a run
     that was cut off ends with the same records. Chunks that failed are tried again by the next run.
     """
-    workers = workers or max(1, len(os.sched_getaffinity(0)))
+    workers = workers or cores()
     found: dict[str, list[CellResult]] = {s.name: [] for s in wanted}
     with progress_bar(console) as progress, pool_of(workers, None) as pool:
         bars = {s.name: progress.add_task(s.name, total=s.wanted) for s in wanted}
