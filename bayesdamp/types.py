@@ -104,8 +104,35 @@ class Estimate:
 
 
 @dataclass(frozen=True)
+class Seed:
+    """Where a search for the mode starts.
+
+    source: what gave the values: an estimator, or in words what of the record or which fit; stage: the estimator's.
+    drawn: whether the prior gave them, and not the record. grown: whether the start was then taken along a window that
+    grew from two cycles.
+    """
+
+    source: str
+    stage: str = ""
+    drawn: bool = False
+    grown: bool = False
+
+
+@dataclass(frozen=True)
+class ChainStart:
+    """A chain's starting point: the seed it is from, that one's distance from the mode and its own, in posterior sds;
+    shift: the largest distance of the chain's mean from that of all, in posterior sds."""
+
+    seed: Seed
+    seed_distance: float
+    distance: float
+    shift: float
+
+
+@dataclass(frozen=True)
 class Posterior:
-    """Draws of a posterior: draws[chain, draw, parameter] in natural units."""
+    """Draws of a posterior: draws[chain, draw, parameter] in natural units. starts: of the chains, where the sampler
+    says."""
 
     sampler: str
     names: tuple[str, ...]
@@ -115,6 +142,7 @@ class Posterior:
     diagnostics: Mapping[str, object] = field(default_factory=dict)
     seconds: float = 0.0
     outcome: str = OK
+    starts: tuple[ChainStart, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -26,7 +26,6 @@ MAY: dict[str, str] = {
     "outcomes.py": "the one place that writes and reads how tables say an outcome",
     "store/places.py": "the one place that reads what a task is about from its name",
     "envelope/records/reading.py": "still reads which note is on header lines",
-    "report/sections/posteriors/seeds.py": "still reads method and stage from a start's label",
 }
 """Where names come from outside and are read, or the one place that reads what it wrote; last what is to be mended."""
 

@@ -305,5 +305,5 @@ def _posterior(folder: Path, sampler: str, cell: CellResult) -> types.Posterior:
             likelihood = np.asarray(tree["/log_likelihood/record"].to_numpy()[..., 0])
     diagnostics = {**content.diagnostics, "summary": content.summary}
     return types.Posterior(
-        sampler, content.names, draws, likelihood, {}, diagnostics, cell.seconds, cell.outcome
+        sampler, content.names, draws, likelihood, {}, diagnostics, cell.seconds, cell.outcome, content.starts
     )

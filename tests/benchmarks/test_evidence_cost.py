@@ -15,6 +15,7 @@ from bayesdamp.inference.fit.mode import Mode
 from bayesdamp.inference.fit.search import find_mode
 from bayesdamp.inference.model.density import moving_scores
 from bayesdamp.inference.model.target import Target
+from bayesdamp.types import Seed
 from tests.benchmarks import test_sampler
 from tests.benchmarks.ledger import ratio
 from tests.benchmarks.timing import table
@@ -39,7 +40,7 @@ def searched(target: Target, start: dict[str, float], level: float) -> tuple[Mod
     with pytest.MonkeyPatch.context() as patch:
         for module in (maximise, search):
             patch.setattr(module, "compiled", counting)
-        at = find_mode(target, {"start": start}, noise_level=level)
+        at = find_mode(target, {Seed("start"): start}, noise_level=level)
     return at, count[0]
 
 

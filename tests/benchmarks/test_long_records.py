@@ -22,7 +22,7 @@ from bayesdamp.physics.integrate import simulate
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.physics.solver.steps import MeshPlan
 from bayesdamp.priors import HalfNormal, LogNormal, Normal, Prior
-from bayesdamp.types import Signal
+from bayesdamp.types import Seed, Signal
 from tests.benchmarks.ledger import ratio
 from tests.benchmarks.timing import in_turns, table
 
@@ -54,7 +54,7 @@ def problem(noise: str, count: int) -> tuple[Target, Mode, float]:
     if noise == "correlated":
         priors["noise_time"] = LogNormal(median=0.1, sigma=1.5)
     target = Target(Signal(t, y), osc, noise, priors, KNOWN)
-    mode = find_mode(target, {"truth": TRUTH}, noise_level=NOISE)
+    mode = find_mode(target, {Seed("truth"): TRUTH}, noise_level=NOISE)
     began = time.process_time()
     target.context(mode.context.plan)
     return target, mode, time.process_time() - began

@@ -23,6 +23,7 @@ from bayesdamp.inference.model.batches import log_likelihood
 from bayesdamp.inference.model.gradient import value_and_gradient
 from bayesdamp.inference.model.target import Target
 from bayesdamp.inference.samplers import SAMPLERS, Settings
+from bayesdamp.types import Seed
 from tests.benchmarks.ledger import ratio
 from tests.benchmarks.test_sampler import CHAINS, DRAWS, TRUTH, WARMUP, target
 from tests.benchmarks.timing import table
@@ -36,7 +37,7 @@ APART = 4.5
 @lru_cache
 def problem() -> tuple[Target, Mode]:
     posterior = target()
-    return posterior, find_mode(posterior, {"truth": TRUTH}, noise_level=TRUTH["noise_sd"])
+    return posterior, find_mode(posterior, {Seed("truth"): TRUTH}, noise_level=TRUTH["noise_sd"])
 
 
 def sizes(draws: np.ndarray, cold: float, warm: float) -> dict[str, float]:

@@ -26,7 +26,7 @@ from bayesdamp.inference.samplers._many import sample_many
 from bayesdamp.physics.integrate import simulate
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.priors import HalfNormal, LogNormal, Normal
-from bayesdamp.types import Signal
+from bayesdamp.types import Seed, Signal
 from tests.benchmarks.ledger import ratio
 from tests.benchmarks.timing import table
 
@@ -62,7 +62,7 @@ def effective(draws: dict[str, np.ndarray]) -> float:
 @lru_cache
 def measured() -> dict[str, dict[str, float]]:
     posterior = target()
-    mode = find_mode(posterior, {"truth": TRUTH}, noise_level=0.003)
+    mode = find_mode(posterior, {Seed("truth"): TRUTH}, noise_level=0.003)
     settings = Settings(chains=CHAINS, warmup=WARMUP, draws=DRAWS, seed=1)
     nuts = SAMPLERS.get("nuts")
     times, found = [], None
@@ -123,7 +123,7 @@ def on_odeint() -> dict[str, float]:
     """emcee's default stretch move on a likelihood by SciPy's odeint, from the posterior's own spread."""
     posterior = target()
     t, y = posterior.signal.t, posterior.signal.y
-    mode = find_mode(posterior, {"truth": TRUTH}, noise_level=0.003)
+    mode = find_mode(posterior, {Seed("truth"): TRUTH}, noise_level=0.003)
 
     def slope(state, _, zeta, stiffness):
         theta, omega = state
@@ -162,7 +162,7 @@ def on_odeint() -> dict[str, float]:
 def of_many() -> dict[str, float]:
     """A hundred records through one program, which is compiled in that time."""
     targets = [target(seed) for seed in range(RECORDS)]
-    modes = [find_mode(one, {"truth": TRUTH}, noise_level=0.003) for one in targets]
+    modes = [find_mode(one, {Seed("truth"): TRUTH}, noise_level=0.003) for one in targets]
     settings = Settings(
         chains=CHAINS, warmup=WARMUP, draws=DRAWS + 1
     )  # a shape that nothing has compiled yet
@@ -229,7 +229,7 @@ def test_effective_samples_a_second_of_many_records():
 def test_odeint_has_the_same_posterior():
     """Means within 4.5 of its standard errors; negative control: one sd away is further than that."""
     found, posterior = on_odeint(), target()
-    mode = find_mode(posterior, {"truth": TRUTH}, noise_level=0.003)
+    mode = find_mode(posterior, {Seed("truth"): TRUTH}, noise_level=0.003)
     sds = value_sds(posterior, mode.z, np.linalg.inv(mode.information))
     for name, value in posterior.values(mode.z).items():
         assert abs(found[name] - float(value)) < (4.5 * found["ess"] ** -0.5 + 0.1) * sds[name]

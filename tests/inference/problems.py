@@ -19,7 +19,7 @@ from bayesdamp.inference.samplers import SAMPLERS, Settings
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.priors import Prior
 from bayesdamp.records.oscillation.features import Features
-from bayesdamp.types import Posterior, Signal
+from bayesdamp.types import Posterior, Seed, Signal
 
 REFERENCES = Path(__file__).resolve().parents[1] / "reference"
 NAMES = ("viscous_coulomb", "coulomb_correlated", "touching_zero")
@@ -63,7 +63,7 @@ def mode(name: str) -> Mode:
     """Its mode, from the truth with every number moved by a tenth."""
     made = reference(name)
     seed = {n: 1.1 * v for n, v in made["truth"].items()}
-    return find_mode(target(name), {"near the truth": seed}, noise_level=made["truth"]["noise_sd"])
+    return find_mode(target(name), {Seed("near the truth"): seed}, noise_level=made["truth"]["noise_sd"])
 
 
 @lru_cache(maxsize=64)

@@ -18,7 +18,7 @@ from bayesdamp.inference.model.density import residual
 from bayesdamp.inference.model.target import Target
 from bayesdamp.records.oscillation.features import features
 from bayesdamp.records.read import read_record
-from bayesdamp.types import Signal, System
+from bayesdamp.types import Seed, Signal, System
 
 FILE = Path(__file__).resolve().parents[2] / ".." / "shared" / "data" / "horizontal_pendulum" / "80P.txt"
 FIRST, COUNT = 100, 5000
@@ -54,7 +54,9 @@ def fitted(*damping: str) -> tuple[Target, Mode]:
         {**seed, **target.oscillator.law.start(found.frequency, found.rest, {"gravity": g})}
         for g in (half, -half)
     )
-    return target, find_mode(target, {"none": seed, "up": up, "down": down}, noise_level=found.roughness)
+    return target, find_mode(
+        target, {Seed("none"): seed, Seed("up"): up, Seed("down"): down}, noise_level=found.roughness
+    )
 
 
 def log_likelihood(*damping: str) -> float:

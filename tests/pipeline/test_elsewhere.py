@@ -14,6 +14,7 @@ from bayesdamp.pipeline import run_study
 from bayesdamp.pipeline.candidates.branch import Branch
 from bayesdamp.report import render
 from bayesdamp.store import Store
+from bayesdamp.types import Seed
 
 STUDY = """
 version = 1
@@ -79,7 +80,7 @@ def test_each_noise_is_weighed(run):
         for noise, found in cell.meta["evidence"].items():
             target = branch.record.target(branch.terms, "linear", noise)
             start = store.read(f"mode/noisy/0/{model}").meta["values"]
-            mode = find_mode(target, {"start": start}, noise_level=branch.record.seen.roughness)
+            mode = find_mode(target, {Seed("start"): start}, noise_level=branch.record.seen.roughness)
             other = EVIDENCES.get("importance").evidence(model, target, mode, 7)
             assert found["log_evidence"] == pytest.approx(other.log_evidence, abs=0.15)
         by_noise = cell.meta["evidence"]

@@ -13,7 +13,7 @@ from bayesdamp.config.compare import Asked, comparison
 from bayesdamp.inference.fit import search
 from bayesdamp.inference.fit.maximise import maximise
 from bayesdamp.inference.fit.mode import Mode
-from bayesdamp.inference.fit.search import GROWN, find_mode
+from bayesdamp.inference.fit.search import find_mode
 from bayesdamp.inference.model.target import Target
 from bayesdamp.inference.noise import NOISES
 from bayesdamp.physics.integrate import simulate
@@ -29,7 +29,7 @@ from bayesdamp.pipeline.records.targets import Record
 from bayesdamp.priors import HalfNormal, LogNormal, Normal
 from bayesdamp.records.oscillation.features import features
 from bayesdamp.store import CellResult, Store
-from bayesdamp.types import Problem, Refusal, Signal
+from bayesdamp.types import Problem, Refusal, Seed, Signal
 
 FREQUENCY, RATE = 2 * np.pi * 0.3, 0.02
 
@@ -64,7 +64,7 @@ def test_the_noise_is_chosen_on_a_motion_that_keeps_step(record) -> None:
     one = LawFit(record.study, record.spec, 0, "linear", Store(Path(".")))
     vars(one)["record"] = record
     found = one.fit()
-    assert found.mode.searches[0].seed.startswith(OBSERVED)
+    assert replace(found.mode.searches[0].seed, grown=False) == OBSERVED
     assert float(found.target.values(found.mode.z)["stiffness"]) == pytest.approx(FREQUENCY**2, rel=0.01)
 
 
@@ -89,7 +89,7 @@ def test_the_fit_of_all_dampings_is_where_each_begins(record, tmp_path) -> None:
         branch = Branch(study, record.spec, 0, model, store)
         estimate, *_ = (n for n in cells_of(branch) if n.startswith("estimate/"))
         store.write(CellResult(estimate, "", outcome="none"))
-        seeds, _, _ = seeds_of(branch)
+        seeds, _ = seeds_of(branch)
         found = find_mode(branch.shared, seeds, noise_level=record.seen.roughness, thrifty=True)
         assert [c.seed for c in found.searches] == [ALL]
         assert found.searches[0].evaluations <= most
@@ -132,37 +132,39 @@ def stiffness(found: Mode) -> float:
 
 
 def test_the_start_that_keeps_step_is_climbed_from_alone() -> None:
-    seeds = {"fast": FAST, "right": TRUTH}
+    seeds = {Seed("fast"): FAST, Seed("right"): TRUTH}
     both = find_mode(swing(), seeds, noise_level=NOISE, thrifty=True)
-    assert [c.seed for c in both.searches] == ["right"]
+    assert [c.seed.source for c in both.searches] == ["right"]
     every = find_mode(swing(), seeds, noise_level=NOISE)
-    assert [c.seed for c in every.searches] == ["fast", "right"]
-    lost = find_mode(swing(), {"fast": FAST, "slow": {**FAST, "zeta": 0.3}}, noise_level=NOISE, thrifty=True)
-    assert [c.seed for c in lost.searches][:1] == ["fast"]
+    assert [c.seed.source for c in every.searches] == ["fast", "right"]
+    lost = find_mode(
+        swing(), {Seed("fast"): FAST, Seed("slow"): {**FAST, "zeta": 0.3}}, noise_level=NOISE, thrifty=True
+    )
+    assert [c.seed.source for c in lost.searches][:1] == ["fast"]
 
 
 def test_a_start_that_loses_step_is_taken_along_growing_windows(monkeypatch) -> None:
     """Truth: the record's own stiffness, by six of its errors. Negative control: the whole record at once."""
-    lost = find_mode(swing(), {"fast": FAST}, noise_level=NOISE)
+    lost = find_mode(swing(), {Seed("fast"): FAST}, noise_level=NOISE)
     assert abs(stiffness(lost) - TRUTH["stiffness"]) > 1.0
-    found = find_mode(swing(), {"fast": FAST}, noise_level=NOISE, period=PERIOD)
-    assert [c.seed for c in found.searches] == ["fast", f"fast{GROWN}"]
+    found = find_mode(swing(), {Seed("fast"): FAST}, noise_level=NOISE, period=PERIOD)
+    assert [c.seed for c in found.searches] == [Seed("fast"), Seed("fast", grown=True)]
     assert abs(stiffness(found) - TRUTH["stiffness"]) < 6 * 4e-4
     # Windows that a gap leaves empty are passed over.
     t, y = swing().signal.t, swing().signal.y
     kept = (t < 0.01) | (t > 5.0)
     gappy = replace(swing(), signal=Signal(t[kept], y[kept]))
-    begun = search._begun(gappy, ["fast"], False, gappy.scores(FAST), 1e-4)
+    begun = search._begun(gappy, [Seed("fast")], gappy.scores(FAST), 1e-4)
     (after,) = search._grown(gappy, [begun], 1e-4, PERIOD)
     assert abs(float(gappy.values(after.z)["stiffness"]) - TRUTH["stiffness"]) < 0.01
     # Where a seed keeps step no window is needed, nor computed.
     monkeypatch.setattr(search, "_grown", lambda *_: (pytest.fail("grown for nothing") for _ in range(1)))
-    near = find_mode(swing(), {"right": TRUTH}, noise_level=NOISE, period=PERIOD)
-    assert [c.seed for c in near.searches] == ["right"]
+    near = find_mode(swing(), {Seed("right"): TRUTH}, noise_level=NOISE, period=PERIOD)
+    assert [c.seed.source for c in near.searches] == ["right"]
 
 
 def test_a_mode_without_curvature_gives_way_to_the_next(monkeypatch) -> None:
-    seeds = {"right": TRUTH, "fast": FAST}
+    seeds = {Seed("right"): TRUTH, Seed("fast"): FAST}
     settle, asked = search.settle, []
 
     def refusing(target, z, *rest):

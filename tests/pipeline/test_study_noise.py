@@ -9,7 +9,8 @@ from scipy.integrate import solve_ivp
 from bayesdamp.config import load_study
 from bayesdamp.pipeline import cells, run_study
 from bayesdamp.store import Store, read_table
-from bayesdamp.types import InputError
+from bayesdamp.store.contents.candidates import ModeContent
+from bayesdamp.types import InputError, Seed
 
 STUDY = """
 version = 1
@@ -52,15 +53,15 @@ def test_one_noise_is_chosen_and_shown(tmp_path):
     assert found.meta["chosen"] == "gaussian"
     assert "recording step" in found.meta["weighed"][0]["outcome"]
     assert read_table(tmp_path / "out" / "fits.csv")[0]["verdict"] == "fits"
-    searches = store.read("mode/noisy/0/viscous").meta["climbs"]
-    assert [c["seed"] for c in searches] == [
-        "frequency and decay",
-        "least_squares, initial",
-        "least_squares, refined",
-        "prior 1",
-        "prior 2",
+    searches = ModeContent.of(store.read("mode/noisy/0/viscous")).climbs
+    assert [c.seed for c in searches] == [
+        Seed("frequency and decay"),
+        Seed("least_squares", "initial"),
+        Seed("least_squares", "refined"),
+        Seed("prior 1", drawn=True),
+        Seed("prior 2", drawn=True),
     ]
-    assert all(c["mode"] == 0 for c in searches[:3])
+    assert all(c.mode == 0 for c in searches[:3])
     report = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
     assert 'id="noise"' in report
     assert 'id="seeds"' in report

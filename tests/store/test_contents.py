@@ -12,7 +12,7 @@ import pytest
 from bayesdamp.store import CellResult, Store
 from bayesdamp.store.contents.answers import AnswerContent, SampledPosterior, WeighedCandidate
 from bayesdamp.store.contents.calibration import ChunkContent, RanksContent, RecoveryContent
-from bayesdamp.store.contents.candidates import Climb, ModeContent, Part, SecondHalf
+from bayesdamp.store.contents.candidates import Climb, ModeContent, Part, RefusedSeed, SecondHalf
 from bayesdamp.store.contents.content import Content
 from bayesdamp.store.contents.estimates import EstimateContent, StageFound
 from bayesdamp.store.contents.evidence import (
@@ -34,9 +34,11 @@ from bayesdamp.store.contents.many import (
     WeighedContent,
     Weighing,
 )
-from bayesdamp.store.contents.posteriors import AverageContent, ChainStart, PosteriorContent
+from bayesdamp.store.contents.posteriors import AverageContent, PosteriorContent
 from bayesdamp.store.contents.records import NoiseContent, NoiseTried, RecordContent, Scales, WidthTried
+from bayesdamp.types import ChainStart, Seed
 
+KOOPMAN = Seed("koopman", "initial", grown=True)
 RECORD = RecordContent(
     "bench", "rad", "angle", 0.001, {"start": 2.0, "notes": ["cut"]}, features={"period": 1.4, "rest": 0.1},
     anomalies=("it beats",), reference=Scales(0.3, 4.5), known={"epsilon": 0.02}, noisy=True,
@@ -48,9 +50,10 @@ NOISE = NoiseContent(
 )  # fmt: skip
 MODE = ModeContent(
     {"zeta": 0.05}, {"zeta": 0.001}, {}, {"zeta": "halfnormal"}, 12.5, 1e-6, {"step_error": 1e-8},
-    (Climb("koopman", ("sindy",), -5.0, 12.5, 30, -2.0, True, 1.5, 0, True),), (), ("mu_c",),
+    (Climb(KOOPMAN, (Seed("prior 1", drawn=True),), -5.0, 12.5, 30, -2.0, True, 1.5, 0),), (), ("mu_c",),
     windows=(Part("whole", 0.0, 6.0, {"zeta": 0.05}, {"zeta": 0.001}, math.inf),),
     forecast=SecondHalf(0.1, 0.1, 0.95, 30.0), rms=0.003, verdict="fits: well",
+    refused=(RefusedSeed(Seed("pinn"), "no convergence"),),
 )  # fmt: skip
 ANSWER = AnswerContent(
     {"record": "bench"}, (WeighedCandidate("viscous", "linear", None, -1.0, 0.003),), {"linear": {"zeta": 0.05}},
@@ -62,9 +65,8 @@ ANSWER = AnswerContent(
 SUMMARY = {"mean": 0.05, "sd": 0.001, "rhat": math.nan}
 ESTIMATE = EstimateContent((StageFound("initial", {"zeta": 0.05}, {}, {"selected": ["v"]}, 30, 0.1),))
 POSTERIOR = PosteriorContent(
-    ("zeta",), {"zeta": ""}, {"zeta": SUMMARY}, 0.3, {"decrement": 3}, {"divergences": 0, "starts": [
-        {"seed": "koopman", "seed_distance": 1.5, "distance": 1.0, "shift": 0.01}
-    ]}, "posterior/one.nc",
+    ("zeta",), {"zeta": ""}, {"zeta": SUMMARY}, 0.3, {"decrement": 3}, {"divergences": 0},
+    "posterior/one.nc", starts=(ChainStart(KOOPMAN, 1.5, 1.0, 0.01),),
 )  # fmt: skip
 AVERAGE = AverageContent({"viscous": 0.9, "coulomb": 0.1}, "importance", 1.0, ("coulomb",))
 EVIDENCE = EvidenceContent("viscous", "bridge", 9.0, 0.1, "overlap 0.9", 300, 1.0)
@@ -145,10 +147,9 @@ def test_a_cell_that_says_why_not_has_no_content() -> None:
     assert repr(JointContent.maybe(CellResult("joint/a", "key", JOINT.meta()))) == repr(JOINT)
 
 
-def test_starts_of_chains_are_values() -> None:
-    assert POSTERIOR.starts == (ChainStart("koopman", 1.5, 1.0, 0.01),)
+def test_what_a_sampler_says_is_read_as_values() -> None:
     assert POSTERIOR.divergences == 0
-    assert PosteriorContent().starts == PosteriorContent().running == ()
+    assert PosteriorContent().running == ()
 
 
 def dictionaries(source: str, own: bool) -> list[int]:

@@ -12,7 +12,7 @@ from bayesdamp.inference.fit.noise_choice import Fitted, fit_with
 from bayesdamp.inference.model.defaults import EPSILON_SHARE
 from bayesdamp.inference.model.target import Target
 from bayesdamp.records.oscillation.features import Features
-from bayesdamp.types import OK, Refusal
+from bayesdamp.types import OK, Refusal, Seed
 
 SHARES = (0.05, EPSILON_SHARE, 0.01, 0.005, 0.002, 0.001, 0.0005)
 """ε as shares of the peak velocity, over the range that its prior has where it is inferred."""
@@ -102,7 +102,7 @@ def _tried(
     """One ε, its search begun where another's ended; without a fit where it has none."""
     start = {n: float(v) for n, v in near.target.values(near.mode.z).items()}
     try:
-        fit = fit_with(build(epsilon), {"under another ε": start}, features)
+        fit = fit_with(build(epsilon), {Seed("under another ε"): start}, features)
     except Refusal as refusal:
         return Tried(share, epsilon, outcome=str(refusal)), None
     return _seen(share, epsilon, fit), fit

@@ -12,7 +12,7 @@ from bayesdamp.inference.model.residuals import log_density, residuals
 from bayesdamp.inference.model.target import Context, Layout, Target
 from bayesdamp.physics.solver.plan import Plan
 from bayesdamp.physics.solver.steps import MeshPlan
-from bayesdamp.types import Refusal
+from bayesdamp.types import Refusal, Seed
 
 BUDGET = 0.01
 """Largest change of the log likelihood (nats) that finer steps of the solver may make within NEAR sds of the mode;
@@ -27,14 +27,13 @@ FINER = 5
 class LocalSearch:
     """One seed's way to a mode: where it started and ended (scores, log posterior), and what it cost.
 
-    seed: its name; same: names of the seeds that start at the same place and were not climbed again. drawn: whether the
-    prior gave the seed, and not the record.
+    same: the seeds that start at the same place and were not climbed again.
     origin, z: scores at the start and the end, (d,). volume: log of the square root of the determinant of the inverse
     information at the end, by which modes are weighed.
     """
 
-    seed: str
-    same: tuple[str, ...]
+    seed: Seed
+    same: tuple[Seed, ...]
     start: float
     end: float
     evaluations: int
@@ -42,7 +41,6 @@ class LocalSearch:
     z: np.ndarray
     volume: float
     converged: bool
-    drawn: bool = False
 
 
 @dataclass(frozen=True)

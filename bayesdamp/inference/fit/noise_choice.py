@@ -15,7 +15,7 @@ from bayesdamp.inference.model.target import Target
 from bayesdamp.inference.noise import NOISES
 from bayesdamp.numerics.lazily import jax
 from bayesdamp.records.oscillation.features import Features
-from bayesdamp.types import OK, Refusal, Signal
+from bayesdamp.types import OK, Refusal, Seed, Signal
 
 FIRST = "correlated"
 """Noise of the first fit, where it is in play: white noise is its limit."""
@@ -64,7 +64,7 @@ def first_noise(names: Sequence[str], signal: Signal) -> str:
     raise Refusal("; ".join(refused))
 
 
-def fit_with(target: Target, seeds: Mapping[str, Mapping[str, float]], features: Features) -> Fitted:
+def fit_with(target: Target, seeds: Mapping[Seed, Mapping[str, float]], features: Features) -> Fitted:
     """The mode of one target and its evidence. Raises Refusal."""
     mode = find_mode(target, seeds, noise_level=features.roughness, period=features.period, thrifty=True)
     return Fitted(target, mode, log_evidence_near(target, mode.context, mode.z))
@@ -93,7 +93,7 @@ def weigh_noises(build: Build, fitted: Fitted, features: Features, names: Sequen
             if there < best - MARGIN:
                 found.append(Weighed(name, there, values, held=True))
                 continue
-            fresh = fit_with(build(name), {f"with {own} noise": start}, features)
+            fresh = fit_with(build(name), {Seed(f"with {own} noise"): start}, features)
         except Refusal as refusal:
             found.append(Weighed(name, outcome=str(refusal)))
             continue

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -16,7 +16,7 @@ from bayesdamp.inference.model.residuals import residual
 from bayesdamp.inference.model.target import Context, Target
 from bayesdamp.numerics.levenberg_marquardt import Maximum
 from bayesdamp.outcomes import Status
-from bayesdamp.types import Refusal
+from bayesdamp.types import Refusal, Seed
 
 COARSEST = 0.05
 """Error of the solver's steps at the mode, in units of the noise, with which one begins: plans are set right there, and
@@ -32,26 +32,23 @@ FEWEST = 8
 """Samples that a window must have."""
 SAME = 1e-4
 """Scores within which what grew from two seeds is one start."""
-GROWN = ", over growing windows"
-"""What the name of such a seed ends with."""
 
 
 def find_mode(
     target: Target,
-    seeds: Mapping[str, Mapping[str, float]],
+    seeds: Mapping[Seed, Mapping[str, float]],
     *,
     noise_level: float,
     period: float | None = None,
     thrifty: bool = False,
-    drawn: Collection[str] = (),
 ) -> Mode:
     """The highest mode that the seeds reach.
 
-    seeds: name of a seed to parameter values in natural units. noise_level: the record's roughness, which
+    seeds: each with its parameter values in natural units. noise_level: the record's roughness, which
     sets how well trajectories are first computed. period: the oscillation's, s; with one, where no seed leads to a
     motion that keeps step with the record, the search goes on over a window that grows from two cycles. thrifty:
     seeds are climbed from only until one leads to such a motion: those that keep step already, then the others over
-    growing windows, then these as they are. drawn: names of the seeds that the prior gave.
+    growing windows, then these as they are.
     Raises Refusal where no seed reaches a finite posterior with a curvature, or the noise takes the motion's place in
     all that do.
     """
@@ -69,8 +66,8 @@ def find_mode(
 
     def begin() -> Iterator[_Begun]:
         """The seeds in turn, each planned when it is asked for."""
-        for names, z in _distinct(target, seeds):
-            begun.append(_begun(target, names, names[0] in drawn, z, tolerance))
+        for alike, z in _distinct(target, seeds):
+            begun.append(_begun(target, alike, z, tolerance))
             yield begun[-1]
 
     def stages() -> Iterator[Iterable[_Begun]]:
@@ -85,13 +82,13 @@ def find_mode(
     for stage in stages():
         if keeps:  # and nothing of the next stage is computed
             break
-        for names, is_drawn, z0, context, start, _ in stage:
+        for (seed, *same), z0, context, start, _ in stage:
             top = _ascend(target, context, z0, tolerance)
             volume = -0.5 * float(np.linalg.slogdet(top.information)[1])
             searches.append(
                 LocalSearch(
-                    names[0],
-                    tuple(names[1:]),
+                    seed,
+                    tuple(same),
                     start,
                     top.value,
                     top.evaluations,
@@ -99,7 +96,6 @@ def find_mode(
                     top.x,
                     volume,
                     top.converged,
-                    is_drawn,
                 )
             )
             if not np.isfinite(top.value):
@@ -128,11 +124,10 @@ def find_mode(
 
 
 class _Begun(NamedTuple):
-    """A seed's names, whether the prior gave it, its scores (d,) with the noise that they leave, a plan there,
-    the log posterior and the root mean square of what is left of the record."""
+    """The seeds of a start, its scores (d,) with the noise that they leave, a plan there, the log posterior and the
+    root mean square of what is left of the record."""
 
-    names: list[str]
-    drawn: bool
+    seeds: list[Seed]
     z: np.ndarray
     context: Context
     value: float
@@ -140,13 +135,13 @@ class _Begun(NamedTuple):
 
 
 def _begun(
-    target: Target, names: list[str], drawn: bool, z: np.ndarray, tolerance: float, stepped: bool = False
+    target: Target, seeds: list[Seed], z: np.ndarray, tolerance: float, stepped: bool = False
 ) -> _Begun:
     context = target.context(plans(target, z, tolerance, stepped)[0])
     r = residual(target, context.plan, z)
     z = _with_noise(target, z, r)
     value = float(compiled(target.layout).curvature(context, z)[0])
-    return _Begun(names, drawn, z, context, value, _size(r))
+    return _Begun(seeds, z, context, value, _size(r))
 
 
 def _grown(
@@ -167,7 +162,7 @@ def _grown(
                 continue
             part = replace(target, signal=replace(target.signal, t=t[:keep], y=y[:keep]))
             # In steps: these share programs, whatever the number of samples.
-            there = _begun(part, one.names, one.drawn, z, tolerance, stepped=True)
+            there = _begun(part, one.seeds, z, tolerance, stepped=True)
             top = maximise_posterior(
                 part.layout, there.context, there.z, retract=retraction(part), close=ROUGHLY
             )
@@ -177,8 +172,7 @@ def _grown(
         else:
             if not any(np.max(np.abs(z - other)) < SAME for other in found):
                 found.append(z)
-                names = [f"{name}{GROWN}" for name in one.names]
-                yield _begun(target, names, one.drawn, z, tolerance)
+                yield _begun(target, [replace(seed, grown=True) for seed in one.seeds], z, tolerance)
 
 
 def _left(target: Target, z: np.ndarray, tolerance: float) -> float:
@@ -206,18 +200,17 @@ def _ascend(target: Target, context: Context, z: np.ndarray, tolerance: float) -
 
 
 def _distinct(
-    target: Target, seeds: Mapping[str, Mapping[str, float]]
-) -> Sequence[tuple[list[str], np.ndarray]]:
-    """Seeds as scores, (d,), each with the names of those that start there: refined estimates that agree are
-    climbed once."""
-    found: list[tuple[list[str], np.ndarray]] = []
-    for name, values in seeds.items():
+    target: Target, seeds: Mapping[Seed, Mapping[str, float]]
+) -> Sequence[tuple[list[Seed], np.ndarray]]:
+    """Scores, (d,), each with the seeds that start there: refined estimates that agree are climbed once."""
+    found: list[tuple[list[Seed], np.ndarray]] = []
+    for seed, values in seeds.items():
         z = target.scores(values)
-        there = next((names for names, other in found if np.max(np.abs(z - other)) <= 1e-6), None)
+        there = next((alike for alike, other in found if np.max(np.abs(z - other)) <= 1e-6), None)
         if there is None:
-            found.append(([name], z))
+            found.append(([seed], z))
         else:
-            there.append(name)
+            there.append(seed)
     return found
 
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from bayesdamp.inference.fit.mode import LocalSearch, Mode
 from bayesdamp.inference.model.target import Target
+from bayesdamp.types import Seed
 
 SAME_MODE = 1.0
 """Posterior sds within which two ends are one mode."""
@@ -24,10 +25,13 @@ class Basin:
     share: float
 
 
-def prior_starts(target: Target, count: int, seed: int) -> dict[str, Mapping[str, float]]:
-    """Draws from the prior: name to parameter values in natural units."""
+def prior_starts(target: Target, count: int, seed: int) -> dict[Seed, Mapping[str, float]]:
+    """Draws from the prior: parameter values in natural units."""
     draws = np.random.default_rng(seed).standard_normal((count, len(target.names)))
-    return {f"prior {i + 1}": {n: float(v) for n, v in target.values(z).items()} for i, z in enumerate(draws)}
+    return {
+        Seed(f"prior {i + 1}", drawn=True): {n: float(v) for n, v in target.values(z).items()}
+        for i, z in enumerate(draws)
+    }
 
 
 def reached(climb: LocalSearch) -> bool:

@@ -12,6 +12,7 @@ from bayesdamp.inference.fit.mode import Mode
 from bayesdamp.inference.model import batches
 from bayesdamp.inference.model.target import Target
 from bayesdamp.inference.samplers._sampler import Settings
+from bayesdamp.types import ChainStart, Seed
 
 SPREAD = 1.5
 """Sds of the scatter around a seed: starts are wider than the posterior also where all seeds agree."""
@@ -25,7 +26,7 @@ SHARES = (1.0, 0.5, 0.25, 0.1, 0.03, 0.0)
 class Start:
     """One chain's start: the seed it is taken from; how far from the centre that is and the start is, in sds."""
 
-    seed: str
+    seed: Seed
     seed_distance: float
     distance: float
 
@@ -41,10 +42,10 @@ def seeded_starts(
     """
     rng = np.random.default_rng(settings.seed)
     reflected = np.asarray(target.layout.reflected)
-    names = [c.seed for c in mode.searches] or ["mode"]
+    given = [c.seed for c in mode.searches] or [Seed("mode")]
     origins = [c.origin for c in mode.searches] or [mode.z]
     seeds = at.whitened(np.where(reflected, np.abs(origins), origins))
-    order = _spread_out(seeds, [c.drawn for c in mode.searches] or [False])
+    order = _spread_out(seeds, [seed.drawn for seed in given])
     scatter = SPREAD * rng.standard_normal((count, seeds.shape[1]))
     chosen = [order[i % len(order)] for i in range(count)]
     # Scatter alone is the last resort but one, the centre itself the last.
@@ -64,7 +65,7 @@ def seeded_starts(
     each = np.arange(count)
     u = at.whitened(z[first, each])
     found = [
-        Start(names[c], float(np.linalg.norm(seeds[c])), float(np.linalg.norm(x)))
+        Start(given[c], float(np.linalg.norm(seeds[c])), float(np.linalg.norm(x)))
         for c, x in zip(chosen, u, strict=True)
     ]
     return u, height[first, each], found
@@ -89,14 +90,11 @@ def _spread_out(seeds: np.ndarray, drawn: Sequence[bool]) -> list[int]:
     return order
 
 
-def agreement(starts: list[Start], draws: np.ndarray) -> list[dict[str, float | str]]:
-    """What each chain made of its start. draws: of one chain a start, shape (chains, draws, d), in natural units.
-
-    shift: the largest distance of the chain's mean from that of all, in posterior sds.
-    """
+def agreement(starts: Sequence[Start], draws: np.ndarray) -> tuple[ChainStart, ...]:
+    """What each chain made of its start. draws: of one chain a start, shape (chains, draws, d), in natural units."""
     sd = np.maximum(draws.std(axis=(0, 1)), 1e-300)
     shift = np.abs(draws.mean(axis=1) - draws.mean(axis=(0, 1))) / sd
-    return [
-        {"seed": s.seed, "seed_distance": s.seed_distance, "distance": s.distance, "shift": float(v.max())}
+    return tuple(
+        ChainStart(s.seed, s.seed_distance, s.distance, float(v.max()))
         for s, v in zip(starts, shift, strict=True)
-    ]
+    )

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-from collections import Counter
 from dataclasses import replace
 
 import emcee
@@ -76,13 +75,12 @@ class Emcee(Sampler):
             (emcee.moves.DEMove(), 0.3),
             (emcee.moves.StretchMove(), 0.2),
         ]
-        ensembles, seeds = [], []
+        ensembles = []
         for k in range(ENSEMBLES):
             sampler = emcee.EnsembleSampler(walkers, d, log_probability, vectorize=True, moves=moves)
             sampler.random_state = np.random.RandomState((settings.seed + k) % 2**32).get_state()
             own = replace(settings, seed=settings.seed + 7919 * k)
-            start, _, chosen = seeded_starts(target, mode, at, walkers, own)
-            seeds += chosen
+            start, *_ = seeded_starts(target, mode, at, walkers, own)
             state = self._settled(sampler, start, settings.warmup // 2)
             ensembles.append((sampler, state))
 
@@ -121,7 +119,6 @@ class Emcee(Sampler):
                 "walkers": walkers,
                 "ensembles": ENSEMBLES,
                 "thinned_by": thin,
-                "walkers_by_seed": dict(Counter(s.seed for s in seeds)),
             },
             seconds=time.perf_counter() - began,
             outcome=outcome,

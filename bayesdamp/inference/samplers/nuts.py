@@ -156,8 +156,8 @@ class Run:
                 "exact_force": self.exact,
                 "step": float(self.given[3]),
                 "likelihoods": int(np.sum(steps)),
-                "starts": agreement(self.begun, draws),
             },
+            starts=agreement(self.begun, draws),
             outcome=outcome,
         )
 

@@ -25,12 +25,12 @@ from bayesdamp.pipeline.records.records import NO_NOISE
 from bayesdamp.pipeline.records.starts import observed, regression
 from bayesdamp.plugins import nearest
 from bayesdamp.records.oscillation.features import Features, features
-from bayesdamp.types import InputError, Problem, Refusal
+from bayesdamp.types import InputError, Problem, Refusal, Seed
 from bayesdamp.units import UNITS
 
 PRIOR_STARTS = 2
 """Draws from the prior that are climbed from beside what the record says."""
-Starts = Mapping[str, Mapping[str, float]]
+Starts = Mapping[Seed, Mapping[str, float]]
 NO_POSTERIOR = "the record has no noise, so there is no posterior; give noise_sd to simulate"
 
 
@@ -137,15 +137,15 @@ def choose(case: Case, starts: Starts) -> Choice:
         ahead = order[0].log_evidence - order[1].log_evidence
         notes.append(f"Noise: {noise}, {ahead:.3g} nats ahead of {order[1].noise}.")
     values = {n: float(v) for n, v in fit.target.values(fit.mode.z).items()}
-    return Choice(noise, epsilon, tuple(notes), {"fit that chose the noise": values})
+    return Choice(noise, epsilon, tuple(notes), {Seed("fit that chose the noise"): values})
 
 
 def searched(
     case: Case, start: Mapping[str, float] | None, seed: int
 ) -> tuple[Target, Mode, tuple[str, ...]]:
     """The target, its highest mode with the solver's steps set right there, and what was chosen on the way."""
-    given = {} if start is None else {"given": dict(start)}
-    for name in given.get("given", {}):
+    given = {} if start is None else {Seed("given"): dict(start)}
+    for name in start or ():
         if name not in case.model.parameters:
             raise InputError(
                 f"fit: start has unknown parameter {name!r}{nearest(name, list(case.model.parameters))}"
@@ -158,9 +158,8 @@ def searched(
         starts = dict(given)
     choice = choose(case, starts)
     target = case.target(choice.noise, choice.epsilon)
-    drawn = prior_starts(target, PRIOR_STARTS, seed)
-    seeds = {**choice.starts, **starts, **drawn}
-    mode = find_mode(target, seeds, noise_level=case.seen.roughness, period=case.seen.period, drawn=drawn)
+    seeds = {**choice.starts, **starts, **prior_starts(target, PRIOR_STARTS, seed)}
+    mode = find_mode(target, seeds, noise_level=case.seen.roughness, period=case.seen.period)
     # Made anew at the mode, as it is where a fit is read from a file, so that both are the same.
     again = restore_mode(target, mode.z, mode.log_posterior, mode.information, mode.tolerance, mode.searches)
     return target, again, choice.notes

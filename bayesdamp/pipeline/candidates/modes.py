@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -16,9 +16,9 @@ from bayesdamp.pipeline.records.records import NOT_APPLICABLE, cell_seed, plain_
 from bayesdamp.pipeline.records.starts import observed, of_all, regression
 from bayesdamp.pipeline.records.stored_modes import packed
 from bayesdamp.store import CellResult
-from bayesdamp.store.contents.candidates import BesideIt, Part, SecondHalf
+from bayesdamp.store.contents.candidates import BesideIt, Part, RefusedSeed, SecondHalf
 from bayesdamp.store.contents.estimates import EstimateContent
-from bayesdamp.types import OK, Problem, Refusal
+from bayesdamp.types import OK, Problem, Refusal, Seed
 
 PRIOR_SEEDS = 2
 """Draws from the prior that are climbed from beside the estimates."""
@@ -26,24 +26,24 @@ CHECKS = ("fit", "residual", "whitened", "autocorrelation")
 """What of the checks of a fit is stored as arrays."""
 
 
-def seeds_of(branch: Branch) -> tuple[dict[str, Mapping[str, float]], Collection[str], dict[str, str]]:
-    """Seeds by name, the names of those drawn from the prior, and what methods said that have no values.
+def seeds_of(branch: Branch) -> tuple[dict[Seed, Mapping[str, float]], tuple[RefusedSeed, ...]]:
+    """Seeds with their values, and what methods said that have none.
 
     Seeds are every estimator's values at each of its stages; what the record's frequency and decay say; draws from the
     prior. With no estimator in the study, least squares'. Raises Refusal where there is nothing to start from.
     """
-    seeds: dict[str, Mapping[str, float]] = {}
-    refused: dict[str, str] = {}
+    seeds: dict[Seed, Mapping[str, float]] = {}
+    refused: list[RefusedSeed] = []
     for method in branch.methods:
         cell = branch.store.read(f"estimate/{branch.path}/{method}")
         for stage in EstimateContent.of(cell).stages:
-            label = f"{method}, {stage.stage}"
+            seed = Seed(method, stage.stage)
             if stage.values and np.all(np.isfinite(list(stage.values.values()))):
-                seeds[label] = stage.values
+                seeds[seed] = stage.values
             else:
-                refused[label] = stage.outcome
+                refused.append(RefusedSeed(seed, stage.outcome))
         if cell.outcome != OK:
-            refused[method] = cell.outcome
+            refused.append(RefusedSeed(Seed(method), cell.outcome))
     problem = Problem(branch.terms, branch.system)
     if not seeds:
         seeds |= regression(branch.record, problem)[0]
@@ -56,7 +56,7 @@ def seeds_of(branch: Branch) -> tuple[dict[str, Mapping[str, float]], Collection
         raise Refusal("no estimator found a place to start from")
     count = 0 if branch.many else PRIOR_SEEDS
     from_prior = prior_starts(branch.target, count, cell_seed(branch.study, f"seeds/{branch.path}"))
-    return seeds | from_prior, from_prior.keys(), refused
+    return seeds | from_prior, tuple(refused)
 
 
 def compute_mode(branch: Branch, name: str, key: str) -> None:
@@ -66,14 +66,13 @@ def compute_mode(branch: Branch, name: str, key: str) -> None:
         branch.store.write(CellResult(name, key, outcome=NOT_APPLICABLE))
         return
     try:
-        (seeds, drawn, refused), seen = seeds_of(branch), branch.record.seen
+        (seeds, refused), seen = seeds_of(branch), branch.record.seen
         mode = find_mode(
             branch.shared,
             seeds,
             noise_level=seen.roughness,
             period=seen.period,
             thrifty=branch.many,
-            drawn=drawn,
         )
     except Refusal as refusal:
         branch.store.write(CellResult(name, key, outcome=str(refusal), seconds=plain_seconds(began)))

@@ -53,6 +53,7 @@ def compute_posterior(branch: Branch, name: str, key: str, seed: int) -> None:
         _content(branch, found, motions),
         diagnostics={k: v for k, v in found.diagnostics.items() if k not in ("summary", "arrays")},
         file=file.relative_to(folder).as_posix(),
+        starts=found.starts,
     )
     own: Mapping[str, np.ndarray] = found.diagnostics.get("arrays", {})  # type: ignore[assignment]
     arrays = {"draws": found.draws, **curves(motions, branch.record.seen), **own}

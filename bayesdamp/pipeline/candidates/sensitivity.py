@@ -28,7 +28,7 @@ from bayesdamp.store.contents.evidence import (
     WidthsContent,
 )
 from bayesdamp.store.places import Place
-from bayesdamp.types import OK, Refusal, candidate_name, candidate_parts
+from bayesdamp.types import OK, Refusal, Seed, candidate_name, candidate_parts
 
 SOURCES = {
     "widths": "evidence/{}/importance",
@@ -134,7 +134,7 @@ def _noises(branch: Branch, source: CellResult, seed: int) -> Product:
             target = branch.record.target(
                 branch.terms, branch.restoring, noise, beside=branch.beside, epsilon=branch.epsilon
             )
-            fit = fit_with(target, {"under the chosen noise": start}, branch.record.seen)
+            fit = fit_with(target, {Seed("under the chosen noise"): start}, branch.record.seen)
             found[noise] = UnderNoise(fit.log_evidence)
         except Refusal as refusal:
             found[noise] = UnderNoise(-np.inf, str(refusal))

@@ -26,7 +26,7 @@ from bayesdamp.pipeline.records.stored_modes import packed, unpacked
 from bayesdamp.pipeline.records.targets import Record
 from bayesdamp.store import CellResult, Store
 from bayesdamp.store.contents.candidates import ModeContent
-from bayesdamp.types import OK, Problem, Refusal
+from bayesdamp.types import OK, Problem, Refusal, Seed
 
 
 def all_terms(study: Study, spec: SignalSpec) -> tuple[str, ...]:
@@ -91,7 +91,7 @@ class LawFit:
         begun = fits_of(self.store, self.spec.name, self.repeat)
         if begun and self.law not in begun:
             raise Refusal("out of the question in the first weighing")
-        seeds: dict[str, Mapping[str, float]] = {"first weighing": begun[self.law]} if begun else {}
+        seeds: dict[Seed, Mapping[str, float]] = {Seed("first weighing"): begun[self.law]} if begun else {}
         if not begun:
             # The climb is a refinement of its own.
             found, said = regression(self.record, problem)

@@ -9,19 +9,19 @@ from bayesdamp.estimators import run as run_estimator
 from bayesdamp.estimators.shared import decay_start, start_parameters
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.records.oscillation.features import Features
-from bayesdamp.types import Problem, Refusal, Signal
+from bayesdamp.types import Problem, Refusal, Seed, Signal
 
 if TYPE_CHECKING:
     from bayesdamp.pipeline.records.targets import Record
 
 REGRESSION = "least_squares"
 """The estimator that is asked where a study has none."""
-OBSERVED = "frequency and decay"
-"""Name of the start that is read off the record's turning points: a regression on derivatives is far off where noise
+OBSERVED = Seed("frequency and decay")
+"""The start that is read off the record's turning points: a regression on derivatives is far off where noise
 hides these, as in a record of the acceleration."""
 
-ALL = "fit of all dampings"
-"""Name of the start that has the motion of the fit under which the noise was chosen, which keeps step."""
+ALL = Seed("fit of all dampings")
+"""The start that has the motion of the fit under which the noise was chosen, which keeps step."""
 
 
 class Seen(Protocol):
@@ -38,13 +38,13 @@ class Seen(Protocol):
         ...
 
 
-def regression(record: Seen | Record, problem: Problem) -> tuple[dict[str, Mapping[str, float]], str]:
-    """Least squares' own values by the seed's name, and what it says where it has none."""
+def regression(record: Seen | Record, problem: Problem) -> tuple[dict[Seed, Mapping[str, float]], str]:
+    """Least squares' own values, and what it says where it has none."""
     found = run_estimator(REGRESSION, record.signal, problem, stages=("initial",), seed=0)
-    return {f"{REGRESSION}, {e.stage}": e.values for e in found if e.values}, found[0].outcome
+    return {Seed(REGRESSION, e.stage): e.values for e in found if e.values}, found[0].outcome
 
 
-def observed(record: Seen | Record, problem: Problem) -> dict[str, Mapping[str, float]]:
+def observed(record: Seen | Record, problem: Problem) -> dict[Seed, Mapping[str, float]]:
     """The restoring law of the record's frequency and midline, its smoothed start, and the damping of its decrements;
     nothing where they cannot be read."""
     try:
@@ -58,8 +58,8 @@ def of_all(
     fit: Mapping[str, float],
     damping: Sequence[str],
     problem: Problem,
-    decays: Mapping[str, Mapping[str, float]],
-) -> dict[str, Mapping[str, float]]:
+    decays: Mapping[Seed, Mapping[str, float]],
+) -> dict[Seed, Mapping[str, float]]:
     """The motion of a fit of all dampings, with the damping of the record's decrements, which one of fewer terms has to
     account for alone; with the fit's own where no other is known or it has the same terms.
 

@@ -13,7 +13,7 @@ from bayesdamp.inference.model.target import Target
 from bayesdamp.store import CellResult
 from bayesdamp.store.contents.candidates import Climb, Maximum, ModeContent
 
-CLIMB = ("seed", "same", "start", "end", "evaluations", "volume", "converged", "drawn")
+CLIMB = ("seed", "same", "start", "end", "evaluations", "volume", "converged")
 """What of a search is stored as it is; its scores are arrays."""
 SCORES = ("origin", "z")
 """Scores of a climb, shape (d,) each, stored as one array of all searches, (searches, d)."""

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from bayesdamp.store.contents.content import Content
+from bayesdamp.types import Seed
 
 NAN = float("nan")
 
@@ -14,10 +15,10 @@ NAN = float("nan")
 class Climb:
     """A search for the mode: the seed it started from and those that would have started there too, log posterior at
     both ends, likelihoods, log volume at the end; distance: of the start from the mode, in sds; mode: number of the
-    maximum it ended in, 0 for the highest, None for none; drawn: whether the prior gave the seed."""
+    maximum it ended in, 0 for the highest, None for none."""
 
-    seed: str
-    same: tuple[str, ...]
+    seed: Seed
+    same: tuple[Seed, ...]
     start: float
     end: float
     evaluations: int
@@ -25,7 +26,14 @@ class Climb:
     converged: bool
     distance: float = NAN
     mode: int | None = None
-    drawn: bool = False
+
+
+@dataclass(frozen=True)
+class RefusedSeed:
+    """A seed without values to start from, and what its method said."""
+
+    seed: Seed
+    outcome: str
 
 
 @dataclass(frozen=True)
@@ -89,7 +97,7 @@ class ModeContent(Content):
     modes: tuple[Maximum, ...] = ()
     touching_zero: tuple[str, ...] = ()
     log_evidence: float = NAN
-    refused: Mapping[str, str] = field(default_factory=dict)
+    refused: tuple[RefusedSeed, ...] = ()
     windows: tuple[Part, ...] = ()
     rms: float = NAN
     share: float = NAN

@@ -7,19 +7,9 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from bayesdamp.store.contents.content import Content
+from bayesdamp.types import ChainStart
 
 NAN = float("nan")
-
-
-@dataclass(frozen=True)
-class ChainStart:
-    """A chain's starting point: the seed it is from, that one's distance from the mode and its own, in posterior sds;
-    shift: of its mean from that of all chains, in posterior sds."""
-
-    seed: str
-    seed_distance: float
-    distance: float
-    shift: float
 
 
 @dataclass(frozen=True)
@@ -41,7 +31,8 @@ class PosteriorContent(Content):
     names: of the parameters of the array `draws`, (chain, draw, parameter). summary, units: of these and of what
     follows from them, at the reference amplitude (unit of displacement); without: derived quantities that have no
     summary, by how many draws have no such motion. diagnostics: the sampler's own. file: whole, in the run's folder.
-    ratios: where laws may hold approximately, the damping ratio at the verdict's amplitudes.
+    ratios: where laws may hold approximately, the damping ratio at the verdict's amplitudes. starts: of the chains,
+    where the sampler says.
     """
 
     names: tuple[str, ...] = ()
@@ -52,16 +43,12 @@ class PosteriorContent(Content):
     diagnostics: Mapping[str, Any] = field(default_factory=dict)
     file: str = ""
     ratios: tuple[DrawnRatio, ...] = ()
+    starts: tuple[ChainStart, ...] = ()
 
     @property
     def divergences(self) -> int | None:
         """How many transitions of the sampler diverged; None where it has no such thing."""
         return self.diagnostics.get("divergences")
-
-    @property
-    def starts(self) -> tuple[ChainStart, ...]:
-        """Where the chains started, where the sampler says so."""
-        return tuple(ChainStart(**one) for one in self.diagnostics.get("starts") or ())
 
     @property
     def running(self) -> tuple[str, ...]:

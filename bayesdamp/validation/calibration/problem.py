@@ -24,7 +24,7 @@ from bayesdamp.physics.restoring import LAWS
 from bayesdamp.priors import Prior
 from bayesdamp.records.oscillation.features import Features, features
 from bayesdamp.records.simulate import simulate_signal
-from bayesdamp.types import OK, Estimate, InputError, Problem, Signal, System
+from bayesdamp.types import OK, Estimate, InputError, Problem, Seed, Signal, System
 
 ESTIMATOR = "least_squares"
 SECOND = "envelope"
@@ -181,10 +181,10 @@ def mode_of(drawn: Drawn, system: System) -> tuple[Mode, Estimate]:
     problem = Problem(drawn.target.oscillator.damping, system)
     first = run_estimator(ESTIMATOR, drawn.signal, problem, seed=0)
     refined = first[-1]
-    seeds, centre = {"refined": refined.values} if refined.values else {}, "prior centre"
+    seeds = {Seed(ESTIMATOR, refined.stage): refined.values} if refined.values else {}
     if refined.outcome != OK:
         second = run_estimator(SECOND, drawn.signal, problem, stages=["initial"], seed=0)
         more = [*first[:-1], *second]
-        seeds |= {f"{e.estimator} {e.stage}": e.values for e in more if e.values}
-        seeds[centre] = {}
-    return find_mode(drawn.target, seeds, noise_level=seen.roughness, drawn=(centre,)), refined
+        seeds |= {Seed(e.estimator, e.stage): e.values for e in more if e.values}
+        seeds[Seed("prior centre", drawn=True)] = {}
+    return find_mode(drawn.target, seeds, noise_level=seen.roughness), refined

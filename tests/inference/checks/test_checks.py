@@ -23,7 +23,7 @@ from bayesdamp.inference.model.target import Target
 from bayesdamp.physics.integrate import simulate
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.priors import HalfNormal, LogNormal, Normal
-from bayesdamp.types import Refusal, Signal
+from bayesdamp.types import Refusal, Seed, Signal
 
 TIMES = np.linspace(0.0, 8.0, 240)
 NOISE = 0.004
@@ -60,7 +60,7 @@ def fit(
         priors["noise_dof"] = LogNormal(median=6.0, sigma=0.8)
     known = {"stiffness": 20.0, "rest_angle": 0.0}
     target = Target(Signal(TIMES, y), Oscillator((model,), "linear"), noise, priors, known)
-    mode = find_mode(target, {"s": {name: value, "theta0": 0.3, "omega0": 0.0}}, noise_level=NOISE)
+    mode = find_mode(target, {Seed("s"): {name: value, "theta0": 0.3, "omega0": 0.0}}, noise_level=NOISE)
     return target, check_fit(target, mode, PERIOD, seed)
 
 
@@ -125,7 +125,7 @@ def test_windows_are_climbed_closely_enough(monkeypatch):
 def test_a_part_without_a_shape_has_no_evidence(monkeypatch):
     """Where the curvature of a part cannot be factored the others keep theirs."""
     target, _ = fit("viscous", "viscous", 0)
-    mode = find_mode(target, {"s": {"zeta": 0.08, "theta0": 0.3, "omega0": 0.0}}, noise_level=NOISE)
+    mode = find_mode(target, {Seed("s"): {"zeta": 0.08, "theta0": 0.3, "omega0": 0.0}}, noise_level=NOISE)
 
     def stiff(information: np.ndarray) -> np.ndarray:
         if information is mode.information:
@@ -175,7 +175,7 @@ def test_laplace_draws_have_the_covariance():
     priors = {"zeta": HalfNormal(scale=0.8), "theta0": Normal(mean=0.0, sd=0.6)}
     known = {"stiffness": 20.0, "rest_angle": 0.0, "omega0": 0.0, "noise_sd": NOISE}
     target = Target(Signal(TIMES, y), Oscillator(("viscous",), "linear"), "gaussian", priors, known)
-    mode = find_mode(target, {"s": {"zeta": 0.08, "theta0": 0.3}}, noise_level=NOISE)
+    mode = find_mode(target, {Seed("s"): {"zeta": 0.08, "theta0": 0.3}}, noise_level=NOISE)
     draws = laplace_draws(target, mode, 20_000, 1)
     np.testing.assert_allclose(np.cov(draws.T), np.linalg.inv(mode.information), rtol=0.05)
     assert np.all(draws[:, 0] >= 0)
@@ -190,7 +190,7 @@ def test_laplace_draws_stay_where_terms_make_up_for_each_other():
     known = {"stiffness": 20.0, "rest_angle": 0.0, "epsilon": 0.02, "noise_sd": NOISE}
     three = Oscillator(("viscous", "coulomb", "quadratic"), "linear")
     target = Target(Signal(TIMES, y), three, "gaussian", priors, known)
-    mode = find_mode(target, {"s": {"mu_q": 0.3, "theta0": 0.3, "omega0": 0.0}}, noise_level=NOISE)
+    mode = find_mode(target, {Seed("s"): {"mu_q": 0.3, "theta0": 0.3, "omega0": 0.0}}, noise_level=NOISE)
     assert min(abs(mode.z[:2])) < 1e-6
 
     def depth(z: np.ndarray) -> float:
@@ -220,7 +220,7 @@ def test_laplace_draws_lean_on_the_wall():
         {"zeta": HalfNormal(scale=0.8)},
         known,
     )
-    mode = find_mode(target, {"s": {"zeta": 0.01}}, noise_level=NOISE)
+    mode = find_mode(target, {Seed("s"): {"zeta": 0.01}}, noise_level=NOISE)
     assert abs(mode.z[0]) < 1e-6
     grid = np.linspace(0.0, 8 * float(mode.sd()[0]), 2001)
     height = log_posterior(target, mode.context, grid[:, None])

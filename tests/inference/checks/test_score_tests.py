@@ -21,7 +21,7 @@ from bayesdamp.physics.integrate import make_plan
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.physics.solver.steps import MeshPlan
 from bayesdamp.priors import HalfNormal, Normal
-from bayesdamp.types import Signal
+from bayesdamp.types import Seed, Signal
 
 TIMES = np.linspace(0.0, 12.0, 300)
 K, ZETA, NOISE = 20.0, 0.08, 0.003
@@ -73,7 +73,7 @@ TRUTH = {"zeta": ZETA, "theta0": 0.3, "omega0": 0.2}
 def fitted(form: int, size: float) -> tuple[Target, Mode]:
     """The mode of the viscous oscillator on SciPy's record, without noise."""
     made = target(moved(form, size))
-    return made, find_mode(made, {"truth": TRUTH}, noise_level=NOISE)
+    return made, find_mode(made, {Seed("truth"): TRUTH}, noise_level=NOISE)
 
 
 def probed(made: Target, mode: Mode, noise: np.ndarray) -> Other:
@@ -142,7 +142,7 @@ def test_the_verdict_names_the_form() -> None:
     said = []
     for size in (0.1, 0.0):
         made = target(moved(0, size) + NOISE * noise)
-        mode = find_mode(made, {"truth": TRUTH}, noise_level=NOISE)
+        mode = find_mode(made, {Seed("truth"): TRUTH}, noise_level=NOISE)
         said.append(check_fit(made, mode, 2 * np.pi / np.sqrt(K), 0))
     assert said[0].form_p < 0.005
     assert said[0].verdict.startswith("does not fit")
@@ -155,7 +155,7 @@ def test_the_checks_weigh_every_form_of_damping(noise: float) -> None:
     """A viscous record that is good rules them all out, and one that is all noise none."""
     made = target(moved(0, 0.0) + noise * np.random.default_rng(14).standard_normal(TIMES.size))
     made = replace(made, known={**made.known, "noise_sd": noise})
-    mode = find_mode(made, {"truth": TRUTH}, noise_level=noise)
+    mode = find_mode(made, {Seed("truth"): TRUTH}, noise_level=noise)
     rivals = check_fit(made, mode, 2 * np.pi / np.sqrt(K), 0).rivals
     assert [r.words for r in rivals] == [f.words for f in FORMS if f.damps]
     weights = np.array([r.log_bayes for r in rivals])

@@ -19,7 +19,7 @@ from bayesdamp.inference.model.target import Target
 from bayesdamp.inference.samplers import Settings, nuts
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.priors import HalfNormal, LogNormal, LogUniform, Normal
-from bayesdamp.types import OK, Signal
+from bayesdamp.types import OK, Seed, Signal
 
 TRUTH = {"zeta": 0.05, "theta0": 0.3, "omega0": 0.0}
 K, SD, TIME = 20.0, 0.01, 8.0
@@ -51,7 +51,7 @@ def slow(kind: type = LogUniform) -> tuple[Target, Mode]:
     known = {"stiffness": K, "rest_angle": 0.0}
     target = Target(Signal(t, y + noise, "angle"), oscillator, "correlated", priors, known)
     start = {**TRUTH, "noise_sd": 0.005, "noise_time": 1.0}
-    return target, find_mode(target, {"truth": start}, noise_level=0.001)
+    return target, find_mode(target, {Seed("truth"): start}, noise_level=0.001)
 
 
 def test_a_lift_holds_the_ratio() -> None:

@@ -25,7 +25,7 @@ from bayesdamp.inference.model.defaults import Reference
 from bayesdamp.inference.model.target import Target
 from bayesdamp.inference.samplers import Settings, nuts
 from bayesdamp.records.oscillation.features import features
-from bayesdamp.types import OK, Problem, Signal, System
+from bayesdamp.types import OK, Problem, Seed, Signal, System
 
 NAMES = ("mu", "k", "g", "s")
 FOLDED = (True, False, False, False)
@@ -181,7 +181,7 @@ def shaken() -> tuple[Target, Mode]:
     target = build_target(signal, ("viscous",), system, seen, Reference(seen.amplitude, seen.frequency))
     problem = Problem(("viscous",), system)
     start = start_parameters(signal, problem, seen) | decay_start(problem, seen)
-    return target, find_mode(target, {"seen": start}, noise_level=seen.roughness)
+    return target, find_mode(target, {Seed("seen"): start}, noise_level=seen.roughness)
 
 
 def test_nuts_follows_a_curved_ridge() -> None:

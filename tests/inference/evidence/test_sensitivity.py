@@ -16,7 +16,7 @@ from bayesdamp.inference.evidence.savage_dickey import density_at_zero, savage_d
 from bayesdamp.inference.evidence.widths import against_width, widened
 from bayesdamp.inference.fit.search import find_mode
 from bayesdamp.priors import HalfNormal, LogNormal, Normal, Uniform
-from bayesdamp.types import Evidence, Signal
+from bayesdamp.types import Evidence, Seed, Signal
 from tests.inference.evidence.weighing_problems import (
     CASES,
     KNOWN,
@@ -105,7 +105,7 @@ def test_the_second_half_is_inside_its_interval_and_a_changed_one_is_not():
     y = target.signal.y.copy()
     y[TIMES.size // 2 :] += 3 * KNOWN["noise_sd"]
     changed = replace(target, signal=Signal(TIMES, y))
-    bad = predict("m", changed, find_mode(changed, {"s": {"mu_c": 0.1}}, noise_level=0.02), 1)
+    bad = predict("m", changed, find_mode(changed, {Seed("s"): {"mu_c": 0.1}}, noise_level=0.02), 1)
     assert bad.coverage < 0.4
     assert bad.rms / bad.expected > 2
 

@@ -14,7 +14,7 @@ from bayesdamp.inference.fit.search import find_mode
 from bayesdamp.inference.model.target import Target
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.priors import HalfNormal, LogNormal, Normal
-from bayesdamp.types import Signal
+from bayesdamp.types import Seed, Signal
 
 KNOWN = {"stiffness": 20.0, "rest_angle": 0.0, "epsilon": 0.1, "theta0": 0.3, "omega0": 0.0, "noise_sd": 0.02}
 TIMES = np.linspace(0.0, 6.0, 151)
@@ -94,7 +94,7 @@ def problem(case: str) -> tuple[Target, Mode]:
     priors = {n: PRIORS[n] for n in ranges}
     target = Target(Signal(TIMES, y), Oscillator(damping, "linear"), "gaussian", priors, known)  # type: ignore[arg-type]
     seed = {n: 0.5 * (low + high) for n, (low, high) in ranges.items()}
-    return target, find_mode(target, {"middle": seed}, noise_level=KNOWN["noise_sd"])
+    return target, find_mode(target, {Seed("middle"): seed}, noise_level=KNOWN["noise_sd"])
 
 
 @lru_cache
@@ -170,6 +170,6 @@ def line() -> tuple[Target, Mode, float, np.ndarray, np.ndarray]:
     log_evidence = float(multivariate_normal(design @ centre, covariance).logpdf(y))
     known = {"zeta": zeta, "stiffness": k, "noise_sd": sd}
     target = Target(Signal(TIMES, y), Oscillator(("viscous",), "linear"), "gaussian", LINE_PRIORS, known)
-    mode = find_mode(target, {"s": {"rest_angle": 0.0, "theta0": 0.3, "omega0": 0.0}}, noise_level=sd)
+    mode = find_mode(target, {Seed("s"): {"rest_angle": 0.0, "theta0": 0.3, "omega0": 0.0}}, noise_level=sd)
     inside = np.linalg.inv(spread.T @ spread / sd**2 + np.eye(3))
     return target, mode, log_evidence, inside @ spread.T @ (y - design @ centre) / sd**2, inside

@@ -16,7 +16,7 @@ from bayesdamp.inference.model.build import build_target
 from bayesdamp.inference.model.defaults import Reference
 from bayesdamp.inference.model.target import Target
 from bayesdamp.records.oscillation.features import features
-from bayesdamp.types import Signal, System
+from bayesdamp.types import Seed, Signal, System
 
 TIMES = np.linspace(0.0, 12.0, 600)
 START, STIFFNESS, ZETA = 0.5, 20.0, 0.02
@@ -45,7 +45,7 @@ def chosen(signal: Signal) -> tuple[float, list[Tried], Fitted]:
         return build_target(signal, DAMPING, system, seen, reference)
 
     near = {"zeta": 0.03, "mu_c": 0.2, "mu_q": 0.02, "stiffness": 20.1, "theta0": 0.5, "omega0": 0.01}
-    usual = fit_with(build(0.02 * PEAK), {"near": near}, seen)
+    usual = fit_with(build(0.02 * PEAK), {Seed("near"): near}, seen)
     best, tried = weigh_epsilons(build, usual, PEAK, seen)
     return best.target.known["epsilon"] / PEAK, tried, best
 

@@ -24,7 +24,7 @@ from bayesdamp.physics.integrate import simulate
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.records.cleaning.quantum import recording_step
 from bayesdamp.records.oscillation.features import features
-from bayesdamp.types import Refusal, Signal, System
+from bayesdamp.types import Refusal, Seed, Signal, System
 
 TIMES = np.linspace(0.0, 10.0, 301)
 KNOWN = {"stiffness": 20.0, "rest_angle": 0.0, "epsilon": 0.02}
@@ -56,7 +56,7 @@ def weighed(kind: str, damping: tuple[str, ...] = ("viscous", "quadratic")) -> l
     else:
         y = motion(0.2) + noise(kind, rng)
     signal = Signal(TIMES, y, step=recording_step(y))
-    seeds = {"near": {"zeta": 0.06, "mu_q": 0.15, "theta0": 0.29, "omega0": 0.01}}
+    seeds = {Seed("near"): {"zeta": 0.06, "mu_q": 0.15, "theta0": 0.29, "omega0": 0.01}}
     system = System("linear", KNOWN)
     seen = features(signal)
 
@@ -113,7 +113,7 @@ def test_noise_does_not_stand_in_for_another_zero(rest: float) -> None:
     made = build_target(
         signal, ("viscous", "quadratic"), system, seen, Reference(0.3, 4.5), noise="correlated"
     )
-    seeds = {"near": {"zeta": 0.06, "mu_q": 0.15, "theta0": rest + 0.3, "omega0": 0.0}}
+    seeds = {Seed("near"): {"zeta": 0.06, "mu_q": 0.15, "theta0": rest + 0.3, "omega0": 0.0}}
     if rest == 0.0:
         with pytest.raises(Refusal, match=r"^pruned: noise takes the motion's place"):
             fit_with(made, seeds, seen)

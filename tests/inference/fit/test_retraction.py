@@ -14,7 +14,7 @@ from bayesdamp.physics.integrate import simulate
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.priors import HalfNormal, LogNormal, Normal
-from bayesdamp.types import Signal
+from bayesdamp.types import Seed, Signal
 
 LAW = LAWS.get("horizontal_pendulum")
 POINT = {"stiffness": 300.0, "gravity": -140.0, "spring_angle": 0.4, "theta0": -1.1}
@@ -93,7 +93,7 @@ def test_a_step_begins_as_the_straight_one_and_keeps_the_natural_coordinates_str
 
 def test_a_climb_along_the_curve_arrives_where_a_straight_one_creeps() -> None:
     target = problem()
-    found = find_mode(target, {"s": SEED}, noise_level=0.01)
+    found = find_mode(target, {Seed("s"): SEED}, noise_level=0.01)
     assert found.searches[0].converged
     z = target.scores(SEED)
     along = maximise_posterior(target.layout, found.context, z, limit=120, retract=retraction(target))

@@ -17,7 +17,7 @@ from bayesdamp.inference.samplers import Settings
 from bayesdamp.inference.samplers._starts import Start, agreement, seeded_starts
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.priors import HalfNormal, LogNormal, Normal
-from bayesdamp.types import Signal
+from bayesdamp.types import Seed, Signal
 from tests.inference import problems
 
 STEP, FREQUENCY, RATE, SD = 0.35, 4.5, 0.06, 0.005
@@ -45,9 +45,9 @@ def climbed(jitter: float) -> tuple[Target, Mode]:
     target = aliased_target(jitter)
     common = {"zeta": RATE, "theta0": 0.3}
     seeds = {
-        "slow": {**common, "stiffness": FREQUENCY**2, "omega0": 0.0},
-        "slow again": {**common, "stiffness": FREQUENCY**2, "omega0": 0.0},
-        "fast": {**common, "stiffness": ALIAS**2, "omega0": 0.0},
+        Seed("slow"): {**common, "stiffness": FREQUENCY**2, "omega0": 0.0},
+        Seed("slow again"): {**common, "stiffness": FREQUENCY**2, "omega0": 0.0},
+        Seed("fast"): {**common, "stiffness": ALIAS**2, "omega0": 0.0},
     }
     return target, find_mode(target, seeds, noise_level=SD)
 
@@ -55,8 +55,8 @@ def climbed(jitter: float) -> tuple[Target, Mode]:
 def test_an_aliased_frequency_is_a_second_mode_of_the_same_likelihood():
     target, mode = climbed(0.0)
     found, where = basins(mode)
-    assert [c.seed for c in mode.searches] == ["slow", "fast"]
-    assert mode.searches[0].same == ("slow again",)
+    assert [c.seed.source for c in mode.searches] == ["slow", "fast"]
+    assert mode.searches[0].same == (Seed("slow again"),)
     assert len(found) == 2
     assert sorted(where) == [0, 1]
     stiffness = sorted(float(target.values(b.z)["stiffness"]) for b in found)
@@ -79,11 +79,11 @@ def test_starts_are_spread_over_the_seeds_and_wider_than_the_posterior():
     target = problems.target("viscous_coulomb")
     truth = problems.reference("viscous_coulomb")["truth"]
     drawn = prior_starts(target, 2, 3)
-    seeds = {"near": truth, "off": {n: 1.3 * v for n, v in truth.items()}, **drawn}
-    mode = find_mode(target, seeds, noise_level=truth["noise_sd"], drawn=drawn)
+    seeds = {Seed("near"): truth, Seed("off"): {n: 1.3 * v for n, v in truth.items()}, **drawn}
+    mode = find_mode(target, seeds, noise_level=truth["noise_sd"])
     assert basins(mode)[1][:2] == [0, 0]
     *_, starts = seeded_starts(target, mode, whitening_of(target, mode), 4, Settings(seed=1))
-    assert {s.seed for s in starts} == {"near", "off", "prior 1", "prior 2"}
+    assert {s.seed.source for s in starts} == {"near", "off", "prior 1", "prior 2"}
     many, *_ = seeded_starts(target, mode, whitening_of(target, mode), 200, Settings(seed=2))
     # A posterior's own draws have a mean square of 1 in these coordinates.
     assert np.mean(many**2) > 1.5
@@ -97,16 +97,19 @@ def test_the_second_chain_starts_where_the_prior_says_whatever_a_start_is_called
     target = problems.target("viscous_coulomb")
     truth = problems.reference("viscous_coulomb")["truth"]
     first, second = prior_starts(target, 2, 3).values()
-    seeds = {"prior work": truth, "one": first, "other": second}
 
-    def chains(drawn: tuple[str, ...]) -> list[str]:
-        mode = find_mode(target, seeds, noise_level=truth["noise_sd"], drawn=drawn)
-        assert {c.seed for c in mode.searches if c.drawn} == set(drawn)
+    def chains(drawn: bool) -> list[str]:
+        seeds = {
+            Seed("prior work"): truth,
+            Seed("one", drawn=drawn): first,
+            Seed("other", drawn=drawn): second,
+        }
+        mode = find_mode(target, seeds, noise_level=truth["noise_sd"])
         *_, starts = seeded_starts(target, mode, whitening_of(target, mode), 2, Settings(seed=1))
-        return [s.seed for s in starts]
+        return [s.seed.source for s in starts]
 
-    assert chains(("one", "other")) == ["prior work", "one"]
-    assert chains(())[0] != "prior work"  # the farthest of all
+    assert chains(drawn=True) == ["prior work", "one"]
+    assert chains(drawn=False)[0] != "prior work"  # the farthest of all
 
 
 def test_draws_from_the_prior_have_its_moments():
@@ -122,17 +125,19 @@ def test_draws_from_the_prior_have_its_moments():
 def test_a_chain_that_stays_apart_is_seen():
     rng = np.random.default_rng(0)
     draws = rng.standard_normal((4, 1000, 2))
-    starts = [Start(f"seed {i}", 3.0, 2.0) for i in range(4)]
-    assert all(row["shift"] < 0.15 for row in agreement(starts, draws))
+    starts = [Start(Seed(f"seed {i}"), 3.0, 2.0) for i in range(4)]
+    assert all(row.shift < 0.15 for row in agreement(starts, draws))
     draws[2] += 3.0
-    shifts = [row["shift"] for row in agreement(starts, draws)]
+    shifts = [row.shift for row in agreement(starts, draws)]
     assert shifts[2] == max(shifts) > 1.0
 
 
 def test_an_end_without_curvature_has_no_share():
     """Its determinant is zero: neither a warning nor a share that is not a number."""
     _, mode = climbed(0.0)
-    flat = replace(mode.searches[0], seed="flat", z=mode.searches[0].z + 100.0 * mode.sd(), volume=np.inf)
+    flat = replace(
+        mode.searches[0], seed=Seed("flat"), z=mode.searches[0].z + 100.0 * mode.sd(), volume=np.inf
+    )
     found, _ = basins(replace(mode, searches=(*mode.searches, flat)))
     assert sum(b.share for b in found) == pytest.approx(1.0)
     alone, _ = basins(replace(mode, searches=(flat,)))

@@ -16,7 +16,7 @@ from bayesdamp.inference.many.joint import Joint
 from bayesdamp.inference.model.target import Target
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.priors import HalfNormal, LogNormal, Normal, Prior
-from bayesdamp.types import Signal
+from bayesdamp.types import Seed, Signal
 
 STIFFNESS = 20.0
 TIMES = np.linspace(0.0, 6.0, 240)
@@ -54,7 +54,9 @@ def starts(made: Sequence[Target]) -> tuple[list[dict[str, float]], list[float]]
     """Values and the solver's tolerance at each record's own mode."""
     modes = [
         find_mode(
-            t, {"near": {"zeta": 0.1, "stiffness": 20.0, "theta0": 0.3, "noise_sd": 0.01}}, noise_level=0.01
+            t,
+            {Seed("near"): {"zeta": 0.1, "stiffness": 20.0, "theta0": 0.3, "noise_sd": 0.01}},
+            noise_level=0.01,
         )
         for t in made
     ]

@@ -17,7 +17,7 @@ from bayesdamp.physics.damping import TERMS, DampingTerm, parse_model
 from bayesdamp.physics.integrate import simulate
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.records.oscillation.features import features
-from bayesdamp.types import InputError, Signal, System
+from bayesdamp.types import InputError, Seed, Signal, System
 from tests.physics.independent import trajectory
 
 
@@ -76,7 +76,7 @@ def test_inferred():
     log_evidence = {}
     for term, seed in (("cubed", {"mu_cubed": 0.05}), ("viscous", {"zeta": 0.05})):
         target = build_target(signal, (term,), system, found, reference)
-        mode = find_mode(target, {"s": seed}, noise_level=found.roughness)
+        mode = find_mode(target, {Seed("s"): seed}, noise_level=found.roughness)
         evidence = EVIDENCES.get("importance").evidence(term, target, mode, 1)
         assert evidence.outcome == "ok"
         log_evidence[term] = evidence.log_evidence

@@ -17,7 +17,7 @@ from bayesdamp.inference.model.natural import compiled_slopes, compiled_values
 from bayesdamp.inference.model.target import Target
 from bayesdamp.inference.samplers import SAMPLERS, Settings
 from bayesdamp.records.oscillation.features import features
-from bayesdamp.types import Refusal, Signal, System
+from bayesdamp.types import Refusal, Seed, Signal, System
 
 T = np.linspace(0.0, 8.0, 160)
 START = {"stiffness": 20.0, "gravity": 3.0, "spring_angle": 0.05, "theta0": 0.5, "omega0": 0.1}
@@ -104,7 +104,7 @@ def test_posterior_is_that_of_quadrature(sampler):
     million)."""
     made = target("displacement", ())
     assert made.names == ("c_xxv",)
-    mode = find_mode(made, {"s": {"c_xxv": 2.0}}, noise_level=NOISE)
+    mode = find_mode(made, {Seed("s"): {"c_xxv": 2.0}}, noise_level=NOISE)
     centre = float(made.values(mode.z)["c_xxv"])
     grid = centre + np.linspace(-0.25, 0.25, 81)
     height = np.array([density("displacement", {**START, "c_xxv": c}) for c in grid])

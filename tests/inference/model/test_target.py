@@ -25,7 +25,7 @@ from bayesdamp.physics.integrate import make_plan
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.physics.solver.plan import compiled_record
 from bayesdamp.priors import HalfNormal, LogNormal, Normal, Prior, Uniform
-from bayesdamp.types import Refusal, Signal, System
+from bayesdamp.types import Refusal, Seed, Signal, System
 from tests.inference import problems
 from tests.inference.problems import FEATURES
 from tests.physics.independent import trajectory
@@ -183,7 +183,7 @@ def test_escape_has_no_likelihood_and_no_nan():
 def test_nothing_but_escapes_is_refused():
     target, _ = duffing(3.0)
     with pytest.raises(Refusal, match="finite likelihood"):
-        find_mode(target, {"outside": {"zeta": 0.1, "cubic": -60.0, "theta0": 3.0}}, noise_level=0.01)
+        find_mode(target, {Seed("outside"): {"zeta": 0.1, "cubic": -60.0, "theta0": 3.0}}, noise_level=0.01)
 
 
 def test_scores_and_values_go_back_and_forth():

@@ -19,7 +19,7 @@ from bayesdamp.physics.integrate import simulate
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.priors import HalfNormal, LogNormal
 from bayesdamp.records.oscillation.features import features
-from bayesdamp.types import Posterior, Refusal, Signal, System
+from bayesdamp.types import Posterior, Refusal, Seed, Signal, System
 from tests.inference import problems
 
 SETTINGS = Settings(chains=4, warmup=300, draws=1000, seed=6)
@@ -51,7 +51,7 @@ def problem(damping: tuple[str, ...], seed: int = 1, quantity: str = "angle") ->
     system = System("horizontal_pendulum", known, dict.fromkeys((*FREE, "noise_sd")))
     target = build_target(signal, damping, system, seen, Reference(seen.amplitude, seen.frequency))
     start = {n: 1.05 * v for n, v in truth.items()}
-    return target, find_mode(target, {"s": start}, noise_level=seen.roughness)
+    return target, find_mode(target, {Seed("s"): start}, noise_level=seen.roughness)
 
 
 @lru_cache

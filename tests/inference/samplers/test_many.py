@@ -19,6 +19,7 @@ from bayesdamp.inference.samplers._many import axes, sample_many, stacked
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.priors import HalfNormal, LogNormal
 from bayesdamp.records.simulate import simulate_signal
+from bayesdamp.types import Seed
 from tests.inference import problems
 
 PRIORS = {"zeta": HalfNormal(scale=0.5), "noise_sd": LogNormal(median=0.01, sigma=1.0)}
@@ -34,7 +35,7 @@ def problem(stiffness: float) -> tuple[Target, Mode]:
         osc, {**known, "zeta": 0.1}, duration=8.0, samples=161, noise_sd=0.003, name="many", rng=rng
     )
     target = Target(signal, osc, "gaussian", PRIORS, known)
-    return target, find_mode(target, {"near": {"zeta": 0.11}}, noise_level=0.003)
+    return target, find_mode(target, {Seed("near"): {"zeta": 0.11}}, noise_level=0.003)
 
 
 STIFFNESSES = (9.0, 16.0, 25.0, 36.0)

@@ -16,7 +16,7 @@ from bayesdamp.inference.fit.search import find_mode
 from bayesdamp.inference.samplers import SAMPLERS, Sampler, Settings, nuts
 from bayesdamp.inference.samplers.nuts import Nuts
 from bayesdamp.priors import LogNormal
-from bayesdamp.types import OK, Posterior
+from bayesdamp.types import OK, Posterior, Seed
 from tests.inference import problems
 
 SAMPLER_NAMES = SAMPLERS.names()
@@ -94,7 +94,7 @@ def half_the_noise(name: str) -> Posterior:
     target = problems.target(name)
     half = 0.5 * problems.reference(name)["posterior"]["noise_sd"]["mean"]
     wrong = replace(target, priors={**target.priors, "noise_sd": LogNormal(median=half, sigma=1e-3)})
-    mode = find_mode(wrong, {"s": problems.reference(name)["truth"]}, noise_level=half)
+    mode = find_mode(wrong, {Seed("s"): problems.reference(name)["truth"]}, noise_level=half)
     return SAMPLERS.get("nuts").sample(wrong, mode, problems.SETTINGS)
 
 

@@ -26,7 +26,7 @@ from bayesdamp.physics.solver.cycles import CyclePlan
 from bayesdamp.physics.solver.steps import MeshPlan
 from bayesdamp.physics.solver.tangents import with_slopes
 from bayesdamp.records.oscillation.features import features
-from bayesdamp.types import Signal, System
+from bayesdamp.types import Seed, Signal, System
 
 RATE = 2 * np.pi
 TIMES = np.linspace(0.3, 300.3, 3001)
@@ -139,7 +139,7 @@ def ring() -> tuple[Target, Mode]:
         signal, ("viscous",), System("linear"), seen, Reference(seen.amplitude, seen.frequency)
     )
     near = {"zeta": 0.0042, "stiffness": RATE**2 * 1.0002, "theta0": 0.3, "omega0": 0.4}
-    return target, find_mode(target, {"near": near}, noise_level=seen.roughness)
+    return target, find_mode(target, {Seed("near"): near}, noise_level=seen.roughness)
 
 
 def test_mode_and_evidence_are_those_of_the_steps(ring, monkeypatch):
@@ -150,7 +150,7 @@ def test_mode_and_evidence_are_those_of_the_steps(ring, monkeypatch):
     assert mode.likelihood_error < 0.01
     monkeypatch.setattr(cycles, "FEWEST", 10_000)
     plain = find_mode(
-        target, {"near": {n: float(v) for n, v in target.values(mode.z).items()}}, noise_level=0.02
+        target, {Seed("near"): {n: float(v) for n, v in target.values(mode.z).items()}}, noise_level=0.02
     )
     assert isinstance(plain.context.plan, MeshPlan)
     assert np.max(np.abs(mode.z - plain.z) / plain.sd()) < 0.02

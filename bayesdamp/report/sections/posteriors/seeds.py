@@ -16,7 +16,7 @@ from bayesdamp.report.sections._layout import by_signal
 from bayesdamp.report.sections._section import Section
 from bayesdamp.store.contents.candidates import Climb, ModeContent
 from bayesdamp.store.contents.posteriors import PosteriorContent
-from bayesdamp.types import OK
+from bayesdamp.types import OK, Seed
 
 Row = Mapping[str, Any]
 SHOWN = 4
@@ -93,7 +93,7 @@ def _sentences(mode: ModeContent) -> list[str]:
     if failed:
         found.append(f"{_names(failed)} came to no maximum.")
     if mode.refused:
-        found.append(f"No values to start from: {words.listing(map(_name, mode.refused))}.")
+        found.append(f"No values to start from: {words.listing(_name(r.seed) for r in mode.refused)}.")
     touching = [words.symbol(n).text for n in mode.touching_zero]
     if touching:
         found.append(f"The posterior of {words.listing(touching)} touches zero.")
@@ -104,9 +104,9 @@ def _count(seeds: int) -> str:
     return f"{seeds} starting point{'s' if seeds != 1 else ''}"
 
 
-def _name(label: str) -> str:
-    method, _, stage = label.partition(", ")
-    return f"{words.method(method)} {stage}".strip() if stage else words.method(method)
+def _name(seed: Seed) -> str:
+    grown = "over growing windows" if seed.grown else ""
+    return " ".join(filter(None, (words.method(seed.source), seed.stage, grown)))
 
 
 def _names(climbs: Sequence[Climb]) -> str:
