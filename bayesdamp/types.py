@@ -131,8 +131,13 @@ class ChainStart:
 
 @dataclass(frozen=True)
 class Posterior:
-    """Draws of a posterior: draws[chain, draw, parameter] in natural units. starts: of the chains, where the sampler
-    says."""
+    """Draws of a posterior: draws[chain, draw, parameter] in natural units.
+
+    summary: of each parameter. starts: of the chains; divergences: how many transitions diverged, None where there is
+    no such thing. evaluations: of the likelihood. ensembles: into which chains fall that share their moves. effective:
+    how many draws of the posterior independent ones of an approximation are worth. running: the parameters whose
+    running estimates arrays hold, `running/...`. diagnostics: what else the sampler says.
+    """
 
     sampler: str
     names: tuple[str, ...]
@@ -142,7 +147,14 @@ class Posterior:
     diagnostics: Mapping[str, object] = field(default_factory=dict)
     seconds: float = 0.0
     outcome: str = OK
+    summary: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     starts: tuple[ChainStart, ...] = ()
+    divergences: int | None = None
+    evaluations: int = 0
+    ensembles: int | None = None
+    effective: float | None = None
+    running: tuple[str, ...] = ()
+    arrays: Mapping[str, np.ndarray] = field(default_factory=dict, repr=False)
 
 
 @dataclass(frozen=True)

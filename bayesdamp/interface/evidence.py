@@ -135,12 +135,11 @@ def _approximate(blank: Evidence, source: Posterior | Fit, law: Approximate, see
     tempered = isinstance(source, Posterior) and source.sampler == TEMPERED
     found = source if tempered else sample(source.fit if isinstance(source, Posterior) else source, seed=seed)
     assert isinstance(found, Posterior)
-    log_evidence, stderr = (float(str(found.diagnostics[n])) for n in ("log_evidence", "stderr"))
     runs = found.stats["temperatures"][:, 0]
     return replace(
         blank,
-        log_evidence=log_evidence,
-        stderr=stderr,
+        log_evidence=found.log_evidence,
+        stderr=found.stderr,
         diagnostic=f"{runs.size} runs through {runs.min()} to {runs.max()} temperatures",
         evaluations=int(found.log_likelihood.size),
         seconds=found.seconds,

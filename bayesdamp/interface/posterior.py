@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,7 +26,7 @@ from bayesdamp.interface.parts.result import Packed, Result
 from bayesdamp.interface.parts.table import Table, number, said
 from bayesdamp.plugins import nearest
 from bayesdamp.records.oscillation.features import features
-from bayesdamp.types import OK, InputError, Refusal
+from bayesdamp.types import OK, ChainStart, InputError, Refusal, Seed
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -34,8 +35,8 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 COLUMNS = ("mean", "sd", "median", "q2.5", "q97.5", "hdi_low", "hdi_high", "ess_bulk", "ess_tail", "rhat")
-HOW = {"ensembles": "ensembles", "effective": "effective_draws"}
-"""What summaries are to know of a sampler's draws, and where its diagnostics say it."""
+SAID = ("summaries", "divergences", "evaluations", "ensembles", "effective", "log_evidence", "stderr")
+"""What is saved as it is."""
 TEMPERED = "smc"
 """The sampler where laws may hold approximately."""
 EXACT_SAMPLER = "nuts"
@@ -49,7 +50,10 @@ class Posterior(Result):
     """Draws of the posterior of a fit.
 
     names: of the parameters; draws: in natural units, shape (chain, draw, parameter); log_likelihood: of each, (chain,
-    draw), nats; stats: of the sampler, by name, (chain, draw); diagnostics: what else it says of its run.
+    draw), nats; stats: of the sampler, by name, (chain, draw); summaries: of each parameter; starts: of the chains;
+    divergences: how many transitions diverged, None where there is no such thing; evaluations: of the likelihood;
+    ensembles: into which chains fall that share their moves; effective: how many draws of the posterior those of an
+    approximation are worth; log_evidence, stderr: in nats, of "smc" alone; diagnostics: what else the sampler says.
     seed: of all random numbers. outcome: "ok", or a sentence why the draws are not to be trusted, or why there are
     none.
     u: where laws may hold approximately, each draw with its deviations, as `Approximate` reads them, (chain, draw, K);
@@ -68,6 +72,14 @@ class Posterior(Result):
     seconds: float = 0.0
     outcome: str = OK
     u: Array = field(default_factory=lambda: _NO_DRAWS, repr=False)
+    summaries: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    starts: tuple[ChainStart, ...] = ()
+    divergences: int | None = None
+    evaluations: int = 0
+    ensembles: int | None = None
+    effective: float | None = None
+    log_evidence: float = math.nan
+    stderr: float = math.nan
 
     @cached_property
     def data(self) -> xr.DataTree:
@@ -131,12 +143,11 @@ class Posterior(Result):
         interval of 95 %, effective sample sizes, R-hat, unit. Empty without draws."""
         import pandas as pd
 
-        rows = {n: {**s, "unit": self.fit.units[n]} for n, s in self._summaries.items()}
+        rows = {n: {**s, "unit": self.fit.units[n]} for n, s in self.summaries.items()}
         if derived and self.names and not any(t.untraced for t in self.fit.oscillator.terms):
-            how: dict[str, Any] = {k: self.diagnostics.get(v) for k, v in HOW.items()}
             for name, values in self.derived.data_vars.items():
                 if np.all(np.isfinite(values.values)):
-                    found = diagnostics.summarise(values.values, **how)
+                    found = diagnostics.summarise(values.values, self.ensembles, self.effective)
                     rows[str(name)] = {**found, "unit": values.attrs["units"]}
         parts = ["sd_noise", "sd_law"] if self.fit.law is not None else []
         return pd.DataFrame.from_dict(rows, orient="index", columns=[*COLUMNS, *parts, "unit"])
@@ -178,10 +189,6 @@ class Posterior(Result):
             found[1].legend(loc="upper right")
         return found
 
-    @property
-    def _summaries(self) -> Mapping[str, Mapping[str, float]]:
-        return self.diagnostics.get("summary", {})  # type: ignore[return-value]
-
     def _there(self) -> None:
         """Raises Refusal without draws."""
         if not self.names:
@@ -195,7 +202,7 @@ class Posterior(Result):
 
     def _table(self) -> Table:
         columns = ("mean", "sd", "q2.5", "q97.5", "ess_bulk", "rhat")
-        rows = [(n, self.fit.units[n], *(number(s[c]) for c in columns)) for n, s in self._summaries.items()]
+        rows = [(n, self.fit.units[n], *(number(s[c]) for c in columns)) for n, s in self.summaries.items()]
         title = f"Posterior of {self.fit.model.name} on {self.fit.signal.name} by {self.sampler}"
         if self.names:
             title += f": {self.draws.shape[0]} chains of {self.draws.shape[1]} draws"
@@ -203,8 +210,13 @@ class Posterior(Result):
 
     def _packed(self) -> Packed:
         fit = self.fit._packed()
-        plain = {k: v for k, v in self.diagnostics.items() if k != "arrays"}
-        meta = {"fit": fit.meta, "sampler": self.sampler, "names": self.names, "diagnostics": plain}
+        meta = {
+            "fit": fit.meta,
+            "sampler": self.sampler,
+            "names": self.names,
+            "diagnostics": self.diagnostics,
+        }
+        meta |= {k: getattr(self, k) for k in SAID} | {"starts": [asdict(one) for one in self.starts]}
         meta |= {"seed": self.seed, "seconds": self.seconds, "outcome": self.outcome}
         arrays = {"draws": self.draws, "log_likelihood": self.log_likelihood}
         arrays |= {"u": self.u} if self.u.size else {}
@@ -213,12 +225,14 @@ class Posterior(Result):
 
     @classmethod
     def _unpacked(cls, packed: Packed) -> Self:
-        meta = {k: v for k, v in packed.meta.items() if k not in ("fit", "names")}
+        meta = {k: v for k, v in packed.meta.items() if k not in ("fit", "names", "starts")}
+        starts = (ChainStart(**{**one, "seed": Seed(**one["seed"])}) for one in packed.meta["starts"])
         stats = {n.removeprefix("stats/"): a for n, a in packed.arrays.items() if n.startswith("stats/")}
         fit, own = Fit._unpacked(packed.part("fit")), packed.arrays
         return cls(
             fit=fit,
             names=tuple(packed.meta["names"]),
+            starts=tuple(starts),
             draws=own["draws"],
             log_likelihood=own["log_likelihood"],
             stats=stats,
@@ -289,6 +303,12 @@ def sample(
         seed=seed,
         seconds=found.seconds,
         outcome=found.outcome,
+        summaries=found.summary,
+        starts=found.starts,
+        divergences=found.divergences,
+        evaluations=found.evaluations,
+        ensembles=found.ensembles,
+        effective=found.effective,
     )
 
 
@@ -308,7 +328,10 @@ def _by_chains(fit: Fit, law: Approximate, sampler: str, asked: Settings) -> Pos
         draws=values,
         log_likelihood=found.log_likelihood,
         stats=found.stats,
-        diagnostics={"summary": summary, **found.diagnostics},
+        summaries=summary,
+        divergences=found.divergences,
+        evaluations=found.evaluations,
+        ensembles=found.ensembles,
         seed=asked.seed,
         seconds=time.perf_counter() - began,
         outcome=outcome,
@@ -333,7 +356,9 @@ def _tempered(fit: Fit, law: Approximate, chains: int, draws: int, seed: int) ->
         draws=values,
         log_likelihood=runs.log_likelihood,
         stats=own,
-        diagnostics={"summary": summary, "log_evidence": log_evidence, "stderr": stderr},
+        summaries=summary,
+        log_evidence=log_evidence,
+        stderr=stderr,
         seed=seed,
         seconds=runs.seconds,
         outcome=diagnostics.verdict(summary) if outcome == OK else outcome,

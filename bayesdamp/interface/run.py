@@ -24,7 +24,7 @@ from bayesdamp.store import TABLES, CellResult, Store, read_table
 from bayesdamp.store.contents.candidates import ModeContent
 from bayesdamp.store.contents.estimates import EstimateContent, StageFound
 from bayesdamp.store.contents.evidence import EvidenceContent
-from bayesdamp.store.contents.posteriors import PosteriorContent
+from bayesdamp.store.contents.posteriors import SAID, PosteriorContent
 from bayesdamp.store.places import Place
 from bayesdamp.types import OK, InputError
 
@@ -303,7 +303,14 @@ def _posterior(folder: Path, sampler: str, cell: CellResult) -> types.Posterior:
 
         with xr.open_datatree(folder / content.file, engine="h5netcdf") as tree:
             likelihood = np.asarray(tree["/log_likelihood/record"].to_numpy()[..., 0])
-    diagnostics = {**content.diagnostics, "summary": content.summary}
     return types.Posterior(
-        sampler, content.names, draws, likelihood, {}, diagnostics, cell.seconds, cell.outcome, content.starts
+        sampler=sampler,
+        names=content.names,
+        draws=draws,
+        log_likelihood=likelihood,
+        diagnostics=content.diagnostics,
+        seconds=cell.seconds,
+        outcome=cell.outcome,
+        summary=content.summary,
+        **{k: getattr(content, k) for k in SAID},
     )

@@ -65,8 +65,8 @@ ANSWER = AnswerContent(
 SUMMARY = {"mean": 0.05, "sd": 0.001, "rhat": math.nan}
 ESTIMATE = EstimateContent((StageFound("initial", {"zeta": 0.05}, {}, {"selected": ["v"]}, 30, 0.1),))
 POSTERIOR = PosteriorContent(
-    ("zeta",), {"zeta": ""}, {"zeta": SUMMARY}, 0.3, {"decrement": 3}, {"divergences": 0},
-    "posterior/one.nc", starts=(ChainStart(KOOPMAN, 1.5, 1.0, 0.01),),
+    ("zeta",), {"zeta": ""}, {"zeta": SUMMARY}, 0.3, {"decrement": 3}, {"step": 0.3},
+    "posterior/one.nc", starts=(ChainStart(KOOPMAN, 1.5, 1.0, 0.01),), divergences=0, running=("zeta",),
 )  # fmt: skip
 AVERAGE = AverageContent({"viscous": 0.9, "coulomb": 0.1}, "importance", 1.0, ("coulomb",))
 EVIDENCE = EvidenceContent("viscous", "bridge", 9.0, 0.1, "overlap 0.9", 300, 1.0)
@@ -145,11 +145,6 @@ def test_a_cell_that_says_why_not_has_no_content() -> None:
     assert JointContent.maybe(None) is None
     assert JointContent.maybe(CellResult("joint/a", "key", outcome="no joint fit")) is None
     assert repr(JointContent.maybe(CellResult("joint/a", "key", JOINT.meta()))) == repr(JOINT)
-
-
-def test_what_a_sampler_says_is_read_as_values() -> None:
-    assert POSTERIOR.divergences == 0
-    assert PosteriorContent().running == ()
 
 
 def dictionaries(source: str, own: bool) -> list[int]:

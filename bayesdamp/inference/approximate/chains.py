@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -32,13 +32,15 @@ NOWHERE = -1e300
 @dataclass(frozen=True)
 class Chains:
     """u: draws, (chain, draw, K), each with a draw of its deviations; log_likelihood: of the parameters, deviations
-    integrated out, (chain, draw), nats; stats by name, (chain, draw); ensembles: into which chains fall that share
-    their moves; outcome: "ok", or why the draws are not to be trusted."""
+    integrated out, (chain, draw), nats; stats by name, (chain, draw); divergences: how many transitions diverged;
+    evaluations: of the likelihood; ensembles: into which chains fall that share their moves; outcome: "ok", or why the
+    draws are not to be trusted."""
 
     u: Array
     log_likelihood: Array
     stats: dict[str, np.ndarray]
-    diagnostics: Mapping[str, object]
+    divergences: int = 0
+    evaluations: int = 0
     ensembles: int | None = None
     outcome: str = OK
 
@@ -130,8 +132,8 @@ def by_nuts(law: Approximate, chains: int, warmup: int, draws: int, seed: int) -
         if divergences > 0.01 * diverging.size
         else OK
     )
-    found = {"divergences": divergences, "likelihoods": int(steps.sum())}
-    return replace(_finished(target, at.scores(x), log, stats, found, seed), outcome=outcome)
+    found = _finished(target, at.scores(x), log, stats, seed)
+    return replace(found, divergences=divergences, evaluations=int(steps.sum()), outcome=outcome)
 
 
 def by_emcee(law: Approximate, chains: int, warmup: int, draws: int, seed: int) -> Chains:
@@ -178,12 +180,12 @@ def by_emcee(law: Approximate, chains: int, warmup: int, draws: int, seed: int) 
     accepted = np.concatenate([s.acceptance_fraction for s, _ in ensembles])
     thinned = x[:, kept]
     stats = {"acceptance_rate": np.repeat(accepted[:, None], thinned.shape[1], axis=1)}
-    found = {"divergences": 0, "walkers": walkers, "likelihoods": x.size // at.size}
-    chains_of = _finished(target, at.scores(thinned), log[:, kept], stats, found, seed)
+    found = _finished(target, at.scores(thinned), log[:, kept], stats, seed)
     short = (
         f"not resolved after {x.shape[1]} steps: fewer than 50 autocorrelation times or 1,000 effective draws"
     )
-    return replace(chains_of, ensembles=ENSEMBLES, outcome=OK if resolved else short)
+    outcome = OK if resolved else short
+    return replace(found, ensembles=ENSEMBLES, evaluations=x.size // at.size, outcome=outcome)
 
 
 def _independent(proposal, at: Round) -> Callable:
@@ -196,15 +198,8 @@ def _independent(proposal, at: Round) -> Callable:
     return propose
 
 
-def _finished(
-    target: Marginal,
-    z: Array,
-    log: Array,
-    stats: dict[str, np.ndarray],
-    found: Mapping[str, object],
-    seed: int,
-) -> Chains:
+def _finished(target: Marginal, z: Array, log: Array, stats: dict[str, np.ndarray], seed: int) -> Chains:
     flat = z.reshape(-1, z.shape[-1])
     u = target.with_deviations(flat, np.random.default_rng([seed, 4]))
     likelihood = log - target.log_prior_of(flat).reshape(log.shape)
-    return Chains(u.reshape(*z.shape[:2], -1), likelihood, stats, found)
+    return Chains(u.reshape(*z.shape[:2], -1), likelihood, stats)

@@ -58,16 +58,13 @@ def approximate_posterior(
         draws=np.stack(list(values.values()), axis=-1),
         log_likelihood=likelihood.reshape(grid),
         stats={"log_weight": weights.reshape(grid)},
-        diagnostics={
-            "summary": {n: diagnostics.summarise(v, effective=size) for n, v in values.items()},
-            "divergences": 0,
-            "pareto_k": shape,
-            "effective_draws": size,
-            "likelihoods": weights.size,
-            **(more or {}),
-        },
+        diagnostics={"pareto_k": shape, **(more or {})},
         seconds=time.perf_counter() - began,
         outcome=outcome,
+        summary={n: diagnostics.summarise(v, effective=size) for n, v in values.items()},
+        divergences=0,
+        evaluations=weights.size,
+        effective=size,
     )
 
 

@@ -112,16 +112,13 @@ class Emcee(Sampler):
                 "acceptance_rate": np.concatenate([s.acceptance_fraction for s, _ in ensembles])[:, None]
                 * np.ones(z.shape[1])
             },
-            diagnostics={
-                "summary": summaries,
-                "divergences": 0,
-                "likelihoods": int(ENSEMBLES * walkers * (draws.shape[1] + settings.warmup // 2)),
-                "walkers": walkers,
-                "ensembles": ENSEMBLES,
-                "thinned_by": thin,
-            },
+            diagnostics={"walkers": walkers, "thinned_by": thin},
             seconds=time.perf_counter() - began,
             outcome=outcome,
+            summary=summaries,
+            divergences=0,
+            evaluations=int(ENSEMBLES * walkers * (draws.shape[1] + settings.warmup // 2)),
+            ensembles=ENSEMBLES,
         )
 
     @staticmethod

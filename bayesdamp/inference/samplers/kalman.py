@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache, partial
 
 import jax
@@ -77,14 +77,10 @@ class Kalman(Sampler):
         z[:, index] = last.final.draw(rng, n)
         log_density = np.delete(log_density, index, axis=1).sum(axis=1) + last.final.log_density(z[:, index])
         names = [target.names[i] for i in index]
-        more = {
-            "passes": last.passes,
-            "running": names,
-            "arrays": _running(target, names, online, last),
-        }
-        return approximate_posterior(
-            self.name, target, mode, z, log_density, settings, began=began, more=more
+        found = approximate_posterior(
+            self.name, target, mode, z, log_density, settings, began=began, more={"passes": last.passes}
         )
+        return replace(found, running=tuple(names), arrays=_running(target, names, online, last))
 
 
 @lru_cache(maxsize=32)

@@ -150,15 +150,12 @@ class Run:
             draws=draws,
             log_likelihood=height - log_prior(z),
             stats={"diverging": diverging, "n_steps": steps, "acceptance_rate": accept},
-            diagnostics={
-                "summary": summaries,
-                "divergences": divergences,
-                "exact_force": self.exact,
-                "step": float(self.given[3]),
-                "likelihoods": int(np.sum(steps)),
-            },
-            starts=agreement(self.begun, draws),
+            diagnostics={"exact_force": self.exact, "step": float(self.given[3])},
             outcome=outcome,
+            summary=summaries,
+            starts=agreement(self.begun, draws),
+            divergences=divergences,
+            evaluations=int(np.sum(steps)),
         )
 
     def longer(self, layout: Layout, count: int, seed: int) -> Run:

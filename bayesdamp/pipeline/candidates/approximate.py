@@ -94,9 +94,11 @@ def compute_posterior(branch: Branch, name: str, key: str, seed: int) -> None:
         summary=summary,
         reference_amplitude=branch.record.reference.amplitude,
         without=partial,
-        diagnostics=dict(drawn.diagnostics),
         file=file.relative_to(folder).as_posix(),
         ratios=tuple(DrawnRatio(**asdict(r)) for r in law.ratios(amplitudes, flat)),
+        divergences=drawn.divergences,
+        evaluations=drawn.evaluations,
+        ensembles=drawn.ensembles,
     )
     arrays = {"draws": values, **_curves(law, motions, amplitude_grid(branch.record.seen), flat)}
     branch.store.write(CellResult(name, key, content.meta(), arrays, outcome, seconds))

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -16,13 +14,11 @@ from bayesdamp.physics.units import parameter_unit
 from bayesdamp.pipeline.candidates.branch import Branch
 from bayesdamp.records.oscillation.features import Features
 from bayesdamp.store import CellResult
-from bayesdamp.store.contents.posteriors import PosteriorContent
+from bayesdamp.store.contents.posteriors import SAID, PosteriorContent
 from bayesdamp.store.folders import refuse_special, temporary
 from bayesdamp.store.places import Place
 from bayesdamp.types import Posterior, Refusal
 
-SUMMARIES = {"ensembles": "ensembles", "effective": "effective_draws"}
-"""What `summarise` is to know of a sampler's draws, and where its diagnostics say it."""
 CURVE = "equivalent_ratio"
 LEVELS = np.array([0.025, 0.5, 0.975])
 SPREAD = (np.arange(100) + 0.5) / 100
@@ -51,25 +47,23 @@ def compute_posterior(branch: Branch, name: str, key: str, seed: int) -> None:
     motions = _motions(branch, found)
     content = replace(
         _content(branch, found, motions),
-        diagnostics={k: v for k, v in found.diagnostics.items() if k not in ("summary", "arrays")},
+        diagnostics=found.diagnostics,
         file=file.relative_to(folder).as_posix(),
-        starts=found.starts,
+        **{k: getattr(found, k) for k in SAID},
     )
-    own: Mapping[str, np.ndarray] = found.diagnostics.get("arrays", {})  # type: ignore[assignment]
-    arrays = {"draws": found.draws, **curves(motions, branch.record.seen), **own}
+    arrays = {"draws": found.draws, **curves(motions, branch.record.seen), **found.arrays}
     branch.store.write(CellResult(name, key, content.meta(), arrays, found.outcome, found.seconds))
 
 
 def _content(branch: Branch, found: Posterior, motions: Motions) -> PosteriorContent:
     """Summaries of the parameters and of what follows from them, with units."""
-    summary: dict[str, Any] = dict(found.diagnostics["summary"])  # type: ignore[call-overload]
+    summary = dict(found.summary)
     derived = derive(motions)
     # A draw without such a motion (no stable equilibrium, an escape) leaves no honest mean of the others.
     partial = {n: int(np.sum(~np.isfinite(v))) for n, v in derived.items() if not np.all(np.isfinite(v))}
-    how = {k: found.diagnostics.get(v) for k, v in SUMMARIES.items()}
     for n, v in derived.items():
         if n not in partial:
-            summary[n] = diagnostics.summarise(v, **how)  # type: ignore[arg-type]
+            summary[n] = diagnostics.summarise(v, found.ensembles, found.effective)
     signal, law = branch.record.signal, branch.system.restoring
     unit = units(signal.unit)
     return PosteriorContent(

@@ -10,6 +10,8 @@ from bayesdamp.store.contents.content import Content
 from bayesdamp.types import ChainStart
 
 NAN = float("nan")
+SAID = ("starts", "divergences", "evaluations", "ensembles", "effective", "running")
+"""What is stored of a posterior as its sampler says it."""
 
 
 @dataclass(frozen=True)
@@ -30,9 +32,8 @@ class PosteriorContent(Content):
 
     names: of the parameters of the array `draws`, (chain, draw, parameter). summary, units: of these and of what
     follows from them, at the reference amplitude (unit of displacement); without: derived quantities that have no
-    summary, by how many draws have no such motion. diagnostics: the sampler's own. file: whole, in the run's folder.
-    ratios: where laws may hold approximately, the damping ratio at the verdict's amplitudes. starts: of the chains,
-    where the sampler says.
+    summary, by how many draws have no such motion. file: whole, in the run's folder. ratios: where laws may hold
+    approximately, the damping ratio at the verdict's amplitudes. The others are those of `bayesdamp.types.Posterior`.
     """
 
     names: tuple[str, ...] = ()
@@ -44,16 +45,11 @@ class PosteriorContent(Content):
     file: str = ""
     ratios: tuple[DrawnRatio, ...] = ()
     starts: tuple[ChainStart, ...] = ()
-
-    @property
-    def divergences(self) -> int | None:
-        """How many transitions of the sampler diverged; None where it has no such thing."""
-        return self.diagnostics.get("divergences")
-
-    @property
-    def running(self) -> tuple[str, ...]:
-        """The parameters whose running estimates a filter left in `running/...`."""
-        return tuple(self.diagnostics.get("running") or ())
+    divergences: int | None = None
+    evaluations: int = 0
+    ensembles: int | None = None
+    effective: float | None = None
+    running: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)

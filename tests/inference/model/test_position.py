@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from functools import lru_cache
-from typing import cast
 
 import numpy as np
 import pytest
@@ -117,7 +116,7 @@ def test_posterior_is_that_of_quadrature(sampler):
     found = SAMPLERS.get(sampler).sample(made, mode, Settings(draws=1000, warmup=300, seed=2))
     assert found.outcome == "ok"
     draws = found.draws[..., 0].ravel()
-    summary = cast(dict, found.diagnostics["summary"])
+    summary = found.summary
     count = summary["c_xxv"]["ess_bulk"]
     assert abs(draws.mean() - mean) < 5 * sd / math.sqrt(count)
     assert abs(draws.std() / sd - 1) < 5 / math.sqrt(count)

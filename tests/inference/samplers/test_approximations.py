@@ -42,9 +42,9 @@ def test_against_the_reference(sampler, name):
         assert found.outcome.startswith("a poor approximation")
     elif name != "coulomb_correlated":
         assert found.outcome == "ok"
-    for s in found.diagnostics["summary"].values():  # type: ignore[union-attr]
+    for s in found.summary.values():
         assert np.isnan(s["rhat"])
-        assert s["ess_bulk"] == s["ess_tail"] == found.diagnostics["effective_draws"]
+        assert s["ess_bulk"] == s["ess_tail"] == found.effective
 
 
 @pytest.mark.parametrize(("shift", "stretch"), [(0.0, 1.0), (0.6, 1.0), (0.0, 0.6), (0.0, 2.0), (8.0, 1.0)])

@@ -93,7 +93,7 @@ def test_its_weights_against_the_posterior():
     """By importance weights the draws are worth nearly their number; those of a shifted answer are not."""
     found = filtered(("viscous",))
     assert found.diagnostics["pareto_k"] < 0.5  # type: ignore[operator]
-    assert found.diagnostics["effective_draws"] > 3000  # type: ignore[operator]
+    assert found.effective > 3000
     # Negative control: a quarter of the noise makes the same filter overconfident, and its weights say so.
     target, mode = problem(("viscous",))
     z = mode.z.copy()
@@ -106,8 +106,8 @@ def test_its_weights_against_the_posterior():
 def test_running_estimates():
     """They start at the prior and end at the posterior; later samples narrow the band, and it holds the end."""
     found = filtered(("viscous",))
-    arrays: dict[str, np.ndarray] = found.diagnostics["arrays"]  # type: ignore[assignment]
-    i = found.diagnostics["running"].index("zeta")  # type: ignore[union-attr]
+    arrays = found.arrays
+    i = found.running.index("zeta")
     mean, sd = (arrays[f"running/restarted/{what}"][:, i] for what in ("mean", "sd"))
     prior = problem(("viscous",))[0].priors["zeta"]
     assert mean[0] == pytest.approx(prior.scale * np.sqrt(2 / np.pi), rel=1e-3)  # type: ignore[union-attr]

@@ -69,7 +69,7 @@ def test_against_the_reference(sampler, name):
     posterior = problems.posterior(name, sampler)
     assert posterior.outcome == "ok"
     assert departures(posterior, name) == []
-    for parameter, s in posterior.diagnostics["summary"].items():  # type: ignore[union-attr]
+    for parameter, s in posterior.summary.items():
         assert s["rhat"] <= 1.01
         assert min(s["ess_bulk"], s["ess_tail"]) >= 400
         expected = problems.reference(name)["posterior"][parameter]
@@ -127,8 +127,8 @@ def test_a_step_is_as_long_as_it_may_be():
         Nuts().attempt(target, mode, at, settings, shorter=share).posterior(target) for share in (1.0, 0.5)
     )
     assert np.mean(whole.stats["n_steps"]) < min(4.0, 0.6 * np.mean(half.stats["n_steps"]))
-    for name, found in whole.diagnostics["summary"].items():
-        assert found["ess_bulk"] > 0.8 * half.diagnostics["summary"][name]["ess_bulk"]
+    for name, found in whole.summary.items():
+        assert found["ess_bulk"] > 0.8 * half.summary[name]["ess_bulk"]
 
 
 @EACH

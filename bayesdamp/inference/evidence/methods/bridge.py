@@ -60,7 +60,7 @@ class Bridge(EvidenceMethod):
         if draws is None:
             found = SAMPLERS.get("nuts").sample(target, mode, Settings(seed=seed % 2**31))
             draws = Draws.of(target, found.draws, found.outcome)
-            evaluations += int(found.diagnostics["likelihoods"])  # type: ignore[call-overload]
+            evaluations += found.evaluations
         rng = np.random.default_rng(seed)
         spans, count = _spans(target, mode, draws.z, Shear.of_noise(target, mode), rng)
         evaluations += count
