@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
@@ -16,6 +16,10 @@ LAW_MARK = "@"
 """Stands between a damping sum and its restoring law where a study compares several laws."""
 
 
+_OPTIONS = {"value": "angle", "channels": "channel"}
+"""The command's options that are called otherwise than the arguments of `read`."""
+
+
 class BayesdampError(Exception):
     """Base of the errors that a user can mend; its text is one clear line."""
 
@@ -24,13 +28,15 @@ class InputError(BayesdampError):
     """The input is wrong: the text says where, what, and what would be right (exit status 2).
 
     what: without where. where: the file, the record, the option or the argument; at: the place in it, such as a line;
-    both are empty where nobody has said.
+    both are empty where nobody has said. arguments: of `read` by which it can be settled, told as the command's
+    options.
     """
 
-    def __init__(self, what: str, where: str = "", at: str = "") -> None:
-        self.what, self.where, self.at = what, where, at
+    def __init__(self, what: str, where: str = "", at: str = "", arguments: Sequence[str] = ()) -> None:
+        self.what, self.where, self.at, self.arguments = what, where, at, tuple(arguments)
         place = ", ".join(filter(None, (where, at)))
-        super().__init__(f"{place}: {what}" if place else what)
+        options = ", ".join(f"--{_OPTIONS.get(name, name)}" for name in self.arguments)
+        super().__init__((f"{place}: {what}" if place else what) + (f" ({options})" if options else ""))
 
 
 class Refusal(BayesdampError):  # noqa: N818 - a method's answer, not an error
@@ -195,7 +201,9 @@ class Problem:
 
 
 def told(provenance: Mapping[str, object]) -> tuple[str, ...]:
-    """What a user reads of how a record was read: its `warnings`, which he has to know of, then its `notes`."""
-    warnings, notes = (provenance.get(name) for name in ("warnings", "notes"))
+    """What a user reads of how a record was read: its `warnings`, which he has to know of, how many `header_lines` its
+    file has, then its `notes`."""
+    warnings, notes, head = (provenance.get(name) for name in ("warnings", "notes", "header_lines"))
     some = [f"Beware: {text}" for text in warnings] if isinstance(warnings, list | tuple) else []
+    some += [f"{head} header line{'s' if head != 1 else ''} skipped."] if head else []
     return (*some, *(map(str, notes) if isinstance(notes, list | tuple) else ()))

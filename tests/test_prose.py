@@ -25,9 +25,8 @@ MAY: dict[str, str] = {
     "plugins.py": "modules and entry points have dotted names",
     "outcomes.py": "the one place that writes and reads how tables say an outcome",
     "store/places.py": "the one place that reads what a task is about from its name",
-    "envelope/records/reading.py": "still reads which note is on header lines",
 }
-"""Where names come from outside and are read, or the one place that reads what it wrote; last what is to be mended."""
+"""Where names come from outside and are read, or the one place that reads what it wrote."""
 
 
 def read_as_prose(source: str) -> Iterator[str]:

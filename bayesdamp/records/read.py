@@ -82,7 +82,7 @@ def read_records(
         some = series(found, time=time, values=values, rate=rate, runs=runs)
         return [_record(found, one, path, time_unit, len(some) > 1) for one in some]
     except InputError as error:
-        raise fault(path, error.what) from None
+        raise fault(path, error.what, error.arguments) from None
 
 
 def _several(found: Sequence[RawRecord]) -> str:
@@ -113,7 +113,8 @@ def _record(found: Contents, chosen: Series, path: Path, time_unit: str | None, 
         t = _in_seconds(t, time, time_unit, notes)
     rate = chosen.rate if t is None else None
     if rate is not None and not SLOWEST <= rate <= FASTEST:
-        raise InputError(f"its sampling rate is {rate:g} Hz, which no instrument has; give --rate (in Hz)")
+        what = f"its sampling rate is {rate:g} Hz, which no instrument has; give it"
+        raise InputError(what, arguments=["rate"])
     if rate is not None and value.start and value.rate == rate:
         t, rate = value.start + np.arange(y.size) / rate, None
     unit, quantity = unit_said(value)

@@ -33,7 +33,7 @@ def test_two_columns_are_times_and_values(tmp_path) -> None:
     assert choose_columns(write(tmp_path / "a.csv"), None, None, None) == ("t", "angle")
     assert choose_columns(tmp_path / "a.csv", None, "angle", None) == ("t", "angle")
     three = write(tmp_path / "b.csv", columns=3)
-    with pytest.raises(InputError, match="'angle', 'other' may each be the record; give --angle NAME"):
+    with pytest.raises(InputError, match="'angle', 'other' may each be the record; give the name"):
         choose_columns(three, None, None, None)
     assert choose_columns(three, "1", "3", None) == ("1", "3")
 
@@ -65,7 +65,7 @@ def test_the_study_has_every_damping_under_every_law_and_all_is_free(tmp_path) -
         (["--angle", "2", "--rate", "abc"], "--rate: must be a valid number"),
         (["--angle", "2", "--start", "5", "--stop", "2"], "--stop: is 2; it must be later than --start (5)"),
         (["--angle", "2", "--workers", "0"], "--workers: must be greater than or equal to 1"),
-        (["--runs", "2"], "there are no runs: leave --runs out"),
+        (["--runs", "2"], "no runs '2'; there are none to choose from (--runs)"),
         (["--channel", "othr"], "did you mean 'other'"),
         (["--angle", "2", "--time-unit", "h"], "--time-unit: is 'h'; it must be one of s, ms"),
         (["--angle", "2", "--time", "1", "--unit", "m", "--restoring", "pendulum"], "--unit: is 'm'"),

@@ -59,7 +59,7 @@ def test_look_shows_the_columns_where_none_can_be_chosen(tmp_path, capsys) -> No
     assert main(["look", str(tmp_path / "a.csv")]) == 2
     out, error = capsys.readouterr()
     assert "left" in out
-    assert "'left', 'right' may each be the record; give --angle NAME" in error
+    assert "'left', 'right' may each be the record; give the name" in error
     assert error.count("\n") == 1
     assert main(["look", str(tmp_path / "a.csv"), "--angle", "left", "--html", str(tmp_path)]) == 2
     assert "is a folder and is not replaced; give a regular file" in capsys.readouterr().err

@@ -112,7 +112,7 @@ def test_columns_are_asked_for_in_the_words_of_python(tmp_path: Path) -> None:
     path = tmp_path / "two.csv"
     y = closed_form(TIMES, TRUTH)
     np.savetxt(path, np.c_[y, 2 * y], delimiter=",", header="a,b", comments="")
-    with pytest.raises(bd.InputError, match=r"time NAME.*rate HZ") as error:
+    with pytest.raises(bd.InputError, match=r"\(time=, rate=\)$") as error:
         bd.read(path)
     assert "--" not in str(error.value)
 
@@ -142,7 +142,7 @@ def test_a_file_of_several_runs_is_a_record_of_several_runs(tmp_path: Path) -> N
     sizes = [float(np.ptp(signal.y)) for signal in record.signals()]
     assert np.allclose(np.array(sizes) / sizes[0], [1, 2, 3], rtol=1e-2)
     assert [one.run for one in bd.read(path, runs="1,3").raw] == ["1", "3"]
-    with pytest.raises(bd.InputError, match="is '7'; there are runs 1, 2, 3"):
+    with pytest.raises(bd.InputError, match="no runs '7'; there are runs 1, 2, 3 \\(runs=\\)"):
         bd.read(path, runs=7)
 
 

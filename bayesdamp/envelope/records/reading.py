@@ -56,7 +56,6 @@ def read_envelope(
     label = str(raw.provenance.get("value_column", ""))
     facts = _facts(path) if _is_text(path) else {}
     chosen = unit or unit_in(label) or _bracketed(label) or "units"
-    notes = [note for note in told(raw.provenance) if "header line" not in note]
     return made_record(
         path.name,
         t,
@@ -64,7 +63,7 @@ def read_envelope(
         chosen,
         frequency if frequency is not None else _frequency(facts),
         facts,
-        tuple(notes),
+        told({**raw.provenance, "header_lines": 0}),  # they are read
     )
 
 

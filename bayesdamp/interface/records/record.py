@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -27,9 +26,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 Column = str | int
-_OPTIONS = {
-    "--angle": "value", "--time": "time", "--rate": "rate", "--runs": "runs", "--channel": "channels"
-}  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -165,7 +161,8 @@ def read(
     try:
         raw = _runs(path, time, value, rate, runs, channels)
     except InputError as error:
-        raise InputError(_in_python(str(error))) from None
+        said = f" ({', '.join(f'{name}=' for name in error.arguments)})" if error.arguments else ""
+        raise InputError(error.what + said, error.where, error.at) from None
     said = {read_as(one, unit, quantity): one.channel for one in raw}
     if len(said) > 1:
         each = ", ".join(f"{channel!r} ({u})" for (u, _), channel in said.items())
@@ -208,8 +205,3 @@ def _runs(
     """Every run in a file: the one place that asks a reader."""
     chosen = None if runs is None else str(runs)
     return tuple(read_records(path, time=time, value=value, rate=rate, runs=chosen, channels=tuple(channels)))
-
-
-def _in_python(text: str) -> str:
-    """A line in the words of the command's options, in those of the arguments."""
-    return re.sub(r"--(angle|time|rate|runs|channel)\b", lambda found: _OPTIONS[found.group(0)], text)

@@ -28,7 +28,7 @@ def recorded(source: Recording) -> RawRecord:
 
 def of_file(error: InputError, source: Recording) -> InputError:
     """What is wrong with a record, told by its file as the study has it, and not by a name that was given it."""
-    return InputError(error.what, source.file, error.at)
+    return InputError(error.what, source.file, error.at, error.arguments)
 
 
 def cleaned(source: Recording, name: str) -> tuple[RawRecord, Signal]:

@@ -92,7 +92,7 @@ def series(
         ]
         if not chosen:
             raise InputError(
-                "the column asked for belongs to none of the runs asked for; leave out --runs or it"
+                "the column asked for belongs to none of the runs asked for; leave out one of the two"
             )
         return chosen
     blocks = [block for block in blocks if _candidates(block)] or [b for b in blocks if _rest(b)]
@@ -103,7 +103,8 @@ def series(
         if time_column.values.size != other.values.size:
             raise InputError(
                 f"has {time_column.values.size} times in {time_column.name!r} and {other.values.size} values in "
-                f"{other.name!r}; a record has as many of both: export it again, or give --rate HZ"
+                f"{other.name!r}; a record has as many of both: export it again, or give the rate in Hz",
+                arguments=["rate"],
             )
         blocks = [replace(blocks[0], time=time_column)]
     chosen = _same_in_all(found, blocks)
@@ -233,11 +234,12 @@ def _with_clock(record: Series, found: Contents, said: tuple[str, ...] = ()) -> 
         return replace(record, rate=record.value.rate, why=(*record.why, note))
     if len(found.columns) == 1:
         raise InputError(
-            "no time given, and its one column holds the values: give the rate in Hz (--rate HZ), or export the times"
+            "no time given, and its one column holds the values: export the times, or give the rate in Hz",
+            arguments=["rate"],
         )
     raise InputError(
-        "no time given: name the time column (--time NAME) or give the rate in Hz (--rate HZ); columns are "
-        f"{listed(found.columns)}"
+        f"no time given: name the time column or give the rate in Hz; columns are {listed(found.columns)}",
+        arguments=["time", "rate"],
     )
 
 
@@ -282,8 +284,9 @@ def _plain(found: Contents, some: list[Column]) -> None:
         names = ", ".join(shown(found.columns, c) for c in some[:3])
         more = f" and {len(some) - 3} more" if len(some) > 3 else ""
         raise InputError(
-            f"has {len(found.columns)} columns, and {names}{more} may each be the record; give --angle NAME (or its "
-            f"number), or --channel NAME for several; columns are {listed(found.columns)}"
+            f"has {len(found.columns)} columns, and {names}{more} may each be the record; give the name or number of "
+            f"one, or of several channels; columns are {listed(found.columns)}",
+            arguments=["value", "channels"],
         )
 
 

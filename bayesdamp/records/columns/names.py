@@ -137,9 +137,8 @@ def runs_asked(text: str, labels: Sequence[str]) -> list[str]:
         if part in labels:
             wanted.append(part)
         elif at is None or int(at[2] or at[1]) < int(at[1]):
-            raise InputError(
-                f"--runs: is {text[:40]!r}; it must be numbers such as 1,3-5; there are {_few(labels)}"
-            )
+            what = f"no runs {text[:40]!r}; give numbers such as 1,3-5; there are {_few(labels)}"
+            raise InputError(what, arguments=["runs"])
         else:
             span = [
                 label
@@ -147,16 +146,16 @@ def runs_asked(text: str, labels: Sequence[str]) -> list[str]:
                 if label.isdigit() and int(at[1]) <= int(label) <= int(at[2] or at[1])
             ]
             if not span:
-                raise InputError(f"--runs: is {text[:40]!r}; there are {_few(labels)}")
+                raise InputError(f"no runs {text[:40]!r}; there are {_few(labels)}", arguments=["runs"])
             wanted += span
     if not wanted:
-        raise InputError(f"--runs: is {text[:40]!r}, which names none; there are {_few(labels)}")
+        raise InputError(f"runs {text[:40]!r} name none; there are {_few(labels)}", arguments=["runs"])
     return list(dict.fromkeys(wanted))
 
 
 def _few(labels: Sequence[str]) -> str:
     if not labels:
-        return "no runs: leave --runs out"
+        return "none to choose from"
     return (
         "runs " + ", ".join(labels[:MOST]) + (f" and {len(labels) - MOST} more" if len(labels) > MOST else "")
     )

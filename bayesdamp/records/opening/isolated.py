@@ -80,7 +80,7 @@ def serve(module: str, function: str, path: str, out: str, options: Mapping[str,
     try:
         found = getattr(import_module(module), function)(Path(path), **options)
     except InputError as error:
-        said: dict[str, object] = {"error": {"what": error.what, "where": error.where, "at": error.at}}
+        said: dict[str, object] = {"error": vars(error)}
     else:
         for i, array in enumerate(found.values()):
             np.save(folder / f"{i}.npy", array, allow_pickle=False)

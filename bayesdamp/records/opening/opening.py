@@ -7,6 +7,7 @@ import io
 import stat
 import warnings
 from collections import Counter
+from collections.abc import Sequence
 from difflib import get_close_matches
 from itertools import islice
 from pathlib import Path
@@ -36,11 +37,11 @@ def called(path: Path) -> str:
     return name if len(name) <= 80 else f"{name[:50]}...{name[-27:]}"
 
 
-def fault(path: Path, text: object) -> InputError:
+def fault(path: Path, text: object, arguments: Sequence[str] = ()) -> InputError:
     """One line about a file, cut to its length and without line breaks."""
     where, what = " ".join(called(path).split()), " ".join(str(text).split())
-    room = LONGEST - len(f"{where}: ")
-    return InputError(what if len(what) <= room else f"{what[: room - 3]}...", where)
+    room = LONGEST - len(str(InputError("", where, arguments=arguments)))
+    return InputError(what if len(what) <= room else f"{what[: room - 3]}...", where, arguments=arguments)
 
 
 def contents(path: Path | str) -> Contents:
@@ -51,7 +52,7 @@ def contents(path: Path | str) -> Contents:
         if foreign:
             return unpacked(load_isolated(read_packed, path, largest=limits.LARGEST))
     except InputError as error:
-        raise fault(path, error.what) from None
+        raise fault(path, error.what, error.arguments) from None
     return read_here(path)
 
 
@@ -64,7 +65,7 @@ def read_here(path: Path) -> Contents:
             warnings.simplefilter("ignore")
             found = reader.read(path)
     except InputError as error:
-        raise fault(path, error.what) from None
+        raise fault(path, error.what, error.arguments) from None
     except ImportError as error:
         raise fault(path, _missing(reader, error)) from None
     except MemoryError:

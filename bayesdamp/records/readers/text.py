@@ -86,13 +86,13 @@ def from_lines(lines: list[str], form: str = "text") -> Contents:
     while len(columns) > 1 and not columns[-1].name and not np.isfinite(columns[-1].values).any():
         columns.pop()  # a separator at the end of each line
     first = layout.first - (len(lines) - given)
-    notes = [f"{first} header line{'s' if first > 1 else ''} skipped."] if first else []
     return Contents(
         form,
         tuple(columns),
         settings or header_facts(line for line in lines[: layout.first] if not _names_columns(line, layout)),
-        tuple(notes),
+        (),
         {
+            "header_lines": first,
             "separator": "blanks" if layout.separator == BLANKS else layout.separator,
             "decimal": layout.decimal,
             "first_line": first + 1,

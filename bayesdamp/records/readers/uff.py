@@ -107,9 +107,7 @@ def _columns(data: Any, name: str, group: str) -> list[Column]:
     if int(data["abscissa_spacing"]) == 1:
         step = float(data["abscissa_inc"])
         if not step > 0:
-            raise InputError(
-                f"{name}: its samples are {step:g} s apart; export it again, or give --rate (in Hz)"
-            )
+            raise InputError(f"{name}: its samples are {step:g} s apart; export it again")
         start = float(data["abscissa_min"])
         return [Column(name, values, group, unit=unit, quantity=quantity, rate=1 / step, start=start)]
     time = Column(f"{name} time", x, group, unit="s")

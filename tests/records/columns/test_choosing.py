@@ -90,13 +90,13 @@ def test_a_choice_s_sentence_is_made_of_its_values() -> None:
 
 
 OPEN: dict[str, tuple[dict[str, np.ndarray], bool, str]] = {
-    "two that swing": ({"t": T, "x": Y, "y": OTHER}, True, "'x', 'y' may each be the record; give --angle NAME"),
+    "two that swing": ({"t": T, "x": Y, "y": OTHER}, True, "'x', 'y' may each be the record; give the name"),
     "without names": ({"t": T, "x": Y, "y": OTHER}, False, "2, 3 may each be the record"),
     "two that beat": ({"t": T, "x": BEATING, "y": SLOWER}, True, "may each be the record"),
     "no time": ({"x": Y, "y": OTHER}, True, "may each be the record"),
     "times alone": ({"t": T}, True, "has one column, and it holds the times"),
     "nothing that changes": ({"t": T, "x": FLAT, "y": FLAT}, True, "may each be the record"),
-    "one without time": ({"x": Y}, True, "its one column holds the values: give the rate in Hz (--rate HZ)"),
+    "one without time": ({"x": Y}, True, "export the times, or give the rate in Hz (--rate)"),
 }  # fmt: skip
 
 
