@@ -159,9 +159,9 @@ def test_runs_of_a_file_are_repeats(tmp_path: Path, what: str) -> None:
     assert [r.run for r in read_records(path, runs=" 4 , 2 ")] == ["4", "2"]
     assert read_record(path, run=3, channel=found[0].channel).columns == found[2].columns
     for wrong, said in (
-        ("7", "is .7.; there are runs 1, 2, 3, 4"),
-        ("3-1", "must be numbers"),
-        ("", "names none"),
+        ("7", "no runs .7.; there are runs 1, 2, 3, 4"),
+        ("3-1", "give numbers"),
+        ("", "name none"),
     ):
         with pytest.raises(InputError, match=said):
             read_records(path, runs=wrong)
