@@ -24,9 +24,9 @@ from bayesdamp.store.contents.answers import AnswerContent
 from bayesdamp.store.folders import claim
 from bayesdamp.types import OK, InputError
 from bayesdamp.units import UNITS, Unit
-from bayesdamp.verdict.row import row_of
+from bayesdamp.verdict.parts import Grade
 from bayesdamp.verdict.specimen import specimen
-from bayesdamp.verdict.types import Grade, Verdict
+from bayesdamp.verdict.types import Verdict
 from bayesdamp.verdict.units import in_unit, picture_in_unit
 from bayesdamp.verdict.words import with_interval
 
@@ -135,7 +135,7 @@ class Comparison(Result):
         import pandas as pd
 
         every = [*(r.verdict for r in self.records), self.verdict]
-        return pd.DataFrame([row_of(v) for v in every])
+        return pd.DataFrame([v.row() for v in every])
 
     def plot(self, axes: drawing.Given = None) -> tuple[Axes, ...]:
         """Draw the answer: record, damping ratio against amplitude, residual, energy by term; the four axes drawn on.

@@ -31,8 +31,9 @@ from bayesdamp.store.contents.answers import (
 from bayesdamp.types import OK, InputError, Refusal, Signal
 from bayesdamp.units import UNITS, Unit
 from bayesdamp.verdict.decide import decide
+from bayesdamp.verdict.parts import Averages, Grade, Window
 from bayesdamp.verdict.specimen import Answered, OtherForm
-from bayesdamp.verdict.types import Averages, Grade, Verdict, Window
+from bayesdamp.verdict.types import Verdict
 
 BEYOND = 1.3
 """By which factor an amplitude that is asked for may lie outside those of the record."""

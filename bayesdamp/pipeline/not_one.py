@@ -12,7 +12,8 @@ from bayesdamp.records.oscillation.modes import Modes
 from bayesdamp.records.oscillation.one import NotOne, other_than_one
 from bayesdamp.types import Refusal, Signal
 from bayesdamp.verdict import thresholds
-from bayesdamp.verdict.types import Grade, Interval, Mode, Motion, Verdict, Window
+from bayesdamp.verdict.parts import Grade, Interval, Mode, Motion, Window
+from bayesdamp.verdict.types import Verdict
 from bayesdamp.verdict.words import sentence
 
 ORDER = {"angle": 0, "velocity": 1, "acceleration": 2}

@@ -31,7 +31,8 @@ from bayesdamp.sources import package_digest
 from bayesdamp.store import CellResult, Store
 from bayesdamp.store.places import Place
 from bayesdamp.types import OK, InputError
-from bayesdamp.verdict.types import Grade, Verdict
+from bayesdamp.verdict.parts import Grade
+from bayesdamp.verdict.types import Verdict
 
 if TYPE_CHECKING:
     from rich.console import Console

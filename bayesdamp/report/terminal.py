@@ -21,7 +21,8 @@ from bayesdamp.report.results.specimens import sentences
 from bayesdamp.types import OK
 from bayesdamp.units import UNITS
 from bayesdamp.verdict.agreement import agreement
-from bayesdamp.verdict.types import Grade, Verdict
+from bayesdamp.verdict.parts import Grade
+from bayesdamp.verdict.types import Verdict
 from bayesdamp.verdict.units import in_unit
 from bayesdamp.verdict.words import energy_of, with_interval
 

@@ -6,7 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from math import log
 
-from bayesdamp.verdict.types import DampingRatio, Verdict
+from bayesdamp.verdict.parts import DampingRatio
+from bayesdamp.verdict.types import Verdict
 
 SMALL = 0.5
 """Standard deviations of a damping ratio below which it has not moved."""

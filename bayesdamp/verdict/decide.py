@@ -9,7 +9,7 @@ from bayesdamp.inference.deviation.numbers.quantities import Quantity
 from bayesdamp.physics.damping import TERMS, twins_of
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.verdict import thresholds
-from bayesdamp.verdict.types import (
+from bayesdamp.verdict.parts import (
     Averages,
     Bound,
     Coefficient,
@@ -19,9 +19,9 @@ from bayesdamp.verdict.types import (
     Interval,
     Rival,
     Share,
-    Verdict,
     Window,
 )
+from bayesdamp.verdict.types import Verdict
 from bayesdamp.verdict.words import remarks, sentence
 
 

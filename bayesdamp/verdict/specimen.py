@@ -10,8 +10,9 @@ import numpy as np
 from bayesdamp.inference.deviation.numbers.odds import odds
 from bayesdamp.verdict import thresholds
 from bayesdamp.verdict.decide import rivals_of
+from bayesdamp.verdict.parts import DampingRatio, Grade, Interval, Share
 from bayesdamp.verdict.pooled import Pooled, pooled
-from bayesdamp.verdict.types import DampingRatio, Grade, Interval, Share, Verdict
+from bayesdamp.verdict.types import Verdict
 from bayesdamp.verdict.words import named, sentence
 
 FAR = -60.0

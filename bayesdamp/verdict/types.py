@@ -5,149 +5,29 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
-from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
 from bayesdamp.store.files import write_json
 from bayesdamp.types import VERDICT_SCHEMA, InputError
-from bayesdamp.verdict.row import row_of
+from bayesdamp.verdict.parts import (
+    Averages,
+    Bound,
+    Coefficient,
+    DampingRatio,
+    FrequencyAt,
+    Grade,
+    Interval,
+    Mode,
+    Motion,
+    Rival,
+    Share,
+    Window,
+)
 from bayesdamp.verdict.table import html_table
 
 if TYPE_CHECKING:
     import pandas as pd
-
-
-class Grade(StrEnum):
-    """How well a law of damping describes the record."""
-
-    EXACT = "exact"
-    APPROXIMATE = "approximate"
-    DEVIATES = "deviates"
-    NO_FREE_DECAY = "no_free_decay"
-    NOT_WEIGHED = "not_weighed"
-
-
-@dataclass(frozen=True)
-class Interval:
-    """A value with its 95 % interval, in a unit."""
-
-    value: float
-    low: float
-    high: float
-    unit: str = ""
-
-
-@dataclass(frozen=True)
-class FrequencyAt:
-    """Frequency in Hz of the oscillation at an amplitude of the record, with its 95 % interval."""
-
-    amplitude: float
-    unit: str
-    value: float
-    low: float
-    high: float
-
-
-@dataclass(frozen=True)
-class DampingRatio:
-    """Equivalent viscous damping ratio at an amplitude, with its total 95 % interval.
-
-    sd_noise and sd_law are the parts of its standard deviation from noise and from what the law does not hold.
-    """
-
-    amplitude: float
-    unit: str
-    value: float
-    sd_noise: float
-    sd_law: float
-    low: float
-    high: float
-
-
-@dataclass(frozen=True)
-class Coefficient:
-    """A parameter under the damping that is named, with its total 95 % interval."""
-
-    name: str
-    value: float
-    sd_noise: float
-    sd_law: float
-    low: float
-    high: float
-    unit: str
-
-
-@dataclass(frozen=True)
-class Rival:
-    """Another damping sum and its probability."""
-
-    damping: str
-    probability: float
-
-
-@dataclass(frozen=True)
-class Share:
-    """A term's share of the dissipated energy, with its 95 % interval; probability: that the term is there."""
-
-    term: str
-    share: float
-    low: float
-    high: float
-    probability: float
-
-
-@dataclass(frozen=True)
-class Bound:
-    """The 95 % upper limit of the share of the energy that an absent form of damping may take."""
-
-    form: str
-    share_below: float
-
-
-@dataclass(frozen=True)
-class Window:
-    """The piece of the record that was used, in s of the file's own times, and why."""
-
-    start: float
-    stop: float
-    cycles: float
-    why: str
-
-
-@dataclass(frozen=True)
-class Averages:
-    """That averaged amplitude and phase stand for the motion of a record of very many cycles: the number of cycles, and
-    the most by which that moves a parameter from where the equation of motion itself has it, in its posterior sds."""
-
-    cycles: float
-    error_sd: float
-
-
-@dataclass(frozen=True)
-class Mode:
-    """One of the oscillations of a record that is no free decay of one oscillator: a damped sinusoid.
-
-    frequency in Hz; damping_ratio: with its 95 % interval, below 0 where it grows; first, last: amplitude at the ends
-    of the record.
-    """
-
-    frequency: float
-    damping_ratio: float
-    low: float
-    high: float
-    first: float
-    last: float
-    unit: str
-
-
-class Motion(StrEnum):
-    """What a record is that is no free decay of one oscillator."""
-
-    GROWING = "growing"
-    BEATS = "beats"
-    TWO_MODES = "two modes"
-    DRIVEN = "driven"
 
 
 @dataclass(frozen=True, repr=False)
@@ -200,7 +80,40 @@ class Verdict:
         """One row, with the columns of verdicts.csv."""
         import pandas as pd
 
-        return pd.DataFrame([row_of(self)])
+        return pd.DataFrame([self.row()])
+
+    def row(self) -> dict[str, object]:
+        """A line of verdicts.csv: three amplitudes, the first three rivals and the terms' shares in columns of their own."""
+        found: dict[str, object] = {
+            "record": self.record,
+            "grade": str(self.grade),
+            "decided": self.decided,
+            "damping": self.damping,
+            "probability": self.probability,
+            "rivals": " ".join(f"{r.damping}:{r.probability:.4g}" for r in self.rivals),
+            "restoring": self.restoring,
+            "restoring_probability": self.restoring_probability,
+            "unexplained_pct": self.unexplained_pct,
+            "noise_pct": self.noise_pct,
+            "midline_drift_pct": self.midline_drift_pct,
+            "energy": " ".join(f"{s.term}:{s.share:.4g}({s.low:.4g},{s.high:.4g})" for s in self.energy),
+            "other_forms": " ".join(
+                f"{b.form.replace(' ', '_')}:{b.share_below:.4g}" for b in self.other_forms
+            ),
+            "remarks": " ".join(self.remarks),
+            "sentence": self.sentence,
+        }
+        for name in ("frequency", "frequency_at", "exponent", "deviation", "unnamed"):
+            one = getattr(self, name)
+            if one is not None:
+                found |= {name: one.value, f"{name}_low": one.low, f"{name}_high": one.high}
+        for i, ratio in enumerate(self.damping_ratio[:3], start=1):
+            found |= {f"amplitude_{i}": ratio.amplitude, f"unit_{i}": ratio.unit}
+            found |= {f"ratio_{i}": ratio.value, f"ratio_{i}_low": ratio.low, f"ratio_{i}_high": ratio.high}
+            found |= {f"ratio_{i}_sd_noise": ratio.sd_noise, f"ratio_{i}_sd_law": ratio.sd_law}
+        if self.window is not None:
+            found |= {"start": self.window.start, "stop": self.window.stop, "cycles": self.window.cycles}
+        return found
 
     def _repr_html_(self) -> str:
         rows = [(f"{r.amplitude:.3g} {r.unit}", f"{100 * r.value:.3g} %", f"{100 * r.low:.3g} to {100 * r.high:.3g} %")

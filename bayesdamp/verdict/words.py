@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 
 from bayesdamp.physics.damping import TERMS, words_of
 from bayesdamp.verdict import thresholds
-from bayesdamp.verdict.types import DampingRatio, FrequencyAt, Grade, Interval, Mode, Motion, Verdict
+from bayesdamp.verdict.parts import DampingRatio, FrequencyAt, Grade, Interval, Mode, Motion
+from bayesdamp.verdict.types import Verdict
 
 if TYPE_CHECKING:
     from bayesdamp.inference.deviation.findings import Findings

@@ -21,17 +21,8 @@ from bayesdamp.envelope.report.tables import verdict
 from bayesdamp.envelope.results import EnvelopeResult
 from bayesdamp.estimators import names_for_all
 from bayesdamp.physics.damping import TERMS
-from bayesdamp.verdict.types import (
-    Bound,
-    Coefficient,
-    DampingRatio,
-    Grade,
-    Mode,
-    Rival,
-    Share,
-    Verdict,
-    Window,
-)
+from bayesdamp.verdict.parts import Bound, Coefficient, DampingRatio, Grade, Mode, Rival, Share, Window
+from bayesdamp.verdict.types import Verdict
 from tests.store.test_columns import WRITTEN
 
 ROOT = Path(__file__).parents[2]

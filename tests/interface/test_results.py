@@ -12,7 +12,8 @@ import pytest
 import bayesdamp as bd
 from bayesdamp.store import write_json
 from bayesdamp.types import InputError
-from bayesdamp.verdict.types import DampingRatio, Grade, Verdict
+from bayesdamp.verdict.parts import DampingRatio, Grade
+from bayesdamp.verdict.types import Verdict
 
 mpl.use("Agg")
 LINES, WIDTH = 20, 200

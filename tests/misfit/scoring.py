@@ -9,7 +9,8 @@ from pathlib import Path
 from bayesdamp.cli.asking import Options, found_records
 from bayesdamp.pipeline.answer import answer
 from bayesdamp.types import InputError
-from bayesdamp.verdict.types import Grade, Verdict
+from bayesdamp.verdict.parts import Grade
+from bayesdamp.verdict.types import Verdict
 from tests.misfit.cases import Case, drawn
 
 COLUMNS = (

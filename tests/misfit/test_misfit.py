@@ -12,7 +12,8 @@ import pytest
 from scipy.stats import binom
 
 from bayesdamp.validation.reports.rows import read_rows
-from bayesdamp.verdict.types import Grade, Verdict
+from bayesdamp.verdict.parts import Grade
+from bayesdamp.verdict.types import Verdict
 from tests.misfit import scoring
 from tests.misfit.cases import INSIDE, drawn
 from tests.misfit.scoring import OPEN, REFUSED, RIGHT, WRONG, outcome, score

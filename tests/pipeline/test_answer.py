@@ -12,7 +12,7 @@ from bayesdamp.pipeline.answer import answer
 from bayesdamp.types import Signal
 from bayesdamp.validation.truth.records import Case, case
 from bayesdamp.verdict import Verdict
-from bayesdamp.verdict.types import Grade
+from bayesdamp.verdict.parts import Grade
 
 SEED = 21
 NUMBERS = {0: "viscous", 1: "coulomb", 2: "quadratic", 4: "viscous+quadratic"}

@@ -10,7 +10,8 @@ import pytest
 import bayesdamp as bd
 from bayesdamp.pipeline.answer import answer
 from bayesdamp.types import Signal
-from bayesdamp.verdict.types import Grade, Motion, Verdict
+from bayesdamp.verdict.parts import Grade, Motion
+from bayesdamp.verdict.types import Verdict
 from tests.records.oscillation.test_one import OMEGA, sum_of
 
 

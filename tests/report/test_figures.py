@@ -24,7 +24,7 @@ from bayesdamp.report.figures.records.motions import motions
 from bayesdamp.report.figures.records.record import thinned
 from bayesdamp.report.html import Line, Table
 from bayesdamp.report.style import RC, WIDTH, colour, dash, legend_columns, looks
-from bayesdamp.verdict.types import Mode
+from bayesdamp.verdict.parts import Mode
 
 
 def test_thinning_keeps_the_extremes():

@@ -20,7 +20,8 @@ from bayesdamp.report.sections.estimators.against import inside
 from bayesdamp.report.terminal import conclude
 from bayesdamp.store import CellResult, Store, write_json
 from bayesdamp.store.folders import claim
-from bayesdamp.verdict.types import DampingRatio, Grade, Interval, Verdict
+from bayesdamp.verdict.parts import DampingRatio, Grade, Interval
+from bayesdamp.verdict.types import Verdict
 
 SIZES = {"rig_run_1": 0.01, "rig_run_2": 0.03, "rig_run_3": 0.02}
 

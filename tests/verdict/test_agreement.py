@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 from bayesdamp.verdict.agreement import SMALL, agreement, intervals
-from bayesdamp.verdict.types import DampingRatio, Grade, Verdict
+from bayesdamp.verdict.parts import DampingRatio, Grade
+from bayesdamp.verdict.types import Verdict
 
 
 def verdict(value: float = 0.02, damping: str = "viscous", decided: bool = True) -> Verdict:

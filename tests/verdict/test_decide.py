@@ -13,7 +13,7 @@ from bayesdamp.inference.deviation.candidate import Candidate
 from bayesdamp.inference.deviation.findings import Findings, Quantity, Ratio
 from bayesdamp.verdict import Verdict, thresholds
 from bayesdamp.verdict.decide import decide
-from bayesdamp.verdict.types import Averages, Grade, Window
+from bayesdamp.verdict.parts import Averages, Grade, Window
 from bayesdamp.verdict.words import digits, probability
 
 TINY = 1e-6

@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 
 from bayesdamp.verdict import thresholds
+from bayesdamp.verdict.parts import DampingRatio, Grade, Interval, Share
 from bayesdamp.verdict.pooled import pooled
 from bayesdamp.verdict.specimen import Answered, OtherForm, at_amplitude, specimen
-from bayesdamp.verdict.types import DampingRatio, Grade, Interval, Share, Verdict
+from bayesdamp.verdict.types import Verdict
 
 AMPLITUDE = np.array([0.1, 0.2, 0.4])
 

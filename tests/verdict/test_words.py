@@ -8,7 +8,8 @@ from dataclasses import replace
 import pytest
 
 from bayesdamp.units import UNITS
-from bayesdamp.verdict.types import Bound, DampingRatio, Grade, Interval, Rival, Verdict
+from bayesdamp.verdict.parts import Bound, DampingRatio, Grade, Interval, Rival
+from bayesdamp.verdict.types import Verdict
 from bayesdamp.verdict.units import in_unit
 from bayesdamp.verdict.words import energy_of, loses_like, sentence
 

@@ -24,8 +24,9 @@ from bayesdamp.store import CellResult, Store
 from bayesdamp.store.contents.answers import AnswerContent
 from bayesdamp.store.contents.records import RecordContent
 from bayesdamp.types import OK, Refusal
+from bayesdamp.verdict.parts import Grade
 from bayesdamp.verdict.specimen import Answered
-from bayesdamp.verdict.types import Grade, Verdict
+from bayesdamp.verdict.types import Verdict
 
 ANSWERED, SAMPLED = "answer", "sampled"
 """Kinds of the two cells."""

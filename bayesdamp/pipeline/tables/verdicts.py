@@ -6,7 +6,6 @@ from bayesdamp.config import SignalSpec, Study
 from bayesdamp.pipeline.records.answering import answered_of, arrays_of, verdict_of
 from bayesdamp.store import DAMPING_CURVES, VERDICTS, Store, write_json, write_table
 from bayesdamp.units import UNITS, Unit
-from bayesdamp.verdict.row import row_of
 from bayesdamp.verdict.specimen import specimen
 from bayesdamp.verdict.types import Verdict
 from bayesdamp.verdict.units import in_unit, picture_in_unit
@@ -34,7 +33,7 @@ def write_verdicts(study: Study, store: Store) -> None:
     if not found:
         return
     write_json(store.folder / "verdict.json", [v.to_dict() for v in found])
-    rows = [row_of(in_unit(v, unit)) for v, unit in zip(found, units, strict=True)]
+    rows = [in_unit(v, unit).row() for v, unit in zip(found, units, strict=True)]
     write_table(store.folder / "verdicts.csv", VERDICTS, rows)
     curves = [
         row for spec in study.signals for repeat in range(spec.repeats) for row in _curve(store, spec, repeat)

@@ -13,7 +13,8 @@ from bayesdamp.store.contents.answers import AnswerContent
 from bayesdamp.store.contents.posteriors import PosteriorContent
 from bayesdamp.types import OK
 from bayesdamp.verdict.agreement import Agreement, agreement, intervals
-from bayesdamp.verdict.types import Grade, Verdict
+from bayesdamp.verdict.parts import Grade
+from bayesdamp.verdict.types import Verdict
 from bayesdamp.verdict.words import with_interval
 
 

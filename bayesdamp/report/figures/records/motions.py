@@ -10,7 +10,7 @@ from matplotlib.ticker import FuncFormatter
 
 from bayesdamp.report.figures._panels import NARROW, broken
 from bayesdamp.report.style import FAINT, INK, WIDTH
-from bayesdamp.verdict.types import Mode
+from bayesdamp.verdict.parts import Mode
 
 HEIGHT = 2.7
 """Inches of a panel."""

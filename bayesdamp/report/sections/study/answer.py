@@ -15,7 +15,8 @@ from bayesdamp.report.results.run import Run
 from bayesdamp.report.sections._layout import ANCHOR, by_signal
 from bayesdamp.report.sections._section import Section
 from bayesdamp.types import OK
-from bayesdamp.verdict.types import Grade, Verdict
+from bayesdamp.verdict.parts import Grade
+from bayesdamp.verdict.types import Verdict
 from bayesdamp.verdict.words import energy_of, extrapolated, loses_like, with_interval
 
 GIVEN = 1e-6

@@ -1,0 +1,138 @@
+"""What a verdict is made of."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+
+class Grade(StrEnum):
+    """How well a law of damping describes the record."""
+
+    EXACT = "exact"
+    APPROXIMATE = "approximate"
+    DEVIATES = "deviates"
+    NO_FREE_DECAY = "no_free_decay"
+    NOT_WEIGHED = "not_weighed"
+
+
+@dataclass(frozen=True)
+class Interval:
+    """A value with its 95 % interval, in a unit."""
+
+    value: float
+    low: float
+    high: float
+    unit: str = ""
+
+
+@dataclass(frozen=True)
+class FrequencyAt:
+    """Frequency in Hz of the oscillation at an amplitude of the record, with its 95 % interval."""
+
+    amplitude: float
+    unit: str
+    value: float
+    low: float
+    high: float
+
+
+@dataclass(frozen=True)
+class DampingRatio:
+    """Equivalent viscous damping ratio at an amplitude, with its total 95 % interval.
+
+    sd_noise and sd_law are the parts of its standard deviation from noise and from what the law does not hold.
+    """
+
+    amplitude: float
+    unit: str
+    value: float
+    sd_noise: float
+    sd_law: float
+    low: float
+    high: float
+
+
+@dataclass(frozen=True)
+class Coefficient:
+    """A parameter under the damping that is named, with its total 95 % interval."""
+
+    name: str
+    value: float
+    sd_noise: float
+    sd_law: float
+    low: float
+    high: float
+    unit: str
+
+
+@dataclass(frozen=True)
+class Rival:
+    """Another damping sum and its probability."""
+
+    damping: str
+    probability: float
+
+
+@dataclass(frozen=True)
+class Share:
+    """A term's share of the dissipated energy, with its 95 % interval; probability: that the term is there."""
+
+    term: str
+    share: float
+    low: float
+    high: float
+    probability: float
+
+
+@dataclass(frozen=True)
+class Bound:
+    """The 95 % upper limit of the share of the energy that an absent form of damping may take."""
+
+    form: str
+    share_below: float
+
+
+@dataclass(frozen=True)
+class Window:
+    """The piece of the record that was used, in s of the file's own times, and why."""
+
+    start: float
+    stop: float
+    cycles: float
+    why: str
+
+
+@dataclass(frozen=True)
+class Averages:
+    """That averaged amplitude and phase stand for the motion of a record of very many cycles: the number of cycles, and
+    the most by which that moves a parameter from where the equation of motion itself has it, in its posterior sds."""
+
+    cycles: float
+    error_sd: float
+
+
+@dataclass(frozen=True)
+class Mode:
+    """One of the oscillations of a record that is no free decay of one oscillator: a damped sinusoid.
+
+    frequency in Hz; damping_ratio: with its 95 % interval, below 0 where it grows; first, last: amplitude at the ends
+    of the record.
+    """
+
+    frequency: float
+    damping_ratio: float
+    low: float
+    high: float
+    first: float
+    last: float
+    unit: str
+
+
+class Motion(StrEnum):
+    """What a record is that is no free decay of one oscillator."""
+
+    GROWING = "growing"
+    BEATS = "beats"
+    TWO_MODES = "two modes"
+    DRIVEN = "driven"
