@@ -83,7 +83,7 @@ class Verdict:
         return pd.DataFrame([self.row()])
 
     def row(self) -> dict[str, object]:
-        """A line of verdicts.csv: three amplitudes, the first three rivals, the terms' shares in columns of their own."""
+        """A line of verdicts.csv: three amplitudes, the first three rivals, the terms' shares in columns each."""
         found: dict[str, object] = {
             "record": self.record,
             "grade": str(self.grade),
