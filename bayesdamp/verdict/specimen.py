@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from bayesdamp.inference.deviation.numbers.odds import odds
+from bayesdamp.inference.model.defaults import odds
 from bayesdamp.verdict import thresholds
 from bayesdamp.verdict.decide import rivals_of
 from bayesdamp.verdict.parts import DampingRatio, Grade, Interval, Share

@@ -1,8 +1,8 @@
-"""Default priors: the same in every damping model, so that evidence can be compared."""
+"""Default priors: of parameters, the same in every damping model, so that evidence can be compared; of the models."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 from bayesdamp.inference.noise import NOISES
 from bayesdamp.physics.oscillator import Oscillator
@@ -10,7 +10,15 @@ from bayesdamp.priors import HalfNormal, LogNormal, LogUniform, Normal, Prior
 from bayesdamp.records.oscillation.features import Features
 from bayesdamp.records.reference import Reference, reference_of
 
-__all__ = ["EPSILON_RANGE", "EPSILON_SHARE", "RATIO_SCALE", "Reference", "default_prior", "reference_of"]
+__all__ = [
+    "EPSILON_RANGE",
+    "EPSILON_SHARE",
+    "RATIO_SCALE",
+    "Reference",
+    "default_prior",
+    "odds",
+    "reference_of",
+]
 
 RATIO_SCALE = 0.1
 """Scale of the half-normal prior on each term's equivalent damping ratio at the reference."""
@@ -18,6 +26,11 @@ RATIO_SCALE = 0.1
 EPSILON_SHARE = 0.02
 EPSILON_RANGE = (0.0005, 0.05)
 """ε as a share of the peak velocity: where it is not given, and the range of its prior where it is free."""
+
+THIRD = 0.5
+"""Prior weight of a sum of three terms beside sums of one or two."""
+OTHERS = 0.1
+"""Prior weight of all other forms of damping together beside one sum."""
 
 
 def default_prior(name: str, osc: Oscillator, noise: str, reference: Reference, features: Features) -> Prior:
@@ -45,3 +58,9 @@ def default_prior(name: str, osc: Oscillator, noise: str, reference: Reference, 
         **NOISES.get(noise).priors(features),
     }
     return priors[name]
+
+
+def odds(damping: Sequence[str], others: int = 0) -> float:
+    """Prior weight of a damping. others: among how many forms of damping that are not compared it is one; 0 for a sum
+    that is compared."""
+    return (THIRD if len(damping) > 2 else 1.0) * (OTHERS / others if others else 1.0)
