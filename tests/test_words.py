@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import json
 import re
 from collections.abc import Iterator
 from pathlib import Path
@@ -73,13 +74,21 @@ def test_the_program_speaks_the_words_of_the_field() -> None:
     assert not found, "\n".join(found)
 
 
-@pytest.mark.parametrize(
-    "path", [ROOT / "README.md", *sorted((ROOT / "docs").glob("**/*.md"))], ids=lambda p: p.name
-)
+def pages() -> list[Path]:
+    """The README, the pages of the site and its notebooks."""
+    docs = ROOT / "docs"
+    made = {docs / "_build", docs / "_generated"}
+    found = [*docs.glob("**/*.md"), *docs.glob("**/*.ipynb")]
+    return [ROOT / "README.md", *sorted(path for path in found if not made & set(path.parents))]
+
+
+@pytest.mark.parametrize("path", pages(), ids=lambda p: p.name)
 def test_the_pages_do_too(path: Path) -> None:
-    if {"_build", "_generated"} & set(path.parts):
-        pytest.skip("made by the site")
-    assert not own_words(path.read_text(encoding="utf-8"))
+    text = path.read_text(encoding="utf-8")
+    if path.suffix == ".ipynb":
+        cells = (cell["source"] for cell in json.loads(text)["cells"] if cell["cell_type"] == "markdown")
+        text = "".join("".join(lines) for lines in cells)
+    assert not own_words(text)
 
 
 @pytest.mark.parametrize(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shlex
 import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -44,10 +45,11 @@ def study_text(records: Sequence[Asked], out: Path) -> str:
     """The study of records whose files lie beside `out`, where it will be written. Raises InputError and StudyError
     where the study would not be one."""
     tables = comparison_tables([replace(asked, path=Path(asked.path.name)) for asked in records])
+    typed = shlex.quote(out.name)
     lines = [
-        f"# A study of {records[0].path.name}, as `bayesdamp compare` would do it. Change what is wrong, then",
-        f"#   bayesdamp check {out.name}    reads it and says what is wrong with it",
-        f"#   bayesdamp study {out.name}    runs it",
+        f"# A study of {records[0].path.name}, as `bayesdamp compare --exact` would do it. Change what is wrong, then",
+        f"#   bayesdamp check {typed}    reads it and says what is wrong with it",
+        f"#   bayesdamp study {typed}    runs it, in minutes; with --quick the answer alone, in seconds",
         "",
     ]
     lines += [_line(key, value) for key, value in tables.items() if not isinstance(value, dict | list)]

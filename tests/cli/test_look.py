@@ -127,7 +127,8 @@ def test_init_writes_a_study_that_checks_and_reads(tmp_path, capsys) -> None:
     assert main(["init", str(file)]) == 0
     shown, said = capsys.readouterr()
     assert "run 2, Angle, left (deg) is left out" in said
-    assert f"bayesdamp check {out}" in shown
+    assert f"bayesdamp check '{out}'" in shown  # as it is typed: the name has a blank
+    assert "bayesdamp study 'my rig.toml'" in out.read_text(encoding="utf-8")
     study = load_study(out)
     assert [s.specimen for s in study.signals] == ["my_rig"] * 2
     for spec, size in zip(study.signals, (40, 30), strict=True):

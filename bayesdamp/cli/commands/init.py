@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from pathlib import Path
 from typing import Annotated
 
@@ -60,5 +61,6 @@ def init(
         raise InputError(
             f"{out}: cannot be written: {what}; copy {file.name} to a folder of your own"
         ) from None
-    typer.echo(f"{out}: next, bayesdamp check {out} and bayesdamp study {out}")
+    typed = shlex.quote(str(out))
+    typer.echo(f"{out}: next, bayesdamp check {typed} and bayesdamp study {typed}")
     return 0
