@@ -36,6 +36,7 @@ from bayesdamp.pipeline.stored_laws import put_together
 from bayesdamp.pipeline.stored_laws import unpacked as unpacked_law
 from bayesdamp.priors import Prior, prior_of
 from bayesdamp.store import CellResult
+from bayesdamp.store.contents.answers import LawContent
 from bayesdamp.types import OK, InputError, Refusal
 
 if TYPE_CHECKING:
@@ -242,7 +243,7 @@ class Fit(Result):
             arrays |= {f"mode/{n}": a for n, a in scores.items()}
         if self.law is not None:
             found, scores = packed_law(self.law.single.found)
-            meta |= {"law": found}
+            meta |= {"law": found.meta()}
             arrays |= {f"law/{n}": a for n, a in scores.items()}
         return Packed("Fit", meta, arrays)
 
@@ -253,7 +254,7 @@ class Fit(Result):
         model = Model._unpacked(packed.part("model"))
         notes = tuple(meta["notes"])
         if "law" in meta:
-            found = unpacked_law(meta["law"], packed.part("law").arrays)
+            found = unpacked_law(LawContent.of_meta(meta["law"]), packed.part("law").arrays)
             law = Approximate(put_together(signal, model.restoring, found), model.sensor)
             return cls._approximated(signal, model, law)
         if not meta["solved"]:

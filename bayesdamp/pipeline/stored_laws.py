@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
 
@@ -14,35 +13,40 @@ from bayesdamp.inference.deviation.weighing import Friction
 from bayesdamp.inference.model.defaults import Reference
 from bayesdamp.physics.damping import TERMS
 from bayesdamp.priors import prior_of
+from bayesdamp.store.contents.answers import FoundFriction, LawContent
+from bayesdamp.store.contents.records import Scales
 from bayesdamp.types import Signal
 
-
-def packed(found: Found) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
-    """What JSON can hold of it, and arrays."""
-    meta: dict[str, Any] = {
-        "terms": found.terms,
-        "reference": [found.reference.amplitude, found.reference.frequency],
-        "priors": {n: p.model_dump() for n, p in found.priors.items()},
-        "known": dict(found.known),
-        "numbers": [found.variance, found.inflation, found.exact_variance, found.epsilon],
-        "averaged": found.averaged,
-        "frictions": [[f.epsilon, f.weight, f.coefficients.tolist()] for f in found.frictions],
-    }
-    return meta, {"z": found.z, "u": found.u}
+NUMBERS = ("variance", "inflation", "exact_variance", "epsilon", "averaged")
+"""What is stored as it is."""
 
 
-def unpacked(meta: Mapping[str, Any], arrays: Mapping[str, np.ndarray]) -> Found:
+def packed(found: Found) -> tuple[LawContent, dict[str, np.ndarray]]:
+    """What a cell keeps of it, and its arrays."""
+    content = LawContent(
+        terms=found.terms,
+        reference=Scales(found.reference.amplitude, found.reference.frequency),
+        priors={n: p.model_dump() for n, p in found.priors.items()},
+        known=dict(found.known),
+        frictions=tuple(
+            FoundFriction(f.epsilon, f.weight, tuple(f.coefficients.tolist())) for f in found.frictions
+        ),
+        **{k: getattr(found, k) for k in NUMBERS},
+    )
+    return content, {"z": found.z, "u": found.u}
+
+
+def unpacked(content: LawContent, arrays: Mapping[str, np.ndarray]) -> Found:
     """What `packed` gave."""
     return Found(
-        tuple(meta["terms"]),
-        Reference(*meta["reference"]),
-        {n: prior_of(p) for n, p in meta["priors"].items()},
-        dict(meta["known"]),
-        arrays["z"],
-        arrays["u"],
-        *meta["numbers"],
-        frictions=tuple(Friction(e, w, np.array(c)) for e, w, c in meta["frictions"]),
-        averaged=bool(meta.get("averaged", False)),
+        terms=content.terms,
+        reference=Reference(content.reference.amplitude, content.reference.frequency),
+        priors={n: prior_of(p) for n, p in content.priors.items()},
+        known=content.known,
+        z=arrays["z"],
+        u=arrays["u"],
+        frictions=tuple(Friction(f.epsilon, f.weight, np.array(f.coefficients)) for f in content.frictions),
+        **{k: getattr(content, k) for k in NUMBERS},
     )
 
 

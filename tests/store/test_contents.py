@@ -10,7 +10,14 @@ from pathlib import Path
 import pytest
 
 from bayesdamp.store import CellResult, Store
-from bayesdamp.store.contents.answers import AnswerContent, SampledPosterior, WeighedCandidate
+from bayesdamp.store.contents.answers import (
+    AnswerContent,
+    FoundFriction,
+    FoundLaw,
+    LawContent,
+    SampledPosterior,
+    WeighedCandidate,
+)
 from bayesdamp.store.contents.calibration import ChunkContent, RanksContent, RecoveryContent
 from bayesdamp.store.contents.candidates import Climb, ModeContent, Part, RefusedSeed, SecondHalf
 from bayesdamp.store.contents.content import Content
@@ -55,11 +62,17 @@ MODE = ModeContent(
     forecast=SecondHalf(0.1, 0.1, 0.95, 30.0), rms=0.003, verdict="fits: well",
     refused=(RefusedSeed(Seed("pinn"), "no convergence"),),
 )  # fmt: skip
+LAW = LawContent(
+    ("viscous",), Scales(0.3, 4.5), {"zeta": {"prior": "halfnormal", "scale": 0.1}}, {"epsilon": 0.02}, 1e-6, 1.2, 2e-6,
+    0.02,
+    (FoundFriction(0.02, 1.0, (0.05,)),), True,
+)  # fmt: skip
 ANSWER = AnswerContent(
     {"record": "bench"}, (WeighedCandidate("viscous", "linear", None, -1.0, 0.003),), {"linear": {"zeta": 0.05}},
     posteriors=(
         SampledPosterior("viscous", "linear", {"zeta": {"mean": 0.05}}, (0.0, 0.01, 0.1), 0.0, 9.0, 0.1, 1.0, 1),
     ),
+    laws=(FoundLaw("viscous", "linear", LAW),),
 )  # fmt: skip
 
 SUMMARY = {"mean": 0.05, "sd": 0.001, "rhat": math.nan}
@@ -98,7 +111,7 @@ RANKS = RanksContent(
 RECOVERY = RecoveryContent(("ok",), (True,), 4, ("viscous", "coulomb"), (("ok", "poor"),))
 ALL = [
     RECORD, NOISE, MODE, ANSWER, ESTIMATE, POSTERIOR, AVERAGE, EVIDENCE, WidthsContent(("zeta",)), HALF, NOISES, RATIOS,
-    JOINT, OVER, WeighedContent(9.0, 0.1, math.inf, 900.0, 300), RANKS, RECOVERY,
+    JOINT, OVER, LAW, WeighedContent(9.0, 0.1, math.inf, 900.0, 300), RANKS, RECOVERY,
 ]  # fmt: skip
 PACKAGE = Path(__file__).resolve().parents[2] / "bayesdamp"
 OWN = {"_packed", "_unpacked"}

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from bayesdamp.store.contents.content import Content
+from bayesdamp.store.contents.records import Scales
 from bayesdamp.types import OK
 
 
@@ -56,13 +57,38 @@ class CandidatePriors:
 
 
 @dataclass(frozen=True)
+class FoundFriction:
+    """As `inference.deviation.weighing.Friction`."""
+
+    epsilon: float
+    weight: float
+    coefficients: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class LawContent(Content):
+    """Where the search for a candidate with deviations ended, as `inference.deviation.single.Found` but for its scores,
+    which are arrays; priors as a study file has them."""
+
+    terms: tuple[str, ...]
+    reference: Scales
+    priors: Mapping[str, Mapping[str, Any]]
+    known: Mapping[str, float]
+    variance: float
+    inflation: float
+    exact_variance: float
+    epsilon: float
+    frictions: tuple[FoundFriction, ...]
+    averaged: bool
+
+
+@dataclass(frozen=True)
 class FoundLaw:
-    """Where the search for a candidate with deviations ended, as `pipeline.stored_laws` leaves it; its arrays
-    are `found/DAMPING@RESTORING/...`."""
+    """A candidate that was weighed with deviations; its arrays are `found/DAMPING@RESTORING/...`."""
 
     damping: str
     restoring: str
-    found: Mapping[str, Any]
+    found: LawContent
 
 
 @dataclass(frozen=True)
