@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import functools
 import math
+from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from bayesdamp.store import TABLES, CellResult, Store, write_json, write_table
+from bayesdamp.store.contents.records import FeaturesSeen
 
 MODELS = ("viscous", "coulomb", "quadratic", "viscous+coulomb")
 OWN = {"viscous": ("zeta", "1/s"), "coulomb": ("mu_c", "rad/s²"), "quadratic": ("mu_q", "1/rad")}
@@ -108,7 +110,17 @@ class RunMaker:
         y = trajectory(kind, best, t)
         y = y + (0.0006 * noise if kind == "bench" else self.rng.normal(0, 0.003, t.size))
         arrays = {"t": t, "y": y}
-        meta: dict = {"features": {"period": 0.25 if kind == "bench" else 1.405}}
+        seen = FeaturesSeen(
+            rest=0.0,
+            amplitude=0.3,
+            final_amplitude=0.1,
+            frequency=4.5,
+            period=0.25 if kind == "bench" else 1.405,
+            cycles=9.0,
+            samples_per_cycle=140.0,
+            roughness=0.001,
+        )
+        meta: dict = {"features": asdict(seen)}
         if kind == "bench":
             before, after = np.full(520, y[0]), np.full(1300, 0.0088)
             raw = np.concatenate([before, y, after])

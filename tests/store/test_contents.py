@@ -42,12 +42,20 @@ from bayesdamp.store.contents.many import (
     Weighing,
 )
 from bayesdamp.store.contents.posteriors import AverageContent, PosteriorContent
-from bayesdamp.store.contents.records import NoiseContent, NoiseTried, RecordContent, Scales, WidthTried
+from bayesdamp.store.contents.records import (
+    FeaturesSeen,
+    NoiseContent,
+    NoiseTried,
+    RecordContent,
+    Scales,
+    WidthTried,
+)
 from bayesdamp.types import ChainStart, Seed
 
 KOOPMAN = Seed("koopman", "initial", grown=True)
 RECORD = RecordContent(
-    "bench", "rad", "angle", 0.001, {"start": 2.0, "notes": ["cut"]}, features={"period": 1.4, "rest": 0.1},
+    "bench", "rad", "angle", 0.001, {"start": 2.0, "notes": ["cut"]},
+    features=FeaturesSeen(0.1, 0.3, 0.1, 4.5, 1.4, 9.0, 140.0, 0.001),
     anomalies=("it beats",), reference=Scales(0.3, 4.5), known={"epsilon": 0.02}, noisy=True,
 )  # fmt: skip
 NOISE = NoiseContent(

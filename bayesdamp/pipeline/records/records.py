@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 import zlib
-from dataclasses import asdict, replace
+from dataclasses import asdict, fields, replace
 
 import numpy as np
 
@@ -25,7 +25,7 @@ from bayesdamp.records.oscillation.features import Features, features
 from bayesdamp.records.record import RawRecord
 from bayesdamp.records.simulate import simulate_signal
 from bayesdamp.store import CellResult, Store, sha256
-from bayesdamp.store.contents.records import RecordContent, Scales
+from bayesdamp.store.contents.records import FeaturesSeen, RecordContent, Scales
 from bayesdamp.types import OK, InputError, Problem, Refusal, Signal
 from bayesdamp.units import UNITS
 
@@ -160,10 +160,9 @@ class SignalCell:
         if "epsilon" not in known and "epsilon" not in self.spec.system.free:
             known["epsilon"] = EPSILON_SHARE * reference.peak_velocity
             note = f"ε was not given: 2 % of the peak velocity, {known['epsilon']:.3g} {signal.unit}/s."
-        shown = {k: v for k, v in asdict(seen).items() if not isinstance(v, np.ndarray)}
         return replace(
             content,
-            features=shown,
+            features=FeaturesSeen(**{f.name: getattr(seen, f.name) for f in fields(FeaturesSeen)}),
             anomalies=tuple(anomalies(signal, seen)),
             reference=Scales(reference.amplitude, reference.frequency),
             known=known,

@@ -307,7 +307,7 @@ def _scales(content: RecordContent) -> Row:
     return {
         "epsilon_note": content.epsilon_note,
         "reference": asdict(content.scales),
-        "features": dict(content.features),
+        "features": asdict(content.features) if content.features else {},
     }
 
 
@@ -339,9 +339,10 @@ def _equilibrium(spec: SignalSpec, store: Store) -> Row:
     """The derived equilibrium and natural frequency, where the whole restoring law is known."""
     cell = _first_seen(store, spec)
     law = Oscillator(("viscous",), spec.system.restoring)
-    if cell is None or not all(n in spec.system.known for n in law.law.parameters):
+    seen = RecordContent.of(cell).features if cell is not None else None
+    if seen is None or not all(n in spec.system.known for n in law.law.parameters):
         return {}
-    near = RecordContent.of(cell).features["rest"]
+    near = seen.rest
     return {
         "equilibrium": law.equilibrium(spec.system.known, near),
         "natural_frequency": law.natural_frequency(spec.system.known, near),

@@ -21,11 +21,25 @@ class Scales:
 
 
 @dataclass(frozen=True)
+class FeaturesSeen:
+    """The numbers among `records.oscillation.features.Features`."""
+
+    rest: float
+    amplitude: float
+    final_amplitude: float
+    frequency: float
+    period: float
+    cycles: float
+    samples_per_cycle: float
+    roughness: float
+
+
+@dataclass(frozen=True)
 class RecordContent(Content):
     """A record (`signal/NAME/REPEAT`).
 
     provenance: what was done to it. step: recording step, 0 where none is seen. bound: the Cramér–Rao bound of a
-    simulated one, sd by parameter. Where it shows an oscillation: features, its scales in numbers; anomalies, in words;
+    simulated one, sd by parameter. Where it shows an oscillation: features; anomalies, in words;
     reference; known: of the system, friction's ε (rad/s) filled in, with a note; noisy: whether there is noise to weigh
     by.
     """
@@ -36,7 +50,7 @@ class RecordContent(Content):
     step: float = 0.0
     provenance: Mapping[str, Any] = field(default_factory=dict)
     bound: Mapping[str, float] = field(default_factory=dict)
-    features: Mapping[str, Any] = field(default_factory=dict)
+    features: FeaturesSeen | None = None
     anomalies: tuple[str, ...] = ()
     reference: Scales | None = None
     known: Mapping[str, float] = field(default_factory=dict)

@@ -129,8 +129,7 @@ def _window(about: Mapping[str, Any], content: RecordContent) -> tuple[float | N
 
 
 def _period(content: RecordContent, t: np.ndarray) -> float:
-    period = content.features.get("period")
-    return float(period) if isinstance(period, (int, float)) and period > 0 else 0.04 * float(t[-1] - t[0])
+    return content.features.period if content.features is not None else 0.04 * float(t[-1] - t[0])
 
 
 PLUGIN = Record()
