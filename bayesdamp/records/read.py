@@ -11,7 +11,7 @@ from bayesdamp.records.columns.choosing import LEAST, Series, series
 from bayesdamp.records.columns.names import parted, seconds_of_unit
 from bayesdamp.records.columns.swings import LARGEST
 from bayesdamp.records.columns.units_said import unit_said
-from bayesdamp.records.files.contents import Column, Contents
+from bayesdamp.records.files.contents import Column, Contents, Fact
 from bayesdamp.records.files.facts import said_unit
 from bayesdamp.records.files.named_units import SECONDS, unit_written
 from bayesdamp.records.opening.opening import contents, fault
@@ -118,7 +118,7 @@ def _record(found: Contents, chosen: Series, path: Path, time_unit: str | None, 
     if rate is not None and value.start and value.rate == rate:
         t, rate = value.start + np.arange(y.size) / rate, None
     unit, quantity = unit_said(value)
-    if not unit and len(found.columns) <= 2 and (said := said_unit(found.facts)):
+    if not unit and (said := said_unit(_facts_of(value, found))):
         written = unit_written(said)
         unit, quantity = written if written else (said[:20], quantity)
     base, run = parted(value)
@@ -150,6 +150,17 @@ def _record(found: Contents, chosen: Series, path: Path, time_unit: str | None, 
         choice=chosen.choice,
         why=chosen.why,
     )
+
+
+def _facts_of(value: Column, found: Contents) -> dict[str, Fact]:
+    """What a file says of values: all of it where they have no neighbour but the times, else what the structure or
+    group that they lie in says where they have none in there."""
+    if len(found.columns) <= 2:
+        return dict(found.facts)
+    inside = f"{value.name.rpartition('.')[0]}."
+    if inside == "." or sum(c.name.startswith(inside) for c in found.columns) > 2:
+        return {}
+    return {name: said for name, said in found.facts.items() if name.startswith(inside)}
 
 
 def _complete(value: Column, time: Column | None, found: Contents) -> tuple[np.ndarray, list[str]]:

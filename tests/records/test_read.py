@@ -1,10 +1,12 @@
 """Every format, and every bad file with its one line."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from scipy.io import savemat
 
-from bayesdamp.records.read import read_record
+from bayesdamp.records.read import read_record, read_records
 from bayesdamp.types import InputError
 
 T = np.arange(20) * 0.1
@@ -205,3 +207,18 @@ def test_arrays_of_different_length(tmp_path):
     np.savez(tmp_path / "a.npz", t=T, x=Y[:-1])
     with pytest.raises(InputError, match="20 samples, 'x' has 19"):
         read_record(tmp_path / "a.npz", time="t", value="x")
+
+
+@pytest.mark.parametrize(("beside", "unit"), [((), "deg"), (("drive",), "")])
+def test_a_unit_in_a_run_s_own_structure_is_that_of_its_one_column(
+    tmp_path: Path, beside: tuple[str, ...], unit: str
+) -> None:
+    """The control has a second column in each: then nobody knows of which the unit is."""
+    t = np.arange(0.0, 10.0, 0.02)
+    y = 20 * np.exp(-0.1 * t) * np.cos(6 * t)
+    runs = {
+        f"run{i}": {"time": t, "theta": y, "unit": "deg", **dict.fromkeys(beside, 0 * t + 3)} for i in (1, 2)
+    }
+    savemat(tmp_path / "rig.mat", {"rig": runs})
+    found = read_records(tmp_path / "rig.mat")
+    assert [record.unit for record in found] == [unit, unit]
