@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-from tests.benchmarks.ledger import Ledger, before, losses, write
+from tests.benchmarks.ledger import FROM_BEFORE, Ledger, before, losses, write
 
 
 def ledger(**ratios: float) -> Ledger:
@@ -35,6 +35,14 @@ def test_what_was_not_measured_again_is_kept(tmp_path: Path) -> None:
     write(ledger(one=10.0, other=3.0), tmp_path)
     write(ledger(one=11.0), tmp_path)
     assert before(tmp_path) == {"one": 11.0, "other": 3.0}
+    page = (tmp_path / "README.md").read_text(encoding="utf-8")
+    assert "| one | 11 |  | 10 |" in page
+    assert "| other | 3 |  | kept |" in page
+    assert FROM_BEFORE not in page
+    write(Ledger([("Others", ["solver"], [["diffrax"]])], {"one": 12.0}), tmp_path)
+    page = (tmp_path / "README.md").read_text(encoding="utf-8")
+    assert f"## Seconds\n{FROM_BEFORE}| solver | s |" in page
+    assert "## Others\n| solver |" in page
 
 
 def test_a_run_that_was_not_whole_is_said_to_be_none(tmp_path: Path) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping, Sequence, Set
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -20,6 +20,7 @@ PAGE, RATIOS, MACHINE, PICTURE, TABLES = (
     "ratios.png",
     "tables.json",
 )
+FROM_BEFORE = "From a run before.\n\n"
 PACKAGES = (
     "bayesdamp", "jax", "numpy", "scipy", "numba", "numpyro", "emcee", "blackjax", "pints", "nautilus-sampler",
     "dynesty", "diffrax",
@@ -94,7 +95,8 @@ def write(ledger: Ledger, folder: Path, files: Sequence[str] = (), every: Sequen
     write_json(folder / MACHINE, about)
     _draw(kept, bars, folder / PICTURE)
     seconds = time.perf_counter() - ledger.began
-    page = _page(_run(seconds, files, every), tables, kept, bars, earlier, lost, about["machine"])
+    anew = {title for title, _, _ in ledger.tables} | set(ledger.ratios)
+    page = _page(_run(seconds, files, every), tables, kept, bars, earlier, lost, about["machine"], anew)
     write_bytes(folder / PAGE, page.encode())
     return lost
 
@@ -105,8 +107,8 @@ def _run(seconds: float, files: Sequence[str], every: Sequence[str]) -> str:
     if not missing:
         return f"The last run measured all of it, in {seconds:.0f} s"
     return (
-        f"The last run, of {seconds:.0f} s, was not a whole one: {', '.join(missing)} did not run to the end in it, "
-        "and what is here of these is from a run before, if there was one. It was"
+        f"The last run, of {seconds:.0f} s, was not a whole one: {', '.join(missing)} did not run to the end in it. "
+        "What is here of these is from a run before, and marked so. It was"
     )
 
 
@@ -118,13 +120,16 @@ def _page(
     earlier: Mapping[str, float],
     lost: Sequence[str],
     machine: Mapping[str, object],
+    anew: Set[str],
 ) -> str:
+    """The page. anew: titles and names of what this run measured."""
     where = ", ".join(f"{name} {value}" for name, value in machine.items())
     below = [n for n, bar in bars.items() if n in ratios and ratios[n] < bar]
     parts = [
         "# Benchmarks",
         f"`make bench` writes this page. {run}, on one machine ({where}; more in `{MACHINE}`). Times are CPU seconds "
-        "of one thread; both sides of a ratio ran in turns in one process, the best of several.",
+        "of one thread where nothing else is said; both sides of such a ratio ran in turns in one process, the best "
+        "of several.",
         f"{len(bars) - len(below)} of {len(bars)} ratios that have a bar reach it"
         + (
             "."
@@ -142,12 +147,15 @@ def _page(
                     n,
                     f"{v:.3g}",
                     f"{bars[n]:g}" if n in bars else "",
-                    f"{earlier[n]:.3g}" if n in earlier else "",
+                    ("kept" if n not in anew else f"{earlier[n]:.3g}") if n in earlier else "",
                 ]
                 for n, v in ratios.items()
             ],
         ),
-        *(f"## {title}\n{_table(header, rows)}" for title, (header, rows) in tables.items()),
+        *(
+            f"## {title}\n{'' if title in anew else FROM_BEFORE}{_table(header, rows)}"
+            for title, (header, rows) in tables.items()
+        ),
     ]
     return "\n\n".join(parts) + "\n"
 
