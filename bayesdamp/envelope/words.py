@@ -67,15 +67,19 @@ def sentence(found: EnvelopeResult) -> str:
     parts = [f"{found.name}: {head}", _which(found)]
     if found.exponent is not None:
         p = found.exponent
-        parts.append(
-            f"it loses like v^{p.value:.2f} (95 %: {p.low:.2f} to {p.high:.2f}){_kind(p.low, p.high)}"
-        )
+        value, low, high = (f"{one:.{_places(p.high - p.low)}f}" for one in (p.value, p.low, p.high))
+        parts.append(f"it loses like v^{value} (95 %: {low} to {high}){_kind(p.low, p.high)}")
     if found.deviation is not None and found.probability_exact < 0.5:
         d = found.deviation
         parts.append(
             f"the rate departs from that law by {100 * d.value:.2g} % ({100 * d.low:.2g} to {100 * d.high:.2g})"
         )
     return "; ".join(parts) + "."
+
+
+def _places(width: float) -> int:
+    """Decimals of an exponent with an interval of this width: two, or what shows a third of it."""
+    return min(max(2, -math.floor(math.log10(width / 3))), 6) if width > 0 else 2
 
 
 def _kind(low: float, high: float) -> str:

@@ -232,3 +232,31 @@ def test_a_unit_that_nobody_states_is_said(tmp_path: Path, head: str, unit: str 
     options = Options(unit=unit)
     lines = first_words_on(chosen_records([path], options)[0], options)
     assert any("No unit is stated" in line and "--unit" in line for line in lines) == said
+
+
+def levels(path: Path, head: str) -> Path:
+    """An amplitude that falls from 2 s on by 1 dB/s, to 30 s, in dB or as it is."""
+    t = np.arange(0.0, 30.0, 0.05)
+    fall = -1.0 * np.maximum(t - 2.0, 0.0) + np.where(t < 2.0, 3.0, 0.0)
+    values = fall if "dB" in head else 10.0 ** (fall / 20)
+    np.savetxt(path, np.column_stack([t, values]), delimiter=",", header=f"t (s),{head}", comments="")
+    return path
+
+
+def test_look_shows_the_decay_of_an_envelope(tmp_path, capsys) -> None:
+    """As compare takes it: where the unit says dB, or where it is asked for. The control is asked for as what it is
+    not, an oscillation, and says what would be right."""
+    level = levels(tmp_path / "a.csv", "Power (dBm)")
+    assert main(["look", str(level)]) == 0
+    said = " ".join(capsys.readouterr().out.split())
+    assert "an envelope in dBm: 600 readings from 0 to 29.95 s" in said
+    assert "The decay starts at 2" in said
+    assert "It falls by 2" in said
+    assert "--frequency HZ" in said
+    plain = levels(tmp_path / "b.csv", "magnitude")
+    assert main(["look", str(plain), "--quantity", "envelope", "--start", "5"]) == 0
+    assert "The decay starts at 5 s, as asked" in " ".join(capsys.readouterr().out.split())
+    assert main(["look", str(plain)]) == 0
+    assert "of an envelope: --quantity envelope" in " ".join(capsys.readouterr().out.split())
+    assert main(["look", str(level), "--html", str(tmp_path / "a.html")]) == 2
+    assert not (tmp_path / "a.html").exists()

@@ -40,10 +40,18 @@ def look(
     from rich.console import Console
 
     from bayesdamp.cli.asking import Options, doubts, found_records
+    from bayesdamp.cli.looking.envelope import envelope_asked
     from bayesdamp.plugins import read_modules, use
     from bayesdamp.records.opening.opening import contents
 
     use(read_modules(plugin or ()))
+
+    if envelope_asked(file, angle, unit, quantity):
+        if html is not None:
+            raise InputError("--html: is for oscillations; bayesdamp compare draws the page of an envelope")
+        ends = o.bound(start, "--start"), o.bound(stop, "--stop")
+        _show_envelope(Console(), file, (time, angle, rate, unit), ends)
+        return 0
     columns = time, angle, rate, time_unit
     asked = Options.of(columns, unit, quantity, clock, (start, stop), runs, channel)
     console = Console()
@@ -88,6 +96,24 @@ def _show_file(console: Console, file: Path, held: Contents) -> None:
         console.print(f"and {len(held.columns) - COLUMNS} more columns", style="bright_black")
     for name, value in list(held.facts.items())[:FACTS]:
         console.print(f"{name}: {value}", style="bright_black", markup=False, highlight=False)
+
+
+def _show_envelope(
+    console: Console,
+    file: Path,
+    columns: tuple[str | None, str | None, float | None, str | None],
+    ends: tuple[float | str, float | str],
+) -> None:
+    from bayesdamp.cli.looking.envelope import looked_at
+    from bayesdamp.cli.looking.plot import plot
+    from bayesdamp.records.opening.opening import contents
+
+    _show_file(console, file, contents(file))
+    seen = looked_at(file, *columns, *ends)
+    console.print(f"\n{seen.title}", style="bold", markup=False, highlight=False)
+    for line in seen.lines:
+        console.print(f"  {line}", markup=False, highlight=False)
+    console.print(plot(seen.t, seen.y, seen.kept, min(console.width, 100) - 2))
 
 
 def _show_record(console: Console, one: Found, several: bool, drawn: bool) -> None:

@@ -53,7 +53,10 @@ def sentences(one: Found) -> list[str]:
         chosen = [one.choice] if one.choice else []
         about["notes"] = [*chosen, *(text for text in notes if text not in one.raw.why)]
     if one.signal is None:
-        return [*told(about), f"No free decay: {one.refusal}"]
+        alone = (
+            ["If these are amplitudes, of an envelope: --quantity envelope"] if one.raw.y.min() >= 0 else []
+        )
+        return [*told(about), f"No free decay: {one.refusal}", *alone]
     if any(finding.kind in (Kind.DEGREES, Kind.TURNS) for finding in one.findings):
         kept_back = about.get("turns_warning")  # the finding says it with the option to type
         warnings = about.get("warnings")
