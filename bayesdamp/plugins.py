@@ -19,7 +19,7 @@ import sys
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from difflib import get_close_matches
-from functools import cached_property
+from functools import cached_property, lru_cache
 from pathlib import Path
 from types import ModuleType
 from typing import Any, Generic, TypeVar
@@ -66,6 +66,13 @@ class PluginModule:
         return hashlib.sha256(self.source.encode()).hexdigest()
 
 
+@lru_cache(maxsize=2)
+def _every_entry(path: tuple[str, ...]) -> Any:
+    """Those of all packages that are installed on a path, which all have to be read for those of one group too."""
+    del path
+    return importlib.metadata.entry_points()
+
+
 class Registry(Generic[T]):
     """Plug-ins of one kind: each module of `package` holds one, bound to the name `PLUGIN`.
 
@@ -104,7 +111,7 @@ class Registry(Generic[T]):
     def _entries(self) -> dict[str, importlib.metadata.EntryPoint]:
         """Plug-ins of installed packages; a name that ships stays what it is."""
         group = GROUPS.get(self.package)
-        found = importlib.metadata.entry_points(group=group) if group else ()
+        found = _every_entry(tuple(sys.path)).select(group=group) if group else ()
         return {e.name: e for e in found if e.name not in self._modules}
 
     def ships(self, name: str) -> bool:
