@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -15,7 +15,8 @@ from bayesdamp.inference.fit.mode import Mode
 from bayesdamp.inference.model.batches import in_batches
 from bayesdamp.inference.model.natural import compiled_slopes, compiled_values, differentiable
 from bayesdamp.inference.model.target import Target
-from bayesdamp.interface.model import Model
+from bayesdamp.interface.fitting.specification import Specification
+from bayesdamp.interface.parts.definitions import units_of
 from bayesdamp.interface.parts.result import Shown
 from bayesdamp.interface.parts.table import Table, number
 from bayesdamp.plugins import nearest
@@ -26,6 +27,9 @@ if TYPE_CHECKING:
     import pandas as pd
 
 Vector = NDArray[np.float64]
+NO_DENSITY = (
+    'deviations are integrated out, and there is no density of the parameters alone; give deviation="none"'
+)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -47,11 +51,17 @@ class Density(Shown):
     """
 
     signal: types.Signal
-    model: Model
+    model: Specification
     values: Mapping[str, float]
     units: Mapping[str, str]
     target: Target = field(repr=False)
     mode: Mode = field(repr=False)
+
+    @classmethod
+    def at(cls, signal: types.Signal, model: Specification, target: Target, mode: Mode) -> Self:
+        """The density of a target about its mode."""
+        values = {n: float(v) for n, v in target.values(mode.z).items()}
+        return cls(signal, model, values, units_of(target.names, model.restoring, signal), target, mode)
 
     @property
     def names(self) -> tuple[str, ...]:

@@ -12,9 +12,9 @@ from bayesdamp import types
 from bayesdamp.estimators import STAGES
 from bayesdamp.estimators import run as run_estimator
 from bayesdamp.estimators.shared import start_parameters
+from bayesdamp.interface.fitting.case import Case, checked
 from bayesdamp.interface.model import Model
 from bayesdamp.interface.parts import axes as drawing
-from bayesdamp.interface.parts.case import Case, checked
 from bayesdamp.interface.parts.definitions import units_of
 from bayesdamp.interface.parts.programs import keep_programs
 from bayesdamp.interface.parts.result import Packed, Result

@@ -17,11 +17,12 @@ from bayesdamp.inference.fit.laplace import value_intervals, value_sds
 from bayesdamp.inference.fit.mode import Mode
 from bayesdamp.inference.model.residuals import residual
 from bayesdamp.inference.model.target import Target
-from bayesdamp.interface.density import Density
-from bayesdamp.interface.model import GAUSSIAN, Model
+from bayesdamp.interface.density import NO_DENSITY, Density
+from bayesdamp.interface.fitting.approximate import approximate_of, ratios_of
+from bayesdamp.interface.fitting.case import Case, checked, searched
+from bayesdamp.interface.fitting.specification import GAUSSIAN
+from bayesdamp.interface.model import Model
 from bayesdamp.interface.parts import axes as drawing
-from bayesdamp.interface.parts.approximate import approximate_of, ratios_of
-from bayesdamp.interface.parts.case import NO_POSTERIOR, Case, checked, searched
 from bayesdamp.interface.parts.definitions import units_of
 from bayesdamp.interface.parts.programs import keep_programs
 from bayesdamp.interface.parts.result import Packed, Result
@@ -44,9 +45,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 Vector = NDArray[np.float64]
-NO_DENSITY = (
-    'deviations are integrated out, and there is no density of the parameters alone; give deviation="none"'
-)
 EXACT = (
     'laws are taken to hold exactly: draws have the ratio, in sample(fit).derived; or give deviation="law"'
 )
@@ -98,7 +96,7 @@ class Fit(Result):
     def density(self) -> Density:
         """The posterior as plain functions. Raises Refusal, with the outcome, without a fit."""
         target, mode = self.engine
-        return Density(self.signal, self.model, self.values, self.units, target, mode)
+        return Density.at(self.signal, self.model, target, mode)
 
     @property
     def engine(self) -> tuple[Target, Mode]:
@@ -269,19 +267,17 @@ class Fit(Result):
     def _solved(
         cls, signal: Signal, model: Model, target: Target, mode: Mode, outcome: str, notes: tuple[str, ...]
     ) -> Self:
-        values = {n: float(v) for n, v in target.values(mode.z).items()}
         left = residual(target, mode.context.plan, mode.z)
-        units = units_of(target.names, model.restoring, signal)
-        density = Density(signal, model, values, units, target, mode)
+        density = Density.at(signal, model, target, mode)
         covariance = np.linalg.inv(mode.information)
         return cls(
             signal=signal,
             model=model,
             noise=target.noise,
-            values=values,
+            values=density.values,
             sd=value_sds(target, mode.z, covariance),
             intervals=value_intervals(target, mode.z, np.sqrt(np.diag(covariance))),
-            units=units,
+            units=density.units,
             known=dict(target.known),
             fitted=signal.y - left,
             residuals=left,
@@ -348,9 +344,7 @@ def fit(
         raise InputError(f"fit: start is of no use under deviation {model.deviation!r}; leave it out")
     keep_programs()
     try:
-        case = Case.of(own, model)
-        if not case.noisy:
-            return Fit(own, model, outcome=NO_POSTERIOR)
+        case = Case.with_noise(own, model)
         if model.approximate:
             return Fit._approximated(own, model, approximate_of(case))
         target, mode, notes = searched(case, start, seed)

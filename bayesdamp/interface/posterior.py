@@ -20,8 +20,8 @@ from bayesdamp.inference.curves.derived import Motions, derive, units
 from bayesdamp.inference.model.defaults import reference_of
 from bayesdamp.inference.samplers import SAMPLERS, Settings
 from bayesdamp.interface.fit import Fit
+from bayesdamp.interface.fitting.approximate import ratios_of
 from bayesdamp.interface.parts import axes as drawing
-from bayesdamp.interface.parts.approximate import ratios_of
 from bayesdamp.interface.parts.result import Packed, Result
 from bayesdamp.interface.parts.table import Table, number, said
 from bayesdamp.plugins import nearest
@@ -95,10 +95,10 @@ class Posterior(Result):
         """
         law = self._law
         if law is not None:
-            from bayesdamp.interface.parts.approximate_tree import approximate_tree
+            from bayesdamp.interface.trees.approximate_tree import approximate_tree
 
             return approximate_tree(self, law)
-        from bayesdamp.interface.parts.tree import tree_of
+        from bayesdamp.interface.trees.tree import tree_of
 
         return tree_of(self)
 

@@ -17,7 +17,8 @@ from bayesdamp.inference.fit.starting_points import prior_starts
 from bayesdamp.inference.model.build import build_target
 from bayesdamp.inference.model.defaults import Reference, reference_of
 from bayesdamp.inference.model.target import Target
-from bayesdamp.interface.model import Model
+from bayesdamp.interface.fitting.specification import Specification
+from bayesdamp.interface.parts.programs import keep_programs
 from bayesdamp.interface.records.signal import Signal
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.physics.restoring import LAWS
@@ -41,7 +42,7 @@ def checked(signal: object, model: object) -> Signal:
         raise InputError(
             f"signal is {type(signal).__name__}; it must be a Signal, such as read(...).signal() gives"
         )
-    if not isinstance(model, Model):
+    if not isinstance(model, Specification):
         raise InputError(f"model is {type(model).__name__}; it must be a Model")
     if UNITS[signal.unit].translates and not LAWS.get(model.restoring).translates:
         laws = ", ".join(n for n in LAWS.names() if LAWS.get(n).translates)
@@ -55,25 +56,28 @@ class Case:
     """A model on a record with an oscillation. seen: its features; reference: what default priors scale with."""
 
     signal: Signal
-    model: Model
+    model: Specification
     seen: Features
     reference: Reference
 
     @staticmethod
-    def of(signal: Signal, model: Model) -> Case:
+    def of(signal: Signal, model: Specification) -> Case:
         """Raises Refusal where the record shows no oscillation."""
         seen = features(signal)
         return Case(signal, model, seen, reference_of(model.system, seen))
+
+    @staticmethod
+    def with_noise(signal: Signal, model: Specification) -> Case:
+        """Raises Refusal where the record shows no oscillation, or has no noise to weigh by."""
+        found = Case.of(signal, model)
+        if noise_level(signal) <= NO_NOISE * float(np.abs(found.seen.turning_amplitudes).max()):
+            raise Refusal(NO_POSTERIOR)
+        return found
 
     @property
     def problem(self) -> Problem:
         """As estimators are asked."""
         return Problem(self.model.terms, self.model.system)
-
-    @property
-    def noisy(self) -> bool:
-        """Whether there is noise to weigh by."""
-        return bool(noise_level(self.signal) > NO_NOISE * float(np.abs(self.seen.turning_amplitudes).max()))
 
     def target(self, noise: str, epsilon: float | None = None) -> Target:
         """The target under a noise model. epsilon: friction's (rad/s), where it was chosen for the record.
@@ -144,6 +148,7 @@ def searched(
     case: Case, start: Mapping[str, float] | None, seed: int
 ) -> tuple[Target, Mode, tuple[str, ...]]:
     """The target, its highest mode with the solver's steps set right there, and what was chosen on the way."""
+    keep_programs()
     given = {} if start is None else {Seed("given"): dict(start)}
     for name in start or ():
         if name not in case.model.parameters:

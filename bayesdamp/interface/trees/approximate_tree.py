@@ -3,23 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import xarray as xr
 
 from bayesdamp.inference.approximate.law import Approximate
 from bayesdamp.interface.parts.definitions import definition
-from bayesdamp.interface.parts.tree import CELLS, RECORD, in_order, origin_of
-
-if TYPE_CHECKING:
-    from bayesdamp.interface.posterior import Posterior
+from bayesdamp.interface.trees.tree import CELLS, RECORD, Drawn, in_order, origin_of
 
 DAMPING, FREQUENCY = "damping_deviation", "frequency_deviation"
 """The deviations along the record, and with `_size` their sizes over it."""
 
 
-def approximate_tree(post: Posterior, approximate: Approximate) -> xr.DataTree:
+def approximate_tree(post: Drawn, approximate: Approximate) -> xr.DataTree:
     """The groups of `Posterior.data`; along the record are the samples that the fit read, neighbours averaged where
     they are closer than it needs."""
     chains, count, total = post.u.shape
@@ -55,7 +52,7 @@ def approximate_tree(post: Posterior, approximate: Approximate) -> xr.DataTree:
     return tree
 
 
-def _drawn(post: Posterior, approximate: Approximate, u: np.ndarray) -> xr.Dataset:
+def _drawn(post: Drawn, approximate: Approximate, u: np.ndarray) -> xr.Dataset:
     """Parameters, deviations at the knots and their sizes, of u (chain, draw, K)."""
     chains, count, total = u.shape
     values = approximate.values(u)
@@ -79,7 +76,7 @@ def _drawn(post: Posterior, approximate: Approximate, u: np.ndarray) -> xr.Datas
     return xr.Dataset(variables, {"chain": np.arange(chains), "draw": np.arange(count), "knot": at})
 
 
-def _attributes(post: Posterior, approximate: Approximate, name: str) -> dict[str, str]:
+def _attributes(post: Drawn, approximate: Approximate, name: str) -> dict[str, str]:
     return {
         "units": post.fit.units[name],
         "definition": definition(name, approximate.oscillator, post.fit.noise),
@@ -101,7 +98,7 @@ def _along(
     return xr.Dataset({} if variable is None else {RECORD: variable}, {**(coords or {}), "time": times})
 
 
-def _constant(post: Posterior, approximate: Approximate) -> xr.Dataset:
+def _constant(post: Drawn, approximate: Approximate) -> xr.Dataset:
     """Times, and what was held."""
     whole = _along(approximate, None)
     for name, value in post.fit.known.items():
@@ -110,7 +107,7 @@ def _constant(post: Posterior, approximate: Approximate) -> xr.Dataset:
     return whole
 
 
-def _stats(post: Posterior) -> xr.Dataset:
+def _stats(post: Drawn) -> xr.Dataset:
     """What a sampler without chains in time has: the log likelihood of each draw, and how its run went."""
     shape = post.u.shape[:2]
     dims = ("chain", "draw")

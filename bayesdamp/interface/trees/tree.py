@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 import jax
 import numpy as np
@@ -18,7 +18,7 @@ from bayesdamp.interface.parts.definitions import definition
 from bayesdamp.types import Refusal
 
 if TYPE_CHECKING:
-    from bayesdamp.interface.posterior import Posterior
+    from bayesdamp.interface.fit import Fit
 
 CELLS = 20_000_000
 """Numbers that a pointwise group may hold (160 MB): beyond them draws are thinned, evenly, to every so manieth."""
@@ -31,7 +31,61 @@ RECORD = "record"
 """The one variable of observed, predicted and pointwise groups."""
 
 
-def tree_of(post: Posterior) -> xr.DataTree:
+class Drawn(Protocol):
+    """Draws of a posterior, such as `bayesdamp.Posterior`."""
+
+    @property
+    def fit(self) -> Fit:
+        """What the draws are of."""
+        ...
+
+    @property
+    def sampler(self) -> str:
+        """What drew them."""
+        ...
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of the parameters."""
+        ...
+
+    @property
+    def draws(self) -> np.ndarray:
+        """(chain, draw, parameter)."""
+        ...
+
+    @property
+    def u(self) -> np.ndarray:
+        """With the deviations, (chain, draw, K)."""
+        ...
+
+    @property
+    def log_likelihood(self) -> np.ndarray:
+        """(chain, draw)."""
+        ...
+
+    @property
+    def log_prior(self) -> np.ndarray:
+        """(chain, draw)."""
+        ...
+
+    @property
+    def stats(self) -> Mapping[str, np.ndarray]:
+        """Of the sampler, by name."""
+        ...
+
+    @property
+    def seed(self) -> int:
+        """Of all random numbers."""
+        ...
+
+    @property
+    def outcome(self) -> str:
+        """ "ok", or why the draws are not to be trusted."""
+        ...
+
+
+def tree_of(post: Drawn) -> xr.DataTree:
     """The groups posterior, prior, posterior_predictive, observed_data, constant_data, log_likelihood, sample_stats."""
     target, mode = post.fit.engine
     groups = {
@@ -54,7 +108,7 @@ def in_order(groups: Mapping[str, xr.Dataset]) -> dict[str, xr.Dataset]:
     return {name: groups[name] for name in ORDER if name in groups}
 
 
-def origin_of(post: Posterior) -> dict[str, str]:
+def origin_of(post: Drawn) -> dict[str, str]:
     """What a tree says of where it is from."""
     return {
         "inference_library": "bayesdamp",
@@ -67,7 +121,7 @@ def origin_of(post: Posterior) -> dict[str, str]:
     }
 
 
-def parameters(post: Posterior, draws: np.ndarray, numbers: np.ndarray) -> xr.Dataset:
+def parameters(post: Drawn, draws: np.ndarray, numbers: np.ndarray) -> xr.Dataset:
     """Draws (chain, draw, parameter) by name. numbers: of the draws, (draw,)."""
     coords = {"chain": np.arange(draws.shape[0]), "draw": numbers}
     return xr.Dataset(
@@ -76,14 +130,14 @@ def parameters(post: Posterior, draws: np.ndarray, numbers: np.ndarray) -> xr.Da
     )
 
 
-def _attributes(post: Posterior, name: str) -> dict[str, str]:
+def _attributes(post: Drawn, name: str) -> dict[str, str]:
     target, _ = post.fit.engine
     prior = target.priors[name].describe()
     units, what = post.fit.units[name], definition(name, target.oscillator, target.noise)
     return {"units": units, "definition": what, "prior": prior}
 
 
-def _prior(post: Posterior) -> xr.Dataset:
+def _prior(post: Drawn) -> xr.Dataset:
     """As many draws of the prior as a chain has."""
     target, _ = post.fit.engine
     count = post.draws.shape[1]
@@ -92,7 +146,7 @@ def _prior(post: Posterior) -> xr.Dataset:
     return parameters(post, np.stack(values, axis=-1), np.arange(count))
 
 
-def _pointwise(post: Posterior, target: Target, mode: Mode) -> dict[str, xr.Dataset]:
+def _pointwise(post: Drawn, target: Target, mode: Mode) -> dict[str, xr.Dataset]:
     """Log likelihoods and replications of each sample, (chain, draw, time)."""
     chains, count, _ = post.draws.shape
     n, noise = post.fit.signal.t.size, NOISES.get(target.noise)
@@ -139,7 +193,7 @@ def _log_likelihoods(noise: str):
 
 
 def _on_the_record(
-    post: Posterior,
+    post: Drawn,
     values: Mapping[str, np.ndarray],
     dims: tuple[str, ...] = ("time",),
     coords: Mapping[str, np.ndarray] | None = None,
@@ -157,7 +211,7 @@ def _on_the_record(
     return xr.Dataset(variables, {**(coords or {}), "time": times})
 
 
-def _constant(post: Posterior) -> xr.Dataset:
+def _constant(post: Drawn) -> xr.Dataset:
     """Times, and what is known."""
     target, _ = post.fit.engine
     whole = _on_the_record(post, {})
@@ -170,7 +224,7 @@ def _constant(post: Posterior) -> xr.Dataset:
     return whole
 
 
-def _stats(post: Posterior) -> xr.Dataset:
+def _stats(post: Drawn) -> xr.Dataset:
     shape = post.draws.shape[:2]
     variables: dict[str, Any] = {
         n: (("chain", "draw"), np.asarray(v)) for n, v in post.stats.items() if np.shape(v) == shape

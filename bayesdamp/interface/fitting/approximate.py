@@ -16,7 +16,7 @@ from bayesdamp.inference.deviation.findings import default_amplitudes
 from bayesdamp.inference.deviation.numbers.averaging import START, averaging_of
 from bayesdamp.inference.deviation.quick import MOST_CYCLES
 from bayesdamp.inference.deviation.single import single
-from bayesdamp.interface.parts.case import Case
+from bayesdamp.interface.fitting.case import Case
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.pipeline.answer import in_base
 from bayesdamp.units import Unit

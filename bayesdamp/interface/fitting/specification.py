@@ -1,0 +1,181 @@
+"""What a model is asked with: damping, restoring law, noise, and what is known or believed of their parameters."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
+from typing import TYPE_CHECKING, Self
+
+from bayesdamp import types
+from bayesdamp.config.checks import StudyError
+from bayesdamp.config.sections import DEVIATIONS
+from bayesdamp.config.signals import canonical_model
+from bayesdamp.inference.deviation.findings import SENSOR
+from bayesdamp.inference.noise import NOISES
+from bayesdamp.interface.parts.asked import (
+    POSITIVE,
+    checked_known,
+    checked_priors,
+    checked_sensor,
+    coefficients_of,
+    number,
+)
+from bayesdamp.interface.parts.result import Packed, Result
+from bayesdamp.interface.parts.table import Table
+from bayesdamp.physics.oscillator import Oscillator
+from bayesdamp.physics.restoring import LAWS
+from bayesdamp.plugins import nearest
+from bayesdamp.priors import Prior, prior_of
+from bayesdamp.types import InputError, System
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+GAUSSIAN = "gaussian"
+HELD = (*POSITIVE, "epsilon")
+"""Parameters that are not inferred where laws hold approximately: known, or read from the record once."""
+
+
+@dataclass(frozen=True, repr=False)
+class Specification(Result):
+    """What is asked of a record, as `bayesdamp.Model` explains it."""
+
+    damping: str
+    restoring: str = "linear"
+    noise: str | tuple[str, ...] = "auto"
+    priors: Mapping[str, Prior] = field(default_factory=dict)
+    known: Mapping[str, float] = field(default_factory=dict)
+    deviation: str = "none"
+    sensor: float = SENSOR
+    amplitude: float | None = None
+    frequency: float | None = None
+
+    def __post_init__(self) -> None:
+        try:
+            damping = canonical_model(self.damping, "damping")
+        except StudyError as error:
+            raise InputError(f"Model: {error}") from None
+        for what, given, valid in (
+            ("restoring law", self.restoring, LAWS.names()),
+            ("deviation", self.deviation, list(DEVIATIONS)),
+        ):
+            if given not in valid:
+                raise InputError(f"Model: unknown {what} {given!r}{nearest(str(given), valid)}")
+        object.__setattr__(self, "damping", damping)
+        object.__setattr__(self, "noise", self.noise if isinstance(self.noise, str) else tuple(self.noise))
+        _check_noise(self.noises)
+        if self.approximate:
+            self._check_approximate()
+        known = checked_known("Model", self.known, self._coefficients, self.parameters)
+        priors = checked_priors("Model", self.priors, known, self._coefficients, self.parameters)
+        object.__setattr__(self, "known", {n: v for n, v in known.items() if n in self.parameters})
+        object.__setattr__(self, "priors", priors)
+        for name in ("amplitude", "frequency"):
+            value = getattr(self, name)
+            if value is not None and not number(value) > 0:
+                raise InputError(f"Model: {name} is {value!r}; it must be a positive number")
+
+    def __hash__(self) -> int:
+        mappings = (
+            tuple(sorted(self.known.items())),
+            tuple(sorted(self.priors.items(), key=lambda item: item[0])),
+        )
+        return hash((self.damping, self.restoring, self.noise, self.deviation, self.sensor, *mappings))
+
+    @property
+    def name(self) -> str:
+        """Damping and restoring law: `viscous+coulomb@pendulum`."""
+        return types.candidate_name(self.damping, self.restoring)
+
+    @property
+    def terms(self) -> tuple[str, ...]:
+        """Names of the damping terms."""
+        return tuple(self.damping.split("+"))
+
+    @property
+    def noises(self) -> tuple[str, ...]:
+        """The noise models in play."""
+        if self.noise == "auto":
+            return tuple(NOISES.names())
+        return (self.noise,) if isinstance(self.noise, str) else self.noise
+
+    @property
+    def approximate(self) -> bool:
+        """Whether laws may hold approximately."""
+        return self.deviation != "none"
+
+    @property
+    def parameters(self) -> tuple[str, ...]:
+        """Names of all parameters, known ones included; of the noise, those of all models in play."""
+        noise = dict.fromkeys(p for n in self.noises for p in NOISES.get(n).parameters)
+        return (*Oscillator(self.terms, self.restoring).parameters, *noise)
+
+    @property
+    def system(self) -> System:
+        """What is known and believed of all but the damping, as the other packages take it."""
+        free: dict[str, object | None] = {n: None for n in self.parameters if n not in self._coefficients}
+        given = {n: p for n, p in self.priors.items() if n in free}
+        free = {n: given.get(n) for n in free if n not in self.known and (n != "epsilon" or n in given)}
+        return System(self.restoring, dict(self.known), free, self.amplitude, self.frequency)
+
+    @property
+    def term_priors(self) -> dict[str, Prior]:
+        """The priors that are given by damping term or coefficient, by term."""
+        by_name = {**self._coefficients, **{t: t for t in self.terms}}
+        return {by_name[n]: p for n, p in self.priors.items() if n in by_name}
+
+    @property
+    def _coefficients(self) -> dict[str, str]:
+        """Coefficient to term."""
+        return coefficients_of(self.terms)
+
+    def _check_approximate(self) -> None:
+        """What is asked of a law that may hold approximately. Raises InputError."""
+        if GAUSSIAN not in self.noises:
+            raise InputError(
+                f'Model: noise is {self.noise!r}; under deviation {self.deviation!r} it must be "{GAUSSIAN}" or "auto"'
+            )
+        checked_sensor("Model", self.sensor)
+        for name in self.priors:
+            if name in HELD:
+                raise InputError(
+                    f"Model: the prior of {name!r} has no meaning under deviation {self.deviation!r}, which holds it; "
+                    "leave it out, or give it as known"
+                )
+
+    def summary(self) -> pd.DataFrame:
+        """A row a parameter: its value where it is known, and the prior that was given. Defaults depend on the record,
+        and stand in the summary of a fit."""
+        import pandas as pd
+
+        own = {term: name for name, term in self._coefficients.items()}
+        given = {own.get(n, n): p.describe() for n, p in self.priors.items()}
+        rows = [(n, self.known.get(n), given.get(n)) for n in self.parameters]
+        return pd.DataFrame(rows, columns=["parameter", "known", "prior"]).set_index("parameter")
+
+    def _table(self) -> Table:
+        rows = [("damping", self.damping), ("restoring", self.restoring)]
+        rows += [("noise", self.noise if isinstance(self.noise, str) else " or ".join(self.noise))]
+        rows += [("deviation", self.deviation), ("sensor", f"{self.sensor:.3g}")] * self.approximate
+        rows += [(f"prior of {n}", p.describe()) for n, p in self.priors.items()]
+        rows += [(n, f"{v:.6g} (known)") for n, v in self.known.items()]
+        return Table(f"Model {self.name}", ("", ""), tuple(rows))
+
+    def _packed(self) -> Packed:
+        meta = {f.name: getattr(self, f.name) for f in fields(self)}
+        meta["priors"] = {n: p.model_dump() for n, p in self.priors.items()}
+        return Packed("Model", {**meta, "known": dict(self.known)})
+
+    @classmethod
+    def _unpacked(cls, packed: Packed) -> Self:
+        meta = dict(packed.meta)
+        meta["noise"] = meta["noise"] if isinstance(meta["noise"], str) else tuple(meta["noise"])
+        return cls(**{**meta, "priors": {n: prior_of(p) for n, p in meta["priors"].items()}})
+
+
+def _check_noise(names: tuple[str, ...]) -> None:
+    if not names:
+        raise InputError('Model: noise names no noise model; give one, several or "auto"')
+    for name in names:
+        if name not in NOISES.names():
+            raise InputError(f"Model: unknown noise model {name!r}{nearest(name, [*NOISES.names(), 'auto'])}")
