@@ -17,7 +17,6 @@ from bayesdamp.inference.deviation.numbers.averaging import START, averaging_of
 from bayesdamp.inference.deviation.quick import MOST_CYCLES
 from bayesdamp.inference.deviation.single import single
 from bayesdamp.interface.fitting.case import Case
-from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.pipeline.answer import in_base
 from bayesdamp.units import Unit
 
@@ -30,14 +29,12 @@ Array = NDArray[np.float64]
 def approximate_of(case: Case) -> Approximate:
     """Fit it. Raises Refusal where that cannot be done."""
     model = case.model
-    coefficients = {t.name: t.parameter for t in Oscillator(model.terms, model.restoring).terms}
-    priors = {coefficients.get(n, n): p for n, p in model.priors.items()}
     weighed = partial(
         single,
         damping=model.terms,
         restoring=model.restoring,
         known=model.known,
-        priors=priors,
+        priors=model.parameter_priors,
         reference=case.reference,
     )
     found = weighed(prepared(case.signal, average=not any(n in model.known for n in START)))

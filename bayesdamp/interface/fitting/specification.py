@@ -14,6 +14,7 @@ from bayesdamp.inference.deviation.findings import SENSOR
 from bayesdamp.inference.noise import NOISES
 from bayesdamp.interface.parts.asked import (
     POSITIVE,
+    by_parameter,
     checked_known,
     checked_priors,
     checked_sensor,
@@ -119,6 +120,11 @@ class Specification(Result):
         return System(self.restoring, dict(self.known), free, self.amplitude, self.frequency)
 
     @property
+    def parameter_priors(self) -> dict[str, Prior]:
+        """The priors that are given, by parameter."""
+        return by_parameter(self.priors, self._coefficients)
+
+    @property
     def term_priors(self) -> dict[str, Prior]:
         """The priors that are given by damping term or coefficient, by term."""
         by_name = {**self._coefficients, **{t: t for t in self.terms}}
@@ -148,8 +154,7 @@ class Specification(Result):
         and stand in the summary of a fit."""
         import pandas as pd
 
-        own = {term: name for name, term in self._coefficients.items()}
-        given = {own.get(n, n): p.describe() for n, p in self.priors.items()}
+        given = {n: p.describe() for n, p in self.parameter_priors.items()}
         rows = [(n, self.known.get(n), given.get(n)) for n in self.parameters]
         return pd.DataFrame(rows, columns=["parameter", "known", "prior"]).set_index("parameter")
 

@@ -26,6 +26,12 @@ def coefficients_of(terms: Sequence[str]) -> dict[str, str]:
     return {TERMS.get(t).parameter: t for t in terms}
 
 
+def by_parameter(priors: Mapping[str, Prior], coefficients: Mapping[str, str]) -> dict[str, Prior]:
+    """Priors by damping term or parameter, by parameter alone. coefficients: to their terms."""
+    own = {term: name for name, term in coefficients.items()}
+    return {own.get(name, name): prior for name, prior in priors.items()}
+
+
 def checked_known(
     who: str, known: object, coefficients: Mapping[str, str], parameters: Sequence[str]
 ) -> dict[str, float]:
@@ -120,8 +126,7 @@ def known_and_priors(
     )
     values = checked_known("compare", known or {}, coefficients, (*parameters, NOISE))
     given = checked_priors("compare", priors or {}, values, coefficients, parameters)
-    own = {term: name for name, term in coefficients.items()}
-    return values, {own.get(name, name): prior for name, prior in given.items()}
+    return values, by_parameter(given, coefficients)
 
 
 def number(value: object) -> float:

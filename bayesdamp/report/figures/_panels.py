@@ -1,4 +1,4 @@
-"""Panels side by side, in as many rows as they need."""
+"""What several figures draw alike: panels in as many rows as they need, what lies beyond an axis."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from bayesdamp.report.style import WIDTH
+from bayesdamp.report.style import QUIET, WIDTH
 
 ABREAST = 4
 """Panels in a row; more would be too narrow for their labels."""
@@ -39,3 +39,16 @@ def panels(
     for spare in every[count:]:
         spare.set_visible(False)
     return figure, every[:count], list(grid[:, 0])
+
+
+def off_axis(ax: Axes, text: str, left: bool, y: float) -> None:
+    """Say at height y what lies beyond an end of the axis."""
+    ax.annotate(
+        f"◂ {text}" if left else f"{text} ▸",
+        (0.0 if left else 1.0, y),
+        xycoords=("axes fraction", "data"),
+        ha="left" if left else "right",
+        va="center",
+        fontsize=7,
+        color=QUIET,
+    )

@@ -11,7 +11,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from bayesdamp.report import words
-from bayesdamp.report.figures._panels import panels
+from bayesdamp.report.figures._panels import off_axis, panels
 from bayesdamp.report.results.beside import Beside
 from bayesdamp.report.style import FAINT, INK, QUIET, colour
 
@@ -54,13 +54,13 @@ def _panel(ax: Axes, one: Beside, methods: Sequence[str]) -> None:
             if low <= value <= high:
                 ax.plot(value, row + shift, "o", ms=4.4, mfc=face, mec=shade, mew=1.0)
             elif np.isfinite(value):
-                _off(ax, words.number(value, 3), value < low, row + shift)
+                off_axis(ax, words.number(value, 3), value < low, row + shift)
         error = one.published.get(method, np.nan)
         ends = [one.truth * (1 + sign * error / 100) for sign in (-1, 1)]
         if low <= ends[0] and ends[1] <= high:
             ax.plot(ends, [row + apart] * 2, "|", ms=7, mec=INK, mew=1.2)
         elif np.isfinite(error):
-            _off(ax, f"published ± {error:g} %", False, row + apart)
+            off_axis(ax, f"published ± {error:g} %", False, row + apart)
     ax.set_xlim(low, high)
     ax.set_ylim(len(methods) - 0.4, -0.6)
     ax.set_title(f"{one.signal}, {words.model(one.model)}" if one.signal != one.model else one.signal)
@@ -68,18 +68,6 @@ def _panel(ax: Axes, one: Beside, methods: Sequence[str]) -> None:
     ax.locator_params(axis="x", nbins=4)
     ax.tick_params(axis="y", length=0)
     ax.spines["left"].set_visible(False)
-
-
-def _off(ax: Axes, text: str, left: bool, y: float) -> None:
-    ax.annotate(
-        f"◂ {text}" if left else f"{text} ▸",
-        (0.0 if left else 1.0, y),
-        xycoords=("axes fraction", "data"),
-        ha="left" if left else "right",
-        va="center",
-        fontsize=7,
-        color=QUIET,
-    )
 
 
 def _window(one: Beside) -> tuple[float, float]:

@@ -12,8 +12,9 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from bayesdamp.report import words
+from bayesdamp.report.figures._panels import off_axis
 from bayesdamp.report.figures.density import outline
-from bayesdamp.report.style import FAINT, INK, QUIET, WIDTH, colour
+from bayesdamp.report.style import FAINT, INK, WIDTH, colour
 
 _STAGES = ("initial", "refined")
 
@@ -80,7 +81,8 @@ def _one(
             ax.plot([point.value - error, point.value + error], [y, y], color=colour(model), lw=0.9)
         ax.plot(point.value, y, "o", ms=4.2, mfc=face, mec=colour(model), mew=1.0)
     for (y, left), values in outside.items():
-        _off_axis(ax, values, y, left)
+        text = words.number(values[0], 3) if len(values) == 1 else f"{len(values)} repeats"
+        off_axis(ax, text, left, y)
     room = 0.16 * (high - low)
     low -= room * any(left for _, left in outside)
     high += room * any(not left for _, left in outside)
@@ -89,19 +91,6 @@ def _one(
     ax.locator_params(axis="x", nbins=5)
     ax.tick_params(axis="y", length=0)
     ax.spines["left"].set_visible(False)
-
-
-def _off_axis(ax: Axes, values: Sequence[float], y: float, left: bool) -> None:
-    text = words.number(values[0], 3) if len(values) == 1 else f"{len(values)} repeats"
-    ax.annotate(
-        f"◂ {text}" if left else f"{text} ▸",
-        (0.0 if left else 1.0, y),
-        xycoords=("axes fraction", "data"),
-        ha="left" if left else "right",
-        va="center",
-        fontsize=7,
-        color=QUIET,
-    )
 
 
 def _window(values: Sequence[float], draws: np.ndarray | None, truth: float) -> tuple[float, float]:

@@ -105,8 +105,9 @@ def _count(seeds: int) -> str:
 
 
 def _name(seed: Seed) -> str:
-    grown = "over growing windows" if seed.grown else ""
-    return " ".join(filter(None, (words.method(seed.source), seed.stage, grown)))
+    more = [words.stage(seed.stage)] if seed.stage else []
+    more += ["over growing windows"] if seed.grown else []
+    return words.method(seed.source) + (f" ({', '.join(more)})" if more else "")
 
 
 def _names(climbs: Sequence[Climb]) -> str:
