@@ -27,6 +27,17 @@ def written(path: Path, seed: int = 1, head: str = HEAD) -> Path:
     return path
 
 
+def test_a_sampling_frequency_is_not_the_oscillation_s(tmp_path):
+    """The control: without that line the head says the same."""
+    line = "% Sampling frequency [kHz]: 50\n"
+    found = [
+        read_envelope(written(tmp_path / f"{i}.txt", head=head)) for i, head in enumerate((line + HEAD, HEAD))
+    ]
+    assert [record.frequency for record in found] == [1562325.84, 1562325.84]
+    alone = HEAD.replace("Frequency [Hz]", "Sampling frequency [Hz]")
+    assert read_envelope(written(tmp_path / "alone.txt", head=alone)).frequency is None
+
+
 def test_records_in_decibels_are_recognised_said_and_written(tmp_path, capsys):
     files = [written(tmp_path / f"r{k}.txt", k) for k in (1, 2)]
     out = tmp_path / "out"

@@ -54,7 +54,8 @@ def read_envelope(
     raw = read_record(path, time=time, value=value, rate=rate)
     t = raw.t if raw.t is not None else np.arange(raw.y.size) / (raw.rate or 1.0)
     label = str(raw.provenance.get("value_column", ""))
-    facts = _facts(path) if _is_text(path) else {}
+    said = raw.provenance.get("facts")
+    facts = {name: str(fact) for name, fact in said.items()} if isinstance(said, dict) else {}
     chosen = unit or unit_in(label) or _bracketed(label) or "units"
     return made_record(
         path.name,
@@ -75,22 +76,10 @@ def _is_text(path: Path) -> bool:
         return False
 
 
-def _facts(path: Path) -> dict[str, str]:
-    """What lines such as `% name: value` in a file's head say."""
-    with path.open("rb") as file:
-        lines = file.read(HEAD).decode("latin-1").splitlines()
-    found = {}
-    for line in lines:
-        said = re.match(r"\s*[%#]+\s*([^:]+):\s*(\S.*?)\s*$", line)
-        if said:
-            found[said[1].strip()] = said[2]
-    return found
-
-
 def _frequency(facts: dict[str, str]) -> float | None:
     """In Hz."""
     for name, text in facts.items():
-        if not re.search(r"\b(resonan\w*|mechanical|mode|eigen)?\s*frequency\b", name, re.IGNORECASE):
+        if not re.search(r"\bfrequency\b", name, re.IGNORECASE) or re.search("sampl", name, re.IGNORECASE):
             continue
         unit = re.search(r"\b([kMG]?Hz)\b", f"{name} {text}", re.IGNORECASE)
         number = re.match(r"[+-]?\d+(\.\d*)?([eE][+-]?\d+)?", text)
