@@ -42,7 +42,7 @@ _HOME = {
     "fit": "bayesdamp.interface.fit",
     "Density": "bayesdamp.interface.density",
     "Posterior": "bayesdamp.interface.posterior",
-    "sample": "bayesdamp.interface.posterior",
+    "sample": "bayesdamp.interface.sampling",
     "Evidence": "bayesdamp.interface.evidence",
     "evidence": "bayesdamp.interface.evidence",
     "Comparison": "bayesdamp.interface.comparison",
@@ -119,12 +119,13 @@ if TYPE_CHECKING:
     from bayesdamp.interface.fit import Fit, fit
     from bayesdamp.interface.load import load
     from bayesdamp.interface.model import Model
-    from bayesdamp.interface.posterior import Posterior, sample
+    from bayesdamp.interface.posterior import Posterior
     from bayesdamp.interface.prediction import Prediction
     from bayesdamp.interface.records.record import Record, read
     from bayesdamp.interface.records.signal import Signal, signal
     from bayesdamp.interface.records.simulate import simulate
     from bayesdamp.interface.run import Candidate, Run, run_study
+    from bayesdamp.interface.sampling import sample
     from bayesdamp.physics.damping import DampingTerm
     from bayesdamp.physics.integrate import simulate as trajectory
     from bayesdamp.physics.oscillator import Oscillator

@@ -10,7 +10,8 @@ from bayesdamp.inference.evidence import EVIDENCES, Draws
 from bayesdamp.interface.fit import Fit
 from bayesdamp.interface.parts.result import Packed, Result
 from bayesdamp.interface.parts.table import Table, number, said
-from bayesdamp.interface.posterior import TEMPERED, Posterior, sample
+from bayesdamp.interface.posterior import Posterior
+from bayesdamp.interface.sampling import TEMPERED, sample
 from bayesdamp.types import OK, InputError, Refusal
 
 if TYPE_CHECKING:

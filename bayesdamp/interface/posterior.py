@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from functools import cached_property
@@ -12,13 +11,10 @@ from typing import TYPE_CHECKING, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from bayesdamp.inference.approximate.chains import by_emcee, by_nuts
 from bayesdamp.inference.approximate.law import Approximate
-from bayesdamp.inference.approximate.runs import runs_of, summaries_of
 from bayesdamp.inference.checks import diagnostics
 from bayesdamp.inference.curves.derived import Motions, derive, units
 from bayesdamp.inference.model.defaults import reference_of
-from bayesdamp.inference.samplers import SAMPLERS, Settings
 from bayesdamp.interface.fit import Fit
 from bayesdamp.interface.fitting.approximate import ratios_of
 from bayesdamp.interface.parts import axes as drawing
@@ -37,11 +33,6 @@ Array = NDArray[np.float64]
 COLUMNS = ("mean", "sd", "median", "q2.5", "q97.5", "hdi_low", "hdi_high", "ess_bulk", "ess_tail", "rhat")
 SAID = ("summaries", "divergences", "evaluations", "ensembles", "effective", "log_evidence", "stderr")
 """What is saved as it is."""
-TEMPERED = "smc"
-"""The sampler where laws may hold approximately."""
-EXACT_SAMPLER = "nuts"
-CHAINS = {"nuts": by_nuts, "emcee": by_emcee}
-"""Those that draw parameters there with the deviations integrated out."""
 _NO_DRAWS, _NO_VALUES = np.empty((0, 0, 0)), np.empty((0, 0))
 
 
@@ -239,128 +230,3 @@ class Posterior(Result):
             u=own.get("u", _NO_DRAWS),
             **meta,
         )
-
-
-def sample(
-    fit: Fit,
-    sampler: str | None = None,
-    *,
-    chains: int = 4,
-    warmup: int = 500,
-    draws: int = 1000,
-    seed: int = 0,
-) -> Posterior:
-    """Draw from the posterior of a fit.
-
-    sampler: a name in `bayesdamp.inference.samplers.SAMPLERS`: nuts, by default, emcee, kalman, laplace, variational.
-    chains, warmup, draws: how long; a sampler may add draws where these are too few. Where there is no fit, or the
-    sampler cannot work on it, the result's outcome is the sentence. Raises InputError for misuse.
-
-    Where laws may hold approximately the sampler is "smc", by default: each chain is a run of its own that leads so
-    many draws from the linear model to the motions themselves; warmup has no meaning there. "nuts" and "emcee" draw
-    the parameters by motions that are linear in the deviations, which are integrated out, and each draw is then given
-    its own; they agree with "smc" where deviations are small enough for that.
-    """
-    if not isinstance(fit, Fit):
-        raise InputError(
-            f"sample: the first argument is {type(fit).__name__}; it must be a Fit, as fit(signal, model) gives it"
-        )
-    for name, value, least in (
-        ("chains", chains, 2),
-        ("warmup", warmup, 10),
-        ("draws", draws, 10),
-        ("seed", seed, 0),
-    ):
-        if not isinstance(value, int) or isinstance(value, bool) or value < least:
-            raise InputError(f"sample: {name} is {value!r}; it must be a whole number, {least} or more")
-    approximate = fit.model.approximate
-    sampler = sampler or (TEMPERED if approximate else EXACT_SAMPLER)
-    if approximate and sampler not in (TEMPERED, *CHAINS):
-        raise InputError(
-            f"sample: {sampler!r} draws under laws that hold exactly; under deviation {fit.model.deviation!r} "
-            f"it must be {', '.join((TEMPERED, *CHAINS))}"
-        )
-    if fit.law is not None:
-        if sampler in CHAINS:
-            return _by_chains(fit, fit.law, sampler, Settings(chains, warmup, draws, seed))
-        return _tempered(fit, fit.law, chains, draws, seed)
-    if fit.outcome != OK:
-        return Posterior(fit, sampler, seed=seed, outcome=fit.outcome)
-    plugin = SAMPLERS.get(sampler)
-    try:
-        target, mode = fit.engine
-        found = plugin.sample(target, mode, Settings(chains, warmup, draws, seed % 2**31))
-    except Refusal as refusal:
-        return Posterior(fit, sampler, seed=seed, outcome=str(refusal))
-    return Posterior(
-        fit=fit,
-        sampler=sampler,
-        names=found.names,
-        draws=found.draws,
-        log_likelihood=found.log_likelihood,
-        stats=found.stats,
-        diagnostics=found.diagnostics,
-        seed=seed,
-        seconds=found.seconds,
-        outcome=found.outcome,
-        summaries=found.summary,
-        starts=found.starts,
-        divergences=found.divergences,
-        evaluations=found.evaluations,
-        ensembles=found.ensembles,
-        effective=found.effective,
-    )
-
-
-def _by_chains(fit: Fit, law: Approximate, sampler: str, asked: Settings) -> Posterior:
-    began = time.perf_counter()
-    try:
-        found = CHAINS[sampler](law, asked.chains, asked.warmup, asked.draws, asked.seed)
-    except Refusal as refusal:
-        return Posterior(fit, sampler, seed=asked.seed, outcome=str(refusal))
-    values = law.values(found.u)
-    summary = summaries_of(law, values, found.ensembles)
-    outcome = diagnostics.verdict(summary) if found.outcome == OK else found.outcome
-    return Posterior(
-        fit=fit,
-        sampler=sampler,
-        names=law.names,
-        draws=values,
-        log_likelihood=found.log_likelihood,
-        stats=found.stats,
-        summaries=summary,
-        divergences=found.divergences,
-        evaluations=found.evaluations,
-        ensembles=found.ensembles,
-        seed=asked.seed,
-        seconds=time.perf_counter() - began,
-        outcome=outcome,
-        u=found.u,
-    )
-
-
-def _tempered(fit: Fit, law: Approximate, chains: int, draws: int, seed: int) -> Posterior:
-    runs = runs_of(law, chains, draws, seed)
-    values = law.values(runs.u)
-    summary = summaries_of(law, values)
-    log_evidence, stderr = runs.log_evidence
-    own = {
-        "acceptance_rate": np.repeat([[r.acceptance] for r in runs.each], draws, axis=1),
-        "temperatures": np.repeat([[r.temperatures] for r in runs.each], draws, axis=1),
-    }
-    outcome = runs.outcome
-    return Posterior(
-        fit=fit,
-        sampler=TEMPERED,
-        names=law.names,
-        draws=values,
-        log_likelihood=runs.log_likelihood,
-        stats=own,
-        summaries=summary,
-        log_evidence=log_evidence,
-        stderr=stderr,
-        seed=seed,
-        seconds=runs.seconds,
-        outcome=diagnostics.verdict(summary) if outcome == OK else outcome,
-        u=runs.u,
-    )
