@@ -25,8 +25,9 @@ _KEPT = "#0072B2"
 _POINTS = 4000
 _STYLE = (
     "body{font:15px/1.5 sans-serif;max-width:60em;margin:2em auto;padding:0 1em;color:#222}"
-    "table{border-collapse:collapse}td,th{padding:.1em .8em;text-align:left;border-bottom:1px solid #ddd}"
-    "svg{max-width:100%;height:auto}.doubt{color:#a04000}"
+    "table{border-collapse:collapse;display:block;overflow-x:auto}td,th{padding:.1em .8em;text-align:left;border-bottom:1px solid #ddd}"
+    "svg{max-width:100%;height:auto}.doubt{color:#a04000}.drawn{overflow-x:auto}"
+    "@media(max-width:640px){svg{max-width:none;width:600px}}"
 )
 
 
@@ -37,7 +38,8 @@ def write_page(page: Path, file: Path, held: Contents, found: Sequence[Found]) -
     records = Markup("").join(_record(one) for one in found)
     head = _row(("", "column", "unit", "samples", "from", "to"), "th")
     text = Markup(
-        '<!doctype html><html lang="en"><meta charset="utf-8"><title>{0}</title><style>{1}</style>'
+        '<!doctype html><html lang="en"><meta charset="utf-8"><meta name="viewport" content="width=device-width">'
+        "<title>{0}</title><style>{1}</style>"
         "<h1>{0}</h1><p>{2}</p><table>{3}{4}</table><ul>{5}</ul>{6}</html>\n"
     ).format(file.name, Markup(_STYLE), held.format, head, rows, facts, records)
     try:
@@ -77,4 +79,5 @@ def _drawn(one: Found) -> Markup:
         out = io.StringIO()
         figure.savefig(out, format="svg", metadata={"Date": None})
     text = out.getvalue()
-    return Markup(text[text.index("<svg") :])  # drawn by matplotlib, which escapes what it is given
+    drawn = Markup(text[text.index("<svg") :])  # by matplotlib, which escapes what it is given
+    return Markup('<div class="drawn">{}</div>').format(drawn)
