@@ -25,7 +25,8 @@ _KEPT = "#0072B2"
 _POINTS = 4000
 _STYLE = (
     "body{font:15px/1.5 sans-serif;max-width:60em;margin:2em auto;padding:0 1em;color:#222}"
-    "table{border-collapse:collapse;display:block;overflow-x:auto}td,th{padding:.1em .8em;text-align:left;border-bottom:1px solid #ddd}"
+    "table{border-collapse:collapse;display:block;overflow-x:auto}"
+    "td,th{padding:.1em .8em;text-align:left;border-bottom:1px solid #ddd}"
     "svg{max-width:100%;height:auto}.doubt{color:#a04000}.drawn{overflow-x:auto}"
     "@media(max-width:640px){svg{max-width:none;width:600px}}"
 )
