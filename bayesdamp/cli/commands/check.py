@@ -20,7 +20,7 @@ def check(
     file: Annotated[Path, typer.Argument(metavar="FILE", help="A study file (TOML).")],
     plugin: o.Plugins = None,
 ) -> int:
-    """Read a study, list its cells, say what is wrong; run nothing."""
+    """Read a study, list its tasks, say what is wrong; run nothing."""
     from rich.console import Console
     from rich.table import Table
 
