@@ -206,7 +206,7 @@ def compare(
 def _early_processes(
     workers: int | None, damping: Sequence[str], restoring: Sequence[str]
 ) -> Iterator[Executor | None]:
-    """Processes that begin while the command is still read; None where one candidate needs none."""
+    """Processes that begin while the command is still read; None where one model needs none."""
     workers = workers or cores()
     if workers == 1 or len(damping) == len(restoring) == 1:
         yield None
