@@ -42,7 +42,7 @@ nb_merge_streams = True
 autodoc_typehints = "signature"
 autodoc_type_aliases = {"ArrayLike": "numpy.typing.ArrayLike"}
 autodoc_member_order = "bysource"
-autodoc_default_options = {"members": True, "inherited-members": False}
+autodoc_default_options = {"members": True}
 
 
 def _as_restructured(app, what, name, obj, options, lines):
