@@ -19,7 +19,7 @@ from bayesdamp.inference.evidence import EVIDENCES
 from bayesdamp.inference.evidence.methods.nested import scores
 from bayesdamp.inference.fit.mode import Mode
 from bayesdamp.inference.fit.search import find_mode
-from bayesdamp.inference.model.batches import log_likelihood
+from bayesdamp.inference.model.density import log_likelihood
 from bayesdamp.inference.model.gradient import value_and_gradient
 from bayesdamp.inference.model.target import Target
 from bayesdamp.inference.samplers import SAMPLERS, Settings
@@ -180,8 +180,9 @@ def test_evidence_beside_dynesty() -> None:
     posterior, mode = problem()
     reflected = np.asarray(posterior.layout.reflected)
     mine = EVIDENCES.get("importance").evidence("m", posterior, mode, 1)
+    one = jax.jit(partial(log_likelihood, posterior.layout))
     sampler = dynesty.NestedSampler(
-        lambda z: float(log_likelihood(posterior, mode.context, z[None])[0]),
+        lambda z: float(one(mode.context.compact, z)),
         lambda u: scores(u, reflected),
         mode.z.size,
         nlive=100,
