@@ -58,6 +58,16 @@ def free_folder(name: str, another: Callable[[Path], bool]) -> Path:
     return found
 
 
+def compiles_first() -> str:
+    """What a first command has to say before it is silent: nothing that it runs is compiled yet. Empty later."""
+    from platformdirs import user_cache_dir
+
+    home = Path(os.environ.get("BAYESDAMP_CACHE") or user_cache_dir("bayesdamp"))
+    if any((home / "kernels").glob("*")):
+        return ""
+    return "compiling the equations of motion for this machine, once: about a minute more than later"
+
+
 def units_of(study: Study) -> dict[str, str]:
     """The unit that each record came in, by its signal's name."""
     return {spec.name: spec.source.unit for spec in study.signals}

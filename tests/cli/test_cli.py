@@ -16,6 +16,7 @@ import pytest
 
 import bayesdamp
 from bayesdamp.cli import main
+from bayesdamp.cli.asked import compiles_first
 from bayesdamp.pipeline import Depth
 from bayesdamp.types import InputError, Refusal
 
@@ -339,3 +340,13 @@ def test_the_installed_command_returns_the_status(folder: Path) -> None:
     assert run.returncode == 2
     assert run.stderr == "none.toml: there is no such file; give the path of a study file (TOML)\n"
     assert run.stdout == ""
+
+
+def test_the_first_command_says_that_it_compiles(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The control has a compiled program."""
+    monkeypatch.setenv("BAYESDAMP_CACHE", str(tmp_path))
+    assert compiles_first().startswith("compiling")
+    (tmp_path / "kernels").mkdir()
+    assert compiles_first()
+    (tmp_path / "kernels" / "bayesdamp_kernel_1").mkdir()
+    assert not compiles_first()

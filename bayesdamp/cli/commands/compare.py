@@ -11,7 +11,7 @@ from typing import Annotated, Any
 import typer
 
 from bayesdamp.cli import options as o
-from bayesdamp.cli.asked import FIRST_WORDS, free_folder, own_folder, run_folder, units_of
+from bayesdamp.cli.asked import FIRST_WORDS, compiles_first, free_folder, own_folder, run_folder, units_of
 from bayesdamp.cli.options import READING, RUNNING, WEIGHED
 from bayesdamp.cli.verdicts import verdicts_json
 from bayesdamp.machine.processes import processes
@@ -184,6 +184,8 @@ def compare(
         if folder.name != made.name and out is None and not quiet:
             before = folder.with_name(made.name)
             typer.echo(f"{before} has the answer to another question; this one goes to {folder}", err=True)
+        if (once := compiles_first()) and not quiet:
+            typer.echo(once, err=True)
         from bayesdamp.pipeline import Depth, run_study
 
         console = Console(stderr=True)

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from bayesdamp.cli import options as o
-from bayesdamp.cli.asked import FIRST_WORDS, read_study, run_folder, units_of
+from bayesdamp.cli.asked import FIRST_WORDS, compiles_first, read_study, run_folder, units_of
 from bayesdamp.cli.options import RUNNING
 from bayesdamp.cli.verdicts import verdicts_json
 
@@ -36,6 +36,8 @@ def study(
 
     loaded = read_study(file, plugin)
     folder = run_folder(out, loaded.name)
+    if (once := compiles_first()) and not quiet:
+        typer.echo(once, err=True)
     from bayesdamp.pipeline import Depth, run_study
     from bayesdamp.report.terminal import Lasting, Told
 
