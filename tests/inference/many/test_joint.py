@@ -111,7 +111,7 @@ def test_a_prior_that_differs_cannot_be_shared():
 def test_the_number_of_threads_does_not_change_a_digit(monkeypatch):
     """Negative control: another seed does."""
     mode, found = shared("repeats")
-    monkeypatch.setattr(joint_evidence, "_threads", lambda records: 1)
+    monkeypatch.setattr(joint_evidence, "cores", lambda: 1)
     alone, other = weigh(mode, seed=3), weigh(mode, seed=4)
     assert alone.log_evidence == found.log_evidence
     np.testing.assert_array_equal(alone.log_weights, found.log_weights)
