@@ -49,6 +49,7 @@ mutation: $(READY)
 	$(ONE_THREAD) $(BIN)/python -m tests.mutation.run $(ARGS)
 
 # The lowest versions that pyproject.toml allows, in an environment of their own: does a quick part of the tests pass?
+# What they call deprecated in each other is no fault of ours there.
 LOW   := .lowest
 PARTS ?= tests/physics tests/verdict tests/store tests/records/readers tests/config
 lowest: $(READY)
@@ -58,7 +59,7 @@ lowest: $(READY)
 	  -o $(LOW)/constraints.txt
 	$(LOW)/bin/python -m pip install --quiet --disable-pip-version-check -c $(LOW)/constraints.txt -e ".[excel,parquet]" \
 	  pytest hypothesis jaxtyping beartype
-	$(ONE_THREAD) $(LOW)/bin/python -m pytest -m "not slow" $(PARTS) $(ARGS)
+	$(ONE_THREAD) $(LOW)/bin/python -m pytest -W ignore::DeprecationWarning -m "not slow" $(PARTS) $(ARGS)
 
 # Known vulnerabilities of what is locked; needs an index that answers for them, by default that of PyPI.
 audit: $(READY)
