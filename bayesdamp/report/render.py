@@ -14,7 +14,9 @@ from bayesdamp.report.html import fill
 from bayesdamp.report.results.run import Run
 from bayesdamp.report.sections import SECTIONS, in_order
 from bayesdamp.store import write_bytes
+from bayesdamp.store.contents.content import OtherVersionError
 from bayesdamp.store.folders import claim, remove_listed
+from bayesdamp.types import InputError
 
 TEMPLATES = Path(__file__).parent / "templates"
 DRAWN = ".drawn"
@@ -33,12 +35,15 @@ def render(folder: Path, pool: Executor | None = None) -> Path:
     """Write report.html (one self-contained file) and figures/ into a run's folder; return the report's path.
 
     pool: where sections are drawn side by side; None for this process. Reads nothing but the folder. Raises
-    InputError where the folder is no run.
+    InputError where the folder is no run, or one of a version that stored other things.
     """
     run = Run(folder)
     claim(run.folder)
-    wanted = [section for section in in_order() if section.applies(run)]
-    bodies = list(_rendered(run, [section.name for section in wanted], pool))
+    try:
+        wanted = [section for section in in_order() if section.applies(run)]
+        bodies = list(_rendered(run, [section.name for section in wanted], pool))
+    except OtherVersionError as error:
+        raise InputError(error.what, str(folder)) from None
     sections = [
         {"name": section.name, "title": section.title, "body": Markup(done.body)}
         for section, done in zip(wanted, bodies, strict=True)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -10,7 +11,7 @@ import pytest
 from bayesdamp.report import render
 from bayesdamp.report.results.reading import ranking
 from bayesdamp.report.results.run import Run
-from bayesdamp.store import CellResult, write_json
+from bayesdamp.store import CellResult, Store, write_json
 from bayesdamp.store.folders import claim
 from bayesdamp.types import InputError
 from tests.report.pages import Page
@@ -52,6 +53,18 @@ def test_what_is_missing_is_said(maker, missing, cells, said):
         (folder / name).unlink()
     without(folder, *cells)
     assert said in Page(render(folder).read_text()).words
+
+
+def test_a_run_of_another_version_is_one_line(maker):
+    folder = maker.make()
+    store = Store(folder)
+    with store.lock():
+        cell = store.read("mode/sim/0/viscous")
+        store.write(replace(cell, meta={**cell.meta, "climbs": [{"seed": "prior 1"}]}))
+    with pytest.raises(InputError, match="another version of bayesdamp") as told:
+        render(folder)
+    assert str(folder) in str(told.value)
+    assert "\n" not in str(told.value)
 
 
 def test_a_damaged_cell_is_missing_not_fatal(maker):

@@ -7,9 +7,14 @@ from dataclasses import asdict, dataclass
 from functools import lru_cache
 from typing import Any, Self
 
-from pydantic import TypeAdapter
+from pydantic import TypeAdapter, ValidationError
 
 from bayesdamp.store.cells import CellResult
+from bayesdamp.types import InputError
+
+
+class OtherVersionError(InputError, ValueError):
+    """What is stored is not what this version stores."""
 
 
 @dataclass(frozen=True)
@@ -18,7 +23,7 @@ class Content:
 
     @classmethod
     def of(cls, cell: CellResult) -> Self:
-        """Of a cell that has a content of this kind. Raises ValueError where it holds something else."""
+        """Of a cell that has a content of this kind. Raises OtherVersionError where it holds something else."""
         return cls.of_meta(cell.meta)
 
     @classmethod
@@ -28,8 +33,14 @@ class Content:
 
     @classmethod
     def of_meta(cls, meta: Mapping[str, Any]) -> Self:
-        """What `meta` gave, after a file."""
-        return _adapter(cls).validate_python(dict(meta))
+        """What `meta` gave, after a file. Raises OtherVersionError."""
+        try:
+            return _adapter(cls).validate_python(dict(meta))
+        except ValidationError as error:
+            what = "was stored by another version of bayesdamp; compute it again with this one"
+            raise OtherVersionError(
+                f"{what} (its {error.errors()[0]['loc'][0]} is of another kind)"
+            ) from None
 
     def meta(self) -> dict[str, Any]:
         """As a cell holds it."""
