@@ -51,7 +51,7 @@ def simulated(name: str, *options: str) -> Case:
 
 VISCOUS = ("--damping", "viscous=0.05")
 SIMULATED = [
-    simulated("nothing"), simulated("no stiffness", *VISCOUS), simulated("no damping", *SET),
+    simulated("a term as an option", "--viscous", "0.1"), simulated("a parameter as an option", "--stiffness=20"),
     *(simulated(f"damping {v[:20]}", "--damping", v, *SET) for v in (
         "viscous", "viscous=", "viscous=x", "viscous=nan", "viscous=inf", "viscous=-1", "none=1", "=1", "viscous=1=2",
         f"viscous={LONG}", "viscous=1e308", "viscous=0.1,viscous=0.2", WORD, "viscous=1e-400x",

@@ -106,14 +106,14 @@ RECIPES: tuple[Recipe, ...] = (
     ),
     _calibration("calibration", "calibration", 7, "--records 500"),
     _calibration("model_recovery", "recovery", 6, "--records 1000", " --models"),
-    Recipe("measured", 15, (f"{PYTHON} tests.measured.run {{out}}",), (*ENGINE, "tests/measured")),
-    _study("paper", 10),
+    Recipe("measured", 6, (f"{PYTHON} tests.measured.run {{out}}",), (*ENGINE, "tests/measured")),
+    _study("paper", 7),
     _study(
-        "noise", 8, f"{PYTHON} {PAGES}.noise {{out}}",
+        "noise", 6, f"{PYTHON} {PAGES}.noise {{out}}",
         sources=("bayesdamp/validation/reports/noise.py", "bayesdamp/report/results"),
     ),
     Recipe(
-        "claims.md", 4,
+        "claims.md", 1,
         (f"{PYTHON} bayesdamp claims --paper reports/paper --noise reports/noise --out {{out}}",),
         (*ESTIMATORS, "bayesdamp/validation/claims", "reports/paper/estimates.csv", "reports/noise/estimates.csv"),
     ),
