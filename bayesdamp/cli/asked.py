@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from bayesdamp.machine.cache import cache_folder
 from bayesdamp.types import InputError
 
 if TYPE_CHECKING:
@@ -60,10 +61,7 @@ def free_folder(name: str, another: Callable[[Path], bool]) -> Path:
 
 def compiles_first() -> str:
     """What a first command has to say before it is silent: nothing that it runs is compiled yet. Empty later."""
-    from platformdirs import user_cache_dir
-
-    home = Path(os.environ.get("BAYESDAMP_CACHE") or user_cache_dir("bayesdamp"))
-    if any((home / "kernels").glob("*")):
+    if any((cache_folder() / "kernels").glob("*")):
         return ""
     return "compiling the equations of motion for this machine, once: about a minute more than later"
 

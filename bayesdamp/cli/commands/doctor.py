@@ -13,6 +13,8 @@ from pathlib import Path
 
 import typer
 
+from bayesdamp.machine.cache import cache_folder
+
 PYTHON = (3, 11)
 LEAST_MEMORY = 2.0
 """GiB: twice the 0.95 that a quick comparison of 2,001 samples on two processes takes (measured)."""
@@ -63,9 +65,7 @@ def packages() -> Finding:
 
 def cache() -> Finding:
     """The folder of compiled programs."""
-    from platformdirs import user_cache_dir
-
-    folder = Path(os.environ.get("BAYESDAMP_CACHE") or user_cache_dir("bayesdamp"))
+    folder = cache_folder()
     try:
         folder.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=folder):
