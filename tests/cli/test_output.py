@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from bayesdamp.cli import app
-from bayesdamp.cli.app import UNREAD, WRONG_INPUT
+from bayesdamp.cli.app import WRONG_INPUT
 
 HELP = (sys.executable, "-m", "bayesdamp", "--help")
 FULL = Path("/dev/full")
@@ -40,13 +40,13 @@ def closed() -> Iterator[int]:
 )
 def test_a_reader_that_has_seen_enough_is_no_mistake(closed: int, words: tuple[str, ...]):
     done = subprocess.run((*HELP[:-1], *words), stdout=closed, stderr=subprocess.PIPE, text=True)
-    assert (done.returncode, done.stderr) == (UNREAD, "")
+    assert (done.returncode, done.stderr) == (141, "")
 
 
 @pytest.mark.parametrize("words", [("--nope",), ("look", "no-such-file.csv"), ("--help",)])
 def test_nor_is_one_of_both_outputs(closed: int, words: tuple[str, ...]):
     done = subprocess.run((*HELP[:-1], *words), stdout=closed, stderr=closed)
-    assert done.returncode in (UNREAD, WRONG_INPUT)
+    assert done.returncode in (141, WRONG_INPUT)
 
 
 def test_a_pipe_that_is_closed_elsewhere_is_a_fault(monkeypatch: pytest.MonkeyPatch, capsys):
