@@ -6,6 +6,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
+from bayesdamp.provenance import Provenance
+
 if TYPE_CHECKING:
     import numpy as np
 
@@ -52,7 +54,7 @@ class Signal:
     quantity: "angle", "velocity" or "acceleration".
     unit: "rad" or "m": the unit of the displacement itself.
     step: the recording step (quantisation) in the unit of y, 0 where none is seen.
-    provenance: what was done to the record, in words, and the numbers that go into run.json.
+    provenance: how it was read and what was done to it.
     """
 
     t: np.ndarray
@@ -61,7 +63,7 @@ class Signal:
     unit: str = "rad"
     name: str = "signal"
     step: float = 0.0
-    provenance: Mapping[str, object] = field(default_factory=dict)
+    provenance: Provenance = field(default_factory=Provenance)
 
     @property
     def uniform(self) -> bool:
@@ -198,12 +200,3 @@ class Problem:
 
     damping: tuple[str, ...]
     system: System
-
-
-def told(provenance: Mapping[str, object]) -> tuple[str, ...]:
-    """What a user reads of how a record was read: its `warnings`, which he has to know of, how many `header_lines` its
-    file has, then its `notes`."""
-    warnings, notes, head = (provenance.get(name) for name in ("warnings", "notes", "header_lines"))
-    some = [f"Beware: {text}" for text in warnings] if isinstance(warnings, list | tuple) else []
-    some += [f"{head} header line{'s' if head != 1 else ''} skipped."] if head else []
-    return (*some, *(map(str, notes) if isinstance(notes, list | tuple) else ()))

@@ -9,7 +9,18 @@ import pytest
 
 PACKAGE = Path(__file__).resolve().parents[1] / "bayesdamp"
 
-NEUTRAL = {"types", "units", "plugins", "plain_text", "sources", "priors", "machine", "numerics", "outcomes"}
+NEUTRAL = {
+    "types",
+    "provenance",
+    "units",
+    "plugins",
+    "plain_text",
+    "sources",
+    "priors",
+    "machine",
+    "numerics",
+    "outcomes",
+}
 REGISTRIES = {"estimators", "inference.samplers", "inference.noise", "inference.evidence"}
 """Packages that `config` asks for names; it imports no module inside them."""
 INFERENCE = ("noise", "model", "fit", "coordinates", "curves", "checks", "samplers", "evidence", "many")

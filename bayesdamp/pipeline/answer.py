@@ -145,8 +145,7 @@ def answer(
     if sample:
         weighing = with_samples(weighing, approximate, seed)
     found = findings(weighing, asked, approximate=approximate, sensor=sensor, seed=seed)
-    start = signal.provenance.get("start", 0.0)
-    first = float(start) if isinstance(start, int | float) else 0.0
+    first = signal.provenance.start
     window = Window(first, first + weighing.data.duration, weighing.data.cycles, "")
     averaging = weighing.averaging
     averages = None if averaging is None else Averages(averaging.cycles, averaging.error)

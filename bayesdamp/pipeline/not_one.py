@@ -36,8 +36,7 @@ def no_free_decay(signal: Signal) -> Verdict | None:
     if found is None or found.size < thresholds.OTHER_MOTION:
         return None
     modes = _modes(found.modes, signal)
-    start = signal.provenance.get("start", 0.0)
-    first = float(start) if isinstance(start, int | float) else 0.0
+    first = signal.provenance.start
     duration = float(signal.t[-1] - signal.t[0])
     spread = (modes[0].high - modes[0].low) * modes[0].frequency
     f = modes[0].frequency

@@ -95,7 +95,7 @@ def _unit(raw: RawRecord, unit: str) -> Finding | None:
 
 
 def _times(raw: RawRecord, seen: Swing) -> Finding | None:
-    if raw.t is None or raw.columns[0] is None or raw.provenance.get("time_unit"):
+    if raw.t is None or raw.columns[0] is None or raw.provenance.time_unit:
         return None
     steps = np.diff(raw.t)
     step = float(np.median(steps))
@@ -126,8 +126,7 @@ def _rate(raw: RawRecord, seen: Swing) -> Finding | None:
 
 
 def _differing(raw: RawRecord) -> Finding | None:
-    facts = raw.provenance.get("facts")
-    found = sampling_rate(facts) if isinstance(facts, dict) else None
+    found = sampling_rate(raw.provenance.facts)
     said = found[0] if found else None
     if said is None:
         return None
@@ -141,8 +140,8 @@ def _differing(raw: RawRecord) -> Finding | None:
 
 
 def _constant(raw: RawRecord) -> Finding | None:
-    still = raw.provenance.get("constant_columns")
-    if not isinstance(still, list) or not still:
+    still = raw.provenance.constant_columns
+    if not still:
         return None
     names = ", ".join(repr(str(name)[:40]) for name in still[:4])
     more = f" and {len(still) - 4} more" if len(still) > 4 else ""

@@ -7,11 +7,12 @@ from pathlib import Path
 
 import numpy as np
 
+from bayesdamp.provenance import Fact, Provenance
 from bayesdamp.records.columns.choosing import LEAST, Series, series
 from bayesdamp.records.columns.names import parted, seconds_of_unit
 from bayesdamp.records.columns.swings import LARGEST
 from bayesdamp.records.columns.units_said import unit_said
-from bayesdamp.records.files.contents import Column, Contents, Fact
+from bayesdamp.records.files.contents import Column, Contents
 from bayesdamp.records.files.facts import said_unit
 from bayesdamp.records.files.named_units import SECONDS, unit_written
 from bayesdamp.records.opening.opening import contents, fault
@@ -106,9 +107,7 @@ def _record(found: Contents, chosen: Series, path: Path, time_unit: str | None, 
     if y.size < LEAST:
         raise InputError(f"{y.size} samples, a record needs at least {LEAST}")
     _usable(y)
-    label = _label(value, found)
     notes = [*notes, *found.notes, *chosen.why]
-    name = None if time is None else _label(time, found)
     if t is not None and time is not None:
         t = _in_seconds(t, time, time_unit, notes)
     rate = chosen.rate if t is None else None
@@ -122,19 +121,23 @@ def _record(found: Contents, chosen: Series, path: Path, time_unit: str | None, 
         written = unit_written(said)
         unit, quantity = written if written else (said[:20], quantity)
     base, run = parted(value)
-    provenance: dict[str, object] = {
-        "file": path.name,
-        "format": found.format,
-        **found.layout,
-        "time_column": name,
-        "value_column": label,
-        "incomplete_rows": int(value.values.size - kept.sum()),
-        "notes": notes,
-        "warnings": list(found.warnings),
-        "facts": dict(found.facts),
-        "time_unit": _time_unit(time, time_unit),
-        "constant_columns": list(chosen.still),
-    }
+    provenance = Provenance(
+        warnings=found.warnings,
+        notes=tuple(notes),
+        header_lines=(found.first_line or 1) - 1,
+        facts=found.facts,
+        time_column="" if time is None else _label(time, found),
+        value_column=_label(value, found),
+        time_unit=_time_unit(time, time_unit),
+        first_line=found.first_line,
+        constant_columns=tuple(chosen.still),
+        more={
+            "file": path.name,
+            "format": found.format,
+            **found.layout,
+            "incomplete_rows": int(value.values.size - kept.sum()),
+        },
+    )
     return RawRecord(
         t,
         y,

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
 
+from bayesdamp.provenance import Provenance
 from bayesdamp.records.columns.choice import Choice
 
 
@@ -18,7 +18,7 @@ class RawRecord:
     y: the recorded quantity in the file's unit, shape (n,).
     rate: the sampling rate in Hz that was given or that the file says, where t is None.
     rows: row of the file that each sample stands in, counted from 0 at its first row of numbers, shape (n,).
-    provenance: file, format and `notes`, sentences on what was done; `facts`, what the file says beside its numbers.
+    provenance: how it was read.
     run: the file's own label of the run, channel: the column's name without it; empty where the file has none.
     unit: the displacement's unit in UNITS that the file or the caller says, else as the file writes it, empty where
     nobody says. quantity: "angle", "velocity", "acceleration", or empty where nobody says.
@@ -31,7 +31,7 @@ class RawRecord:
     y: np.ndarray
     rate: float | None = None
     rows: np.ndarray = field(default_factory=lambda: np.empty(0, int))
-    provenance: Mapping[str, object] = field(default_factory=dict)
+    provenance: Provenance = field(default_factory=Provenance)
     run: str = ""
     channel: str = ""
     unit: str = ""

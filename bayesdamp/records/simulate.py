@@ -8,6 +8,7 @@ import numpy as np
 
 from bayesdamp.physics.integrate import simulate
 from bayesdamp.physics.oscillator import Oscillator
+from bayesdamp.provenance import Provenance
 from bayesdamp.types import InputError, Signal
 
 GAP = 0.02
@@ -62,14 +63,15 @@ def simulate_signal(
     keep = _kept(samples, *_stretches(samples, gaps), rng)
     if not keep.all():
         notes.append(f"{int((~keep).sum())} samples are missing.")
-    provenance: dict[str, object] = {
-        "simulated": True,
-        "sampling_rate": (samples - 1) / duration,
-        "samples": int(keep.sum()),
-        "start": 0.0,
-        "stop": float(t[keep][-1]),
-        "notes": notes,
-    }
+    provenance = Provenance(
+        notes=tuple(notes),
+        stop=float(t[keep][-1]),
+        more={
+            "simulated": True,
+            "sampling_rate": (samples - 1) / duration,
+            "samples": int(keep.sum()),
+        },
+    )
     return Signal(t[keep], y[keep], quantity, unit, name, float(quantum), provenance)
 
 

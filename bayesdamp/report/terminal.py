@@ -97,7 +97,7 @@ def conclude(folder: Path, console: Console) -> None:
         if signal not in said:
             console.print()
             console.print(Text(f"{signal}: {_why(run, signal)}"), soft_wrap=True)
-        for warning in run.warnings(signal):
+        for warning in run.provenance(signal).warnings:
             whose = f"{signal}: " if len(run.signals) > 1 else ""
             console.print(Text(f"Beware: {whose}{warning}"), soft_wrap=True)
         confirmed = confirmation(run, signal)

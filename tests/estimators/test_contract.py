@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from bayesdamp.estimators import ELEVEN, ESTIMATORS, Estimator, Options, names_for_all, parse_options, run
+from bayesdamp.provenance import Provenance
 from bayesdamp.types import Estimate, InputError, Refusal, Signal
 from tests.estimators.truths import SHORT, pendulum
 
@@ -42,7 +43,7 @@ def test_seed_record_and_what_is_known_decide_and_nothing_else(name, noisy, esti
     """A record's name and provenance, where a truth could hide, change nothing, nor do global random numbers."""
     signal, problem = noisy
     first = estimates(name)
-    marked = dataclasses.replace(signal, name="zeta=9", provenance={"truth": {"zeta": 9.0}})
+    marked = dataclasses.replace(signal, name="zeta=9", provenance=Provenance(more={"truth": {"zeta": 9.0}}))
     np.random.seed(99)
     before = np.random.get_state()[1].copy()  # pyright: ignore
     again = run(name, marked, problem, options=SHORT.get(name), seed=[7, 1])

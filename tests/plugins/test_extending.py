@@ -87,7 +87,7 @@ def test_a_reader_of_ones_own(tmp_path, capsys):
     assert "phi" in capsys.readouterr().out
     use(read_modules([tmp_path / "own.py"]))
     signal = bd.read(file).signal()
-    assert signal.provenance["unit"] == "mrad"
+    assert signal.provenance.unit == "mrad"
     assert np.ptp(signal.y) == pytest.approx(0.58, abs=0.05)
     file.write_bytes(b"RIG1")
     with pytest.raises(bd.InputError, match="not readable as a file of our rig"):

@@ -83,4 +83,4 @@ def test_what_is_too_large_for_radians_is_read_as_degrees_or_counts(
     assert read_as(read_record(tmp_path / "a.csv"), None, None) == (unit, "angle")
     record = bayesdamp.read(tmp_path / "a.csv")
     assert record.unit == unit
-    assert ("no unit is said" in str(record.signal().provenance["warnings"])) is (unit != "rad")
+    assert ("no unit is said" in str(record.signal().provenance.warnings)) is (unit != "rad")

@@ -80,7 +80,7 @@ def test_measured(file, columns, unit, clock, rate, cycles, start, stop):
     if not (DATA / file).exists():
         pytest.skip("the measured decays are not here")
     signal = clean(read_record(DATA / file, **columns), name="x", unit=unit)
-    numbers = signal.provenance
+    numbers = signal.provenance.more
     assert numbers["clock"] == clock
     assert numbers["sampling_rate"] == pytest.approx(rate, rel=1e-3)
     assert cycles[0] <= numbers["cycles"] <= cycles[1]
@@ -89,7 +89,7 @@ def test_measured(file, columns, unit, clock, rate, cycles, start, stop):
     assert signal.t[0] == 0.0
     assert np.all(np.diff(signal.t) > 0)
     assert signal.y.size == numbers["samples"]
-    assert all(isinstance(note, str) and note.endswith(".") for note in numbers["notes"])
+    assert all(isinstance(note, str) and note.endswith(".") for note in signal.provenance.notes)
 
 
 def test_a_shuffled_measured_record_is_refused():
@@ -101,20 +101,20 @@ def test_a_shuffled_measured_record_is_refused():
     raw = read_record(DATA / "video_pendulum/lab1_data.txt", time=1, value=2)
     order = np.random.default_rng(0).permutation(raw.y.size)
     with pytest.raises(InputError, match="no oscillation"):
-        clean(RawRecord(raw.t, raw.y[order], None, raw.rows, {}), name="x")
+        clean(RawRecord(raw.t, raw.y[order], None, raw.rows), name="x")
     with pytest.raises(InputError, match="goes back"):
-        clean(RawRecord(raw.t[order], raw.y[order], None, raw.rows, {}), name="x")
+        clean(RawRecord(raw.t[order], raw.y[order], None, raw.rows), name="x")
 
 
 def test_ship_and_encoder_in_seconds():
     if not DATA.exists():
         pytest.skip("the measured decays are not here")
     ship = clean(read_record(DATA / TABLE[3][0], **TABLE[3][1]), name="ship")
-    assert ship.provenance["start"] == pytest.approx(8.07, abs=0.05)
+    assert ship.provenance.start == pytest.approx(8.07, abs=0.05)
     assert ship.step == pytest.approx(np.deg2rad(0.005), rel=0.01)
     encoder = clean(read_record(DATA / TABLE[4][0], **TABLE[4][1]), name="encoder")
-    assert encoder.provenance["start"] == pytest.approx(60.0, abs=0.05)
-    assert 65.3 <= encoder.provenance["stop"] <= 65.8
+    assert encoder.provenance.start == pytest.approx(60.0, abs=0.05)
+    assert 65.3 <= encoder.provenance.stop <= 65.8
     assert encoder.step == pytest.approx(1.57e-4, rel=0.01)
 
 
@@ -142,9 +142,9 @@ def test_ten_runs_by_hand(run):
     raw = read_record(file, time=f"Time (s) Run #{run}", value=f"Angle, Ch 1+2 (rad) Run #{run}")
     signal = clean(raw, name="x")
     released, last_peak, rests = HAND[run - 1]
-    assert released - 0.06 <= signal.provenance["start"] <= released + 0.75
-    assert last_peak - 0.1 <= signal.provenance["stop"] <= rests
-    kinds = [piece["kind"] for piece in signal.provenance["pieces"]]
+    assert released - 0.06 <= signal.provenance.start <= released + 0.75
+    assert last_peak - 0.1 <= signal.provenance.stop <= rests
+    kinds = [piece.kind for piece in signal.provenance.pieces]
     assert kinds[-2:] == ["free decay", "sticking"]
     assert set(kinds[:-2]) <= {"at rest", "held", "pushed"}
     assert anomalies(signal, features(signal)) == ()

@@ -115,8 +115,8 @@ def test_incomplete_rows_are_left_out_and_said(tmp_path):
     lines = ["t;x;v", "0,00;;", *(f"{r};" for r in rows(";", ",")[1:]), "9,0;;"]
     raw = read_record(write(tmp_path / "a.csv", lines), time="t", value="x")
     assert raw.y.size == 19
-    assert raw.provenance["incomplete_rows"] == 2
-    assert any("2 rows with an empty cell" in note for note in raw.provenance["notes"])
+    assert raw.provenance.more["incomplete_rows"] == 2
+    assert any("2 rows with an empty cell" in note for note in raw.provenance.notes)
 
 
 def test_matlab(tmp_path):

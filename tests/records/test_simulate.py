@@ -31,7 +31,7 @@ def test_closed_form_and_times():
 
 
 def test_holds_no_truth():
-    text = json.dumps(dict(made(noise_sd=0.0123).provenance))
+    text = json.dumps(made(noise_sd=0.0123).provenance.to_dict())
     for number in ("0.0537", "20.731", "0.0123"):
         assert number not in text
 

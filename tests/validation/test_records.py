@@ -11,6 +11,7 @@ from scipy.integrate import quad, solve_ivp
 from scipy.interpolate import CubicSpline
 from scipy.optimize import least_squares
 
+from bayesdamp.provenance import Provenance
 from bayesdamp.types import InputError
 from bayesdamp.validation.truth import discrepancies as odd
 from bayesdamp.validation.truth.drawing import Draw
@@ -49,7 +50,7 @@ def test_the_family_keeps_its_rules() -> None:
         assert made.signal.t[0] == 0.0
         assert made.signal.uniform
         assert all(1e-4 < made.ratio(a) < 0.2 for a in made.amplitudes)
-        assert not made.signal.provenance
+        assert made.signal.provenance == Provenance()
 
 
 @pytest.mark.parametrize("number", [0, 4, 10])

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
-
-from bayesdamp.types import told
 
 if TYPE_CHECKING:
     import numpy as np
@@ -47,22 +46,19 @@ def sentences(one: Found) -> list[str]:
     """What was done to a record, or why there is no free decay in it; nothing that its findings say."""
     from bayesdamp.records.findings import Kind
 
-    about = dict(one.raw.provenance if one.signal is None else one.signal.provenance)
-    notes = about.get("notes")
-    if isinstance(notes, list):  # `reading` says where times and values are, but not why these
-        chosen = [one.choice] if one.choice else []
-        about["notes"] = [*chosen, *(text for text in notes if text not in one.raw.why)]
+    about = one.raw.provenance if one.signal is None else one.signal.provenance
+    # `reading` says where times and values are, but not why these.
+    notes = (*filter(None, [one.choice]), *(text for text in about.notes if text not in one.raw.why))
+    about = replace(about, notes=notes)
     if one.signal is None:
         alone = (
             ["If these are amplitudes, of an envelope: --quantity envelope"] if one.raw.y.min() >= 0 else []
         )
-        return [*told(about), f"No free decay: {one.refusal}", *alone]
+        return [*about.said, f"No free decay: {one.refusal}", *alone]
     if any(finding.kind in (Kind.DEGREES, Kind.TURNS) for finding in one.findings):
-        kept_back = about.get("turns_warning")  # the finding says it with the option to type
-        warnings = about.get("warnings")
-        if isinstance(warnings, list):
-            about["warnings"] = [text for text in warnings if text != kept_back]
-    return list(told(about))
+        # The finding says it with the option to type.
+        about = replace(about, warnings=tuple(text for text in about.warnings if text != about.many_turns))
+    return list(about.said)
 
 
 def curve(one: Found) -> tuple[np.ndarray, np.ndarray]:
@@ -78,5 +74,5 @@ def kept(one: Found) -> tuple[float, float] | None:
     """From when to when the free decay lasts, in s of `curve`."""
     if one.signal is None:
         return None
-    first, last = one.signal.provenance["start"], one.signal.provenance["stop"]
-    return (first, last) if isinstance(first, float) and isinstance(last, float) else None
+    about = one.signal.provenance
+    return None if about.stop is None else (about.start, about.stop)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +13,7 @@ from bayesdamp.records.opening.opening import FALLBACK, reader_of
 from bayesdamp.records.read import read_record
 from bayesdamp.records.readers import READERS
 from bayesdamp.records.stated_columns import choose_columns
-from bayesdamp.types import InputError, told
+from bayesdamp.types import InputError
 
 HEAD = 8192
 """Bytes in which a file's head and the names of its columns stand."""
@@ -53,10 +54,9 @@ def read_envelope(
     time, value = choose_columns(path, time, value, rate)
     raw = read_record(path, time=time, value=value, rate=rate)
     t = raw.t if raw.t is not None else np.arange(raw.y.size) / (raw.rate or 1.0)
-    label = str(raw.provenance.get("value_column", ""))
-    said = raw.provenance.get("facts")
-    facts = {name: str(fact) for name, fact in said.items()} if isinstance(said, dict) else {}
-    chosen = unit or unit_in(label) or _bracketed(label) or "units"
+    about = replace(raw.provenance, header_lines=0)  # they are read
+    facts = {name: str(fact) for name, fact in about.facts.items()}
+    chosen = unit or unit_in(about.value_column) or _bracketed(about.value_column) or "units"
     return made_record(
         path.name,
         t,
@@ -64,7 +64,7 @@ def read_envelope(
         chosen,
         frequency if frequency is not None else _frequency(facts),
         facts,
-        told({**raw.provenance, "header_lines": 0}),  # they are read
+        about.said,
     )
 
 

@@ -14,6 +14,7 @@ from bayesdamp.interface.parts.result import Packed, Result
 from bayesdamp.interface.parts.table import Table, number
 from bayesdamp.interface.records.signal import Signal, cut
 from bayesdamp.plugins import nearest
+from bayesdamp.provenance import Provenance
 from bayesdamp.records.cleaning.clean import QUANTITIES
 from bayesdamp.records.findings import Kind, findings
 from bayesdamp.records.read import read_records
@@ -107,7 +108,7 @@ class Record(Result):
         arrays: dict[str, np.ndarray] = {}
         heads: list[dict[str, object]] = []
         for i, raw in enumerate(self.raw):
-            heads.append({"rate": raw.rate, "provenance": dict(raw.provenance)})
+            heads.append({"rate": raw.rate, "provenance": raw.provenance.to_dict()})
             arrays |= {f"{i}/y": raw.y, f"{i}/rows": raw.rows}
             arrays |= {} if raw.t is None else {f"{i}/t": raw.t}
         meta = {"path": str(self.path), "columns": self.columns, "unit": self.unit, "quantity": self.quantity}
@@ -118,7 +119,11 @@ class Record(Result):
         meta, found = packed.meta, packed.arrays
         raw = tuple(
             RawRecord(
-                found.get(f"{i}/t"), found[f"{i}/y"], head["rate"], found[f"{i}/rows"], head["provenance"]
+                found.get(f"{i}/t"),
+                found[f"{i}/y"],
+                head["rate"],
+                found[f"{i}/rows"],
+                Provenance.of(head["provenance"]),
             )
             for i, head in enumerate(meta["runs"])
         )
@@ -175,9 +180,7 @@ def read(
         raise InputError(f"{path.name}: unknown quantity {quantity!r}{nearest(quantity, list(QUANTITIES))}")
     if given is None:
         raw = tuple(_assumed(one, unit, quantity) for one in raw)
-    columns = tuple(
-        (str(r.provenance.get("time_column") or ""), str(r.provenance.get("value_column") or "")) for r in raw
-    )
+    columns = tuple((r.provenance.time_column, r.provenance.value_column) for r in raw)
     return Record(path, columns, unit, quantity, raw)
 
 
@@ -186,12 +189,9 @@ def _assumed(raw: RawRecord, unit: str, quantity: str) -> RawRecord:
     doubt = next((f for f in findings(raw, unit, quantity) if f.kind is Kind.DEGREES), None)
     if doubt is None:
         return raw
-    before = raw.provenance.get("warnings")
-    said = [
-        *(before if isinstance(before, list) else []),
-        f"{doubt.sentence}; give unit= where that is wrong.",
-    ]
-    return replace(raw, provenance={**raw.provenance, "warnings": said})
+    before = raw.provenance
+    said = (*before.warnings, f"{doubt.sentence}; give unit= where that is wrong.")
+    return replace(raw, provenance=replace(before, warnings=said))
 
 
 def _runs(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Self
 
@@ -15,11 +14,12 @@ from bayesdamp.interface.parts import axes
 from bayesdamp.interface.parts.result import Packed, Result
 from bayesdamp.interface.parts.table import Table, number
 from bayesdamp.plugins import nearest
+from bayesdamp.provenance import Provenance
 from bayesdamp.records.cleaning.clean import QUANTITIES, clean
 from bayesdamp.records.cleaning.clock import clock_times
 from bayesdamp.records.cleaning.quantum import recording_step
 from bayesdamp.records.record import RawRecord
-from bayesdamp.types import InputError, told
+from bayesdamp.types import InputError
 from bayesdamp.units import UNITS, Unit
 
 if TYPE_CHECKING:
@@ -40,7 +40,7 @@ class Signal(Result, types.Signal):
     quantity: "angle" (any displacement), "velocity" or "acceleration".
     unit: base unit of the displacement: "rad", "m", or a sensor's own.
     step: recording step in the unit of y, 0 where none is seen.
-    provenance: what was done to the record; its `notes` are sentences.
+    provenance: how the record was read and what was done to it.
     whole_t, whole_y: the whole record that it was cut out of, in s on the record's own clock and in the unit of y,
     shape (N,); empty where nothing was cut.
     """
@@ -51,7 +51,7 @@ class Signal(Result, types.Signal):
     @property
     def notes(self) -> tuple[str, ...]:
         """What one has to know of the record, and what was done to it, in sentences."""
-        return told(self.provenance)
+        return self.provenance.said
 
     @property
     def y_unit(self) -> str:
@@ -61,7 +61,7 @@ class Signal(Result, types.Signal):
     @property
     def own_unit(self) -> Unit:
         """The unit that the record came in, in which pictures and tables are drawn and written."""
-        return UNITS[str(self.provenance.get("unit", self.unit))]
+        return UNITS[self.provenance.unit or self.unit]
 
     def summary(self) -> pd.DataFrame:
         """One row: record, samples, length (s), rate (Hz, the mean), uniform, quantity, unit, low and high in it."""
@@ -84,8 +84,7 @@ class Signal(Result, types.Signal):
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw the record: what was cut away faint, what was kept dark, why in the title's lines; the axes drawn on."""
         ax = axes.one(ax)
-        start = self.provenance.get("start", 0.0) if self.whole_t.size else 0.0
-        begun = float(start) if isinstance(start, int | float) else 0.0
+        begun = self.provenance.start if self.whole_t.size else 0.0
         unit = self.own_unit
         if self.whole_t.size:
             ax.plot(self.whole_t, self.whole_y * unit.scale, color=axes.FAINT, lw=1.0, label="cut away")
@@ -112,13 +111,14 @@ class Signal(Result, types.Signal):
         return Table(f"Signal {self.name}", ("", "value"), rows, self.notes)
 
     def _packed(self) -> Packed:
-        names = ("quantity", "unit", "name", "step", "provenance")
+        meta: dict[str, object] = {n: getattr(self, n) for n in ("quantity", "unit", "name", "step")}
         arrays = {n: getattr(self, n) for n in ("t", "y", "whole_t", "whole_y")}
-        return Packed("Signal", {n: getattr(self, n) for n in names}, arrays)
+        return Packed("Signal", {**meta, "provenance": self.provenance.to_dict()}, arrays)
 
     @classmethod
     def _unpacked(cls, packed: Packed) -> Self:
-        return cls(**packed.arrays, **packed.meta)
+        about = {**packed.meta, "provenance": Provenance.of(packed.meta["provenance"])}
+        return cls(**packed.arrays, **about)
 
     @classmethod
     def of(cls, signal: types.Signal, **more: Any) -> Self:
@@ -172,7 +172,7 @@ def signal(
             name,
         )
     scale = UNITS[unit].factor
-    provenance: Mapping[str, object] = {"unit": unit, "quantity": quantity, "notes": ["Taken as it is."]}
+    provenance = Provenance(notes=("Taken as it is.",), unit=unit, more={"quantity": quantity})
     step = recording_step(values) * scale
     return Signal(times - times[0], values * scale, quantity, UNITS[unit].base, name, step, provenance)
 
@@ -189,10 +189,10 @@ def cut(
 ) -> Signal:
     """The free decay in a raw record, with the whole of it beside. Options and errors are those of `clean`."""
     kept = clean(raw, name=name, unit=unit, quantity=quantity, clock=clock, start=start, stop=stop)
-    offset = kept.provenance.get("offset", 0.0)
-    zero = float(offset) if isinstance(offset, int | float) else 0.0
     whole = clock_times(raw, clock, name).t
-    return Signal.of(kept, whole_t=np.asarray(whole), whole_y=raw.y * UNITS[unit].factor - zero)
+    return Signal.of(
+        kept, whole_t=np.asarray(whole), whole_y=raw.y * UNITS[unit].factor - kept.provenance.offset
+    )
 
 
 def _vectors(t: ArrayLike, y: ArrayLike, name: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

@@ -19,6 +19,7 @@ from bayesdamp.physics.restoring import LAWS
 from bayesdamp.pipeline.keys import task_key
 from bayesdamp.pipeline.records.recorded import cleaned, of_file
 from bayesdamp.plugins import sources_below
+from bayesdamp.provenance import Provenance
 from bayesdamp.records.oscillation.anomalies import anomalies
 from bayesdamp.records.oscillation.curves import amplitude_curves
 from bayesdamp.records.oscillation.features import Features, features
@@ -91,7 +92,7 @@ class SignalCell:
             unit=signal.unit,
             quantity=signal.quantity,
             step=signal.step,
-            provenance=dict(signal.provenance),
+            provenance=signal.provenance.to_dict(),
             bound=self._bound(signal),
         )
         arrays |= {"t": signal.t, "y": signal.y}
@@ -145,9 +146,8 @@ class SignalCell:
             f"Noise of {100 * share:g} % of its amplitude was added: what is said is of that record. Give a record "
             "with its noise, or fit this one with a study's estimators, which need none."
         )
-        before = signal.provenance.get("warnings", [])
-        assert isinstance(before, list)
-        return replace(signal, y=y, provenance={**signal.provenance, "warnings": [*before, warning]})
+        before = signal.provenance
+        return replace(signal, y=y, provenance=replace(before, warnings=(*before.warnings, warning)))
 
     def _known(self, signal: Signal, content: RecordContent) -> RecordContent:
         """The content with features, the reference of the priors, ε where it was not given, and whether there is noise.
@@ -202,6 +202,5 @@ def _raw(raw: RawRecord, source: Recording) -> dict[str, np.ndarray]:
 def signal_of(record: CellResult) -> Signal:
     """The record that a SignalCell stored."""
     m = RecordContent.of(record)
-    return Signal(
-        record.arrays["t"], record.arrays["y"], m.quantity, m.unit, m.name, m.step, dict(m.provenance)
-    )
+    t, y = record.arrays["t"], record.arrays["y"]
+    return Signal(t, y, m.quantity, m.unit, m.name, m.step, Provenance.of(m.provenance))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -74,21 +74,21 @@ def clean(
         raise InputError(f"needs at least two periods of free decay, has {cycles:.1f}", name)
     outliers = count_outliers(signal, found.period, float(found.turning_amplitudes.max()))
     rate = (t.size - 1) / float(t[-1] - t[0])
-    notes, warnings = [*_words(raw, "notes"), *times.notes, *window.notes], _words(raw, "warnings")
-    said = unit_and_quantity(str(raw.provenance.get("value_column", "")))
+    notes, warnings = [*raw.provenance.notes, *times.notes, *window.notes], list(raw.provenance.warnings)
+    said = unit_and_quantity(raw.provenance.value_column)
     if said is not None and (_size(said[0]), said[1]) != (_size(unit), quantity):
         warnings.append(
-            f"the column is named {raw.provenance['value_column']!r}; its values are read as "
+            f"the column is named {raw.provenance.value_column!r}; its values are read as "
             f"{_many(quantity)} in {UNITS[unit].of(quantity)}."
         )
     turns = found.amplitude / (2 * np.pi)
-    many_turns: list[str] = []
+    many_turns = ""
     if base == "rad" and turns > (TURNS if said is None else TURNS_SAID):
-        many_turns.append(
+        many_turns = (
             f"it swings by {turns:.2g} turns to either side; if its values are not in {unit} "
             "(but in degrees, or volts), give the unit."
         )
-        warnings += many_turns
+        warnings.append(many_turns)
     if step:
         notes.append(f"The values lie on steps of {step / scale:.4g} {UNITS[unit].of(quantity)}.")
     if offset:
@@ -106,31 +106,33 @@ def clean(
     notes.append(
         f"Kept are {t.size} samples at {rate:.5g} Hz, {max(periods, cycles):.1f} cycles of {found.period:.4g} s{clear}."
     )
-    provenance: dict[str, object] = {k: v for k, v in raw.provenance.items() if k != "notes"}
-    provenance |= {
-        "unit": unit,
-        "quantity": quantity,
-        "clock": times.used,
-        "repeated_stamps": times.repeated,
-        "sampling_rate": rate,
-        "start": float(t[0]),
-        "stop": float(t[-1]),
-        "start_sample": first,
-        "stop_sample": last,
-        "samples": int(t.size),
-        "record_samples": int(raw.y.size),
-        "cycles": cycles,
-        "period": found.period,
-        "outliers": outliers,
-        "step": step,
-        "offset": offset,
-        "roughness": found.roughness,
-        "pieces": [asdict(piece) for piece in window.pieces],
-        "notes": notes,
-        "warnings": warnings,
-    }
-    if many_turns:
-        provenance["turns_warning"] = many_turns[0]
+    provenance = replace(
+        raw.provenance,
+        warnings=tuple(warnings),
+        notes=tuple(notes),
+        unit=unit,
+        start=float(t[0]),
+        stop=float(t[-1]),
+        offset=offset,
+        pieces=tuple(window.pieces),
+        many_turns=many_turns,
+        more={
+            **raw.provenance.more,
+            "quantity": quantity,
+            "clock": times.used,
+            "repeated_stamps": times.repeated,
+            "sampling_rate": rate,
+            "start_sample": first,
+            "stop_sample": last,
+            "samples": int(t.size),
+            "record_samples": int(raw.y.size),
+            "cycles": cycles,
+            "period": found.period,
+            "outliers": outliers,
+            "step": step,
+            "roughness": found.roughness,
+        },
+    )
     return Signal(signal.t, signal.y, quantity, base, name, step, provenance)
 
 
@@ -177,11 +179,6 @@ def _asked(t: np.ndarray, start: str | float, stop: str | float, name: str) -> t
             name,
         )
     return a, b
-
-
-def _words(raw: RawRecord, kind: str) -> list[str]:
-    said = raw.provenance.get(kind, [])
-    return [str(one) for one in said] if isinstance(said, list | tuple) else []
 
 
 def _size(unit: str) -> tuple[str, float]:

@@ -113,7 +113,7 @@ def _share(share: float) -> str:
 
 
 def _place(raw: RawRecord, index: int) -> str:
-    line = raw.provenance.get("first_line")
-    if isinstance(line, int) and raw.rows.size:
+    line = raw.provenance.first_line
+    if line is not None and raw.rows.size:
         return f"line {int(raw.rows[index]) + line}"
     return f"sample {index} (from 0)"

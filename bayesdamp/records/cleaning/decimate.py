@@ -45,10 +45,13 @@ def decimated(raw: RawRecord, most: int = MOST) -> RawRecord:
         f"{rate / factor:.6g} Hz are kept, by a filter that shifts no phase and is flat to 1e-4 up to "
         f"{PASS * rate / factor / 2:.4g} Hz; the noise is what is left in that band."
     )
-    said = raw.provenance.get("notes", [])
-    notes = [*(said if isinstance(said, list | tuple) else []), note]
-    provenance = {**raw.provenance, "notes": notes, "decimation": factor}
-    provenance.pop("first_line", None)  # no line of the file holds a sample any more
+    before = raw.provenance
+    provenance = replace(
+        before,
+        notes=(*before.notes, note),
+        first_line=None,  # no line of the file holds a sample any more
+        more={**before.more, "decimation": factor},
+    )
     return replace(raw, t=t, y=y, rate=None, rows=np.empty(0, int), provenance=provenance)
 
 

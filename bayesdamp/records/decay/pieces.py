@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Literal
 
 import numpy as np
 
-Kind = Literal["at rest", "held", "pushed", "free decay", "sticking", "noise"]
+from bayesdamp.provenance import Kind, Piece
 
 STILL = 0.02
 """Share of the amplitude that a record at rest may move by within a quarter of a period."""
@@ -16,16 +15,6 @@ NEAR = 0.15
 """Share of the amplitude within which a level is that of the rest."""
 SLOW = 0.25
 """Share of the oscillation's peak velocity below which a hand holds or tilts, and above which it pushes."""
-
-
-@dataclass(frozen=True)
-class Piece:
-    """A piece of a record: start and stop in s of the record's own times, what it is, and why, a sentence."""
-
-    start: float
-    stop: float
-    kind: Kind
-    why: str
 
 
 @dataclass(frozen=True)

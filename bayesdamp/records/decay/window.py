@@ -6,8 +6,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from bayesdamp.provenance import Piece
 from bayesdamp.records.decay.continuation import Reach, Reason, Swings, reach
-from bayesdamp.records.decay.pieces import Piece, Scale, pieces_before
+from bayesdamp.records.decay.pieces import Scale, pieces_before
 from bayesdamp.records.decay.stretches import stretches, worth
 from bayesdamp.records.oscillation.holes import without_edges
 from bayesdamp.records.oscillation.rough import roughness

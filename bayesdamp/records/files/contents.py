@@ -9,9 +9,8 @@ from typing import Protocol
 
 import numpy as np
 
+from bayesdamp.provenance import Fact
 from bayesdamp.units import UNITS
-
-Fact = str | float
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,7 +6,7 @@ import math
 import re
 from collections.abc import Iterable, Mapping
 
-from bayesdamp.records.files.contents import Fact
+from bayesdamp.provenance import Fact
 from bayesdamp.records.files.named_units import SECONDS
 
 MOST, LONGEST = 60, 200

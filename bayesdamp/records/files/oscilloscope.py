@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 
-from bayesdamp.records.files.contents import Fact
+from bayesdamp.provenance import Fact
 from bayesdamp.records.files.facts import kept
 from bayesdamp.records.files.table import number, split
 

@@ -122,7 +122,7 @@ def first_words(signal: Signal) -> FirstWords:
         for v, s, e in zip(logs, slopes, errors)
     )
     frequency, half = _frequency(seen)
-    begin = float(signal.provenance.get("start", 0.0) or 0.0)  # type: ignore[arg-type]
+    begin = signal.provenance.start
     return FirstWords(
         frequency,
         frequency - half,

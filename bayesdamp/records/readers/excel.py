@@ -8,7 +8,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from bayesdamp.records.files.contents import Column, Contents, Fact
+from bayesdamp.provenance import Fact
+from bayesdamp.records.files.contents import Column, Contents
 from bayesdamp.records.files.limits import allowed_archive
 from bayesdamp.records.readers.text import from_lines
 from bayesdamp.types import InputError

@@ -7,7 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from bayesdamp.records.files.contents import Column, Contents, Fact
+from bayesdamp.provenance import Fact
+from bayesdamp.records.files.contents import Column, Contents
 from bayesdamp.records.files.facts import kept
 from bayesdamp.records.readers.text import LARGEST, decoded
 from bayesdamp.types import InputError

@@ -92,10 +92,8 @@ def from_lines(lines: list[str], form: str = "text") -> Contents:
         settings or header_facts(line for line in lines[: layout.first] if not _names_columns(line, layout)),
         (),
         {
-            "header_lines": first,
             "separator": "blanks" if layout.separator == BLANKS else layout.separator,
             "decimal": layout.decimal,
-            "first_line": first + 1,
         },
         first + 1,
         at,

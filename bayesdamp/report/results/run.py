@@ -8,6 +8,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
+from bayesdamp.provenance import Provenance
 from bayesdamp.report.drawing import Drawings
 from bayesdamp.store import TABLES, TEXT_OF, CellResult, Store, read_table
 from bayesdamp.store.places import Place
@@ -80,9 +81,9 @@ class Run:
         unit, quantity = self.unit(row["signal"]), self.quantity(row["signal"])
         return row["rms"] * unit.scale, unit.of(quantity)
 
-    def warnings(self, signal: str) -> list[str]:
-        """What a user has to know of how a signal's record was read."""
-        return [str(warning) for warning in self.about(signal).get("warnings") or []]
+    def provenance(self, signal: str) -> Provenance:
+        """How a signal's record was read."""
+        return Provenance.of(self.about(signal))
 
     def simulated(self, signal: str) -> bool:
         """Whether the signal was made by the program, so that the truth is known."""

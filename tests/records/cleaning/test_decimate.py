@@ -48,9 +48,9 @@ def test_a_decay_is_the_same_decay_with_fewer_samples() -> None:
     assert 95 < 1 / np.median(np.diff(raw.t)) / 30.0 < 110
     # exp(-st) is real in ω - is instead of ω: the same response a little beside the real axis.
     np.testing.assert_allclose(raw.y, decay(raw.t), rtol=0, atol=0.2 * 1e-4)
-    assert any("more than the oscillation needs" in str(note) for note in raw.provenance["notes"])  # type: ignore[union-attr]
+    assert any("more than the oscillation needs" in str(note) for note in raw.provenance.notes)  # type: ignore[union-attr]
     signal = clean(raw, name="fork")
-    assert signal.provenance["period"] == pytest.approx(1 / 30, rel=1e-4)
+    assert signal.provenance.more["period"] == pytest.approx(1 / 30, rel=1e-4)
 
 
 def test_white_noise_is_what_is_left_in_the_band() -> None:
@@ -59,7 +59,7 @@ def test_white_noise_is_what_is_left_in_the_band() -> None:
     raw = decimated(RawRecord(None, decay(T) + noise, RATE))
     assert raw.t is not None
     left = raw.y - decay(raw.t)
-    factor = raw.provenance["decimation"]
+    factor = raw.provenance.more["decimation"]
     assert isinstance(factor, int)
     # ± 4 standard errors of a variance of correlated samples; false alarms below 1e-3.
     slack = 4 * np.sqrt(2 / left.size / PASS)

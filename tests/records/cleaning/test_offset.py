@@ -69,12 +69,12 @@ def test_cleaning_takes_it_off_and_says_so(quantity):
     """Gravity on an accelerometer, ten times the motion; an angle keeps its zero."""
     y = motion(quantity) + 10.0 + 0.005 * np.random.default_rng(3).standard_normal(T.size)
     signal = clean(RawRecord(T, y, None, np.arange(T.size)), name="x", quantity=quantity)
-    notes = " ".join(map(str, signal.provenance["notes"]))
+    notes = " ".join(map(str, signal.provenance.notes))
     if quantity == "angle":
-        assert signal.provenance["offset"] == 0.0
+        assert signal.provenance.offset == 0.0
         assert np.mean(signal.y) == pytest.approx(10.0, abs=0.1)
         assert "zero" not in notes
     else:
-        assert signal.provenance["offset"] == pytest.approx(10.0, abs=2e-3)
+        assert signal.provenance.offset == pytest.approx(10.0, abs=2e-3)
         assert abs(np.mean(signal.y)) < 0.02
         assert "The sensor's zero, 10 rad/s²" in notes

@@ -63,7 +63,7 @@ def test_a_plain_choice_is_made_and_said(tmp_path: Path, what: str) -> None:
     np.testing.assert_allclose(record.y, columns[value], atol=1e-12)
     assert record.t is not None
     np.testing.assert_allclose(record.t, T, atol=1e-12)
-    notes = " ".join(map(str, record.provenance["notes"]))  # type: ignore[call-overload]
+    notes = " ".join(map(str, record.provenance.notes))  # type: ignore[call-overload]
     assert (f"Column {value!r} is taken" in notes) == (len(columns) > 2)
     assert (None if record.choice is None else record.choice.taken) == (
         repr(value) if len(columns) > 2 else None
@@ -113,7 +113,7 @@ def test_without_names_a_column_is_told_by_its_number(tmp_path: Path) -> None:
     path = write(tmp_path / "a.csv", {"t": T, "x": Y, "r": BEATING}, named=False)
     record = read_record(path)
     assert record.columns == (1, 2)
-    assert any("Column 2 is taken" in str(note) for note in record.provenance["notes"])  # type: ignore[attr-defined]
+    assert any("Column 2 is taken" in str(note) for note in record.provenance.notes)  # type: ignore[attr-defined]
 
 
 def test_channels_that_are_numbered_are_a_record_each(tmp_path: Path) -> None:
@@ -232,14 +232,14 @@ def test_a_unit_in_a_header_is_that_of_the_only_column(tmp_path: Path) -> None:
     path = write(tmp_path / "a.csv", {"t": T, "x": Y}, "# unit: mm", "# recorded: 2024-05-03")
     record = read_record(path)
     assert record.unit == "mm"
-    assert record.provenance["facts"] == {"unit": "mm", "recorded": "2024-05-03"}
+    assert record.provenance.facts == {"unit": "mm", "recorded": "2024-05-03"}
 
 
 def test_a_powers_unit_and_the_headers_facts_are_kept(tmp_path: Path) -> None:
     above = ["% Frequency [Hz]: 1562325.84", "% Quality factor: 28283338.4", "%", "% time [s], power [dBm]"]
     record = read_record(write(tmp_path / "a.txt", {"t": T, "p": -40 - T}, *above, named=False))
     assert (record.unit, record.columns) == ("dBm", ("time [s]", "power [dBm]"))
-    assert record.provenance["facts"] == {"Frequency [Hz]": "1562325.84", "Quality factor": "28283338.4"}
+    assert record.provenance.facts == {"Frequency [Hz]": "1562325.84", "Quality factor": "28283338.4"}
 
 
 @pytest.mark.parametrize(

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -113,7 +115,7 @@ def test_times_are_read_in_their_unit(tmp_path):
         raw = read_record(path, time=1, value=2)
         assert raw.t is not None
         np.testing.assert_allclose(raw.t, T, atol=1e-12)
-        assert any("0.001" in str(note) for note in raw.provenance["notes"]) == (scale > 1)
+        assert any("0.001" in str(note) for note in raw.provenance.notes) == (scale > 1)
 
 
 def test_a_name_that_says_another_unit_is_told_of(tmp_path):
@@ -121,13 +123,13 @@ def test_a_name_that_says_another_unit_is_told_of(tmp_path):
     lines = ["t,phi (deg)", *(f"{t!r},{y!r}" for t, y in zip(T.tolist(), Y.tolist(), strict=True))]
     path.write_text("\n".join(lines), encoding="utf-8")
     raw = read_record(path, time=1, value=2)
-    notes = [clean(raw, name="x", unit=unit).provenance["warnings"] for unit in ("rad", "deg")]
+    notes = [clean(raw, name="x", unit=unit).provenance.warnings for unit in ("rad", "deg")]
     told = [
         any("'phi (deg)'; its values are read as displacements in rad." in n for n in some) for some in notes
     ]
     assert told == [True, False]
-    raw.provenance["value_column"] = "gyro (deg/s)"
-    told = [clean(raw, name="x", unit=u, quantity="velocity").provenance["warnings"] for u in ("dps", "rpm")]
+    raw = replace(raw, provenance=replace(raw.provenance, value_column="gyro (deg/s)"))
+    told = [clean(raw, name="x", unit=u, quantity="velocity").provenance.warnings for u in ("dps", "rpm")]
     assert [any("'gyro (deg/s)'" in n for n in some) for some in told] == [False, True]
 
 

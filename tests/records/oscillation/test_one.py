@@ -102,4 +102,4 @@ def test_a_record_that_beats_is_kept_whole() -> None:
     t, y = sum_of((0.3, 1.0, 0.02), (0.1, 1.12, 0.02))
     signal = clean(RawRecord(t, y), name="beats")
     assert signal.t[-1] > 39
-    assert "no free decay" in " ".join(signal.provenance["notes"])  # type: ignore[arg-type]
+    assert "no free decay" in " ".join(signal.provenance.notes)  # type: ignore[arg-type]

@@ -78,7 +78,7 @@ def test_cells_and_structs_of_matlab_are_runs(tmp_path: Path) -> None:
             np.testing.assert_array_equal(record.y, truth)
         assert read_record(tmp_path / file, run=2).y[0] == Z[0]
     (single,) = read_records(tmp_path / "b.mat")
-    assert single.provenance["facts"] == {"Fs": RATE, "who": "me"}
+    assert single.provenance.facts == {"Fs": RATE, "who": "me"}
     times(single, RATE)
 
 

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from bayesdamp.provenance import Piece
 from bayesdamp.report import words
 from bayesdamp.report.figures._panels import broken
 from bayesdamp.report.style import FAINT, INK, QUIET, WIDTH, colour, legend_columns, looks
@@ -82,11 +82,11 @@ def raw(
     start: float | None,
     stop: float | None,
     axis: str,
-    pieces: Sequence[Mapping[str, Any]] = (),
+    pieces: Sequence[Piece] = (),
 ) -> Figure:
     """The record as it was read; the part between start and stop (s on its own clock) was kept.
 
-    pieces: what the other parts are, each with start, stop and kind, as a record's provenance has them.
+    pieces: what the other parts are.
     """
     figure = Figure(figsize=(WIDTH, 1.9))
     ax = figure.add_subplot()
@@ -96,7 +96,7 @@ def raw(
         ax.axvspan(start, stop, color=KEPT, alpha=0.10, lw=0, label="kept")
     seen: set[str] = set()
     for piece in pieces:
-        kind, inside = str(piece["kind"]), (float(piece["start"]), float(piece["stop"]))
+        kind, inside = piece.kind, (piece.start, piece.stop)
         if start is not None and stop is not None and inside[0] < stop and inside[1] > start:
             continue
         label = "_" if kind in seen else f"{kind}, not used" if kind == "free decay" else kind

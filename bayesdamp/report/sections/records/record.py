@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
 from markupsafe import Markup
 
+from bayesdamp.provenance import Provenance
 from bayesdamp.report import words
 from bayesdamp.report.figures.records.record import Fit, raw, record
 from bayesdamp.report.html import fill
@@ -17,7 +17,7 @@ from bayesdamp.report.results.run import Run
 from bayesdamp.report.sections._layout import by_signal, drawn
 from bayesdamp.report.sections._section import Section
 from bayesdamp.store.contents.records import RecordContent
-from bayesdamp.types import OK, told
+from bayesdamp.types import OK
 
 
 class Record(Section):
@@ -41,7 +41,7 @@ def _one(run: Run, signal: str) -> Markup:
     repeat = repeats[0]
     cell = run.cell("signal", signal, repeat)
     about = run.about(signal)
-    said = list(told(about))
+    said = list(run.provenance(signal).said)
     if about.get("epsilon_note"):
         said.append(str(about["epsilon_note"]))
     if about.get("noise"):
@@ -64,12 +64,14 @@ def _one(run: Run, signal: str) -> Markup:
     fits, missing = _fits(run, signal, repeat, factor, unit, len(t))
     figures = []
     if _has_raw(cell.arrays, len(t)):
-        start, stop = _window(about, content)
+        origin = Provenance.of(content.provenance)
+        start, stop = _window(run.provenance(signal), origin)
         raw_t, raw_y = cell.arrays["raw_t"], cell.arrays["raw_y"] * factor
-        pieces = content.provenance.get("pieces", [])
         caption = f"{signal}: the record as it was read."
         figures.append(
-            run.drawings.add(f"raw-{signal}", caption, lambda: raw(raw_t, raw_y, start, stop, axis, pieces))
+            run.drawings.add(
+                f"raw-{signal}", caption, lambda: raw(raw_t, raw_y, start, stop, axis, origin.pieces)
+            )
         )
     caption = f"{signal}: the record as used" + (
         "; the fits of the likeliest models at their posterior modes, best first, and their residuals."
@@ -120,12 +122,8 @@ def _has_raw(arrays: Mapping[str, np.ndarray], samples: int) -> bool:
     return not same
 
 
-def _window(about: Mapping[str, Any], content: RecordContent) -> tuple[float | None, float | None]:
-    for source in (about, content.provenance):
-        start, stop = source.get("start"), source.get("stop")
-        if isinstance(start, (int, float)) and isinstance(stop, (int, float)):
-            return float(start), float(stop)
-    return None, None
+def _window(*said: Provenance) -> tuple[float | None, float | None]:
+    return next(((one.start, one.stop) for one in said if one.stop is not None), (None, None))
 
 
 def _period(content: RecordContent, t: np.ndarray) -> float:

@@ -101,7 +101,7 @@ def _card(run: Run, signal: str, repeat: int) -> dict[str, Any]:
         _fit(run, signal, repeat, best, doubt)
         _friction(run, signal, repeat, best, doubt)
     about = run.about(signal)
-    doubt += [f"the record's unit unseen: {note}" for note in run.warnings(signal)]
+    doubt += [f"the record's unit unseen: {note}" for note in run.provenance(signal).warnings]
     kind = "simulated record" if run.simulated(signal) else "measured record" if about else "record"
     repeats = run.repeats(signal)
     return {
