@@ -6,7 +6,6 @@ import time
 
 import numpy as np
 
-from bayesdamp import types
 from bayesdamp.inference.approximate.chains import by_emcee, by_nuts
 from bayesdamp.inference.approximate.law import Approximate
 from bayesdamp.inference.approximate.runs import runs_of, summaries_of
@@ -71,7 +70,8 @@ def sample(
     plugin = SAMPLERS.get(sampler)
     try:
         target, mode = fit.engine
-        found = plugin.sample(target, mode, Settings(chains, warmup, draws, seed % 2**31))
+        settings = Settings(chains, warmup, draws, seed % 2**31)
+        found = diagnostics.summarised(plugin.sample(target, mode, settings))
     except Refusal as refusal:
         return Posterior(fit, sampler, seed=seed, outcome=str(refusal))
     return Posterior(
@@ -85,18 +85,13 @@ def sample(
         seed=seed,
         seconds=found.seconds,
         outcome=found.outcome,
-        summaries=found.summary or {n: _summary(found, i) for i, n in enumerate(found.names)},
+        summaries=found.summary,
         starts=found.starts,
         divergences=found.divergences,
         evaluations=found.evaluations,
         ensembles=found.ensembles,
         effective=found.effective,
     )
-
-
-def _summary(found: types.Posterior, i: int) -> dict[str, float]:
-    """Of a parameter by its place, where a sampler has none."""
-    return diagnostics.summarise(found.draws[..., i], found.ensembles, found.effective)
 
 
 def _by_chains(fit: Fit, law: Approximate, sampler: str, asked: Settings) -> Posterior:

@@ -13,8 +13,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from platformdirs import user_cache_dir
-
+from bayesdamp.machine.cache import cache_folder
 from bayesdamp.types import candidate_parts
 
 if TYPE_CHECKING:
@@ -147,8 +146,7 @@ class Pace:
     """Seconds that a job of each kind takes on this machine, kept from run to run in the user's cache."""
 
     def __init__(self, path: Path | None = None) -> None:
-        home = Path(os.environ.get("BAYESDAMP_CACHE") or user_cache_dir("bayesdamp"))
-        self.path = path or home / "pace.json"
+        self.path = path or cache_folder() / "pace.json"
         self._seconds: dict[str, float] = {}
         with contextlib.suppress(OSError, ValueError):
             found = json.loads(self.path.read_text(encoding="utf-8"))

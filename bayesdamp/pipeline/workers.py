@@ -5,11 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 from concurrent.futures import CancelledError, Executor
 from contextlib import contextmanager
-from pathlib import Path
 from typing import TYPE_CHECKING
 
-from platformdirs import user_cache_dir
-
+from bayesdamp.machine.cache import cache_folder
 from bayesdamp.machine.processes import processes
 from bayesdamp.machine.programs import keep_in
 from bayesdamp.machine.threads import in_one_order
@@ -76,10 +74,10 @@ def progress_bar(console: Console) -> Progress:
 def cache_compilations() -> None:
     """Keep traced and compiled programs in the user's cache folder, shared by all runs, the same for all processes."""
     in_one_order()
-    folder = user_cache_dir("bayesdamp")
-    keep_in(Path(folder) / "traced")
+    folder = cache_folder()
+    keep_in(folder / "traced")
     # Caches of the GPU, whose place would be part of every key: a copied folder would not be found again.
     jax.config.update("jax_persistent_cache_enable_xla_caches", "none")
-    jax.config.update("jax_compilation_cache_dir", folder)
+    jax.config.update("jax_compilation_cache_dir", str(folder))
     jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.02)
     jax.config.update("jax_persistent_cache_min_entry_size_bytes", -1)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +18,9 @@ from bayesdamp.inference.checks.convergence import (
 from bayesdamp.numerics.pareto import pareto_k
 from bayesdamp.types import OK, Posterior
 
-__all__ = ["effective", "effective_mean", "monte_carlo_error", "pareto_k", "save", "summarise", "verdict"]
+__all__ = [
+    "effective", "effective_mean", "monte_carlo_error", "pareto_k", "save", "summarise", "summarised", "verdict",
+]  # fmt: skip
 
 RHAT_LIMIT = 1.01
 ESS_LIMIT = 400.0
@@ -78,6 +81,17 @@ def verdict(summaries: Mapping[str, Mapping[str, float]]) -> str:
                 what = f"{kind} effective sample size of {name}"
                 return f"too few draws: {what} is {size:.0f}, below {ESS_LIMIT:.0f}"
     return OK
+
+
+def summarised(found: Posterior) -> Posterior:
+    """A sampler's draws with a summary of each parameter, and the verdict of these, where it gives none itself."""
+    if found.summary or not found.draws.size:
+        return found
+    summary = {
+        n: summarise(found.draws[..., i], found.ensembles, found.effective) for i, n in enumerate(found.names)
+    }
+    judged = found.outcome == OK and found.effective is None
+    return replace(found, summary=summary, outcome=verdict(summary) if judged else found.outcome)
 
 
 def effective(draws: np.ndarray) -> float:

@@ -20,8 +20,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from platformdirs import user_cache_dir
-
+from bayesdamp.machine.cache import cache_folder
 from bayesdamp.physics.damping import TERMS, DampingTerm
 from bayesdamp.physics.kernel.differentiate import NoSlopeError, differenced, differentiated
 from bayesdamp.physics.restoring import LAWS, RestoringLaw
@@ -223,7 +222,7 @@ def _module(text: str) -> ModuleType:
 
 def _kept(name: str, text: str) -> Path:
     """The module's file, in a folder of its own: in the user's cache, in a temporary one where none can be written."""
-    home = Path(os.environ.get("BAYESDAMP_CACHE") or user_cache_dir("bayesdamp")) / "kernels"
+    home = cache_folder() / "kernels"
     try:
         path = _written(home / name, text)
         _evict(home)

@@ -37,7 +37,7 @@ def compute_posterior(branch: Branch, name: str, key: str, seed: int) -> None:
         # An approximation is one of the candidate's own parameters.
         alone = plugin.approximate
         target, mode = (branch.target, branch.own_mode) if alone else (branch.shared, branch.restored_mode)
-        found = plugin.sample(target, mode, settings)
+        found = diagnostics.summarised(plugin.sample(target, mode, settings))
     except Refusal as refusal:
         branch.store.write(CellResult(name, key, outcome=str(refusal)))
         return

@@ -1,0 +1,44 @@
+"""A sampler of chains as a user writes it, who says nothing of them; and one whose chains do not meet."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from bayesdamp.inference.coordinates.truncated_normal import laplace
+from bayesdamp.inference.model import batches
+from bayesdamp.inference.samplers import Sampler
+from bayesdamp.types import Posterior
+
+
+class Independence(Sampler):
+    """Metropolis and Hastings's independence sampler (Tierney 1994): the normal at the mode proposes."""
+
+    name = "independence"
+    apart = 0.0
+
+    def sample(self, target, mode, settings):
+        """Draws without a summary."""
+        rng, normal = np.random.default_rng(settings.seed), laplace(target, mode)
+        z = normal.draw(rng, settings.chains * settings.draws)
+        likelihood = batches.log_likelihood(target, mode.context, z)
+        weights = np.asarray(likelihood + batches.log_prior(z) - normal.log_density(z))
+        grid = np.arange(z.shape[0]).reshape(settings.chains, settings.draws)
+        kept = grid.copy()
+        for chain in kept:
+            for i in range(1, settings.draws):
+                if np.log(rng.random()) >= weights[chain[i]] - weights[chain[i - 1]]:
+                    chain[i] = chain[i - 1]
+        values = {n: v[kept] for n, v in target.values(z).items() if n in target.live}
+        draws = np.stack(list(values.values()), axis=-1)
+        shift = self.apart * draws.std((0, 1)) * np.arange(settings.chains)[:, None, None]
+        return Posterior(self.name, tuple(values), draws + shift, np.asarray(likelihood)[kept])
+
+
+class Apart(Independence):
+    """Each chain two standard deviations further off."""
+
+    name = "apart"
+    apart = 2.0
+
+
+PLUGINS = [Independence(), Apart()]
