@@ -73,6 +73,37 @@ class Signal:
 
 
 @dataclass(frozen=True)
+class FeaturesSeen:
+    """What is read off an oscillation, in numbers.
+
+    rest: the midline of the last half of the turning points (rad or m; 0 for velocity and acceleration).
+    amplitude, final_amplitude: displacement amplitude at the first and last sample (rad or m).
+    frequency (rad/s) and period (s): mean over the record, weighted to where the crossings are sharp.
+    cycles: cycles in the record, as far as turning points stand out of the noise.
+    samples_per_cycle: samples in a mean period.
+    roughness: sd of the noise, in the unit of the recorded quantity.
+    """
+
+    rest: float
+    amplitude: float
+    final_amplitude: float
+    frequency: float
+    period: float
+    cycles: float
+    samples_per_cycle: float
+    roughness: float
+
+
+@dataclass(frozen=True)
+class Symbol:
+    """How a parameter or a derived quantity is written: text, in a sentence or table; math, for figures; meaning."""
+
+    text: str
+    math: str
+    meaning: str
+
+
+@dataclass(frozen=True)
 class System:
     """What is known of the oscillator, never the truth of what is sought.
 

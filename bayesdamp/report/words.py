@@ -4,47 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass
 
-from bayesdamp.types import candidate_parts
+from bayesdamp.physics.symbols import parameter_symbol
+from bayesdamp.types import Symbol, candidate_parts
 
 NONE = "–"
 
 
-@dataclass(frozen=True)
-class Symbol:
-    """text: for HTML; math: for figures; meaning: in words."""
-
-    text: str
-    math: str
-    meaning: str
-
-
 _SYMBOLS = {
-    "zeta": Symbol("ζ", r"$\zeta$", "decay rate"),
-    "mu_c": Symbol("μc", r"$\mu_c$", "Coulomb friction"),
-    "mu_q": Symbol("μq", r"$\mu_q$", "quadratic damping"),
-    "mu_3": Symbol("μ₃", r"$\mu_3$", "cubic damping"),
-    "c_xxv": Symbol("c (x²v)", r"$c_{xxv}$", "damping that grows with the square of the displacement"),
-    "c_power": Symbol("c (power)", r"$c_p$", "damping by a power of the velocity"),
-    "kappa": Symbol("κ", r"$\kappa$", "structural damping"),
-    "mu_k": Symbol("μk", r"$\mu_k$", "kinetic friction"),
-    "mu_p": Symbol("μp", r"$\mu_p$", "friction at rest"),
-    "exponent": Symbol("exponent p", r"exponent $p$", "exponent of the velocity"),
-    "static_excess": Symbol("static excess", "static excess", "static over kinetic friction, less one"),
-    "stribeck_velocity": Symbol("Stribeck velocity", "Stribeck velocity", "velocity of Stribeck friction"),
-    "friction_slope": Symbol("friction slope", "friction slope", "slope of friction with the position"),
-    "friction_curvature": Symbol(
-        "friction curvature", "friction curvature", "curvature of friction with the position"
-    ),
-    "stiffness": Symbol("stiffness k", r"stiffness $k$", "stiffness"),
-    "gravity": Symbol("gravity γ", r"gravity $\gamma$", "gravity term"),
-    "spring_angle": Symbol("spring angle θs", r"spring angle $\theta_s$", "angle of the relaxed spring"),
-    "rest_angle": Symbol("rest angle θe", r"rest angle $\theta_e$", "angle at rest"),
-    "cubic": Symbol("cubic β", r"cubic $\beta$", "cubic stiffness"),
-    "epsilon": Symbol("ε", r"$\epsilon$", "friction regularisation velocity"),
-    "theta0": Symbol("θ₀", r"$\theta_0$", "angle at the start"),
-    "omega0": Symbol("θ̇₀", r"$\dot\theta_0$", "velocity at the start"),
     "noise_sd": Symbol("noise sd", "noise sd", "standard deviation of the noise"),
     "noise_time": Symbol("noise time", "noise time", "correlation time of the noise"),
     "noise_dof": Symbol("noise dof", "noise dof", "degrees of freedom of the noise"),
@@ -64,16 +31,18 @@ _SYMBOLS = {
     "coulomb_torque": Symbol("friction", "friction", "inertia times μc"),
     "quadratic_coefficient": Symbol("quadratic coefficient", "quadratic coefficient", "inertia times μq"),
 }
-
-
-KNOWN = frozenset(_SYMBOLS)
-"""Names of all parameters and derived quantities that ship."""
+"""Of the noise, and of what follows from parameters."""
 
 
 def symbol(parameter: str) -> Symbol:
     """How a parameter is written; an unknown one keeps its name."""
     plain = parameter.replace("_", " ")
-    return _SYMBOLS.get(parameter, Symbol(plain, plain, plain))
+    return parameter_symbol(parameter) or _SYMBOLS.get(parameter) or Symbol(plain, plain, plain)
+
+
+def known(parameter: str) -> bool:
+    """Whether it is one of the parameters and derived quantities that ship."""
+    return parameter in _SYMBOLS or parameter_symbol(parameter) is not None
 
 
 def axis(parameter: str, units: str) -> str:

@@ -8,6 +8,7 @@ from bayesdamp.inference.deviation.findings import Findings
 from bayesdamp.inference.deviation.numbers.quantities import Quantity
 from bayesdamp.physics.damping import TERMS, twins_of
 from bayesdamp.physics.restoring import LAWS
+from bayesdamp.physics.units import parameter_unit
 from bayesdamp.verdict import thresholds
 from bayesdamp.verdict.parts import (
     Averages,
@@ -136,13 +137,14 @@ def _energy(found: Findings) -> tuple[Share, ...]:
 
 
 def _coefficients(found: Findings, unit: str) -> tuple[Coefficient, ...]:
-    units: Mapping[str, str] = {
-        **{TERMS.get(t).parameter: TERMS.get(t).unit for t in found.best.damping},
-        **{p.name: p.unit for t in found.best.damping for p in TERMS.get(t).inferred},
-        **{n: LAWS.get(found.best.restoring).unit(n) for n in LAWS.get(found.best.restoring).parameters},
+    terms = [TERMS.get(t) for t in found.best.damping]
+    law = found.best.restoring
+    own = {
+        *LAWS.get(law).parameters,
+        *(n for t in terms for n in (t.parameter, *(p.name for p in t.inferred))),
     }
     return tuple(
-        Coefficient(n, q.value, q.sd_noise, q.sd_law, q.low, q.high, units[n].replace("rad", unit))
+        Coefficient(n, q.value, q.sd_noise, q.sd_law, q.low, q.high, parameter_unit(n, law, unit))
         for n, q in found.coefficients.items()
-        if n in units
+        if n in own
     )

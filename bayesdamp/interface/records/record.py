@@ -13,9 +13,8 @@ from bayesdamp.interface.parts import axes
 from bayesdamp.interface.parts.result import Packed, Result
 from bayesdamp.interface.parts.table import Table, number
 from bayesdamp.interface.records.signal import Signal, cut
-from bayesdamp.plugins import nearest
 from bayesdamp.provenance import Provenance
-from bayesdamp.records.cleaning.clean import QUANTITIES
+from bayesdamp.records.cleaning.clean import known_unit
 from bayesdamp.records.findings import Kind, findings
 from bayesdamp.records.read import read_records
 from bayesdamp.records.record import RawRecord
@@ -174,10 +173,7 @@ def read(
         raise InputError(f"{path.name}: holds records in several units: {each}; choose with channels=[...]")
     given = unit
     unit, quantity = next(iter(said))
-    if unit not in UNITS:
-        raise InputError(f"{path.name}: unknown unit {unit!r}{nearest(unit, list(UNITS))}")
-    if quantity not in QUANTITIES:
-        raise InputError(f"{path.name}: unknown quantity {quantity!r}{nearest(quantity, list(QUANTITIES))}")
+    known_unit(unit, quantity, path.name)
     if given is None:
         raw = tuple(_assumed(one, unit, quantity) for one in raw)
     columns = tuple((r.provenance.time_column, r.provenance.value_column) for r in raw)

@@ -13,9 +13,8 @@ from bayesdamp import types
 from bayesdamp.interface.parts import axes
 from bayesdamp.interface.parts.result import Packed, Result
 from bayesdamp.interface.parts.table import Table, number
-from bayesdamp.plugins import nearest
 from bayesdamp.provenance import Provenance
-from bayesdamp.records.cleaning.clean import QUANTITIES, clean
+from bayesdamp.records.cleaning.clean import clean, known_unit
 from bayesdamp.records.cleaning.clock import clock_times
 from bayesdamp.records.cleaning.quantum import recording_step
 from bayesdamp.records.record import RawRecord
@@ -158,10 +157,7 @@ def signal(
     (150, 'rad')
     """
     times, values = _vectors(t, y, name)
-    if unit not in UNITS:
-        raise InputError(f"unknown unit {unit!r}{nearest(unit, list(UNITS))}", name)
-    if quantity not in QUANTITIES:
-        raise InputError(f"unknown quantity {quantity!r}{nearest(quantity, list(QUANTITIES))}", name)
+    scale, base = known_unit(unit, quantity, name)
     raw = RawRecord(times, values, rows=np.arange(times.size))
     if cleaned:
         return cut(raw, name=name, unit=unit, quantity=quantity, clock=clock, start=start, stop=stop)
@@ -171,10 +167,9 @@ def signal(
             f"times must increase; sample {at} (from 0) does not come after the one before",
             name,
         )
-    scale = UNITS[unit].factor
     provenance = Provenance(notes=("Taken as it is.",), unit=unit, more={"quantity": quantity})
     step = recording_step(values) * scale
-    return Signal(times - times[0], values * scale, quantity, UNITS[unit].base, name, step, provenance)
+    return Signal(times - times[0], values * scale, quantity, base, name, step, provenance)
 
 
 def cut(

@@ -13,7 +13,7 @@ import numpy as np
 
 from bayesdamp.physics.damping._traced import on_arrays, why_not
 from bayesdamp.priors import Prior
-from bayesdamp.types import Refusal
+from bayesdamp.types import Refusal, Symbol
 
 if TYPE_CHECKING:
     from jax import Array
@@ -34,12 +34,13 @@ class FreeParameter:
     """A parameter of a term beside its coefficient.
 
     unit: for an angle in rad. prior: of a reference amplitude (rad or m) and frequency (rad/s); its support are the
-    parameter's bounds.
+    parameter's bounds. symbol: how it is written, by its name where nothing is said.
     """
 
     name: str
     unit: str
     prior: Callable[[float, float], Prior]
+    symbol: Symbol | None = None
 
 
 class DampingTerm(ABC):
@@ -53,6 +54,8 @@ class DampingTerm(ABC):
     parameter: str
     unit: str
     """Unit of the coefficient for an angle in rad; `m` in place of rad for a record in metres."""
+    symbol: Symbol | None = None
+    """How the coefficient is written, by its name where nothing is said."""
     words: str = ""
     """The term in a sentence, its name where nothing is said."""
     formula: str = ""

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from bayesdamp.numerics.lazily import jnp
 from bayesdamp.physics.damping._term import DampingTerm
 from bayesdamp.physics.elementary import smooth_sign
+from bayesdamp.types import Symbol
 
 if TYPE_CHECKING:
     from jax import Array
@@ -19,6 +20,7 @@ class Coulomb(DampingTerm):
 
     name = "coulomb"
     parameter = "mu_c"
+    symbol = Symbol("μc", r"$\mu_c$", "Coulomb friction")
     unit = "rad/s²"
     words = "Coulomb (dry friction)"
     formula = "μc tanh(θ̇/ε)"

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 from bayesdamp.numerics.lazily import jnp
 from bayesdamp.physics.damping._term import DampingTerm
+from bayesdamp.types import Symbol
 
 if TYPE_CHECKING:
     from jax import Array
@@ -17,6 +18,7 @@ class Cubic(DampingTerm):
 
     name = "cubic"
     parameter = "mu_3"
+    symbol = Symbol("μ₃", r"$\mu_3$", "cubic damping")
     unit = "s/rad²"
     words = "cubic (v³)"
     formula = "μ₃ θ̇³"

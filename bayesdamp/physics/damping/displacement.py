@@ -2,6 +2,7 @@
 (B. van der Pol, Phil. Mag. 2, 978 (1926))."""
 
 from bayesdamp.physics.damping._term import DampingTerm
+from bayesdamp.types import Symbol
 
 
 class Displacement(DampingTerm):
@@ -9,6 +10,7 @@ class Displacement(DampingTerm):
 
     name = "displacement"
     parameter = "c_xxv"
+    symbol = Symbol("c (x²v)", r"$c_{xxv}$", "damping that grows with the square of the displacement")
     unit = "1/(s rad²)"
     words = "displacement-dependent (x²v)"
     formula = "c (θ − θe)² θ̇"

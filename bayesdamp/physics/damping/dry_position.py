@@ -5,6 +5,7 @@ import math
 
 from bayesdamp.physics.damping._term import DampingTerm, FreeParameter
 from bayesdamp.priors import Normal
+from bayesdamp.types import Symbol
 
 
 class DryPosition(DampingTerm):
@@ -14,13 +15,24 @@ class DryPosition(DampingTerm):
 
     name = "dry_position"
     parameter = "mu_p"
+    symbol = Symbol("μp", r"$\mu_p$", "friction at rest")
     unit = "rad/s²"
     words = "position-dependent friction"
     formula = "μp max(1 + s u + q u², 0) tanh(θ̇/ε), u = (θ − θe)/A"
     switches = True
     inferred = (
-        FreeParameter("friction_slope", "1", lambda amplitude, frequency: Normal(mean=0.0, sd=0.5)),
-        FreeParameter("friction_curvature", "1", lambda amplitude, frequency: Normal(mean=0.0, sd=1.0)),
+        FreeParameter(
+            "friction_slope",
+            "1",
+            lambda amplitude, frequency: Normal(mean=0.0, sd=0.5),
+            Symbol("friction slope", "friction slope", "slope of friction with the position"),
+        ),
+        FreeParameter(
+            "friction_curvature",
+            "1",
+            lambda amplitude, frequency: Normal(mean=0.0, sd=1.0),
+            Symbol("friction curvature", "friction curvature", "curvature of friction with the position"),
+        ),
     )
     given = ("rest", "reference_amplitude")
     reduces = (("friction_slope", 0.0), ("friction_curvature", 0.0))

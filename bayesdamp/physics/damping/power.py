@@ -3,6 +3,7 @@
 
 from bayesdamp.physics.damping._term import DampingTerm, FreeParameter
 from bayesdamp.priors import Uniform
+from bayesdamp.types import Symbol
 
 
 class Power(DampingTerm):
@@ -13,12 +14,20 @@ class Power(DampingTerm):
 
     name = "power"
     parameter = "c_power"
+    symbol = Symbol("c (power)", r"$c_p$", "damping by a power of the velocity")
     unit = "1/s"
     words = "power-law (|v|^p)"
     formula = "c V |θ̇/V|ᵖ sgn θ̇"
     switches = True
     bounded = False  # its exponent says more
-    inferred = (FreeParameter("exponent", "1", lambda amplitude, frequency: Uniform(low=-0.3, high=3.3)),)
+    inferred = (
+        FreeParameter(
+            "exponent",
+            "1",
+            lambda amplitude, frequency: Uniform(low=-0.3, high=3.3),
+            Symbol("exponent p", r"exponent $p$", "exponent of the velocity"),
+        ),
+    )
     given = ("reference_velocity",)
 
     @staticmethod

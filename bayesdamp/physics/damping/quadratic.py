@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from bayesdamp.numerics.lazily import jnp
 from bayesdamp.physics.damping._term import DampingTerm
+from bayesdamp.types import Symbol
 
 if TYPE_CHECKING:
     from jax import Array
@@ -18,6 +19,7 @@ class Quadratic(DampingTerm):
 
     name = "quadratic"
     parameter = "mu_q"
+    symbol = Symbol("μq", r"$\mu_q$", "quadratic damping")
     unit = "1/rad"
     words = "quadratic (drag)"
     formula = "μq θ̇|θ̇|"

@@ -5,6 +5,7 @@ import math
 
 from bayesdamp.physics.damping._term import DampingTerm, FreeParameter
 from bayesdamp.priors import HalfNormal, LogUniform
+from bayesdamp.types import Symbol
 
 SLOWEST, FASTEST = 0.02, 1.0
 """Stribeck velocities that are possible, as shares of the reference's peak velocity: below, friction is static nowhere
@@ -17,19 +18,27 @@ class Stribeck(DampingTerm):
 
     name = "stribeck"
     parameter = "mu_k"
+    symbol = Symbol("μk", r"$\mu_k$", "kinetic friction")
     unit = "rad/s²"
     words = "Stribeck friction"
     formula = "μk [1 + s exp(−(θ̇/vs)²)] tanh(θ̇/ε)"
     switches = True
     inferred = (
-        FreeParameter("static_excess", "1", lambda amplitude, frequency: HalfNormal(scale=1.0)),
         FreeParameter(
-            "stribeck_velocity", "rad/s",
+            "static_excess",
+            "1",
+            lambda amplitude, frequency: HalfNormal(scale=1.0),
+            Symbol("static excess", "static excess", "static over kinetic friction, less one"),
+        ),
+        FreeParameter(
+            "stribeck_velocity",
+            "rad/s",
             lambda amplitude, frequency: LogUniform(
                 low=SLOWEST * amplitude * frequency, high=FASTEST * amplitude * frequency
             ),
+            Symbol("Stribeck velocity", "Stribeck velocity", "velocity of Stribeck friction"),
         ),
-    )  # fmt: skip
+    )
     reduces = (("static_excess", 0.0),)
 
     @staticmethod

@@ -4,6 +4,7 @@ cycle loses does not depend on its frequency (T. J. Reid, J. R. Aeronaut. Soc. 6
 import math
 
 from bayesdamp.physics.damping._term import DampingTerm
+from bayesdamp.types import Symbol
 
 
 class Structural(DampingTerm):
@@ -15,6 +16,7 @@ class Structural(DampingTerm):
 
     name = "structural"
     parameter = "kappa"
+    symbol = Symbol("κ", r"$\kappa$", "structural damping")
     unit = "1/s²"
     words = "structural (rate independent)"
     formula = "κ |θ − θe| tanh(θ̇/ε)"

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 from bayesdamp.numerics.lazily import jnp
 from bayesdamp.physics.damping._term import DampingTerm
+from bayesdamp.types import Symbol
 
 if TYPE_CHECKING:
     from jax import Array
@@ -17,6 +18,7 @@ class Viscous(DampingTerm):
 
     name = "viscous"
     parameter = "zeta"
+    symbol = Symbol("ζ", r"$\zeta$", "decay rate")
     unit = "1/s"
     words = "viscous"
     formula = "2ζθ̇"

@@ -5,9 +5,11 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING, ClassVar, TypeAlias
 
 import numpy as np
+
+from bayesdamp.types import Symbol
 
 if TYPE_CHECKING:
     from jax import Array
@@ -15,6 +17,16 @@ if TYPE_CHECKING:
 
 Scalar: TypeAlias = "float | Array"
 """A parameter: a number, or an array that broadcasts against the angles."""
+
+
+SYMBOLS = {
+    "stiffness": Symbol("stiffness k", r"stiffness $k$", "stiffness"),
+    "gravity": Symbol("gravity γ", r"gravity $\gamma$", "gravity term"),
+    "spring_angle": Symbol("spring angle θs", r"spring angle $\theta_s$", "angle of the relaxed spring"),
+    "rest_angle": Symbol("rest angle θe", r"rest angle $\theta_e$", "angle at rest"),
+    "cubic": Symbol("cubic β", r"cubic $\beta$", "cubic stiffness"),
+}
+"""Of the laws that ship, which share most parameters."""
 
 
 @dataclass(frozen=True)
@@ -37,6 +49,8 @@ class RestoringLaw(ABC):
     parameters: tuple[str, ...]
     formula: str = ""
     """The force as a report shows it."""
+    symbols: ClassVar[Mapping[str, Symbol]] = SYMBOLS
+    """How parameters are written, by their names where nothing is said."""
     translates: bool = False
     """Whether the law also describes a translation in metres."""
 

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from bayesdamp.plugins import nearest
 from bayesdamp.records.cleaning.clock import clock_times
 from bayesdamp.records.cleaning.offset import sensor_offset
 from bayesdamp.records.cleaning.quantum import recording_step
@@ -44,11 +45,7 @@ def clean(
     rest. Outliers are counted and stay; what a sensor of velocity or acceleration adds to all samples is taken off.
     Raises InputError, one line, where there are not two periods of an oscillation.
     """
-    if unit not in UNITS:
-        raise InputError(f"unknown unit {unit!r}; valid are {', '.join(UNITS)}", name)
-    if quantity not in QUANTITIES:
-        raise InputError(f"unknown quantity {quantity!r}; valid are {', '.join(QUANTITIES)}", name)
-    scale, base = UNITS[unit].factor, UNITS[unit].base
+    scale, base = known_unit(unit, quantity, name)
     times = clock_times(raw, clock, name)
     a, b = _asked(times.t, start, stop, name)
     step = recording_step(raw.y) * scale
@@ -134,6 +131,15 @@ def clean(
         },
     )
     return Signal(signal.t, signal.y, quantity, base, name, step, provenance)
+
+
+def known_unit(unit: str, quantity: str, where: str) -> tuple[float, str]:
+    """(factor, base) of a unit. Raises InputError where it or the quantity is none."""
+    if unit not in UNITS:
+        raise InputError(f"unknown unit {unit!r}{nearest(unit, list(UNITS))}", where)
+    if quantity not in QUANTITIES:
+        raise InputError(f"unknown quantity {quantity!r}{nearest(quantity, list(QUANTITIES))}", where)
+    return UNITS[unit].factor, UNITS[unit].base
 
 
 def count_outliers(signal: Signal, period: float, amplitude: float) -> int:

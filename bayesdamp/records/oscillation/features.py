@@ -11,7 +11,7 @@ from bayesdamp.records.oscillation.holes import holes, without_edges
 from bayesdamp.records.oscillation.rough import roughness as noise_of
 from bayesdamp.records.oscillation.spectrum import coarse_period
 from bayesdamp.records.oscillation.turning import BLOCK, Turning, midpoints, turning_points
-from bayesdamp.types import Refusal, Signal
+from bayesdamp.types import FeaturesSeen, Refusal, Signal
 
 BESIDE = 4
 """Gaps on either side of one that say what is usual there."""
@@ -20,29 +20,15 @@ LEAST_SHARE = 0.3
 
 
 @dataclass(frozen=True)
-class Features:
-    """Features of a record.
+class Features(FeaturesSeen):
+    """Features of a record, and where it turns.
 
-    rest: the midline of the last half of the turning points (rad or m; 0 for velocity and acceleration).
-    amplitude, final_amplitude: displacement amplitude at the first and last sample (rad or m).
-    frequency (rad/s) and period (s): mean over the record, weighted to where the crossings are sharp.
-    cycles: cycles in the record, as far as turning points stand out of the noise.
-    samples_per_cycle: samples in a mean period.
-    roughness: sd of the noise, in the unit of the recorded quantity.
     turning_times (k,) in s, turning_values (k,): alternating maxima and minima of the recorded quantity.
     turning_amplitudes (k,): distance of the turning values from the midline.
     crossing_times (k−1,) in s: where the record crosses its midline between turning points.
     swing_times (m,) in s, swing_sizes (m,): middle and half range of each swing, of all pieces that holes part.
     """
 
-    rest: float
-    amplitude: float
-    final_amplitude: float
-    frequency: float
-    period: float
-    cycles: float
-    samples_per_cycle: float
-    roughness: float
     turning_times: np.ndarray
     turning_values: np.ndarray
     turning_amplitudes: np.ndarray

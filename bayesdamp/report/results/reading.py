@@ -233,4 +233,4 @@ def coefficients(run: Run, model: str) -> list[str]:
         return named
     # an earlier run does not say: the parameter is the one that no other kind of parameter explains
     seen = dict.fromkeys(r["parameter"] for r in (*run.posteriors, *run.estimates) if r["model"] == model)
-    return [p for p in seen if p in named or p not in words.KNOWN]
+    return [p for p in seen if p in named or not words.known(p)]

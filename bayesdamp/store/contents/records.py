@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from bayesdamp.store.contents.content import Content
-from bayesdamp.types import OK
+from bayesdamp.types import OK, FeaturesSeen
 
 
 @dataclass(frozen=True)
@@ -18,20 +18,6 @@ class Scales:
 
     amplitude: float
     frequency: float
-
-
-@dataclass(frozen=True)
-class FeaturesSeen:
-    """The numbers among `records.oscillation.features.Features`."""
-
-    rest: float
-    amplitude: float
-    final_amplitude: float
-    frequency: float
-    period: float
-    cycles: float
-    samples_per_cycle: float
-    roughness: float
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,55 @@
+"""How a parameter is written stands on its term: the report asks it, of a user's own term too."""
+
+from __future__ import annotations
+
+import pytest
+
+from bayesdamp.physics.damping import TERMS
+from bayesdamp.physics.restoring import LAWS
+from bayesdamp.physics.symbols import parameter_symbol
+from bayesdamp.plugins import read_modules, use
+from bayesdamp.report import words
+
+OWN = """
+from bayesdamp.physics.damping import DampingTerm
+from bayesdamp.types import Symbol
+
+class Sticky(DampingTerm):
+    name = "sticky"
+    parameter = "c_sticky"
+    unit = "1/s"
+    symbol = Symbol("cₛ", r"$c_s$", "sticky damping")
+
+    @staticmethod
+    def kernel(x, v, epsilon):
+        return v
+
+PLUGIN = Sticky()
+"""
+
+
+def test_all_that_ship_say_it():
+    for term in map(TERMS.get, TERMS.names()):
+        for name in (term.parameter, *(p.name for p in term.inferred)):
+            assert parameter_symbol(name) is not None, name
+    for law in map(LAWS.get, LAWS.names()):
+        assert all(parameter_symbol(name) is not None for name in law.parameters)
+    assert words.symbol("mu_c").text == "μc"
+    assert words.axis("zeta", "1/s") == r"$\zeta$ / (1/s)"
+
+
+def test_a_term_of_ones_own(tmp_path):
+    (tmp_path / "own.py").write_text(OWN, encoding="utf-8")
+    assert words.symbol("c_sticky").text == "c sticky"
+    use(read_modules([tmp_path / "own.py"]))
+    try:
+        assert words.symbol("c_sticky").text == "cₛ"
+    finally:
+        use(())
+    assert parameter_symbol("c_sticky") is None
+
+
+@pytest.mark.parametrize("name", ["noise_sd", "half_life"])
+def test_what_is_no_parameter_of_the_oscillator(name):
+    assert parameter_symbol(name) is None
+    assert words.known(name)
