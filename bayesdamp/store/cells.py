@@ -91,6 +91,13 @@ class Store:
             raise KeyError(cell_name)
         return found
 
+    def find(self, cell_name: str) -> CellResult | None:
+        """The result of one cell, None where there is none that can be read."""
+        try:
+            return self.read(cell_name)
+        except KeyError:
+            return None
+
     def head(self, cell_name: str) -> tuple[str, str]:
         """Key and outcome of a cell; its arrays are not looked at. Raises KeyError."""
         try:

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from bayesdamp.physics.damping import GIVEN, TERMS, DampingTerm, all_sums, median, model_name, parse_model
+from bayesdamp.physics.damping import GIVEN, TERMS, DampingTerm, all_sums, median, parse_model
 from bayesdamp.physics.elementary import cosine, sine, smooth_sign
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.physics.restoring import LAWS as LAW_PLUGINS
@@ -192,7 +192,6 @@ def test_sine_and_cosine(ours, theirs, slope):
 
 def test_names_of_models():
     assert parse_model("viscous + coulomb") == ("viscous", "coulomb")
-    assert model_name(("viscous", "coulomb")) == "viscous+coulomb"
     for wrong in ("viscous+viscous", "", "viscous+"):
         with pytest.raises(InputError, match="sum of different terms"):
             parse_model(wrong)

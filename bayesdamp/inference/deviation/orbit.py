@@ -36,24 +36,6 @@ class Cycle:
         return self.work / (4 * np.pi * self.energy)
 
 
-def cycle_at(
-    amplitude: float,
-    terms: Sequence[str],
-    epsilon: float,
-    restoring: str,
-    law: np.ndarray,
-    rest: float,
-    further: Mapping[str, float] | None = None,
-) -> Cycle | None:
-    """The cycle whose turning points are twice the amplitude (rad or m) apart; None where there is none about `rest`.
-
-    epsilon: in rad/s or m/s, above 0; law: the restoring law's parameters in its order, (r,); further: values of the
-    terms' further parameters.
-    """
-    orbit = orbit_at(amplitude, restoring, tuple(map(float, law)), rest)
-    return None if orbit is None else orbit.cycle(terms, epsilon, further or {})
-
-
 @dataclass(frozen=True)
 class Orbit:
     """Positions x and speeds of an undamped half cycle, with the widths that x is integrated by, each (n,); energy:

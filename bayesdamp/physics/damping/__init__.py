@@ -12,7 +12,7 @@ TERMS: Registry[DampingTerm] = Registry("bayesdamp.physics.damping", "damping te
 PAPER_TERMS = ("viscous", "coulomb", "quadratic")
 
 __all__ = [
-    "GIVEN", "PAPER_TERMS", "TERMS", "DampingTerm", "FreeParameter", "all_sums", "median", "model_name", "others",
+    "GIVEN", "PAPER_TERMS", "TERMS", "DampingTerm", "FreeParameter", "all_sums", "median", "others",
     "parse_model", "twins_of", "words_of",
 ]  # fmt: skip
 
@@ -33,11 +33,6 @@ def parse_model(name: str) -> tuple[str, ...]:
                 raise InputError(f"damping model {name!r}: {both}; compare them one by one")
             owner[parameter.name] = term
     return terms
-
-
-def model_name(terms: tuple[str, ...]) -> str:
-    """The name of a sum of terms."""
-    return "+".join(terms)
 
 
 def others() -> list[str]:

@@ -68,10 +68,8 @@ def _one(study: Study, spec: SignalSpec, store: Store, name: str, key: str) -> C
 
 
 def _sampled(store: Store, name: str) -> dict[str, np.ndarray]:
-    try:
-        return dict(store.read(name).arrays)
-    except KeyError:
-        return {}
+    cell = store.find(name)
+    return {} if cell is None else dict(cell.arrays)
 
 
 def _usable(arrays: Mapping[str, np.ndarray]) -> bool:

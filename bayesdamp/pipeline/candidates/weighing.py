@@ -80,9 +80,8 @@ def evidences(store: Store, record: str, model: str, methods: Sequence[str]) -> 
     have no number."""
     found = []
     for method in dict.fromkeys((*methods, NESTED_CHECK)):
-        try:
-            cell = store.read(f"evidence/{record}/{model}/{method}")
-        except KeyError:
+        cell = store.find(f"evidence/{record}/{model}/{method}")
+        if cell is None:
             continue
         one = EvidenceContent.of(cell).evidence()
         if one is not None:

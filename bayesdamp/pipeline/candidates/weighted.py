@@ -13,11 +13,8 @@ from bayesdamp.types import OK
 
 def weighted_curves(branch: Branch, seed: int) -> dict[str, np.ndarray]:
     """What a posterior's cell has of its curves; empty where the candidate has no importance draws to be trusted."""
-    try:
-        cell = branch.store.read(f"evidence/{branch.path}/importance")
-    except KeyError:
-        return {}
-    if cell.outcome != OK or "log_weights" not in cell.arrays:
+    cell = branch.store.find(f"evidence/{branch.path}/importance")
+    if cell is None or cell.outcome != OK or "log_weights" not in cell.arrays:
         return {}
     chosen = resampled(cell.arrays["log_weights"].astype(float), CURVE_DRAWS, np.random.default_rng(seed))
     inferred = branch.shared.values(cell.arrays["y"].astype(float)[chosen])

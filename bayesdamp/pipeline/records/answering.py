@@ -159,22 +159,15 @@ class AnswerCell:
 def answer_cell(store: Store, signal: str, repeat: int) -> CellResult | None:
     """The latest answer on a record: with its motions sampled, else the first one; None where there is none."""
     for kind in (SAMPLED, ANSWERED):
-        try:
-            cell = store.read(f"{kind}/{signal}/{repeat}")
-        except KeyError:
-            continue
-        if cell.outcome == OK:
+        cell = store.find(f"{kind}/{signal}/{repeat}")
+        if cell is not None and cell.outcome == OK:
             return cell
     return None
 
 
 def fits_of(store: Store, signal: str, repeat: int) -> Mapping[str, Mapping[str, float]]:
     """The fits of all terms by law, as `AnswerCell` stored them; none where it has none."""
-    try:
-        cell = store.read(f"{ANSWERED}/{signal}/{repeat}")
-    except KeyError:
-        return {}
-    content = AnswerContent.maybe(cell)
+    content = AnswerContent.maybe(store.find(f"{ANSWERED}/{signal}/{repeat}"))
     return content.fits if content else {}
 
 
@@ -199,11 +192,7 @@ def law_of(store: Store, signal: str, repeat: int, damping: str, restoring: str)
 def shortlist(store: Store, signal: str, repeat: int, nats: float) -> set[tuple[str, str]] | None:
     """The candidates, (damping, restoring), that sampling may confirm or correct: those within so many nats of the best
     under exact laws, and the best under approximate ones; None where nothing was weighed at once."""
-    try:
-        cell = store.read(f"{ANSWERED}/{signal}/{repeat}")
-    except KeyError:
-        return None
-    content = AnswerContent.maybe(cell)
+    content = AnswerContent.maybe(store.find(f"{ANSWERED}/{signal}/{repeat}"))
     weighed = [r for r in content.candidates if r.outcome == OK] if content else []
     if not weighed:
         return None

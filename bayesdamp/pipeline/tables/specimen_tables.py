@@ -30,13 +30,6 @@ def write_specimen_tables(study: Study, store: Store) -> None:
         write_table(store.folder / name, SPECIMEN_TABLES[name], rows)
 
 
-def _read(store: Store, name: str) -> CellResult | None:
-    try:
-        return store.read(name)
-    except KeyError:
-        return None
-
-
 def _head(specimen: Specimen, candidate: str) -> Row:
     damping, law = candidate_parts(candidate)
     law = law or specimen.specs[0].restoring[0]
@@ -44,10 +37,10 @@ def _head(specimen: Specimen, candidate: str) -> Row:
 
 
 def _specimens(study: Study, store: Store) -> Iterator[Row]:
-    over = PopulationContent.maybe(_read(store, "population/specimens"))
+    over = PopulationContent.maybe(store.find("population/specimens"))
     for label, specs in study.specimens.items():
         specimen = Specimen(study, label, specs, store)
-        cell = _read(store, f"joint/{label}")
+        cell = store.find(f"joint/{label}")
         joint = JointContent.maybe(cell)
         if cell is not None and joint is not None:
             yield from _joined(specimen, cell, joint)
@@ -89,14 +82,14 @@ def _rows(head: Row, row: Weighing, units: Mapping[str, str]) -> Iterator[Row]:
 
 def _populations(study: Study, store: Store) -> Iterator[Row]:
     for label, specs in study.specimens.items():
-        joint = JointContent.maybe(_read(store, f"joint/{label}"))
+        joint = JointContent.maybe(store.find(f"joint/{label}"))
         if joint is not None:
             specimen = Specimen(study, label, specs, store)
             units = joint.candidates[joint.best].units
             for name, found in joint.repeats.items():
                 head = {**_head(specimen, joint.best), "over": f"repeats of {label}", "unit": units[name]}
                 yield from _population(head, name, found)
-    cell = _read(store, "population/specimens")
+    cell = store.find("population/specimens")
     if cell is None:
         return
     content = PopulationContent.maybe(cell)

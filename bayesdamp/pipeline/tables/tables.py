@@ -1,34 +1,29 @@
-"""The four tables and run.json, from a run's cells."""
+"""The four tables, from a run's cells."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import asdict
 from typing import Any
 
 import numpy as np
 
-from bayesdamp.config import Recording, SignalSpec, Simulation, Study
-from bayesdamp.config.again import asked
-from bayesdamp.config.signals import damping_order
+from bayesdamp.config import SignalSpec, Simulation, Study
 from bayesdamp.outcomes import Status, status_of
 from bayesdamp.physics.damping import TERMS
-from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.physics.units import parameter_unit
 from bayesdamp.pipeline.candidates.approximate import likelihood_of
 from bayesdamp.pipeline.candidates.weighing import evidence_by_method
-from bayesdamp.pipeline.records.answering import SAMPLED, answer_cell, approximately
+from bayesdamp.pipeline.records.answering import SAMPLED, approximately
+from bayesdamp.pipeline.tables.run_info import run_info
 from bayesdamp.pipeline.tables.specimen_tables import write_specimen_tables
 from bayesdamp.pipeline.tables.verdicts import write_verdicts
-from bayesdamp.store import TABLES, CellResult, Store, provenance, write_json, write_table
-from bayesdamp.store.columns import SCHEMA
+from bayesdamp.store import TABLES, Store, write_json, write_table
 from bayesdamp.store.contents.answers import AnswerContent, SampledPosterior
 from bayesdamp.store.contents.candidates import ModeContent
 from bayesdamp.store.contents.estimates import EstimateContent
 from bayesdamp.store.contents.posteriors import PosteriorContent
-from bayesdamp.store.contents.records import NoiseContent, RecordContent
 from bayesdamp.types import OK, candidate_name, candidate_parts
 from bayesdamp.units import UNITS, quantity_unit
 
@@ -52,7 +47,7 @@ def write_tables(study: Study, store: Store) -> None:
         write_table(store.folder / name, TABLES[name], rows)
     write_specimen_tables(study, store)
     write_verdicts(study, store)
-    write_json(store.folder / "run.json", _run(study, store))
+    write_json(store.folder / "run.json", run_info(study, store))
 
 
 def _records(study: Study) -> Iterator[tuple[SignalSpec, int]]:
@@ -78,13 +73,6 @@ def _head(spec: SignalSpec, repeat: int, name: str) -> Row:
     }
 
 
-def _read(store: Store, name: str) -> CellResult | None:
-    try:
-        return store.read(name)
-    except KeyError:
-        return None
-
-
 def _unit(spec: SignalSpec, name: str, restoring: str) -> str:
     return parameter_unit(name, restoring, UNITS[spec.source.unit].base, spec.source.quantity)
 
@@ -104,7 +92,7 @@ def _truth(spec: SignalSpec, name: str, restoring: str) -> float:
 def _estimates(study: Study, store: Store) -> Iterator[Row]:
     for spec, repeat, model, head in _branches(study):
         for method in study.estimators.use:
-            cell = _read(store, f"estimate/{spec.name}/{repeat}/{model}/{method}")
+            cell = store.find(f"estimate/{spec.name}/{repeat}/{model}/{method}")
             if cell is None:
                 continue
             if cell.outcome != OK:
@@ -131,7 +119,7 @@ def _estimates(study: Study, store: Store) -> Iterator[Row]:
 def _posteriors(study: Study, store: Store) -> Iterator[Row]:
     for spec, repeat, model, head in _branches(study):
         for sampler in study.posterior.samplers:
-            cell = _read(store, f"posterior/{spec.name}/{repeat}/{model}/{sampler}")
+            cell = store.find(f"posterior/{spec.name}/{repeat}/{model}/{sampler}")
             if cell is None:
                 continue
             common = {**head, "sampler": sampler, "seconds": cell.seconds, "outcome": cell.outcome}
@@ -156,7 +144,7 @@ def _answers(study: Study, spec: SignalSpec) -> str:
 
 def _sampled(store: Store, spec: SignalSpec, repeat: int) -> dict[str, SampledPosterior]:
     """What sampled motions say of a record's candidates, by their names."""
-    cell = _read(store, f"{SAMPLED}/{spec.name}/{repeat}")
+    cell = store.find(f"{SAMPLED}/{spec.name}/{repeat}")
     if cell is None or cell.outcome != OK:
         return {}
     many = len(spec.restoring) > 1
@@ -217,7 +205,7 @@ def _evidence(study: Study, store: Store) -> Iterator[Row]:
 
 def _fits(study: Study, store: Store) -> Iterator[Row]:
     for spec, repeat, model, head in _branches(study):
-        cell = _read(store, f"mode/{spec.name}/{repeat}/{model}")
+        cell = store.find(f"mode/{spec.name}/{repeat}/{model}")
         one = _sampled(store, spec, repeat).get(model)
         row = dict(head)
         if one is not None:
@@ -235,115 +223,3 @@ def _fits(study: Study, store: Store) -> Iterator[Row]:
             row["verdict"] = cell.outcome
         if cell is not None or one is not None:
             yield row
-
-
-def _run(study: Study, store: Store) -> Row:
-    files = [s.source.path for s in study.signals if isinstance(s.source, Recording)]
-    about, seconds, priors, budget = {}, {}, {}, {}
-    for name in store.names():
-        cell = _read(store, name)
-        if cell:
-            seconds[name] = cell.seconds
-    for spec in study.signals:
-        cell = _read(store, f"signal/{spec.name}/0")
-        if cell is None:
-            continue
-        # Where the first repeat shows no oscillation, another one may.
-        seen = _first_seen(store, spec) or cell
-        noise = _read(store, f"noise/{spec.name}/0")
-        content, chosen = RecordContent.of(cell), None
-        if noise and noise.outcome == OK:
-            chosen = NoiseContent.of(noise)
-        oscillation = RecordContent.of(seen) if seen.outcome == OK else None
-        about[spec.name] = {
-            **content.provenance,
-            "unit": spec.source.unit,
-            "quantity": spec.source.quantity,
-            "simulated": isinstance(spec.source, Simulation),
-            "restoring": list(spec.restoring),
-            "outcome": seen.outcome,
-            "bound": dict(content.bound),
-            **({"noise": chosen.chosen} if chosen else {}),
-            **(_scales(oscillation) if oscillation else {}),
-            **({"epsilon_note": chosen.epsilon_note} if chosen and chosen.epsilon else {}),
-        }
-        cells = {m: _read(store, f"mode/{spec.name}/0/{m}") for m in study.compare(spec)}
-        modes = {m: ModeContent.of(c) if c.outcome == OK else None for m, c in cells.items() if c}
-        stored = {m: dict(mode.priors) if mode else {} for m, mode in modes.items()}
-        priors[spec.name] = stored or _answered_priors(store, spec)
-        budget[spec.name] = {m: dict(mode.error_budget) if mode else {} for m, mode in modes.items()}
-    found = provenance(files)
-    found["inputs"] = {
-        s.source.file: found["inputs"][str(s.source.path)]
-        for s in study.signals
-        if isinstance(s.source, Recording)
-    }
-    return {
-        "name": study.name,
-        "description": study.description,
-        "seed": study.seed,
-        "study": study.resolved(),
-        "asked": asked(study, store.folder),
-        "schema": SCHEMA,
-        **found,
-        "seconds": seconds,
-        **({"cells": dict(store.only)} if store.only is not None else {}),
-        "signals": about,
-        "priors": priors,
-        "models": list(
-            dict.fromkeys([*study.models.compare, *(m for s in study.signals for m in study.compare(s))])
-        ),
-        "damping": _terms(study),
-        "restoring": {
-            law: LAWS.get(law).formula for law in dict.fromkeys(n for s in study.signals for n in s.restoring)
-        },
-        "error_budget": budget,
-        "equilibrium": {s.name: _equilibrium(s, store) for s in study.signals},
-    }
-
-
-def _scales(content: RecordContent) -> Row:
-    """What a record with an oscillation has beside its provenance."""
-    return {
-        "epsilon_note": content.epsilon_note,
-        "reference": asdict(content.scales),
-        "features": asdict(content.features) if content.features else {},
-    }
-
-
-def _answered_priors(store: Store, spec: SignalSpec) -> Row:
-    """Of what was weighed for an answer."""
-    cell = answer_cell(store, spec.name, 0)
-    many = len(spec.restoring) > 1
-    return {
-        candidate_name(one.damping, one.restoring) if many else one.damping: dict(one.priors)
-        for one in (AnswerContent.of(cell).priors if cell else ())
-    }
-
-
-def _terms(study: Study) -> Row:
-    """Coefficient, unit for an angle in rad, and force of each damping term that the study compares or simulates."""
-    names = {t for s in study.signals for m in study.dampings(s) for t in m.split("+")}
-    names |= {t for s in study.signals if isinstance(s.source, Simulation) for t in s.source.damping}
-    found = {name: TERMS.get(name) for name in damping_order() if name in names}
-    return {n: {"parameter": t.parameter, "unit": t.unit, "force": t.formula} for n, t in found.items()}
-
-
-def _first_seen(store: Store, spec: SignalSpec) -> CellResult | None:
-    """The first repeat of a signal that shows an oscillation."""
-    found = (_read(store, f"signal/{spec.name}/{repeat}") for repeat in range(spec.repeats))
-    return next((cell for cell in found if cell and cell.outcome == OK), None)
-
-
-def _equilibrium(spec: SignalSpec, store: Store) -> Row:
-    """The derived equilibrium and natural frequency, where the whole restoring law is known."""
-    cell = _first_seen(store, spec)
-    law = Oscillator(("viscous",), spec.system.restoring)
-    seen = RecordContent.of(cell).features if cell is not None else None
-    if seen is None or not all(n in spec.system.known for n in law.law.parameters):
-        return {}
-    near = seen.rest
-    return {
-        "equilibrium": law.equilibrium(spec.system.known, near),
-        "natural_frequency": law.natural_frequency(spec.system.known, near),
-    }

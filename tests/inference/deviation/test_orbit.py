@@ -10,8 +10,8 @@ from scipy.integrate import quad
 from scipy.special import ellipk
 
 from bayesdamp.inference.deviation.orbit import (
+    Cycle,
     balanced_frequency,
-    cycle_at,
     natural_frequency,
     orbit_at,
     rest_of,
@@ -21,6 +21,14 @@ from bayesdamp.physics.restoring import LAWS
 
 W, A = 4.5, 0.3
 SMALL = 1e-6
+
+
+def cycle_at(
+    amplitude: float, terms: tuple[str, ...], epsilon: float, restoring: str, law: np.ndarray, rest: float
+) -> Cycle | None:
+    """The cycle whose turning points are twice the amplitude apart, if there is one."""
+    orbit = orbit_at(amplitude, restoring, tuple(map(float, law)), rest)
+    return None if orbit is None else orbit.cycle(terms, epsilon, {})
 
 
 @pytest.mark.parametrize("law", LAWS.names())
