@@ -61,10 +61,9 @@ class Provenance:
     def to_dict(self) -> dict[str, Any]:
         """As run.json holds it: what is said of a record, `more` among it; `of` is the inverse."""
         found = asdict(self)
-        return {
-            **found.pop("more"),
-            **{name: value for name, value in found.items() if value not in ((), {}, "", None)},
-        }
+        always = {name: list(found.pop(name)) for name in ("warnings", "notes")}
+        more = found.pop("more")
+        return {**more, **{n: v for n, v in found.items() if v not in ((), {}, "", None)}, **always}
 
     @classmethod
     def of(cls, given: Mapping[str, Any]) -> Self:
