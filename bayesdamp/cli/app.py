@@ -13,7 +13,7 @@ from typing import Annotated
 import typer
 
 from bayesdamp import __version__
-from bayesdamp.cli.border import flush, one_line, present, reader_gone, refused_by_the_machine, say, silence
+from bayesdamp.cli.border import flush, one_line, present, refused_by_the_machine, say, silence
 from bayesdamp.cli.commands.calibrate import calibrate
 from bayesdamp.cli.commands.check import check
 from bayesdamp.cli.commands.claims import claims
@@ -114,15 +114,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return _refused(error)
     except KeyboardInterrupt:
         status = INTERRUPTED
-    except SystemExit as left:  # what draws tables leaves so where its output is closed
+    except SystemExit as left:  # what parses commands and what draws tables leave so where their output is closed
         if not isinstance(left.__context__, BrokenPipeError):
             raise
         silence()
         return UNREAD
     except Exception as error:
-        if isinstance(error, BrokenPipeError) and reader_gone():
-            silence()
-            return UNREAD
         usage = getattr(error, "format_message", None)
         if usage is not None:
             said = _of_one_kind(usage().rstrip(".")) + _meant(given, getattr(error, "option_name", None))

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import errno
 import os
-import select
 import sys
 
 LONGEST = 295
@@ -63,17 +62,6 @@ def say(line: str) -> None:
         print(line, file=sys.stderr, flush=True)
     except OSError:
         silence()
-
-
-def reader_gone() -> bool:
-    """Whether what read stdout or stderr has closed it, as `head` does when it has seen enough."""
-    asked = select.poll()
-    for stream in (sys.stdout, sys.stderr):
-        try:
-            asked.register(stream.fileno(), 0)  # errors alone
-        except (OSError, ValueError):  # one without a file, as under a test
-            continue
-    return any(event & select.POLLERR for _, event in asked.poll(0))
 
 
 def silence() -> None:
