@@ -142,6 +142,11 @@ def __getattr__(name: str) -> object:
     if name not in _HOME:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     found = getattr(import_module(_HOME[name]), _THERE.get(name, name))
+    if callable(found) and not isinstance(found, type):
+        from bayesdamp.interface.parts.calls import told
+
+        found = told(found, name)
+        found.__module__, found.__qualname__ = __name__, name  # where other processes find it
     globals()[name] = found
     return found
 

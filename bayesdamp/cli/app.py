@@ -114,7 +114,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return _refused(error)
     except KeyboardInterrupt:
         status = INTERRUPTED
-    except SystemExit as left:  # what parses commands and what draws tables leave so where their output is closed
+    except (
+        SystemExit
+    ) as left:  # what parses commands and what draws tables leave so where their output is closed
         if not isinstance(left.__context__, BrokenPipeError):
             raise
         silence()

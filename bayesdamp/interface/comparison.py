@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
@@ -258,7 +258,13 @@ def compare(
     sums, laws = sums_and_laws(damping, restoring)
     values, given = known_and_priors(sums, laws, known, priors)
     checked_sensor("compare", sensor)
-    every = [signals] if isinstance(signals, types.Signal) else list(signals)
+    every = (
+        [signals]
+        if isinstance(signals, types.Signal)
+        else list(signals)
+        if isinstance(signals, Iterable)
+        else []
+    )
     if not every or (len(every) > 1 and not repeats) or not all(isinstance(s, types.Signal) for s in every):
         raise InputError("compare takes one signal, or several of one specimen with repeats=True")
     units = tuple(Signal.of(s).own_unit.name for s in every)

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 from bayesdamp import types
 from bayesdamp.interface.fitting.specification import Specification
+from bayesdamp.interface.parts.calls import told
 from bayesdamp.types import Refusal
 
 if TYPE_CHECKING:
@@ -31,6 +32,9 @@ class Model(Specification):
     >>> model.name, model.terms
     ('viscous+coulomb@pendulum', ('viscous', 'coulomb'))
     """
+
+    if not TYPE_CHECKING:
+        __init__ = told(Specification.__init__, "Model")
 
     def bind(self, signal: types.Signal, *, seed: int = 0) -> Density:
         """The posterior density on a record, as plain functions of the parameters in natural units.

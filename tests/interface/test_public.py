@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import inspect
 import subprocess
 import sys
 from pathlib import Path
@@ -70,4 +71,4 @@ def test_using_a_name_does() -> None:
 def test_a_trajectory_keeps_its_name() -> None:
     from bayesdamp.physics.integrate import simulate
 
-    assert bd.trajectory is simulate
+    assert inspect.unwrap(bd.trajectory) is simulate

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, get_args
 
 from bayesdamp.physics.damping import TERMS, all_sums, parse_model
@@ -100,13 +100,19 @@ def sums_and_laws(
 ) -> tuple[list[str], list[str]]:
     """Damping sums and restoring laws, one given as itself or several in a list. Raises InputError for a name that is
     none."""
-    sums = [damping] if isinstance(damping, str) else list(damping)
-    laws = [restoring] if isinstance(restoring, str) else list(restoring)
+    sums, laws = _names("damping", damping), _names("restoring", restoring)
     for one in sums:
         parse_model(one)
     for law in laws:
         LAWS.get(law)
     return sums, laws
+
+
+def _names(what: str, given: str | Iterable[str]) -> list[str]:
+    names = [given] if isinstance(given, str) else list(given) if isinstance(given, Iterable) else []
+    if not isinstance(given, Iterable) or not all(isinstance(one, str) for one in names):
+        raise InputError(f"compare: {what} is {given!r}; it must be a name, or a list of names")
+    return names
 
 
 def known_and_priors(

@@ -1,0 +1,54 @@
+"""A call that cannot be meant, in one line."""
+
+from __future__ import annotations
+
+import inspect
+import os
+from collections.abc import Callable, Mapping
+from functools import wraps
+from numbers import Real
+from typing import ParamSpec, TypeVar
+
+from bayesdamp.plugins import nearest
+from bayesdamp.types import InputError, Signal
+
+P = ParamSpec("P")
+R = TypeVar("R")
+
+KINDS: dict[str, tuple[tuple[type, ...], str]] = {
+    "path": ((str, os.PathLike), "a path"),
+    "signal": ((Signal,), "a Signal, such as read(...).signal() gives"),
+    "unit": ((str,), "a unit's name"),
+    "quantity": ((str,), "a quantity's name"),
+    "rate": ((Real,), "a number, in Hz"),
+}
+"""What an argument of this name is, wherever it stands; None where that is its default."""
+
+
+def told(function: Callable[P, R], name: str) -> Callable[P, R]:
+    """The function under a public name, with InputError for a keyword that it has not, an argument that is missing, or
+    one of `KINDS` that is of another type."""
+    signature = inspect.signature(function)
+
+    @wraps(function)
+    def called(*args: P.args, **given: P.kwargs) -> R:
+        try:
+            bound = signature.bind(*args, **given)
+        except TypeError as error:
+            raise InputError(_wrong(signature, name, given) or f"{name}: {error}") from None
+        for argument, value in bound.arguments.items():
+            kinds, what = KINDS.get(argument, ((object,), ""))
+            if not isinstance(value, kinds) and value is not signature.parameters[argument].default:
+                raise InputError(f"{name}: {argument} is {type(value).__name__}; it must be {what}")
+        return function(*args, **given)
+
+    return called
+
+
+def _wrong(signature: inspect.Signature, name: str, given: Mapping[str, object]) -> str:
+    """What is wrong with a keyword; empty where all may stand."""
+    if any(one.kind is inspect.Parameter.VAR_KEYWORD for one in signature.parameters.values()):
+        return ""
+    known = [n for n in signature.parameters if n != "self"]
+    wrong = next((n for n in given if n not in known), None)
+    return "" if wrong is None else f"{name}: unknown argument {wrong!r}{nearest(wrong, known)}"

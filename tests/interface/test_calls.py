@@ -1,0 +1,75 @@
+"""A call that cannot be meant is one line of InputError that names what is wrong and what would be right."""
+
+from __future__ import annotations
+
+import inspect
+import pickle
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+import bayesdamp as bd
+from bayesdamp.interface.parts.calls import told
+
+ANY: Any = bd
+"""The package without its types, which would refuse these calls."""
+MODEL = bd.Model("viscous")
+T = np.linspace(0.0, 6.0, 150)
+Y = 0.3 * np.exp(-0.05 * T) * np.cos(4.47 * T)
+WRONG: dict[str, Callable[[], object]] = {
+    "read: path is int; it must be a path": lambda: ANY.read(3),
+    "read: path is NoneType; it must be a path": lambda: ANY.read(None),
+    "read: unknown argument 'vlaue'; did you mean 'value'": lambda: ANY.read("rig.csv", vlaue=2),
+    "read: rate is str; it must be a number, in Hz": lambda: ANY.read("rig.csv", rate="100"),
+    "load: path is int": lambda: ANY.load(3),
+    "load_study: path is dict": lambda: ANY.load_study({}),
+    "run_study: unknown argument 'worker'; did you mean 'workers'": lambda: ANY.run_study({}, "x", worker=2),
+    "features: signal is ndarray; it must be a Signal": lambda: ANY.features(Y),
+    "first_words: signal is int; it must be a Signal": lambda: ANY.first_words(3),
+    "signal: missing a required argument: 'y'": lambda: ANY.signal(T),
+    "signal: unit is int; it must be a unit's name": lambda: ANY.signal(T, Y, unit=3),
+    "signal: unknown argument 'unti'; did you mean 'unit'": lambda: ANY.signal(T, Y, unti="deg"),
+    "Model: missing a required argument: 'damping'": lambda: ANY.Model(),
+    "Model: unknown argument 'restorin'; did you mean 'restoring'": lambda: ANY.Model(
+        "viscous", restorin="linear"
+    ),
+    "fit: signal is str; it must be a Signal": lambda: ANY.fit("rig.csv", MODEL),
+    "fit: missing a required argument: 'model'": lambda: ANY.fit(bd.signal(T, Y, cleaned=False)),
+    "simulate: missing a required argument: 'duration'": lambda: ANY.simulate(
+        {"viscous": 0.1}, stiffnes=20.0
+    ),
+    "compare takes one signal": lambda: ANY.compare(3),
+    "compare: damping is 3; it must be a name": lambda: ANY.compare(bd.signal(T, Y), damping=3),
+    "compare: unknown argument 'dampng'; did you mean 'damping'": lambda: ANY.compare(3, dampng="viscous"),
+}
+
+
+@pytest.mark.parametrize("said", WRONG)
+def test_it_is_one_line(said: str) -> None:
+    with pytest.raises(bd.InputError) as error:
+        WRONG[said]()
+    assert str(error.value).startswith(said)
+    assert "\n" not in str(error.value)
+
+
+def test_what_is_meant_goes_through() -> None:
+    """The negative control: defaults of another type, keywords of any name, and faults inside are none of these."""
+
+    def asked(path: str, rate: float | None = None, **more: object) -> object:
+        if rate == 0:
+            raise TypeError("a fault inside")
+        return path, rate, more
+
+    called = told(asked, "asked")
+    assert called("x", rate=None, other=1) == ("x", None, {"other": 1})
+    with pytest.raises(TypeError, match="a fault inside"):
+        called("x", 0)
+
+
+def test_signatures_stay_and_processes_find_them() -> None:
+    assert list(inspect.signature(bd.fit).parameters)[:2] == ["signal", "model"]
+    assert list(inspect.signature(bd.Model).parameters)[:2] == ["damping", "restoring"]
+    assert pickle.loads(pickle.dumps(bd.compare)) is bd.compare
+    assert pickle.loads(pickle.dumps(MODEL)) == MODEL
