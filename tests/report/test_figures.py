@@ -17,6 +17,7 @@ from PIL import Image
 from bayesdamp.report.drawing import Drawings
 from bayesdamp.report.figures.density import contours, outline
 from bayesdamp.report.figures.posteriors.evidence import Bar, bars
+from bayesdamp.report.figures.posteriors.posterior import marginals
 from bayesdamp.report.figures.records.answer import answer
 from bayesdamp.report.figures.records.backbone import backbone
 from bayesdamp.report.figures.records.exponent import exponent
@@ -240,3 +241,11 @@ def test_the_exponents_picture_marks_the_three_laws(narrow):
     assert bar.tolist() == [low, high]
     assert dot.tolist() == [value]
     assert ax.get_title(loc="left") == "This record loses like v^1.70"
+
+
+def test_the_density_of_any_coefficient_ends_at_zero():
+    """That of a user's term too; a parameter that may be negative is drawn beyond it (the negative control)."""
+    half = np.abs(np.random.default_rng(0).standard_normal((2, 1000)))
+    figure = marginals("sticky", {"nuts": {"c_sticky": half, "slope": half}}, {}, {}, ["c_sticky"])
+    coefficient, other = (ax.lines[0].get_xdata() for ax in figure.axes[:2])
+    assert np.min(coefficient) >= 0 > np.min(other)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -12,7 +12,8 @@ from bayesdamp.report import words
 from bayesdamp.report.figures.density import contours, outline
 from bayesdamp.report.style import INK, WIDTH, colour
 
-_POSITIVE = frozenset({"zeta", "mu_c", "mu_q", "noise_sd", "noise_time", "epsilon", "stiffness"})
+_POSITIVE = frozenset({"noise_sd", "noise_time", "epsilon", "stiffness"})
+"""Parameters beside the damping coefficients whose densities end at zero."""
 
 
 def marginals(
@@ -20,8 +21,10 @@ def marginals(
     draws: Mapping[str, Mapping[str, np.ndarray]],
     units: Mapping[str, str],
     truth: Mapping[str, float],
+    coefficients: Collection[str],
 ) -> Figure:
-    """draws: sampler to parameter to draws of any shape; truth: parameter to value, where known."""
+    """draws: sampler to parameter to draws of any shape; truth: parameter to value, where known; coefficients: those of
+    the damping, which are never negative."""
     names = list(dict.fromkeys(name for found in draws.values() for name in found))
     rows = -(-len(names) // 4)
     columns = max(2, -(-len(names) // rows))
@@ -31,7 +34,7 @@ def marginals(
         for sampler, found in draws.items():
             if name not in found:
                 continue
-            grid, height = outline(found[name], name in _POSITIVE)
+            grid, height = outline(found[name], name in _POSITIVE or name in coefficients)
             line, fill = _strokes(model, sampler, list(draws))
             ax.plot(grid, height, **line)
             if fill:
@@ -63,14 +66,12 @@ def pairs(
             for sampler, found in draws.items():
                 line, fill = _strokes(model, sampler, list(draws))
                 if row == column:
-                    grid, height = outline(found[across], across in _POSITIVE)
+                    grid, height = outline(found[across], reflected=True)
                     ax.plot(grid, height, **line)
                     if fill:
                         ax.fill_between(grid, height, color=fill, alpha=0.22, lw=0)
                     continue
-                x, y, smooth, levels = contours(
-                    found[across], found[below], (across in _POSITIVE, below in _POSITIVE)
-                )
+                x, y, smooth, levels = contours(found[across], found[below], (True, True))
                 if fill:
                     ax.contourf(x, y, smooth, [*levels, smooth.max() * 1.01], colors=[fill, fill], alpha=0.25)
                 ax.contour(

@@ -82,10 +82,13 @@ def _figures(run: Run, signal: str, repeat: int, model: str) -> list[Markup]:
     true = {name: truth(run, signal, name) for found in draws.values() for name in found}
     who = words.listing(map(words.method, draws))
     caption = f"{signal}, {words.model(model)}: marginal posterior of each parameter by {who}."
+    damping = coefficients(run, model)
     figures = [
-        run.drawings.add(f"marginals-{signal}-{model}", caption, lambda: marginals(model, draws, units, true))
+        run.drawings.add(
+            f"marginals-{signal}-{model}", caption, lambda: marginals(model, draws, units, true, damping)
+        )
     ]
-    names = [n for n in coefficients(run, model) if all(n in found for found in draws.values())]
+    names = [n for n in damping if all(n in found for found in draws.values())]
     if len(names) > 1:
         caption = (
             f"{signal}, {words.model(model)}: damping coefficients in pairs; contours hold 50 % and 90 %."
