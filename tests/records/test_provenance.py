@@ -1,0 +1,52 @@
+"""How a record was read: the same after a file, and as earlier runs wrote it."""
+
+from __future__ import annotations
+
+import json
+
+from bayesdamp.provenance import Piece, Provenance
+
+WHOLE = Provenance(
+    warnings=("no unit is said.",),
+    notes=("Kept are 100 samples.",),
+    header_lines=2,
+    facts={"Fs": 100.0, "who": "me"},
+    time_column="t",
+    value_column="phi (deg)",
+    time_unit="file",
+    first_line=3,
+    constant_columns=("temperature",),
+    unit="deg",
+    start=1.5,
+    stop=9.0,
+    offset=0.01,
+    pieces=(Piece(0.0, 1.5, "held", "it does not move."),),
+    many_turns="",
+    more={"format": "text", "samples": 100},
+)
+
+
+def test_it_is_the_same_after_a_file() -> None:
+    for one in (WHOLE, Provenance(), Provenance(more={"simulated": True})):
+        assert Provenance.of(json.loads(json.dumps(one.to_dict()))) == one
+
+
+def test_run_json_has_all_side_by_side() -> None:
+    found = WHOLE.to_dict()
+    assert (found["format"], found["start"], found["notes"]) == ("text", 1.5, ["Kept are 100 samples."])
+    assert "many_turns" not in found
+    assert Provenance().to_dict()["warnings"] == []
+
+
+def test_what_an_earlier_run_wrote_is_read() -> None:
+    found = Provenance.of(
+        {"time_column": None, "turns_warning": "it swings.", "notes": ["a"], "restoring": ["linear"]}
+    )
+    assert (found.time_column, found.notes) == ("", ("a",))
+    assert found.more == {"turns_warning": "it swings.", "restoring": ["linear"]}
+
+
+def test_what_a_user_reads_begins_with_what_he_has_to_know() -> None:
+    assert WHOLE.said == ("Beware: no unit is said.", "2 header lines skipped.", "Kept are 100 samples.")
+    assert Provenance(header_lines=1).said == ("1 header line skipped.",)
+    assert Provenance().said == ()
