@@ -56,7 +56,7 @@ MAY_IMPORT: dict[str, set[str]] = {
     "inference": set(),
     "verdict": NEUTRAL | {"physics", "inference", "store", "verdict"},
     "store": NEUTRAL | {"store"},
-    "report": NEUTRAL | {"physics.damping", "physics.symbols", "store", "verdict", "report"},
+    "report": NEUTRAL | {"physics.symbols", "store", "verdict", "report"},
     "validation.calibration": _BELOW
     | {"config", "estimators", "inference", "store", "pipeline", "report", "validation.calibration"},
     "validation.claims": _BELOW | {"estimators", "report", "validation.claims"},

@@ -9,7 +9,6 @@ import numpy as np
 from scipy.special import expit
 
 from bayesdamp.outcomes import Status, status_of
-from bayesdamp.physics.damping import PAPER_TERMS, TERMS
 from bayesdamp.report import words
 from bayesdamp.report.results.run import Row, Run, rows_of
 from bayesdamp.store.contents.candidates import ModeContent
@@ -18,6 +17,7 @@ from bayesdamp.types import OK, candidate_parts
 _FIRST = ("combined", "nested", "bridge", "importance", "laplace")
 MATTERS = 1e-3
 """Probability from which, and below one less it, it matters whether an evidence is to be trusted."""
+_SHIPPED = {"viscous": "zeta", "coulomb": "mu_c", "quadratic": "mu_q"}
 
 
 @dataclass(frozen=True)
@@ -221,8 +221,7 @@ def truth(run: Run, signal: str, parameter: str) -> float:
 def damping_parameters(run: Run) -> dict[str, str]:
     """Each damping term to its coefficient: those that ship, and those that the run says of a user's own."""
     own = run.info.get("damping") or {}
-    shipped = {term: TERMS.get(term).parameter for term in PAPER_TERMS}
-    return {**shipped, **{term: about["parameter"] for term, about in own.items()}}
+    return {**_SHIPPED, **{term: about["parameter"] for term, about in own.items()}}
 
 
 def coefficients(run: Run, model: str) -> list[str]:
