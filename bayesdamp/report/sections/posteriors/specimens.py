@@ -70,8 +70,8 @@ def _joint(run: Run, name: str, cell: CellResult) -> list[object]:
     how = (
         f"Shared: {_SHARED[joint.sharing]}. Each record's own: its start, its angle at rest (an encoder "
         "may be offset) and its noise. The joint interval is right if the records share what they are said to "
-        "share and the model and each record's noise are right; it is not widened for what differs from "
-        "record to record."
+        "share, every law holds exactly and each record's noise is right; it is not widened for how far laws hold, "
+        "nor for what differs from record to record."
     )
     law = f"As to the law, {joint.said['law']}." if "law" in joint.said else ""
     parts: list[object] = [
