@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 QUANTITIES = ("angle", "velocity", "acceleration")
 CLOCKS = ("auto", "as_logged", "uniform")
 TIME_UNITS = ("s", "ms", "us", "ns", "min")
+MAYBE_ENVELOPE = "If these are amplitudes, of an envelope: --quantity envelope"
 
 
 @dataclass(frozen=True)
@@ -180,6 +181,8 @@ def first_words_on(found: Sequence[Found], options: Options) -> list[str]:
                     continue
                 first = first_words(seen.signal).in_unit(UNITS[one.unit])
                 said.append(f"{whose}: {first.sentence()}")
+        elif one.raw.y.min() >= 0:
+            said.append(f"{one.path.name}: {MAYBE_ENVELOPE}")
     taken = "No unit is stated: an angle in rad is taken; --unit m (mm, deg) says another."
     return [*said, *(f"{name}: {taken}" for name in unstated)]
 

@@ -87,6 +87,10 @@ def simulated(given: Mapping[str, object], restoring: str, seed: int) -> tuple[S
 
     Without `noise_sd` the sd is a hundredth of the amplitude. Raises InputError in the terms of the command's options.
     """
+    own = {key for name in TERMS.names() if name in given for key in _own(name)}
+    if lacking := sorted(own - set(given)):
+        needed = ",".join(f"{name}=NUMBER" for name in lacking)
+        raise InputError(f"--set: the damping has parameters of its own; give --set {needed} too")
     made = _checked({"noise_sd": 0.0, **given}, restoring)
     sd = made.truth["noise_sd"]
     if "noise_sd" not in given:
@@ -95,6 +99,10 @@ def simulated(given: Mapping[str, object], restoring: str, seed: int) -> tuple[S
         if sd == 0:
             raise InputError("simulate: nothing moves; start away from rest, such as --set theta0=0.3")
     return _record(made, restoring, sd, seed), sd
+
+
+def _own(term: str) -> tuple[str, ...]:
+    return tuple(parameter.name for parameter in TERMS.get(term).inferred)
 
 
 def _record(made: Simulation, restoring: str, noise_sd: float, seed: int) -> Signal:

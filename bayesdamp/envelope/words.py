@@ -17,6 +17,10 @@ NEAR, NARROW = 0.02, 0.6
 FEW = 20
 SHALLOW = 10.0
 """dB of fall below which sums of dampings are hardly told apart."""
+TWIN = (
+    "Structural (rate independent) damping loses as viscous damping does at every amplitude: an envelope cannot tell "
+    "them apart, and any part of what is called viscous may be structural."
+)
 _RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
@@ -113,6 +117,8 @@ def remarks(found: EnvelopeResult, record: EnvelopeRecord, readings: int, fall: 
         said.append(
             "Amplitudes have no scale: Coulomb and quadratic coefficients are relative to that at the start."
         )
+    if "viscous" in found.damping.split("+"):
+        said.append(TWIN)
     if readings < FEW:
         said.append(f"{readings} readings only: the noise is hardly known.")
     if fall < SHALLOW:

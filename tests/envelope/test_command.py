@@ -258,3 +258,29 @@ def test_many_records_in_two_processes_are_those_of_one(tmp_path, capsys):
         assert float(a["rate"]) == pytest.approx(float(b["rate"]), rel=1e-6)
         assert a["damping"] == b["damping"]
     assert len(list((tmp_path / "2" / "figures").glob("*.png"))) == 8
+
+
+@pytest.mark.parametrize("option", [("--damping", "cubic"), ("--restoring", "linear"), ("--exact",)])
+def test_an_option_that_no_envelope_is_answered_by_is_refused(tmp_path, capsys, option):
+    assert main(["compare", str(written(tmp_path / "r.txt")), *option, "--out", str(tmp_path / "out")]) == 2
+    assert capsys.readouterr().err.startswith(f"{option[0]}: is not for an envelope")
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(("low", "hinted"), [(0.0, True), (-1e-9, False)])
+def test_amplitudes_that_are_not_said_to_be_an_envelope_are_hinted_at(tmp_path, capsys, low, hinted):
+    """The control: a reading below zero is none of an amplitude."""
+    file = tmp_path / "r.csv"
+    t = np.linspace(0, 60, 400)
+    y = np.maximum(np.exp(-0.05 * t), 1e-3)
+    y[-1] = low
+    np.savetxt(file, np.column_stack([t, y]), delimiter=",", header="time,R (V)", comments="")
+    assert main(["compare", str(file), "--out", str(tmp_path / "out")]) == 2
+    assert ("--quantity envelope" in capsys.readouterr().err) == hinted
+
+
+def test_viscous_damping_of_an_envelope_may_be_structural(tmp_path, capsys):
+    assert main(["compare", str(written(tmp_path / "r.txt")), "--out", str(tmp_path / "out")]) == 0
+    (one,) = json.loads((tmp_path / "out" / "verdict.json").read_text())
+    assert any("Structural" in line for line in one["remarks"])
+    assert one["damping"] == "viscous"

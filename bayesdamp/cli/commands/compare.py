@@ -114,6 +114,11 @@ def compare(
     from bayesdamp.envelope.folder import asks_another
 
     if recognised(records, angle, unit, quantity):
+        _no_envelope_s({
+            "damping": damping, "restoring": restoring, "plugin": plugin, "exact": exact, "runs": runs,
+            "channel": channel, "deviation": deviation if deviation != "auto" else None,
+            "noise": noise if noise != "auto" else None, "time-unit": time_unit,
+        })  # fmt: skip
         written: list[Path] = []
 
         def chosen(name: str, options: Mapping[str, Any]) -> Path:
@@ -202,6 +207,16 @@ def compare(
     else:
         conclude(folder, shown)
     return status
+
+
+def _no_envelope_s(given: Mapping[str, object]) -> None:
+    """Raises InputError for the first option that is given and that an envelope is not answered by."""
+    for name, value in given.items():
+        if value:
+            raise InputError(
+                f"--{name}: is not for an envelope, which is weighed under sums of viscous, Coulomb and quadratic "
+                "damping and under one power of the amplitude; leave it out"
+            )
 
 
 @contextmanager

@@ -44,6 +44,7 @@ def reading(one: Found) -> str:
 
 def sentences(one: Found) -> list[str]:
     """What was done to a record, or why there is no free decay in it; nothing that its findings say."""
+    from bayesdamp.cli.asking import MAYBE_ENVELOPE
     from bayesdamp.records.findings import Kind
 
     about = one.raw.provenance if one.signal is None else one.signal.provenance
@@ -51,9 +52,7 @@ def sentences(one: Found) -> list[str]:
     notes = (*filter(None, [one.choice]), *(text for text in about.notes if text not in one.raw.why))
     about = replace(about, notes=notes)
     if one.signal is None:
-        alone = (
-            ["If these are amplitudes, of an envelope: --quantity envelope"] if one.raw.y.min() >= 0 else []
-        )
+        alone = [MAYBE_ENVELOPE] if one.raw.y.min() >= 0 else []
         return [*about.said, f"No free decay: {one.refusal}", *alone]
     if any(finding.kind in (Kind.DEGREES, Kind.TURNS) for finding in one.findings):
         # The finding says it with the option to type.
