@@ -350,3 +350,11 @@ def test_the_first_command_says_that_it_compiles(tmp_path: Path, monkeypatch: py
     assert compiles_first()
     (tmp_path / "kernels" / "bayesdamp_kernel_1").mkdir()
     assert not compiles_first()
+
+
+def test_simulate_names_what_a_term_needs_beside_its_coefficient(tmp_path, capsys):
+    """The control: given, it is simulated."""
+    asked = ["simulate", "--damping", "power=0.1", "--out", str(tmp_path / "a.csv")]
+    assert main(asked) == 2
+    assert "--set exponent=NUMBER" in capsys.readouterr().err
+    assert main([*asked, "--set", "exponent=1.5"]) == 0
