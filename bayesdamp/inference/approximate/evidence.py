@@ -41,7 +41,7 @@ def by_importance(law: Approximate, model: str, method: str, seed: int) -> Evide
     began, rng = time.perf_counter(), np.random.default_rng(seed)
     target = marginal_of(law.single.weighing, law.single.result)
     z = law.scores[:, : target.positive.size]
-    log_weights, count = np.empty(0), 0
+    y, log_weights, count = np.empty(0), np.empty(0), 0
     for _ in range(ROUNDS):
         proposal = fitted(z, target.positive)
         y = proposal.draw(rng, FINAL)
@@ -65,6 +65,7 @@ def by_importance(law: Approximate, model: str, method: str, seed: int) -> Evide
         evaluations=count,
         seconds=time.perf_counter() - began,
         outcome=trusted(k, worth),
+        arrays={"y": y, "log_weights": log_weights},
     )
 
 

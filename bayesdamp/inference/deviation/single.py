@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -110,6 +110,17 @@ def found_of(weighing: Weighing, result: Result) -> Found:
         frictions=weighing.frictions,
         averaged=weighing.data.averaged is not None,
     )
+
+
+def under(one: Single, priors: Mapping[str, Prior], epsilon: float | None = None) -> Single:
+    """A candidate about the same motion under other priors of what it infers, and another width of friction's turning
+    over where that is given. Raises Refusal where it cannot be followed there."""
+    parameters, found = one.result.fit.parameters, one.found
+    other, d = replace(parameters, priors=priors), found.z.size
+    z, start = (other.scores(parameters.named(scores)) for scores in (found.z, found.u[:d]))
+    moved = replace(found, priors=priors, z=z, u=np.concatenate([start, found.u[d:]]))
+    moved = moved if epsilon is None else replace(moved, epsilon=epsilon)
+    return again(one.weighing.data, one.result.candidate, moved)
 
 
 def again(data: Data, candidate: Candidate, found: Found) -> Single:

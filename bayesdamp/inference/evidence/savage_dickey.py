@@ -7,8 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from bayesdamp.inference.checks import diagnostics
-from bayesdamp.inference.model.target import Target
-from bayesdamp.priors import HalfNormal
+from bayesdamp.priors import HalfNormal, Prior
 from bayesdamp.types import OK
 
 FARTHEST = 5.0
@@ -34,16 +33,15 @@ class Ratio:
     outcome: str = OK
 
 
-def savage_dickey(target: Target, y: np.ndarray, parameter: str) -> Ratio:
+def savage_dickey(prior: Prior | None, draws: np.ndarray) -> Ratio:
     """Log of posterior to prior density of a coefficient at zero, on the reflected axis (Dickey, Annals of Mathematical
     Statistics 42, 1971).
 
-    y: posterior draws of the scores, shape (chain, draw, d). Valid under a half-normal prior, where both models share
+    draws: of the coefficient's score, shape (chain, draw). Valid under a half-normal prior, where both models share
     all other priors, and while the result is within 5 nats: farther out no draw is near zero.
     """
-    if not isinstance(target.priors.get(parameter), HalfNormal):
+    if not isinstance(prior, HalfNormal):
         return Ratio(outcome="not applicable: its prior is no half-normal")
-    draws = y[..., target.names.index(parameter)]
     log_density, error = density_at_zero(draws.ravel(), diagnostics.effective_mean(draws))
     ratio = log_density - 0.5 * np.log(2.0 / np.pi)
     if not (abs(ratio) < FARTHEST and error < 1.0):

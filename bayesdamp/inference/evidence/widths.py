@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -14,7 +14,10 @@ from bayesdamp.inference.evidence.methods.importance import K_LIMIT, Importance
 from bayesdamp.inference.fit.mode import Mode, mode_near
 from bayesdamp.inference.model.target import Target, numbers_of
 from bayesdamp.priors import HalfNormal, LogNormal, Prior
-from bayesdamp.types import OK, Refusal
+from bayesdamp.types import OK, Evidence, Refusal
+
+Anew = Callable[[Mapping[str, Prior], int], Evidence]
+"""Importance sampling under other priors, by a seed. Raises Refusal where there is no mode."""
 
 FACTORS = np.geomspace(0.1, 10.0, 9)
 """Factors on the prior's scale: two decades."""
@@ -48,33 +51,41 @@ def widened(prior: Prior, factor: float) -> Prior | None:
     return None
 
 
-def against_width(target: Target, mode: Mode, y: np.ndarray, log_weights: np.ndarray, seed: int) -> Widths:
+def against_width(
+    priors: Mapping[str, Prior],
+    coefficients: Sequence[str],
+    y: np.ndarray,
+    log_weights: np.ndarray,
+    anew: Anew,
+    seed: int,
+) -> Widths:
     """Evidence under narrower and wider priors of the damping coefficients, all at once.
 
-    y: importance draws on the reflected scores, (n, d); log_weights: their log weights under the prior as it is, (n,).
-    The likelihoods of these draws do not depend on the prior: each width needs prior densities alone.
+    y: importance draws on the reflected scores, (n, d), in the order of the priors; log_weights: their log weights
+    under the prior as it is, (n,). The likelihoods of these draws do not depend on the prior: each width needs prior
+    densities alone.
     """
-    values = target.values(y)
-    rows = [_one(target, mode, values, log_weights, factor, seed + i) for i, factor in enumerate(FACTORS)]
-    varied = tuple(n for n in _inferred(target) if widened(target.priors[n], 2.0) is not None)
+    values = {n: np.asarray(p.value(y[:, i])) for i, (n, p) in enumerate(priors.items()) if n in coefficients}
+    rows = [
+        _one(priors, coefficients, values, log_weights, factor, anew, seed + i)
+        for i, factor in enumerate(FACTORS)
+    ]
+    varied = tuple(n for n in coefficients if widened(priors[n], 2.0) is not None)
     return Widths(varied, FACTORS, *(np.array(column) for column in zip(*rows, strict=True)))
 
 
-def _inferred(target: Target) -> list[str]:
-    return [n for n in target.oscillator.coefficients if n in target.live]
-
-
 def _one(
-    target: Target,
-    mode: Mode,
+    priors: Mapping[str, Prior],
+    coefficients: Sequence[str],
     values: Mapping[str, np.ndarray],
     log_weights: np.ndarray,
     factor: float,
+    anew: Anew,
     seed: int,
 ) -> tuple[float, float, float, bool, bool]:
-    priors = dict(target.priors)
+    priors = dict(priors)
     weights = log_weights.copy()
-    for name in _inferred(target):
+    for name in coefficients:
         other = widened(priors[name], factor)
         if other is not None:
             weights += np.asarray(other.log_density(values[name]) - priors[name].log_density(values[name]))
@@ -84,17 +95,24 @@ def _one(
     size = effective(weights)
     if size >= ENOUGH and diagnostics.pareto_k(weights) < K_LIMIT:
         return log_evidence, float(np.std(w, ddof=1) / np.sqrt(w.size)), size, False, True
-    other = replace(target, priors=priors)
     try:
-        moved = _moved(target, other, mode)
+        found = anew(priors, seed)
     except Refusal:
         return np.nan, np.nan, size, True, False
-    found = Importance().evidence("", other, moved, seed)
     return found.log_evidence, found.stderr, size, True, found.outcome == OK
 
 
+def anew_exactly(target: Target, mode: Mode) -> Anew:
+    """Importance sampling under laws that hold exactly, about the mode under each prior on the plan of this one."""
+
+    def anew(priors: Mapping[str, Prior], seed: int) -> Evidence:
+        other = replace(target, priors=priors)
+        return Importance().evidence("", other, _moved(target, other, mode), seed)
+
+    return anew
+
+
 def _moved(target: Target, other: Target, mode: Mode) -> Mode:
-    """The mode under another prior, on the same plan."""
     context = replace(mode.context, numbers=numbers_of(other.priors.values()))
     values = target.all_values(mode.z)
     start = np.array([float(p.score(values[n])) for n, p in other.priors.items()])

@@ -17,11 +17,9 @@ import numpy as np
 from bayesdamp.inference.coordinates.whitening import FAR
 from bayesdamp.inference.fit.laplace import log_integral
 from bayesdamp.inference.fit.maximise import maximise
-from bayesdamp.inference.fit.mode import NEAR, Mode, restore_mode
 from bayesdamp.inference.fit.search import PLANS
-from bayesdamp.inference.model.compiled import compiled
+from bayesdamp.inference.many.record import Local, Record
 from bayesdamp.inference.model.density import LOG_2PI
-from bayesdamp.inference.model.target import Target
 from bayesdamp.types import Refusal
 
 ANGLES = ("spring_angle", "rest_angle")
@@ -44,39 +42,39 @@ class Apart(Refusal):
         self.nats = nats
 
 
-def damping_parameters(target: Target) -> tuple[str, ...]:
-    """Names of the damping parameters that a target infers, ε among them; not those of terms that it lacks."""
-    own = [n for n in target.oscillator.coefficients if n in target.live]
-    return (*own, *(["epsilon"] if "epsilon" in target.priors else []))
+def damping_parameters(record: Record) -> tuple[str, ...]:
+    """Names of the damping parameters that a record infers, ε among them; not those of terms that it lacks."""
+    own = [n for n in record.oscillator.coefficients if n in record.live]
+    return (*own, *(["epsilon"] if "epsilon" in record.priors else []))
 
 
-def law_parameters(target: Target) -> tuple[str, ...]:
-    """Names of the restoring law's parameters that a target infers and records of one specimen can share."""
-    return tuple(n for n in target.oscillator.law.parameters if n in target.priors and n not in ANGLES)
+def law_parameters(record: Record) -> tuple[str, ...]:
+    """Names of the restoring law's parameters that a record infers and records of one specimen can share."""
+    return tuple(n for n in record.oscillator.law.parameters if n in record.priors and n not in ANGLES)
 
 
 @dataclass(frozen=True)
 class Joint:
     """One candidate over the records of one specimen.
 
-    targets: one for each record; shared: the parameters that have one value in all of them. Coordinates x are the
-    shared scores and then each record's own, shape (d,); scores on which nothing depends are left out of them.
+    shared: the parameters that have one value in all of them. Coordinates x are the shared scores and then each
+    record's own, shape (d,); scores on which nothing depends are left out of them.
     Raises Refusal where a shared parameter does not have one prior in all records.
     """
 
-    targets: tuple[Target, ...]
+    records: tuple[Record, ...]
     shared: tuple[str, ...]
 
     def __post_init__(self) -> None:
         for name in self.shared:
-            priors = [t.priors.get(name) for t in self.targets]
+            priors = [r.priors.get(name) for r in self.records]
             if None in priors or any(p != priors[0] for p in priors):
                 raise Refusal(f"{name} cannot be shared: its prior is not the same for all records")
 
     @cached_property
     def live(self) -> tuple[tuple[str, ...], ...]:
         """Of each record, the parameters of its own that something depends on."""
-        return tuple(tuple(n for n in t.live if n not in self.shared) for t in self.targets)
+        return tuple(tuple(n for n in r.live if n not in self.shared) for r in self.records)
 
     @cached_property
     def parts(self) -> tuple[np.ndarray, ...]:
@@ -87,13 +85,13 @@ class Joint:
     @cached_property
     def reflected(self) -> np.ndarray:
         """Which coordinates are reflected, (d,) of bool."""
-        first = [self.targets[0].priors[n].reflected for n in self.shared]
-        own = [t.priors[n].reflected for t, names in zip(self.targets, self.live, strict=True) for n in names]
+        first = [self.records[0].priors[n].reflected for n in self.shared]
+        own = [r.priors[n].reflected for r, names in zip(self.records, self.live, strict=True) for n in names]
         return np.asarray([*first, *own], bool)
 
     def places(self, record: int) -> tuple[np.ndarray, np.ndarray]:
         """Where the shared scores and the own ones stand among a record's scores."""
-        names = self.targets[record].names
+        names = list(self.records[record].priors)
         return (
             np.asarray([names.index(n) for n in self.shared], int),
             np.asarray([names.index(n) for n in self.live[record]], int),
@@ -101,7 +99,7 @@ class Joint:
 
     def scores(self, record: int, shared: np.ndarray, own: np.ndarray) -> np.ndarray:
         """A record's scores, (..., d_j), from the shared ones, (..., k), and its own, (..., m)."""
-        z = np.zeros((*own.shape[:-1], len(self.targets[record].names)))
+        z = np.zeros((*own.shape[:-1], len(self.records[record].priors)))
         at, mine = self.places(record)
         z[..., at], z[..., mine] = shared, own
         return z
@@ -113,7 +111,7 @@ class Joint:
 
     def values(self, shared: np.ndarray) -> dict[str, np.ndarray]:
         """Shared parameters at their scores, (..., k): name to array of shape (...)."""
-        priors = self.targets[0].priors
+        priors = self.records[0].priors
         return {n: np.asarray(priors[n].value(shared[..., i])) for i, n in enumerate(self.shared)}
 
 
@@ -121,13 +119,12 @@ class Joint:
 class JointMode:
     """The mode of a joint posterior.
 
-    modes: one for each record, at the joint mode, with plans of the solver that are right there; x: coordinates, (d,);
-    gradient, information: of the joint log posterior there, (d,) and (d, d), with which `log_posterior` is a density
-    of the scores on both sides of zero.
+    local: each record's likelihood about it; x: coordinates, (d,); gradient, information: of the joint log posterior
+    there, (d,) and (d, d), with which `log_posterior` is a density of the scores on both sides of zero.
     """
 
     joint: Joint
-    modes: tuple[Mode, ...]
+    local: tuple[Local, ...]
     x: np.ndarray
     log_posterior: float
     gradient: np.ndarray
@@ -147,40 +144,33 @@ class JointMode:
         return inside + (reflected.size - near.size) * float(np.log(2.0))
 
 
-def find_joint_mode(
-    joint: Joint, starts: Sequence[Mapping[str, float]], tolerances: Sequence[float]
-) -> JointMode:
+def find_joint_mode(joint: Joint, starts: Sequence[Mapping[str, float]]) -> JointMode:
     """The mode that is reached from the records' own ones.
 
-    starts: each record's parameter values at its own mode; tolerances: of the solver's plans there, in units of the
-    records. Raises Apart where these are too far from each other for a search to make sense, Refusal where the joint
-    posterior is not finite on the way.
+    starts: each record's parameter values at its own mode. Raises Apart where these are too far from each other for a
+    search to make sense, Refusal where the joint posterior is not finite on the way.
     """
-    modes = [
-        _corrected(target, target.scores(values), tolerance)
-        for target, values, tolerance in zip(joint.targets, starts, tolerances, strict=True)
-    ]
-    (x, apart), evaluations, attempts = _start(joint, modes), len(modes), 0
+    local = [r.about(r.scores(values)) for r, values in zip(joint.records, starts, strict=True)]
+    x, evaluations, attempts = _start(joint, local), len(local), 0
+    apart = sum(at.cost(z) for at, z in zip(local, joint.split(x), strict=True))
     if apart > HOPELESS:
         raise Apart(joint.shared, apart)
     while True:
         attempts += 1
-        modes = [
-            mode if _near(mode, z) else _corrected(target, z, tolerance)
-            for mode, target, z, tolerance in zip(
-                modes, joint.targets, joint.split(x), tolerances, strict=True
-            )
+        local = [
+            at if at.holds(z) else record.about(z)
+            for at, record, z in zip(local, joint.records, joint.split(x), strict=True)
         ]
-        top = maximise(_curvature(joint, modes), joint.reflected, x)
-        x, evaluations = top.x, evaluations + top.evaluations * len(modes)
+        top = maximise(_curvature(joint, local), joint.reflected, x)
+        x, evaluations = top.x, evaluations + top.evaluations * len(local)
         if not np.isfinite(top.value):
             raise Refusal("the records have no joint mode that can be reached from their own ones")
-        near = all(_near(mode, z) for mode, z in zip(modes, joint.split(x), strict=True))
+        near = all(at.holds(z) for at, z in zip(local, joint.split(x), strict=True))
         if near or attempts == PLANS:
-            gradient = _curvature(joint, modes)(x)[1]
+            gradient = _curvature(joint, local)(x)[1]
             return JointMode(
                 joint,
-                tuple(modes),
+                tuple(local),
                 x,
                 top.value,
                 gradient,
@@ -190,27 +180,10 @@ def find_joint_mode(
             )
 
 
-def _corrected(target: Target, z: np.ndarray, tolerance: float) -> Mode:
-    """A record's part at the scores z, with a plan that is right there. Raises Refusal."""
-    at = restore_mode(target, z, np.nan, np.eye(z.size), tolerance)
-    value, _, information = compiled(target.layout).curvature(at.context, z)
-    if not np.isfinite(value):
-        raise Refusal("a record has no finite likelihood where the joint mode is looked for")
-    return Mode(
-        z, float(value), np.asarray(information), at.factor, at.context, (), np.nan, np.nan, tolerance
-    )
-
-
-def _near(mode: Mode, z: np.ndarray) -> bool:
-    """Whether a plan that was made at this mode is still right at the scores z."""
-    return bool((z - mode.z) @ mode.information @ (z - mode.z) < NEAR**2)
-
-
-def _start(joint: Joint, modes: Sequence[Mode]) -> tuple[np.ndarray, float]:
-    """The mean of the records' shared scores, weighted by what each knows of them, and their own ones there; and what
-    meeting there costs, in nats, as far as the log posteriors are parabolas."""
+def _start(joint: Joint, modes: Sequence[Local]) -> np.ndarray:
+    """The mean of the records' shared scores, weighted by what each knows of them, and their own ones there."""
     k = len(joint.shared)
-    known, pulled, follow, weights = np.zeros((k, k)), np.zeros(k), [], []
+    known, pulled, follow = np.zeros((k, k)), np.zeros(k), []
     for j, mode in enumerate(modes):
         at, mine = joint.places(j)
         h = mode.information
@@ -218,32 +191,27 @@ def _start(joint: Joint, modes: Sequence[Mode]) -> tuple[np.ndarray, float]:
         weight = h[np.ix_(at, at)] + h[np.ix_(at, mine)] @ slope
         known, pulled = known + weight, pulled + weight @ mode.z[at]
         follow.append(slope)
-        weights.append(weight)
     mean = np.linalg.solve(known, pulled) if k else pulled
-    own, cost = [], 0.0
+    own = []
     for j, (mode, slope) in enumerate(zip(modes, follow, strict=True)):
         at, mine = joint.places(j)
-        away = mean - mode.z[at]
-        own.append(mode.z[mine] + slope @ away)
-        cost += 0.5 * float(away @ weights[j] @ away)
-    return np.concatenate([mean, *own]), cost
+        own.append(mode.z[mine] + slope @ (mean - mode.z[at]))
+    return np.concatenate([mean, *own])
 
 
-def _curvature(joint: Joint, modes: Sequence[Mode]):
-    """x to the joint log posterior, its gradient (d,) and information (d, d), on the plans of these modes."""
+def _curvature(joint: Joint, local: Sequence[Local]):
+    """x to the joint log posterior, its gradient (d,) and information (d, d)."""
     k, d = len(joint.shared), joint.reflected.size
-    runs = [compiled(t.layout).curvature for t in joint.targets]
 
     def at(x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         value = -0.5 * float(x @ x) - 0.5 * d * LOG_2PI
         gradient, information = -x.copy(), np.eye(d)
         for j, z in enumerate(joint.split(x)):
-            own, slope, curved = map(np.asarray, runs[j](modes[j].context, z))
-            # The record's own prior goes out again: all coordinates have theirs already.
-            value += float(own) + 0.5 * float(z @ z) + 0.5 * z.size * LOG_2PI
+            own, slope, curved = local[j].curvature(z)
+            value += own
             names, places = np.concatenate(joint.places(j)), np.r_[np.arange(k), joint.parts[j]]
-            gradient[places] += (slope + z)[names]
-            information[np.ix_(places, places)] += (curved - np.eye(z.size))[np.ix_(names, names)]
+            gradient[places] += slope[names]
+            information[np.ix_(places, places)] += curved[np.ix_(names, names)]
         return np.asarray(value), gradient, information
 
     return at

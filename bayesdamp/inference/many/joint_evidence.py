@@ -21,7 +21,6 @@ from bayesdamp.inference.coordinates.whitening import truncated_moments
 from bayesdamp.inference.curves.weighted import effective, shares
 from bayesdamp.inference.evidence.methods.importance import K_GOOD, K_LIMIT
 from bayesdamp.inference.many.joint import Joint, JointMode
-from bayesdamp.inference.model.batches import log_likelihood
 from bayesdamp.inference.model.density import LOG_2PI
 from bayesdamp.machine.threads import cores
 from bayesdamp.types import OK
@@ -120,7 +119,7 @@ def weigh(mode: JointMode, seed: int, draws: int = FINAL) -> Weighed:
     """
     rng = np.random.default_rng(seed)
     several = any(mode.joint.live)
-    proposal, inner = _Proposal.at(mode), min(INNER, len(mode.modes)) if several else 1
+    proposal, inner = _Proposal.at(mode), min(INNER, len(mode.local)) if several else 1
     evaluations, best, kept = 0, -1.0, (proposal, inner)
 
     def more(inner: int) -> int:
@@ -128,7 +127,7 @@ def weigh(mode: JointMode, seed: int, draws: int = FINAL) -> Weighed:
 
     for _ in range(ROUNDS):
         drawn = _draw(mode, proposal, rng, PILOT, inner)
-        evaluations += PILOT * inner * len(mode.modes)
+        evaluations += PILOT * inner * len(mode.local)
         share = effective(drawn.log_weights) / PILOT
         if share > best:
             best, kept = share, (proposal, inner)
@@ -138,11 +137,11 @@ def weigh(mode: JointMode, seed: int, draws: int = FINAL) -> Weighed:
         proposal, inner = _refitted(mode.joint, drawn), more(inner)
     proposal, inner = kept
     drawn = _draw(mode, proposal, rng, draws, inner)
-    evaluations += draws * inner * len(mode.modes)
+    evaluations += draws * inner * len(mode.local)
     if _poor(drawn.log_weights) != OK:
         inner = more(inner)
         drawn = _draw(mode, _refitted(mode.joint, drawn), rng, draws, inner)
-        evaluations += draws * inner * len(mode.modes)
+        evaluations += draws * inner * len(mode.local)
     w = drawn.log_weights
     log_evidence = float(np.asarray(logsumexp(w)) - np.log(draws))
     return Weighed(
@@ -171,7 +170,7 @@ def _draw(mode: JointMode, proposal: _Proposal, rng: np.random.Generator, n: int
     weights = _log_normal(shared, joint.reflected[:k]) - proposal.shared.log_density(shared)
     repeated = np.repeat(shared, inner, axis=0)
     scores, densities = [], []
-    for j in range(len(joint.targets)):
+    for j in range(len(joint.records)):
         y, density = np.zeros((n * inner, 0)), np.zeros(n * inner)
         if joint.live[j]:
             reflected = joint.reflected[joint.parts[j]]
@@ -182,11 +181,11 @@ def _draw(mode: JointMode, proposal: _Proposal, rng: np.random.Generator, n: int
         densities.append(density)
 
     def likelihood(j: int) -> np.ndarray:
-        return log_likelihood(joint.targets[j], mode.modes[j].context, joint.scores(j, repeated, scores[j]))
+        return mode.local[j].log_likelihood(joint.scores(j, repeated, scores[j]))
 
     # Records side by side, in threads: nearly all of it is compiled, and other processes have nothing to do by now.
-    with ThreadPoolExecutor(min(len(joint.targets), cores())) as threads:
-        heights = list(threads.map(likelihood, range(len(joint.targets))))
+    with ThreadPoolExecutor(min(len(joint.records), cores())) as threads:
+        heights = list(threads.map(likelihood, range(len(joint.records))))
     own_weights = [(h + d).reshape(n, inner) for h, d in zip(heights, densities, strict=True)]
     for one in own_weights:
         weights = weights + logsumexp(one, axis=1) - np.log(inner)

@@ -115,7 +115,8 @@ def compute_evidence(branch: Branch, name: str, key: str, seed: int) -> None:
         branch.store.write(CellResult(name, key, outcome=str(refusal)))
         return
     content = EvidenceContent.holding(one)
-    branch.store.write(CellResult(name, key, content.meta(), {}, one.outcome, one.seconds))
+    arrays = one.arrays if branch.repeat == 0 else {}  # for what is asked of the first repeat alone
+    branch.store.write(CellResult(name, key, content.meta(), arrays, one.outcome, one.seconds))
 
 
 def _weighed(branch: Branch, law: Approximate, method: str, seed: int) -> Evidence:

@@ -74,9 +74,9 @@ def cells_of(branch: Branch) -> dict[str, str]:
     terms, noises = len(branch.terms), len(branch.study.noises)
     together = sum(s.repeats for s in branch.study.specimens.get(branch.spec.specimen, ())) > 1
     joined = together and not settings.samplers
-    changed = {} if law else sensitivity_cells(branch.path, found, branch.repeat, terms, noises, joined)
+    changed = sensitivity_cells(branch.path, found, branch.repeat, terms, noises, joined, law)
     for name, source in changed.items():
-        found[name] = task_key("sensitivity", mode_key, source, name)
+        found[name] = task_key("sensitivity", *whence, source, name)
     if branch.study.models.prune is not None:
         found[f"curve/{branch.path}"] = task_key("curve", mode_key)
     return found

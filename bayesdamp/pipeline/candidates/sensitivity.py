@@ -8,12 +8,14 @@ from dataclasses import asdict
 
 import numpy as np
 
+from bayesdamp.inference.approximate.sensitivity import over_widths
 from bayesdamp.inference.evidence import Draws
 from bayesdamp.inference.evidence.prediction import log_predictive, predict
 from bayesdamp.inference.evidence.savage_dickey import savage_dickey
-from bayesdamp.inference.evidence.widths import against_width
+from bayesdamp.inference.evidence.widths import Widths, against_width, anew_exactly
 from bayesdamp.inference.fit.noise_choice import fit_with
 from bayesdamp.outcomes import following
+from bayesdamp.pipeline.candidates.approximate import law_on, under_law
 from bayesdamp.pipeline.candidates.branch import Branch
 from bayesdamp.store import CellResult
 from bayesdamp.store.contents.candidates import ModeContent
@@ -44,12 +46,19 @@ SHOWN = 1000
 
 
 def sensitivity_cells(
-    path: str, found: Mapping[str, str], repeat: int, terms: int, noises: int, joined: bool = False
+    path: str,
+    found: Mapping[str, str],
+    repeat: int,
+    terms: int,
+    noises: int,
+    joined: bool = False,
+    law: bool = False,
 ) -> dict[str, str]:
     """Names of the cells to what their keys depend on: of the first repeat alone, and only where evidence is asked for.
 
     found: the branch's other cells, name to key; terms, noises: how many of the candidate's and in play. joined:
-    whether what counts is a fit of this record and others together, so that it is not looked at closely by itself.
+    whether what counts is a fit of this record and others together, so that it is not looked at closely by itself. law:
+    whether laws may hold approximately.
     """
     asked = repeat == 0 and any(Place.of(n).kind == "evidence" for n in found)
     sources = {kind: source.format(path) for kind, source in SOURCES.items()}
@@ -58,6 +67,7 @@ def sensitivity_cells(
         for kind, source in sources.items()
         if asked
         and source in found
+        and not (law and kind not in UNDER_LAW)
         and not (joined and kind in CLOSE)
         and {"savage_dickey": terms, "noises": noises}.get(kind, 2) > 1
     }
@@ -66,6 +76,7 @@ def sensitivity_cells(
 def compute_sensitivity(branch: Branch, name: str, key: str, seed: int) -> None:
     """Compute one of these cells."""
     kind, began = Place.of(name).method, time.perf_counter()
+    products = UNDER_LAW if under_law(branch.study) else _PRODUCTS
     source = branch.store.read(SOURCES[kind].format(branch.path))
     if not source.arrays:
         none = "not applicable: no draws were kept; run with --fresh"
@@ -73,7 +84,7 @@ def compute_sensitivity(branch: Branch, name: str, key: str, seed: int) -> None:
         branch.store.write(CellResult(name, key, outcome=why))
         return
     try:
-        content, arrays = _PRODUCTS[kind](branch, source, seed)
+        content, arrays = products[kind](branch, source, seed)
     except Refusal as refusal:
         branch.store.write(CellResult(name, key, outcome=str(refusal)))
         return
@@ -85,7 +96,19 @@ Product = tuple[Content, dict[str, np.ndarray]]
 
 def _widths(branch: Branch, source: CellResult, seed: int) -> Product:
     y, log_weights = (source.arrays[n].astype(float) for n in ("y", "log_weights"))
-    found = asdict(against_width(branch.shared, branch.restored_mode, y, log_weights, seed))
+    target = branch.shared
+    coefficients = [n for n in target.oscillator.coefficients if n in target.live]
+    anew = anew_exactly(target, branch.restored_mode)
+    return _of_widths(against_width(target.priors, coefficients, y, log_weights, anew, seed))
+
+
+def _widths_under_law(branch: Branch, source: CellResult, seed: int) -> Product:
+    y, log_weights = (source.arrays[n].astype(float) for n in ("y", "log_weights"))
+    return _of_widths(over_widths(law_on(branch), y, log_weights, seed))
+
+
+def _of_widths(widths: Widths) -> Product:
+    found = asdict(widths)
     varied = found.pop("varied")
     return WidthsContent(tuple(varied)), found
 
@@ -111,12 +134,16 @@ def _half(branch: Branch, source: CellResult, seed: int) -> Product:
 
 
 def _ratios(branch: Branch, source: CellResult, seed: int) -> Product:
-    draws = Draws.of(branch.target, source.arrays["draws"])
+    target = branch.target
+    z = Draws.of(target, source.arrays["draws"]).z
     # The model without a term, in the order in which the study writes it.
     law = candidate_parts(branch.model)[1]
     pairs = {candidate_name("+".join(x for x in branch.terms if x != t), law): t for t in branch.terms}
-    coefficient = dict(zip(branch.terms, branch.target.oscillator.coefficients, strict=True))
-    ratios = {m: savage_dickey(branch.target, draws.z, coefficient[t]) for m, t in pairs.items()}
+    coefficient = dict(zip(branch.terms, target.oscillator.coefficients, strict=True))
+    ratios = {
+        m: savage_dickey(target.priors.get(n := coefficient[t]), z[..., target.names.index(n)])
+        for m, t in pairs.items()
+    }
     return RatiosContent({m: NestedRatio(**vars(one)) for m, one in ratios.items()}), {}
 
 
@@ -142,3 +169,5 @@ def _noises(branch: Branch, source: CellResult, seed: int) -> Product:
 
 
 _PRODUCTS = {"widths": _widths, "half": _half, "noises": _noises, "savage_dickey": _ratios}
+UNDER_LAW = {"widths": _widths_under_law}
+"""Where laws may hold approximately; the others take them to hold exactly, and are not computed there."""

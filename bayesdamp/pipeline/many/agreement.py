@@ -59,7 +59,7 @@ def agreement(
 
     row: of this candidate under the sharing that was chosen. Raises Refusal where a record has no fit of its own.
     """
-    modes = [problem.alone(j) for j in range(len(problem.targets))]
+    modes = [problem.alone(j) for j in range(len(problem.records))]
     alone = [
         weigh(mode, specimen.seed(candidate, label))
         for mode, label in zip(modes, specimen.labels, strict=True)
@@ -166,11 +166,11 @@ def populations(
 ) -> dict[str, PopulationFound]:
     """The population of each damping coefficient over what the labels name, from draws of each."""
     arrays = [draws_of("", mode, one) for mode, one in zip(modes, found, strict=True)]
-    targets = [mode.joint.targets[0] for mode in modes]
-    coefficients = [n for n in targets[0].oscillator.coefficients if f"/{n}" in arrays[0]]
+    records = [mode.joint.records[0] for mode in modes]
+    coefficients = [n for n in records[0].oscillator.coefficients if f"/{n}" in arrays[0]]
     rows = {}
     for name in coefficients:
-        scale = common_scale([float(t.priors[name].value(1.0)) for t in targets])
+        scale = common_scale([float(r.priors[name].value(1.0)) for r in records])
         samples = [
             Sample(label, a[f"/{name}"], a["/log_weights"], a[f"/{name}/log_prior"])
             for label, a in zip(labels, arrays, strict=True)

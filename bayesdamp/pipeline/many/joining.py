@@ -31,7 +31,7 @@ from bayesdamp.pipeline.many.specimens import (
     weighed_content,
     weighing,
 )
-from bayesdamp.pipeline.pruning import LAW_MARGIN, looked
+from bayesdamp.pipeline.pruning import LAW_MARGIN
 from bayesdamp.pipeline.records.records import plain_seconds
 from bayesdamp.store import CellResult
 from bayesdamp.store.contents.many import JointCandidate, JointContent, WeighedContent
@@ -72,6 +72,7 @@ def _joined(specimen: Specimen, key: str) -> tuple[JointContent, dict[str, np.nd
     content = JointContent(
         records=tuple(specimen.labels),
         members=tuple((spec.name, repeat) for spec, repeat in specimen.records),
+        deviation=specimen.deviation,
         reference=Scales(**vars(specimen.reference)),
         sharing=sharing,
         best=best,
@@ -107,7 +108,7 @@ def _problems(specimen: Specimen) -> tuple[dict[str, Problem], dict[str, str]]:
     if not found:
         raise Refusal(f"no model was fitted to all records: {next(iter(aside.values()))}")
     if specimen.study.models.prune is not None:
-        apart = [looked(specimen.study, s, r, specimen.store, tuple(found)) for s, r in specimen.records]
+        apart = specimen.alone(tuple(found))
         sums = {c: sum(one.get(c, -math.inf) for one in apart) for c in found}
         limit = max(sums.values()) - specimen.study.models.prune - LAW_MARGIN
         for candidate in [c for c in found if sums[c] < limit]:

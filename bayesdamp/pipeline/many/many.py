@@ -12,6 +12,7 @@ from bayesdamp.pipeline.keys import task_key
 from bayesdamp.pipeline.many.joining import join
 from bayesdamp.pipeline.many.populating import populate
 from bayesdamp.pipeline.many.specimens import Specimen
+from bayesdamp.pipeline.records.answering import AnswerCell
 from bayesdamp.store import Store
 
 
@@ -42,5 +43,8 @@ def joint_cells(
 
 
 def _key(specimen: Specimen) -> str:
+    if specimen.approximate:
+        answers = [AnswerCell(specimen.study, s, r, specimen.store).key for s, r in specimen.records]
+        return task_key("joint_law", specimen.name, specimen.candidates, specimen.study.models.prune, answers)
     branches: list[Branch] = [b for c in specimen.candidates for b in specimen.branches(c)]
     return task_key("joint", specimen.name, [cells_of(b) for b in branches])

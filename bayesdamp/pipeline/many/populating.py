@@ -39,6 +39,9 @@ def populate(study: Study, store: Store, name: str, key: str) -> None:
 
 
 def _populated(specimens: list[Specimen]) -> PopulationContent:
+    assumed = sorted({s.deviation for s in specimens})
+    if len(assumed) > 1:
+        raise Refusal("no population: laws hold exactly for some specimens, approximately for others")
     bases = sorted({UNITS[s.specs[0].source.unit].base for s in specimens})
     if len(bases) > 1:
         raise Refusal(f"no population: some specimens are measured in {', others in '.join(bases)}")
@@ -61,6 +64,7 @@ def _populated(specimens: list[Specimen]) -> PopulationContent:
         ]
         found[name] = PopulationFound(scale, **vars(population(samples, scale)))
     return PopulationContent(
+        deviation=assumed[0],
         best=best,
         log_evidence=sums,
         behind={label: max(one.values()) - one[best] for label, one in logs.items()},
@@ -77,6 +81,8 @@ def log_evidences(specimen: Specimen) -> dict[str, float]:
         content = JointContent.maybe(_joint(specimen))
         rows = content.candidates if content else {}
         return {c: r.log_evidence for c, r in rows.items() if r.log_evidence is not None}
+    if specimen.approximate:
+        return specimen.alone(specimen.candidates)[0]
     spec, repeat = specimen.records[0]
     record = f"{spec.name}/{repeat}"
     by_method = evidence_by_method(specimen.study, specimen.store, record, specimen.candidates)
@@ -98,7 +104,7 @@ def _torn(specimen: Specimen) -> bool:
 def _draws(specimen: Specimen, candidate: str) -> tuple[Mapping[str, np.ndarray], Weighing, dict[str, float]]:
     """Weighted draws of a candidate's coefficients, what is told of them, and the scales of their priors."""
     problem = specimen.problem(candidate)
-    priors = problem.targets[0].priors
+    priors = problem.records[0].priors
     if len(specimen.records) > 1:
         cell = _joint(specimen)
         arrays, row = cell.arrays, JointContent.of(cell).candidates[candidate]
@@ -108,5 +114,5 @@ def _draws(specimen: Specimen, candidate: str) -> tuple[Mapping[str, np.ndarray]
         arrays = draws_of(candidate, mode, found)
         summary = summaries(mode, found)
         row = weighing(found, summary, specimen.units(candidate, list(summary)))
-    names = [n for n in problem.targets[0].oscillator.coefficients if f"{candidate}/{n}" in arrays]
+    names = [n for n in problem.records[0].oscillator.coefficients if f"{candidate}/{n}" in arrays]
     return arrays, row, {n: float(priors[n].value(1.0)) for n in names}

@@ -18,12 +18,15 @@ from bayesdamp.inference.many.joint import (
     law_parameters,
 )
 from bayesdamp.inference.many.joint_evidence import Weighed
+from bayesdamp.inference.many.record import Exact, Record
 from bayesdamp.inference.model.defaults import Reference
-from bayesdamp.inference.model.target import Target
 from bayesdamp.outcomes import Status, following
 from bayesdamp.physics.units import parameter_unit
 from bayesdamp.pipeline.candidates.branch import Branch
 from bayesdamp.pipeline.candidates.cells import cells_of
+from bayesdamp.pipeline.many.laws import answered_logs, joined_on
+from bayesdamp.pipeline.pruning import looked
+from bayesdamp.pipeline.records.answering import approximately
 from bayesdamp.pipeline.records.records import cell_seed
 from bayesdamp.store import Store
 from bayesdamp.store.contents.candidates import ModeContent
@@ -37,17 +40,16 @@ BOTH, DAMPING, LAW, NOTHING = "damping and law", "damping", "law", "nothing"
 
 @dataclass(frozen=True)
 class Problem:
-    """One candidate on the records of a specimen: targets, values at each record's own mode, tolerances there."""
+    """One candidate on the records of a specimen, and values at each record's own mode."""
 
-    targets: tuple[Target, ...]
+    records: tuple[Record, ...]
     starts: tuple[Mapping[str, float], ...]
-    tolerances: tuple[float, ...]
 
     def names(self, sharing: str) -> tuple[str, ...]:
         """The parameters that are shared under a sharing."""
-        damping = damping_parameters(self.targets[0]) if sharing in (BOTH, DAMPING) else ()
+        damping = damping_parameters(self.records[0]) if sharing in (BOTH, DAMPING) else ()
         law = (
-            dict.fromkeys(n for t in self.targets for n in law_parameters(t))
+            dict.fromkeys(n for r in self.records for n in law_parameters(r))
             if sharing in (BOTH, LAW)
             else ()
         )
@@ -55,13 +57,12 @@ class Problem:
 
     def mode(self, shared: tuple[str, ...]) -> JointMode:
         """The joint mode. Raises Refusal."""
-        return find_joint_mode(Joint(self.targets, shared), self.starts, self.tolerances)
+        return find_joint_mode(Joint(self.records, shared), self.starts)
 
     def alone(self, record: int) -> JointMode:
         """One record's own mode, as a joint one with all its parameters shared. Raises Refusal."""
-        target = self.targets[record]
-        live = Joint((target,), ()).live[0]
-        return find_joint_mode(Joint((target,), live), [self.starts[record]], [self.tolerances[record]])
+        own = (self.records[record],)
+        return find_joint_mode(Joint(own, own[0].live), [self.starts[record]])
 
 
 class Specimen:
@@ -94,9 +95,28 @@ class Specimen:
         )
         return Reference(amplitude, frequency)
 
+    @property
+    def approximate(self) -> bool:
+        """Whether laws may hold approximately: where they may in every record's answer."""
+        return all(approximately(self.study, spec) for spec in self.specs)
+
+    @property
+    def deviation(self) -> str:
+        """What results say of it: "law" or "none"."""
+        return "law" if self.approximate else "none"
+
     def problem(self, candidate: str) -> Problem:
-        """A candidate on all records. Raises Refusal where it has no mode on one of them."""
-        branches, starts, tolerances = self.branches(candidate), [], []
+        """A candidate on all records. Raises Refusal where it was not fitted to one of them."""
+        branches = self.branches(candidate)
+        if self.approximate:
+            records, starts = joined_on(branches, self.labels, self.reference)
+        else:
+            records, starts = self._exact(branches)
+        return Problem(tuple(records), tuple(starts))
+
+    def _exact(self, branches: Sequence[Branch]) -> tuple[list[Record], list[Mapping[str, float]]]:
+        """The records under laws that hold exactly, with values at their modes."""
+        starts, tolerances = [], []
         for label, branch in zip(self.labels, branches, strict=True):
             name = f"mode/{branch.path}"
             try:
@@ -113,18 +133,27 @@ class Specimen:
             starts.append(mode.values)
             tolerances.append(mode.tolerance)
         epsilon = shared_epsilon(branches)
-        targets = [
-            branch.record.target(
-                branch.terms,
-                branch.restoring,
-                branch.noise,
-                beside=branch.beside,
-                reference=self.reference,
-                epsilon=epsilon,
+        records: list[Record] = [
+            Exact(
+                branch.record.target(
+                    branch.terms,
+                    branch.restoring,
+                    branch.noise,
+                    beside=branch.beside,
+                    reference=self.reference,
+                    epsilon=epsilon,
+                ),
+                tolerance,
             )
-            for branch in branches
+            for branch, tolerance in zip(branches, tolerances, strict=True)
         ]
-        return Problem(tuple(targets), tuple(starts), tuple(tolerances))
+        return records, starts
+
+    def alone(self, candidates: Sequence[str]) -> list[dict[str, float]]:
+        """Of each record the log evidence of the candidates that have one there, by a first look."""
+        if self.approximate:
+            return [answered_logs(each) for each in zip(*map(self.branches, candidates), strict=True)]
+        return [looked(self.study, spec, r, self.store, tuple(candidates)) for spec, r in self.records]
 
     def seed(self, *what: str) -> int:
         """Of what is drawn for this specimen."""
@@ -164,8 +193,8 @@ def summaries(mode: JointMode, found: Weighed) -> dict[str, dict[str, float]]:
 
 def draws_of(label: str, mode: JointMode, found: Weighed) -> dict[str, np.ndarray]:
     """Weighted draws of the damping coefficients, with the log density of their prior, as arrays of a cell."""
-    values, priors = mode.joint.values(found.scores), mode.joint.targets[0].priors
-    coefficients = [n for n in mode.joint.targets[0].oscillator.coefficients if n in values]
+    values, priors = mode.joint.values(found.scores), mode.joint.records[0].priors
+    coefficients = [n for n in mode.joint.records[0].oscillator.coefficients if n in values]
     arrays = {f"{label}/{n}": values[n] for n in coefficients}
     arrays |= {f"{label}/{n}/log_prior": np.asarray(priors[n].log_density(values[n])) for n in coefficients}
     return arrays | {f"{label}/log_weights": found.log_weights}

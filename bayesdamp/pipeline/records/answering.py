@@ -119,14 +119,6 @@ class AnswerCell:
         return tuple(dict.fromkeys(t for terms in every for t in terms))
 
     def _answer(self, record: Record) -> Answer:
-        given: dict[str, Prior] = {
-            TERMS.get(t).parameter if t in TERMS.names() else t: p
-            for t, p in self.study.models.prior.items()
-            if p is not None
-        }
-        for law in self.spec.restoring:
-            given |= {k: p for k, p in record.system(law).free.items() if p is not None}  # type: ignore[misc]
-
         def known(law: str) -> Mapping[str, float]:
             system = record.system(law)
             chosen = "epsilon" in self.spec.under(law).known
@@ -138,7 +130,7 @@ class AnswerCell:
             damping=self.study.dampings(self.spec),
             restoring=self.spec.restoring,
             known=known,
-            priors=given,
+            priors=priors_given(self.study, self.spec, record),
             reference=record.reference,
             sensor=self.study.posterior.sensor,
             measured=isinstance(self.spec.source, Recording),
@@ -154,6 +146,18 @@ class AnswerCell:
         if first not in _MADE:
             _MADE.clear()
         return _MADE.setdefault(first, {})
+
+
+def priors_given(study: Study, spec: SignalSpec, record: Record) -> dict[str, Prior]:
+    """The priors that a study states for a record, by parameter."""
+    given: dict[str, Prior] = {
+        TERMS.get(t).parameter if t in TERMS.names() else t: p
+        for t, p in study.models.prior.items()
+        if p is not None
+    }
+    for law in spec.restoring:
+        given |= {k: p for k, p in record.system(law).free.items() if p is not None}  # type: ignore[misc]
+    return given
 
 
 def answer_cell(store: Store, signal: str, repeat: int) -> CellResult | None:

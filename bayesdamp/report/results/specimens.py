@@ -30,6 +30,13 @@ def sentences(run: Run) -> list[str]:
     return found + ([population_sentence(cell)] if cell is not None else [])
 
 
+ASSUMED = {
+    "none": "if every law held exactly",
+    "law": "laws holding approximately, each record with deviations of its own",
+}
+"""Under which assumption a joint fit or a population is."""
+
+
 def joint_sentence(run: Run, cell: CellResult) -> str:
     """What a joint fit says: which damping, how large, whether the records agree, and whether it fits them."""
     joint = JointContent.maybe(cell)
@@ -38,8 +45,9 @@ def joint_sentence(run: Run, cell: CellResult) -> str:
     row = joint.candidates[joint.best]
     sure = "" if row.probability >= SURE else "most likely "
     sizes = [f"{words.symbol(n).text} = {size(row, n)}" for n in joint.repeats]
-    text = f"{len(joint.records)} records together: damping is {sure}{words.model(joint.best)}, with probability "
-    text += f"{words.probability(row.probability)}; {words.listing(sizes)}; {joint.said['damping']}"
+    text = f"{len(joint.records)} records together, {ASSUMED[joint.deviation]}: damping is {sure}"
+    text += f"{words.model(joint.best)}, with probability {words.probability(row.probability)}; "
+    text += f"{words.listing(sizes)}; {joint.said['damping']}"
     if row.outcome != OK:
         text += f"; {row.outcome}"
     worse = misfits(run, joint)
@@ -77,6 +85,7 @@ def population_sentence(cell: CellResult) -> str:
         f"{over(p.spread, found.units[n])}"
         for n, p in found.populations.items()
     ]
-    text = f"Over {len(found.specimens)} specimens, all taken as {words.model(found.best)}: "
+    text = f"Over {len(found.specimens)} specimens, all taken as {words.model(found.best)}, "
+    text += f"{ASSUMED[found.deviation]}: "
     text += words.listing(parts)
     return f"{text}; {cell.outcome}." if cell.outcome != OK else f"{text}."

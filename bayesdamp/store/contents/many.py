@@ -90,10 +90,11 @@ class PopulationFound:
 class JointContent(Content):
     """A joint fit of a specimen's records (`joint/SPECIMEN`).
 
-    records: their labels; members: signal and repeat of each; reference: of their priors. sharing: what they share;
-    best: the likeliest candidate. Of the best: sharings, the evidence of each way of sharing; agreement, of one damping
-    (and law) against one for each record; said, the same in words, and what stands as the fit's outcome; alone: each
-    record by itself; repeats: the population of each coefficient over the records.
+    records: their labels; members: signal and repeat of each; reference: of their priors. deviation: "law" where laws
+    hold approximately, each record with deviations of its own, "none" where they hold exactly. sharing: what the
+    records share; best: the likeliest candidate. Of the best: sharings, the evidence of each way of sharing; agreement,
+    of one damping (and law) against one for each record; said, the same in words, and what stands as the fit's outcome;
+    alone: each record by itself; repeats: the population of each coefficient over the records.
     """
 
     records: tuple[str, ...]
@@ -107,6 +108,7 @@ class JointContent(Content):
     said: Mapping[str, str]
     alone: Mapping[str, Weighing]
     repeats: Mapping[str, PopulationFound]
+    deviation: str = "none"
 
 
 @dataclass(frozen=True)
@@ -114,7 +116,8 @@ class PopulationContent(Content):
     """The population over specimens (`population/specimens`), under the candidate that is best for all.
 
     log_evidence: of each candidate over all; behind: nats by which another is ahead, by specimen; torn: specimens whose
-    records disagree; specimens: each one's own coefficients; units, populations: by coefficient.
+    records disagree; specimens: each one's own coefficients; units, populations: by coefficient; deviation: as in
+    `JointContent`.
     """
 
     best: str
@@ -124,3 +127,4 @@ class PopulationContent(Content):
     torn: tuple[str, ...]
     units: Mapping[str, str]
     populations: Mapping[str, PopulationFound]
+    deviation: str = "none"

@@ -13,7 +13,7 @@ from bayesdamp.inference.evidence import widths
 from bayesdamp.inference.evidence.methods.importance import Importance
 from bayesdamp.inference.evidence.prediction import log_predictive, predict
 from bayesdamp.inference.evidence.savage_dickey import density_at_zero, savage_dickey
-from bayesdamp.inference.evidence.widths import against_width, widened
+from bayesdamp.inference.evidence.widths import against_width, anew_exactly, widened
 from bayesdamp.inference.fit.search import find_mode
 from bayesdamp.priors import HalfNormal, LogNormal, Normal, Uniform
 from bayesdamp.types import Evidence, Seed, Signal
@@ -55,7 +55,10 @@ def test_widths_against_quadrature(enough, monkeypatch):
     monkeypatch.setattr(widths, "ENOUGH", enough)
     target, mode = problem(TWO)
     found = importance(TWO)
-    made = against_width(target, mode, found.arrays["y"], found.arrays["log_weights"], 1)
+    anew = anew_exactly(target, mode)
+    made = against_width(
+        target.priors, ("zeta", "mu_c"), found.arrays["y"], found.arrays["log_weights"], anew, 1
+    )
     exact = np.array([under_width(f) for f in made.factors])
     assert made.varied == ("zeta", "mu_c")
     assert made.factors[0] == pytest.approx(0.1)
@@ -136,7 +139,7 @@ def test_savage_dickey_is_the_bayes_factor_of_a_nested_pair(without, left):
     the axis ends loses half the density, log 2."""
     target, _ = problem(TWO)
     y = exact_draws(TWO, 1).z
-    found = savage_dickey(target, y, without)
+    found = savage_dickey(target.priors[without], y[..., target.names.index(without)])
     exact = smaller(left) - quadrature(TWO)
     assert found.outcome == "ok"
     assert found.stderr < 0.2
@@ -148,9 +151,11 @@ def test_savage_dickey_is_the_bayes_factor_of_a_nested_pair(without, left):
 def test_savage_dickey_says_where_it_is_not_valid():
     target, _ = problem("one far")
     y = exact_draws("one far", 1).z
-    assert savage_dickey(target, y, "mu_c").outcome.startswith("not applicable: beyond 5 nats")
-    other = replace(target, priors={"mu_c": Normal(mean=0.1, sd=0.1)})
-    assert savage_dickey(other, y, "mu_c").outcome == "not applicable: its prior is no half-normal"
+    assert savage_dickey(target.priors["mu_c"], y[..., 0]).outcome.startswith("not applicable: beyond 5 nats")
+    assert (
+        savage_dickey(Normal(mean=0.1, sd=0.1), y[..., 0]).outcome
+        == "not applicable: its prior is no half-normal"
+    )
 
 
 @pytest.mark.parametrize("sd", [1e-4, 0.02])

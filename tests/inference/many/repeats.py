@@ -13,6 +13,7 @@ from scipy.special import logsumexp
 
 from bayesdamp.inference.fit.search import find_mode
 from bayesdamp.inference.many.joint import Joint
+from bayesdamp.inference.many.record import Exact
 from bayesdamp.inference.model.target import Target
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.priors import HalfNormal, LogNormal, Normal, Prior
@@ -63,8 +64,8 @@ def starts(made: Sequence[Target]) -> tuple[list[dict[str, float]], list[float]]
     return [t.all_values(m.z) for t, m in zip(made, modes)], [m.tolerance for m in modes]
 
 
-def joint(made: Sequence[Target], shared: Sequence[str]) -> Joint:
-    return Joint(tuple(made), tuple(shared))
+def joint(made: Sequence[Target], shared: Sequence[str], tolerances: Sequence[float]) -> Joint:
+    return Joint(tuple(map(Exact, made, tolerances)), tuple(shared))
 
 
 def log_alone(signal: Signal, zeta: np.ndarray, stiffness: np.ndarray) -> np.ndarray:

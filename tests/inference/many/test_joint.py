@@ -29,7 +29,7 @@ def signals(case: str):
 def shared(case: str) -> tuple[JointMode, Weighed]:
     made = targets(signals(case))
     at, tolerances = starts(made)
-    mode = find_joint_mode(joint(made, ("zeta",)), at, tolerances)
+    mode = find_joint_mode(joint(made, ("zeta",), tolerances), at)
     return mode, weigh(mode, seed=3)
 
 
@@ -86,7 +86,7 @@ def test_shared_against_own_damping_tells_repeats_from_specimens():
 def test_one_record_with_all_shared_is_its_own_posterior():
     made = targets(signals("repeats"))[:1]
     at, tolerances = starts(made)
-    found = weigh(find_joint_mode(joint(made, made[0].names), at, tolerances), seed=5)
+    found = weigh(find_joint_mode(joint(made, made[0].names, tolerances), at), seed=5)
     assert found.log_evidence == pytest.approx(exact("repeats", (0,))[0], abs=4 * found.stderr + 0.01)
 
 
@@ -95,7 +95,7 @@ def test_records_far_apart_are_not_searched():
     made = targets(records((0.05, 0.4), seed=2, noise=0.002))
     at, tolerances = starts(made)
     with pytest.raises(Apart, match="the records disagree: a common value of zeta would cost") as caught:
-        find_joint_mode(joint(made, ("zeta",)), at, tolerances)
+        find_joint_mode(joint(made, ("zeta",), tolerances), at)
     assert caught.value.nats > HOPELESS
 
 
@@ -105,7 +105,7 @@ def test_a_prior_that_differs_cannot_be_shared():
         two.signal, two.oscillator, two.noise, {**two.priors, "zeta": HalfNormal(scale=0.1)}, two.known
     )
     with pytest.raises(Refusal, match="zeta cannot be shared"):
-        joint([one, other], ("zeta",))
+        joint([one, other], ("zeta",), (1e-6, 1e-6))
 
 
 def test_the_number_of_threads_does_not_change_a_digit(monkeypatch):

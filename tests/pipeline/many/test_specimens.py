@@ -146,7 +146,14 @@ def test_records_of_one_specimen_share_one_friction(monkeypatch):
     monkeypatch.setattr(specimens, "cells_of", lambda _: {"mode/p": "key"})
     one = object.__new__(Specimen)
     cell = SimpleNamespace(key="key", outcome=OK, meta={"values": {}, "tolerance": 1e-6})
-    vars(one).update(labels=["a", "b"], reference=None, store=SimpleNamespace(read=lambda _: cell))
+    study = SimpleNamespace(posterior=SimpleNamespace(deviation="none"))
+    vars(one).update(
+        study=study,
+        specs=(None,),
+        labels=["a", "b"],
+        reference=None,
+        store=SimpleNamespace(read=lambda _: cell),
+    )
     for second in (0.01, None):
         made = [branch(second, 0.1), branch(None, 0.04)]
         monkeypatch.setattr(Specimen, "branches", lambda self, _, made=made: made)

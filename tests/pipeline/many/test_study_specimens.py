@@ -72,10 +72,12 @@ def test_the_report_and_the_terminal_say_it(run):
     for text in ("Many records", "Repeats of a", "Over the specimens", "an encoder may be offset"):
         assert text in page
     a, b, over = sentences(Run(run))
-    assert a.startswith("a: 2 records together: damping is viscous")
+    assert a.startswith("a: 2 records together, if every law held exactly: damping is viscous")
     assert "disagree" in b
     assert "disagree" not in a
-    assert over.startswith("Over 3 specimens, all taken as viscous: ζ has the mean")
+    assert over.startswith(
+        "Over 3 specimens, all taken as viscous, if every law held exactly: ζ has the mean"
+    )
 
 
 def test_cells_are_done_once(run, tmp_path, monkeypatch):

@@ -84,7 +84,7 @@ def _elsewhere(run: Run, signal: str, models: list[str]) -> Table | None:
     """Over windows of the record, and under each noise model."""
     found: dict[str, dict[str, float]] = {}
     noises = _cells(run, signal, models, "noises")
-    if len(_cells(run, signal, models, "widths")) < 2:
+    if run.under_law or len(_cells(run, signal, models, "widths")) < 2:
         return None
     for model in models:
         mode = mode_of(run, signal, 0, model)

@@ -29,6 +29,13 @@ _SHARED = {
     "damping and law": "the damping and the restoring law's parameters but its angles",
     "damping": "the damping alone; each record has its own restoring parameters",
 }
+_OWN = {
+    "none": "its noise. The joint interval is right if the records share what they are said to share, every law holds "
+    "exactly and each record's noise is right; it is not widened for what differs from record to record.",
+    "law": "by how much its damping and its restoring force deviate from their laws along it, which is integrated out. "
+    "The joint interval is right if the records share what they are said to share; it is widened for how far the laws "
+    "hold in each, not for coefficients that differ from record to record.",
+}
 
 
 class Specimens(Section):
@@ -69,9 +76,7 @@ def _joint(run: Run, name: str, cell: CellResult) -> list[object]:
     best, row = joint.best, joint.candidates[joint.best]
     how = (
         f"Shared: {_SHARED[joint.sharing]}. Each record's own: its start, its angle at rest (an encoder "
-        "may be offset) and its noise. The joint interval is right if the records share what they are said to "
-        "share, every law holds exactly and each record's noise is right; it is not widened for how far laws hold, "
-        "nor for what differs from record to record."
+        f"may be offset) and {_OWN[joint.deviation]}"
     )
     law = f"As to the law, {joint.said['law']}." if "law" in joint.said else ""
     parts: list[object] = [
