@@ -168,6 +168,8 @@ def _pooled_interval(given: Sequence[Interval | None]) -> Interval | None:
     known = [i for i in given if i is not None]
     if not known:
         return None
+    if all(i.low == i.high == known[0].value for i in known):
+        return known[0]  # given, the same for all
     p = pooled(np.array([i.value for i in known]), np.array([(i.high - i.low) / 3.92 for i in known]))
     return Interval(p.mean, p.low, p.high, known[0].unit)
 

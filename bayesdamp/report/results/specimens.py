@@ -50,7 +50,8 @@ def joint_sentence(run: Run, cell: CellResult) -> str:
     text += f"{words.listing(sizes)}; {joint.said['damping']}"
     if row.outcome != OK:
         text += f"; {row.outcome}"
-    worse = misfits(run, joint)
+    # Where laws may hold approximately each record's own deviation takes what an exact law does not fit.
+    worse = misfits(run, joint) if joint.deviation == "none" else []
     return f"{text}; it does not fit {words.listing(worse)}." if worse else f"{text}."
 
 

@@ -105,9 +105,12 @@ def test_the_page_says_under_which_assumption() -> None:
     law, exact = (sentences(Run(ran(d)))[0] for d in ("law", "none"))
     assert "2 records together, laws holding approximately, each record with deviations of its own" in law
     assert "2 records together, if every law held exactly" in exact
+    assert "does not fit" not in law
     page = (ran("law") / "report.html").read_text(encoding="utf-8")
     assert "widened for how far the laws hold in each" in page
     assert "every law holds exactly" not in page
+    assert "<h3>rep</h3>" in page
+    assert "0.71176 Hz, given" in page.split("<h3>rep</h3>")[1][:600]
     spread = {
         d: [r for r in read_table(ran(d) / "population.csv") if r["what"] == "spread"]
         for d in ("law", "none")

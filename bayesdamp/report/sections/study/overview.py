@@ -40,13 +40,15 @@ class Overview(Section):
     def render(self, run: Run) -> str:
         """Specimens, small multiples, and a line a record."""
         found = answers(run)
-        cards = [_together(v) for v in specimens(run)]
+        together = specimens(run)
+        cards = [_together(v, v.record if len(together) > 1 else "") for v in together]
         return fill("stack.html", parts=[*cards, _pictures(found), _table(found)])
 
 
-def _together(v: Verdict) -> Markup:
+def _together(v: Verdict, name: str) -> Markup:
+    head = Markup("<h3>{}</h3>").format(name) if name else ""
     more = Markup("").join(Markup("<p>{}</p>").format(said) for said in energy_of(v))
-    return Markup('<div class="verdict"><p class="claim">{}</p>{}</div>').format(v.sentence, more)
+    return Markup('<div class="verdict">{}<p class="claim">{}</p>{}</div>').format(head, v.sentence, more)
 
 
 def _pictures(found: Sequence[Answer]) -> Markup:
