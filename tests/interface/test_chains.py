@@ -13,6 +13,7 @@ import bayesdamp as bd
 from bayesdamp.inference.approximate.evidence import by_importance
 from bayesdamp.inference.approximate.sensitivity import over_widths
 from bayesdamp.inference.deviation.sampled.marginal import Marginal, marginal_of
+from bayesdamp.inference.evidence import widths as evidence_widths
 from tests.interface.test_deviation import SCALE, by_quadrature, fit, one_parameter
 
 LENGTHS = {"nuts": {"chains": 2, "warmup": 50, "draws": 300}, "emcee": {}}
@@ -22,6 +23,14 @@ GRID = np.linspace(0.040, 0.060, 201)
 def marginal(of: bd.Fit) -> Marginal:
     assert of.law is not None
     return marginal_of(of.law.single.weighing, of.law.single.result)
+
+
+def without_deviations(whole: Marginal) -> Marginal:
+    nothing = np.zeros((1, *whole.maps.shape[1:]))
+    return replace(
+        whole, log_prior=np.zeros(1), maps=nothing, effects=nothing, whitening=nothing + np.eye(nothing.shape[1]),
+        log_scale=np.zeros(1),
+    )  # fmt: skip
 
 
 @lru_cache
@@ -54,19 +63,37 @@ def test_the_density_has_the_evidence_of_the_motions() -> None:
     sampled = bd.evidence(one_parameter())
     total = by_sum()[2]
     assert abs(total - sampled.log_evidence) < 4 * sampled.stderr + 0.1
-    whole = marginal(one_parameter())
-    nothing = np.zeros((1, *whole.maps.shape[1:]))
-    alone = replace(
-        whole, log_prior=np.zeros(1), maps=nothing, effects=nothing, whitening=nothing + np.eye(nothing.shape[1]),
-        log_scale=np.zeros(1),
-    )  # fmt: skip
+    alone = without_deviations(marginal(one_parameter()))
     z = np.array([one_parameter().priors["zeta"].score(v) for v in GRID])[:, None]
     exact = alone.log_density(z) + np.log(np.gradient(z[:, 0]))
     assert total - float(logsumexp(exact)) > 5
 
 
-def test_the_evidence_under_other_widths_of_the_prior_against_a_sum() -> None:
+@pytest.mark.parametrize("away", [0.0, 0.01])
+def test_slope_and_information_are_those_of_differences(away: float) -> None:
+    """Of the log likelihood about the mode and beside it: the slope to 1e-4 of its own size and of an sd's, the
+    information within a tenth. Control: without deviations it is far too large."""
+    density, step = marginal(one_parameter()), 1e-5
+    z = np.array([one_parameter().priors["zeta"].score(one_parameter().values["zeta"] + away * 0.05)])
+    value, slope, information = density.curvature(z)
+    low, middle, high = density.log_likelihood(np.array([z - step, z, z + step]))
+    assert value == pytest.approx(middle, abs=1e-3)
+    by_difference = (high - low) / (2 * step)
+    sd = 1 / np.sqrt(information[0, 0])
+    assert slope[0] == pytest.approx(by_difference, rel=1e-4, abs=1e-4 / sd)
+    wide = 0.1 * sd
+    low, high = density.curvature(z - wide)[1], density.curvature(z + wide)[1]
+    curved = float((low - high)[0]) / (2 * wide)
+    assert information[0, 0] == pytest.approx(curved, rel=0.1)
+    assert without_deviations(density).curvature(z)[2][0, 0] > 1.5 * curved
+
+
+@pytest.mark.parametrize("enough", [evidence_widths.ENOUGH, np.inf], ids=["as it comes", "all sampled anew"])
+def test_the_evidence_under_other_widths_of_the_prior_against_a_sum(
+    enough: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Five standard errors and 0.002 nats. Control: without the prior's constant it would be off by a logarithm."""
+    monkeypatch.setattr(evidence_widths, "ENOUGH", enough)
     law = one_parameter().law
     assert law is not None
     found = by_importance(law, "viscous", "importance", 1)
