@@ -146,3 +146,24 @@ def test_one_damping_with_other_deviations_is_one_damping() -> None:
     assert said["q2.5"] < 0.05 < said["q97.5"]
     apart = sum(by_sum("two specimens", (j,))[0] for j in (0, 1))
     assert shared("two specimens")[1].log_evidence - apart < -3
+
+
+def test_slopes_of_what_no_deviation_takes() -> None:
+    """With the start inferred too, of which deviations take no part: the slope is that of differences of the log
+    likelihood, in an sd's units."""
+    known = {"stiffness": STIFFNESS, "rest_angle": 0.0, "omega0": 0.0, "noise_sd": NOISE}
+    law = bd.fit(
+        signals("repeats")[0],
+        bd.Model("viscous", deviation="law", known=known, priors={"viscous": bd.HalfNormal(SCALE)}),
+    ).law
+    assert law is not None
+    density = marginal_of(law.single.weighing, law.single.result)
+    _, _, information = density.curvature(law.single.found.z)
+    sds = np.sqrt(np.diag(np.linalg.inv(information)))
+    z = law.single.found.z + 0.5 * sds
+    slope = density.curvature(z)[1]
+    for i, sd in enumerate(sds):
+        step = np.zeros(sds.size)
+        step[i] = 1e-2 * sd
+        low, high = density.log_likelihood(np.array([z - step, z + step]))
+        assert slope[i] * sd == pytest.approx((high - low) / 2e-2, rel=2e-3, abs=2e-3)
