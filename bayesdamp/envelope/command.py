@@ -10,7 +10,8 @@ from pathlib import Path
 from typing import Any
 
 from bayesdamp.envelope.analysis import analyse
-from bayesdamp.envelope.folder import TABLE, VERDICTS, make_page, write_about
+from bayesdamp.envelope.folder import FIGURES, TABLE, VERDICTS, make_page, write_about
+from bayesdamp.envelope.kept import Task, keep, kept
 from bayesdamp.envelope.model.candidates import WIDTH
 from bayesdamp.envelope.model.deviation import EXACT, MEAN
 from bayesdamp.envelope.model.posterior import DRIFT, SENSOR
@@ -22,8 +23,8 @@ from bayesdamp.envelope.report.tables import verdict_json, verdicts_csv
 from bayesdamp.envelope.results import EnvelopeResult
 from bayesdamp.machine.processes import processes
 from bayesdamp.machine.threads import cores
+from bayesdamp.store.cells import Store
 from bayesdamp.store.files import write_bytes
-from bayesdamp.store.folders import claim
 from bayesdamp.types import InputError, Refusal
 
 BATCH = 2
@@ -75,12 +76,14 @@ def compare_envelopes(
     repeats: bool = False,
     seed: int = 0,
     workers: int | None = None,
+    fresh: bool = False,
 ) -> int:
     """Say the damping of each record in a sentence; write verdicts.csv, verdict.json, report.html and a picture each.
 
     folder: the run's folder from the name it has by default and the options that make its question; say: prints a line.
     start, stop: of the decay in s, or "auto". workers: processes, None for as many as cores.
-    All records are read before anything is written. Raises InputError.
+    fresh: also what the folder has the answer of already. All records are read before anything is written. Raises
+    InputError, also while another process writes into the folder.
     """
     if repeats and len(paths) < 2:
         raise InputError("--repeats: there is one record; give two or more of one specimen")
@@ -97,34 +100,39 @@ def compare_envelopes(
         "stop": stop, "repeats": repeats, "seed": seed,
     }  # fmt: skip
     out = folder(keys[0] if len(keys) == 1 else f"{keys[0]}-and-{len(keys) - 1}-more", options)
-    try:
-        claim(out, (VERDICTS, TABLE))
-        (out / "figures").mkdir(exist_ok=True)
-    except OSError as error:
-        raise InputError(
-            f"--out {out}: cannot be written: {(error.strerror or str(error)).lower()}"
-        ) from None
-    tasks = list(zip(records, windows, (out / "figures" / f"{key}.png" for key in keys), strict=True))
-    found: list[EnvelopeResult] = []
-    for result in _answers(tasks, seed, workers or cores()):
-        found.append(result)
-        say(result.sentence)
-    common = pooled(out.name, found) if repeats else None
-    if common is not None:
-        say(common.sentence)
-    write_bytes(out / TABLE, verdicts_csv(found))
-    write_bytes(out / VERDICTS, verdict_json(found, common))
-    write_about(out, paths, options, keys, SETTINGS)
-    say(str(make_page(out)))
+    store = Store(out)
+    with store.lock():
+        if fresh:
+            store.clear()
+        tasks = [
+            Task(record, window, out / FIGURES / f"{key}.png", seed)
+            for record, window, key in zip(records, windows, keys, strict=True)
+        ]
+        found: list[EnvelopeResult] = []
+        for result in _answers(store, tasks, workers or cores()):
+            found.append(result)
+            say(result.sentence)
+        common = pooled(out.name, found) if repeats else None
+        if common is not None:
+            say(common.sentence)
+        write_bytes(out / TABLE, verdicts_csv(found))
+        write_bytes(out / VERDICTS, verdict_json(found, common))
+        write_about(out, paths, options, keys, SETTINGS)
+        say(str(make_page(out)))
     return 0
 
 
-Task = tuple[EnvelopeRecord, Window | None, Path]
+def _answers(store: Store, tasks: Sequence[Task], workers: int) -> Iterator[EnvelopeResult]:
+    """The results in their order, as they come; those that the folder has are not computed again."""
+    there = [kept(store, task) for task in tasks]
+    open_ = [task for task, result in zip(tasks, there, strict=True) if result is None]
+    computed = _computed(store, open_, workers)
+    for result in there:
+        yield next(computed) if result is None else result
 
 
-def _answers(tasks: Sequence[Task], seed: int, workers: int) -> Iterator[EnvelopeResult]:
-    """The results in their order, as they come."""
-    answer = partial(_answer, seed=seed)
+def _computed(store: Store, tasks: Sequence[Task], workers: int) -> Iterator[EnvelopeResult]:
+    answer = partial(_answer, store.folder)
     if workers == 1 or len(tasks) <= ALONE:
         yield from (result for task in tasks for result in answer([task]))
         return
@@ -139,14 +147,15 @@ def _answers(tasks: Sequence[Task], seed: int, workers: int) -> Iterator[Envelop
                 yield from answer(batch)
 
 
-def _answer(tasks: Sequence[Task], seed: int) -> list[EnvelopeResult]:
-    """The results, their pictures written."""
+def _answer(folder: Path, tasks: Sequence[Task]) -> list[EnvelopeResult]:
+    """The results, their pictures and they themselves written."""
     from bayesdamp.envelope.report.picture import picture  # imports slowly; most records are no envelopes
 
     found = []
-    for record, window, path in tasks:
-        result = analyse(record, window, seed)
-        write_bytes(path, picture(record, result))
+    for task in tasks:
+        result = analyse(task.record, task.window, task.seed)
+        write_bytes(task.picture, picture(task.record, result))
+        keep(Store(folder), task, result)
         found.append(result)
     return found
 

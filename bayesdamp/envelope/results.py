@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import ClassVar
 
 import numpy as np
 
@@ -67,6 +68,8 @@ class Cut:
 class Curve:
     """For pictures: times in s on the record's clock, levels in dB of the recorded power of the readings' means, of the
     fit of the best sum, and the sd of a reading's scatter in dB, shape (n,)."""
+
+    __pydantic_config__: ClassVar = {"arbitrary_types_allowed": True}
 
     t: np.ndarray
     level: np.ndarray

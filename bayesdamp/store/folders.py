@@ -19,7 +19,7 @@ MARK = ".bayesdamp"
 SIGNED = "bayesdamp run\n"
 PLACES = ("cells", "figures", "posterior")
 """Folders of a run."""
-FILES = (".lock", "report.html", "run.json")
+FILES = (".lock", "damping_curves.csv", "report.html", "run.json", "verdict.json", "verdicts.csv")
 CELL = "cell.json"
 """A member of each cell's archive."""
 _TEMPORARY = re.compile(r"\.bayesdamp-[0-9a-f]{32}\.tmp")

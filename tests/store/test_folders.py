@@ -102,6 +102,31 @@ def test_a_folder_that_holds_what_no_run_wrote_is_refused_and_left_alone(
     assert tree(tmp_path) == before
 
 
+@pytest.fixture(scope="module")
+def a_run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("runs")
+    records = [str(folder / f"{name}.csv") for name in "ab"]
+    for record in records:
+        assert main(["simulate", "--out", record]) == 0
+    asked = ["compare", *records, "--repeats", "--restoring", "linear", "--damping", "viscous", "--damping"]
+    assert main([*asked, "coulomb", "--quick", "--out", str(folder / "run")]) == 0
+    return folder / "run"
+
+
+def test_a_file_of_any_name_that_a_run_writes_is_not_replaced(a_run: Path, tmp_path: Path) -> None:
+    names = [path.name for path in a_run.iterdir() if path.is_file() and path.name != MARK]
+    assert {"verdict.json", "verdicts.csv", "damping_curves.csv", "fits.csv", "run.json"} < set(names)
+    for name in names:
+        folder = tmp_path / name.replace(".", "_")
+        folder.mkdir()
+        (folder / name).write_text("mine")
+        with pytest.raises(InputError, match="no run of bayesdamp wrote"), Store(folder).lock():
+            pass
+        assert tree(folder) == {name: b"mine"}
+    with Store(a_run).lock():  # the control: its own folder
+        pass
+
+
 def test_other_files_beside_a_run_stay(tmp_path: Path) -> None:
     """In a folder of the user's, with what a killed run left: only that is removed, and only cells with --fresh."""
     store = Store(tmp_path)

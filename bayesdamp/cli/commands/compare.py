@@ -148,6 +148,7 @@ def compare(
             repeats=repeats,
             seed=seed,
             workers=workers,
+            fresh=fresh,
         )
         if as_json:
             typer.echo(verdicts_json(written[-1]))

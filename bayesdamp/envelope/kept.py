@@ -1,0 +1,67 @@
+"""Answers of a comparison that stay in its folder, so that one which was cut off goes on where it was."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from bayesdamp.envelope.records.record import EnvelopeRecord
+from bayesdamp.envelope.records.window import Window
+from bayesdamp.envelope.results import EnvelopeResult
+from bayesdamp.sources import code_digest
+from bayesdamp.store.cells import CellResult, Store
+from bayesdamp.store.contents.content import Content, OtherVersionError
+
+CODE = ("bayesdamp.envelope.analysis", "bayesdamp.envelope.report.picture")
+
+
+@dataclass(frozen=True)
+class EnvelopeContent(Content):
+    """What is kept of one record: its result without the curve, which only its picture needs."""
+
+    result: EnvelopeResult
+
+
+@dataclass(frozen=True)
+class Task:
+    """A record to be answered: the window that was asked for, None where it is to be found; its picture's file."""
+
+    record: EnvelopeRecord
+    window: Window | None
+    picture: Path
+    seed: int
+
+    @property
+    def name(self) -> str:
+        """Of what is kept of it."""
+        return f"envelope/of-{self.picture.stem}"
+
+    def key(self) -> str:
+        """SHA-256 of all that its answer depends on: readings, question, and the code that answers."""
+        r = self.record
+        found = hashlib.sha256()
+        for array in (r.t, r.level):
+            found.update(np.ascontiguousarray(array).tobytes())
+        asked = (r.name, r.unit, r.frequency, sorted(r.facts.items()), r.notes, self.window, self.seed)
+        found.update(repr((asked, code_digest(*CODE))).encode())
+        return found.hexdigest()
+
+
+def kept(store: Store, task: Task) -> EnvelopeResult | None:
+    """The answer that is there already, with its picture; None where there is none of this very question."""
+    cell = store.find(task.name)
+    if cell is None or cell.key != task.key() or not task.picture.is_file():
+        return None
+    try:
+        return EnvelopeContent.of(cell).result
+    except OtherVersionError:
+        return None
+
+
+def keep(store: Store, task: Task, result: EnvelopeResult) -> None:
+    """Write an answer in one step, after its picture."""
+    content = EnvelopeContent(replace(result, curve=None))
+    store.write(CellResult(task.name, task.key(), content.meta()))

@@ -1,0 +1,92 @@
+"""A comparison of envelopes that was cut off goes on where it was, to the same bytes."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from bayesdamp.cli import main
+from bayesdamp.envelope import command
+from bayesdamp.store.cells import Store
+from tests.envelope.test_command import written
+
+FILES = ("verdict.json", "verdicts.csv", "report.html", "figures/r1.png")
+
+
+@pytest.fixture
+def answered(monkeypatch) -> list[str]:
+    """Names of the records that are computed, as they are."""
+    names: list[str] = []
+    analyse = command.analyse
+
+    def counted(record, *rest):
+        names.append(record.name)
+        return analyse(record, *rest)
+
+    monkeypatch.setattr(command, "analyse", counted)
+    return names
+
+
+def asked(folder: Path, *more: str) -> list[str]:
+    records = [str(folder / f"r{k}.txt") for k in (1, 2, 3)]
+    return ["compare", *records, "--workers", "1", "--out", str(folder / "out"), *more]
+
+
+def contents(out: Path) -> dict[str, bytes]:
+    return {name: (out / name).read_bytes() for name in FILES}
+
+
+def test_what_was_answered_is_not_answered_again(tmp_path, capsys, answered):
+    for k in (1, 2, 3):
+        written(tmp_path / f"r{k}.txt", k)
+    assert main(asked(tmp_path)) == 0
+    assert answered == ["r1.txt", "r2.txt", "r3.txt"]
+    whole, said = contents(tmp_path / "out"), capsys.readouterr().out
+
+    # as a kill leaves it: one answer written, one half, one not begun, no tables
+    out = tmp_path / "out"
+    cells = sorted((out / "cells").rglob("*.npz"))
+    cells[1].write_bytes(cells[1].read_bytes()[:-100])
+    cells[2].unlink()
+    for name in ("verdict.json", "verdicts.csv", "report.html", "run.json"):
+        (out / name).unlink()
+    answered.clear()
+    assert main(asked(tmp_path)) == 0
+    assert answered == ["r2.txt", "r3.txt"]
+    assert contents(out) == whole
+    assert capsys.readouterr().out == said
+
+
+@pytest.mark.parametrize(
+    ("change", "again"),
+    [
+        ("nothing", []),
+        ("a record", ["r2.txt"]),
+        ("a picture", ["r3.txt"]),
+        ("--fresh", ["r1.txt", "r2.txt", "r3.txt"]),
+        ("--seed 1", ["r1.txt", "r2.txt", "r3.txt"]),
+        ("--frequency 2e6", ["r1.txt", "r2.txt", "r3.txt"]),
+    ],
+)
+def test_what_a_change_makes_anew(tmp_path, capsys, answered, change, again):
+    """Negative control of the test above: exactly what depends on what was changed."""
+    for k in (1, 2, 3):
+        written(tmp_path / f"r{k}.txt", k)
+    assert main(asked(tmp_path)) == 0
+    answered.clear()
+    if change == "a record":
+        written(tmp_path / "r2.txt", 5)
+    if change == "a picture":
+        (tmp_path / "out" / "figures" / "r3.png").unlink()
+    assert main(asked(tmp_path, *(change.split() if change.startswith("--") else ()))) == 0
+    assert answered == again
+
+
+def test_two_processes_do_not_write_into_one_folder(tmp_path, capsys):
+    for k in (1, 2, 3):
+        written(tmp_path / f"r{k}.txt", k)
+    with Store(tmp_path / "out").lock():
+        assert main(asked(tmp_path)) == 2
+    assert "another run" in capsys.readouterr().err
+    assert not (tmp_path / "out" / "verdict.json").exists()
