@@ -224,6 +224,41 @@ def test_a_users_own_files_are_not_replaced(tmp_path, capsys):
         assert main(["compare", str(record), "--out", str(out)]) == 0
 
 
+def test_a_level_that_none_has_is_refused(tmp_path, capsys):
+    """The control is one of 900 dB, which is strange and can be computed with."""
+    file, out = tmp_path / "r.txt", tmp_path / "out"
+    rng = np.random.default_rng(1)
+    for loud, status in ((1e5, 2), (-1e5, 2), (900.0, 0)):
+        level = rng.choice([0.0, -300.0, loud, 1e-300], 100)
+        lines = (f"{k},{y:g}" for k, y in enumerate(level))
+        file.write_text("time,level [dB]\n" + "\n".join(lines) + "\n")
+        assert main(["compare", str(file), "--quantity", "envelope", "--out", str(out)]) == status
+        said = capsys.readouterr()
+        if status:
+            assert (
+                said.err
+                == f"r.txt: a level of {loud:g} dB is beyond any instrument's; is it the right column, and in dB?\n"
+            )
+            assert not out.exists()
+        else:
+            assert "no free decay" in said.out
+
+
+def test_readings_that_are_next_to_nothing_are_zeros(tmp_path, capsys):
+    t = np.arange(150.0)
+    y = np.exp(-0.05 * t)
+    for name, small in (("zero", 0.0), ("tiny", 1e-200)):
+        y[::7] = small
+        rows = (f"{a},{b:g}" for a, b in zip(t, y))
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "r.csv").write_text("time (s),amplitude (V)\n" + "\n".join(rows) + "\n")
+        asked = ["compare", str(tmp_path / name / "r.csv"), "--quantity", "envelope"]
+        assert main([*asked, "--out", str(tmp_path / name / "out")]) == 0
+    zero, tiny = ((tmp_path / name / "out" / "verdict.json").read_text() for name in ("zero", "tiny"))
+    assert zero == tiny
+    assert "22 readings that are zero" in zero
+
+
 def test_two_questions_do_not_share_a_folder(tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "other").mkdir()

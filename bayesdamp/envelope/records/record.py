@@ -15,6 +15,9 @@ POWER = ("W", "mW", "uW", "nW", "pW", "V^2", "V2", "m^2", "m2")
 """Units in which a reading is a power: proportional to the square of the amplitude."""
 STRONG = 0.2
 """Share of the largest reading beyond which one below zero is none of a floor's."""
+LOUDEST = 1000.0
+"""dB beyond which, to either side, a level is none: 50 decades of the amplitude. Of readings that are no levels, those
+that are so far below the largest are zeros."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,8 +76,14 @@ def made_record(
         said.append(f"{int((~keep).sum())} readings at the time of the one before are left out.")
     if unit in DECIBELS:
         level = y.astype(float)
+        far = level[np.argmax(np.abs(level))] if level.size else 0.0
+        if abs(far) > LOUDEST:
+            raise InputError(
+                f"{name}: a level of {far:g} {unit} is beyond any instrument's; is it the right column, and in {unit}?"
+            )
     else:
         size = np.abs(y)
+        size[size < 10.0 ** (-LOUDEST / 20.0) * size.max(initial=0.0)] = 0.0
         if np.any(y < -STRONG * size.max()):
             raise InputError(
                 f"{name}: readings swing to both sides ({y.min():g} to {y.max():g}), which no amplitude does; "
@@ -82,10 +91,10 @@ def made_record(
             )
         if np.any(y < 0):
             said.append(f"{int((y < 0).sum())} readings below zero, of a floor, are taken by their size.")
-        if np.any(y == 0):
-            said.append(f"{int((y == 0).sum())} readings that are zero are left out.")
-        keep &= y != 0
-        level = (10.0 if unit in POWER else 20.0) * np.log10(np.where(y != 0, size, 1.0))
+        if np.any(size == 0):
+            said.append(f"{int((size == 0).sum())} readings that are zero are left out.")
+        keep &= size != 0
+        level = (10.0 if unit in POWER else 20.0) * np.log10(np.where(size != 0, size, 1.0))
     return EnvelopeRecord(
         name, t[keep].astype(float), level[keep], unit, frequency, dict(facts or {}), tuple(said)
     )
