@@ -113,3 +113,11 @@ class EnvelopeResult:
     cut: Cut | None = None
     remarks: tuple[str, ...] = ()
     curve: Curve | None = None
+
+
+def estimated(draws: np.ndarray, plain: np.ndarray) -> Estimated:
+    """Of draws (n,), and of those by the readings' noise alone."""
+    low, middle, high = (float(q) for q in np.nanquantile(draws, [0.025, 0.5, 0.975]))
+    sd, noise = float(np.nanstd(draws)), float(np.nanstd(plain))
+    noise = min(noise, sd)
+    return Estimated(middle, low, high, noise, float(np.sqrt(max(sd * sd - noise * noise, 0.0))))

@@ -26,7 +26,19 @@ _RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 def damping_words(name: str) -> str:
     """`viscous+coulomb` as viscous + Coulomb."""
-    return " + ".join(TERMS[term] for term in name.split("+"))
+    return " + ".join(TERMS.get(term) or _registered(term) for term in name.split("+"))
+
+
+def _registered(term: str) -> str:
+    from bayesdamp.physics.damping import words_of  # imports slowly; most envelopes need none of it
+
+    return words_of(term)
+
+
+def _noun(name: str) -> str:
+    """A sum with `damping` behind it, where its words have no noun of their own."""
+    words = damping_words(name)
+    return words if words.endswith("friction") else f"{words} damping"
 
 
 def probability_words(value: float) -> str:
@@ -93,14 +105,16 @@ def _kind(low: float, high: float) -> str:
 
 
 def _which(found: EnvelopeResult) -> str:
-    said = f"{damping_words(found.damping)} damping (probability {probability_words(found.probability)})"
+    said = f"{_noun(found.damping)} (probability {probability_words(found.probability)})"
     if found.decided:
         return said
     ranked = sorted(found.probabilities.items(), key=lambda one: -one[1])
     others = [f"{damping_words(name)} {p:.2f}" for name, p in ranked[1:3] if p >= 0.02]
     against = f", against {' and '.join(others)}" if others else ""
     if found.grade == "deviates":
-        return f"no sum of viscous, Coulomb and quadratic damping describes it well, {said} best{against}"
+        usual = all(term in TERMS for term in found.terms)
+        none = "no sum of viscous, Coulomb and quadratic damping" if usual else "none of the dampings weighed"
+        return f"{none} describes it well, {said} best{against}"
     if found.probability > 0.95:
         return f"most likely {said}, but not decided: an exact law would have another"
     return f"which damping is not decided: most likely {said}{against}"

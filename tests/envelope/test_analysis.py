@@ -9,6 +9,7 @@ from scipy.signal import find_peaks, hilbert
 
 from bayesdamp.envelope import analyse, made_record, pooled
 from bayesdamp.envelope.model.candidates import START_SD, WIDTH, Blocks, weigh
+from bayesdamp.envelope.model.law import ClosedForm
 from bayesdamp.envelope.model.noise import Noise
 from bayesdamp.envelope.records.window import bounded
 from bayesdamp.types import InputError
@@ -144,7 +145,7 @@ def test_evidence_is_the_integral_of_likelihood_and_priors():
     b = Blocks(t, 1.0 - 0.2 * t + 0.05 * rng.standard_normal(50), 10.0, 0.2)
     covariance = 0.05**2 * np.eye(50)
     white = Noise(1e-4, 1.0, 1e-8, 1.0, 0.05)
-    found = weigh(b, ("viscous",), [(white, covariance)], np.eye(50) / 0.05)
+    found = weigh(b, ClosedForm(("viscous",)), [(white, covariance)], np.eye(50) / 0.05)
     at = int(np.flatnonzero(found.exact)[1])  # factors of the noise are exp(-0.25), 1, exp(0.25)
     rates = np.linspace(0.0, 0.4, 2001)
     starts = np.linspace(0.8, 1.2, 801)

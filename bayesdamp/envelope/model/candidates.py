@@ -11,7 +11,8 @@ from scipy.special import ndtr
 
 from bayesdamp.envelope.model.deviation import KNOTS, knot_covariance, warp_integrals, weights
 from bayesdamp.envelope.model.floor import SeenFloor
-from bayesdamp.envelope.model.laws import decay, power_decay, rate
+from bayesdamp.envelope.model.law import Law
+from bayesdamp.envelope.model.laws import power_decay
 from bayesdamp.envelope.model.noise import Noise, whiten
 from bayesdamp.envelope.model.orthant import log_orthant
 
@@ -46,6 +47,12 @@ class Blocks:
     floor: SeenFloor | None = None
     each: float = 1.0
 
+    @property
+    def ends(self) -> tuple[float, float]:
+        """x at the start and at the end, means of a thirtieth of the readings."""
+        edge = max(1, self.x.size // 30)
+        return float(self.x[:edge].mean()), float(self.x[-edge:].mean())
+
 
 @dataclass(frozen=True)
 class Candidate:
@@ -53,10 +60,11 @@ class Candidate:
 
     rates: the fit in 1/s at the reference amplitude, shape (d,). log_evidence (b,) of each point of the grid: noise,
     scale, τ and ℓ; exact (b,): whether τ is 0. mean (b, d + KNOTS) and covariance of the normal posterior of rates and
-    deviation before rates are cut off at 0.
+    deviation before rates are cut off at 0. scores: of the terms' further parameters, at one point of their posterior,
+    whose share of the sum is log_share.
     """
 
-    terms: tuple[str, ...]
+    law: Law
     x0: float
     rates: np.ndarray
     fit: np.ndarray
@@ -65,6 +73,18 @@ class Candidate:
     tau: np.ndarray
     mean: np.ndarray
     covariance: np.ndarray
+    scores: tuple[float, ...] = ()
+    log_share: float = 0.0
+
+    @property
+    def terms(self) -> tuple[str, ...]:
+        """Of the sum."""
+        return self.law.terms
+
+    @property
+    def name(self) -> str:
+        """Of the sum."""
+        return "+".join(self.law.terms)
 
     @property
     def total(self) -> float:
@@ -78,21 +98,22 @@ class Candidate:
 
 
 def fit_rates(
-    blocks: Blocks, terms: tuple[str, ...], triangle_inverse: np.ndarray, begin: np.ndarray | None = None
-) -> tuple[float, np.ndarray]:
-    """(ln A at the start, rates ≥ 0) of a sum at the mode, the noise being white after triangle_inverse (n, n)."""
-    scale = WIDTH * blocks.mean_rate
+    blocks: Blocks, law: Law, triangle_inverse: np.ndarray, begin: np.ndarray | None = None
+) -> tuple[float, np.ndarray, float]:
+    """(ln A at the start, rates ≥ 0) of a sum at the mode, the noise being white after triangle_inverse (n, n), and the
+    squares that are left there, those of the prior's scores with them."""
+    scale, terms = WIDTH * blocks.mean_rate, law.terms
     rates = np.full(len(terms), blocks.mean_rate / len(terms)) if begin is None else begin.copy()
     x0 = float(blocks.x[: max(1, blocks.x.size // 20)].mean())
 
     def cost(x0: float, rates: np.ndarray) -> tuple[float, np.ndarray]:
-        r = triangle_inverse @ (blocks.x - decay(blocks.t, x0, terms, rates))
+        r = triangle_inverse @ (blocks.x - law.decay(blocks.t, x0, rates))
         return float(r @ r + np.sum((rates / scale) ** 2)), r
 
-    rates = _sane(blocks, terms, rates, x0)
+    rates = _sane(blocks, law, rates, x0)
     value, r = cost(x0, rates)
     for _ in range(STEPS):
-        h0, h = derivatives(blocks, terms, x0, rates)
+        h0, h = derivatives(blocks, law, x0, rates)
         a0, a = triangle_inverse @ h0, triangle_inverse @ h
         unit = a0 / np.sqrt(a0 @ a0)
         left = np.vstack([a - np.outer(unit, unit @ a), np.eye(len(terms)) / scale])
@@ -117,34 +138,30 @@ def fit_rates(
         value, r = trial
         if done:
             break
-    return x0, rates
+    return x0, rates, value
 
 
-def _sane(blocks: Blocks, terms: Sequence[str], rates: np.ndarray, x0: float) -> np.ndarray:
+def _sane(blocks: Blocks, law: Law, rates: np.ndarray, x0: float) -> np.ndarray:
     """Rates that leave the amplitude moving until the end of the record."""
     for _ in range(40):
-        if decay(blocks.t[-1:], x0, terms, rates)[0] > blocks.x.min() - 1.0:
+        if law.decay(blocks.t[-1:], x0, rates)[0] > blocks.x.min() - 1.0:
             break
         rates = 0.7 * rates
     return rates
 
 
-def derivatives(
-    blocks: Blocks, terms: Sequence[str], x0: float, rates: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
+def derivatives(blocks: Blocks, law: Law, x0: float, rates: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Of x by x0, shape (n,), and by the rates, shape (n, d)."""
-    x = decay(blocks.t, x0, terms, rates)
+    x = law.decay(blocks.t, x0, rates)
     step = 1e-4 * blocks.mean_rate
     columns = []
-    for i in range(len(terms)):
+    for i in range(len(rates)):
         up, down = rates.copy(), rates.copy()
         up[i] += step
         down[i] = max(0.0, rates[i] - step)
-        columns.append(
-            (decay(blocks.t, x0, terms, up) - decay(blocks.t, x0, terms, down)) / (up[i] - down[i])
-        )
-    whole = rate(x, terms, rates)
-    at_start = float(rate(np.array([x0]), terms, rates)[0])
+        columns.append((law.decay(blocks.t, x0, up) - law.decay(blocks.t, x0, down)) / (up[i] - down[i]))
+    whole = law.rate(x, rates)
+    at_start = float(law.rate(np.array([x0]), rates)[0])
     return whole / max(at_start, 1e-300), np.stack(columns, axis=1)
 
 
@@ -155,28 +172,30 @@ def warp_columns(blocks: Blocks, speed: np.ndarray) -> np.ndarray:
 
 def weigh(
     blocks: Blocks,
-    terms: tuple[str, ...],
+    law: Law,
     noises: Sequence[tuple[Noise, np.ndarray]],
     inverse: np.ndarray,
     fitted: Candidate | None = None,
+    scores: tuple[float, ...] = (),
+    log_share: float = 0.0,
 ) -> Candidate:
     """A sum's evidence and posterior over the grid of hyperparameters.
 
     noises: each with the covariance of the readings; inverse: of the triangle in which the fit is sought; fitted: the
     same sum with another noise, whose fit is taken.
     """
-    x0, rates = fit_rates(blocks, terms, inverse) if fitted is None else (fitted.x0, fitted.rates)
-    fit = decay(blocks.t, x0, terms, rates)
-    h0, h = derivatives(blocks, terms, x0, rates)
-    prior = np.full(len(terms), (WIDTH * blocks.mean_rate) ** -2)
-    warp = warp_columns(blocks, rate(fit, terms, rates))
+    x0, rates = fit_rates(blocks, law, inverse)[:2] if fitted is None else (fitted.x0, fitted.rates)
+    fit = law.decay(blocks.t, x0, rates)
+    h0, h = derivatives(blocks, law, x0, rates)
+    prior = np.full(rates.size, (WIDTH * blocks.mean_rate) ** -2)
+    warp = warp_columns(blocks, law.rate(fit, rates))
     parts = [_grid(blocks, blocks.x - fit, h0, h, fit, warp, -rates, prior, *one) for one in noises]
     log_z, mean, covariance, tau = (np.concatenate(p) for p in zip(*parts, strict=True))
-    d = len(terms)
+    d = rates.size
     mean[:, :d] += rates
     log_z = log_z + d * np.log(2.0) + log_orthant(mean[:, :d], covariance[:, :d, :d])
     log_z = log_z + _log_weights(noises, log_z.size)
-    return Candidate(terms, x0, rates, fit, log_z, tau == 0.0, tau, mean, covariance)
+    return Candidate(law, x0, rates, fit, log_z, tau == 0.0, tau, mean, covariance, scores, log_share)
 
 
 def weigh_power(

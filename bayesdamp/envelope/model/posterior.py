@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from bayesdamp.envelope.model.candidates import Blocks, Candidate
 from bayesdamp.envelope.model.deviation import KNOTS, hats
-from bayesdamp.envelope.model.laws import POWERS
 from bayesdamp.envelope.model.orthant import draw_orthant
 
 DRAWS = 1600
@@ -25,20 +24,21 @@ LEAST_WEIGHT = 1e-4
 class Draws:
     """Of the posterior, one row a draw: rates at amplitudes, as they were (n, amplitudes), and the law's, mean over the
     first half of the fall in dB (n,), what another run would have but for its own deviation; both in 1/s;
-    shares of energy and rates at the reference amplitude of each term, (n, 3), nan where a sum lacks it for the latter;
-    rms deviation (n,)."""
+    shares of energy of each term, (n, terms); rms deviation (n,); which candidate each is of, (n,). rates: at the
+    reference amplitude by term, of the draws that have it."""
 
     at: np.ndarray
     whole: np.ndarray
     energy: np.ndarray
-    terms: np.ndarray
     deviation: np.ndarray
+    candidate: np.ndarray
+    rates: Mapping[str, np.ndarray]
 
 
 def draw(
     blocks: Blocks,
     candidates: Sequence[Candidate],
-    log_prior: np.ndarray,
+    terms: Sequence[str],
     amplitudes: np.ndarray,
     rng: np.random.Generator,
     sensor: float = SENSOR,
@@ -46,18 +46,22 @@ def draw(
 ) -> Draws:
     """Draws of what is quoted; exact: given that the law holds exactly.
 
-    amplitudes: x = ln(A/A_ref) at which rates are asked for; log_prior: of the sums; sensor: relative sd of any rate.
+    terms: of all sums; amplitudes: x = ln(A/A_ref) at which rates are asked for; sensor: relative sd of any rate.
     """
     logs = [np.where(c.exact, c.log_evidence, -np.inf) if exact else c.log_evidence for c in candidates]
-    log_z = np.array([np.logaddexp.reduce(one) for one in logs]) + log_prior
+    log_z = np.array(
+        [np.logaddexp.reduce(one) + c.log_share for one, c in zip(logs, candidates, strict=True)]
+    )
     probability = np.exp(log_z - log_z.max())
     counts = _shared(probability / probability.sum(), rng)
     parts = [
-        _draws(blocks, c, one, n, amplitudes, sensor, rng)
-        for c, one, n in zip(candidates, logs, counts, strict=True)
+        (*_draws(blocks, c, one, n, terms, amplitudes, sensor, rng), np.full(n, i))
+        for i, (c, one, n) in enumerate(zip(candidates, logs, counts, strict=True))
         if n
     ]
-    return Draws(*(np.concatenate(column) for column in zip(*parts, strict=True)))
+    at, whole, energy, rms, rates, candidate = (np.concatenate(column) for column in zip(*parts, strict=True))
+    known = {term: column[np.isfinite(column)] for term, column in zip(terms, rates.T, strict=True)}
+    return Draws(at, whole, energy, rms, candidate, known)
 
 
 def _shared(probability: np.ndarray, rng: np.random.Generator) -> np.ndarray:
@@ -71,6 +75,7 @@ def _draws(
     c: Candidate,
     log_weight: np.ndarray,
     count: int,
+    names: Sequence[str],
     amplitudes: np.ndarray,
     sensor: float,
     rng: np.random.Generator,
@@ -92,20 +97,19 @@ def _draws(
 
     s = blocks.t / blocks.duration
     basis = hats(s, KNOTS)
-    powers = np.array([POWERS[term] - 1.0 for term in c.terms])
-    shapes = np.exp(powers[:, None] * c.fit)  # (d, n): of each term's rate over the record
+    shapes = c.law.shapes(c.fit)  # (d, n): of each term's rate over the record
     step = np.gradient(blocks.t)
     mean = np.where(c.fit >= 0.5 * (c.fit[0] + c.fit[-1]), step, 0.0)
     mean /= mean.sum()
     whole = rates @ (shapes @ mean)
     passed = np.interp(-amplitudes, -c.fit, s)
-    law = rates @ np.exp(powers[:, None] * amplitudes)
+    law = rates @ c.law.shapes(amplitudes)
     at = law * (1.0 + g @ hats(passed, KNOTS).T)
     losses = rates * (shapes @ (np.exp(2.0 * c.fit) * step))
-    energy, terms = np.zeros((count, len(POWERS))), np.full((count, len(POWERS)), np.nan)
-    places = [list(POWERS).index(term) for term in c.terms]
+    energy, terms = np.zeros((count, len(names))), np.full((count, len(names)), np.nan)
+    places = [list(names).index(term) for term in c.terms]
     energy[:, places] = losses / losses.sum(axis=1, keepdims=True)
     terms[:, places] = rates
     rms = np.where(c.exact[chosen], 0.0, np.sqrt(np.mean((g @ basis.T) ** 2, axis=1)))
     off = 1.0 + sensor * rng.standard_normal((count, 1))
-    return at * off, whole * off[:, 0], energy, terms * off, rms
+    return at * off, whole * off[:, 0], energy, rms, terms * off

@@ -7,7 +7,8 @@ from dataclasses import replace
 import numpy as np
 
 from bayesdamp.envelope.model.candidates import Blocks, fit_rates
-from bayesdamp.envelope.model.laws import SUMS, decay
+from bayesdamp.envelope.model.law import ClosedForm
+from bayesdamp.envelope.model.laws import SUMS
 
 FEWEST = 30
 """Blocks from which on it is looked for."""
@@ -28,10 +29,12 @@ def held_blocks(b: Blocks) -> int:
     seen = np.sqrt(b.floor.power) if b.floor is not None else 0.0
     inverse = np.diag(1.0 / np.maximum(LEAST, np.exp(-b.x) * seen))
 
+    law = ClosedForm(SUMS[-1])
+
     def misfit(held: int) -> float:
         shifted = replace(b, t=np.maximum(b.t - b.t[held], 0.0))
-        x0, rates = fit_rates(shifted, SUMS[-1], inverse)
-        off = inverse @ (b.x - decay(shifted.t, x0, SUMS[-1], rates))
+        x0, rates, _ = fit_rates(shifted, law, inverse)
+        off = inverse @ (b.x - law.decay(shifted.t, x0, rates))
         return float(off @ off)
 
     tried = range(FIRST, n // 2, EACH)

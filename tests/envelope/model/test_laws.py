@@ -8,6 +8,7 @@ from scipy.integrate import solve_ivp
 
 from bayesdamp.envelope.model.candidates import Blocks, derivatives, warp_columns
 from bayesdamp.envelope.model.deviation import KNOTS, hats, warp_integrals, weights
+from bayesdamp.envelope.model.law import ClosedForm
 from bayesdamp.envelope.model.laws import RESTED, SUMS, coefficients, decay, power_decay, rate
 
 T = np.linspace(0.0, 5.0, 41)
@@ -85,7 +86,7 @@ def test_the_grid_of_the_deviation_has_all_the_probability():
 def test_derivatives_are_those_of_the_integrated_equation(terms):
     rates = np.array([RATES[term] for term in terms])
     b = Blocks(T, decay(T, 0.3, terms, rates), float(T[-1]), 0.5)
-    h0, h = derivatives(b, terms, 0.3, rates)
+    h0, h = derivatives(b, ClosedForm(terms), 0.3, rates)
     step = 1e-4
 
     def slope(x0=0.0, last=0.0, knot=0.0):

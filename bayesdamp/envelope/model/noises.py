@@ -1,0 +1,78 @@
+"""The noise of a decay's readings, whatever its law, and which readings are none of it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from bayesdamp.envelope.model.candidates import Blocks, derivatives, warp_columns
+from bayesdamp.envelope.model.deviation import KNOTS, knot_covariance
+from bayesdamp.envelope.model.noise import SHARES, SLOW, Noise, infer_noise
+from bayesdamp.envelope.model.sums import Sum, loosest_fit
+from bayesdamp.envelope.records.window import ABOVE_FLOOR
+
+CHECKED = 0.1
+"""Share of the decay at its start that is held against the rest."""
+SURPRISE = 4.5
+"""Standard deviations at which it is none of the decay (of 5 normal ones, one in 30,000 is)."""
+
+
+def noises(
+    b: Blocks, sums: Sequence[Sum] = ()
+) -> tuple[list[tuple[Noise, np.ndarray]], np.ndarray, int, int]:
+    """The noise inferred without and with a deviation, the inverse triangle in which fits are sought, how many blocks
+    at the start are none of the decay, and how many stand before it comes too close to the floor.
+
+    sums: what may describe it, beside the sum of viscous, Coulomb and quadratic damping.
+    """
+    n = b.t.size
+    seen = np.sqrt(b.floor.power) if b.floor is not None else 1e-3
+    rough = np.diag(1.0 / np.maximum(0.02, np.exp(-b.x) * seen))
+    law, x0, rates = loosest_fit(b, sums, rough)
+    fit = law.decay(b.t, x0, rates)
+    h0, h = derivatives(b, law, x0, rates)
+    warp = warp_columns(b, law.rate(fit, rates))
+    columns = np.column_stack([h0, h])
+    early = max(1, round(CHECKED * n)) if n >= 30 else 0
+    rest = slice(early, n)
+    given = (b.t[rest], (b.x - fit)[rest], fit[rest], columns[rest], warp[rest], b.floor)
+    slow_time = 1.0 / b.mean_rate
+    middle = infer_noise(*given, 0.5, slow_time, b.each)
+    rivals = [
+        infer_noise(*given, share, slow_time, b.each, begin=middle, only_floor=True) for share in SHARES
+    ]
+    best = max(rivals, key=lambda one: one.log_density)
+    loose = infer_noise(*given, best.slow, slow_time, b.each, with_deviation=True, begin=best)
+    rivals += [loose, best.slower(b.duration)]
+    covariances = [(one, one.covariance(b.t, fit)) for one in rivals]
+    whole = best.covariance(b.t, fit) + loose.deviation**2 * warp @ knot_covariance(KNOTS, SLOW) @ warp.T
+    if best.constant > 0:
+        one = 0.5 * best.constant * np.exp(-2.0 * fit)
+        whole = whole + np.outer(one, one)
+    inverse = np.linalg.inv(np.linalg.cholesky(whole))
+    low = np.flatnonzero(np.exp(2.0 * fit) < 10.0 ** (ABOVE_FLOOR / 10.0) * best.floor)
+    end = int(low[0]) if low.size else n
+    return covariances, inverse, _strangers(whole, columns, b.x - fit, early), end
+
+
+def _strangers(covariance: np.ndarray, columns: np.ndarray, residual: np.ndarray, early: int) -> int:
+    """How many of the early blocks to leave out: up to the last that those after it do not foretell."""
+    if early == 0:
+        return 0
+    # Backwards in time, each reading less what all later ones foretell of it, in its own sd; the law is left free.
+    scale = columns / np.linalg.norm(columns, axis=0)
+    whole = covariance + 1e2 * scale @ scale.T
+    triangle = np.linalg.cholesky(whole[::-1, ::-1])
+    innovations = np.linalg.solve(triangle, residual[::-1])[::-1][:early]
+    off = np.zeros(early, bool)
+    total = np.concatenate(
+        [np.cumsum(innovations[::-1])[::-1], [0.0]]
+    )  # from each block to the last early one
+    for count in (1, 2, 4, 8):
+        if count <= early:
+            off[: early - count + 1] |= np.abs(
+                total[: early - count + 1] - total[count:]
+            ) > SURPRISE * np.sqrt(count)
+    off = np.flatnonzero(off)
+    return int(off[-1]) + 1 if off.size else 0
