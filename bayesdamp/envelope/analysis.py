@@ -9,13 +9,14 @@ import numpy as np
 
 from bayesdamp.envelope.answer import Decay, answer
 from bayesdamp.envelope.model.candidates import Blocks
+from bayesdamp.envelope.model.floor import ABOVE_FLOOR
 from bayesdamp.envelope.model.laws import SUMS
 from bayesdamp.envelope.model.noises import noises
 from bayesdamp.envelope.model.release import held_blocks
 from bayesdamp.envelope.model.sums import Sum, sums_on
 from bayesdamp.envelope.records.one_law import NEPER, blocks
 from bayesdamp.envelope.records.record import EnvelopeRecord
-from bayesdamp.envelope.records.window import ABOVE_FLOOR, Window, find_window
+from bayesdamp.envelope.records.window import Window, find_window
 from bayesdamp.envelope.results import EnvelopeResult
 from bayesdamp.envelope.words import no_decay
 from bayesdamp.types import Refusal

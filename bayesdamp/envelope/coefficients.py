@@ -52,7 +52,7 @@ def _registered(
 ) -> list[Coefficient]:
     """A registered term's coefficient and own parameters; without a frequency its rate at the start, and what of its
     parameters has no time in it."""
-    from bayesdamp.envelope.model.loss import Scale, parameter
+    from bayesdamp.envelope.terms.loss import Scale, parameter
 
     by_name = {one.name: one for one in sums}
     term = best.each[best.terms.index(name)]

@@ -10,19 +10,22 @@ from pathlib import Path
 from typing import Any
 
 from bayesdamp.envelope.analysis import analyse
+from bayesdamp.envelope.asked import asked
 from bayesdamp.envelope.folder import FIGURES, TABLE, VERDICTS, make_page, write_about
 from bayesdamp.envelope.kept import Task, keep, kept
 from bayesdamp.envelope.model.candidates import WIDTH
 from bayesdamp.envelope.model.deviation import EXACT, MEAN
+from bayesdamp.envelope.model.floor import ABOVE_FLOOR
 from bayesdamp.envelope.model.posterior import DRIFT, SENSOR
 from bayesdamp.envelope.pooled import pooled
 from bayesdamp.envelope.records.reading import Column, is_envelope, read_envelope
 from bayesdamp.envelope.records.record import EnvelopeRecord
-from bayesdamp.envelope.records.window import ABOVE_FLOOR, Window, bounded
+from bayesdamp.envelope.records.window import Window, bounded
 from bayesdamp.envelope.report.tables import verdict_json, verdicts_csv
 from bayesdamp.envelope.results import EnvelopeResult
 from bayesdamp.machine.processes import processes
 from bayesdamp.machine.threads import cores
+from bayesdamp.plugins import use
 from bayesdamp.store.cells import Store
 from bayesdamp.store.files import write_bytes
 from bayesdamp.types import InputError, Refusal
@@ -73,6 +76,8 @@ def compare_envelopes(
     frequency: float | None = None,
     start: float | str = "auto",
     stop: float | str = "auto",
+    damping: Sequence[str] = (),
+    plugins: Sequence[str] = (),
     repeats: bool = False,
     seed: int = 0,
     workers: int | None = None,
@@ -81,23 +86,26 @@ def compare_envelopes(
     """Say the damping of each record in a sentence; write verdicts.csv, verdict.json, report.html and a picture each.
 
     folder: the run's folder from the name it has by default and the options that make its question; say: prints a line.
-    start, stop: of the decay in s, or "auto". workers: processes, None for as many as cores.
-    fresh: also what the folder has the answer of already. All records are read before anything is written. Raises
-    InputError, also while another process writes into the folder.
+    start, stop: of the decay in s, or "auto". damping, plugins: see `asked`. workers: processes, None for as many as
+    cores. fresh: also what the folder has the answer of already. All records are read before anything is written.
+    Raises InputError, also while another process writes into the folder.
     """
     if repeats and len(paths) < 2:
         raise InputError("--repeats: there is one record; give two or more of one specimen")
     if frequency is not None and not 0 < frequency < float("inf"):
         raise InputError(f"--frequency {frequency:g}: must be positive, in Hz")
+    laws = asked(damping, plugins)  # before the files, which plug-ins may read
     records = [
         read_envelope(path, time=time, value=value, rate=rate, unit=unit, frequency=frequency)
         for path in paths
     ]
+    for record in records:
+        laws.of(record)
     windows = [_window(record, start, stop) for record in records]
     keys = _keys(paths)
     options = {
         "time": time, "value": value, "rate": rate, "unit": unit, "frequency": frequency, "start": start,
-        "stop": stop, "repeats": repeats, "seed": seed,
+        "stop": stop, "repeats": repeats, "seed": seed, "sums": laws.sums, "terms": laws.sources(),
     }  # fmt: skip
     out = folder(keys[0] if len(keys) == 1 else f"{keys[0]}-and-{len(keys) - 1}-more", options)
     store = Store(out)
@@ -105,7 +113,7 @@ def compare_envelopes(
         if fresh:
             store.clear()
         tasks = [
-            Task(record, window, out / FIGURES / f"{key}.png", seed)
+            Task(record, window, out / FIGURES / f"{key}.png", seed, laws)
             for record, window, key in zip(records, windows, keys, strict=True)
         ]
         found: list[EnvelopeResult] = []
@@ -117,7 +125,7 @@ def compare_envelopes(
             say(common.sentence)
         write_bytes(out / TABLE, verdicts_csv(found))
         write_bytes(out / VERDICTS, verdict_json(found, common))
-        write_about(out, paths, options, keys, SETTINGS)
+        write_about(out, paths, options, keys, (*laws.settings(), *SETTINGS))
         say(str(make_page(out)))
     return 0
 
@@ -153,7 +161,8 @@ def _answer(folder: Path, tasks: Sequence[Task]) -> list[EnvelopeResult]:
 
     found = []
     for task in tasks:
-        result = analyse(task.record, task.window, task.seed)
+        use(task.asked.plugins)
+        result = analyse(task.record, task.window, task.seed, task.asked.sums)
         write_bytes(task.picture, picture(task.record, result))
         keep(Store(folder), task, result)
         found.append(result)

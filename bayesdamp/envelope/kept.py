@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from bayesdamp.envelope.asked import Asked
 from bayesdamp.envelope.records.record import EnvelopeRecord
 from bayesdamp.envelope.records.window import Window
 from bayesdamp.envelope.results import EnvelopeResult
@@ -33,6 +34,7 @@ class Task:
     window: Window | None
     picture: Path
     seed: int
+    asked: Asked
 
     @property
     def name(self) -> str:
@@ -46,7 +48,8 @@ class Task:
         for array in (r.t, r.level):
             found.update(np.ascontiguousarray(array).tobytes())
         asked = (r.name, r.unit, r.frequency, sorted(r.facts.items()), r.notes, self.window, self.seed)
-        found.update(repr((asked, code_digest(*CODE))).encode())
+        laws = (self.asked.sums, self.asked.sources())
+        found.update(repr((asked, laws, code_digest(*CODE))).encode())
         return found.hexdigest()
 
 

@@ -29,6 +29,20 @@ def damping_words(name: str) -> str:
     return " + ".join(TERMS.get(term) or _registered(term) for term in name.split("+"))
 
 
+def _twin(term: str) -> str:
+    """What is said of a term that loses as another does."""
+    if term in TERMS:
+        return TWIN if term == "viscous" else ""
+    from bayesdamp.physics.damping import twins_of
+
+    names = [damping_words(name) for name in twins_of(term)]
+    return (
+        f"{_noun(term)} loses as {' and '.join(names)} does at every amplitude: an envelope cannot tell them apart."
+        if names
+        else ""
+    )
+
+
 def _registered(term: str) -> str:
     from bayesdamp.physics.damping import words_of  # imports slowly; most envelopes need none of it
 
@@ -128,11 +142,9 @@ def remarks(found: EnvelopeResult, record: EnvelopeRecord, readings: int, fall: 
             "The frequency is not known (--frequency HZ, or a line `% Frequency [Hz]: ...`): rates, but no Q."
         )
     if record.logarithmic:
-        said.append(
-            "Amplitudes have no scale: Coulomb and quadratic coefficients are relative to that at the start."
-        )
-    if "viscous" in found.damping.split("+"):
-        said.append(TWIN)
+        which = "Coulomb and quadratic" if all(term in TERMS for term in found.terms) else "all but viscous"
+        said.append(f"Amplitudes have no scale: {which} coefficients are relative to that at the start.")
+    said += [twin for term in found.damping.split("+") if (twin := _twin(term))]
     if readings < FEW:
         said.append(f"{readings} readings only: the noise is hardly known.")
     if fall < SHALLOW:
@@ -142,7 +154,10 @@ def remarks(found: EnvelopeResult, record: EnvelopeRecord, readings: int, fall: 
     if found.cut is not None and not math.isfinite(found.cut.floor):
         said.append("No noise floor is seen behind the decay: its power is inferred from the decay alone.")
     if found.power_law > math.log(20.0) and not found.decided and readings >= FEW:
-        said.append("A single power law of the amplitude describes the decay better than every sum.")
+        said.append(
+            "A single power law of the amplitude describes the decay better than every sum (--damping power, or cubic "
+            "where the power is near 3, weigh it)."
+        )
     stated = next(
         (text for name, text in record.facts.items() if name.lower().startswith("quality factor")), None
     )

@@ -26,12 +26,12 @@ FORCES: dict[str, Force] = {
     "viscous": lambda x, v: 2 * 0.06 * v,
     "coulomb": lambda x, v: 0.13 * _sign(v),
     "quadratic": lambda x, v: 0.11 * v * abs(v),
-    "cubic": lambda x, v: 0.06 * v**3,
-    "displacement": lambda x, v: 60.0 * x * x * v,
+    "cubic": lambda x, v: 0.15 * v**3,
+    "displacement": lambda x, v: 150.0 * x * x * v,
     "structural": lambda x, v: 3.2 * abs(x) * _sign(v),
     "power": lambda x, v: 0.11 * abs(v) ** 1.5 * np.sign(v),
     "stribeck": lambda x, v: 0.07 * (1 + 3.0 * np.exp(-((v / 1.2) ** 2))) * _sign(v),
-    "dry_position": lambda x, v: 0.05 * (1 + 6.0 * (x / START) ** 2) * _sign(v),
+    "dry_position": lambda x, v: 0.09 * (1 + 2.0 * (x / START) ** 2) * _sign(v),
     "thinning": lambda x, v: 0.5 * v / (1 + abs(v) / 0.35),
 }
 
@@ -43,20 +43,23 @@ def turning_points(force: Force, cycles: int = 120, least: float = 0.04) -> tupl
     def turns(t, y):
         return y[1]
 
-    def gone(t, y):
-        return y[0] ** 2 + (y[1] / OMEGA) ** 2 - (least * START) ** 2
-
-    gone.terminal = True
-    found = solve_ivp(
+    whole = solve_ivp(
         lambda t, y: [y[1], -(OMEGA**2) * y[0] - force(y[0], y[1])], (0.0, 2 * np.pi / OMEGA * cycles), [START, 0.0],
-        method="LSODA", rtol=1e-8, atol=1e-10, events=(turns, gone), max_step=0.03,
+        method="LSODA", rtol=1e-8, atol=1e-10, events=turns, max_step=0.03,
     )  # fmt: skip
-    t, x = found.t_events[0], found.y_events[0][:, 0]
-    return 0.5 * (t[1:] + t[:-1]), 0.5 * np.abs(np.diff(x))
+    t, x = whole.t_events[0], whole.y_events[0][:, 0]
+    middle, sizes = 0.5 * (t[1:] + t[:-1]), 0.5 * np.abs(np.diff(x))
+    rested = np.flatnonzero(sizes < least * START)
+    behind = int(rested[0]) if rested.size else sizes.size
+    return middle[:behind], sizes[:behind]
 
 
 def envelope(
-    force: Force, seed: int, unit: str = "rad", frequency: float | None = OMEGA / (2 * np.pi), noise: float = 0.004
+    force: Force,
+    seed: int,
+    unit: str = "rad",
+    frequency: float | None = OMEGA / (2 * np.pi),
+    noise: float = 0.004,
 ) -> EnvelopeRecord:
     """The envelope as a record, its readings with 0.4 % of scatter and a floor of a thousandth of the start."""
     t, a = turning_points(force)

@@ -295,7 +295,7 @@ def test_many_records_in_two_processes_are_those_of_one(tmp_path, capsys):
     assert len(list((tmp_path / "2" / "figures").glob("*.png"))) == 8
 
 
-@pytest.mark.parametrize("option", [("--damping", "cubic"), ("--restoring", "linear"), ("--exact",)])
+@pytest.mark.parametrize("option", [("--noise", "white"), ("--restoring", "linear"), ("--exact",)])
 def test_an_option_that_no_envelope_is_answered_by_is_refused(tmp_path, capsys, option):
     assert main(["compare", str(written(tmp_path / "r.txt")), *option, "--out", str(tmp_path / "out")]) == 2
     assert capsys.readouterr().err.startswith(f"{option[0]}: is not for an envelope")

@@ -110,14 +110,14 @@ def compare(
     """Say which damping records have, how large it is, how well its law holds, and how sure that is."""
     if out is not None:
         run_folder(out, "")
+    sums = [one.strip() for given in damping or () for one in given.split(",")]
     from bayesdamp.envelope.command import compare_envelopes, recognised
     from bayesdamp.envelope.folder import asks_another
 
     if recognised(records, angle, unit, quantity):
         _no_envelope_s({
-            "damping": damping, "restoring": restoring, "plugin": plugin, "exact": exact, "runs": runs,
-            "channel": channel, "deviation": deviation if deviation != "auto" else None,
-            "noise": noise if noise != "auto" else None, "time-unit": time_unit,
+            "restoring": restoring, "exact": exact, "runs": runs, "channel": channel, "time-unit": time_unit,
+            "deviation": deviation if deviation != "auto" else None, "noise": noise if noise != "auto" else None,
         })  # fmt: skip
         written: list[Path] = []
 
@@ -145,6 +145,8 @@ def compare(
             frequency=frequency,
             start=o.bound(start, "--start"),
             stop=o.bound(stop, "--stop"),
+            damping=sums,
+            plugins=[str(file) for file in plugin or ()],
             repeats=repeats,
             seed=seed,
             workers=workers,
@@ -160,7 +162,6 @@ def compare(
 
     plugins = read_modules(plugin or ())
     use(plugins)  # which may read the files
-    sums = [one.strip() for given in damping or () for one in given.split(",")]
     columns = time, angle, rate, time_unit
     reading = Options.of(columns, unit, quantity, clock, (start, stop), runs, channel)
     found, doubted, said = chosen_records(records, reading)
@@ -215,8 +216,7 @@ def _no_envelope_s(given: Mapping[str, object]) -> None:
     for name, value in given.items():
         if value:
             raise InputError(
-                f"--{name}: is not for an envelope, which is weighed under sums of viscous, Coulomb and quadratic "
-                "damping and under one power of the amplitude; leave it out"
+                f"--{name}: is not for an envelope, of which only what each cycle takes is weighed; leave it out"
             )
 
 

@@ -6,6 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+ABOVE_FLOOR = 10.0
+"""dB above the mean power of the floor where a decay ends: there a Gaussian in the logarithm still describes what the
+floor does to it, and its mean is right to 1e-5 (the logarithm of a circular Gaussian's power plus a constant's)."""
 LAG = 0.1
 """Decay times (1/rate) over which readings of a floor are held against each other: thermal motion of the mode itself,
 which is correlated over its decay time, hardly moves in that, noise of a detector does."""

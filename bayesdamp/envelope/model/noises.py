@@ -8,9 +8,9 @@ import numpy as np
 
 from bayesdamp.envelope.model.candidates import Blocks, derivatives, warp_columns
 from bayesdamp.envelope.model.deviation import KNOTS, knot_covariance
+from bayesdamp.envelope.model.floor import ABOVE_FLOOR
 from bayesdamp.envelope.model.noise import SHARES, SLOW, Noise, infer_noise
 from bayesdamp.envelope.model.sums import Sum, loosest_fit
-from bayesdamp.envelope.records.window import ABOVE_FLOOR
 
 CHECKED = 0.1
 """Share of the decay at its start that is held against the rest."""

@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from bayesdamp.envelope.model.candidates import WIDTH, Blocks, Candidate, fit_rates, weigh
-from bayesdamp.envelope.model.further import Explored, explore
 from bayesdamp.envelope.model.law import ClosedForm, Law, Shape, Tabled
 from bayesdamp.envelope.model.laws import POWERS, SUMS
 from bayesdamp.envelope.model.noise import Noise
+from bayesdamp.envelope.terms.further import Explored, explore
 
 if TYPE_CHECKING:
-    from bayesdamp.envelope.model.loss import Scale
+    from bayesdamp.envelope.terms.loss import Scale
     from bayesdamp.physics.damping import DampingTerm
 
 HOPELESS = 25.0
@@ -79,14 +79,14 @@ class Sum:
 
     def unit_rate(self, term: int, scores: tuple[float, ...], scale: Scale | None = None) -> float:
         """ln of the rate in 1/s of a coefficient of 1 at the reference amplitude. scale: in place of the sum's."""
-        from bayesdamp.envelope.model.loss import log_loss
+        from bayesdamp.envelope.terms.loss import log_loss
 
         loss = log_loss(self.each[term], scores, scale or self.scale)  # type: ignore[arg-type]
         along = loss(np.append(np.linspace(self.low, self.start, 33), 0.0) - self.start)
         return float(max(along[-1], along.max() + np.log(SMALL)))
 
     def _shape(self, term: int, scores: tuple[float, ...]) -> Shape:
-        from bayesdamp.envelope.model.loss import log_loss
+        from bayesdamp.envelope.terms.loss import log_loss
 
         loss, unit = log_loss(self.each[term], scores, self.scale), self.unit_rate(term, scores)  # type: ignore[arg-type]
         return lambda x: np.exp(loss(x - self.start) - unit)
@@ -138,8 +138,8 @@ def _fitted(b: Blocks, one: Sum, inverse: np.ndarray) -> tuple[Law, float, np.nd
 
     if not one.count:
         return at(())
-    explored = explore(lambda z: -0.5 * at(tuple(z))[3], one.count, FIRST_ROUNDS)
-    return min((at(tuple(z)) for z in explored.points), key=lambda fit: fit[3])
+    explored = explore(lambda z: -0.5 * at(z)[3], one.count, FIRST_ROUNDS)
+    return min((at(tuple(z)) for z in explored.points.tolist()), key=lambda fit: fit[3])
 
 
 def _power(term: str) -> Shape:
@@ -166,7 +166,7 @@ def weighed(
             found.append(weigh(b, known.law, tried, inverse, known, log_share=one.log_prior))
             continue
         points, times = np.unique(known.resampled(STAND_FOR), axis=0, return_counts=True)
-        for scores, count in zip(map(tuple, points), times, strict=True):
+        for scores, count in zip(map(tuple, points.tolist()), times, strict=True):
             law = one.law(scores)
             alone = weigh(b, law, noises[:1], inverse)
             # Each stands for its share of the integral; its evidence says how much more it is with the other noises.

@@ -21,8 +21,8 @@ GUARD = 0.02
 CHECKED = 0.05
 """Share of a decay, at its start, that a law must hold for by itself."""
 WON = 0.15
-"""Share of a decay's duration by which it must be longer to begin where a law begins and not where a straight line
-does."""
+"""Share of a decay's duration, or of its fall in dB, by which it must be longer to begin where a law begins and not
+where a straight line does."""
 SMALLEST = 0.15
 """dB that is no deviation: detectors are not linear to better."""
 
@@ -52,22 +52,28 @@ def start_by_a_law(
     among the blocks before the one they led to; kept where little is won.
     """
 
-    def holds(at: int) -> bool:
-        x, floor, seen, _, scale = one_law(t, y, at, tb, edges)
-        x = x[: max(seen - at, LEAST_POINTS)]
-        off = yb[at : at + x.size] - scale - 10.0 * np.log10(np.exp(2.0 * x) + floor)
-        z = off / np.hypot(SMALLEST, NEPER * np.sqrt(0.5 * floor) * np.exp(-x))
-        first = z[: max(LEAST_POINTS, round(CHECKED * z.size))]
-        return bool(max(np.mean(z**2), np.mean(first**2)) <= WORSE**2)
-
     low, found = -1, begin
     while found - low > 1:
         middle = (low + found) // 2
-        low, found = (low, middle) if holds(middle) else (middle, found)
-    span = max(end - found, 1)
-    if begin - found < WON * span or fall(yb, found, end) - fall(yb, begin, end) < LEAST_DROP:
+        holds = a_law_holds(t, y, tb, yb, edges, middle)
+        low, found = (low, middle) if holds else (middle, found)
+    span, whole = max(end - found, 1), fall(yb, found, end)
+    won = whole - fall(yb, begin, end)
+    if won < LEAST_DROP or (begin - found < WON * span and won < WON * whole):
         return begin
     return found + (max(1, round(GUARD * span)) if found > 0 else 0)
+
+
+def a_law_holds(
+    t: np.ndarray, y: np.ndarray, tb: np.ndarray, yb: np.ndarray, edges: np.ndarray, at: int
+) -> bool:
+    """Whether one power of the amplitude, and a floor, describe the level from a block on, and just behind it."""
+    x, floor, seen, _, scale = one_law(t, y, at, tb, edges)
+    x = x[: max(seen - at, LEAST_POINTS)]
+    off = yb[at : at + x.size] - scale - 10.0 * np.log10(np.exp(2.0 * x) + floor)
+    z = off / np.hypot(SMALLEST, NEPER * np.sqrt(0.5 * floor) * np.exp(-x))
+    first = z[: max(LEAST_POINTS, round(CHECKED * z.size))]
+    return bool(max(np.mean(z**2), np.mean(first**2)) <= WORSE**2)
 
 
 def one_law(

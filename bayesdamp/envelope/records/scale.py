@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from bayesdamp.envelope.model.loss import Scale, scales_needed
 from bayesdamp.envelope.records.record import POWER, EnvelopeRecord
+from bayesdamp.envelope.terms.loss import Scale, scales_needed
 from bayesdamp.physics.damping import TERMS
 from bayesdamp.types import InputError
 from bayesdamp.units import UNITS

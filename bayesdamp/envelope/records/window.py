@@ -6,13 +6,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from bayesdamp.envelope.model.floor import SeenFloor, seen_floor
+from bayesdamp.envelope.model.floor import ABOVE_FLOOR, SeenFloor, seen_floor
 from bayesdamp.envelope.records.one_law import (
     GUARD,
     LEAST_DROP,
     LEAST_POINTS,
     SMALLEST,
     WORSE,
+    a_law_holds,
     blocks,
     fall,
     one_law,
@@ -24,9 +25,6 @@ POINTS = 600
 """Blocks that a record is looked at in."""
 COARSE = 72
 """Blocks among which the straightest descent is sought."""
-ABOVE_FLOOR = 10.0
-"""dB above the mean power of the floor where a decay ends: there a Gaussian in the logarithm still describes what the
-floor does to it, and its mean is right to 1e-5 (the logarithm of a circular Gaussian's power plus a constant's)."""
 LOST = 0.4
 """Share of the straightest descent that has to be left behind the start."""
 SURE_DROP = 8.0
@@ -82,7 +80,7 @@ def find_window(t: np.ndarray, y: np.ndarray) -> Window:
     tb, yb, edges = blocks(t, y, POINTS)
     first, last = _straightest(tb, yb)
     core = fall(yb, first, last + 1)
-    if core < LEAST_DROP:
+    if core < LEAST_DROP and not _bent(t, y, tb, yb, edges):
         raise Refusal(f"the level falls by {max(core, 0):.1f} dB, {LEAST_DROP:g} are needed")
     begin, broken = _followed_back(tb, yb, first, last)
     end, floor = _followed_on(t, y, begin, tb, yb, edges)
@@ -149,6 +147,12 @@ def bounded(t: np.ndarray, y: np.ndarray, start: float | None, stop: float | Non
         found.why[1] if stop is None else f"ends at {t[behind - 1]:.4g} s, as asked",
     )
     return Window(first, behind, found.floor, why)
+
+
+def _bent(t: np.ndarray, y: np.ndarray, tb: np.ndarray, yb: np.ndarray, edges: np.ndarray) -> bool:
+    """Whether the level falls from its highest block on, nowhere straight, by one power of the amplitude."""
+    at = int(np.argmax(yb))
+    return fall(yb, at, yb.size) > SURE_DROP and a_law_holds(t, y, tb, yb, edges, at)
 
 
 def _straightest(t: np.ndarray, y: np.ndarray) -> tuple[int, int]:

@@ -78,13 +78,17 @@ def verdict_json(found: Sequence[EnvelopeResult], pooled: Pooled | None = None) 
 
 
 def verdicts_csv(found: Sequence[EnvelopeResult]) -> bytes:
-    """A line a record; what is not known is an empty cell."""
+    """A line a record; what is not known is an empty cell. Each other term that was weighed has its column too, behind
+    those of viscous, Coulomb and quadratic damping."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(COLUMNS)
+    more = dict.fromkeys(term for one in found for term in one.terms if term not in COLUMNS)
+    at = COLUMNS.index("quadratic") + 1
+    columns = (*COLUMNS[:at], *more, *COLUMNS[at:])
+    writer.writerow(columns)
     for one in found:
         cells = _flat(one)
-        writer.writerow(["" if cells.get(name) is None else cells[name] for name in COLUMNS])
+        writer.writerow(["" if cells.get(name) is None else cells[name] for name in columns])
     return text.getvalue().encode()
 
 

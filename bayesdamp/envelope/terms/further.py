@@ -11,9 +11,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import brentq
 from scipy.special import ndtri
-from scipy.stats import qmc
 
 ROUND = 16
 ROUNDS = 12
@@ -22,6 +20,8 @@ ENOUGH = 32.0
 """Effective points at which it is done."""
 WIDER = 1.5
 """Variance of a round's normal over that of the points so far."""
+FLATTER = 0.8
+"""Powers of weights that are tried, each of the one before."""
 REACH = 5.0
 """Of scores: normals beyond are one in a million."""
 
@@ -55,23 +55,18 @@ class Explored:
 
 
 def explore(
-    log_likelihood: Callable[[np.ndarray], float],
-    count: int,
-    rounds: int = ROUNDS,
+    log_likelihood: Callable[[tuple[float, ...]], float], count: int, rounds: int = ROUNDS
 ) -> Explored:
     """Points of the density of `count` scores, standard normal before, times a likelihood of them."""
-
     prior: Normal = (np.zeros(count), np.eye(count))
     proposals = [prior]
-    sequence = qmc.Sobol(count, seed=1)
     points, logs = np.empty((0, count)), np.empty(0)
     used = 0
     while True:
         for mean, triangle in proposals[used:]:
-            drawn = ndtri(np.clip(sequence.random(ROUND), 1e-6, 1 - 1e-6)) @ triangle.T + mean
-            drawn = np.clip(drawn, -REACH, REACH)
+            drawn = np.clip(ndtri(_even(len(points), count)) @ triangle.T + mean, -REACH, REACH)
             points = np.vstack([points, drawn])
-            logs = np.append(logs, [log_likelihood(one) for one in drawn])
+            logs = np.append(logs, [log_likelihood(tuple(one)) for one in drawn.tolist()])
         used = len(proposals)
         mixture = np.logaddexp.reduce([_log_normal(points, *one) for one in proposals], axis=0)
         log_weight = logs + _log_normal(points, *prior) - mixture - np.log(ROUND)
@@ -83,16 +78,25 @@ def explore(
 def _fitted(points: np.ndarray, log_weight: np.ndarray, least: float) -> Normal:
     """A normal of the weighted points; weights are flattened until they are worth `least` of them."""
 
-    def lacks(log_power: float) -> float:
-        return _effective(np.exp(log_power) * log_weight) - least
-
-    power = 1.0 if lacks(0.0) >= 0 else float(np.exp(brentq(lacks, -40.0, 0.0, xtol=1e-2)))
+    power = 1.0
+    while _effective(power * log_weight) < least:
+        power *= FLATTER
     weight = _normalised(power * log_weight)
     mean = weight @ points
     off = points - mean
     covariance = WIDER * (off.T * weight) @ off
     covariance += 1e-10 * np.eye(mean.size) + 1e-4 * np.diag(np.diag(covariance))
     return mean, np.linalg.cholesky(covariance)
+
+
+def _even(first: int, count: int) -> np.ndarray:
+    """The next ROUND points of an additive recurrence that fills the unit cube evenly, (ROUND, count): its steps are
+    powers of the root of x^(count + 1) = x + 1 (M. Roberts 2018, after the golden ratio)."""
+    root = 2.0
+    for _ in range(40):
+        root = (1.0 + root) ** (1.0 / (count + 1))
+    steps = root ** -np.arange(1.0, count + 1)
+    return (0.5 + np.arange(first + 1, first + ROUND + 1)[:, None] * steps) % 1.0
 
 
 def _effective(log_weight: np.ndarray) -> float:

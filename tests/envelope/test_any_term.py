@@ -1,0 +1,171 @@
+"""Terms beside the paper's in envelopes: the full oscillator solved by SciPy, its turning points read with noise."""
+
+from __future__ import annotations
+
+import csv
+import json
+from functools import cache
+
+import numpy as np
+import pytest
+
+from bayesdamp.cli import main
+from bayesdamp.envelope import EnvelopeResult, analyse
+from bayesdamp.envelope.asked import asked
+from bayesdamp.types import InputError
+from tests.envelope.oscillations import FORCES, OMEGA, envelope
+
+SUMS = (
+    ("viscous",),
+    ("coulomb",),
+    ("quadratic",),
+    ("viscous", "quadratic"),
+    ("viscous", "coulomb"),
+    ("cubic",),
+)
+THINNING = '''
+from bayesdamp.physics.damping import DampingTerm
+
+
+class Thinning(DampingTerm):
+    """F = c v / (1 + |v|/0.35)."""
+
+    name = "thinning"
+    parameter = "c_thinning"
+    unit = "1/s"
+    words = "thinning"
+
+    @staticmethod
+    def kernel(x, v, epsilon):
+        return v / (1.0 + abs(v) / 0.35)
+
+
+PLUGIN = Thinning()
+'''
+
+
+@cache
+def found(made: str, *more: str, unit: str = "rad") -> EnvelopeResult:
+    return analyse(envelope(FORCES[made], 1, unit), sums=(*SUMS, *((one,) for one in more)))
+
+
+@pytest.mark.parametrize("unit", ["rad", "dB"])
+@pytest.mark.parametrize(
+    ("made", "truths"),
+    [
+        ("cubic", {"mu_3": 0.15}),
+        ("power", {"exponent": 1.5}),
+        ("stribeck", {"mu_k": 0.07, "static_excess": 3.0, "stribeck_velocity": 1.2}),
+        ("dry_position", {"mu_p": 0.09, "friction_curvature": 2.0}),
+    ],
+)
+def test_a_term_is_named_and_its_numbers_are_recovered(made, truths, unit):
+    """Without a scale, numbers that have one are relative to the amplitude at the start."""
+    result = found(made, *(() if made == "cubic" else (made,)), unit=unit)
+    assert result.damping == made
+    assert result.decided
+    start = float(np.exp(np.mean(np.log(10.0) / 20.0 * result.curve.level[:3]))) if unit == "dB" else 1.0
+    powers = {"mu_3": 2, "mu_k": -1, "mu_p": -1, "stribeck_velocity": -1}
+    values = {c.name: c.estimate for c in result.coefficients}
+    for name, truth in truths.items():
+        one, true = values[name], truth * start ** powers.get(name, 0)
+        assert one.low <= true <= one.high, name
+    assert sum(result.energy[t].value for t in result.energy) == pytest.approx(1.0, abs=0.05)
+
+
+@pytest.mark.parametrize("made", ["viscous", "quadratic"])
+def test_the_paper_s_terms_stay_named_beside_others(made):
+    """The control: what these records have is not one of the terms with more parameters."""
+    result = found(made, "power", "stribeck")
+    assert result.damping == made
+    assert result.probability > 0.8
+
+
+def test_a_law_that_a_record_does_not_have_is_not_named():
+    result = analyse(envelope(FORCES["stribeck"], 1), sums=(("viscous",), ("cubic",)))
+    assert not result.decided
+    assert result.grade == "deviates"
+    assert "none of the dampings weighed describes it well" in result.sentence
+
+
+def test_a_power_that_is_a_term_has_the_exponent_that_every_answer_has():
+    result = found("power", "power")
+    one = next(c.estimate for c in result.coefficients if c.name == "exponent")
+    assert one.value == pytest.approx(
+        result.exponent.value, abs=0.3 * (result.exponent.high - result.exponent.low)
+    )
+    assert one.high - one.low == pytest.approx(result.exponent.high - result.exponent.low, rel=0.3)
+
+
+def written(path, made: str = "thinning", unit: str = "rad", seed: int = 3) -> str:
+    record = envelope(FORCES[made], seed)
+    y = 10 ** (record.level / 20)
+    rows = "\n".join(f"{t:.7g},{a:.9g}" for t, a in zip(record.t, y))
+    path.write_text(f"time (s),amplitude ({unit})\n{rows}\n")
+    return str(path)
+
+
+def test_a_user_s_own_term_is_weighed(tmp_path, capsys):
+    plugin = tmp_path / "thinning.py"
+    plugin.write_text(THINNING)
+    file = written(tmp_path / "r.csv")
+    out = tmp_path / "out"
+    frequency = ["--quantity", "envelope", "--frequency", str(OMEGA / 2 / np.pi), "--plugin", str(plugin)]
+    assert main(["compare", file, *frequency, "--out", str(out)]) == 0
+    (one,) = json.loads((out / "verdict.json").read_text())
+    assert one["damping"] == "thinning"
+    assert "thinning damping" in one["sentence"]
+    c = next(c for c in one["coefficients"] if c["name"] == "c_thinning")
+    assert c["low"] <= 0.5 <= c["high"]
+    (row,) = csv.DictReader((out / "verdicts.csv").read_text().splitlines())
+    assert float(row["thinning"]) == one["terms"]["thinning"]
+    assert "thinning" in (out / "report.html").read_text()
+    # It has a velocity of its own: volts do not say where that is.
+    capsys.readouterr()
+    volts = written(tmp_path / "v.csv", unit="V")
+    assert main(["compare", volts, *frequency, "--out", str(tmp_path / "no")]) == 2
+    assert "has a size of its own, in rad or m" in capsys.readouterr().err
+    assert not (tmp_path / "no").exists()
+
+
+def test_a_plugin_s_source_is_part_of_the_question(tmp_path, capsys):
+    """Changed, the record is answered anew; in several processes too."""
+    plugin = tmp_path / "drag.py"
+    text = THINNING.replace("v / (1.0 + abs(v) / 0.35)", "v**3").replace("thinning", "third")
+    plugin.write_text(text)
+    files = [written(tmp_path / f"r{k}.csv", "viscous", seed=k) for k in range(7)]
+    asks = ["--quantity", "envelope", "--plugin", str(plugin), "--damping", "viscous,third", "--workers", "2"]
+    out = tmp_path / "out"
+    before = []
+    for power in ("3", "2"):
+        plugin.write_text(text.replace("v**3", f"abs(v)**{int(power) - 1} * v"))
+        assert main(["compare", *files, *asks, "--out", str(out)]) == 0
+        before.append([one["rivals"] for one in json.loads((out / "verdict.json").read_text())])
+    assert before[0] != before[1]
+
+
+@pytest.mark.parametrize(
+    ("damping", "what"),
+    [
+        (["viscous+structural"], "viscous and structural lose alike at every amplitude"),
+        (["viscous+coulomb+quadratic+cubic"], "sums of 3 terms at most"),
+        (["cubix"], "did you mean 'cubic'"),
+    ],
+)
+def test_what_no_envelope_tells_is_refused(damping, what):
+    with pytest.raises(InputError, match=what.replace("+", r"\+")):
+        asked(damping)
+
+
+def test_twins_are_said_and_not_weighed_beside_each_other():
+    one = asked(["viscous", "structural", "cubic", "viscous+displacement", "displacement+structural"])
+    assert one.sums == (("viscous",), ("cubic",), ("viscous", "displacement"))
+    assert one.left_out == (
+        "structural is not weighed: it loses as viscous does at every amplitude.",
+        "displacement+structural is not weighed: it loses as viscous+displacement does at every amplitude.",
+    )
+    alone = analyse(envelope(FORCES["structural"], 2), sums=(("structural",), ("quadratic",)))
+    assert alone.damping == "structural"
+    assert any("loses as viscous does" in line for line in alone.remarks)
+    kappa = next(c.estimate for c in alone.coefficients if c.name == "kappa")
+    assert kappa.low <= 3.2 <= kappa.high
