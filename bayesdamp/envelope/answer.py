@@ -11,8 +11,8 @@ from bayesdamp.envelope.coefficients import coefficients_of
 from bayesdamp.envelope.model.candidates import Blocks, Candidate, weigh_power
 from bayesdamp.envelope.model.laws import POWERS
 from bayesdamp.envelope.model.noise import Noise
-from bayesdamp.envelope.model.posterior import DRIFT, SENSOR, draw
-from bayesdamp.envelope.model.sums import Sum, weighed
+from bayesdamp.envelope.model.posterior import DRIFT, SENSOR, Draws, draw
+from bayesdamp.envelope.model.sums import Sum, sums_on, weighed
 from bayesdamp.envelope.records.one_law import NEPER
 from bayesdamp.envelope.records.record import EnvelopeRecord
 from bayesdamp.envelope.records.window import Window
@@ -52,46 +52,32 @@ def answer(
     which fits are sought."""
     record, b, reference, omega = decay.record, decay.blocks, decay.reference, decay.omega
     candidates = weighed(b, sums, noises, inverse)
-    prior = float(np.log(sum(np.exp(one.log_prior) for one in sums)))
-    whole_z = np.array([c.total + c.log_share for c in candidates])
-    exact_z = np.array([c.total_exact + c.log_share for c in candidates])
     names = [one.name for one in sums]
-    log_z, log_exact = (
-        np.array(
-            [
-                np.logaddexp.reduce([z for z, c in zip(of, candidates, strict=True) if c.name == name])
-                for name in names
-            ]
-        )
-        for of in (whole_z, exact_z)
-    )
+    log_z = _by_sum(names, candidates, [c.total + c.log_share for c in candidates])
+    log_exact = _by_sum(names, candidates, [c.total_exact + c.log_share for c in candidates])
     probability = np.exp(log_z - log_z.max())
     probability /= probability.sum()
     best = int(np.argmax(probability))
     fitted = max((c for c in candidates if c.name == names[best]), key=lambda c: c.total + c.log_share)
-    terms = tuple(
-        dict.fromkeys(
-            [t for t in POWERS if any(t in one.terms for one in sums)]
-            + [t for one in sums for t in one.terms]
-        )
-    )
+    there = dict.fromkeys(term for one in sums for term in one.terms)
+    terms = sorted(there, key=lambda term: (*POWERS, *there).index(term))
     decided = bool(probability[best] > DECIDED and np.argmax(log_exact) == best)
     probability_exact = float(np.exp(np.logaddexp.reduce(log_exact) - np.logaddexp.reduce(log_z)))
     top, bottom = b.ends
     amplitudes = np.array([top + share * (bottom - top) for share in ASKED])
     rng = np.random.default_rng([seed, b.t.size])
-    draws = draw(b, candidates, terms, amplitudes, rng, _sensor(record, 0.5 * (top - bottom) * NEPER))
-    plain = draw(b, candidates, terms, amplitudes, rng, sensor=0.0, exact=True)
+    sensor = _sensor(record, 0.5 * (top - bottom) * NEPER)
 
-    at = tuple(
-        _at(record, (amplitudes[i] + reference) * NEPER, draws.at[:, i], plain.at[:, i], omega)
-        for i in range(amplitudes.size)
-    )
+    def drawn(every: Sequence[Candidate], names: Sequence[str]) -> tuple[Draws, Draws]:
+        whole = draw(b, every, names, amplitudes, rng, sensor)
+        return whole, draw(b, every, names, amplitudes, rng, sensor=0.0, exact=True)
+
+    draws, plain = drawn(candidates, terms)
     power_z, power_mean, power_variance = weigh_power(b, noises, inverse)
+    prior = np.logaddexp.reduce([one.log_prior for one in sums])
     odds = float(np.logaddexp.reduce(power_z) - np.logaddexp.reduce(log_z) + prior)
     low, middle, high = np.quantile(draws.deviation, [0.025, 0.5, 0.975])
     deviation = Range(float(middle), float(low), float(high))
-    misfit, scatter = _misfit(b, fitted, noises)
     grade = (
         "exact"
         if probability_exact >= 0.5
@@ -99,13 +85,18 @@ def answer(
         if deviation.high <= APPROXIMATE
         else "deviates"
     )
-    if odds > POWER_LAW and not decided and b.t.size >= FEW:
-        grade = "deviates"
+    by_power = odds > POWER_LAW and b.t.size >= FEW and not (decided and grade != "deviates")
+    if by_power and "power" not in terms:
+        # Rates by laws that the record does not follow are none of its own.
+        rated, rated_plain = drawn([*candidates, *_by_power(b, noises, inverse)], (*terms, "power"))
+    else:
+        rated, rated_plain = draws, plain
+    misfit, scatter = _misfit(b, fitted, noises)
     found = EnvelopeResult(
         name=record.name,
-        grade=grade,
+        grade="deviates" if by_power else grade,
         sentence="",
-        decided=decided and grade != "deviates",
+        decided=decided and not by_power and grade != "deviates",
         damping=names[best],
         probability=float(probability[best]),
         probabilities={n: float(p) for n, p in zip(names, probability, strict=True)},
@@ -114,9 +105,12 @@ def answer(
             for t in terms
         },
         frequency=record.frequency,
-        rate=estimated(draws.whole, plain.whole),
-        quality_factor=estimated(omega / 2 / draws.whole, omega / 2 / plain.whole) if omega else None,
-        at=at,
+        rate=estimated(rated.whole, rated_plain.whole),
+        quality_factor=estimated(omega / 2 / rated.whole, omega / 2 / rated_plain.whole) if omega else None,
+        at=tuple(
+            _at(record, (amplitudes[i] + reference) * NEPER, rated.at[:, i], rated_plain.at[:, i], omega)
+            for i in range(amplitudes.size)
+        ),
         energy={
             term: Range(*(float(q) for q in np.quantile(draws.energy[:, i], [0.5, 0.025, 0.975])))
             for i, term in enumerate(terms)
@@ -133,6 +127,23 @@ def answer(
     )
     said = remarks(found, record, decay.window.stop - decay.first, (top - bottom) * NEPER)
     return replace(found, sentence=sentence(found), remarks=said)
+
+
+def _by_sum(names: Sequence[str], candidates: Sequence[Candidate], logs: Sequence[float]) -> np.ndarray:
+    """ln of the sum over each sum's candidates."""
+    return np.array(
+        [
+            np.logaddexp.reduce([one for one, c in zip(logs, candidates, strict=True) if c.name == name])
+            for name in names
+        ]
+    )
+
+
+def _by_power(b: Blocks, noises: list[tuple[Noise, np.ndarray]], inverse: np.ndarray) -> list[Candidate]:
+    """One power of the velocity, as a term."""
+    from bayesdamp.envelope.terms.loss import Scale
+
+    return weighed(b, sums_on([("power",)], Scale(), b.ends[0], float(b.x.min())), noises, inverse)
 
 
 def _cut(decay: Decay) -> Cut:

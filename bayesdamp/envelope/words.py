@@ -155,8 +155,8 @@ def remarks(found: EnvelopeResult, record: EnvelopeRecord, readings: int, fall: 
         said.append("No noise floor is seen behind the decay: its power is inferred from the decay alone.")
     if found.power_law > math.log(20.0) and not found.decided and readings >= FEW:
         said.append(
-            "A single power law of the amplitude describes the decay better than every sum (--damping power, or cubic "
-            "where the power is near 3, weigh it)."
+            "A single power law of the amplitude describes the decay better than every sum: rates are by it "
+            "(--damping power, or cubic where the power is near 3, weigh it)."
         )
     stated = next(
         (text for name, text in record.facts.items() if name.lower().startswith("quality factor")), None

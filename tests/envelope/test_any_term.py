@@ -169,3 +169,19 @@ def test_twins_are_said_and_not_weighed_beside_each_other():
     assert any("loses as viscous does" in line for line in alone.remarks)
     kappa = next(c.estimate for c in alone.coefficients if c.name == "kappa")
     assert kappa.low <= 3.2 <= kappa.high
+
+
+def test_a_decay_steeper_than_the_paper_s_laws_has_its_own_rates_without_being_asked():
+    """Cubic damping under the default sums: said to be none of them, with the rates of the oscillation itself."""
+    result = analyse(envelope(FORCES["cubic"], 3))
+    assert result.grade == "deviates"
+    assert not result.decided
+    assert any("rates are by it" in line for line in result.remarks)
+    t, a = turning_points(FORCES["cubic"])
+    for one in result.at:
+        near = one.amplitude * np.exp([0.1, -0.1])
+        before, after = np.interp(-near, -a, t)
+        assert one.rate.value == pytest.approx(0.2 / (after - before), rel=0.02)
+    # The control: by quadratic damping, the best of the sums, it is half or twice that.
+    assert result.damping == "quadratic"
+    assert result.deviation.low > 0.2

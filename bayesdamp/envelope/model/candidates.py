@@ -9,7 +9,7 @@ import numpy as np
 from scipy.optimize import nnls
 from scipy.special import ndtr
 
-from bayesdamp.envelope.model.deviation import KNOTS, knot_covariance, warp_integrals, weights
+from bayesdamp.envelope.model.deviation import KNOTS, knot_precisions, warp_integrals, weights
 from bayesdamp.envelope.model.floor import SeenFloor
 from bayesdamp.envelope.model.law import Law
 from bayesdamp.envelope.model.laws import power_decay
@@ -277,7 +277,7 @@ def _grid(
 
     offset: prior mean of the parameters less the fit; prior: their prior precision.
     """
-    tau, length, log_prior = weights()
+    tau, _, log_prior = weights()
     n, d = h.shape
     extra = [0.5 * noise.constant * np.exp(-2.0 * fit)] if noise.constant > 0 else []
     white, log_det = whiten(covariance, [h0, *extra, h, warp, residual])
@@ -285,8 +285,7 @@ def _grid(
     e = len(extra)
     gram, b, rr = columns.T @ columns, columns.T @ r, float(r @ r)
     q = columns.shape[1]
-    places = [np.linalg.inv(knot_covariance(KNOTS, float(one))) for one in length]
-    log_dets = np.array([-np.linalg.slogdet(knot_covariance(KNOTS, float(one)))[1] for one in length])
+    places, log_dets = knot_precisions()
     width = np.where(tau > 0, tau, _ZERO)
     precision = np.zeros((tau.size, q, q))
     precision[:, 0, 0] = START_SD**-2
@@ -298,7 +297,7 @@ def _grid(
     inner = slice(1 + e, 1 + e + d)
     precision[:, range(1 + e, 1 + e + d), range(1 + e, 1 + e + d)] = prior
     mu[inner] = offset
-    precision[:, 1 + e + d :, 1 + e + d :] = np.stack(places) / width[:, None, None] ** 2
+    precision[:, 1 + e + d :, 1 + e + d :] = places / width[:, None, None] ** 2
     log_det_prior = np.log(prior).sum() - 2 * np.log(START_SD) + np.log(sure)
     log_det_prior = log_det_prior + log_dets - 2 * KNOTS * np.log(width)
     pull = precision @ mu

@@ -26,6 +26,13 @@ def knot_covariance(count: int, length: float) -> np.ndarray:
     return np.exp(-np.abs(s[:, None] - s) / length)
 
 
+@cache
+def knot_precisions() -> tuple[np.ndarray, np.ndarray]:
+    """Of g at the knots where τ is 1, for each pair of `weights`: (pairs, KNOTS, KNOTS), and their ln determinants."""
+    found = np.stack([np.linalg.inv(knot_covariance(KNOTS, float(length))) for length in weights()[1]])
+    return found, np.linalg.slogdet(found)[1]
+
+
 def hats(s: np.ndarray, count: int) -> np.ndarray:
     """Piecewise linear basis at s in [0, 1], shape (n, count)."""
     at = np.clip(s, 0.0, 1.0) * (count - 1)
@@ -43,6 +50,7 @@ def warp_integrals(s: np.ndarray, count: int) -> np.ndarray:
     return found / (count - 1)
 
 
+@cache
 def weights() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """(τ, ℓ, log prior probability) of each pair on the grid, shape (pairs,); the first is τ = 0."""
     edges = np.concatenate([[0.0], np.sqrt(TAUS[1:] * TAUS[:-1]), [np.inf]])

@@ -18,6 +18,8 @@ DRIFT = 0.1
 """dB (sd) by which the gain of a detector that reads dB drifts, or bends, over half of a decay and leaves no trace:
 conventional, makers of analysers state 0.1 to 0.2."""
 LEAST_WEIGHT = 1e-4
+ALONG = 257
+"""Points of a fit, evenly in ln A, over which means are taken."""
 
 
 @dataclass(frozen=True)
@@ -97,15 +99,19 @@ def _draws(
 
     s = blocks.t / blocks.duration
     basis = hats(s, KNOTS)
-    shapes = c.law.shapes(c.fit)  # (d, n): of each term's rate over the record
-    step = np.gradient(blocks.t)
-    mean = np.where(c.fit >= 0.5 * (c.fit[0] + c.fit[-1]), step, 0.0)
-    mean /= mean.sum()
-    whole = rates @ (shapes @ mean)
+    # Along the fit, on which time passes as dx/f: a decay that is steep at first has few readings there.
+    x = np.linspace(c.fit[0], c.fit[-1], ALONG)
+    took = 1.0 / np.maximum(c.law.rate(x, c.rates), 1e-300)
+    took[[0, -1]] *= 0.5
+    shapes = c.law.shapes(x)  # (d, n): of each term's rate over the record
+    half = slice(0, ALONG // 2 + 1)
+    first = took[half].copy()
+    first[-1] *= 0.5
+    whole = rates @ (shapes[:, half] @ (first / first.sum()))
     passed = np.interp(-amplitudes, -c.fit, s)
     law = rates @ c.law.shapes(amplitudes)
     at = law * (1.0 + g @ hats(passed, KNOTS).T)
-    losses = rates * (shapes @ (np.exp(2.0 * c.fit) * step))
+    losses = rates * (shapes @ (np.exp(2.0 * x) * took))
     energy, terms = np.zeros((count, len(names))), np.full((count, len(names)), np.nan)
     places = [list(names).index(term) for term in c.terms]
     energy[:, places] = losses / losses.sum(axis=1, keepdims=True)

@@ -27,6 +27,8 @@ FIRST_ROUNDS = 6
 """Rounds of points among which the fit of a sum with further parameters is sought."""
 SMALL = 0.01
 """Of its largest on the record a loss at the reference amplitude at least, where its rate is told there."""
+STEEP = 3.0
+"""The largest power of the amplitude that a loss goes with among the terms that ship."""
 BEYOND = 1.0
 """Of ln A beyond the readings that a law is known for."""
 
@@ -110,16 +112,18 @@ def sums_on(
 def loosest_fit(b: Blocks, sums: Sequence[Sum], inverse: np.ndarray) -> tuple[Law, float, np.ndarray]:
     """A law that leaves as little of a record as any of these sums does, ln A at its start, and its rates.
 
-    It has viscous, Coulomb and quadratic damping with it, so that what it may leave is none of theirs.
+    It has viscous, Coulomb and quadratic damping with it, so that what it may leave is none of theirs; where the loss
+    is steeper than all of these, the third power of the amplitude too.
     """
-    paper = Sum(SUMS[-1])
-    found = [_fitted(b, one, inverse) for one in (paper, *(one for one in sums if one.each))]
+    steep = Tabled(("steep",), (_power(STEEP),), float(b.x.min()) - BEYOND, b.ends[0] + BEYOND)
+    found = [_squares(b, law, inverse) for law in (ClosedForm(SUMS[-1]), steep)]
+    found += [_fitted(b, one, inverse) for one in sums if one.each]
     law, x0, rates, _ = min(found, key=lambda one: one[3])
     if law.terms == SUMS[-1]:
         return law, x0, rates
     assert isinstance(law, Tabled)
     more = tuple(term for term in SUMS[-1] if term not in law.terms)
-    shapes = tuple(map(_power, more))
+    shapes = tuple(_power(POWERS[term]) for term in more)
     return (
         replace(law, terms=law.terms + more, each=law.each + shapes),
         x0,
@@ -128,13 +132,11 @@ def loosest_fit(b: Blocks, sums: Sequence[Sum], inverse: np.ndarray) -> tuple[La
 
 
 def _fitted(b: Blocks, one: Sum, inverse: np.ndarray) -> tuple[Law, float, np.ndarray, float]:
-    """A sum's law, start and rates at the least squares, its further parameters sought too, and these squares."""
+    """As `_squares`, a sum's further parameters sought too."""
 
     @cache
     def at(scores: tuple[float, ...]) -> tuple[Law, float, np.ndarray, float]:
-        law = one.law(scores)
-        x0, rates, squares = fit_rates(b, law, inverse)
-        return law, x0, rates, squares - float(np.sum((rates / (WIDTH * b.mean_rate)) ** 2))
+        return _squares(b, one.law(scores), inverse)
 
     if not one.count:
         return at(())
@@ -142,8 +144,14 @@ def _fitted(b: Blocks, one: Sum, inverse: np.ndarray) -> tuple[Law, float, np.nd
     return min((at(tuple(z)) for z in explored.points.tolist()), key=lambda fit: fit[3])
 
 
-def _power(term: str) -> Shape:
-    return lambda x: np.exp((POWERS[term] - 1.0) * x)
+def _squares(b: Blocks, law: Law, inverse: np.ndarray) -> tuple[Law, float, np.ndarray, float]:
+    """A law, its start and rates at the least squares, and these squares."""
+    x0, rates, squares = fit_rates(b, law, inverse)
+    return law, x0, rates, squares - float(np.sum((rates / (WIDTH * b.mean_rate)) ** 2))
+
+
+def _power(power: float) -> Shape:
+    return lambda x: np.exp((power - 1.0) * x)
 
 
 def weighed(
