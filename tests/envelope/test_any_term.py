@@ -13,7 +13,7 @@ from bayesdamp.cli import main
 from bayesdamp.envelope import EnvelopeResult, analyse
 from bayesdamp.envelope.asked import asked
 from bayesdamp.types import InputError
-from tests.envelope.oscillations import FORCES, OMEGA, envelope
+from tests.envelope.oscillations import FORCES, OMEGA, envelope, turning_points
 
 SUMS = (
     ("viscous",),
