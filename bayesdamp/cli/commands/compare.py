@@ -62,8 +62,8 @@ def compare(
     damping: Annotated[
         list[str] | None,
         typer.Option(
-            help="Damping sums to compare, such as stribeck,viscous+cubic, may be given again; by default all of "
-            "viscous, Coulomb and quadratic damping.",
+            help="Damping sums to compare, such as stribeck,viscous+cubic, may be given again, for envelopes too; by "
+            "default all of viscous, Coulomb and quadratic damping.",
             rich_help_panel=WEIGHED,
         ),
     ] = None,

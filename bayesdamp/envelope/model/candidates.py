@@ -153,16 +153,9 @@ def _sane(blocks: Blocks, law: Law, rates: np.ndarray, x0: float) -> np.ndarray:
 def derivatives(blocks: Blocks, law: Law, x0: float, rates: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Of x by x0, shape (n,), and by the rates, shape (n, d)."""
     x = law.decay(blocks.t, x0, rates)
-    step = 1e-4 * blocks.mean_rate
-    columns = []
-    for i in range(len(rates)):
-        up, down = rates.copy(), rates.copy()
-        up[i] += step
-        down[i] = max(0.0, rates[i] - step)
-        columns.append((law.decay(blocks.t, x0, up) - law.decay(blocks.t, x0, down)) / (up[i] - down[i]))
     whole = law.rate(x, rates)
     at_start = float(law.rate(np.array([x0]), rates)[0])
-    return whole / max(at_start, 1e-300), np.stack(columns, axis=1)
+    return whole / max(at_start, 1e-300), law.slopes(blocks.t, x, x0, rates, 1e-4 * blocks.mean_rate)
 
 
 def warp_columns(blocks: Blocks, speed: np.ndarray) -> np.ndarray:
@@ -178,13 +171,14 @@ def weigh(
     fitted: Candidate | None = None,
     scores: tuple[float, ...] = (),
     log_share: float = 0.0,
+    begin: np.ndarray | None = None,
 ) -> Candidate:
     """A sum's evidence and posterior over the grid of hyperparameters.
 
     noises: each with the covariance of the readings; inverse: of the triangle in which the fit is sought; fitted: the
-    same sum with another noise, whose fit is taken.
+    same sum with another noise, whose fit is taken; begin: rates from which else the fit is sought.
     """
-    x0, rates = fit_rates(blocks, law, inverse)[:2] if fitted is None else (fitted.x0, fitted.rates)
+    x0, rates = fit_rates(blocks, law, inverse, begin)[:2] if fitted is None else (fitted.x0, fitted.rates)
     fit = law.decay(blocks.t, x0, rates)
     h0, h = derivatives(blocks, law, x0, rates)
     prior = np.full(rates.size, (WIDTH * blocks.mean_rate) ** -2)

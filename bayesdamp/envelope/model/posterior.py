@@ -105,9 +105,10 @@ def _draws(
     took[[0, -1]] *= 0.5
     shapes = c.law.shapes(x)  # (d, n): of each term's rate over the record
     half = slice(0, ALONG // 2 + 1)
-    first = took[half].copy()
-    first[-1] *= 0.5
-    whole = rates @ (shapes[:, half] @ (first / first.sum()))
+    ends = np.ones(ALONG // 2 + 1)
+    ends[[0, -1]] = 0.5
+    # What falls there over the time that it takes.
+    whole = ends.sum() / ((1.0 / np.maximum(rates @ shapes[:, half], 1e-300)) @ ends)
     passed = np.interp(-amplitudes, -c.fit, s)
     law = rates @ c.law.shapes(amplitudes)
     at = law * (1.0 + g @ hats(passed, KNOTS).T)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from typing import TYPE_CHECKING
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 HOPELESS = 25.0
 """Nats behind the best with the first noise at which a sum is not weighed with the others: those are worth few."""
-STAND_FOR = 32
+STAND_FOR = 24
 """Points that the posterior of a sum's further parameters is shown by."""
 FIRST_ROUNDS = 6
 """Rounds of points among which the fit of a sum with further parameters is sought."""
@@ -160,7 +160,7 @@ def weighed(
     """Every sum, with the first noise; with all of them those that it does not rule out. A sum with further parameters
     is as many candidates as points stand for these."""
     first = [
-        explore(lambda z, one=one: weigh(b, one.law(z), noises[:1], inverse).total, one.count)
+        explore(_evidence(b, one, noises, inverse), one.count)
         if one.count
         else weigh(b, one.law(), noises[:1], inverse)
         for one in sums
@@ -181,3 +181,18 @@ def weighed(
             share = total - alone.total + np.log(count / STAND_FOR) + one.log_prior
             found.append(weigh(b, law, tried, inverse, alone, scores, float(share)))
     return found
+
+
+def _evidence(
+    b: Blocks, one: Sum, noises: Sequence[tuple[Noise, np.ndarray]], inverse: np.ndarray
+) -> Callable[[tuple[float, ...]], float]:
+    """ln of a sum's evidence with the first noise, of its further parameters' scores."""
+    rates: np.ndarray | None = None
+
+    def at(scores: tuple[float, ...]) -> float:
+        nonlocal rates
+        found = weigh(b, one.law(scores), noises[:1], inverse, begin=rates)
+        rates = np.maximum(found.rates, 1e-3 * b.mean_rate)  # from where the next fit is near
+        return found.total
+
+    return at

@@ -11,9 +11,11 @@ from matplotlib.figure import Figure
 
 from bayesdamp.envelope.records.record import EnvelopeRecord
 from bayesdamp.envelope.results import EnvelopeResult, Range
+from bayesdamp.envelope.words import damping_words
 
 POINTS = 1200
 LAWS = (("Coulomb", "#D55E00"), ("viscous", "#0072B2"), ("quadratic", "#009E73"))
+CUBIC = ("cubic", "#CC79A7")
 INK, QUIET, FIT, BAND = "#222222", "#8a8a8a", "#0072B2", "#D55E00"
 
 
@@ -26,13 +28,13 @@ def thinned(t: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return np.repeat(t[edges], 2), np.column_stack([low, high]).ravel()
 
 
-def _exponent(ax: Axes, found: Range) -> None:
-    """The interval of the power of the velocity on an axis where the three laws are marked."""
-    for place, (name, shade) in enumerate(LAWS):
+def _exponent(ax: Axes, found: Range, cubic: bool) -> None:
+    """The interval of the power of the velocity on an axis where the three laws are marked, the cubic one where it was
+    weighed."""
+    aligned = ("left", "center", "center", "right")
+    for place, (name, shade) in enumerate((*LAWS, *([CUBIC] if cubic else []))):
         ax.axvline(place, color=shade, lw=1.2, ls="--")
-        ax.text(
-            place, 1.25, name, color=shade, fontsize=7.5, ha="left" if place == 0 else "center", va="bottom"
-        )
+        ax.text(place, 1.25, name, color=shade, fontsize=7.5, ha=aligned[place], va="bottom")
     ax.plot([found.low, found.high], [0.0, 0.0], color=INK, lw=3.0, solid_capstyle="butt")
     ax.plot([found.value], [0.0], "o", color=INK, ms=5)
     ax.set_xlim(-0.12, 3.05)
@@ -51,7 +53,8 @@ def picture(record: EnvelopeRecord, found: EnvelopeResult) -> bytes:
     left.set_xlabel("time / s", color=INK)
     unit = record.unit if record.logarithmic else f"dB of 1 {record.unit}"
     left.set_ylabel(f"level / {unit}", color=INK)
-    left.set_title(found.name, loc="left", fontsize=9)
+    named = f"{found.name}: {damping_words(found.damping)}" if found.damping else found.name
+    left.set_title(named, loc="left", fontsize=9)
     if found.curve is not None and found.cut is not None:
         curve, cut = found.curve, found.cut
         left.plot(curve.t, curve.fit, color=FIT, lw=1.4)
@@ -63,7 +66,8 @@ def picture(record: EnvelopeRecord, found: EnvelopeResult) -> bytes:
             (0.68, 0.12, 0.305, 0.78) if found.exponent is None else (0.68, 0.42, 0.305, 0.48)
         )
         if found.exponent is not None:
-            _exponent(figure.add_axes((0.68, 0.12, 0.305, 0.12)), found.exponent)
+            below = figure.add_axes((0.68, 0.12, 0.305, 0.12))
+            _exponent(below, found.exponent, "cubic" in found.terms)
         right.fill_between(curve.t, -2 * curve.scatter, 2 * curve.scatter, color=BAND, alpha=0.15, lw=0)
         right.plot(curve.t, curve.level - curve.fit, color=INK, lw=0.8)
         right.axhline(0.0, color=FIT, lw=0.8)

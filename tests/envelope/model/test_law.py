@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from bayesdamp.envelope.model.law import Tabled
+from bayesdamp.envelope.model.law import Law, Tabled
 from bayesdamp.envelope.model.laws import SUMS, decay
 from bayesdamp.envelope.model.sums import Sum
 from bayesdamp.envelope.terms.loss import Scale, alike, losses, scales_needed
@@ -56,7 +56,12 @@ def test_any_sum_decays_as_its_equation_says(terms, scores, rates):
     truth = solve_ivp(
         lambda t, x: -law.rate(x, rates), (0.0, T[-1]), [0.3], t_eval=T, rtol=1e-11, atol=1e-12, max_step=0.05
     ).y[0]
-    assert law.decay(T, 0.3, rates) == pytest.approx(truth, abs=1e-6)
+    x = law.decay(T, 0.3, rates)
+    assert x == pytest.approx(truth, abs=1e-6)
+    differences = Law.slopes(law, T, x, 0.3, rates, 1e-4)
+    assert law.slopes(T, x, 0.3, rates, 1e-4) == pytest.approx(differences, abs=1e-4)
+    # Negative control.
+    assert law.slopes(T, x, 0.3, 1.01 * rates, 1e-4) != pytest.approx(differences, abs=1e-4)
 
 
 def test_losses_are_those_of_the_terms_equations():
