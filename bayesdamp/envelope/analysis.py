@@ -54,7 +54,7 @@ def analyse(
         first += held * (stop - first) // found.t.size
         found, reference = _blocks(record, chosen, first)
     asked = _sums(record, sums, found, reference)
-    readings, inverse, later, end = noises(found, asked)
+    found, readings, inverse, later, end = noises(found, asked)
     for _ in range(TRIES):
         if window is not None or chosen.stop - first < SPARSE:
             break
@@ -68,7 +68,7 @@ def analyse(
         chosen = replace(chosen, stop=behind)
         found, reference = _blocks(record, chosen, first)
         asked = _sums(record, sums, found, reference)
-        readings, inverse, later, end = noises(found, asked)
+        found, readings, inverse, later, end = noises(found, asked)
     if chosen.stop < stop:
         last = f"{record.t[chosen.stop - 1]:.4g} s"
         ends = f"ends at {last}, {ABOVE_FLOOR:g} dB above the noise floor that its scatter shows"

@@ -52,7 +52,7 @@ def decay(t: np.ndarray, x0: float, terms: Sequence[str], rates: np.ndarray) -> 
         late = kt >= 0.5 * np.pi
         grown = np.where(late, np.inf, np.tan(np.where(late, 0.0, kt)) / k)
     else:
-        grown = np.where(kt > _LINEAR, np.tanh(kt) / max(k, 1e-300), t)
+        grown = np.where(np.abs(kt) > _LINEAR, np.tanh(kt) / max(k, 1e-300), t)
     with np.errstate(invalid="ignore", divide="ignore"):
         amplitude = (start - grown * (half * start + c0)) / (1.0 + grown * (half + c2 * start))
     if c0 == 0.0 and c2 == 0.0:

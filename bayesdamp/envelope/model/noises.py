@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from bayesdamp.envelope.model.candidates import Blocks, derivatives, warp_columns
 from bayesdamp.envelope.model.deviation import KNOTS, knot_covariance
 from bayesdamp.envelope.model.floor import ABOVE_FLOOR
+from bayesdamp.envelope.model.law import Law
 from bayesdamp.envelope.model.noise import SHARES, SLOW, Noise, infer_noise
 from bayesdamp.envelope.model.sums import Sum, loosest_fit
 
@@ -20,9 +22,10 @@ SURPRISE = 4.5
 
 def noises(
     b: Blocks, sums: Sequence[Sum] = ()
-) -> tuple[list[tuple[Noise, np.ndarray]], np.ndarray, int, int]:
-    """The noise inferred without and with a deviation, the inverse triangle in which fits are sought, how many blocks
-    at the start are none of the decay, and how many stand before it comes too close to the floor.
+) -> tuple[Blocks, list[tuple[Noise, np.ndarray]], np.ndarray, int, int]:
+    """The decay as it is at its blocks' times, the noise inferred without and with a deviation, the inverse triangle in
+    which fits are sought, how many blocks at the start are none of the decay, and how many stand before it comes too
+    close to the floor.
 
     sums: what may describe it, beside the sum of viscous, Coulomb and quadratic damping.
     """
@@ -31,6 +34,7 @@ def noises(
     rough = np.diag(1.0 / np.maximum(0.02, np.exp(-b.x) * seen))
     law, x0, rates = loosest_fit(b, sums, rough)
     fit = law.decay(b.t, x0, rates)
+    b = replace(b, x=b.x - _bend(b, law, x0, rates, fit))
     h0, h = derivatives(b, law, x0, rates)
     warp = warp_columns(b, law.rate(fit, rates))
     columns = np.column_stack([h0, h])
@@ -53,7 +57,14 @@ def noises(
     inverse = np.linalg.inv(np.linalg.cholesky(whole))
     low = np.flatnonzero(np.exp(2.0 * fit) < 10.0 ** (ABOVE_FLOOR / 10.0) * best.floor)
     end = int(low[0]) if low.size else n
-    return covariances, inverse, _strangers(whole, columns, b.x - fit, early), end
+    return b, covariances, inverse, _strangers(whole, columns, b.x - fit, early), end
+
+
+def _bend(b: Blocks, law: Law, x0: float, rates: np.ndarray, fit: np.ndarray) -> np.ndarray:
+    """By how much the mean of a decay's readings in each block is off the decay at their mean time, to second order."""
+    off = np.gradient(b.t) * np.sqrt(max(1.0 - b.each**-2, 0.0) / 12.0)
+    before = law.decay(b.t - off, x0, rates)
+    return 0.5 * (before + law.decay(b.t + off, x0, rates)) - fit
 
 
 def _strangers(covariance: np.ndarray, columns: np.ndarray, residual: np.ndarray, early: int) -> int:

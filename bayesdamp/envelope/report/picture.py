@@ -32,7 +32,7 @@ def _exponent(ax: Axes, found: Range, cubic: bool) -> None:
     """The interval of the power of the velocity on an axis where the three laws are marked, the cubic one where it was
     weighed."""
     aligned = ("left", "center", "center", "right")
-    for place, (name, shade) in enumerate((*LAWS, *([CUBIC] if cubic else []))):
+    for place, (name, shade) in enumerate((*LAWS, CUBIC) if cubic else LAWS):
         ax.axvline(place, color=shade, lw=1.2, ls="--")
         ax.text(place, 1.25, name, color=shade, fontsize=7.5, ha=aligned[place], va="bottom")
     ax.plot([found.low, found.high], [0.0, 0.0], color=INK, lw=3.0, solid_capstyle="butt")
