@@ -29,7 +29,8 @@ def packed(found: Found) -> tuple[LawContent, dict[str, np.ndarray]]:
         priors={n: p.model_dump() for n, p in found.priors.items()},
         known=dict(found.known),
         frictions=tuple(
-            FoundFriction(f.epsilon, f.weight, tuple(f.coefficients.tolist())) for f in found.frictions
+            FoundFriction(f.epsilon, f.weight, tuple(f.coefficients.tolist()), tuple(f.further.tolist()))
+            for f in found.frictions
         ),
         **{k: getattr(found, k) for k in NUMBERS},
     )
@@ -45,7 +46,10 @@ def unpacked(content: LawContent, arrays: Mapping[str, np.ndarray]) -> Found:
         known=content.known,
         z=arrays["z"],
         u=arrays["u"],
-        frictions=tuple(Friction(f.epsilon, f.weight, np.array(f.coefficients)) for f in content.frictions),
+        frictions=tuple(
+            Friction(f.epsilon, f.weight, np.array(f.coefficients), np.array(f.further))
+            for f in content.frictions
+        ),
         **{k: getattr(content, k) for k in NUMBERS},
     )
 

@@ -79,11 +79,13 @@ class Result:
 
 @dataclass(frozen=True)
 class Friction:
-    """An ε (rad/s or m/s), its posterior probability, and the coefficients of all terms under it, (m,)."""
+    """An ε (rad/s or m/s), its posterior probability, and under it the coefficients of all terms, (m,), and their
+    further parameters, (e,)."""
 
     epsilon: float
     weight: float
     coefficients: np.ndarray
+    further: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -263,19 +265,24 @@ def _frictions(
     top = fits[best]
     if not any(top.parameters.values(top.z)[i] > 0 for i in switching):
         return []
-    m = len(terms)
+    m, law = len(terms), solvers[best.restoring].law_places
 
     def under(share: float) -> tuple[float, float, np.ndarray] | None:
         solver = replace(solvers[best.restoring], epsilon=share * peak)
         new = fit(solver, top.parameters, top.active, data.y, top.z, noise=data.noise, windows=False)
         if new is None:
             return None
-        return share * peak, -0.5 * data.y.size * np.log(new.squares), new.parameters.values(new.z)[:m]
+        return (
+            share * peak,
+            -0.5 * data.y.size * np.log(new.squares),
+            new.parameters.values(new.z)[: law.start],
+        )
 
     tried = [found for found in at_once(under, SHARES) if found is not None]
     logs = np.array([log for _, log, _ in tried])
     weights = np.exp(logs - logs.max())
-    return [Friction(e, float(w), c) for (e, _, c), w in zip(tried, weights / weights.sum(), strict=True)]
+    shares = weights / weights.sum()
+    return [Friction(e, float(w), p[:m], p[m:]) for (e, _, p), w in zip(tried, shares, strict=True)]
 
 
 def _corrected(solvers: dict[str, Solver], fits: Mapping[Candidate, Fit]) -> None:

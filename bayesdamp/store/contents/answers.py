@@ -63,6 +63,7 @@ class FoundFriction:
     epsilon: float
     weight: float
     coefficients: tuple[float, ...]
+    further: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -167,26 +167,20 @@ def _under_frictions(
     switching = any(TERMS.get(t).switches and on for t, on in zip(solver.terms, active, strict=True))
     if not switching or not weighing.frictions:
         return found
-    used = min(weighing.frictions, key=lambda f: abs(f.epsilon - solver.epsilon))
-    # Of a rival's own form no size under another width is known: it keeps its own.
-    known = weighing.solvers[d.result.candidate.restoring].terms
-    shared = [(i, known.index(t)) for i, t in enumerate(solver.terms) if t in known]
-    chosen = rng.choice(len(weighing.frictions), len(found), p=[f.weight for f in weighing.frictions])
-    for i, friction in enumerate(weighing.frictions):
-        rows = chosen == i
-        other = ratios_per_unit(weighing, d, amplitude, friction.epsilon) if rows.any() else None
-        if other is None:
-            continue
-        grown = np.where(
-            used.coefficients > 0,
-            friction.coefficients / np.where(used.coefficients > 0, used.coefficients, 1),
-            1,
-        )
-        scale = np.ones(len(solver.terms))
-        for i, place in shared:
-            scale[i] = np.clip(grown[place], 0.5, 2.0)
-        found[rows] = np.sum(d.coefficients * scale * other, axis=1)[rows]
-    return found
+    orbit = orbit_of(weighing, d.result, amplitude)
+    assert orbit is not None  # there is work on it
+    # The loss of all terms together: how it is split among terms that nobody can tell apart is arbitrary.
+    whole = weighing.solvers[d.result.candidate.restoring]
+    every = np.ones(len(whole.terms), bool)
+    lost = np.array([
+        works_on(orbit, whole, f.further[None, :], every, f.epsilon)[0] @ f.coefficients
+        for f in weighing.frictions
+    ])  # fmt: skip
+    used = int(np.argmin([abs(f.epsilon - solver.epsilon) for f in weighing.frictions]))
+    if not lost[used] > 0:
+        return found
+    weights = [f.weight for f in weighing.frictions]
+    return found * (lost / lost[used])[rng.choice(len(weights), len(found), p=weights)]
 
 
 def _noise_sd(weighing: Weighing, result: Result, per_unit: np.ndarray) -> float:

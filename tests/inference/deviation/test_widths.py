@@ -1,0 +1,95 @@
+"""Damping ratios where the width within which a force turns over is not known, beside closed forms and quadrature."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from scipy.integrate import quad
+
+from bayesdamp.inference.deviation.findings import findings
+from bayesdamp.inference.deviation.numbers.curves import orbit_of, works_on
+from bayesdamp.inference.deviation.numbers.quantities import Ratio
+from bayesdamp.inference.deviation.quick import weighing_of
+from bayesdamp.inference.deviation.weighing import Weighing
+from bayesdamp.types import Signal
+from tests.physics.independent import trajectory
+
+HERTZ, RATIO, SIZE = 5.0, 5.1e-4, 0.1
+W, A, MU, ZETA = 4.5, 0.3, 0.06, 0.02
+PEAK = W * A
+
+
+def twins(seed: int) -> Weighing:
+    """500 cycles of viscous damping, weighed beside structural damping, which nobody can tell from it: per unit of
+    its own coefficient the loss depends on the width, so that a fit's split of the two moves with it."""
+    t, w = np.linspace(0, 500 / HERTZ, 20000), 2 * math.pi * HERTZ
+    turning = w * math.sqrt(1 - RATIO**2)
+    x = SIZE * np.exp(-RATIO * w * t) * (np.cos(turning * t) + RATIO * w / turning * np.sin(turning * t))
+    y = x + 0.01 * SIZE * np.random.default_rng(seed).standard_normal(t.size)
+    return weighing_of(Signal(t, y), damping=["viscous", "structural"], restoring=["linear"])
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_the_split_of_twins_is_not_in_the_ratio(seed: int) -> None:
+    made = twins(seed)
+    grown = np.array([f.coefficients for f in made.frictions]) / made.frictions[-1].coefficients
+    assert np.ptp(grown, axis=0).max() > 0.2  # the split does move
+    for r in findings(made).ratios:
+        assert r.low < RATIO < r.high
+        assert r.high - r.low < 0.03 * RATIO
+
+
+def friction(share: float, seed: int, known: dict[str, float] | None = None) -> Weighing:
+    """Viscous damping and friction that turns over within this share of the peak velocity, down to near rest."""
+    p = {"zeta": ZETA, "mu_c": MU, "epsilon": share * PEAK, "stiffness": W**2, "theta0": A, "omega0": 0.0}
+    t = np.arange(0.0, 30.0, 0.02)
+    y = trajectory("linear", p | {"rest_angle": 0.0}, t)[:, 0]
+    y += 0.003 * A * np.random.default_rng(seed).standard_normal(t.size)
+    return weighing_of(
+        Signal(t, y), damping=["viscous", "coulomb", "viscous+coulomb"], restoring=["linear"], known=known
+    )
+
+
+def dry_loss(amplitude: float, width: float) -> float:
+    """Work of tanh(v/ε) in a cycle of a harmonic motion, by quadrature."""
+    quarter = quad(lambda a: math.sin(a) * math.tanh(amplitude * W * math.sin(a) / width), 0, math.pi / 2)[0]
+    return 4 * amplitude * quarter
+
+
+def truth(amplitude: float, share: float) -> float:
+    """The equivalent ratio: viscous damping's is ζ/ω, friction's its loss over 4π times the energy."""
+    return ZETA / W + MU * dry_loss(amplitude, share * PEAK) / (2 * math.pi * (W * amplitude) ** 2)
+
+
+def ratios(made: Weighing, amplitudes: list[float]) -> tuple[Ratio, ...]:
+    return findings(made, amplitudes=amplitudes).ratios
+
+
+AMPLITUDES = [0.2, 0.05, 0.02, 0.01]
+SHARE = 0.01
+
+
+@pytest.mark.parametrize("seed", [0, 1, 2])
+def test_ratios_hold_where_the_width_is_not_known(seed: int) -> None:
+    for r in ratios(friction(SHARE, seed), AMPLITUDES):
+        assert r.low < truth(r.amplitude, SHARE) < r.high
+
+
+def test_under_a_wrong_width_they_do_not_hold() -> None:
+    """The control: near rest a tenth of the width gives another loss, which the interval above has to make room for."""
+    last = ratios(friction(SHARE, 0, {"epsilon": 0.1 * SHARE * PEAK}), AMPLITUDES)[-1]
+    assert not last.low < truth(last.amplitude, SHARE) < last.high
+
+
+def test_all_terms_together_lose_under_each_width_what_their_fit_says() -> None:
+    """A candidate's ratio grows between widths as the loss of all terms does, each by the works under its width."""
+    made = friction(SHARE, 1)
+    result = next(r for r in made.results if set(r.candidate.damping) == {"viscous", "coulomb"})
+    solver = made.solvers["linear"]
+    orbit = orbit_of(made, result, 0.02)
+    assert orbit is not None
+    for f in made.frictions:
+        work = works_on(orbit, solver, f.further[None, :], np.ones(2, bool), f.epsilon)[0]
+        assert work[solver.terms.index("coulomb")] == pytest.approx(dry_loss(0.02, f.epsilon), rel=5e-3)
