@@ -6,9 +6,9 @@ from collections.abc import Sequence
 from math import floor, isfinite, log10
 from typing import TYPE_CHECKING
 
-from bayesdamp.physics.damping import TERMS, words_of
+from bayesdamp.physics.damping import PAPER_TERMS, TERMS, words_of
 from bayesdamp.verdict import thresholds
-from bayesdamp.verdict.parts import DampingRatio, FrequencyAt, Grade, Interval, Mode, Motion
+from bayesdamp.verdict.parts import DampingRatio, FrequencyAt, Grade, Interval, Mode, Motion, Share
 from bayesdamp.verdict.types import Verdict
 
 if TYPE_CHECKING:
@@ -18,6 +18,8 @@ UNSEEN = 1e-3
 """Deviation from a law below which it is not given a size."""
 
 
+ALL = 0.995
+"""Share that is written as 100 %."""
 UNEVEN = 1.25
 """Ratio of an interval's sides up to which it is written with ±."""
 
@@ -168,11 +170,7 @@ def _budget(v: Verdict) -> str:
 
 def energy_of(v: Verdict) -> tuple[str, ...]:
     """Sentences: the energy budget, and what is bounded of other forms; as many as there is something to say in."""
-    parts = [
-        f"{words_of(s.term)} {100 * s.share:.0f} % ({100 * s.low:.0f} to {100 * s.high:.0f})"
-        for s in v.energy
-        if s.high > 0.005
-    ]
+    parts = [_share(v, s) for s in v.energy if s.high > 0.005]
     listed = {t for r in v.rivals if r.probability >= thresholds.NAMED for t in r.damping.split("+")}
     absent = [
         f"{words_of(b.form)} {100 * b.share_below:.2g} %" for b in v.other_forms if b.form not in listed
@@ -182,6 +180,14 @@ def energy_of(v: Verdict) -> tuple[str, ...]:
         f"Of it at most (95 %) by what is not in the answer: {', '.join(absent)}." if absent else "",
     )
     return tuple(filter(None, said))
+
+
+def _share(v: Verdict, s: Share) -> str:
+    """A term's share with its interval over all that is possible; of the sole term of the answer, how probable it is
+    that nothing else takes energy, in place of an interval that begins at 0 where a rival without it is possible."""
+    if s.term == v.damping and s.low < ALL <= s.share:
+        return f"{words_of(s.term)} all of it with probability {probability(v.probability)}"
+    return f"{words_of(s.term)} {100 * s.share:.0f} % ({100 * s.low:.0f} to {100 * s.high:.0f})"
 
 
 def _hold(v: Verdict) -> str:
@@ -195,21 +201,32 @@ def _hold(v: Verdict) -> str:
     return f"; the law holds within {100 * d.value:.2g} % (95 %: below {100 * d.high:.2g} %)"
 
 
-def loses_like(e: Interval) -> str:
-    """`loses like v^1.02 ± 0.03: viscous`; an interval with one side much longer stands in brackets."""
-    return f"loses like v^{plus_minus(e)}{_kind(e)}"
+def loses_like(e: Interval, damping: str = "") -> str:
+    """`loses like v^1.02 ± 0.03: viscous`; an interval with one side much longer stands in brackets.
+
+    damping: the sum that is named. Where it has another term than the three laws, the exponent is near a law's and the
+    record is not said to have that law.
+    """
+    like = f"loses like v^{plus_minus(e)}"
+    held = _held(e)
+    if held is None:
+        return like
+    power, name = held
+    if all(term in PAPER_TERMS for term in damping.split("+") if term):
+        return f"{like}: {name}"
+    return f"{like}, near the {power} of {name} damping"
 
 
-def _kind(e: Interval) -> str:
-    """Which of the three laws an exponent's interval holds."""
+def _held(e: Interval) -> tuple[int, str] | None:
+    """Which of the three laws an exponent's interval holds alone: its power and its name."""
     if e.high - e.low > 2 * thresholds.EXPONENT_NAMED:
-        return ""
+        return None
     held = [
-        name
+        (p, name)
         for p, name in ((0, "Coulomb"), (1, "viscous"), (2, "quadratic"))
         if e.low - 0.02 <= p <= e.high + 0.02
     ]
-    return f": {held[0]}" if len(held) == 1 else ""
+    return held[0] if len(held) == 1 else None
 
 
 def called(name: str) -> str:
@@ -263,7 +280,7 @@ def remarks(
         said.append(
             (
                 0.0,
-                f"As one power of the velocity it {loses_like(e)}.",
+                f"As one power of the velocity it {loses_like(e, v.damping)}.",
             )
         )
     for name in found.untold:

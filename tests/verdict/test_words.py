@@ -7,8 +7,9 @@ from dataclasses import replace
 
 import pytest
 
+from bayesdamp.physics.damping import TERMS, DampingTerm
 from bayesdamp.units import UNITS
-from bayesdamp.verdict.parts import Bound, DampingRatio, Grade, Interval, Rival
+from bayesdamp.verdict.parts import Bound, DampingRatio, Grade, Interval, Rival, Share
 from bayesdamp.verdict.types import Verdict
 from bayesdamp.verdict.units import in_unit
 from bayesdamp.verdict.words import energy_of, loses_like, sentence
@@ -47,6 +48,39 @@ def test_the_exponent_in_words(interval, said):
     """With ± where the interval is even; a law is named where the interval is narrow and holds it alone."""
     found = loses_like(Interval(*interval))
     assert found == said
+
+
+@pytest.mark.parametrize("damping", ["eddy", "eddy+viscous", "structural"])
+def test_an_exponent_near_coulombs_does_not_call_another_law_coulomb(damping: str) -> None:
+    """Control: it does where the sum named is of the three laws."""
+    e = Interval(0.07, 0.0, 0.38)
+    assert loses_like(e, damping) == "loses like v^0.07 (0.00 to 0.38), near the 0 of Coulomb damping"
+    assert loses_like(e, "viscous+coulomb").endswith(": Coulomb")
+    assert loses_like(Interval(1.5, 1.3, 1.7), damping) == "loses like v^1.50 ± 0.20"
+
+
+def test_a_share_of_all_is_not_given_an_interval_from_nothing() -> None:
+    """Controls: a term beside another has its interval, and so has one that has no rival."""
+    sole = Verdict("rig", Grade.EXACT, True, "viscous", 0.991, energy=(Share("viscous", 1, 0, 1, 0.991),))
+    assert energy_of(sole) == ("Energy lost: viscous all of it with probability 0.991.",)
+    sure = replace(sole, energy=(Share("viscous", 1, 1, 1, 0.999),))
+    assert energy_of(sure) == ("Energy lost: viscous 100 % (100 to 100).",)
+    beside = replace(sole, damping="viscous+coulomb", energy=(Share("viscous", 1, 0, 1, 0.991),))
+    assert energy_of(beside) == ("Energy lost: viscous 100 % (0 to 100).",)
+
+
+def test_a_terms_words_have_no_article_before_damping(monkeypatch) -> None:
+    class Brake(DampingTerm):
+        name, parameter, unit, words = "brake_in_words", "c_brake_in_words", "1/s", "an eddy-current brake"
+
+        @staticmethod
+        def kernel(x, v, epsilon):
+            return v
+
+    monkeypatch.setattr(TERMS, "names", lambda: ["brake_in_words"])
+    monkeypatch.setattr(TERMS, "get", lambda _: Brake())
+    one = Verdict("rig", Grade.EXACT, True, "brake_in_words", 0.99)
+    assert sentence(one).startswith("Eddy-current brake damping (probability")
 
 
 def test_what_the_sentence_lists_is_not_bounded_as_absent() -> None:

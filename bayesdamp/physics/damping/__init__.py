@@ -40,9 +40,15 @@ def others() -> list[str]:
     return [name for name in TERMS.names() if TERMS.ships(name) and name not in PAPER_TERMS]
 
 
+ARTICLES = ("a", "an", "the")
+
+
 def words_of(term: str) -> str:
-    """A term in a sentence; its name where it is not known here or says nothing."""
-    return (TERMS.get(term).words if term in TERMS.names() else "") or term
+    """A term in a sentence, before the word damping too, so without an article; its name where it is not known here or
+    says nothing."""
+    words = (TERMS.get(term).words if term in TERMS.names() else "") or term
+    first, _, rest = words.partition(" ")
+    return rest if rest and first.lower() in ARTICLES else words
 
 
 def twins_of(term: str) -> list[str]:

@@ -119,7 +119,7 @@ def _exponent(run: Run, signal: str, answer: Answer) -> Markup | str:
     e, draws = answer.verdict.exponent, answer.arrays.get("exponent")
     if e is None or draws is None:
         return ""
-    said, interval = loses_like(e), (e.value, e.low, e.high)
+    said, interval = loses_like(e, answer.verdict.damping), (e.value, e.low, e.high)
     title = f"This record {said}"
     return run.drawings.add(
         f"exponent-{signal}",
