@@ -28,7 +28,7 @@ from bayesdamp.verdict.parts import Grade
 from bayesdamp.verdict.specimen import specimen
 from bayesdamp.verdict.types import Verdict
 from bayesdamp.verdict.units import in_unit, picture_in_unit
-from bayesdamp.verdict.words import with_interval
+from bayesdamp.verdict.words import quality_of, with_interval
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -185,7 +185,7 @@ class Comparison(Result):
             (
                 f"{r.amplitude:.3g} {r.unit}",
                 with_interval(r.value, r.low, r.high, " %", 100),
-                f"{0.5 / r.value:.4g}",
+                quality_of(r),
             )
             for r in self.verdict.damping_ratio
         )

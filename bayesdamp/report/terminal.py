@@ -24,7 +24,7 @@ from bayesdamp.verdict.agreement import agreement
 from bayesdamp.verdict.parts import Grade
 from bayesdamp.verdict.types import Verdict
 from bayesdamp.verdict.units import in_unit
-from bayesdamp.verdict.words import energy_of, with_interval
+from bayesdamp.verdict.words import energy_of, quality_of, with_interval
 
 
 class Lasting(Console):
@@ -152,6 +152,6 @@ def _overview(found: Sequence[Answer]) -> Table:
 def _ratios(verdict: Verdict) -> Table:
     table = Table("amplitude", "equivalent damping ratio (95 %)", "Q")
     for r in verdict.damping_ratio:
-        q = with_interval(0.5 / r.value, 0.5 / r.high, 0.5 / r.low) if r.low > 0 else f"{0.5 / r.value:.3g}"
-        table.add_row(f"{r.amplitude:.3g} {r.unit}", with_interval(r.value, r.low, r.high, " %", 100), q)
+        ratio = with_interval(r.value, r.low, r.high, " %", 100)
+        table.add_row(f"{r.amplitude:.3g} {r.unit}", ratio, quality_of(r))
     return table

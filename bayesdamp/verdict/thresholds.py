@@ -15,6 +15,8 @@ RESTORING_DEVIATES = 0.05
 """The same of the restoring law."""
 UNEXPLAINED = 0.05
 """Share of the amplitude, left unexplained, from which the law is not the answer."""
+UNDESCRIBED = 0.5
+"""The same from which the law does not even describe the record (conventional): less than half of it is the law's."""
 OTHER_MOTION = 0.05
 """Share of the amplitude of the first oscillation from which a second one, or growth, is what a record is about."""
 REMARK = 0.01

@@ -65,6 +65,11 @@ def sentence(v: Verdict) -> str:
 def _answer(v: Verdict) -> str:
     if v.motion is not None:
         return _no_free_decay(v, v.motion)
+    if v.unexplained_pct > 100 * thresholds.UNDESCRIBED:
+        return (
+            "No damped oscillation that was weighed describes the record: the nearest, with "
+            f"{named(v.damping)} damping, leaves {v.unexplained_pct:.2g} % of the amplitude."
+        )
     ratios = [r for r in v.damping_ratio if isfinite(r.value)]
     size = "the size of the damping cannot be told"
     if ratios:
@@ -147,6 +152,15 @@ def _first(text: str) -> str:
     return text[:1].upper() + text[1:]
 
 
+def quality_of(r: DampingRatio) -> str:
+    """Q at an amplitude with its interval, which has no end where the record does not exclude that nothing is lost."""
+    if not r.value > 0:
+        return "–"
+    if not r.low > 0:
+        return f"{0.5 / r.value:.3g} (above {0.5 / r.high:.3g})"
+    return with_interval(0.5 / r.value, 0.5 / r.high, 0.5 / r.low)
+
+
 def plus_minus(i: Interval) -> str:
     """`3.4643 ± 0.0006 Hz`; an interval with one side much longer stands in brackets; without a width it was given."""
     up, down = i.high - i.value, i.value - i.low
@@ -214,7 +228,7 @@ def loses_like(e: Interval, damping: str = "") -> str:
     power, name = held
     if all(term in PAPER_TERMS for term in damping.split("+") if term):
         return f"{like}: {name}"
-    return f"{like}, near the {power} of {name} damping"
+    return f"{like}, near the v^{power} of {name} damping"
 
 
 def _held(e: Interval) -> tuple[int, str] | None:

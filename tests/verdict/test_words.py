@@ -12,7 +12,7 @@ from bayesdamp.units import UNITS
 from bayesdamp.verdict.parts import Bound, DampingRatio, Grade, Interval, Rival, Share
 from bayesdamp.verdict.types import Verdict
 from bayesdamp.verdict.units import in_unit
-from bayesdamp.verdict.words import energy_of, loses_like, sentence
+from bayesdamp.verdict.words import energy_of, loses_like, quality_of, sentence
 
 
 def test_a_verdict_in_the_records_own_unit_has_all_its_amplitudes_in_it() -> None:
@@ -54,7 +54,7 @@ def test_the_exponent_in_words(interval, said):
 def test_an_exponent_near_coulombs_does_not_call_another_law_coulomb(damping: str) -> None:
     """Control: it does where the sum named is of the three laws."""
     e = Interval(0.07, 0.0, 0.38)
-    assert loses_like(e, damping) == "loses like v^0.07 (0.00 to 0.38), near the 0 of Coulomb damping"
+    assert loses_like(e, damping) == "loses like v^0.07 (0 to 0.38), near the v^0 of Coulomb damping"
     assert loses_like(e, "viscous+coulomb").endswith(": Coulomb")
     assert loses_like(Interval(1.5, 1.3, 1.7), damping) == "loses like v^1.50 ± 0.20"
 
@@ -103,3 +103,28 @@ def test_a_frequency_that_was_given_has_no_width() -> None:
     found = replace(one, frequency=Interval(0.71265, 0.7126, 0.7127, "Hz"))
     assert "given" not in sentence(found)
     assert "0.712650 ± 0.000050 Hz" in sentence(found)
+
+
+@pytest.mark.parametrize(
+    ("ratio", "said"),
+    [
+        ((0.01, 0.008, 0.0125), "50 (40 to 62)"),
+        ((0.01, 0.0, 0.0125), "50 (above 40)"),
+        ((0.0, 0.0, 1e-16), "–"),
+        ((-0.01, -0.02, -0.005), "–"),
+    ],
+)
+def test_quality_of_what_may_lose_nothing(ratio, said) -> None:
+    value, low, high = ratio
+    assert quality_of(DampingRatio(0.2, "rad", value, 1e-4, 1e-4, low, high)) == said
+
+
+def test_a_record_of_which_most_is_not_explained_is_said_so_first() -> None:
+    """The control is one of which a tenth is not explained: its curve is the answer."""
+    ratio = DampingRatio(0.2, "rad", 3e4, 1e-4, 1e-4, 1e3, 5e4)
+    one = Verdict("walk", Grade.DEVIATES, False, "viscous", 0.9, damping_ratio=(ratio,), unexplained_pct=67.0)
+    assert sentence(one) == (
+        "No damped oscillation that was weighed describes the record: the nearest, with viscous damping, leaves 67 % "
+        "of the amplitude."
+    )
+    assert sentence(replace(one, unexplained_pct=10.0)).startswith("Equivalent damping ratio")

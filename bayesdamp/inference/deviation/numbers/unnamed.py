@@ -64,6 +64,8 @@ def _off(weighing: Weighing, d: Drawn, amplitudes: Sequence[float], count: int) 
     found = []
     for i in range(len(every)):
         ratio = np.array([c[i] for c in curve])
+        if not np.all(ratio > 0):  # no loss, no share of it
+            continue
         columns = np.array([u[i] for u in unit]) / ratio[:, None]
         scale = np.maximum(np.abs(columns).max(axis=0), 1e-300)
         fitted = nnls(np.sqrt(weight)[:, None] * columns / scale, np.sqrt(weight))[0]

@@ -17,7 +17,7 @@ from bayesdamp.report.sections._section import Section
 from bayesdamp.types import OK
 from bayesdamp.verdict.parts import Grade
 from bayesdamp.verdict.types import Verdict
-from bayesdamp.verdict.words import energy_of, extrapolated, loses_like, with_interval
+from bayesdamp.verdict.words import energy_of, extrapolated, loses_like, quality_of, with_interval
 
 GIVEN = 1e-6
 """Width of a frequency's interval, as a share of it, below which the frequency was given and not found."""
@@ -151,9 +151,7 @@ def _numbers(v) -> list[tuple[str, str]]:
                 with_interval(r.value, r.low, r.high, " %", 100),
             )
         )
-        found.append(
-            (f"Q at {r.amplitude:.2g} {r.unit}", with_interval(0.5 / r.value, 0.5 / r.high, 0.5 / r.low))
-        )
+        found.append((f"Q at {r.amplitude:.2g} {r.unit}", quality_of(r)))
     return found
 
 
