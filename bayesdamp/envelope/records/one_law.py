@@ -23,6 +23,8 @@ CHECKED = 0.05
 WON = 0.15
 """Share of a decay's duration, or of its fall in dB, by which it must be longer to begin where a law begins and not
 where a straight line does."""
+POWERS = -1.0, 3.0
+"""Powers of the amplitude that a loss may go with: below 0 is friction that rises towards rest."""
 SMALLEST = 0.15
 """dB that is no deviation: detectors are not linear to better."""
 
@@ -121,7 +123,7 @@ def _decay_and_floor(t: np.ndarray, power: np.ndarray, begin: np.ndarray | None)
             0.3, 5.0 * np.sqrt(0.5 * tail / np.maximum(power, tail))
         )
 
-    low, high = [-30.0, -60.0, 0.0, -80.0], [10.0, 60.0, 3.0, 1.0]
+    low, high = [-30.0, -60.0, POWERS[0], -80.0], [10.0, 60.0, POWERS[1], 1.0]
     starts = [] if begin is None else [begin]
     for exponent in (1.0, 0.2, 1.8) if begin is None else ():
         # The rate at the start with which this law falls by `depth` in the time `half`.

@@ -89,8 +89,10 @@ def find_window(t: np.ndarray, y: np.ndarray) -> Window:
         end, floor = _followed_on(t, y, begin, tb, yb, edges)
     begun = start_by_a_law(t, y, tb, yb, edges, begin, end)
     if begun != begin:
-        begin, broken = begun, begun > 0
-        end, floor = _followed_on(t, y, begin, tb, yb, edges)
+        behind, lower = _followed_on(t, y, begun, tb, yb, edges)
+        # Unless what it takes for its floor is a decay.
+        if min(fall(yb, begin, end), fall(yb, behind, end)) < LEAST_DROP:
+            begin, broken, end, floor = begun, begun > 0, behind, lower
     why = []
     start = int(edges[begin])
     if broken:

@@ -10,6 +10,7 @@ import pytest
 from bayesdamp.envelope import read_envelope
 from bayesdamp.envelope.records.window import bounded, find_window
 from bayesdamp.types import Refusal
+from tests.envelope.oscillations import SHARP, envelope
 from tests.envelope.ringdowns import Ringdown, simulate
 
 DATA = Path(__file__).resolve().parents[3] / ".." / "shared" / "data" / "ringdown"
@@ -91,3 +92,23 @@ def test_dry_friction_is_followed_back_to_its_release():
         found = simulate(made, np.random.default_rng([21, seed]))
         window = find_window(found.t, found.level)
         assert found.release - 0.5 < found.t[window.start] < found.release + 5.0
+
+
+@pytest.mark.parametrize(
+    "force",
+    [
+        lambda x, v: 0.129 * (1 + np.exp(-((v / 1.2) ** 2))) * np.tanh(v / SHARP),
+        lambda x, v: 0.15 * v**3,
+        lambda x, v: 0.13 * np.tanh(v / SHARP),
+    ],
+    ids=["stribeck", "cubic", "coulomb"],
+)
+def test_a_decay_that_is_nowhere_straight_is_found_whole(force):
+    """Friction that rises towards rest, the cube of the velocity. The control: a drive before it is none of it."""
+    record = envelope(force, [8, 1], noise=0.01)
+    assert find_window(record.t, record.level).start <= 3
+    late = record.t + 20.0
+    t = np.concatenate([np.arange(0.0, 20.0, 0.17), late])
+    held = record.level[0] + 3.0 + 0.3 * np.random.default_rng(1).standard_normal(t.size - late.size)
+    found = find_window(t, np.concatenate([held, record.level]))
+    assert abs(found.start - held.size) <= 12
