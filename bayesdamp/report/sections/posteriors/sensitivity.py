@@ -24,6 +24,12 @@ from bayesdamp.store.contents.posteriors import AverageContent
 from bayesdamp.types import OK
 
 
+_EXACT_ALONE = (
+    "What the first half of the record says of the second, other noise models and Savage and Dickey's ratio take laws to "
+    'hold exactly, and are not computed under deviation = "law"; a study with deviation = "none" has them.'
+)
+
+
 class Sensitivity(Section):
     """Of a signal's first repeat: Bayes factors over prior widths, the first half, Savage and Dickey, the average."""
 
@@ -37,7 +43,9 @@ class Sensitivity(Section):
 
     def render(self, run: Run) -> str:
         """Prior widths, odds, halves and other noise, signal by signal."""
-        return by_signal(run, lambda signal: _one(run, signal), self._signals(run))
+        shown = by_signal(run, lambda signal: _one(run, signal), self._signals(run))
+        note = Markup('<p class="small">{}</p>').format(_EXACT_ALONE) if run.under_law else Markup("")
+        return fill("stack.html", parts=[shown, note])
 
     @staticmethod
     def _signals(run: Run) -> list[str]:
