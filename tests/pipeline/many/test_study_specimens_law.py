@@ -110,6 +110,8 @@ def test_the_page_says_under_which_assumption() -> None:
     assert "widened for how far the laws hold in each" in page
     assert "every law holds exactly" not in page
     assert "<h3>rep</h3>" in page
+    assert "The joint fit takes the coefficients to be the same in every record." in page
+    assert "Summed over the restoring laws" not in page, "there is one"
     assert "0.71176 Hz, given" in page.split("<h3>rep</h3>")[1][:600]
     spread = {
         d: [r for r in read_table(ran(d) / "population.csv") if r["what"] == "spread"]

@@ -23,10 +23,9 @@ from bayesdamp.store.contents.evidence import HalfContent, NoisesContent, Ratios
 from bayesdamp.store.contents.posteriors import AverageContent
 from bayesdamp.types import OK
 
-
 _EXACT_ALONE = (
-    "What the first half of the record says of the second, other noise models and Savage and Dickey's ratio take laws to "
-    'hold exactly, and are not computed under deviation = "law"; a study with deviation = "none" has them.'
+    "What the first half of the record says of the second, other noise models and Savage and Dickey's ratio take laws "
+    'to hold exactly, and are not computed under deviation = "law"; a study with deviation = "none" has them.'
 )
 
 

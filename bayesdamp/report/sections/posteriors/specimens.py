@@ -10,6 +10,7 @@ from markupsafe import Markup
 from bayesdamp.report import words
 from bayesdamp.report.figures.posteriors.intervals import Interval, Panel, intervals
 from bayesdamp.report.html import Line, Table, fill
+from bayesdamp.report.results.answers import specimens
 from bayesdamp.report.results.run import Run
 from bayesdamp.report.results.specimens import (
     joint_cells,
@@ -23,7 +24,7 @@ from bayesdamp.report.sections._section import Section
 from bayesdamp.report.style import colour
 from bayesdamp.store import CellResult
 from bayesdamp.store.contents.many import JointContent, PopulationContent
-from bayesdamp.types import OK
+from bayesdamp.types import OK, candidate_parts
 
 _SHARED = {
     "damping and law": "the damping and the restoring law's parameters but its angles",
@@ -81,7 +82,8 @@ def _joint(run: Run, name: str, cell: CellResult) -> list[object]:
     law = f"As to the law, {joint.said['law']}." if "law" in joint.said else ""
     parts: list[object] = [
         _text(said[:1].upper() + said[1:]),
-        _text(how, law),
+        _text(how, law, words.SAME_COEFFICIENTS if specimens(run) else ""),
+        _text(_dampings(joint)),
         _candidates(joint),
         _sharings(joint),
     ]
@@ -104,6 +106,20 @@ def _joint(run: Run, name: str, cell: CellResult) -> list[object]:
     text = "From repeat to repeat, beyond what each record's own interval allows, the coefficients spread (sd) by "
     parts.append(_text(f"{text}{words.listing(spreads)}{f' ({warning})' if warning else ''}."))
     return parts
+
+
+def _dampings(joint: JointContent) -> str:
+    """The probability of each damping, whatever the restoring law; empty where one law was compared."""
+    found: dict[str, float] = {}
+    for candidate, row in joint.candidates.items():
+        damping = candidate_parts(candidate)[0]
+        found[damping] = found.get(damping, 0.0) + row.probability
+    if len(found) in (1, len(joint.candidates)):
+        return ""
+    shares = [
+        f"{words.model(d)} {words.probability(p)}" for d, p in sorted(found.items(), key=lambda x: -x[1])
+    ]
+    return f"Summed over the restoring laws the probabilities are: {words.listing(shares)}."
 
 
 def _candidates(joint: JointContent) -> Table:

@@ -1,0 +1,139 @@
+"""Simulated pairs of records, and how often the joint fit under laws that hold approximately holds the truth.
+
+    python -m tests.validation.repeated PAIRS SEED [APART]
+
+prints a line a pair and counts. A pair has one viscous damping, which in one record rises while it falls in the other,
+by up to 10 %; with APART the second record's is larger by that share instead (0.16: two specimens), and both drift at
+random.
+Motions are SciPy's, of eighth order; the start, the spring and the noise are inferred with everything else.
+"""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+from scipy.integrate import solve_ivp
+
+from bayesdamp.config import load_study
+from bayesdamp.pipeline import Depth, run_study
+from bayesdamp.pipeline.many.agreement import CLEAR
+from bayesdamp.pipeline.many.many import joint_cells
+from bayesdamp.store import Store
+from bayesdamp.store.contents.many import JointContent
+
+STUDY = """
+version = 1
+name = "pair"
+seed = 5
+[system]
+restoring = "linear"
+[estimators]
+use = ["least_squares"]
+stages = ["initial"]
+[models]
+compare = ["viscous"]
+[posterior]
+samplers = []
+deviation = "law"
+[evidence]
+methods = ["laplace"]
+"""
+SIGNAL = """
+[[signal]]
+name = "{name}"
+specimen = "pair"
+file = "{name}.csv"
+start = 0.0
+stop = {stop}
+"""
+SHAPES = (lambda s: 1 - 2 * s, lambda s: np.sin(2 * np.pi * s), lambda s: np.cos(2 * np.pi * s))
+"""Of the log deviation along the record, s from 0 to 1; the mean of each is 0, so that ζ is the damping's mean."""
+
+
+@dataclass(frozen=True)
+class Pair:
+    """ζ of each record (1/s), sizes of their drifts, and the records, columns time (s) and angle (rad)."""
+
+    zeta: tuple[float, float]
+    drift: tuple[float, float]
+    records: tuple[np.ndarray, np.ndarray]
+
+
+def simulate(rng: np.random.Generator, apart: float | None) -> Pair:
+    """8 to 20 cycles, 25 samples each, over which the amplitude falls to a tenth to a half; 0.2 to 1 % of noise."""
+    cycles, left = int(rng.integers(8, 21)), float(np.exp(rng.uniform(np.log(0.1), np.log(0.5))))
+    omega, noise = float(rng.uniform(3, 6)), float(np.exp(rng.uniform(np.log(0.002), np.log(0.01))))
+    shape, size = SHAPES[rng.integers(len(SHAPES))], float(rng.uniform(0.02, 0.1))
+    stop = cycles * 2 * np.pi / omega
+    zeta = -np.log(left) / stop
+    times = np.linspace(0, stop, 25 * cycles)
+    signs = (1.0, -1.0) if apart is None else rng.choice([-1.0, 1.0], 2)
+    zetas = (zeta, zeta * (1 + (apart or 0.0)))
+    drifts = (float(signs[0]) * size, float(signs[1]) * size)
+    records = []
+    for z, d in zip(zetas, drifts, strict=True):
+        start = float(rng.uniform(0.2, 0.4))
+
+        def slope(t: float, s: np.ndarray, z: float = z, d: float = d) -> tuple[float, float]:
+            return s[1], -2 * z * np.exp(d * shape(t / stop)) * s[1] - omega**2 * s[0]
+
+        y = solve_ivp(slope, (0, stop), (start, 0.0), "DOP853", times, rtol=1e-10, atol=1e-12).y[0]
+        records.append(np.column_stack([times, y + noise * start * rng.standard_normal(times.size)]))
+    return Pair(zetas, drifts, (records[0], records[1]))
+
+
+def joined(pair: Pair) -> JointContent | str:
+    """The joint fit, or why there is none. It starts from the records' first answers; sampling them would change
+    nothing of it, and is left out."""
+    with TemporaryDirectory() as made:
+        folder, text = Path(made), STUDY
+        for j, record in enumerate(pair.records):
+            np.savetxt(
+                folder / f"r{j}.csv", record, delimiter=",", header="time (s),angle (rad)", comments=""
+            )
+            text += SIGNAL.format(name=f"r{j}", stop=float(record[-1, 0]))
+        (folder / "pair.toml").write_text(text, encoding="utf-8")
+        study, store = load_study(folder / "pair.toml"), Store(folder / "out")
+        run_study(study, folder / "out", workers=1, depth=Depth.ANSWER, quiet=True)
+        for name, (key, join) in joint_cells(study, store, "pair").items():
+            join(name, key)
+        cell = store.read("joint/pair")
+    return JointContent.maybe(cell) or cell.outcome
+
+
+def main(pairs: int, seed: int, apart: float | None = None) -> None:
+    inside, factors, errors = [], [], []
+    for i in range(pairs):
+        pair = simulate(np.random.default_rng([seed, i]), apart)
+        found = joined(pair)
+        if isinstance(found, str):
+            print(i, found, flush=True)
+            continue
+        zeta, factor = (
+            found.candidates["viscous"].summary["zeta"],
+            found.agreement["damping"].log_bayes_factor,
+        )
+        truth = float(np.mean(pair.zeta))
+        inside.append(zeta["q2.5"] <= truth <= zeta["q97.5"])
+        factors.append(factor)
+        errors.append((zeta["mean"] - truth) / zeta["sd"])
+        own = [(one.summary["zeta"]["mean"] / z - 1) * 100 for one, z in zip(found.alone.values(), pair.zeta)]
+        print(
+            i, f"drift {pair.drift[0]:+.3f} {pair.drift[1]:+.3f} n {len(pair.records[0])} zeta {truth:.4f} ->",
+            f"{zeta['mean']:.4f} sd {zeta['sd'] / truth:.2%} z {errors[-1]:+.2f}", inside[-1], f"factor {factor:+.1f}",
+            f"alone off by {own[0]:+.2f} {own[1]:+.2f} %", found.candidates["viscous"].outcome, flush=True,
+        )  # fmt: skip
+    factor = np.array(factors)
+    print(
+        f"seed {seed}, apart {apart}: {factor.size} of {pairs} joined; intervals that hold the mean of the two",
+        f"{np.sum(inside)}, mean z2 {np.mean(np.square(errors)):.2f}; one damping is likelier {np.sum(factor > 0)},",
+        f"by 3 nats {np.sum(factor >= CLEAR)}; two by 3 nats {np.sum(factor < -CLEAR)}", flush=True,
+    )  # fmt: skip
+
+
+if __name__ == "__main__":
+    main(int(sys.argv[1]), int(sys.argv[2]), *map(float, sys.argv[3:]))
