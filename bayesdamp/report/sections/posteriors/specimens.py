@@ -83,7 +83,7 @@ def _joint(run: Run, name: str, cell: CellResult) -> list[object]:
     parts: list[object] = [
         _text(said[:1].upper() + said[1:]),
         _text(how, law, words.SAME_COEFFICIENTS if specimens(run) else ""),
-        _text(_dampings(joint)),
+        *([_text(summed)] if (summed := _dampings(joint)) else ()),
         _candidates(joint),
         _sharings(joint),
     ]
