@@ -58,8 +58,8 @@ lowest: $(READY)
 	$(LOW)/bin/uv pip compile --quiet --resolution lowest-direct --extra excel --extra parquet pyproject.toml \
 	  -o $(LOW)/constraints.txt
 	$(LOW)/bin/python -m pip install --quiet --disable-pip-version-check -c $(LOW)/constraints.txt -e ".[excel,parquet]" \
-	  pytest hypothesis jaxtyping beartype
-	$(ONE_THREAD) $(LOW)/bin/python -m pytest -W ignore::DeprecationWarning -m "not slow" $(PARTS) $(ARGS)
+	  pytest pytest-xdist hypothesis jaxtyping beartype distributed nbclient ipykernel
+	$(ONE_THREAD) $(LOW)/bin/python -m pytest -n $(WORKERS) -W ignore::DeprecationWarning -m "not slow" $(PARTS) $(ARGS)
 
 # Known vulnerabilities of what is locked; needs an index that answers for them, by default that of PyPI.
 audit: $(READY)
