@@ -78,7 +78,7 @@ def _ratios(ax: Axes, arrays: Mapping[str, np.ndarray], unit: str) -> None:
             a, 100 * values, color=colour(sum_), ls=dash(sum_), lw=1.0 if single else 0.7, label=words.model(sum_)
         )  # fmt: skip
     ax.set_xscale("log")
-    ax.set_ylim(0, 1.35 * top)
+    ax.set_ylim(0, 1.35 * top or 1.0)  # in %: nothing may be lost
     _plain(ax)
     ax.set_xlim(a.min(), a.max())
     _finish(ax, "Equivalent damping ratio, and each law fitted alone", f"amplitude / {unit}", "%")
@@ -87,13 +87,13 @@ def _ratios(ax: Axes, arrays: Mapping[str, np.ndarray], unit: str) -> None:
 
 
 def _energies(ax: Axes, arrays: Mapping[str, np.ndarray], unit: str) -> None:
-    a = arrays["amplitude"]
+    a, lost = arrays["amplitude"], False
     for name, values in sorted(arrays.items()):
         if name.startswith("work/"):
-            term = name.removeprefix("work/")
+            term, lost = name.removeprefix("work/"), lost or bool(np.any(values > 0))
             ax.plot(a, values, color=colour(term), ls=dash(term), label=words.model(term))
     ax.set_xscale("log")
-    ax.set_yscale("log")
+    ax.set_yscale("log" if lost else "linear")
     _plain(ax)
     ax.set_xlim(a.min(), a.max())
     _finish(ax, "Energy lost in a cycle, by term", f"amplitude / {unit}", f"{unit}²/s²")
