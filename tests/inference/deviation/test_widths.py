@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -93,3 +94,21 @@ def test_all_terms_together_lose_under_each_width_what_their_fit_says() -> None:
     for f in made.frictions:
         work = works_on(orbit, solver, f.further[None, :], np.ones(2, bool), f.epsilon)[0]
         assert work[solver.terms.index("coulomb")] == pytest.approx(dry_loss(0.02, f.epsilon), rel=5e-3)
+
+
+def test_the_ratio_under_a_width_is_as_the_loss_of_all_terms_under_it() -> None:
+    """Each width made certain in turn; the losses from the fits' coefficients, by closed form and quadrature."""
+    made, amplitude = friction(SHARE, 1), 0.01
+    order = made.solvers["linear"].terms.index
+
+    def lost(f) -> float:
+        viscous, dry = f.coefficients[order("viscous")], f.coefficients[order("coulomb")]
+        return viscous * 2 * math.pi * W * amplitude**2 + dry * dry_loss(amplitude, f.epsilon)
+
+    def told(f) -> float:
+        alone = [replace(other, weight=float(other is f)) for other in made.frictions]
+        return ratios(replace(made, frictions=alone), [amplitude])[0].value
+
+    values, losses = (np.array([get(f) for f in made.frictions]) for get in (told, lost))
+    assert np.ptp(losses) > 0.05 * losses.mean()  # widths do matter here
+    assert values / values[-1] == pytest.approx(losses / losses[-1], rel=0.01)
