@@ -18,6 +18,6 @@ def amplitude(model: str, amplitudes: np.ndarray, ratio: np.ndarray, reference: 
     ax.plot(amplitudes, median, color=colour(model), lw=1.3)
     ax.axvline(reference, color=INK, lw=0.7, ls=(0, (1, 2)))
     ax.set_xlabel(f"amplitude / {unit}")
-    ax.set_ylabel("equivalent damping ratio / %")
-    ax.set_ylim(bottom=0)
+    ax.set_ylabel("equivalent\ndamping ratio / %")
+    ax.set_ylim(0, 1.25 * float(np.nanmax(high)) or 1.0)
     return figure
