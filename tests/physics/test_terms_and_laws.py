@@ -148,6 +148,48 @@ def test_energy_in_a_cycle_by_closed_forms(name):
     assert TERMS.get(name).work(0.4, 3.0, further) == pytest.approx(lost(0.4, 3.0), rel=1e-6)
 
 
+@pytest.mark.parametrize(
+    ("name", "further"),
+    [
+        ("power", {"exponent": -0.3}),
+        ("power", {"exponent": 0.5, "reference_velocity": 0.2}),
+        ("power", {"exponent": 3.3}),
+        ("stribeck", {"static_excess": 0.8, "stribeck_velocity": 0.02}),
+        ("stribeck", {"static_excess": 3.0, "stribeck_velocity": 0.9}),
+        # Without friction on one side, on both, within, and nowhere.
+        ("dry_position", {"friction_slope": 2.0, "friction_curvature": 0.5}),
+        ("dry_position", {"friction_slope": 0.1, "friction_curvature": -3.0}),
+        ("dry_position", {"friction_slope": -2.5, "friction_curvature": 1.4, "reference_amplitude": 0.3}),
+        ("dry_position", {"friction_slope": 0.0, "friction_curvature": 0.0}),
+        ("dry_position", {"friction_slope": 1.5, "friction_curvature": 0.0}),
+    ],
+)
+def test_a_closed_form_is_the_work_of_the_kernel(name, further):
+    """By SciPy's quadrature over the way there and back, whose breaks are where friction begins and ends."""
+    term, a, w = TERMS.get(name), 0.4, 3.0
+    force = term.at({"rest": 0.0, "reference_velocity": a * w, "reference_amplitude": a, **further})
+    scale = further.get("reference_amplitude", a)
+    square = [further.get("friction_curvature", 0.0), further.get("friction_slope", 0.0), 1.0]
+    breaks = [scale * u.real for u in np.roots(square) if u.imag == 0 and abs(scale * u.real) < a]
+    angles = sorted(math.asin(x / a) for x in breaks)
+
+    def power(phase: float, way: float) -> float:
+        x, v = a * math.sin(phase), way * a * w * math.cos(phase)
+        return force(x, v, 1e-12) * way * a * math.cos(phase)
+
+    ends = [-math.pi / 2, *angles, math.pi / 2]
+    lost = sum(
+        quad(power, low, high, args=(way,), epsabs=1e-13, epsrel=1e-11, limit=200)[0]
+        for way in (1.0, -1.0)
+        for low, high in itertools.pairwise(ends)
+    )
+    assert term.work(a, w, further) == pytest.approx(lost, rel=1e-8)
+    assert type(term).work is not DampingTerm.work
+    by_rule = DampingTerm.work(term, a, w, further)  # across breaks too
+    assert by_rule == pytest.approx(lost, rel=1e-3)
+    assert term.work(a, w, further) != pytest.approx(1.0001 * lost, rel=1e-8)  # control
+
+
 def test_a_stribeck_friction_that_nowhere_rises_is_its_kinetic_one():
     """At a Stribeck velocity far above the motion's it is the static friction all along."""
     term = TERMS.get("stribeck")

@@ -2,6 +2,9 @@
 (B. Armstrong-Hélouvry, P. Dupont and C. Canudas de Wit, Automatica 30, 1083 (1994))."""
 
 import math
+from collections.abc import Mapping
+
+from scipy.special import dawsn
 
 from bayesdamp.physics.damping._term import DampingTerm, FreeParameter
 from bayesdamp.priors import HalfNormal, LogUniform
@@ -14,7 +17,7 @@ but at the turning points; above, everywhere."""
 
 class Stribeck(DampingTerm):
     """F = μ_k [1 + s exp(−(θ̇/v_s)²)] tanh(θ̇/ε), kinetic friction μ_k in rad/s², static friction (1 + s) μ_k, Stribeck
-    velocity v_s in rad/s."""
+    velocity v_s in rad/s. A cycle takes 4 μ_k A [1 + s D(a)/a], a = ωA/v_s, D Dawson's integral."""
 
     name = "stribeck"
     parameter = "mu_k"
@@ -45,6 +48,11 @@ class Stribeck(DampingTerm):
     def kernel(x: float, v: float, epsilon: float, excess: float = 0.0, slow: float = 1.0) -> float:
         """(1 + s exp(−(v/v_s)²)) tanh(v/ε) (Stribeck 1902)."""
         return (1.0 + excess * math.exp(-(v * v) / (slow * slow))) * math.tanh(v / epsilon)
+
+    def work(self, amplitude: float, frequency: float, further: Mapping[str, float]) -> float:
+        """In closed form; see `DampingTerm.work`."""
+        a = amplitude * frequency / further["stribeck_velocity"]
+        return 4.0 * amplitude * (1.0 + further["static_excess"] * float(dawsn(a)) / a)
 
 
 PLUGIN = Stribeck()
