@@ -7,7 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from bayesdamp.envelope.answer import Decay, answer
+from bayesdamp.envelope.answer import answer
+from bayesdamp.envelope.decay import Decay
 from bayesdamp.envelope.model.candidates import Blocks
 from bayesdamp.envelope.model.floor import ABOVE_FLOOR
 from bayesdamp.envelope.model.laws import SUMS
@@ -73,7 +74,7 @@ def analyse(
         last = f"{record.t[chosen.stop - 1]:.4g} s"
         ends = f"ends at {last}, {ABOVE_FLOOR:g} dB above the noise floor that its scatter shows"
         chosen = replace(chosen, why=(chosen.why[0], ends))
-    return answer(Decay(record, chosen, first, found, reference), asked, readings, inverse, seed)
+    return answer(Decay(record, chosen, first, found, reference, readings, inverse), asked, seed)
 
 
 def _blocks(record: EnvelopeRecord, window: Window, first: int) -> tuple[Blocks, float]:

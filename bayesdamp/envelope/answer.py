@@ -8,18 +8,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from bayesdamp.envelope.coefficients import coefficients_of
-from bayesdamp.envelope.model.candidates import Blocks, Candidate, weigh_power
-from bayesdamp.envelope.model.laws import POWERS
-from bayesdamp.envelope.model.noise import Noise
+from bayesdamp.envelope.decay import Decay
+from bayesdamp.envelope.exponent import PowerLaw, by_power, power_law
+from bayesdamp.envelope.model.candidates import Candidate
 from bayesdamp.envelope.model.posterior import DRIFT, SENSOR, Draws, draw
-from bayesdamp.envelope.model.sums import Sum, sums_on, weighed
+from bayesdamp.envelope.model.ranking import Ranking, ranked
+from bayesdamp.envelope.model.sums import Sum, weighed
 from bayesdamp.envelope.records.one_law import NEPER
-from bayesdamp.envelope.records.record import EnvelopeRecord
-from bayesdamp.envelope.records.window import Window
-from bayesdamp.envelope.results import AtAmplitude, Curve, Cut, EnvelopeResult, Range, estimated
+from bayesdamp.envelope.results import AtAmplitude, Curve, Cut, EnvelopeResult, Estimated, Range, estimated
 from bayesdamp.envelope.words import FEW, remarks, sentence
 
-DECIDED = 0.95
 APPROXIMATE = 0.25
 """Deviation (95 % bound) up to which a sum is said to hold approximately."""
 POWER_LAW = np.log(20.0)
@@ -29,121 +27,119 @@ ASKED = (0.15, 0.5, 0.85)
 
 
 @dataclass(frozen=True, eq=False)
-class Decay:
-    """The free decay of a record: its window, its first reading, its blocks, and ln of their reference amplitude in the
-    record's unit."""
+class Drawn:
+    """Draws with the law's deviation and the sensor's error, and given that it holds exactly, without that error."""
 
-    record: EnvelopeRecord
-    window: Window
-    first: int
-    blocks: Blocks
-    reference: float
-
-    @property
-    def omega(self) -> float | None:
-        """rad/s."""
-        return 2.0 * np.pi * self.record.frequency if self.record.frequency else None
+    whole: Draws
+    plain: Draws
 
 
-def answer(
-    decay: Decay, sums: Sequence[Sum], noises: list[tuple[Noise, np.ndarray]], inverse: np.ndarray, seed: int
-) -> EnvelopeResult:
-    """The damping of a decay by these sums, noises with the covariance of readings each, and the inverse triangle in
-    which fits are sought."""
-    record, b, reference, omega = decay.record, decay.blocks, decay.reference, decay.omega
-    candidates = weighed(b, sums, noises, inverse)
-    names = [one.name for one in sums]
-    log_z = _by_sum(names, candidates, [c.total + c.log_share for c in candidates])
-    log_exact = _by_sum(names, candidates, [c.total_exact + c.log_share for c in candidates])
-    probability = np.exp(log_z - log_z.max())
-    probability /= probability.sum()
-    best = int(np.argmax(probability))
-    fitted = max((c for c in candidates if c.name == names[best]), key=lambda c: c.total + c.log_share)
-    there = dict.fromkeys(term for one in sums for term in one.terms)
-    terms = sorted(there, key=lambda term: (*POWERS, *there).index(term))
-    decided = bool(probability[best] > DECIDED and np.argmax(log_exact) == best)
-    probability_exact = float(np.exp(np.logaddexp.reduce(log_exact) - np.logaddexp.reduce(log_z)))
-    top, bottom = b.ends
-    amplitudes = np.array([top + share * (bottom - top) for share in ASKED])
-    rng = np.random.default_rng([seed, b.t.size])
-    sensor = _sensor(record, 0.5 * (top - bottom) * NEPER)
+@dataclass(frozen=True)
+class Verdict:
+    """grade: see `EnvelopeResult`; decided: whether a sum is named outright; by_power: whether one power of the
+    amplitude describes the decay instead."""
 
-    def drawn(every: Sequence[Candidate], names: Sequence[str]) -> tuple[Draws, Draws]:
-        whole = draw(b, every, names, amplitudes, rng, sensor)
-        return whole, draw(b, every, names, amplitudes, rng, sensor=0.0, exact=True)
+    grade: str
+    decided: bool
+    by_power: bool
 
-    draws, plain = drawn(candidates, terms)
-    power_z, power_mean, power_variance = weigh_power(b, noises, inverse)
-    prior = np.logaddexp.reduce([one.log_prior for one in sums])
-    odds = float(np.logaddexp.reduce(power_z) - np.logaddexp.reduce(log_z) + prior)
-    low, middle, high = np.quantile(draws.deviation, [0.025, 0.5, 0.975])
-    deviation = Range(float(middle), float(low), float(high))
-    grade = (
-        "exact"
-        if probability_exact >= 0.5
-        else "approximate"
-        if deviation.high <= APPROXIMATE
-        else "deviates"
-    )
-    by_power = odds > POWER_LAW and b.t.size >= FEW and not (decided and grade != "deviates")
-    if by_power and "power" not in terms:
-        # Rates by laws that the record does not follow are none of its own.
-        rated, rated_plain = drawn([*candidates, *_by_power(b, noises, inverse)], (*terms, "power"))
-    else:
-        rated, rated_plain = draws, plain
-    misfit, scatter = _misfit(b, fitted, noises)
-    found = EnvelopeResult(
-        name=record.name,
-        grade="deviates" if by_power else grade,
-        sentence="",
-        decided=decided and not by_power and grade != "deviates",
-        damping=names[best],
-        probability=float(probability[best]),
-        probabilities={n: float(p) for n, p in zip(names, probability, strict=True)},
-        terms={
-            t: float(sum(p for one, p in zip(sums, probability, strict=True) if t in one.terms))
-            for t in terms
-        },
-        frequency=record.frequency,
-        rate=estimated(rated.whole, rated_plain.whole),
-        quality_factor=estimated(omega / 2 / rated.whole, omega / 2 / rated_plain.whole) if omega else None,
-        at=tuple(
-            _at(record, (amplitudes[i] + reference) * NEPER, rated.at[:, i], rated_plain.at[:, i], omega)
-            for i in range(amplitudes.size)
-        ),
-        energy={
-            term: Range(*(float(q) for q in np.quantile(draws.energy[:, i], [0.5, 0.025, 0.975])))
-            for i, term in enumerate(terms)
-        },
-        exponent=_mixture_range(power_z, power_mean, power_variance, 0.0, 3.0),
-        power_law=odds,
-        deviation=deviation,
-        probability_exact=probability_exact,
-        unexplained_pct=100 * misfit,
-        noise_pct=100 * scatter,
-        coefficients=coefficients_of(record, sums[best], sums, candidates, draws, plain, reference),
-        cut=_cut(decay),
-        curve=_curve(decay, fitted, noises),
-    )
-    said = remarks(found, record, decay.window.stop - decay.first, (top - bottom) * NEPER)
+
+def answer(decay: Decay, sums: Sequence[Sum], seed: int) -> EnvelopeResult:
+    """The damping of a decay by these sums. seed: of the draws."""
+    ranking = ranked(sums, weighed(decay.blocks, sums, decay.noises, decay.inverse))
+    power = power_law(decay, ranking)
+    rng = np.random.default_rng([seed, decay.blocks.t.size])
+    drawn = _drawn(decay, ranking.candidates, ranking.terms, rng)
+    deviation = _range(drawn.whole.deviation)
+    verdict = _verdict(ranking, power, deviation, decay.blocks.t.size)
+    found = _found(decay, ranking, verdict, drawn, _rated(decay, ranking, verdict, drawn, rng))
+    found = replace(found, exponent=power.exponent, power_law=power.odds, deviation=deviation)
+    said = remarks(found, decay.record, decay.readings, decay.fall)
     return replace(found, sentence=sentence(found), remarks=said)
 
 
-def _by_sum(names: Sequence[str], candidates: Sequence[Candidate], logs: Sequence[float]) -> np.ndarray:
-    """ln of the sum over each sum's candidates."""
-    return np.array(
-        [
-            np.logaddexp.reduce([one for one, c in zip(logs, candidates, strict=True) if c.name == name])
-            for name in names
-        ]
+def _drawn(
+    decay: Decay, candidates: Sequence[Candidate], terms: Sequence[str], rng: np.random.Generator
+) -> Drawn:
+    b, amplitudes = decay.blocks, _amplitudes(decay)
+    whole = draw(b, candidates, terms, amplitudes, rng, _sensor(decay))
+    return Drawn(whole, draw(b, candidates, terms, amplitudes, rng, sensor=0.0, exact=True))
+
+
+def _rated(decay: Decay, ranking: Ranking, verdict: Verdict, drawn: Drawn, rng: np.random.Generator) -> Drawn:
+    """What rates are read from: those by laws that the record does not follow are none of its own."""
+    if not verdict.by_power or "power" in ranking.terms:
+        return drawn
+    return _drawn(decay, [*ranking.candidates, *by_power(decay)], (*ranking.terms, "power"), rng)
+
+
+def _verdict(ranking: Ranking, power: PowerLaw, deviation: Range, blocks: int) -> Verdict:
+    inexact = "approximate" if deviation.high <= APPROXIMATE else "deviates"
+    grade = "exact" if ranking.exact >= 0.5 else inexact
+    by_sum = ranking.decided and grade != "deviates"
+    instead = power.odds > POWER_LAW and blocks >= FEW and not by_sum
+    return Verdict("deviates" if instead else grade, by_sum and not instead, instead)
+
+
+def _found(decay: Decay, ranking: Ranking, verdict: Verdict, drawn: Drawn, rated: Drawn) -> EnvelopeResult:
+    """All but the exponent, the deviation and what is said."""
+    best = ranking.best
+    misfit, scatter = _misfit(decay, ranking.fitted)
+    return EnvelopeResult(
+        name=decay.record.name,
+        grade=verdict.grade,
+        sentence="",
+        decided=verdict.decided,
+        damping=best.name,
+        probability=ranking.by_sum[best.name],
+        probabilities=ranking.by_sum,
+        terms=ranking.by_term,
+        frequency=decay.record.frequency,
+        rate=estimated(rated.whole.whole, rated.plain.whole),
+        quality_factor=_quality(decay, rated.whole.whole, rated.plain.whole),
+        at=_at(decay, rated),
+        energy={term: _range(drawn.whole.energy[:, i]) for i, term in enumerate(ranking.terms)},
+        probability_exact=ranking.exact,
+        unexplained_pct=100 * misfit,
+        noise_pct=100 * scatter,
+        coefficients=coefficients_of(
+            decay.record, best, ranking.sums, ranking.candidates, drawn.whole, drawn.plain, decay.reference
+        ),
+        cut=_cut(decay),
+        curve=_curve(decay, ranking.fitted),
     )
 
 
-def _by_power(b: Blocks, noises: list[tuple[Noise, np.ndarray]], inverse: np.ndarray) -> list[Candidate]:
-    """One power of the velocity, as a term."""
-    from bayesdamp.envelope.terms.loss import Scale
+def _range(draws: np.ndarray) -> Range:
+    middle, low, high = (float(q) for q in np.quantile(draws, [0.5, 0.025, 0.975]))
+    return Range(middle, low, high)
 
-    return weighed(b, sums_on([("power",)], Scale(), b.ends[0], float(b.x.min())), noises, inverse)
+
+def _amplitudes(decay: Decay) -> np.ndarray:
+    """ln(A/A_ref) at which rates are quoted."""
+    top, bottom = decay.blocks.ends
+    return np.array([top + share * (bottom - top) for share in ASKED])
+
+
+def _sensor(decay: Decay) -> float:
+    """Relative sd of any rate that the record does not tell."""
+    return float(np.hypot(SENSOR, DRIFT / (0.5 * decay.fall))) if decay.record.logarithmic else SENSOR
+
+
+def _quality(decay: Decay, whole: np.ndarray, plain: np.ndarray) -> Estimated | None:
+    """Q of rates in 1/s, None where the frequency is not known."""
+    return estimated(decay.omega / 2 / whole, decay.omega / 2 / plain) if decay.omega else None
+
+
+def _at(decay: Decay, rated: Drawn) -> tuple[AtAmplitude, ...]:
+    found = []
+    for i, x in enumerate(_amplitudes(decay)):
+        whole, plain = rated.whole.at[:, i], rated.plain.at[:, i]
+        amplitude, unit = decay.record.amplitude((x + decay.reference) * NEPER)
+        ratio = estimated(whole / decay.omega, plain / decay.omega) if decay.omega else None
+        quality = _quality(decay, whole, plain)
+        found.append(AtAmplitude(float(amplitude), unit, estimated(whole, plain), ratio, quality))
+    return tuple(found)
 
 
 def _cut(decay: Decay) -> Cut:
@@ -159,53 +155,21 @@ def _cut(decay: Decay) -> Cut:
     )
 
 
-def _curve(decay: Decay, fitted: Candidate, noises: list[tuple[Noise, np.ndarray]]) -> Curve:
+def _curve(decay: Decay, fitted: Candidate) -> Curve:
     b, t = decay.blocks, decay.record.t[decay.first : decay.window.stop]
     # The blocks' own clock starts at the first one's middle.
     return Curve(
         b.t + float(t.min()) + 0.5 * (b.t[1] - b.t[0]) * (b.each > 1),
         (b.x + decay.reference) * NEPER,
         (fitted.fit + decay.reference) * NEPER,
-        np.sqrt(np.diag(noises[0][1])) * NEPER,
+        np.sqrt(np.diag(decay.noises[0][1])) * NEPER,
     )
 
 
-def _sensor(record: EnvelopeRecord, fall: float) -> float:
-    """Relative sd of any rate that the record does not tell. fall: dB of half of the decay."""
-    return float(np.hypot(SENSOR, DRIFT / fall)) if record.logarithmic else SENSOR
-
-
-def _at(
-    record: EnvelopeRecord, level: float, draws: np.ndarray, plain: np.ndarray, omega: float | None
-) -> AtAmplitude:
-    amplitude, unit = record.amplitude(level)
-    ratio = estimated(draws / omega, plain / omega) if omega else None
-    quality = estimated(omega / 2 / draws, omega / 2 / plain) if omega else None
-    return AtAmplitude(float(amplitude), unit, estimated(draws, plain), ratio, quality)
-
-
-def _mixture_range(
-    log_weight: np.ndarray, mean: np.ndarray, variance: np.ndarray, least: float, most: float
-) -> Range:
-    """Median and 95 % interval of a mixture of normals cut off at both ends."""
-    weight = np.exp(log_weight - log_weight.max())
-    grid = np.linspace(least, most, 3001)
-    density = np.zeros_like(grid)
-    for w, m, v in zip(weight, mean, variance, strict=True):
-        if w > 1e-5:
-            density += w / np.sqrt(v) * np.exp(-0.5 * (grid - m) ** 2 / v)
-    total = np.cumsum(density)
-    if not total[-1] > 0:  # narrower than the grid, or beyond an end of it
-        centre = float(np.clip(weight @ mean / weight.sum(), least, most))
-        return Range(centre, centre, centre)
-    low, middle, high = (float(q) for q in np.interp([0.025, 0.5, 0.975], total / total[-1], grid))
-    return Range(middle, low, high)
-
-
-def _misfit(b: Blocks, c: Candidate, noises: list[tuple[Noise, np.ndarray]]) -> tuple[float, float]:
+def _misfit(decay: Decay, fitted: Candidate) -> tuple[float, float]:
     """Root mean squares, relative to the amplitude and weighted by its square, of what the fit leaves and of noise."""
-    weight = np.exp(2.0 * c.fit)
+    weight = np.exp(2.0 * fitted.fit)
     weight = weight / weight.sum()
-    off = b.x - c.fit
+    off = decay.blocks.x - fitted.fit
     off = off - weight @ off
-    return float(np.sqrt(weight @ off**2)), float(np.sqrt(weight @ np.diag(noises[0][1])))
+    return float(np.sqrt(weight @ off**2)), float(np.sqrt(weight @ np.diag(decay.noises[0][1])))
