@@ -7,8 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from bayesdamp.envelope.answer import answer
-from bayesdamp.envelope.decay import Decay
+from bayesdamp.envelope.answer.answer import answer
+from bayesdamp.envelope.answer.decay import Decay
 from bayesdamp.envelope.model.candidates import Blocks
 from bayesdamp.envelope.model.floor import ABOVE_FLOOR
 from bayesdamp.envelope.model.laws import SUMS

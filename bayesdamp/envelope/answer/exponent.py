@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from bayesdamp.envelope.decay import Decay
+from bayesdamp.envelope.answer.decay import Decay
+from bayesdamp.envelope.answer.ranking import Ranking
 from bayesdamp.envelope.model.candidates import Candidate, weigh_power
-from bayesdamp.envelope.model.ranking import Ranking
 from bayesdamp.envelope.model.sums import sums_on, weighed
 from bayesdamp.envelope.results import Range
 

@@ -1,0 +1,1 @@
+"""From a decay and its damping sums to what is said of it."""
