@@ -10,6 +10,7 @@ import numpy as np
 
 from bayesdamp.records.columns.swings import Swing, swing
 from bayesdamp.records.files.facts import sampling_rate
+from bayesdamp.records.oscillation.rectified import rectified
 from bayesdamp.records.record import RawRecord
 from bayesdamp.records.stated_columns import HALF_TURN, half_swing
 from bayesdamp.units import UNITS
@@ -41,6 +42,7 @@ class Kind(Enum):
     TIME_UNIT = "times in another unit than s"
     SAMPLE_NUMBERS = "numbers of samples taken for times"
     UNIT = "a unit that is none of displacement"
+    RECTIFIED = "a sign that was lost"
     CONSTANT = "columns that do not change"
 
 
@@ -66,6 +68,7 @@ def findings(raw: RawRecord, unit: str, quantity: str, given: bool = False) -> t
         _times(raw, seen),
         _rate(raw, seen),
         _differing(raw),
+        _rectified(raw, seen),
         _constant(raw),
     )
     return tuple(doubt for doubt in doubts if doubt is not None)
@@ -137,6 +140,13 @@ def _differing(raw: RawRecord) -> Finding | None:
         return None
     sentence = f"its file says {said:.6g} Hz, and it is read at {used:.6g} Hz"
     return Finding(Kind.RATE, sentence, f"--rate {said:.6g} takes the file's")
+
+
+def _rectified(raw: RawRecord, seen: Swing) -> Finding | None:
+    if not rectified(raw.y, seen.period):
+        return None
+    sentence = "it comes back to 0 at each half-cycle and never crosses it: it looks rectified (or squared)"
+    return Finding(Kind.RECTIFIED, sentence, "record it with its sign, or turn every second half-cycle over")
 
 
 def _constant(raw: RawRecord) -> Finding | None:

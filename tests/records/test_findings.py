@@ -14,6 +14,7 @@ from bayesdamp.records.stated_columns import read_as
 
 T = np.arange(600) / 50
 Y = 0.3 * np.exp(-0.1 * T) * np.cos(6 * T)
+NOISE = 0.01 * np.random.default_rng(1).standard_normal(T.size)
 
 CASES = {
     # names, times, values, options of reading, unit asked for, kinds, what the option says
@@ -42,6 +43,14 @@ CASES = {
         "# sample rate: 50 Hz\nx,angle", Y[::-1], Y, {"rate": 500.0, "value": 2}, None, [Kind.RATE], "--rate 50",
     ),
     "times against the file's rate": ("# fs = 25\nt,angle", T, Y, {}, None, [Kind.RATE], "--rate 25"),
+    "rectified": ("t,angle", T, np.abs(Y), {}, None, [Kind.RECTIFIED], "every second half-cycle"),
+    "rectified, negative": ("t,angle", T, -np.abs(Y), {}, None, [Kind.RECTIFIED], "every second half-cycle"),
+    "squared": ("t,angle", T, Y**2, {}, None, [Kind.RECTIFIED], "every second half-cycle"),
+    "rectified, noise": ("t,angle", T, np.abs(Y + NOISE), {}, None, [Kind.RECTIFIED], "every second half-cycle"),
+    "all above 0": ("t,angle", T, Y - Y.min(), {}, None, [], ""),
+    "all above 0, undamped": ("t,angle", T, 0.3 + 0.3 * np.cos(6 * T), {}, None, [], ""),
+    "an envelope": ("t,angle", T, np.hypot(Y, 0.05 * np.sin(6 * T)), {}, None, [], ""),
+    "pulses": ("t,angle", T, np.exp(-0.1 * T) * (np.cos(6 * T) > 0.9), {}, None, [], ""),
     "newtons": ("t,load (N)", T, Y, {}, None, [Kind.UNIT], "--unit counts"),
 }  # fmt: skip
 

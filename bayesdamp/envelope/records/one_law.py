@@ -25,6 +25,8 @@ WON = 0.15
 where a straight line does."""
 POWERS = -1.0, 3.0
 """Powers of the amplitude that a loss may go with: below 0 is friction that rises towards rest."""
+NEAR_VISCOUS = 1e-4
+"""Of the exponent: nearer to 1 its derivative is taken from a series."""
 SMALLEST = 0.15
 """dB that is no deviation: detectors are not linear to better."""
 
@@ -114,14 +116,19 @@ def _decay_and_floor(t: np.ndarray, power: np.ndarray, begin: np.ndarray | None)
     fallen = np.flatnonzero(0.5 * np.log(power) < 0.5 * (x0 + 0.5 * np.log(tail)))
     half = float(t[fallen[0]]) if fallen.size and fallen[0] > 0 else float(t[-1])
     depth = max(0.5 * (x0 - 0.5 * np.log(tail)), 0.05)
+    # A tolerance of 0.3 dB, and of what a floor of random phase does to a level.
+    width = np.hypot(0.3, 5.0 * np.sqrt(0.5 * tail / np.maximum(power, tail)))
+
+    def signal(p: np.ndarray) -> np.ndarray:
+        return np.exp(2.0 * power_decay(t, p[0], p[1] - (p[2] - 1.0) * p[0], p[2]))
 
     def off(p: np.ndarray) -> np.ndarray:
-        signal = np.exp(2.0 * power_decay(t, p[0], p[1] - (p[2] - 1.0) * p[0], p[2]))
-        floor = np.exp(p[3])
-        # A tolerance of 0.3 dB, and of what a floor of random phase does to a level.
-        return (5.0 * np.log(signal + floor) - level) / np.hypot(
-            0.3, 5.0 * np.sqrt(0.5 * tail / np.maximum(power, tail))
-        )
+        return (5.0 * np.log(signal(p) + np.exp(p[3])) - level) / width
+
+    def slopes(p: np.ndarray) -> np.ndarray:
+        seen, floor = signal(p), np.exp(p[3])
+        columns = np.column_stack([2.0 * seen[:, None] * _slopes(t, p), np.full(t.size, floor)])
+        return columns * (5.0 / ((seen + floor) * width))[:, None]
 
     low, high = [-30.0, -60.0, POWERS[0], -80.0], [10.0, 60.0, POWERS[1], 1.0]
     starts = [] if begin is None else [begin]
@@ -134,6 +141,7 @@ def _decay_and_floor(t: np.ndarray, power: np.ndarray, begin: np.ndarray | None)
         least_squares(
             off,
             np.clip(p, low, high),
+            slopes,  # type: ignore[arg-type]
             bounds=(low, high),
             loss="soft_l1",
             max_nfev=25,
@@ -142,3 +150,14 @@ def _decay_and_floor(t: np.ndarray, power: np.ndarray, begin: np.ndarray | None)
         for p in starts
     ]
     return min(found, key=lambda one: one.cost).x
+
+
+def _slopes(t: np.ndarray, p: np.ndarray) -> np.ndarray:
+    """Derivatives of x of a decay by one power, by x at the start, ln of the rate there and the exponent, (n, 3)."""
+    q, passed = p[2] - 1.0, np.exp(p[1]) * t
+    left = np.maximum(1.0 + q * passed, 1e-12)  # 0 where it comes to rest, of which nothing is seen
+    if abs(q) < NEAR_VISCOUS:
+        bend = passed * passed * (0.5 - 2.0 / 3.0 * q * passed)
+    else:
+        bend = (np.log(left) / q - passed / left) / q
+    return np.column_stack([np.ones_like(t), -passed / left, bend])
