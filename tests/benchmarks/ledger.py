@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 import json
+import re
 import time
 from collections.abc import Mapping, Sequence, Set
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from bayesdamp.store import provenance, read_table, write_bytes, write_json, write_table
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 LOSS = 0.2
 """Share of a ratio that must be lost for it to be shown as one."""
@@ -30,11 +35,12 @@ PACKAGES = (
 @dataclass(frozen=True)
 class Ledger:
     """Tables (title, header, rows) and named ratios, of which larger is better, in the order in which they came; bars:
-    what a ratio is wanted to be, where that was said."""
+    what a ratio is wanted to be, where that was said; figures: of tables, by title."""
 
     tables: list[tuple[str, Sequence[str], Sequence[Sequence[str]]]] = field(default_factory=list)
     ratios: dict[str, float] = field(default_factory=dict)
     bars: dict[str, float] = field(default_factory=dict)
+    figures: dict[str, Figure] = field(default_factory=dict)
     began: float = field(default_factory=time.perf_counter)
 
 
@@ -94,9 +100,16 @@ def write(ledger: Ledger, folder: Path, files: Sequence[str] = (), every: Sequen
     about = provenance(packages=PACKAGES)
     write_json(folder / MACHINE, about)
     _draw(kept, bars, folder / PICTURE)
+    for title, figure in ledger.figures.items():
+        figure.savefig(folder / _file(title), dpi=120)
+    drawn = {
+        title: f"![{title}]({_file(title)})\n\n" for title in tables if (folder / _file(title)).is_file()
+    }
     seconds = time.perf_counter() - ledger.began
     anew = {title for title, _, _ in ledger.tables} | set(ledger.ratios)
-    page = _page(_run(seconds, files, every), tables, kept, bars, earlier, lost, about["machine"], anew)
+    page = _page(
+        _run(seconds, files, every), tables, drawn, kept, bars, earlier, lost, about["machine"], anew
+    )
     write_bytes(folder / PAGE, page.encode())
     return lost
 
@@ -115,6 +128,7 @@ def _run(seconds: float, files: Sequence[str], every: Sequence[str]) -> str:
 def _page(
     run: str,
     tables: Mapping[str, Sequence[Sequence[str]]],
+    drawn: Mapping[str, str],
     ratios: Mapping[str, float],
     bars: Mapping[str, float],
     earlier: Mapping[str, float],
@@ -122,7 +136,7 @@ def _page(
     machine: Mapping[str, object],
     anew: Set[str],
 ) -> str:
-    """The page. anew: titles and names of what this run measured."""
+    """The page. drawn: pictures of tables, by title; anew: titles and names of what this run measured."""
     where = ", ".join(f"{name} {value}" for name, value in machine.items())
     below = [n for n, bar in bars.items() if n in ratios and ratios[n] < bar]
     parts = [
@@ -153,11 +167,16 @@ def _page(
             ],
         ),
         *(
-            f"## {title}\n{'' if title in anew else FROM_BEFORE}{_table(header, rows)}"
+            f"## {title}\n{'' if title in anew else FROM_BEFORE}{drawn.get(title, '')}{_table(header, rows)}"
             for title, (header, rows) in tables.items()
         ),
     ]
     return "\n\n".join(parts) + "\n"
+
+
+def _file(title: str) -> str:
+    """Where a table's picture is."""
+    return re.sub(r"\W+", "-", title.lower()).strip("-") + ".png"
 
 
 def _table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:

@@ -41,6 +41,10 @@ PARTS = {
     "likelihood": Part(
         ("inference/noise/*.py", "inference/model/*.py"), ("tests/inference/noise", "tests/inference/model")
     ),
+    "deviation": Part(
+        ("inference/deviation/gaussian/*.py", "inference/deviation/sampled/*.py"),
+        ("tests/inference/deviation/gaussian", "tests/inference/deviation/sampled"),
+    ),
     "verdict": Part(("verdict/*.py",), ("tests/verdict",)),
 }
 

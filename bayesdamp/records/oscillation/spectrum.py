@@ -10,6 +10,8 @@ LOST = 0.5
 """Share of the variance below which an average over blocks has lost something."""
 UNSURE = 0.5
 """Share of the variance that an average over blocks must show in an oscillation to be believed."""
+WITHIN = 4.5
+"""Blocks of a period below which their averages do not show it."""
 WEAK = 0.1
 """Share of the strongest period's power below which another is none."""
 
@@ -64,14 +66,18 @@ def coarse_periods(
     """
     spacing, averaged = on_grid(t, y)
     found = _periods(averaged, spacing, longest, most)
-    if t.size > MOST and (np.var(averaged) < LOST * np.var(y) or found[0][1] < UNSURE):
+    if t.size <= MOST:
+        return found
+    left = float(np.var(averaged) / np.var(y))
+    if left < LOST or found[0][1] < UNSURE or found[0][0] < WITHIN * spacing:
         # Averages over blocks miss what swings within one or a few: the liveliest piece of the samples themselves.
         ends = np.arange(MOST, t.size + 1, MOST)
         at = max(ends.tolist(), key=lambda end: float(np.var(y[end - MOST : end])))
         piece = slice(at - MOST, at)
-        spacing, values = on_grid(t[piece], y[piece])
-        near = _periods(values, spacing, None, most)
-        found = near if near[0][1] > found[0][1] else found
+        near = _periods(*on_grid(t[piece], y[piece])[::-1], None, most)
+        # What they leave of it is an alias, as clean as itself: its share is then of all that the samples had.
+        alias = left if near[0][0] < WITHIN * spacing else 1.0
+        found = near if near[0][1] > found[0][1] * alias else found
     return found
 
 

@@ -1,0 +1,120 @@
+"""What one record costs against its rows, up to a million: CPU seconds and peak memory of `compare`, from the file to
+the answer, reading and cleaning by themselves."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from matplotlib.figure import Figure
+
+import bayesdamp as bd
+from tests.benchmarks.ledger import LEDGER, ratio
+from tests.benchmarks.timing import table
+
+MILLION = 1_000_000
+SIZES = (
+    (10_000, 1_000),
+    (30_000, 1_000),
+    (100_000, 1_000),
+    (300_000, 1_000),
+    (MILLION, 1_000),
+    (MILLION, 30_000),
+)
+"""Rows and cycles."""
+GIB = 2.0**30
+TITLE = "What a record costs against its rows"
+
+
+@dataclass(frozen=True)
+class Cost:
+    """CPU seconds of all of `compare --quick`, and of reading and cleaning; peak memory in bytes, of the former."""
+
+    rows: int
+    cycles: int
+    whole: float
+    cleaning: float
+    memory: float
+
+
+def record(folder: Path, rows: int, cycles: int) -> Path:
+    """A linear oscillator at 1 Hz that ends at a twentieth of its first amplitude, in closed form, as a file."""
+    t = np.linspace(0.0, cycles, rows)
+    y = 10.0 * np.exp(-np.log(20.0) * t / cycles) * np.cos(2 * np.pi * t)
+    y += 0.05 * np.random.default_rng(rows + cycles).standard_normal(rows)
+    path = folder / f"{rows}_{cycles}.csv"
+    head = "time (s),angle (deg)"
+    np.savetxt(path, np.column_stack([t, y]), fmt="%.7g", delimiter=",", header=head, comments="")
+    return path
+
+
+def run(path: Path, *asked: str) -> tuple[float, float]:
+    """CPU seconds and peak memory in bytes of a command on a record, with all that it started."""
+    command = [sys.executable, "-m", "bayesdamp", *asked, str(path), "--out", str(path.with_suffix(""))]
+    with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as child:
+        _, status, used = os.wait4(child.pid, 0)
+        child.returncode = os.waitstatus_to_exitcode(status)
+    assert child.returncode == 0
+    return used.ru_utime + used.ru_stime, 1024.0 * used.ru_maxrss
+
+
+def cost(folder: Path, rows: int, cycles: int) -> Cost:
+    """Of one record."""
+    path = record(folder, rows, cycles)
+    began = time.process_time()
+    bd.read(path).signal()
+    cleaning = time.process_time() - began
+    whole, memory = run(path, "compare", "--quick")
+    return Cost(rows, cycles, whole, cleaning, memory)
+
+
+def test_rows(tmp_path: Path) -> None:
+    cost(tmp_path, 1_000, 100)  # compiles
+    found = [cost(tmp_path, *size) for size in SIZES]
+    few, many = found[2], found[4]
+    assert many.rows == 10 * few.rows
+    ratio(
+        "1,000,000 rows: ten times 100,000's read and cleaned / ours", 10 * few.cleaning / many.cleaning, 1.0
+    )
+    ratio("1,000,000 rows: 1 GiB / ours, imports among it", GIB / max(one.memory for one in found), 1.0)
+    table(
+        TITLE,
+        ["rows", "cycles", "CPU s", "of it, read and cleaned", "peak MiB"],
+        [
+            [f"{c.rows:,}", f"{c.cycles:,}", f"{c.whole:.1f}", f"{c.cleaning:.2f}", f"{c.memory / 2**20:.0f}"]
+            for c in found
+        ],
+    )
+    LEDGER.figures[TITLE] = drawn(found)
+
+
+def drawn(found: list[Cost]) -> Figure:
+    """CPU seconds on logarithmic axes beside a line in proportion to the rows; memory below them."""
+    figure = Figure(figsize=(7, 6), layout="constrained")
+    above, below = figure.subplots(2, sharex=True)
+    same = [c for c in found if c.cycles == found[0].cycles]
+    longer = [c for c in found if c.cycles != found[0].cycles]
+    rows = [c.rows for c in same]
+    name = f"{same[0].cycles:,} cycles"
+    above.loglog(rows, [c.whole for c in same], "o-", label=f"compare --quick, {name}")
+    above.loglog(rows, [c.cleaning for c in same], "s-", label=f"of it, read and cleaned, {name}")
+    last = same[-1]
+    above.loglog(rows, [last.cleaning * n / last.rows for n in rows], "k:", label="in proportion to the rows")
+    for c in longer:
+        above.loglog(
+            c.rows, c.whole, "o", mfc="none", color="C0", label=f"compare --quick, {c.cycles:,} cycles"
+        )
+    above.set_ylabel("CPU seconds")
+    above.legend()
+    below.semilogx([c.rows for c in same], [c.memory / 2**20 for c in same], "o-", label=name)
+    for c in longer:
+        below.semilogx(c.rows, c.memory / 2**20, "o", mfc="none", color="C0", label=f"{c.cycles:,} cycles")
+    below.axhline(1024, color="tab:red", label="1 GiB")
+    below.set(xlabel="rows", ylabel="peak memory (MiB)", ylim=(0, None))
+    below.legend(loc="lower right")
+    return figure

@@ -1,0 +1,39 @@
+"""The period of long records, whose search works on averages over blocks."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from bayesdamp.records.oscillation.spectrum import coarse_period
+
+
+def record(rows: int, cycles: float, noise: float) -> tuple[np.ndarray, np.ndarray]:
+    """A decaying oscillation of period 1 s."""
+    t = np.linspace(0.0, cycles, rows)
+    y = np.exp(-3.0 * t / cycles) * np.cos(2 * np.pi * t)
+    return t, y + noise * np.random.default_rng(rows).standard_normal(rows)
+
+
+@pytest.mark.parametrize(
+    ("rows", "cycles"),
+    [
+        (1_000_000, 30_000),  # 1.9 periods a block: their averages are an alias at 13 s
+        (704_000, 31_266),  # 1.9, at 21 s
+        (219_000, 13_846),  # 0.89, at 8 s
+        (308_000, 4_559),  # a quarter: between what averages show and what they lose
+    ],
+)
+@pytest.mark.parametrize("noise", [0.0, 0.005])
+def test_a_period_within_a_block_or_a_few_is_found(rows: int, cycles: float, noise: float) -> None:
+    period, share = coarse_period(*record(rows, cycles, noise))
+    assert period == pytest.approx(1.0, rel=0.03)
+    assert share > 0.9
+
+
+def test_a_slow_period_under_noise_is_that_of_the_averages() -> None:
+    """A piece of the samples has five cycles of it alone, and says less."""
+    t, y = record(553_000, 170, 1.0)
+    period, share = coarse_period(t, y)
+    assert period == pytest.approx(1.0, rel=0.03)
+    assert share > 0.5
