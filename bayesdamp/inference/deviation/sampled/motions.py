@@ -9,6 +9,7 @@ import numpy as np
 from bayesdamp.inference.deviation.gaussian.linear import Weighed
 from bayesdamp.inference.deviation.numbers.draws import scores_of
 from bayesdamp.inference.deviation.parameters import Parameters
+from bayesdamp.inference.deviation.sampled.ridge import Ridge
 from bayesdamp.physics.kernel import Solver
 from bayesdamp.physics.kernel.solve import NONE, TOLERANCE
 
@@ -27,7 +28,7 @@ class Motions:
     Stetter, Numer. Math. 29, 425 (1978))."""
 
     solver: Solver
-    parameters: Parameters
+    parameters: Parameters | Ridge
     active: np.ndarray
     tolerance: float = TOLERANCE
     correction: np.ndarray | float = 0.0
@@ -44,7 +45,7 @@ class Motions:
 
 
 def motions_near(
-    solver: Solver, parameters: Parameters, active: np.ndarray, weighed: Weighed, sd: float
+    solver: Solver, parameters: Parameters | Ridge, active: np.ndarray, weighed: Weighed, sd: float
 ) -> Motions:
     """Motions to the loosest tolerance that keeps draws of the linear posterior within `APART`. sd: of the noise that
     counts, in the record's unit."""

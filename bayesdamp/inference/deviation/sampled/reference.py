@@ -1,4 +1,5 @@
-"""What sampling starts from: a linear model, in straight coordinates where the restoring law has such.
+"""What sampling starts from: a linear model, in straight coordinates where the restoring law has such, and along the
+ridge of the damping terms' own parameters where they have such.
 
 A record tells the angle at rest and the frequency far better than gravity, so that a posterior of spring, gravity and
 spring's angle lies along a curve, which a linear model leaves after a few of its sds.
@@ -17,6 +18,7 @@ from bayesdamp.inference.deviation.gaussian.hyperparameters import grid_of
 from bayesdamp.inference.deviation.gaussian.linear import Linear, Weighed, weigh
 from bayesdamp.inference.deviation.least_squares import fit
 from bayesdamp.inference.deviation.parameters import Parameters, Straight, straight_at
+from bayesdamp.inference.deviation.sampled.ridge import Ridge, ridge_of
 from bayesdamp.inference.deviation.weighing import Result, Weighing
 from bayesdamp.physics.kernel import Solver
 
@@ -30,13 +32,13 @@ CLOSE = 0.1
 class Reference:
     """What sampling starts from: a linear model in the coordinates of `parameters`, weighed."""
 
-    parameters: Parameters
+    parameters: Parameters | Ridge
     model: Linear
     weighed: Weighed
 
     def scores(self, draws: np.ndarray) -> np.ndarray:
         """Standard normal scores with g and h, (n, K), of draws."""
-        if not isinstance(self.parameters, Straight):
+        if not isinstance(self.parameters, Straight | Ridge):
             return draws
         d, found = self.parameters.free.size, draws.copy()
         found[:, :d] = [self.parameters.plain(row[:d]) for row in draws]
@@ -45,17 +47,26 @@ class Reference:
     @property
     def log_prior(self) -> Callable[[np.ndarray], float] | None:
         """Log of the prior's density over a standard normal one, of scores (d,); None where they are the same."""
-        return self.parameters.log_prior if isinstance(self.parameters, Straight) else None
+        return self.parameters.log_prior if isinstance(self.parameters, Straight | Ridge) else None
 
 
 def reference_of(weighing: Weighing, result: Result, approximate: bool) -> Reference:
     """The linear model that a candidate's draws begin with: in straight coordinates where there are such, about the
-    mode in them; else that which it was weighed by."""
+    mode in them; else that which it was weighed by; along a ridge where there is one."""
     model = result.exact if not approximate or result.about is None else result.about.model
     weighed = result.weighed if approximate else result.exact_weighed
     assert weighed is not None
-    found = _straightened(weighing, result, approximate)
-    return found or Reference(result.fit.parameters, model, weighed)
+    found = _straightened(weighing, result, approximate) or Reference(result.fit.parameters, model, weighed)
+    assert isinstance(found.parameters, Parameters)
+    ridge = ridge_of(weighing, result, approximate, found.parameters, found.model, found.weighed)
+    if ridge is None:
+        return found
+    model = replace(found.model, positive=ridge.positive)
+    knots = result.solver.knots.size if approximate else 0
+    grid = grid_of(knots, exact=not approximate, absorbed=ridge.base.absorbs)
+    variance = weighing.variance if approximate else result.exact_variance
+    samples = weighing.data.y.size / weighing.inflation
+    return Reference(ridge, model, weigh(model, grid, variance, samples))
 
 
 def _straightened(weighing: Weighing, result: Result, approximate: bool) -> Reference | None:
