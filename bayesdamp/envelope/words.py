@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 from bayesdamp.envelope.records.record import EnvelopeRecord
 from bayesdamp.envelope.results import EnvelopeResult, Estimated
@@ -21,6 +22,8 @@ TWIN = (
     "Structural (rate independent) damping loses as viscous damping does at every amplitude: an envelope cannot tell "
     "them apart, and any part of what is called viscous may be structural."
 )
+Pairs = Sequence[tuple[str, str]]
+"""Of names of sums."""
 _RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
@@ -87,14 +90,17 @@ def no_decay(name: str, why: str) -> str:
     return f"{name}: no free decay: {why}."
 
 
-def sentence(found: EnvelopeResult) -> str:
-    """The answer first: Q or the rate, then which damping, then the exponent and how exactly the law holds."""
+def sentence(found: EnvelopeResult, alike: Pairs = ()) -> str:
+    """The answer first: Q or the rate, then which damping, then the exponent and how exactly the law holds.
+
+    alike: sums of which the first loses as the second does, so that nothing tells the most probable one from the other.
+    """
     assert found.rate is not None
     if found.quality_factor is not None:
         head = f"Q = {with_interval(found.quality_factor)}"
     else:
         head = f"decay rate {with_interval(found.rate, '1/s')}"
-    parts = [f"{found.name}: {head}", _which(found)]
+    parts = [f"{found.name}: {head}", _which(found, alike)]
     if found.exponent is not None:
         p = found.exponent
         value, low, high = (f"{one:.{_places(p.high - p.low)}f}" for one in (p.value, p.low, p.high))
@@ -118,24 +124,32 @@ def _kind(low: float, high: float) -> str:
     return f": {held[0]}" if len(held) == 1 and high - low <= NARROW else ""
 
 
-def _which(found: EnvelopeResult) -> str:
+def _which(found: EnvelopeResult, alike: Pairs) -> str:
     said = f"{_noun(found.damping)} (probability {probability_words(found.probability)})"
     if found.decided:
         return said
-    ranked = sorted(found.probabilities.items(), key=lambda one: -one[1])
+    twins = {name for pair in alike for name in pair}
+    left = {name: p for name, p in found.probabilities.items() if name == found.damping or name not in twins}
+    ranked = sorted(left.items(), key=lambda one: -one[1])
     others = [f"{damping_words(name)} {p:.2f}" for name, p in ranked[1:3] if p >= 0.02]
     against = f", against {' and '.join(others)}" if others else ""
     if found.grade == "deviates":
         usual = all(term in TERMS for term in found.terms)
         none = "no sum of viscous, Coulomb and quadratic damping" if usual else "none of the dampings weighed"
         return f"{none} describes it well, {said} best{against}"
+    if alike:
+        other = next(one for one in alike[0] if one != found.damping)
+        rival = f"{_noun(other)} ({found.probabilities[other]:.2f}), which loses alike"
+        return f"which damping is not decided: {said}, or {rival}{against}"
     if found.probability > 0.95:
         return f"most likely {said}, but not decided: an exact law would have another"
     return f"which damping is not decided: most likely {said}{against}"
 
 
-def remarks(found: EnvelopeResult, record: EnvelopeRecord, readings: int, fall: float) -> tuple[str, ...]:
-    """What a user has to know. readings: in the decay; fall: dB."""
+def remarks(
+    found: EnvelopeResult, record: EnvelopeRecord, readings: int, fall: float, alike: Pairs = ()
+) -> tuple[str, ...]:
+    """What a user has to know. readings: in the decay; fall: dB; alike: see `sentence`."""
     said = list(record.notes)
     if record.frequency is None:
         said.append(
@@ -145,6 +159,11 @@ def remarks(found: EnvelopeResult, record: EnvelopeRecord, readings: int, fall: 
         which = "Coulomb and quadratic" if all(term in TERMS for term in found.terms) else "all but viscous"
         said.append(f"Amplitudes have no scale: {which} coefficients are relative to that at the start.")
     said += [twin for term in found.damping.split("+") if (twin := _twin(term))]
+    said += [
+        f"Here {_noun(one)} loses as {_noun(other)} does at every amplitude: an envelope cannot tell "
+        "them apart, and their probabilities are what was held possible before."
+        for one, other in alike
+    ]
     if readings < FEW:
         said.append(f"{readings} readings only: the noise is hardly known.")
     if fall < SHALLOW:

@@ -14,6 +14,8 @@ START = 0.2
 """rad."""
 SHARP = 1e-4
 """rad/s within which friction turns over."""
+FLOOR = 1e-3
+"""Of the amplitude at the start."""
 Force = Callable[[float, float], float]
 
 
@@ -64,7 +66,7 @@ def envelope(
     """The envelope as a record, its readings with 0.4 % of scatter and a floor of a thousandth of the start."""
     t, a = turning_points(force)
     rng = np.random.default_rng(seed)
-    floor = 1e-3 * START * rng.standard_normal((2, a.size)) / np.sqrt(2)
+    floor = FLOOR * START * rng.standard_normal((2, a.size)) / np.sqrt(2)
     read = np.hypot(a * np.exp(noise * rng.standard_normal(a.size)) + floor[0], floor[1])
     readings = 20 * np.log10(read) if unit in ("dB", "dBm") else read * {"deg": 180 / np.pi}.get(unit, 1.0)
     return made_record("x", t, readings, unit, frequency)

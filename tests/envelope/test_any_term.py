@@ -13,7 +13,7 @@ from bayesdamp.cli import main
 from bayesdamp.envelope import EnvelopeResult, analyse
 from bayesdamp.envelope.asked import asked
 from bayesdamp.types import InputError
-from tests.envelope.oscillations import FORCES, OMEGA, envelope, turning_points
+from tests.envelope.oscillations import FORCES, OMEGA, START, envelope, turning_points
 
 SUMS = (
     ("viscous",),
@@ -86,6 +86,21 @@ def test_a_law_that_a_record_does_not_have_is_not_named():
     assert not result.decided
     assert result.grade == "deviates"
     assert "none of the dampings weighed describes it well" in result.sentence
+
+
+def test_friction_that_rises_away_from_rest_is_not_told_from_coulomb_and_quadratic_damping():
+    """4 μ A (1 + q A²/3) a cycle is what these two take together, if q is not negative."""
+    both = (("coulomb",), ("coulomb", "quadratic"), ("dry_position",))
+    result = analyse(envelope(FORCES["dry_position"], 1), sums=both)
+    assert not result.decided
+    assert "or Coulomb + quadratic damping" in result.sentence
+    assert any("an envelope cannot tell them apart" in text for text in result.remarks)
+    assert found("dry_position", "dry_position").decided  # control: where these two are not weighed
+    falling = analyse(
+        envelope(lambda x, v: FORCES["coulomb"](x, v) * (1 - 0.9 * (x / START) ** 2), 1), sums=both
+    )
+    assert falling.damping == "dry_position"  # control: what no sum of these loses
+    assert not any("cannot tell them apart" in text for text in falling.remarks)
 
 
 def test_a_power_that_is_a_term_has_the_exponent_that_every_answer_has():

@@ -3,17 +3,27 @@
     python -m tests.validation.envelope_terms TERM RECORDS [SEED]
 
 TERM: cubic, power, stribeck or dry_position. Sizes vary by three, noise is 0.3, 1 or 2 %; a record whose amplitude
-falls by less than 60 % is left out.
+falls by less than 60 % is left out. What a record can tell is how far the truth is ahead of the best rival, in nats of
+the greatest likelihoods under exact laws with the noise known: from TOLD on one can name it.
 """
 
 from __future__ import annotations
 
 import sys
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
+from scipy.optimize import minimize
 
 from bayesdamp.envelope import analyse
-from tests.envelope.oscillations import SHARP, START, Force, envelope, turning_points
+from bayesdamp.envelope.model.candidates import WIDTH, Blocks, fit_rates
+from bayesdamp.envelope.model.sums import FIRST_ROUNDS, Sum, sums_on
+from bayesdamp.envelope.results import EnvelopeResult
+from bayesdamp.envelope.terms.further import explore
+from bayesdamp.envelope.terms.loss import Scale
+from tests.envelope.oscillations import FLOOR, SHARP, START, Force, envelope, turning_points
 
 SUMS = (
     ("viscous",), ("coulomb",), ("quadratic",), ("viscous", "coulomb"), ("viscous", "quadratic"),
@@ -21,6 +31,10 @@ SUMS = (
 )  # fmt: skip
 SHARE = 0.4
 """Of the amplitude at the start what has to be left at most."""
+TOLD = 12.0
+"""Nats from which on the truth can be named, as for oscillations."""
+WIDER = {"cubic": ("power",)}
+"""Laws of which a term is one: no rivals by likelihood."""
 
 
 def drawn(term: str, size: float, rng: np.random.Generator) -> tuple[Force, dict[str, float]]:
@@ -43,39 +57,83 @@ def drawn(term: str, size: float, rng: np.random.Generator) -> tuple[Force, dict
     )
 
 
+def lead(term: str, t: np.ndarray, x: np.ndarray, sd: np.ndarray) -> tuple[float, str]:
+    """Nats by which a term describes ln of amplitudes (n,) at times t (s) with sd (n,) better than the best other sum
+    does, both at their greatest likelihoods, and that sum."""
+    decay = Blocks(t - t[0], x - x.mean(), float(t[-1] - t[0]), float((x[0] - x[-1]) / (t[-1] - t[0])))
+    start, low = decay.ends[0], float(decay.x.min())
+    weight = np.diag(1.0 / sd)
+    every = sums_on([one for one in SUMS if one[0] not in WIDER.get(term, ())], Scale(), start, low)
+    squares = {one.name: _least_squares(decay, one, weight) for one in every}
+    truth = squares.pop(term)
+    rival = min(squares, key=squares.__getitem__)
+    return 0.5 * (squares[rival] - truth), rival
+
+
+def _least_squares(decay: Blocks, one: Sum, weight: np.ndarray) -> float:
+    def at(scores: Sequence[float]) -> float:
+        _, rates, value = fit_rates(decay, one.law(tuple(float(z) for z in scores)), weight)
+        return value - float(np.sum((rates / (WIDTH * decay.mean_rate)) ** 2))
+
+    if not one.count:
+        return at(())
+    begin = explore(lambda z: -0.5 * at(z), one.count, FIRST_ROUNDS).best
+    return float(minimize(at, begin, method="Nelder-Mead", options={"xatol": 1e-3, "fatol": 0.02}).fun)
+
+
+@dataclass
+class Count:
+    """Of records of a term: how many, named at all, named outright, another named outright; intervals that held."""
+
+    records: int = 0
+    outcomes: Counter[str] = field(default_factory=Counter)
+    held: dict[str, list[bool]] = field(default_factory=dict)
+
+    def add(self, term: str, found: EnvelopeResult, inside: dict[str, bool]) -> None:
+        """Of one more record."""
+        self.records += 1
+        self.outcomes["named"] += found.damping == term
+        self.outcomes["outright"] += found.damping == term and found.decided
+        self.outcomes["another outright"] += found.damping != term and found.decided
+        for name, value in inside.items():
+            self.held.setdefault(name, []).append(value)
+
+    def __str__(self) -> str:
+        shares = ", ".join(f"{name} {sum(each)} of {len(each)}" for name, each in self.held.items())
+        said = ", ".join(f"{what} {count}" for what, count in self.outcomes.items())
+        return f"{self.records} records: {said}; held {shares or 'none'}"
+
+
 def main(term: str, records: int, seed: int = 1) -> None:
-    named = outright = others = whole = 0
-    held: dict[str, list[bool]] = {}
+    whole, told = Count(), Count()
     for k in range(records):
         rng = np.random.default_rng([seed, k])
         size = float(np.exp(rng.uniform(np.log(0.5), np.log(1.5))))
         force, truths = drawn(term, size, rng)
-        amplitudes = turning_points(force)[1]
+        t, amplitudes = turning_points(force)
         if amplitudes[-1] > SHARE * START:
             continue
-        whole += 1
         noise = float(rng.choice([0.003, 0.01, 0.02]))
-        found = analyse(envelope(force, [seed, k], noise=noise), sums=SUMS)
-        named += found.damping == term
-        outright += found.damping == term and found.decided
-        others += found.damping != term and found.decided
-        inside = {}
-        for c in found.coefficients if found.damping == term else ():
-            if c.name in truths:
-                inside[c.name] = c.estimate.low <= truths[c.name] <= c.estimate.high
-                held.setdefault(c.name, []).append(inside[c.name])
+        record = envelope(force, [seed, k], noise=noise)
+        sd = np.hypot(noise, FLOOR * START / np.sqrt(2) / amplitudes)
+        nats, rival = lead(term, t, record.level * np.log(10) / 20, sd)
+        found = analyse(record, sums=SUMS)
+        inside = {
+            c.name: c.estimate.low <= truths[c.name] <= c.estimate.high
+            for c in (found.coefficients if found.damping == term else ())
+            if c.name in truths
+        }
+        for count in (whole, told) if nats >= TOLD else (whole,):
+            count.add(term, found, inside)
         print(
             k,
             truths,
-            f"noise {noise:g} -> {found.damping} {found.probability:.2f} {found.grade}",
+            f"noise {noise:g}: {nats:.1f} nats before {rival} -> {found.damping} {found.probability:.2f}",
+            f"{found.grade} {'outright' if found.decided else 'not decided'}",
             inside,
             flush=True,
         )
-    shares = {name: f"{sum(each)} of {len(each)}" for name, each in held.items()}
-    print(
-        f"{term}: {whole} records, named {named}, outright {outright}, another outright {others}; held",
-        shares,
-    )
+    print(f"{term}, seed {seed}: {whole}\nof these {TOLD:g} nats or more ahead: {told}")
 
 
 if __name__ == "__main__":

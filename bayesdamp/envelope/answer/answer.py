@@ -11,6 +11,7 @@ from bayesdamp.envelope.answer.coefficients import coefficients_of
 from bayesdamp.envelope.answer.decay import Decay
 from bayesdamp.envelope.answer.exponent import PowerLaw, by_power, power_law
 from bayesdamp.envelope.answer.ranking import Ranking, ranked
+from bayesdamp.envelope.answer.untold import untold
 from bayesdamp.envelope.model.candidates import Candidate
 from bayesdamp.envelope.model.posterior import DRIFT, SENSOR, Draws, draw
 from bayesdamp.envelope.model.sums import Sum, weighed
@@ -51,11 +52,12 @@ def answer(decay: Decay, sums: Sequence[Sum], seed: int) -> EnvelopeResult:
     rng = np.random.default_rng([seed, decay.blocks.t.size])
     drawn = _drawn(decay, ranking.candidates, ranking.terms, rng)
     deviation = _range(drawn.whole.deviation)
-    verdict = _verdict(ranking, power, deviation, decay.blocks.t.size)
+    alike = untold(ranking)
+    verdict = _verdict(ranking, power, deviation, decay.blocks.t.size, bool(alike))
     found = _found(decay, ranking, verdict, drawn, _rated(decay, ranking, verdict, drawn, rng))
     found = replace(found, exponent=power.exponent, power_law=power.odds, deviation=deviation)
-    said = remarks(found, decay.record, decay.readings, decay.fall)
-    return replace(found, sentence=sentence(found), remarks=said)
+    said = remarks(found, decay.record, decay.readings, decay.fall, alike)
+    return replace(found, sentence=sentence(found, alike), remarks=said)
 
 
 def _drawn(
@@ -73,12 +75,13 @@ def _rated(decay: Decay, ranking: Ranking, verdict: Verdict, drawn: Drawn, rng: 
     return _drawn(decay, [*ranking.candidates, *by_power(decay)], (*ranking.terms, "power"), rng)
 
 
-def _verdict(ranking: Ranking, power: PowerLaw, deviation: Range, blocks: int) -> Verdict:
+def _verdict(ranking: Ranking, power: PowerLaw, deviation: Range, blocks: int, alike: bool) -> Verdict:
+    """blocks: of the decay; alike: whether a sum that was weighed loses as the most probable one does."""
     inexact = "approximate" if deviation.high <= APPROXIMATE else "deviates"
     grade = "exact" if ranking.exact >= 0.5 else inexact
     by_sum = ranking.decided and grade != "deviates"
     instead = power.odds > POWER_LAW and blocks >= FEW and not by_sum
-    return Verdict("deviates" if instead else grade, by_sum and not instead, instead)
+    return Verdict("deviates" if instead else grade, by_sum and not instead and not alike, instead)
 
 
 def _found(decay: Decay, ranking: Ranking, verdict: Verdict, drawn: Drawn, rated: Drawn) -> EnvelopeResult:
