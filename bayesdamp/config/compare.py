@@ -139,8 +139,7 @@ def comparison_tables(
         "posterior": {
             "samplers": samplers,
             "noise": noise,
-            # Of measured records both are one for the answer; what `--exact` adds takes laws to hold exactly.
-            "deviation": "auto" if deviation == "law" else deviation,
+            "deviation": deviation,
             "sensor": sensor,
             "best": BEST,
             "warmup": WARMUP,

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
+from bayesdamp.inference.curves.weighted import resampled
 from bayesdamp.pipeline.candidates import averaging
 from bayesdamp.pipeline.candidates.averaging import averaged, probabilities
 from bayesdamp.pipeline.candidates.posteriors import SPREAD
-from bayesdamp.pipeline.candidates.weighted import resampled
 from bayesdamp.store import CellResult
 from bayesdamp.store.contents.posteriors import AverageContent
 from bayesdamp.types import Evidence

@@ -1,7 +1,8 @@
-"""The evidence of a law that holds approximately, its deviations integrated out: by importance and bridge sampling.
+"""The evidence of a law that holds approximately, its deviations integrated out: by importance, bridge and nested
+sampling.
 
-Both are of `Marginal`, the density that NUTS and emcee draw from, and are proposed to by a Student t that is reflected
-where a coefficient cannot be negative.
+All are of `Marginal`, the density that NUTS and emcee draw from; the first two are proposed to by a Student t that is
+reflected where a coefficient cannot be negative.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ from bayesdamp.inference.curves.weighted import effective
 from bayesdamp.inference.deviation.sampled.marginal import Marginal, marginal_of
 from bayesdamp.inference.evidence.methods.bridge import APART, OVERLAP_LIMIT, PROPOSALS, Span, fitted, span
 from bayesdamp.inference.evidence.methods.importance import FEWEST, K_LIMIT, trusted
+from bayesdamp.inference.evidence.methods.nested import Density, integrated
 from bayesdamp.types import OK, Evidence
 
 Array = NDArray[np.float64]
@@ -99,6 +101,17 @@ def by_bridge(law: Approximate, model: str, method: str, draws: Array, drawn: st
         seconds=time.perf_counter() - began,
         outcome=outcome,
     )
+
+
+def by_nested(law: Approximate, model: str, method: str, seed: int) -> Evidence:
+    """Nested sampling over the prior, or about the linear posterior where the prior is too wide for it. Raises Refusal
+    where no motion with deviations can be followed."""
+    target = marginal_of(law.single.weighing, law.single.result)
+    d = target.positive.size
+    factor = np.linalg.cholesky(np.atleast_2d(np.cov(law.scores[:, :d].T)))
+    mode = law.best[0, :d]
+    density = Density(target.positive, target.log_likelihood, target.log_density, mode, factor)
+    return integrated(model, method, density, seed, linear(law, model, method).log_evidence)
 
 
 def _span(target: Marginal, shaping: Array, bridged: Array, rng: np.random.Generator) -> Span:

@@ -18,6 +18,13 @@ def effective(log_weights: np.ndarray) -> float:
     return float(1.0 / np.sum(shares(log_weights) ** 2))
 
 
+def resampled(log_weights: np.ndarray, count: int, rng: np.random.Generator) -> np.ndarray:
+    """Which draws, (count,) of them, stand for all by their weights: systematic resampling (Kitagawa, JCGS 5, 1996)."""
+    ladder = np.cumsum(shares(log_weights))
+    at = (rng.uniform() + np.arange(count)) / count
+    return np.minimum(np.searchsorted(ladder, at * ladder[-1], side="right"), log_weights.size - 1)
+
+
 def summarise(x: np.ndarray, weights: np.ndarray) -> dict[str, float]:
     """Mean, sd and central 95 % of draws x, (n,), with weights that sum to one, (n,)."""
     mean = float(weights @ x)

@@ -123,9 +123,23 @@ def under(one: Single, priors: Mapping[str, Prior], epsilon: float | None = None
     return again(one.weighing.data, one.result.candidate, moved)
 
 
-def again(data: Data, candidate: Candidate, found: Found) -> Single:
-    """What a search found, put together without it. Raises Refusal where it was on another record."""
-    knots = knots_of(float(data.t[-1]), data.cycles)
+def first_half(one: Single) -> Single:
+    """A candidate on the first half of its record, with the knots, the noise and the motion of the whole, so that its
+    evidence is a factor of the whole's. Raises Refusal where the record is not taken as samples, or has too few."""
+    data, knots = one.weighing.data, one.result.solver.knots
+    if data.averaged is not None:
+        raise Refusal("not applicable: a record that is taken as amplitudes and phases is not cut in halves")
+    count, inferred = data.t.size // 2, one.found.u.size
+    if count <= inferred:
+        raise Refusal(f"half the record has {count} samples for {inferred} parameters and deviations")
+    half = replace(data, t=data.t[:count], y=data.y[:count])
+    return again(half, one.result.candidate, one.found, knots)
+
+
+def again(data: Data, candidate: Candidate, found: Found, knots: np.ndarray | None = None) -> Single:
+    """What a search found, put together without it. knots: in s, where they are not the record's own. Raises Refusal
+    where it was on another record."""
+    knots = knots_of(float(data.t[-1]), data.cycles) if knots is None else knots
     solver = data.solver(found.terms, candidate.restoring, found.epsilon, knots)
     parameters = Parameters(solver.names, found.priors, found.known)
     active, p = active_of(candidate, solver), parameters.values(found.z)

@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.special import logsumexp
 
 from bayesdamp.inference.checks.checks import DRAWS
 from bayesdamp.inference.checks.forecast import carried_on
+from bayesdamp.inference.curves.weighted import resampled
 from bayesdamp.inference.evidence.methods.importance import Importance
 from bayesdamp.inference.fit.mode import Mode, mode_near
 from bayesdamp.inference.model.target import Target
@@ -50,7 +50,7 @@ def predict(model: str, target: Target, mode: Mode, seed: int) -> Prediction:
     half = target.signal.t.size // 2
     found = Importance().evidence(model, target, first_half(target, mode), seed)
     y, log_weights = found.arrays["y"], found.arrays["log_weights"]
-    chosen = y[_resampled(log_weights, DRAWS, np.random.default_rng(seed))]
+    chosen = y[resampled(log_weights, DRAWS, np.random.default_rng(seed))]
     ahead = carried_on(target, mode.context.plan, chosen, half)
     return Prediction(
         start=float(target.signal.t[half]),
@@ -68,9 +68,3 @@ def log_predictive(whole: Evidence, half: Evidence) -> tuple[float, float]:
     if not whole.outcome == half.outcome == OK:
         return float("nan"), float("nan")
     return whole.log_evidence - half.log_evidence, float(np.hypot(whole.stderr, half.stderr))
-
-
-def _resampled(log_weights: np.ndarray, count: int, rng: np.random.Generator) -> np.ndarray:
-    """Indices of `count` draws in proportion to their weights, by systematic resampling."""
-    ladder = np.cumsum(np.exp(log_weights - logsumexp(log_weights)))
-    return np.searchsorted(ladder / ladder[-1], (np.arange(count) + rng.uniform()) / count)

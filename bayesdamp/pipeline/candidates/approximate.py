@@ -11,7 +11,7 @@ import numpy as np
 
 from bayesdamp.config import Study
 from bayesdamp.inference.approximate.chains import Chains, by_emcee, by_nuts
-from bayesdamp.inference.approximate.evidence import by_bridge, by_importance, linear
+from bayesdamp.inference.approximate.evidence import by_bridge, by_importance, by_nested, linear
 from bayesdamp.inference.approximate.law import Approximate
 from bayesdamp.inference.approximate.runs import summaries_of
 from bayesdamp.inference.checks import diagnostics
@@ -20,6 +20,7 @@ from bayesdamp.outcomes import Status
 from bayesdamp.physics.units import parameter_unit
 from bayesdamp.pipeline.candidates.branch import Branch
 from bayesdamp.pipeline.candidates.posteriors import CURVE, LEVELS, SPREAD, amplitude_grid, save_whole
+from bayesdamp.pipeline.candidates.weighing import called, silent
 from bayesdamp.pipeline.records.answering import law_of, verdict_of
 from bayesdamp.pipeline.stored_laws import put_together
 from bayesdamp.store import CellResult
@@ -32,7 +33,7 @@ SAMPLERS: Mapping[str, Callable[[Approximate, int, int, int, int], Chains]] = {
     "nuts": by_nuts,
     "emcee": by_emcee,
 }
-LINEAR, IMPORTANCE, BRIDGE = "laplace", "importance", "bridge"
+LINEAR, IMPORTANCE, BRIDGE, NESTED = "laplace", "importance", "bridge", "nested"
 """The methods of evidence that integrate deviations out."""
 WARMUP = 50
 """Draws of a chain that are left out at most: chains start in the linear posterior, and nothing is adapted."""
@@ -105,11 +106,15 @@ def compute_posterior(branch: Branch, name: str, key: str, seed: int) -> None:
 
 
 def compute_evidence(branch: Branch, name: str, key: str, seed: int) -> None:
-    """Compute one method's evidence; a method that takes laws to hold exactly says so."""
+    """Compute one method's evidence; a referee that is not needed says so, and so does a method that takes laws to hold
+    exactly."""
     method = Place.of(name).method
     try:
-        if method not in (LINEAR, IMPORTANCE, BRIDGE):
-            raise Refusal(NOT_DRAWN.format(method, f"{IMPORTANCE} or {BRIDGE}"))
+        if method not in (LINEAR, IMPORTANCE, BRIDGE, NESTED):
+            raise Refusal(NOT_DRAWN.format(method, f"{IMPORTANCE}, {BRIDGE} or {NESTED}"))
+        if not called(branch, method):
+            branch.store.write(CellResult(name, key, silent(branch, method).meta()))
+            return
         one = _weighed(branch, law_on(branch), method, seed)
     except Refusal as refusal:
         branch.store.write(CellResult(name, key, outcome=str(refusal)))
@@ -124,6 +129,8 @@ def _weighed(branch: Branch, law: Approximate, method: str, seed: int) -> Eviden
         return linear(law, branch.model, method)
     if method == IMPORTANCE:
         return by_importance(law, branch.model, method, seed)
+    if method == NESTED:
+        return by_nested(law, branch.model, method, seed)
     draws, outcome, s = None, "", branch.study.posterior
     if "nuts" in s.samplers:
         cell = branch.store.read(f"posterior/{branch.path}/nuts")

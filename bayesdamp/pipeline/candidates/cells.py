@@ -68,7 +68,7 @@ def cells_of(branch: Branch) -> dict[str, str]:
         length = (settings.chains, settings.warmup, settings.draws)
         key = task_key(drawn, *whence, name, *length, SAMPLERS.source(name))
         found[f"posterior/{branch.path}/{name}"] = key
-    for name, parts in evidence_parts(branch.study, branch.path, found, not law).items():
+    for name, parts in evidence_parts(branch.study, branch.path, found).items():
         own = [EVIDENCES.source(Place.of(name).method), SAMPLERS.source("nuts")]
         found[name] = task_key(weighed, *whence, *parts, own)
     terms, noises = len(branch.terms), len(branch.study.noises)

@@ -4,19 +4,20 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping
-from dataclasses import asdict
+from dataclasses import asdict, replace
 
 import numpy as np
 
-from bayesdamp.inference.approximate.sensitivity import over_widths
+from bayesdamp.inference.approximate import sensitivity as approximate
 from bayesdamp.inference.evidence import Draws
-from bayesdamp.inference.evidence.prediction import log_predictive, predict
+from bayesdamp.inference.evidence.prediction import Prediction, log_predictive, predict
 from bayesdamp.inference.evidence.savage_dickey import savage_dickey
 from bayesdamp.inference.evidence.widths import Widths, against_width, anew_exactly
 from bayesdamp.inference.fit.noise_choice import fit_with
 from bayesdamp.outcomes import following
 from bayesdamp.pipeline.candidates.approximate import law_on, under_law
 from bayesdamp.pipeline.candidates.branch import Branch
+from bayesdamp.priors import Prior
 from bayesdamp.store import CellResult
 from bayesdamp.store.contents.candidates import ModeContent
 from bayesdamp.store.contents.content import Content
@@ -104,7 +105,7 @@ def _widths(branch: Branch, source: CellResult, seed: int) -> Product:
 
 def _widths_under_law(branch: Branch, source: CellResult, seed: int) -> Product:
     y, log_weights = (source.arrays[n].astype(float) for n in ("y", "log_weights"))
-    return _of_widths(over_widths(law_on(branch), y, log_weights, seed))
+    return _of_widths(approximate.over_widths(law_on(branch), y, log_weights, seed))
 
 
 def _of_widths(widths: Widths) -> Product:
@@ -114,7 +115,19 @@ def _of_widths(widths: Widths) -> Product:
 
 
 def _half(branch: Branch, source: CellResult, seed: int) -> Product:
-    found = predict(branch.model, branch.shared, branch.restored_mode, seed)
+    found, signal = predict(branch.model, branch.shared, branch.restored_mode, seed), branch.record.signal
+    return _of_half(source, found, signal.t, signal.y)
+
+
+def _half_under_law(branch: Branch, source: CellResult, seed: int) -> Product:
+    law, first = law_on(branch), float(branch.record.signal.t[0])
+    found = approximate.predict(law, branch.model, "importance", seed)
+    data = law.single.weighing.data
+    return _of_half(source, replace(found, start=first + found.start), first + data.t, data.y)
+
+
+def _of_half(source: CellResult, found: Prediction, t: np.ndarray, y: np.ndarray) -> Product:
+    """What is kept of a prediction of the last of the samples y, (n,), at times t in s."""
     whole = EvidenceContent.of(source).evidence()
     assert whole is not None  # a source with draws was weighed
     density, uncertainty = log_predictive(whole, found.evidence)
@@ -128,22 +141,31 @@ def _half(branch: Branch, source: CellResult, seed: int) -> Product:
         evidence=EvidenceContent.holding(found.evidence),
     )
     every = max(1, found.centre.size // SHOWN)
-    times = branch.record.signal.t[-found.centre.size :: every]
-    error = branch.record.signal.y[-found.centre.size :] - found.centre
+    times = t[-found.centre.size :: every]
+    error = y[-found.centre.size :] - found.centre
     return content, {"t": times, "error": error[::every], "sd": found.sd[::every]}
 
 
 def _ratios(branch: Branch, source: CellResult, seed: int) -> Product:
     target = branch.target
     z = Draws.of(target, source.arrays["draws"]).z
+    return _of_ratios(branch, target.priors, dict(zip(target.names, np.moveaxis(z, -1, 0), strict=True)))
+
+
+def _ratios_under_law(branch: Branch, source: CellResult, seed: int) -> Product:
+    law = law_on(branch)
+    priors, draws = law.single.found.priors, np.moveaxis(source.arrays["draws"], -1, 0)
+    scores = {n: np.asarray(priors[n].score(x)) for n, x in zip(law.names, draws, strict=True)}
+    return _of_ratios(branch, priors, scores)
+
+
+def _of_ratios(branch: Branch, priors: Mapping[str, Prior], scores: Mapping[str, np.ndarray]) -> Product:
+    """From draws of each parameter's score, (chain, draw)."""
     # The model without a term, in the order in which the study writes it.
     law = candidate_parts(branch.model)[1]
     pairs = {candidate_name("+".join(x for x in branch.terms if x != t), law): t for t in branch.terms}
-    coefficient = dict(zip(branch.terms, target.oscillator.coefficients, strict=True))
-    ratios = {
-        m: savage_dickey(target.priors.get(n := coefficient[t]), z[..., target.names.index(n)])
-        for m, t in pairs.items()
-    }
+    coefficient = dict(zip(branch.terms, branch.target.oscillator.coefficients, strict=True))
+    ratios = {m: savage_dickey(priors.get(n := coefficient[t]), scores[n]) for m, t in pairs.items()}
     return RatiosContent({m: NestedRatio(**vars(one)) for m, one in ratios.items()}), {}
 
 
@@ -169,5 +191,5 @@ def _noises(branch: Branch, source: CellResult, seed: int) -> Product:
 
 
 _PRODUCTS = {"widths": _widths, "half": _half, "noises": _noises, "savage_dickey": _ratios}
-UNDER_LAW = {"widths": _widths_under_law}
-"""Where laws may hold approximately; the others take them to hold exactly, and are not computed there."""
+UNDER_LAW = {"widths": _widths_under_law, "half": _half_under_law, "savage_dickey": _ratios_under_law}
+"""Where laws may hold approximately; what is coloured is the deviations' and κ's there: no other noise."""

@@ -19,19 +19,17 @@ FIRST_LOOK = "laplace"
 """A method without an error estimate, by which candidates are pruned; it does not count where another one does."""
 
 
-def evidence_parts(
-    study: Study, path: str, found: Mapping[str, str], refereed: bool = True
-) -> dict[str, tuple[object, ...]]:
+def evidence_parts(study: Study, path: str, found: Mapping[str, str]) -> dict[str, tuple[object, ...]]:
     """Name of each evidence cell of a branch to what its key depends on besides the mode, the referee's last.
 
-    found: the branch's other cells, name to key; refereed: whether nested sampling may be called.
+    found: the branch's other cells, name to key.
     """
     asked = study.evidence.methods
     draws = found.get(f"posterior/{path}/nuts")
     parts: dict[str, tuple[object, ...]] = {
         f"evidence/{path}/{m}": (m, draws) if EVIDENCES.get(m).needs_draws else (m,) for m in asked
     }
-    if refereed and asked and study.evidence.referee != "never" and NESTED_CHECK not in asked:
+    if asked and study.evidence.referee != "never" and NESTED_CHECK not in asked:
         parts[f"evidence/{path}/{NESTED_CHECK}"] = (
             NESTED_CHECK,
             study.evidence.referee,
@@ -44,15 +42,11 @@ def evidence_parts(
 def compute_evidence(branch: Branch, name: str, key: str, seed: int) -> None:
     """Compute one of these cells; a referee that is not needed says so."""
     method = Place.of(name).method
-    study, store = branch.study.evidence, branch.store
+    store = branch.store
     try:
-        if method == NESTED_CHECK and NESTED_CHECK not in study.methods and study.referee == "auto":
-            asked = [m for m in study.methods if m != FIRST_LOOK]
-            found = evidences(store, f"{branch.spec.name}/{branch.repeat}", branch.model, asked)
-            if found and not disagreement(found):
-                silent = EvidenceContent(branch.model, method, diagnostic="not called: the others agree")
-                store.write(CellResult(name, key, silent.meta()))
-                return
+        if not called(branch, method):
+            store.write(CellResult(name, key, silent(branch, method).meta()))
+            return
         plugin = EVIDENCES.get(method)
         draws = _draws(branch) if plugin.needs_draws else None
         alone = method == NESTED_CHECK  # which would pay for the idle scores of a shared program
@@ -65,6 +59,21 @@ def compute_evidence(branch: Branch, name: str, key: str, seed: int) -> None:
     if branch.repeat == 0:  # for what is asked of the first repeat alone
         arrays = {n: a.astype(np.float32) if n == "y" else a for n, a in one.arrays.items()}
     store.write(CellResult(name, key, EvidenceContent.holding(one).meta(), arrays, one.outcome, one.seconds))
+
+
+def called(branch: Branch, method: str) -> bool:
+    """Whether a method is to compute: a referee that nobody asked for is not, where the others agree."""
+    study = branch.study.evidence
+    if method != NESTED_CHECK or NESTED_CHECK in study.methods or study.referee != "auto":
+        return True
+    asked = [m for m in study.methods if m != FIRST_LOOK]
+    found = evidences(branch.store, f"{branch.spec.name}/{branch.repeat}", branch.model, asked)
+    return not found or bool(disagreement(found))
+
+
+def silent(branch: Branch, method: str) -> EvidenceContent:
+    """What a referee says that is not called."""
+    return EvidenceContent(branch.model, method, diagnostic="not called: the others agree")
 
 
 def _draws(branch: Branch) -> Draws | None:

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.special import logsumexp
 
 from bayesdamp.inference.curves.derived import CURVE_DRAWS, Motions
+from bayesdamp.inference.curves.weighted import resampled
 from bayesdamp.pipeline.candidates.branch import Branch
 from bayesdamp.pipeline.candidates.posteriors import curves
 from bayesdamp.types import OK
@@ -22,10 +22,3 @@ def weighted_curves(branch: Branch, seed: int) -> dict[str, np.ndarray]:
     seen, oscillator = branch.record.seen, branch.target.oscillator
     own = {n: values[n] for n in oscillator.inputs}
     return curves(Motions(oscillator, own, seen.rest, seen.amplitude), seen)
-
-
-def resampled(log_weights: np.ndarray, count: int, rng: np.random.Generator) -> np.ndarray:
-    """Which draws, (count,) of them, stand for all by their weights: systematic resampling (Kitagawa, JCGS 5, 1996)."""
-    ladder = np.cumsum(np.exp(log_weights - logsumexp(log_weights)))
-    at = (rng.uniform() + np.arange(count)) / count
-    return np.minimum(np.searchsorted(ladder, at * ladder[-1], side="right"), log_weights.size - 1)

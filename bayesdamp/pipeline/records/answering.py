@@ -193,16 +193,18 @@ def law_of(store: Store, signal: str, repeat: int, damping: str, restoring: str)
     raise Refusal(next(refused, ESCAPED))
 
 
-def shortlist(store: Store, signal: str, repeat: int, nats: float) -> set[tuple[str, str]] | None:
+def shortlist(store: Store, signal: str, repeat: int, nats: float, law: bool) -> set[tuple[str, str]] | None:
     """The candidates, (damping, restoring), that sampling may confirm or correct: those within so many nats of the best
-    under exact laws, and the best under approximate ones; None where nothing was weighed at once."""
+    where laws hold as sampling takes them to, and the best under approximate ones; None where nothing was weighed at
+    once. law: whether they may hold approximately."""
     content = AnswerContent.maybe(store.find(f"{ANSWERED}/{signal}/{repeat}"))
     weighed = [r for r in content.candidates if r.outcome == OK] if content else []
     if not weighed:
         return None
-    top = max(r.exact for r in weighed)
-    found = {(r.damping, r.restoring) for r in weighed if top - r.exact < nats}
     about = [(r.log_evidence, r) for r in weighed if r.log_evidence is not None]
+    heights = about if law and about else [(r.exact, r) for r in weighed]
+    top = max(height for height, _ in heights)
+    found = {(r.damping, r.restoring) for height, r in heights if top - height < nats}
     if about:
         _, first = max(about, key=lambda pair: pair[0])
         found.add((first.damping, first.restoring))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 import warnings
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -57,41 +58,71 @@ class Nested(EvidenceMethod):
         self, model: str, target: Target, mode: Mode, seed: int, draws: Draws | None = None
     ) -> Evidence:
         """By importance nested sampling (nautilus; Lange 2023)."""
-        began = time.perf_counter()
         reflected = np.asarray(target.layout.reflected)
-
-        def likelihood(z: np.ndarray) -> np.ndarray:
-            return np.maximum(np.nan_to_num(log_likelihood(target, mode.context, z), nan=-np.inf), FAINTEST)
-
-        top = float(log_likelihood(target, mode.context, mode.z[None])[0])
         try:
-            needed = top - log_evidence_near(target, mode.context, mode.z)
+            expected = log_evidence_near(target, mode.context, mode.z)
         except Refusal:
-            needed = None
-        sampler, done = _explored(lambda u: scores(u, reflected), likelihood, reflected.size, seed, needed)
-        count, how = sampler.n_like, ""
-        if not done and count < MOST:
-            points, density = around(target, mode)
-            top = float(density(np.where(reflected, np.abs(mode.z), mode.z)[None])[0])
-            sampler, done = _explored(points, density, reflected.size, seed)
-            count += sampler.n_like
-            how = ", around the mode: from the prior it would not come to its end"
-        effective, seen = float(np.asarray(sampler.n_eff)), max(float(np.max(x)) for x in sampler.log_l)
-        outcome = OK
-        if not done:
-            outcome = f"not to be trusted: not finished after {count} likelihoods"
-        elif top - seen > MISSED:
-            outcome = f"not to be trusted: it missed a mode {top - seen:.0f} nats above all that it saw"
-        return Evidence(
-            model=model,
-            method=self.name,
-            log_evidence=float(np.asarray(sampler.log_z)),
-            stderr=effective**-0.5,
-            diagnostic=f"{effective:.0f} effective draws of {count} likelihoods{how}",
-            evaluations=int(count),
-            seconds=time.perf_counter() - began,
-            outcome=outcome,
+            expected = None
+        # A reflected score has its half-normal prior, twice the normal one, on its side of zero.
+        doubled = reflected.sum() * np.log(2.0)
+        density = Density(
+            reflected,
+            lambda z: log_likelihood(target, mode.context, z),
+            lambda z: log_posterior(target, mode.context, z) + doubled,
+            mode.z,
+            mode.factor,
         )
+        return integrated(model, self.name, density, seed, expected)
+
+
+@dataclass(frozen=True)
+class Density:
+    """What is integrated. reflected: which scores must not be negative, (d,); likelihood, posterior: logs at scores
+    (n, d), of the likelihood and of its product with the prior; mode: scores, (d,), factor: of a normal's covariance
+    about it, (d, d)."""
+
+    reflected: np.ndarray
+    likelihood: Map
+    posterior: Map
+    mode: np.ndarray
+    factor: np.ndarray
+
+
+def integrated(model: str, method: str, of: Density, seed: int, expected: float | None) -> Evidence:
+    """The evidence of a density. expected: roughly its log, where that is known."""
+    began = time.perf_counter()
+    reflected, top = of.reflected, float(of.likelihood(of.mode[None])[0])
+    needed = None if expected is None else top - expected
+    sampler, done = _explored(
+        lambda u: scores(u, reflected), lambda z: _finite(of.likelihood(z)), reflected.size, seed, needed
+    )
+    count, how = sampler.n_like, ""
+    if not done and count < MOST:
+        points, density = around(of)
+        top = float(density(np.where(reflected, np.abs(of.mode), of.mode)[None])[0])
+        sampler, done = _explored(points, density, reflected.size, seed)
+        count += sampler.n_like
+        how = ", around the mode: from the prior it would not come to its end"
+    effective, seen = float(np.asarray(sampler.n_eff)), max(float(np.max(x)) for x in sampler.log_l)
+    outcome = OK
+    if not done:
+        outcome = f"not to be trusted: not finished after {count} likelihoods"
+    elif top - seen > MISSED:
+        outcome = f"not to be trusted: it missed a mode {top - seen:.0f} nats above all that it saw"
+    return Evidence(
+        model=model,
+        method=method,
+        log_evidence=float(np.asarray(sampler.log_z)),
+        stderr=effective**-0.5,
+        diagnostic=f"{effective:.0f} effective draws of {count} likelihoods{how}",
+        evaluations=int(count),
+        seconds=time.perf_counter() - began,
+        outcome=outcome,
+    )
+
+
+def _finite(log: np.ndarray) -> np.ndarray:
+    return np.maximum(np.nan_to_num(log, nan=-np.inf), FAINTEST)
 
 
 def scores(u: np.ndarray, reflected: np.ndarray) -> np.ndarray:
@@ -99,20 +130,18 @@ def scores(u: np.ndarray, reflected: np.ndarray) -> np.ndarray:
     return ndtri(np.where(reflected, 0.5 * (1.0 + u), u))
 
 
-def around(target: Target, mode: Mode) -> tuple[Map, Map]:
+def around(of: Density) -> tuple[Map, Map]:
     """A normal distribution about a mode: points of the unit cube, (n, d), to its scores; and of scores, (n, d), the
     log of prior times likelihood over its density, whose integral over it is the evidence."""
-    reflected = np.asarray(target.layout.reflected)
-    centre, factor = np.where(reflected, np.abs(mode.z), mode.z), WIDER * mode.factor
+    reflected = of.reflected
+    centre, factor = np.where(reflected, np.abs(of.mode), of.mode), WIDER * of.factor
     log_det = np.linalg.slogdet(factor)[1]
 
     def density(z: np.ndarray) -> np.ndarray:
         normal = np.linalg.solve(factor, (z - centre).T)
         of_normal = -0.5 * np.sum(normal**2, axis=0) - 0.5 * centre.size * LOG_2PI - log_det
-        # A reflected score has its half-normal prior, twice the normal one, on its side of zero.
-        found = log_posterior(target, mode.context, z) + reflected.sum() * np.log(2.0) - of_normal
-        found = np.where(np.all(z[:, reflected] >= 0.0, axis=1), found, -np.inf)
-        return np.maximum(np.nan_to_num(found, nan=-np.inf), FAINTEST)
+        found = of.posterior(z) - of_normal
+        return _finite(np.where(np.all(z[:, reflected] >= 0.0, axis=1), found, -np.inf))
 
     return lambda u: centre + ndtri(u) @ factor.T, density
 

@@ -23,9 +23,9 @@ from bayesdamp.store.contents.evidence import HalfContent, NoisesContent, Ratios
 from bayesdamp.store.contents.posteriors import AverageContent
 from bayesdamp.types import OK
 
-_EXACT_ALONE = (
-    "What the first half of the record says of the second, other noise models and Savage and Dickey's ratio take laws "
-    'to hold exactly, and are not computed under deviation = "law"; a study with deviation = "none" has them.'
+_ONE_NOISE = (
+    'Other noise models are not computed under deviation = "law": what is coloured in the rest is taken by the '
+    "deviations there, and by a variance of the noise that is larger near the oscillation."
 )
 
 
@@ -43,7 +43,7 @@ class Sensitivity(Section):
     def render(self, run: Run) -> str:
         """Prior widths, odds, halves and other noise, signal by signal."""
         shown = by_signal(run, lambda signal: _one(run, signal), self._signals(run))
-        note = Markup('<p class="small">{}</p>').format(_EXACT_ALONE) if run.under_law else Markup("")
+        note = Markup('<p class="small">{}</p>').format(_ONE_NOISE) if run.under_law else Markup("")
         return fill("stack.html", parts=[shown, note])
 
     @staticmethod
@@ -143,7 +143,7 @@ def _half(run: Run, signal: str, model: str, sampled: Mapping[str, CellResult]) 
         log = math.nan if found.log_evidence is None else found.log_evidence
         sound = found.outcome == OK
         return _Half(log, found.stderr, found.diagnostic, sound, told, told.log_predictive_stderr)
-    mode = mode_of(run, signal, 0, model)
+    mode = None if run.under_law else mode_of(run, signal, 0, model)  # of laws that hold exactly
     if mode is None or mode.forecast is None:
         return None
     first = next(w.log_evidence for w in mode.windows if w.label == "first half")

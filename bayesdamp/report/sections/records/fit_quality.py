@@ -14,6 +14,12 @@ from bayesdamp.report.sections._layout import by_signal, drawn
 from bayesdamp.report.sections._section import Section
 
 
+_EXACT = (
+    "All of it is of fits under laws that hold exactly, which chains and evidence here do not need: what an exact law "
+    "leaves is what the deviations take."
+)
+
+
 class FitQuality(Section):
     """fits.csv, and the fits to parts of the record."""
 
@@ -29,7 +35,10 @@ class FitQuality(Section):
         """Checks of each fit, and fits to parts of the record."""
         if not run.fits and not any(run.cells("mode", s) for s in run.signals):
             return Markup("<p>No model was fitted in this study.</p>")
-        return fill("fit_quality.html", body=by_signal(run, lambda signal: _one(run, signal)))
+        body: object = by_signal(run, lambda signal: _one(run, signal))
+        if run.under_law:
+            body = fill("stack.html", parts=[Markup("<p>{}</p>").format(_EXACT), body])
+        return fill("fit_quality.html", body=body)
 
 
 def _one(run: Run, signal: str) -> Markup:

@@ -108,7 +108,7 @@ def _card(run: Run, signal: str, repeat: int) -> dict[str, Any]:
         outcome = str(run.about(signal).get("outcome", OK))
         claim = "Nothing was computed for this signal" + (f": {outcome}." if outcome != OK else ".")
     sizes = _sizes(run, signal, repeat, best, believe, doubt) if best else []
-    if best:
+    if best and not run.under_law:  # these are of fits under laws that hold exactly
         _fit(run, signal, repeat, best, doubt)
         _friction(run, signal, repeat, best, doubt)
     about = run.about(signal)
@@ -122,7 +122,7 @@ def _card(run: Run, signal: str, repeat: int) -> dict[str, Any]:
         "repeats": len(repeats),
         "claim": claim,
         "sizes": sizes,
-        "fit": _verdict(run, signal, repeat, best),
+        "fit": "" if run.under_law else _verdict(run, signal, repeat, best),
         "believe": believe,
         "doubt": doubt,
         "colour": colour(best) if best else None,
