@@ -20,12 +20,14 @@ def run(
     odd: tuple[str, ...] = (),
     widths: dict[str, list[float]] | None = None,
     rivals: tuple[tuple[str, float], ...] = (),
+    under_law: bool = False,
 ) -> SimpleNamespace:
     common = {"signal": "a", "repeat": 0, "restoring": "linear", "method": "importance", "outcome": "ok"}
     evidence = [
         {**common, "model": m, "probability": p, "log_evidence": 10 * p} for m, p in probabilities.items()
     ]
     return SimpleNamespace(
+        under_law=under_law,
         evidence=evidence,
         fits=[{**common, "model": m, "verdict": v} for m, v in checks.items()],
         cell=lambda *parts: (
@@ -63,6 +65,17 @@ def test_the_first_sentence(probabilities, checks, misfit: bool, first: str) -> 
     assert found.open == first.startswith("the record does not decide")
     if misfit:
         assert found.sentence.index("fit") < found.sentence.index("0.990")
+
+
+def test_where_laws_need_not_hold_exactly_what_exact_fits_leave_is_no_misfit() -> None:
+    """Control: under exact laws it is."""
+    left, told = {"viscous": LEFT, "coulomb": LEFT}, {"viscous": 0.99, "coulomb": 0.01}
+    forms = (("damping changes with time", 30.0),)
+    found = verdict(run(told, left, rivals=forms, under_law=True), "a", 0)  # type: ignore[arg-type]
+    assert not found.misfit
+    assert not found.rivals
+    assert found.sentence.startswith("damping is viscous,")
+    assert verdict(run(told, left, rivals=forms), "a", 0).misfit  # type: ignore[arg-type]
 
 
 def test_what_the_record_shows_by_itself_comes_before_a_fit() -> None:
