@@ -13,7 +13,6 @@ from bayesdamp.report.results.run import Run, rows_of
 from bayesdamp.report.sections._layout import by_signal, drawn
 from bayesdamp.report.sections._section import Section
 
-
 _EXACT = (
     "All of it is of fits under laws that hold exactly, which chains and evidence here do not need: what an exact law "
     "leaves is what the deviations take."
