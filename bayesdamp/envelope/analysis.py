@@ -15,7 +15,7 @@ from bayesdamp.envelope.model.laws import SUMS
 from bayesdamp.envelope.model.noises import noises
 from bayesdamp.envelope.model.release import held_blocks
 from bayesdamp.envelope.model.sums import Sum, sums_on
-from bayesdamp.envelope.records.one_law import NEPER, blocks
+from bayesdamp.envelope.records.one_law import LEAST_DROP, NEPER, blocks
 from bayesdamp.envelope.records.record import EnvelopeRecord
 from bayesdamp.envelope.records.window import Window, find_window
 from bayesdamp.envelope.results import EnvelopeResult
@@ -43,9 +43,17 @@ def analyse(
     damping terms, each by their names, three at most. Raises InputError where the scale of a term is not known.
     """
     try:
-        chosen = window or find_window(record.t, record.level)
+        decay, asked = _decay(record, window, sums)
     except Refusal as refusal:
         return EnvelopeResult(record.name, "no_free_decay", no_decay(record.name, str(refusal)))
+    return answer(decay, asked, seed)
+
+
+def _decay(
+    record: EnvelopeRecord, window: Window | None, sums: Sequence[tuple[str, ...]]
+) -> tuple[Decay, tuple[Sum, ...]]:
+    """The decay where its noise shows it to be, and the sums on it. Raises Refusal where the level does not fall."""
+    chosen = window or find_window(record.t, record.level)
     first, stop = chosen.start, chosen.stop
     found, reference = _blocks(record, chosen, first)
     for _ in range(TRIES):
@@ -74,14 +82,23 @@ def analyse(
         last = f"{record.t[chosen.stop - 1]:.4g} s"
         ends = f"ends at {last}, {ABOVE_FLOOR:g} dB above the noise floor that its scatter shows"
         chosen = replace(chosen, why=(chosen.why[0], ends))
-    return answer(Decay(record, chosen, first, found, reference, readings, inverse), asked, seed)
+    return Decay(record, chosen, first, found, reference, readings, inverse), asked
 
 
 def _blocks(record: EnvelopeRecord, window: Window, first: int) -> tuple[Blocks, float]:
-    """The decay in blocks, and ln of its reference amplitude (the middle of the fall in dB, as a level's ln)."""
+    """The decay in blocks, and ln of its reference amplitude (the middle of the fall in dB, as a level's ln).
+
+    Raises Refusal where it falls too little for its rate to be told.
+    """
     t, x, _ = blocks(record.t[first : window.stop], record.level[first : window.stop] / NEPER, MOST)
     edge = max(1, t.size // 30)
     top, bottom = x[:edge].mean(), x[-edge:].mean()
+    drop = NEPER * float(top - bottom)
+    if not drop >= LEAST_DROP:
+        raise Refusal(
+            f"between {record.t[first]:.4g} and {record.t[window.stop - 1]:.4g} s the level falls by "
+            f"{max(drop, 0.0):.1f} dB, {LEAST_DROP:g} are needed"
+        )
     reference = 0.5 * float(top + bottom)
     duration = float(t[-1] - t[0])
     floor = None if window.floor is None else window.floor.scaled(np.exp(-2.0 * reference))

@@ -14,6 +14,7 @@ from bayesdamp.envelope.model.noise import Noise
 from bayesdamp.envelope.records.window import bounded
 from bayesdamp.types import InputError
 from tests.envelope.ringdowns import Ringdown, simulate
+from tests.validation.envelopes import drawn
 
 RING = {"fall": 45.0, "scatter": 0.02, "scatter_time": 0.5, "behind": 15.0}
 
@@ -73,6 +74,26 @@ def test_a_drive_that_is_left_in_is_seen():
     assert with_drive.deviation.value > 0.05
     width = [np.hypot(r.rate.sd_noise, r.rate.sd_law) for r in (clean, with_drive)]
     assert width[1] > 2 * width[0]
+
+
+def test_a_window_in_which_the_level_does_not_fall_is_refused():
+    record, truth = made({"viscous": 0.2}, 6)
+    driven = truth.release - 5.0
+    result = analyse(record, bounded(record.t, record.level, driven, driven + 4.5))
+    assert result.grade == "no_free_decay"
+    assert "3 are needed" in result.sentence
+    # Control: the same length where it does.
+    start = truth.release + 2.0
+    assert analyse(record, bounded(record.t, record.level, start, start + 4.5)).rate is not None
+
+
+def test_a_decay_of_which_little_stands_above_its_own_scatter_is_refused():
+    """Drag whose straight end alone is taken for the decay, and the floor cut off from that leaves a rise."""
+    rng = np.random.default_rng([1, 535])
+    truth = simulate(drawn("harsh", rng), rng)
+    result = analyse(made_record("x", truth.t, truth.level, "dBm", 1e6))
+    assert result.grade == "no_free_decay"
+    assert "3 are needed" in result.sentence
 
 
 def test_a_law_that_bends_is_not_called_exact():
