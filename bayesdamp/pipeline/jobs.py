@@ -27,7 +27,7 @@ from bayesdamp.types import OK
 
 class Depth(StrEnum):
     """How far a run goes: to the answer from linear models, to its motions sampled, or to everything that the study
-    asks of samplers and evidence under exact laws."""
+    asks of samplers and evidence."""
 
     ANSWER = "answer"
     SAMPLED = "sampled"

@@ -50,6 +50,31 @@ def test_exact_laws_are_sampled_only_where_that_is_asked_for(compared: Path) -> 
     assert "Sampling the motions themselves confirms" in page
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize(("deviation", "likelihood"), [("law", "law"), ("auto", "none")])
+def test_the_second_opinion_is_under_the_answer_s_deviations_where_these_are_asked_for(
+    deviation: str, likelihood: str, tmp_path: Path
+) -> None:
+    asked = [
+        "--restoring",
+        "linear",
+        "--damping",
+        "viscous",
+        "--damping",
+        "viscous+coulomb",
+        "--workers",
+        "1",
+    ]
+    asked += ["--exact", "--deviation", deviation]
+    assert main(["compare", str(write(tmp_path / "a.csv")), *asked, "--out", str(tmp_path / "out")]) == 0
+    rows = read_table(tmp_path / "out" / "evidence.csv")
+    weighed = {r["deviation"] for r in rows if r["method"] in ("importance", "bridge")}
+    drawn = [r for r in read_table(tmp_path / "out" / "posteriors.csv") if r["sampler"] == "nuts"]
+    assert weighed == {r["deviation"] for r in drawn} == {likelihood}
+    page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+    assert ("the deviations integrated out" in page) is (deviation == "law")
+
+
 def test_a_quick_comparison_samples_nothing(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     asked = [
         "--restoring",

@@ -12,8 +12,10 @@ import pytest
 
 from bayesdamp.config import load_study
 from bayesdamp.pipeline import cells, pruning, run_study
+from bayesdamp.pipeline.records import answering
 from bayesdamp.pipeline.tables import tables
 from bayesdamp.store import CellResult, Store, read_table
+from bayesdamp.store.contents.answers import WeighedCandidate
 from bayesdamp.types import Evidence, InputError, candidate_name, candidate_parts
 
 TWO_LAWS = """
@@ -182,3 +184,14 @@ def test_evidence_in_doubt_is_what_was_tried_and_is_not_trusted(tmp_path, said, 
         store.write(CellResult(f"evidence/swing/0/viscous@linear/{method}", "", outcome=outcome))
     study: Any = SimpleNamespace(evidence=SimpleNamespace(methods=("laplace", "importance", "bridge")))
     assert pruning._doubtful(study, load(tmp_path).signals[0], 0, store, "viscous@linear") == doubtful
+
+
+@pytest.mark.parametrize(("law", "kept"), [(True, {"a", "c"}), (False, {"a", "b"})])
+def test_the_first_weighing_leaves_out_by_the_evidence_of_the_laws_that_are_sampled(law, kept, monkeypatch):
+    """The best under approximate laws stays either way."""
+    rows = [("a", 0.0, -5.0), ("b", -30.0, 0.0), ("c", -3.0, -40.0)]
+    weighed = tuple(WeighedCandidate(d, "linear", about, exact) for d, about, exact in rows)
+    content = SimpleNamespace(candidates=weighed)
+    monkeypatch.setattr(answering.AnswerContent, "maybe", lambda _: content)
+    store: Any = SimpleNamespace(find=lambda _: None)
+    assert answering.shortlist(store, "s", 0, 20.0, law) == {(d, "linear") for d in kept}
