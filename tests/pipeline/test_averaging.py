@@ -59,7 +59,8 @@ def test_the_average_is_over_what_has_draws_if_that_is_nearly_all(monkeypatch, l
 
     monkeypatch.setattr(averaging, "Branch", lambda *_: None)
     monkeypatch.setattr(averaging, "weighted_curves", lambda *_: {})
-    study = SimpleNamespace(seed=1, compare=lambda spec: ("a", "b"))
+    exact = SimpleNamespace(deviation="none")
+    study = SimpleNamespace(seed=1, compare=lambda spec: ("a", "b"), posterior=exact)
     cell = averaging._one(study, SimpleNamespace(name="s"), SimpleNamespace(find=find), "averaged/s/0", "")  # type: ignore[arg-type]
     assert cell.outcome.startswith(said)
     if said == "ok":

@@ -15,7 +15,9 @@ from bayesdamp.inference.approximate.evidence import by_bridge, by_importance, b
 from bayesdamp.inference.approximate.law import Approximate
 from bayesdamp.inference.approximate.runs import summaries_of
 from bayesdamp.inference.checks import diagnostics
-from bayesdamp.inference.curves.derived import Motions, against_amplitude, derive, units
+from bayesdamp.inference.curves.derived import CURVE_DRAWS, Motions, against_amplitude, derive, units
+from bayesdamp.inference.curves.weighted import resampled
+from bayesdamp.inference.deviation.sampled.marginal import marginal_of
 from bayesdamp.outcomes import Status
 from bayesdamp.physics.units import parameter_unit
 from bayesdamp.pipeline.candidates.branch import Branch
@@ -27,7 +29,7 @@ from bayesdamp.store import CellResult
 from bayesdamp.store.contents.evidence import EvidenceContent
 from bayesdamp.store.contents.posteriors import DrawnRatio, PosteriorContent
 from bayesdamp.store.places import Place
-from bayesdamp.types import Evidence, Posterior, Refusal
+from bayesdamp.types import OK, Evidence, Posterior, Refusal
 
 SAMPLERS: Mapping[str, Callable[[Approximate, int, int, int, int], Chains]] = {
     "nuts": by_nuts,
@@ -37,7 +39,6 @@ LINEAR, IMPORTANCE, BRIDGE, NESTED = "laplace", "importance", "bridge", "nested"
 """The methods of evidence that integrate deviations out."""
 WARMUP = 50
 """Draws of a chain that are left out at most: chains start in the linear posterior, and nothing is adapted."""
-CURVE_DRAWS = 1000
 NOT_DRAWN = Status.NOT_APPLICABLE.because('{} takes laws to hold exactly; under deviation "law" give {}')
 SIZES = ("damping_deviation_size", "frequency_deviation_size")
 """In the file of draws: energy-weighted mean of the sizes of the deviations over the record."""
@@ -103,6 +104,19 @@ def compute_posterior(branch: Branch, name: str, key: str, seed: int) -> None:
     )
     arrays = {"draws": values, **_curves(law, motions, amplitude_grid(branch.record.seen), flat)}
     branch.store.write(CellResult(name, key, content.meta(), arrays, outcome, seconds))
+
+
+def weighted_curves(branch: Branch, seed: int) -> dict[str, np.ndarray]:
+    """`weighted.weighted_curves` of draws that are each given their deviations."""
+    cell = branch.store.find(f"evidence/{branch.path}/{IMPORTANCE}")
+    if cell is None or cell.outcome != OK or "log_weights" not in cell.arrays:
+        return {}
+    law, rng = law_on(branch), np.random.default_rng(seed)
+    chosen = resampled(cell.arrays["log_weights"].astype(float), CURVE_DRAWS, rng)
+    target = marginal_of(law.single.weighing, law.single.result)
+    u = target.with_deviations(cell.arrays["y"].astype(float)[chosen], rng)
+    motions = _motions(branch, law, law.values(u))
+    return _curves(law, motions, amplitude_grid(branch.record.seen), u)
 
 
 def compute_evidence(branch: Branch, name: str, key: str, seed: int) -> None:
