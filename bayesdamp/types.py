@@ -225,6 +225,16 @@ def candidate_parts(name: str) -> tuple[str, str]:
     return damping, restoring
 
 
+def summed(probabilities: Mapping[str, float], part: int = 0) -> dict[str, float]:
+    """Candidates' probabilities summed over restoring laws, by damping, the likeliest first; with `part` 1 over
+    dampings, by law."""
+    found: dict[str, float] = {}
+    for name, p in probabilities.items():
+        key = candidate_parts(name)[part]
+        found[key] = found.get(key, 0.0) + p
+    return dict(sorted(found.items(), key=lambda item: -item[1]))
+
+
 @dataclass(frozen=True)
 class Problem:
     """What an estimator is asked: these damping terms, on what is known of the system."""

@@ -9,6 +9,7 @@ import numpy as np
 
 from bayesdamp.config.sections import DEVIATIONS
 from bayesdamp.inference.deviation.findings import SENSOR, findings
+from bayesdamp.inference.deviation.gaussian.hyperparameters import grid_of
 from bayesdamp.inference.deviation.numbers.rivals import place_of
 from bayesdamp.inference.deviation.picture import picture
 from bayesdamp.inference.deviation.quick import weighing_of
@@ -32,22 +33,25 @@ from bayesdamp.types import OK, InputError, Refusal, Signal
 from bayesdamp.units import UNITS, Unit
 from bayesdamp.verdict.decide import decide
 from bayesdamp.verdict.parts import Averages, Grade, Window
-from bayesdamp.verdict.specimen import Answered, OtherForm
+from bayesdamp.verdict.specimen import FAR, Answered, OtherForm
 from bayesdamp.verdict.types import Verdict
 
 BEYOND = 1.3
 """By which factor an amplitude that is asked for may lie outside those of the record."""
 WEIGHED = "weighing"
+SIZES = "sizes/"
+"""Before the names of arrays that say of a candidate which sizes of its deviations the record has."""
 
 
 @dataclass(frozen=True)
 class Answer:
     """A verdict and what it rests on.
 
-    candidates: each that was asked for, in the order of the question, refused ones last. rivals: other forms.
-    fits: parameters of the fit of all terms, by restoring law. arrays: what its picture is drawn from, as
-    `inference.deviation.picture` leaves them. posteriors: of the candidates that were sampled, priors: of
-    all, in words by parameter; laws: where the search for each with deviations ended; all by (damping, restoring).
+    candidates: each that was asked for, in the order of the question, refused ones last. rivals: other forms. fits:
+    parameters of the fit of all terms, by restoring law. arrays: what its picture is drawn from, as
+    `inference.deviation.picture` leaves them, and `sizes/DAMPING@RESTORING`, as `Answered` has it. posteriors: of the
+    candidates that were sampled, priors: of all, in words by parameter; laws: where the search for each with deviations
+    ended; all by (damping, restoring).
     """
 
     verdict: Verdict
@@ -163,7 +167,7 @@ def answer(
         verdict,
         tuple(_rows(weighing)),
         _fits(weighing),
-        picture(weighing, found),
+        {**picture(weighing, found), **_sizes(weighing)},
         _posteriors(weighing),
         _priors(weighing),
         _laws(weighing),
@@ -200,11 +204,17 @@ def answered_from(
 
     top = max(map(log_of, rows))
     curve = {name: arrays[name] for name in ("amplitude", "ratio", "low", "high")}
+    sizes = {
+        (r.damping, r.restoring): arrays[name]
+        for r in (*rows, *rivals)
+        if (name := f"{SIZES}{r.damping}@{r.restoring}") in arrays
+    }
     return Answered(
         verdict,
         {(r.damping, r.restoring): log_of(r) - top for r in rows},
         curve,
         tuple(OtherForm(r.damping, r.restoring, log_of(r) - top, r.place) for r in rivals),
+        sizes,
     )
 
 
@@ -237,6 +247,18 @@ def _rivals(weighing: Weighing) -> list[WeighedCandidate]:
         for r in weighing.forms
         if _counts(weighing, r)
     ]
+
+
+def _sizes(weighing: Weighing) -> dict[str, np.ndarray]:
+    """Of each candidate, and other form, the log ratio of posterior to prior of the deviations' sizes, (c,)."""
+    prior = grid_of(len(next(iter(weighing.solvers.values())).knots)).log_prior
+    return {
+        f"{SIZES}{'+'.join(r.candidate.damping)}@{r.candidate.restoring}": np.maximum(
+            r.weighed.log_each - r.weighed.log_evidence - prior, FAR
+        )
+        for r in (*weighing.results, *weighing.forms)
+        if r.weighed is not None
+    }
 
 
 def _counts(weighing: Weighing, result: Result) -> bool:

@@ -3,21 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
+from scipy.special import logsumexp
 
+from bayesdamp.inference.deviation.gaussian.hyperparameters import LEAST_KNOTS, grid_of
 from bayesdamp.inference.model.defaults import odds
 from bayesdamp.verdict import thresholds
 from bayesdamp.verdict.decide import rivals_of
 from bayesdamp.verdict.parts import DampingRatio, Grade, Interval, Share
 from bayesdamp.verdict.pooled import Pooled, pooled
 from bayesdamp.verdict.types import Verdict
-from bayesdamp.verdict.words import named, sentence
+from bayesdamp.verdict.words import named, rounded, sentence
 
 FAR = -60.0
 """Nats behind a record's best that stand for a candidate which was out of the question there."""
 Curve = Mapping[str, np.ndarray]
+Each = float | np.ndarray
+"""A log evidence given each combination of the deviations' sizes, (c,); one number where there are none."""
 
 
 @dataclass(frozen=True)
@@ -34,24 +38,30 @@ class OtherForm:
 @dataclass(frozen=True)
 class Answered:
     """What was said of one record: its verdict; log evidence of each (damping, restoring law), relative to the best;
-    its damping ratio against amplitude, with arrays `amplitude`, `ratio`, `low`, `high`; other forms of damping."""
+    its damping ratio against amplitude, with arrays `amplitude`, `ratio`, `low`, `high`; other forms of damping; sizes:
+    of each of all these the log ratio of posterior to prior of the deviations' sizes, over the grid, (c,)."""
 
     verdict: Verdict
     log_evidence: Mapping[tuple[str, str], float]
     curve: Curve
     others: tuple[OtherForm, ...] = ()
+    sizes: Mapping[tuple[str, str], np.ndarray] = field(default_factory=dict)
 
-    def of_sum(self, damping: str, restoring: str) -> float:
-        """Log evidence of a sum; `FAR` at least."""
-        return max(self.log_evidence.get((damping, restoring), FAR), FAR)
+    def of_sum(self, damping: str, restoring: str) -> Each:
+        """Log evidence of a sum given each size of the deviations; `FAR` at least in all."""
+        return self._each(max(self.log_evidence.get((damping, restoring), FAR), FAR), damping, restoring)
 
-    def of_other(self, damping: str, restoring: str, place: str) -> float:
-        """Log evidence of another form: under a law that it was not weighed under it is as far behind the law's best
+    def of_other(self, damping: str, restoring: str, place: str) -> Each:
+        """The same of another form: under a law that it was not weighed under it is as far behind the law's best
         sum; where it was not weighed at all, that of the sum that it comes to in a limit."""
         for one in self.others:
             if one.damping == damping:
-                return max(one.log_evidence - self._best(one.restoring) + self._best(restoring), FAR)
+                behind = one.log_evidence - self._best(one.restoring) + self._best(restoring)
+                return self._each(max(behind, FAR), damping, one.restoring)
         return self.of_sum(place, restoring) if place else FAR
+
+    def _each(self, log_evidence: float, damping: str, restoring: str) -> Each:
+        return log_evidence + self.sizes.get((damping, restoring), 0.0)
 
     def _best(self, restoring: str) -> float:
         return max([v for (_, law), v in self.log_evidence.items() if law == restoring], default=FAR)
@@ -77,7 +87,9 @@ def specimen(name: str, records: Sequence[Answered]) -> Verdict:
         decided=decided,
         damping=first,
         probability=min(probability, thresholds.CAP),
-        rivals=rivals_of(damping, others),
+        rivals=tuple(
+            replace(r, probability=min(r.probability, thresholds.CAP)) for r in rivals_of(damping, others)
+        ),
         restoring=next(iter(restoring)),
         restoring_probability=min(next(iter(restoring.values())), thresholds.CAP),
         frequency=_pooled_interval([v.frequency for v in own]),
@@ -88,7 +100,7 @@ def specimen(name: str, records: Sequence[Answered]) -> Verdict:
         unnamed=_largest([v.unnamed for v in own]),
         unexplained_pct=max(v.unexplained_pct for v in own),
         noise_pct=float(np.median([v.noise_pct for v in own])),
-        remarks=_remarks(records),
+        remarks=_remarks(records, max(damping | others, key=lambda n: (damping | others)[n])),
         records=len(records),
     )
     return replace(verdict, sentence=sentence(verdict))
@@ -102,11 +114,11 @@ def _probabilities(
     places = {one.damping: one.place for r in records for one in r.others}
     logs: dict[tuple[str, str], float] = {}
     for damping, law in names:
-        total = sum(r.of_sum(damping, law) for r in records)
+        total = _over_sizes([r.of_sum(damping, law) for r in records])
         logs[damping, law] = total + float(np.log(odds(damping.split("+"))))
     for law in {law for _, law in names}:
         for damping, place in places.items():
-            total = sum(r.of_other(damping, law, place) for r in records)
+            total = _over_sizes([r.of_other(damping, law, place) for r in records])
             logs[damping, law] = total + float(np.log(odds(damping.split("+"), len(places))))
     top = max(logs.values())
     weight = {key: float(np.exp(v - top)) for key, v in logs.items()}
@@ -121,6 +133,17 @@ def _probabilities(
         {n: p for n, p in ordered[0].items() if (n in places) is other} for other in (False, True)
     )
     return sums, ordered[1], others
+
+
+def _over_sizes(each: Sequence[Each]) -> float:
+    """Log evidence of a damping and a law on all records, whose deviations have sizes and a length in common: by how
+    much a damper departs from its law is its own, not the record's. With sizes for each record anew, every further
+    record would count once more against a law that the damper follows approximately.
+    """
+    total = np.asarray(sum(each))
+    return (
+        float(np.asarray(logsumexp(total + grid_of(LEAST_KNOTS).log_prior))) if total.ndim else float(total)
+    )
 
 
 def _common(records: Sequence[Answered]) -> np.ndarray:
@@ -190,20 +213,22 @@ def _energy(own: Sequence[Verdict], damping: Mapping[str, float]) -> tuple[Share
     return tuple(sorted(found, key=lambda s: -s.share))
 
 
-def _remarks(records: Sequence[Answered]) -> tuple[str, ...]:
-    """How much records differ, and which want another damping."""
+def _remarks(records: Sequence[Answered], likeliest: str) -> tuple[str, ...]:
+    """How much records differ, and what they are by themselves where that is not what is likeliest for all."""
     said = []
-    for amplitude in _common(records)[1:2]:
-        logs, sds = np.array([at_amplitude(r.curve, float(amplitude)) for r in records]).T
-        p = pooled(logs, sds)
+    if len(records) > 1:
+        amplitude = float(_common(records)[1])
+        p = pooled(*np.array([at_amplitude(r.curve, amplitude) for r in records]).T)
+        unit = next((v.damping_ratio[0].unit for v in (r.verdict for r in records) if v.damping_ratio), "rad")
+        value, low, high = (rounded(100 * x) for x in (p.spread, p.spread_low, p.spread_high))
         said.append(
-            f"From record to record the damping ratio at the middle amplitude differs by {100 * p.spread:.2g} % "
-            f"({100 * p.spread_low:.2g} to {100 * p.spread_high:.2g}), a standard deviation."
+            f"From record to record the damping ratio at {amplitude:.2g} {unit} differs by {value} % (standard "
+            f"deviation; 95 %: {low} to {high} %)."
         )
     alone: dict[str, list[str]] = {}
     for r in records:
         alone.setdefault(r.verdict.damping, []).append(r.verdict.record)
-    if len(alone) > 1:
+    if set(alone) != {likeliest}:
         parts = [f"{named(d)} {len(names)}" for d, names in sorted(alone.items(), key=lambda i: -len(i[1]))]
         said.append(f"Records by themselves are likeliest: {', '.join(parts)}.")
     return tuple(said)

@@ -39,6 +39,11 @@ def digits(value: float, width: float) -> str:
     return f"{value:.{places}f}"
 
 
+def rounded(percent: float) -> str:
+    """A percentage that is hardly known: whole, below ten to one digit."""
+    return f"{percent:.0f}" if percent >= 9.5 else f"{percent:.1g}"
+
+
 def with_interval(value: float, low: float, high: float, unit: str = "", scale: float = 1.0) -> str:
     """`0.65 % (0.64 to 0.66)`."""
     width = (high - low) * scale
@@ -90,7 +95,8 @@ def _answer(v: Verdict) -> str:
         )
     each = [(v.damping, v.probability), *((r.damping, r.probability) for r in v.rivals)]
     likely = sorted((one for one in each[1:] if one[1] >= thresholds.NAMED), key=lambda one: -one[1])
-    shown = sorted([each[0], *likely[:2]], key=lambda one: -one[1])
+    first = each[:1] if v.probability >= thresholds.NAMED or not likely else []
+    shown = sorted([*first, *likely[:2]], key=lambda one: -one[1])
     between = [f"{named(name)} ({probability(p)})" for name, p in shown]
     sure = [s.term for s in v.energy if s.probability >= thresholds.TERM_SURE]
     part = (
@@ -184,7 +190,7 @@ def _budget(v: Verdict) -> str:
 
 def energy_of(v: Verdict) -> tuple[str, ...]:
     """Sentences: the energy budget, and what is bounded of other forms; as many as there is something to say in."""
-    parts = [_share(v, s) for s in v.energy if s.high > 0.005]
+    parts = [_share(v, s) for s in v.energy if s.high >= 0.005]
     listed = {t for r in v.rivals if r.probability >= thresholds.NAMED for t in r.damping.split("+")}
     absent = [
         f"{words_of(b.form)} {100 * b.share_below:.2g} %" for b in v.other_forms if b.form not in listed
@@ -199,9 +205,20 @@ def energy_of(v: Verdict) -> tuple[str, ...]:
 def _share(v: Verdict, s: Share) -> str:
     """A term's share with its interval over all that is possible; of the sole term of the answer, how probable it is
     that nothing else takes energy, in place of an interval that begins at 0 where a rival without it is possible."""
-    if s.term == v.damping and s.low < ALL <= s.share:
-        return f"{words_of(s.term)} all of it with probability {probability(v.probability)}"
-    return f"{words_of(s.term)} {100 * s.share:.0f} % ({100 * s.low:.0f} to {100 * s.high:.0f})"
+    name = words_of(s.term)
+    if s.low >= ALL:
+        return f"{name} all of it"
+    if s.term == v.damping and s.share >= ALL:
+        likely = "all of it" if v.probability >= 0.5 else "alone"
+        return f"{name} {likely} with probability {probability(v.probability)}"
+    return f"{name} {_percent(s)}"
+
+
+def _percent(s: Share) -> str:
+    """`63 % (50 to 75)`; of a term that hardly takes anything how much at most."""
+    if round(100 * s.share) == 0:
+        return f"at most {100 * s.high:.0f} %"
+    return f"{100 * s.share:.0f} % ({100 * s.low:.0f} to {100 * s.high:.0f})"
 
 
 def _hold(v: Verdict) -> str:

@@ -20,10 +20,9 @@ from scipy.integrate import solve_ivp
 
 from bayesdamp.config import load_study
 from bayesdamp.pipeline import Depth, run_study
-from bayesdamp.pipeline.many.agreement import CLEAR
 from bayesdamp.pipeline.many.many import joint_cells
 from bayesdamp.store import Store
-from bayesdamp.store.contents.many import JointContent
+from bayesdamp.store.contents.many import CLEAR, UNLIKELY, JointContent
 
 STUDY = """
 version = 1
@@ -106,17 +105,16 @@ def joined(pair: Pair) -> JointContent | str:
 
 
 def main(pairs: int, seed: int, apart: float | None = None) -> None:
-    inside, factors, errors = [], [], []
+    inside, factors, errors, chances = [], [], [], []
     for i in range(pairs):
         pair = simulate(np.random.default_rng([seed, i]), apart)
         found = joined(pair)
         if isinstance(found, str):
             print(i, found, flush=True)
             continue
-        zeta, factor = (
-            found.candidates["viscous"].summary["zeta"],
-            found.agreement["damping"].log_bayes_factor,
-        )
+        zeta, agreed = found.candidates["viscous"].summary["zeta"], found.agreement["damping"]
+        factor = agreed.log_bayes_factor
+        chances.append(agreed.chance)
         truth = float(np.mean(pair.zeta))
         inside.append(zeta["q2.5"] <= truth <= zeta["q97.5"])
         factors.append(factor)
@@ -124,14 +122,16 @@ def main(pairs: int, seed: int, apart: float | None = None) -> None:
         own = [(one.summary["zeta"]["mean"] / z - 1) * 100 for one, z in zip(found.alone.values(), pair.zeta)]
         print(
             i, f"drift {pair.drift[0]:+.3f} {pair.drift[1]:+.3f} n {len(pair.records[0])} zeta {truth:.4f} ->",
-            f"{zeta['mean']:.4f} sd {zeta['sd'] / truth:.2%} z {errors[-1]:+.2f}", inside[-1], f"factor {factor:+.1f}",
+            f"{zeta['mean']:.4f} sd {zeta['sd'] / truth:.2%} z {errors[-1]:+.2f}", inside[-1],
+            f"factor {factor:+.1f} chance {agreed.chance:.1g}",
             f"alone off by {own[0]:+.2f} {own[1]:+.2f} %", found.candidates["viscous"].outcome, flush=True,
         )  # fmt: skip
     factor = np.array(factors)
     print(
         f"seed {seed}, apart {apart}: {factor.size} of {pairs} joined; intervals that hold the mean of the two",
         f"{np.sum(inside)}, mean z2 {np.mean(np.square(errors)):.2f}; one damping is likelier {np.sum(factor > 0)},",
-        f"by 3 nats {np.sum(factor >= CLEAR)}; two by 3 nats {np.sum(factor < -CLEAR)}", flush=True,
+        f"by 3 nats {np.sum(factor >= CLEAR)}; two by 3 nats {np.sum(factor < -CLEAR)};",
+        f"set apart by chance with a probability below {UNLIKELY}: {np.sum(np.array(chances) < UNLIKELY)}", flush=True,
     )  # fmt: skip
 
 

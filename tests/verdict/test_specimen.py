@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from bayesdamp.inference.deviation.gaussian.hyperparameters import grid_of
 from bayesdamp.verdict import thresholds
 from bayesdamp.verdict.parts import DampingRatio, Grade, Interval, Share
 from bayesdamp.verdict.pooled import pooled
@@ -56,6 +57,25 @@ def test_probabilities_are_those_of_the_summed_log_evidence() -> None:
     ]
     assert not found.decided
     assert "Records by themselves are likeliest: viscous 1, quadratic (drag) 1." in found.remarks
+
+
+def test_how_far_a_law_holds_is_the_specimens_not_the_records() -> None:
+    """By hand: four records, each of which prefers another law by a nat to viscous damping with deviations of one size.
+    That this size was unlikely counts once. Control: it counts four times where the records do not say it."""
+    prior = grid_of(4).log_prior
+    size = int(np.argmin(prior))
+    told = np.where(np.arange(prior.size) == size, -prior[size], -np.inf)
+    logs = {V: 0.0, Q: 1.0}
+    each = [replace(answered(n, 0.01, logs), sizes={V: told, Q: np.zeros(prior.size)}) for n in "abcd"]
+    ahead = -3 * prior[size] - 4
+    assert ahead > 20
+    found = specimen("rig", each)
+    assert found.damping == "viscous"
+    assert found.rivals[0].probability == pytest.approx(np.exp(-ahead), rel=1e-6)
+    assert "Records by themselves are likeliest: quadratic (drag) 4." in found.remarks
+    apart = specimen("rig", [replace(one, sizes={}) for one in each])
+    assert apart.damping == "quadratic"
+    assert apart.rivals[0].probability == pytest.approx(1 / (1 + np.exp(4)))
 
 
 def test_a_sum_of_three_is_half_as_likely_before() -> None:

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.stats import chi2
 
 from bayesdamp.inference.many.hierarchy import Sample, population
 from bayesdamp.inference.many.joint import Apart, JointMode
@@ -22,6 +23,8 @@ from bayesdamp.pipeline.many.specimens import (
     weighing,
 )
 from bayesdamp.store.contents.many import (
+    CLEAR,
+    UNLIKELY,
     BayesFactor,
     JointCandidate,
     PopulationFound,
@@ -30,8 +33,6 @@ from bayesdamp.store.contents.many import (
 )
 from bayesdamp.types import OK, Refusal
 
-CLEAR = 3.0
-"""Nats of a log Bayes factor from which something is said to be so: odds of twenty."""
 WITHOUT = {BOTH: LAW, DAMPING: NOTHING}
 """What is shared once each record has a damping of its own."""
 ASIDE_DRAWS = 1000
@@ -53,11 +54,12 @@ class Agreement:
 
 
 def agreement(
-    specimen: Specimen, candidate: str, problem: Problem, sharing: str, row: JointCandidate
+    specimen: Specimen, candidate: str, problem: Problem, sharing: str, row: JointCandidate, joint: JointMode
 ) -> Agreement:
     """What a joint fit says of its best candidate.
 
-    row: of this candidate under the sharing that was chosen. Raises Refusal where a record has no fit of its own.
+    row, joint: of this candidate under the sharing that was chosen. Raises Refusal where a record has no fit of its
+    own.
     """
     modes = [problem.alone(j) for j in range(len(problem.records))]
     alone = [
@@ -70,15 +72,18 @@ def agreement(
     def seed(what: str) -> int:
         return specimen.seed(candidate, what)
 
+    free = {NOTHING: modes}
     for other in (BOTH, DAMPING, LAW) if problem.names(LAW) else (DAMPING,):
         if other != sharing:
             try:
-                found[other] = _weighed(problem.mode(problem.names(other)), row.look, seed(other))
+                free[other] = [problem.mode(problem.names(other))]
+                found[other] = _weighed(free[other][0], row.look, seed(other))
             except Apart as apart:
                 found[other] = SharedEvidence(sum(one.log_evidence for one in alone) - apart.nats)
             except Refusal as refusal:
                 found[other] = SharedEvidence(outcome=str(refusal))
-    factors = {"damping": _factor(found, sharing, WITHOUT[sharing])}
+    chance = chance_of(joint, free.get(WITHOUT[sharing], ()), len(problem.names(DAMPING)))
+    factors = {"damping": replace(_factor(found, sharing, WITHOUT[sharing]), chance=chance)}
     if problem.names(LAW):
         law = _factor(found, sharing, OTHER_LAW[sharing])
         factors["law"] = law if sharing == BOTH else replace(law, log_bayes_factor=-law.log_bayes_factor)
@@ -128,9 +133,28 @@ def _factor(found: Mapping[str, SharedEvidence], one: str, other: str) -> BayesF
     )
 
 
+def chance_of(joint: JointMode, free: Sequence[JointMode], parameters: int) -> float:
+    """The probability that records of one damping are fitted so much better by one for each (likelihood ratio, χ²).
+
+    It needs no prior. Evidence alone calls records alike that are not: one damping for each has a prior that leaves
+    each any size, and what that costs outweighs a common value that lies outside of all their intervals. joint, free:
+    modes with a common damping and with one for each record. NaN where the latter were not found.
+    """
+    if not free:
+        return float("nan")
+    better = sum(map(_height, free)) - _height(joint)
+    return float(chi2.sf(2 * max(better, 0.0), (len(joint.joint.records) - 1) * parameters))
+
+
+def _height(mode: JointMode) -> float:
+    """The records' log likelihood at a mode."""
+    each = zip(mode.local, mode.joint.split(mode.x), strict=True)
+    return sum(float(local.log_likelihood(z[None])[0]) for local, z in each)
+
+
 def _said(factors: Mapping[str, BayesFactor], trust: str) -> dict[str, str]:
     """The same in words, and what stands as the outcome of the joint fit."""
-    said = {name: verdict(name, f.log_bayes_factor) for name, f in factors.items()}
+    said = {name: verdict(name, f) for name, f in factors.items()}
     for name, factor in factors.items():
         if factor.outcome != OK:
             said[name] += f" ({factor.outcome})"
@@ -140,16 +164,22 @@ def _said(factors: Mapping[str, BayesFactor], trust: str) -> dict[str, str]:
 
 def disagrees(one_for_all: BayesFactor) -> bool:
     """Whether records disagree with one damping."""
-    return one_for_all.log_bayes_factor < -CLEAR
+    return one_for_all.log_bayes_factor < -CLEAR or one_for_all.chance < UNLIKELY
 
 
-def verdict(what: str, log_bayes_factor: float) -> str:
-    """What a log Bayes factor of a shared damping (or law) against one for each record says."""
+def verdict(what: str, factor: BayesFactor) -> str:
+    """What the evidence of a shared damping (or law) against one for each record says, and their fit."""
+    log_bayes_factor = factor.log_bayes_factor
     name = {"damping": "damping", "law": "restoring law"}[what]
     shown = f"log Bayes factor {log_bayes_factor:+.1f}".replace("-", "−")
     if not np.isfinite(log_bayes_factor):
         return f"whether the records have one {name} was not decided"
-    if log_bayes_factor >= CLEAR:
+    if log_bayes_factor >= -CLEAR and factor.chance < UNLIKELY:
+        return (
+            f"the records differ in their {name}: had they one, chance would set them so far apart with a probability "
+            f"of {factor.chance:.1g}, and the joint interval is too narrow"
+        )
+    if factor.clear:
         return f"the records agree with one {name} ({shown} against one for each)"
     if log_bayes_factor > -CLEAR:
         return f"the records leave open whether they have one {name} ({shown} against one for each)"

@@ -36,7 +36,7 @@ from bayesdamp.pipeline.records.records import plain_seconds
 from bayesdamp.store import CellResult
 from bayesdamp.store.contents.many import JointCandidate, JointContent, WeighedContent
 from bayesdamp.store.contents.records import Scales
-from bayesdamp.types import OK, Refusal
+from bayesdamp.types import OK, Refusal, candidate_parts, summed
 
 
 def join(specimen: Specimen, name: str, key: str) -> None:
@@ -66,9 +66,9 @@ def _joined(specimen: Specimen, key: str) -> tuple[JointContent, dict[str, np.nd
     total = float(np.asarray(logsumexp(list(logs.values()))))
     for candidate, log_evidence in logs.items():
         rows[candidate] = replace(rows[candidate], probability=math.exp(log_evidence - total))
-    best = max(logs, key=lambda c: logs[c])
+    best = likeliest({c: rows[c].probability for c in logs})
     sharing = sharing if problems[best].names(LAW) else DAMPING
-    agreed = agreement(specimen, best, problems[best], sharing, rows[best])
+    agreed = agreement(specimen, best, problems[best], sharing, rows[best], looks[best])
     content = JointContent(
         records=tuple(specimen.labels),
         members=tuple((spec.name, repeat) for spec, repeat in specimen.records),
@@ -80,6 +80,13 @@ def _joined(specimen: Specimen, key: str) -> tuple[JointContent, dict[str, np.nd
         **vars(agreed),
     )
     return content, arrays
+
+
+def likeliest(probabilities: Mapping[str, float]) -> str:
+    """The likeliest candidate of the likeliest damping, whose probability is summed over the restoring laws."""
+    dampings = summed(probabilities)
+    first = max(dampings, key=lambda d: dampings[d])
+    return max((c for c in probabilities if candidate_parts(c)[0] == first), key=lambda c: probabilities[c])
 
 
 def _weighed(specimen: Specimen, candidate: str, mode: JointMode, key: str) -> Weighed:

@@ -10,7 +10,7 @@ from bayesdamp.report.results.run import Run, rows_of
 from bayesdamp.report.results.verdict import SURE
 from bayesdamp.store import CellResult
 from bayesdamp.store.contents.many import JointContent, PopulationContent, Weighing
-from bayesdamp.types import OK
+from bayesdamp.types import OK, candidate_parts, summed
 
 
 def joint_cells(run: Run) -> dict[str, CellResult]:
@@ -38,21 +38,42 @@ ASSUMED = {
 
 
 def joint_sentence(run: Run, cell: CellResult) -> str:
-    """What a joint fit says: which damping, how large, whether the records agree, and whether it fits them."""
+    """What a joint fit says: which damping, how large, whether the records agree, and whether it fits them.
+
+    Its one coefficient is quoted where the records agree with one; elsewhere mean and spread over the records are.
+    """
     joint = JointContent.maybe(cell)
     if joint is None:
         return f"no joint fit: {cell.outcome}."
     row = joint.candidates[joint.best]
-    sure = "" if row.probability >= SURE else "most likely "
-    sizes = [f"{words.symbol(n).text} = {size(row, n)}" for n in joint.repeats]
-    text = f"{len(joint.records)} records together, {ASSUMED[joint.deviation]}: damping is {sure}"
-    text += f"{words.model(joint.best)}, with probability {words.probability(row.probability)}; "
+    text = f"{len(joint.records)} records together, {ASSUMED[joint.deviation]}: damping is {_named(joint)}; "
+    if joint.agreement["damping"].clear:
+        sizes = [f"{words.symbol(n).text} = {size(row, n)}" for n in joint.repeats]
+    else:
+        sizes = [
+            f"{words.symbol(n).text} has the mean {over(p.mean, row.units[n])} and spreads over the records by "
+            f"{over(p.spread, row.units[n])}"
+            for n, p in joint.repeats.items()
+        ]
     text += f"{words.listing(sizes)}; {joint.said['damping']}"
     if row.outcome != OK:
         text += f"; {row.outcome}"
     # Where laws may hold approximately each record's own deviation takes what an exact law does not fit.
     worse = misfits(run, joint) if joint.deviation == "none" else []
     return f"{text}; it does not fit {words.listing(worse)}." if worse else f"{text}."
+
+
+def _named(joint: JointContent) -> str:
+    """The damping with its probability, summed over restoring laws, and the law with its own."""
+    probabilities = {c: row.probability for c, row in joint.candidates.items()}
+    damping, law = candidate_parts(joint.best)
+    p = summed(probabilities)[damping]
+    sure = "" if p >= SURE else "most likely "
+    text = f"{sure}{words.model(damping)}, with probability {words.probability(p)}"
+    laws = summed(probabilities, 1)
+    if len(laws) > 1:
+        text += f", the restoring law {words.law(law)}, with probability {words.probability(laws[law])}"
+    return text
 
 
 def misfits(run: Run, joint: JointContent) -> list[str]:

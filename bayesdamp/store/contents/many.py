@@ -10,6 +10,10 @@ from bayesdamp.store.contents.records import Scales
 from bayesdamp.types import OK
 
 NAN = float("nan")
+CLEAR = 3.0
+"""Nats of a log Bayes factor from which something is said to be so: odds of twenty."""
+UNLIKELY = 0.01
+"""Probability, if records had one damping, below which they are said to differ (conventional)."""
 Summary = Mapping[str, float]
 """mean, sd, median, q2.5 and q97.5 of a parameter."""
 
@@ -66,11 +70,18 @@ class JointCandidate(Weighing):
 
 @dataclass(frozen=True)
 class BayesFactor:
-    """Log Bayes factor (nats) with its standard error, and whether it may be trusted."""
+    """Log Bayes factor (nats) with its standard error, and whether it may be trusted. chance: the probability, if the
+    first holds, of a likelihood that is so much higher under the second; NaN where it was not asked for."""
 
     log_bayes_factor: float
     stderr: float = NAN
     outcome: str = OK
+    chance: float = NAN
+
+    @property
+    def clear(self) -> bool:
+        """Whether it speaks for the first of the two, and the fit not against it."""
+        return self.log_bayes_factor >= CLEAR and not self.chance < UNLIKELY
 
 
 @dataclass(frozen=True)

@@ -80,6 +80,11 @@ def factor(folder: Path, specimen: str) -> float:
     return Store(folder).read(f"joint/{specimen}").meta["agreement"]["damping"]["log_bayes_factor"]
 
 
+def chance(folder: Path, specimen: str) -> float:
+    """Probability that records of one damping are set so far apart."""
+    return Store(folder).read(f"joint/{specimen}").meta["agreement"]["damping"]["chance"]
+
+
 @pytest.mark.parametrize("deviation", ["law", "auto"])
 def test_repeats_of_measured_records_are_joined_with_their_deviations(deviation: str) -> None:
     """Mean and sd are those of the sum over ζ, with a start and a noise that are found here and known there: within
@@ -90,6 +95,7 @@ def test_repeats_of_measured_records_are_joined_with_their_deviations(deviation:
     assert row["mean"] == pytest.approx(mean, abs=0.5 * sd)
     assert row["sd"] == pytest.approx(sd, rel=0.25)
     assert factor(ran(deviation), "rep") > 0
+    assert chance(ran(deviation), "rep") > 0.1
     exact = joint(ran("none"), "rep")
     assert exact["sd"] < row["sd"]
     assert factor(ran("none"), "rep") < -10
@@ -98,6 +104,7 @@ def test_repeats_of_measured_records_are_joined_with_their_deviations(deviation:
 
 def test_two_dampings_are_two() -> None:
     assert factor(ran("law"), "two") < -3
+    assert chance(ran("law"), "two") < 1e-3
     assert joint(ran("law"), "two")["outcome"].startswith("the records disagree")
 
 

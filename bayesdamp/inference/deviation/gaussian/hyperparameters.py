@@ -16,6 +16,7 @@ SIZES_H = np.geomspace(0.0003, 0.03, 6)
 LENGTHS = (0.1, 0.3, 1.0)
 """Correlation lengths as shares of the record."""
 JITTER = 1e-6
+LEAST_KNOTS, MOST_KNOTS = 4, 16
 
 
 @dataclass(frozen=True)
@@ -30,7 +31,7 @@ class Grid:
 
 def knots_of(duration: float, cycles: float) -> np.ndarray:
     """Equidistant knots from 0 to the duration, a knot for two cycles, 4 to 16 of them."""
-    return np.linspace(0.0, duration, int(np.clip(round(cycles / 2) + 1, 4, 16)))
+    return np.linspace(0.0, duration, int(np.clip(round(cycles / 2) + 1, LEAST_KNOTS, MOST_KNOTS)))
 
 
 @lru_cache(maxsize=32)

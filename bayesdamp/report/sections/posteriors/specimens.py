@@ -24,7 +24,7 @@ from bayesdamp.report.sections._section import Section
 from bayesdamp.report.style import colour
 from bayesdamp.store import CellResult
 from bayesdamp.store.contents.many import JointContent, PopulationContent
-from bayesdamp.types import OK, candidate_parts
+from bayesdamp.types import OK, summed
 
 _SHARED = {
     "damping and law": "the damping and the restoring law's parameters but its angles",
@@ -110,15 +110,10 @@ def _joint(run: Run, name: str, cell: CellResult) -> list[object]:
 
 def _dampings(joint: JointContent) -> str:
     """The probability of each damping, whatever the restoring law; empty where one law was compared."""
-    found: dict[str, float] = {}
-    for candidate, row in joint.candidates.items():
-        damping = candidate_parts(candidate)[0]
-        found[damping] = found.get(damping, 0.0) + row.probability
+    found = summed({c: row.probability for c, row in joint.candidates.items()})
     if len(found) in (1, len(joint.candidates)):
         return ""
-    shares = [
-        f"{words.model(d)} {words.probability(p)}" for d, p in sorted(found.items(), key=lambda x: -x[1])
-    ]
+    shares = [f"{words.model(d)} {words.probability(p)}" for d, p in found.items()]
     return f"Summed over the restoring laws the probabilities are: {words.listing(shares)}."
 
 
