@@ -40,11 +40,12 @@ def test_three_records_have_two_degrees() -> None:
 
 
 def test_evidence_from_a_wide_prior_does_not_make_records_agree() -> None:
-    """With a prior of 10,000 sds two records 5 sds apart have evidence of 3 nats for one damping: what a second one's
-    prior costs. Control: the same evidence of records that are near each other."""
-    log_factor = math.log(1e4) - 0.5 * 12.5
-    far, near = (BayesFactor(log_factor + 1, chance=chance(0.0, b)) for b in (5.0, 1.0))
-    assert log_factor > 2.9
+    """Under a prior of 100,000 sds one damping is ahead of two by ln(1e5 / √2) − d² / 4 nats where they are d sds
+    apart: what the prior of a second damping costs. At 5 sds that is 5 nats for one. Control: near each other."""
+    far, near = (
+        BayesFactor(math.log(1e5 / math.sqrt(2)) - b**2 / 4, chance=chance(0.0, b)) for b in (5.0, 1.0)
+    )
+    assert far.log_bayes_factor > 4
     assert disagrees(far)
     assert not far.clear
     assert verdict("damping", far).startswith("the records differ in their damping")
