@@ -227,7 +227,11 @@ def _remarks(records: Sequence[Answered], likeliest: str) -> tuple[str, ...]:
         )
     alone: dict[str, list[str]] = {}
     for r in records:
-        alone.setdefault(r.verdict.damping, []).append(r.verdict.record)
+        v = r.verdict
+        first, _ = max(
+            [(v.damping, v.probability), *((o.damping, o.probability) for o in v.rivals)], key=lambda x: x[1]
+        )
+        alone.setdefault(first, []).append(v.record)
     if set(alone) != {likeliest}:
         parts = [f"{named(d)} {len(names)}" for d, names in sorted(alone.items(), key=lambda i: -len(i[1]))]
         said.append(f"Records by themselves are likeliest: {', '.join(parts)}.")
