@@ -45,7 +45,11 @@ def rounded(percent: float) -> str:
 
 
 def with_interval(value: float, low: float, high: float, unit: str = "", scale: float = 1.0) -> str:
-    """`0.65 % (0.64 to 0.66)`."""
+    """`0.65 % (0.64 to 0.66)`; a dash where there is no value, and no interval where it has no ends."""
+    if not isfinite(value):
+        return "–"
+    if not (isfinite(low) and isfinite(high)):
+        return f"{value * scale:.3g}{unit}, within no bounds"
     width = (high - low) * scale
     shown = [digits(x * scale, width / 2) for x in (value, low, high)]
     return f"{shown[0]}{unit} ({shown[1]} to {shown[2]})"
@@ -73,7 +77,7 @@ def _answer(v: Verdict) -> str:
     if v.unexplained_pct > 100 * thresholds.UNDESCRIBED:
         return (
             "No damped oscillation that was weighed describes the record: the nearest, with "
-            f"{named(v.damping)} damping, leaves {v.unexplained_pct:.2g} % of the amplitude."
+            f"{named(v.damping)} damping, leaves {_left(0.01 * v.unexplained_pct)}."
         )
     ratios = [r for r in v.damping_ratio if isfinite(r.value)]
     size = "the size of the damping cannot be told"
@@ -152,6 +156,11 @@ def _mode(m: Mode) -> str:
 def _slack(m: Mode) -> float:
     """A frequency in Hz is known about as well as the damping ratio's width in it."""
     return max((m.high - m.low) * m.frequency, 1e-4 * m.frequency)
+
+
+def _left(share: float) -> str:
+    """What is not explained, as a share of the amplitude."""
+    return f"{100 * share:.2g} % of the amplitude" if share < 1 else "more than the amplitude itself"
 
 
 def _first(text: str) -> str:
@@ -295,8 +304,8 @@ def remarks(
         other = named(next(iter(found.exact)))
         said.append((1.0, f"If damping and spring followed their laws exactly, {other} would be ahead."))
     if found.unexplained >= thresholds.REMARK:
-        left = f"{100 * found.unexplained:.2g} %"
-        said.append((found.unexplained, f"{left} of the amplitude is not explained by the law."))
+        left = _first(_left(found.unexplained))
+        said.append((found.unexplained, f"{left} is not explained by the law."))
     if abs(found.midline) >= thresholds.MIDLINE:
         by = f"{100 * abs(found.midline):.2g} %"
         said.append(
@@ -304,8 +313,8 @@ def remarks(
         )
     fallen = found.amplitudes[1] / found.amplitudes[0]
     if fallen > thresholds.HARDLY_FALLS:
-        by = f"{100 * (1 - fallen):.0f} %"
-        said.append((0.5, f"The amplitude falls by {by} only, which tells dampings apart poorly."))
+        by = f"falls by {100 * (1 - fallen):.0f} % only" if fallen < 1 else "does not fall"
+        said.append((0.5, f"The amplitude {by}, which tells dampings apart poorly."))
     if v.exponent is not None:
         e = v.exponent
         said.append(
@@ -325,7 +334,12 @@ def remarks(
         a = v.averages
         moved = f"that moves no parameter by more than {a.error_sd:.1g} of its standard deviation"
         text = f"Averaged amplitude and phase stand for {a.cycles:,.0f} cycles; beside the equation of motion, {moved}."
-        if a.error_sd > thresholds.AVERAGED:
+        if not isfinite(a.error_sd):
+            text = (
+                f"Averaged amplitude and phase stand for {a.cycles:,.0f} cycles; the equation of motion itself could "
+                "not be followed to say how near they are."
+            )
+        elif a.error_sd > thresholds.AVERAGED:
             text = (
                 f"Averaged amplitude and phase stand for {a.cycles:,.0f} cycles, too many for the equation of motion; "
                 f"that moves parameters by up to {a.error_sd:.2g} of their standard deviations."

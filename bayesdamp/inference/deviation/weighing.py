@@ -34,7 +34,9 @@ from bayesdamp.priors import Prior
 from bayesdamp.types import Refusal
 
 SHARES = (0.05, 0.02, 0.01, 0.005, 0.002)
-"""ε as shares of the peak velocity, all alike beforehand, where nobody gave it."""
+"""ε as shares of the peak velocity that are tried where nobody gave it, its logarithm uniform beforehand."""
+BETWEEN, TOLD = 4, 1.0
+"""Widths between these that are tried at most, and nats by which the likeliest must be ahead of a neighbour for it."""
 LEAST = 0.0005
 """The share that stands for an exact switch."""
 USUAL = 0.01
@@ -279,10 +281,44 @@ def _frictions(
         )
 
     tried = [found for found in at_once(under, SHARES) if found is not None]
+    for _ in range(BETWEEN if len(tried) > 2 else 0):
+        between = _between(np.log([e / peak for e, _, _ in tried]), np.array([log for _, log, _ in tried]))
+        new = None if between is None else under(float(np.exp(between)))
+        if new is None:
+            break
+        tried.append(new)
+    tried.sort(key=lambda found: -found[0])
     logs = np.array([log for _, log, _ in tried])
-    weights = np.exp(logs - logs.max())
+    weights = np.exp(logs - logs.max()) * _cells(np.log([e for e, _, _ in tried]))
     shares = weights / weights.sum()
     return [Friction(e, float(w), p[:m], p[m:]) for (e, _, p), w in zip(tried, shares, strict=True)]
+
+
+def _between(at: np.ndarray, logs: np.ndarray) -> float | None:
+    """Log of a width between those that were tried, at (k,), where the likeliest, of log likelihoods (k,), is `TOLD`
+    ahead of a neighbour: where a parabola through the three has its top. None where it stands at an end, and where
+    what lies between tells nothing more."""
+    order = np.argsort(at)
+    at, logs = at[order], logs[order]
+    i = int(np.argmax(logs))
+    if i in (0, at.size - 1) or logs[i] - min(logs[i - 1], logs[i + 1]) < TOLD:
+        return None
+    three = slice(i - 1, i + 2)
+    bend, slope, _ = np.polyfit(at[three] - at[i], logs[three], 2)
+    top = -0.5 * slope / bend
+    sd = 1 / np.sqrt(-2 * bend)
+    if abs(top) < sd:  # the likeliest stands there already: its neighbours are what is too far
+        wide = at[i + 1] - at[i] > at[i] - at[i - 1]
+        top = min(2 * sd, 0.5 * (at[i + 1] - at[i])) if wide else -min(2 * sd, 0.5 * (at[i] - at[i - 1]))
+    return float(at[i] + np.clip(top, 0.75 * (at[i - 1] - at[i]), 0.75 * (at[i + 1] - at[i])))
+
+
+def _cells(at: np.ndarray) -> np.ndarray:
+    """How much of a line each of the points at (k,), in order, stands for, the ends for as much to either side."""
+    if at.size < 2:
+        return np.ones(at.size)
+    gaps = np.abs(np.diff(at))
+    return 0.5 * (np.append(gaps, gaps[-1]) + np.append(gaps[0], gaps))
 
 
 def _corrected(solvers: dict[str, Solver], fits: Mapping[Candidate, Fit]) -> None:

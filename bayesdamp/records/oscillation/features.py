@@ -8,6 +8,7 @@ from functools import lru_cache
 import numpy as np
 
 from bayesdamp.records.oscillation.holes import holes, without_edges
+from bayesdamp.records.oscillation.returning import wandering
 from bayesdamp.records.oscillation.rough import roughness as noise_of
 from bayesdamp.records.oscillation.spectrum import coarse_period
 from bayesdamp.records.oscillation.turning import BLOCK, Turning, midpoints, turning_points
@@ -15,6 +16,8 @@ from bayesdamp.types import FeaturesSeen, Refusal, Signal
 
 BESIDE = 4
 """Gaps on either side of one that say what is usual there."""
+BESIDE_IT = 1.5
+"""Periods on either side of the turning points in which a record must come back to where it was."""
 LEAST_SHARE = 0.3
 """An oscillation must have this share in what a record does within a period or two."""
 
@@ -58,6 +61,10 @@ def features(signal: Signal) -> Features:
     crossings, sharp = crossing_times(t, y, turns, middle)
     period = mean_period(crossings, sharp, turns.times)
     noise = noise_of(t, y, period)
+    seen = (t >= turns.times[0] - BESIDE_IT * period) & (t <= turns.times[-1] + BESIDE_IT * period)
+    wanders = wandering(t[seen], y[seen], period, noise)
+    if wanders:
+        raise Refusal(f"no oscillation is seen: {wanders}")
     pieces = _joined(runs, turns, t, period)
     first, last = pieces[0], pieces[-1]
     before = min((first.times[0] - t[0]) / (2 * (first.times[1] - first.times[0])), 0.5)

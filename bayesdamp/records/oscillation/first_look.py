@@ -47,7 +47,8 @@ class DampingAt:
 class FirstWords:
     """What a record says before any model is fitted.
 
-    frequency, frequency_low, frequency_high: in Hz, mean of the piece used, and its 95 % interval.
+    frequency, frequency_low, frequency_high: in Hz, mean of the piece used, and its 95 % interval, nan where there are
+    too few crossings for one.
     damping: at the largest amplitude of the piece, the geometric middle, and the smallest that is clear of the noise.
     cycles: that stand out of the noise. start, stop: in s, of the record's own times, of the piece used.
     unit: "rad" or "m", of the amplitudes.
@@ -79,9 +80,8 @@ class FirstWords:
         """All of it in words."""
         top, middle, least = self.damping
         half = (self.frequency_high - self.frequency_low) / 2
-        decimals = int(np.clip(1 - np.floor(np.log10(max(half, 1e-9 * self.frequency))), 0, 9))
         lead = (
-            f"It oscillates at {self.frequency:.{decimals}f} ± {half:.{decimals}f} Hz "
+            f"It oscillates at {_hertz(self.frequency, half)} "
             f"for {self.cycles:.0f} cycles ({self.start:.4g} to {self.stop:.4g} s)"
         )
         at = [f"{_percent(d)} at {d.amplitude:.2g} {self.unit}" for d in self.damping]
@@ -94,7 +94,7 @@ class FirstWords:
             change = "it grows with the amplitude, as drag would have it"
         else:
             change = "it grows as the amplitude falls, as dry friction would have it"
-        return f"{lead}; {ratio} (Q about {_quality(self.quality)}); {change}."
+        return f"{lead}; {ratio}{_quality(self.quality)}; {change}."
 
 
 def first_words(signal: Signal) -> FirstWords:
@@ -221,7 +221,7 @@ def _frequency(seen: Features) -> tuple[float, float]:
     """(mean frequency in Hz, half of its 95 % interval) from the crossings of the midline."""
     crossings, k = seen.crossing_times, np.arange(seen.crossing_times.size, dtype=float)
     if k.size < 3:
-        return 1 / seen.period, float("inf")
+        return 1 / seen.period, float("nan")
     columns = np.stack([np.ones_like(k), k / 2, (-1.0) ** k], axis=1)[:, : 3 if k.size >= 4 else 2]
     root = np.abs(np.diff(seen.turning_values))
     root = root / root.max()
@@ -232,6 +232,14 @@ def _frequency(seen: Features) -> tuple[float, float]:
     return 1 / float(c[1]), TWO_SIDED * error / float(c[1]) ** 2
 
 
+def _hertz(frequency: float, half: float) -> str:
+    """A frequency in Hz, as many digits as half its interval allows; about what it is where that has no end."""
+    if not half < frequency:
+        return f"about {frequency:.2g} Hz"
+    decimals = int(np.clip(1 - np.floor(np.log10(max(half, 1e-9 * frequency))), 0, 9))
+    return f"{frequency:.{decimals}f} ± {half:.{decimals}f} Hz"
+
+
 def _percent(d: DampingAt) -> str:
     """A damping ratio in per cent, as many digits as its error allows."""
     error = 100 * d.stderr
@@ -240,4 +248,5 @@ def _percent(d: DampingAt) -> str:
 
 
 def _quality(q: float) -> str:
-    return f"{float(f'{q:.2g}'):g}" if np.isfinite(q) else "infinity"
+    """Q in brackets, where there is one."""
+    return f" (Q about {float(f'{q:.2g}'):g})" if np.isfinite(q) and q > 0 else ""

@@ -65,7 +65,7 @@ def _ratios(ax: Axes, arrays: Mapping[str, np.ndarray], unit: str) -> None:
         a, 100 * arrays["low"], 100 * arrays["high"], color=QUIET, alpha=0.35, lw=0, label="95 % interval"
     )
     ax.plot(a, 100 * arrays["ratio"], color=INK, lw=1.8, label="this record")
-    top = 100 * float(np.nanmax(arrays["high"]))
+    top = 100 * float(np.max(arrays["high"], initial=0.0, where=np.isfinite(arrays["high"])))
     if "free/amplitude" in arrays:
         free, low, high = (arrays[f"free/{n}"] for n in ("amplitude", "ratio_low", "ratio_high"))
         ax.fill_between(free, 100 * low, 100 * high, color=FREE, alpha=0.45, lw=0, label="without a law")

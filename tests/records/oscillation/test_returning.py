@@ -1,0 +1,76 @@
+"""Records that wander instead of oscillating, and oscillations that might be taken for such."""
+
+from __future__ import annotations
+
+import json
+import math
+
+import numpy as np
+import pytest
+
+from bayesdamp.records.cleaning.clean import clean
+from bayesdamp.records.oscillation.features import features
+from bayesdamp.records.oscillation.first_look import first_words
+from bayesdamp.records.record import RawRecord
+from bayesdamp.types import InputError, Refusal, Signal
+from bayesdamp.verdict.parts import Averages, Grade
+from bayesdamp.verdict.types import Verdict
+from bayesdamp.verdict.words import with_interval
+
+WALKS = 40
+
+
+def walk(seed: int) -> tuple[np.ndarray, np.ndarray]:
+    rng = np.random.default_rng(seed)
+    n = int(rng.choice([200, 500, 1000, 2000]))
+    return np.arange(n) * 0.01, 0.01 * np.cumsum(rng.standard_normal(n))
+
+
+def test_random_walks_are_none() -> None:
+    """What is left of them is shorter than the two periods that a record must have."""
+    said = []
+    for seed in range(WALKS):
+        with pytest.raises(InputError) as refused:
+            clean(RawRecord(*walk(seed)), name="walk")
+        said.append(str(refused.value))
+    assert any("as a random walk does" in one for one in said)
+    assert any("no nearer to where it was" in one for one in said)
+
+
+@pytest.mark.parametrize("noise", [0.01, 0.3, 1.0])
+@pytest.mark.parametrize("ratio", [0.001, 0.05, 0.15])
+@pytest.mark.parametrize("samples", [9, 30, 300])
+def test_oscillations_are_none_that_wander(noise: float, ratio: float, samples: int) -> None:
+    """The control: few cycles and many, coarse and fine, at a noise up to the amplitude itself: where they are refused,
+    it is for what noise hides."""
+    t = np.arange(0, 3 if ratio > 0.1 else 8, 1 / samples)
+    y = np.exp(-2 * math.pi * ratio * t) * np.cos(2 * math.pi * t)
+    y += noise * np.random.default_rng(samples).standard_normal(t.size)
+    try:
+        said = str(features(Signal(t, y)).cycles)
+    except Refusal as refused:
+        said = str(refused)
+    assert "out of the noise" in said if noise > 0.1 and not said[:1].isdigit() else float(said) > 1
+
+
+def test_two_modes_are_not_taken_for_a_walk() -> None:
+    t = np.arange(0, 20, 0.02)
+    for other in (1.2, 1.5, 2.5):
+        assert features(Signal(t, np.cos(2 * np.pi * t) + 0.8 * np.cos(2 * np.pi * other * t))).cycles > 3
+
+
+def test_a_frequency_without_an_interval_is_said_without_one() -> None:
+    t = np.arange(0, 1.6, 0.01)
+    said = first_words(Signal(t, np.exp(-t) * np.cos(2 * np.pi * t))).sentence()
+    assert "about" in said
+    assert not any(none in said for none in ("inf", "nan"))
+
+
+def test_no_number_is_said_that_is_none() -> None:
+    nan, inf = float("nan"), float("inf")
+    assert with_interval(nan, nan, nan, " %") == "–"
+    assert with_interval(2.0, -inf, inf, " %") == "2 %, within no bounds"
+    v = Verdict("r", Grade.NOT_WEIGHED, False, "", nan, averages=Averages(500.0, inf))
+    kept = v.to_dict()
+    assert kept["averages"] == {"cycles": 500.0, "error_sd": None}
+    assert "Infinity" not in json.dumps(kept)
