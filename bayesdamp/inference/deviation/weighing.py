@@ -172,10 +172,10 @@ def weigh_all(
         _refitted(data, solvers, fits)
     frictions = [] if given is not None else _frictions(data, solvers, fits, reference.peak_velocity)
     if frictions:
-        first = max(frictions, key=lambda f: f.weight)
-        usual = min(frictions, key=lambda f: abs(f.epsilon - epsilon))
-        if np.log(first.weight / max(usual.weight, 1e-300)) > LEAD:
-            epsilon = first.epsilon
+        density = np.array([f.weight for f in frictions]) / _cells(np.log([f.epsilon for f in frictions]))
+        first, usual = int(np.argmax(density)), int(np.argmin([abs(f.epsilon - epsilon) for f in frictions]))
+        if np.log(density[first] / max(density[usual], 1e-300)) > LEAD:
+            epsilon = frictions[first].epsilon
             for law in laws:
                 solvers[law] = replace(solvers[law], epsilon=epsilon)
             _refitted(data, solvers, fits)

@@ -72,10 +72,15 @@ AMPLITUDES = [0.2, 0.05, 0.02, 0.01]
 SHARE = 0.01
 
 
-@pytest.mark.parametrize("seed", [0, 1, 2])
-def test_ratios_hold_where_the_width_is_not_known(seed: int) -> None:
-    for r in ratios(friction(SHARE, seed), AMPLITUDES):
-        assert r.low < truth(r.amplitude, SHARE) < r.high
+@pytest.mark.parametrize("share", [SHARE, 0.03])
+def test_ratios_hold_where_the_width_is_not_known(share: float) -> None:
+    """At each amplitude in 8 of 10 records at least (false alarm 1.2 % each). A share of 0.03 lies between those that
+    are tried: without widths between them the last is held in 3 of 10."""
+    held = [
+        [r.low < truth(r.amplitude, share) < r.high for r in ratios(friction(share, seed), AMPLITUDES)]
+        for seed in range(110, 120)
+    ]
+    assert np.min(np.sum(held, axis=0)) >= 8
 
 
 def test_under_a_wrong_width_they_do_not_hold() -> None:
