@@ -219,10 +219,9 @@ def _remarks(records: Sequence[Answered], likeliest: str) -> tuple[str, ...]:
     if len(records) > 1:
         amplitude = float(_common(records)[1])
         p = pooled(*np.array([at_amplitude(r.curve, amplitude) for r in records]).T)
-        unit = next((v.damping_ratio[0].unit for v in (r.verdict for r in records) if v.damping_ratio), "rad")
         value, low, high = (rounded(100 * x) for x in (p.spread, p.spread_low, p.spread_high))
         said.append(
-            f"From record to record the damping ratio at {amplitude:.2g} {unit} differs by {value} % (standard "
+            f"From record to record the damping ratio at the middle amplitude differs by {value} % (standard "
             f"deviation; 95 %: {low} to {high} %)."
         )
     alone: dict[str, list[str]] = {}
