@@ -274,6 +274,8 @@ def _followed_on(
     end = min(count, begin + _calm(yb[begin:]))
     if seen == count and floor < 10.0 ** (-ABOVE_FLOOR / 10.0) * np.exp(2.0 * x[-1]):
         return end, None
+    if _steepens(t, y, int(edges[begin]), int(edges[seen]), stop):
+        return end, None
     limit = 10.0 ** (ABOVE_FLOOR / 10.0) * floor
     above = np.flatnonzero(np.exp(2.0 * x) < limit)
     end = min(end, begin + int(above[0])) if above.size else end
@@ -282,6 +284,19 @@ def _followed_on(
         below = np.flatnonzero(smooth - scale < 10.0 * np.log10(limit) - 3.0)
         end = begin + int(below[0]) + SMOOTH // 2 if below.size else end
     return end, known.scaled(10.0 ** (scale / 10.0))
+
+
+def _steepens(t: np.ndarray, y: np.ndarray, begin: int, seen: int, stop: int) -> bool:
+    """Whether readings from `seen` to `stop`, LEAST_POINTS of them at least, fall calmly and no slower than those before
+    do, from `begin` on: what is taken for a floor there is a decay that one power of the amplitude does not follow."""
+    seen = min(seen, stop - LEAST_POINTS)
+    before = slice(max(begin, seen - max(NARROWEST, (seen - begin) // 4)), seen)
+    if before.stop - before.start < LEAST_POINTS:
+        return False
+    line = np.polyfit(t[seen:stop] - t[seen], y[seen:stop], 1)
+    rest = y[seen:stop] - np.polyval(line, t[seen:stop] - t[seen])
+    usual = float(np.polyfit(t[before] - t[seen], y[before], 1)[0])
+    return bool(line[0] < usual < 0.0 and float(np.std(rest)) < WILD)
 
 
 def _flat_end(t: np.ndarray, y: np.ndarray) -> float:
