@@ -24,6 +24,10 @@ SUMS: tuple[tuple[str, ...], ...] = (
 )
 RESTED = -60.0
 """ln(A/A_ref) of what has come to rest."""
+EXPONENTS = -1.0, 3.0
+"""Powers of the amplitude that a loss may go with: below 0 is friction that rises towards rest."""
+NEAR_VISCOUS = 1e-4
+"""Of the exponent: nearer to 1 its derivative is taken from a series."""
 _NEAR_ONE = 1e-6
 _LINEAR = 1e-6
 
@@ -75,6 +79,17 @@ def power_decay(t: np.ndarray, x0: float, log_rate: float, power: float) -> np.n
     with np.errstate(invalid="ignore", divide="ignore"):
         x = x0 - np.log1p(inside) / q
     return np.where((inside > -1.0) & (x > RESTED), x, RESTED)
+
+
+def power_slopes(t: np.ndarray, p: np.ndarray) -> np.ndarray:
+    """Derivatives of `power_decay`'s x by p: x at the start, ln of the rate there, the exponent; shape (n, 3)."""
+    q, passed = p[2] - 1.0, np.exp(p[1]) * t
+    left = np.maximum(1.0 + q * passed, 1e-12)  # 0 where it comes to rest, of which nothing is seen
+    if abs(q) < NEAR_VISCOUS:
+        bend = passed * passed * (0.5 - 2.0 / 3.0 * q * passed)
+    else:
+        bend = (np.log(left) / q - passed / left) / q
+    return np.column_stack([np.ones_like(t), -passed / left, bend])
 
 
 def coefficients(

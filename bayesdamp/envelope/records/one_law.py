@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.optimize import least_squares
 
-from bayesdamp.envelope.model.laws import power_decay
+from bayesdamp.envelope.model.laws import EXPONENTS, power_decay, power_slopes
 
 NEPER = 20.0 / np.log(10.0)
 """dB."""
@@ -23,10 +23,6 @@ CHECKED = 0.05
 WON = 0.15
 """Share of a decay's duration, or of its fall in dB, by which it must be longer to begin where a law begins and not
 where a straight line does."""
-POWERS = -1.0, 3.0
-"""Powers of the amplitude that a loss may go with: below 0 is friction that rises towards rest."""
-NEAR_VISCOUS = 1e-4
-"""Of the exponent: nearer to 1 its derivative is taken from a series."""
 SMALLEST = 0.15
 """dB that is no deviation: detectors are not linear to better."""
 
@@ -127,10 +123,10 @@ def _decay_and_floor(t: np.ndarray, power: np.ndarray, begin: np.ndarray | None)
 
     def slopes(p: np.ndarray) -> np.ndarray:
         seen, floor = signal(p), np.exp(p[3])
-        columns = np.column_stack([2.0 * seen[:, None] * _slopes(t, p), np.full(t.size, floor)])
+        columns = np.column_stack([2.0 * seen[:, None] * power_slopes(t, p), np.full(t.size, floor)])
         return columns * (5.0 / ((seen + floor) * width))[:, None]
 
-    low, high = [-30.0, -60.0, POWERS[0], -80.0], [10.0, 60.0, POWERS[1], 1.0]
+    low, high = [-30.0, -60.0, EXPONENTS[0], -80.0], [10.0, 60.0, EXPONENTS[1], 1.0]
     starts = [] if begin is None else [begin]
     for exponent in (1.0, 0.2, 1.8) if begin is None else ():
         # The rate at the start with which this law falls by `depth` in the time `half`.
@@ -150,14 +146,3 @@ def _decay_and_floor(t: np.ndarray, power: np.ndarray, begin: np.ndarray | None)
         for p in starts
     ]
     return min(found, key=lambda one: one.cost).x
-
-
-def _slopes(t: np.ndarray, p: np.ndarray) -> np.ndarray:
-    """Derivatives of x of a decay by one power, by x at the start, ln of the rate there and the exponent, (n, 3)."""
-    q, passed = p[2] - 1.0, np.exp(p[1]) * t
-    left = np.maximum(1.0 + q * passed, 1e-12)  # 0 where it comes to rest, of which nothing is seen
-    if abs(q) < NEAR_VISCOUS:
-        bend = passed * passed * (0.5 - 2.0 / 3.0 * q * passed)
-    else:
-        bend = (np.log(left) / q - passed / left) / q
-    return np.column_stack([np.ones_like(t), -passed / left, bend])

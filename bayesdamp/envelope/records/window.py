@@ -45,6 +45,9 @@ FLAT = 0.2
 """Share of the rate before it at which a level falls no more."""
 WILD, WILD_OVER = 2.5, 15
 """dB of scatter from one block to the next, over so many, at which a level is a floor's (of random phase: 5.6)."""
+LAST, ROUGHER = 8, 3.0
+"""Readings at least at a record's end that are looked at for what is steeper there; times the roughness of a decay's
+first eighth that a floor, which scatters by 5.6 dB where it is of random phase, has at least."""
 SMOOTH = 7
 """Blocks over which the level is smoothed where it is held against the floor's."""
 LEVEL = 0.15
@@ -287,16 +290,20 @@ def _followed_on(
 
 
 def _steepens(t: np.ndarray, y: np.ndarray, begin: int, seen: int, stop: int) -> bool:
-    """Whether readings from `seen` to `stop`, LEAST_POINTS of them at least, fall calmly and no slower than those before
-    do, from `begin` on: what is taken for a floor there is a decay that one power of the amplitude does not follow."""
-    seen = min(seen, stop - LEAST_POINTS)
+    """Whether readings from `seen` to `stop`, or the last few, fall faster than those before do and are no rougher than
+    the decay's first eighth, from `begin` on: no floor, but a decay that one power of the amplitude does not follow."""
+    seen = min(seen, stop - LAST)
     before = slice(max(begin, seen - max(NARROWEST, (seen - begin) // 4)), seen)
     if before.stop - before.start < LEAST_POINTS:
         return False
-    line = np.polyfit(t[seen:stop] - t[seen], y[seen:stop], 1)
-    rest = y[seen:stop] - np.polyval(line, t[seen:stop] - t[seen])
-    usual = float(np.polyfit(t[before] - t[seen], y[before], 1)[0])
-    return bool(line[0] < usual < 0.0 and float(np.std(rest)) < WILD)
+    slope, usual = (float(np.polyfit(t[one] - t[seen], y[one], 1)[0]) for one in (slice(seen, stop), before))
+    early, late = y[begin : begin + max((seen - begin) // 8, LAST)], y[seen:stop]
+    return slope < usual < 0.0 and _rough(late) < ROUGHER * _rough(early)
+
+
+def _rough(y: np.ndarray) -> float:
+    """Median size of third differences, which a curve hardly has."""
+    return float(np.median(np.abs(np.diff(y, 3))))
 
 
 def _flat_end(t: np.ndarray, y: np.ndarray) -> float:

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from bayesdamp.envelope.model.laws import power_decay
-from bayesdamp.envelope.records.one_law import NEAR_VISCOUS, _slopes
+from bayesdamp.envelope.model.laws import NEAR_VISCOUS, power_decay, power_slopes
 
 STEP = 1e-4
 
@@ -22,5 +21,5 @@ def test_derivatives_of_a_decay(exponent):
         return power_decay(t, p[0], p[1] - (p[2] - 1.0) * p[0], p[2])
 
     expected = np.column_stack([(decay(p + STEP * e) - decay(p - STEP * e)) / (2 * STEP) for e in np.eye(3)])
-    np.testing.assert_allclose(_slopes(t, p), expected, atol=2e-7)
-    assert not np.allclose(_slopes(t, p), 1.001 * expected, atol=2e-7)  # control
+    np.testing.assert_allclose(power_slopes(t, p), expected, atol=2e-7)
+    assert not np.allclose(power_slopes(t, p), 1.001 * expected, atol=2e-7)  # control
