@@ -33,6 +33,10 @@ class Noise(Section):
             "and shared by all models. The evidence is by Laplace's approximation; densities of rounded values "
             "are probabilities divided by the recording step, so that all are on one scale."
         )
+        if run.under_law:
+            said += (
+                " It is that of fits under laws that hold exactly; chains and evidence have the answer's own."
+            )
         return fill(
             "stack.html", parts=[Markup("<p>{}</p>").format(said), by_signal(run, lambda s: _one(run, s))]
         )

@@ -53,7 +53,7 @@ def _sentences(run: Run, study: Mapping[str, Any]) -> list[str]:
         sentence
         for sentence in (
             _used("Estimators", (study.get("estimators") or {}).get("use")),
-            _used("Posteriors", (study.get("posterior") or {}).get("samplers"), _noise(study)),
+            _used("Posteriors", (study.get("posterior") or {}).get("samplers"), _noise(run, study)),
             _used("Evidence", (study.get("evidence") or {}).get("methods")),
         )
         if sentence and not only_answered(run)
@@ -116,7 +116,9 @@ def _is_number(value: object) -> bool:
     return isinstance(value, (int, float)) and not isinstance(value, bool)
 
 
-def _noise(study: Mapping[str, Any]) -> str:
+def _noise(run: Run, study: Mapping[str, Any]) -> str:
+    if run.under_law:
+        return ", with white noise of the size that no deviation takes"
     noise = (study.get("posterior") or {}).get("noise")
     return f", with {words.method(noise)} noise" if isinstance(noise, str) else ""
 
