@@ -278,6 +278,7 @@ def test_what_was_asked_names_dampings_and_laws_once() -> None:
     made = SimpleNamespace(
         models=["viscous", "coulomb", "viscous@linear", "coulomb@linear", "viscous@duffing"],
         info={},
+        under_law=False,
         signals=[],
         cells=lambda *_: [],
         about=lambda name: {"restoring": ["linear", "duffing"]},
