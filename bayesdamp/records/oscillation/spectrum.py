@@ -74,7 +74,8 @@ def coarse_periods(
         ends = np.arange(MOST, t.size + 1, MOST)
         at = max(ends.tolist(), key=lambda end: float(np.var(y[end - MOST : end])))
         piece = slice(at - MOST, at)
-        near = _periods(*on_grid(t[piece], y[piece])[::-1], None, most)
+        finer, values = on_grid(t[piece], y[piece])
+        near = _periods(values, finer, None, most)
         # What they leave of it is an alias, as clean as itself: its share is then of all that the samples had.
         alias = left if near[0][0] < WITHIN * spacing else 1.0
         found = near if near[0][1] > found[0][1] * alias else found
