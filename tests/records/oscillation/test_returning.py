@@ -28,7 +28,8 @@ def walk(seed: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def test_random_walks_are_none() -> None:
-    """But for a few that swing like one, and what is shorter than the two periods that a record must have."""
+    """But for a few that swing like one: steps that are independent are no proof, for noise hides that an oscillation's
+    are not."""
     said = []
     for seed in range(WALKS):
         try:
@@ -36,7 +37,6 @@ def test_random_walks_are_none() -> None:
         except InputError as refused:
             said.append(str(refused))
     assert len(said) >= 0.9 * WALKS
-    assert any("as a random walk does" in one for one in said)
     assert any("no nearer to where it was" in one for one in said)
 
 
