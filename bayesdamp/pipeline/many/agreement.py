@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.special import chdtrc
 
 from bayesdamp.inference.many.hierarchy import Sample, population
 from bayesdamp.inference.many.joint import Apart, JointMode
@@ -143,7 +143,7 @@ def chance_of(joint: JointMode, free: Sequence[JointMode], parameters: int) -> f
     if not free:
         return float("nan")
     better = sum(map(_height, free)) - _height(joint)
-    return float(chi2.sf(2 * max(better, 0.0), (len(joint.joint.records) - 1) * parameters))
+    return float(chdtrc((len(joint.joint.records) - 1) * parameters, 2 * max(better, 0.0)))
 
 
 def _height(mode: JointMode) -> float:
