@@ -10,8 +10,8 @@ import numpy as np
 
 from bayesdamp.records.columns.swings import Swing, swing
 from bayesdamp.records.files.facts import sampling_rate
-from bayesdamp.records.oscillation.rectified import rectified
 from bayesdamp.records.record import RawRecord
+from bayesdamp.records.rectified import rectified
 from bayesdamp.records.stated_columns import HALF_TURN, half_swing
 from bayesdamp.units import UNITS
 

@@ -216,10 +216,10 @@ def _share(v: Verdict, s: Share) -> str:
     that nothing else takes energy, in place of an interval that begins at 0 where a rival without it is possible."""
     name = words_of(s.term)
     if s.low >= ALL:
-        return f"{name} all of it"
+        return f"all of it {name}"
     if s.term == v.damping and s.share >= ALL:
-        likely = "all of it" if v.probability >= 0.5 else "alone"
-        return f"{name} {likely} with probability {probability(v.probability)}"
+        said = f"all of it {name}" if v.probability >= 0.5 else f"{name} alone"
+        return f"{said} with probability {probability(v.probability)}"
     return f"{name} {_percent(s)}"
 
 

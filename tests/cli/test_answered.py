@@ -23,11 +23,16 @@ def write(path: Path) -> Path:
     return path
 
 
+def compare(folder: Path, *dampings: str) -> list[str]:
+    """The command that compares dampings on that oscillation; its answer goes to `out` in the folder."""
+    asked = ["compare", str(write(folder / "a.csv")), "--restoring", "linear", "--workers", "1"]
+    return [*asked, *(word for one in dampings for word in ("--damping", one)), "--out", str(folder / "out")]
+
+
 @pytest.fixture(scope="module")
 def compared(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("compared")
-    asked = ["--restoring", "linear", "--damping", "viscous", "--damping", "coulomb", "--workers", "1"]
-    assert main(["compare", str(write(folder / "a.csv")), *asked, "--out", str(folder / "out")]) == 0
+    assert main(compare(folder, "viscous", "coulomb")) == 0
     return folder / "out"
 
 
@@ -55,18 +60,8 @@ def test_exact_laws_are_sampled_only_where_that_is_asked_for(compared: Path) -> 
 def test_the_second_opinion_is_under_the_answer_s_deviations_where_these_are_asked_for(
     deviation: str, likelihood: str, tmp_path: Path
 ) -> None:
-    asked = [
-        "--restoring",
-        "linear",
-        "--damping",
-        "viscous",
-        "--damping",
-        "viscous+coulomb",
-        "--workers",
-        "1",
-    ]
-    asked += ["--exact", "--deviation", deviation]
-    assert main(["compare", str(write(tmp_path / "a.csv")), *asked, "--out", str(tmp_path / "out")]) == 0
+    asked = compare(tmp_path, "viscous", "viscous+coulomb")
+    assert main([*asked, "--exact", "--deviation", deviation]) == 0
     rows = read_table(tmp_path / "out" / "evidence.csv")
     weighed = {r["deviation"] for r in rows if r["method"] in ("importance", "bridge")}
     drawn = [r for r in read_table(tmp_path / "out" / "posteriors.csv") if r["sampler"] == "nuts"]
@@ -76,18 +71,7 @@ def test_the_second_opinion_is_under_the_answer_s_deviations_where_these_are_ask
 
 
 def test_a_quick_comparison_samples_nothing(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    asked = [
-        "--restoring",
-        "linear",
-        "--damping",
-        "viscous",
-        "--damping",
-        "coulomb",
-        "--workers",
-        "1",
-        "--quick",
-    ]
-    assert main(["compare", str(write(tmp_path / "a.csv")), *asked, "--out", str(tmp_path / "out")]) == 0
+    assert main([*compare(tmp_path, "viscous", "coulomb"), "--quick"]) == 0
     said = capsys.readouterr().out
     assert "Viscous damping" in said
     assert "ampling" not in said

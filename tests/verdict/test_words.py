@@ -62,9 +62,9 @@ def test_an_exponent_near_coulombs_does_not_call_another_law_coulomb(damping: st
 def test_a_share_of_all_is_not_given_an_interval_from_nothing() -> None:
     """Control: a term beside another has its interval."""
     sole = Verdict("rig", Grade.EXACT, True, "viscous", 0.991, energy=(Share("viscous", 1, 0, 1, 0.991),))
-    assert energy_of(sole) == ("Energy lost: viscous all of it with probability 0.991.",)
+    assert energy_of(sole) == ("Energy lost: all of it viscous with probability 0.991.",)
     sure = replace(sole, energy=(Share("viscous", 1, 1, 1, 0.999),))
-    assert energy_of(sure) == ("Energy lost: viscous all of it.",)
+    assert energy_of(sure) == ("Energy lost: all of it viscous.",)
     behind = replace(
         sole, probability=0.13, energy=(Share("viscous", 1, 0, 1, 0.13), Share("coulomb", 0, 0, 0.3, 0.2))
     )

@@ -18,8 +18,7 @@ def wandering(t: np.ndarray, y: np.ndarray, period: float, noise: float) -> str:
     half = _changes(t, y, 0.5 * period) - 2 * noise**2
     if not (np.isfinite(shared) and np.isfinite(half)) or half <= 0:
         return ""
-    share = shared / half
-    if share > NO_NEARER:
+    if shared > NO_NEARER * half:
         return "after a period it is no nearer to where it was than after half of one"
     return ""
 
