@@ -15,6 +15,7 @@ from bayesdamp.types import OK
 from bayesdamp.verdict.agreement import Agreement, agreement, intervals
 from bayesdamp.verdict.parts import Grade
 from bayesdamp.verdict.types import Verdict
+from bayesdamp.verdict.units import in_unit
 from bayesdamp.verdict.words import with_interval
 
 
@@ -33,7 +34,9 @@ def sampled(run: Run, signal: str) -> str:
     repeat = run.repeats(signal)[0]
     cells = [run.cell(kind, signal, repeat) for kind in ("answer", "sampled")]
     verdicts = [
-        Verdict.from_dict(AnswerContent.of(c).verdict) for c in cells if c is not None and c.outcome == OK
+        in_unit(Verdict.from_dict(AnswerContent.of(c).verdict), run.unit(signal))
+        for c in cells
+        if c is not None and c.outcome == OK
     ]
     if len(verdicts) < 2 or verdicts[0].grade is Grade.NO_FREE_DECAY:
         return ""
