@@ -133,6 +133,7 @@ class Motion(StrEnum):
     """What a record is that is no free decay of one oscillator."""
 
     GROWING = "growing"
+    STEADY = "steady"
     BEATS = "beats"
     TWO_MODES = "two modes"
     DRIVEN = "driven"

@@ -133,6 +133,8 @@ def _no_free_decay(v: Verdict, motion: Motion) -> str:
     """What is seen in place of the free decay of one oscillator, and how large it is."""
     lead = "Not the free decay of one oscillator:"
     one = v.modes[0]
+    if motion is Motion.STEADY:
+        return _no_decay(one, v)
     if motion is Motion.GROWING:
         return f"{lead} its oscillation at {_mode(one)} grows, from {one.first:.2g} to {one.last:.2g} {one.unit}."
     other = v.modes[1]
@@ -146,6 +148,17 @@ def _no_free_decay(v: Verdict, motion: Motion) -> str:
     what = "two oscillations beat" if motion is Motion.BEATS else "two modes are in it"
     second = f"the second with {share} of the amplitude of the first"
     return f"{lead} {what}, at {_mode(one)} and at {_mode(other)}, {second}."
+
+
+def _no_decay(one: Mode, v: Verdict) -> str:
+    """An oscillation that stays; what it may lose at most, should nothing keep it in motion."""
+    limit = max(one.damping_ratio, 0.0) + 0.5 * (one.high - one.low)
+    cycles = f" over {v.window.cycles:.0f} cycles" if v.window else ""
+    return (
+        f"No decay is seen: it oscillates at {digits(one.frequency, _slack(one))} Hz with an amplitude of "
+        f"{one.first:.3g} {one.unit} that stays{cycles}. Something keeps it in motion, or its damping ratio is below "
+        f"{100 * limit:.2g} % (95 %), Q above {float(f'{0.5 / limit:.2g}'):,.0f}."
+    )
 
 
 def _mode(m: Mode) -> str:

@@ -52,3 +52,16 @@ def test_compare_tells_it_in_python(tmp_path: Path) -> None:
     with pytest.raises(bd.InputError, match="nothing to draw"):
         found.plot()
     assert "grows" in found.report(tmp_path / "page.html").read_text(encoding="utf-8")
+
+
+def test_where_no_decay_is_seen_the_loss_is_bounded() -> None:
+    """The limit is that of the rate, whose standard error in white noise is sqrt(24) sd / (A T^1.5 rate^.5)."""
+    t, y = sum_of((0.3, 1.0, 0.0))
+    verdict = answer(Signal(t, y)).verdict
+    assert verdict.motion is Motion.STEADY
+    assert verdict.damping_ratio == ()
+    one = verdict.modes[0]
+    expected = 24**0.5 * 0.003 / (0.3 * 40**1.5 * 50**0.5) / OMEGA
+    assert (one.high - one.low) / 3.92 == pytest.approx(expected, rel=0.1)
+    assert verdict.sentence.startswith("No decay is seen: it oscillates at 0.6366")
+    assert "damping ratio is below" in verdict.sentence

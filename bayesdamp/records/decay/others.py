@@ -10,13 +10,15 @@ from bayesdamp.records.oscillation.spectrum import coarse_period
 
 LEAST = 0.05
 """Size of a second oscillation, relative to the first, from which a record is kept whole."""
+STEADY = "steady"
+"""The largest value of what stays is anywhere."""
 LATE = 0.5
 """Share of the record from which its largest value comes too late for what follows to be all of it."""
 
 
 def no_free_decay(t: np.ndarray, y: np.ndarray, seek_start: bool, seek_stop: bool) -> Window | None:
     """The whole of a record t (s), y, shape (n,), from its largest value on, where that shows two oscillations, or one
-    that grows; None elsewhere, and where the user gave an end."""
+    that grows or stays; None elsewhere, and where the user gave an end."""
     if not (seek_start and seek_stop):
         return None
     period, _ = coarse_period(t, y, float(t[-1] - t[0]))
@@ -27,4 +29,7 @@ def no_free_decay(t: np.ndarray, y: np.ndarray, seek_start: bool, seek_stop: boo
     found = other_than_one(t[first:], y[first:], period)
     if found is None or found.size < LEAST:
         return None
+    if found.seen == STEADY:
+        before = other_than_one(t, y, period)
+        first = 0 if before is not None and before.seen == STEADY else first
     return Window(first, t.size - 1, ("It is no free decay of one oscillator, and is kept whole.",))

@@ -33,14 +33,23 @@ HOLE = 0.2
 """Part of a period without a sample in which a turning point may be missed."""
 CYCLES = 3.0
 """Cycles of the slower mode below which nothing is said."""
+UNSEEN = 3.0
+"""Standard errors of a rate below which no decay is seen."""
+KEPT = 0.05
+"""Fall of the amplitude over a record, or over its last third, below which something keeps it up: of damping by a power
+of the velocity up to the third an amplitude that has halved falls by 10 % and more in the last third."""
+HALVED = 2.0
+"""By how much the amplitude falls at least before it stays."""
+ABOVE = 20.0
+"""Standard deviations of a sample by which a range of a period must exceed it, to be an oscillation that stays."""
 
 
 @dataclass(frozen=True)
 class NotOne:
-    """What is seen. modes: one that grows, or two. size: of the second mode, relative to the largest amplitude of the
-    first; of growth, the factor by which it grows less 1."""
+    """What is seen. modes: one that grows or stays, or two. size: of the second mode, relative to the largest amplitude
+    of the first; of growth, the factor by which it grows less 1; of one that stays, 1."""
 
-    seen: Literal["growing", "beats", "two modes", "driven"]
+    seen: Literal["growing", "steady", "beats", "two modes", "driven"]
     modes: Modes
     size: float
 
@@ -51,7 +60,7 @@ def other_than_one(t: np.ndarray, y: np.ndarray, period: float) -> NotOne | None
 
     A second mode is believed where two damped sinusoids explain nearly all, one does not, and what both make together
     is nothing that one oscillator does, be it linear or not: another frequency that is no harmonic, or an amplitude
-    that rises.
+    that rises, or falls and then stays.
     """
     t, y = few_samples(np.asarray(t, float), np.asarray(y, float), period)
     if t.size < 20:
@@ -61,6 +70,8 @@ def other_than_one(t: np.ndarray, y: np.ndarray, period: float) -> NotOne | None
         return None
     if one.left < 1 - EXPLAINED and _grows(one):
         return NotOne("growing", one, float(one.last[0] / one.first[0] - 1))
+    if one.left < 1 - EXPLAINED and _stays(one, float(t[-1] - t[0])):
+        return NotOne("steady", one, 1.0)
     two = damped_modes(t, y, 2)
     if two is None or two.left > (1 - EXPLAINED) or two.left > 0.5 * one.left:
         return None
@@ -70,10 +81,10 @@ def other_than_one(t: np.ndarray, y: np.ndarray, period: float) -> NotOne | None
     if f * float(t[-1] - t[0]) < CYCLES:
         return None
     if g / f - 1 < CLOSE:
-        if _lifted(t, y, 1 / f, float(np.std(y)) * two.left**0.5) < LIFTED:
+        ranges, noise = _ranges(t, y, 1 / f), float(np.std(y)) * two.left**0.5
+        if _lifted(ranges, noise) < LIFTED and not (_steady(two) and _levels(ranges, noise)):
             return None
-        seen = "driven" if _steady(two) else "beats"
-        return NotOne(seen, two, size)
+        return NotOne("driven" if _steady(two) else "beats", two, size)
     multiple = two.frequencies[1] / two.frequencies[0]
     if multiple > 1 and abs(multiple - round(multiple)) < HARMONIC * multiple:
         return None
@@ -82,6 +93,16 @@ def other_than_one(t: np.ndarray, y: np.ndarray, period: float) -> NotOne | None
 
 def _grows(one: Modes) -> bool:
     return bool(one.rates[0] < -SIGMAS * one.errors[0] and one.last[0] > GROWN * one.first[0])
+
+
+def _stays(one: Modes, duration: float) -> bool:
+    """Whether no decay is seen where one would be."""
+    rate, error = float(one.rates[0]), float(one.errors[0])
+    return (
+        one.frequencies[0] * duration > CYCLES
+        and rate < UNSEEN * error
+        and (abs(rate) + 2 * error) * duration < KEPT
+    )
 
 
 def _steady(two: Modes) -> bool:
@@ -95,19 +116,34 @@ def _filled(t: np.ndarray, a: int, b: int, widest: float) -> bool:
     return bool(np.diff(t[max(a - 1, 0) : b + 1]).max() <= widest)
 
 
-def _lifted(t: np.ndarray, y: np.ndarray, period: float, noise: float) -> float:
-    """By how much the amplitude surely rises again after it has fallen, relative to itself then.
-
-    Ranges of whole periods are compared, the larger of two in a row with the lesser of two later ones. Damping of any
-    law takes energy: of one oscillator this is noise. noise: standard deviation of a sample.
-    """
+def _ranges(t: np.ndarray, y: np.ndarray, period: float) -> np.ndarray:
+    """The ranges of whole periods without a hole, in order."""
     edges = np.searchsorted(t, np.arange(t[0], t[-1], period))
     widest = max(HOLE * period, 2.5 * float(np.median(np.diff(t))))
     whole = [(a, b) for a, b in pairwise(edges) if b - a > 3 and _filled(t, a, b, widest)]
-    ranges = np.array([np.ptp(y[a:b]) for a, b in whole])
+    return np.array([np.ptp(y[a:b]) for a, b in whole])
+
+
+def _lifted(ranges: np.ndarray, noise: float) -> float:
+    """By how much the amplitude surely rises again after it has fallen, relative to itself then.
+
+    The larger of two ranges in a row is compared with the lesser of two later ones. Damping of any law takes energy: of
+    one oscillator this is noise. noise: standard deviation of a sample.
+    """
     if ranges.size < 2 * TOGETHER:
         return 0.0
     runs = np.lib.stride_tricks.sliding_window_view(ranges, TOGETHER)
     before, later = np.minimum.accumulate(runs.max(axis=1))[:-TOGETHER], runs.min(axis=1)[TOGETHER:]
     lifted = later - before - CLEAR * noise
     return float(max(np.max(lifted / np.maximum(later, 1e-300)), 0.0))
+
+
+def _levels(ranges: np.ndarray, noise: float) -> bool:
+    """Whether the amplitude has fallen and then stays, clear of the noise, for the last third of the periods."""
+    last = ranges[-(ranges.size // 3) :]
+    if last.size < 3 * TOGETHER:
+        return False
+    middle = float(np.median(last))
+    early, late = np.median(last[: last.size // 2]), np.median(last[-(last.size // 2) :])
+    # Medians of halves are half of the stretch apart.
+    return bool(ranges[0] > HALVED * middle and middle > ABOVE * noise and 2 * abs(early / late - 1) < KEPT)

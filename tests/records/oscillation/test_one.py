@@ -46,7 +46,9 @@ def test_modes_have_the_frequencies_and_ratios_they_were_made_with() -> None:
         ("two modes", ((0.3, 1.0, 0.01), (0.1, 2.7, 0.004))),
         ("two modes", ((0.3, 1.0, 0.01), (0.1, 0.6, 0.01))),
         ("driven", ((0.3, 1.0, 0.02), (0.08, 1.3, 0.0))),
+        ("driven", ((0.3, 1.0, 0.05), (0.05, 1.01, 0.0))),  # less than a beat apart
         ("growing", ((0.02, 1.0, -0.012),)),
+        ("steady", ((0.3, 1.0, 0.0),)),
     ],
 )
 def test_what_is_seen_has_its_name(seen: str, parts: tuple) -> None:
@@ -63,7 +65,8 @@ def test_what_is_seen_has_its_name(seen: str, parts: tuple) -> None:
     [
         ((0.3, 1.0, 0.01),),  # one mode
         ((0.3, 1.0, 0.01), (0.03, 3.0, 0.03)),  # its third harmonic
-        ((0.3, 1.0, 0.0),),  # it neither decays nor grows
+        ((0.3, 1.0, 0.0002),),  # it hardly decays, and that is seen
+        ((0.3, 1.0, 0.05), (0.05, 1.01, 0.004)),  # two, but what stays decays
     ],
 )
 def test_one_oscillation_is_one(parts: tuple) -> None:
@@ -103,3 +106,17 @@ def test_a_record_that_beats_is_kept_whole() -> None:
     signal = clean(RawRecord(t, y), name="beats")
     assert signal.t[-1] > 39
     assert "no free decay" in " ".join(signal.provenance.notes)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("power", [1.0, 2.0, 3.0])
+def test_an_amplitude_that_no_law_keeps_up_is_no_drive(power: float) -> None:
+    """A^(1 - p) - A0^(1 - p) grows with time, or ln A, of a force that goes with |v|^p: what falls most slowly."""
+    t = np.arange(0, 200, 0.05)
+    envelope = np.exp(-0.02 * t) if power == 1 else (1 + 0.1 * t) ** (-1 / (power - 1))
+    y = 0.3 * envelope * np.cos(OMEGA * t) + 1e-4 * np.random.default_rng(2).standard_normal(t.size)
+    assert other_than_one(t, y, 2 * np.pi / OMEGA) is None
+
+
+def test_of_what_stays_nothing_is_cut() -> None:
+    t, y = sum_of((0.3, 1.0, 0.0))
+    assert clean(RawRecord(t, y), name="steady").t.size == t.size
