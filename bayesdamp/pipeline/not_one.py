@@ -18,6 +18,7 @@ from bayesdamp.verdict.words import sentence
 
 ORDER = {"angle": 0, "velocity": 1, "acceleration": 2}
 TWO_SIDED = 1.96
+VISCOUS = "Each oscillation is taken as a sinusoid with viscous damping."
 
 
 @lru_cache(maxsize=8)
@@ -50,7 +51,7 @@ def no_free_decay(signal: Signal) -> Verdict | None:
         motion=Motion(found.seen),
         modes=modes,
         window=Window(first, first + duration, duration * f, ""),
-        remarks=("Each oscillation is taken as a sinusoid with viscous damping.",),
+        remarks=() if np.isnan(found.modes.rates).any() else (VISCOUS,),
     )
     return replace(verdict, sentence=sentence(verdict))
 

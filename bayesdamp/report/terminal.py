@@ -21,7 +21,7 @@ from bayesdamp.report.results.specimens import joint_cells, sentences
 from bayesdamp.types import OK
 from bayesdamp.units import UNITS
 from bayesdamp.verdict.agreement import agreement
-from bayesdamp.verdict.parts import Grade
+from bayesdamp.verdict.parts import Grade, Motion
 from bayesdamp.verdict.types import Verdict
 from bayesdamp.verdict.units import in_unit
 from bayesdamp.verdict.words import energy_of, quality_of, with_interval
@@ -120,7 +120,8 @@ def _why(run: Run, signal: str) -> str:
 
 
 def _modes(verdict: Verdict) -> Table:
-    table = Table("frequency", "damping ratio (95 %)", "amplitude, first to last")
+    ends = "least to largest" if verdict.motion is Motion.EXCITED else "first to last"
+    table = Table("frequency", "damping ratio (95 %)", f"amplitude, {ends}")
     for m in verdict.modes:
         ratio = with_interval(m.damping_ratio, m.low, m.high, " %", 100)
         table.add_row(f"{m.frequency:.5g} Hz", ratio, f"{m.first:.3g} to {m.last:.3g} {m.unit}")

@@ -18,6 +18,7 @@ from bayesdamp.verdict.parts import (
     FrequencyAt,
     Grade,
     Interval,
+    OverLaw,
     Rival,
     Share,
     Window,
@@ -80,6 +81,7 @@ def decide(
         coefficients=_coefficients(found, unit),
         window=window,
         averages=averages,
+        over_law=_over_law(found, unit),
     )
     said = remarks(verdict, found, same, notes, untold)
     return _with(verdict, remarks=said, sentence=sentence(verdict))
@@ -129,6 +131,19 @@ def _interval(q: Quantity, unit: str = "") -> Interval:
 def _frequency_at(found: Findings, unit: str) -> FrequencyAt | None:
     q = found.frequency_at
     return None if q is None else FrequencyAt(found.ratios[-1].amplitude, unit, q.value, q.low, q.high)
+
+
+def _over_law(found: Findings, unit: str) -> OverLaw | None:
+    """Of the amplitudes at which the damping is surely further from the law than it may be, the one furthest off."""
+    off = [
+        (max(q.low, 1 / q.high), r.amplitude, q)
+        for r, q in zip(found.ratios, found.over_laws, strict=False)
+        if max(q.low, 1 / q.high) > 1 + thresholds.DEVIATES
+    ]
+    if not off:
+        return None
+    _, amplitude, q = max(off, key=lambda one: one[0])
+    return OverLaw(amplitude, unit, q.value, q.low, q.high)
 
 
 def _energy(found: Findings) -> tuple[Share, ...]:

@@ -38,6 +38,17 @@ class FrequencyAt:
 
 
 @dataclass(frozen=True)
+class OverLaw:
+    """How many times its law's own the damping is at an amplitude of the record, with its 95 % interval."""
+
+    amplitude: float
+    unit: str
+    value: float
+    low: float
+    high: float
+
+
+@dataclass(frozen=True)
 class DampingRatio:
     """Equivalent viscous damping ratio at an amplitude, with its total 95 % interval.
 
@@ -134,6 +145,7 @@ class Motion(StrEnum):
 
     GROWING = "growing"
     STEADY = "steady"
+    EXCITED = "excited"
     BEATS = "beats"
     TWO_MODES = "two modes"
     DRIVEN = "driven"

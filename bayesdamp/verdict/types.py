@@ -21,6 +21,7 @@ from bayesdamp.verdict.parts import (
     Interval,
     Mode,
     Motion,
+    OverLaw,
     Rival,
     Share,
     Window,
@@ -38,7 +39,8 @@ class Verdict:
 
     records: how many it is said of. decided: whether one damping is named without reservation. motion, modes: of a
     record that is no free decay of one oscillator, what it is and its oscillations, the largest first. deviation:
-    energy-weighted mean of the relative deviation from the law. unnamed: share of the energy that no named law
+    energy-weighted mean of the relative deviation from the law; over_law: where one of the ratios' amplitudes is surely
+    further from it than a law may be, the damping there over the law's. unnamed: share of the energy that no named law
     explains. unexplained_pct, noise_pct: root mean square beyond the noise, and of the noise, in % of the amplitude.
     frequency: of small oscillations, by the restoring law; frequency_at: at the last of the ratios' amplitudes.
     midline_drift_pct: by how much the midline moves over the record, in % of the first amplitude, 0 where that is not
@@ -67,6 +69,7 @@ class Verdict:
     coefficients: tuple[Coefficient, ...] = ()
     motion: Motion | None = None
     modes: tuple[Mode, ...] = ()
+    over_law: OverLaw | None = None
     window: Window | None = None
     averages: Averages | None = None
     remarks: tuple[str, ...] = ()
@@ -200,6 +203,7 @@ _SINGLE = {
     "unnamed": Interval,
     "window": Window,
     "averages": Averages,
+    "over_law": OverLaw,
 }
 _LISTS = {
     "rivals": Rival,

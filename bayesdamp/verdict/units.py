@@ -29,7 +29,9 @@ def in_unit(v: Verdict, unit: Unit) -> Verdict:
     )
     at = v.frequency_at
     at = None if at is None else replace(at, amplitude=at.amplitude * own.scale, unit=own.name)
-    shown = replace(v, damping_ratio=ratios, modes=modes, frequency_at=at)
+    over = v.over_law
+    over = None if over is None else replace(over, amplitude=over.amplitude * own.scale, unit=own.name)
+    shown = replace(v, damping_ratio=ratios, modes=modes, frequency_at=at, over_law=over)
     return replace(shown, sentence=sentence(shown))
 
 

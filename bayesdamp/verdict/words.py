@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from bayesdamp.physics.damping import PAPER_TERMS, TERMS, words_of
 from bayesdamp.verdict import thresholds
-from bayesdamp.verdict.parts import DampingRatio, FrequencyAt, Grade, Interval, Mode, Motion, Share
+from bayesdamp.verdict.parts import DampingRatio, FrequencyAt, Grade, Interval, Mode, Motion, OverLaw, Share
 from bayesdamp.verdict.types import Verdict
 
 if TYPE_CHECKING:
@@ -135,6 +135,12 @@ def _no_free_decay(v: Verdict, motion: Motion) -> str:
     one = v.modes[0]
     if motion is Motion.STEADY:
         return _no_decay(one, v)
+    if motion is Motion.EXCITED:
+        f, span = f"{one.frequency:.3g} Hz", f"{one.first:.2g} and {one.last:.2g} {one.unit}"
+        return (
+            f"{lead} at {f} its amplitude rises and falls again and again, between {span}, as random forces would have "
+            "it. Its damping takes a record in which nothing excites it, or a method for ambient vibration."
+        )
     if motion is Motion.GROWING:
         return f"{lead} its oscillation at {_mode(one)} grows, from {one.first:.2g} to {one.last:.2g} {one.unit}."
     other = v.modes[1]
@@ -251,7 +257,14 @@ def _hold(v: Verdict) -> str:
         return f"; the law holds within {max(100 * d.high, 0.1):.2g} %"
     if d.value < UNSEEN:
         return f"; no deviation from the law is seen (95 %: below {100 * d.high:.2g} %)"
-    return f"; the law holds within {100 * d.value:.2g} % (95 %: below {100 * d.high:.2g} %)"
+    within = f"; the law holds within {100 * d.value:.2g} % (95 %: below {100 * d.high:.2g} %)"
+    return within if v.over_law is None else f"{within} but at {_over_law(v.over_law)}"
+
+
+def _over_law(o: OverLaw) -> str:
+    """Where the damping is not the law's, and how many times it is that."""
+    times = with_interval(o.value, o.low, o.high, "")
+    return f"{o.amplitude:.2g} {o.unit}, where the damping is {times} times the law's"
 
 
 def loses_like(e: Interval, damping: str = "") -> str:

@@ -12,7 +12,7 @@ from bayesdamp.pipeline.answer import answer
 from bayesdamp.types import Signal
 from bayesdamp.verdict.parts import Grade, Motion
 from bayesdamp.verdict.types import Verdict
-from tests.records.oscillation.test_one import OMEGA, sum_of
+from tests.records.oscillation.test_one import OMEGA, shaken, sum_of
 
 
 def test_beats_are_said_with_their_sizes_and_kept_in_json() -> None:
@@ -65,3 +65,13 @@ def test_where_no_decay_is_seen_the_loss_is_bounded() -> None:
     assert (one.high - one.low) / 3.92 == pytest.approx(expected, rel=0.1)
     assert verdict.sentence.startswith("No decay is seen: it oscillates at 0.6366")
     assert "damping ratio is below" in verdict.sentence
+
+
+def test_ambient_vibration_is_told_from_a_decay() -> None:
+    t, y = shaken(0.01, 200, 8)
+    verdict = answer(Signal(t, y)).verdict
+    assert verdict.motion is Motion.EXCITED
+    assert verdict.sentence.startswith("Not the free decay of one oscillator: at 1")
+    again = Verdict.from_dict(verdict.to_dict())
+    assert repr(again) == repr(verdict)
+    assert verdict.remarks == ()

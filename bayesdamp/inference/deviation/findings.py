@@ -16,7 +16,7 @@ from bayesdamp.inference.deviation.numbers.curves import (
     share_of_time,
     values_of,
 )
-from bayesdamp.inference.deviation.numbers.deviations import left_over, midline_drift, size_of
+from bayesdamp.inference.deviation.numbers.deviations import left_over, midline_drift, over_laws, size_of
 from bayesdamp.inference.deviation.numbers.draws import (
     DRAWS,
     Drawn,
@@ -57,7 +57,8 @@ class Findings:
     parameters of the likeliest sum that the record does not tell, and pairs that it tells only together; exponents:
     quantiles of the exponent, equidistant in probability, none where there is no exponent; midline: by how much it
     drifts over the record, as a share of the first amplitude, 0 where that is not seen. frequency: of small
-    oscillations, frequency_at: at the last of the ratios' amplitudes, Hz.
+    oscillations, frequency_at: at the last of the ratios' amplitudes, Hz. over_laws: how many times the law's own the
+    damping is at the ratios' amplitudes.
     """
 
     damping: Mapping[str, float]
@@ -87,6 +88,7 @@ class Findings:
     exponents: tuple[float, ...] = ()
     midline: float = 0.0
     frequency_at: Quantity | None = None
+    over_laws: tuple[Quantity, ...] = ()
 
 
 def default_amplitudes(weighing: Weighing) -> tuple[float, float, float]:
@@ -148,6 +150,7 @@ def findings(
         energy={t: quantity(shares[:, i]) for i, t in enumerate(terms)},
         bound=forms | absent,
         deviation=quantity(size),
+        over_laws=over_laws(weighing, every, wanted, np.random.default_rng([seed, 3])) if approximate else (),
         restoring_deviation=quantity(size_h),
         other=float(np.quantile(size, 0.95)),
         coefficients=_coefficients(weighing, drawn, best),

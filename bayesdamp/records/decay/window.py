@@ -12,7 +12,7 @@ from bayesdamp.records.decay.pieces import Scale, pieces_before
 from bayesdamp.records.decay.stretches import stretches, worth
 from bayesdamp.records.oscillation.holes import without_edges
 from bayesdamp.records.oscillation.rough import roughness
-from bayesdamp.records.oscillation.spectrum import coarse_periods
+from bayesdamp.records.oscillation.spectrum import coarse_periods, samples_a_cycle
 from bayesdamp.records.oscillation.turning import Turning, midpoints, thinned, turning_points
 from bayesdamp.types import InputError
 
@@ -24,6 +24,8 @@ ERRORS = 4.0
 """The same in standard errors of a turning value: noise itself has turning points of one or two."""
 SHARE = 0.3
 """Share that an oscillation must have in a record, beyond what white noise would give."""
+FEWEST_A_CYCLE = 4.0
+"""Samples in a cycle from which it can be followed."""
 CLEAR = 0.85
 """Share from which on no other period is tried."""
 HEAD = 24
@@ -145,6 +147,14 @@ def _found(t: np.ndarray, y: np.ndarray, step: float, name: str) -> _Found:
             break
     if not seen:
         share = max(share for _, share in periods)
+        each = samples_a_cycle(t, y)
+        if each < FEWEST_A_CYCLE:
+            f = 1 / (each * float(np.median(np.diff(t))))
+            raise InputError(
+                f"it is sampled too coarsely: its strongest oscillation, at {f:.3g} Hz, has {each:.2g} samples a "
+                f"cycle; give a record with {FEWEST_A_CYCLE:.0f} or more, better 10",
+                name,
+            )
         if share < SHARE:
             raise InputError(
                 f"no oscillation stands out of the noise (share of the best sinusoid {share:.2f})",

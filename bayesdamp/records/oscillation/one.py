@@ -9,6 +9,9 @@ from typing import Literal
 import numpy as np
 
 from bayesdamp.records.oscillation.modes import Modes, damped_modes, few_samples
+from bayesdamp.records.oscillation.returning import wandering
+from bayesdamp.records.oscillation.rough import roughness
+from bayesdamp.records.oscillation.spectrum import coarse_period
 
 EXPLAINED = 0.95
 """Share of what one damped sinusoid leaves that a second must explain, and of the whole that both must."""
@@ -40,6 +43,13 @@ KEPT = 0.05
 of the velocity up to the third an amplitude that has halved falls by 10 % and more in the last third."""
 HALVED = 2.0
 """By how much the amplitude falls at least before it stays."""
+AGAIN, RISES, SLOWLY = 1.5, 4, 3
+"""By how much an amplitude rises, how many times, and in how many periods at least, where it is excited all along."""
+RISING = 0.25
+"""Share of the record in which it does so, at least: half where chance does it, little where a hand lets go again and
+again."""
+SHARE = 0.3
+"""Share of an oscillation in what a record does, below which there is none."""
 ABOVE = 20.0
 """Standard deviations of a sample by which a range of a period must exceed it, to be an oscillation that stays."""
 
@@ -47,9 +57,10 @@ ABOVE = 20.0
 @dataclass(frozen=True)
 class NotOne:
     """What is seen. modes: one that grows or stays, or two. size: of the second mode, relative to the largest amplitude
-    of the first; of growth, the factor by which it grows less 1; of one that stays, 1."""
+    of the first; of growth, the factor by which it grows less 1; of one that stays, 1; of one that is excited all
+    along, how many times its amplitude rises. There rates are nan, and amplitudes the least and the largest."""
 
-    seen: Literal["growing", "steady", "beats", "two modes", "driven"]
+    seen: Literal["growing", "steady", "beats", "two modes", "driven", "excited"]
     modes: Modes
     size: float
 
@@ -66,8 +77,12 @@ def other_than_one(t: np.ndarray, y: np.ndarray, period: float) -> NotOne | None
     if t.size < 20:
         return None
     one = damped_modes(t, y, 1)
-    if one is None or one.left >= 1:
-        return None
+    found = None if one is None or one.left >= 1 else _modes_of(t, y, one)
+    return found or excited(t, y, period)
+
+
+def _modes_of(t: np.ndarray, y: np.ndarray, one: Modes) -> NotOne | None:
+    """What one damped sinusoid that does not decay shows, or two."""
     if one.left < 1 - EXPLAINED and _grows(one):
         return NotOne("growing", one, float(one.last[0] / one.first[0] - 1))
     if one.left < 1 - EXPLAINED and _stays(one, float(t[-1] - t[0])):
@@ -89,6 +104,46 @@ def other_than_one(t: np.ndarray, y: np.ndarray, period: float) -> NotOne | None
     if multiple > 1 and abs(multiple - round(multiple)) < HARMONIC * multiple:
         return None
     return NotOne("driven" if _steady(two) else "two modes", two, size)
+
+
+def excited(t: np.ndarray, y: np.ndarray, period: float) -> NotOne | None:
+    """An amplitude of values y (n,) at times t (n,), s, that rises again and again, as slowly as it falls, and in the
+    end is what it was: random forces, or a hand that never lets go. None where that is not seen."""
+    ranges = _ranges(t, y, period)
+    if ranges.size < 3 * RISES * SLOWLY:
+        return None
+    third = ranges.size // 3
+    before, after = float(np.median(ranges[:third])), float(np.median(ranges[-third:]))
+    if not 1 / HALVED < after / before < HALVED:
+        return None
+    noise = roughness(t, y, period)
+    if ranges.min() < CLEAR * noise or coarse_period(t, y)[1] < SHARE or wandering(t, y, period, noise):
+        return None
+    steps = _zigzag(np.log(ranges))
+    rises = [b - a for a, b, up in steps if up and b - a >= SLOWLY]
+    if len(rises) < RISES or sum(rises) < RISING * ranges.size:
+        return None
+    nan, f = np.array([np.nan]), np.array([1 / period])
+    modes = Modes(f, nan, nan, np.array([0.5 * ranges.min()]), np.array([0.5 * ranges.max()]), 1.0)
+    return NotOne("excited", modes, float(len(rises)))
+
+
+def _zigzag(logs: np.ndarray) -> list[tuple[int, int, bool]]:
+    """The rises and falls of values (n,) by `AGAIN` and more: (first, last, whether it rises) of each."""
+    found: list[tuple[int, int, bool]] = []
+    low = high = 0
+    up: bool | None = None
+    least = float(np.log(AGAIN))
+    for i, value in enumerate(logs.tolist()):
+        low = i if up is not True and value < logs[low] else low
+        high = i if up is not False and value > logs[high] else high
+        if up is not True and value - logs[low] > least:
+            found += [(high, low, False)] if up is False else []
+            up, high = True, i
+        elif up is not False and logs[high] - value > least:
+            found += [(low, high, True)] if up is True else []
+            up, low = False, i
+    return found
 
 
 def _grows(one: Modes) -> bool:

@@ -12,6 +12,8 @@ UNSURE = 0.5
 """Share of the variance that an average over blocks must show in an oscillation to be believed."""
 WITHIN = 4.5
 """Blocks of a period below which their averages do not show it."""
+LINE = 4
+"""Bins of a spectrum to either side of its highest that a decaying oscillation's line takes, about."""
 WEAK = 0.1
 """Share of the strongest period's power below which another is none."""
 
@@ -25,6 +27,20 @@ def on_grid(t: np.ndarray, y: np.ndarray, most: int = MOST) -> tuple[float, np.n
         y = y[: m * block].reshape(m, block).mean(1)
     spacing = float((t[-1] - t[0]) / (t.size - 1))
     return spacing, np.interp(t[0] + spacing * np.arange(t.size), t, y)
+
+
+def samples_a_cycle(t: np.ndarray, y: np.ndarray) -> float:
+    """Samples in a cycle of the line that has most of a record's power, where it stands alone; nan elsewhere.
+
+    t, y: shape (n,). Between 2 and 4 a record oscillates and is sampled too coarsely to be followed.
+    """
+    _, values = on_grid(t, y)
+    power = np.abs(np.fft.rfft((values - values.mean()) * np.hanning(values.size + 2)[1:-1])) ** 2
+    power[:2] = 0.0
+    top = int(np.argmax(power))
+    if top == 0 or power[max(top - LINE, 0) : top + LINE + 1].sum() < UNSURE * power.sum():
+        return float("nan")
+    return values.size / top
 
 
 def captured(y: np.ndarray, samples: float) -> tuple[float, float]:

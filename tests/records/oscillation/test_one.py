@@ -120,3 +120,40 @@ def test_an_amplitude_that_no_law_keeps_up_is_no_drive(power: float) -> None:
 def test_of_what_stays_nothing_is_cut() -> None:
     t, y = sum_of((0.3, 1.0, 0.0))
     assert clean(RawRecord(t, y), name="steady").t.size == t.size
+
+
+def shaken(ratio: float, cycles: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
+    """An oscillator at 1 Hz under white noise, by its exact recursion (a Gaussian AR(2) of the sampled motion)."""
+    step, omega = 0.02, 2 * np.pi
+    drive = np.random.default_rng(seed).standard_normal(int(cycles / step) + 3000)
+    fall, turn = np.exp(-ratio * omega * step), omega * np.sqrt(1 - ratio**2) * step
+    y = np.zeros(drive.size)
+    for i in range(2, y.size):
+        y[i] = 2 * fall * np.cos(turn) * y[i - 1] - fall**2 * y[i - 2] + drive[i]
+    y = y[3000:] / np.std(y[3000:])
+    return np.arange(y.size) * step, y
+
+
+@pytest.mark.parametrize("ratio", [0.005, 0.02, 0.05])
+def test_an_oscillator_under_random_forces_is_excited_all_along(ratio: float) -> None:
+    """12 of 12 with other seeds were, when thresholds were set."""
+    t, y = shaken(ratio, 200, 8)
+    found = other_than_one(t, y, 1.0)
+    assert found is not None
+    assert found.seen == "excited"
+    signal = clean(RawRecord(t, y), name="ambient")
+    assert signal.t.size == t.size
+
+
+@pytest.mark.parametrize("pumped", [0.0, 4.0])
+def test_many_releases_in_a_record_are_not_excited_all_along(pumped: float) -> None:
+    """Eight decays, after a blow or four periods of pushing each: of them one is used, as before."""
+    t = np.arange(0, 8 * 25, 0.02)
+    since = t % 25
+    envelope = np.where(
+        since < pumped, np.exp(-0.126 * 21) + since / max(pumped, 1), np.exp(-0.126 * (since - pumped))
+    )
+    y = envelope * np.cos(2 * np.pi * t) + 0.002 * np.random.default_rng(1).standard_normal(t.size)
+    assert other_than_one(t, y, 1.0) is None
+    signal = clean(RawRecord(t, y), name="runs")
+    assert signal.t[-1] < 30

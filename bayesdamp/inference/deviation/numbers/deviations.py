@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
-from bayesdamp.inference.deviation.numbers.curves import times_of
+from bayesdamp.inference.deviation.numbers.curves import at_share, between_knots, share_of_time, times_of
+from bayesdamp.inference.deviation.numbers.draws import Drawn
+from bayesdamp.inference.deviation.numbers.quantities import Quantity, quantity
 from bayesdamp.inference.deviation.weighing import Result, Weighing
 from bayesdamp.physics.kernel.averaged import NUMBERS
 
@@ -17,13 +21,34 @@ FEWEST = 8
 def size_of(weighing: Weighing, result: Result, values: np.ndarray) -> np.ndarray:
     """Energy-weighted mean of |deviation| over the record, about its own mean there, of draws at the knots (n, k):
     (n,)."""
-    at, sizes = times_of(result)
-    share = np.linspace(0, 1, values.shape[1])
-    few = at.size < 2
-    weight = np.ones(share.size) if few else np.interp(share * weighing.data.t[-1], at, sizes) ** 2
-    weight = weight / weight.sum()
+    weight = _energies(weighing, result, values.shape[1])
     centred = values - (values @ weight)[:, None]
     return np.abs(centred) @ weight
+
+
+def over_laws(
+    weighing: Weighing, drawn: Sequence[Drawn], amplitudes: Sequence[float], rng: np.random.Generator
+) -> tuple[Quantity, ...]:
+    """How many times the law's own the damping is at amplitudes (rad or m), of which the mean over the record's energy
+    is the law's: the laws that were drawn from, each with its deviation."""
+    found = []
+    for a in amplitudes:
+        each = []
+        for d in drawn:
+            mean = d.g @ _energies(weighing, d.result, d.g.shape[1])
+            there = at_share(d.g, share_of_time(weighing, d.result, a)) + between_knots(d.g, rng)
+            each.append(np.exp(there - mean))
+        found.append(quantity(np.concatenate(each)))
+    return tuple(found)
+
+
+def _energies(weighing: Weighing, result: Result, knots: int) -> np.ndarray:
+    """Shares of the oscillation's energy at equidistant knots, (k,)."""
+    at, sizes = times_of(result)
+    share = np.linspace(0, 1, knots)
+    few = at.size < 2
+    weight = np.ones(knots) if few else np.interp(share * weighing.data.t[-1], at, sizes) ** 2
+    return weight / weight.sum()
 
 
 def midline_drift(weighing: Weighing, result: Result) -> float:

@@ -15,7 +15,7 @@ from bayesdamp.report.results.run import Run
 from bayesdamp.report.sections._layout import ANCHOR, by_signal
 from bayesdamp.report.sections._section import Section
 from bayesdamp.types import OK
-from bayesdamp.verdict.parts import Grade
+from bayesdamp.verdict.parts import Grade, Motion
 from bayesdamp.verdict.types import Verdict
 from bayesdamp.verdict.words import energy_of, extrapolated, loses_like, quality_of, with_interval
 
@@ -32,6 +32,10 @@ CAPTION = (
 MOTIONS = (
     "Each oscillation has its own line: falling straight on the right, it dies down as viscous damping would have it; "
     "level, something drives it; rising, it is fed. One decay would have one line that follows the record's edge."
+)
+EXCITED = (
+    "Left to itself the amplitude would only fall; here it rises and falls by chance, and how fast it falls is not its "
+    "damping."
 )
 EXPONENT = (
     "The damping force as one power of the velocity: how probable each exponent is, its 95 % interval below. A hill "
@@ -108,7 +112,7 @@ def _motions(run: Run, signal: str, v: Verdict) -> Markup | str:
     axis = f"{unit.called(quantity)} / {unit.of(quantity)}"
     return run.drawings.add(
         f"motions-{signal}",
-        MOTIONS,
+        EXCITED if v.motion is Motion.EXCITED else MOTIONS,
         lambda: motions(t, y, v.modes, quantity, axis),
         narrow=lambda: motions(t, y, v.modes, quantity, axis, narrow=True),
     )
@@ -165,7 +169,8 @@ def _modes(v) -> Table:
         ])
         for m in v.modes
     ]  # fmt: skip
-    head = ["frequency", "damping ratio (95 %)", "first amplitude", "last amplitude"]
+    ends = ("least", "largest") if v.motion is Motion.EXCITED else ("first", "last")
+    head = ["frequency", "damping ratio (95 %)", *(f"{end} amplitude" for end in ends)]
     return Table(head, lines, frozenset(), "The oscillations that are in it")
 
 
