@@ -223,6 +223,15 @@ def energy_of(v: Verdict) -> tuple[str, ...]:
     absent = [
         f"{words_of(b.form)} {100 * b.share_below:.2g} %" for b in v.other_forms if b.form not in listed
     ]
+    own = {s.term for s in v.energy}
+    forms = [
+        r for r in v.rivals if r.probability >= thresholds.NAMED and not own.issuperset(r.damping.split("+"))
+    ]
+    # Shares are those of sums of the terms; where another form is as likely, only if it is not that.
+    other = max(forms, key=lambda r: r.probability, default=None)
+    if other is not None and parts:
+        chance = probability(other.probability)
+        parts[0] = f"by {named(other.damping)} damping with probability {chance}; without it {parts[0]}"
     said = (
         f"Energy lost: {', '.join(parts)}." if parts else "",
         f"Of it at most (95 %) by what is not in the answer: {', '.join(absent)}." if absent else "",

@@ -134,3 +134,17 @@ def test_a_record_of_which_most_is_not_explained_is_said_so_first() -> None:
         "of the amplitude."
     )
     assert sentence(replace(one, unexplained_pct=10.0)).startswith("Equivalent damping ratio")
+
+
+def test_shares_are_not_said_without_the_form_that_is_as_likely() -> None:
+    share = Share("quadratic", 1.0, 1.0, 1.0, 0.22)
+    power = Verdict(
+        "a", Grade.APPROXIMATE, False, "quadratic", 0.22, (Rival("power", 0.78),), energy=(share,)
+    )
+    assert energy_of(power) == (
+        "Energy lost: by power-law (|v|^p) damping with probability 0.78; without it all of it quadratic (drag).",
+    )
+    sums = replace(
+        power, energy=(share, Share("viscous", 0.0, 0.0, 0.1, 0.78)), rivals=(Rival("viscous", 0.78),)
+    )
+    assert "with probability 0.78" not in energy_of(sums)[0]
