@@ -97,7 +97,9 @@ def _modes_of(t: np.ndarray, y: np.ndarray, one: Modes) -> NotOne | None:
         return None
     if g / f - 1 < CLOSE:
         ranges, noise = _ranges(t, y, 1 / f), float(np.std(y)) * two.left**0.5
-        if _lifted(ranges, noise) < LIFTED and not (_steady(two) and _levels(ranges, noise)):
+        if _lifted(ranges, noise) < LIFTED and not (
+            _steady(two) and _levels(two, ranges, noise, float(t[-1] - t[0]))
+        ):
             return None
         return NotOne("driven" if _steady(two) else "beats", two, size)
     multiple = two.frequencies[1] / two.frequencies[0]
@@ -193,12 +195,16 @@ def _lifted(ranges: np.ndarray, noise: float) -> float:
     return float(max(np.max(lifted / np.maximum(later, 1e-300)), 0.0))
 
 
-def _levels(ranges: np.ndarray, noise: float) -> bool:
-    """Whether the amplitude has fallen and then stays, clear of the noise, for the last third of the periods."""
+def _levels(two: Modes, ranges: np.ndarray, noise: float, duration: float) -> bool:
+    """Whether the amplitude has fallen and then stays, clear of the noise, for the last third of the periods, and the
+    mode that is kept up does so too."""
     last = ranges[-(ranges.size // 3) :]
-    if last.size < 3 * TOGETHER:
+    if last.size < 3 * TOGETHER or not ranges[0] > HALVED * np.median(last) > HALVED * ABOVE * noise:
         return False
-    middle = float(np.median(last))
-    early, late = np.median(last[: last.size // 2]), np.median(last[-(last.size // 2) :])
-    # Medians of halves are half of the stretch apart.
-    return bool(ranges[0] > HALVED * middle and middle > ABOVE * noise and 2 * abs(early / late - 1) < KEPT)
+    kept = int(np.argmin(two.rates))
+    falls = (abs(float(two.rates[kept])) + 2 * float(two.errors[kept])) * duration / 3
+    place = (np.arange(last.size) - 0.5 * (last.size - 1)) / last.size
+    logs = np.log(last)
+    fall = float(place @ logs / (place @ place))
+    scatter = float(np.sum((logs - logs.mean() - fall * place) ** 2)) / (last.size - 2)
+    return max(falls, abs(fall) + 2 * float(np.sqrt(scatter / (place @ place)))) < KEPT
