@@ -197,14 +197,11 @@ def _lifted(ranges: np.ndarray, noise: float) -> float:
 
 def _levels(two: Modes, ranges: np.ndarray, noise: float, duration: float) -> bool:
     """Whether the amplitude has fallen and then stays, clear of the noise, for the last third of the periods, and the
-    mode that is kept up does so too."""
+    mode that is kept up surely does so too."""
     last = ranges[-(ranges.size // 3) :]
     if last.size < 3 * TOGETHER or not ranges[0] > HALVED * np.median(last) > HALVED * ABOVE * noise:
         return False
     kept = int(np.argmin(two.rates))
     falls = (abs(float(two.rates[kept])) + 2 * float(two.errors[kept])) * duration / 3
-    place = (np.arange(last.size) - 0.5 * (last.size - 1)) / last.size
-    logs = np.log(last)
-    fall = float(place @ logs / (place @ place))
-    scatter = float(np.sum((logs - logs.mean() - fall * place) ** 2)) / (last.size - 2)
-    return max(falls, abs(fall) + 2 * float(np.sqrt(scatter / (place @ place)))) < KEPT
+    early, late = np.median(last[: last.size // 2]), np.median(last[-(last.size // 2) :])
+    return falls < KEPT and abs(early / late - 1) < KEPT

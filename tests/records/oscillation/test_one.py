@@ -62,11 +62,11 @@ def test_what_is_seen_has_its_name(seen: str, parts: tuple) -> None:
 def test_a_drive_less_than_a_beat_apart_is_seen_where_the_amplitude_stays() -> None:
     """And is not where what is beside it decays, too."""
     period = 2 * np.pi / OMEGA
-    found = other_than_one(*sum_of((0.3, 1.0, 0.05), (0.05, 1.01, 0.0), noise=0.0003), period)
+    found = other_than_one(*sum_of((0.3, 1.0, 0.05), (0.05, 1.01, 0.0)), period)
     assert found is not None
     assert found.seen == "driven"
     assert found.modes.ratios[0] == pytest.approx(0.05, rel=0.02)
-    assert other_than_one(*sum_of((0.3, 1.0, 0.05), (0.05, 1.01, 0.003), noise=0.0003), period) is None
+    assert other_than_one(*sum_of((0.3, 1.0, 0.05), (0.05, 1.01, 0.003)), period) is None
 
 
 @pytest.mark.parametrize(
