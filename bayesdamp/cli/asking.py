@@ -77,7 +77,8 @@ class Options:
                 and given not in valid
                 and not (name == "time_unit" and given.lower() in SECONDS)
             ):
-                raise wrong(f"--{name.replace('_', '-')}", given, f"one of {', '.join(valid)}")
+                also = "; compare and look take envelope too" if name == "quantity" else ""
+                raise wrong(f"--{name.replace('_', '-')}", given, f"one of {', '.join(valid)}{also}")
         for name in ("start", "stop"):
             given = getattr(self, name)
             if isinstance(given, float) and not math.isfinite(given):

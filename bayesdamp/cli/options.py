@@ -27,12 +27,18 @@ Rate = Annotated[
 ]
 Unit = Annotated[
     str | None,
-    typer.Option(help="Unit of the displacement; else as the file says, else rad.", rich_help_panel=READING),
+    typer.Option(
+        help="rad, deg, m, mm, V, g and others (a wrong one lists them): of the displacement itself, or g, rpm, dps; "
+        "else as the file says, else rad, or deg or counts where the values are too large for that.",
+        rich_help_panel=READING,
+    ),
 ]
 Quantity = Annotated[
     str | None,
     typer.Option(
-        help="angle, velocity or acceleration; else as the file says, else angle.", rich_help_panel=READING
+        help="angle (any displacement), velocity or acceleration; compare and look: envelope too (amplitude, power or "
+        "level alone); else as the file says, else angle.",
+        rich_help_panel=READING,
     ),
 ]
 Clock = Annotated[str, typer.Option(help="auto, as_logged or uniform.", rich_help_panel=READING)]

@@ -24,26 +24,12 @@ def compare(
     angle: o.Angle = None,
     time: o.Time = None,
     rate: o.Rate = None,
-    unit: Annotated[
-        str | None,
-        typer.Option(
-            help="rad, deg, m, mm, V, g and others (a wrong one lists them): of the displacement itself, or g, rpm, "
-            "dps; else as the column's name says, else rad.",
-            rich_help_panel=READING,
-        ),
-    ] = None,
-    quantity: Annotated[
-        str | None,
-        typer.Option(
-            help="angle, velocity, acceleration, or envelope (amplitude, power or level alone); else as the column's "
-            "name says, else angle.",
-            rich_help_panel=READING,
-        ),
-    ] = None,
+    unit: o.Unit = None,
+    quantity: o.Quantity = None,
     frequency: Annotated[
         float | None,
         typer.Option(
-            help="Of the oscillation in Hz, for an envelope; else as the file's head says.",
+            help="Of the oscillation, in Hz, for an envelope; else as the file's head says.",
             rich_help_panel=READING,
         ),
     ] = None,
@@ -62,8 +48,8 @@ def compare(
     damping: Annotated[
         list[str] | None,
         typer.Option(
-            help="Damping sums to compare, such as stribeck,viscous+cubic, may be given again, for envelopes too; by "
-            "default all of viscous, Coulomb and quadratic damping.",
+            help="Damping sums to compare, such as stribeck,viscous+cubic; may be given again. By default the "
+            "seven sums of viscous, Coulomb and quadratic damping, and other forms that may be likelier.",
             rich_help_panel=WEIGHED,
         ),
     ] = None,
@@ -103,7 +89,10 @@ def compare(
     ] = "auto",
     sensor: Annotated[
         float,
-        typer.Option(help="The sensor's relative linearity, a floor of every rate.", rich_help_panel=WEIGHED),
+        typer.Option(
+            help="Linearity error of the sensor (0.002 is 0.2 %): no damping ratio is known better.",
+            rich_help_panel=WEIGHED,
+        ),
     ] = 0.002,
     quiet: o.Quiet = False,
     as_json: o.AsJson = False,

@@ -42,7 +42,7 @@ def _one(run: Run, signal: str) -> Markup:
     cell = run.cell("signal", signal, repeat)
     about = run.about(signal)
     said = list(run.provenance(signal).said)
-    if about.get("epsilon_note"):
+    if about.get("epsilon_note") and not only_answered(run):  # the answer weighs several widths
         said.append(str(about["epsilon_note"]))
     if about.get("noise"):
         said.append(

@@ -24,7 +24,7 @@ GIVEN = 1e-6
 CAPTION = (
     "Equivalent damping ratio: level means viscous, rising to small amplitudes friction, to large ones drag; "
     "a law whose line leaves both bands is not this record's. What the fit leaves should look like noise: a "
-    "wave in it is what no law of these explains. Energy lost in a cycle: the highest line is the term that brakes "
+    "wave in it is what none of these laws explains. Energy lost in a cycle: the highest line is the term that brakes "
     "most at that amplitude."
 )
 
@@ -97,7 +97,10 @@ def _one(run: Run, signal: str) -> Markup:
         exponent=_exponent(run, signal, answer),
         ratios=_ratios(v),
         coefficients=_coefficients(v),
-        candidates=folded("Every damping model that was weighed at once", _candidates(answer)),
+        candidates=folded(
+            "Every damping sum that was compared",
+            _candidates(answer, recorded, run.unit(signal).displacement.scale),
+        ),
     )
 
 
@@ -184,7 +187,7 @@ def _ratios(v) -> Table:
         ])
         for r in v.damping_ratio
     ]  # fmt: skip
-    head = ["amplitude", "equivalent damping ratio (95 %)", "± noise", "± law"]
+    head = ["amplitude", "equivalent damping ratio (95 %)", "sd from noise", "sd from the law"]
     return Table(head, lines, frozenset({0}), "Damping ratio against amplitude")
 
 
@@ -201,7 +204,7 @@ def _coefficients(v) -> Table:
         )
         for c in v.coefficients
     ]
-    head = ["parameter", "value (95 %)", "± noise", "± law", "unit"]
+    head = ["parameter", "value (95 %)", "sd from noise", "sd from the law", "unit"]
     return Table(
         head,
         lines,
@@ -210,14 +213,15 @@ def _coefficients(v) -> Table:
     )
 
 
-def _candidates(answer: Answer) -> Markup:
+def _candidates(answer: Answer, unit: str, scale: float) -> Markup:
+    """The sums under each restoring law. scale: of `unit`, the recorded quantity's, in what is computed in."""
     rows = [r for r in answer.candidates if r.outcome == OK]
     logs = [(r.exact if r.log_evidence is None else r.log_evidence, r) for r in rows]
     top, top_exact = max((log for log, _ in logs), default=0.0), max((r.exact for r in rows), default=0.0)
     lines = [
         Line([
             words.model(r.damping), words.law(r.restoring),
-            f"{log - top:.1f}", f"{r.exact - top_exact:.1f}", f"{r.rms:.3g}",
+            f"{log - top:.1f}", f"{r.exact - top_exact:.1f}", f"{scale * r.rms:.3g}",
         ])
         for log, r in sorted(logs, key=lambda pair: -pair[0])
     ]  # fmt: skip
@@ -226,7 +230,7 @@ def _candidates(answer: Answer) -> Markup:
         "restoring law",
         "log Bayes factor",
         "the same under exact laws",
-        "rms of the plain fit",
+        f"rms that the fit leaves, {unit}",
     ]
     return fill(
         "stack.html", parts=[Table(head, lines, frozenset({0, 1}), "Log Bayes factors to the best, in nats")]

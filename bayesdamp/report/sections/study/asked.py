@@ -47,7 +47,9 @@ def _sentences(run: Run, study: Mapping[str, Any]) -> list[str]:
     found.extend(_equation(run))
     found.extend(_systems(run, study))
     sampled = any(run.cells("sampled", signal) for signal in run.signals)
-    how = [f"Weighed by linear models{', and the likeliest by sampled motions' if sampled else ''}."]
+    how = [
+        f"Weighed in closed form about each best fit{', the likeliest by sampled motions too' if sampled else ''}."
+    ]
     found.extend(how if only_answered(run) else [])
     found.extend(
         sentence
