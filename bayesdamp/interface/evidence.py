@@ -153,7 +153,7 @@ def _approximate(blank: Evidence, source: Posterior | Fit, law: Approximate, see
         blank,
         log_evidence=found.log_evidence,
         stderr=found.stderr,
-        diagnostic=f"{runs.size} runs through {runs.min()} to {runs.max()} temperatures",
+        diagnostic=f"{runs.size} runs of at most {runs.max()} temperature{'s' if runs.max() > 1 else ''}",
         evaluations=int(found.log_likelihood.size),
         seconds=found.seconds,
         outcome=found.outcome,

@@ -39,6 +39,7 @@ from bayesdamp.priors import Prior, prior_of
 from bayesdamp.store import CellResult
 from bayesdamp.store.contents.answers import LawContent
 from bayesdamp.types import OK, InputError, Refusal
+from bayesdamp.verdict.words import UNSEEN
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -224,7 +225,9 @@ class Fit(Result):
         """How well the laws hold, in sentences."""
         both = (("damping", self.deviation), ("frequency", self.frequency_deviation))
         return tuple(
-            f"The {what} follows its law within {100 * q.value:.2g} % (95 %: below {100 * q.high:.2g} %)."
+            f"No deviation of the {what} from its law is seen (95 %: below {100 * q.high:.2g} %)."
+            if q.value < UNSEEN
+            else f"The {what} follows its law within {100 * q.value:.2g} % (95 %: below {100 * q.high:.2g} %)."
             for what, q in both
             if q is not None
         )

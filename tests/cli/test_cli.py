@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import math
 import os
 import subprocess
 import sys
@@ -237,6 +238,19 @@ def test_check_lists_what_a_study_asks_for_and_writes_nothing(
     for word in ("one", "viscous", "least_squares", "nuts", "importance", "posterior", "study.toml: ok"):
         assert word in out
     assert [p.name for p in folder.iterdir()] == ["study.toml"]
+
+
+def test_check_reads_the_records_as_the_run_would(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    rows = [f"{0.02 * i},{0.3 * math.exp(-0.001 * i) * math.cos(0.1 * i)}" for i in range(600)]
+    (folder / "rig.csv").write_text("\n".join(["t,phi", *rows]))
+    of_file = STUDY.partition("simulate =")
+    measured = f'{of_file[0]}file = "rig.csv"\nangle = "phi"\n[estimators]\nuse = []\n'
+    (folder / "study.toml").write_text(measured)
+    assert main(["check", "study.toml"]) == 0
+    capsys.readouterr()
+    (folder / "study.toml").write_text(measured.replace('"phi"', '"psi"'))
+    assert main(["check", "study.toml"]) == 2
+    assert one_line(capsys) == "rig.csv: unknown column 'psi'; did you mean 'phi'?"
 
 
 def test_simulate_writes_a_record_that_reads_back(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -11,6 +11,7 @@ import typer
 
 from bayesdamp.cli import options as o
 from bayesdamp.cli.asked import read_study
+from bayesdamp.types import InputError
 
 if TYPE_CHECKING:
     from bayesdamp.config import Study
@@ -20,11 +21,12 @@ def check(
     file: Annotated[Path, typer.Argument(metavar="FILE", help="A study file (TOML).")],
     plugin: o.Plugins = None,
 ) -> int:
-    """Read a study, list its tasks, say what is wrong; run nothing."""
+    """Read a study and its records, list its tasks, say what is wrong; run nothing."""
     from rich.console import Console
     from rich.table import Table
 
     loaded = read_study(file, plugin)
+    _read_records(loaded)
     from bayesdamp.pipeline import cells
     from bayesdamp.store.places import Place
 
@@ -41,6 +43,22 @@ def check(
     console.print(table)
     typer.echo(f"{file}: ok")
     return 0
+
+
+def _read_records(loaded: Study) -> None:
+    """Read each file as the run would. Raises InputError where one is wrong."""
+    from bayesdamp.config import Recording
+
+    for spec in loaded.signals:
+        source = spec.source
+        if not isinstance(source, Recording):
+            continue
+        from bayesdamp.pipeline.records.recorded import cleaned, of_file
+
+        try:
+            cleaned(source, spec.name)
+        except InputError as error:
+            raise of_file(error, source) from None
 
 
 def _asked(loaded: Study) -> list[tuple[str, Sequence[str]]]:

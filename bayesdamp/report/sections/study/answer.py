@@ -221,7 +221,7 @@ def _candidates(answer: Answer, unit: str, scale: float) -> Markup:
     lines = [
         Line([
             words.model(r.damping), words.law(r.restoring),
-            f"{log - top:.1f}", f"{r.exact - top_exact:.1f}", f"{scale * r.rms:.3g}",
+            f"{log - top:.1f}", f"{r.exact - top_exact:.1f}", "" if r.rms is None else f"{scale * r.rms:.3g}",
         ])
         for log, r in sorted(logs, key=lambda pair: -pair[0])
     ]  # fmt: skip
