@@ -24,6 +24,7 @@ _COMMENTS = {
     "clock": '"auto", "as_logged", or "uniform": rebuilt from stamps that come in bursts',
     "start": 'a time in s, or "auto": after the release',
     "stop": 'a time in s, or "auto": before rest',
+    "least_noise": "noise that is added to a record that has none, as a share of its amplitude",
     "restoring": "the laws to compare; leave those out that your rig cannot have",
     "system": 'what is known, as in { restoring = "pendulum", stiffness = 20.1 }; all else is inferred',
     "specimen": "records of one specimen are fitted jointly",
@@ -31,7 +32,10 @@ _COMMENTS = {
     "prune": "log Bayes factor to the best (nats, Laplace) from which a damping model is pruned",
     "noise": 'a noise model, or "auto": chosen for each record',
     "best": "how many damping models are sampled",
+    "deviation": 'whether laws may hold approximately: "none", "law", or "auto": in the answer on measured records alone',
+    "sensor": "its linearity error, relative: no damping ratio is known better",
     "methods": "of the evidence",
+    "referee": 'nested sampling as a check: "auto" (where the others disagree), "always" or "never"',
 }
 _TABLES = {
     "estimators": 'Estimates beside the comparison; use = "all" runs the eleven methods.',

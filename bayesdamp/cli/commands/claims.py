@@ -18,7 +18,7 @@ def claims(
     ] = None,
     out: Annotated[Path, typer.Option(help="The page to write (Markdown).")] = Path("reports/claims.md"),
 ) -> None:
-    """Measure each claim of the paper, and say whether it holds."""
+    """Measure each claim of the paper on the eleven estimators, and say whether it holds."""
     from bayesdamp.store import write_bytes
     from bayesdamp.validation.claims import CLAIMS, judged, written
     from bayesdamp.validation.claims.judge import Runs

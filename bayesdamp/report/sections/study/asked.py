@@ -10,7 +10,7 @@ from markupsafe import Markup, escape
 
 from bayesdamp.report import words
 from bayesdamp.report.html import Line, Table, fill, folded
-from bayesdamp.report.results.answers import only_answered
+from bayesdamp.report.results.answers import answers, only_answered
 from bayesdamp.report.results.run import Run
 from bayesdamp.report.sections._section import Section
 from bayesdamp.types import candidate_parts
@@ -50,7 +50,8 @@ def _sentences(run: Run, study: Mapping[str, Any]) -> list[str]:
     how = [
         f"Weighed in closed form about each best fit{', the likeliest by sampled motions too' if sampled else ''}."
     ]
-    found.extend(how if only_answered(run) else [])
+    weighed = only_answered(run) and any(a.candidates for a in answers(run))
+    found.extend(how if weighed else [])
     found.extend(
         sentence
         for sentence in (
