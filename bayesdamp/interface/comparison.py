@@ -80,8 +80,9 @@ class Comparison(Result):
 
     @property
     def table(self) -> pd.DataFrame:
-        """A row for each candidate and record: damping, restoring, log_evidence and log_evidence_exact (nats, to the
-        best), rms of the plain fit (unit of the record), outcome."""
+        """A row for each sum that was compared, law and record: damping, restoring, log_evidence and log_evidence_exact
+        (nats, to the best), rms that the fit leaves (unit of the record), outcome. Other forms of damping, which may be
+        likelier, are in `verdict.rivals`."""
         import pandas as pd
 
         rows = [
@@ -239,10 +240,9 @@ def compare(
     signals: one, or several of one specimen with `repeats`: one damping for all, whose size differs from record to
     record by a spread that is inferred. deviation: "auto" or "law", laws may hold approximately; "none", they hold
     exactly. damping, restoring: what is compared, by default every sum under every law that the record's unit allows.
-    known: values of parameters; priors: by damping term or parameter. sensor: the sensor's relative linearity, the
-    floor of every rate.
-    amplitudes: where the damping ratio is given, in the unit that the records came in. sample: whether the motions
-    themselves are sampled, and not their linear model alone.
+    known: values of parameters; priors: by damping term or parameter. sensor: its linearity error, relative: no damping
+    ratio is taken to be known better. amplitudes: where the damping ratio is given, in the unit that the records came
+    in. sample: whether the motions themselves are sampled, and not their linear model alone. name: of the specimen.
     Raises InputError for what is none of these; a record on which nothing can be said has it in `outcome`.
 
     >>> import bayesdamp as bd
