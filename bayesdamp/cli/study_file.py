@@ -32,8 +32,8 @@ _COMMENTS = {
     "prune": "log Bayes factor to the best (nats, Laplace) from which a damping model is pruned",
     "noise": 'a noise model, or "auto": chosen for each record',
     "best": "how many damping models are sampled",
-    "deviation": 'whether laws may hold approximately: "none", "law", or "auto": in the answer on measured records alone',
-    "sensor": "its linearity error, relative: no damping ratio is known better",
+    "deviation": 'may laws hold approximately: "none", "law", or "auto": in the answer on measured records alone',
+    "sensor": "linearity error of the sensor: no damping ratio is known better",
     "methods": "of the evidence",
     "referee": 'nested sampling as a check: "auto" (where the others disagree), "always" or "never"',
 }
