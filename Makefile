@@ -55,9 +55,9 @@ PARTS ?= tests/physics tests/verdict tests/store tests/records/readers tests/con
 lowest: $(READY)
 	$(BIN)/python -m venv $(LOW)
 	$(LOW)/bin/python -m pip install --quiet --disable-pip-version-check uv
-	$(LOW)/bin/uv pip compile --quiet --resolution lowest-direct --extra excel --extra parquet pyproject.toml \
+	$(LOW)/bin/uv pip compile --quiet --resolution lowest-direct --extra excel --extra parquet --extra plots pyproject.toml \
 	  -o $(LOW)/constraints.txt
-	$(LOW)/bin/uv pip install --quiet --python $(LOW)/bin/python -c $(LOW)/constraints.txt -e ".[excel,parquet]" \
+	$(LOW)/bin/uv pip install --quiet --python $(LOW)/bin/python -c $(LOW)/constraints.txt -e ".[excel,parquet,plots]" \
 	  pytest pytest-xdist hypothesis jaxtyping beartype distributed nbclient ipykernel
 	$(ONE_THREAD) $(LOW)/bin/python -m pytest -n $(WORKERS) -W ignore::DeprecationWarning -m "not slow" $(PARTS) $(ARGS)
 

@@ -9,4 +9,4 @@ path = post.save("viscous.post")
 again = bd.Posterior.load(path)
 assert (again.draws == post.draws).all()
 assert bd.load(path).fit.values == post.fit.values
-again.data.to_netcdf("viscous.nc")
+again.data.to_netcdf("viscous.nc", engine="h5netcdf")

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.gridspec import SubplotSpec
 
 from bayesdamp.provenance import Piece
 from bayesdamp.report import words
@@ -45,11 +46,10 @@ class Fit:
 def record(t: np.ndarray, y: np.ndarray, fits: Sequence[Fit], axis: str, unit: str, period: float) -> Figure:
     """t in s and y in the displayed unit, shape (n,); fits in the order of their rank; axis: label of y; unit: as it
     stands there."""
-    rows = 2 + len(fits) if fits else 1
-    heights = [1.9, 1.9, *[1.05] * len(fits)] if fits else [2.2]
+    heights = [1.9, 1.9, 1.05 * len(fits)] if fits else [2.2]
     figure = Figure(figsize=(WIDTH, sum(heights) + 0.4))
-    grid = figure.add_gridspec(rows, 12, height_ratios=heights)
-    whole = figure.add_subplot(grid[0, :])
+    grid = figure.add_gridspec(len(heights), 1, height_ratios=heights)
+    whole = figure.add_subplot(grid[0])
     at, values = thinned(t, y)
     whole.plot(at, values, color=FAINT if fits else INK, lw=1.6 if fits else 0.8, label="record")
     if fits:
@@ -63,13 +63,12 @@ def record(t: np.ndarray, y: np.ndarray, fits: Sequence[Fit], axis: str, unit: s
     if not fits:
         return figure
     length = min(3.0 * period, 0.5 * (t[-1] - t[0]))
-    first = figure.add_subplot(grid[1, :6])
-    last = figure.add_subplot(grid[1, 6:])
+    first, last = (figure.add_subplot(place) for place in grid[1].subgridspec(1, 2))
     _zoom(first, t, y, fits, t[0], t[0] + length)
     _zoom(last, t, y, fits, t[-1] - length, t[-1])
     _finish(first, axis, "The first cycles and their fits")
     _finish(last, "", "The last cycles and their fits")
-    _residuals(figure, grid, t, fits, unit)
+    _residuals(figure, grid[2], t, fits, unit)
     handles, labels = first.get_legend_handles_labels()
     columns = legend_columns(labels, figure.get_figwidth(), 5)
     figure.legend(handles, labels, loc="outside lower center", ncols=columns)
@@ -141,11 +140,12 @@ def _zoom(ax: Axes, t: np.ndarray, y: np.ndarray, fits: Sequence[Fit], start: fl
     ax.margins(x=0)
 
 
-def _residuals(figure: Figure, grid, t: np.ndarray, fits: Sequence[Fit], unit: str) -> None:
+def _residuals(figure: Figure, place: SubplotSpec, t: np.ndarray, fits: Sequence[Fit], unit: str) -> None:
     lags = max((len(fit.autocorrelation) for fit in fits), default=0)
     first_right: Axes | None = None
+    grid = place.subgridspec(len(fits), 2, width_ratios=[2, 1])
     for i, fit in enumerate(fits):
-        left = figure.add_subplot(grid[2 + i, :8])
+        left = figure.add_subplot(grid[i, 0])
         at, values = thinned(t, fit.residual)
         left.plot(at, values, color=colour(fit.model), lw=0.5)
         left.axhline(0.0, color=QUIET, lw=0.6)
@@ -153,7 +153,7 @@ def _residuals(figure: Figure, grid, t: np.ndarray, fits: Sequence[Fit], unit: s
         left.set_ylim(-reach, reach)
         left.set_xlim(t[0], t[-1])
         _finish(left, unit, f"Residual of {words.model(fit.model)}, rms {fit.rms}")
-        right = figure.add_subplot(grid[2 + i, 8:])
+        right = figure.add_subplot(grid[i, 1])
         if len(fit.autocorrelation):
             right.axhspan(-2 / np.sqrt(len(t)), 2 / np.sqrt(len(t)), color=FAINT, lw=0)
             _stems(right, fit.autocorrelation, colour(fit.model))
