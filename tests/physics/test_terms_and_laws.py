@@ -250,6 +250,8 @@ def test_contract_of_a_law(name):
     assert all(law.unit(n) for n in law.parameters)
     expected = [restoring(name, p)(float(x)) for x in GRID]
     np.testing.assert_allclose(np.asarray(law.force(GRID, p)), expected, atol=1e-13)
+    values = np.array([p[n] for n in law.parameters])
+    np.testing.assert_allclose([law.kernel(float(x), values) for x in GRID], expected, atol=1e-13)
 
 
 @pytest.mark.parametrize("name", LAW_PLUGINS.names())
