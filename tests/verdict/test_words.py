@@ -5,11 +5,23 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from bayesdamp.physics.damping import TERMS, DampingTerm
 from bayesdamp.units import UNITS
-from bayesdamp.verdict.parts import Bound, DampingRatio, Grade, Interval, Rival, Share
+from bayesdamp.verdict.parts import (
+    Bound,
+    DampingRatio,
+    FrequencyAt,
+    Grade,
+    Interval,
+    Mode,
+    Motion,
+    OverLaw,
+    Rival,
+    Share,
+)
 from bayesdamp.verdict.types import Verdict
 from bayesdamp.verdict.units import in_unit
 from bayesdamp.verdict.words import energy_of, loses_like, quality_of, sentence
@@ -148,3 +160,29 @@ def test_shares_are_not_said_without_the_form_that_is_as_likely() -> None:
         power, energy=(share, Share("viscous", 0.0, 0.0, 0.1, 0.78)), rivals=(Rival("viscous", 0.78),)
     )
     assert "with probability 0.78" not in energy_of(sums)[0]
+
+
+def test_oscillations_that_are_seen_are_in_the_records_unit() -> None:
+    mode = Mode(1.1, 0.01, 0.009, 0.011, 0.2, 0.1, "rad")
+    over, at = OverLaw(0.2, "rad", 2.0, 1.5, 2.5), FrequencyAt(0.2, "rad", 1.1, 1.0, 1.2)
+    one = Verdict(
+        "a",
+        Grade.NO_FREE_DECAY,
+        False,
+        "",
+        math.nan,
+        motion=Motion.GROWING,
+        modes=(mode,),
+        over_law=over,
+        frequency_at=at,
+    )
+    shown = in_unit(one, UNITS["deg"])
+    (found,) = shown.modes
+    assert (found.first, found.last) == pytest.approx(np.degrees([0.2, 0.1]))
+    assert found.unit == "deg"
+    assert (found.frequency, found.damping_ratio) == (1.1, 0.01)
+    assert shown.over_law is not None
+    assert (shown.over_law.amplitude, shown.over_law.unit) == (pytest.approx(np.degrees(0.2)), "deg")
+    assert shown.frequency_at is not None
+    assert (shown.frequency_at.amplitude, shown.frequency_at.unit) == (pytest.approx(np.degrees(0.2)), "deg")
+    assert "from 11 to 5.7 deg" in shown.sentence
