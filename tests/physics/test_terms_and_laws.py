@@ -241,9 +241,14 @@ def test_names_of_models():
         parse_model("viscos")
 
 
+def uneven(name):
+    """A law's parameters, none of which is 0 or 1: the paper's hide a wrong product or power."""
+    return {**LAWS[name], **({"gravity": 3.0, "spring_angle": 0.07} if name == "horizontal_pendulum" else {})}
+
+
 @pytest.mark.parametrize("name", LAW_PLUGINS.names())
 def test_contract_of_a_law(name):
-    law, p = LAW_PLUGINS.get(name), LAWS[name]
+    law, p = LAW_PLUGINS.get(name), uneven(name)
     assert isinstance(law, RestoringLaw)
     assert law.name == name
     assert set(law.parameters) <= set(p)
@@ -258,7 +263,7 @@ def test_contract_of_a_law(name):
 def test_linear_form_finds_what_is_free(name):
     """Whatever part of the law is known: regression on clean forces gives back the rest."""
     law = LAW_PLUGINS.get(name)
-    p = {n: LAWS[name][n] for n in law.parameters}
+    p = {n: uneven(name)[n] for n in law.parameters}
     force = np.asarray(law.force(GRID, p))
     for count in range(len(p) + 1):
         for known in itertools.combinations(p, count):
