@@ -147,6 +147,7 @@ def test_evidence_with_deviations_integrated_out_is_the_linear_models(method: st
     found, linear = bd.evidence(one_parameter(), method), bd.evidence(one_parameter(), "linear")
     assert found.outcome == "ok"
     assert found.method == method
+    assert ("Pareto" in found.diagnostic) == (method == "importance"), "each by its own computation"
     assert abs(found.log_evidence - linear.log_evidence) < 4 * found.stderr + 0.1
 
 

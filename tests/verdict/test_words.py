@@ -186,3 +186,17 @@ def test_oscillations_that_are_seen_are_in_the_records_unit() -> None:
     assert shown.frequency_at is not None
     assert (shown.frequency_at.amplitude, shown.frequency_at.unit) == (pytest.approx(np.degrees(0.2)), "deg")
     assert "from 11 to 5.7 deg" in shown.sentence
+
+
+@pytest.mark.parametrize(
+    ("ratio", "said"),
+    [
+        ((1e-4, 5e-5, 1.5e-4), "damping ratio is below 0.015 % (95 %), Q above 3,300."),
+        ((-1e-4, -1.5e-4, -5e-5), "damping ratio is below 0.005 % (95 %), Q above 10,000."),
+    ],
+)
+def test_what_stays_loses_no_more_than_its_rate_allows(ratio, said) -> None:
+    """A rate below 0 is 0 and its error."""
+    mode = Mode(1.1, *ratio, 0.2, 0.2, "rad")
+    one = Verdict("a", Grade.NO_FREE_DECAY, False, "", math.nan, motion=Motion.STEADY, modes=(mode,))
+    assert sentence(one).endswith(said)
