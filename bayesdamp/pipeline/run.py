@@ -68,7 +68,7 @@ def run_study(
 
     use(study.plugins)
     console = console or Console(stderr=True)
-    _read_inputs(study)
+    read_records(study)
     store = Store(out)
     with store.lock():
         if fresh:
@@ -117,8 +117,8 @@ def _is_none(verdict: Verdict | None) -> bool:
     return verdict is not None and verdict.grade is Grade.NO_FREE_DECAY
 
 
-def _read_inputs(study: Study) -> None:
-    """Read every file once, so that a wrong one is told before anything is written."""
+def read_records(study: Study) -> None:
+    """Read every file once, so that a wrong one is told before anything is written. Raises InputError."""
     from bayesdamp.pipeline.records.recorded import cleaned, of_file
 
     for spec in study.signals:

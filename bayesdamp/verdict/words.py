@@ -16,10 +16,10 @@ if TYPE_CHECKING:
 
 UNSEEN = 1e-3
 """Deviation from a law below which it is not given a size."""
-
-
 ALL = 0.995
 """Share that is written as 100 %."""
+LEAST_BOUND = 0.1
+"""Percent below which an upper limit is not given: none is 0."""
 UNEVEN = 1.25
 """Ratio of an interval's sides up to which it is written with ±."""
 
@@ -221,19 +221,22 @@ def energy_of(v: Verdict) -> tuple[str, ...]:
     parts = [_share(v, s) for s in v.energy if s.high >= 0.005]
     listed = {t for r in v.rivals if r.probability >= thresholds.NAMED for t in r.damping.split("+")}
     absent = [
-        f"{words_of(b.form)} {100 * b.share_below:.2g} %" for b in v.other_forms if b.form not in listed
+        f"{words_of(b.form)} {max(100 * b.share_below, LEAST_BOUND):.2g} %" for b in v.other_forms if b.form not in listed
     ]
     own = {s.term for s in v.energy}
     forms = [
         r for r in v.rivals if r.probability >= thresholds.NAMED and not own.issuperset(r.damping.split("+"))
     ]
-    # Shares are those of sums of the terms; where another form is as likely, only if it is not that.
     other = max(forms, key=lambda r: r.probability, default=None)
+    shares = ", ".join(parts)
     if other is not None and parts:
-        chance = probability(other.probability)
-        parts[0] = f"by {named(other.damping)} damping with probability {chance}; without it {parts[0]}"
+        # Shares are those of sums of the terms, and hold only where the damping is not of that other form.
+        form = f"by {named(other.damping)} damping"
+        chance = f"with probability {probability(other.probability)}"
+        likelier = other.probability > v.probability
+        shares = f"{form} {chance}; without it {shares}" if likelier else f"{shares}; or {form}, {chance}"
     said = (
-        f"Energy lost: {', '.join(parts)}." if parts else "",
+        f"Energy lost: {shares}." if parts else "",
         f"Of it at most (95 %) by what is not in the answer: {', '.join(absent)}." if absent else "",
     )
     return tuple(filter(None, said))

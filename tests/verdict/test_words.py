@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bayesdamp.physics.damping import TERMS, DampingTerm
+from bayesdamp.physics.damping import TERMS, DampingTerm, words_of
 from bayesdamp.units import UNITS
 from bayesdamp.verdict.parts import (
     Bound,
@@ -156,10 +156,22 @@ def test_shares_are_not_said_without_the_form_that_is_as_likely() -> None:
     assert energy_of(power) == (
         "Energy lost: by power-law (|v|^p) damping with probability 0.78; without it all of it quadratic (drag).",
     )
+    behind = replace(power, probability=0.88, rivals=(Rival("power", 0.12),))
+    assert energy_of(behind) == (
+        "Energy lost: all of it quadratic (drag); or by power-law (|v|^p) damping, with probability 0.12.",
+    )
     sums = replace(
         power, energy=(share, Share("viscous", 0.0, 0.0, 0.1, 0.78)), rivals=(Rival("viscous", 0.78),)
     )
     assert "with probability 0.78" not in energy_of(sums)[0]
+
+
+def test_no_limit_is_said_to_be_nothing() -> None:
+    """Control: one that rounds to something is said as it is."""
+    forms = (Bound("cubic", 1e-7), Bound("structural", 0.035))
+    (said,) = energy_of(Verdict("a", Grade.EXACT, True, "viscous", 0.99, other_forms=forms))
+    assert f"{words_of('cubic')} 0.1 %" in said
+    assert f"{words_of('structural')} 3.5 %" in said
 
 
 def test_oscillations_that_are_seen_are_in_the_records_unit() -> None:

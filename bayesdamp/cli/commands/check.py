@@ -11,7 +11,6 @@ import typer
 
 from bayesdamp.cli import options as o
 from bayesdamp.cli.asked import read_study
-from bayesdamp.types import InputError
 
 if TYPE_CHECKING:
     from bayesdamp.config import Study
@@ -26,10 +25,11 @@ def check(
     from rich.table import Table
 
     loaded = read_study(file, plugin)
-    _read_records(loaded)
     from bayesdamp.pipeline import cells
+    from bayesdamp.pipeline.run import read_records
     from bayesdamp.store.places import Place
 
+    read_records(loaded)
     counts = Counter(Place.of(cell.name).kind for cell in cells(loaded))
     console = Console()
     summary = Table("", "what the study asks for", title=f"{loaded.name}: {file}", title_justify="left")
@@ -43,22 +43,6 @@ def check(
     console.print(table)
     typer.echo(f"{file}: ok")
     return 0
-
-
-def _read_records(loaded: Study) -> None:
-    """Read each file as the run would. Raises InputError where one is wrong."""
-    from bayesdamp.config import Recording
-
-    for spec in loaded.signals:
-        source = spec.source
-        if not isinstance(source, Recording):
-            continue
-        from bayesdamp.pipeline.records.recorded import cleaned, of_file
-
-        try:
-            cleaned(source, spec.name)
-        except InputError as error:
-            raise of_file(error, source) from None
 
 
 def _asked(loaded: Study) -> list[tuple[str, Sequence[str]]]:

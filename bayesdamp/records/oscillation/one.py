@@ -8,6 +8,7 @@ from typing import Literal
 
 import numpy as np
 
+from bayesdamp.records.oscillation.features import LEAST_SHARE
 from bayesdamp.records.oscillation.modes import Modes, damped_modes, few_samples
 from bayesdamp.records.oscillation.returning import wandering
 from bayesdamp.records.oscillation.rough import roughness
@@ -48,8 +49,6 @@ AGAIN, RISES, SLOWLY = 1.5, 4, 3
 RISING = 0.25
 """Share of the record in which it does so, at least: half where chance does it, little where a hand lets go again and
 again."""
-SHARE = 0.3
-"""Share of an oscillation in what a record does, below which there is none."""
 ABOVE = 20.0
 """Standard deviations of a sample by which a range of a period must exceed it, to be an oscillation that stays."""
 
@@ -119,7 +118,7 @@ def excited(t: np.ndarray, y: np.ndarray, period: float) -> NotOne | None:
     if not 1 / HALVED < after / before < HALVED:
         return None
     noise = roughness(t, y, period)
-    if ranges.min() < CLEAR * noise or coarse_period(t, y)[1] < SHARE or wandering(t, y, period, noise):
+    if ranges.min() < CLEAR * noise or coarse_period(t, y)[1] < LEAST_SHARE or wandering(t, y, period, noise):
         return None
     steps = _zigzag(np.log(ranges))
     rises = [b - a for a, b, up in steps if up and b - a >= SLOWLY]

@@ -76,6 +76,27 @@ def test_less_noise_bounds_more() -> None:
         assert large[name] > 2 * small[name]
 
 
+@pytest.mark.parametrize("scale", [1e-4, 1e3])
+def test_a_bound_does_not_depend_on_the_unit(scale: float) -> None:
+    """A record in metres or in tenths of a millimetre, of which a form that is unlike the others by its unit is as
+    large a share."""
+    signal = weighed(0.002)[0].data
+    y = np.asarray(signal.y)
+    found, other = (
+        bounds_of_others(each, max(each.results, key=lambda r: p[r.candidate]), False, np.random.default_rng(0))
+        for each, p in (_probable(y), _probable(y * scale))
+    )
+    assert set(found) == set(other)
+    for name, share in found.items():
+        assert other[name] == pytest.approx(share, rel=0.02), name
+        assert share > 0.001  # control: there is something to bound
+
+
+def _probable(y: np.ndarray) -> tuple[Weighing, dict[Any, float]]:
+    weighing = weighing_of(Signal(TIMES, y), damping=["viscous"], restoring=["linear"], approximate=False)
+    return weighing, probabilities(weighing, False)
+
+
 @pytest.mark.parametrize("name", ["cubic", "displacement"])
 def test_a_bound_holds_what_is_there(name: str) -> None:
     """A tenth of the loss in the middle of the record is cubic: beside viscous damping alone, whose fit leaves it to

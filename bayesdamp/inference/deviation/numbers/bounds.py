@@ -28,7 +28,7 @@ FEW = 1000
 SCORES = (-1.0, 1.0)
 """Scores of a form's parameters at which it is bounded; the larger bound counts."""
 LEAST_WORK = 1e-6
-"""Share of a viscous force's work below which a form takes no energy by itself."""
+"""Share of what a form moves to and fro below which it takes no energy by itself."""
 Shape = Callable[[float, float, float], float]
 
 
@@ -56,7 +56,7 @@ def bounds_of_others(
     if base is None or not forms:
         return {}
     columns, target = base
-    sources, work, own = _sources(weighing, result, forms)
+    sources, work, moved, own = _sources(weighing, result, forms)
     more = _tangents(weighing, result, sources)
     samples = weighing.data.y.size / weighing.inflation
     absorbs = result.fit.parameters.absorbs
@@ -65,7 +65,7 @@ def bounds_of_others(
     found: dict[str, float] = {}
     at, positive = result.fit.z.size, result.fit.parameters.positive
     for i, form in enumerate(forms):
-        if abs(work[i]) < LEAST_WORK * weighing.data.frequency * own.scale:
+        if abs(work[i]) <= LEAST_WORK * moved[i]:
             found.setdefault(form.name, 0.0)
             continue
         size = RATIO_SCALE * own.viscous / abs(work[i])
@@ -86,7 +86,6 @@ class _Own:
     terms per unit of their coefficients (m,), whose scores are at `places` of all scores, and the prior scales."""
 
     viscous: float
-    scale: float
     works: np.ndarray
     places: np.ndarray
     scales: np.ndarray
@@ -165,9 +164,11 @@ def _middle(result: Result) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return times, every[:, 0], every[:, 1]
 
 
-def _sources(weighing: Weighing, result: Result, forms: list[_Form]) -> tuple[np.ndarray, np.ndarray, _Own]:
-    """Forces of the forms at `_middle`'s points, (2s − 1, f), their mean power along the motion, (f,), and what the
-    sum's own terms do."""
+def _sources(
+    weighing: Weighing, result: Result, forms: list[_Form]
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, _Own]:
+    """Forces of the forms at `_middle`'s points, (2s − 1, f), their mean power along the motion, (f,), the mean of its
+    magnitude, (f,), and what the sum's own terms do."""
     solver = weighing.solvers[result.candidate.restoring]
     epsilon, parameters = solver.epsilon, result.fit.parameters
     times, x, v = _middle(result)
@@ -183,10 +184,9 @@ def _sources(weighing: Weighing, result: Result, forms: list[_Form]) -> tuple[np
     columns = parameters.free[places]
     own = _Own(
         viscous=2 * weighing.data.frequency * float(np.sum(width * v * v)),
-        scale=float(np.sum(width * np.abs(v))),
         works=works[columns], places=np.array(places, int), scales=parameters.slopes(z)[places],
     )  # fmt: skip
-    return forces, (width * v) @ forces, own
+    return forces, (width * v) @ forces, (width * np.abs(v)) @ np.abs(forces), own
 
 
 def _tangents(weighing: Weighing, result: Result, sources: np.ndarray) -> np.ndarray:
