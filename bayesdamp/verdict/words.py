@@ -221,7 +221,9 @@ def energy_of(v: Verdict) -> tuple[str, ...]:
     parts = [_share(v, s) for s in v.energy if s.high >= 0.005]
     listed = {t for r in v.rivals if r.probability >= thresholds.NAMED for t in r.damping.split("+")}
     absent = [
-        f"{words_of(b.form)} {max(100 * b.share_below, LEAST_BOUND):.2g} %" for b in v.other_forms if b.form not in listed
+        f"{words_of(b.form)} {max(100 * b.share_below, LEAST_BOUND):.2g} %"
+        for b in v.other_forms
+        if b.form not in listed
     ]
     own = {s.term for s in v.energy}
     forms = [

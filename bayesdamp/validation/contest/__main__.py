@@ -29,6 +29,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--minutes", type=float, default=float("inf"), help="begin no record after so many")
     parser.add_argument("--measured", type=Path, default=MEASURED, help="folder with ten_runs/")
     parser.add_argument("--out", type=Path, default=Path("reports/contest"))
+    parser.add_argument("--rows", type=Path, help="table where rows are gathered; by default OUT/rows.csv")
+    parser.add_argument(
+        "--kept", type=Path, help="table from which the rows of all but --peers are taken over"
+    )
     parser.add_argument(
         "--page", action="store_true", help="only write the page from the rows that are there"
     )
@@ -39,11 +43,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print(f"{said}: peers are {', '.join(ROSTER)}", file=sys.stderr)
         return 2
     missing = {} if asked.page else _missing(asked.peers)
-    table = asked.out / "rows.csv"
+    table = asked.rows or asked.out / "rows.csv"
     try:
         if not asked.page:
             _run(asked, table, missing)
         made = rows.read(table)
+        if asked.kept:
+            kept = rows.of_others(rows.read(asked.kept), _records(asked), asked.peers)
+            made = rows.together(made, kept, list(ROSTER))
+            rows.write(asked.out / "rows.csv", made)
     except InputError as fault:
         print(fault, file=sys.stderr)
         return 2

@@ -54,6 +54,8 @@ HOW = """## How each was run
 - PySINDy: its thresholded least squares (0.1 in SI units), its smoothed differences, a library of x, v, sign v, v|v|.
 - pyOMA2: order up to 10; time scaled to 2 Hz, for its widths in Hz are those of buildings; SSI without checks of mode
   shapes, which one channel has none of; EFDD, which takes no single channel, with the velocity as second.
+- pyEMA: LSCF on the spectrum of the record, lengthened with zeros to 512 samples where it is shorter; time scaled to
+  500 Hz, for its band is that of hammer tests.
 - NumPyro: three dampings and a cubic spring in diffrax, in units of a least-squares solution's covariance, where it
   begins (without, one was not done in 180 CPU seconds); 250 and 250 steps of one NUTS chain, at most 180 CPU seconds
   a record, compilation counted.

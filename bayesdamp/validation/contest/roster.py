@@ -17,6 +17,7 @@ from bayesdamp.validation.contest.reply import Peer
 
 OURS = "bayesdamp"
 PYOMA = Environment("pyoma2", ("pyOMA-2==1.4.3",))
+PYEMA = Environment("pyema", ("sdypy-EMA==0.31.0",))
 NUMPYRO = Environment("numpyro", ("numpyro==0.22.0", "diffrax==0.7.2"))
 
 VISCOUS = (
@@ -48,6 +49,7 @@ ROSTER: dict[str, Entry] = {
     "pysindy": Entry("PySINDy", sindy.answer, ""),
     "pyoma_ssi": Entry("pyOMA2, SSI", Child(PYOMA, "pyoma.py", ("ssi",)), VISCOUS),
     "pyoma_efdd": Entry("pyOMA2, EFDD", Child(PYOMA, "pyoma.py", ("efdd",)), ""),
+    "pyema": Entry("pyEMA, LSCF", Child(PYEMA, "pyema.py"), VISCOUS),
     OURS: Entry("bayesdamp, compare without sampling", ours.answer, ""),
     "numpyro": Entry("NumPyro (NUTS) with diffrax", Child(NUMPYRO, "numpyro_diffrax.py"), FREE),
 }

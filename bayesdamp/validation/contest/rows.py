@@ -6,10 +6,11 @@ import csv
 import math
 import time
 import warnings
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pandas as pd
 
 from bayesdamp.types import OK, InputError, Refusal
@@ -62,6 +63,28 @@ def read(table: Path) -> pd.DataFrame:
     if list(found.columns) != list(COLUMNS):
         raise InputError(f"{table}: its columns are not those of the contest; give another folder")
     return found.astype({"named": "string", "relation": "string"}).fillna({"named": "", "relation": ""})
+
+
+def of_others(found: pd.DataFrame, records: Iterable[Record], peers: Collection[str]) -> pd.DataFrame:
+    """Rows of records whose truth is still what it was, by anybody but these peers."""
+    truth = {r.name: [float(f"{x:.6g}") for x in (*r.amplitudes, *r.ratios)] for r in records}
+    columns = [f"{what}_{i}" for what in ("amplitude", "ratio") for i in (1, 2, 3)]
+    same = [truth.get(n) == v for n, v in zip(found["record"], found[columns].values.tolist(), strict=True)]
+    return found[np.array(same, bool) & ~found["peer"].isin(peers).to_numpy(bool)]
+
+
+def together(one: pd.DataFrame, other: pd.DataFrame, peers: list[str]) -> pd.DataFrame:
+    """Rows of both, a record's by the order of its peers."""
+    both = pd.concat([one, other], ignore_index=True) if len(other) else one
+    place = {name: i for i, name in enumerate(dict.fromkeys(both["record"]))}
+    order = sorted(both.index, key=lambda i: (place[both["record"][i]], peers.index(both["peer"][i])))
+    return both.loc[order].reset_index(drop=True)
+
+
+def write(table: Path, rows: pd.DataFrame) -> None:
+    """Write a table anew."""
+    table.parent.mkdir(parents=True, exist_ok=True)
+    rows.to_csv(table, index=False, float_format="%.6g")
 
 
 def append(table: Path, rows: Iterable[dict[str, Any]]) -> None:

@@ -106,6 +106,14 @@ RECIPES: tuple[Recipe, ...] = (
     ),
     _calibration("calibration", "calibration", 7, "--records 500"),
     _calibration("model_recovery", "recovery", 6, "--records 1000", " --models"),
+    Recipe(
+        "contest", 6,
+        (
+            f"{PYTHON} bayesdamp.validation.contest --peers bayesdamp --seed 813 --rows {{work}}/rows.csv "
+            "--kept reports/contest/rows.csv --out {out}",
+        ),
+        (*TRUTH, *(f"bayesdamp/validation/contest/{n}.py" for n in ("measured", "records", "rows", "peers/ours"))),
+    ),
     Recipe("measured", 6, (f"{PYTHON} tests.measured.run {{out}}",), (*ENGINE, "tests/measured")),
     _study("paper", 7),
     _study(

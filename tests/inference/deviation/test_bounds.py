@@ -83,7 +83,9 @@ def test_a_bound_does_not_depend_on_the_unit(scale: float) -> None:
     signal = weighed(0.002)[0].data
     y = np.asarray(signal.y)
     found, other = (
-        bounds_of_others(each, max(each.results, key=lambda r: p[r.candidate]), False, np.random.default_rng(0))
+        bounds_of_others(
+            each, max(each.results, key=lambda r: p[r.candidate]), False, np.random.default_rng(0)
+        )
         for each, p in (_probable(y), _probable(y * scale))
     )
     assert set(found) == set(other)

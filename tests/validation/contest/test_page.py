@@ -105,6 +105,25 @@ def test_it_goes_on_where_it_was_cut_off(tmp_path: Path, capsys: pytest.CaptureF
     assert "measured records are left out: Run_1-10_no_magnet.csv is not there" in capsys.readouterr().err
 
 
+def test_rows_of_others_are_taken_over_where_the_truth_is_the_same(tmp_path: Path):
+    """Negative control: not where the record's truth is another, and not the peer's own."""
+    old, new = tmp_path / "old", tmp_path / "new"
+    command = ["--count", "2", "--measured", str(tmp_path)]
+    assert main([*command, "--peers", "decrement", "half_power", "--out", str(old)]) == 0
+    changed = rows.read(old / "rows.csv")
+    changed.loc[changed["group"] == "discrepant", "ratio_2"] *= 1.1
+    changed.loc[changed["peer"] == "decrement", "value_1"] = 0.5
+    rows.write(old / "rows.csv", changed)
+    kept = ["--kept", str(old / "rows.csv"), "--rows", str(tmp_path / "work.csv")]
+    assert main([*command, "--peers", "decrement", "--out", str(new), *kept]) == 0
+    found = rows.read(new / "rows.csv")
+    assert list(zip(found["group"], found["peer"], strict=True)) == [
+        ("family", "decrement"), ("family", "half_power"), ("discrepant", "decrement"),
+    ]  # fmt: skip
+    assert 0.5 not in set(found["value_1"])
+    assert found["value_1"][1] == changed.loc[changed["peer"] == "half_power", "value_1"].iloc[0]
+
+
 @pytest.mark.parametrize(
     "wrong", [["--peers", "nobody"], ["--count", "-1"], ["--page", "--out", "no-such-folder"]]
 )

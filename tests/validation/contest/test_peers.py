@@ -20,7 +20,7 @@ from bayesdamp.validation.contest.rows import row_of
 RATIO = 0.02
 WITHIN = {
     "decrement": 0.02, "hilbert": 0.01, "hilbert_local": 0.02, "half_power": 0.02, "curve_fit": 1e-6, "pysindy": 0.05,
-    "bayesdamp": 0.02, "pyoma_ssi": 0.02, "pyoma_efdd": 3.0, "numpyro": 0.05,
+    "bayesdamp": 0.02, "pyoma_ssi": 0.02, "pyoma_efdd": 3.0, "pyema": 0.02, "numpyro": 0.05,
 }  # fmt: skip
 """Relative; EFDD's segments are windowed, and it is off by a factor."""
 HERE = [n for n, e in ROSTER.items() if e.environment is None and n != "bayesdamp"]

@@ -70,7 +70,7 @@ def test_what_was_never_made_is_stale(tmp_path: Path):
 
 def test_every_report_has_a_recipe_and_its_sources_are_there():
     names = {r.name for r in RECIPES}
-    other = {"answer.png", "benchmarks", "contest", "made.json", "quickstart"}
+    other = {"answer.png", "benchmarks", "made.json", "quickstart"}
     assert {p.name for p in (ROOT / "reports").iterdir()} - other <= names
     for recipe in RECIPES:
         for source in recipe.sources:
