@@ -10,7 +10,6 @@ from collections.abc import Collection, Iterable
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pandas as pd
 
 from bayesdamp.types import OK, InputError, Refusal
@@ -70,15 +69,16 @@ def of_others(found: pd.DataFrame, records: Iterable[Record], peers: Collection[
     truth = {r.name: [float(f"{x:.6g}") for x in (*r.amplitudes, *r.ratios)] for r in records}
     columns = [f"{what}_{i}" for what in ("amplitude", "ratio") for i in (1, 2, 3)]
     same = [truth.get(n) == v for n, v in zip(found["record"], found[columns].values.tolist(), strict=True)]
-    return found[np.array(same, bool) & ~found["peer"].isin(peers).to_numpy(bool)]
+    kept = [i for i, peer in enumerate(found["peer"]) if same[i] and peer not in peers]
+    return found.iloc[kept]
 
 
 def together(one: pd.DataFrame, other: pd.DataFrame, peers: list[str]) -> pd.DataFrame:
     """Rows of both, a record's by the order of its peers."""
     both = pd.concat([one, other], ignore_index=True) if len(other) else one
     place = {name: i for i, name in enumerate(dict.fromkeys(both["record"]))}
-    order = sorted(both.index, key=lambda i: (place[both["record"][i]], peers.index(both["peer"][i])))
-    return both.loc[order].reset_index(drop=True)
+    keys = [(place[r], peers.index(p)) for r, p in zip(both["record"], both["peer"], strict=True)]
+    return both.iloc[sorted(range(len(both)), key=keys.__getitem__)].reset_index(drop=True)
 
 
 def write(table: Path, rows: pd.DataFrame) -> None:
