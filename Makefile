@@ -9,7 +9,7 @@ WORKERS ?= 2
 ONE_THREAD := OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 MKL_NUM_THREADS=1 \
 	XLA_FLAGS="--xla_cpu_multi_thread_eigen=false intra_op_parallelism_threads=1"
 
-.PHONY: study test lint bench validate reports contest fuzz mutation lowest audit coverage docs lock clean
+.PHONY: study test lint bench validate reports contest fuzz mutation lowest newest scheduled audit coverage docs lock clean
 .DEFAULT_GOAL := study
 
 study: $(READY)
@@ -61,6 +61,17 @@ lowest: $(READY)
 	  pytest pytest-xdist hypothesis jaxtyping beartype distributed nbclient ipykernel
 	$(ONE_THREAD) $(LOW)/bin/python -m pytest -n $(WORKERS) -W ignore::DeprecationWarning -m "not slow" $(PARTS) $(ARGS)
 
+# The newest versions that pyproject.toml allows, in the same way; torch as it is locked, for a newer one pulls gigabytes.
+NEW := .newest
+newest: $(READY)
+	$(BIN)/python -m venv $(NEW)
+	grep -E '^torch==' constraints.txt > $(NEW)/held.txt
+	$(NEW)/bin/python -m pip install --quiet --disable-pip-version-check --upgrade -c $(NEW)/held.txt -e ".[dev]"
+	$(ONE_THREAD) $(NEW)/bin/python -m pytest -n $(WORKERS) -m "not slow" $(PARTS) $(ARGS)
+
+# What nobody waits for, once a week: the versions at both ends, the slow tests, vulnerabilities, fuzz and mutation.
+scheduled: newest lowest validate audit fuzz mutation
+
 # Known vulnerabilities of what is locked; needs an index that answers for them, by default that of PyPI.
 audit: $(READY)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check "pip-audit>=2.7"
@@ -101,4 +112,4 @@ $(READY): pyproject.toml constraints.txt
 	touch $@
 
 clean:
-	rm -rf $(VENV) $(LOW) build docs/_build docs/_generated *.egg-info
+	rm -rf $(VENV) $(LOW) $(NEW) build docs/_build docs/_generated *.egg-info
