@@ -68,6 +68,7 @@ def findings(raw: RawRecord, unit: str, quantity: str, given: bool = False) -> t
         _times(raw, seen),
         _rate(raw, seen),
         _differing(raw),
+        _against_times(raw),
         _rectified(raw, seen),
         _constant(raw),
     )
@@ -140,6 +141,14 @@ def _differing(raw: RawRecord) -> Finding | None:
         return None
     sentence = f"its file says {said:.6g} Hz, and it is read at {used:.6g} Hz"
     return Finding(Kind.RATE, sentence, f"--rate {said:.6g} takes the file's")
+
+
+def _against_times(raw: RawRecord) -> Finding | None:
+    """A rate that was given, and is not that of the file's own times."""
+    if raw.rate is None or raw.own_rate is None or abs(raw.rate / raw.own_rate - 1) <= DIFFER:
+        return None
+    sentence = f"its own times are {raw.own_rate:.6g} Hz, and it is read at {raw.rate:.6g} Hz"
+    return Finding(Kind.RATE, sentence, "leave --rate out to take them")
 
 
 def _rectified(raw: RawRecord, seen: Swing) -> Finding | None:

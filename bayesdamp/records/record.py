@@ -24,7 +24,8 @@ class RawRecord:
     nobody says. quantity: "angle", "velocity", "acceleration", or empty where nobody says.
     columns: what to ask for to get these columns again: (times or None, values), by name or number from 1.
     repeat: whether the file says that it is one of several runs of one thing. choice: of the file's columns, None where
-    there was none. why: those of the notes that say where times and values are.
+    there was none. why: those of the notes that say where times and values are. own_rate: that of the file's own times
+    in Hz, where a rate was given in their place and they do not just count the samples.
     """
 
     t: np.ndarray | None
@@ -40,3 +41,4 @@ class RawRecord:
     repeat: bool = False
     choice: Choice | None = None
     why: tuple[str, ...] = ()
+    own_rate: float | None = None

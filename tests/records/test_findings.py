@@ -42,6 +42,10 @@ CASES = {
     "rate against the file's": (
         "# sample rate: 50 Hz\nx,angle", Y[::-1], Y, {"rate": 500.0, "value": 2}, None, [Kind.RATE], "--rate 50",
     ),
+    "rate against its times": ("t,angle", T, Y, {"rate": 25.0}, None, [Kind.RATE], "leave --rate out"),
+    "rate against its times in ms": ("t (ms),angle", 1e3 * T, Y, {"rate": 25.0}, None, [Kind.RATE], "leave --rate out"),
+    "rate of its times": ("t (ms),angle", 1e3 * T, Y, {"rate": 50.0}, None, [], ""),
+    "rate beside numbers of samples": ("t,angle", np.arange(600.0), Y, {"rate": 50.0}, None, [], ""),
     "times against the file's rate": ("# fs = 25\nt,angle", T, Y, {}, None, [Kind.RATE], "--rate 25"),
     "rectified": ("t,angle", T, np.abs(Y), {}, None, [Kind.RECTIFIED], "every second half-cycle"),
     "rectified, negative": ("t,angle", T, -np.abs(Y), {}, None, [Kind.RECTIFIED], "every second half-cycle"),

@@ -48,7 +48,8 @@ _MINOR = 1 / 3
 @dataclass(frozen=True, eq=False)
 class Series:
     """The columns of one record. rate: in Hz, where there is no column of times; why: sentences on what was chosen;
-    choice: why these columns, where there were others; still: names of columns beside it that do not change."""
+    choice: why these columns, where there were others; still: names of columns beside it that do not change; aside: the
+    times that a given rate stands in for."""
 
     value: Column
     time: Column | None = None
@@ -57,6 +58,7 @@ class Series:
     why: tuple[str, ...] = ()
     still: tuple[str, ...] = ()
     choice: Choice | None = None
+    aside: Column | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,6 +70,7 @@ class _Block:
     time: Column | None
     rate: float | None
     said: tuple[str, ...] = ()
+    aside: Column | None = None
 
 
 def series(
@@ -122,7 +125,7 @@ def _block(found: Contents, run: str, group: str, timed: list[Column], rate: flo
     columns = tuple(c for c in found.columns if c.group == group and parted(c)[1] in (run, ""))
     own = tuple(c for c in columns if parted(c)[1] == run) if run else columns
     if rate is not None:
-        return _Block(run, own, None, rate)
+        return _Block(run, own, None, rate, aside=_time_column(own) or _time_column(columns))
     if timed:
         mine = [c for c in timed if parted(c)[1] == run] or timed
         return _Block(run, own, mine[0], None)
@@ -221,7 +224,8 @@ def _given(found: Contents, column: Column, blocks: list[_Block], clockless: boo
         other = next(c for c in found.columns if c is not column)
         if other.values.size == column.values.size:
             record = replace(record, time=other)
-    return [_with_clock(record, found, block.said)]
+    aside = block.aside if block.aside is not column else None
+    return [_with_clock(replace(record, aside=aside), found, block.said)]
 
 
 def _with_clock(record: Series, found: Contents, said: tuple[str, ...] = ()) -> Series:
@@ -267,7 +271,12 @@ def _same_in_all(found: Contents, blocks: list[_Block]) -> list[Series]:
         rate = None if block.time is not None else block.rate
         still = tuple(c.name for c in _rest(block) if c.name and not _changes(c))
         why = block.said if choice is None else (*block.said, str(choice))
-        records += [Series(c, block.time, rate, block.run, why, still, choice) for c in some]
+        records += [
+            Series(
+                c, block.time, rate, block.run, why, still, choice, None if block.aside is c else block.aside
+            )
+            for c in some
+        ]
     for run in dict.fromkeys(record.run for record in records):
         _plain(found, [record.value for record in records if record.run == run])
     return records
