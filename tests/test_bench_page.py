@@ -53,3 +53,12 @@ def test_a_run_that_was_not_whole_is_said_to_be_none(tmp_path: Path) -> None:
     page = (tmp_path / "README.md").read_text(encoding="utf-8")
     assert "not a whole one: test_b.py did not run" in page
     assert "measured all of it" not in page
+
+
+def test_a_run_that_writes_as_it_goes_is_compared_with_the_run_before(tmp_path: Path) -> None:
+    """Control: without the ratios from before it would be compared with itself."""
+    write(ledger(one=10.0), tmp_path)
+    earlier = before(tmp_path)
+    assert write(ledger(one=7.0), tmp_path, earlier=earlier) == ["one: 7, was 10 (-30 %)"]
+    assert write(ledger(one=7.0, two=1.0), tmp_path, earlier=earlier) == ["one: 7, was 10 (-30 %)"]
+    assert write(ledger(one=7.0, two=1.0), tmp_path) == []

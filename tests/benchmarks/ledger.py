@@ -74,11 +74,18 @@ def losses(ratios: Mapping[str, float], earlier: Mapping[str, float]) -> list[st
     ]
 
 
-def write(ledger: Ledger, folder: Path, files: Sequence[str] = (), every: Sequence[str] = ()) -> list[str]:
-    """Write the page into a folder and return the losses against what was there. Ratios and tables that were not
-    measured this time are kept from the time before. files: that were run to their end, every: that there are."""
+def write(
+    ledger: Ledger,
+    folder: Path,
+    files: Sequence[str] = (),
+    every: Sequence[str] = (),
+    earlier: Mapping[str, float] | None = None,
+) -> list[str]:
+    """Write the page into a folder and return the losses against the run before. Ratios and tables that were not
+    measured this time are kept from the time before. files: that were run to their end, every: that there are;
+    earlier: the ratios of the run before, by default those of the page that is there."""
     folder.mkdir(parents=True, exist_ok=True)
-    earlier = before(folder)
+    earlier = before(folder) if earlier is None else earlier
     lost = losses(ledger.ratios, earlier)
     kept, bars = earlier | ledger.ratios, _column(folder, "bar") | ledger.bars
     known = json.loads((folder / TABLES).read_text("utf-8")) if (folder / TABLES).is_file() else {}
