@@ -1,5 +1,5 @@
-"""The benchmarks' page goes to reports/benchmarks, or where BENCH_OUT says; nowhere if that is empty. It is written after
-each file of tests: of a run that is cut off, what was measured stays."""
+"""The benchmarks' page goes to reports/benchmarks, or where BENCH_OUT says; nowhere if that is empty. It is written
+after each file of tests: of a run that is cut off, what was measured stays."""
 
 from __future__ import annotations
 
