@@ -72,6 +72,10 @@ Out = Annotated[
 Workers = Annotated[
     int | None, typer.Option(min=1, help="Processes; as many as cores by default.", rich_help_panel=RUNNING)
 ]
+Scheduler = Annotated[
+    str | None,
+    typer.Option(help="Address of a Dask scheduler whose workers share the work.", rich_help_panel=RUNNING),
+]
 Fresh = Annotated[bool, typer.Option("--fresh", help="Compute everything again.", rich_help_panel=RUNNING)]
 Quick = Annotated[
     bool,

@@ -19,6 +19,7 @@ from bayesdamp.machine.threads import in_one_order
 GARBAGE = 100_000
 """New objects from which Python looks for garbage: every 700, as by default, takes a tenth of a short run, as the
 hundred thousands that JAX has made are gone through again and again."""
+ENDS = tuple(getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name))
 
 
 class Processes(Executor):
@@ -61,7 +62,7 @@ def processes(workers: int, module: str = "") -> Iterator[Processes]:
     os.environ["OMP_NUM_THREADS"] = "1"
     in_one_order()
     pool = Processes(workers)
-    with _kill_as_interrupt():
+    with kill_as_interrupt():
         try:
             for _ in range(workers if module else 0):
                 pool.submit(_import, module)
@@ -73,8 +74,9 @@ def processes(workers: int, module: str = "") -> Iterator[Processes]:
 
 
 @contextmanager
-def _kill_as_interrupt() -> Iterator[None]:
-    """A run that is killed ends its processes as one that is interrupted does."""
+def kill_as_interrupt() -> Iterator[None]:
+    """A run that is told to end, or whose terminal is closed, ends as one that is interrupted does; what is told to
+    outlive its terminal does so."""
 
     def interrupt(*_: object) -> None:
         raise KeyboardInterrupt
@@ -82,11 +84,14 @@ def _kill_as_interrupt() -> Iterator[None]:
     if threading.current_thread() is not threading.main_thread():
         yield
         return
-    before = signal.signal(signal.SIGTERM, interrupt)
+    before = {s: signal.getsignal(s) for s in ENDS if signal.getsignal(s) is signal.SIG_DFL}
+    for one in before:
+        signal.signal(one, interrupt)
     try:
         yield
     finally:
-        signal.signal(signal.SIGTERM, before)
+        for one, handler in before.items():
+            signal.signal(one, handler)
 
 
 def _begin(parent: int) -> None:

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
 from typing import TypeVar
 
 ONE_THREAD = "--xla_cpu_multi_thread_eigen=false"
+_THREADS = re.compile(r"\s*--xla_cpu_multi_thread_eigen(=\S*)?(?=\s|$)")
 T = TypeVar("T")
 R = TypeVar("R")
 
@@ -23,11 +25,11 @@ def cores() -> int:
 def in_one_order() -> None:
     """Let compiled programs that this process loads from now on sum in one order, whatever the number of cores.
 
-    A result must not depend on which process computes it. Without effect once JAX has compiled something.
+    A result must not depend on which process computes it, nor on what its environment says of that. Without effect once
+    JAX has compiled something.
     """
     flags = os.environ.get("XLA_FLAGS", "")
-    if "xla_cpu_multi_thread_eigen" not in flags:
-        os.environ["XLA_FLAGS"] = f"{flags} {ONE_THREAD}".strip()
+    os.environ["XLA_FLAGS"] = f"{_THREADS.sub('', flags)} {ONE_THREAD}".strip()
 
 
 def at_once(function: Callable[[T], R], items: Iterable[T]) -> list[R]:

@@ -14,7 +14,8 @@ from threadpoolctl import threadpool_limits
 
 from bayesdamp.config import Recording, Study
 from bayesdamp.machine.cache_eviction import evict_programs
-from bayesdamp.machine.threads import cores
+from bayesdamp.machine.processes import kill_as_interrupt
+from bayesdamp.machine.threads import cores, in_one_order
 from bayesdamp.outcomes import Status, status_of
 from bayesdamp.pipeline.jobs import Depth, Job, jobs_of, side_by_side, stages, within, work_of
 from bayesdamp.pipeline.keys import digest
@@ -70,7 +71,7 @@ def run_study(
     console = console or Console(stderr=True)
     read_records(study)
     store = Store(out)
-    with store.lock():
+    with kill_as_interrupt(), store.lock():
         if fresh:
             store.clear()
         jobs = jobs_of(study)
@@ -78,7 +79,7 @@ def run_study(
         workers = workers or max(1, min(cores(), side_by_side(jobs, depth)))
         names = [name for job in wanted for name in work_of(study, store, job)]
         with progress_on(Console(quiet=True) if quiet else console) as progress:
-            with pool_of(workers, scheduler, pool) as pool:
+            with pool_of(workers, scheduler, pool, console.print) as pool:
                 if pool is not None and depth is Depth.WHOLE:
                     pool.submit(_prepare)
                     threading.Thread(target=_prepare, daemon=True).start()
@@ -216,6 +217,7 @@ def _run_jobs(
 
 def _prepare() -> None:
     """Import what is needed later, while the first record leaves processes idle."""
+    in_one_order()  # before what is imported starts JAX
     for name in ("bayesdamp.report", "bayesdamp.inference.samplers.nuts", "arviz_base"):
         import_module(name)
 

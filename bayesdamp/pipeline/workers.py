@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from concurrent.futures import CancelledError, Executor
+from collections.abc import Callable, Iterator
+from concurrent.futures import Executor
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
@@ -12,7 +12,7 @@ from bayesdamp.machine.processes import processes
 from bayesdamp.machine.programs import keep_in
 from bayesdamp.machine.threads import in_one_order
 from bayesdamp.numerics.lazily import jax
-from bayesdamp.types import InputError
+from bayesdamp.pipeline.cluster import cluster
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -21,39 +21,26 @@ if TYPE_CHECKING:
 
 @contextmanager
 def pool_of(
-    workers: int, scheduler: str | None, running: Executor | None = None
+    workers: int,
+    scheduler: str | None,
+    running: Executor | None = None,
+    say: Callable[[str], None] = lambda _: None,
 ) -> Iterator[Executor | None]:
-    """Where jobs run; None for this process. running: a pool that is there already."""
+    """Where jobs run; None for this process. running: a pool that is there already; say: told of a scheduler that has
+    no workers."""
     if running is not None or (workers == 1 and scheduler is None):
         yield running
     else:
-        with executor(workers, scheduler) as pool:
+        with executor(workers, scheduler, say) as pool:
             yield pool
 
 
 @contextmanager
-def executor(workers: int, scheduler: str | None) -> Iterator[Executor]:
+def executor(
+    workers: int, scheduler: str | None, say: Callable[[str], None] = lambda _: None
+) -> Iterator[Executor]:
     """Spawned processes on this machine, or those of a Dask scheduler. Raises InputError where there is none."""
-    if scheduler is not None:
-        try:
-            from distributed import Client
-        except ImportError:
-            raise InputError(
-                "--scheduler needs dask.distributed: install bayesdamp[cluster], or use --workers"
-            ) from None
-        try:
-            client = Client(scheduler, timeout=10)
-        except (OSError, ValueError) as error:
-            raise InputError(f"--scheduler {scheduler}: no Dask scheduler answers there ({error})") from None
-        # not pure: the same task in another folder is another one
-        with client, client.get_executor(pure=False) as pool:
-            try:
-                yield pool
-            except CancelledError:
-                lost = "the scheduler or all its workers are gone; the same command resumes"
-                raise InputError(f"--scheduler {scheduler}: {lost}") from None
-        return
-    with processes(workers) as pool:
+    with processes(workers) if scheduler is None else cluster(scheduler, say) as pool:
         yield pool
 
 

@@ -84,7 +84,7 @@ class Store:
         if self.only is not None and cell_name not in self.only:
             raise KeyError(cell_name)
         try:
-            found = _unpack(self._path(cell_name), cell_name)
+            found = _unpack(self._file(cell_name), cell_name)
         except _BROKEN as fault:
             raise KeyError(cell_name) from fault
         if self.only is not None and self.only[cell_name] != found.key:
@@ -101,7 +101,7 @@ class Store:
     def head(self, cell_name: str) -> tuple[str, str]:
         """Key and outcome of a cell; its arrays are not looked at. Raises KeyError."""
         try:
-            with zipfile.ZipFile(self._path(cell_name)) as archive:
+            with zipfile.ZipFile(self._file(cell_name)) as archive:
                 found = json.loads(archive.read(_HEAD))
             return found["key"], found["outcome"]
         except _BROKEN as fault:
@@ -148,6 +148,13 @@ class Store:
             handle.flush()
             folders.sweep(self.folder)
             yield
+
+    def _file(self, cell_name: str) -> Path:
+        """The cell's file, to read. Raises OSError where it is a device or a pipe, on which reading would wait."""
+        path = self._path(cell_name)
+        if not folders.regular(path):
+            raise FileNotFoundError(path)
+        return path
 
     def _path(self, cell_name: str) -> Path:
         parts = cell_name.split("/")

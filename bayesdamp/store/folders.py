@@ -51,16 +51,24 @@ def claim(folder: Path, tables: Iterable[str] = ()) -> None:
 
 
 def write_new(path: Path, text: str) -> None:
-    """Write a file that is not there; one that is stays as it is."""
+    """Write a file that is not there, whole or not at all; one that is stays as it is."""
+    partial = temporary(path)
     try:
-        with path.open("x", encoding="utf-8") as handle:
+        with partial.open("x", encoding="utf-8") as handle:
             handle.write(text)
-    except FileExistsError:
-        pass
+        try:
+            os.link(partial, path)
+        except FileExistsError:
+            pass
+        except OSError:  # a file system that knows no second name of a file
+            if not os.path.lexists(path):
+                os.replace(partial, path)
+    finally:
+        partial.unlink(missing_ok=True)
 
 
 def _signed(path: Path) -> bool:
-    if not _regular(path):
+    if not regular(path):
         return False
     with path.open("rb") as handle:
         return handle.read(len(SIGNED)) == SIGNED.encode()
@@ -69,14 +77,14 @@ def _signed(path: Path) -> bool:
 def _by_earlier_version(folder: Path) -> bool:
     """Whether the folder holds a run's description, or nothing but cells where a run has them."""
     about = folder / "run.json"
-    if _regular(about):
+    if regular(about):
         try:
             found = json.loads(about.read_bytes())
         except ValueError:
             return False
         return isinstance(found, dict) and {"name", "seed", "study"} <= found.keys()
     cells = [path for path in _entries(folder / "cells") if not path.is_dir()]
-    if not cells or any(path.suffix != ".npz" or not _regular(path) for path in cells):
+    if not cells or any(path.suffix != ".npz" or not regular(path) for path in cells):
         return False
     return any(map(_is_cell, cells))
 
@@ -89,7 +97,7 @@ def _is_cell(path: Path) -> bool:
         return False
 
 
-def _regular(path: Path) -> bool:
+def regular(path: Path) -> bool:
     """Whether there is a file, and it is neither a link nor a device."""
     try:
         return stat.S_ISREG(path.lstat().st_mode)
@@ -110,7 +118,7 @@ def sweep(folder: Path) -> None:
     """Remove what a killed run left half-written, known by its name."""
     top = (folder / name for name in os.listdir(folder))
     for path in (*top, *(entry for place in PLACES for entry in _entries(folder / place))):
-        if _TEMPORARY.fullmatch(path.name) and _regular(path):
+        if _TEMPORARY.fullmatch(path.name) and regular(path):
             path.unlink(missing_ok=True)
 
 
@@ -120,7 +128,7 @@ def remove_cells(folder: Path) -> None:
     if not _signed(folder / MARK) or any(path.is_symlink() for path in found):
         return
     for path in found:
-        if path.suffix == ".npz" and _regular(path):
+        if path.suffix == ".npz" and regular(path):
             path.unlink(missing_ok=True)
     for path in sorted(found, key=lambda one: -len(one.parts)):
         if path.is_dir() and not os.listdir(path):
@@ -133,7 +141,7 @@ def remove_listed(folder: Path, listed: Iterable[str]) -> None:
         return
     for name in listed:
         path = folder / name
-        if path.name == name and _regular(path):
+        if path.name == name and regular(path):
             path.unlink(missing_ok=True)
 
 
@@ -141,8 +149,8 @@ def open_lock(folder: Path) -> IO[str]:
     """The lock's file, to read and to write. Raises InputError where it is a link, a device or shared; OSError."""
     path = folder / ".lock"
     if not os.path.lexists(path):
-        write_new(path, "")
-    if not _regular(path) or path.lstat().st_nlink > 1:
+        path.touch()
+    if not regular(path) or path.lstat().st_nlink > 1:
         raise InputError(f"{path}: is a link or no regular file; {_ELSEWHERE}, or remove it")
     return os.fdopen(os.open(path, os.O_RDWR | os.O_APPEND | os.O_NOFOLLOW | os.O_CLOEXEC), "a+")
 

@@ -11,7 +11,8 @@ from pathlib import Path
 
 import pytest
 
-from bayesdamp.machine.processes import processes
+from bayesdamp.machine.processes import kill_as_interrupt, processes
+from bayesdamp.machine.threads import in_one_order
 
 SCRIPT = """
 import os, time
@@ -66,3 +67,33 @@ def test_a_run_that_is_killed_leaves_no_process_and_no_complaint(tmp_path: Path)
         time.sleep(0.05)
     assert "KeyboardInterrupt" in said
     assert "leaked" not in said
+
+
+@pytest.mark.parametrize(
+    "said", ["", "--xla_cpu_multi_thread_eigen=true", "--xla_dump_to=x --xla_cpu_multi_thread_eigen"]
+)
+def test_programs_sum_in_one_order_whatever_the_environment_says(
+    monkeypatch: pytest.MonkeyPatch, said: str
+) -> None:
+    monkeypatch.setenv("XLA_FLAGS", said)
+    in_one_order()
+    in_one_order()
+    flags = os.environ["XLA_FLAGS"].split()
+    assert [f for f in flags if "eigen" in f] == ["--xla_cpu_multi_thread_eigen=false"]
+    assert ("--xla_dump_to=x" in flags) is ("dump" in said)
+
+
+@pytest.mark.parametrize("one", ["SIGTERM", "SIGHUP"])
+def test_what_is_told_to_end_is_interrupted(one: str) -> None:
+    """Negative controls: who was told to ignore it goes on; afterwards it ends a process as before."""
+    number = getattr(signal, one)
+    with pytest.raises(KeyboardInterrupt), kill_as_interrupt():
+        signal.raise_signal(number)
+    assert signal.getsignal(number) is signal.SIG_DFL
+    signal.signal(number, signal.SIG_IGN)
+    try:
+        with kill_as_interrupt():
+            os.kill(os.getpid(), number)
+            time.sleep(0.1)
+    finally:
+        signal.signal(number, signal.SIG_DFL)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import errno
+import io
 import json
 import os
 from collections.abc import Callable
@@ -11,7 +13,7 @@ import pytest
 
 from bayesdamp.cli import main
 from bayesdamp.store import CellResult, Store, write_bytes
-from bayesdamp.store.folders import MARK, temporary
+from bayesdamp.store.folders import MARK, temporary, write_new
 from bayesdamp.types import InputError
 
 CELL = CellResult("signal/a/0", "k")
@@ -199,3 +201,48 @@ def test_a_simulation_does_not_replace_a_device(tmp_path: Path, capsys: pytest.C
     assert said.err.startswith("--out ")
     assert said.err.endswith("give a regular file or a new file's name\n")
     assert (tmp_path / "full").is_fifo()
+
+
+def test_a_mark_is_whole_or_not_there(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A disk that is full when a folder is claimed leaves nothing that a later run would not know. Control: with room
+    the mark is there, and what is there stays."""
+
+    class Full(io.StringIO):
+        def write(self, text: str) -> int:
+            raise OSError(errno.ENOSPC, "No space left on device")
+
+    usual = Path.open
+    monkeypatch.setattr(
+        Path, "open", lambda path, *a, **k: Full() if path.suffix == ".tmp" else usual(path, *a, **k)
+    )
+    with pytest.raises(OSError, match="No space"):
+        write_new(tmp_path / MARK, "mine")
+    assert not list(tmp_path.iterdir())
+    monkeypatch.undo()
+    write_new(tmp_path / MARK, "mine")
+    write_new(tmp_path / MARK, "other")
+    assert {p.name: p.read_text() for p in tmp_path.iterdir()} == {MARK: "mine"}
+
+
+def test_a_mark_where_files_have_one_name_only(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def no_links(*_: object) -> None:
+        raise OSError(errno.EPERM, "Operation not permitted")
+
+    monkeypatch.setattr(os, "link", no_links)
+    write_new(tmp_path / MARK, "mine")
+    write_new(tmp_path / MARK, "other")
+    assert {p.name: p.read_text() for p in tmp_path.iterdir()} == {MARK: "mine"}
+
+
+def test_a_pipe_in_place_of_a_cell_is_not_waited_for(tmp_path: Path) -> None:
+    store = Store(tmp_path)
+    store.write(CELL)
+    assert store.has(CELL.name, CELL.key)
+    place = tmp_path / "cells" / "signal" / "a" / "0.npz"
+    place.unlink()
+    os.mkfifo(place)
+    assert not store.has(CELL.name, CELL.key)
+    with pytest.raises(KeyError):
+        store.head(CELL.name)
+    with pytest.raises(InputError, match="is a device and is not replaced"):
+        store.write(CELL)

@@ -69,6 +69,7 @@ def compare(
     ] = 0,
     out: o.Out = None,
     workers: o.Workers = None,
+    scheduler: o.Scheduler = None,
     plugin: o.Plugins = None,
     fresh: o.Fresh = False,
     quick: o.Quick = False,
@@ -108,6 +109,7 @@ def compare(
         _no_envelope_s({
             "restoring": restoring, "exact": exact, "runs": runs, "channel": channel, "time-unit": time_unit,
             "deviation": deviation if deviation != "auto" else None, "noise": noise if noise != "auto" else None,
+            "scheduler": scheduler,
         })  # fmt: skip
         written: list[Path] = []
 
@@ -156,8 +158,8 @@ def compare(
     reading = Options.of(columns, unit, quantity, clock, (start, stop), runs, channel)
     found, doubted, said = chosen_records(records, reading)
     # One record is answered by threads of this process: others would only begin to wait.
-    alone = len(found) == 1 and not exact
-    with _early_processes(1 if alone else workers, sums, restoring or ()) as pool:
+    alone = len(found) == 1 and not exact and scheduler is None
+    with _early_processes(1 if alone or scheduler else workers, sums, restoring or ()) as pool:
         from rich.console import Console
 
         from bayesdamp.config.compare import comparison
@@ -191,7 +193,8 @@ def compare(
         shown = Lasting()
         depth = Depth.ANSWER if quick else Depth.WHOLE if exact else Depth.SAMPLED
         status = run_study(
-            made, folder, workers=1 if alone else workers, fresh=fresh, console=console, pool=pool, depth=depth,
+            made, folder, workers=1 if alone else workers, scheduler=scheduler, fresh=fresh, console=console, pool=pool,
+            depth=depth,
             answered=None if as_json or len(found) > FIRST_WORDS else Told(shown, units_of(made)), quiet=quiet,
         )  # fmt: skip
     if as_json:

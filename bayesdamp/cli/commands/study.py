@@ -9,7 +9,6 @@ import typer
 
 from bayesdamp.cli import options as o
 from bayesdamp.cli.asked import FIRST_WORDS, compiles_first, read_study, run_folder, units_of
-from bayesdamp.cli.options import RUNNING
 from bayesdamp.cli.verdicts import verdicts_json
 
 
@@ -22,9 +21,7 @@ def study(
     ],
     out: o.Out = None,
     workers: o.Workers = None,
-    scheduler: Annotated[
-        str | None, typer.Option(help="Address of a Dask scheduler to run on.", rich_help_panel=RUNNING)
-    ] = None,
+    scheduler: o.Scheduler = None,
     plugin: o.Plugins = None,
     fresh: o.Fresh = False,
     quick: o.Quick = False,

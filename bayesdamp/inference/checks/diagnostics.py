@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+import io
 from collections.abc import Mapping
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 
@@ -19,7 +19,7 @@ from bayesdamp.numerics.pareto import pareto_k
 from bayesdamp.types import OK, Posterior
 
 __all__ = [
-    "effective", "effective_mean", "monte_carlo_error", "pareto_k", "save", "summarise", "summarised", "verdict",
+    "effective", "effective_mean", "monte_carlo_error", "pareto_k", "saved", "summarise", "summarised", "verdict",
 ]  # fmt: skip
 
 RHAT_LIMIT = 1.01
@@ -99,8 +99,9 @@ def effective(draws: np.ndarray) -> float:
     return min(ess_bulk(draws), ess_tail(draws))
 
 
-def save(posterior: Posterior, path: Path) -> None:
-    """Write draws, log likelihood and sample statistics as ArviZ reads them (netCDF)."""
+def saved(posterior: Posterior) -> bytes:
+    """Draws, log likelihood and sample statistics as ArviZ reads them (netCDF); made in memory, for HDF5 ends the
+    process where a disk is full."""
     from arviz_base import from_dict
 
     groups = {n: posterior.draws[:, :, i] for i, n in enumerate(posterior.names)}
@@ -111,4 +112,6 @@ def save(posterior: Posterior, path: Path) -> None:
             "log_likelihood": {"record": posterior.log_likelihood[:, :, None]},
         }
     )
-    data.to_netcdf(path, engine="h5netcdf")
+    content = io.BytesIO()
+    data.to_netcdf(content, engine="h5netcdf")
+    return content.getvalue()

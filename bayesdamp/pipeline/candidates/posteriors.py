@@ -15,7 +15,7 @@ from bayesdamp.pipeline.candidates.branch import Branch
 from bayesdamp.records.oscillation.features import Features
 from bayesdamp.store import CellResult
 from bayesdamp.store.contents.posteriors import SAID, PosteriorContent
-from bayesdamp.store.folders import refuse_special, temporary
+from bayesdamp.store.files import write_bytes
 from bayesdamp.store.places import Place
 from bayesdamp.types import Posterior, Refusal
 
@@ -98,9 +98,5 @@ def curves(motions: Motions, seen: Features) -> dict[str, np.ndarray]:
 
 
 def save_whole(posterior: Posterior, file: Path) -> None:
-    """Write a posterior's netCDF beside its place and move it there, so that a kill leaves no part of it."""
-    file.parent.mkdir(parents=True, exist_ok=True)
-    refuse_special(file)
-    partial = temporary(file)
-    diagnostics.save(posterior, partial)
-    partial.replace(file)
+    """Write a posterior's netCDF in one step, so that a kill leaves no part of it."""
+    write_bytes(file, diagnostics.saved(posterior))

@@ -168,7 +168,7 @@ def test_draws_that_are_not_to_be_trusted_are_said_to_be():
 def test_saved_draws_read_back(tmp_path):
     """As ArviZ reads them."""
     found = problems.posterior("viscous_coulomb", "nuts")
-    diagnostics.save(found, tmp_path / "draws.nc")
+    (tmp_path / "draws.nc").write_bytes(diagnostics.saved(found))
     data = xarray.open_datatree(tmp_path / "draws.nc", engine="h5netcdf")
     np.testing.assert_array_equal(data.posterior["zeta"].values, found.draws[..., 0])
     assert data.posterior["zeta"].dims == ("chain", "draw")
