@@ -1,0 +1,58 @@
+"""A cluster's workers: in what order they sum, and what is said where there are none."""
+
+from __future__ import annotations
+
+import os
+import time
+from pathlib import Path
+
+import pytest
+
+from bayesdamp.pipeline import cluster, run
+from bayesdamp.types import InputError
+
+
+def test_a_worker_is_told_its_order_before_anything_can_start_jax(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("XLA_FLAGS", raising=False)
+    seen: list[str | None] = []
+    monkeypatch.setattr(run, "import_module", lambda _: seen.append(os.environ.get("XLA_FLAGS")))
+    run._prepare()
+    assert seen
+    assert all(flags is not None and "multi_thread_eigen=false" in flags for flags in seen)
+
+
+def test_that_there_are_no_workers_is_said_once(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """Negative control: nothing is said while there are some."""
+    distributed = pytest.importorskip("distributed")
+    monkeypatch.setattr(cluster, "PATIENCE", 0.3)
+    monkeypatch.setattr(cluster, "EVERY", 0.1)
+    said: list[str] = []
+    with (
+        distributed.LocalCluster(
+            n_workers=1, threads_per_worker=1, processes=False, protocol="tcp://", host="127.0.0.1",
+            dashboard_address=None, local_directory=str(tmp_path),
+        ) as made,
+        cluster.cluster(made.scheduler_address, said.append) as pool,
+    ):  # fmt: skip
+        assert pool.submit(abs, -1).result(timeout=60) == 1
+        time.sleep(1)
+        assert not said
+        made.scale(0)
+        waited = time.monotonic() + 60
+        while not said and time.monotonic() < waited:
+            time.sleep(0.1)
+        time.sleep(0.5)
+    (line,) = said
+    assert "it has no worker; waiting for one" in line
+    assert len(line) < 300
+
+
+@pytest.mark.parametrize(
+    "address", ["tls://127.0.0.1:1", "ucx://127.0.0.1:1", "nowhere://x", "tcp://127.0.0.1:1"]
+)
+def test_an_address_that_no_scheduler_answers_is_refused(
+    address: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip("distributed")
+    with pytest.raises(InputError, match="no Dask scheduler answers there"), cluster.cluster(address, print):
+        pass
