@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import io
+import sys
 from collections.abc import Mapping
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import replace
 
 import numpy as np
@@ -113,5 +115,12 @@ def saved(posterior: Posterior) -> bytes:
         }
     )
     content = io.BytesIO()
-    data.to_netcdf(content, engine="h5netcdf")
+    with _one_process():
+        data.to_netcdf(content, engine="h5netcdf")
     return content.getvalue()
+
+
+def _one_process() -> AbstractContextManager[object]:
+    """On a worker of Dask xarray takes the cluster's lock of a file by its name, and memory has none."""
+    dask = sys.modules.get("dask")
+    return nullcontext() if dask is None else dask.config.set(scheduler="synchronous")

@@ -6,10 +6,12 @@ import os
 import time
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from bayesdamp.inference.checks import diagnostics
 from bayesdamp.pipeline import cluster, run
-from bayesdamp.types import InputError
+from bayesdamp.types import InputError, Posterior
 
 
 def test_a_worker_is_told_its_order_before_anything_can_start_jax(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -30,7 +32,7 @@ def test_that_there_are_no_workers_is_said_once(monkeypatch: pytest.MonkeyPatch,
     with (
         distributed.LocalCluster(
             n_workers=1, threads_per_worker=1, processes=False, protocol="tcp://", host="127.0.0.1",
-            dashboard_address=None, local_directory=str(tmp_path),
+            dashboard_address=":0", local_directory=str(tmp_path),
         ) as made,
         cluster.cluster(made.scheduler_address, said.append) as pool,
     ):  # fmt: skip
@@ -56,3 +58,22 @@ def test_an_address_that_no_scheduler_answers_is_refused(
     pytest.importorskip("distributed")
     with pytest.raises(InputError, match="no Dask scheduler answers there"), cluster.cluster(address, print):
         pass
+
+
+def _draws() -> bytes:
+    posterior = Posterior("nuts", ("zeta",), np.zeros((2, 50, 1)), np.zeros((2, 50)), {})
+    return diagnostics.saved(posterior)
+
+
+def test_draws_are_written_on_a_worker_as_in_one_process(tmp_path: Path) -> None:
+    """xarray asks the cluster for a lock of the file, by its name."""
+    distributed = pytest.importorskip("distributed")
+    with (
+        distributed.LocalCluster(
+            n_workers=1, threads_per_worker=1, processes=False, protocol="tcp://", host="127.0.0.1",
+            dashboard_address=":0", local_directory=str(tmp_path),
+        ) as made,
+        cluster.cluster(made.scheduler_address, print) as pool,
+    ):  # fmt: skip
+        found = pool.submit(_draws).result(timeout=120)
+    assert len(found) == len(_draws())
