@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import dataclass
 from enum import Enum
 
@@ -28,6 +29,11 @@ SLOW = 30.0
 """A period in s from which times whose unit nobody says are doubted."""
 COARSE = 0.5
 """The step in s of such times from which they are doubted."""
+_BRACKETS = re.compile(r"[(\[{]\s*([^\W\d][^()\[\]{}]{0,19}?)\s*[)\]}]\s*$")
+"""What stands in brackets behind the name of times."""
+_NO_UNITS = ("utc", "gmt", "local", "local time", "elapsed", "relative", "rel", "abs", "absolute", "raw", "x")
+VALID = "ms, us, ns, ps, min, h, d"
+"""Units of time to choose from."""
 DIFFER = 0.01
 """Share by which a given rate may differ from what the file says."""
 
@@ -108,6 +114,10 @@ def _times(raw: RawRecord, seen: Swing) -> Finding | None:
             f"its times are {raw.t[0]:.0f}, {raw.t[1]:.0f}, {raw.t[2]:.0f}, ...: are they numbers of samples?"
         )
         return Finding(Kind.SAMPLE_NUMBERS, sentence, "--rate HZ")
+    unknown = _BRACKETS.search(raw.provenance.time_column)
+    if unknown is not None and unknown[1].lower() not in _NO_UNITS:
+        sentence = f"the unit of its times, {unknown[1]!r}, is not known; they are read as s"
+        return Finding(Kind.TIME_UNIT, sentence, f"--time-unit s if they are, or {VALID}")
     period = seen.period * step
     if not seen.swings or step < COARSE or period < SLOW:
         return None

@@ -76,7 +76,7 @@ def read_records(
     if rate is not None and time is not None:
         raise fault(path, "give either time (a column) or rate (in Hz), not both")
     if time_unit is not None and time_unit.lower() not in SECONDS:
-        raise fault(path, f"unknown unit of time {time_unit[:20]!r}; valid are s, ms, us, ns, min")
+        raise fault(path, f"unknown unit of time {time_unit[:20]!r}; valid are s, ms, us, ns, ps, min, h, d")
     found = contents(path)
     try:
         values = (*([value] if value is not None else []), *channels)
@@ -117,7 +117,7 @@ def _record(found: Contents, chosen: Series, path: Path, time_unit: str | None, 
     if rate is not None and value.start and value.rate == rate:
         t, rate = value.start + np.arange(y.size) / rate, None
     unit, quantity = unit_said(value)
-    if not unit and (said := said_unit(_facts_of(value, found))):
+    if not unit and (said := said_unit(_facts_of(value, time, found))):
         written = unit_written(said)
         unit, quantity = written if written else (said[:20], quantity)
     base, run = parted(value)
@@ -156,11 +156,12 @@ def _record(found: Contents, chosen: Series, path: Path, time_unit: str | None, 
     )
 
 
-def _facts_of(value: Column, found: Contents) -> dict[str, Fact]:
-    """What a file says of values: all of it where they have no neighbour but the times, else what the structure or
-    group that they lie in says where they have none in there."""
+def _facts_of(value: Column, time: Column | None, found: Contents) -> dict[str, Fact]:
+    """What a file says of values: all of it but what it says of the times where they have no neighbour but those, else
+    what the structure or group that they lie in says where they have none in there."""
     if len(found.columns) <= 2:
-        return dict(found.facts)
+        of_times = f"{time.name}." if time is not None and time.name else "\0"
+        return {name: said for name, said in found.facts.items() if not name.startswith(of_times)}
     inside = f"{value.name.rpartition('.')[0]}."
     if inside == "." or sum(c.name.startswith(inside) for c in found.columns) > 2:
         return {}
