@@ -29,6 +29,10 @@ SLOW = 30.0
 """A period in s from which times whose unit nobody says are doubted."""
 COARSE = 0.5
 """The step in s of such times from which they are doubted."""
+DAY_NUMBERS = ((25e3, 60e3), (710e3, 780e3), (2.44e6, 2.48e6))
+"""Numbers of the days from 1970 to 2060 or so: of spreadsheets and as modified Julian days, of MATLAB, Julian days."""
+SHORT_DAYS = 5e-4
+"""A period in s from which down times at such a number are doubted: some 40 s if they are days (conventional)."""
 _BRACKETS = re.compile(r"[(\[{]\s*([^\W\d][^()\[\]{}]{0,19}?)\s*[)\]}]\s*$")
 """What stands in brackets behind the name of times."""
 _NO_UNITS = ("utc", "gmt", "local", "local time", "elapsed", "relative", "rel", "abs", "absolute", "raw", "x")
@@ -119,6 +123,11 @@ def _times(raw: RawRecord, seen: Swing) -> Finding | None:
         sentence = f"the unit of its times, {unknown[1]!r}, is not known; they are read as s"
         return Finding(Kind.TIME_UNIT, sentence, f"--time-unit s if they are, or {VALID}")
     period = seen.period * step
+    if seen.swings and period < SHORT_DAYS and any(low <= raw.t[0] <= high for low, high in DAY_NUMBERS):
+        sentence = (
+            f"its times begin at {raw.t[0]:.7g} and a period would last {period:.3g} s; do they count days?"
+        )
+        return Finding(Kind.TIME_UNIT, sentence, "--time-unit d, or s if they are")
     if not seen.swings or step < COARSE or period < SLOW:
         return None
     better = next((u for u, s in (("ms", 1e-3), ("us", 1e-6), ("ns", 1e-9)) if period * s < SLOW), "us")

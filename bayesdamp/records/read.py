@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -15,12 +16,16 @@ from bayesdamp.records.columns.units_said import unit_said
 from bayesdamp.records.files.contents import Column, Contents
 from bayesdamp.records.files.facts import said_unit
 from bayesdamp.records.files.named_units import SECONDS, unit_written
+from bayesdamp.records.files.stamps import DAY
 from bayesdamp.records.opening.opening import contents, fault
 from bayesdamp.records.record import RawRecord
 from bayesdamp.types import InputError
 
 SLOWEST, FASTEST = 1e-9, 1e12
 """Sampling rates in Hz that a record can have: one in thirty years, a thousand in a nanosecond (conventional)."""
+
+DATED = 1e4
+"""Numbers of days from which on they are dates, and their first midnight is 0 s (conventional)."""
 
 ColumnName = str | int
 
@@ -266,8 +271,10 @@ def _in_seconds(t: np.ndarray, time: Column, asked: str | None, notes: list[str]
         said = (
             f"as asked, they are in {asked}" if asked is not None else f"their column is named {time.label!r}"
         )
-        notes.append(f"Times are taken × {seconds:g}: {said}.")
-        t = t * seconds
+        begin = math.floor(t[0]) if seconds == DAY and t[0] >= DATED else 0
+        since = f" from day {begin} on" if begin else ""
+        notes.append(f"Times are taken × {seconds:g}{since}: {said}.")
+        t = (t - begin) * seconds
     span = float(np.abs(t).max())
     if not span < 1 / SLOWEST * 1e3:
         raise InputError(

@@ -70,3 +70,29 @@ def test_times_since_a_date(tmp_path: Path, unit: str, scale: float) -> None:
     raw = read_record(tmp_path / "a.h5")
     assert raw.t is not None
     np.testing.assert_allclose(raw.t, T, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("name", "begin"),
+    [("datenum", 738000.25), ("Excel time", 45000.5), ("s.serial_date", 45000.5), ("MJD", 60000.0)],
+)
+def test_numbers_of_days(tmp_path: Path, name: str, begin: float) -> None:
+    rows = [f"{a!r},{b!r}" for a, b in zip((begin + T / 86400).tolist(), Y.tolist(), strict=True)]
+    (tmp_path / "a.csv").write_text("\n".join([f"{name},angle", *rows]), encoding="utf-8")
+    raw = read_record(tmp_path / "a.csv")
+    assert raw.t is not None
+    np.testing.assert_allclose(raw.t, 86400 * (begin % 1) + T, atol=2e-5)
+    assert any(f"from day {begin // 1:.0f} on" in note and name in note for note in raw.provenance.notes)
+    assert findings(raw, "rad", "angle") == ()
+
+
+def test_matlabs_days(tmp_path: Path) -> None:
+    from scipy.io import savemat
+
+    for name in ("datenum", "t"):
+        savemat(tmp_path / f"{name}.mat", {name: 738000 + T / 86400, "y": Y})
+    raw = read_record(tmp_path / "datenum.mat")
+    assert raw.t is not None
+    np.testing.assert_allclose(raw.t, T, atol=2e-5)
+    (found,) = findings(read_record(tmp_path / "t.mat"), "rad", "angle")
+    assert (found.kind, "--time-unit d" in found.option) == (Kind.TIME_UNIT, True)
