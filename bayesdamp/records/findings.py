@@ -10,7 +10,7 @@ from enum import Enum
 import numpy as np
 
 from bayesdamp.records.columns.swings import Swing, swing
-from bayesdamp.records.files.facts import sampling_rate
+from bayesdamp.records.files.facts import doubtful_rate, sampling_rate
 from bayesdamp.records.record import RawRecord
 from bayesdamp.records.rectified import rectified
 from bayesdamp.records.stated_columns import HALF_TURN, half_swing
@@ -149,17 +149,17 @@ def _rate(raw: RawRecord, seen: Swing) -> Finding | None:
 
 
 def _differing(raw: RawRecord) -> Finding | None:
-    found = sampling_rate(raw.provenance.facts)
-    said = found[0] if found else None
-    if said is None:
-        return None
+    """A rate that the file says, in any reading of it, and that is not that of its times or the one that was given."""
+    found, doubtful = sampling_rate(raw.provenance.facts), doubtful_rate(raw.provenance.facts)
     used = raw.rate
     if used is None and raw.t is not None and raw.t.size > 1 and raw.t[-1] > raw.t[0]:
         used = (raw.t.size - 1) / float(raw.t[-1] - raw.t[0])
-    if used is None or abs(used / said - 1) <= DIFFER:
+    rates = (found[0],) if found else doubtful[1] if doubtful else ()
+    if used is None or not rates or any(abs(used / rate - 1) <= DIFFER for rate in rates):
         return None
-    sentence = f"its file says {said:.6g} Hz, and it is read at {used:.6g} Hz"
-    return Finding(Kind.RATE, sentence, f"--rate {said:.6g} takes the file's")
+    said = " or ".join(f"{rate:.6g}" for rate in rates)
+    sentence = f"its file says {said} Hz, and it is read at {used:.6g} Hz"
+    return Finding(Kind.RATE, sentence, f"--rate {rates[0]:.6g} takes the file's")
 
 
 def _against_times(raw: RawRecord) -> Finding | None:

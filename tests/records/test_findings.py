@@ -57,6 +57,10 @@ CASES = {
     "rate of its times": ("t (ms),angle", 1e3 * T, Y, {"rate": 50.0}, None, [], ""),
     "rate beside numbers of samples": ("t,angle", np.arange(600.0), Y, {"rate": 50.0}, None, [], ""),
     "times against the file's rate": ("# fs = 25\nt,angle", T, Y, {}, None, [Kind.RATE], "--rate 25"),
+    "times and a rate of two readings": ("# fs = 50,000 Hz\nt,angle", T, Y, {}, None, [], ""),
+    "times against both readings": (
+        "# fs = 25,000 Hz\nt,angle", T, Y, {}, None, [Kind.RATE], "--rate 25 takes the file's",
+    ),
     "rectified": ("t,angle", T, np.abs(Y), {}, None, [Kind.RECTIFIED], "every second half-cycle"),
     "rectified, negative": ("t,angle", T, -np.abs(Y), {}, None, [Kind.RECTIFIED], "every second half-cycle"),
     "squared": ("t,angle", T, Y**2, {}, None, [Kind.RECTIFIED], "every second half-cycle"),
