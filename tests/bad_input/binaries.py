@@ -192,6 +192,15 @@ def objects(path: Path) -> None:
     np.save(path, np.array([{"a": 1}, None], dtype=object), allow_pickle=True)
 
 
+def of_version(path: Path, form: str, version: int) -> None:
+    """A zip archive, each member of which says that it needs a version of zip."""
+    data = bytearray(whole(form, path.parent))
+    at = -1
+    while (at := data.find(b"PK\1\2", at + 1)) != -1:
+        data[at + 6] = version
+    path.write_bytes(data)
+
+
 def locked(path: Path, form: str) -> None:
     """A zip archive, each member of which says that it is encrypted."""
     data = bytearray(whole(form, path.parent))
@@ -269,7 +278,25 @@ MADE: tuple[tuple[str, str, Callable[[Path], object]], ...] = (
     ("of a link to elsewhere", "a.tdms", raw(b"TDSm" + b"\xff" * 60)), ("not there", "a.npz", nothing),
 )  # fmt: skip
 
+VERSIONS = [
+    Case(
+        f"{form} of version {version} of zip named .{ending}",
+        ("look", "FILE"),
+        f"a.{ending}",
+        partial(of_version, form=form, version=version),
+        said,
+        ends=(ends,),
+    )
+    for form in ("xlsx", "npz")
+    for version, ending, said, ends in (
+        (255, form, "damaged or cut off", REFUSED),
+        (255, "dat", "", REFUSED),
+        (45, form, "", READ),
+    )
+]
+
 CASES = [
     *DAMAGED,
+    *VERSIONS,
     *(Case(f"{Path(file).suffix[1:]} {what}", ("look", "FILE"), file, write) for what, file, write in MADE),
 ]
