@@ -238,10 +238,10 @@ def _with_clock(record: Series, found: Contents, said: tuple[str, ...] = ()) -> 
         return replace(record, rate=record.value.rate, why=(*record.why, note))
     doubtful = doubtful_rate(found.facts)
     if doubtful is not None:
-        said, rates = doubtful
+        written, rates = doubtful
         either = " or ".join(f"{rate:.9g}" for rate in rates)
         raise InputError(
-            f"its head says {said[:80]!r}, which may be {either} Hz: give the rate", arguments=["rate"]
+            f"its head says {written[:80]!r}, which may be {either} Hz: give the rate", arguments=["rate"]
         )
     if len(found.columns) == 1:
         raise InputError(

@@ -83,8 +83,9 @@ def _border(reader: Reader | None) -> Iterator[None]:
     except ImportError as error:
         raise InputError(_missing(reader, error)) from error
     except Exception as error:  # whatever a format's library does with a damaged file
-        refused = isinstance(error, OSError) and error.errno is not None
-        raise InputError(_refused(error) if refused else _unreadable(reader, error)) from error
+        if isinstance(error, OSError) and error.errno is not None:
+            raise InputError(_refused(error)) from error
+        raise InputError(_unreadable(reader, error)) from error
 
 
 def read_packed(path: Path, largest: float = limits.LARGEST) -> dict[str, np.ndarray]:
