@@ -27,6 +27,9 @@ SLOWEST, FASTEST = 1e-9, 1e12
 DATED = 1e4
 """Numbers of days from which on they are dates, and their first midnight is 0 s (conventional)."""
 
+_MEND = "mend it or leave the row out"
+"""Of a cell that holds no number, whatever it says: NA, null and --- are no more than nan is."""
+
 ColumnName = str | int
 
 
@@ -186,7 +189,9 @@ def _complete(value: Column, time: Column | None, found: Contents) -> tuple[np.n
         if wrong:
             number = next(i for i, c in enumerate(found.columns, start=1) if c is column)
             word = column.words[wrong[0]]
-            raise InputError(f"{_place(found, wrong[0])}: {word!r} in column {number} is not a number")
+            raise InputError(
+                f"{_place(found, wrong[0])}: {word!r} in column {number} is not a number; {_MEND}"
+            )
     if not kept.any():
         raise InputError("no row has a number in each of the columns asked for")
     short = np.flatnonzero(~kept)
@@ -215,7 +220,7 @@ def _finite(what: str, column: np.ndarray | None, rows: np.ndarray, found: Conte
         if found.first_line is not None
         else f"sample {bad} (from 0)"
     )
-    raise InputError(f"{at}: the {what} is {column[bad]}, not a finite number; mend it or leave the row out")
+    raise InputError(f"{at}: the {what} is {column[bad]}, not a finite number; {_MEND}")
 
 
 def _usable(y: np.ndarray) -> None:
