@@ -14,6 +14,7 @@ from bayesdamp.records.files.facts import doubtful_rate, sampling_rate
 from bayesdamp.records.record import RawRecord
 from bayesdamp.records.rectified import rectified
 from bayesdamp.records.stated_columns import HALF_TURN, half_swing
+from bayesdamp.records.wrapped import jumps
 from bayesdamp.units import UNITS
 
 MANY_TURNS = 3.0
@@ -53,6 +54,7 @@ class Kind(Enum):
     SAMPLE_NUMBERS = "numbers of samples taken for times"
     UNIT = "a unit that is none of displacement"
     RECTIFIED = "a sign that was lost"
+    WRAPPED = "an angle that jumps by a turn"
     CONSTANT = "columns that do not change"
 
 
@@ -80,6 +82,7 @@ def findings(raw: RawRecord, unit: str, quantity: str, given: bool = False) -> t
         _differing(raw),
         _against_times(raw),
         _rectified(raw, seen),
+        _wrapped(raw, unit, quantity, given),
         _constant(raw),
     )
     return tuple(doubt for doubt in doubts if doubt is not None)
@@ -175,6 +178,20 @@ def _rectified(raw: RawRecord, seen: Swing) -> Finding | None:
         return None
     sentence = "it comes back to 0 at each half-cycle and never crosses it: it looks rectified (or squared)"
     return Finding(Kind.RECTIFIED, sentence, "record it with its sign, or turn every second half-cycle over")
+
+
+def _wrapped(raw: RawRecord, unit: str, quantity: str, given: bool) -> Finding | None:
+    """A turn is that of the unit; where nobody says one, 360 or 2π."""
+    if quantity != "angle":
+        return None
+    said = given or raw.unit in UNITS
+    turns = [2 * math.pi / UNITS[unit].factor] if said and UNITS[unit].base == "rad" else []
+    for turn in turns if said else (360.0, 2 * math.pi):
+        many = jumps(raw.y, turn)
+        if many:
+            sentence = f"it jumps by a turn ({turn:.6g}) {many} times: it is an angle that was wrapped"
+            return Finding(Kind.WRAPPED, sentence, f"unwrap it first: numpy.unwrap(y, period={turn:.6g})")
+    return None
 
 
 def _constant(raw: RawRecord) -> Finding | None:

@@ -15,6 +15,8 @@ from bayesdamp.records.stated_columns import read_as
 T = np.arange(600) / 50
 Y = 0.3 * np.exp(-0.1 * T) * np.cos(6 * T)
 NOISE = 0.01 * np.random.default_rng(1).standard_normal(T.size)
+DEG = 57 * Y + 50 * NOISE
+BOTH = [Kind.DEGREES, Kind.WRAPPED]
 
 CASES = {
     # names, times, values, options of reading, unit asked for, kinds, what the option says
@@ -69,6 +71,14 @@ CASES = {
     "all above 0, undamped": ("t,angle", T, 0.3 + 0.3 * np.cos(6 * T), {}, None, [], ""),
     "an envelope": ("t,angle", T, np.hypot(Y, 0.05 * np.sin(6 * T)), {}, None, [], ""),
     "pulses": ("t,angle", T, np.exp(-0.1 * T) * (np.cos(6 * T) > 0.9), {}, None, [], ""),
+    "wrapped, said": ("t,angle (deg)", T, DEG % 360, {}, None, [Kind.WRAPPED], "period=360"),
+    "wrapped about 180": ("t,angle (deg)", T, (DEG + 360) % 360 - 180, {}, None, [Kind.WRAPPED], "period=360"),
+    "wrapped, in rad": ("t,angle", T, (Y + NOISE) % (2 * np.pi), {}, None, [Kind.WRAPPED], "period=6.28319"),
+    "wrapped, no unit": ("t,angle", T, DEG % 360, {}, None, BOTH, ""),
+    "wrapped, asked": ("t,angle", T, DEG % 360, {}, "deg", [Kind.WRAPPED], "period=360"),
+    "unwrapped": ("t,angle (deg)", T, DEG + 360, {}, None, [], ""),
+    "wide, not wrapped": ("t,angle (deg)", T, 10 * DEG, {}, None, [], ""),
+    "a turn of volts": ("t,U (V)", T, DEG % 360, {}, None, [], ""),
     "newtons": ("t,load (N)", T, Y, {}, None, [Kind.UNIT], "--unit counts"),
 }  # fmt: skip
 
