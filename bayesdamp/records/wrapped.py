@@ -12,10 +12,10 @@ SCALE = 1.001
 """Of a turn, what the values span at most."""
 SMALL = 0.25
 """Share of a turn below which all other steps are."""
-ALIKE = 2.0
+ALIKE = 1.5
 """Times the largest other step by which a jump may miss a turn: the angle moves there as it does elsewhere."""
-SMOOTH = 0.5
-"""Of what is left without the jumps, the variance of its steps is at most this share of that of independent values."""
+WIDE = 3.0
+"""Times the largest other step that the angle spans once it is unwrapped; noise about two levels spans less."""
 
 
 def jumps(y: np.ndarray, turn: float) -> int:
@@ -32,6 +32,4 @@ def jumps(y: np.ndarray, turn: float) -> int:
     missed = np.abs(np.abs(steps[jumped]) - turn).max(initial=0.0)
     if many < FEWEST or largest > SMALL * turn or missed > ALIKE * largest:
         return 0
-    left = np.unwrap(y, period=turn)
-    spread = float(np.var(left))
-    return many if spread > 0 and float(np.var(np.diff(left))) < SMOOTH * 2 * spread else 0
+    return many if np.ptp(np.unwrap(y, period=turn)) > WIDE * largest else 0

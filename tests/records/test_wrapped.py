@@ -15,7 +15,7 @@ SWING = np.exp(-0.1 * T) * np.cos(6 * T)
 
 @pytest.mark.parametrize("turn", [360.0, 2 * np.pi])
 @pytest.mark.parametrize("begin", [0.0, -0.5])
-@pytest.mark.parametrize("noise", [0.0, 0.002, 0.005])
+@pytest.mark.parametrize("noise", [0.0, 0.001, 0.003])
 @pytest.mark.parametrize("size", [0.02, 0.05, 0.2, 0.45])
 def test_a_wrapped_swing(turn: float, begin: float, noise: float, size: float) -> None:
     y = size * SWING + noise * np.random.default_rng(5).standard_normal(T.size) - begin
@@ -38,6 +38,8 @@ OTHERS: dict[str, Made] = {
     "a noisy rectangle": lambda rng: 360.0 * (np.sin(rng.uniform(2, 20) * T) > 0) + rng.standard_normal(T.size),
     "a rectangle of another height": lambda rng: rng.uniform(330, 390) * (np.sin(9 * T) > 0) + 0.5 * np.sin(5 * T),
     "a rectangle within a turn": lambda rng: 359.0 * (np.sin(9 * T) > 0) + rng.uniform(0, 1, T.size),
+    "a rectangle of a turn": lambda rng: 360.0 * (np.sin(9 * T) > 0) + rng.uniform(-0.1, 0.1, T.size),
+    "two turns of a wheel": lambda rng: (rng.uniform(0, 0.2) + 0.1 * T) * 360 % 360,
     "coarse": lambda rng: 360 * np.round(rng.uniform(0.6, 1.4) * SWING),
     "coarse, of many levels": lambda rng: 36 * np.round(10 * rng.uniform(0.4, 1.0) * SWING),
     "spikes": lambda rng: SWING + 360 * (rng.uniform(size=T.size) < 0.01),
