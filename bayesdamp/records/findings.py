@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import dataclass
 from enum import Enum
 
 import numpy as np
 
 from bayesdamp.records.columns.swings import Swing, swing
-from bayesdamp.records.files.facts import sampling_rate
+from bayesdamp.records.files.facts import doubtful_rate, sampling_rate
 from bayesdamp.records.record import RawRecord
 from bayesdamp.records.rectified import rectified
 from bayesdamp.records.stated_columns import HALF_TURN, half_swing
+from bayesdamp.records.wrapped import jumps
 from bayesdamp.units import UNITS
 
 MANY_TURNS = 3.0
@@ -28,6 +30,15 @@ SLOW = 30.0
 """A period in s from which times whose unit nobody says are doubted."""
 COARSE = 0.5
 """The step in s of such times from which they are doubted."""
+DAY_NUMBERS = ((25e3, 60e3), (710e3, 780e3), (2.44e6, 2.48e6))
+"""Numbers of the days from 1970 to 2060 or so: of spreadsheets and as modified Julian days, of MATLAB, Julian days."""
+SHORT_DAYS = 5e-4
+"""A period in s from which down times at such a number are doubted: some 40 s if they are days (conventional)."""
+_BRACKETS = re.compile(r"[(\[{]\s*([^\W\d][^()\[\]{}]{0,19}?)\s*[)\]}]\s*$")
+"""What stands in brackets behind the name of times."""
+_NO_UNITS = ("utc", "gmt", "local", "local time", "elapsed", "relative", "rel", "abs", "absolute", "raw", "x")
+VALID = "ms, us, ns, ps, min, h, d"
+"""Units of time to choose from."""
 DIFFER = 0.01
 """Share by which a given rate may differ from what the file says."""
 
@@ -43,6 +54,7 @@ class Kind(Enum):
     SAMPLE_NUMBERS = "numbers of samples taken for times"
     UNIT = "a unit that is none of displacement"
     RECTIFIED = "a sign that was lost"
+    WRAPPED = "an angle that jumps by a turn"
     CONSTANT = "columns that do not change"
 
 
@@ -70,6 +82,7 @@ def findings(raw: RawRecord, unit: str, quantity: str, given: bool = False) -> t
         _differing(raw),
         _against_times(raw),
         _rectified(raw, seen),
+        _wrapped(raw, unit, quantity, given),
         _constant(raw),
     )
     return tuple(doubt for doubt in doubts if doubt is not None)
@@ -108,7 +121,16 @@ def _times(raw: RawRecord, seen: Swing) -> Finding | None:
             f"its times are {raw.t[0]:.0f}, {raw.t[1]:.0f}, {raw.t[2]:.0f}, ...: are they numbers of samples?"
         )
         return Finding(Kind.SAMPLE_NUMBERS, sentence, "--rate HZ")
+    unknown = _BRACKETS.search(raw.provenance.time_column)
+    if unknown is not None and unknown[1].lower() not in _NO_UNITS:
+        sentence = f"the unit of its times, {unknown[1]!r}, is not known; they are read as s"
+        return Finding(Kind.TIME_UNIT, sentence, f"--time-unit s if they are, or {VALID}")
     period = seen.period * step
+    if seen.swings and period < SHORT_DAYS and any(low <= raw.t[0] <= high for low, high in DAY_NUMBERS):
+        sentence = (
+            f"its times begin at {raw.t[0]:.7g} and a period would last {period:.3g} s; do they count days?"
+        )
+        return Finding(Kind.TIME_UNIT, sentence, "--time-unit d, or s if they are")
     if not seen.swings or step < COARSE or period < SLOW:
         return None
     better = next((u for u, s in (("ms", 1e-3), ("us", 1e-6), ("ns", 1e-9)) if period * s < SLOW), "us")
@@ -130,17 +152,17 @@ def _rate(raw: RawRecord, seen: Swing) -> Finding | None:
 
 
 def _differing(raw: RawRecord) -> Finding | None:
-    found = sampling_rate(raw.provenance.facts)
-    said = found[0] if found else None
-    if said is None:
-        return None
+    """A rate that the file says, in any reading of it, and that is not that of its times or the one that was given."""
+    found, doubtful = sampling_rate(raw.provenance.facts), doubtful_rate(raw.provenance.facts)
     used = raw.rate
     if used is None and raw.t is not None and raw.t.size > 1 and raw.t[-1] > raw.t[0]:
         used = (raw.t.size - 1) / float(raw.t[-1] - raw.t[0])
-    if used is None or abs(used / said - 1) <= DIFFER:
+    rates = (found[0],) if found else doubtful[1] if doubtful else ()
+    if used is None or not rates or any(abs(used / rate - 1) <= DIFFER for rate in rates):
         return None
-    sentence = f"its file says {said:.6g} Hz, and it is read at {used:.6g} Hz"
-    return Finding(Kind.RATE, sentence, f"--rate {said:.6g} takes the file's")
+    said = " or ".join(f"{rate:.6g}" for rate in rates)
+    sentence = f"its file says {said} Hz, and it is read at {used:.6g} Hz"
+    return Finding(Kind.RATE, sentence, f"--rate {rates[0]:.6g} takes the file's")
 
 
 def _against_times(raw: RawRecord) -> Finding | None:
@@ -156,6 +178,20 @@ def _rectified(raw: RawRecord, seen: Swing) -> Finding | None:
         return None
     sentence = "it comes back to 0 at each half-cycle and never crosses it: it looks rectified (or squared)"
     return Finding(Kind.RECTIFIED, sentence, "record it with its sign, or turn every second half-cycle over")
+
+
+def _wrapped(raw: RawRecord, unit: str, quantity: str, given: bool) -> Finding | None:
+    """A turn is that of the unit; where nobody says one, 360 or 2π."""
+    if quantity != "angle":
+        return None
+    said = given or raw.unit in UNITS
+    turns = [2 * math.pi / UNITS[unit].factor] if said and UNITS[unit].base == "rad" else []
+    for turn in turns if said else (360.0, 2 * math.pi):
+        many = jumps(raw.y, turn)
+        if many:
+            sentence = f"it jumps by a turn ({turn:.6g}) {many} times: it is an angle that was wrapped"
+            return Finding(Kind.WRAPPED, sentence, f"unwrap it first: numpy.unwrap(y, period={turn:.6g})")
+    return None
 
 
 def _constant(raw: RawRecord) -> Finding | None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -15,12 +16,19 @@ from bayesdamp.records.columns.units_said import unit_said
 from bayesdamp.records.files.contents import Column, Contents
 from bayesdamp.records.files.facts import said_unit
 from bayesdamp.records.files.named_units import SECONDS, unit_written
+from bayesdamp.records.files.stamps import DAY
 from bayesdamp.records.opening.opening import contents, fault
 from bayesdamp.records.record import RawRecord
 from bayesdamp.types import InputError
 
 SLOWEST, FASTEST = 1e-9, 1e12
 """Sampling rates in Hz that a record can have: one in thirty years, a thousand in a nanosecond (conventional)."""
+
+DATED = 1e4
+"""Numbers of days from which on they are dates, and their first midnight is 0 s (conventional)."""
+
+_MEND = "mend it or leave the row out"
+"""Of a cell that holds no number, whatever it says: NA, null and --- are no more than nan is."""
 
 ColumnName = str | int
 
@@ -76,7 +84,7 @@ def read_records(
     if rate is not None and time is not None:
         raise fault(path, "give either time (a column) or rate (in Hz), not both")
     if time_unit is not None and time_unit.lower() not in SECONDS:
-        raise fault(path, f"unknown unit of time {time_unit[:20]!r}; valid are s, ms, us, ns, min")
+        raise fault(path, f"unknown unit of time {time_unit[:20]!r}; valid are s, ms, us, ns, ps, min, h, d")
     found = contents(path)
     try:
         values = (*([value] if value is not None else []), *channels)
@@ -117,7 +125,7 @@ def _record(found: Contents, chosen: Series, path: Path, time_unit: str | None, 
     if rate is not None and value.start and value.rate == rate:
         t, rate = value.start + np.arange(y.size) / rate, None
     unit, quantity = unit_said(value)
-    if not unit and (said := said_unit(_facts_of(value, found))):
+    if not unit and (said := said_unit(_facts_of(value, time, found))):
         written = unit_written(said)
         unit, quantity = written if written else (said[:20], quantity)
     base, run = parted(value)
@@ -156,11 +164,12 @@ def _record(found: Contents, chosen: Series, path: Path, time_unit: str | None, 
     )
 
 
-def _facts_of(value: Column, found: Contents) -> dict[str, Fact]:
-    """What a file says of values: all of it where they have no neighbour but the times, else what the structure or
-    group that they lie in says where they have none in there."""
+def _facts_of(value: Column, time: Column | None, found: Contents) -> dict[str, Fact]:
+    """What a file says of values: all of it but what it says of the times where they have no neighbour but those, else
+    what the structure or group that they lie in says where they have none in there."""
     if len(found.columns) <= 2:
-        return dict(found.facts)
+        of_times = f"{time.name}." if time is not None and time.name else "\0"
+        return {name: said for name, said in found.facts.items() if not name.startswith(of_times)}
     inside = f"{value.name.rpartition('.')[0]}."
     if inside == "." or sum(c.name.startswith(inside) for c in found.columns) > 2:
         return {}
@@ -180,7 +189,9 @@ def _complete(value: Column, time: Column | None, found: Contents) -> tuple[np.n
         if wrong:
             number = next(i for i, c in enumerate(found.columns, start=1) if c is column)
             word = column.words[wrong[0]]
-            raise InputError(f"{_place(found, wrong[0])}: {word!r} in column {number} is not a number")
+            raise InputError(
+                f"{_place(found, wrong[0])}: {word!r} in column {number} is not a number; {_MEND}"
+            )
     if not kept.any():
         raise InputError("no row has a number in each of the columns asked for")
     short = np.flatnonzero(~kept)
@@ -209,7 +220,7 @@ def _finite(what: str, column: np.ndarray | None, rows: np.ndarray, found: Conte
         if found.first_line is not None
         else f"sample {bad} (from 0)"
     )
-    raise InputError(f"{at}: the {what} is {column[bad]}, not a finite number; mend it or leave the row out")
+    raise InputError(f"{at}: the {what} is {column[bad]}, not a finite number; {_MEND}")
 
 
 def _usable(y: np.ndarray) -> None:
@@ -265,8 +276,10 @@ def _in_seconds(t: np.ndarray, time: Column, asked: str | None, notes: list[str]
         said = (
             f"as asked, they are in {asked}" if asked is not None else f"their column is named {time.label!r}"
         )
-        notes.append(f"Times are taken × {seconds:g}: {said}.")
-        t = t * seconds
+        begin = math.floor(t[0]) if seconds == DAY and t[0] >= DATED else 0
+        since = f" from day {begin} on" if begin else ""
+        notes.append(f"Times are taken × {seconds:g}{since}: {said}.")
+        t = (t - begin) * seconds
     span = float(np.abs(t).max())
     if not span < 1 / SLOWEST * 1e3:
         raise InputError(

@@ -192,6 +192,15 @@ def objects(path: Path) -> None:
     np.save(path, np.array([{"a": 1}, None], dtype=object), allow_pickle=True)
 
 
+def of_version(path: Path, form: str, version: int) -> None:
+    """A zip archive, each member of which says that it needs a version of zip."""
+    data = bytearray(whole(form, path.parent))
+    at = -1
+    while (at := data.find(b"PK\1\2", at + 1)) != -1:
+        data[at + 6] = version
+    path.write_bytes(data)
+
+
 def locked(path: Path, form: str) -> None:
     """A zip archive, each member of which says that it is encrypted."""
     data = bytearray(whole(form, path.parent))
@@ -269,7 +278,37 @@ MADE: tuple[tuple[str, str, Callable[[Path], object]], ...] = (
     ("of a link to elsewhere", "a.tdms", raw(b"TDSm" + b"\xff" * 60)), ("not there", "a.npz", nothing),
 )  # fmt: skip
 
+VERSIONS = [
+    Case(
+        f"{form} of version {version} of zip named .{ending}",
+        ("look", "FILE"),
+        f"a.{ending}",
+        partial(of_version, form=form, version=version),
+        said,
+        ends=(ends,),
+    )
+    for form in ("xlsx", "npz")
+    for version, ending, said, ends in (
+        (255, form, "damaged or cut off", REFUSED),
+        (255, "dat", "", REFUSED),
+        (45, form, "", READ),
+    )
+]
+
+_T, _Y = json.dumps(T.tolist()), json.dumps(Y.tolist())
+TWICE = [
+    Case(f"json of {what}", ("look", "FILE"), "a.json", as_json(content), said, ends=(ends,))
+    for what, content, said, ends in (
+        ("one name twice", f'{{"t": {_T}, "y": {_Y}, "y": {_T}}}', "the name 'y' stands twice", REFUSED),
+        ("one name twice, deep", f'{{"a": {{"t": {_T}, "y": {_Y}, "t": 1}}}}', "the name 't' stands twice", REFUSED),
+        ("one name twice in a line", f'{{"t": 0, "y": 1}}\n{{"t": 1, "{"y" * 999}": 1, "{"y" * 999}": 2}}', "twice", REFUSED),
+        ("one name in two objects", f'{{"a": {{"t": {_T}, "y": {_Y}}}, "t": "x"}}', "", READ),
+    )
+]  # fmt: skip
+
 CASES = [
     *DAMAGED,
+    *TWICE,
+    *VERSIONS,
     *(Case(f"{Path(file).suffix[1:]} {what}", ("look", "FILE"), file, write) for what, file, write in MADE),
 ]

@@ -135,4 +135,30 @@ NAMES = [
     )
 ]
 
-CASES = [*CELLS, *SIZES, *WRONG, *NAMES]
+NO_SAMPLE = ("NA", "N/A", "NaN", "nan", "null", "-", "---", "n/a", "#N/A", "none", "oops", "x" * 100000)
+MISSING = [
+    *(
+        Case(
+            f"{cell[:20]} in place of a sample",
+            LOOK,
+            write=partial(one_cell, cell=cell, column=1),
+            said="mend it or leave the row out",
+        )
+        for cell in NO_SAMPLE
+    ),
+    *(
+        Case(
+            f"{cell[:20]} and its line",
+            LOOK,
+            write=partial(one_cell, cell=cell, column=1),
+            said="a.csv: line 102: ",
+        )
+        for cell in NO_SAMPLE
+    ),
+    Case(
+        "an empty cell in place of a sample", LOOK, write=partial(one_cell, cell="", column=1), ends=(READ,)
+    ),
+]
+"""What says that a sample is missing is refused alike, with what to do; an empty cell is left out."""
+
+CASES = [*CELLS, *MISSING, *SIZES, *WRONG, *NAMES]

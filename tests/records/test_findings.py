@@ -15,6 +15,8 @@ from bayesdamp.records.stated_columns import read_as
 T = np.arange(600) / 50
 Y = 0.3 * np.exp(-0.1 * T) * np.cos(6 * T)
 NOISE = 0.01 * np.random.default_rng(1).standard_normal(T.size)
+DEG = 57 * Y + 50 * NOISE
+BOTH = [Kind.DEGREES, Kind.WRAPPED]
 
 CASES = {
     # names, times, values, options of reading, unit asked for, kinds, what the option says
@@ -33,6 +35,16 @@ CASES = {
     "ms, said": ("t (ms),angle", 1e3 * T, Y, {}, None, [], ""),
     "ms, asked": ("t,angle", 1e3 * T, Y, {"time_unit": "ms"}, None, [], ""),
     "us": ("t,angle", 1e6 * T, Y, {}, None, [Kind.TIME_UNIT], "--time-unit us"),
+    "h, said": ("time (h),angle", T / 3600, Y, {}, None, [], ""),
+    "weeks, said": ("time (weeks),angle", T, Y, {}, None, [Kind.TIME_UNIT], "--time-unit s if they are"),
+    "weeks, asked": ("time (weeks),angle", T, Y, {"time_unit": "s"}, None, [], ""),
+    "no unit in brackets": ("time (UTC),angle", T, Y, {}, None, [], ""),
+    "datenum": ("time,angle", 738000 + T / 86400, Y, {}, None, [Kind.TIME_UNIT], "--time-unit d"),
+    "a spreadsheet's days": ("date,angle", 45000 + T / 86400, Y, {}, None, [Kind.TIME_UNIT], "--time-unit d"),
+    "datenum, said": ("datenum,angle", 738000 + T / 86400, Y, {}, None, [], ""),
+    "days, asked": ("time,angle", 45000 + T / 86400, Y, {"time_unit": "d"}, None, [], ""),
+    "seconds of a day": ("time,angle", 45000 + T, Y, {}, None, [], ""),
+    "fast, from 0": ("time,angle", T / 86400, Y, {}, None, [], ""),
     "slow, said": ("t (s),angle", 1e3 * T, Y, {}, None, [], ""),
     "slow, asked": ("t,angle", 1e3 * T, Y, {"time_unit": "s"}, None, [], ""),
     "numbers of samples": ("t,angle", np.arange(600.0), Y, {}, None, [Kind.SAMPLE_NUMBERS], "--rate HZ"),
@@ -47,6 +59,10 @@ CASES = {
     "rate of its times": ("t (ms),angle", 1e3 * T, Y, {"rate": 50.0}, None, [], ""),
     "rate beside numbers of samples": ("t,angle", np.arange(600.0), Y, {"rate": 50.0}, None, [], ""),
     "times against the file's rate": ("# fs = 25\nt,angle", T, Y, {}, None, [Kind.RATE], "--rate 25"),
+    "times and a rate of two readings": ("# fs = 50,000 Hz\nt,angle", T, Y, {}, None, [], ""),
+    "times against both readings": (
+        "# fs = 25,000 Hz\nt,angle", T, Y, {}, None, [Kind.RATE], "--rate 25 takes the file's",
+    ),
     "rectified": ("t,angle", T, np.abs(Y), {}, None, [Kind.RECTIFIED], "every second half-cycle"),
     "rectified, negative": ("t,angle", T, -np.abs(Y), {}, None, [Kind.RECTIFIED], "every second half-cycle"),
     "squared": ("t,angle", T, Y**2, {}, None, [Kind.RECTIFIED], "every second half-cycle"),
@@ -55,6 +71,14 @@ CASES = {
     "all above 0, undamped": ("t,angle", T, 0.3 + 0.3 * np.cos(6 * T), {}, None, [], ""),
     "an envelope": ("t,angle", T, np.hypot(Y, 0.05 * np.sin(6 * T)), {}, None, [], ""),
     "pulses": ("t,angle", T, np.exp(-0.1 * T) * (np.cos(6 * T) > 0.9), {}, None, [], ""),
+    "wrapped, said": ("t,angle (deg)", T, DEG % 360, {}, None, [Kind.WRAPPED], "period=360"),
+    "wrapped about 180": ("t,angle (deg)", T, (DEG + 360) % 360 - 180, {}, None, [Kind.WRAPPED], "period=360"),
+    "wrapped, in rad": ("t,angle", T, (Y + NOISE) % (2 * np.pi), {}, None, [Kind.WRAPPED], "period=6.28319"),
+    "wrapped, no unit": ("t,angle", T, DEG % 360, {}, None, BOTH, ""),
+    "wrapped, asked": ("t,angle", T, DEG % 360, {}, "deg", [Kind.WRAPPED], "period=360"),
+    "unwrapped": ("t,angle (deg)", T, DEG + 360, {}, None, [], ""),
+    "wide, not wrapped": ("t,angle (deg)", T, 10 * DEG, {}, None, [], ""),
+    "a turn of volts": ("t,U (V)", T, DEG % 360, {}, None, [], ""),
     "newtons": ("t,load (N)", T, Y, {}, None, [Kind.UNIT], "--unit counts"),
 }  # fmt: skip
 

@@ -25,7 +25,7 @@ from bayesdamp.records.columns.names import (
 from bayesdamp.records.columns.swings import Swing, derivative, proportional, swing
 from bayesdamp.records.columns.units_said import unit_said
 from bayesdamp.records.files.contents import Column, Contents
-from bayesdamp.records.files.facts import sampling_rate
+from bayesdamp.records.files.facts import doubtful_rate, sampling_rate
 from bayesdamp.types import InputError
 from bayesdamp.units import UNITS
 
@@ -236,6 +236,13 @@ def _with_clock(record: Series, found: Contents, said: tuple[str, ...] = ()) -> 
     if record.value.rate is not None:
         note = f"The file gives the sampling rate: {record.value.rate:.9g} Hz."
         return replace(record, rate=record.value.rate, why=(*record.why, note))
+    doubtful = doubtful_rate(found.facts)
+    if doubtful is not None:
+        written, rates = doubtful
+        either = " or ".join(f"{rate:.9g}" for rate in rates)
+        raise InputError(
+            f"its head says {written[:80]!r}, which may be {either} Hz: give the rate", arguments=["rate"]
+        )
     if len(found.columns) == 1:
         raise InputError(
             "no time given, and its one column holds the values: export the times, or give the rate in Hz",

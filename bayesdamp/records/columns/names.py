@@ -7,7 +7,8 @@ from collections.abc import Sequence
 from difflib import get_close_matches
 
 from bayesdamp.records.files.contents import Column
-from bayesdamp.records.files.named_units import seconds_in
+from bayesdamp.records.files.named_units import TIMES, counts_days, seconds_in, seconds_written
+from bayesdamp.records.files.stamps import DAY
 from bayesdamp.types import InputError
 
 _WORD = r"(?:run|trial|take|test|rep|repeat|repetition|lauf|versuch|messung|durchgang|essai|prova|ensayo)"
@@ -19,9 +20,6 @@ _SECONDS = re.compile(r"^(elapsed[\s_]*)?seconds([\s_]*elapsed)?$", re.IGNORECAS
 _LATEST = re.compile(r"^(latest)\s*:\s*(.+)$", re.IGNORECASE)
 """How Vernier's Logger Pro marks the run that has no number yet."""
 _ALONE = re.compile(rf"^{_WORD}?\s*[#_.-]?\s*(\d+)$", re.IGNORECASE)
-_TIME = re.compile(
-    r"^t\d*$|time|elapsed|stamp|zeit|temps|tiempo|tempo|second|sekunde|uhr|epoch|x_value", re.IGNORECASE
-)
 _INDEX = re.compile(
     r"^(unnamed: 0|index|idx|sample|samples|no|nr|n|i|row|frame|frames|count|counter|#|id)$", re.I
 )
@@ -51,14 +49,16 @@ def parted(column: Column) -> tuple[str, str]:
 
 def seconds_of_unit(column: Column) -> float | None:
     """Seconds in the unit that a column of times says, in its name or beside it; None where it says none."""
-    said = seconds_in(parted(column)[0]) or seconds_in(f"({column.unit})")
+    said = seconds_in(parted(column)[0]) or seconds_written(column.unit)
+    if said is None and counts_days(parted(column)[0]):
+        return DAY
     return 1.0 if said is None and _SECONDS.match(column.name) else said
 
 
 def names_time(column: Column) -> bool:
     """Whether a column's name or unit says that it holds times."""
     bare = re.sub(r"[(\[{].*?[)\]}]", "", parted(column)[0]).rpartition(".")[2].strip()
-    return bool(_TIME.search(bare)) or column.clock or seconds_of_unit(column) is not None
+    return bool(TIMES.search(bare)) or column.clock or seconds_of_unit(column) is not None
 
 
 def names_index(column: Column) -> bool:

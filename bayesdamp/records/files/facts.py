@@ -13,6 +13,9 @@ MOST, LONGEST = 60, 200
 """Facts of a file that are kept, and characters of one."""
 _PAIR = re.compile(r"\s*([^\W\d][^:=\t;]{0,60}?)\s*(?:[:=]\s*|[\t;])\s*(\S.*?)\s*")
 _NUMBER = re.compile(r"[+-]?(?:\d+[.,]?\d*|[.,]\d+)(?:[eE][+-]?\d+)?")
+_THOUSANDS = re.compile(r"[1-9]\d{0,2}(?:(?:,\d{3}){2,}(?:\.\d*)?|(?:,\d{3})+\.\d*)(?![\d.,])")
+_EITHER = re.compile(r"[1-9]\d{0,2},\d{3}(?![\d.,eE])")
+"""A number whose comma may be a decimal mark or set thousands apart."""
 _HERTZ = {
     "": 1.0,
     "hz": 1.0,
@@ -26,9 +29,11 @@ _HERTZ = {
 }
 _RATES = re.compile(
     r"(sample|sampling|samples|acquisition|scan|frame)(rate|frequency|freq|persecond|spersecond)|fs|fps"
+    r"|(abtast|mess|sample|sampling)(rate|frequenz)"
 )
 _STEPS = re.compile(
     r"(sample|sampling|time|horizontal)?(interval|step|increment)|dt|deltat|sampletime|sampleperiod"
+    r"|abtast(intervall|zeit|periode)|zeitschritt"
 )
 
 
@@ -69,35 +74,52 @@ def kept(facts: Mapping[str, object]) -> dict[str, Fact]:
 
 
 def sampling_rate(facts: Mapping[str, Fact]) -> tuple[float, str] | None:
-    """(rate in Hz, the fact that says it), None where none does, or several that differ do."""
+    """(rate in Hz, the fact that says it), None where none does, or several that differ do, or one has two readings."""
     found: dict[float, str] = {}
     for name, value in facts.items():
-        rate = _rate(name, value)
-        if rate is not None and math.isfinite(rate) and rate > 0:
-            found.setdefault(float(f"{rate:.9g}"), name)
+        readings = _rates(name, value)
+        if len(readings) == 1:
+            found.setdefault(float(f"{readings[0]:.9g}"), name)
     if len(found) != 1:
         return None
     ((rate, name),) = found.items()
     return rate, name
 
 
-def _rate(name: str, value: Fact) -> float | None:
+def doubtful_rate(facts: Mapping[str, Fact]) -> tuple[str, tuple[float, ...]] | None:
+    """(a rate or an interval as the file writes it, the two rates in Hz that it may be): `sample rate: 50,000 Hz`; None
+    where there is none."""
+    for name, value in facts.items():
+        readings = _rates(name, value)
+        if len(readings) > 1:
+            return f"{name}: {value}", readings
+    return None
+
+
+def _rates(name: str, value: Fact) -> tuple[float, ...]:
+    """The rates in Hz that a fact may mean, none where it is of something else."""
     bare, unit = _parted(name)
     is_rate, is_step = bool(_RATES.fullmatch(bare)), bool(_STEPS.fullmatch(bare))
     if not (is_rate or is_step):
-        return None
-    if isinstance(value, str):
-        at = _NUMBER.match(value)
-        if at is None:
-            return None
-        unit = value[at.end() :].strip(" ()[]").lower() or unit
-        number = float(at[0].replace(",", "."))
-    else:
-        number = float(value)
+        return ()
+    numbers, behind = _read(value) if isinstance(value, str) else ((float(value),), "")
+    unit = behind.strip(" ()[]").lower() or unit
     if is_rate:
-        return number * _HERTZ[unit] if unit in _HERTZ else None
-    seconds = SECONDS.get(unit or "s")
-    return 1 / (number * seconds) if seconds is not None and number > 1e-300 else None
+        found = [number * _HERTZ[unit] for number in numbers if unit in _HERTZ]
+    else:
+        seconds = SECONDS.get(unit or "s")
+        found = [1 / (number * seconds) for number in numbers if seconds is not None and number > 1e-300]
+    return tuple(rate for rate in found if math.isfinite(rate) and rate > 0)
+
+
+def _read(text: str) -> tuple[tuple[float, ...], str]:
+    """(the numbers that a text may begin with, what stands behind)."""
+    if at := _THOUSANDS.match(text):
+        return (float(at[0].replace(",", "")),), text[at.end() :]
+    if at := _EITHER.match(text):
+        return (float(at[0].replace(",", ".")), float(at[0].replace(",", ""))), text[at.end() :]
+    at = _NUMBER.match(text)
+    return ((float(at[0].replace(",", ".")),), text[at.end() :]) if at else ((), "")
 
 
 def _parted(name: str) -> tuple[str, str]:

@@ -7,13 +7,28 @@ import re
 from bayesdamp.units import UNITS
 
 SECONDS = {
-    **dict.fromkeys(("s", "sec", "secs", "second", "seconds"), 1.0),
+    **dict.fromkeys(("s", "sec", "secs", "second", "seconds", "sek", "sekunde", "sekunden"), 1.0),
     **dict.fromkeys(("ms", "msec", "millisecond", "milliseconds"), 1e-3),
     **dict.fromkeys(("us", "µs", "μs", "usec", "microsecond", "microseconds"), 1e-6),
-    **dict.fromkeys(("ns", "nanosecond", "nanoseconds"), 1e-9),
-    **dict.fromkeys(("min", "minute", "minutes"), 60.0),
+    **dict.fromkeys(("ns", "nsec", "nanosecond", "nanoseconds"), 1e-9),
+    **dict.fromkeys(("ps", "psec", "picosecond", "picoseconds"), 1e-12),
+    **dict.fromkeys(("min", "mins", "minute", "minutes", "minuten"), 60.0),
+    **dict.fromkeys(("h", "hr", "hrs", "hour", "hours", "std", "stunde", "stunden"), 3600.0),
+    **dict.fromkeys(("d", "day", "days", "tag", "tage"), 86400.0),
 }
 """Of a unit of time as it may be written."""
+TIMES = re.compile(
+    r"^t\d*$|time|elapsed|stamp|zeit|temps|tiempo|tempo|second|sekunde|uhr|epoch|x_value", re.IGNORECASE
+)
+"""What a column of times is named."""
+_DAY_NUMBERS = re.compile(
+    r"\bdate[\s_]*num(ber)?s?$|\b(serial|excel)[\s_]*(date|day|time)|\bday[\s_]*number|\bjulian[\s_]*da(y|te)|^m?jd$",
+    re.IGNORECASE,
+)
+"""Names of times that count days, as MATLAB (`datenum`), spreadsheets and astronomers have them."""
+_OF_TIMES = {said for said, seconds in SECONDS.items() if seconds > 60.0 or seconds < 1e-9}
+"""Also symbols and words of something else (a depth, a height, an hour angle, horsepower): units in what is named
+after times alone."""
 _UNSURE = ("in", "v", "V", "g", "au", "foot")
 """Behind a "_" these may as well be a word of the name."""
 _SHORT = ("mm", "cm", "um", "mV", "ms", "us")
@@ -30,8 +45,39 @@ _PER = (
 
 def seconds_in(name: str) -> float | None:
     """Seconds in the unit that a column of times is named after; None where it names none."""
-    found = [SECONDS[said.lower()] for said in _said(name) if said.lower() in SECONDS]
-    return found[0] if len(set(found)) == 1 else None
+    said = [one for one in map(_bare, _said(name)) if one in SECONDS]
+    found = {SECONDS[one] for one in said if one not in _OF_TIMES or _of_times(name, one)}
+    return found.pop() if len(found) == 1 else None
+
+
+def seconds_written(unit: str) -> float | None:
+    """Seconds in a unit of time as a file writes it beside the name: `h`, `ms since 2024-01-01`; None for others."""
+    return SECONDS.get(_bare(re.sub(r"\s+since\s.*$", "", unit.strip(" ()[]"))))
+
+
+def counts_days(name: str) -> bool:
+    """Whether a column is named after numbers of days: `datenum`, `Excel time`, `MJD`."""
+    return bool(_DAY_NUMBERS.search(name.rpartition(".")[2].replace("_", " ").strip()))
+
+
+def may_be_unit(cell: str, name: str) -> bool:
+    """Whether a cell below a column's name is its unit, or empty."""
+    said = cell.strip("()[] ")
+    if _bare(said) in SECONDS:
+        return _bare(said) not in _OF_TIMES or bool(TIMES.search(name))
+    return said in ("", "-") or unit_written(said) is not None
+
+
+def _bare(said: str) -> str:
+    return said.lower().replace("(s)", "s").strip(" .")
+
+
+def _of_times(name: str, said: str) -> bool:
+    """Whether what stands before a unit in a name is that of times; `hours` may stand alone."""
+    if name.strip().lower() in ("hours", "days", "stunden", "tage"):
+        return True
+    rest = re.sub(r"[\s_/(\[{]+(in\s+)?$", "", name[: name.lower().rindex(said.removesuffix("s"))])
+    return bool(TIMES.search(rest.rpartition(".")[2].strip()))
 
 
 def unit_and_quantity(name: str) -> tuple[str, str] | None:
@@ -66,7 +112,7 @@ def _said(name: str) -> list[str]:
 
 def _stands_alone(word: str, name: str) -> bool:
     """Whether the last word of a name, or all of it, is a unit though nothing marks it: `Angle degrees`, `adc`."""
-    known = word.lower() in SECONDS or _plain(word) in _WRITTEN
+    known = _bare(word) in SECONDS or _plain(word) in _WRITTEN
     whole = word == name.strip()
     return known and (
         (len(word) > 2 and word not in _UNSURE and word != "min") or (word in _SHORT and not whole)

@@ -8,7 +8,7 @@ from collections import Counter
 from dataclasses import dataclass
 
 from bayesdamp.records.files.blocks import side_by_side
-from bayesdamp.records.files.named_units import SECONDS, unit_and_quantity, unit_written
+from bayesdamp.records.files.named_units import may_be_unit, unit_and_quantity
 from bayesdamp.records.files.stamps import stamp
 
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eEdD][+-]?\d+)?|[+-]?(nan|inf|infinity)", re.IGNORECASE)
@@ -175,7 +175,7 @@ def _names(heads: list[list[str]], columns: int) -> tuple[list[str] | None, list
 
     What an instrument says of itself ("Model,DSO") stands above and has as many cells.
     """
-    units = heads[-1] if len(heads) > 1 and all(map(_is_unit, heads[-1])) else []
+    units = heads[-1] if len(heads) > 1 and all(map(may_be_unit, heads[-1], heads[-2])) else []
     if units:
         heads = heads[:-1]
     named = [sum(map(_named, h)) for h in heads]
@@ -183,12 +183,6 @@ def _names(heads: list[list[str]], columns: int) -> tuple[list[str] | None, list
     if most < max(1, columns // 2):
         return None, []
     return [h for h, many in zip(heads, named, strict=True) if many == most][-1], units
-
-
-def _is_unit(cell: str) -> bool:
-    """Whether a cell below a column's name is its unit, or empty."""
-    said = cell.strip("()[] ")
-    return said in ("", "-") or said.lower() in SECONDS or unit_written(said) is not None
 
 
 def _named(cell: str) -> bool:

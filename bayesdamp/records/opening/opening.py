@@ -7,7 +7,7 @@ import io
 import stat
 import warnings
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from difflib import get_close_matches
 from itertools import islice
 from pathlib import Path
@@ -48,35 +48,44 @@ def contents(path: Path | str) -> Contents:
     """What a file holds, by the reader that it belongs to. Raises InputError, one line of less than 300 characters."""
     path = Path(path)
     try:
-        foreign = getattr(reader_of(path), "foreign", False)  # compiled code that a damaged file may crash
-        if foreign:
-            return unpacked(load_isolated(read_packed, path, largest=limits.LARGEST))
+        if getattr(reader_of(path), "foreign", False):  # compiled code that a damaged file may crash
+            with _border(None):
+                return unpacked(load_isolated(read_packed, path, largest=limits.LARGEST))
     except InputError as error:
-        raise fault(path, error.what, error.arguments) from None
+        raise fault(path, error.what, error.arguments) from error.__cause__
     return read_here(path)
 
 
 def read_here(path: Path) -> Contents:
     """What a file holds, read in this process whatever its reader. Raises InputError as `contents` does."""
-    reader = READERS.get(FALLBACK)
     try:
         reader = reader_of(path)
-        with warnings.catch_warnings(), contextlib.redirect_stdout(io.StringIO()):
+        with _border(reader), warnings.catch_warnings(), contextlib.redirect_stdout(io.StringIO()):
             warnings.simplefilter("ignore")
             found = reader.read(path)
     except InputError as error:
-        raise fault(path, error.what, error.arguments) from None
-    except ImportError as error:
-        raise fault(path, _missing(reader, error)) from None
-    except MemoryError:
-        raise fault(path, "is larger than the memory; give a part of it, or a lower sampling rate") from None
-    except OSError as error:
-        raise fault(path, _unreadable(reader, error) if error.errno is None else _refused(error)) from None
-    except Exception as error:  # whatever a format's library does with a damaged file
-        raise fault(path, _unreadable(reader, error)) from None
+        raise fault(path, error.what, error.arguments) from error.__cause__
     if not found.columns:
         raise fault(path, f"no column of numbers in it ({reader.format}); give one that holds a record")
     return found
+
+
+@contextlib.contextmanager
+def _border(reader: Reader | None) -> Iterator[None]:
+    """Whatever reading a file raises is one line: InputError, with its cause for whoever looks for it
+    (BAYESDAMP_DEBUG). reader: None until it is known."""
+    try:
+        yield
+    except InputError:
+        raise
+    except MemoryError as error:
+        raise InputError("is larger than the memory; give a part of it, or a lower sampling rate") from error
+    except ImportError as error:
+        raise InputError(_missing(reader, error)) from error
+    except Exception as error:  # whatever a format's library does with a damaged file
+        if isinstance(error, OSError) and error.errno is not None:
+            raise InputError(_refused(error)) from error
+        raise InputError(_unreadable(reader, error)) from error
 
 
 def read_packed(path: Path, largest: float = limits.LARGEST) -> dict[str, np.ndarray]:
@@ -88,7 +97,9 @@ def read_packed(path: Path, largest: float = limits.LARGEST) -> dict[str, np.nda
 
 def reader_of(path: Path) -> Reader:
     """The reader that a file belongs to. Raises InputError where there is none."""
-    return _reader(path, _head(path))
+    head = _head(path)
+    with _border(None):
+        return _reader(path, head)
 
 
 def _near(path: Path) -> str:
@@ -161,13 +172,17 @@ def _reader(path: Path, head: bytes) -> Reader:
     raise InputError(f"a binary file of an unknown format; give {_OPEN}")
 
 
-def _missing(reader: Reader, error: ImportError) -> str:
+def _missing(reader: Reader | None, error: ImportError) -> str:
+    if reader is None:
+        return f'cannot be read here: pip install "{error.name or "bayesdamp"}"'
     name = f"bayesdamp[{reader.extra}]" if reader.extra else (error.name or "bayesdamp")
     return f'this is {reader.format}: pip install "{name}"'
 
 
-def _unreadable(reader: Reader, error: Exception) -> str:
+def _unreadable(reader: Reader | None, error: Exception) -> str:
     said = " ".join(str(error).split())[:120] or type(error).__name__
+    if reader is None:
+        return f"is damaged or not what its name says ({said}); export it again, or as CSV"
     return f"not readable as {reader.format}, damaged or cut off ({said}); export it again, or as CSV"
 
 

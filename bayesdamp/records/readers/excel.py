@@ -34,7 +34,7 @@ class ExcelReader:
         try:
             with zipfile.ZipFile(path) as archive:
                 return "xl/workbook.xml" in archive.namelist()
-        except (zipfile.BadZipFile, OSError):
+        except (zipfile.BadZipFile, NotImplementedError, OSError):
             return path.suffix.lower() in self.extensions
 
     def read(self, path: Path) -> Contents:

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from bayesdamp.records.files.contents import Contents
+from bayesdamp.records.files.conventions import unpacked
 from bayesdamp.records.files.facts import kept
 from bayesdamp.records.files.limits import allowed
 from bayesdamp.records.files.tree import DEEPEST, Walk, described
@@ -37,8 +38,9 @@ class Hdf5Reader:
 
         walk = Walk()
         with h5py.File(path, "r") as file:
-            _Tree(h5py, walk, "MATLAB_version" in file.attrs or _matlab(path)).visit("", file, "", 0)
-        return walk.contents("MATLAB 7.3" if _matlab(path) else "HDF5")
+            tree = _Tree(h5py, walk, "MATLAB_version" in file.attrs or _matlab(path))
+            tree.visit("", file, "", 0)
+        return walk.contents("MATLAB 7.3" if _matlab(path) else "HDF5", notes=tuple(tree.notes))
 
 
 def _matlab(path: Path) -> bool:
@@ -52,6 +54,7 @@ class _Tree:
     def __init__(self, h5py: Any, walk: Walk, matlab: bool) -> None:
         self.h5py, self.walk, self.matlab = h5py, walk, matlab
         self.total = 0
+        self.notes: list[str] = []
 
     def visit(self, path: str, item: Any, run: str, depth: int) -> None:
         if depth > DEEPEST:
@@ -99,10 +102,16 @@ class _Tree:
             return
         said = described(kept(self._facts(path, item)))
         before = len(self.walk.columns)
-        array = np.asarray(data)
+        array, done, holes = unpacked(np.asarray(data), item.attrs)
         self.walk.add(path, array.T if self.matlab else array, run, depth)
         if any(said.values()):
             self.walk.columns[before:] = [replace(c, **said) for c in self.walk.columns[before:]]
+        if done and len(self.walk.columns) > before:
+            self.notes.append(f"{path[:60]!r}: {done}.")
+        if holes:
+            self.walk.columns[before:] = [
+                replace(c, empty=np.isnan(c.values)) for c in self.walk.columns[before:]
+            ]
 
 
 def _attribute(item: Any, name: str) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections import Counter
 from pathlib import Path
 from typing import Any
 
@@ -38,15 +39,29 @@ class JsonReader:
             raise InputError(f"a JSON text of more than {LARGEST >> 20} MiB; save it as CSV, .npy or HDF5")
         text = decoded(path.read_bytes())
         try:
-            data = json.loads(text)
+            data = _loaded(text)
         except json.JSONDecodeError:
             lines = [line for line in text.splitlines() if line.strip()]
             if len(lines) < 2:
                 raise
-            data = [json.loads(line) for line in lines]
+            data = [_loaded(line) for line in lines]
         walk = Walk()
         _add(walk, "", data)
         return walk.contents("JSON")
+
+
+def _loaded(text: str) -> Any:
+    """What a text says. Raises InputError for a name that stands twice in an object, json.JSONDecodeError."""
+    return json.loads(text, object_pairs_hook=_distinct)
+
+
+def _distinct(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    """An object by its names. Raises InputError where JSON's readers would drop all but the last of one."""
+    found = dict(pairs)
+    if len(found) < len(pairs):
+        twice, _ = Counter(name for name, _ in pairs).most_common(1)[0]
+        raise InputError(f"the name {twice[:60]!r} stands twice in one object of it; rename one of the two")
+    return found
 
 
 def _add(walk: Walk, path: str, item: Any, depth: int = 0) -> None:

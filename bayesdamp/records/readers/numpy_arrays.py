@@ -33,7 +33,7 @@ class NumpyReader:
             with zipfile.ZipFile(path) as archive:
                 names = archive.namelist()
             return bool(names) and all(name.endswith(".npy") for name in names)
-        except (zipfile.BadZipFile, OSError):
+        except (zipfile.BadZipFile, NotImplementedError, OSError):
             return path.suffix.lower() == ".npz"
 
     def read(self, path: Path) -> Contents:

@@ -37,6 +37,11 @@ def unit_asked(path, value, unit, quantity) -> tuple[str, str]:
             ("stamps", None),
             ("theta_s (ms) [s]", None),
         ),
+        *(("time (h)", 3600.0), ("t_h", 3600.0), ("t in d", 86400.0), ("Zeit [Std]", 3600.0)),
+        *(("Time (hour(s))", 3600.0), ("hours", 3600.0), ("Elapsed days", 86400.0), ("log.t / hrs.", 3600.0)),
+        *(("time (ps)", 1e-12), ("timestamp [d]", 86400.0), ("Zeit Tage", 86400.0), ("time (sec.)", 1.0)),
+        *(("Height (h)", None), ("x / d", None), ("theta_d", None), ("displacement (d)", None)),
+        *(("power (PS)", None), ("day", None), ("hour", None), ("operating hours", None), ("mean_std", None)),
     ],
 )
 def test_times(name, seconds):
@@ -105,7 +110,13 @@ Y = 0.3 * np.exp(-0.1 * T) * np.cos(6 * T)
 
 
 def test_times_are_read_in_their_unit(tmp_path):
-    for name, scale in (("t (ms)", 1e3), ("t (s)", 1.0), ("t", 1.0)):
+    for name, scale in (
+        ("t (ms)", 1e3),
+        ("t (s)", 1.0),
+        ("t", 1.0),
+        ("time (h)", 1 / 3600),
+        ("t [d]", 1 / 86400),
+    ):
         lines = [
             f"{name},angle",
             *(f"{scale * t!r},{y!r}" for t, y in zip(T.tolist(), Y.tolist(), strict=True)),
@@ -115,7 +126,7 @@ def test_times_are_read_in_their_unit(tmp_path):
         raw = read_record(path, time=1, value=2)
         assert raw.t is not None
         np.testing.assert_allclose(raw.t, T, atol=1e-12)
-        assert any("0.001" in str(note) for note in raw.provenance.notes) == (scale > 1)
+        assert any("Times are taken ×" in str(note) for note in raw.provenance.notes) == (scale != 1)
 
 
 def test_a_name_that_says_another_unit_is_told_of(tmp_path):
@@ -166,6 +177,8 @@ ROWS = [f"{0.5 * i:.3f},{i % 7 - 3.0:.3f}" for i in range(40)]
         (["Source,CH1", "second,Volt"], ["Source (second)", "CH1 (Volt)"]),
         (["# from the lab, 3 May", "t,phi"], ["t", "phi"]),
         (["s,V"], ["s", "V"]),
+        (["Time,Angle", "h,deg"], ["Time (h)", "Angle (deg)"]),
+        (["Rig 3,Rig 4", "h,d"], ["h", "d"]),
         (["a,b", "start,0.5"], ["a", "b"]),
     ],
 )

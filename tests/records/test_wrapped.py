@@ -1,0 +1,54 @@
+"""An angle that was wrapped is told from what is rectangular, coarse or noisy, in 100 of each without a false alarm."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from bayesdamp.records.wrapped import jumps
+
+T = np.arange(1000) / 50
+SWING = np.exp(-0.1 * T) * np.cos(6 * T)
+
+
+@pytest.mark.parametrize("turn", [360.0, 2 * np.pi])
+@pytest.mark.parametrize("begin", [0.0, -0.5])
+@pytest.mark.parametrize("noise", [0.0, 0.001, 0.003])
+@pytest.mark.parametrize("size", [0.02, 0.05, 0.2, 0.45])
+def test_a_wrapped_swing(turn: float, begin: float, noise: float, size: float) -> None:
+    y = size * SWING + noise * np.random.default_rng(5).standard_normal(T.size) - begin
+    wrapped = turn * ((y - begin) % 1.0 + begin) if begin else turn * (y % 1.0)
+    crossings = int(np.sum(np.abs(np.diff(wrapped)) > turn / 2))
+    assert jumps(wrapped, turn) == crossings > 3
+    assert jumps(turn * y, turn) == 0
+
+
+def test_a_wheel_that_runs_down() -> None:
+    assert jumps((30 * T - T**2) * 10 % 360, 360.0) == 7
+    assert jumps((30 * T - T**2) * 10, 360.0) == 0
+
+
+Made = Callable[[np.random.Generator], np.ndarray]
+OTHERS: dict[str, Made] = {
+    "noise": lambda rng: rng.uniform(0, 360, T.size),
+    "a noisy swing": lambda rng: np.clip(180 * SWING + 40 * rng.standard_normal(T.size), -180, 180),
+    "a rectangle": lambda rng: 360.0 * (np.sin(rng.uniform(2, 20) * T) > 0),
+    "a noisy rectangle": lambda rng: 360.0 * (np.sin(rng.uniform(2, 20) * T) > 0) + rng.standard_normal(T.size),
+    "a rectangle of another height": lambda rng: rng.uniform(330, 390) * (np.sin(9 * T) > 0) + 0.5 * np.sin(5 * T),
+    "a rectangle within a turn": lambda rng: 359.0 * (np.sin(9 * T) > 0) + rng.uniform(0, 1, T.size),
+    "a rectangle of a turn": lambda rng: 360.0 * (np.sin(9 * T) > 0) + rng.uniform(-0.1, 0.1, T.size),
+    "two turns of a wheel": lambda rng: (rng.uniform(0, 0.2) + 0.1 * T) * 360 % 360,
+    "coarse": lambda rng: 360 * np.round(rng.uniform(0.6, 1.4) * SWING),
+    "coarse, of many levels": lambda rng: 36 * np.round(10 * rng.uniform(0.4, 1.0) * SWING),
+    "spikes": lambda rng: SWING + 360 * (rng.uniform(size=T.size) < 0.01),
+    "a switch": lambda rng: 360.0 * (rng.uniform(size=T.size) < 0.5),
+    "a saw of long flanks": lambda rng: 360 * np.abs((T * rng.uniform(0.2, 1)) % 1 - 0.5),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("what", OTHERS)
+def test_no_false_alarm(what: str) -> None:
+    made = [OTHERS[what](np.random.default_rng(seed)) for seed in range(100)]
+    assert sum(jumps(y, 360.0) > 0 for y in made) == 0
