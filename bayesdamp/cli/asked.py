@@ -28,8 +28,9 @@ def run_folder(out: Path | None, name: str) -> Path:
             place for place in (folder, *folder.absolute().parents) if os.path.lexists(place.absolute())
         )
         if not present.is_dir():
+            what = "a link that leads nowhere" if present.is_symlink() and not present.exists() else "a file"
             raise InputError(
-                f"--out: is {str(folder)!r}, and {present} is a file; it must be a folder, or a new name"
+                f"--out: is {str(folder)!r}, and {present} is {what}; it must be a folder, or a new name"
             )
         os.lstat(folder)
     except FileNotFoundError:
@@ -82,14 +83,3 @@ def read_study(file: Path, plugins: Sequence[Path] | None = None) -> Study:
         if name in loaded.estimators.options:
             loaded.estimator_options(name)
     return loaded
-
-
-def writable(out: Path) -> None:
-    """Refuse a file that cannot be written before anything is computed for it. Raises InputError."""
-    from bayesdamp.store.folders import refuse_special
-
-    run_folder(out.parent, "")
-    try:
-        refuse_special(out)
-    except InputError as error:
-        raise InputError(f"--out {error}") from None

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import json
 import os
-import re
 import stat
-import uuid
 import zipfile
 from collections.abc import Iterable, Iterator
+from contextlib import suppress
 from pathlib import Path
 from typing import IO
 
+from bayesdamp.store.beside import TEMPORARY, create
+from bayesdamp.store.beside import temporary as temporary
 from bayesdamp.types import InputError
 
 MARK = ".bayesdamp"
@@ -22,7 +23,6 @@ PLACES = ("cells", "figures", "posterior")
 FILES = (".lock", "damping_curves.csv", "report.html", "run.json", "verdict.json", "verdicts.csv")
 CELL = "cell.json"
 """A member of each cell's archive."""
-_TEMPORARY = re.compile(r"\.bayesdamp-[0-9a-f]{32}\.tmp")
 _ELSEWHERE = "choose another folder with --out"
 
 
@@ -52,11 +52,8 @@ def claim(folder: Path, tables: Iterable[str] = ()) -> None:
 
 def write_new(path: Path, text: str) -> None:
     """Write a file that is not there; one that is stays as it is."""
-    try:
-        with path.open("x", encoding="utf-8") as handle:
-            handle.write(text)
-    except FileExistsError:
-        pass
+    with suppress(FileExistsError):
+        create(path, text.encode())
 
 
 def _signed(path: Path) -> bool:
@@ -110,7 +107,7 @@ def sweep(folder: Path) -> None:
     """Remove what a killed run left half-written, known by its name."""
     top = (folder / name for name in os.listdir(folder))
     for path in (*top, *(entry for place in PLACES for entry in _entries(folder / place))):
-        if _TEMPORARY.fullmatch(path.name) and _regular(path):
+        if TEMPORARY.fullmatch(path.name) and _regular(path):
             path.unlink(missing_ok=True)
 
 
@@ -145,11 +142,6 @@ def open_lock(folder: Path) -> IO[str]:
     if not _regular(path) or path.lstat().st_nlink > 1:
         raise InputError(f"{path}: is a link or no regular file; {_ELSEWHERE}, or remove it")
     return os.fdopen(os.open(path, os.O_RDWR | os.O_APPEND | os.O_NOFOLLOW | os.O_CLOEXEC), "a+")
-
-
-def temporary(path: Path) -> Path:
-    """A name beside a file under which it is written before it is moved to its own."""
-    return path.with_name(f".bayesdamp-{uuid.uuid4().hex}.tmp")
 
 
 def refuse_special(path: Path) -> None:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from bayesdamp.cli import options as o
+from bayesdamp.cli.single_file import SingleFile, is_page
 from bayesdamp.types import InputError
 
 if TYPE_CHECKING:
@@ -44,10 +45,13 @@ def look(
     from bayesdamp.plugins import read_modules, use
     from bayesdamp.records.opening.opening import contents
 
+    page = SingleFile(html, is_page, "--html", (file, *(plugin or ()))) if html is not None else None
+    if page is not None:
+        page.check()
     use(read_modules(plugin or ()))
 
     if envelope_asked(file, angle, unit, quantity):
-        if html is not None:
+        if page is not None:
             raise InputError("--html: is for oscillations; bayesdamp compare draws the page of an envelope")
         ends = o.bound(start, "--start"), o.bound(stop, "--stop")
         _show_envelope(Console(), file, (time, angle, rate, unit), ends)
@@ -66,10 +70,10 @@ def look(
     _show_file(console, file, held)
     for i, one in enumerate(found):
         _show_record(console, one, len(found) > 1, i < PLOTS)
-    if html is not None:
-        from bayesdamp.cli.looking.page import write_page
+    if page is not None:
+        from bayesdamp.cli.looking.page import page_of
 
-        write_page(html, file, held, found)
+        page.write(page_of(file, held, found))
         typer.echo(html)
     return 0
 
