@@ -22,7 +22,9 @@ PLACES = ("cells", "figures", "posterior")
 """Folders of a run."""
 FILES = (".lock", "damping_curves.csv", "report.html", "run.json", "verdict.json", "verdicts.csv")
 CELL = "cell.json"
-"""A member of each cell's archive."""
+"""The first member of each cell's archive."""
+_ZIP = 30
+"""Bytes before a member's name in an archive."""
 _ELSEWHERE = "choose another folder with --out"
 
 
@@ -112,16 +114,35 @@ def sweep(folder: Path) -> None:
 
 
 def remove_cells(folder: Path) -> None:
-    """Remove the cells of a run, and the folders that are empty then."""
-    found = list(_entries(folder / "cells"))
+    """Remove the cells of a run, and the folders that are empty by that; what else lies among them stays."""
+    cells = folder / "cells"
+    found = list(_entries(cells))
     if not _signed(folder / MARK) or any(path.is_symlink() for path in found):
         return
     for path in found:
-        if path.suffix == ".npz" and _regular(path):
+        if path.suffix == ".npz" and _is_cell_of(cells, path):
             path.unlink(missing_ok=True)
-    for path in sorted(found, key=lambda one: -len(one.parts)):
-        if path.is_dir() and not os.listdir(path):
-            path.rmdir()
+            _remove_empty(path.parent, cells)
+
+
+def _is_cell_of(cells: Path, path: Path) -> bool:
+    """Whether a file is the cell of its own name, also one that is cut off: both come first in it."""
+    name = path.relative_to(cells).as_posix().removesuffix(".npz")
+    begins = f'{CELL}{{"name": {json.dumps(name)},'.encode()
+    if not _regular(path):
+        return False
+    with path.open("rb") as handle:
+        return handle.read(_ZIP + len(begins))[_ZIP:] == begins
+
+
+def _remove_empty(folder: Path, top: Path) -> None:
+    """Remove a folder and those above it up to `top`, as far as they are empty."""
+    for place in (folder, *folder.parents):
+        if os.listdir(place):
+            return
+        place.rmdir()
+        if place == top:
+            return
 
 
 def remove_listed(folder: Path, listed: Iterable[str]) -> None:
