@@ -71,7 +71,7 @@ class SingleFile:
 
     def write(self, text: str) -> None:
         """Write it in one step, all of it or nothing. Raises InputError; OSError where the disk is full."""
-        from bayesdamp.store.beside import NO_ROOM, create
+        from bayesdamp.store.beside import create, no_room
         from bayesdamp.store.files import write_bytes
 
         self.check()
@@ -81,7 +81,7 @@ class SingleFile:
         except FileExistsError:
             raise self._taken() from None
         except OSError as error:
-            if error.errno in NO_ROOM:
+            if no_room(error):
                 raise
             raise self._refused(error) from None
 

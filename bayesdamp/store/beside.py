@@ -11,13 +11,17 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 TEMPORARY = re.compile(r"\.bayesdamp-[0-9a-f]{32}\.tmp")
-NO_ROOM = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS})
-"""Where nothing can be written, whatever it is."""
+_NO_ROOM = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS})
 
 
 def temporary(path: Path) -> Path:
     """A name beside a file under which it is written before it is moved to its own."""
     return path.with_name(f".bayesdamp-{uuid.uuid4().hex}.tmp")
+
+
+def no_room(error: BaseException) -> bool:
+    """Whether the disk takes nothing more, whatever it is: the machine's fault, and that of no file or computation."""
+    return isinstance(error, OSError) and error.errno in _NO_ROOM
 
 
 @contextmanager

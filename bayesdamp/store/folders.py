@@ -34,8 +34,7 @@ def claim(folder: Path, tables: Iterable[str] = ()) -> None:
     tables: names of further files that a run writes. Raises InputError where the folder holds something of such a name
     that no run wrote, or a link where a run's files belong; OSError where it cannot be written.
     """
-    folder.mkdir(parents=True, exist_ok=True)
-    present = set(os.listdir(folder))
+    present = set(os.listdir(folder)) if os.path.lexists(folder) else set()
     if MARK not in present:
         taken = sorted(present & {*PLACES, *FILES, *tables})
         if taken and not _by_earlier_version(folder):

@@ -50,7 +50,7 @@ def init(
         typer.echo(line, err=True)
     from bayesdamp.cli.study_file import study_text
     from bayesdamp.config.checks import StudyError
-    from bayesdamp.store.beside import NO_ROOM, create
+    from bayesdamp.store.beside import create, no_room
 
     try:
         text = study_text(as_signals(records, asked), out)
@@ -61,7 +61,7 @@ def init(
     except FileExistsError:
         raise taken from None
     except OSError as error:
-        if error.errno in NO_ROOM:
+        if no_room(error):
             raise
         what = (error.strerror or str(error)).lower()
         raise InputError(
