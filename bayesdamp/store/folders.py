@@ -20,7 +20,8 @@ MARK = ".bayesdamp"
 SIGNED = "bayesdamp run\n"
 PLACES = ("cells", "figures", "posterior")
 """Folders of a run."""
-FILES = (".lock", "damping_curves.csv", "report.html", "run.json", "verdict.json", "verdicts.csv")
+LOCK = ".lock"
+FILES = (LOCK, "damping_curves.csv", "report.html", "run.json", "verdict.json", "verdicts.csv")
 CELL = "cell.json"
 """The first member of each cell's archive."""
 _ZIP = 30
@@ -43,6 +44,11 @@ def claim(folder: Path, tables: Iterable[str] = ()) -> None:
         write_new(folder / MARK, SIGNED)
     if not _signed(folder / MARK):
         raise InputError(f"{folder / MARK}: is not the mark of a run; {_ELSEWHERE}, or remove it")
+    for entry in (folder / name for name in sorted({*FILES, *tables} - {LOCK})):
+        if (what := _special(entry)) is not None:
+            raise InputError(
+                f"{entry}: is {what}, where a run's own files belong; {_ELSEWHERE}, or remove it"
+            )
     for place in PLACES:
         for entry in _entries(folder / place):
             if entry.is_symlink():
@@ -156,7 +162,7 @@ def remove_listed(folder: Path, listed: Iterable[str]) -> None:
 
 def open_lock(folder: Path) -> IO[str]:
     """The lock's file, to read and to write. Raises InputError where it is a link, a device or shared; OSError."""
-    path = folder / ".lock"
+    path = folder / LOCK
     if not os.path.lexists(path):
         write_new(path, "")
     if not _regular(path) or path.lstat().st_nlink > 1:
@@ -166,11 +172,18 @@ def open_lock(folder: Path) -> IO[str]:
 
 def refuse_special(path: Path) -> None:
     """Refuse to replace what is no regular file. Raises InputError."""
+    what = _special(path)
+    if what is not None:
+        raise InputError(f"{path}: is {what} and is not replaced; give a regular file or a new file's name")
+
+
+def _special(path: Path) -> str | None:
+    """What something is that is no regular file; None of one, and where there is nothing."""
     try:
         mode = path.lstat().st_mode
     except FileNotFoundError:
-        return
-    if not stat.S_ISREG(mode):
-        kinds = ((stat.S_ISLNK, "a link"), (stat.S_ISDIR, "a folder"))
-        what = next((said for test, said in kinds if test(mode)), "a device")
-        raise InputError(f"{path}: is {what} and is not replaced; give a regular file or a new file's name")
+        return None
+    if stat.S_ISREG(mode):
+        return None
+    kinds = ((stat.S_ISLNK, "a link"), (stat.S_ISDIR, "a folder"))
+    return next((said for test, said in kinds if test(mode)), "a device")

@@ -85,9 +85,21 @@ def linked_figures(folder: Path) -> None:
     (folder / "cells").rename(folder / "figures")
 
 
+def a_linked_report(folder: Path) -> None:
+    linked_cells(folder)
+    (folder / "cells").unlink()
+    (folder / "report.html").symlink_to(folder / "other" / "a.npz")
+
+
+def a_folder_for_a_table(folder: Path) -> None:
+    linked_cells(folder)
+    (folder / "cells").unlink()
+    (folder / "evidence.csv").mkdir()
+
+
 OTHERS = (
     cells_of_another, report_of_another, about_another, lock_of_another, mark_of_another, a_linked_lock, a_shared_lock,
-    linked_cells, a_link_among_cells, linked_figures,
+    linked_cells, a_linked_report, a_folder_for_a_table, a_link_among_cells, linked_figures,
 )  # fmt: skip
 
 
