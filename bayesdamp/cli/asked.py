@@ -60,6 +60,17 @@ def free_folder(name: str, another: Callable[[Path], bool]) -> Path:
     return found
 
 
+def describable(paths: Sequence[Path]) -> None:
+    """Refuse files whose names no run's description can hold. Raises InputError."""
+    for path in paths:
+        try:
+            str(path).encode()
+        except UnicodeEncodeError:
+            raise InputError(
+                f"{path}: its name is no UTF-8, in which a run says what it was made of; rename the file"
+            ) from None
+
+
 def compiles_first() -> str:
     """What a first command has to say before it is silent: nothing that it runs is compiled yet. Empty later."""
     if any((cache_folder() / "kernels").glob("*")):

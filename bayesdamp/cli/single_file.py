@@ -77,7 +77,7 @@ class SingleFile:
         self.check()
         write = write_bytes if os.path.lexists(self.path) else create
         try:
-            write(self.path, text.encode())
+            write(self.path, text.encode(errors="replace"))
         except FileExistsError:
             raise self._taken() from None
         except OSError as error:

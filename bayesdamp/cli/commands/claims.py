@@ -27,6 +27,19 @@ def claims(
             raise InputError(f"{option} {folder}: holds no run; give the folder that bayesdamp study wrote")
     page = SingleFile(out, is_claims, "--out")
     page.check()
+    if paper is not None:
+        _require_the_paper_s(paper)
     runs = Runs(paper, tuple(noise or ()))
     page.write(written(judged(CLAIMS, runs), runs))
     typer.echo(out)
+
+
+def _require_the_paper_s(folder: Path) -> None:
+    """Raises InputError where a run has no figures of the paper to be held against."""
+    from bayesdamp.report.results.comparing import compared
+    from bayesdamp.report.results.run import Run
+
+    found = compared(Run(folder))
+    if not (found.published and found.errors):
+        what = "is no run of the paper's study (studies/paper.toml)"
+        raise InputError(f"--paper {folder}: {what}; give the folder of bayesdamp study paper")

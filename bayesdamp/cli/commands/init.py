@@ -10,6 +10,7 @@ from typing import Annotated
 import typer
 
 from bayesdamp.cli import options as o
+from bayesdamp.cli.asked import describable
 from bayesdamp.types import InputError
 
 
@@ -32,6 +33,7 @@ def init(
     """Write a commented study of files beside them; nothing is computed, and no file is written over."""
     from bayesdamp.cli.asking import Options, as_signals, chosen_records
 
+    describable(files)
     file = files[0]
     if len({one.absolute().parent for one in files}) > 1:
         raise InputError(

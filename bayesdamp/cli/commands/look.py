@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 
 COLUMNS, PLOTS, FACTS = 24, 4, 12
 """Of each, how many are shown before the rest is counted."""
+NARROWEST = 10
+"""Characters of a plot."""
 
 
 def look(
@@ -78,6 +80,11 @@ def look(
     return 0
 
 
+def _width(console: Console) -> int:
+    """Characters of a plot's rows; a terminal may say that it has none."""
+    return max(NARROWEST, min(console.width, 100) - 2)
+
+
 def _show_file(console: Console, file: Path, held: Contents) -> None:
     from rich.table import Table
 
@@ -117,7 +124,7 @@ def _show_envelope(
     console.print(f"\n{seen.title}", style="bold", markup=False, highlight=False)
     for line in seen.lines:
         console.print(f"  {line}", markup=False, highlight=False)
-    console.print(plot(seen.t, seen.y, seen.kept, min(console.width, 100) - 2))
+    console.print(plot(seen.t, seen.y, seen.kept, _width(console)))
 
 
 def _show_record(console: Console, one: Found, several: bool, drawn: bool) -> None:
@@ -129,4 +136,4 @@ def _show_record(console: Console, one: Found, several: bool, drawn: bool) -> No
     for line in sentences(one):
         console.print(f"  {line}", markup=False, highlight=False)
     if drawn:
-        console.print(plot(*curve(one), kept(one), min(console.width, 100) - 2))
+        console.print(plot(*curve(one), kept(one), _width(console)))
