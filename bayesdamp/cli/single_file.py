@@ -56,8 +56,8 @@ class SingleFile:
         from bayesdamp.store.folders import refuse_special
 
         try:
-            above = next(place for place in self.path.absolute().parents if os.path.lexists(place))
-            if not above.is_dir():
+            above = next(filter(os.path.lexists, self.path.absolute().parents), None)  # `/` has none
+            if above is not None and not above.is_dir():
                 raise NotADirectoryError(errno.ENOTDIR, f"{above} is no folder")
             refuse_special(self.path)
         except OSError as error:
