@@ -28,8 +28,9 @@ def run_folder(out: Path | None, name: str) -> Path:
             place for place in (folder, *folder.absolute().parents) if os.path.lexists(place.absolute())
         )
         if not present.is_dir():
+            what = "a link that leads nowhere" if present.is_symlink() and not present.exists() else "a file"
             raise InputError(
-                f"--out: is {str(folder)!r}, and {present} is a file; it must be a folder, or a new name"
+                f"--out: is {str(folder)!r}, and {present} is {what}; it must be a folder, or a new name"
             )
         os.lstat(folder)
     except FileNotFoundError:
@@ -59,6 +60,17 @@ def free_folder(name: str, another: Callable[[Path], bool]) -> Path:
     return found
 
 
+def describable(paths: Sequence[Path]) -> None:
+    """Refuse files whose names no run's description can hold. Raises InputError."""
+    for path in paths:
+        try:
+            str(path).encode()
+        except UnicodeEncodeError:
+            raise InputError(
+                f"{path}: its name is no UTF-8, in which a run says what it was made of; rename the file"
+            ) from None
+
+
 def compiles_first() -> str:
     """What a first command has to say before it is silent: nothing that it runs is compiled yet. Empty later."""
     if any((cache_folder() / "kernels").glob("*")):
@@ -82,14 +94,3 @@ def read_study(file: Path, plugins: Sequence[Path] | None = None) -> Study:
         if name in loaded.estimators.options:
             loaded.estimator_options(name)
     return loaded
-
-
-def writable(out: Path) -> None:
-    """Refuse a file that cannot be written before anything is computed for it. Raises InputError."""
-    from bayesdamp.store.folders import refuse_special
-
-    run_folder(out.parent, "")
-    try:
-        refuse_special(out)
-    except InputError as error:
-        raise InputError(f"--out {error}") from None

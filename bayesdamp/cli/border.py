@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import io
 import os
 import sys
 
@@ -10,6 +11,8 @@ LONGEST = 295
 """Characters of the one line on stderr."""
 _HEAD = 180
 _FULL = (errno.ENOSPC, errno.EDQUOT)
+_STOPS = ("strict", "surrogateescape")
+"""What a stream does with a character that it has not, where that is an error."""
 _MEMORY = ("RESOURCE_EXHAUSTED", "Out of memory", "bad_alloc")
 
 
@@ -45,10 +48,17 @@ def refused_by_the_machine(error: BaseException) -> str | None:
 
 def present() -> None:
     """Give a process that was started without stdout or stderr ones that lead nowhere, before a file takes their
-    place."""
+    place; let a stream replace what its encoding has not; and draw without a screen, whatever Matplotlib is told."""
     for name in ("stdout", "stderr"):
-        if getattr(sys, name) is None:
+        stream = getattr(sys, name)
+        if stream is None:
             setattr(sys, name, open(os.devnull, "w", encoding="utf-8"))  # noqa: SIM115 - until the process ends
+        elif getattr(stream, "errors", "") in _STOPS and isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="replace")
+    if not os.environ.get("COLUMNS", "1").strip("0"):
+        del os.environ["COLUMNS"]  # a terminal of no width would be told nothing
+    if "MPLBACKEND" in os.environ:
+        os.environ["MPLBACKEND"] = "agg"
 
 
 def flush() -> None:

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from bayesdamp.cli.options import wrong
+from bayesdamp.cli.single_file import SIMULATED
 from bayesdamp.config import Simulation
 from bayesdamp.config.checks import StudyError
 from bayesdamp.config.signals import resolve_signal, term_keys
@@ -16,7 +17,6 @@ from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.plugins import nearest
 from bayesdamp.records.simulate import simulate_signal
-from bayesdamp.store import write_bytes
 from bayesdamp.types import InputError, Signal
 
 DAMPING = {"viscous": 0.1}
@@ -117,16 +117,10 @@ def _record(made: Simulation, restoring: str, noise_sd: float, seed: int) -> Sig
     )
 
 
-def write_csv(signal: Signal, out: Path) -> None:
-    """The record as CSV, all of it or nothing. Raises InputError where it cannot be written."""
-    lines = ["t (s),angle (rad)", *(f"{float(t)!r},{float(y)!r}" for t, y in zip(signal.t, signal.y))]
-    try:
-        write_bytes(out, ("\n".join(lines) + "\n").encode())
-    except InputError as error:
-        raise InputError(f"--out {error}") from None
-    except OSError as error:
-        what = (error.strerror or str(error)).lower()
-        raise InputError(f"--out {out}: cannot be written: {what}; give a new file's name") from None
+def as_csv(signal: Signal) -> str:
+    """The record as CSV, behind a line by which it is known as ours."""
+    rows = (f"{float(t)!r},{float(y)!r}" for t, y in zip(signal.t, signal.y, strict=True))
+    return "\n".join([SIMULATED, "t (s),angle (rad)", *rows]) + "\n"
 
 
 def _checked(given: Mapping[str, object], restoring: str) -> Simulation:

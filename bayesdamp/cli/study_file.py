@@ -49,9 +49,9 @@ def study_text(records: Sequence[Asked], out: Path) -> str:
     """The study of records whose files lie beside `out`, where it will be written. Raises InputError and StudyError
     where the study would not be one."""
     tables = comparison_tables([replace(asked, path=Path(asked.path.name)) for asked in records])
-    typed = shlex.quote(out.name)
+    typed, of = _commented(shlex.quote(out.name)), _commented(records[0].path.name)
     lines = [
-        f"# A study of {records[0].path.name}, as `bayesdamp compare --exact` would do it. Change what is wrong, then",
+        f"# A study of {of}, as `bayesdamp compare --exact` would do it. Change what is wrong, then",
         f"#   bayesdamp check {typed}    reads it and says what is wrong with it",
         f"#   bayesdamp study {typed}    runs it, in minutes; with --quick the answer alone, in seconds",
         "",
@@ -67,6 +67,11 @@ def study_text(records: Sequence[Asked], out: Path) -> str:
     text = "\n".join(lines) + "\n"
     resolve_study(tomllib.loads(text), out)
     return text
+
+
+def _commented(text: str) -> str:
+    """A text as one line of a comment."""
+    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode("ascii") for c in text)
 
 
 def _ordered(signal: Mapping[str, Any]) -> dict[str, Any]:

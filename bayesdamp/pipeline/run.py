@@ -30,6 +30,7 @@ from bayesdamp.pipeline.workers import cache_compilations, pool_of
 from bayesdamp.plugins import use
 from bayesdamp.sources import package_digest
 from bayesdamp.store import CellResult, Store
+from bayesdamp.store.beside import no_room
 from bayesdamp.store.places import Place
 from bayesdamp.types import OK, InputError
 from bayesdamp.verdict.parts import Grade
@@ -160,7 +161,7 @@ def _computed(study: Study, folder: Path, job: Job, given_up: Collection[str]) -
             except (InputError, KeyboardInterrupt):
                 raise
             except Exception as fault:
-                if os.environ.get("BAYESDAMP_DEBUG"):
+                if no_room(fault) or os.environ.get("BAYESDAMP_DEBUG"):
                     raise
                 first = str(fault).strip().splitlines()
                 text = Status.FAILED.because(f"{type(fault).__name__}: {first[0] if first else ''}")

@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 
 from bayesdamp.store import folders
+from bayesdamp.store.beside import naming, no_room
 from bayesdamp.store.files import plain, write_bytes
 from bayesdamp.store.places import Place
 from bayesdamp.store.tables import CALIBRATION_TABLES, SPECIMEN_TABLES, TABLES
@@ -132,6 +133,8 @@ class Store:
             folders.claim(self.folder, (*TABLES, *SPECIMEN_TABLES, *CALIBRATION_TABLES))
             handle = folders.open_lock(self.folder)
         except OSError as fault:
+            if no_room(fault):
+                raise
             raise InputError(f"{self.folder}: cannot write a run here ({fault.strerror})") from fault
         with handle:
             try:
@@ -143,9 +146,9 @@ class Store:
                     f"{self.folder}: another run (process {holder}) is writing here; "
                     "wait until it is done or choose another folder with --out"
                 ) from fault
-            handle.truncate(0)
-            handle.write(str(os.getpid()))
-            handle.flush()
+            with naming(self.folder):
+                handle.truncate(0)
+                os.write(handle.fileno(), str(os.getpid()).encode())  # unbuffered: a full disk is told once
             folders.sweep(self.folder)
             yield
 

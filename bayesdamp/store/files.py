@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from bayesdamp.store import folders
+from bayesdamp.store.beside import beside
 
 
 def write_bytes(path: Path, content: bytes) -> None:
@@ -20,17 +21,8 @@ def write_bytes(path: Path, content: bytes) -> None:
     """
     path = Path(path)
     folders.refuse_special(path)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    partial = folders.temporary(path)
-    try:
-        with partial.open("xb") as handle:
-            handle.write(content)
-            handle.flush()
-            os.fsync(handle.fileno())
+    with beside(path, content) as partial:
         os.replace(partial, path)
-    except BaseException:
-        partial.unlink(missing_ok=True)
-        raise
 
 
 def write_json(path: Path, obj: object) -> None:

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import json
 import os
-import re
 import stat
-import uuid
 import zipfile
 from collections.abc import Iterable, Iterator
+from contextlib import suppress
 from pathlib import Path
 from typing import IO
 
+from bayesdamp.store.beside import TEMPORARY, create
+from bayesdamp.store.beside import temporary as temporary
 from bayesdamp.types import InputError
 
 MARK = ".bayesdamp"
@@ -19,10 +20,12 @@ MARK = ".bayesdamp"
 SIGNED = "bayesdamp run\n"
 PLACES = ("cells", "figures", "posterior")
 """Folders of a run."""
-FILES = (".lock", "damping_curves.csv", "report.html", "run.json", "verdict.json", "verdicts.csv")
+LOCK = ".lock"
+FILES = (LOCK, "damping_curves.csv", "report.html", "run.json", "verdict.json", "verdicts.csv")
 CELL = "cell.json"
-"""A member of each cell's archive."""
-_TEMPORARY = re.compile(r"\.bayesdamp-[0-9a-f]{32}\.tmp")
+"""The first member of each cell's archive."""
+_ZIP = 30
+"""Bytes before a member's name in an archive."""
 _ELSEWHERE = "choose another folder with --out"
 
 
@@ -32,8 +35,7 @@ def claim(folder: Path, tables: Iterable[str] = ()) -> None:
     tables: names of further files that a run writes. Raises InputError where the folder holds something of such a name
     that no run wrote, or a link where a run's files belong; OSError where it cannot be written.
     """
-    folder.mkdir(parents=True, exist_ok=True)
-    present = set(os.listdir(folder))
+    present = set(os.listdir(folder)) if os.path.lexists(folder) else set()
     if MARK not in present:
         taken = sorted(present & {*PLACES, *FILES, *tables})
         if taken and not _by_earlier_version(folder):
@@ -42,6 +44,11 @@ def claim(folder: Path, tables: Iterable[str] = ()) -> None:
         write_new(folder / MARK, SIGNED)
     if not _signed(folder / MARK):
         raise InputError(f"{folder / MARK}: is not the mark of a run; {_ELSEWHERE}, or remove it")
+    for entry in (folder / name for name in sorted({*FILES, *tables} - {LOCK})):
+        if (what := _special(entry)) is not None:
+            raise InputError(
+                f"{entry}: is {what}, where a run's own files belong; {_ELSEWHERE}, or remove it"
+            )
     for place in PLACES:
         for entry in _entries(folder / place):
             if entry.is_symlink():
@@ -51,20 +58,9 @@ def claim(folder: Path, tables: Iterable[str] = ()) -> None:
 
 
 def write_new(path: Path, text: str) -> None:
-    """Write a file that is not there, whole or not at all; one that is stays as it is."""
-    partial = temporary(path)
-    try:
-        with partial.open("x", encoding="utf-8") as handle:
-            handle.write(text)
-        try:
-            os.link(partial, path)
-        except FileExistsError:
-            pass
-        except OSError:  # a file system that knows no second name of a file
-            if not os.path.lexists(path):
-                os.replace(partial, path)
-    finally:
-        partial.unlink(missing_ok=True)
+    """Write a file that is not there; one that is stays as it is."""
+    with suppress(FileExistsError):
+        create(path, text.encode())
 
 
 def _signed(path: Path) -> bool:
@@ -118,21 +114,40 @@ def sweep(folder: Path) -> None:
     """Remove what a killed run left half-written, known by its name."""
     top = (folder / name for name in os.listdir(folder))
     for path in (*top, *(entry for place in PLACES for entry in _entries(folder / place))):
-        if _TEMPORARY.fullmatch(path.name) and regular(path):
+        if TEMPORARY.fullmatch(path.name) and regular(path):
             path.unlink(missing_ok=True)
 
 
 def remove_cells(folder: Path) -> None:
-    """Remove the cells of a run, and the folders that are empty then."""
-    found = list(_entries(folder / "cells"))
+    """Remove the cells of a run, and the folders that are empty by that; what else lies among them stays."""
+    cells = folder / "cells"
+    found = list(_entries(cells))
     if not _signed(folder / MARK) or any(path.is_symlink() for path in found):
         return
     for path in found:
-        if path.suffix == ".npz" and regular(path):
+        if path.suffix == ".npz" and _is_cell_of(cells, path):
             path.unlink(missing_ok=True)
-    for path in sorted(found, key=lambda one: -len(one.parts)):
-        if path.is_dir() and not os.listdir(path):
-            path.rmdir()
+            _remove_empty(path.parent, cells)
+
+
+def _is_cell_of(cells: Path, path: Path) -> bool:
+    """Whether a file is the cell of its own name, also one that is cut off: both come first in it."""
+    name = path.relative_to(cells).as_posix().removesuffix(".npz")
+    begins = f'{CELL}{{"name": {json.dumps(name)},'.encode()
+    if not regular(path):
+        return False
+    with path.open("rb") as handle:
+        return handle.read(_ZIP + len(begins))[_ZIP:] == begins
+
+
+def _remove_empty(folder: Path, top: Path) -> None:
+    """Remove a folder and those above it up to `top`, as far as they are empty."""
+    for place in (folder, *folder.parents):
+        if os.listdir(place):
+            return
+        place.rmdir()
+        if place == top:
+            return
 
 
 def remove_listed(folder: Path, listed: Iterable[str]) -> None:
@@ -147,7 +162,7 @@ def remove_listed(folder: Path, listed: Iterable[str]) -> None:
 
 def open_lock(folder: Path) -> IO[str]:
     """The lock's file, to read and to write. Raises InputError where it is a link, a device or shared; OSError."""
-    path = folder / ".lock"
+    path = folder / LOCK
     if not os.path.lexists(path):
         path.touch()
     if not regular(path) or path.lstat().st_nlink > 1:
@@ -155,18 +170,20 @@ def open_lock(folder: Path) -> IO[str]:
     return os.fdopen(os.open(path, os.O_RDWR | os.O_APPEND | os.O_NOFOLLOW | os.O_CLOEXEC), "a+")
 
 
-def temporary(path: Path) -> Path:
-    """A name beside a file under which it is written before it is moved to its own."""
-    return path.with_name(f".bayesdamp-{uuid.uuid4().hex}.tmp")
-
-
 def refuse_special(path: Path) -> None:
     """Refuse to replace what is no regular file. Raises InputError."""
+    what = _special(path)
+    if what is not None:
+        raise InputError(f"{path}: is {what} and is not replaced; give a regular file or a new file's name")
+
+
+def _special(path: Path) -> str | None:
+    """What something is that is no regular file; None of one, and where there is nothing."""
     try:
         mode = path.lstat().st_mode
     except FileNotFoundError:
-        return
-    if not stat.S_ISREG(mode):
-        kinds = ((stat.S_ISLNK, "a link"), (stat.S_ISDIR, "a folder"))
-        what = next((said for test, said in kinds if test(mode)), "a device")
-        raise InputError(f"{path}: is {what} and is not replaced; give a regular file or a new file's name")
+        return None
+    if stat.S_ISREG(mode):
+        return None
+    kinds = ((stat.S_ISLNK, "a link"), (stat.S_ISDIR, "a folder"))
+    return next((said for test, said in kinds if test(mode)), "a device")

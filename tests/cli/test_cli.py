@@ -260,7 +260,8 @@ def test_simulate_writes_a_record_that_reads_back(folder: Path, capsys: pytest.C
     assert main([*simulate, "--out", "b.csv", "--seed", "1"]) == 0
     assert main([*simulate, "--out", "c.csv", "--seed", "2"]) == 0
     with (folder / "a.csv").open(newline="") as stream:
-        header, *rows = csv.reader(stream)
+        mark, header, *rows = csv.reader(stream)
+    assert mark == ["# simulated by bayesdamp"]
     assert header == ["t (s)", "angle (rad)"]
     assert len(rows) == 201
     assert (float(rows[0][0]), float(rows[-1][0])) == (0.0, 10.0)
@@ -281,7 +282,7 @@ def test_a_simulation_has_noise_unless_it_is_told_not_to(
     assert said.err == "noise: sd 0.0025 rad, 1 % of the amplitude (--noise-sd 0 for none)\n"
     assert main([*simulate, "--out", "clean.csv", "--noise-sd", "0"]) == 0
     assert capsys.readouterr().err == ""
-    noisy, clean = (np.loadtxt(folder / f"{n}.csv", delimiter=",", skiprows=1) for n in ("noisy", "clean"))
+    noisy, clean = (np.loadtxt(folder / f"{n}.csv", delimiter=",", skiprows=2) for n in ("noisy", "clean"))
     assert np.array_equal(noisy[:, 0], clean[:, 0])
     assert np.std(noisy[:, 1] - clean[:, 1]) == pytest.approx(0.0025, rel=0.1)
 
@@ -305,7 +306,7 @@ def test_what_is_not_said_of_a_simulation_is_taken_and_said(
     faster. The control says all, and nothing is said of it. What is said can be typed and is the same record."""
     assert main(["simulate", "--out", "a.csv", "--noise-sd", "0", *words]) == 0
     assert capsys.readouterr().err == (f"taken where nothing was said: {said}\n" if said else "")
-    t, y = np.loadtxt(folder / "a.csv", delimiter=",", skiprows=1).T
+    t, y = np.loadtxt(folder / "a.csv", delimiter=",", skiprows=2).T
     crossings = t[:-1][np.diff(np.sign(y)) < 0]
     assert 1 / np.mean(np.diff(crossings[:6])) == pytest.approx(frequency, rel=0.015)
     assert main(["simulate", "--out", "b.csv", "--noise-sd", "0", *words, *said.split()]) == 0

@@ -6,14 +6,17 @@ import errno
 import io
 import json
 import os
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from bayesdamp.cli import main
 from bayesdamp.store import CellResult, Store, write_bytes
-from bayesdamp.store.folders import MARK, temporary, write_new
+from bayesdamp.store.beside import temporary
+from bayesdamp.store.folders import MARK, write_new
 from bayesdamp.types import InputError
 
 CELL = CellResult("signal/a/0", "k")
@@ -85,9 +88,21 @@ def linked_figures(folder: Path) -> None:
     (folder / "cells").rename(folder / "figures")
 
 
+def a_linked_report(folder: Path) -> None:
+    linked_cells(folder)
+    (folder / "cells").unlink()
+    (folder / "report.html").symlink_to(folder / "other" / "a.npz")
+
+
+def a_folder_for_a_table(folder: Path) -> None:
+    linked_cells(folder)
+    (folder / "cells").unlink()
+    (folder / "evidence.csv").mkdir()
+
+
 OTHERS = (
     cells_of_another, report_of_another, about_another, lock_of_another, mark_of_another, a_linked_lock, a_shared_lock,
-    linked_cells, a_link_among_cells, linked_figures,
+    linked_cells, a_linked_report, a_folder_for_a_table, a_link_among_cells, linked_figures,
 )  # fmt: skip
 
 
@@ -149,6 +164,33 @@ def test_other_files_beside_a_run_stay(tmp_path: Path) -> None:
         assert store.names() == []
     assert [path for path in mine if not path.exists()] == []
     assert not (tmp_path / "cells" / "signal" / "a").exists()
+
+
+def test_only_cells_are_removed_and_only_folders_that_held_them(tmp_path: Path) -> None:
+    """An archive, an empty folder and a copy of a cell that somebody puts among a run's cells are not the run's."""
+    store, cells = Store(tmp_path), tmp_path / "cells"
+    with store.lock():
+        for name in (CELL.name, "signal/b/0", "answered/a/0"):
+            store.write(CellResult(name, "k", arrays={"x": np.zeros(9)}))
+        (cells / "sub").mkdir()
+        np.savez(cells / "sub" / "mine.npz", a=1)
+        np.savez(cells / "mine.npz", a=1)
+        (cells / "signal" / "b" / "empty").mkdir()
+        shutil.copy(cells / "signal" / "a" / "0.npz", cells / "copy.npz")
+        half = cells / "signal" / "a" / "0.npz"
+        half.write_bytes(half.read_bytes()[:200])
+        store.clear()
+    left = {path.relative_to(cells).as_posix() for path in cells.rglob("*")}
+    mine = {"sub", "sub/mine.npz", "mine.npz", "signal", "signal/b", "signal/b/empty", "copy.npz"}
+    assert left == mine
+    for path in (cells / "sub" / "mine.npz", cells / "mine.npz", cells / "copy.npz"):
+        path.unlink()
+    (cells / "sub").rmdir()
+    (cells / "signal" / "b" / "empty").rmdir()
+    with store.lock():  # the control: a run's own alone leave nothing
+        store.write(CellResult("signal/b/0", "k"))
+        store.clear()
+    assert not cells.exists()
 
 
 def test_a_run_of_an_earlier_version_is_known(tmp_path: Path) -> None:

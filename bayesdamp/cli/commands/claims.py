@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from bayesdamp.cli.asked import writable
+from bayesdamp.cli.single_file import SingleFile, is_claims
 from bayesdamp.types import InputError
 
 
@@ -19,22 +19,27 @@ def claims(
     out: Annotated[Path, typer.Option(help="The page to write (Markdown).")] = Path("reports/claims.md"),
 ) -> None:
     """Measure each claim of the paper on the eleven estimators, and say whether it holds."""
-    from bayesdamp.store import write_bytes
     from bayesdamp.validation.claims import CLAIMS, judged, written
     from bayesdamp.validation.claims.judge import Runs
 
     for option, folder in (("--paper", paper), *(("--noise", folder) for folder in noise or ())):
         if folder is not None and not (folder / "run.json").is_file():
             raise InputError(f"{option} {folder}: holds no run; give the folder that bayesdamp study wrote")
-    writable(out)
+    page = SingleFile(out, is_claims, "--out")
+    page.check()
+    if paper is not None:
+        _require_the_paper_s(paper)
     runs = Runs(paper, tuple(noise or ()))
-    page = written(judged(CLAIMS, runs), runs)
-    try:
-        out.parent.mkdir(parents=True, exist_ok=True)
-        write_bytes(out, page.encode())
-    except InputError as error:
-        raise InputError(f"--out {error}") from None
-    except OSError as error:
-        what = (error.strerror or str(error)).lower()
-        raise InputError(f"--out {out}: cannot be written: {what}; give a new file's name") from None
+    page.write(written(judged(CLAIMS, runs), runs))
     typer.echo(out)
+
+
+def _require_the_paper_s(folder: Path) -> None:
+    """Raises InputError where a run has no figures of the paper to be held against."""
+    from bayesdamp.report.results.comparing import compared
+    from bayesdamp.report.results.run import Run
+
+    found = compared(Run(folder))
+    if not (found.published and found.errors):
+        what = "is no run of the paper's study (studies/paper.toml)"
+        raise InputError(f"--paper {folder}: {what}; give the folder of bayesdamp study paper")

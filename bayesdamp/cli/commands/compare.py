@@ -11,7 +11,15 @@ from typing import Annotated, Any
 import typer
 
 from bayesdamp.cli import options as o
-from bayesdamp.cli.asked import FIRST_WORDS, compiles_first, free_folder, own_folder, run_folder, units_of
+from bayesdamp.cli.asked import (
+    FIRST_WORDS,
+    compiles_first,
+    describable,
+    free_folder,
+    own_folder,
+    run_folder,
+    units_of,
+)
 from bayesdamp.cli.options import READING, RUNNING, WEIGHED
 from bayesdamp.cli.verdicts import verdicts_json
 from bayesdamp.machine.processes import processes
@@ -99,6 +107,7 @@ def compare(
     as_json: o.AsJson = False,
 ) -> int:
     """Say which damping records have, how large it is, how well its law holds, and how sure that is."""
+    describable([*records, *(plugin or ()), *([out] if out is not None else [])])
     if out is not None:
         run_folder(out, "")
     sums = [one.strip() for given in damping or () for one in given.split(",")]

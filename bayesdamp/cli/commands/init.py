@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import shlex
 from pathlib import Path
 from typing import Annotated
@@ -9,6 +10,7 @@ from typing import Annotated
 import typer
 
 from bayesdamp.cli import options as o
+from bayesdamp.cli.asked import describable
 from bayesdamp.types import InputError
 
 
@@ -31,6 +33,7 @@ def init(
     """Write a commented study of files beside them; nothing is computed, and no file is written over."""
     from bayesdamp.cli.asking import Options, as_signals, chosen_records
 
+    describable(files)
     file = files[0]
     if len({one.absolute().parent for one in files}) > 1:
         raise InputError(
@@ -39,8 +42,9 @@ def init(
     if not file.name:
         raise InputError(f"{file}: is a folder, not a file; give one of the files in it")
     out = file.with_suffix(".toml")
-    if out.exists() or out.is_symlink():
-        raise InputError(f"{out}: is there already; it is not written over: move it away first")
+    taken = InputError(f"{out}: is there already; it is not written over: move it away first")
+    if os.path.lexists(out):
+        raise taken
     columns = time, angle, rate, time_unit
     asked = Options.of(columns, unit, quantity, clock, (start, stop), runs, channel)
     records, doubted, said = chosen_records(files, asked)
@@ -48,15 +52,19 @@ def init(
         typer.echo(line, err=True)
     from bayesdamp.cli.study_file import study_text
     from bayesdamp.config.checks import StudyError
+    from bayesdamp.store.beside import create, no_room
 
     try:
         text = study_text(as_signals(records, asked), out)
     except StudyError as error:
         raise InputError(f"{file}: {error}") from None
     try:
-        with out.open("x", encoding="utf-8", newline="\n") as handle:
-            handle.write(text)
+        create(out, text.encode())
+    except FileExistsError:
+        raise taken from None
     except OSError as error:
+        if no_room(error):
+            raise
         what = (error.strerror or str(error)).lower()
         raise InputError(
             f"{out}: cannot be written: {what}; copy {file.name} to a folder of your own"

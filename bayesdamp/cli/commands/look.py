@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from bayesdamp.cli import options as o
+from bayesdamp.cli.single_file import SingleFile, is_page
 from bayesdamp.types import InputError
 
 if TYPE_CHECKING:
@@ -18,6 +19,8 @@ if TYPE_CHECKING:
 
 COLUMNS, PLOTS, FACTS = 24, 4, 12
 """Of each, how many are shown before the rest is counted."""
+NARROWEST = 10
+"""Characters of a plot."""
 
 
 def look(
@@ -44,10 +47,13 @@ def look(
     from bayesdamp.plugins import read_modules, use
     from bayesdamp.records.opening.opening import contents
 
+    page = SingleFile(html, is_page, "--html", (file, *(plugin or ()))) if html is not None else None
+    if page is not None:
+        page.check()
     use(read_modules(plugin or ()))
 
     if envelope_asked(file, angle, unit, quantity):
-        if html is not None:
+        if page is not None:
             raise InputError("--html: is for oscillations; bayesdamp compare draws the page of an envelope")
         ends = o.bound(start, "--start"), o.bound(stop, "--stop")
         _show_envelope(Console(), file, (time, angle, rate, unit), ends)
@@ -66,12 +72,17 @@ def look(
     _show_file(console, file, held)
     for i, one in enumerate(found):
         _show_record(console, one, len(found) > 1, i < PLOTS)
-    if html is not None:
-        from bayesdamp.cli.looking.page import write_page
+    if page is not None:
+        from bayesdamp.cli.looking.page import page_of
 
-        write_page(html, file, held, found)
+        page.write(page_of(file, held, found))
         typer.echo(html)
     return 0
+
+
+def _width(console: Console) -> int:
+    """Characters of a plot's rows; a terminal may say that it has none."""
+    return max(NARROWEST, min(console.width, 100) - 2)
 
 
 def _show_file(console: Console, file: Path, held: Contents) -> None:
@@ -113,7 +124,7 @@ def _show_envelope(
     console.print(f"\n{seen.title}", style="bold", markup=False, highlight=False)
     for line in seen.lines:
         console.print(f"  {line}", markup=False, highlight=False)
-    console.print(plot(seen.t, seen.y, seen.kept, min(console.width, 100) - 2))
+    console.print(plot(seen.t, seen.y, seen.kept, _width(console)))
 
 
 def _show_record(console: Console, one: Found, several: bool, drawn: bool) -> None:
@@ -125,4 +136,4 @@ def _show_record(console: Console, one: Found, several: bool, drawn: bool) -> No
     for line in sentences(one):
         console.print(f"  {line}", markup=False, highlight=False)
     if drawn:
-        console.print(plot(*curve(one), kept(one), min(console.width, 100) - 2))
+        console.print(plot(*curve(one), kept(one), _width(console)))

@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from bayesdamp.cli import options as o
+from bayesdamp.cli.single_file import SingleFile, is_simulated
 
 
 def simulate(
@@ -39,16 +40,18 @@ def simulate(
     plugin: o.Plugins = None,
 ) -> int:
     """Write a simulated record to play with: a CSV of times in s and angles in rad."""
-    from bayesdamp.cli.simulated import pairs, simulated, taken, terms_and_set, write_csv
+    from bayesdamp.cli.simulated import as_csv, pairs, simulated, taken, terms_and_set
     from bayesdamp.plugins import read_modules, use
 
+    file = SingleFile(out, is_simulated, "--out", tuple(plugin or ()))
+    file.check()
     use(read_modules(plugin or ()))
     terms, system = pairs(damping or [], "--damping"), pairs(set_ or [], "--set")
     given = terms_and_set(terms, system, restoring)
     given |= {"duration": duration, "samples": samples}
     given |= {} if noise_sd is None else {"noise_sd": noise_sd}
     record, sd = simulated(given, restoring, seed)
-    write_csv(record, out)
+    file.write(as_csv(record))
     if by_default := taken(terms, system, restoring):
         typer.echo(f"taken where nothing was said: {by_default}", err=True)
     if "noise_sd" not in given:

@@ -13,9 +13,8 @@ from markupsafe import Markup, escape
 from matplotlib.figure import Figure
 
 from bayesdamp.cli.looking.said import curve, described, kept, reading, sentences
+from bayesdamp.cli.single_file import PAGE
 from bayesdamp.report.style import QUIET, RC, WIDTH
-from bayesdamp.store import write_bytes
-from bayesdamp.types import InputError
 
 if TYPE_CHECKING:
     from bayesdamp.cli.asking import Found
@@ -32,22 +31,17 @@ _STYLE = (
 )
 
 
-def write_page(page: Path, file: Path, held: Contents, found: Sequence[Found]) -> None:
-    """Write what a file holds and what would be read of it. Raises InputError where the page cannot be written."""
+def page_of(file: Path, held: Contents, found: Sequence[Found]) -> str:
+    """What a file holds and what would be read of it, as HTML."""
     rows = Markup("").join(_row(row, "td") for row in described(held))
     facts = Markup("").join(Markup("<li>{}: {}</li>").format(k, v) for k, v in held.facts.items())
     records = Markup("").join(_record(one) for one in found)
     head = _row(("", "column", "unit", "samples", "from", "to"), "th")
-    text = Markup(
+    return Markup(
         '<!doctype html><html lang="en"><meta charset="utf-8"><meta name="viewport" content="width=device-width">'
-        "<title>{0}</title><style>{1}</style>"
+        "{7}<title>{0}</title><style>{1}</style>"
         "<h1>{0}</h1><p>{2}</p><table>{3}{4}</table><ul>{5}</ul>{6}</html>\n"
-    ).format(file.name, Markup(_STYLE), held.format, head, rows, facts, records)
-    try:
-        write_bytes(page, text.encode())
-    except OSError as error:
-        what = (error.strerror or str(error)).lower()
-        raise InputError(f"--html {page}: cannot be written: {what}; give a new file's name") from None
+    ).format(file.name, Markup(_STYLE), held.format, head, rows, facts, records, Markup(PAGE))
 
 
 def _row(cells: Sequence[str], kind: str) -> Markup:

@@ -1,0 +1,103 @@
+"""What a command writes beside a run's folder replaces nothing that it did not make."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import pytest
+
+from bayesdamp.cli import main
+from bayesdamp.cli.looking import page
+from bayesdamp.cli.single_file import PAGE, is_claims, is_page, is_simulated
+
+ROOT = Path(__file__).parents[2]
+SIMULATE = ("simulate", "--samples", "400", "--duration", "8", "--out")
+WRITING = {
+    "mine.csv": SIMULATE,
+    "mine.html": ("look", "ok.csv", "--html"),
+    "mine.md": ("claims", "--out"),
+}
+"""The name of a file, and the command that writes one of its kind."""
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Path:
+    """Of a simulated record."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("COLUMNS", "80")
+    assert main([*SIMULATE, "ok.csv"]) == 0
+    capsys.readouterr()
+    return tmp_path
+
+
+def refused(words: Sequence[str], capsys: pytest.CaptureFixture[str]) -> str:
+    """The one line that a command leaves that does nothing else."""
+    assert main(words) == 2
+    said = capsys.readouterr()
+    assert said.out == ""
+    assert said.err.count("\n") == 1
+    assert len(said.err) <= 300
+    return said.err.removesuffix("\n")
+
+
+@pytest.mark.parametrize("name", WRITING)
+def test_a_file_of_the_user_s_stays(folder: Path, capsys: pytest.CaptureFixture[str], name: str) -> None:
+    for content in (b"precious\n", b"", b"\xff\x00"):
+        (folder / name).write_bytes(content)
+        said = refused([*WRITING[name], name], capsys)
+        what = "is there already and was not made by bayesdamp: give another name, or remove it"
+        assert said == f"{WRITING[name][-1]} {name}: {what}"
+        assert (folder / name).read_bytes() == content
+    (folder / name).unlink()  # the control: a new name, and then what the command itself wrote
+    for _ in range(2):
+        assert main([*WRITING[name], name]) == 0
+        capsys.readouterr()
+    made = (folder / name).read_bytes()
+    for other, command in WRITING.items():  # of another kind
+        if other != name:
+            refused([*command, name], capsys)
+    assert (folder / name).read_bytes() == made
+
+
+def test_what_a_command_reads_it_does_not_replace(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    before = (folder / "ok.csv").read_bytes()
+    assert "is read by this command" in refused(["look", "ok.csv", "--html", "./ok.csv"], capsys)
+    assert main(["look", "ok.csv", "--html", "ok.html"]) == 0
+    capsys.readouterr()
+    drawn = (folder / "ok.html").read_bytes()  # of the right kind, and yet
+    assert "is read by this command" in refused(["look", "ok.html", "--html", "ok.html"], capsys)
+    assert (folder / "ok.csv").read_bytes() == before
+    assert (folder / "ok.html").read_bytes() == drawn
+
+
+def test_it_is_refused_before_the_record_is_read(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (folder / "mine.html").write_text("mine")
+    assert "mine.html" in refused(["look", "none.csv", "--html", "mine.html"], capsys)
+    assert "none.csv" in refused(["look", "none.csv", "--html", "other.html"], capsys)  # the control
+
+
+def test_a_file_that_comes_up_meanwhile_stays(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def slow(*_: object) -> str:
+        (folder / "new.html").write_text("mine")
+        return "page"
+
+    monkeypatch.setattr(page, "page_of", slow)
+    assert main(["look", "ok.csv", "--html", "new.html"]) == 2
+    assert "was not made by bayesdamp" in capsys.readouterr().err
+    assert (folder / "new.html").read_text() == "mine"
+
+
+def test_what_earlier_versions_wrote_is_known(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert is_claims((ROOT / "reports" / "claims.md").read_text(encoding="utf-8")[:4096])
+    assert main(["look", "ok.csv", "--html", "ok.html"]) == 0
+    capsys.readouterr()
+    now = (folder / "ok.html").read_text(encoding="utf-8")
+    assert is_page(now)
+    assert is_page(now.replace(PAGE, ""))
+    # the controls: pages of others that say the same in their text
+    assert not is_page(f"<!doctype html><style></style><p>{PAGE}")
+    assert not is_claims("# Mine\n\nMade by `bayesdamp claims`. So he said.")
+    assert not is_simulated("t (s),angle (rad)\n0.0,0.3\n# simulated by bayesdamp\n")
