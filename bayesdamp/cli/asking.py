@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 QUANTITIES = ("angle", "velocity", "acceleration")
 CLOCKS = ("auto", "as_logged", "uniform")
-TIME_UNITS = ("s", "ms", "us", "ns", "min")
+TIME_UNITS = ("s", "ms", "us", "ns", "ps", "min", "h", "d")
 MAYBE_ENVELOPE = "If these are amplitudes, of an envelope: --quantity envelope"
 
 

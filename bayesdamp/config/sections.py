@@ -112,8 +112,8 @@ class SignalTable(Section):
         None, description="the number of one of the file's runs, or its label in quotes"
     )
     channel: str | None = Field(None, min_length=1, description="the name of one of the file's channels")
-    time_unit: Literal["s", "ms", "us", "ns", "min"] | None = Field(
-        None, description='the unit of the times: "s", "ms", "us", "ns" or "min"'
+    time_unit: Literal["s", "ms", "us", "ns", "ps", "min", "h", "d"] | None = Field(
+        None, description='the unit of the times: "s", "ms", "us", "ns", "ps", "min", "h" or "d"'
     )
     start: float | Literal["auto"] = Field("auto", description='a time in s, or "auto"')
     stop: float | Literal["auto"] = Field("auto", description='a time in s, or "auto"')

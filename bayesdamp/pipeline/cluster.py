@@ -7,7 +7,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import CancelledError, Executor
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING
 
 from bayesdamp.types import InputError
@@ -35,13 +35,18 @@ def cluster(scheduler: str, say: Callable[[str], None]) -> Iterator[Executor]:
         client = Client(scheduler, timeout=10)
     except Exception as error:  # of an address that it does not know, whatever its parts raise
         raise InputError(f"--scheduler {scheduler}: no Dask scheduler answers there ({error})") from None
-    # not pure: the same task in another folder is another one
-    with client, client.get_executor(pure=False) as pool, _watched(client, scheduler, say):
+    with client, _watched(client, scheduler, say):
+        # not pure: the same task in another folder is another one
+        pool = client.get_executor(pure=False)
         try:
             yield pool
         except CancelledError:
             lost = "the scheduler or all its workers are gone; the same command resumes"
             raise InputError(f"--scheduler {scheduler}: {lost}") from None
+        finally:
+            # What is under way is given up, not waited for: there may be nobody to do it.
+            with suppress(Exception):
+                pool.shutdown(wait=False)
 
 
 @contextmanager

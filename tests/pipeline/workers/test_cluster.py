@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import os
+import threading
 import time
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -58,6 +60,24 @@ def test_an_address_that_no_scheduler_answers_is_refused(
     pytest.importorskip("distributed")
     with pytest.raises(InputError, match="no Dask scheduler answers there"), cluster.cluster(address, print):
         pass
+
+
+def test_a_run_that_waits_for_workers_can_be_ended(tmp_path: Path) -> None:
+    distributed = pytest.importorskip("distributed")
+
+    def interrupted(address: str) -> None:
+        with suppress(KeyboardInterrupt), cluster.cluster(address, print) as pool:
+            pool.submit(abs, -1)
+            raise KeyboardInterrupt
+
+    with distributed.LocalCluster(
+        n_workers=0, processes=False, protocol="tcp://", host="127.0.0.1", dashboard_address=":0",
+        local_directory=str(tmp_path),
+    ) as made:  # fmt: skip
+        run = threading.Thread(target=interrupted, args=(made.scheduler_address,), daemon=True)
+        run.start()
+        run.join(30)
+        assert not run.is_alive()
 
 
 def _draws() -> bytes:
