@@ -203,8 +203,8 @@ FAULTS = {
     "angle": (rig(old='"phi"', new="0"), "signal[rig].angle: is 0; it must be the name of the recorded"),
     "no run": (rig("run = -1"), "signal[rig].run: is -1; it must be the number of one of the file's runs"),
     "no unit of time": (
-        rig('time_unit = "h"'),
-        "signal[rig].time_unit: is 'h'; it must be the unit of the times",
+        rig('time_unit = "weeks"'),
+        "signal[rig].time_unit: is 'weeks'; it must be the unit of the times",
     ),
     "two clocks": (rig("rate = 3\n"), "signal[rig].rate: is given beside time; give one of the two"),
     "rate": (rig("", "time = 1", "rate = -1"), "signal[rig].rate: is -1; it must be the sampling rate in Hz"),

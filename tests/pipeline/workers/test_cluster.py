@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import os
 import threading
 import time
@@ -10,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import xarray
 
 from bayesdamp.inference.checks import diagnostics
 from bayesdamp.pipeline import cluster, run
@@ -81,7 +83,7 @@ def test_a_run_that_waits_for_workers_can_be_ended(tmp_path: Path) -> None:
 
 
 def _draws() -> bytes:
-    posterior = Posterior("nuts", ("zeta",), np.zeros((2, 50, 1)), np.zeros((2, 50)), {})
+    posterior = Posterior("nuts", ("zeta",), np.arange(100.0).reshape(2, 50, 1), np.zeros((2, 50)), {})
     return diagnostics.saved(posterior)
 
 
@@ -96,4 +98,5 @@ def test_draws_are_written_on_a_worker_as_in_one_process(tmp_path: Path) -> None
         cluster.cluster(made.scheduler_address, print) as pool,
     ):  # fmt: skip
         found = pool.submit(_draws).result(timeout=120)
-    assert len(found) == len(_draws())
+    read = xarray.open_datatree(io.BytesIO(found), engine="h5netcdf")
+    assert read.posterior["zeta"].values.tolist() == np.arange(100.0).reshape(2, 50).tolist()
