@@ -35,7 +35,7 @@ DAY_NUMBERS = ((25e3, 60e3), (710e3, 780e3), (2.44e6, 2.48e6))
 SHORT_DAYS = 5e-4
 """A period in s from which down times at such a number are doubted: some 40 s if they are days (conventional)."""
 _BRACKETS = re.compile(r"[(\[{]\s*([^\W\d][^()\[\]{}\s\d]{0,19})\s*[)\]}]\s*$")
-"""A word in brackets behind the name of times; `Run 1` is none."""
+"""A word in brackets behind the name of times; `probe 1` is none."""
 _NO_UNITS = ("utc", "gmt", "local", "local time", "elapsed", "relative", "rel", "abs", "absolute", "raw", "x")
 VALID = "ms, us, ns, ps, min, h, d"
 """Units of time to choose from."""

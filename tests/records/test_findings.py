@@ -54,7 +54,7 @@ CASES = {
     "rate against the file's": (
         "# sample rate: 50 Hz\nx,angle", Y[::-1], Y, {"rate": 500.0, "value": 2}, None, [Kind.RATE], "--rate 50",
     ),
-    "a run behind the times": ("Time (Run 1),angle", T, Y, {}, None, [], ""),
+    "a label behind the times": ("Time (probe 1),angle", T, Y, {}, None, [], ""),
     "rate against its times": ("t,angle", T, Y, {"rate": 25.0}, None, [Kind.RATE], "leave --rate out"),
     "rate against its times in ms": ("t (ms),angle", 1e3 * T, Y, {"rate": 25.0}, None, [Kind.RATE], "leave --rate out"),
     "rate of its times": ("t (ms),angle", 1e3 * T, Y, {"rate": 50.0}, None, [], ""),
