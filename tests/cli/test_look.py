@@ -79,6 +79,16 @@ def test_look_says_once_which_columns_are_read(tmp_path, capsys) -> None:
     assert "Column 'angle (rad)' is taken: of 2 that change" in " ".join(capsys.readouterr().out.split())
 
 
+def test_look_says_where_there_are_no_samples(tmp_path, capsys) -> None:
+    """Negative control: of a record without a hole it says nothing of that kind."""
+    for name, kept in (("whole", T >= 0), ("hole", (T < 2) | (T > 5))):
+        rows = np.column_stack([T, Y + NOISE])[kept]
+        np.savetxt(tmp_path / f"{name}.csv", rows, delimiter=",", header="t (s),angle (rad)", comments="")
+        assert main(["look", str(tmp_path / f"{name}.csv")]) == 0
+        said = " ".join(capsys.readouterr().out.split())
+        assert ("No samples for 3.04 s from 1.98 s on: it is fitted across." in said) is (name == "hole")
+
+
 def test_look_says_once_that_a_unit_is_doubted(tmp_path, capsys) -> None:
     rows = [f"{t:.3f},{60 * y:.5f}" for t, y in zip(T, Y, strict=True)]
     (tmp_path / "a.csv").write_text("\n".join(["t,angle", *rows]), encoding="utf-8")

@@ -12,6 +12,10 @@ if TYPE_CHECKING:
     from bayesdamp.records.files.contents import Contents
 
 
+MANY = 4
+"""Holes that are named one by one."""
+
+
 def described(held: Contents) -> list[tuple[str, ...]]:
     """A row for each column: number, name, unit, samples, first and largest values."""
     import numpy as np
@@ -57,7 +61,21 @@ def sentences(one: Found) -> list[str]:
     if any(finding.kind in (Kind.DEGREES, Kind.TURNS) for finding in one.findings):
         # The finding says it with the option to type.
         about = replace(about, warnings=tuple(text for text in about.warnings if text != about.many_turns))
-    return list(about.said)
+    return [*about.said, *_holes(one)]
+
+
+def _holes(one: Found) -> list[str]:
+    """Where the free decay has no samples, which its rate does not say."""
+    from bayesdamp.records.oscillation.holes import holes
+    from bayesdamp.records.oscillation.spectrum import coarse_period
+
+    if one.signal is None:
+        return []
+    t, begin = one.signal.t, one.signal.provenance.start
+    found = holes(t, coarse_period(t, one.signal.y)[0])
+    each = [f"{b - a:.3g} s from {begin + a:.4g} s on" for a, b in found[:MANY]]
+    more = f" and {len(found) - MANY} more" if len(found) > MANY else ""
+    return [f"No samples for {', '.join(each)}{more}: it is fitted across."] if each else []
 
 
 def curve(one: Found) -> tuple[np.ndarray, np.ndarray]:
