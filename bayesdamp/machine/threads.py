@@ -26,10 +26,11 @@ def in_one_order() -> None:
     """Let compiled programs that this process loads from now on sum in one order, whatever the number of cores.
 
     A result must not depend on which process computes it, nor on what its environment says of that. Without effect once
-    JAX has compiled something.
+    JAX has compiled something, and where the environment names a file of flags.
     """
-    flags = os.environ.get("XLA_FLAGS", "")
-    os.environ["XLA_FLAGS"] = f"{_THREADS.sub('', flags)} {ONE_THREAD}".strip()
+    flags = os.environ.get("XLA_FLAGS", "").strip()
+    if not flags or flags.startswith("-"):  # all else XLA takes for a file's name, so that ours comes first
+        os.environ["XLA_FLAGS"] = f"{ONE_THREAD} {_THREADS.sub('', flags).strip()}".strip()
 
 
 def at_once(function: Callable[[T], R], items: Iterable[T]) -> list[R]:

@@ -70,7 +70,13 @@ def test_a_run_that_is_killed_leaves_no_process_and_no_complaint(tmp_path: Path)
 
 
 @pytest.mark.parametrize(
-    "said", ["", "--xla_cpu_multi_thread_eigen=true", "--xla_dump_to=x --xla_cpu_multi_thread_eigen"]
+    "said",
+    [
+        "",
+        "--xla_cpu_multi_thread_eigen=true",
+        "--xla_dump_to=x --xla_cpu_multi_thread_eigen",
+        "--xla_cpu_multi_thread_eigen=true word=1",
+    ],
 )
 def test_programs_sum_in_one_order_whatever_the_environment_says(
     monkeypatch: pytest.MonkeyPatch, said: str
@@ -81,6 +87,13 @@ def test_programs_sum_in_one_order_whatever_the_environment_says(
     flags = os.environ["XLA_FLAGS"].split()
     assert [f for f in flags if "eigen" in f] == ["--xla_cpu_multi_thread_eigen=false"]
     assert ("--xla_dump_to=x" in flags) is ("dump" in said)
+    assert flags[0].startswith("--"), "XLA takes all else for the name of a file"
+
+
+def test_a_file_of_flags_stays(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("XLA_FLAGS", "flags.txt")
+    in_one_order()
+    assert os.environ["XLA_FLAGS"] == "flags.txt"
 
 
 @pytest.mark.parametrize("one", ["SIGTERM", "SIGHUP"])
