@@ -24,7 +24,6 @@ SIZES = (
     (100_000, 1_000),
     (300_000, 1_000),
     (MILLION, 1_000),
-    (MILLION, 30_000),
 )
 """Rows and cycles."""
 GIB = 2.0**30
@@ -97,23 +96,15 @@ def drawn(found: list[Cost]) -> Figure:
     """CPU seconds on logarithmic axes beside a line in proportion to the rows; memory below them."""
     figure = Figure(figsize=(7, 6), layout="constrained")
     above, below = figure.subplots(2, sharex=True)
-    same = [c for c in found if c.cycles == found[0].cycles]
-    longer = [c for c in found if c.cycles != found[0].cycles]
-    rows = [c.rows for c in same]
-    name = f"{same[0].cycles:,} cycles"
-    above.loglog(rows, [c.whole for c in same], "o-", label=f"compare --quick, {name}")
-    above.loglog(rows, [c.cleaning for c in same], "s-", label=f"of it, read and cleaned, {name}")
-    last = same[-1]
+    rows = [c.rows for c in found]
+    name = f"{found[0].cycles:,} cycles"
+    above.loglog(rows, [c.whole for c in found], "o-", label=f"compare --quick, {name}")
+    above.loglog(rows, [c.cleaning for c in found], "s-", label=f"of it, read and cleaned, {name}")
+    last = found[-1]
     above.loglog(rows, [last.cleaning * n / last.rows for n in rows], "k:", label="in proportion to the rows")
-    for c in longer:
-        above.loglog(
-            c.rows, c.whole, "o", mfc="none", color="C0", label=f"compare --quick, {c.cycles:,} cycles"
-        )
     above.set_ylabel("CPU seconds")
     above.legend()
-    below.semilogx([c.rows for c in same], [c.memory / 2**20 for c in same], "o-", label=name)
-    for c in longer:
-        below.semilogx(c.rows, c.memory / 2**20, "o", mfc="none", color="C0", label=f"{c.cycles:,} cycles")
+    below.semilogx([c.rows for c in found], [c.memory / 2**20 for c in found], "o-", label=name)
     below.axhline(1024, color="tab:red", label="1 GiB")
     below.set(xlabel="rows", ylabel="peak memory (MiB)", ylim=(0, None))
     below.legend(loc="lower right")
