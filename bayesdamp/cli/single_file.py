@@ -14,10 +14,6 @@ SIMULATED = "# simulated by bayesdamp"
 """First line of a simulated record."""
 PAGE = '<meta name="generator" content="bayesdamp look">'
 """In the head of a page of `bayesdamp look`."""
-_PAGE_BEFORE = (
-    "<style>body{font:15px/1.5 sans-serif;max-width:60em;margin:2em auto;padding:0 1em;color:#222}table{"
-)
-"""By which a page without that is known."""
 _HEAD = 4096
 """Bytes of a file in which it says what it is."""
 
@@ -29,8 +25,7 @@ def is_simulated(head: str) -> bool:
 
 def is_page(head: str) -> bool:
     """Whether it is a page of `bayesdamp look`."""
-    before = head.partition("</style>")[0]
-    return head.startswith("<!doctype html>") and (PAGE in before or _PAGE_BEFORE in before)
+    return head.startswith("<!doctype html>") and PAGE in head.partition("</style>")[0]
 
 
 def is_claims(head: str) -> bool:

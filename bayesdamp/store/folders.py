@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import IO
 
 from bayesdamp.store.beside import TEMPORARY, create
-from bayesdamp.store.beside import temporary as temporary
 from bayesdamp.types import InputError
 
 MARK = ".bayesdamp"

@@ -7,6 +7,7 @@ import io
 import json
 import os
 import shutil
+import threading
 from collections.abc import Callable
 from pathlib import Path
 
@@ -283,8 +284,17 @@ def test_a_pipe_in_place_of_a_cell_is_not_waited_for(tmp_path: Path) -> None:
     place = tmp_path / "cells" / "signal" / "a" / "0.npz"
     place.unlink()
     os.mkfifo(place)
-    assert not store.has(CELL.name, CELL.key)
-    with pytest.raises(KeyError):
-        store.head(CELL.name)
+    found: list[object] = []
+
+    def read() -> None:
+        found.append(store.has(CELL.name, CELL.key))
+        with pytest.raises(KeyError):
+            store.head(CELL.name)
+        found.append("ended")
+
+    reading = threading.Thread(target=read, daemon=True)
+    reading.start()
+    reading.join(20)
+    assert found == [False, "ended"]
     with pytest.raises(InputError, match="is a device and is not replaced"):
         store.write(CELL)

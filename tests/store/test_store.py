@@ -28,7 +28,7 @@ from bayesdamp.store import (
     write_json,
     write_table,
 )
-from bayesdamp.store.folders import temporary
+from bayesdamp.store.beside import temporary
 from bayesdamp.types import InputError
 
 NAME = "estimate/bench/0/viscous+coulomb/least_squares"

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import errno
+import os
 from dataclasses import replace
 from functools import lru_cache
 
@@ -15,6 +17,7 @@ from bayesdamp.inference.coordinates.whitening import whitening_of
 from bayesdamp.inference.fit.search import find_mode
 from bayesdamp.inference.samplers import SAMPLERS, Sampler, Settings, nuts
 from bayesdamp.inference.samplers.nuts import Nuts
+from bayesdamp.pipeline.candidates.posteriors import save_whole
 from bayesdamp.priors import LogNormal
 from bayesdamp.types import OK, Posterior, Seed
 from tests.inference import problems
@@ -173,6 +176,22 @@ def test_saved_draws_read_back(tmp_path):
     np.testing.assert_array_equal(data.posterior["zeta"].values, found.draws[..., 0])
     assert data.posterior["zeta"].dims == ("chain", "draw")
     assert "diverging" in data.sample_stats
+
+
+def test_draws_that_find_no_room_leave_nothing(tmp_path, monkeypatch):
+    """HDF5 itself would end the process. Control: with room the file is there."""
+
+    def full(_: int) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    found = problems.posterior("viscous_coulomb", "nuts")
+    with monkeypatch.context() as disk:
+        disk.setattr(os, "fsync", full)
+        with pytest.raises(OSError, match="No space left"):
+            save_whole(found, tmp_path / "posterior" / "draws.nc")
+    assert not list(tmp_path.iterdir())
+    save_whole(found, tmp_path / "posterior" / "draws.nc")
+    assert (tmp_path / "posterior" / "draws.nc").stat().st_size > 1000
 
 
 def test_the_tails_are_the_outer_twentieths():

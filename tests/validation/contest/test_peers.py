@@ -54,6 +54,19 @@ def test_the_closed_form_of_those_that_take_longer(name: str):
     np.testing.assert_allclose([row[f"value_{i}"] for i in (1, 2, 3)], RATIO, rtol=WITHIN[name])
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["pyema", "pyoma_ssi"])
+def test_another_ratio_is_found_too(name: str):
+    """What always says the same passes the test above."""
+    entry = ROSTER[name]
+    if entry.environment is not None and not entry.environment.ready:
+        pytest.skip(f"{entry.environment.name} is not installed: `make contest` does it")
+    row = row_of(closed_form(0.4 * RATIO, noise=0.002, cycles=40.0), name, entry.peer)
+    if isinstance(entry.peer, Child):
+        entry.peer.close()
+    assert row["value_1"] == pytest.approx(0.4 * RATIO, rel=0.05)
+
+
 def quadratic() -> tuple[np.ndarray, np.ndarray, tuple[float, ...], tuple[float, ...]]:
     """A decay by v|v| alone, solved by SciPy; its ratio is proportional to the amplitude."""
     t, drag, omega = np.arange(0.0, 20.0, 0.02), 0.4, 2 * np.pi
