@@ -6,30 +6,21 @@ samples a cycle or more. Of the poles that it calls stable the one nearest to th
 """
 
 import numpy as np
+from even import even, spectral_peak
 from scipy.signal import decimate
 from sdypy.EMA import Model  # pyright: ignore[reportMissingImports]
 from serve import serve
 
 FREQUENCY = 500.0
 PER_CYCLE = 10
-PADDING = 8
 LEAST = 512
 """Samples that its model order of 100 takes; a shorter record is lengthened with zeros."""
 
 
-def spectral_peak(t, y):
-    """Frequency in Hz of the largest line of evenly spaced samples."""
-    n = PADDING * t.size
-    power = np.abs(np.fft.rfft((y - y.mean()) * np.hanning(t.size), n))
-    return (np.argmax(power[PADDING:]) + PADDING) / (n * (t[1] - t[0]))
-
-
 def answer(t, y, amplitudes):
     """One ratio for every amplitude."""
-    step = np.median(np.diff(t))
-    grid = np.arange(t[0], t[-1] + 0.5 * step, step)
-    values = np.interp(grid, t, y)
-    rate = FREQUENCY / (spectral_peak(grid, values) * step)
+    grid, values = even(t, y)
+    rate = FREQUENCY / (spectral_peak(grid, values) * (grid[1] - grid[0]))
     values = values - values.mean()
     factor = int(rate / FREQUENCY / PER_CYCLE)
     if factor > 1:

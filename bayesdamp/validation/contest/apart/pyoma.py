@@ -9,13 +9,13 @@ velocity as its second.
 import sys
 
 import numpy as np
+from even import even, spectral_peak
 from pyoma2.algorithms import EFDD, SSI  # pyright: ignore[reportMissingImports]
 from pyoma2.setup import SingleSetup  # pyright: ignore[reportMissingImports]
 from serve import serve
 
 FREQUENCY = 2.0
 PER_CYCLE = 10
-PADDING = 8
 ORDER = 10
 """Highest model order; it has no default."""
 NO_SHAPES = {"xi_max": 0.2, "mpc_lim": None, "mpd_lim": None, "CoV_max": None}
@@ -23,20 +23,11 @@ SEGMENT = 1024
 """Its default; a record that is shorter is one segment."""
 
 
-def spectral_peak(t, y):
-    """Frequency in Hz of the largest line of evenly spaced samples."""
-    n = PADDING * t.size
-    power = np.abs(np.fft.rfft((y - y.mean()) * np.hanning(t.size), n))
-    return (np.argmax(power[PADDING:]) + PADDING) / (n * (t[1] - t[0]))
-
-
 def answer(method, t, y, amplitudes):
     """One ratio for every amplitude."""
-    step = np.median(np.diff(t))
-    grid = np.arange(t[0], t[-1] + 0.5 * step, step)
-    values = np.interp(grid, t, y)
+    grid, values = even(t, y)
     frequency = spectral_peak(grid, values)
-    rate = FREQUENCY / (frequency * step)
+    rate = FREQUENCY / (frequency * (grid[1] - grid[0]))
     channels = [values] if method == "ssi" else [values, np.gradient(values, grid) / (2 * np.pi * frequency)]
     setup = SingleSetup(np.stack(channels, axis=1), fs=rate)
     setup.detrend_data()
