@@ -18,13 +18,8 @@ from tests.benchmarks.ledger import LEDGER, ratio
 from tests.benchmarks.timing import table
 
 MILLION = 1_000_000
-SIZES = (
-    (10_000, 1_000),
-    (30_000, 1_000),
-    (100_000, 1_000),
-    (300_000, 1_000),
-    (MILLION, 1_000),
-)
+SIZES = tuple((rows, 1_000) for rows in (10_000, 30_000, 100_000, 300_000, MILLION))
+LONGER = ((100_000, 3_000), (300_000, 9_000), (MILLION, 30_000))
 """Rows and cycles."""
 GIB = 2.0**30
 TITLE = "What a record costs against its rows"
@@ -48,7 +43,7 @@ def record(folder: Path, rows: int, cycles: int) -> Path:
     y += 0.05 * np.random.default_rng(rows + cycles).standard_normal(rows)
     path = folder / f"{rows}_{cycles}.csv"
     head = "time (s),angle (deg)"
-    np.savetxt(path, np.column_stack([t, y]), fmt="%.7g", delimiter=",", header=head, comments="")
+    np.savetxt(path, np.column_stack([t, y]), fmt="%.9g", delimiter=",", header=head, comments="")
     return path
 
 
@@ -75,36 +70,44 @@ def cost(folder: Path, rows: int, cycles: int) -> Cost:
 def test_rows(tmp_path: Path) -> None:
     cost(tmp_path, 1_000, 100)  # compiles
     found = [cost(tmp_path, *size) for size in SIZES]
+    longer = [cost(tmp_path, *size) for size in LONGER]
     few, many = found[2], found[4]
     assert many.rows == 10 * few.rows
     ratio(
         "1,000,000 rows: ten times 100,000's read and cleaned / ours", 10 * few.cleaning / many.cleaning, 1.0
     )
-    ratio("1,000,000 rows: 1 GiB / ours, imports among it", GIB / max(one.memory for one in found), 1.0)
+    ratio(
+        "1,000,000 rows: 1 GiB / ours, imports among it", GIB / max(c.memory for c in (*found, *longer)), 1.0
+    )
     table(
         TITLE,
         ["rows", "cycles", "CPU s", "of it, read and cleaned", "peak MiB"],
         [
             [f"{c.rows:,}", f"{c.cycles:,}", f"{c.whole:.1f}", f"{c.cleaning:.2f}", f"{c.memory / 2**20:.0f}"]
-            for c in found
+            for c in (*found, *longer)
         ],
     )
-    LEDGER.figures[TITLE] = drawn(found)
+    LEDGER.figures[TITLE] = drawn(found, longer)
 
 
-def drawn(found: list[Cost]) -> Figure:
+def drawn(found: list[Cost], longer: list[Cost]) -> Figure:
     """CPU seconds on logarithmic axes beside a line in proportion to the rows; memory below them."""
     figure = Figure(figsize=(7, 6), layout="constrained")
     above, below = figure.subplots(2, sharex=True)
     rows = [c.rows for c in found]
-    name = f"{found[0].cycles:,} cycles"
-    above.loglog(rows, [c.whole for c in found], "o-", label=f"compare --quick, {name}")
-    above.loglog(rows, [c.cleaning for c in found], "s-", label=f"of it, read and cleaned, {name}")
+    each = longer[-1].rows / longer[-1].cycles
+    for costs, name, colour in (
+        (found, f"{found[0].cycles:,} cycles", "C0"),
+        (longer, f"{each:.0f} rows a cycle", "C1"),
+    ):
+        at = [c.rows for c in costs]
+        above.loglog(at, [c.whole for c in costs], "o-", color=colour, label=f"compare --quick, {name}")
+        above.loglog(at, [c.cleaning for c in costs], "s--", color=colour, label="of it, read and cleaned")
+        below.semilogx(at, [c.memory / 2**20 for c in costs], "o-", color=colour, label=name)
     last = found[-1]
     above.loglog(rows, [last.cleaning * n / last.rows for n in rows], "k:", label="in proportion to the rows")
     above.set_ylabel("CPU seconds")
-    above.legend()
-    below.semilogx([c.rows for c in found], [c.memory / 2**20 for c in found], "o-", label=name)
+    above.legend(ncols=2, fontsize="small")
     below.axhline(1024, color="tab:red", label="1 GiB")
     below.set(xlabel="rows", ylabel="peak memory (MiB)", ylim=(0, None))
     below.legend(loc="lower right")

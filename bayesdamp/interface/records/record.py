@@ -58,10 +58,10 @@ class Record(Result):
     ) -> Signal:
         """The free decay of one run.
 
-        clock: "auto", "as_logged" or "uniform" (auto rebuilds a uniform one where stamps repeat in bursts). start,
-        stop: in s of the file's own times, or "auto": after the release, before the rest. name: by default the file's,
-        with the run's number where there are several. Raises InputError, one line, where there are not two periods of
-        an oscillation, or no such run.
+        clock: "auto", "as_logged" or "uniform" (auto rebuilds a uniform one where stamps are rounded or repeat in
+        bursts). start, stop: in s of the file's own times, or "auto": after the release, before the rest. name: by
+        default the file's, with the run's number where there are several. Raises InputError, one line, where there are
+        not two periods of an oscillation, or no such run.
         """
         if run not in self.runs:
             raise InputError(f"{self.path.name}: has no run {run!r}; it has {', '.join(map(str, self.runs))}")

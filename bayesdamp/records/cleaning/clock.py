@@ -1,4 +1,4 @@
-"""The times of the samples: as logged, or a uniform clock rebuilt from stamps that come in bursts."""
+"""The times of the samples: as logged, or a uniform clock rebuilt from stamps that are rounded or come in bursts."""
 
 from __future__ import annotations
 
@@ -6,11 +6,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from bayesdamp.records.cleaning.rounded import even
 from bayesdamp.records.record import RawRecord
 from bayesdamp.types import InputError
 
 MANY = 0.05
 """Share of repeated stamps from which they are taken for bursts of a uniform sampling."""
+EXACT = 1e-6
+"""Of a step, by which stamps may be off an even sampling and are taken as they are (conventional)."""
 
 
 @dataclass(frozen=True)
@@ -28,10 +31,10 @@ class Clock:
 def clock_times(raw: RawRecord, clock: str, name: str) -> Clock:
     """The times of a record on the clock "auto", "as_logged" or "uniform".
 
-    A uniform clock is index × mean step from the first stamp on, the step from a robust line of stamps
-    against index. "auto" is that where at least a twentieth of the stamps repeat, else as logged. Raises
-    InputError where stamps run backwards, where they repeat and the clock is to be as logged, and where they
-    repeat on no straight line.
+    A uniform clock is index × mean step from the first stamp on, the step that of the even sampling of which the stamps
+    are rounded, or from a robust line of stamps against index. "auto" is the former where there is one, the latter
+    where at least a twentieth of the stamps repeat, else as logged. Raises InputError where stamps run backwards, where
+    they repeat and the clock is to be as logged, and where they repeat on no straight line.
     """
     if clock not in ("auto", "as_logged", "uniform"):
         raise InputError(f"unknown clock {clock!r}; valid are auto, as_logged, uniform", name)
@@ -63,6 +66,13 @@ def clock_times(raw: RawRecord, clock: str, name: str) -> Clock:
             name,
             _place(raw, first),
         )
+    sampling = None if clock == "as_logged" else even(rows, raw.t)
+    if sampling is not None and sampling.off > EXACT * sampling.step:
+        note = (
+            f"The time stamps are written to {sampling.digit:.3g} s: times rebuilt as index × {_step(sampling.step)} "
+            f"from the first stamp, {raw.t[0]:.10g} s, on."
+        )
+        return Clock(raw.t[0] + sampling.step * rows, "uniform", repeated, (note,))
     if clock == "auto" and 0 < repeated < MANY:
         raise InputError(
             f"the time {raw.t[first]:.10g} s repeats, as {_share(repeated)} of "
@@ -83,7 +93,7 @@ def clock_times(raw: RawRecord, clock: str, name: str) -> Clock:
         )
     what = f"{_share(repeated)} of the time stamps repeat (they come in bursts)" if repeated else "As asked"
     note = (
-        f"{what}: times rebuilt as index × {step * 1e3:.6g} ms ({1 / step:.2f} Hz) from the first stamp, "
+        f"{what}: times rebuilt as index × {_step(step)} from the first stamp, "
         f"{raw.t[0]:.10g} s, on; the stamps lie within {off:.2g} s of that."
     )
     return Clock(raw.t[0] + step * rows, "uniform", repeated, (note,))
@@ -106,6 +116,10 @@ def robust_step(rows: np.ndarray, t: np.ndarray) -> tuple[float, float]:
         if abs(step - before) <= 1e-12 * step:
             break
     return step, float(np.abs(left).max())
+
+
+def _step(step: float) -> str:
+    return f"{step * 1e3:.6g} ms ({1 / step:.2f} Hz)"
 
 
 def _share(share: float) -> str:
