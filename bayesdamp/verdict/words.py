@@ -29,14 +29,20 @@ def named(damping: str) -> str:
     return " + ".join(words_of(term) for term in damping.split("+"))
 
 
+FIXED, SMALL = 8, 1e-3
+"""Places up to which a number of any size is written without an exponent, and size from which on it always is."""
+
+
 def digits(value: float, width: float) -> str:
     """A value with as many digits as its interval's width allows."""
     if not width > 0 or value == 0:
         return f"{value:.3g}"
     places = max(0, 1 - floor(log10(width)))
-    if places > 8 or abs(value) >= 1e6:
+    if abs(value) >= 1e6:
         return f"{value:.3g}"
-    return f"{value:.{places}f}"
+    if places > FIXED and abs(value) < SMALL:
+        return f"{value:.{min(max(places + floor(log10(abs(value))) + 1, 1), 15)}g}"
+    return f"{value:.{min(places, 15)}f}"
 
 
 def rounded(percent: float) -> str:
@@ -195,11 +201,16 @@ def quality_of(r: DampingRatio) -> str:
     return with_interval(0.5 / r.value, 0.5 / r.high, 0.5 / r.low)
 
 
+def given(i: Interval) -> bool:
+    """Whether a number has no width, for it was given and not found."""
+    return i.high - i.low <= 2e-12 * abs(i.value)
+
+
 def plus_minus(i: Interval) -> str:
     """`3.4643 ± 0.0006 Hz`; an interval with one side much longer stands in brackets; without a width it was given."""
     up, down = i.high - i.value, i.value - i.low
     half, unit = 0.5 * (up + down), f" {i.unit}" if i.unit else ""
-    if half <= 1e-12 * abs(i.value):
+    if given(i):
         return f"{i.value:.5g}{unit}, given"
     if max(up, down) > UNEVEN * max(min(up, down), 1e-12):
         return with_interval(i.value, i.low, i.high, unit)

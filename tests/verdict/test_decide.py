@@ -278,6 +278,9 @@ def test_a_verdict_survives_json() -> None:
         (0.0, 1.0, "0"),
         (1.5, 0.0, "1.5"),
         (1.2e-9, 1e-10, "1.2e-09"),
+        (9.98568e-5, 7e-9, "9.98568e-05"),
+        (1.0000000001, 1.42e-9, "1.0000000001"),
+        (1.42e-9, 1.42e-9, "1.4e-09"),
     ],
 )
 def test_digits(value: float, width: float, text: str) -> None:

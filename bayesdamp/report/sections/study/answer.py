@@ -17,10 +17,8 @@ from bayesdamp.report.sections._section import Section
 from bayesdamp.types import OK
 from bayesdamp.verdict.parts import Grade, Motion
 from bayesdamp.verdict.types import Verdict
-from bayesdamp.verdict.words import energy_of, extrapolated, loses_like, quality_of, with_interval
+from bayesdamp.verdict.words import energy_of, extrapolated, given, loses_like, quality_of, with_interval
 
-GIVEN = 1e-6
-"""Width of a frequency's interval, as a share of it, below which the frequency was given and not found."""
 CAPTION = (
     "Equivalent damping ratio: level means viscous, rising to small amplitudes friction, to large ones drag; "
     "a law whose line leaves both bands is not this record's. What the fit leaves should look like noise: a "
@@ -140,10 +138,8 @@ def _numbers(v) -> list[tuple[str, str]]:
     found = []
     if v.frequency is not None:
         f = v.frequency
-        known = f.high - f.low <= GIVEN * f.value
-        shown = (
-            f"{f.value:.5g} {f.unit}, given" if known else with_interval(f.value, f.low, f.high, f" {f.unit}")
-        )
+        interval = with_interval(f.value, f.low, f.high, f" {f.unit}")
+        shown = f"{f.value:.5g} {f.unit}, given" if given(f) else interval
         name, at = "natural frequency", v.frequency_at
         if at is not None and extrapolated(f, at):
             seen = with_interval(at.value, at.low, at.high, " Hz")
