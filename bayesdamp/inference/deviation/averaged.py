@@ -26,6 +26,9 @@ LEAST_SAMPLES = 24
 """In a block."""
 COVERED = 0.98
 """Share of the record in which turning points must be seen."""
+HOLE, BESIDE = 0.4, 50
+"""Share of a block without any sample from which on the record is left to the equation of motion, and swings on either
+side by which those within are counted (conventional)."""
 UNLIKE = 1.3
 """Factor by which the noise of blocks may differ."""
 OVERTONES = 3
@@ -135,15 +138,30 @@ def averaged(t: np.ndarray, y: np.ndarray, seen: Features, first: float) -> Aver
 
 
 def _seen(seen: Features, first: float, duration: float) -> _Curves | None:
-    """Phase and amplitude by the turning points; None where these are not seen over nearly all of the record."""
-    t, sizes = seen.turning_times - first, seen.turning_amplitudes
+    """Phase and amplitude by the turning points, or where holes part these by the middles of swings; None where they
+    are not seen over nearly all of the record, or a hole is long."""
+    t, sizes, count = seen.turning_times - first, seen.turning_amplitudes, np.arange(seen.turning_times.size)
+    phase = np.pi * (count + (0 if seen.turning_values[0] > seen.turning_values[1] else 1))
+    if seen.swing_times.size >= t.size:  # of more than one piece
+        begins = t[0]
+        t, sizes = seen.swing_times - first, seen.swing_sizes
+        gaps = np.diff(t)
+        if gaps.max() > HOLE * duration / BLOCKS + seen.period:
+            return None
+        count = np.concatenate([[0], np.cumsum(np.round(gaps / _around(gaps)))])
+        phase = phase[0] + np.pi * (count - count[np.searchsorted(t, begins)] + 0.5)
     inside = (t >= 0) & (t <= duration)
-    t, sizes = t[inside], np.maximum(sizes[inside], 1e-300)
+    t, phase, sizes = t[inside], phase[inside], np.maximum(sizes[inside], 1e-300)
     if t.size < 8 * PIECES or t[-1] - t[0] < COVERED * duration:
         return None
-    up = seen.turning_values[inside][0] > seen.turning_values[inside][1]
-    phase = np.pi * (np.arange(t.size) + (0 if up else 1))
     return _Curves(*(_smooth(t, values, sizes, duration) for values in (phase, np.log(sizes))))
+
+
+def _around(gaps: np.ndarray) -> np.ndarray:
+    """The usual one of gaps, (g,), near each: half a period, for a hole of so many is counted by it."""
+    from scipy.ndimage import median_filter
+
+    return median_filter(gaps, 2 * BESIDE + 1, mode="nearest")
 
 
 def _smooth(t: np.ndarray, values: np.ndarray, weight: np.ndarray, end: float) -> BSpline:
