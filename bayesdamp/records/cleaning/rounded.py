@@ -54,7 +54,7 @@ def _unequal(rows: np.ndarray, t: np.ndarray, digits: np.ndarray) -> bool:
     steps = np.diff(t)[np.diff(rows) == 1]
     if steps.size < FEWEST:
         return False
-    return np.count_nonzero(np.abs(steps - np.median(steps)) > 0.5 * digits.min()) >= FEWEST
+    return bool(np.sum(np.abs(steps - np.median(steps)) > 0.5 * digits.min()) >= FEWEST)
 
 
 def _digits(t: np.ndarray) -> np.ndarray | None:
