@@ -5,7 +5,10 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-from tests.benchmarks.ledger import FROM_BEFORE, Ledger, before, losses, write
+import pytest
+
+from tests.benchmarks import ledger as ledgers
+from tests.benchmarks.ledger import FROM_BEFORE, Ledger, before, losses, ratio, write
 
 
 def ledger(**ratios: float) -> Ledger:
@@ -62,3 +65,15 @@ def test_a_run_that_writes_as_it_goes_is_compared_with_the_run_before(tmp_path: 
     assert write(ledger(one=7.0), tmp_path, earlier=earlier) == ["one: 7, was 10 (-30 %)"]
     assert write(ledger(one=7.0, two=1.0), tmp_path, earlier=earlier) == ["one: 7, was 10 (-30 %)"]
     assert write(ledger(one=7.0, two=1.0), tmp_path) == []
+
+
+def test_a_measurement_beside_itself_is_no_ratio(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The control: another that is hardly better."""
+    noted = Ledger()
+    monkeypatch.setattr(ledgers, "LEDGER", noted)
+    seconds = {"ours": 0.3, "theirs": 0.3000001}
+    with pytest.raises(ValueError, match="compared with itself"):
+        ratio("theirs / ours", seconds["ours"] / seconds["ours"])
+    assert noted.ratios == {}
+    ratio("theirs / ours", seconds["theirs"] / seconds["ours"])
+    assert list(noted.ratios) == ["theirs / ours"]

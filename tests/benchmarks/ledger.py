@@ -48,7 +48,10 @@ LEDGER = Ledger()
 
 
 def ratio(name: str, value: float, bar: float | None = None) -> None:
-    """Note how many times better ours is, and how many times it is wanted to be."""
+    """Note how many times better ours is, and how many times it is wanted to be. Raises ValueError for exactly 1,
+    which no two measurements give: it is one of them beside itself."""
+    if value == 1.0:
+        raise ValueError(f"{name}: a measurement was compared with itself")
     LEDGER.ratios[name] = float(value)
     if bar is not None:
         LEDGER.bars[name] = bar

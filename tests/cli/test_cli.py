@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import math
 import os
+import signal
 import subprocess
 import sys
 from collections.abc import Callable
@@ -174,9 +175,10 @@ def test_a_study_returns_the_pipeline_s_status(
 
     study_module(monkeypatch, run_study)
     (folder / "study.toml").write_text(STUDY)
-    assert main(["study", "study.toml", "--workers", "2", "--fresh"]) == 3
+    where = "tcp://127.0.0.1:1"
+    assert main(["study", "study.toml", "--workers", "2", "--fresh", "--scheduler", where]) == 3
     assert asked["out"] == Path("reports/small")
-    assert (asked["name"], asked["workers"], asked["fresh"], asked["scheduler"]) == ("small", 2, True, None)
+    assert (asked["name"], asked["workers"], asked["fresh"], asked["scheduler"]) == ("small", 2, True, where)
     assert capsys.readouterr().out.strip() == "reports/small/report.html"
 
 
@@ -213,6 +215,27 @@ def test_what_stops_a_study_is_one_line(
     (folder / "study.toml").write_text(STUDY)
     assert main(["study", "study.toml"]) == status
     assert expected in one_line(capsys)
+
+
+@pytest.mark.parametrize("one", ["SIGTERM", "SIGHUP"])
+def test_a_run_that_is_told_to_end_is_interrupted(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], one: str
+) -> None:
+    """Of this process alone, which starts no others."""
+    number = getattr(signal, one)
+
+    def told(*_: object) -> None:
+        assert signal.getsignal(number) is not signal.SIG_DFL, "it would end the tests"
+        signal.raise_signal(number)
+
+    monkeypatch.setattr("bayesdamp.pipeline.run.jobs_of", told)
+    (folder / "study.toml").write_text(STUDY)
+    before = signal.signal(number, signal.SIG_DFL)  # who runs the tests may have them ignore it
+    try:
+        assert main(["study", "study.toml", "--workers", "1", "--quiet"]) == 130
+    finally:
+        signal.signal(number, before)
+    assert one_line(capsys) == "interrupted; the same command resumes what was done"
 
 
 def test_debugging_shows_where(

@@ -124,6 +124,22 @@ def test_a_closed_output_does_not_end_the_run(tmp_path) -> None:
     assert (tmp_path / "out").read_text(encoding="utf-8") == "went on"
 
 
+def test_the_run_is_told_of_the_scheduler(tmp_path, monkeypatch) -> None:
+    """Also of one record, which this process would answer alone."""
+    given: dict[str, object] = {}
+
+    def run_study(*_: object, **options: object) -> int:
+        given.update(options)
+        raise InputError("enough")
+
+    monkeypatch.setattr("bayesdamp.pipeline.run_study", run_study)
+    words = ["compare", str(write(tmp_path / "a.csv")), "--out", str(tmp_path / "out"), "--quick", "--quiet"]
+    for where in ("tcp://127.0.0.1:1", None):
+        assert main([*words, *(["--scheduler", where] if where else [])]) == 2
+        assert given["scheduler"] == where
+        assert given["pool"] is None
+
+
 def test_a_missing_file_is_one_line(tmp_path, capsys) -> None:
     assert main(["compare", str(tmp_path / "none.csv")]) == 2
     assert "no such file" in capsys.readouterr().err

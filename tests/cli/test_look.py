@@ -112,9 +112,13 @@ def test_the_first_words_on_what_is_no_free_decay(tmp_path) -> None:
 
 def test_a_name_with_marks_of_html_stays_text(tmp_path) -> None:
     rows = [f"{t},{y}" for t, y in zip(T, Y, strict=True)]
-    (tmp_path / "a.csv").write_text("\n".join(["t,<b>x</b>", *rows]), encoding="utf-8")
-    assert main(["look", str(tmp_path / "a.csv"), "--html", str(tmp_path / "a.html")]) == 0
-    assert "<b>" not in (tmp_path / "a.html").read_text(encoding="utf-8")
+    (tmp_path / "<i>.csv").write_text("\n".join(["t,<b>x</b>", *rows]), encoding="utf-8")
+    assert main(["look", str(tmp_path / "<i>.csv"), "--html", str(tmp_path / "a.html")]) == 0
+    page = (tmp_path / "a.html").read_text(encoding="utf-8")
+    assert "&lt;i&gt;.csv" in page
+    assert "&lt;b&gt;x" in page
+    assert "<b>" not in page
+    assert "<i>" not in page
 
 
 def test_dots_of_a_line_and_of_a_wave() -> None:

@@ -8,7 +8,7 @@ from scipy.integrate import solve_ivp
 from scipy.signal import find_peaks, hilbert
 
 from bayesdamp.envelope import analyse, made_record, pooled
-from bayesdamp.envelope.model.candidates import START_SD, WIDTH, Blocks, weigh
+from bayesdamp.envelope.model.candidates import Blocks, weigh, weigh_power
 from bayesdamp.envelope.model.law import ClosedForm
 from bayesdamp.envelope.model.noise import Noise
 from bayesdamp.envelope.records.window import bounded
@@ -160,7 +160,8 @@ def test_units_of_the_same_decay_agree():
 
 
 def test_evidence_is_the_integral_of_likelihood_and_priors():
-    """One viscous term, the law exact, white noise of known sd: against a sum over a fine grid."""
+    """One viscous term, the law exact, white noise of known sd: against a sum over a fine grid. A rate's prior is
+    half-normal of twice the record's own rate, that of the start normal of sd 100."""
     rng = np.random.default_rng(9)
     t = np.linspace(0.0, 10.0, 50)
     b = Blocks(t, 1.0 - 0.2 * t + 0.05 * rng.standard_normal(50), 10.0, 0.2)
@@ -172,14 +173,37 @@ def test_evidence_is_the_integral_of_likelihood_and_priors():
     starts = np.linspace(0.8, 1.2, 801)
     off = b.x[:, None, None] - starts[:, None] + rates * t[:, None, None]
     log_likelihood = -0.5 * np.sum((off / 0.05) ** 2, axis=0) - 50 * np.log(0.05)
-    scale = WIDTH * 0.2
+    scale = 2.0 * 0.2
     prior = 2.0 / (scale * np.sqrt(2 * np.pi)) * np.exp(-0.5 * (rates / scale) ** 2)
-    prior = prior / (START_SD * np.sqrt(2 * np.pi))
+    prior = prior / (100.0 * np.sqrt(2 * np.pi))
     most = log_likelihood.max()
     total = np.sum(np.exp(log_likelihood - most) * prior) * (rates[1] - rates[0]) * (starts[1] - starts[0])
     truth = most + np.log(total)
     # before the grid's prior: probability 0.8 of τ = 0, and a third for the noise's factor
     assert found.log_evidence[at] - np.log(0.8) + np.log(3.0) == pytest.approx(truth, abs=0.02)
+
+
+def test_the_evidence_of_a_power_is_that_integral_too():
+    """As above, with any power of the amplitude from 0 to 3, equally probable: its closed form, by a sum."""
+    rng = np.random.default_rng(9)
+    t = np.linspace(0.0, 10.0, 50)
+    b = Blocks(t, 1.0 - 0.2 * t + 0.02 * rng.standard_normal(50), 10.0, 0.2)
+    noises, inverse = [(Noise(1e-4, 1.0, 1e-8, 1.0, 0.02), 0.02**2 * np.eye(50))], np.eye(50) / 0.02
+    log_z, _, _ = weigh_power(b, noises, inverse)
+    at = int(np.flatnonzero(weigh(b, ClosedForm(("viscous",)), noises, inverse).exact)[1])
+    rates, powers = np.linspace(0.18, 0.22, 81), np.linspace(0.901, 1.101, 80)  # 1 itself is another formula
+    starts = np.linspace(0.95, 1.05, 61)
+    c, q, x0 = np.meshgrid(rates, powers - 1.0, starts, indexing="ij")
+    squares = sum(
+        (x - x0 + np.log1p(q * c * np.exp(q * x0) * s) / q) ** 2 for s, x in zip(t, b.x, strict=True)
+    )
+    log_likelihood = -0.5 * squares / 0.02**2 - 50 * np.log(0.02)
+    prior = 2.0 / (0.4 * np.sqrt(2 * np.pi)) * np.exp(-0.5 * (c / 0.4) ** 2) / 3.0
+    prior = prior / (100.0 * np.sqrt(2 * np.pi))
+    most = log_likelihood.max()
+    cell = (rates[1] - rates[0]) * (powers[1] - powers[0]) * (starts[1] - starts[0])
+    truth = most + np.log(np.sum(np.exp(log_likelihood - most) * prior) * cell)
+    assert log_z[at] - np.log(0.8) + np.log(3.0) == pytest.approx(truth, abs=0.02)
 
 
 def test_repeats_are_pooled():

@@ -69,6 +69,17 @@ def test_records_in_decibels_are_recognised_said_and_written(tmp_path, capsys):
     assert "Coulomb" in page
 
 
+def test_names_with_marks_of_html_stay_text(tmp_path, capsys):
+    files = [written(tmp_path / f"<{mark}>.txt", k) for k, mark in enumerate("iu")]
+    out = tmp_path / "<b>"
+    assert main(["compare", *map(str, files), "--repeats", "--out", str(out)]) == 0
+    page = (out / "report.html").read_text(encoding="utf-8")
+    assert "<h1>&lt;b&gt;</h1>" in page
+    for mark in "iu":
+        assert page.count(f"&lt;{mark}&gt;.txt") == 4  # a link, a heading, a sentence, a picture
+    assert not [mark for mark in "biu" if f"<{mark}>" in page]
+
+
 def test_the_same_command_writes_the_same(tmp_path, capsys):
     file = written(tmp_path / "r.txt")
     for out in ("a", "b"):

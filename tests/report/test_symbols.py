@@ -9,6 +9,7 @@ from bayesdamp.physics.restoring import LAWS
 from bayesdamp.physics.symbols import parameter_symbol
 from bayesdamp.plugins import read_modules, use
 from bayesdamp.report import words
+from bayesdamp.report.html import Line, Table
 
 OWN = """
 from bayesdamp.physics.damping import DampingTerm
@@ -53,3 +54,12 @@ def test_a_term_of_ones_own(tmp_path):
 def test_what_is_no_parameter_of_the_oscillator(name):
     assert parameter_symbol(name) is None
     assert words.known(name)
+
+
+def test_indices_are_set_and_marks_of_html_stay_text():
+    """In every cell of a table; a record's name may be any."""
+    made = Table(["<i>θs"], [Line(["<b>μc"])], caption="<u>F_damp", groups=[("<s>", 1)], foot=[("<q>", 1)])
+    shown = made.__html__()
+    for said in ("&lt;i&gt;θ<sub>s</sub>", "&lt;b&gt;μ<sub>c</sub>", "&lt;u&gt;F<sub>damp</sub>"):
+        assert said in shown
+    assert not [mark for mark in ("<i>", "<b>", "<u>", "<s>", "<q>") if mark in shown]

@@ -17,7 +17,7 @@ import pytest
 from bayesdamp.cli import main
 from bayesdamp.store import CellResult, Store, write_bytes
 from bayesdamp.store.beside import temporary
-from bayesdamp.store.folders import MARK, write_new
+from bayesdamp.store.folders import MARK, SIGNED, write_new
 from bayesdamp.types import InputError
 
 CELL = CellResult("signal/a/0", "k")
@@ -53,6 +53,10 @@ def lock_of_another(folder: Path) -> None:
 
 def mark_of_another(folder: Path) -> None:
     (folder / MARK).write_text("mine")
+
+
+def half_a_mark(folder: Path) -> None:
+    (folder / MARK).write_text(SIGNED[:9])
 
 
 def a_linked_lock(folder: Path) -> None:
@@ -102,8 +106,8 @@ def a_folder_for_a_table(folder: Path) -> None:
 
 
 OTHERS = (
-    cells_of_another, report_of_another, about_another, lock_of_another, mark_of_another, a_linked_lock, a_shared_lock,
-    linked_cells, a_linked_report, a_folder_for_a_table, a_link_among_cells, linked_figures,
+    cells_of_another, report_of_another, about_another, lock_of_another, mark_of_another, half_a_mark, a_linked_lock,
+    a_shared_lock, linked_cells, a_linked_report, a_folder_for_a_table, a_link_among_cells, linked_figures,
 )  # fmt: skip
 
 

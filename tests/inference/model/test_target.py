@@ -226,6 +226,31 @@ def test_default_priors_scale_with_the_study():
         default_prior("colour", osc, "gaussian", REFERENCE, FEATURES)
 
 
+STATED: dict[str, Prior] = {
+    "stiffness": LogNormal(median=4.47**2, sigma=0.5),
+    "gravity": Normal(mean=0.0, sd=0.5 * 4.47**2),
+    "cubic": Normal(mean=0.0, sd=0.5 * 4.47**2 / 0.3**2),
+    "spring_angle": Normal(mean=FEATURES.rest, sd=0.6),
+    "rest_angle": Normal(mean=FEATURES.rest, sd=0.6),
+    "theta0": Normal(mean=FEATURES.rest, sd=0.6),
+    "omega0": Normal(mean=0.0, sd=2 * 0.3 * 4.47),
+    "noise_sd": LogNormal(median=FEATURES.roughness, sigma=1.0),
+    "noise_dof": LogNormal(median=6.0, sigma=0.8),
+}
+"""Half the stiffness for what stands beside it, twice the amplitude for angles and start."""
+
+
+@pytest.mark.parametrize("noise", NOISES.names())
+def test_default_priors_are_as_wide_as_is_said(noise: str):
+    """Evidence depends on each of these numbers: none changes unseen."""
+    osc = Oscillator(("viscous",), "duffing")
+    own = set(NOISES.get(noise).parameters) & set(STATED)
+    for name in (set(STATED) - {"noise_sd", "noise_dof"}) | own:
+        found = default_prior(name, osc, noise, REFERENCE, FEATURES)
+        assert type(found) is type(STATED[name])
+        assert found.model_dump() == pytest.approx(STATED[name].model_dump()), name
+
+
 def test_build_target():
     """What is known is known, what is free has its prior, ε is stated where it is neither."""
     t = np.linspace(0, 5, 100)

@@ -159,7 +159,9 @@ def spread_out(folder: Path, names: str, pool) -> tuple[list[str], list[str]]:
 
 
 def test_a_process_that_is_killed_once_costs_nothing(tmp_path):
-    (tmp_path / "c1.kill").write_text("once")
+    """A task that is under way alone is tried again too."""
+    for task in ("c1", "c2"):
+        (tmp_path / f"{task}.kill").write_text("once")
     with processes(2) as pool:
         reported, lost = spread_out(tmp_path, "abcdef", pool)
     assert reported == sorted(f"{n}{i}" for n in "abcdef" for i in (1, 2))
