@@ -25,6 +25,7 @@ from bayesdamp.cli.commands.look import look
 from bayesdamp.cli.commands.report import report
 from bayesdamp.cli.commands.simulate import simulate
 from bayesdamp.cli.commands.study import study
+from bayesdamp.machine.signals import kill_as_interrupt
 from bayesdamp.types import BayesdampError, InputError
 
 FAULT, WRONG_INPUT, INTERRUPTED = 1, 2, 130
@@ -107,7 +108,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
             raise InputError(
                 "a word of the command holds a zero byte, which no path or name has; leave it out"
             )
-        status = _commands()(args=given, standalone_mode=False)
+        with kill_as_interrupt():
+            status = _commands()(args=given, standalone_mode=False)
         flush()
     except BayesdampError as error:
         _trace()

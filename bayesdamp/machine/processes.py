@@ -14,12 +14,12 @@ from contextlib import contextmanager
 from importlib import import_module
 from typing import Any
 
+from bayesdamp.machine.signals import kill_as_interrupt
 from bayesdamp.machine.threads import in_one_order
 
 GARBAGE = 100_000
 """New objects from which Python looks for garbage: every 700, as by default, takes a tenth of a short run, as the
 hundred thousands that JAX has made are gone through again and again."""
-ENDS = tuple(getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name))
 
 
 class Processes(Executor):
@@ -71,27 +71,6 @@ def processes(workers: int, module: str = "") -> Iterator[Processes]:
             pool.end()
             os.environ.clear()
             os.environ.update(before)
-
-
-@contextmanager
-def kill_as_interrupt() -> Iterator[None]:
-    """A run that is told to end, or whose terminal is closed, ends as one that is interrupted does; what is told to
-    outlive its terminal does so."""
-
-    def interrupt(*_: object) -> None:
-        raise KeyboardInterrupt
-
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    before = {s: signal.getsignal(s) for s in ENDS if signal.getsignal(s) is signal.SIG_DFL}
-    for one in before:
-        signal.signal(one, interrupt)
-    try:
-        yield
-    finally:
-        for one, handler in before.items():
-            signal.signal(one, handler)
 
 
 def _begin(parent: int) -> None:

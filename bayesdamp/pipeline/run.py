@@ -14,7 +14,6 @@ from threadpoolctl import threadpool_limits
 
 from bayesdamp.config import Recording, Study
 from bayesdamp.machine.cache_eviction import evict_programs
-from bayesdamp.machine.processes import kill_as_interrupt
 from bayesdamp.machine.threads import cores, in_one_order
 from bayesdamp.outcomes import Status, status_of
 from bayesdamp.pipeline.jobs import Depth, Job, jobs_of, side_by_side, stages, within, work_of
@@ -72,7 +71,7 @@ def run_study(
     console = console or Console(stderr=True)
     read_records(study)
     store = Store(out)
-    with kill_as_interrupt(), store.lock():
+    with store.lock():
         if fresh:
             store.clear()
         jobs = jobs_of(study)

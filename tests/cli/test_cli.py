@@ -218,21 +218,21 @@ def test_what_stops_a_study_is_one_line(
 
 
 @pytest.mark.parametrize("one", ["SIGTERM", "SIGHUP"])
-def test_a_run_that_is_told_to_end_is_interrupted(
-    folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], one: str
+def test_a_command_that_is_told_to_end_is_interrupted(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], one: str
 ) -> None:
-    """Of this process alone, which starts no others."""
+    """Whichever it is, also where it starts no processes."""
     number = getattr(signal, one)
 
-    def told(*_: object) -> None:
+    def told(**_: object) -> int:
         assert signal.getsignal(number) is not signal.SIG_DFL, "it would end the tests"
         signal.raise_signal(number)
+        return 0
 
-    monkeypatch.setattr("bayesdamp.pipeline.run.jobs_of", told)
-    (folder / "study.toml").write_text(STUDY)
+    monkeypatch.setattr("bayesdamp.cli.app._commands", lambda: told)
     before = signal.signal(number, signal.SIG_DFL)  # who runs the tests may have them ignore it
     try:
-        assert main(["study", "study.toml", "--workers", "1", "--quiet"]) == 130
+        assert main(["study", "study.toml"]) == 130
     finally:
         signal.signal(number, before)
     assert one_line(capsys) == "interrupted; the same command resumes what was done"

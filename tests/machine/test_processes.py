@@ -11,7 +11,8 @@ from pathlib import Path
 
 import pytest
 
-from bayesdamp.machine.processes import kill_as_interrupt, processes
+from bayesdamp.machine.processes import processes
+from bayesdamp.machine.signals import kill_as_interrupt
 from bayesdamp.machine.threads import in_one_order
 
 SCRIPT = """
