@@ -38,7 +38,7 @@ def asks_another(study: Study, folder: Path) -> bool:
         run = json.loads((folder / "run.json").read_text(encoding="utf-8"))
     except FileNotFoundError:
         return False
-    except (OSError, ValueError):
+    except (OSError, ValueError, RecursionError):
         return True
     return not isinstance(run, dict) or run.get("asked") != json.loads(json.dumps(asked(study, folder)))
 
@@ -49,24 +49,37 @@ def read_asked(path: Path) -> Asked:
         run = json.loads(path.read_text(encoding="utf-8"))
     except FileNotFoundError:
         raise StudyError("", "there is no such file; give a study file (TOML), or a run's run.json") from None
-    except (OSError, UnicodeDecodeError, ValueError):
+    except (OSError, ValueError, RecursionError):
         raise StudyError("", "is no JSON; give a study file (TOML), or a run's run.json") from None
     found = run.get("asked") if isinstance(run, dict) else None
     if not isinstance(found, dict) or not isinstance(found.get("tables"), dict):
         what = "does not hold the study that it was made from"
         raise StudyError("", f"{what}; give that study file (TOML), or a run.json of this version")
+    inputs, had = run.get("inputs", {}), _plugins(run)
+    if not isinstance(inputs, dict) or had is None:
+        what = "its inputs or its study.plugins are not as a run writes them"
+        raise StudyError("", f"{what}; give the study file (TOML), or a run's run.json as it was")
     tables = {"name": run.get("name"), **found["tables"]}
-    return Asked(tables, _folder(path.parent, str(found.get("beside", ".")), run.get("inputs", {})))
+    return Asked(tables, _folder(path.parent, str(found.get("beside", ".")), inputs))
 
 
 def same_plugins(path: Path, modules: Sequence[PluginModule]) -> None:
     """Raises InputError where a run had plug-ins that are not among these as they were."""
-    had = json.loads(path.read_text(encoding="utf-8")).get("study", {}).get("plugins", ())
-    for one in had:
+    for one in _plugins(json.loads(path.read_text(encoding="utf-8"))) or ():
         if one["sha256"] not in {m.digest for m in modules}:
             raise InputError(
                 f"the run had the plug-in {one['file']}, which is missing or has changed; give it with --plugin"
             )
+
+
+def _plugins(run: Mapping[str, Any]) -> list[Mapping[str, str]] | None:
+    """The file and the digest of each plug-in that a run had; None where it does not say so."""
+    study = run.get("study", {})
+    had = study.get("plugins", []) if isinstance(study, dict) else None
+    whole = isinstance(had, list) and all(
+        isinstance(one, dict) and {"file", "sha256"} <= one.keys() for one in had
+    )
+    return had if whole else None
 
 
 def _folder(folder: Path, beside: str, inputs: Mapping[str, str]) -> Path:

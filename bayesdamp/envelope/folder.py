@@ -84,7 +84,7 @@ def _about(folder: Path) -> dict[str, Any] | None:
     """What run.json holds; None where it is none of a comparison of envelopes."""
     try:
         found = json.loads((folder / RUN).read_text(encoding="utf-8"))
-    except (OSError, ValueError):
+    except (OSError, ValueError, RecursionError):
         return None
     return found if isinstance(found, dict) and found.get("kind") == KIND else None
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import shutil
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -25,6 +24,7 @@ from bayesdamp.store.contents.candidates import ModeContent
 from bayesdamp.store.contents.estimates import EstimateContent, StageFound
 from bayesdamp.store.contents.evidence import EvidenceContent
 from bayesdamp.store.contents.posteriors import SAID, PosteriorContent
+from bayesdamp.store.described import read_description
 from bayesdamp.store.places import Place
 from bayesdamp.types import OK, InputError
 
@@ -119,7 +119,8 @@ class Run(Shown):
             if place.kind in ("mode", "estimate", "posterior", "evidence") and place.repeat is not None:
                 key = place.record, place.repeat, place.candidate
                 cells.setdefault(key, []).append(store.read(name))
-        laws = {s["name"]: s["system"]["restoring"] for s in self._about["study"]["signals"]}
+        signals = (read_description(self.folder).get("study") or {}).get("signals") or []
+        laws = {s["name"]: (s.get("system") or {}).get("restoring") or "" for s in signals}
         return tuple(
             _candidate(self.folder, key, found, laws.get(key[0], "")) for key, found in cells.items()
         )
@@ -164,15 +165,16 @@ class Run(Shown):
         folder = Path(path)
         if not (folder / "run.json").is_file():
             raise InputError(f"{folder}: holds no run; give the folder that run_study or the command wrote")
+        name = (read_description(folder).get("study") or {}).get("name")
+        if name is None:
+            raise InputError(
+                f"{folder}: its run.json names no study; give the folder that run_study or the command wrote"
+            )
         store = Store(folder)
         found = ((n, store.read(n).outcome) for n in store.names())
         failed = [n for n, outcome in found if status_of(outcome) is Status.FAILED]
         outcome = f"{len(failed)} tasks failed: {', '.join(failed)}" if failed else OK
-        return cls(folder, _about(folder)["study"]["name"], outcome)
-
-    @cached_property
-    def _about(self) -> dict[str, Any]:
-        return _about(self.folder)
+        return cls(folder, name, outcome)
 
     def _read(self, table: str) -> pd.DataFrame:
         import pandas as pd
@@ -252,10 +254,6 @@ def _quiet():
     from rich.console import Console
 
     return Console(stderr=True, quiet=True)
-
-
-def _about(folder: Path) -> dict[str, Any]:
-    return json.loads((folder / "run.json").read_text(encoding="utf-8"))
 
 
 def _candidate(folder: Path, key: tuple[str, int, str], cells: Sequence[CellResult], law: str) -> Candidate:

@@ -9,6 +9,7 @@ from enum import Enum
 
 import numpy as np
 
+from bayesdamp.records.columns.factors import factor_beside_unit
 from bayesdamp.records.columns.swings import Swing, swing
 from bayesdamp.records.files.facts import doubtful_rate, sampling_rate
 from bayesdamp.records.record import RawRecord
@@ -53,6 +54,8 @@ class Kind(Enum):
     TIME_UNIT = "times in another unit than s"
     SAMPLE_NUMBERS = "numbers of samples taken for times"
     UNIT = "a unit that is none of displacement"
+    FACTOR = "a factor beside the unit"
+    TIME_FACTOR = "a factor beside the unit of the times"
     RECTIFIED = "a sign that was lost"
     WRAPPED = "an angle that jumps by a turn"
     CONSTANT = "columns that do not change"
@@ -76,8 +79,8 @@ def findings(raw: RawRecord, unit: str, quantity: str, given: bool = False) -> t
     seen = swing(raw.y)
     doubts = (
         _turns(raw, unit, quantity, given),
-        _unit(raw, unit),
-        _times(raw, seen),
+        _unit(raw, unit, quantity, given),
+        _time_factor(raw) or _times(raw, seen),
         _rate(raw, seen),
         _differing(raw),
         _against_times(raw),
@@ -104,11 +107,29 @@ def _turns(raw: RawRecord, unit: str, quantity: str, given: bool) -> Finding | N
     return None
 
 
-def _unit(raw: RawRecord, unit: str) -> Finding | None:
+def _unit(raw: RawRecord, unit: str, quantity: str, given: bool) -> Finding | None:
+    factor = factor_beside_unit(raw.channel, "" if raw.unit in UNITS else raw.unit)
+    if factor is not None:
+        read = UNITS[unit].of(quantity)
+        sentence = f"it has a factor, {factor[0]!r}, beside {factor[1]!r}; its values are read as they stand, in {read}"
+        option = "rescale them first, or --unit mm, mrad ... where that is their unit"
+        return None if given else Finding(Kind.FACTOR, sentence, option)
     if not raw.unit or raw.unit in UNITS:
         return None
     sentence = f"its unit is {raw.unit!r}, which is none of a displacement; it is read as {unit}"
     return Finding(Kind.UNIT, sentence, "--unit counts for a sensor of unknown scale")
+
+
+def _time_factor(raw: RawRecord) -> Finding | None:
+    about = raw.provenance
+    factor = None if about.time_unit == "given" or raw.t is None else factor_beside_unit(about.time_column)
+    if factor is None:
+        return None
+    read = "in that unit" if about.time_unit else "in s"
+    sentence = (
+        f"its times have a factor, {factor[0]!r}, beside {factor[1]!r}; they are read as they stand, {read}"
+    )
+    return Finding(Kind.TIME_FACTOR, sentence, f"rescale them first, or --time-unit {VALID}")
 
 
 def _times(raw: RawRecord, seen: Swing) -> Finding | None:

@@ -75,7 +75,7 @@ def _by_earlier_version(folder: Path) -> bool:
     if regular(about):
         try:
             found = json.loads(about.read_bytes())
-        except ValueError:
+        except (ValueError, RecursionError):
             return False
         return isinstance(found, dict) and {"name", "seed", "study"} <= found.keys()
     cells = [path for path in _entries(folder / "cells") if not path.is_dir()]

@@ -80,6 +80,17 @@ CASES = {
     "unwrapped": ("t,angle (deg)", T, DEG + 360, {}, None, [], ""),
     "wide, not wrapped": ("t,angle (deg)", T, 10 * DEG, {}, None, [], ""),
     "a turn of volts": ("t,U (V)", T, DEG % 360, {}, None, [], ""),
+    "a factor in brackets": ("t,angle (deg x1000)", T, Y, {}, None, [Kind.FACTOR], "rescale them first"),
+    "a factor before brackets": ("t,angle x1000 (deg)", T, Y, {}, None, [Kind.FACTOR], "rescale them first"),
+    "a power of ten": ("t,disp (1e-3 m)", T, Y, {}, None, [Kind.FACTOR], "--unit mm"),
+    "a power of ten, per s²": ("t,accel (10^-3 m/s^2)", T, Y, {}, None, [Kind.FACTOR], "--unit mm"),
+    "a power of ten below the name": ("t,disp\ns,10^-3 m", T, Y, {}, None, [Kind.FACTOR], "--unit mm"),
+    "a factor, asked": ("t,disp (1e-3 m)", T, Y, {}, "mm", [], ""),
+    "a factor of times": ("t (1e-3 s),angle", 1e3 * T, Y, {}, None, [Kind.TIME_FACTOR], "--time-unit ms"),
+    "a factor of times, asked": ("t (1e-3 s),angle", 1e3 * T, Y, {"time_unit": "ms"}, None, [], ""),
+    "a channel": ("t,x10", T, Y, {}, None, [], ""),
+    "a channel in mm": ("t,x10 (mm)", T, Y, {}, None, [], ""),
+    "a probe": ("t,Ch1 x10 (V)", T, Y, {}, None, [], ""),
     "newtons": ("t,load (N)", T, Y, {}, None, [Kind.UNIT], "--unit counts"),
 }  # fmt: skip
 
@@ -95,6 +106,14 @@ def test_a_doubt_is_told_where_there_is_one(tmp_path: Path, what: str) -> None:
     for finding in found:
         assert option in finding.option
         assert len(str(finding)) < 250
+
+
+def test_a_factor_is_told_in_python(tmp_path: Path) -> None:
+    for head, said in (("t,disp (1e-3 m)", "'1e-3', beside 'm'"), ("t (1e-3 s),angle", "'1e-3', beside 's'")):
+        np.savetxt(tmp_path / "a.csv", np.c_[T, Y], delimiter=",", header=head, comments="")
+        (warning,) = bayesdamp.read(tmp_path / "a.csv").signal().provenance.warnings
+        assert said in warning
+        assert "--" not in warning
 
 
 def test_constant_columns_are_told(tmp_path: Path) -> None:

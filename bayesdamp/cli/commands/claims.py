@@ -29,6 +29,8 @@ def claims(
     page.check()
     if paper is not None:
         _require_the_paper_s(paper)
+    for folder in noise or ():
+        _require_series(folder)
     runs = Runs(paper, tuple(noise or ()))
     page.write(written(judged(CLAIMS, runs), runs))
     typer.echo(out)
@@ -43,3 +45,13 @@ def _require_the_paper_s(folder: Path) -> None:
     if not (found.published and found.errors):
         what = "is no run of the paper's study (studies/paper.toml)"
         raise InputError(f"--paper {folder}: {what}; give the folder of bayesdamp study paper")
+
+
+def _require_series(folder: Path) -> None:
+    """Raises InputError where a run has no errors along noise, sampling or length."""
+    from bayesdamp.report.results.run import Run
+    from bayesdamp.report.results.sweeping import series
+
+    if not series(Run(folder)):
+        what = "has no errors along noise, sampling or length (studies/noise*.toml)"
+        raise InputError(f"--noise {folder}: {what}; give the folder of bayesdamp study noise")

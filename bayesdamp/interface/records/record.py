@@ -181,12 +181,14 @@ def read(
 
 
 def _assumed(raw: RawRecord, unit: str, quantity: str) -> RawRecord:
-    """The record with a warning where its unit is assumed."""
-    doubt = next((f for f in findings(raw, unit, quantity) if f.kind is Kind.DEGREES), None)
-    if doubt is None:
+    """The record with a warning where its unit is assumed, or a factor beside it is not applied."""
+    kinds = {Kind.DEGREES: "give unit= where that is wrong", Kind.FACTOR: "rescale them, or give unit="}
+    kinds[Kind.TIME_FACTOR] = "rescale them"
+    doubts = [f for f in findings(raw, unit, quantity) if f.kind in kinds]
+    if not doubts:
         return raw
     before = raw.provenance
-    said = (*before.warnings, f"{doubt.sentence}; give unit= where that is wrong.")
+    said = (*before.warnings, *(f"{doubt.sentence}; {kinds[doubt.kind]}." for doubt in doubts))
     return replace(raw, provenance=replace(before, warnings=said))
 
 

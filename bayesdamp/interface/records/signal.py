@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from bayesdamp import types
 from bayesdamp.interface.parts import axes
+from bayesdamp.interface.parts.numbers import numbers_of
 from bayesdamp.interface.parts.result import Packed, Result
 from bayesdamp.interface.parts.table import Table, number
 from bayesdamp.provenance import Provenance
@@ -191,10 +192,7 @@ def cut(
 
 
 def _vectors(t: ArrayLike, y: ArrayLike, name: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    try:
-        times, values = np.array(t, float), np.array(y, float)
-    except (TypeError, ValueError):
-        raise InputError("t and y must be arrays of numbers", name) from None
+    times, values = numbers_of(t, "t", name), numbers_of(y, "y", name)
     if times.ndim != 1 or times.shape != values.shape:
         raise InputError(
             f"t and y must be vectors of one length, not of shapes {times.shape} and {values.shape}",

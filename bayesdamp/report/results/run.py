@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Iterable
 from pathlib import Path
@@ -11,6 +10,7 @@ from typing import Any
 from bayesdamp.provenance import Provenance
 from bayesdamp.report.drawing import Drawings
 from bayesdamp.store import TABLES, TEXT_OF, CellResult, Store, read_table
+from bayesdamp.store.described import read_description
 from bayesdamp.store.places import Place
 from bayesdamp.types import OK, InputError, candidate_name
 from bayesdamp.units import UNITS, Unit
@@ -30,7 +30,7 @@ class Run:
 
     def __init__(self, folder: Path) -> None:
         self.folder = Path(folder)
-        self.info = _read_info(self.folder)
+        self.info = read_description(self.folder)
         self.estimates, self.posteriors, self.evidence, self.fits = (self._table(name) for name in TABLES)
         self.drawings = Drawings(self.folder / "figures")
         self._store = Store(self.folder, self.info.get("cells"))
@@ -137,19 +137,6 @@ class Run:
 def rows_of(rows: Iterable[Row], **wanted: object) -> list[Row]:
     """The rows whose columns have these values."""
     return [row for row in rows if all(row[column] == value for column, value in wanted.items())]
-
-
-def _read_info(folder: Path) -> Row:
-    path = folder / "run.json"
-    if not path.is_file():
-        raise InputError(f"{folder}: no run.json here; give the folder of a run, such as reports/<name>")
-    try:
-        info = json.loads(path.read_text(encoding="utf-8"))
-    except (ValueError, OSError) as fault:
-        raise InputError(f"{path}: cannot be read ({fault}); run the study again") from fault
-    if not isinstance(info, dict):
-        raise InputError(f"{path}: holds no description of a run; run the study again")
-    return info
 
 
 def _unique(items: Iterable[str]) -> list[str]:

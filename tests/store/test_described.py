@@ -1,0 +1,136 @@
+"""A run.json that no run wrote: one line that says where and what would be right, from whatever reads it."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+import bayesdamp as bd
+from bayesdamp.cli import main
+from bayesdamp.store.described import read_description
+from bayesdamp.store.folders import MARK, SIGNED
+from bayesdamp.types import InputError
+
+SHIPPED = Path(__file__).resolve().parents[2] / "reports"
+DEEP = "[" * 100_000
+NO_RUN = {
+    "": "cannot be read",
+    '{"name": "rig", "stu': "cannot be read",
+    DEEP: "cannot be read",
+    "[]": "holds no description of a run",
+    "3": "holds no description of a run",
+    "null": "holds no description of a run",
+    '{"name": 3}': "name must be text",
+    '{"study": 3}': "study must be a table",
+    '{"study": {"signals": 3}}': "study.signals must be a list",
+    '{"study": {"signals": [1]}}': "study.signals[0] must be a table",
+    '{"study": {"signals": [{}]}}': "study.signals[0].name is missing",
+    '{"study": {"signals": [{"name": "a", "source": {"damping": 3}}]}}': "source.damping must be a list",
+    '{"study": {"published": [1]}}': "study.published[0] must be a table",
+    '{"study": {"published": [{"estimator": "a", "signal": "a", "error_pct": "1"}]}}': "[0].time is missing",
+    '{"study": {"posterior": 3}}': "study.posterior must be a table",
+    '{"signals": [1]}': "signals must be a table",
+    '{"signals": {"a": 3}}': "signals.a must be a table",
+    '{"signals": {"a": {"unit": "parsec"}}}': "signals.a.unit is 'parsec', which this version does not know",
+    '{"signals": {"a": {"notes": 3}}}': "signals.a.notes must be a list",
+    '{"signals": {"a": {"notes": [null]}}}': "signals.a.notes[0] must be text",
+    '{"models": 3}': "models must be a list",
+    '{"models": [{}]}': "models[0] must be text",
+    '{"cells": 3}': "cells must be a table",
+    '{"priors": {"a": 3}}': "priors.a must be a table",
+    '{"damping": {"viscous": {}}}': "damping.viscous.parameter is missing",
+}
+NO_QUESTION = [
+    '{"asked": {"tables": {}}, "inputs": [1]}',
+    '{"asked": {"tables": {}}, "study": 3}',
+    '{"asked": {"tables": {}}, "study": {"plugins": 3}}',
+    '{"asked": {"tables": {}}, "study": {"plugins": [{}]}}',
+    DEEP,
+]
+
+
+def written(folder: Path, text: str) -> Path:
+    folder.mkdir()
+    (folder / "run.json").write_text(text, encoding="utf-8")
+    (folder / MARK).write_text(SIGNED, encoding="utf-8")
+    return folder
+
+
+def refused(words: list[str], capsys: pytest.CaptureFixture[str]) -> str:
+    assert main(words) == 2
+    said = capsys.readouterr()
+    assert said.out == ""
+    assert len(said.err.splitlines()) == 1
+    assert len(said.err) < 300
+    return said.err
+
+
+@pytest.mark.parametrize("text", NO_RUN, ids=lambda text: text[:60] or "nothing")
+def test_what_reads_a_folder_refuses_what_is_no_run(
+    text: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder, page = written(tmp_path / "run", text), tmp_path / "claims.md"
+    before = sorted(folder.iterdir())
+    for words in (["report", "FOLDER"], ["claims", "--paper", "FOLDER"], ["claims", "--noise", "FOLDER"]):
+        more = ["--out", str(page)] if words[0] == "claims" else []
+        said = refused([str(folder) if word == "FOLDER" else word for word in words] + more, capsys)
+        assert said.startswith(f"{folder / 'run.json'}: ")
+        assert NO_RUN[text] in said
+        assert "run the study again" in said
+    with pytest.raises(InputError, match=r"run\.json: "):
+        bd.Run.load(folder)
+    assert sorted(folder.iterdir()) == before
+    assert not page.exists()
+
+
+@pytest.mark.parametrize("text", ["{}", '{"kind": "envelopes"}', '{"name": "rig"}'])
+def test_a_folder_that_names_no_study_is_no_run_of_one(
+    text: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder, page = written(tmp_path / "run", text), tmp_path / "claims.md"
+    for option in ("--paper", "--noise"):
+        said = refused(["claims", option, str(folder), "--out", str(page)], capsys)
+        assert said.startswith(f"{option} {folder}: ")
+        assert "give the folder of bayesdamp study" in said
+    with pytest.raises(InputError, match="names no study; give the folder that run_study"):
+        bd.Run.load(folder)
+    assert not page.exists()
+
+
+@pytest.mark.parametrize("text", NO_QUESTION, ids=lambda text: text[:60])
+def test_what_asks_again_refuses_what_is_no_run(
+    text: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = written(tmp_path / "run", text) / "run.json"
+    for words in (["check", str(path)], ["study", str(path), "--out", str(tmp_path / "out")]):
+        assert "give " in refused(words, capsys)
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("path", sorted(SHIPPED.rglob("run.json")), ids=lambda path: path.parent.name)
+def test_what_a_run_wrote_is_read(path: Path) -> None:
+    """The negative control: runs of earlier versions among them."""
+    assert read_description(path.parent) == json.loads(path.read_text(encoding="utf-8"))
+
+
+def test_null_stands_for_a_key_that_is_missing(tmp_path: Path) -> None:
+    text = '{"study": null, "models": null, "signals": {"a": {"unit": null, "of a later version": 3}}}'
+    assert read_description(written(tmp_path / "run", text)) == json.loads(text)
+
+
+def test_claims_judge_by_the_shipped_runs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The negative control of the commands."""
+    page = tmp_path / "claims.md"
+    words = [
+        "claims",
+        "--paper",
+        str(SHIPPED / "paper"),
+        "--noise",
+        str(SHIPPED / "noise"),
+        "--out",
+        str(page),
+    ]
+    assert main(words) == 0, capsys.readouterr().err
+    assert "Judged by the run `noise`" in page.read_text(encoding="utf-8")
