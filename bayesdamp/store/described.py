@@ -3,60 +3,107 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, Literal
+
+from pydantic import AfterValidator, BaseModel, ConfigDict, ValidationError
+from pydantic_core import ErrorDetails
 
 from bayesdamp.types import InputError
 from bayesdamp.units import UNITS
 
 RUN = "run.json"
-_ANY = "*"
-"""The key of a shape that holds for all others."""
-_NEEDED = "!"
-"""At the end of a key that may not be missing, nor null."""
-_CALLED = {str: "text", dict: "a table", list: "a list"}
-_SOURCE = {"damping": [str], "truth": dict}
-_SYSTEM = {"restoring": str, "known": dict, "free": dict}
-_SIGNAL = {
-    "unit": tuple(UNITS),
-    "quantity": ("angle", "velocity", "acceleration"),
-    "warnings": [str],
-    "notes": [str],
-    "restoring": [str],
-    "constant_columns": [str],
-    "pieces": [dict],
-    "outcome": str,
-    "bound": dict,
-    "reference": dict,
-    "features": dict,
+_KINDS = {
+    "string_type": "must be text",
+    "list_type": "must be a list",
+    "dict_type": "must be a table",
+    "model_type": "must be a table",
+    "model_attributes_type": "must be a table",
+    "missing": "is missing",
 }
-_SHAPE = {
-    "name": str,
-    "description": str,
-    "kind": str,
-    "study": {
-        "name": str,
-        "signals": [{"name!": str, "source": _SOURCE, "system": _SYSTEM}],
-        "estimators": dict,
-        "posterior": dict,
-        "evidence": dict,
-        "published": [{"estimator!": str, "signal!": str, "error_pct!": str, "time!": str}],
-    },
-    "signals": {_ANY: _SIGNAL},
-    "models": [str],
-    "cells": {_ANY: str},
-    "seconds": dict,
-    "inputs": dict,
-    "versions": dict,
-    "priors": {_ANY: {_ANY: dict}},
-    "damping": {_ANY: {"parameter!": str, "force": str}},
-    "restoring": {_ANY: str},
-    "error_budget": dict,
-    "equilibrium": {_ANY: dict},
-    "result": dict,
-}
-"""Kinds of values by key, as deep as they are relied on: a type, words, a list of one kind, or a table."""
+
+
+def _known(unit: str) -> str:
+    if unit not in UNITS:
+        raise ValueError("no unit")
+    return unit
+
+
+class _Part(BaseModel):
+    """A table of which each key may be missing, or null; what a later version adds is left alone."""
+
+    model_config = ConfigDict(strict=True, extra="ignore")
+
+
+class _Source(_Part):
+    damping: list[str] | None = None
+    truth: dict[str, Any] | None = None
+
+
+class _System(_Part):
+    restoring: str | None = None
+    known: dict[str, Any] | None = None
+    free: dict[str, Any] | None = None
+
+
+class _StudySignal(_Part):
+    name: str
+    source: _Source | None = None
+    system: _System | None = None
+
+
+class _Published(_Part):
+    estimator: str
+    signal: str
+    error_pct: str
+    time: str
+
+
+class _Study(_Part):
+    name: str | None = None
+    signals: list[_StudySignal] | None = None
+    estimators: dict[str, Any] | None = None
+    posterior: dict[str, Any] | None = None
+    evidence: dict[str, Any] | None = None
+    published: list[_Published] | None = None
+
+
+class _Signal(_Part):
+    unit: Annotated[str, AfterValidator(_known)] | None = None
+    quantity: Literal["angle", "velocity", "acceleration"] | None = None
+    warnings: list[str] | None = None
+    notes: list[str] | None = None
+    restoring: list[str] | None = None
+    constant_columns: list[str] | None = None
+    pieces: list[dict[str, Any]] | None = None
+    outcome: str | None = None
+    bound: dict[str, Any] | None = None
+    reference: dict[str, Any] | None = None
+    features: dict[str, Any] | None = None
+
+
+class _Damping(_Part):
+    parameter: str
+    force: str | None = None
+
+
+class _Run(_Part):
+    name: str | None = None
+    description: str | None = None
+    kind: str | None = None
+    study: _Study | None = None
+    signals: dict[str, _Signal | None] | None = None
+    models: list[str] | None = None
+    cells: dict[str, str | None] | None = None
+    seconds: dict[str, Any] | None = None
+    inputs: dict[str, Any] | None = None
+    versions: dict[str, Any] | None = None
+    priors: dict[str, dict[str, dict[str, Any]] | None] | None = None
+    damping: dict[str, _Damping] | None = None
+    restoring: dict[str, str] | None = None
+    error_budget: dict[str, Any] | None = None
+    equilibrium: dict[str, dict[str, Any] | None] | None = None
+    result: dict[str, Any] | None = None
 
 
 def read_description(folder: Path) -> dict[str, Any]:
@@ -73,33 +120,16 @@ def read_description(folder: Path) -> dict[str, Any]:
         raise InputError(f"{path}: cannot be read ({fault}); run the study again") from fault
     if not isinstance(found, dict):
         raise InputError(f"{path}: holds no description of a run; run the study again")
-    wrong = next(_misfits(found, _SHAPE, ""), None)
-    if wrong is not None:
-        raise InputError(f"{path}: {wrong}; give a folder that a run wrote, or run the study again")
+    try:
+        _Run.model_validate(found)
+    except ValidationError as error:
+        wrong = _misfit(error.errors(include_url=False)[0])
+        raise InputError(f"{path}: {wrong}; give a folder that a run wrote, or run the study again") from None
     return found
 
 
-def _misfits(value: object, shape: Any, at: str) -> Iterator[str]:
-    """What does not fit, each with its place and what it must be."""
-    if isinstance(shape, tuple):
-        if value not in shape:
-            yield f"{at} is {str(value)[:40]!r}, which this version does not know"
-        return
-    kind = shape if isinstance(shape, type) else type(shape)
-    if not isinstance(value, kind):
-        yield f"{at} must be {_CALLED[kind]}"
-    elif isinstance(shape, list):
-        for i, one in enumerate(value):  # type: ignore[arg-type]
-            yield from _misfits(one, shape[0], f"{at}[{i}]")
-    elif isinstance(shape, Mapping):
-        yield from _in_table(value, shape, f"{at}." if at else "")  # type: ignore[arg-type]
-
-
-def _in_table(table: Mapping[str, Any], shape: Mapping[str, Any], at: str) -> Iterator[str]:
-    for key, wanted in shape.items():
-        name = key.removesuffix(_NEEDED)
-        for one in table if key == _ANY else [name]:
-            if table.get(one) is not None:
-                yield from _misfits(table[one], wanted, f"{at}{one}")
-            elif name != key:
-                yield f"{at}{one} is missing"
+def _misfit(wrong: ErrorDetails) -> str:
+    """What does not fit, with its place and what it must be."""
+    at = "".join(f"[{key}]" if isinstance(key, int) else f".{key}" for key in wrong["loc"]).lstrip(".")
+    unknown = f"is {str(wrong['input'])[:40]!r}, which this version does not know"
+    return f"{at} {_KINDS.get(wrong['type'], unknown)}"
