@@ -100,7 +100,7 @@ def test_claims_are_judged_by_a_run_of_the_paper_s_study(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (folder / "base").mkdir()
-    about = {"name": "base", "seed": 0, "study": {}, "signals": [], "models": []}
+    about = {"name": "base", "seed": 0, "study": {"name": "base"}, "signals": {}, "models": []}
     (folder / "base" / "run.json").write_text(json.dumps(about))
     assert main(["claims", "--paper", "base", "--out", "a.md"]) == 2
     assert one_line(capsys).startswith(
