@@ -13,8 +13,8 @@ from bayesdamp.inference.deviation.candidate import Candidate
 from bayesdamp.inference.deviation.findings import Findings, Quantity, Ratio
 from bayesdamp.verdict import Verdict, thresholds
 from bayesdamp.verdict.decide import decide
-from bayesdamp.verdict.parts import Averages, Grade, Window
-from bayesdamp.verdict.words import digits, probability
+from bayesdamp.verdict.parts import Averages, Grade, Interval, Window
+from bayesdamp.verdict.words import digits, given, plus_minus, probability
 
 TINY = 1e-6
 RESERVATIONS = (
@@ -285,6 +285,14 @@ def test_a_verdict_survives_json() -> None:
 )
 def test_digits(value: float, width: float, text: str) -> None:
     assert digits(value, width) == text
+
+
+def test_only_what_has_no_width_was_given() -> None:
+    """A million cycles tell a frequency to 1e-9; below 1e-6 it was said to be given."""
+    found = Interval(1.0000000012, 1.0 - 0.4e-9, 1.0 + 2.8e-9, "Hz")
+    assert not given(found)
+    assert plus_minus(found) == "1.0000000012 ± 1.6e-09 Hz"
+    assert plus_minus(Interval(1.0, 1.0, 1.0, "Hz")) == "1 Hz, given"
 
 
 @pytest.mark.parametrize(("p", "text"), [(1.0, "more than 0.999"), (0.42, "0.42"), (0.0034, "0.003")])

@@ -182,8 +182,11 @@ def read(
 
 def _assumed(raw: RawRecord, unit: str, quantity: str) -> RawRecord:
     """The record with a warning where its unit is assumed, or a factor beside it is not applied."""
-    kinds = {Kind.DEGREES: "give unit= where that is wrong", Kind.FACTOR: "rescale them, or give unit="}
-    kinds[Kind.TIME_FACTOR] = "rescale them"
+    kinds = {
+        Kind.DEGREES: "give unit= where that is wrong",
+        Kind.FACTOR: "rescale them, or give unit=",
+        Kind.TIME_FACTOR: "rescale them",
+    }
     doubts = [f for f in findings(raw, unit, quantity) if f.kind in kinds]
     if not doubts:
         return raw
