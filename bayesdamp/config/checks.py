@@ -12,7 +12,7 @@ from typing import Annotated, Any, TypeVar, Union, get_args, get_origin
 from pydantic import BaseModel, ValidationError
 
 from bayesdamp.plugins import Registry, nearest
-from bayesdamp.priors import Normal, Prior, Uniform
+from bayesdamp.priors import GivenPrior, Normal, Prior, Uniform
 from bayesdamp.types import InputError
 
 Model = TypeVar("Model", bound=BaseModel)
@@ -118,7 +118,7 @@ def number(raw: object, key: str, *, positive: bool = False, minimum: float | No
 
 
 _PRIORS: Mapping[str, type[BaseModel]] = {
-    kind.model_fields["prior"].default: kind for kind in get_args(get_args(Prior)[0])
+    kind.model_fields["prior"].default: kind for kind in get_args(get_args(GivenPrior)[0])
 }
 
 

@@ -254,7 +254,7 @@ def _sizes(weighing: Weighing) -> dict[str, np.ndarray]:
     prior = grid_of(len(next(iter(weighing.solvers.values())).knots)).log_prior
     return {
         f"{SIZES}{'+'.join(r.candidate.damping)}@{r.candidate.restoring}": np.maximum(
-            r.weighed.log_each - r.weighed.log_evidence - prior, FAR
+            r.weighed.over_scales(prior.size) - r.weighed.log_evidence - prior, FAR
         )
         for r in (*weighing.results, *weighing.forms)
         if r.weighed is not None

@@ -45,7 +45,9 @@ class Joined:
         value, _, information = self.marginal.curvature(z)
         if not np.isfinite(value):
             raise Refusal("a record has no finite likelihood where the joint mode is looked for")
-        return Whole(self.marginal, z, float(value) - 0.5 * float(z @ z), information + np.eye(z.size))
+        parameters = self.marginal.result.fit.parameters
+        height = float(value) + float(parameters.log_prior(np.abs(z)))
+        return Whole(self.marginal, z, height, information + np.diag(parameters.prior_precision(z)))
 
 
 @dataclass(frozen=True)

@@ -157,8 +157,7 @@ class Approximate:
         result, rng = self.single.result, np.random.default_rng([seed, 1])
         parameters = result.fit.parameters
         grid = grid_of(self.knots.size, absorbed=parameters.absorbs)
-        z = rng.standard_normal((count, parameters.free.size))
-        z[:, parameters.positive] = np.abs(z[:, parameters.positive])
+        z = parameters.prior_draws(count, rng)
         mass = np.exp(grid.log_prior - grid.log_prior.max())
         combos = rng.choice(mass.size, count, p=mass / mass.sum())
         smooth = np.einsum(

@@ -10,7 +10,7 @@ import numpy as np
 
 from bayesdamp.inference.deviation.data import Data
 from bayesdamp.inference.deviation.gaussian.hyperparameters import Grid, grid_of
-from bayesdamp.inference.deviation.gaussian.linear import Linear, Weighed, condensed, weigh
+from bayesdamp.inference.deviation.gaussian.linear import Linear, Weighed, condensed, normals
 from bayesdamp.inference.deviation.least_squares import SEARCHED, Fit, fit, nonnegative
 from bayesdamp.inference.deviation.parameters import Parameters, retracted
 from bayesdamp.inference.model.defaults import Reference, default_prior
@@ -137,7 +137,7 @@ def linearised(
     tangents[:, :n] *= np.exp(g)
     columns = np.column_stack([scores, tangents])
     r = data.y - motion.y
-    model = condensed(columns, r + columns @ u, found.parameters.positive)
+    model = condensed(columns, r + columns @ u, *_masks(found.parameters))
     # Least squares of r by the columns, from their factor that is there already.
     left = r - columns @ np.linalg.lstsq(model.root, model.target - model.root @ u, rcond=1e-12)[0]
     return Linearised(candidate, found, found.parameters, u, motion, model, left)
@@ -145,7 +145,13 @@ def linearised(
 
 def exact(found: Fit) -> Linear:
     """The linear model of a candidate's fit under exact laws."""
-    return condensed(found.tangents, found.residual + found.tangents @ found.z, found.parameters.positive)
+    target = found.residual + found.tangents @ found.z
+    return condensed(found.tangents, target, *_masks(found.parameters))
+
+
+def _masks(parameters: Parameters) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Which scores are positive, share a scale, and are of the damping, (d,) each."""
+    return parameters.positive, parameters.shared, parameters.damping
 
 
 def relinearised(
@@ -201,8 +207,7 @@ def mode_of(
 
     held: how firmly the scores are held where they are (Marquardt's parameter, in units of the prior's information).
     """
-    weighed = weigh(model, grid, variance, model.count)
-    top = int(np.argmax(weighed.log_each))
+    top = int(np.argmax(normals(model, grid, variance, model.count).log))
     d, total = model.positive.size, model.root.shape[1]
     root = np.zeros((total, total))
     root[:d, :d] = np.eye(d)

@@ -8,13 +8,33 @@ from functools import cached_property
 
 import numpy as np
 
+from bayesdamp.physics.damping import TERMS
 from bayesdamp.physics.restoring import LAWS, RestoringLaw
-from bayesdamp.priors import HalfNormal, Prior
+from bayesdamp.priors import (
+    SHARED_SIGMAS,
+    Prior,
+    SharedHalfNormal,
+    shared_log_density,
+    shared_precision,
+)
 
+LOG_2PI, LOG_2 = float(np.log(2 * np.pi)), float(np.log(2.0))
 STEP = 1e-5
 """Scores over which the slope of a prior's map is taken."""
 SMALL_STEP = 1e-6
 """Scores over which slopes of the straight coordinates are taken."""
+
+
+def log_prior_of(z: np.ndarray, positive: np.ndarray, shared: np.ndarray) -> np.ndarray:
+    """Log prior density of scores z, (..., d), shape (...): standard normal, or with one unknown scale where `shared`,
+    (d,); folded where `positive`, (d,), and −∞ where one of these is negative."""
+    plain = z[..., ~shared]
+    value = -0.5 * np.sum(plain**2, axis=-1) - 0.5 * plain.shape[-1] * LOG_2PI
+    if shared.any():
+        count = int(shared.sum())
+        value = value + shared_log_density(np.sum(z[..., shared] ** 2, axis=-1), count) - count * LOG_2
+    value = value + int(positive.sum()) * LOG_2
+    return np.where(np.all(z[..., positive] >= 0, axis=-1), value, -np.inf)
 
 
 @dataclass(frozen=True)
@@ -41,7 +61,38 @@ class Parameters:
     @cached_property
     def positive(self) -> np.ndarray:
         """Which of the scores, (d,), must not be negative: those of half-normal priors."""
-        return np.array([isinstance(self.priors[n], HalfNormal) for n in self.free_names], bool)
+        return np.array([self.priors[n].reflected for n in self.free_names], bool)
+
+    @cached_property
+    def shared(self) -> np.ndarray:
+        """Which of the scores, (d,), are coefficients whose priors share an unknown scale."""
+        return np.array([isinstance(self.priors[n], SharedHalfNormal) for n in self.free_names], bool)
+
+    @cached_property
+    def damping(self) -> np.ndarray:
+        """Which of the scores, (d,), are of damping terms: coefficients and the terms' own parameters."""
+        terms = [TERMS.get(name) for name in TERMS.names()]
+        own = {n for t in terms for n in (t.parameter, *(p.name for p in t.inferred))}
+        return np.array([n in own for n in self.free_names], bool)
+
+    def log_prior(self, z: np.ndarray) -> np.ndarray:
+        """Log density of scores z, (..., d), shape (...); −∞ where a score that must not be negative is."""
+        return log_prior_of(z, self.positive, self.shared)
+
+    def prior_precision(self, z: np.ndarray) -> np.ndarray:
+        """What a score, (d,), is multiplied by to give minus the slope of its log prior, (d,): 1, and for scores that
+        share a scale the mean of 1/σ² over the scales."""
+        found = np.ones(self.free.size)
+        if self.shared.any():
+            found[self.shared] = shared_precision(np.sum(z[self.shared] ** 2), int(self.shared.sum()))
+        return found
+
+    def prior_draws(self, count: int, rng: np.random.Generator) -> np.ndarray:
+        """Scores under the prior, (n, d)."""
+        z = rng.standard_normal((count, self.free.size))
+        z[:, self.shared] *= rng.choice(SHARED_SIGMAS, count)[:, None]
+        z[:, self.positive] = np.abs(z[:, self.positive])
+        return z
 
     @cached_property
     def _fixed(self) -> np.ndarray:
@@ -136,8 +187,8 @@ class Straight(Parameters):
     def _plain_of(self, values: np.ndarray) -> list[float]:
         return [float(self.priors[name].score(value)) for name, value in zip(self.at, values, strict=True)]
 
-    def log_prior(self, z: np.ndarray) -> float:
-        """Log of the prior's density at v, (d,), over that of standard normal v; −∞ where it has none."""
+    def log_prior_ratio(self, z: np.ndarray) -> float:
+        """Log of the prior's density at v, (d,), over that of the same prior of scores v; −∞ where it has none."""
         p = self._of_law(z[self.places])
         plain = np.array(self._plain_of(p))
         if not np.all(np.isfinite(plain)):

@@ -6,29 +6,25 @@ from collections.abc import Mapping, Sequence
 
 from bayesdamp.inference.noise import NOISES
 from bayesdamp.physics.oscillator import Oscillator
-from bayesdamp.priors import HalfNormal, LogNormal, LogUniform, Normal, Prior
+from bayesdamp.priors import LogNormal, LogUniform, Normal, Prior, SharedHalfNormal
 from bayesdamp.records.oscillation.features import Features
 from bayesdamp.records.reference import Reference, reference_of
 
 __all__ = [
     "EPSILON_RANGE",
     "EPSILON_SHARE",
-    "RATIO_SCALE",
     "Reference",
     "default_prior",
     "odds",
     "reference_of",
 ]
 
-RATIO_SCALE = 0.1
-"""Scale of the half-normal prior on each term's equivalent damping ratio at the reference."""
-
 EPSILON_SHARE = 0.02
 EPSILON_RANGE = (0.0005, 0.05)
 """ε as a share of the peak velocity: where it is not given, and the range of its prior where it is free."""
 
-THIRD = 0.5
-"""Prior weight of a sum of three terms beside sums of one or two."""
+FURTHER_TERM = 0.25
+"""Factor of a model's prior probability for each term beyond the first."""
 OTHERS = 0.1
 """Prior weight of all other forms of damping together beside one sum."""
 
@@ -42,7 +38,7 @@ def default_prior(name: str, osc: Oscillator, noise: str, reference: Reference, 
     a, w = reference.amplitude, reference.frequency
     for term in osc.terms:
         if term.parameter == name:
-            return HalfNormal(scale=RATIO_SCALE / term.ratio_per_unit(a, w))
+            return SharedHalfNormal(per_ratio=1.0 / term.ratio_per_unit(a, w))
         for parameter in term.inferred:
             if parameter.name == name:
                 return parameter.prior(a, w)
@@ -61,6 +57,13 @@ def default_prior(name: str, osc: Oscillator, noise: str, reference: Reference, 
 
 
 def odds(damping: Sequence[str], others: int = 0) -> float:
-    """Prior weight of a damping. others: among how many forms of damping that are not compared it is one; 0 for a sum
-    that is compared."""
-    return (THIRD if len(damping) > 2 else 1.0) * (OTHERS / others if others else 1.0)
+    """Prior odds of a damping against a single term.
+
+    Parameters
+    ----------
+    damping
+        Its terms.
+    others
+        Number of the forms of damping that are not compared and of which it is one; 0 for a sum that is compared.
+    """
+    return FURTHER_TERM ** (len(damping) - 1) * (OTHERS / others if others else 1.0)

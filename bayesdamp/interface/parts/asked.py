@@ -10,10 +10,10 @@ from bayesdamp.physics.damping import TERMS, all_sums, parse_model
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.plugins import nearest
-from bayesdamp.priors import Normal, Prior, Uniform
+from bayesdamp.priors import GivenPrior, Normal, Prior, Uniform
 from bayesdamp.types import InputError
 
-KINDS = get_args(get_args(Prior)[0])
+KINDS = get_args(get_args(GivenPrior)[0])
 """The classes of priors."""
 POSITIVE = ("noise_sd", "noise_time", "noise_dof")
 """Parameters that are above zero; friction's epsilon may be zero, the sign itself."""

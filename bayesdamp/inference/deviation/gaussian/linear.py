@@ -6,21 +6,27 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from scipy.special import log_ndtr
+
 from bayesdamp.inference.deviation.gaussian.hyperparameters import Grid
 from bayesdamp.inference.deviation.gaussian.orthant import log_probability
+from bayesdamp.priors import SHARED_SIGMAS
 
 PRECISE = 1e11
 """Information, in priors' own, up to which Cholesky's factor of it and differences of squares keep five digits and
 more: half of the digits of a number (measured)."""
 SMALL = 12
 """Rows up to which a triangle is inverted as any matrix."""
+LEFT_OUT = 1e-5
+"""Posterior probability of all combinations of hyperparameters together that are left out, the least probable ones."""
 
 
 @dataclass(frozen=True)
 class Linear:
     """|y − f|² = |root u − target|² + rest, u = (scores (d,), g, h at the knots).
 
-    count: samples that this stands for; positive: which scores must not be negative, (d,).
+    count: samples that this stands for; positive: which scores must not be negative, (d,); shared: which scores are
+    coefficients whose half-normal priors share an unknown scale, (d,); damping: which scores are of the damping, (d,).
     """
 
     root: np.ndarray
@@ -28,29 +34,77 @@ class Linear:
     rest: float
     count: int
     positive: np.ndarray
+    shared: np.ndarray
+    damping: np.ndarray
+
+
+@dataclass(frozen=True)
+class DampingLikelihood:
+    """The likelihood of a record as a function of the damping's scores x, (k,), all else integrated out.
+
+    Under each combination of the deviations' hyperparameters it is the exponential of log + xᵀ slope − xᵀ information
+    x / 2: arrays of shape (c,), (c, k) and (c, k, k). Nothing of the prior of x is in it.
+    """
+
+    log: np.ndarray
+    slope: np.ndarray
+    information: np.ndarray
 
 
 @dataclass(frozen=True)
 class Weighed:
-    """The model at one noise over a grid of c combinations: log evidence of each and in all (nats), means (c, d + 2n)
-    and factors F, (c, d + 2n, d + 2n), of the covariances F Fᵀ before they are cut off at zero."""
+    """The model at one noise over m combinations of hyperparameters and scales: log evidence of each and in all (nats),
+    means (m, d + 2n) and factors F, (m, d + 2n, d + 2n), of the covariances F Fᵀ before they are cut off at zero.
+
+    combos: of each, its place in the grid of the deviations' hyperparameters, (m,).
+    """
 
     log_each: np.ndarray
     log_evidence: float
     means: np.ndarray
     factors: np.ndarray
+    combos: np.ndarray
+    damping: DampingLikelihood | None = None
 
     @property
     def weights(self) -> np.ndarray:
-        """Posterior probability of each combination of hyperparameters, (c,)."""
+        """Posterior probability of each combination of hyperparameters, (m,)."""
         return np.exp(self.log_each - self.log_evidence)
 
+    def over_scales(self, count: int) -> np.ndarray:
+        """Log evidence of each of so many combinations of the deviations' hyperparameters, (count,); −∞ where it was
+        left out."""
+        found = np.full(count, -np.inf)
+        np.logaddexp.at(found, self.combos, self.log_each)
+        return found
 
-def condensed(columns: np.ndarray, r: np.ndarray, positive: np.ndarray) -> Linear:
-    """The model from columns (n, K) and the record less the motion's constant part, r, (n,)."""
+    def probable(self, least: float) -> np.ndarray:
+        """Places in the grid of the combinations whose posterior probability, over all scales, is above `least`."""
+        total = np.bincount(self.combos, self.weights)
+        return np.flatnonzero(total > least)
+
+
+def condensed(
+    columns: np.ndarray,
+    r: np.ndarray,
+    positive: np.ndarray,
+    shared: np.ndarray | None = None,
+    damping: np.ndarray | None = None,
+) -> Linear:
+    """The model from columns (n, K) and the record less the motion's constant part, r, (n,); no score shares a scale,
+    and none is of the damping, where that is not given."""
     whole = np.asarray(np.linalg.qr(np.column_stack([columns, r]), mode="r"))
     k = columns.shape[1]
-    return Linear(whole[:k, :k], whole[:k, k], float(np.sum(whole[k:, k] ** 2)), r.size, positive)
+    none = np.zeros(positive.size, bool)
+    return Linear(
+        whole[:k, :k],
+        whole[:k, k],
+        float(np.sum(whole[k:, k] ** 2)),
+        r.size,
+        positive,
+        none if shared is None else shared,
+        none if damping is None else damping,
+    )
 
 
 def _orthogonal(white: np.ndarray, target: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -78,12 +132,18 @@ def _inverse(lower: np.ndarray) -> np.ndarray:
     return found
 
 
-def weigh(model: Linear, grid: Grid, variance: float, samples: float) -> Weighed:
-    """Evidence and posteriors under noise of this variance, its prior N(0, 1) of each score, the positive ones doubled.
+@dataclass(frozen=True)
+class Normals:
+    """The model's normal posterior under each combination of a grid, each score having the prior N(0, 1) of either
+    sign: log evidence (c,), means (c, K), and factors of the covariances, (c, K, K)."""
 
-    variance: in the record's unit squared. samples: how many independent ones the rest stands for; its own density is
-    −samples/2 · log(2π variance) − rest / (2 variance), so that models with other variances can be compared.
-    """
+    log: np.ndarray
+    means: np.ndarray
+    factors: np.ndarray
+
+
+def normals(model: Linear, grid: Grid, variance: float, samples: float) -> Normals:
+    """The posteriors over a grid. Arguments as of `weigh`."""
     d, total = model.positive.size, model.root.shape[1]
     combos = grid.log_prior.size
     roots = np.zeros((combos, total, total))
@@ -102,15 +162,129 @@ def weigh(model: Linear, grid: Grid, variance: float, samples: float) -> Weighed
     else:
         lower, half, left = _orthogonal(white, target)
         inverse = _inverse(lower)
-    log_each = -0.5 * (left + model.rest / variance)
-    log_each -= np.sum(np.log(np.diagonal(lower, axis1=1, axis2=2)), axis=1)
-    log_each += grid.log_prior - 0.5 * samples * np.log(2 * np.pi * variance)
+    log = -0.5 * (left + model.rest / variance)
+    log -= np.sum(np.log(np.diagonal(lower, axis1=1, axis2=2)), axis=1)
+    log += grid.log_prior - 0.5 * samples * np.log(2 * np.pi * variance)
     factors = roots @ np.swapaxes(inverse, 1, 2)
-    means = (factors @ half[:, :, None])[:, :, 0]
+    return Normals(log, (factors @ half[:, :, None])[:, :, 0], factors)
+
+
+def weigh(model: Linear, grid: Grid, variance: float, samples: float) -> Weighed:
+    """Evidence and posteriors under noise of this variance.
+
+    The prior of each score is N(0, 1), that of the shared ones N(0, σ²) with the same σ for all, one of
+    `SHARED_SIGMAS`; densities of positive scores are doubled.
+    variance: in the record's unit squared. samples: how many independent ones the rest stands for; its own density is
+    −samples/2 · log(2π variance) − rest / (2 variance), so that models with other variances can be compared.
+    """
+    found = normals(model, grid, variance, samples)
     places = np.flatnonzero(model.positive)
-    if places.size:
-        part = factors[:, places]
-        covariance = part @ np.swapaxes(part, 1, 2)
-        log_each += places.size * np.log(2.0) + log_probability(means[:, places], covariance)
-    top = log_each.max()
-    return Weighed(log_each, float(top + np.log(np.sum(np.exp(log_each - top)))), means, factors)
+    if not model.shared.any():
+        log_each = found.log
+        if places.size:
+            part = found.factors[:, places]
+            covariance = part @ np.swapaxes(part, 1, 2)
+            log_each = log_each + _folded(found.means[:, places], covariance)
+        combos = np.arange(log_each.size)
+        return Weighed(
+            log_each, _log_sum(log_each), found.means, found.factors, combos, _damping(model, found, grid)
+        )
+    scaled = _Scaled.of(model, found)
+    combos, scales = scaled.kept()
+    means, factors = scaled.posteriors(combos, scales)
+    part = factors[:, places]
+    log_each = scaled.log[combos, scales]
+    log_each = log_each + _folded(means[:, places], part @ np.swapaxes(part, 1, 2))
+    return Weighed(log_each, _log_sum(log_each), means, factors, combos, _damping(model, found, grid))
+
+
+def _folded(mean: np.ndarray, covariance: np.ndarray) -> np.ndarray:
+    """Log of the part of the doubled normals that is positive, (m,)."""
+    return mean.shape[1] * np.log(2.0) + log_probability(mean, covariance)
+
+
+def _log_sum(logs: np.ndarray) -> float:
+    top = float(logs.max())
+    return top + float(np.log(np.sum(np.exp(logs - top))))
+
+
+@dataclass(frozen=True)
+class _Scaled:
+    """The posteriors when the shared scores have the prior N(0, σ²) in place of N(0, 1), for every σ.
+
+    With u = mean + F x, x ~ N(0, I), the shared scores are m + S x. Another prior of these adds δ |m + S x|² / 2, δ =
+    1/σ² − 1, to −log p, which changes x along the k directions of S = U D Wᵀ alone.
+
+    log: evidence before anything is cut off at zero, (c, s). aim: Uᵀ m, (c, k); sizes: D, (c, k); left: U, (c, k, k);
+    right: W, (c, K, k); extra: δ, (s,).
+    """
+
+    model: Linear
+    normals: Normals
+    log: np.ndarray
+    aim: np.ndarray
+    sizes: np.ndarray
+    left: np.ndarray
+    right: np.ndarray
+    extra: np.ndarray
+
+    @classmethod
+    def of(cls, model: Linear, found: Normals) -> _Scaled:
+        shared = np.flatnonzero(model.shared)
+        left, sizes, right = np.linalg.svd(found.factors[:, shared], full_matrices=False)
+        aim = np.einsum("cij,ci->cj", left, found.means[:, shared])
+        extra = 1.0 / SHARED_SIGMAS**2 - 1.0
+        shrunk = 1.0 + extra[:, None] * sizes[:, None, :] ** 2
+        log = found.log[:, None] - 0.5 * np.sum(np.log(shrunk), axis=2)
+        log = log - 0.5 * extra * np.sum(aim[:, None, :] ** 2 / shrunk, axis=2)
+        log = log - shared.size * np.log(SHARED_SIGMAS) - np.log(SHARED_SIGMAS.size)
+        return cls(model, found, log, aim, sizes, left, np.swapaxes(right, 1, 2), extra)
+
+    def kept(self) -> tuple[np.ndarray, np.ndarray]:
+        """The combinations and scales that count, (m,) each.
+
+        Evidence is bounded from above by the probability that the least likely positive score is positive.
+        """
+        inside = np.flatnonzero(self.model.positive[self.model.shared])
+        bound = self.log
+        if inside.size:
+            shrunk = 1.0 + self.extra[:, None] * self.sizes[:, None, :] ** 2
+            left = self.left[:, inside]
+            mean = np.einsum("cij,csj->csi", left, self.aim[:, None, :] / shrunk)
+            variance = np.einsum("cij,csj->csi", left**2, self.sizes[:, None, :] ** 2 / shrunk)
+            bound = bound + log_ndtr(mean / np.sqrt(variance)).min(axis=2)
+        order = np.argsort(-bound, axis=None)
+        weight = np.exp(bound.ravel()[order] - bound.max())
+        total = np.cumsum(weight)
+        count = int(np.searchsorted(total, (1 - LEFT_OUT) * total[-1])) + 1
+        combos, scales = np.unravel_index(np.sort(order[:count]), bound.shape)
+        return combos, scales
+
+    def posteriors(self, combos: np.ndarray, scales: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Means (m, K) and factors of the covariances, (m, K, K)."""
+        sizes, right, extra = self.sizes[combos], self.right[combos], self.extra[scales][:, None]
+        factors = self.normals.factors[combos]
+        shrunk = 1.0 + extra * sizes**2
+        along = factors @ right
+        move = extra * sizes / shrunk * self.aim[combos]
+        means = self.normals.means[combos] - (along @ move[:, :, None])[:, :, 0]
+        factors = factors + (along * (1 / np.sqrt(shrunk) - 1)[:, None, :]) @ np.swapaxes(right, 1, 2)
+        return means, factors
+
+
+def _damping(model: Linear, found: Normals, grid: Grid) -> DampingLikelihood | None:
+    """The record's likelihood of the damping's scores alone; None where no score is of the damping."""
+    places = np.flatnonzero(model.damping)
+    if not places.size:
+        return None
+    part = found.factors[:, places]
+    mean = found.means[:, places]
+    left, sizes, _ = np.linalg.svd(part, full_matrices=False)
+    # The posterior's information less the prior's, by the directions that it is diagonal in.
+    gained = np.maximum(1.0 / sizes**2 - 1.0, 0.0)
+    aim = np.einsum("cij,ci->cj", left, mean)
+    information = np.einsum("cij,cj,ckj->cik", left, gained, left)
+    slope = np.einsum("cij,cj->ci", left, aim / sizes**2)
+    log = found.log - grid.log_prior - np.sum(np.log(sizes), axis=1)
+    log = log - 0.5 * np.sum((aim / sizes) ** 2, axis=1)
+    return DampingLikelihood(log, slope, information)

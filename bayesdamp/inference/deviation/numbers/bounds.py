@@ -18,7 +18,7 @@ from bayesdamp.inference.deviation.numbers.curves import values_of
 from bayesdamp.inference.deviation.numbers.draws import scores_of
 from bayesdamp.inference.deviation.orbit import rest_of
 from bayesdamp.inference.deviation.weighing import Result, Weighing
-from bayesdamp.inference.model.defaults import RATIO_SCALE
+from bayesdamp.priors import SCORE_RATIO
 from bayesdamp.physics.damping import TERMS, others
 from bayesdamp.physics.kernel.solve import ALL
 from bayesdamp.physics.restoring import LAWS
@@ -63,14 +63,14 @@ def bounds_of_others(
     knots = _knots(weighing, result) if approximate else 0
     grid = grid_of(knots, exact=not approximate, coarse=True, absorbed=absorbs)
     found: dict[str, float] = {}
-    at, positive = result.fit.z.size, result.fit.parameters.positive
+    at, positive, shared = result.fit.z.size, result.fit.parameters.positive, result.fit.parameters.shared
     for i, form in enumerate(forms):
         if abs(work[i]) <= LEAST_WORK * moved[i]:
             found.setdefault(form.name, 0.0)
             continue
-        size = RATIO_SCALE * own.viscous / abs(work[i])
+        size = SCORE_RATIO * own.viscous / abs(work[i])
         whole = np.insert(columns, at, more[:, i] * size, axis=1)
-        model = condensed(whole, target, np.append(positive, not form.signed))
+        model = condensed(whole, target, np.append(positive, not form.signed), np.append(shared, True))
         weighed = weigh(model, grid, weighing.variance, samples)
         u = scores_of(weighed, model.positive, FEW, rng)
         taken = np.abs(u[:, at]) * size * abs(work[i])

@@ -48,7 +48,7 @@ def sampled_result(
     motions = motions_near(
         result.solver, start.parameters, result.fit.active, start.weighed, float(np.sqrt(variance))
     )
-    ratio = likelihood_ratio(motions, start.model, weighing.data.y, variance, start.log_prior)
+    ratio = likelihood_ratio(motions, start.model, weighing.data.y, variance, start.log_prior_ratio)
     name = "+".join(result.candidate.damping) + "@" + result.candidate.restoring
     found = sampled(
         ratio,

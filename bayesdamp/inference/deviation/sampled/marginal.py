@@ -61,11 +61,8 @@ class Marginal:
         return self.log_prior_of(z) + self.log_likelihood(z)
 
     def log_prior_of(self, z: np.ndarray) -> np.ndarray:
-        """Log density of scores (n, d) beforehand: standard normal, the positive ones folded."""
-        d, folded = z.shape[1], int(self.positive.sum())
-        inside = np.all(z[:, self.positive] >= 0, axis=1)
-        value = -0.5 * np.sum(z**2, axis=1) - 0.5 * d * np.log(2 * np.pi) + folded * np.log(2.0)
-        return np.where(inside, value, -np.inf)
+        """Log prior density of scores (n, d)."""
+        return self.result.fit.parameters.log_prior(z)
 
     def log_likelihood(self, z: np.ndarray) -> np.ndarray:
         """Log likelihood of scores (n, d), deviations integrated out: (n,), −∞ where a motion escapes."""
@@ -82,7 +79,9 @@ class Marginal:
         white = self.whitening @ along
         pull = np.einsum("c,cji,cj->i", weights, self.whitening, white)
         by_values = (self.basis @ pull + across) / np.sqrt(self.variance)
-        return motion.pulled(by_values)[parameters.free] * parameters.slopes(z) - z
+        return motion.pulled(by_values)[parameters.free] * parameters.slopes(z) - (
+            parameters.prior_precision(z) * z
+        )
 
     def curvature(self, z: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
         """Log likelihood at scores z, (d,), its slope, (d,), and information, (d, d); −∞ and nan where the motion
@@ -167,7 +166,7 @@ def marginal_of(weighing: Weighing, result: Result) -> Marginal:
     columns[:, :n] *= np.exp(g)
     basis, upper = np.linalg.qr(columns)
     grid = grid_of(n, absorbed=parameters.absorbs)
-    kept = result.weighed.weights > NEGLIGIBLE
+    kept = result.weighed.probable(NEGLIGIBLE)
     maps = grid.factors[kept]
     effects = upper @ maps / np.sqrt(weighing.variance)
     lower = np.linalg.cholesky(np.eye(2 * n) + effects @ np.swapaxes(effects, 1, 2))

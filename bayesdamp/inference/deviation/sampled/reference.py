@@ -45,9 +45,9 @@ class Reference:
         return found
 
     @property
-    def log_prior(self) -> Callable[[np.ndarray], float] | None:
-        """Log of the prior's density over a standard normal one, of scores (d,); None where they are the same."""
-        return self.parameters.log_prior if isinstance(self.parameters, Straight | Ridge) else None
+    def log_prior_ratio(self) -> Callable[[np.ndarray], float] | None:
+        """Log of the prior's density over the linear model's, of scores (d,); None where they are the same."""
+        return self.parameters.log_prior_ratio if isinstance(self.parameters, Straight | Ridge) else None
 
 
 def reference_of(weighing: Weighing, result: Result, approximate: bool) -> Reference:

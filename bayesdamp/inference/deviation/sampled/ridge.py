@@ -13,7 +13,7 @@ from functools import cached_property
 import numpy as np
 
 from bayesdamp.inference.deviation.gaussian.linear import Linear, Weighed
-from bayesdamp.inference.deviation.parameters import Parameters, Straight
+from bayesdamp.inference.deviation.parameters import Parameters, Straight, log_prior_of
 from bayesdamp.inference.deviation.weighing import Result, Weighing
 from bayesdamp.physics.kernel.solve import PARAMETERS
 
@@ -102,16 +102,16 @@ class Ridge:
         z = self.base_scores(u)
         return self.base.plain(z) if isinstance(self.base, Straight) else z
 
-    def log_prior(self, u: np.ndarray) -> float:
-        """Log of the prior's density at u, (d,), over that of standard normal u; −∞ where it has none."""
+    def log_prior_ratio(self, u: np.ndarray) -> float:
+        """Log of the prior's density at u, (d,), over that of the linear model; −∞ where it has none."""
         z = self.base_scores(u)
         if np.any(z[self.base.positive] < 0):
             return -np.inf
         root = self._at(float(u[self.lead]))[1]
         stretched = float(np.sum(np.log(np.diagonal(root) / np.diagonal(self.root))))
-        folded = float(np.log(2.0)) * int(np.sum(self.base.positive & ~self.positive))
-        own = self.base.log_prior(z) if isinstance(self.base, Straight) else 0.0
-        return own + folded + stretched - 0.5 * float(z @ z - u @ u)
+        own = self.base.log_prior_ratio(z) if isinstance(self.base, Straight) else 0.0
+        linear = log_prior_of(u, self.positive, self.base.shared)
+        return own + stretched + float(self.base.log_prior(z) - linear)
 
 
 def ridge_of(
@@ -131,7 +131,7 @@ def ridge_of(
     stays[lead] = True
     moved, kept = np.flatnonzero(~stays), np.flatnonzero(stays)
     variance = weighing.variance if approximate else result.exact_variance
-    square = model.root[:, :d].T @ model.root[:, :d] / variance + np.eye(d)
+    square = model.root[:, :d].T @ model.root[:, :d] / variance + np.diag(base.prior_precision(mode))
     covariance = np.linalg.inv(square)
     tangent = covariance[lead] / covariance[lead, lead]
     inner = square[np.ix_(moved, moved)]
@@ -231,6 +231,7 @@ class _Search:
             return None
         left = self.weighing.data.y - motion.y
         columns = self.base.by_scores(motion.tangents, z)[:, self.moved]
-        depth = 0.5 * float(left @ left) / self.variance + 0.5 * float(z @ z)
-        slope = columns.T @ left / self.variance - z[self.moved]
-        return depth, slope, columns.T @ columns / self.variance + np.eye(self.moved.size)
+        precision = self.base.prior_precision(z)[self.moved]
+        depth = 0.5 * float(left @ left) / self.variance - float(self.base.log_prior(np.abs(z)))
+        slope = columns.T @ left / self.variance - precision * z[self.moved]
+        return depth, slope, columns.T @ columns / self.variance + np.diag(precision)
