@@ -178,24 +178,28 @@ def weigh(model: Linear, grid: Grid, variance: float, samples: float) -> Weighed
     −samples/2 · log(2π variance) − rest / (2 variance), so that models with other variances can be compared.
     """
     found = normals(model, grid, variance, samples)
-    places = np.flatnonzero(model.positive)
-    if not model.shared.any():
-        log_each = found.log
-        if places.size:
-            part = found.factors[:, places]
-            covariance = part @ np.swapaxes(part, 1, 2)
-            log_each = log_each + _folded(found.means[:, places], covariance)
-        combos = np.arange(log_each.size)
-        return Weighed(
-            log_each, _log_sum(log_each), found.means, found.factors, combos, _damping(model, found, grid)
-        )
-    scaled = _Scaled.of(model, found)
-    combos, scales = scaled.kept()
-    means, factors = scaled.posteriors(combos, scales)
-    part = factors[:, places]
-    log_each = scaled.log[combos, scales]
-    log_each = log_each + _folded(means[:, places], part @ np.swapaxes(part, 1, 2))
-    return Weighed(log_each, _log_sum(log_each), means, factors, combos, _damping(model, found, grid))
+    return with_priors(found, model.positive, model.shared, _damping(model, found, grid))
+
+
+def with_priors(
+    found: Normals, positive: np.ndarray, shared: np.ndarray, damping: DampingLikelihood | None = None
+) -> Weighed:
+    """Normal posteriors, found under N(0, 1) priors of either sign, under the priors themselves.
+
+    positive: which scores must not be negative, (d,); shared: which have N(0, σ²) with the same unknown σ, (d,).
+    """
+    places = np.flatnonzero(positive)
+    log_each, means, factors = found.log, found.means, found.factors
+    combos = np.arange(log_each.size)
+    if shared.any():
+        scaled = _Scaled.of(found, positive, shared)
+        combos, scales = scaled.kept()
+        log_each = scaled.log[combos, scales]
+        means, factors = scaled.posteriors(combos, scales)
+    if places.size:
+        part = factors[:, places]
+        log_each = log_each + _folded(means[:, places], part @ np.swapaxes(part, 1, 2))
+    return Weighed(log_each, _log_sum(log_each), means, factors, combos, damping)
 
 
 def _folded(mean: np.ndarray, covariance: np.ndarray) -> np.ndarray:
@@ -215,12 +219,13 @@ class _Scaled:
     With u = mean + F x, x ~ N(0, I), the shared scores are m + S x. Another prior of these adds δ |m + S x|² / 2, δ =
     1/σ² − 1, to −log p, which changes x along the k directions of S = U D Wᵀ alone.
 
-    log: evidence before anything is cut off at zero, (c, s). aim: Uᵀ m, (c, k); sizes: D, (c, k); left: U, (c, k, k);
+    inside: which of the shared scores must not be negative, (i,). log: evidence before anything is cut off at zero,
+    (c, s). aim: Uᵀ m, (c, k); sizes: D, (c, k); left: U, (c, k, k);
     right: W, (c, K, k); extra: δ, (s,).
     """
 
-    model: Linear
     normals: Normals
+    inside: np.ndarray
     log: np.ndarray
     aim: np.ndarray
     sizes: np.ndarray
@@ -229,8 +234,8 @@ class _Scaled:
     extra: np.ndarray
 
     @classmethod
-    def of(cls, model: Linear, found: Normals) -> _Scaled:
-        shared = np.flatnonzero(model.shared)
+    def of(cls, found: Normals, positive: np.ndarray, shared: np.ndarray) -> _Scaled:
+        inside, shared = np.flatnonzero(positive[shared]), np.flatnonzero(shared)
         left, sizes, right = np.linalg.svd(found.factors[:, shared], full_matrices=False)
         aim = np.einsum("cij,ci->cj", left, found.means[:, shared])
         extra = 1.0 / SHARED_SIGMAS**2 - 1.0
@@ -238,18 +243,17 @@ class _Scaled:
         log = found.log[:, None] - 0.5 * np.sum(np.log(shrunk), axis=2)
         log = log - 0.5 * extra * np.sum(aim[:, None, :] ** 2 / shrunk, axis=2)
         log = log - shared.size * np.log(SHARED_SIGMAS) - np.log(SHARED_SIGMAS.size)
-        return cls(model, found, log, aim, sizes, left, np.swapaxes(right, 1, 2), extra)
+        return cls(found, inside, log, aim, sizes, left, np.swapaxes(right, 1, 2), extra)
 
     def kept(self) -> tuple[np.ndarray, np.ndarray]:
         """The combinations and scales that count, (m,) each.
 
         Evidence is bounded from above by the probability that the least likely positive score is positive.
         """
-        inside = np.flatnonzero(self.model.positive[self.model.shared])
         bound = self.log
-        if inside.size:
+        if self.inside.size:
             shrunk = 1.0 + self.extra[:, None] * self.sizes[:, None, :] ** 2
-            left = self.left[:, inside]
+            left = self.left[:, self.inside]
             mean = np.einsum("cij,csj->csi", left, self.aim[:, None, :] / shrunk)
             variance = np.einsum("cij,csj->csi", left**2, self.sizes[:, None, :] ** 2 / shrunk)
             bound = bound + log_ndtr(mean / np.sqrt(variance)).min(axis=2)
