@@ -147,15 +147,25 @@ def joined(
     probability = np.bincount(at[weighed.combos], weighed.weights, spreads.size)
     z, of = _drawn(weighed, positive, draws, np.random.default_rng(seed))
     natural = np.column_stack([p.value(z[:, i]) for i, p in enumerate(priors.values())])
+    drawn = spreads[at[of]] if spreads.size == 1 else _within_cells(at[of], np.random.default_rng([seed, 1]))
     return Repeats(
-        weighed.log_evidence, runs[0].names, natural, spreads[at[of]], combo[of], probability / probability.sum()
+        weighed.log_evidence, runs[0].names, natural, drawn, combo[of], probability / probability.sum()
     )
 
 
 def _masses() -> np.ndarray:
     """Prior probability of each spread: the half-normal's between the middles, in the logarithm, of neighbours."""
-    edges = np.concatenate([[0.0], np.sqrt(SPREADS[1:] * SPREADS[:-1]), [np.inf]])
-    return np.diff(erf(edges / (SPREAD * np.sqrt(2.0))))
+    return np.diff(erf(_edges() / (SPREAD * np.sqrt(2.0))))
+
+
+def _edges() -> np.ndarray:
+    return np.concatenate([[0.0], np.sqrt(SPREADS[1:] * SPREADS[:-1]), [np.inf]])
+
+
+def _within_cells(places: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """Spreads, (n,), anywhere in the cells that those at `places` stand for."""
+    low, high = _edges()[places], np.minimum(_edges()[places + 1], SPREADS[-1] ** 1.5 / SPREADS[-2] ** 0.5)
+    return low + (high - low) * rng.random(places.size)
 
 
 def _combos_kept(problem: _Problem, log_sizes: np.ndarray, spreads: np.ndarray) -> np.ndarray:
@@ -310,7 +320,10 @@ def _maps(priors: Mapping[str, Prior], z: np.ndarray) -> tuple[np.ndarray, np.nd
             values[i] = slopes[i] * score
             continue
         ends = prior.value(np.array([score - DERIVATIVE, score + DERIVATIVE]))
-        values[i], slopes[i] = float(prior.value(np.asarray(score))), float(np.diff(ends)[0]) / (2 * DERIVATIVE)
+        values[i], slopes[i] = (
+            float(prior.value(np.asarray(score))),
+            float(np.diff(ends)[0]) / (2 * DERIVATIVE),
+        )
     return values, slopes
 
 

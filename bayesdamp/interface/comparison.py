@@ -282,10 +282,12 @@ def compare(
             sensor=sensor,
             sample=sample,
             seed=seed,
+            repeated=len(every) > 1,
         )
         for s, unit in zip(every, units, strict=True)
     )
     if len(answers) == 1:
         return Comparison._of(answers, units, quantities)
     good = [a.of_specimen() for a in answers if a.arrays]
-    return Comparison._of(answers, units, quantities, specimen(name, good) if good else answers[0].verdict)
+    together = specimen(name, good, given, sensor, seed) if good else answers[0].verdict
+    return Comparison._of(answers, units, quantities, together)

@@ -8,9 +8,10 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from bayesdamp.config.sections import DEVIATIONS
-from bayesdamp.inference.deviation.findings import SENSOR, findings
-from bayesdamp.inference.deviation.gaussian.hyperparameters import grid_of
+from bayesdamp.inference.deviation.findings import SENSOR, Findings, findings
+from bayesdamp.inference.deviation.gaussian.linear import DampingLikelihood
 from bayesdamp.inference.deviation.numbers.rivals import place_of
+from bayesdamp.inference.deviation.numbers.run_likelihood import DampingRun, damping_run
 from bayesdamp.inference.deviation.picture import picture
 from bayesdamp.inference.deviation.quick import weighing_of
 from bayesdamp.inference.deviation.sampled.candidates import with_samples
@@ -18,6 +19,8 @@ from bayesdamp.inference.deviation.sampled.table import Posterior, posterior_of
 from bayesdamp.inference.deviation.single import Found, found_of
 from bayesdamp.inference.deviation.weighing import Known, Result, Weighing
 from bayesdamp.inference.model.defaults import Reference
+from bayesdamp.inference.repeats import RunLikelihood
+from bayesdamp.inference.specimen import OtherForm, WeighedRun
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.pipeline.not_one import no_free_decay, remark_on
 from bayesdamp.pipeline.stored_laws import packed
@@ -33,14 +36,17 @@ from bayesdamp.types import OK, InputError, Refusal, Signal
 from bayesdamp.units import UNITS, Unit
 from bayesdamp.verdict.decide import decide
 from bayesdamp.verdict.parts import Averages, Grade, Window
-from bayesdamp.verdict.specimen import FAR, Answered, OtherForm
+from bayesdamp.verdict.specimen import Answered
 from bayesdamp.verdict.types import Verdict
 
 BEYOND = 1.3
 """By which factor an amplitude that is asked for may lie outside those of the record."""
 WEIGHED = "weighing"
-SIZES = "sizes/"
-"""Before the names of arrays that say of a candidate which sizes of its deviations the record has."""
+CURVE = ("amplitude", "ratio", "low", "high", "over", "over_sd")
+RUN = "run/"
+"""Before the names of arrays that hold a candidate's likelihood of its damping, for a verdict on several records."""
+JOINABLE = 40.0
+"""Nats behind the best up to which it is kept."""
 
 
 @dataclass(frozen=True)
@@ -49,7 +55,7 @@ class Answer:
 
     candidates: each that was asked for, in the order of the question, refused ones last. rivals: other forms. fits:
     parameters of the fit of all terms, by restoring law. arrays: what its picture is drawn from, as
-    `inference.deviation.picture` leaves them, and `sizes/DAMPING@RESTORING`, as `Answered` has it. posteriors: of the
+    `inference.deviation.picture` leaves them, and of one of several records `run/DAMPING@RESTORING/...`. posteriors: of the
     candidates that were sampled, priors: of all, in words by parameter; laws: where the search for each with deviations
     ended; all by (damping, restoring).
     """
@@ -105,6 +111,7 @@ def answer(
     notes: Sequence[str] = (),
     sample: bool = True,
     made: dict[str, Weighing] | None = None,
+    repeated: bool = False,
 ) -> Answer:
     """Which damping a signal has, how large it is and how well the law holds.
 
@@ -114,8 +121,9 @@ def answer(
     name to them; priors: by parameter. sensor: relative linearity of the sensor, the floor of every rate. measured:
     whether probabilities are capped. notes: sentences on the record, for the remarks. sample: whether motions
     themselves are sampled, and not their linear model alone. made: where the weighing under linear models is left, and
-    taken from where it is there: of the same signal and arguments. Of a signal on which nothing can be said the grade
-    is `not_weighed` and the sentence says why; of one that is no free decay of one oscillator it is `no_free_decay`,
+    taken from where it is there: of the same signal and arguments. repeated: whether it is one of several records of a
+    specimen, for whose verdict each candidate's likelihood of its damping is kept. Of a signal on which nothing can be
+    said the grade is `not_weighed` and the sentence says why; of one that is no free decay of one oscillator it is `no_free_decay`,
     and nothing is weighed.
     """
     if deviation not in DEVIATIONS:
@@ -167,7 +175,7 @@ def answer(
         verdict,
         tuple(_rows(weighing)),
         _fits(weighing),
-        {**picture(weighing, found), **_sizes(weighing)},
+        {**picture(weighing, found), **(_runs(weighing, found, approximate) if repeated else {})},
         _posteriors(weighing),
         _priors(weighing),
         _laws(weighing),
@@ -203,19 +211,20 @@ def answered_from(
         return row.exact if exact or row.log_evidence is None else row.log_evidence
 
     top = max(map(log_of, rows))
-    curve = {name: arrays[name] for name in ("amplitude", "ratio", "low", "high")}
-    sizes = {
-        (r.damping, r.restoring): arrays[name]
+    curve = {name: arrays[name] for name in CURVE if name in arrays}
+    runs = {
+        (r.damping, r.restoring): run
         for r in (*rows, *rivals)
-        if (name := f"{SIZES}{r.damping}@{r.restoring}") in arrays
+        if (run := _run_from(f"{RUN}{r.damping}@{r.restoring}/", r.parameters, arrays, top)) is not None
     }
-    return Answered(
-        verdict,
+    weighed = WeighedRun(
         {(r.damping, r.restoring): log_of(r) - top for r in rows},
-        curve,
         tuple(OtherForm(r.damping, r.restoring, log_of(r) - top, r.place) for r in rivals),
-        sizes,
+        runs,
+        Reference(*map(float, arrays.get(f"{RUN}reference", (1.0, 1.0)))),
+        arrays["amplitude"],
     )
+    return Answered(verdict, weighed, curve)
 
 
 def in_base(amplitudes: Sequence[float] | None, weighing: Weighing, unit: Unit) -> tuple[float, ...] | None:
@@ -249,16 +258,47 @@ def _rivals(weighing: Weighing) -> list[WeighedCandidate]:
     ]
 
 
-def _sizes(weighing: Weighing) -> dict[str, np.ndarray]:
-    """Of each candidate, and other form, the log ratio of posterior to prior of the deviations' sizes, (c,)."""
-    prior = grid_of(len(next(iter(weighing.solvers.values())).knots)).log_prior
-    return {
-        f"{SIZES}{'+'.join(r.candidate.damping)}@{r.candidate.restoring}": np.maximum(
-            r.weighed.over_scales(prior.size) - r.weighed.log_evidence - prior, FAR
-        )
-        for r in (*weighing.results, *weighing.forms)
-        if r.weighed is not None
-    }
+def _runs(weighing: Weighing, found: Findings, approximate: bool) -> dict[str, np.ndarray]:
+    """What a verdict on several records takes of this one: of each candidate the likelihood of its damping, and how far
+    the damping is off its law along the curve."""
+    amplitudes = np.array([r.amplitude for r in found.curve])
+    arrays = {f"{RUN}reference": np.array([weighing.reference.amplitude, weighing.reference.frequency])}
+    if found.over_curve:
+        arrays |= {
+            n: np.array(c)
+            for n, c in zip(("over", "over_sd"), zip(*found.over_curve, strict=True), strict=True)
+        }
+    every = [r for r in (*weighing.results, *weighing.forms) if _counts(weighing, r)]
+    top = max(r.log_evidence for r in every)
+    for r in every:
+        run = damping_run(weighing, r, amplitudes, approximate) if r.log_evidence > top - JOINABLE else None
+        if run is None:
+            continue
+        one, likelihood = run.likelihood, run.likelihood.likelihood
+        parts = {
+            "coefficients": one.coefficients,
+            "mode": one.mode,
+            "log": likelihood.log,
+            "slope": likelihood.slope,
+            "information": likelihood.information,
+            "per_unit": run.per_unit,
+            "growth": run.growth,
+        }
+        name = f"{RUN}{'+'.join(r.candidate.damping)}@{r.candidate.restoring}"
+        arrays |= {f"{name}/{part}": np.asarray(values, float) for part, values in parts.items()}
+    return arrays
+
+
+def _run_from(
+    prefix: str, names: tuple[str, ...], arrays: Mapping[str, np.ndarray], top: float
+) -> DampingRun | None:
+    """A candidate's likelihood as `_runs` left it, less so many nats; None where it was not kept."""
+    if f"{prefix}log" not in arrays:
+        return None
+    of = {n.removeprefix(prefix): a for n, a in arrays.items() if n.startswith(prefix)}
+    likelihood = DampingLikelihood(of["log"] - top, of["slope"], of["information"])
+    run = RunLikelihood(names, of["coefficients"].astype(bool), of["mode"], likelihood)
+    return DampingRun(run, of["per_unit"], of["growth"])
 
 
 def _counts(weighing: Weighing, result: Result) -> bool:
@@ -275,6 +315,7 @@ def _row(result: Result) -> WeighedCandidate:
             result.log_evidence if result.weighed is None else result.exact_weighed.log_evidence
         ),
         rms=float((result.fit.squares / result.fit.residual.size) ** 0.5),
+        parameters=result.fit.parameters.damping_names,
     )
 
 

@@ -3,84 +3,78 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.special import logsumexp
 
-from bayesdamp.inference.deviation.gaussian.hyperparameters import LEAST_KNOTS, grid_of
-from bayesdamp.inference.model.defaults import odds
+from bayesdamp.inference.deviation.findings import SENSOR
+from bayesdamp.inference.specimen import WeighedRun, WeighedSpecimen, weigh_specimen
+from bayesdamp.priors import Prior
 from bayesdamp.verdict import thresholds
 from bayesdamp.verdict.decide import rivals_of
 from bayesdamp.verdict.parts import DampingRatio, Grade, Interval, Share
-from bayesdamp.verdict.pooled import Pooled, pooled
+from bayesdamp.verdict.pooled import pooled
 from bayesdamp.verdict.types import Verdict
 from bayesdamp.verdict.words import named, rounded, sentence
 
-FAR = -60.0
-"""Nats behind a record's best that stand for a candidate which was out of the question there."""
+DRAWS = 20_000
+"""Of a damping ratio: an end of a 95 % interval is good to 2 % of its width."""
 Curve = Mapping[str, np.ndarray]
-Each = float | np.ndarray
-"""A log evidence given each combination of the deviations' sizes, (c,); one number where there are none."""
-
-
-@dataclass(frozen=True)
-class OtherForm:
-    """A form of damping that is not compared, weighed on one record under its likeliest restoring law: log evidence
-    relative to the best sum; the sum that it comes to in a limit, if there is one."""
-
-    damping: str
-    restoring: str
-    log_evidence: float
-    place: str = ""
 
 
 @dataclass(frozen=True)
 class Answered:
-    """What was said of one record: its verdict; log evidence of each (damping, restoring law), relative to the best;
-    its damping ratio against amplitude, with arrays `amplitude`, `ratio`, `low`, `high`; other forms of damping; sizes:
-    of each of all these the log ratio of posterior to prior of the deviations' sizes, over the grid, (c,)."""
+    """What was said of one record: its verdict; what it weighed; its damping ratio against amplitude, with arrays
+    `amplitude`, `ratio`, `low`, `high`, and, where laws may hold approximately, `over` and `over_sd`: the logarithm of
+    the damping over its law's own, mean and sd."""
 
     verdict: Verdict
-    log_evidence: Mapping[tuple[str, str], float]
+    weighed: WeighedRun
     curve: Curve
-    others: tuple[OtherForm, ...] = ()
-    sizes: Mapping[tuple[str, str], np.ndarray] = field(default_factory=dict)
-
-    def of_sum(self, damping: str, restoring: str) -> Each:
-        """Log evidence of a sum given each size of the deviations; `FAR` at least in all."""
-        return self._each(max(self.log_evidence.get((damping, restoring), FAR), FAR), damping, restoring)
-
-    def of_other(self, damping: str, restoring: str, place: str) -> Each:
-        """The same of another form: under a law that it was not weighed under it is as far behind the law's best
-        sum; where it was not weighed at all, that of the sum that it comes to in a limit."""
-        for one in self.others:
-            if one.damping == damping:
-                behind = one.log_evidence - self._best(one.restoring) + self._best(restoring)
-                return self._each(max(behind, FAR), damping, one.restoring)
-        return self.of_sum(place, restoring) if place else FAR
-
-    def _each(self, log_evidence: float, damping: str, restoring: str) -> Each:
-        return log_evidence + self.sizes.get((damping, restoring), 0.0)
-
-    def _best(self, restoring: str) -> float:
-        return max([v for (_, law), v in self.log_evidence.items() if law == restoring], default=FAR)
 
 
-def specimen(name: str, records: Sequence[Answered]) -> Verdict:
-    """The verdict on a specimen: one damping for all records, whose sizes differ from record to record by a spread that
-    is inferred. The interval of a ratio is what one more record would give.
+def specimen(
+    name: str,
+    records: Sequence[Answered],
+    priors: Mapping[str, Prior] | None = None,
+    sensor: float = SENSOR,
+    seed: int = 0,
+) -> Verdict:
+    """The verdict on a specimen: one damping for all records, times a factor for each whose spread is inferred.
 
-    Raises ValueError where there is no record.
+    Parameters
+    ----------
+    name
+        Of the specimen.
+    records
+        Answers on its records.
+    priors
+        That are stated, by parameter.
+    sensor
+        Relative linearity of the sensor, the same in all records: no ratio is known better.
+
+    Raises
+    ------
+    ValueError
+        Where there is no record.
     """
     if not records:
         raise ValueError("a specimen needs a record with a verdict")
-    damping, restoring, others = _probabilities(records)
+    weighed = weigh_specimen([r.weighed for r in records], priors, seed=seed)
+    return verdict_on(name, records, weighed, sensor, seed)
+
+
+def verdict_on(
+    name: str, records: Sequence[Answered], weighed: WeighedSpecimen, sensor: float = SENSOR, seed: int = 0
+) -> Verdict:
+    """The verdict on a specimen that was weighed. Arguments as of `specimen`."""
+    damping, restoring, others = _probabilities(weighed)
     first, probability = next(iter(damping.items()))
     own = [r.verdict for r in records]
     worst = max(own, key=lambda v: list(Grade).index(v.grade))
     grade = worst.grade
     decided = probability >= thresholds.DECIDED and grade is not Grade.DEVIATES
+    ratios, following = _ratios(records, weighed, sensor if _approximate(records) else 0.0, seed)
     verdict = Verdict(
         record=name,
         grade=grade,
@@ -93,9 +87,10 @@ def specimen(name: str, records: Sequence[Answered]) -> Verdict:
         restoring=next(iter(restoring)),
         restoring_probability=min(next(iter(restoring.values())), thresholds.CAP),
         frequency=_pooled_interval([v.frequency for v in own]),
-        exponent=_pooled_interval([v.exponent for v in own]),
-        damping_ratio=_ratios(records),
-        energy=_energy(own, damping | others),
+        damping_ratio=ratios,
+        next_record=following,
+        spread=_spread(weighed) if len(records) > 1 else None,
+        energy=_energy(own, damping),
         deviation=_largest([v.deviation for v in own]),
         unnamed=_largest([v.unnamed for v in own]),
         unexplained_pct=max(v.unexplained_pct for v in own),
@@ -103,31 +98,25 @@ def specimen(name: str, records: Sequence[Answered]) -> Verdict:
         remarks=_remarks(records, max(damping | others, key=lambda n: (damping | others)[n])),
         records=len(records),
     )
+    said = _of_runs(verdict)
+    verdict = replace(verdict, remarks=(*said, *verdict.remarks))
     return replace(verdict, sentence=sentence(verdict))
 
 
+def _approximate(records: Sequence[Answered]) -> bool:
+    return all("over" in r.curve for r in records)
+
+
 def _probabilities(
-    records: Sequence[Answered],
+    weighed: WeighedSpecimen,
 ) -> tuple[dict[str, float], dict[str, float], dict[str, float]]:
     """Of each sum, of each law and of each other form of damping, the same for all records."""
-    names = {key for r in records for key in r.log_evidence}
-    places = {one.damping: one.place for r in records for one in r.others}
-    logs: dict[tuple[str, str], float] = {}
-    for damping, law in names:
-        total = _over_sizes([r.of_sum(damping, law) for r in records])
-        logs[damping, law] = total + float(np.log(odds(damping.split("+"))))
-    for law in {law for _, law in names}:
-        for damping, place in places.items():
-            total = _over_sizes([r.of_other(damping, law, place) for r in records])
-            logs[damping, law] = total + float(np.log(odds(damping.split("+"), len(places))))
-    top = max(logs.values())
-    weight = {key: float(np.exp(v - top)) for key, v in logs.items()}
-    total = sum(weight.values())
+    places = {one.damping for r in weighed.records for one in r.others}
     by_damping: dict[str, float] = {}
     by_law: dict[str, float] = {}
-    for (damping, law), w in weight.items():
-        by_damping[damping] = by_damping.get(damping, 0.0) + w / total
-        by_law[law] = by_law.get(law, 0.0) + w / total
+    for (damping, law), p in weighed.probability.items():
+        by_damping[damping] = by_damping.get(damping, 0.0) + p
+        by_law[law] = by_law.get(law, 0.0) + p
     ordered = [dict(sorted(one.items(), key=lambda item: -item[1])) for one in (by_damping, by_law)]
     sums, others = (
         {n: p for n, p in ordered[0].items() if (n in places) is other} for other in (False, True)
@@ -135,15 +124,15 @@ def _probabilities(
     return sums, ordered[1], others
 
 
-def _over_sizes(each: Sequence[Each]) -> float:
-    """Log evidence of a damping and a law on all records, whose deviations have sizes and a length in common: by how
-    much a damper departs from its law is its own, not the record's. With sizes for each record anew, every further
-    record would count once more against a law that the damper follows approximately.
-    """
-    total = np.asarray(sum(each))
-    return (
-        float(np.asarray(logsumexp(total + grid_of(LEAST_KNOTS).log_prior))) if total.ndim else float(total)
-    )
+def _spread(weighed: WeighedSpecimen) -> Interval:
+    """Relative spread between records (standard deviation), over every damping that was joined."""
+    shares = {m: weighed.probability[m] for m in weighed.repeats}
+    every = np.concatenate([weighed.repeats[m].spreads for m in shares])
+    weight = np.concatenate([np.full(weighed.repeats[m].spreads.size, p) for m, p in shares.items()])
+    order = np.argsort(every)
+    at = np.cumsum(weight[order]) / weight.sum()
+    value, low, high = (float(np.interp(q, at, every[order])) for q in (0.5, 0.025, 0.975))
+    return Interval(value, low, high)
 
 
 def _common(records: Sequence[Answered]) -> np.ndarray:
@@ -157,34 +146,56 @@ def _common(records: Sequence[Answered]) -> np.ndarray:
     return high * np.exp(-span * np.array([0.1, 0.5, 0.9]))
 
 
-def at_amplitude(curve: Curve, amplitude: float) -> tuple[float, float]:
-    """A curve's log ratio and the sd of it at an amplitude, by interpolation in the logarithm."""
-    order = np.argsort(curve["amplitude"])
-    x = np.log(curve["amplitude"][order])
-    value, low, high = (np.log(np.maximum(curve[n][order], 1e-300)) for n in ("ratio", "low", "high"))
-    at = np.log(amplitude)
-    return float(np.interp(at, x, value)), float(np.interp(at, x, (high - low) / 3.92))
+def _ratios(
+    records: Sequence[Answered], weighed: WeighedSpecimen, sensor: float, seed: int
+) -> tuple[tuple[DampingRatio, ...], tuple[DampingRatio, ...]]:
+    """The specimen's damping ratio at three amplitudes, and what one more record would have there.
 
-
-def _ratios(records: Sequence[Answered]) -> tuple[DampingRatio, ...]:
+    The law's own ratio is drawn from the joint posterior; by how much the damping at an amplitude is off its law is
+    pooled over the records.
+    """
     unit = next((v.damping_ratio[0].unit for v in (r.verdict for r in records) if v.damping_ratio), "rad")
-    found = []
-    for amplitude in _common(records):
-        logs, sds = np.array([at_amplitude(r.curve, float(amplitude)) for r in records]).T
-        p: Pooled = pooled(logs, sds)
-        value = float(np.exp(p.mean))
-        found.append(
-            DampingRatio(
-                float(amplitude),
-                unit,
-                value,
-                value * p.sd,
-                value * p.spread,
-                float(np.exp(p.low)),
-                float(np.exp(p.high)),
-            )
-        )
-    return tuple(found)
+    found, following = [], []
+    for row, amplitude in enumerate(_common(records)):
+        rng = np.random.default_rng([seed, row])
+        law, spreads = weighed.ratios(float(amplitude), DRAWS, seed)
+        own = law.copy()
+        scatter = np.zeros(DRAWS)
+        if _approximate(records):
+            p = pooled(*np.array([_over_at(r.curve, float(amplitude)) for r in records]).T)
+            own = own * np.exp(p.mean + p.sd * rng.standard_normal(DRAWS))
+            scatter = np.full(DRAWS, p.spread)
+        own = own * (1 + sensor * rng.standard_normal(DRAWS))
+        more = own * np.exp(np.hypot(spreads, scatter) * rng.standard_normal(DRAWS))
+        noise = float(np.std(law))
+        for draws, rows in ((own, found), (more, following)):
+            value, low, high = (float(q) for q in np.quantile(draws, (0.5, 0.025, 0.975)))
+            rest = float(np.sqrt(max(float(np.std(draws)) ** 2 - noise**2, 0.0)))
+            rows.append(DampingRatio(float(amplitude), unit, value, noise, rest, low, high))
+    return tuple(found), tuple(following)
+
+
+def _over_at(curve: Curve, amplitude: float) -> tuple[float, float]:
+    """Mean and sd of the logarithm of the damping over its law's own at an amplitude, by interpolation."""
+    order = np.argsort(curve["amplitude"])
+    x, at = np.log(curve["amplitude"][order]), np.log(amplitude)
+    return float(np.interp(at, x, curve["over"][order])), float(np.interp(at, x, curve["over_sd"][order]))
+
+
+def _of_runs(v: Verdict) -> tuple[str, ...]:
+    """How much records differ, and what one more would give."""
+    if v.spread is None:
+        return ()
+    value, low, high = (rounded(100 * x) for x in (v.spread.value, v.spread.low, v.spread.high))
+    said = f"The damping differs between records by {value} % (standard deviation; 95 %: {low} to {high} %)."
+    if not v.next_record:
+        return (said,)
+    r = v.next_record[len(v.next_record) // 2]
+    ends = " to ".join(rounded(100 * x) for x in (r.low, r.high))
+    return (
+        said,
+        f"One more record would have a damping ratio of {ends} % at {rounded(r.amplitude)} {r.unit} (95 %).",
+    )
 
 
 def _pooled_interval(given: Sequence[Interval | None]) -> Interval | None:
@@ -214,16 +225,8 @@ def _energy(own: Sequence[Verdict], damping: Mapping[str, float]) -> tuple[Share
 
 
 def _remarks(records: Sequence[Answered], likeliest: str) -> tuple[str, ...]:
-    """How much records differ, and what they are by themselves where that is not what is likeliest for all."""
+    """What records are by themselves where that is not what is likeliest for all."""
     said = []
-    if len(records) > 1:
-        amplitude = float(_common(records)[1])
-        p = pooled(*np.array([at_amplitude(r.curve, amplitude) for r in records]).T)
-        value, low, high = (rounded(100 * x) for x in (p.spread, p.spread_low, p.spread_high))
-        said.append(
-            f"From record to record the damping ratio at the middle amplitude differs by {value} % (standard "
-            f"deviation; 95 %: {low} to {high} %)."
-        )
     alone: dict[str, list[str]] = {}
     for r in records:
         v = r.verdict

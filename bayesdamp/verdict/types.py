@@ -44,7 +44,8 @@ class Verdict:
     explains. unexplained_pct, noise_pct: root mean square beyond the noise, and of the noise, in % of the amplitude.
     frequency: of small oscillations, by the restoring law; frequency_at: at the last of the ratios' amplitudes.
     midline_drift_pct: by how much the midline moves over the record, in % of the first amplitude, 0 where that is not
-    seen.
+    seen. Of several records next_record is the damping ratio that one more would have, and spread the relative standard
+    deviation of the damping between them.
     """
 
     record: str
@@ -58,6 +59,8 @@ class Verdict:
     frequency: Interval | None = None
     exponent: Interval | None = None
     damping_ratio: tuple[DampingRatio, ...] = ()
+    next_record: tuple[DampingRatio, ...] = ()
+    spread: Interval | None = None
     energy: tuple[Share, ...] = ()
     other_forms: tuple[Bound, ...] = ()
     deviation: Interval | None = None
@@ -107,7 +110,7 @@ class Verdict:
             "remarks": " ".join(self.remarks),
             "sentence": self.sentence,
         }
-        for name in ("frequency", "frequency_at", "exponent", "deviation", "unnamed"):
+        for name in ("frequency", "frequency_at", "exponent", "deviation", "unnamed", "spread"):
             one = getattr(self, name)
             if one is not None:
                 found |= {name: one.value, f"{name}_low": one.low, f"{name}_high": one.high}
@@ -115,6 +118,8 @@ class Verdict:
             found |= {f"amplitude_{i}": ratio.amplitude, f"unit_{i}": ratio.unit}
             found |= {f"ratio_{i}": ratio.value, f"ratio_{i}_low": ratio.low, f"ratio_{i}_high": ratio.high}
             found |= {f"ratio_{i}_sd_noise": ratio.sd_noise, f"ratio_{i}_sd_law": ratio.sd_law}
+        for i, ratio in enumerate(self.next_record[:3], start=1):
+            found |= {f"ratio_{i}_next_low": ratio.low, f"ratio_{i}_next_high": ratio.high}
         if self.window is not None:
             found |= {"start": self.window.start, "stop": self.window.stop, "cycles": self.window.cycles}
         return found
@@ -201,6 +206,7 @@ _SINGLE = {
     "exponent": Interval,
     "deviation": Interval,
     "unnamed": Interval,
+    "spread": Interval,
     "window": Window,
     "averages": Averages,
     "over_law": OverLaw,
@@ -208,6 +214,7 @@ _SINGLE = {
 _LISTS = {
     "rivals": Rival,
     "damping_ratio": DampingRatio,
+    "next_record": DampingRatio,
     "energy": Share,
     "other_forms": Bound,
     "coefficients": Coefficient,

@@ -24,6 +24,7 @@ def in_unit(v: Verdict, unit: Unit) -> Verdict:
     if not amplitudes or own.base == own.name or any(r.unit != own.base for r in amplitudes):
         return v
     ratios = tuple(replace(r, amplitude=r.amplitude * own.scale, unit=own.name) for r in v.damping_ratio)
+    following = tuple(replace(r, amplitude=r.amplitude * own.scale, unit=own.name) for r in v.next_record)
     modes = tuple(
         replace(m, first=m.first * own.scale, last=m.last * own.scale, unit=own.name) for m in v.modes
     )
@@ -31,7 +32,9 @@ def in_unit(v: Verdict, unit: Unit) -> Verdict:
     at = None if at is None else replace(at, amplitude=at.amplitude * own.scale, unit=own.name)
     over = v.over_law
     over = None if over is None else replace(over, amplitude=over.amplitude * own.scale, unit=own.name)
-    shown = replace(v, damping_ratio=ratios, modes=modes, frequency_at=at, over_law=over)
+    shown = replace(
+        v, damping_ratio=ratios, next_record=following, modes=modes, frequency_at=at, over_law=over
+    )
     return replace(shown, sentence=sentence(shown))
 
 

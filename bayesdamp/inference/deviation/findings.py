@@ -16,7 +16,13 @@ from bayesdamp.inference.deviation.numbers.curves import (
     share_of_time,
     values_of,
 )
-from bayesdamp.inference.deviation.numbers.deviations import left_over, midline_drift, over_laws, size_of
+from bayesdamp.inference.deviation.numbers.deviations import (
+    left_over,
+    midline_drift,
+    off_laws,
+    over_laws,
+    size_of,
+)
 from bayesdamp.inference.deviation.numbers.draws import (
     DRAWS,
     Drawn,
@@ -58,7 +64,8 @@ class Findings:
     quantiles of the exponent, equidistant in probability, none where there is no exponent; midline: by how much it
     drifts over the record, as a share of the first amplitude, 0 where that is not seen. frequency: of small
     oscillations, frequency_at: at the last of the ratios' amplitudes, Hz. over_laws: how many times the law's own the
-    damping is at the ratios' amplitudes.
+    damping is at the ratios' amplitudes; over_curve: mean and sd of the logarithm of the same along the curve, about
+    the deviation's mean over the knots.
     """
 
     damping: Mapping[str, float]
@@ -89,6 +96,7 @@ class Findings:
     midline: float = 0.0
     frequency_at: Quantity | None = None
     over_laws: tuple[Quantity, ...] = ()
+    over_curve: tuple[tuple[float, float], ...] = ()
 
 
 def default_amplitudes(weighing: Weighing) -> tuple[float, float, float]:
@@ -151,6 +159,9 @@ def findings(
         bound=forms | absent,
         deviation=quantity(size),
         over_laws=over_laws(weighing, every, wanted, np.random.default_rng([seed, 3])) if approximate else (),
+        over_curve=off_laws(weighing, every, _grid(weighing), np.random.default_rng([seed, 4]))
+        if approximate
+        else (),
         restoring_deviation=quantity(size_h),
         other=float(np.quantile(size, 0.95)),
         coefficients=_coefficients(weighing, drawn, best),

@@ -75,6 +75,11 @@ class Parameters:
         own = {n for t in terms for n in (t.parameter, *(p.name for p in t.inferred))}
         return np.array([n in own for n in self.free_names], bool)
 
+    @property
+    def damping_names(self) -> tuple[str, ...]:
+        """Names of the inferred parameters of damping terms."""
+        return tuple(n for n, yes in zip(self.free_names, self.damping, strict=True) if yes)
+
     def log_prior(self, z: np.ndarray) -> np.ndarray:
         """Log density of scores z, (..., d), shape (...); −∞ where a score that must not be negative is."""
         return log_prior_of(z, self.positive, self.shared)

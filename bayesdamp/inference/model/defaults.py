@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from bayesdamp.inference.noise import NOISES
+from bayesdamp.physics.damping import TERMS
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.priors import LogNormal, LogUniform, Normal, Prior, SharedHalfNormal
 from bayesdamp.records.oscillation.features import Features
@@ -13,7 +14,9 @@ from bayesdamp.records.reference import Reference, reference_of
 __all__ = [
     "EPSILON_RANGE",
     "EPSILON_SHARE",
+    "FURTHER_TERM",
     "Reference",
+    "damping_priors",
     "default_prior",
     "odds",
     "reference_of",
@@ -29,6 +32,16 @@ OTHERS = 0.1
 """Prior weight of all other forms of damping together beside one sum."""
 
 
+def damping_priors(terms: Sequence[str], reference: Reference) -> dict[str, Prior]:
+    """Return the default priors of damping terms: coefficients first, then the terms' own parameters."""
+    a, w = reference.amplitude, reference.frequency
+    every = [TERMS.get(name) for name in terms]
+    found: dict[str, Prior] = {
+        t.parameter: SharedHalfNormal(per_ratio=1.0 / t.ratio_per_unit(a, w)) for t in every
+    }
+    return found | {p.name: p.prior(a, w) for t in every for p in t.inferred}
+
+
 def default_prior(name: str, osc: Oscillator, noise: str, reference: Reference, features: Features) -> Prior:
     """The default prior of a parameter. Raises KeyError for a name without one.
 
@@ -36,12 +49,9 @@ def default_prior(name: str, osc: Oscillator, noise: str, reference: Reference, 
     and be as large as the stiffness.
     """
     a, w = reference.amplitude, reference.frequency
-    for term in osc.terms:
-        if term.parameter == name:
-            return SharedHalfNormal(per_ratio=1.0 / term.ratio_per_unit(a, w))
-        for parameter in term.inferred:
-            if parameter.name == name:
-                return parameter.prior(a, w)
+    of_damping = damping_priors([term.name for term in osc.terms], reference)
+    if name in of_damping:
+        return of_damping[name]
     priors: Mapping[str, Prior] = {
         "stiffness": LogNormal(median=w**2, sigma=0.5),
         "gravity": Normal(mean=0.0, sd=0.5 * w**2),

@@ -77,6 +77,7 @@ class AnswerCell:
             systems,
             self.approximate,
             self.study.posterior.sensor,
+            bool(self.spec.specimen),
         )
         named = [*map(TERMS.source, self._terms), *map(LAWS.source, self.spec.restoring)]
         named += [*map(TERMS.source, others())]
@@ -138,6 +139,7 @@ class AnswerCell:
             notes=record.content.anomalies,
             sample=self.sample,
             made=self._made(),
+            repeated=bool(self.spec.specimen),
         )
 
     def _made(self) -> dict[str, Weighing]:
@@ -150,14 +152,19 @@ class AnswerCell:
 
 def priors_given(study: Study, spec: SignalSpec, record: Record) -> dict[str, Prior]:
     """The priors that a study states for a record, by parameter."""
-    given: dict[str, Prior] = {
+    given = stated_priors(study)
+    for law in spec.restoring:
+        given |= {k: p for k, p in record.system(law).free.items() if p is not None}  # type: ignore[misc]
+    return given
+
+
+def stated_priors(study: Study) -> dict[str, Prior]:
+    """The priors of damping terms that a study states, by parameter."""
+    return {
         TERMS.get(t).parameter if t in TERMS.names() else t: p
         for t, p in study.models.prior.items()
         if p is not None
     }
-    for law in spec.restoring:
-        given |= {k: p for k, p in record.system(law).free.items() if p is not None}  # type: ignore[misc]
-    return given
 
 
 def answer_cell(store: Store, signal: str, repeat: int) -> CellResult | None:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from bayesdamp.config import SignalSpec, Study
-from bayesdamp.pipeline.records.answering import answered_of, arrays_of, verdict_of
+from bayesdamp.pipeline.records.answering import answered_of, arrays_of, stated_priors, verdict_of
+from bayesdamp.pipeline.records.records import cell_seed
 from bayesdamp.store import DAMPING_CURVES, VERDICTS, Store, write_json, write_table
 from bayesdamp.units import UNITS, Unit
 from bayesdamp.verdict.specimen import specimen
@@ -25,9 +26,11 @@ def write_verdicts(study: Study, store: Store) -> None:
                 found.append(verdict)
                 units.append(unit_of(spec))
     for name, specs in repeated_specs(study).items():
-        answered = [a for a in (answered_of(store, spec.name, 0) for spec in specs) if a is not None]
+        every = (answered_of(store, spec.name, repeat) for spec in specs for repeat in range(spec.repeats))
+        answered = [a for a in every if a is not None]
         if len(answered) > 1:
-            found.append(specimen(name, answered))
+            seed = cell_seed(study, f"specimen/{name}")
+            found.append(specimen(name, answered, stated_priors(study), study.posterior.sensor, seed))
             own = {unit_of(spec) for spec in specs}
             units.append(own.pop() if len(own) == 1 else UNITS[unit_of(specs[0]).base])
     if not found:
@@ -70,4 +73,4 @@ def repeated_specs(study: Study) -> dict[str, list[SignalSpec]]:
     for spec in study.signals:
         if spec.specimen:
             found.setdefault(spec.specimen, []).append(spec)
-    return {name: specs for name, specs in found.items() if len(specs) > 1}
+    return {name: specs for name, specs in found.items() if sum(s.repeats for s in specs) > 1}

@@ -15,7 +15,8 @@ from bayesdamp.types import OK
 class WeighedCandidate:
     """A damping sum under a restoring law: log evidence (nats) under approximate laws, None where they were taken to
     hold exactly, and under exact ones; rms of the plain fit, in the record's unit. place: of another form of damping
-    than those that are compared, the sum that it comes to in a limit, if there is one."""
+    than those that are compared, the sum that it comes to in a limit, if there is one. parameters: those of the damping
+    that are inferred."""
 
     damping: str
     restoring: str
@@ -24,6 +25,7 @@ class WeighedCandidate:
     rms: float | None = None
     outcome: str = OK
     place: str = ""
+    parameters: tuple[str, ...] = ()
 
     @property
     def exact(self) -> float:

@@ -42,6 +42,21 @@ def over_laws(
     return tuple(found)
 
 
+def off_laws(
+    weighing: Weighing, drawn: Sequence[Drawn], amplitudes: Sequence[float], rng: np.random.Generator
+) -> tuple[tuple[float, float], ...]:
+    """Mean and sd of the log of the damping ratio over that of the coefficients alone, at amplitudes (rad or m)."""
+    found = []
+    for a in amplitudes:
+        each = []
+        for d in drawn:
+            share = share_of_time(weighing, d.result, a)
+            each.append(at_share(d.g, share) + between_knots(d.g, rng) - np.log1p(at_share(d.h, share)))
+        values = np.concatenate(each)
+        found.append((float(values.mean()), float(values.std())))
+    return tuple(found)
+
+
 def _energies(weighing: Weighing, result: Result, knots: int) -> np.ndarray:
     """Shares of the oscillation's energy at equidistant knots, (k,)."""
     at, sizes = times_of(result)

@@ -1,0 +1,283 @@
+"""Which damping a specimen has, from several runs: evidence that integrates over one set of coefficients once."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from bayesdamp.inference.deviation.gaussian.hyperparameters import LEAST_KNOTS, grid_of
+from bayesdamp.inference.deviation.numbers.run_likelihood import DampingRun
+from bayesdamp.inference.model.defaults import Reference, damping_priors, odds
+from bayesdamp.inference.repeats import Repeats, RunLikelihood, joined
+from bayesdamp.physics.damping import TERMS
+from bayesdamp.priors import Prior
+
+FAR = -60.0
+"""Nats behind a record's best that stand for a candidate which was out of the question there."""
+REACH = 25.0
+"""Nats behind the best from which a candidate is not joined: its runs' largest likelihoods already tell."""
+Model = tuple[str, str]
+"""A damping sum and a restoring law."""
+
+
+@dataclass(frozen=True)
+class OtherForm:
+    """A form of damping that is not compared, weighed on one record under its likeliest restoring law: log evidence
+    relative to the best sum; the sum that it comes to in a limit, if there is one."""
+
+    damping: str
+    restoring: str
+    log_evidence: float
+    place: str = ""
+
+
+@dataclass(frozen=True)
+class WeighedRun:
+    """What one run says of every damping.
+
+    log_evidence: of each damping and law by itself, relative to the best; others: other forms of damping; runs: of
+    those that count the likelihood of the damping, in nats relative to the same best; reference: of the run's priors;
+    amplitudes: at which damping ratios per unit are known, falling, (a,).
+    """
+
+    log_evidence: Mapping[Model, float]
+    others: tuple[OtherForm, ...] = ()
+    runs: Mapping[Model, DampingRun] = field(default_factory=dict)
+    reference: Reference = field(default_factory=lambda: Reference(1.0, 1.0))
+    amplitudes: np.ndarray = field(default_factory=lambda: np.ones(1))
+
+    def best(self, restoring: str) -> float:
+        """Log evidence of the best sum under a law; `FAR` where none was weighed."""
+        return max([v for (_, law), v in self.log_evidence.items() if law == restoring], default=FAR)
+
+    def run_of(self, damping: str, restoring: str) -> DampingRun | None:
+        """The likelihood of a damping under a law. Another form that was weighed under another law is taken to be as
+        far behind the law's best sum as it is there. None where there is none."""
+        found = self.runs.get((damping, restoring))
+        if found is not None:
+            return found
+        for one in self.others:
+            run = self.runs.get((damping, one.restoring)) if one.damping == damping else None
+            if run is not None:
+                gap = self.best(restoring) - self.best(one.restoring)
+                return replace(run, likelihood=run.likelihood.shifted(gap))
+        return None
+
+    def missing(self, damping: str, restoring: str) -> float:
+        """Log evidence that stands for a damping which this run did not weigh: that of the sum to which it comes in a
+        limit, else `FAR`; both with coefficients of the run's own."""
+        places = {one.damping: one.place for one in self.others}
+        own = self.log_evidence.get((damping, restoring))
+        place = self.log_evidence.get((places.get(damping, ""), restoring), FAR)
+        return max(place if own is None else own, FAR)
+
+
+@dataclass(frozen=True)
+class WeighedSpecimen:
+    """Every damping and law on all runs.
+
+    log_evidence: nats, integrated once over the coefficients that runs have in common; repeats: the posteriors of those
+    that were joined; runs: of these each run's likelihood, at the specimen's reference.
+    """
+
+    records: tuple[WeighedRun, ...]
+    log_evidence: Mapping[Model, float]
+    probability: Mapping[Model, float]
+    repeats: Mapping[Model, Repeats]
+    runs: Mapping[Model, tuple[DampingRun, ...]]
+    reference: Reference
+
+    def ratios(self, amplitude: float, count: int, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
+        """Draws of the specimen's damping ratio at an amplitude under its laws, over every damping, and of the spread
+        that belongs to each, (n,) both."""
+        rng = np.random.default_rng(seed)
+        chosen = {m: p for m, p in self.probability.items() if m in self.repeats}
+        shares = np.array(list(chosen.values()))
+        numbers = rng.multinomial(count, shares / shares.sum())
+        values, spreads = [], []
+        for model, number in zip(chosen, numbers, strict=True):
+            if number:
+                found = self.repeats[model]
+                rows = rng.choice(len(found.draws), number)
+                values.append(self._ratio(model, amplitude, found.draws[rows]))
+                spreads.append(found.spreads[rows])
+        return np.concatenate(values), np.concatenate(spreads)
+
+    def _ratio(self, model: Model, amplitude: float, draws: np.ndarray) -> np.ndarray:
+        """The geometric mean over the runs' own restoring laws."""
+        logs = []
+        for record, run in zip(self.records, self.runs[model], strict=True):
+            good = np.all(np.isfinite(run.per_unit), axis=1)
+            order = np.flatnonzero(good)[np.argsort(record.amplitudes[good])]
+            at = np.interp(np.log(amplitude), np.log(record.amplitudes[order]), np.arange(order.size))
+            low = min(int(at), max(order.size - 2, 0))
+            high, share = min(low + 1, order.size - 1), at - low
+            ends = [np.log(np.maximum(run.ratio(int(order[i]), draws), 1e-300)) for i in (low, high)]
+            logs.append((1 - share) * ends[0] + share * ends[1])
+        return np.exp(np.mean(logs, axis=0))
+
+
+def weigh_specimen(
+    records: Sequence[WeighedRun],
+    given: Mapping[str, Prior] | None = None,
+    *,
+    spread: float | None = None,
+    seed: int = 0,
+) -> WeighedSpecimen:
+    """Weigh every damping and law on several runs of one specimen.
+
+    Parameters
+    ----------
+    records
+        One or more.
+    given
+        Priors that are stated, by parameter; the others are the default ones at the geometric mean of the runs'
+        references.
+    spread
+        Of the logarithm of a run's factor where it is known; else it is inferred.
+    """
+    reference = Reference(
+        *(
+            float(np.exp(np.mean(np.log([getattr(r.reference, n) for r in records]))))
+            for n in ("amplitude", "frequency")
+        )
+    )
+    places = {one.damping for r in records for one in r.others}
+    laws = {law for r in records for _, law in r.log_evidence}
+    models = {m for r in records for m in r.log_evidence} | {(d, law) for law in laws for d in places}
+    own = {m: sum(r.log_evidence.get(m, r.missing(*m)) for r in records) for m in models}
+    logs: dict[Model, float] = {}
+    repeats: dict[Model, Repeats] = {}
+    runs: dict[Model, tuple[DampingRun, ...]] = {}
+    best = -np.inf
+    for model in sorted(models, key=lambda m: (-own[m], m)):
+        found = [r.run_of(*model) for r in records]
+        known = [
+            _at_reference(run, model[0], r.reference, reference)
+            for r, run in zip(records, found, strict=True)
+            if run is not None
+        ]
+        rest = sum(r.missing(*model) for r, run in zip(records, found, strict=True) if run is None)
+        most = rest + sum(float(_largest(run.likelihood)) for run in known)
+        if not known or most + _prior(model[0], len(places), model[0] in places) < best - REACH:
+            logs[model] = min(own[model], most)
+            continue
+        priors = damping_priors(model[0].split("+"), reference)
+        priors = {n: (given or {}).get(n, p) for n, p in priors.items()}
+        likelihoods, log_sizes = _alike([run.likelihood for run in known], tuple(priors))
+        one = joined(likelihoods, priors, log_sizes, spread=spread, seed=seed)
+        logs[model] = one.log_evidence + rest
+        best = max(best, logs[model] + _prior(model[0], len(places), model[0] in places))
+        if len(known) == len(records):
+            repeats[model] = one
+            runs[model] = tuple(replace(run, **_ordered(run, one.names)) for run in known)
+    weights = {m: v + _prior(m[0], len(places), m[0] in places) for m, v in logs.items()}
+    top = max(weights.values())
+    total = sum(np.exp(v - top) for v in weights.values())
+    probability = {m: float(np.exp(v - top) / total) for m, v in weights.items()}
+    return WeighedSpecimen(tuple(records), logs, probability, repeats, runs, reference)
+
+
+def _prior(damping: str, others: int, other: bool) -> float:
+    return float(np.log(odds(damping.split("+"), others if other else 0)))
+
+
+def _largest(run: RunLikelihood) -> float:
+    """The largest log likelihood of a run, whatever its damping and the deviations' sizes."""
+    found = run.likelihood
+    scale = np.sqrt(np.maximum(np.diagonal(found.information, axis1=1, axis2=2), 1e-300))
+    part = found.information / (scale[:, :, None] * scale[:, None, :]) + 1e-10 * np.eye(scale.shape[1])
+    aim = found.slope / scale
+    gain = 0.5 * np.sum(aim * np.linalg.solve(part, aim[:, :, None])[:, :, 0], axis=1)
+    return float(np.max(found.log + gain))
+
+
+def _alike(runs: Sequence[RunLikelihood], names: tuple[str, ...]) -> tuple[list[RunLikelihood], np.ndarray]:
+    """Runs with their parameters in one order and the same combinations of the deviations' sizes, whose log prior
+    probabilities come with them: all of them, or, where a run has none, that laws hold exactly."""
+    ordered = [replace(r, **_in_order(r, names)) for r in runs]
+    sizes = {r.likelihood.log.size for r in ordered}
+    if len(sizes) > 1:
+        first = [
+            replace(
+                r,
+                likelihood=replace(
+                    r.likelihood,
+                    log=r.likelihood.log[:1],
+                    slope=r.likelihood.slope[:1],
+                    information=r.likelihood.information[:1],
+                ),
+            )
+            for r in ordered
+        ]
+        return first, np.zeros(1)
+    return ordered, np.zeros(1) if sizes == {1} else grid_of(LEAST_KNOTS).log_prior
+
+
+def _in_order(run: RunLikelihood, names: tuple[str, ...]) -> dict[str, object]:
+    places = [run.names.index(n) for n in names]
+    found = run.likelihood
+    return {
+        "names": names,
+        "coefficients": run.coefficients[places],
+        "mode": run.mode[places],
+        "likelihood": replace(
+            found, slope=found.slope[:, places], information=found.information[:, places][:, :, places]
+        ),
+    }
+
+
+def _ordered(run: DampingRun, names: tuple[str, ...]) -> dict[str, object]:
+    places = [run.likelihood.names.index(n) for n in names]
+    return {
+        "likelihood": replace(run.likelihood, **_in_order(run.likelihood, names)),
+        "per_unit": run.per_unit[:, places],
+        "growth": run.growth[:, places],
+    }
+
+
+def _at_reference(run: DampingRun, damping: str, own: Reference, common: Reference) -> DampingRun:
+    """A run with the coefficients that its terms have at another reference.
+
+    The force of a term such as a power of the velocity is written with a reference velocity: its coefficient at
+    another one is larger by a factor that depends on the exponent. To first order about the run's own best motion.
+    """
+    names = run.likelihood.names
+    jacobian, moved = np.eye(len(names)), run.likelihood.mode.copy()
+    per_unit, growth = run.per_unit.copy(), run.growth.copy()
+    for term in (TERMS.get(t) for t in damping.split("+")):
+        if not {"reference_velocity", "reference_amplitude"} & set(term.given):
+            continue
+        place = names.index(term.parameter)
+        further = [names.index(p.name) for p in term.inferred]
+
+        def factor(values: np.ndarray, term=term, further=further) -> float:
+            known = {names[i]: float(values[i]) for i in further}
+            work = [
+                term.work(common.amplitude, common.frequency, {**r.scales(0.0), **known})
+                for r in (own, common)
+            ]
+            return work[0] / work[1]
+
+        at = factor(run.likelihood.mode)
+        moved[place] *= at
+        jacobian[place, place] = at
+        per_unit[:, place] /= at
+        for i in further:
+            step = 1e-4
+            changed = run.likelihood.mode.copy()
+            changed[i] += step
+            slope = float(np.log(factor(changed) / at)) / step
+            jacobian[place, i] = moved[place] * slope
+            growth[:, i] -= slope
+    if np.array_equal(jacobian, np.eye(len(names))):
+        return run
+    inverse = np.linalg.inv(jacobian)
+    found = run.likelihood.likelihood
+    offset = run.likelihood.mode - inverse @ moved
+    slope = (found.slope - found.information @ offset) @ inverse
+    log = found.log + found.slope @ offset - 0.5 * np.einsum("i,cij,j->c", offset, found.information, offset)
+    changed = replace(found, log=log, slope=slope, information=inverse.T @ found.information @ inverse)
+    return DampingRun(replace(run.likelihood, mode=moved, likelihood=changed), per_unit, growth)
