@@ -10,6 +10,8 @@ from scipy.stats import multivariate_normal
 
 from bayesdamp.inference.deviation.gaussian.hyperparameters import Grid, grid_of
 from bayesdamp.inference.deviation.gaussian.linear import condensed, weigh
+from bayesdamp.inference.deviation.gaussian.orthant import draw
+from bayesdamp.priors import SCORE_RATIO
 
 N, KNOTS, SD = 30, 4, 0.3
 
@@ -122,3 +124,59 @@ def test_fewer_samples_than_directions() -> None:
     assert found.log_evidence == pytest.approx(
         multivariate_normal.logpdf(y, np.zeros(7), covariance), abs=1e-8
     )
+
+
+def log_shared_prior(ratios: np.ndarray) -> np.ndarray:
+    """Log density of half-normals, (..., 2), whose scale is log-uniform from 1e-8 to 0.3, in closed form:
+    4/(2π) ∫ s⁻² exp(−R²/2s²) d ln s / ln(0.3/1e-8) with x = R²/2s²."""
+    squares = np.sum(ratios**2, axis=-1)
+    inside = np.exp(-0.5 * squares / 0.3**2) - np.exp(-0.5 * squares / 1e-8**2)
+    return np.log(4 / (2 * np.pi)) + np.log(inside / squares / np.log(0.3 / 1e-8))
+
+
+@pytest.mark.parametrize("size", [0.03, 1e-4, 1e-6])
+@pytest.mark.parametrize("second", [1.0, 0.05, -0.02])
+def test_coefficients_whose_prior_scale_is_unknown(size: float, second: float) -> None:
+    """Two coefficients, one of them near or beyond the border, against quadrature with the continuous prior: what the
+    record tells is the same at each size, and so is the evidence but for the factor that the sizes' prior has."""
+    rng = np.random.default_rng(6)
+    columns = rng.standard_normal((N, 2)) * (4 * SD / size)  # a coefficient of `size` is known to 5 %
+    columns[:, 1] = -0.5 * columns[:, 0] + columns[:, 1]
+    y = columns @ (size * np.array([1.0, second])) + SD * rng.standard_normal(N)
+    both = np.ones(2, bool)
+    model = condensed(columns * SCORE_RATIO, y, both, both)
+    found = weigh(model, grid_of(0, exact=True), SD**2, N)
+    axis = size * np.arange(0.002, 2.0, 0.004)
+    points = np.stack(np.meshgrid(axis, axis, indexing="ij"), axis=-1).reshape(-1, 2)
+    left = y[:, None] - columns @ points.T
+    logs = -0.5 * np.sum(left**2, axis=0) / SD**2 - 0.5 * N * np.log(2 * np.pi * SD**2)
+    truth = float(logsumexp(logs + log_shared_prior(points))) + 2 * np.log(0.004 * size)
+    assert found.log_evidence == pytest.approx(truth, abs=0.03)
+    weights = np.exp(logs + log_shared_prior(points) - logsumexp(logs + log_shared_prior(points)))
+    mean = weights @ points
+    drawn = np.concatenate([
+        draw(rng, found.means[i], found.factors[i], np.array([0, 1]), round(20_000 * w))
+        for i, w in enumerate(found.weights)
+        if round(20_000 * w)
+    ])  # fmt: skip
+    sd = np.sqrt(weights @ (points - mean) ** 2)
+    assert drawn.mean(axis=0) * SCORE_RATIO == pytest.approx(mean, abs=0.05 * sd.max())
+    # Control: half-normals of one scale each, which the evidence of small coefficients depends on.
+    plain = weigh(condensed(columns * SCORE_RATIO, y, both), grid_of(0, exact=True), SD**2, N)
+    assert abs(plain.log_evidence - truth) > 0.5
+
+
+def test_the_likelihood_of_the_damping_alone() -> None:
+    """Of two scores with all others, and deviations, integrated out, by dense normals."""
+    columns, y = problem(7, 3)
+    grid = grid_of(KNOTS, coarse=True)
+    damping = np.array([True, True, False])
+    found = weigh(condensed(columns, y, np.zeros(3, bool), damping=damping), grid, SD**2, N).damping
+    assert found is not None
+    for i in (0, 7, len(grid.log_prior) - 1):
+        rest = columns[:, 3:] @ grid.factors[i]
+        covariance = SD**2 * np.eye(N) + np.outer(columns[:, 2], columns[:, 2]) + rest @ rest.T
+        for x in (np.zeros(2), np.array([0.5, -1.0])):
+            truth = multivariate_normal.logpdf(y - columns[:, :2] @ x, np.zeros(N), covariance)
+            own = found.log[i] + x @ found.slope[i] - 0.5 * x @ found.information[i] @ x
+            assert own == pytest.approx(truth, abs=1e-6)
