@@ -184,7 +184,7 @@ def log_likelihood(data: Data, kind: str, value: float, theta0: float, noise: fl
 @pytest.mark.parametrize("quantity", QUANTITIES)
 @pytest.mark.parametrize("kind", TRUTHS)
 def test_log_likelihoods_differ_as_those_of_all_samples(kind: str, quantity: str, uneven: bool) -> None:
-    """Within 0.1 nats, for pairs that all samples tell apart by tens of nats. The negative controls are time that begins
+    """Within 0.1 nats, for pairs told apart by tens of nats. The negative controls are time that begins
     at the first mean, and a motion that is not averaged. The record has no noise: what the noise within windows would
     tell is lost, by chance 0.03 √difference."""
     t = stamps(uneven)
