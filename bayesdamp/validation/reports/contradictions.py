@@ -353,6 +353,19 @@ def of_recovery(table: Path) -> list[str]:
     return of_many(records, table.parent.name)
 
 
+def of_light(table: Path) -> list[str]:
+    """Compare the rows of the page on light damping with their truth."""
+    rows = [r for r in _rows(table) if r["outcome"] == OK]
+    records = [
+        (terms_of(r["truth"]), r["decided"] == "1", r["first"], float(r["p_first"]), float(r["p_truth"]))
+        for r in rows
+    ]
+    intervals = [
+        Quoted(r["record"], "ratio", float(r["low"]), float(r["high"]), float(r["true_ratio"])) for r in rows
+    ]
+    return of_many(records, table.parent.name) + missed(intervals)
+
+
 SENTENCE = re.compile(
     r"(?P<damping>[A-Z][^.;:]*?) damping \(probability (?P<sign>[<>] )?(?P<probability>[\d.]+)\): "
     r"equivalent damping ratio (?P<ratios>.+?), natural frequency"
@@ -403,6 +416,7 @@ def of_document(page: Path) -> list[str]:
 TABLES: Mapping[str, Callable[[Path], list[str]]] = {
     "deviation/rows.csv": lambda table: of_rows(table, "family"),
     "laws/laws.csv": of_laws,
+    "light/rows.csv": of_light,
     "misfit/scored.csv": of_misfit,
     "model_recovery/recovery.csv": of_recovery,
 }
