@@ -33,7 +33,7 @@ bench: $(READY)
 validate: $(READY)
 	$(ONE_THREAD) $(BIN)/python -m pytest -n $(WORKERS) -m slow $(ARGS)
 
-# The shipped reports whose sources have changed, the cheap ones first; an hour, and resumes. ARGS=--check says
+# The shipped reports whose sources have changed, the cheap ones first; an hour and a quarter, and resumes. ARGS=--check says
 # which; ARGS=--full takes counts that decide small effects, and a day.
 reports: $(READY)
 	$(ONE_THREAD) $(BIN)/python -m bayesdamp.validation.reports $(ARGS)

@@ -60,7 +60,8 @@ MAY_IMPORT: dict[str, set[str]] = {
     "validation.calibration": _BELOW
     | {"config", "estimators", "inference", "store", "pipeline", "report", "validation.calibration"},
     "validation.claims": _BELOW | {"estimators", "report", "validation.claims"},
-    "validation.reports": NEUTRAL | {"store", "report", "validation"},
+    "validation.reports": NEUTRAL
+    | {"envelope", "inference.model.defaults", "pipeline", "store", "report", "validation"},
     "validation": NEUTRAL | {"validation"},
     "interface": NEUTRAL
     | {

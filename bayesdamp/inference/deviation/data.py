@@ -1,21 +1,25 @@
-"""A record as the quick answer takes it: thinned to what the oscillation needs, with its scales and its start."""
+"""The record that the quick answer uses: its samples or means over short windows of them, its scales, its start."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 
 from bayesdamp.inference.deviation.averaged import Averaged, averaged
 from bayesdamp.physics.kernel import Solver
 from bayesdamp.physics.kernel.averaged import NUMBERS, AveragedSolver
+from bayesdamp.physics.kernel.windows import Windows
 from bayesdamp.records.oscillation.features import Features, features
 from bayesdamp.types import Signal
 
 A_CYCLE = 80
-"""Samples a cycle above which neighbours are averaged: the mean over an eightieth of a cycle lowers an oscillation by
-2.6e-4 of itself, the same at every amplitude."""
+"""Means a cycle that are left, at least, where neighbouring samples are averaged. The same means are taken of the
+motion, so that this number sets the cost and not the answer."""
+HOLE = 2.0
+"""Time without samples, in windows, that no mean reaches across (conventional)."""
 LEAST = 0.05
 """Share of the first amplitude below which a record says nothing of the damping above it: laws that hold to a few per
 cent over a decade do not hold over two, and what is left there is mostly the sensor's step and friction at rest."""
@@ -27,8 +31,12 @@ ORDERS = {"angle": 0, "velocity": 1, "acceleration": 2}
 
 @dataclass(frozen=True)
 class Data:
-    """t (s, from 0) and y, (n,), thinned by a whole number; scales of the motion: amplitude and final amplitude of the
-    displacement, frequency (rad/s), rest, cycles; noise: sd of y's noise after thinning; start: θ₀ and θ̇₀.
+    """The samples, or the means over windows of them, that candidates are compared with.
+
+    t (s from the record's first sample, where motions start) and y, (n,), of `thinned` samples each; scales of the
+    motion: amplitude and final amplitude of the displacement, frequency (rad/s), rest, cycles; noise: sd of y's noise
+    after thinning; start: θ₀ and θ̇₀ at the record's first sample. windows: of the samples whose means y are, none
+    where y are samples.
 
     averaged: where t and y are not samples but amplitudes and phases in blocks, at the times of the oscillation that
     stands for the record's.
@@ -47,6 +55,7 @@ class Data:
     thinned: int
     features: Features
     averaged: Averaged | None = None
+    windows: Windows | None = None
 
     @property
     def recorded_amplitude(self) -> float:
@@ -59,9 +68,19 @@ class Data:
         return self.t if self.averaged is None else np.repeat(self.averaged.track.middles, NUMBERS)
 
     @property
+    def end(self) -> float:
+        """Time until which motions are solved, s of `t`; the last window of samples ends after the last `t`."""
+        return float(self.t[-1] if self.windows is None else self.windows.times[-1, -1])
+
+    @property
     def duration(self) -> float:
         """Of the record, s."""
-        return float(self.t[-1]) * (1.0 if self.averaged is None else self.averaged.track.slowness)
+        return self.end * (1.0 if self.averaged is None else self.averaged.track.slowness)
+
+    def first(self, count: int) -> Data:
+        """Return the first values alone."""
+        windows = None if self.windows is None else self.windows.first(count)
+        return replace(self, t=self.t[:count], y=self.y[:count], windows=windows)
 
     def of_amplitude(self, values: np.ndarray) -> np.ndarray:
         """Of values (n,) those that are no phases and no midlines."""
@@ -74,7 +93,9 @@ class Data:
         given = (
             tuple(terms), restoring, self.t, self.quantity, self.amplitude, self.frequency, epsilon, knots,
         )  # fmt: skip
-        return Solver(*given) if self.averaged is None else AveragedSolver(*given, track=self.averaged.track)
+        if self.averaged is not None:
+            return AveragedSolver(*given, track=self.averaged.track)
+        return Solver(*given, self.windows)
 
     @property
     def least_variance(self) -> float:
@@ -89,25 +110,38 @@ def prepared(signal: Signal, average: bool = True) -> Data:
     """
     seen = features(signal)
     t, y = np.asarray(signal.t, float), np.asarray(signal.y, float)
-    whole = t - t[0], y
-    many = max(1, int(seen.samples_per_cycle // A_CYCLE))
-    if many > 1:
-        n = t.size // many * many
-        t, y = t[:n].reshape(-1, many).mean(axis=1), y[:n].reshape(-1, many).mean(axis=1)
     t = t - t[0]
+    whole = t, y
+    many = max(1, int(seen.samples_per_cycle // A_CYCLE))
+    windows = None
+    if many > 1:
+        rows = _windows(t, many, seen.period)
+        windows = Windows.of(t[rows])
+        t, y = t[rows].mean(axis=1), y[rows].mean(axis=1)
     stop = _last(t, seen, signal.t[0])
-    t, y = t[:stop], y[:stop]
-    cycles = float(t[-1] / seen.period)
+    t, y, windows = t[:stop], y[:stop], windows and windows.first(stop)
+    cycles = float((t[-1] if windows is None else windows.times[-1, -1]) / seen.period)
     start = _start(t, y, signal.quantity, seen)
     last = int(np.searchsorted(whole[0], t[-1])) + 1
     few = averaged(whole[0][:last], whole[1][:last], seen, float(signal.t[0])) if average else None
     if few is not None:
-        t, y, many = few.t, few.y, few.samples
+        t, y, many, windows = few.t, few.y, few.samples, None
     noise = max(seen.roughness / np.sqrt(many), 1e-9 * float(np.ptp(y)))
     return Data(
         t, y, signal.quantity, seen.amplitude, max(seen.final_amplitude, LEAST * seen.amplitude), seen.frequency,
-        seen.rest, cycles, noise, start, many, seen, few,
+        seen.rest, cycles, noise, start, many, seen, few, windows,
     )  # fmt: skip
+
+
+def _windows(t: np.ndarray, many: int, period: float) -> np.ndarray:
+    """Return the places of the samples in each window, shape (n, many), for times t, shape (m,).
+
+    Windows begin again after a hole, and a few samples before it are left out.
+    """
+    holes = np.flatnonzero(np.diff(t) > HOLE * period / A_CYCLE) + 1
+    ends = [0, *holes.tolist(), t.size]
+    first = np.concatenate([np.arange(a, b - many + 1, many) for a, b in pairwise(ends)])
+    return first[:, None] + np.arange(many)
 
 
 def _last(t: np.ndarray, seen: Features, first: float) -> int:

@@ -132,14 +132,14 @@ def first_half(one: Single) -> Single:
     count, inferred = data.t.size // 2, one.found.u.size
     if count <= inferred:
         raise Refusal(f"half the record has {count} samples for {inferred} parameters and deviations")
-    half = replace(data, t=data.t[:count], y=data.y[:count])
+    half = data.first(count)
     return again(half, one.result.candidate, one.found, knots)
 
 
 def again(data: Data, candidate: Candidate, found: Found, knots: np.ndarray | None = None) -> Single:
     """What a search found, put together without it. knots: in s, where they are not the record's own. Raises Refusal
     where it was on another record."""
-    knots = knots_of(float(data.t[-1]), data.cycles) if knots is None else knots
+    knots = knots_of(data.end, data.cycles) if knots is None else knots
     solver = data.solver(found.terms, candidate.restoring, found.epsilon, knots)
     parameters = Parameters(solver.names, found.priors, found.known)
     active, p = active_of(candidate, solver), parameters.values(found.z)

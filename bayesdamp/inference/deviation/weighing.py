@@ -135,7 +135,7 @@ def weigh_all(
     least = LEAST * reference.peak_velocity  # an exact switch is solved as a narrow one
     epsilon = USUAL * reference.peak_velocity if given is None else max(given, least)
     laws = list(dict.fromkeys(c.restoring for c in candidates))
-    knots = knots_of(float(data.t[-1]), data.cycles)
+    knots = knots_of(data.end, data.cycles)
     solvers = {law: data.solver(terms, law, epsilon, knots) for law in laws}
     refused: dict[Candidate, str] = {}
     fits: dict[Candidate, Fit] = {}

@@ -9,6 +9,7 @@ import numpy as np
 
 from bayesdamp.physics.damping import PAPER_TERMS, TERMS
 from bayesdamp.physics.kernel.build import Kernel, kernel_of
+from bayesdamp.physics.kernel.windows import Points, Windows
 from bayesdamp.physics.restoring import LAWS
 
 TOLERANCE = 3e-8
@@ -27,26 +28,28 @@ SHARED = (*PAPER_TERMS, "displacement", "stribeck")
 class Slopes:
     """Tangents of a motion where its steps end: times (s,), slopes (s, k, 4), of which the columns (p,) are wanted.
 
-    t: the samples, (n,). order: of the derivative that is read there.
+    points: where they are read. order: of the derivative that is read there.
     """
 
     times: np.ndarray
     slopes: np.ndarray
     columns: np.ndarray
-    t: np.ndarray
+    points: Points
     order: int
 
     def at_samples(self) -> np.ndarray:
         """At each sample, (n, p)."""
         from bayesdamp.physics.kernel.dense import slopes_at_times
 
-        return slopes_at_times(self.times, self.slopes, self.columns, self.t, self.order)
+        found = slopes_at_times(self.times, self.slopes, self.columns, self.points.t, self.order)
+        return self.points.mean(found)
 
     def pulled(self, weights: np.ndarray) -> np.ndarray:
         """Summed over the samples by weights, (n,): (p,), without those at each."""
         from bayesdamp.physics.kernel.dense import pulled
 
-        return pulled(self.times, self.slopes, self.columns, self.t, self.order, weights)
+        spread = self.points.spread(weights)
+        return pulled(self.times, self.slopes, self.columns, self.points.t, self.order, spread)
 
 
 @dataclass(frozen=True)
@@ -97,11 +100,12 @@ class _Layout:
 
 @dataclass(frozen=True)
 class Solver:
-    """Trajectories of all of `terms` under a law at the times t, (n,) in s from 0.
+    """Trajectories of all of `terms` under a law at the times t, (n,) in s; motions start at time 0.
 
     names: of the parameters, in the order of the vectors that `solve` takes: coefficients, what
     the shapes take further, the law's, θ₀, θ̇₀.
-    amplitude (rad or m) and frequency (rad/s) set the scales of tolerances.
+    amplitude (rad or m) and frequency (rad/s) set the scales of tolerances. windows: of samples, (n,), whose means are
+    wanted in place of the values at t; then the last knot must not come before the last sample.
     """
 
     terms: tuple[str, ...]
@@ -112,6 +116,7 @@ class Solver:
     frequency: float
     epsilon: float
     knots: np.ndarray
+    windows: Windows | None = None
 
     @property
     def slowness(self) -> float:
@@ -120,7 +125,7 @@ class Solver:
 
     def at(self, t: np.ndarray, quantity: str) -> Solver:
         """The solver at other times t, (n,) in s from 0, within the knots, of another quantity."""
-        return replace(self, t=t, quantity=quantity)
+        return replace(self, t=t, quantity=quantity, windows=None)
 
     @cached_property
     def kernel(self) -> Kernel:
@@ -159,10 +164,15 @@ class Solver:
         """Names of the terms' parameters beside their coefficients."""
         return tuple(p.name for name in self.terms for p in TERMS.get(name).inferred)
 
+    def _points(self, stop: int | None) -> Points:
+        """Where motions are read for the first `stop` values, all by default."""
+        if stop not in self._read_at:
+            self._read_at[stop] = Points.of(self.t[:stop], self.windows and self.windows.first(stop))
+        return self._read_at[stop]
+
     @cached_property
-    def _times(self) -> np.ndarray:
-        """A writable copy of t: Numba would compile anew for an array that is read-only."""
-        return np.array(self.t, float)
+    def _read_at(self) -> dict[int | None, Points]:
+        return {}
 
     @cached_property
     def _layout(self) -> _Layout:
@@ -202,7 +212,8 @@ class Solver:
         from bayesdamp.physics.kernel.dense import at_times
 
         layout = self._layout
-        t = self._times if stop is None else self._times[:stop]
+        points = self._points(stop)
+        t = points.t
         knots, g, h = self._deviations(float(t[-1]), g, h)
         most = int(MOST_A_CYCLE * max(1.0, t[-1] * self.frequency / (2 * np.pi)))
         p = np.asarray(p, float)
@@ -217,14 +228,14 @@ class Solver:
         if times.size == 0:
             return None
         order = QUANTITIES.index(self.quantity)
-        y = at_times(times, states, t, order)
+        y = points.mean(at_times(times, states, t, order))
         if not tangents:
-            return Motion(y, np.zeros((t.size, 0)), times, states)
+            return Motion(y, np.zeros((y.size, 0)), times, states)
         columns = np.arange(slopes.shape[1] - layout.terms - layout.further)
         columns = np.concatenate(
             [layout.places, layout.terms + layout.given, layout.terms + layout.further + columns]
         )
-        return Motion(y, Slopes(times, slopes, columns, t, order), times, states)
+        return Motion(y, Slopes(times, slopes, columns, points, order), times, states)
 
     def read_slopes(self, times: np.ndarray, states: np.ndarray, slopes: np.ndarray) -> np.ndarray:
         """Tangents of what is solved for, (n, k), from those at a motion's nodes: times (s,), states (s, 3), slopes
@@ -232,8 +243,9 @@ class Solver:
         from bayesdamp.physics.kernel.dense import slopes_at_times
 
         del states
-        columns = np.arange(slopes.shape[1])
-        return slopes_at_times(times, slopes, columns, self._times, QUANTITIES.index(self.quantity))
+        columns, points = np.arange(slopes.shape[1]), self._points(None)
+        found = slopes_at_times(times, slopes, columns, points.t, QUANTITIES.index(self.quantity))
+        return points.mean(found)
 
     def works(
         self,

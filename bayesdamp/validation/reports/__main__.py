@@ -12,6 +12,7 @@ import time
 from collections.abc import Sequence
 from pathlib import Path
 
+from bayesdamp.validation.reports.contradictions import contradictions
 from bayesdamp.validation.reports.recipes import RECIPES, Recipe
 from bayesdamp.validation.reports.stamps import Stamp, digest, stale, stamped, stamps
 
@@ -88,6 +89,11 @@ def _made(recipe: Recipe) -> bool:
         if subprocess.run(words, cwd=ROOT, env=environment).returncode:
             print(f"{recipe.name}: failed, and stays as it was said to be", file=sys.stderr)
             return False
+    wrong = contradictions(out)
+    if wrong:
+        head = f"{recipe.name}: contradicts the truth of its records, and is not marked as made"
+        print("\n  ".join([head, *wrong]), file=sys.stderr)
+        return False
     day = datetime.datetime.now(datetime.UTC).date().isoformat()
     stamped(ROOT / "reports", recipe, Stamp(now, _git("rev-parse", "HEAD"), day))
     return True

@@ -114,6 +114,14 @@ RECIPES: tuple[Recipe, ...] = (
         ),
         (*TRUTH, *(f"bayesdamp/validation/contest/{n}.py" for n in ("measured", "records", "rows", "peers/ours"))),
     ),
+    Recipe(
+        "light", 14, _made(f"{PAGES}.light", "--few 20"),
+        (
+            *ENGINE, "bayesdamp/envelope", "bayesdamp/validation/truth", "bayesdamp/validation/scoring.py",
+            "bayesdamp/validation/reports/light.py",
+        ),
+        _made(f"{PAGES}.light", "--records 200 --few 100"),
+    ),
     Recipe("measured", 6, (f"{PYTHON} tests.measured.run {{out}}",), (*ENGINE, "tests/measured")),
     _study("paper", 7),
     _study(

@@ -119,6 +119,6 @@ def test_the_second_half_is_predicted_with_the_first_s_deviations() -> None:
 
 def test_what_is_not_cut_in_halves_says_so() -> None:
     one = law().single
-    few = replace(one.weighing.data, t=one.weighing.data.t[:30], y=one.weighing.data.y[:30])
+    few = one.weighing.data.first(30)
     with pytest.raises(Refusal, match="half the record has 15 samples for 17 parameters and deviations"):
         first_half(replace(one, weighing=replace(one.weighing, data=few)))

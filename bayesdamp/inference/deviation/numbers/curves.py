@@ -39,7 +39,7 @@ def share_of_time(weighing: Weighing, result: Result, amplitude: float) -> float
     if at.size < 2:
         return 0.5
     t = np.interp(-np.log(amplitude), -np.log(sizes), at)
-    return float(np.clip(t / weighing.data.t[-1], 0.0, 1.0))
+    return float(np.clip(t / weighing.data.end, 0.0, 1.0))
 
 
 def orbit_of(weighing: Weighing, result: Result, amplitude: float) -> Orbit | None:

@@ -62,7 +62,7 @@ def _energies(weighing: Weighing, result: Result, knots: int) -> np.ndarray:
     at, sizes = times_of(result)
     share = np.linspace(0, 1, knots)
     few = at.size < 2
-    weight = np.ones(knots) if few else np.interp(share * weighing.data.t[-1], at, sizes) ** 2
+    weight = np.ones(knots) if few else np.interp(share * weighing.data.end, at, sizes) ** 2
     return weight / weight.sum()
 
 
@@ -73,7 +73,7 @@ def midline_drift(weighing: Weighing, result: Result) -> float:
     data, left, scale = weighing.data, result.fit.residual, weighing.data.recorded_amplitude
     if data.averaged is None:
         count = int(data.cycles)
-        parts = np.minimum((data.t / data.t[-1] * count).astype(int), max(count - 1, 0))
+        parts = np.minimum((data.t / data.end * count).astype(int), max(count - 1, 0))
         size = np.bincount(parts, minlength=count)
         means = np.bincount(parts, left, minlength=count) / np.maximum(size, 1)
     else:

@@ -59,7 +59,7 @@ def free_curve(
     data = weighing.data
     count = int(np.clip(round(data.cycles / A_KNOT) + 1, *KNOTS))
     base = weighing.solvers[restoring]
-    solver = replace(base, terms=("viscous",), knots=np.linspace(0.0, float(data.t[-1]), count))
+    solver = replace(base, terms=("viscous",), knots=np.linspace(0.0, data.end, count))
     grid = wide_grid(count)
     at = _mode(weighing, solver, grid, guess)
     if at is None:
@@ -81,7 +81,7 @@ def free_curve(
         orbit = orbit_at(float(a), restoring, tuple(map(float, law)), rest)
         if orbit is None:
             continue
-        share = float(np.clip(np.interp(-np.log(a), -np.log(sizes), times) / data.t[-1], 0, 1))
+        share = float(np.clip(np.interp(-np.log(a), -np.log(sizes), times) / data.end, 0, 1))
         # Of a viscous force 2 θ̇ per unit: ∮ 2 v dx.
         work = float(solver.works(orbit.x, orbit.speed, 2 * orbit.width, np.zeros((1, 0)), ones)[0, 0])
         factor = zeta * np.exp(at_share(g, share)) / (1 + at_share(h, share))
@@ -139,5 +139,5 @@ def _times_of(weighing: Weighing, motion: Motion, guess: tuple[Ratio, ...]) -> n
     """When a motion has the amplitudes of a guess, which fall."""
     times, sizes = turning_amplitudes(motion)
     if times.size < 2:
-        return np.linspace(0, weighing.data.t[-1], len(guess))
+        return np.linspace(0, weighing.data.end, len(guess))
     return np.interp([-np.log(r.amplitude) for r in guess], -np.log(sizes), times)
