@@ -48,9 +48,9 @@ def power(exponent: float) -> np.ndarray:
     ],
 )
 def test_a_form_is_a_rival_and_no_sum_is_named_outright(form: str, y: np.ndarray) -> None:
-    """The likeliest rival, and so likely that the sentence names it: of |v|^0.5 over nine cycles with 0.4 % of noise
-    the record itself says little, and all forms together have a tenth of a sum's prior."""
-    v = said(y)
+    """The likeliest rival, and so likely that the sentence names it: of |v|^0.5 over nine cycles the record
+    itself says little even with 0.2 % of noise, and all forms together have a tenth of a sum's prior."""
+    v = said(y, 0.002)
     assert not v.decided
     assert v.rivals[0].damping == form
     assert v.rivals[0].probability > thresholds.NAMED

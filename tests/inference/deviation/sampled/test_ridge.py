@@ -6,6 +6,8 @@ from functools import cache
 
 import numpy as np
 import pytest
+from scipy.special import logsumexp
+from scipy.stats import norm
 
 from bayesdamp.inference.deviation.numbers.draws import scores_of
 from bayesdamp.inference.deviation.quick import weighing_of
@@ -13,6 +15,7 @@ from bayesdamp.inference.deviation.sampled import candidates, reference
 from bayesdamp.inference.deviation.sampled.reference import Reference, reference_of
 from bayesdamp.inference.deviation.sampled.ridge import Ridge
 from bayesdamp.inference.deviation.weighing import Result, Weighing
+from bayesdamp.priors import SHARED_SIGMAS
 from tests.validation.laws import Case, case
 
 
@@ -51,6 +54,13 @@ def test_it_is_the_linear_model_at_the_mode_to_first_order(approximate: bool) ->
     np.testing.assert_allclose(slopes * sds / sds[:, None], np.eye(z.size), atol=0.05)
 
 
+def log_of_scales(z: np.ndarray, ridge: Ridge) -> float:
+    """Log density of normal scores, but for constants: those that share a scale summed over it."""
+    shared = ridge.base.shared
+    each = np.array([norm.logpdf(z[shared], 0.0, s).sum() for s in SHARED_SIGMAS])
+    return float(logsumexp(each)) - 0.5 * float(np.sum(z[~shared] ** 2))
+
+
 def test_the_prior_keeps_its_density() -> None:
     """The determinant by differences of the scores; every positive score that is moved counts twice, as it is not cut
     off in u."""
@@ -63,12 +73,12 @@ def test_the_prior_keeps_its_density() -> None:
         z = ridge.plain(u)
         columns = [(ridge.plain(u + e) - ridge.plain(u - e)) / 2e-5 for e in 1e-5 * np.eye(u.size)]
         sizes.append(float(np.linalg.slogdet(np.array(columns).T)[1]))
-        wanted = moved * np.log(2) + sizes[-1] + 0.5 * np.sum(u**2) - 0.5 * np.sum(z**2)
-        assert ridge.log_prior(u) == pytest.approx(wanted, abs=1e-4)
+        wanted = moved * np.log(2) + sizes[-1] + log_of_scales(z, ridge) - log_of_scales(u, ridge)
+        assert ridge.log_prior_ratio(u) == pytest.approx(wanted, abs=1e-4)
     assert max(map(abs, sizes)) > 0.05  # else it would be none
     below = rows[0].copy()
     below[ridge.base.free_names.index("static_excess")] -= 5.0
-    assert ridge.log_prior(below) == -np.inf
+    assert ridge.log_prior_ratio(below) == -np.inf
 
 
 def test_posterior_is_that_of_quadrature_over_the_velocity(monkeypatch: pytest.MonkeyPatch) -> None:
