@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 
 from bayesdamp.inference.noise import NOISES
+from bayesdamp.odds import odds
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.priors import LogNormal, LogUniform, Normal, Prior, SharedHalfNormal
 from bayesdamp.records.oscillation.features import Features
@@ -22,11 +23,6 @@ __all__ = [
 EPSILON_SHARE = 0.02
 EPSILON_RANGE = (0.0005, 0.05)
 """ε as a share of the peak velocity: where it is not given, and the range of its prior where it is free."""
-
-FURTHER_TERM = 0.25
-"""Factor of a model's prior probability for each term beyond the first."""
-OTHERS = 0.1
-"""Prior weight of all other forms of damping together beside one sum."""
 
 
 def default_prior(name: str, osc: Oscillator, noise: str, reference: Reference, features: Features) -> Prior:
@@ -54,16 +50,3 @@ def default_prior(name: str, osc: Oscillator, noise: str, reference: Reference, 
         **NOISES.get(noise).priors(features),
     }
     return priors[name]
-
-
-def odds(damping: Sequence[str], others: int = 0) -> float:
-    """Prior odds of a damping against a single term.
-
-    Parameters
-    ----------
-    damping
-        Its terms.
-    others
-        Number of the forms of damping that are not compared and of which it is one; 0 for a sum that is compared.
-    """
-    return FURTHER_TERM ** (len(damping) - 1) * (OTHERS / others if others else 1.0)
