@@ -36,10 +36,10 @@ BATCH = 2
 ALONE = 6
 """Records that are answered before another process would have begun."""
 SETTINGS = (
-    "Each term's equivalent damping ratio at the amplitude in the middle of the fall in dB has a half-normal prior. Its "
-    "scale is the same for all terms of a sum and unknown: all orders of magnitude between "
-    f"{SHARED_SCALES[0]:g} and {SHARED_SCALES[-1]:g} are equally probable. Where the frequency is not known, the rates "
-    "have the same prior, with scales of which the middle one is one over the duration of the decay.",
+    "Each term's equivalent damping ratio at the amplitude in the middle of the fall in dB has a half-normal prior. "
+    "Its scale is the same for all terms of a sum and unknown: all orders of magnitude between "
+    f"{SHARED_SCALES[0]:g} and {SHARED_SCALES[-1]:g} are equally probable. Where the frequency is not known, the "
+    "rates have the same prior, with scales of which the middle one is one over the duration of the decay.",
     f"Prior odds of a sum: 1 for a single term, times {FURTHER_TERM:g} for each further term.",
     f"The law holds exactly with probability {EXACT:g}, else its rate is multiplied by 1 + g, g of sd τ, exponential "
     f"with mean {MEAN:g}.",
