@@ -89,8 +89,8 @@ class EnvelopeResult:
     where the frequency (Hz) is known; at: at three amplitudes, as it was, largest first. energy: share of the energy
     that each term takes. exponent: p of dA/dt = -cA^p by itself; power_law: its log Bayes factor against the mixture of
     sums. deviation: root mean square of the law's relative deviation over the decay. unexplained_pct, noise_pct: of the
-    amplitude. likelihoods: of the rates, by sum, for an answer over several records; without those sums whose terms have
-    parameters beside coefficients.
+    amplitude. likelihoods: of the rates, by sum, for an answer over several records; only those whose terms have
+    no parameters beside coefficients.
     """
 
     name: str

@@ -30,7 +30,8 @@ def shared_likelihoods(found: Sequence[EnvelopeResult]) -> dict[str, tuple[Score
     """Return the likelihoods of all records with a decay, by damping sum, in the coordinates that they share.
 
     The amplitude is the mean of the records' reference amplitudes, in its logarithm. Where a record has no frequency,
-    the coordinates are rates: their unit follows from the geometric mean of the durations, as that of a single record does.
+    the coordinates are rates: their unit follows from the geometric mean of the durations, as that of a single record
+    follows from its own.
 
     Raises
     ------
