@@ -10,12 +10,12 @@ from pathlib import Path
 from typing import Any
 
 from bayesdamp.envelope.analysis import analyse
+from bayesdamp.envelope.answer.posterior import DRIFT, SENSOR
 from bayesdamp.envelope.asked import asked
 from bayesdamp.envelope.folder import FIGURES, TABLE, VERDICTS, make_page, write_about
 from bayesdamp.envelope.kept import Task, keep, kept
 from bayesdamp.envelope.model.deviation import EXACT, MEAN
 from bayesdamp.envelope.model.floor import ABOVE_FLOOR
-from bayesdamp.envelope.model.posterior import DRIFT, SENSOR
 from bayesdamp.envelope.pooled import pooled
 from bayesdamp.envelope.records.reading import Column, is_envelope, read_envelope
 from bayesdamp.envelope.records.record import EnvelopeRecord
