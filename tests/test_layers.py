@@ -17,6 +17,7 @@ NEUTRAL = {
     "plain_text",
     "sources",
     "priors",
+    "odds",
     "machine",
     "numerics",
     "outcomes",

@@ -104,7 +104,8 @@ def _blocks(record: EnvelopeRecord, window: Window, first: int) -> tuple[Blocks,
     floor = None if window.floor is None else window.floor.scaled(np.exp(-2.0 * reference))
     mean_rate = float(top - bottom) / (duration * (1.0 - edge / t.size))
     each = (window.stop - first) / t.size
-    return Blocks(t - t[0], x - reference, duration, mean_rate, floor, each), reference
+    frequency = 2.0 * np.pi * record.frequency if record.frequency else None
+    return Blocks(t - t[0], x - reference, duration, mean_rate, floor, each, frequency), reference
 
 
 def _sums(

@@ -10,13 +10,12 @@ from pathlib import Path
 from typing import Any
 
 from bayesdamp.envelope.analysis import analyse
+from bayesdamp.envelope.answer.posterior import DRIFT, SENSOR
 from bayesdamp.envelope.asked import asked
 from bayesdamp.envelope.folder import FIGURES, TABLE, VERDICTS, make_page, write_about
 from bayesdamp.envelope.kept import Task, keep, kept
-from bayesdamp.envelope.model.candidates import WIDTH
 from bayesdamp.envelope.model.deviation import EXACT, MEAN
 from bayesdamp.envelope.model.floor import ABOVE_FLOOR
-from bayesdamp.envelope.model.posterior import DRIFT, SENSOR
 from bayesdamp.envelope.pooled import pooled
 from bayesdamp.envelope.records.reading import Column, is_envelope, read_envelope
 from bayesdamp.envelope.records.record import EnvelopeRecord
@@ -25,7 +24,9 @@ from bayesdamp.envelope.report.tables import verdict_json, verdicts_csv
 from bayesdamp.envelope.results import EnvelopeResult
 from bayesdamp.machine.processes import processes
 from bayesdamp.machine.threads import cores
+from bayesdamp.odds import FURTHER_TERM
 from bayesdamp.plugins import use
+from bayesdamp.priors import SHARED_SCALES
 from bayesdamp.store.cells import Store
 from bayesdamp.store.files import write_bytes
 from bayesdamp.types import InputError, Refusal
@@ -35,9 +36,11 @@ BATCH = 2
 ALONE = 6
 """Records that are answered before another process would have begun."""
 SETTINGS = (
-    f"Each term's rate at the amplitude in the middle of the fall in dB: half-normal, scale {WIDTH:g} times the "
-    "record's own mean rate, the same for all terms.",
-    "Sums of one and of two terms have equal odds before, the sum of three half of that.",
+    "Each term's equivalent damping ratio at the amplitude in the middle of the fall in dB has a half-normal prior. "
+    "Its scale is the same for all terms of a sum and unknown: all orders of magnitude between "
+    f"{SHARED_SCALES[0]:g} and {SHARED_SCALES[-1]:g} are equally probable. Where the frequency is not known, the "
+    "rates have the same prior, with scales of which the middle one is one over the duration of the decay.",
+    f"Prior odds of a sum: 1 for a single term, times {FURTHER_TERM:g} for each further term.",
     f"The law holds exactly with probability {EXACT:g}, else its rate is multiplied by 1 + g, g of sd τ, exponential "
     f"with mean {MEAN:g}.",
     f"Every rate is known to {100 * SENSOR:g} % (sd) at best (detector, clock); where readings are in dB, also to "

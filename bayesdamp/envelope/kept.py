@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from bayesdamp.envelope.asked import Asked
+from bayesdamp.envelope.likelihood import RateLikelihood
 from bayesdamp.envelope.records.record import EnvelopeRecord
 from bayesdamp.envelope.records.window import Window
 from bayesdamp.envelope.results import EnvelopeResult
@@ -21,9 +23,13 @@ CODE = ("bayesdamp.envelope.analysis", "bayesdamp.envelope.report.picture")
 
 @dataclass(frozen=True)
 class EnvelopeContent(Content):
-    """What is kept of one record: its result without the curve, which only its picture needs."""
+    """What is kept of one record: its result without the curve, which only its picture needs.
+
+    likelihoods: numbers of each of the result's, whose arrays the cell has beside.
+    """
 
     result: EnvelopeResult
+    likelihoods: Mapping[str, Mapping[str, float | str | None]]
 
 
 @dataclass(frozen=True)
@@ -59,12 +65,24 @@ def kept(store: Store, task: Task) -> EnvelopeResult | None:
     if cell is None or cell.key != task.key() or not task.picture.is_file():
         return None
     try:
-        return EnvelopeContent.of(cell).result
+        content = EnvelopeContent.of(cell)
     except OtherVersionError:
         return None
+    own = {
+        name: RateLikelihood.of(
+            {key.split("/")[1]: array for key, array in cell.arrays.items() if key.split("/")[0] == name},
+            numbers,
+        )
+        for name, numbers in content.likelihoods.items()
+    }
+    return replace(content.result, likelihoods=own)
 
 
 def keep(store: Store, task: Task, result: EnvelopeResult) -> None:
     """Write an answer in one step, after its picture."""
-    content = EnvelopeContent(replace(result, curve=None))
-    store.write(CellResult(task.name, task.key(), content.meta()))
+    own = result.likelihoods
+    content = EnvelopeContent(
+        replace(result, curve=None, likelihoods={}), {name: one.numbers() for name, one in own.items()}
+    )
+    arrays = {f"{name}/{key}": array for name, one in own.items() for key, array in one.arrays().items()}
+    store.write(CellResult(task.name, task.key(), content.meta(), arrays))

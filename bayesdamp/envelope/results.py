@@ -8,6 +8,8 @@ from typing import ClassVar
 
 import numpy as np
 
+from bayesdamp.envelope.likelihood import RateLikelihood
+
 
 @dataclass(frozen=True)
 class Range:
@@ -87,7 +89,8 @@ class EnvelopeResult:
     where the frequency (Hz) is known; at: at three amplitudes, as it was, largest first. energy: share of the energy
     that each term takes. exponent: p of dA/dt = -cA^p by itself; power_law: its log Bayes factor against the mixture of
     sums. deviation: root mean square of the law's relative deviation over the decay. unexplained_pct, noise_pct: of the
-    amplitude.
+    amplitude. likelihoods: of the rates, by sum, for an answer over several records; only those whose terms have
+    no parameters beside coefficients.
     """
 
     name: str
@@ -113,6 +116,7 @@ class EnvelopeResult:
     cut: Cut | None = None
     remarks: tuple[str, ...] = ()
     curve: Curve | None = None
+    likelihoods: Mapping[str, RateLikelihood] = field(default_factory=dict)
 
 
 def estimated(draws: np.ndarray, plain: np.ndarray) -> Estimated:

@@ -9,8 +9,9 @@ import numpy as np
 
 from bayesdamp.inference.deviation.gaussian.hyperparameters import LEAST_KNOTS, grid_of
 from bayesdamp.inference.deviation.numbers.run_likelihood import DampingRun
-from bayesdamp.inference.model.defaults import Reference, damping_priors, odds
+from bayesdamp.inference.model.defaults import Reference, damping_priors
 from bayesdamp.inference.repeats import Repeats, RunLikelihood, joined
+from bayesdamp.odds import odds
 from bayesdamp.physics.damping import TERMS
 from bayesdamp.priors import Prior
 

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 from scipy.signal import find_peaks, hilbert
+from scipy.stats import halfnorm
 
 from bayesdamp.envelope import analyse, made_record, pooled
-from bayesdamp.envelope.model.candidates import Blocks, weigh, weigh_power
+from bayesdamp.envelope.model.candidates import Blocks, Candidate, weigh, weigh_power
 from bayesdamp.envelope.model.law import ClosedForm
 from bayesdamp.envelope.model.noise import Noise
 from bayesdamp.envelope.records.window import bounded
@@ -159,28 +160,40 @@ def test_units_of_the_same_decay_agree():
     assert found[1].at[1].amplitude == pytest.approx(10 ** (found[0].at[1].amplitude / 20))
 
 
+def shared_prior(rates: np.ndarray, duration: float) -> np.ndarray:
+    """Density of rates in 1/s, (..., d), of one sum on a record without a frequency, by its definition: half-normals
+    with one scale, of which 26 from 1e-8 to 0.3 of a unit are equally probable; their middle is 1/duration."""
+    scales = np.geomspace(1e-8, 0.3, 26)
+    scales = scales / (duration * np.sqrt(scales[0] * scales[-1]))
+    return np.mean([np.prod(halfnorm.pdf(rates, scale=one), axis=-1) for one in scales], axis=0)
+
+
+def exact_place(found: Candidate) -> int:
+    """Place of the combination of τ = 0 and the noise as given: its factors are exp(-0.25), 1, exp(0.25)."""
+    return int(np.flatnonzero(found.marginal.tau == 0.0)[1])
+
+
 def test_evidence_is_the_integral_of_likelihood_and_priors():
-    """One viscous term, the law exact, white noise of known sd: against a sum over a fine grid. A rate's prior is
-    half-normal of twice the record's own rate, that of the start normal of sd 100."""
+    """One viscous term, the law exact, white noise of known sd: against a sum over a fine grid.
+
+    The rate's prior is a mixture of half-normals, that of the start normal of sd 100."""
     rng = np.random.default_rng(9)
     t = np.linspace(0.0, 10.0, 50)
     b = Blocks(t, 1.0 - 0.2 * t + 0.05 * rng.standard_normal(50), 10.0, 0.2)
     covariance = 0.05**2 * np.eye(50)
     white = Noise(1e-4, 1.0, 1e-8, 1.0, 0.05)
     found = weigh(b, ClosedForm(("viscous",)), [(white, covariance)], np.eye(50) / 0.05)
-    at = int(np.flatnonzero(found.exact)[1])  # factors of the noise are exp(-0.25), 1, exp(0.25)
+    at = exact_place(found)
     rates = np.linspace(0.0, 0.4, 2001)
     starts = np.linspace(0.8, 1.2, 801)
     off = b.x[:, None, None] - starts[:, None] + rates * t[:, None, None]
     log_likelihood = -0.5 * np.sum((off / 0.05) ** 2, axis=0) - 50 * np.log(0.05)
-    scale = 2.0 * 0.2
-    prior = 2.0 / (scale * np.sqrt(2 * np.pi)) * np.exp(-0.5 * (rates / scale) ** 2)
-    prior = prior / (100.0 * np.sqrt(2 * np.pi))
+    prior = shared_prior(rates[:, None], 10.0) / (100.0 * np.sqrt(2 * np.pi))
     most = log_likelihood.max()
     total = np.sum(np.exp(log_likelihood - most) * prior) * (rates[1] - rates[0]) * (starts[1] - starts[0])
     truth = most + np.log(total)
     # before the grid's prior: probability 0.8 of τ = 0, and a third for the noise's factor
-    assert found.log_evidence[at] - np.log(0.8) + np.log(3.0) == pytest.approx(truth, abs=0.02)
+    assert found.log_by_combination[at] - np.log(0.8) + np.log(3.0) == pytest.approx(truth, abs=0.02)
 
 
 def test_the_evidence_of_a_power_is_that_integral_too():
@@ -190,7 +203,7 @@ def test_the_evidence_of_a_power_is_that_integral_too():
     b = Blocks(t, 1.0 - 0.2 * t + 0.02 * rng.standard_normal(50), 10.0, 0.2)
     noises, inverse = [(Noise(1e-4, 1.0, 1e-8, 1.0, 0.02), 0.02**2 * np.eye(50))], np.eye(50) / 0.02
     log_z, _, _ = weigh_power(b, noises, inverse)
-    at = int(np.flatnonzero(weigh(b, ClosedForm(("viscous",)), noises, inverse).exact)[1])
+    at = exact_place(weigh(b, ClosedForm(("viscous",)), noises, inverse))
     rates, powers = np.linspace(0.18, 0.22, 81), np.linspace(0.901, 1.101, 80)  # 1 itself is another formula
     starts = np.linspace(0.95, 1.05, 61)
     c, q, x0 = np.meshgrid(rates, powers - 1.0, starts, indexing="ij")
@@ -198,7 +211,7 @@ def test_the_evidence_of_a_power_is_that_integral_too():
         (x - x0 + np.log1p(q * c * np.exp(q * x0) * s) / q) ** 2 for s, x in zip(t, b.x, strict=True)
     )
     log_likelihood = -0.5 * squares / 0.02**2 - 50 * np.log(0.02)
-    prior = 2.0 / (0.4 * np.sqrt(2 * np.pi)) * np.exp(-0.5 * (c / 0.4) ** 2) / 3.0
+    prior = shared_prior(c[..., None], 10.0) / 3.0
     prior = prior / (100.0 * np.sqrt(2 * np.pi))
     most = log_likelihood.max()
     cell = (rates[1] - rates[0]) * (powers[1] - powers[0]) * (starts[1] - starts[0])

@@ -18,7 +18,7 @@ import numpy as np
 from scipy.optimize import minimize
 
 from bayesdamp.envelope import analyse
-from bayesdamp.envelope.model.candidates import WIDTH, Blocks, fit_rates
+from bayesdamp.envelope.model.candidates import Blocks, fit_rates
 from bayesdamp.envelope.model.sums import FIRST_ROUNDS, Sum, sums_on
 from bayesdamp.envelope.results import EnvelopeResult
 from bayesdamp.envelope.terms.further import explore
@@ -72,8 +72,7 @@ def lead(term: str, t: np.ndarray, x: np.ndarray, sd: np.ndarray) -> tuple[float
 
 def _least_squares(decay: Blocks, one: Sum, weight: np.ndarray) -> float:
     def at(scores: Sequence[float]) -> float:
-        _, rates, value = fit_rates(decay, one.law(tuple(float(z) for z in scores)), weight)
-        return value - float(np.sum((rates / (WIDTH * decay.mean_rate)) ** 2))
+        return fit_rates(decay, one.law(tuple(float(z) for z in scores)), weight)[2]
 
     if not one.count:
         return at(())

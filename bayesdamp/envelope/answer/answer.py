@@ -10,10 +10,11 @@ import numpy as np
 from bayesdamp.envelope.answer.coefficients import coefficients_of
 from bayesdamp.envelope.answer.decay import Decay
 from bayesdamp.envelope.answer.exponent import PowerLaw, by_power, power_law
+from bayesdamp.envelope.answer.posterior import DRIFT, SENSOR, Draws, draw
 from bayesdamp.envelope.answer.ranking import Ranking, ranked
 from bayesdamp.envelope.answer.untold import untold
+from bayesdamp.envelope.likelihood import RateLikelihood, likelihood_of
 from bayesdamp.envelope.model.candidates import Candidate
-from bayesdamp.envelope.model.posterior import DRIFT, SENSOR, Draws, draw
 from bayesdamp.envelope.model.sums import Sum, weighed
 from bayesdamp.envelope.records.one_law import NEPER
 from bayesdamp.envelope.results import AtAmplitude, Curve, Cut, EnvelopeResult, Estimated, Range, estimated
@@ -110,7 +111,17 @@ def _found(decay: Decay, ranking: Ranking, verdict: Verdict, drawn: Drawn, rated
         ),
         cut=_cut(decay),
         curve=_curve(decay, ranking.fitted),
+        likelihoods=_likelihoods(decay, ranking),
     )
+
+
+def _likelihoods(decay: Decay, ranking: Ranking) -> dict[str, RateLikelihood]:
+    plain = {one.name for one in ranking.sums if not one.count}
+    return {
+        c.name: likelihood_of(c, decay.blocks, decay.reference, decay.record.unit)
+        for c in ranking.candidates
+        if c.name in plain
+    }
 
 
 def _range(draws: np.ndarray) -> Range:

@@ -6,9 +6,9 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from bayesdamp.envelope.answer.posterior import Draws
 from bayesdamp.envelope.model.candidates import Candidate
 from bayesdamp.envelope.model.laws import POWERS, coefficients
-from bayesdamp.envelope.model.posterior import Draws
 from bayesdamp.envelope.model.sums import Sum
 from bayesdamp.envelope.records.record import EnvelopeRecord
 from bayesdamp.envelope.results import Coefficient, Estimated, estimated

@@ -13,11 +13,13 @@ from bayesdamp.envelope.model.deviation import KNOTS, knot_precisions, warp_inte
 from bayesdamp.envelope.model.floor import SeenFloor
 from bayesdamp.envelope.model.law import Law
 from bayesdamp.envelope.model.laws import power_decay
+from bayesdamp.envelope.model.marginal import Marginal, weigh_scales
 from bayesdamp.envelope.model.noise import Noise, whiten
-from bayesdamp.envelope.model.orthant import log_orthant
+from bayesdamp.priors import SCORE_RATIO, SHARED_SCALES, shared_log_density
 
-WIDTH = 2.0
-"""Scale of the half-normal prior of each term's rate at the reference amplitude, in the record's own mean rate."""
+HOLD = 30.0
+"""Rates are held to 0 within so many times the record's own mean rate while a fit is sought: it only keeps the fit
+well-conditioned where two terms lose nearly alike, and is no part of the evidence."""
 START_SD = 100.0
 """Of ln A at the start: wide, and the same in all sums."""
 SCALES, SCALES_MANY = (
@@ -37,7 +39,7 @@ class Blocks:
     """A free decay: t in s from its start, x = ln(A/A_ref) (means over runs of readings), shape (n,).
 
     duration in s; mean_rate in 1/s; floor: as seen behind the decay, in units of A_ref², None where none is;
-    each: readings that are averaged to one.
+    each: readings that are averaged to one; frequency: of the oscillation in rad/s, None where it is not known.
     """
 
     t: np.ndarray
@@ -46,6 +48,18 @@ class Blocks:
     mean_rate: float
     floor: SeenFloor | None = None
     each: float = 1.0
+    frequency: float | None = None
+
+    @property
+    def omega(self) -> float:
+        """Rate in 1/s at a damping ratio of 1, in which the scales of the rates' prior are.
+
+        Where the frequency is not known, it is such that the middle of the scales is one over the duration: the record
+        is then taken for one of a middle damping ratio, and no result depends on the unit of time.
+        """
+        if self.frequency is not None:
+            return self.frequency
+        return 1.0 / (self.duration * float(np.sqrt(SHARED_SCALES[0] * SHARED_SCALES[-1])))
 
     @property
     def ends(self) -> tuple[float, float]:
@@ -56,25 +70,73 @@ class Blocks:
 
 @dataclass(frozen=True)
 class Candidate:
-    """A sum on a record, with all hyperparameters of the grid.
+    """A sum on a record, with its posterior over hyperparameters and scales of the prior.
 
-    rates: the fit in 1/s at the reference amplitude, shape (d,). log_evidence (b,) of each point of the grid: noise,
-    scale, τ and ℓ; exact (b,): whether τ is 0. mean (b, d + KNOTS) and covariance of the normal posterior of rates and
-    deviation before rates are cut off at 0. scores: of the terms' further parameters, at one point of their posterior,
-    whose share of the sum is log_share.
+    Attributes
+    ----------
+    law
+        The sum.
+    x0, rates, fit
+        The fit: ln(A/A_ref) at the start, rates in 1/s at the reference amplitude, (d,), and ln(A/A_ref), (n,).
+    marginal
+        Likelihood of the rates under each of c combinations of noise, its scale, τ and ℓ.
+    log_evidence
+        Nats under each pair of a combination and a scale of the prior that counts, (m,).
+    combination
+        Place of each pair's combination, (m,).
+    centre, spread
+        Mean and covariance of the rates before these are cut off at 0, (m, d) and (m, d, d).
+    scores
+        Of the terms' further parameters, at one point of their posterior.
+    log_share
+        Share of that point in the sum, nats.
     """
 
     law: Law
     x0: float
     rates: np.ndarray
     fit: np.ndarray
+    marginal: Marginal
     log_evidence: np.ndarray
-    exact: np.ndarray
-    tau: np.ndarray
-    mean: np.ndarray
-    covariance: np.ndarray
+    combination: np.ndarray
+    centre: np.ndarray
+    spread: np.ndarray
     scores: tuple[float, ...] = ()
     log_share: float = 0.0
+
+    @property
+    def exact(self) -> np.ndarray:
+        """Whether τ is 0 in each pair, (m,)."""
+        return self.marginal.tau[self.combination] == 0.0
+
+    @property
+    def log_by_combination(self) -> np.ndarray:
+        """Log evidence of each combination of hyperparameters, (c,); −∞ where it was left out."""
+        found = np.full(self.marginal.log.size, -np.inf)
+        np.logaddexp.at(found, self.combination, self.log_evidence)
+        return found
+
+    def posterior(self, places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return mean and covariance of (rates, deviation) before rates are cut off at 0.
+
+        Parameters
+        ----------
+        places
+            Of the pairs, (k,).
+
+        Returns
+        -------
+        mean, covariance
+            (k, d + KNOTS) and (k, d + KNOTS, d + KNOTS).
+        """
+        of, known = self.combination[places], self.marginal
+        gain, centre, spread = known.gain[of], self.centre[places], self.spread[places]
+        deviation = known.mean[of] + (gain @ (centre - self.rates)[:, :, None])[:, :, 0]
+        cross = gain @ spread
+        own = known.covariance[of] + cross @ np.swapaxes(gain, 1, 2)
+        above = np.concatenate([spread, np.swapaxes(cross, 1, 2)], axis=2)
+        covariance = np.concatenate([above, np.concatenate([cross, own], axis=2)], axis=1)
+        return np.concatenate([centre, deviation], axis=1), covariance
 
     @property
     def terms(self) -> tuple[str, ...]:
@@ -101,8 +163,8 @@ def fit_rates(
     blocks: Blocks, law: Law, triangle_inverse: np.ndarray, begin: np.ndarray | None = None
 ) -> tuple[float, np.ndarray, float]:
     """(ln A at the start, rates ≥ 0) of a sum at the mode, the noise being white after triangle_inverse (n, n), and the
-    squares that are left there, those of the prior's scores with them."""
-    scale, terms = WIDTH * blocks.mean_rate, law.terms
+    squares that are left there."""
+    scale, terms = HOLD * blocks.mean_rate, law.terms
     rates = np.full(len(terms), blocks.mean_rate / len(terms)) if begin is None else begin.copy()
     x0 = float(blocks.x[: max(1, blocks.x.size // 20)].mean())
 
@@ -138,7 +200,7 @@ def fit_rates(
         value, r = trial
         if done:
             break
-    return x0, rates, value
+    return x0, rates, float(r @ r)
 
 
 def _sane(blocks: Blocks, law: Law, rates: np.ndarray, x0: float) -> np.ndarray:
@@ -181,15 +243,13 @@ def weigh(
     x0, rates = fit_rates(blocks, law, inverse, begin)[:2] if fitted is None else (fitted.x0, fitted.rates)
     fit = law.decay(blocks.t, x0, rates)
     h0, h = derivatives(blocks, law, x0, rates)
-    prior = np.full(rates.size, (WIDTH * blocks.mean_rate) ** -2)
     warp = warp_columns(blocks, law.rate(fit, rates))
-    parts = [_grid(blocks, blocks.x - fit, h0, h, fit, warp, -rates, prior, *one) for one in noises]
-    log_z, mean, covariance, tau = (np.concatenate(p) for p in zip(*parts, strict=True))
-    d = rates.size
-    mean[:, :d] += rates
-    log_z = log_z + d * np.log(2.0) + log_orthant(mean[:, :d], covariance[:, :d, :d])
-    log_z = log_z + _log_weights(noises, log_z.size)
-    return Candidate(law, x0, rates, fit, log_z, tau == 0.0, tau, mean, covariance, scores, log_share)
+    marginal = _marginal(blocks, blocks.x - fit, h0, h, fit, warp, noises)
+    found = weigh_scales(marginal, rates, blocks.omega)
+    return Candidate(
+        law, x0, rates, fit, marginal, found.log_evidence, found.combination, found.rates, found.covariance,
+        scores, log_share,
+    )  # fmt: skip
 
 
 def weigh_power(
@@ -197,7 +257,7 @@ def weigh_power(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """(log evidence, mean, variance) of the exponent p of dA/dt = -c A^p over the grid of hyperparameters, shape (b,).
 
-    p is uniform on 0 to POWER_MOST, c has the prior of a term's rate.
+    p is uniform on 0 to POWER_MOST; c, the rate at the reference amplitude, has the prior of a single term's.
     """
     x0, values = float(blocks.x[0]), np.array([np.log(blocks.mean_rate), 1.0])
 
@@ -234,25 +294,40 @@ def weigh_power(
             break
     fit = model(x0, values)
     h0, h = columns(x0, values)
-    # p's uniform prior is a wide normal here, whose height is put right below.
-    prior = np.array([1e-4, 1e-4])
     warp = warp_columns(blocks, np.exp(values[0] + (values[1] - 1.0) * fit))
-    parts = [_grid(blocks, blocks.x - fit, h0, h, fit, warp, np.zeros(2), prior, *one) for one in noises]
-    log_z, mean, covariance, _ = (np.concatenate(p) for p in zip(*parts, strict=True))
-    power, variance = mean[:, 1] + values[1], covariance[:, 1, 1]
-    scale = WIDTH * blocks.mean_rate
-    density = np.log(2.0 * np.exp(values[0]) / scale) - 0.5 * (np.exp(values[0]) / scale) ** 2
-    log_z = log_z + density - np.log(POWER_MOST) - np.log(1e-4) + 0.5 * np.log(2 * np.pi)
+    found = _marginal(blocks, blocks.x - fit, h0, h, fit, warp, noises)
+    # Wide normals stand for the priors of ln c and p, whose heights are put right below.
+    covariance = np.linalg.inv(found.information + 1e-4 * np.eye(2))
+    move = (covariance @ found.slope[:, :, None])[:, :, 0]
+    log_z = found.log + 0.5 * np.sum(move * found.slope, axis=1) + 0.5 * np.linalg.slogdet(covariance)[1]
+    power, variance = move[:, 1] + values[1], covariance[:, 1, 1]
+    score = np.exp(values[0]) / (SCORE_RATIO * blocks.omega)
+    density = float(shared_log_density(score**2, 1) + np.log(score))  # of ln c
+    log_z = log_z + density - np.log(POWER_MOST) + np.log(2 * np.pi)
     sd = np.sqrt(variance)
     inside = ndtr((POWER_MOST - power) / sd) - ndtr(-power / sd)
-    log_z = log_z + np.log(np.maximum(inside, 1e-300)) + _log_weights(noises, log_z.size)
-    return log_z, power, variance
+    return log_z + np.log(np.maximum(inside, 1e-300)), power, variance
 
 
-def _log_weights(noises: Sequence[tuple[Noise, np.ndarray]], size: int) -> np.ndarray:
-    """Log prior probability of each noise at each point of the grid, shape (size,)."""
+def _marginal(
+    blocks: Blocks,
+    residual: np.ndarray,
+    h0: np.ndarray,
+    h: np.ndarray,
+    fit: np.ndarray,
+    warp: np.ndarray,
+    noises: Sequence[tuple[Noise, np.ndarray]],
+) -> Marginal:
+    """The likelihood of the parameters over noises, their scales, τ and ℓ.
+
+    residual: the readings less the fit; h0, h: its derivatives by its start and by the parameters, (n,) and (n, d);
+    warp: by the deviation at the knots.
+    """
+    parts = [_grid(blocks, residual, h0, h, fit, warp, *one) for one in noises]
+    log, *rest = (np.concatenate(part) for part in zip(*parts, strict=True))
     weight = np.array([noise.log_weight for noise, _ in noises])
-    return np.repeat(weight - np.logaddexp.reduce(weight), size // weight.size)
+    weight = np.repeat(weight - np.logaddexp.reduce(weight), log.size // weight.size)
+    return Marginal(log + weight, *rest)
 
 
 def _grid(
@@ -262,23 +337,17 @@ def _grid(
     h: np.ndarray,
     fit: np.ndarray,
     warp: np.ndarray,
-    offset: np.ndarray,
-    prior: np.ndarray,
     noise: Noise,
     covariance: np.ndarray,
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """(log evidence, posterior mean, covariance of (parameters, g), τ) over scales, τ and ℓ.
-
-    offset: prior mean of the parameters less the fit; prior: their prior precision.
-    """
+) -> tuple[np.ndarray, ...]:
+    """The fields of `Marginal` under one noise, over its scales, τ and ℓ."""
     tau, _, log_prior = weights()
     n, d = h.shape
     extra = [0.5 * noise.constant * np.exp(-2.0 * fit)] if noise.constant > 0 else []
-    white, log_det = whiten(covariance, [h0, *extra, h, warp, residual])
-    columns, r = white[:, :-1], white[:, -1]
+    white, log_det = whiten(covariance, [h0, *extra, warp, h, residual])
     e = len(extra)
-    gram, b, rr = columns.T @ columns, columns.T @ r, float(r @ r)
-    q = columns.shape[1]
+    q = 1 + e + KNOTS  # all but the parameters
+    gram = white.T @ white
     places, log_dets = knot_precisions()
     width = np.where(tau > 0, tau, _ZERO)
     precision = np.zeros((tau.size, q, q))
@@ -288,24 +357,38 @@ def _grid(
     if e:  # the constant part of the floor, as seen behind the decay
         precision[:, 1, 1] = sure
         mu[1] = 1.0
-    inner = slice(1 + e, 1 + e + d)
-    precision[:, range(1 + e, 1 + e + d), range(1 + e, 1 + e + d)] = prior
-    mu[inner] = offset
-    precision[:, 1 + e + d :, 1 + e + d :] = places / width[:, None, None] ** 2
-    log_det_prior = np.log(prior).sum() - 2 * np.log(START_SD) + np.log(sure)
-    log_det_prior = log_det_prior + log_dets - 2 * KNOTS * np.log(width)
+    precision[:, 1 + e :, 1 + e :] = places / width[:, None, None] ** 2
+    log_det_prior = -2 * np.log(START_SD) + np.log(sure) + log_dets - 2 * KNOTS * np.log(width)
     pull = precision @ mu
     quiet = 0.5 * np.einsum("i,bi->b", mu, pull)
     every = SCALES if n < MANY else SCALES_MANY
     scales = every[:, None, None, None]
-    whole = gram / scales**2 + precision
-    side = b / scales[..., 0] ** 2 + pull
+    whole = gram[:q, :q] / scales**2 + precision
+    side = gram[:q, -1] / scales[..., 0] ** 2 + pull
+    across = np.broadcast_to(gram[:q, q : q + d] / scales**2, (*whole.shape[:2], q, d))
     inverse = np.linalg.inv(whole)
     mean = (inverse @ side[..., None])[..., 0]
+    gain = -inverse @ across
     log_det_whole = 2.0 * np.log(np.einsum("sbii->sbi", np.linalg.cholesky(whole))).sum(axis=-1)
     s = every[:, None]
-    log_z = -n * np.log(s) - log_det - 0.5 * rr / s**2 - quiet + 0.5 * log_det_prior - 0.5 * log_det_whole
-    log_z = log_z + 0.5 * np.einsum("sbi,sbi->sb", mean, side) + log_prior - np.log(every.size)
-    kept = np.r_[1 + e : q]
-    flat = inverse.reshape(-1, q, q)[:, kept][:, :, kept]
-    return log_z.ravel(), mean.reshape(-1, q)[:, kept], flat, np.tile(tau, every.size)
+    log = -n * np.log(s) - log_det - 0.5 * gram[-1, -1] / s**2 - quiet + 0.5 * log_det_prior
+    log = (
+        log
+        - 0.5 * log_det_whole
+        + 0.5 * np.einsum("sbi,sbi->sb", mean, side)
+        + log_prior
+        - np.log(every.size)
+    )
+    turned = np.swapaxes(across, 2, 3)
+    slope = gram[q : q + d, -1] / scales[..., 0] ** 2 - (turned @ mean[..., None])[..., 0]
+    information = gram[q : q + d, q : q + d] / scales**2 + turned @ gain
+    information = 0.5 * (information + np.swapaxes(information, 2, 3))
+
+    def flat(array: np.ndarray) -> np.ndarray:
+        return array.reshape(-1, *array.shape[2:])
+
+    knots = slice(1 + e, q)
+    return (
+        log.ravel(), flat(slope), flat(information), flat(mean[..., knots]), flat(gain[..., knots, :]),
+        flat(inverse[..., knots, knots]), np.tile(tau, every.size),
+    )  # fmt: skip

@@ -9,11 +9,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from bayesdamp.envelope.model.candidates import WIDTH, Blocks, Candidate, fit_rates, weigh
+from bayesdamp.envelope.model.candidates import Blocks, Candidate, fit_rates, weigh
 from bayesdamp.envelope.model.law import ClosedForm, Law, Shape, Tabled
 from bayesdamp.envelope.model.laws import POWERS, SUMS
 from bayesdamp.envelope.model.noise import Noise
 from bayesdamp.envelope.terms.further import Explored, explore
+from bayesdamp.odds import odds
 
 if TYPE_CHECKING:
     from bayesdamp.envelope.terms.loss import Scale
@@ -55,7 +56,7 @@ class Sum:
     @property
     def log_prior(self) -> float:
         """ln of the odds before."""
-        return float(np.log(0.5)) if len(self.terms) > 2 else 0.0
+        return float(np.log(odds(self.terms)))
 
     @property
     def counts(self) -> tuple[int, ...]:
@@ -146,8 +147,7 @@ def _fitted(b: Blocks, one: Sum, inverse: np.ndarray) -> tuple[Law, float, np.nd
 
 def _squares(b: Blocks, law: Law, inverse: np.ndarray) -> tuple[Law, float, np.ndarray, float]:
     """A law, its start and rates at the least squares, and these squares."""
-    x0, rates, squares = fit_rates(b, law, inverse)
-    return law, x0, rates, squares - float(np.sum((rates / (WIDTH * b.mean_rate)) ** 2))
+    return law, *fit_rates(b, law, inverse)
 
 
 def _power(power: float) -> Shape:

@@ -14,22 +14,15 @@ from bayesdamp.records.reference import Reference, reference_of
 __all__ = [
     "EPSILON_RANGE",
     "EPSILON_SHARE",
-    "FURTHER_TERM",
     "Reference",
     "damping_priors",
     "default_prior",
-    "odds",
     "reference_of",
 ]
 
 EPSILON_SHARE = 0.02
 EPSILON_RANGE = (0.0005, 0.05)
 """ε as a share of the peak velocity: where it is not given, and the range of its prior where it is free."""
-
-FURTHER_TERM = 0.25
-"""Factor of a model's prior probability for each term beyond the first."""
-OTHERS = 0.1
-"""Prior weight of all other forms of damping together beside one sum."""
 
 
 def damping_priors(terms: Sequence[str], reference: Reference) -> dict[str, Prior]:
@@ -64,16 +57,3 @@ def default_prior(name: str, osc: Oscillator, noise: str, reference: Reference, 
         **NOISES.get(noise).priors(features),
     }
     return priors[name]
-
-
-def odds(damping: Sequence[str], others: int = 0) -> float:
-    """Prior odds of a damping against a single term.
-
-    Parameters
-    ----------
-    damping
-        Its terms.
-    others
-        Number of the forms of damping that are not compared and of which it is one; 0 for a sum that is compared.
-    """
-    return FURTHER_TERM ** (len(damping) - 1) * (OTHERS / others if others else 1.0)

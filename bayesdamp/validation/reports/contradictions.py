@@ -22,7 +22,7 @@ from scipy.integrate import quad
 from scipy.optimize import root_scalar
 from scipy.stats import binom, poisson
 
-from bayesdamp.inference.model.defaults import odds
+from bayesdamp.odds import odds
 from bayesdamp.types import OK
 from bayesdamp.validation.truth.oscillator import COEFFICIENTS, LAWS, Oscillator
 

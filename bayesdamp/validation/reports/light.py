@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 
 from bayesdamp.envelope import analyse, made_record
-from bayesdamp.inference.model.defaults import FURTHER_TERM, odds
+from bayesdamp.odds import FURTHER_TERM, odds
 from bayesdamp.pipeline.answer import Answer, answer
 from bayesdamp.types import OK, Signal
 from bayesdamp.validation.reports.rows import gathered, shipped

@@ -11,7 +11,7 @@ from bayesdamp.inference.deviation.candidate import Candidate
 from bayesdamp.inference.deviation.gaussian.linear import Weighed
 from bayesdamp.inference.deviation.gaussian.orthant import draw
 from bayesdamp.inference.deviation.weighing import Result, Weighing
-from bayesdamp.inference.model.defaults import odds
+from bayesdamp.odds import odds
 
 DRAWS = 4000
 NEGLIGIBLE = 1e-4

@@ -87,12 +87,12 @@ def _draws(
     chosen = np.minimum(np.searchsorted(np.cumsum(weight / weight.sum()), rng.random(count)), weight.size - 1)
     used, of = np.unique(chosen, return_inverse=True)
     d = len(c.terms)
-    triangles = np.linalg.cholesky(c.covariance[used])
+    mean, covariance = c.posterior(used)
+    triangles = np.linalg.cholesky(covariance)
     noise = rng.standard_normal((count, d + KNOTS))
-    both = c.mean[chosen] + (triangles[of] @ noise[..., None])[..., 0]
-    covariance = c.covariance[used]
+    both = mean[of] + (triangles[of] @ noise[..., None])[..., 0]
     inner = covariance[:, :d, :d]
-    kept = draw_orthant(c.mean[chosen, :d], inner[of], np.tile(c.rates, (count, 1)), rng)
+    kept = draw_orthant(mean[of, :d], inner[of], np.tile(c.rates, (count, 1)), rng)
     gain = covariance[:, d:, :d] @ np.linalg.inv(inner)
     rates = kept
     g = both[:, d:] + (gain[of] @ (kept - both[:, :d])[..., None])[..., 0]

@@ -1,0 +1,116 @@
+"""Evidence under half-normals that share an unknown scale, against quadrature; it does not depend on how small the
+damping is."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import pytest
+from scipy.special import logsumexp
+
+from bayesdamp.envelope import analyse, made_record
+from bayesdamp.envelope.model import marginal
+from bayesdamp.envelope.model.candidates import Blocks, Candidate, weigh
+from bayesdamp.envelope.model.law import ClosedForm
+from bayesdamp.envelope.model.laws import SUMS, decay
+from bayesdamp.envelope.model.marginal import weigh_scales
+from bayesdamp.envelope.model.noise import Noise
+from tests.envelope.ringdowns import Ringdown, simulate
+
+OMEGA = 2 * np.pi * 50.0
+STEP = (0.3 / 1e-8) ** (1 / 25)
+"""Ratio of neighbouring scales of the prior."""
+
+
+def blocks(
+    slower: float = 1.0, noise: float = 0.05
+) -> tuple[Blocks, list[tuple[Noise, np.ndarray]], np.ndarray]:
+    """Viscous and Coulomb damping of 3e-4 together at 50 Hz, so many times slower; 60 readings of white noise."""
+    rates = np.array([0.065, 0.035]) / slower
+    t = np.linspace(0.0, 15.0, 60) * slower
+    x = decay(t, 1.2, ("viscous", "coulomb"), rates) + noise * np.random.default_rng(4).standard_normal(60)
+    b = Blocks(t, x, float(t[-1]), float(x[0] - x[-1]) / float(t[-1]), frequency=OMEGA)
+    return b, [(Noise(1e-4, 1.0, 1e-8, 1.0, noise), noise**2 * np.eye(60))], np.eye(60) / noise
+
+
+def weighed(b: Blocks, noises: Sequence, inverse: np.ndarray) -> list[Candidate]:
+    return [weigh(b, ClosedForm(terms), noises, inverse) for terms in SUMS]
+
+
+def probabilities(candidates: Sequence[Candidate]) -> np.ndarray:
+    logs = np.array([c.total for c in candidates])
+    return np.exp(logs - logsumexp(logs))
+
+
+def test_the_evidence_of_two_terms_is_the_integral_over_rates_and_scale():
+    """Exact law, the noise as given; the nonlinear likelihood by the solution of dA/dt = −vA − c, on a fine grid."""
+    b, noises, inverse = blocks(noise=0.02)
+    found = weigh(b, ClosedForm(("viscous", "coulomb")), noises, inverse)
+    at = int(np.flatnonzero(found.marginal.tau == 0.0)[1])
+    one = np.linspace(0.0, 0.16, 161)
+    starts = np.linspace(1.16, 1.24, 33)
+    viscous, coulomb = np.maximum(one, 1e-9)[:, None, None], one[:, None]
+    logs = np.empty((one.size, one.size, starts.size))
+    for k, start in enumerate(starts):
+        rest = coulomb / viscous
+        amplitude = (np.exp(start) + rest) * np.exp(-viscous * b.t) - rest
+        x = np.log(np.maximum(amplitude, 1e-20))
+        logs[:, :, k] = -0.5 * np.sum((b.x - x) ** 2, axis=2) / 0.02**2
+    logs = logsumexp(logs, axis=2) + np.log((starts[1] - starts[0]) / (100.0 * np.sqrt(2 * np.pi)))
+    weight = np.full(one.size, one[1])
+    weight[0] *= 0.5
+    totals = []
+    for scale in np.geomspace(1e-8, 0.3, 26) * OMEGA:
+        prior = np.log(2.0 / (scale * np.sqrt(2 * np.pi)) * weight) - 0.5 * (one / scale) ** 2
+        totals.append(logsumexp(logs + prior[:, None] + prior))
+    truth = logsumexp(totals) - np.log(26) - 60 * np.log(0.02)
+    assert found.log_by_combination[at] - np.log(0.8) + np.log(3.0) == pytest.approx(truth, abs=0.03)
+
+
+def test_probabilities_do_not_depend_on_how_small_the_damping_is(monkeypatch):
+    """Thirteen steps of the scales, a factor of 7,700 in time at one frequency, where the scales have no ends."""
+    scales = 1e-8 * STEP ** np.arange(-40, 66)
+    monkeypatch.setattr(marginal, "SHARED_SCALES", scales)
+    here, there = (probabilities(weighed(*blocks(STEP**steps, 0.02))) for steps in (0, 13))
+    assert 0.05 < here.max() < 0.999
+    assert there == pytest.approx(here, abs=1e-6)
+    # Negative control: half-normals of one scale each, whatever the scale.
+    monkeypatch.setattr(marginal, "SHARED_SCALES", np.array([1e-3]))
+    here, there = (probabilities(weighed(*blocks(STEP**steps, 0.02))) for steps in (0, 13))
+    assert np.abs(there - here).max() > 0.05
+
+
+def test_the_ends_of_the_scales_hardly_matter():
+    here, there = (probabilities(weighed(*blocks(slower, 0.02))) for slower in (1.0, 1000.0))
+    assert there == pytest.approx(here, abs=0.01)
+
+
+def test_an_answer_without_a_frequency_does_not_depend_on_the_unit_of_time():
+    made = Ringdown({"viscous": 0.13, "coulomb": 0.005}, scatter=0.3, scatter_time=0.5, behind=15.0)
+    truth = simulate(made, np.random.default_rng(3))
+    here, there = (
+        analyse(made_record("x", truth.t * unit, truth.level, "dBm")).probabilities for unit in (1.0, 2.0**13)
+    )
+    assert there == pytest.approx(here, abs=1e-6)
+
+
+def test_pairs_that_are_left_out_do_not_count(monkeypatch):
+    b, noises, inverse = blocks()
+    here = weigh(b, ClosedForm(SUMS[-1]), noises, inverse)
+    monkeypatch.setattr(marginal, "LEFT_OUT", 0.0)
+    whole = weigh_scales(here.marginal, here.rates, b.omega)
+    assert whole.log_evidence.size > 2 * here.log_evidence.size
+    assert here.total == pytest.approx(float(logsumexp(whole.log_evidence)), abs=1e-4)
+
+
+def test_the_deviation_follows_the_rates():
+    """Mean and covariance of rates and deviation together: with a wide prior, that of the normal model itself."""
+    b, noises, inverse = blocks()
+    found = weigh(b, ClosedForm(("viscous",)), noises, inverse)
+    mean, covariance = found.posterior(np.arange(found.log_evidence.size))
+    assert mean[:, :1] == pytest.approx(found.centre)
+    assert covariance[:, :1, :1] == pytest.approx(found.spread)
+    own = found.marginal.covariance[found.combination]
+    given = covariance[:, 1:, 1:] - covariance[:, 1:, :1] @ covariance[:, :1, 1:] / covariance[:, :1, :1]
+    assert given == pytest.approx(own, abs=1e-8)

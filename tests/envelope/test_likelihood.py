@@ -1,0 +1,100 @@
+"""Likelihoods of one envelope's rates, for an answer over several records."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.special import logsumexp
+
+from bayesdamp.envelope import analyse, made_record
+from bayesdamp.envelope.analysis import _decay
+from bayesdamp.envelope.asked import Asked
+from bayesdamp.envelope.kept import Task, keep, kept
+from bayesdamp.envelope.likelihood import merged
+from bayesdamp.envelope.model.deviation import weights
+from bayesdamp.envelope.model.laws import SUMS
+from bayesdamp.envelope.model.marginal import Marginal, weigh_scales
+from bayesdamp.envelope.model.sums import weighed
+from bayesdamp.envelope.records.record import EnvelopeRecord
+from bayesdamp.envelope.specimen import joint_answer, shared_likelihoods
+from bayesdamp.priors import SCORE_RATIO
+from bayesdamp.store.cells import Store
+from bayesdamp.types import InputError
+from tests.envelope.ringdowns import Ringdown, simulate
+
+
+def record(seed: int, frequency: float | None = 1e6, unit: str = "dBm") -> EnvelopeRecord:
+    made = Ringdown({"viscous": 0.13, "coulomb": 0.005}, scatter=0.1, scatter_time=0.5, behind=15.0)
+    truth = simulate(made, np.random.default_rng(seed))
+    return made_record(f"r{seed}", truth.t, truth.level, unit, frequency)
+
+
+def log_evidence(log, slope, information, omega: float) -> float:
+    """Under the prior with one unknown scale, over all sizes and lengths of the deviation."""
+    tau, _, log_prior = weights()
+    empty = np.zeros(0)
+    marginal = Marginal(log + log_prior, slope, information, empty, empty, empty, tau)
+    return float(logsumexp(weigh_scales(marginal, np.zeros(slope.shape[1]), omega).log_evidence))
+
+
+def test_merging_noises_loses_little_evidence():
+    for seed in (1, 2, 3):
+        decay, sums = _decay(record(seed), None, SUMS)
+        found = weighed(decay.blocks, sums, decay.noises, decay.inverse)
+        most = max(c.total for c in found)
+        for c in found:
+            if c.total > most - 7.0:
+                likelihood = merged(c.marginal, c.rates)
+                assert log_evidence(*likelihood, decay.blocks.omega) == pytest.approx(c.total, abs=0.1), (
+                    c.name
+                )
+
+
+def test_scores_at_another_amplitude_are_the_same_likelihood():
+    """A rate of Coulomb damping is twice as large at half the amplitude, that of viscous damping the same."""
+    one = analyse(record(4)).likelihoods["viscous+coulomb"]
+    rates = np.array([0.12, 0.06])
+    log, slope, information = one.in_scores(one.reference - np.log(2.0), 0.1)
+    scores = rates * [1.0, 2.0] / 0.1
+    here = one.log + one.slope @ rates - 0.5 * one.information @ rates @ rates
+    assert log + slope @ scores - 0.5 * information @ scores @ scores == pytest.approx(here, abs=1e-6)
+    # Beyond the record's amplitudes too.
+    log, slope, information = one.in_scores(one.reference + np.log(1e4), 0.1)
+    scores = rates * [1.0, 1e-4] / 0.1
+    assert log + slope @ scores - 0.5 * information @ scores @ scores == pytest.approx(here, abs=1e-6)
+
+
+def test_records_of_one_specimen_share_coordinates():
+    """The damping ratio by the maximum of each likelihood; another unit is refused."""
+    found = [analyse(record(seed)) for seed in (5, 6)]
+    shared = shared_likelihoods(found)
+    assert set(shared) == set(map("+".join, SUMS))
+    for one in shared["viscous"]:
+        ratio = SCORE_RATIO * one.slope[0, 0] / one.information[0, 0, 0]
+        assert ratio == pytest.approx(0.16 / (2 * np.pi * 1e6), rel=0.3)
+    by_rate = shared_likelihoods([analyse(record(seed, frequency=None)) for seed in (5, 6)])
+    assert all(one.log.shape == (weights()[0].size,) for one in by_rate["coulomb"])
+    with pytest.raises(InputError, match="dBm and dB"):
+        shared_likelihoods([found[0], analyse(record(6, unit="dB"))])
+    with pytest.raises(NotImplementedError):
+        joint_answer(shared)
+
+
+def test_a_stored_answer_has_its_likelihoods(tmp_path: Path):
+    one = record(8)
+    result = analyse(one)
+    task = Task(one, None, tmp_path / "r.png", 0, Asked())
+    task.picture.write_bytes(b"x")
+    store = Store(tmp_path)
+    keep(store, task, result)
+    again = kept(store, task)
+    assert again is not None
+    assert again.probabilities == result.probabilities
+    here, there = shared_likelihoods([result]), shared_likelihoods([again])
+    for name in here:
+        for a, b in zip(here[name], there[name], strict=True):
+            assert np.array_equal(a.log, b.log)
+            assert np.array_equal(a.slope, b.slope)
+            assert np.array_equal(a.information, b.information)
