@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from bayesdamp.envelope.results import EnvelopeResult
-from bayesdamp.envelope.words import number
+from bayesdamp.envelope.specimen import joint_damping
+from bayesdamp.envelope.words import noun_of, number, probability_words
 
 
 @dataclass(frozen=True)
 class Pooled:
-    """value, sd, low, high: the common `quantity`; records: how many have one; between: sd between records beyond their
-    own, relative; standardised: mean square of the standardised differences, 1 where intervals are honest."""
+    """value, sd, low, high: the common `quantity`; next_low, next_high: of one more record; records: how many have one;
+    between: sd between records beyond their own, relative; standardised: mean square of the standardised differences, 1
+    where intervals are honest; damping, probability, probabilities: of the sums, with one set of coefficients for all
+    records; spread: relative, of the damping between records, with its 95 % interval."""
 
     name: str
     quantity: str
@@ -26,6 +29,12 @@ class Pooled:
     between: float
     standardised: float
     sentence: str
+    next_low: float = float("nan")
+    next_high: float = float("nan")
+    damping: str = ""
+    probability: float = float("nan")
+    probabilities: Mapping[str, float] = field(default_factory=dict)
+    spread: tuple[float, float, float] = (float("nan"),) * 3
 
 
 def pooled(name: str, found: Sequence[EnvelopeResult]) -> Pooled | None:
@@ -47,10 +56,17 @@ def pooled(name: str, found: Sequence[EnvelopeResult]) -> Pooled | None:
     low, high = float(np.exp(mean - 1.96 * sd)), float(np.exp(mean + 1.96 * sd))
     standardised = spread / (x.size - 1)
     what, unit = ("Q", "") if quality else ("decay rate", " 1/s")
+    joint = joint_damping(found)
+    first, probability = next(iter(joint.probabilities.items())) if joint else ("", float("nan"))
+    spread = joint.spread if joint else (between, between, between)
+    wide = float(np.sqrt(sd**2 + max(spread[0], between) ** 2))
+    next_low, next_high = float(np.exp(mean - 1.96 * wide)), float(np.exp(mean + 1.96 * wide))
+    named = f"{noun_of(first)} (probability {probability_words(probability)}), " if joint else ""
     said = (
-        f"{x.size} records of one specimen: {what} = {number(value)}{unit} ± {100 * sd:.2g} % "
-        f"(95 %: {number(low)} to {number(high)}); between records it scatters by {100 * between:.2g} % beyond their "
-        f"own intervals (standardised variance {standardised:.1f})."
+        f"{x.size} records of one specimen: {named}{what} = {number(value)}{unit} ± {100 * sd:.2g} % "
+        f"(95 %: {number(low)} to {number(high)}); one more record would have {number(next_low)} to "
+        f"{number(next_high)}. Between records the damping differs by {100 * spread[0]:.2g} % (95 %: {100 * spread[1]:.2g} to "
+        f"{100 * spread[2]:.2g} %); the standardised variance of the records' own values is {standardised:.1f}."
     )
     return Pooled(
         name,
@@ -63,4 +79,10 @@ def pooled(name: str, found: Sequence[EnvelopeResult]) -> Pooled | None:
         between,
         standardised,
         said,
+        next_low,
+        next_high,
+        first,
+        probability,
+        joint.probabilities if joint else {},
+        spread,
     )

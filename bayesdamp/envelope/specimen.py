@@ -7,26 +7,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from bayesdamp.envelope.model.deviation import weights
 from bayesdamp.envelope.results import EnvelopeResult
-from bayesdamp.priors import SCORE_RATIO, SHARED_SCALES
+from bayesdamp.inference.deviation.gaussian.linear import DampingLikelihood
+from bayesdamp.inference.repeats import RunLikelihood, joined
+from bayesdamp.odds import odds
+from bayesdamp.priors import SCORE_RATIO, SHARED_SCALES, SharedHalfNormal
 from bayesdamp.types import InputError
 
 
-@dataclass(frozen=True, eq=False)
-class ScoreLikelihood:
-    """Likelihood of one record as a function of the damping's scores x, (k,), all else integrated out.
-
-    Under each combination of the deviation's size and length it is exp(log + xᵀ slope − xᵀ information x / 2): arrays
-    of shape (c,), (c, k) and (c, k, k). A score is the damping ratio at the common amplitude in units of SCORE_RATIO;
-    where no frequency is known, a rate in a common unit.
-    """
-
-    log: np.ndarray
-    slope: np.ndarray
-    information: np.ndarray
-
-
-def shared_likelihoods(found: Sequence[EnvelopeResult]) -> dict[str, tuple[ScoreLikelihood, ...]]:
+def shared_likelihoods(found: Sequence[EnvelopeResult]) -> dict[str, tuple[DampingLikelihood, ...]]:
     """Return the likelihoods of all records with a decay, by damping sum, in the coordinates that they share.
 
     The amplitude is the mean of the records' reference amplitudes, in its logarithm. Where a record has no frequency,
@@ -57,17 +47,52 @@ def shared_likelihoods(found: Sequence[EnvelopeResult]) -> dict[str, tuple[Score
     names = [name for name in records[0].likelihoods if all(name in one.likelihoods for one in records)]
     return {
         name: tuple(
-            ScoreLikelihood(*one.likelihoods[name].in_scores(amplitude, rate))
+            DampingLikelihood(*one.likelihoods[name].in_scores(amplitude, rate))
             for one, rate in zip(records, rates, strict=True)
         )
         for name in names
     }
 
 
-def joint_answer(likelihoods: Mapping[str, Sequence[ScoreLikelihood]]) -> None:
-    """Answer for the specimen from what `shared_likelihoods` returns: evidence of each sum, one set of coefficients.
+@dataclass(frozen=True)
+class JointDamping:
+    """One damping for several envelopes: probability of each sum, the largest first, and the relative spread of the
+    damping between the records (median, 2.5 and 97.5 %)."""
 
-    Each run's coefficients are the specimen's times a factor of its own; the deviation's size and length are common to
-    the runs. Not available yet.
+    probabilities: Mapping[str, float]
+    spread: tuple[float, float, float]
+
+
+def joint_damping(found: Sequence[EnvelopeResult], seed: int = 0) -> JointDamping | None:
+    """Weigh every sum with one set of coefficients for all records, times a factor for each.
+
+    The deviation's size and length are common to the records. None where fewer than two records have a decay.
+
+    Raises
+    ------
+    InputError
+        Where the records have different units.
     """
-    raise NotImplementedError("the joint evidence of several envelopes is not available yet")
+    every = shared_likelihoods(found)
+    if not every or len(next(iter(every.values()))) < 2:
+        return None
+    logs, repeats = {}, {}
+    for name, likelihoods in every.items():
+        terms = name.split("+")
+        priors = {t: SharedHalfNormal(1.0) for t in terms}
+        runs = [
+            RunLikelihood.of_scores(priors, terms, np.ones(len(terms)), likelihood)
+            for likelihood in likelihoods
+        ]
+        repeats[name] = joined(runs, priors, weights()[2], seed=seed)
+        logs[name] = repeats[name].log_evidence + float(np.log(odds(terms)))
+    top = max(logs.values())
+    share = {name: float(np.exp(v - top)) for name, v in logs.items()}
+    total = sum(share.values())
+    ordered = dict(sorted(((n, v / total) for n, v in share.items()), key=lambda item: -item[1]))
+    spreads = np.concatenate([one.spreads for one in repeats.values()])
+    weight = np.concatenate([np.full(one.spreads.size, ordered[n]) for n, one in repeats.items()])
+    order = np.argsort(spreads)
+    at = np.cumsum(weight[order]) / weight.sum()
+    value, low, high = (float(np.interp(q, at, spreads[order])) for q in (0.5, 0.025, 0.975))
+    return JointDamping(ordered, (value, low, high))

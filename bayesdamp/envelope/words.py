@@ -40,7 +40,7 @@ def _twin(term: str) -> str:
 
     names = [damping_words(name) for name in twins_of(term)]
     return (
-        f"{_noun(term)} loses as {' and '.join(names)} does at every amplitude: an envelope cannot tell them apart."
+        f"{noun_of(term)} loses as {' and '.join(names)} does at every amplitude: an envelope cannot tell them apart."
         if names
         else ""
     )
@@ -52,7 +52,7 @@ def _registered(term: str) -> str:
     return words_of(term)
 
 
-def _noun(name: str) -> str:
+def noun_of(name: str) -> str:
     """A sum with `damping` behind it, where its words have no noun of their own."""
     words = damping_words(name)
     return words if words.endswith("friction") else f"{words} damping"
@@ -125,7 +125,7 @@ def _kind(low: float, high: float) -> str:
 
 
 def _which(found: EnvelopeResult, alike: Pairs) -> str:
-    said = f"{_noun(found.damping)} (probability {probability_words(found.probability)})"
+    said = f"{noun_of(found.damping)} (probability {probability_words(found.probability)})"
     if found.decided:
         return said
     twins = {name for pair in alike for name in pair}
@@ -139,7 +139,7 @@ def _which(found: EnvelopeResult, alike: Pairs) -> str:
         return f"{none} describes it well, {said} best{against}"
     if alike:
         other = next(one for one in alike[0] if one != found.damping)
-        rival = f"{_noun(other)} ({found.probabilities[other]:.2f}), which loses alike"
+        rival = f"{noun_of(other)} ({found.probabilities[other]:.2f}), which loses alike"
         return f"which damping is not decided: {said}, or {rival}{against}"
     if found.probability > 0.95:
         return f"most likely {said}, but not decided: an exact law would have another"
@@ -160,7 +160,7 @@ def remarks(
         said.append(f"Amplitudes have no scale: {which} coefficients are relative to that at the start.")
     said += [twin for term in found.damping.split("+") if (twin := _twin(term))]
     said += [
-        f"Here {_noun(one)} loses as {_noun(other)} does at every amplitude: an envelope cannot tell "
+        f"Here {noun_of(one)} loses as {noun_of(other)} does at every amplitude: an envelope cannot tell "
         "them apart, and their probabilities are what was held possible before."
         for one, other in alike
     ]

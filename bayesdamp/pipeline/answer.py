@@ -55,9 +55,9 @@ class Answer:
 
     candidates: each that was asked for, in the order of the question, refused ones last. rivals: other forms. fits:
     parameters of the fit of all terms, by restoring law. arrays: what its picture is drawn from, as
-    `inference.deviation.picture` leaves them, and of one of several records `run/DAMPING@RESTORING/...`. posteriors: of the
-    candidates that were sampled, priors: of all, in words by parameter; laws: where the search for each with deviations
-    ended; all by (damping, restoring).
+    `inference.deviation.picture` leaves them, and of one of several records `run/DAMPING@RESTORING/...`. posteriors: of
+    the candidates that were sampled, priors: of all, in words by parameter; laws: where the search for each with
+    deviations ended; all by (damping, restoring).
     """
 
     verdict: Verdict
@@ -123,8 +123,8 @@ def answer(
     themselves are sampled, and not their linear model alone. made: where the weighing under linear models is left, and
     taken from where it is there: of the same signal and arguments. repeated: whether it is one of several records of a
     specimen, for whose verdict each candidate's likelihood of its damping is kept. Of a signal on which nothing can be
-    said the grade is `not_weighed` and the sentence says why; of one that is no free decay of one oscillator it is `no_free_decay`,
-    and nothing is weighed.
+    said the grade is `not_weighed` and the sentence says why; of one that is no free decay of one oscillator it is
+    `no_free_decay`, and nothing is weighed.
     """
     if deviation not in DEVIATIONS:
         raise InputError(f"deviation = {deviation!r}: must be one of {', '.join(DEVIATIONS)}")

@@ -44,7 +44,7 @@ def test_records_in_decibels_are_recognised_said_and_written(tmp_path, capsys):
     assert main(["compare", *map(str, files), "--repeats", "--out", str(out)]) == 0
     said = capsys.readouterr().out.splitlines()
     assert [line.partition(" = ")[0] for line in said[:2]] == ["r1.txt: Q", "r2.txt: Q"]
-    assert said[2].startswith("2 records of one specimen: Q = ")
+    assert said[2].startswith("2 records of one specimen: viscous damping (probability 0.9")
     assert said[-1] == str(out / "report.html")
     verdicts = json.loads((out / "verdict.json").read_text())
     truth = np.pi * 1562325.84 / 0.2

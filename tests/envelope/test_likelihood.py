@@ -18,15 +18,18 @@ from bayesdamp.envelope.model.laws import SUMS
 from bayesdamp.envelope.model.marginal import Marginal, weigh_scales
 from bayesdamp.envelope.model.sums import weighed
 from bayesdamp.envelope.records.record import EnvelopeRecord
-from bayesdamp.envelope.specimen import joint_answer, shared_likelihoods
+from bayesdamp.envelope.specimen import joint_damping, shared_likelihoods
+from bayesdamp.odds import odds
 from bayesdamp.priors import SCORE_RATIO
 from bayesdamp.store.cells import Store
 from bayesdamp.types import InputError
 from tests.envelope.ringdowns import Ringdown, simulate
 
 
-def record(seed: int, frequency: float | None = 1e6, unit: str = "dBm") -> EnvelopeRecord:
-    made = Ringdown({"viscous": 0.13, "coulomb": 0.005}, scatter=0.1, scatter_time=0.5, behind=15.0)
+def record(
+    seed: int, frequency: float | None = 1e6, unit: str = "dBm", scatter: float = 0.1
+) -> EnvelopeRecord:
+    made = Ringdown({"viscous": 0.13, "coulomb": 0.005}, scatter=scatter, scatter_time=0.5, behind=15.0)
     truth = simulate(made, np.random.default_rng(seed))
     return made_record(f"r{seed}", truth.t, truth.level, unit, frequency)
 
@@ -78,8 +81,23 @@ def test_records_of_one_specimen_share_coordinates():
     assert all(one.log.shape == (weights()[0].size,) for one in by_rate["coulomb"])
     with pytest.raises(InputError, match="dBm and dB"):
         shared_likelihoods([found[0], analyse(record(6, unit="dB"))])
-    with pytest.raises(NotImplementedError):
-        joint_answer(shared)
+
+
+def test_more_records_of_one_damping_say_more():
+    """Viscous and Coulomb damping in four records. Control: the product of their own evidences, in which every record
+    pays for coefficients of its own, makes a sum with a further term 100 times less likely than one set for all does."""
+    truth = "viscous+coulomb"
+    found = [analyse(record(seed, scatter=0.8)) for seed in (11, 12, 13, 14)]
+    joint = joint_damping(found)
+    assert joint is not None
+    assert next(iter(joint.probabilities)) == truth
+    assert joint.probabilities[truth] > max(one.probabilities[truth] for one in found)
+    assert joint.spread[1] < 0.05 < joint.spread[2]
+    assert joint_damping(found[:1]) is None
+    further = "viscous+coulomb+quadratic"
+    apart = sum(np.log(one.probabilities[further] / one.probabilities[truth]) for one in found)
+    apart -= 3 * np.log(odds(further.split("+")) / odds(truth.split("+")))
+    assert apart < np.log(0.01 * joint.probabilities[further] / joint.probabilities[truth])
 
 
 def test_a_stored_answer_has_its_likelihoods(tmp_path: Path):
