@@ -62,11 +62,12 @@ def pooled(name: str, found: Sequence[EnvelopeResult]) -> Pooled | None:
     wide = float(np.sqrt(sd**2 + max(spread[0], between) ** 2))
     next_low, next_high = float(np.exp(mean - 1.96 * wide)), float(np.exp(mean + 1.96 * wide))
     named = f"{noun_of(first)} (probability {probability_words(probability)}), " if joint else ""
+    differs, least, most = (f"{100 * value:.2g}" for value in spread)
     said = (
         f"{x.size} records of one specimen: {named}{what} = {number(value)}{unit} ± {100 * sd:.2g} % "
         f"(95 %: {number(low)} to {number(high)}); one more record would have {number(next_low)} to "
-        f"{number(next_high)}. Between records the damping differs by {100 * spread[0]:.2g} % (95 %: {100 * spread[1]:.2g} to "
-        f"{100 * spread[2]:.2g} %); the standardised variance of the records' own values is {standardised:.1f}."
+        f"{number(next_high)}. Between records the damping differs by {differs} % (95 %: {least} to {most} %); the "
+        f"standardised variance of the records' own values is {standardised:.1f}."
     )
     return Pooled(
         name,

@@ -85,7 +85,7 @@ def test_records_of_one_specimen_share_coordinates():
 
 def test_more_records_of_one_damping_say_more():
     """Viscous and Coulomb damping in four records. Control: the product of their own evidences, in which every record
-    pays for coefficients of its own, makes a sum with a further term 100 times less likely than one set for all does."""
+    pays for coefficients of its own, makes a sum with a further term 100 times less likely than one set does."""
     truth = "viscous+coulomb"
     found = [analyse(record(seed, scatter=0.8)) for seed in (11, 12, 13, 14)]
     joint = joint_damping(found)
