@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-FURTHER_TERM = 0.25
-"""Factor of a model's prior probability for each term beyond the first."""
+FURTHER_TERM = 0.125
+"""Factor of a model's prior probability for each term beyond the first. Chosen on 82 simulated records with a damping
+ratio of 0.01 (a third of them single terms, a half sums of two): with it about as many are decided, and as many rightly,
+as under half-normal priors of one fixed scale of 0.1, which punished further terms by their narrow posteriors."""
 OTHERS = 0.1
 """Prior weight of all other forms of damping together beside one sum."""
 
