@@ -12,7 +12,7 @@ from typing import Annotated, Any, TypeVar, Union, get_args, get_origin
 from pydantic import BaseModel, ValidationError
 
 from bayesdamp.plugins import Registry, nearest
-from bayesdamp.priors import GivenPrior, Normal, Prior, Uniform
+from bayesdamp.priors import GivenPrior, Normal, Uniform
 from bayesdamp.types import InputError
 
 Model = TypeVar("Model", bound=BaseModel)

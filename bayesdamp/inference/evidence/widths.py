@@ -116,4 +116,4 @@ def _moved(target: Target, other: Target, mode: Mode) -> Mode:
     context = replace(mode.context, numbers=numbers_of(other.priors.values()))
     values = target.all_values(mode.z)
     start = np.array([float(p.score(values[n])) for n, p in other.priors.items()])
-    return mode_near(other.layout, context, mode, start)
+    return mode_near(other, context, mode, start)

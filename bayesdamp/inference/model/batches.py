@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from bayesdamp.inference.model.compiled import compiled
-from bayesdamp.inference.model.density import LOG_2PI
+from bayesdamp.inference.model.density import LOG_2, LOG_2PI
 from bayesdamp.inference.model.target import Context, Target
+from bayesdamp.priors import shared_log_density
 
 if TYPE_CHECKING:
     from jax import Array
@@ -30,11 +31,18 @@ def log_posterior(target: Target, context: Context, z: np.ndarray) -> np.ndarray
     return np.where(np.isfinite(density), density, -np.inf)
 
 
-def log_prior(z: np.ndarray) -> np.ndarray:
-    """Normalised log density of scores z, (..., d), shape (...)."""
-    return -0.5 * np.sum(z**2, axis=-1) - 0.5 * z.shape[-1] * LOG_2PI
+def log_prior(target: Target, z: np.ndarray) -> np.ndarray:
+    """Log density of scores z, (..., d), shape (...); of reflected ones as if they could have either sign."""
+    shared = target.shared
+    plain = z[..., ~shared]
+    value = -0.5 * np.sum(plain**2, axis=-1) - 0.5 * plain.shape[-1] * LOG_2PI
+    if not shared.any():
+        return value
+    count = int(shared.sum())
+    squares = np.sum(z[..., shared] ** 2, axis=-1)
+    return value + shared_log_density(squares, count, np.asarray(target.scales)) - count * LOG_2
 
 
 def log_likelihood(target: Target, context: Context, z: np.ndarray) -> np.ndarray:
     """Log density of the record at scores z, (n, d), in nats."""
-    return log_posterior(target, context, z) - log_prior(z)
+    return log_posterior(target, context, z) - log_prior(target, z)

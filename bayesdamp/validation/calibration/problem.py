@@ -62,7 +62,7 @@ class Generator:
         """
         escaped = InputError("nothing was drawn")
         for _ in range(ESCAPES):
-            z = rng.standard_normal(len(self.blank.names))
+            z = self.blank.prior_draws(1, rng)[0]
             truth = {k: float(v) for k, v in self.blank.values(z).items()}
             try:
                 signal = self._simulated({**self.blank.known, **truth}, rng, name)

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-
 from scipy.special import log_ndtr
 
 from bayesdamp.inference.deviation.gaussian.hyperparameters import Grid

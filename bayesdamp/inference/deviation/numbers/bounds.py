@@ -18,10 +18,10 @@ from bayesdamp.inference.deviation.numbers.curves import values_of
 from bayesdamp.inference.deviation.numbers.draws import scores_of
 from bayesdamp.inference.deviation.orbit import rest_of
 from bayesdamp.inference.deviation.weighing import Result, Weighing
-from bayesdamp.priors import SCORE_RATIO
 from bayesdamp.physics.damping import TERMS, others
 from bayesdamp.physics.kernel.solve import ALL
 from bayesdamp.physics.restoring import LAWS
+from bayesdamp.priors import SCORE_RATIO
 
 FEW = 1000
 """Draws of a bound."""
