@@ -216,6 +216,10 @@ class SharedHalfNormal(_Prior):
         )
 
 
+FURTHER_TERM = 0.25
+"""Factor of a model's prior probability for each damping term beyond the first."""
+OTHERS = 0.1
+"""Prior weight of all other forms of damping together beside one sum."""
 SCORE_RATIO = 0.1
 """Equivalent damping ratio at a score of 1: a unit of computation, on which no result depends."""
 SHARED_SCALES = np.geomspace(1e-8, 0.3, 26)

@@ -6,13 +6,15 @@ from collections.abc import Mapping, Sequence
 
 from bayesdamp.inference.noise import NOISES
 from bayesdamp.physics.oscillator import Oscillator
-from bayesdamp.priors import LogNormal, LogUniform, Normal, Prior, SharedHalfNormal
+from bayesdamp.priors import FURTHER_TERM, OTHERS, LogNormal, LogUniform, Normal, Prior, SharedHalfNormal
 from bayesdamp.records.oscillation.features import Features
 from bayesdamp.records.reference import Reference, reference_of
 
 __all__ = [
     "EPSILON_RANGE",
     "EPSILON_SHARE",
+    "FURTHER_TERM",
+    "OTHERS",
     "Reference",
     "default_prior",
     "odds",
@@ -22,11 +24,6 @@ __all__ = [
 EPSILON_SHARE = 0.02
 EPSILON_RANGE = (0.0005, 0.05)
 """ε as a share of the peak velocity: where it is not given, and the range of its prior where it is free."""
-
-FURTHER_TERM = 0.25
-"""Factor of a model's prior probability for each term beyond the first."""
-OTHERS = 0.1
-"""Prior weight of all other forms of damping together beside one sum."""
 
 
 def default_prior(name: str, osc: Oscillator, noise: str, reference: Reference, features: Features) -> Prior:
