@@ -21,7 +21,7 @@ from bayesdamp.outcomes import Status
 from bayesdamp.physics.damping import parse_model
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.physics.restoring import LAWS
-from bayesdamp.priors import Prior
+from bayesdamp.priors import SHARED_SCALES, SHARED_SIGMAS, Prior
 from bayesdamp.records.oscillation.features import Features, features
 from bayesdamp.records.simulate import simulate_signal
 from bayesdamp.types import OK, Estimate, InputError, Problem, Seed, Signal, System
@@ -29,6 +29,9 @@ from bayesdamp.types import OK, Estimate, InputError, Problem, Seed, Signal, Sys
 ESTIMATOR = "least_squares"
 SECOND = "envelope"
 """Asked where the first one's fit is not in order."""
+LEAST_SCALE = 0.003
+"""Smallest scale of the damping ratios' default prior from which records are drawn, and with which they are weighed: of
+records with far less damping than their noise lets be seen a study would say the same again and again."""
 ESCAPES = 100
 """Draws in a row whose trajectory does not stay finite, after which the prior is to blame."""
 
@@ -145,7 +148,11 @@ def generator(
             f"{study.source}: the default prior of {' and '.join(moved)} depends on the record, so nothing can be "
             f'drawn from it; give one in [system], such as {moved[0]} = {{ prior = "normal", ... }}'
         )
-    return Generator(model, source or spec.source, replace(system, known=dict(one.known)), one)
+    scales = tuple(
+        float(s) for s, ratio in zip(SHARED_SIGMAS, SHARED_SCALES, strict=True) if ratio >= LEAST_SCALE
+    )
+    blank = replace(one, scales=scales)
+    return Generator(model, source or spec.source, replace(system, known=dict(one.known)), blank)
 
 
 def _features(x: float) -> Features:
