@@ -263,6 +263,21 @@ def _over_scales(squares: Any, count: Any, scales: Any) -> tuple[Any, Any]:
     return np_.log(total) + top[..., 0] + constant, precision
 
 
+def log_prior_of(
+    z: np.ndarray, positive: np.ndarray, shared: np.ndarray, scales: ArrayLike = SHARED_SIGMAS
+) -> np.ndarray:
+    """Log prior density of scores z, (..., d), shape (...): standard normal, or with one unknown scale where `shared`,
+    (d,); folded where `positive`, (d,), and −∞ where one of these is negative."""
+    plain = z[..., ~shared]
+    value = -0.5 * np.sum(plain**2, axis=-1) - plain.shape[-1] * _HALF_LOG_2PI
+    if shared.any():
+        count = int(shared.sum())
+        value = value + shared_log_density(np.sum(z[..., shared] ** 2, axis=-1), count, scales)
+        value = value - count * math.log(2.0)
+    value = value + int(positive.sum()) * math.log(2.0)
+    return np.where(np.all(z[..., positive] >= 0, axis=-1), value, -np.inf)
+
+
 def joint_log_density(
     priors: Sequence[Prior], x: np.ndarray, scales: ArrayLike = SHARED_SIGMAS
 ) -> np.ndarray:

@@ -19,10 +19,10 @@ from bayesdamp.inference.checks import diagnostics
 from bayesdamp.inference.coordinates.reflected_t import DEGREES, ReflectedT
 from bayesdamp.inference.coordinates.whitening import truncated_moments
 from bayesdamp.inference.curves.weighted import effective, shares
-from bayesdamp.inference.deviation.parameters import log_prior_of
 from bayesdamp.inference.evidence.methods.importance import K_GOOD, K_LIMIT
 from bayesdamp.inference.many.joint import Joint, JointMode
 from bayesdamp.machine.threads import cores
+from bayesdamp.priors import log_prior_of
 from bayesdamp.types import OK
 
 PILOT = 500

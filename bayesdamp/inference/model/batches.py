@@ -8,9 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from bayesdamp.inference.model.compiled import compiled
-from bayesdamp.inference.model.density import LOG_2, LOG_2PI
 from bayesdamp.inference.model.target import Context, Target
-from bayesdamp.priors import shared_log_density
+from bayesdamp.priors import log_prior_of
 
 if TYPE_CHECKING:
     from jax import Array
@@ -33,14 +32,8 @@ def log_posterior(target: Target, context: Context, z: np.ndarray) -> np.ndarray
 
 def log_prior(target: Target, z: np.ndarray) -> np.ndarray:
     """Log density of scores z, (..., d), shape (...); of reflected ones as if they could have either sign."""
-    shared = target.shared
-    plain = z[..., ~shared]
-    value = -0.5 * np.sum(plain**2, axis=-1) - 0.5 * plain.shape[-1] * LOG_2PI
-    if not shared.any():
-        return value
-    count = int(shared.sum())
-    squares = np.sum(z[..., shared] ** 2, axis=-1)
-    return value + shared_log_density(squares, count, np.asarray(target.scales)) - count * LOG_2
+    none = np.zeros(len(target.names), bool)
+    return log_prior_of(z, none, target.shared, np.asarray(target.scales))
 
 
 def log_likelihood(target: Target, context: Context, z: np.ndarray) -> np.ndarray:

@@ -156,11 +156,6 @@ class AtOdds:
     factor: float
     dampings: dict[str, float]
 
-    @property
-    def first(self) -> str:
-        """The most probable damping."""
-        return next(iter(self.dampings))
-
 
 def over_odds(found: Ranking) -> list[AtOdds]:
     """Return a ranking under half, once and twice the prior factor of a further term; nothing where all dampings have

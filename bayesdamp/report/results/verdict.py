@@ -12,7 +12,6 @@ from bayesdamp.report.results.reading import (
     label,
     mode_of,
     other_forms,
-    over_odds,
     over_widths,
     ranking,
 )
@@ -120,15 +119,6 @@ def _decided(run: Run, signal: str, repeat: int, found: Ranking) -> Verdict:
             f"how wide the priors are decides between {name} and {rival}: "
             f"damping is {name} with probability {share} among {len(found.rows)} models, but "
             f"{words.probability(lowest.probability)} under priors {words.number(lowest.factor, 2)} times as wide."
-        )
-        return Verdict(False, sentence, open=True)
-    against = min(over_odds(found), key=lambda one: one.dampings[damping], default=None)
-    if against is not None and against.dampings[damping] < HOLDS:
-        rival = next(words.model(d) for d in against.dampings if d != damping)
-        sentence = (
-            f"how probable a further term is beforehand decides between {name} and {rival}: damping is {name} with "
-            f"probability {share} among {len(found.rows)} models, but {words.probability(against.dampings[damping])} "
-            f"where each further term makes a sum {words.number(against.factor, 3)} times as probable."
         )
         return Verdict(False, sentence, open=True)
     if found.best["probability"] < SURE:

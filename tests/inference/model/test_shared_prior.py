@@ -12,7 +12,6 @@ from scipy import stats
 from scipy.integrate import quad
 from scipy.special import gammaln
 
-from bayesdamp.inference.deviation.parameters import log_prior_of
 from bayesdamp.inference.model import batches
 from bayesdamp.inference.model.build import build_target
 from bayesdamp.inference.model.defaults import Reference, default_prior
@@ -29,6 +28,7 @@ from bayesdamp.priors import (
     SharedHalfNormal,
     joint_log_density,
     joint_slope,
+    log_prior_of,
     shared_log_density,
     shared_precision,
 )
