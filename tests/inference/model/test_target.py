@@ -198,7 +198,7 @@ def test_scores_and_values_go_back_and_forth():
 
 def test_prior_of_the_scores_is_standard_normal():
     target, mode = problems.target("viscous_coulomb"), problems.mode("viscous_coulomb")
-    prior = float(log_prior(mode.z))
+    prior = float(log_prior(target, mode.z))
     assert prior == pytest.approx(stats.norm.logpdf(mode.z).sum(), abs=1e-12)
     total = float(log_posterior(target.layout, mode.context, jnp.asarray(mode.z)))
     likelihood = float(log_likelihood(target, mode.context, mode.z[None])[0])
