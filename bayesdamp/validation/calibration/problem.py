@@ -29,9 +29,9 @@ from bayesdamp.types import OK, Estimate, InputError, Problem, Seed, Signal, Sys
 ESTIMATOR = "least_squares"
 SECOND = "envelope"
 """Asked where the first one's fit is not in order."""
-LEAST_SCALE = 0.003
-"""Smallest scale of the damping ratios' default prior from which records are drawn, and with which they are weighed: of
-records with far less damping than their noise lets be seen a study would say the same again and again."""
+SCALES = (0.003, 0.1)
+"""Range of the damping ratios' unknown scale in the default prior with which records are drawn, and with which they are
+weighed: below it noise hides the damping of most records, above it many do not oscillate."""
 ESCAPES = 100
 """Draws in a row whose trajectory does not stay finite, after which the prior is to blame."""
 
@@ -148,9 +148,9 @@ def generator(
             f"{study.source}: the default prior of {' and '.join(moved)} depends on the record, so nothing can be "
             f'drawn from it; give one in [system], such as {moved[0]} = {{ prior = "normal", ... }}'
         )
-    scales = tuple(
-        float(s) for s, ratio in zip(SHARED_SIGMAS, SHARED_SCALES, strict=True) if ratio >= LEAST_SCALE
-    )
+    low, high = SCALES
+    pairs = zip(SHARED_SCALES, SHARED_SIGMAS, strict=True)
+    scales = tuple(float(sigma) for ratio, sigma in pairs if low <= ratio <= high)
     blank = replace(one, scales=scales)
     return Generator(model, source or spec.source, replace(system, known=dict(one.known)), blank)
 
