@@ -8,7 +8,7 @@ further ado.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from functools import cache
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, TypeAlias
@@ -228,7 +228,7 @@ SHARED_SIGMAS = SHARED_SCALES / SCORE_RATIO
 """The same as scores."""
 
 
-def shared_log_density(squares: Any, count: int) -> Any:
+def shared_log_density(squares: Any, count: Any, scales: Any = SHARED_SIGMAS) -> Any:
     """Log density of the scores of `count` coefficients that share a scale, each ≥ 0, given their sum of squares.
 
     Parameters
@@ -236,26 +236,82 @@ def shared_log_density(squares: Any, count: int) -> Any:
     squares
         Sum of the squared scores, any shape. Of arrays of JAX the result is traced.
     count
-        Number of the coefficients.
+        Number of the coefficients; traced too where it depends on numbers that are.
+    scales
+        Scales in scores, (s,), all equally probable.
     """
-    return _over_scales(squares, count)[0]
+    return _over_scales(squares, count, scales)[0]
 
 
-def shared_precision(squares: Any, count: int) -> Any:
+def shared_precision(squares: Any, count: Any, scales: Any = SHARED_SIGMAS) -> Any:
     """Mean of 1/σ² over the scales given the sum of squares: minus the slope of the log density by a score is the
     score times this. Arguments as of `shared_log_density`."""
-    return _over_scales(squares, count)[1]
+    return _over_scales(squares, count, scales)[1]
 
 
-def _over_scales(squares: Any, count: int) -> tuple[Any, Any]:
+def _over_scales(squares: Any, count: Any, scales: Any) -> tuple[Any, Any]:
     np_: Any = jnp if traced(squares) else np
-    each = -0.5 * np_.asarray(squares)[..., None] / SHARED_SIGMAS**2 - count * np.log(SHARED_SIGMAS)
+    scales = np_.asarray(scales)
+    each = -0.5 * np_.asarray(squares)[..., None] / scales**2 - count * np_.log(scales)
     top = each.max(axis=-1, keepdims=True)
     weight = np_.exp(each - top)
     total = weight.sum(axis=-1)
-    constant = count * (math.log(2.0) - _HALF_LOG_2PI) - math.log(SHARED_SIGMAS.size)
-    precision = (weight / SHARED_SIGMAS**2).sum(axis=-1) / total
+    constant = count * (math.log(2.0) - _HALF_LOG_2PI) - math.log(scales.size)
+    precision = (weight / scales**2).sum(axis=-1) / total
     return np_.log(total) + top[..., 0] + constant, precision
+
+
+def log_prior_of(
+    z: np.ndarray, positive: np.ndarray, shared: np.ndarray, scales: ArrayLike = SHARED_SIGMAS
+) -> np.ndarray:
+    """Log prior density of scores z, (..., d), shape (...): standard normal, or with one unknown scale where `shared`,
+    (d,); folded where `positive`, (d,), and −∞ where one of these is negative."""
+    plain = z[..., ~shared]
+    value = -0.5 * np.sum(plain**2, axis=-1) - plain.shape[-1] * _HALF_LOG_2PI
+    if shared.any():
+        count = int(shared.sum())
+        value = value + shared_log_density(np.sum(z[..., shared] ** 2, axis=-1), count, scales)
+        value = value - count * math.log(2.0)
+    value = value + int(positive.sum()) * math.log(2.0)
+    return np.where(np.all(z[..., positive] >= 0, axis=-1), value, -np.inf)
+
+
+def joint_log_density(
+    priors: Sequence[Prior], x: np.ndarray, scales: ArrayLike = SHARED_SIGMAS
+) -> np.ndarray:
+    """Normalised log density of parameters x, (..., d), shape (...); −∞ outside the support.
+
+    The priors are independent but for those that share an unknown scale, one of `scales` (in scores).
+    """
+    shared = [i for i, p in enumerate(priors) if isinstance(p, SharedHalfNormal)]
+    total = np.zeros(x.shape[:-1])
+    squares = np.zeros(x.shape[:-1])
+    for i, prior in enumerate(priors):
+        column = x[..., i]
+        inside = np.isfinite(column)
+        safe = np.where(inside, column, 1.0)
+        if isinstance(prior, SharedHalfNormal):
+            squares = squares + prior.score(safe) ** 2
+            total = total + np.where(inside & (safe >= 0), -math.log(SCORE_RATIO * prior.per_ratio), -np.inf)
+        else:
+            total = total + np.where(inside, prior.log_density(safe), -np.inf)
+    if shared:
+        total = total + shared_log_density(squares, len(shared), scales)
+    return np.where(np.isnan(total), -np.inf, total)
+
+
+def joint_slope(priors: Sequence[Prior], x: np.ndarray, scales: ArrayLike = SHARED_SIGMAS) -> np.ndarray:
+    """Gradient of `joint_log_density` at x, (d,), inside the support."""
+    scores = {i: float(p.score(x[i])) for i, p in enumerate(priors) if isinstance(p, SharedHalfNormal)}
+    precision = shared_precision(sum(z * z for z in scores.values()), len(scores), scales) if scores else 1.0
+    return np.array(
+        [
+            -precision * scores[i] / (SCORE_RATIO * prior.per_ratio)
+            if isinstance(prior, SharedHalfNormal)
+            else float(prior.slope(x[i]))
+            for i, prior in enumerate(priors)
+        ]
+    )
 
 
 class LogNormal(_Prior):

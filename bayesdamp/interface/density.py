@@ -20,7 +20,7 @@ from bayesdamp.interface.parts.definitions import units_of
 from bayesdamp.interface.parts.result import Shown
 from bayesdamp.interface.parts.table import Table, number
 from bayesdamp.plugins import nearest
-from bayesdamp.priors import Prior
+from bayesdamp.priors import Prior, joint_log_density, joint_slope
 from bayesdamp.types import InputError
 
 if TYPE_CHECKING:
@@ -123,7 +123,7 @@ class Density(Shown):
         value, slopes = compiled_slopes(self.target.layout)(self._context, x)
         if not np.isfinite(value):
             return np.zeros_like(x)
-        return np.asarray(slopes) + [float(p.slope(v)) for p, v in zip(self.priors.values(), x, strict=True)]
+        return np.asarray(slopes) + joint_slope(list(self.priors.values()), x, self.target.scales)
 
     def numpyro(self, prefix: str = "") -> Callable[..., dict[str, Any]]:
         """A NumPyro model function of this posterior.
@@ -155,11 +155,7 @@ class Density(Shown):
         return found
 
     def _log_priors(self, x: Vector) -> Vector:
-        total = np.zeros(len(x))
-        for column, prior in zip(x.T, self.priors.values(), strict=True):
-            inside = np.isfinite(column)
-            total += np.where(inside, prior.log_density(np.where(inside, column, 1.0)), -np.inf)
-        return np.where(np.isnan(total), -np.inf, total)
+        return joint_log_density(list(self.priors.values()), x, self.target.scales)
 
     def _log_likelihoods(self, x: Vector) -> Vector:
         """Of many, (m,); −∞ outside the prior's support."""

@@ -98,7 +98,10 @@ _TABLES: dict[str, dict[str, tuple[str, str]]] = {
         "log_evidence": ("nat", "log probability of the record under the model"),
         "stderr": ("nat", "standard error of the computation"),
         "log_bayes_factor": ("nat", "log evidence less that of the best model; 0 for the best"),
-        "probability": ("", "of the model among those compared, all models alike beforehand"),
+        "probability": (
+            "",
+            "of the model among those compared, each further term a quarter as probable beforehand",
+        ),
         "diagnostic": ("", "how far the computation is to be trusted"),
     },
     "fits.csv": {

@@ -52,7 +52,7 @@ def test_another_motion_has_another_likelihood() -> None:
     assert abs(density.log_likelihood(x) - other) > 0.2
 
 
-def test_log_prior_is_the_sum_of_the_priors() -> None:
+def test_log_prior_of_one_term_is_the_sum_of_the_priors() -> None:
     density = fit().density
     x = density.vector()
     expected = sum(float(p.log_density(v)) for p, v in zip(density.priors.values(), x, strict=True))

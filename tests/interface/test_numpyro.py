@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import lru_cache
 
 import jax
@@ -15,7 +16,8 @@ from numpyro.infer.util import log_density
 
 import bayesdamp as bd
 from bayesdamp.inference.checks.diagnostics import monte_carlo_error
-from tests.interface.problems import fit, posterior
+from bayesdamp.inference.model.batches import log_prior
+from tests.interface.problems import fit, posterior, record
 
 FOUR = 4.0
 """Standard errors: with six parameters a false alarm in two thousand."""
@@ -65,8 +67,25 @@ def test_its_joint_density_is_that_of_the_whitened_scores() -> None:
         found.append(float(log_density(model, (), {}, {"whitened": jnp.asarray(u)})[0]))
         z = density.mode.z + np.linalg.cholesky(density.mode.factor @ density.mode.factor.T) @ u
         x = np.array([float(p.value(v)) for p, v in zip(density.priors.values(), z, strict=True)])
-        expected.append(density.log_likelihood(x) - 0.5 * float(z @ z))
+        expected.append(density.log_likelihood(x) + float(log_prior(density.target, z)))
     assert found[1] - found[0] == pytest.approx(expected[1] - expected[0], abs=1e-6)
+
+
+def test_coefficients_share_their_scale() -> None:
+    """Of two terms: density differences per score are those of the joint prior. Control: of one scale for each."""
+    density = bd.Model("viscous+coulomb", noise="gaussian", known={"rest_angle": 0.0}).bind(record())
+    model, d = density.numpyro(), len(density.names)
+    assert density.target.shared.sum() == 2
+    found, expected, separate = [], [], []
+    for u in (np.zeros(d), 0.5 * np.ones(d)):
+        found.append(float(log_density(model, (), {}, {"whitened": jnp.asarray(u)})[0]))
+        z = density.mode.z + np.linalg.cholesky(density.mode.factor @ density.mode.factor.T) @ u
+        x = np.array([float(p.value(v)) for p, v in zip(density.priors.values(), z, strict=True)])
+        expected.append(density.log_likelihood(x) + float(log_prior(density.target, z)))
+        alone = replace(density.target, scales=(1.0,))
+        separate.append(density.log_likelihood(x) + float(log_prior(alone, z)))
+    assert found[1] - found[0] == pytest.approx(expected[1] - expected[0], abs=1e-6)
+    assert abs(separate[1] - separate[0] - found[1] + found[0]) > 1e-3
 
 
 def test_a_prior_of_ones_own() -> None:

@@ -21,7 +21,7 @@ class Independence(Sampler):
         rng, normal = np.random.default_rng(settings.seed), laplace(target, mode)
         z = normal.draw(rng, settings.chains * settings.draws)
         likelihood = batches.log_likelihood(target, mode.context, z)
-        weights = np.asarray(likelihood + batches.log_prior(z) - normal.log_density(z))
+        weights = np.asarray(likelihood + batches.log_prior(target, z) - normal.log_density(z))
         grid = np.arange(z.shape[0]).reshape(settings.chains, settings.draws)
         kept = grid.copy()
         for chain in kept:

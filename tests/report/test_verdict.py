@@ -8,6 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from bayesdamp.report.results.reading import over_odds, ranking
 from bayesdamp.report.results.verdict import verdict
 from bayesdamp.report.sections.study import summary
 
@@ -249,3 +250,19 @@ def test_an_interval_that_another_epsilon_moves_is_told_of(monkeypatch, lead, sd
     assert bool(doubt) == told
     if told:
         assert "μc by 0.00080 rad/s²" in doubt[0]
+
+
+def test_probabilities_under_other_prior_odds_of_a_further_term() -> None:
+    """With the factor halved, 0.6 to 0.4 for the sum becomes 0.3 to 0.4; sums over two laws are moved together."""
+    told = {"viscous+coulomb": 0.6, "viscous@linear": 0.3, "viscous@pendulum": 0.1}
+    found = ranking(run(told, {}), "a", 0)  # type: ignore[arg-type]
+    assert found is not None
+    lower, own, higher = over_odds(found)
+    assert [lower.factor, own.factor, higher.factor] == [0.125, 0.25, 0.5]
+    assert own.dampings == pytest.approx({"viscous+coulomb": 0.6, "viscous": 0.4})
+    assert lower.dampings == pytest.approx({"viscous": 0.4 / 0.7, "viscous+coulomb": 0.3 / 0.7})
+    assert next(iter(lower.dampings)) == "viscous"
+    assert higher.dampings["viscous+coulomb"] == pytest.approx(1.2 / 1.6)
+    single = ranking(run({"viscous": 0.6, "coulomb": 0.4}, {}), "a", 0)  # type: ignore[arg-type]
+    assert single is not None
+    assert over_odds(single) == []  # all have as many terms

@@ -19,7 +19,7 @@ from bayesdamp.inference.curves.weighted import effective
 from bayesdamp.inference.deviation.sampled.marginal import Marginal, marginal_of
 from bayesdamp.inference.evidence.methods.bridge import APART, OVERLAP_LIMIT, PROPOSALS, Span, fitted, span
 from bayesdamp.inference.evidence.methods.importance import FEWEST, K_LIMIT, trusted
-from bayesdamp.inference.evidence.methods.nested import Density, integrated
+from bayesdamp.inference.evidence.methods.nested import Density, integrated, standard_normal
 from bayesdamp.types import OK, Evidence
 
 Array = NDArray[np.float64]
@@ -110,7 +110,14 @@ def by_nested(law: Approximate, model: str, method: str, seed: int) -> Evidence:
     d = target.positive.size
     factor = np.linalg.cholesky(np.atleast_2d(np.cov(law.scores[:, :d].T)))
     mode = law.best[0, :d]
-    density = Density(target.positive, target.log_likelihood, target.log_density, mode, factor)
+    doubled = target.positive.sum() * np.log(2.0)
+    density = Density(
+        target.positive,
+        lambda z: target.log_density(z) - standard_normal(z) - doubled,
+        target.log_density,
+        mode,
+        factor,
+    )
     return integrated(model, method, density, seed, linear(law, model, method).log_evidence)
 
 

@@ -70,7 +70,8 @@ class Whole:
     def cost(self, z: np.ndarray) -> float:
         """Nats by which the log posterior is lower at other scores: with larger deviations it falls by far less than
         its parabola at the mode."""
-        return self.height - float(self.log_likelihood(z[None])[0]) + 0.5 * float(z @ z)
+        prior = float(self.marginal.log_prior_of(np.abs(z)[None])[0])
+        return self.height - float(self.log_likelihood(z[None])[0]) - prior
 
     def holds(self, z: np.ndarray) -> bool:
         """At all scores: motions are exact in the parameters."""

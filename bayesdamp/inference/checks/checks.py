@@ -252,7 +252,7 @@ def _windows(target: Target, mode: Mode, seed: int) -> tuple[tuple[Window, ...],
         windows.append(w)
         if first == 0:
             density = whole.log_evidence - w.log_evidence
-            later = forecast(target, mode.context.plan, context, top.x, factor, density, seed)
+            later = forecast(target, mode.context.plan, context.held(1.0), top.x, factor, density, seed)
         for name in target.oscillator.coefficients:
             if whole.sd[name] == 0.0:  # absent from this model
                 continue

@@ -137,11 +137,12 @@ def _ridge(target: Target, mode: Mode, wide: np.ndarray, others: np.ndarray, ste
     def at(inner: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         z = whole.copy()
         z[others] = inner
-        value, gradient, information = map(np.asarray, curvature(mode.context, z))
+        value, gradient, information = map(np.asarray, curvature(mode.near, z))
         return value, gradient[others], information[np.ix_(others, others)]
 
-    inner = mode.information[np.ix_(others, others)]
-    start = mode.z[others] - np.linalg.solve(inner, mode.information[np.ix_(others, wide)] @ step)
+    information = np.linalg.inv(mode.factor @ mode.factor.T)
+    inner = information[np.ix_(others, others)]
+    start = mode.z[others] - np.linalg.solve(inner, information[np.ix_(others, wide)] @ step)
     reflected = np.asarray(target.layout.reflected)[others]
     top = maximise(at, reflected, start, limit=20)
     if not np.isfinite(top.value):

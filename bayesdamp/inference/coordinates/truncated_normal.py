@@ -66,8 +66,8 @@ class TruncatedNormal:
 
 
 def about(target: Target, mode: Mode) -> TruncatedNormal:
-    """The normal with the mode's information and the log posterior's gradient there, cut off."""
-    return near(target, mode.context, mode.z, mode.factor)
+    """The normal with the mode's covariance and the log posterior's gradient there, cut off."""
+    return near(target, mode.near, mode.z, mode.factor)
 
 
 def near(target: Target, context: Context, z: np.ndarray, factor: np.ndarray) -> TruncatedNormal:
@@ -80,7 +80,8 @@ def near(target: Target, context: Context, z: np.ndarray, factor: np.ndarray) ->
 
 
 def laplace(target: Target, mode: Mode) -> TruncatedNormal:
-    """The normal with the log posterior's gradient and whole Hessian at the mode, cut off.
+    """The normal with the log posterior's gradient and whole Hessian at the mode, cut off; of the scales that
+    coefficients may share, with the one that stands for all near the mode.
 
     The Hessian by differences of gradients, from a point that is moved off a wall so far that none crosses it. A mode
     at zero, where the gradient is not zero, makes a normal with its mean beyond the wall.
@@ -90,7 +91,7 @@ def laplace(target: Target, mode: Mode) -> TruncatedNormal:
     at = np.where(reflected, np.maximum(np.abs(mode.z), 2 * H * mode.sd()), mode.z)
 
     def slope(z: np.ndarray) -> np.ndarray:
-        return np.asarray(compiled(target.layout).curvature(mode.context, z)[1])
+        return np.asarray(compiled(target.layout).curvature(mode.near, z)[1])
 
     rows = [(slope(at - H * column) - slope(at + H * column)) / (2 * H) for column in factor.T]
     white = np.stack(rows) @ factor

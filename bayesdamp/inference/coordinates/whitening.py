@@ -61,9 +61,10 @@ def whitening_of(target: Target, mode: Mode, shear: Shear | None = None) -> Whit
     at = np.where(layout.reflected, np.maximum(np.abs(mode.z), 1e-12), mode.z)
 
     def slope(at: np.ndarray) -> np.ndarray:
-        return np.asarray(compiled(layout).curvature(mode.context, shear.scores(at))[1]) @ shear.slope(at)
+        return np.asarray(compiled(layout).curvature(mode.near, shear.scores(at))[1]) @ shear.slope(at)
 
-    centre, factor = truncated_moments(mode.information, slope(at), at, reflected)
+    information = np.linalg.inv(mode.factor @ mode.factor.T)
+    centre, factor = truncated_moments(information, slope(at), at, reflected)
     whole, linear = _curvatures(target, mode, centre, factor, shear)
     if not (np.all(np.isfinite(whole)) and np.all(np.isfinite(linear))):
         return Whitening(centre, factor, np.zeros((d, d)), False, shear)
@@ -148,7 +149,7 @@ def _curvatures(
     )
     away = H * corners.reshape(-1, d) @ factor.T
     functions = compiled(layout)
-    line = functions.tight(mode.context, shear.scores(at))
+    line = functions.tight(mode.near, shear.scores(at))
 
     def hessian(fun: Callable[[Array], Array], points: np.ndarray) -> np.ndarray:
         f = in_batches(fun, points).reshape(-1, 4)
@@ -157,6 +158,6 @@ def _curvatures(
             found[i, j] = found[j, i] = v
         return found
 
-    whole = hessian(lambda part: functions.batch(mode.context, part), shear.scores(at + away))
+    whole = hessian(lambda part: functions.batch(mode.near, part), shear.scores(at + away))
     straight = shear.noise.sheared(shear.level(at) + away)
-    return whole, hessian(lambda part: functions.linearised_batch(mode.context, line, part), straight)
+    return whole, hessian(lambda part: functions.linearised_batch(mode.near, line, part), straight)

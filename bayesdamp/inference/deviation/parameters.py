@@ -14,27 +14,14 @@ from bayesdamp.priors import (
     SHARED_SIGMAS,
     Prior,
     SharedHalfNormal,
-    shared_log_density,
+    log_prior_of,
     shared_precision,
 )
 
-LOG_2PI, LOG_2 = float(np.log(2 * np.pi)), float(np.log(2.0))
 STEP = 1e-5
 """Scores over which the slope of a prior's map is taken."""
 SMALL_STEP = 1e-6
 """Scores over which slopes of the straight coordinates are taken."""
-
-
-def log_prior_of(z: np.ndarray, positive: np.ndarray, shared: np.ndarray) -> np.ndarray:
-    """Log prior density of scores z, (..., d), shape (...): standard normal, or with one unknown scale where `shared`,
-    (d,); folded where `positive`, (d,), and −∞ where one of these is negative."""
-    plain = z[..., ~shared]
-    value = -0.5 * np.sum(plain**2, axis=-1) - 0.5 * plain.shape[-1] * LOG_2PI
-    if shared.any():
-        count = int(shared.sum())
-        value = value + shared_log_density(np.sum(z[..., shared] ** 2, axis=-1), count) - count * LOG_2
-    value = value + int(positive.sum()) * LOG_2
-    return np.where(np.all(z[..., positive] >= 0, axis=-1), value, -np.inf)
 
 
 @dataclass(frozen=True)

@@ -39,7 +39,7 @@ def first_half(target: Target, mode: Mode) -> Mode:
     if part.stop <= len(target.names):
         raise Refusal(f"half the record has {part.stop} samples for {len(target.names)} parameters")
     context = target.context(mode.context.plan.of(part), part)
-    return mode_near(target.layout, context, mode, mode.z)
+    return mode_near(target, context, mode, mode.z)
 
 
 def predict(model: str, target: Target, mode: Mode, seed: int) -> Prediction:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from bayesdamp.inference.checks import diagnostics
-from bayesdamp.priors import HalfNormal, Prior
+from bayesdamp.priors import SHARED_SIGMAS, HalfNormal, Prior, SharedHalfNormal, shared_log_density
 from bayesdamp.types import OK
 
 FARTHEST = 5.0
@@ -33,42 +35,85 @@ class Ratio:
     outcome: str = OK
 
 
-def savage_dickey(prior: Prior | None, draws: np.ndarray) -> Ratio:
-    """Log of posterior to prior density of a coefficient at zero, on the reflected axis (Dickey, Annals of Mathematical
-    Statistics 42, 1971).
+def savage_dickey(
+    priors: Mapping[str, Prior],
+    name: str,
+    scores: Mapping[str, np.ndarray],
+    scales: ArrayLike = SHARED_SIGMAS,
+) -> Ratio:
+    """Return the log Bayes factor of the model without a coefficient to the one with it.
 
-    draws: of the coefficient's score, shape (chain, draw). Valid under a half-normal prior, where both models share
-    all other priors, and while the result is within 5 nats: farther out no draw is near zero.
+    It is the log of posterior to prior density of the coefficient at zero, on the reflected axis. Where the coefficient
+    shares an unknown scale with others, the prior of these given that it is zero is not their prior in the smaller
+    model; the posterior is then weighed by the ratio of the two, a function of the others' sum of squares.
+
+    Parameters
+    ----------
+    priors
+        Of the parameters of the larger model, by name.
+    name
+        The coefficient. Its prior must be a half-normal, of a given or of a shared scale.
+    scores
+        Posterior draws of the parameters' scores, by name, shape (chain, draw) each.
+    scales
+        Scales in scores that coefficients may share, (s,).
+
+    Returns
+    -------
+    The ratio, valid while it is within 5 nats: farther out no draw is near zero.
+
+    References
+    ----------
+    Dickey, Annals of Mathematical Statistics 42, 1971; Verdinelli and Wasserman, Journal of the American Statistical
+    Association 90, 1995, for other priors of the smaller model.
     """
-    if not isinstance(prior, HalfNormal):
-        return Ratio(outcome="not applicable: its prior is no half-normal")
-    log_density, error = density_at_zero(draws.ravel(), diagnostics.effective_mean(draws))
-    ratio = log_density - 0.5 * np.log(2.0 / np.pi)
+    prior, draws = priors.get(name), scores.get(name)
+    if draws is None or not isinstance(prior, HalfNormal | SharedHalfNormal):
+        return Ratio(outcome="not applicable: its prior is not a half-normal")
+    log_ratios = np.full(draws.shape, -0.5 * np.log(2.0 / np.pi))
+    if isinstance(prior, SharedHalfNormal):
+        others = [n for n, p in priors.items() if n != name and isinstance(p, SharedHalfNormal)]
+        squares = np.sum([scores[n] ** 2 for n in others], axis=0) if others else np.zeros(draws.shape)
+        smaller = shared_log_density(squares, len(others), scales)
+        log_ratios = smaller - shared_log_density(squares, len(others) + 1, scales)
+    top = float(log_ratios.max())
+    weights = np.exp(log_ratios - top)
+    log_density, error = density_at_zero(
+        draws.ravel(), diagnostics.effective_mean(draws), weights.ravel() / weights.mean()
+    )
+    ratio = log_density + top + float(np.log(weights.mean()))
     if not (abs(ratio) < FARTHEST and error < 1.0):
         return Ratio(ratio, error, "not applicable: beyond 5 nats, or too few draws near zero")
     return Ratio(ratio, error)
 
 
-def density_at_zero(x: np.ndarray, effective: float) -> tuple[float, float]:
-    """Log density at 0 of draws x ≥ 0, shape (n,), and its standard error; effective: draws they are worth.
+def density_at_zero(
+    x: np.ndarray, effective: float, weights: np.ndarray | None = None
+) -> tuple[float, float]:
+    """Log density at 0 of draws x ≥ 0, shape (n,), and its standard error; effective: draws they are worth; weights: of
+    mean 1, (n,), equal by default.
 
     The density is the exponential of a cubic on [0, median], by maximum likelihood: a cut-off normal is one, and
     nothing is smoothed across zero.
     """
     top = float(np.quantile(x, LOWER))
-    u = x[x <= top] / top
+    low = x <= top
+    u = x[low] / top
+    w = np.ones(u.size) if weights is None else weights[low]
+    if weights is not None:
+        effective *= float(np.sum(weights) ** 2 / np.sum(weights**2) / weights.size)
     if u.min() > FAR_FROM_ZERO:
         return float("nan"), float("inf")
-    nodes, weights = np.polynomial.legendre.leggauss(NODES)
-    nodes, weights = 0.5 * (nodes + 1.0), 0.5 * weights
+    nodes, cells = np.polynomial.legendre.leggauss(NODES)
+    nodes, cells = 0.5 * (nodes + 1.0), 0.5 * cells
     basis = np.stack([nodes**k for k in range(1, DEGREE + 1)])
-    wanted = np.array([np.mean(u**k) for k in range(1, DEGREE + 1)])
+    wanted = np.array([np.average(u**k, weights=w) for k in range(1, DEGREE + 1)])
     c = np.zeros(DEGREE)
 
     def moments(c: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
         height = c @ basis
         most = height.max()
-        mass = weights * np.exp(height - most)
+        mass = cells * np.exp(height - most)
         total = mass.sum()
         mean = basis @ mass / total
         return most + np.log(total), mean, (basis * mass / total) @ basis.T - np.outer(mean, mean)
@@ -89,7 +134,7 @@ def density_at_zero(x: np.ndarray, effective: float) -> tuple[float, float]:
         c = c + size * step
         log_total, mean, covariance = trial
     # log f(0) = log share − log_total − log top; its gradient by c is −mean, c's covariance the inverse of the basis'.
-    share = u.size / x.size
+    share = float(w.sum()) / x.size
     variance = mean @ np.linalg.solve(covariance, mean) / (share * effective) + (1 - share) / (
         share * effective
     )

@@ -43,7 +43,8 @@ class Widths:
 
 
 def widened(prior: Prior, factor: float) -> Prior | None:
-    """The prior with its scale times the factor and its support as it is; None where it has no such scale."""
+    """The prior with its scale times the factor and its support as it is; None where it has no such scale, as where the
+    scale is unknown and averaged over."""
     if isinstance(prior, HalfNormal):
         return HalfNormal(scale=prior.scale * factor)
     if isinstance(prior, LogNormal):
@@ -65,12 +66,12 @@ def against_width(
     under the prior as it is, (n,). The likelihoods of these draws do not depend on the prior: each width needs prior
     densities alone.
     """
+    varied = tuple(n for n in coefficients if widened(priors[n], 2.0) is not None)
     values = {n: np.asarray(p.value(y[:, i])) for i, (n, p) in enumerate(priors.items()) if n in coefficients}
     rows = [
         _one(priors, coefficients, values, log_weights, factor, anew, seed + i)
-        for i, factor in enumerate(FACTORS)
-    ]
-    varied = tuple(n for n in coefficients if widened(priors[n], 2.0) is not None)
+        for i, factor in enumerate(FACTORS if varied else (1.0,))
+    ] * (1 if varied else FACTORS.size)
     return Widths(varied, FACTORS, *(np.array(column) for column in zip(*rows, strict=True)))
 
 
@@ -116,4 +117,4 @@ def _moved(target: Target, other: Target, mode: Mode) -> Mode:
     context = replace(mode.context, numbers=numbers_of(other.priors.values()))
     values = target.all_values(mode.z)
     start = np.array([float(p.score(values[n])) for n, p in other.priors.items()])
-    return mode_near(other.layout, context, mode, start)
+    return mode_near(other, context, mode, start)

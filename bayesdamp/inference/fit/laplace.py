@@ -12,16 +12,56 @@ from bayesdamp.inference.model.target import Context, Target
 from bayesdamp.numerics.lazily import jax
 
 NODES = 24
+NEGLIGIBLE = 15.0
+"""Nats below the most probable scale from which on scales are left out: together they add less than 1e-5."""
 TWO_SIDED = 1.959964
 """Standard deviations of a normal's 95 % interval."""
 
 
 def log_evidence_near(target: Target, context: Context, z: np.ndarray) -> float:
     """Laplace's log evidence from the expansion at scores z, (d,), at or near a mode. context: of the record or of a
-    part of it."""
+    part of it.
+
+    The likelihood is expanded: of a scale that coefficients share, each value has its own integral.
+    """
     at = np.where(target.layout.reflected, np.abs(z), z)
-    value, gradient, information = map(np.asarray, compiled(target.layout).curvature(context, at))
-    return log_integral(float(value), gradient, information, at, np.flatnonzero(target.layout.reflected))
+    curvature = compiled(target.layout).curvature
+    value, gradient, information = map(np.asarray, curvature(context.held(1.0), at))
+    live = np.array(
+        [n in target.live for n in target.names]
+    )  # half of an absent score's normal, twice, is one
+    reflected = np.flatnonzero(np.asarray(target.layout.reflected) & live)
+    return log_integral_over_scales(
+        float(value), gradient, information, at, reflected, target.shared, np.asarray(target.scales)
+    )
+
+
+def log_integral_over_scales(
+    value: float,
+    gradient: np.ndarray,
+    information: np.ndarray,
+    at: np.ndarray,
+    reflected: np.ndarray,
+    shared: np.ndarray,
+    scales: np.ndarray,
+) -> float:
+    """`log_integral`, the prior N(0, 1) of the shared scores, (d,) of bool, replaced by its mean over scales, (s,)."""
+    if not shared.any():
+        return log_integral(value, gradient, information, at, reflected)
+    count, squares = int(shared.sum()), float(np.sum(at[shared] ** 2))
+
+    def at_scale(scale: float, walls: np.ndarray) -> float:
+        extra = (scale**-2 - 1.0) * shared
+        there = value - 0.5 * (scale**-2 - 1.0) * squares - count * np.log(scale)
+        return log_integral(there, gradient - extra * at, information + np.diag(extra), at, walls)
+
+    found: list[float] = []
+    folded = float(reflected.size * np.log(2.0))
+    for whole, scale in sorted(((at_scale(s, reflected[:0]), s) for s in scales), reverse=True):
+        if found and whole + folded < max(found) - NEGLIGIBLE:
+            break  # walls only take away from it
+        found.append(at_scale(scale, reflected))
+    return float(logsumexp(found) - np.log(scales.size))
 
 
 def log_integral(

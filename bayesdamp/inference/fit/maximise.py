@@ -41,8 +41,13 @@ def maximise_posterior(
     retract: Retract = straight_on,
     close: float = CLOSE,
 ) -> Maximum:
-    """The mode of a posterior below which scores z, (d,), are. retract: where steps end. close: as `CLOSE`."""
+    """The mode of a posterior below which scores z, (d,), are. retract: where steps end. close: as `CLOSE`.
+
+    Every score has the prior N(0, 1) here: a scale that coefficients share is held at 1. Averaged over all scales the
+    prior is highest where all these coefficients are 0, and searches would end there on records of little damping.
+    """
     curvature = compiled(layout).curvature
+    context = context.held(1.0)
 
     def expand(z: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         value, gradient, information = map(np.asarray, curvature(context, z))

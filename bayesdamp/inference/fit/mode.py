@@ -9,9 +9,10 @@ from scipy.linalg import solve_triangular
 
 from bayesdamp.inference.fit.maximise import maximise_posterior
 from bayesdamp.inference.model.residuals import log_density, residuals
-from bayesdamp.inference.model.target import Context, Layout, Target
+from bayesdamp.inference.model.target import Context, Target
 from bayesdamp.physics.solver.plan import Plan
 from bayesdamp.physics.solver.steps import MeshPlan
+from bayesdamp.priors import shared_precision
 from bayesdamp.types import Refusal, Seed
 
 BUDGET = 0.01
@@ -47,9 +48,13 @@ class LocalSearch:
 class Mode:
     """A posterior mode in scores.
 
-    z: shape (d,); information: Gauss–Newton Hessian of −log posterior there, (d, d); factor: its inverse's
-    Cholesky factor, (d, d), which whitens; step_error, likelihood_error: what finer steps of the solver change
-    within three sds of the mode, in the unit of the record and in nats.
+    It is the mode of the density in which every score has the prior N(0, 1): a scale that damping coefficients share is
+    held at 1. log_posterior: log of that density at z, shape (d,); information: its negative Gauss–Newton Hessian
+    there, (d, d).
+    near: the context with the one shared scale that stands for all of them about z; factor: Cholesky factor of the
+    posterior's covariance with it, (d, d), which whitens.
+    step_error, likelihood_error: what finer steps of the solver change within three sds of the mode, in the unit of the
+    record and in nats.
     """
 
     z: np.ndarray
@@ -57,6 +62,7 @@ class Mode:
     information: np.ndarray
     factor: np.ndarray
     context: Context
+    near: Context
     searches: tuple[LocalSearch, ...]
     step_error: float
     likelihood_error: float
@@ -77,12 +83,31 @@ def settle(target: Target, z: np.ndarray, tolerance: float, searches: tuple[Loca
         top = maximise_posterior(target.layout, context, z)
         if not np.isfinite(top.value):
             raise Refusal("the posterior is not finite at its mode")
-        z, factor = top.x, whitening(top.information)
+        z = top.x
+        near, factor = about(target, context, z, top.information)
         moved, change = _step_errors(target, plan, finer, z, factor)
         if change < BUDGET or attempts == 6:
             break
         tolerance = min(tolerance, error) * np.clip(BUDGET / change, 1e-3, 0.5) * 0.5
-    return Mode(z, top.value, top.information, factor, context, searches, moved, change, tolerance)
+    return Mode(z, top.value, top.information, factor, context, near, searches, moved, change, tolerance)
+
+
+def about(
+    target: Target, context: Context, z: np.ndarray, information: np.ndarray
+) -> tuple[Context, np.ndarray]:
+    """What a normal distribution near scores z, (d,), is made with: the context with one shared scale in place of all,
+    and a factor of the covariance with that one, (d, d).
+
+    The scale has as its 1/σ² the mean over the scales given the expected sum of squares of the coefficients: a step of
+    variational Bayes. Where the record shows no damping the scale is then that of what it would show.
+    information: with the scale held at 1, (d, d). Raises Refusal where that is not positive.
+    """
+    factor, shared = whitening(information), target.shared
+    if not shared.any():
+        return context, factor
+    squares = float(np.sum(z[shared] ** 2) + np.sum(factor[shared] ** 2))
+    precision = float(shared_precision(squares, int(shared.sum()), np.asarray(target.scales)))
+    return context.held(precision**-0.5), whitening(information + np.diag((precision - 1.0) * shared))
 
 
 def plans(target: Target, z: np.ndarray, tolerance: float, stepped: bool = False) -> tuple[Plan, Plan, float]:
@@ -121,15 +146,21 @@ def _step_errors(
     return moved, change
 
 
-def mode_near(layout: Layout, context: Context, mode: Mode, z: np.ndarray) -> Mode:
+def mode_near(target: Target, context: Context, mode: Mode, z: np.ndarray) -> Mode:
     """The mode of another posterior close by, such as one of a part of the record: from scores z, (d,), on the same
     steps. Raises Refusal where it is not finite."""
-    top = maximise_posterior(layout, context, z)
+    top = maximise_posterior(target.layout, context, z)
     if not np.isfinite(top.value):
         raise Refusal("the posterior is not finite at its mode")
-    factor, information = whitening(top.information), top.information
+    near, factor = about(target, context, top.x, top.information)
     return replace(
-        mode, z=top.x, log_posterior=top.value, information=information, factor=factor, context=context
+        mode,
+        z=top.x,
+        log_posterior=top.value,
+        information=top.information,
+        factor=factor,
+        context=context,
+        near=near,
     )
 
 
@@ -157,5 +188,5 @@ def restore_mode(
 ) -> Mode:
     """A mode from what was stored of it: the plan of the solver is made anew at z."""
     context = target.context(plans(target, z, tolerance)[0])
-    factor = whitening(information)
-    return Mode(z, log_posterior, information, factor, context, searches, np.nan, np.nan, tolerance)
+    near, factor = about(target, context, z, information)
+    return Mode(z, log_posterior, information, factor, context, near, searches, np.nan, np.nan, tolerance)

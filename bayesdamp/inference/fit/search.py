@@ -140,7 +140,7 @@ def _begun(
     context = target.context(plans(target, z, tolerance, stepped)[0])
     r = residual(target, context.plan, z)
     z = _with_noise(target, z, r)
-    value = float(compiled(target.layout).curvature(context, z)[0])
+    value = float(compiled(target.layout).curvature(context.held(1.0), z)[0])
     return _Begun(seeds, z, context, value, _size(r))
 
 

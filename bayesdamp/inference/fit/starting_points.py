@@ -27,7 +27,7 @@ class Basin:
 
 def prior_starts(target: Target, count: int, seed: int) -> dict[Seed, Mapping[str, float]]:
     """Draws from the prior: parameter values in natural units."""
-    draws = np.random.default_rng(seed).standard_normal((count, len(target.names)))
+    draws = target.prior_draws(count, np.random.default_rng(seed))
     return {
         Seed(f"prior {i + 1}", drawn=True): {n: float(v) for n, v in target.values(z).items()}
         for i, z in enumerate(draws)

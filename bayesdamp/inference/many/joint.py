@@ -2,7 +2,8 @@
 
 Shared parameters have one prior, and one value in all records; what belongs to a record alone (its start, the angle
 at rest, which an encoder may offset, its noise) keeps a prior of its own. Both as scores, so that the joint log
-density is the sum of the records' log likelihoods and a standard normal in all coordinates.
+density is the sum of the records' log likelihoods and a standard normal in all coordinates; a scale that damping
+coefficients share is held at 1 where the mode is looked for, and averaged over in the evidence.
 """
 
 from __future__ import annotations
@@ -15,11 +16,12 @@ from itertools import pairwise
 import numpy as np
 
 from bayesdamp.inference.coordinates.whitening import FAR
-from bayesdamp.inference.fit.laplace import log_integral
+from bayesdamp.inference.fit.laplace import log_integral_over_scales
 from bayesdamp.inference.fit.maximise import maximise
 from bayesdamp.inference.fit.search import PLANS
 from bayesdamp.inference.many.record import Local, Record
 from bayesdamp.inference.model.density import LOG_2PI
+from bayesdamp.priors import SHARED_SIGMAS, SharedHalfNormal
 from bayesdamp.types import Refusal
 
 ANGLES = ("spring_angle", "rest_angle")
@@ -89,6 +91,18 @@ class Joint:
         own = [r.priors[n].reflected for r, names in zip(self.records, self.live, strict=True) for n in names]
         return np.asarray([*first, *own], bool)
 
+    @cached_property
+    def scaled(self) -> np.ndarray:
+        """Which coordinates are coefficients whose priors share an unknown scale, (d,) of bool: one scale for the
+        shared coefficients, one for each record's own."""
+        first = [isinstance(self.records[0].priors[n], SharedHalfNormal) for n in self.shared]
+        own = [
+            isinstance(r.priors[n], SharedHalfNormal)
+            for r, names in zip(self.records, self.live, strict=True)
+            for n in names
+        ]
+        return np.asarray([*first, *own], bool)
+
     def places(self, record: int) -> tuple[np.ndarray, np.ndarray]:
         """Where the shared scores and the own ones stand among a record's scores."""
         names = list(self.records[record].priors)
@@ -140,7 +154,10 @@ class JointMode:
         room = (mean / sd)[reflected]
         near = reflected[np.argsort(room)[:AT_WALLS]]
         near = near[(mean / sd)[near] < FAR]
-        inside = log_integral(self.log_posterior, self.gradient, self.information, self.x, near)
+        shared = self.joint.scaled & (np.arange(self.x.size) < len(self.joint.shared))
+        inside = log_integral_over_scales(
+            self.log_posterior, self.gradient, self.information, self.x, near, shared, SHARED_SIGMAS
+        )
         return inside + (reflected.size - near.size) * float(np.log(2.0))
 
 

@@ -21,8 +21,8 @@ from bayesdamp.inference.coordinates.whitening import truncated_moments
 from bayesdamp.inference.curves.weighted import effective, shares
 from bayesdamp.inference.evidence.methods.importance import K_GOOD, K_LIMIT
 from bayesdamp.inference.many.joint import Joint, JointMode
-from bayesdamp.inference.model.density import LOG_2PI
 from bayesdamp.machine.threads import cores
+from bayesdamp.priors import log_prior_of
 from bayesdamp.types import OK
 
 PILOT = 500
@@ -167,7 +167,9 @@ def _poor(log_weights: np.ndarray) -> str:
 def _draw(mode: JointMode, proposal: _Proposal, rng: np.random.Generator, n: int, inner: int) -> _Drawn:
     joint, k = mode.joint, len(mode.joint.shared)
     shared = proposal.shared.draw(rng, n)
-    weights = _log_normal(shared, joint.reflected[:k]) - proposal.shared.log_density(shared)
+    weights = log_prior_of(shared, joint.reflected[:k], joint.scaled[:k]) - proposal.shared.log_density(
+        shared
+    )
     repeated = np.repeat(shared, inner, axis=0)
     scores, densities = [], []
     for j in range(len(joint.records)):
@@ -176,7 +178,7 @@ def _draw(mode: JointMode, proposal: _Proposal, rng: np.random.Generator, n: int
             reflected = joint.reflected[joint.parts[j]]
             given = proposal.own[j].given(repeated - proposal.shared.centre, reflected)
             y = given.draw(rng, n * inner)
-            density = _log_normal(y, reflected) - given.log_density(y)
+            density = log_prior_of(y, reflected, joint.scaled[joint.parts[j]]) - given.log_density(y)
         scores.append(y)
         densities.append(density)
 
@@ -191,11 +193,6 @@ def _draw(mode: JointMode, proposal: _Proposal, rng: np.random.Generator, n: int
         weights = weights + logsumexp(one, axis=1) - np.log(inner)
     own = [y.reshape(n, inner, -1) for y in scores]
     return _Drawn(shared, own, np.asarray(weights), own_weights)
-
-
-def _log_normal(y: np.ndarray, reflected: np.ndarray) -> np.ndarray:
-    """The prior's log density at scores y, (n, m), of which the reflected ones have the mass of both sides."""
-    return -0.5 * np.sum(y**2, axis=1) - 0.5 * y.shape[1] * LOG_2PI + np.sum(reflected) * np.log(2.0)
 
 
 def _refitted(joint: Joint, drawn: _Drawn) -> _Proposal:

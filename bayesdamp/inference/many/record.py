@@ -105,7 +105,7 @@ class Exact:
         """With a plan of the solver that is right at scores z, (d,). Raises Refusal."""
         target = self.target
         at = restore_mode(target, z, np.nan, np.eye(z.size), self.tolerance)
-        value, _, information = compiled(target.layout).curvature(at.context, z)
+        value, _, information = compiled(target.layout).curvature(at.context.held(1.0), z)
         if not np.isfinite(value):
             raise Refusal("a record has no finite likelihood where the joint mode is looked for")
         return Planned(target, at, np.asarray(information))
@@ -126,7 +126,7 @@ class Planned:
 
     def curvature(self, z: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
         """Log likelihood at scores z, (d,), its gradient (d,) and information (d, d)."""
-        found = compiled(self.target.layout).curvature(self.mode.context, z)
+        found = compiled(self.target.layout).curvature(self.mode.context.held(1.0), z)
         value, slope, information = map(np.asarray, found)
         prior = -0.5 * float(z @ z) - 0.5 * z.size * LOG_2PI
         return float(value) - prior, slope + z, information - np.eye(z.size)

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from bayesdamp.inference.model.compiled import compiled
-from bayesdamp.inference.model.density import LOG_2PI
 from bayesdamp.inference.model.target import Context, Target
+from bayesdamp.priors import log_prior_of
 
 if TYPE_CHECKING:
     from jax import Array
@@ -30,11 +30,12 @@ def log_posterior(target: Target, context: Context, z: np.ndarray) -> np.ndarray
     return np.where(np.isfinite(density), density, -np.inf)
 
 
-def log_prior(z: np.ndarray) -> np.ndarray:
-    """Normalised log density of scores z, (..., d), shape (...)."""
-    return -0.5 * np.sum(z**2, axis=-1) - 0.5 * z.shape[-1] * LOG_2PI
+def log_prior(target: Target, z: np.ndarray) -> np.ndarray:
+    """Log density of scores z, (..., d), shape (...); of reflected ones as if they could have either sign."""
+    none = np.zeros(len(target.names), bool)
+    return log_prior_of(z, none, target.shared, np.asarray(target.scales))
 
 
 def log_likelihood(target: Target, context: Context, z: np.ndarray) -> np.ndarray:
     """Log density of the record at scores z, (n, d), in nats."""
-    return log_posterior(target, context, z) - log_prior(z)
+    return log_posterior(target, context, z) - log_prior(target, z)

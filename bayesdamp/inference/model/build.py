@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from bayesdamp.inference.model.defaults import EPSILON_SHARE, Reference, default_prior
-from bayesdamp.inference.model.target import ABSENT, Target
+from bayesdamp.inference.model.target import ABSENT, SHARED_ABSENT, Target
 from bayesdamp.inference.noise import NOISES
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.physics.solver.friction import no_exact_switch
@@ -55,6 +55,8 @@ def build_target(
     for name in wanted:
         if name in known and name not in osc.coefficients:
             continue
-        prior = ABSENT if name in absent else given.get(name)
+        prior = given.get(name)
+        if name in absent:  # of the kind that it has where it is present
+            prior = SHARED_ABSENT if prior is None else ABSENT
         priors[name] = prior if prior is not None else default_prior(name, osc, noise, reference, features)  # type: ignore[assignment]
     return Target(signal, osc, noise, priors, {k: v for k, v in known.items() if k not in priors})

@@ -14,6 +14,7 @@ from bayesdamp.inference.model.target import Context, Layout
 from bayesdamp.inference.noise import NormalNoise
 from bayesdamp.numerics.lazily import jnp
 from bayesdamp.physics.solver.steps import MeshPlan, nodes
+from bayesdamp.priors import SharedHalfNormal, shared_log_density, shared_precision
 
 if TYPE_CHECKING:
     from jax import Array
@@ -21,7 +22,7 @@ if TYPE_CHECKING:
 Arrays: TypeAlias = "Mapping[str, Array]"
 """Arrays by name: parameters, or sums of squares."""
 
-LOG_2PI = float(np.log(2 * np.pi))
+LOG_2PI, LOG_2 = float(np.log(2 * np.pi)), float(np.log(2.0))
 
 
 def parameters(layout: Layout, context: Context, z: Array) -> dict[str, Array]:
@@ -106,14 +107,44 @@ def log_likelihood(layout: Layout, context: Context, z: Array) -> Array:
     return log_noise(layout, context, read.misfit(p), z)
 
 
-def log_prior(z: Array) -> Array:
-    """Normalised log density of the scores, shape ()."""
-    return -0.5 * jnp.sum(z**2) - 0.5 * z.size * LOG_2PI
+def _shared(layout: Layout, context: Context) -> tuple[Array, Array] | None:
+    """Indices of the coefficients of a kind that shares a scale, (m,), and which of them are present, (m,) of bool;
+    None where no coefficient is of this kind."""
+    places = [i for i, kind in enumerate(layout.kinds) if kind is SharedHalfNormal]
+    if not places:
+        return None
+    return jnp.asarray(places, int), jnp.stack([context.numbers[i][0] > 0 for i in places])
+
+
+def log_prior(layout: Layout, context: Context, z: Array) -> Array:
+    """Log density of the scores, shape (); of reflected ones as if they could have either sign."""
+    normal = -0.5 * jnp.sum(z**2) - 0.5 * z.size * LOG_2PI
+    found = _shared(layout, context)
+    if found is None:
+        return normal
+    places, present = found
+    count, squares = jnp.sum(present), jnp.sum(jnp.where(present, z[places] ** 2, 0.0))
+    both_signs = shared_log_density(squares, count, context.scales) - count * LOG_2
+    return normal + 0.5 * squares + 0.5 * count * LOG_2PI + both_signs
+
+
+def prior_precision(layout: Layout, context: Context, z: Array) -> Array:
+    """What each score is multiplied by to give minus the slope of its log prior, (d,).
+
+    It is also a curvature that the log prior nowhere exceeds: that of the normal which touches it at z from below.
+    """
+    found = _shared(layout, context)
+    if found is None:
+        return jnp.ones(z.size)
+    places, present = found
+    count, squares = jnp.sum(present), jnp.sum(jnp.where(present, z[places] ** 2, 0.0))
+    own = jnp.where(present, shared_precision(squares, count, context.scales), 1.0)
+    return jnp.ones(z.size).at[places].set(own)
 
 
 def log_posterior(layout: Layout, context: Context, z: Array) -> Array:
     """Log prior plus log likelihood (not normalised), shape ()."""
-    return log_prior(z) + log_likelihood(layout, context, z)
+    return log_prior(layout, context, z) + log_likelihood(layout, context, z)
 
 
 def moving_scores(layout: Layout) -> list[int]:

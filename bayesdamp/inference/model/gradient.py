@@ -12,6 +12,7 @@ from bayesdamp.inference.model.density import (
     log_prior,
     moving_scores,
     parameters,
+    prior_precision,
     reading,
 )
 from bayesdamp.inference.model.linearised import Line, by_scores, linearise
@@ -30,8 +31,12 @@ def value_and_gradient(layout: Layout, context: Context, z: Array) -> tuple[Arra
     e, tangents = by_scores(layout, context, linearise(layout, context, z), z)
     noise_part = jax.value_and_grad(partial(log_noise, layout, context), argnums=(0, 1))
     value, (by_e, by_z) = noise_part(e, z)
-    gradient = (by_z - z).at[jnp.asarray(moving_scores(layout), int)].add(tangents @ by_e)
-    return value + log_prior(z), gradient
+    gradient = (
+        (by_z - prior_precision(layout, context, z) * z)
+        .at[jnp.asarray(moving_scores(layout), int)]
+        .add(tangents @ by_e)
+    )
+    return value + log_prior(layout, context, z), gradient
 
 
 def _streamed_gradient(layout: Layout, context: Context, streamed: Streamed, z: Array) -> tuple[Array, Array]:
@@ -47,12 +52,16 @@ def _streamed_gradient(layout: Layout, context: Context, streamed: Streamed, z: 
         lambda s, at: finite(streamed.density(s, parameters(layout, context, at))), argnums=(0, 1)
     )
     value, (by_sum, by_z) = density(found, z)
-    gradient = (by_z - z).at[moving].add(sum(by_sum[name] * slopes[name] for name in slopes))
-    return value + log_prior(z), gradient
+    gradient = (
+        (by_z - prior_precision(layout, context, z) * z)
+        .at[moving]
+        .add(sum(by_sum[name] * slopes[name] for name in slopes))
+    )
+    return value + log_prior(layout, context, z), gradient
 
 
 def curvature(layout: Layout, context: Context, line: Line, z: Array) -> tuple[Array, Array, Array]:
-    """Log posterior, gradient (d,) and the Gauss–Newton information (d, d), the prior's identity included.
+    """Log posterior, gradient (d,) and the Gauss–Newton information (d, d), the prior's included.
 
     line: what `linearise` gives at z.
     """
@@ -61,7 +70,8 @@ def curvature(layout: Layout, context: Context, line: Line, z: Array) -> tuple[A
     noise_fun = partial(log_noise, layout, context)
     value, (by_e, by_z) = jax.value_and_grad(noise_fun, argnums=(0, 1))(e, z)
     moving = jnp.asarray(moving_scores(layout), int)
-    gradient = (by_z - z).at[moving].add(tangents @ by_e)
+    precision = prior_precision(layout, context, z)
+    gradient = (by_z - precision * z).at[moving].add(tangents @ by_e)
     root = reading(layout, context).root
     roots = jax.vmap(lambda v: root(v, p))(tangents)
     # The noise parameters enter through few scalars: their exact curvature at a fixed misfit is cheap.
@@ -73,4 +83,4 @@ def curvature(layout: Layout, context: Context, line: Line, z: Array) -> tuple[A
         lowest, vectors = jnp.linalg.eigh(0.5 * (hessian + hessian.T))
         positive = (vectors * jnp.maximum(lowest, 0.0)) @ vectors.T
         information = information.at[jnp.ix_(index, index)].set(positive)
-    return value + log_prior(z), gradient, information + jnp.eye(z.size)
+    return value + log_prior(layout, context, z), gradient, information + jnp.diag(precision)

@@ -87,10 +87,10 @@ def linearised_log_posterior(layout: Layout, context: Context, line: Line | Tigh
         assert read.streamed is not None
         by = jnp.append(moving_values(layout, context, z) - line.at, 1.0)
         sums = {name: jnp.sum((triangle @ by) ** 2) for name, triangle in line.triangles.items()}
-        return log_prior(z) + read.streamed.density(sums, parameters(layout, context, z))
+        return log_prior(layout, context, z) + read.streamed.density(sums, parameters(layout, context, z))
     e, slopes, x = line
     moved = e + (moving_values(layout, context, z) - x) @ slopes
-    return log_prior(z) + read.density(moved, parameters(layout, context, z))
+    return log_prior(layout, context, z) + read.density(moved, parameters(layout, context, z))
 
 
 def by_scores(layout: Layout, context: Context, line: Line, z: Array) -> tuple[Array, Array]:

@@ -2,7 +2,7 @@
 
 A `Layout` is what compiled code depends on (structure); a `Context` is what it gets (numbers). What is computed of
 them (`density`, `linearised`) is a function of (layout; context, z), z the scores of the inferred parameters, shape
-(d,): the prior is N(0, 1) in each.
+(d,). The prior is N(0, 1) in each, but for the coefficients whose priors share an unknown scale (`SharedHalfNormal`).
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from bayesdamp.physics.integrate import is_exact, plan_of, plan_with_error
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.physics.solver.plan import Plan
 from bayesdamp.physics.solver.steps import MeshPlan
-from bayesdamp.priors import HalfNormal, Prior
+from bayesdamp.priors import SHARED_SIGMAS, HalfNormal, Prior, SharedHalfNormal
 from bayesdamp.types import Signal
 
 if TYPE_CHECKING:
@@ -29,6 +29,9 @@ if TYPE_CHECKING:
 
 ABSENT = HalfNormal.model_construct(scale=0.0)
 """The prior of a coefficient that is 0; no study can ask for it."""
+SHARED_ABSENT = SharedHalfNormal.model_construct(per_ratio=0.0)
+"""The same, of the kind that default priors of coefficients have, so that both are in one program. Its score is N(0, 1)
+and shares no scale with the others."""
 
 
 @dataclass(frozen=True)
@@ -47,12 +50,13 @@ class Layout:
         return NOISES.get(self.noise_name)
 
 
-@tree(["plan", "y", "gaps", "known", "numbers", "compressed"])
+@tree(["plan", "y", "gaps", "known", "numbers", "scales", "compressed"])
 @dataclass(frozen=True)
 class Context:
     """The record y, shape (n,), its gaps (s, (n − 1,)), the plan of the solver, what is known, the priors.
 
-    compressed: the record as the likelihood reads it where samples are many; else it reads all of them.
+    scales: those that coefficients may share, in scores, all equally probable, (s,). compressed: the record as the
+    likelihood reads it where samples are many; else it reads all of them.
     """
 
     plan: Plan
@@ -60,7 +64,12 @@ class Context:
     gaps: Array
     known: Mapping[str, Array]
     numbers: tuple[tuple[Array, ...], ...]
+    scales: Array
     compressed: Compressed | None
+
+    def held(self, scale: float) -> Context:
+        """The same with the scale that coefficients share held at one value, in scores."""
+        return replace(self, scales=jax.device_put(np.full(np.shape(self.scales), float(scale))))
 
     @cached_property
     def compact(self) -> Context:
@@ -87,7 +96,8 @@ class Context:
 class Target:
     """Prior, trajectory and noise over one record: what is inferred, and from what.
 
-    priors: name to prior, of every inferred parameter, in order; known: name to value of the others.
+    priors: name to prior, of every inferred parameter, in order; known: name to value of the others; scales: those that
+    coefficients with a `SharedHalfNormal` prior may share, in scores, all equally probable.
     """
 
     signal: Signal
@@ -95,6 +105,7 @@ class Target:
     noise: str
     priors: Mapping[str, Prior]
     known: Mapping[str, float]
+    scales: tuple[float, ...] = tuple(map(float, SHARED_SIGMAS))
 
     def __post_init__(self) -> None:
         missing = self._needed - set(self.priors) - set(self.known)
@@ -114,7 +125,22 @@ class Target:
     @property
     def live(self) -> tuple[str, ...]:
         """Names of what is inferred, without the coefficients that are 0 at every score."""
-        return tuple(n for n, p in self.priors.items() if p != ABSENT)
+        return tuple(n for n, p in self.priors.items() if p not in (ABSENT, SHARED_ABSENT))
+
+    @property
+    def shared(self) -> np.ndarray:
+        """Which of the scores, (d,), are coefficients whose priors share an unknown scale, without absent ones."""
+        return np.array(
+            [isinstance(p, SharedHalfNormal) and p.per_ratio > 0 for p in self.priors.values()], bool
+        )
+
+    def prior_draws(self, count: int, rng: np.random.Generator) -> np.ndarray:
+        """Scores under the prior, (n, d), of either sign where they are reflected."""
+        z = rng.standard_normal((count, len(self.names)))
+        shared = self.shared
+        if shared.any():
+            z[:, shared] *= rng.choice(self.scales, count)[:, None]
+        return z
 
     @property
     def layout(self) -> Layout:
@@ -132,6 +158,7 @@ class Target:
             jax.device_put(np.diff(t)),
             {n: jax.device_put(float(v)) for n, v in sorted(self.known.items()) if n in self._needed},
             numbers_of(self.priors.values()),
+            jax.device_put(np.asarray(self.scales)),
             compress(self.layout.noise, plan, t, y),
         )
 

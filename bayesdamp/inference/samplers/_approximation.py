@@ -40,7 +40,7 @@ def approximate_posterior(
     effective sample sizes; the draws themselves are not reweighted. The outcome says where the shape is poor, or where
     the weights, then to be trusted, move a mean or an sd too far.
     """
-    likelihood, prior = batches.log_likelihood(target, mode.context, z), batches.log_prior(z)
+    likelihood, prior = batches.log_likelihood(target, mode.context, z), batches.log_prior(target, z)
     weights = np.where(np.isfinite(likelihood), likelihood + prior, -np.inf) - log_density
     shape = diagnostics.pareto_k(weights)
     size = weighted.effective(weights)

@@ -39,7 +39,8 @@ def filter_online(target: Target, mode: Mode) -> Online:
     The state is (scores, θ, θ̇) with no process noise; its sigma points, 2(k + 2) at √(k + 2) sds with equal weights
     (Julier and Uhlmann's with κ = 0), are drawn anew after each sample and moved to the next by Runge–Kutta steps,
     short against the period and against the time ε/|θ̈| in which friction turns. A reflected score starts with mean and
-    sd of a half-normal: about zero the filter would see no slope. From the mode come the sd of the noise and the step.
+    sd of a half-normal: about zero the filter would see no slope. A scale that coefficients share is held at 1, a
+    damping ratio of 0.1. From the mode come the sd of the noise and the step.
     """
     layout, index = target.layout, moving_scores(target.layout)
     k, signal = len(index), target.signal

@@ -13,6 +13,7 @@ from bayesdamp.inference.checks import diagnostics
 from bayesdamp.inference.coordinates.reflected_t import ReflectedT
 from bayesdamp.inference.coordinates.whitening import Whitening, whitening_of
 from bayesdamp.inference.fit.mode import Mode
+from bayesdamp.inference.model.batches import log_prior
 from bayesdamp.inference.model.compiled import compiled
 from bayesdamp.inference.model.target import Target
 from bayesdamp.inference.samplers._sampler import Sampler, Settings
@@ -107,7 +108,7 @@ class Emcee(Sampler):
             sampler=self.name,
             names=target.live,
             draws=np.stack(list(values.values()), axis=-1),
-            log_likelihood=energy + 0.5 * np.sum(z**2, axis=-1) + 0.5 * d * np.log(2 * np.pi),
+            log_likelihood=energy - log_prior(target, z),
             stats={
                 "acceptance_rate": np.concatenate([s.acceptance_fraction for s, _ in ensembles])[:, None]
                 * np.ones(z.shape[1])

@@ -50,8 +50,10 @@ class Kalman(Sampler):
     process noise make such a pass a linear Kalman filter whose measurements are the trajectories of the sigma points.
     Coefficients are reflected at zero: the final normal is cut off there.
 
-    The sd of the noise is not filtered: it is the noise model's at the mode, drawn from its Laplace approximation. Else
-    nothing but the length of the solver's steps is taken from the mode. Noise is independent and normal.
+    The sd of the noise is not filtered: it is the noise model's at the mode, drawn from its Laplace approximation. The
+    scale that the coefficients' priors share is held: in the first pass at a damping ratio of 0.1, in the others where
+    it is most probable given the mode. Else nothing but the length of the solver's steps is taken from the mode. Noise
+    is independent and normal.
     """
 
     name = "kalman"
@@ -94,6 +96,9 @@ def _restart(target: Target, mode: Mode, online: Online) -> Restarted:
     k, y = len(index), target.signal.y
     reflected = np.asarray(layout.reflected)[index]
     noise = target.all_values(mode.z)["noise_sd"]
+    # Of a scale that coefficients share, the one that stands for all near the mode.
+    held = float(np.asarray(mode.near.scales)[0])
+    prior = np.diag(np.where(target.shared[index], held**-2.0, 1.0))
     # The first pass may end on the mirrored side of a reflected score.
     side = np.where(reflected & (online.means[-1] < 0), -1.0, 1.0)
     if not (np.all(np.isfinite(online.means[-1])) and np.all(np.diag(online.covariance) > 0)):
@@ -110,7 +115,7 @@ def _restart(target: Target, mode: Mode, online: Online) -> Restarted:
         weight = 1.0 / (noise**2 + variance)
         pull = np.cumsum((weight * (y - expected + slope @ mean))[:, None] * slope, axis=0)
         gathered = np.cumsum(weight[:, None, None] * slope[:, :, None] * slope[:, None, :], axis=0)
-        covariances = np.linalg.inv(np.eye(k) + gathered)
+        covariances = np.linalg.inv(prior + gathered)
         means = np.einsum("nij,nj->ni", covariances, pull)
         now = TruncatedNormal(means[-1], covariances[-1], reflected)
         new, width = now.moments

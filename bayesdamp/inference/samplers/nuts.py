@@ -148,7 +148,7 @@ class Run:
             sampler=Nuts.name,
             names=target.live,
             draws=draws,
-            log_likelihood=height - log_prior(z),
+            log_likelihood=height - log_prior(target, z),
             stats={"diverging": diverging, "n_steps": steps, "acceptance_rate": accept},
             diagnostics={"exact_force": self.exact, "step": float(self.given[3])},
             outcome=outcome,

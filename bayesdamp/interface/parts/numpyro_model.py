@@ -12,7 +12,7 @@ from jax import numpy as jnp
 from numpyro import distributions as dist
 
 from bayesdamp.plugins import nearest
-from bayesdamp.priors import Prior
+from bayesdamp.priors import Prior, SharedHalfNormal, shared_log_density
 from bayesdamp.types import InputError
 
 Model = Callable[..., dict[str, Any]]
@@ -50,13 +50,25 @@ def numpyro_model(
         at = [names.index(n) for n in free]
         factor = np.linalg.cholesky(covariance[np.ix_(at, at)])
         u = numpyro.sample(f"{prefix}whitened", dist.Normal(0.0, 1.0).expand([len(free)]).to_event(1))
-        z = centre[at] + factor @ jnp.asarray(u)
+        z = jnp.asarray(centre[at] + factor @ jnp.asarray(u))
         # The density of u times that of what is put in its place: the prior of the scores, and the volume.
         volume = float(np.sum(np.log(np.diag(factor))))
-        numpyro.factor(f"{prefix}prior", 0.5 * jnp.sum(jnp.asarray(u) ** 2) - 0.5 * jnp.sum(z**2) + volume)
+        own = _log_prior(z, [isinstance(priors[n], SharedHalfNormal) for n in free])
+        numpyro.factor(f"{prefix}prior", 0.5 * jnp.sum(jnp.asarray(u) ** 2) + own + volume)
         return {
             n: numpyro.deterministic(f"{prefix}{n}", type(priors[n]).transform(z[i], *priors[n].numbers))
             for i, n in enumerate(free)
         }
 
     return model
+
+
+def _log_prior(z: Array, shared: Sequence[bool]) -> Array:
+    """Log prior density of scores z, (d,), over (2π)^(−d/2): N(0, 1), or with an unknown scale, the same for all, where
+    `shared`. A score that is reflected has half of the density on each side of zero."""
+    places = np.flatnonzero(shared)
+    if not places.size:
+        return -0.5 * jnp.sum(z**2)
+    squares = jnp.sum(z[places] ** 2)
+    constant = places.size * (0.5 * np.log(2 * np.pi) - np.log(2.0))
+    return -0.5 * (jnp.sum(z**2) - squares) + shared_log_density(squares, places.size) + constant

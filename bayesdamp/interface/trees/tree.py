@@ -141,7 +141,7 @@ def _prior(post: Drawn) -> xr.Dataset:
     """As many draws of the prior as a chain has."""
     target, _ = post.fit.engine
     count = post.draws.shape[1]
-    z = np.random.default_rng([post.seed, 1]).standard_normal((1, count, len(post.names)))
+    z = target.prior_draws(count, np.random.default_rng([post.seed, 1]))[None]
     values = [target.priors[n].value(z[..., i]) for i, n in enumerate(post.names)]
     return parameters(post, np.stack(values, axis=-1), np.arange(count))
 

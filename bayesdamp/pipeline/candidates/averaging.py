@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 
 import numpy as np
 from scipy.special import logsumexp
 
 from bayesdamp.config import SignalSpec, Study
+from bayesdamp.odds import odds
 from bayesdamp.outcomes import Status, status_of
 from bayesdamp.pipeline.candidates import approximate
 from bayesdamp.pipeline.candidates.branch import Branch
@@ -17,7 +19,7 @@ from bayesdamp.pipeline.candidates.weighted import weighted_curves
 from bayesdamp.pipeline.records.records import cell_seed
 from bayesdamp.store import CellResult, Store
 from bayesdamp.store.contents.posteriors import AverageContent
-from bayesdamp.types import OK, Evidence
+from bayesdamp.types import OK, Evidence, candidate_parts
 
 COVERED = 0.95
 """Probability that the models with draws must hold together: the average is over these."""
@@ -79,8 +81,12 @@ def _usable(arrays: Mapping[str, np.ndarray]) -> bool:
 
 
 def probabilities(found: Mapping[str, Evidence]) -> dict[str, float]:
-    """Posterior probability of each model that has its evidence, all equally probable at the start."""
-    logs = {m: e.log_evidence for m, e in found.items() if np.isfinite(e.log_evidence)}
+    """Return the posterior probability of each model that has its evidence, with the prior odds of its damping."""
+    logs = {
+        m: e.log_evidence + math.log(odds(candidate_parts(m)[0].split("+")))
+        for m, e in found.items()
+        if np.isfinite(e.log_evidence)
+    }
     total = float(np.asarray(logsumexp(list(logs.values())))) if logs else 0.0
     return {m: float(np.exp(v - total)) for m, v in logs.items()}
 

@@ -165,7 +165,9 @@ def _of_ratios(branch: Branch, priors: Mapping[str, Prior], scores: Mapping[str,
     law = candidate_parts(branch.model)[1]
     pairs = {candidate_name("+".join(x for x in branch.terms if x != t), law): t for t in branch.terms}
     coefficient = dict(zip(branch.terms, branch.target.oscillator.coefficients, strict=True))
-    ratios = {m: savage_dickey(priors.get(n := coefficient[t]), scores[n]) for m, t in pairs.items()}
+    ratios = {
+        m: savage_dickey(priors, coefficient[t], scores, branch.target.scales) for m, t in pairs.items()
+    }
     return RatiosContent({m: NestedRatio(**vars(one)) for m, one in ratios.items()}), {}
 
 

@@ -14,6 +14,7 @@ from bayesdamp.physics.damping import TERMS
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.physics.units import parameter_unit
 from bayesdamp.pipeline.candidates.approximate import likelihood_of
+from bayesdamp.pipeline.candidates.averaging import probabilities
 from bayesdamp.pipeline.candidates.weighing import evidence_by_method
 from bayesdamp.pipeline.records.answering import SAMPLED, approximately
 from bayesdamp.pipeline.tables.run_info import run_info
@@ -168,12 +169,9 @@ def _evidence(study: Study, store: Store) -> Iterator[Row]:
             aside = [m for m, e in found.items() if status_of(e.outcome) is Status.PRUNED]
             finite = [v for v in logs.values() if np.isfinite(v)]
             best = max(finite, default=math.nan)
-            total = sum(math.exp(v - best) for v in finite)
+            shares = probabilities(found)
             for model, one in found.items():
-                share = (
-                    math.exp(one.log_evidence - best) / total if np.isfinite(one.log_evidence) else math.nan
-                )
-                share = 0.0 if model in aside else share
+                share = 0.0 if model in aside else shares.get(model, math.nan)
                 yield {
                     **_head(spec, repeat, model),
                     "method": method,

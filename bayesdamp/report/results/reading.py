@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import expit
 
+from bayesdamp.odds import FURTHER_TERM
 from bayesdamp.outcomes import Status, status_of
 from bayesdamp.report import words
 from bayesdamp.report.results.run import Row, Run, rows_of
@@ -145,6 +146,30 @@ def over_widths(run: Run, signal: str, repeat: int, found: Ranking) -> list[AtWi
         for i, factor in enumerate(factors)
         if np.all(np.isfinite(summed[:, i]))
     ]
+
+
+@dataclass(frozen=True)
+class AtOdds:
+    """The ranking where each further term of a sum makes it so many times as probable beforehand (`factor`), summed
+    over the restoring laws: each damping's probability, the most probable first."""
+
+    factor: float
+    dampings: dict[str, float]
+
+
+def over_odds(found: Ranking) -> list[AtOdds]:
+    """Return a ranking under half, once and twice the prior factor of a further term; nothing where all dampings have
+    as many terms."""
+    counts = {damping_of(row): damping_of(row).count("+") for row in found.rows}
+    if len(set(counts.values())) < 2:
+        return []
+    shares = []
+    for factor in (0.5 * FURTHER_TERM, FURTHER_TERM, 2 * FURTHER_TERM):
+        moved = {d: p * (factor / FURTHER_TERM) ** counts[d] for d, p in found.dampings.items()}
+        total = sum(moved.values())
+        ordered = sorted(moved.items(), key=lambda item: -item[1])
+        shares.append(AtOdds(factor, {d: p / total for d, p in ordered}))
+    return shares
 
 
 @dataclass(frozen=True)

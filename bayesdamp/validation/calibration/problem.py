@@ -21,7 +21,7 @@ from bayesdamp.outcomes import Status
 from bayesdamp.physics.damping import parse_model
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.physics.restoring import LAWS
-from bayesdamp.priors import Prior
+from bayesdamp.priors import SHARED_SCALES, SHARED_SIGMAS, Prior
 from bayesdamp.records.oscillation.features import Features, features
 from bayesdamp.records.simulate import simulate_signal
 from bayesdamp.types import OK, Estimate, InputError, Problem, Seed, Signal, System
@@ -29,6 +29,9 @@ from bayesdamp.types import OK, Estimate, InputError, Problem, Seed, Signal, Sys
 ESTIMATOR = "least_squares"
 SECOND = "envelope"
 """Asked where the first one's fit is not in order."""
+SCALES = (0.003, 0.1)
+"""Range of the damping ratios' unknown scale in the default prior with which records are drawn, and with which they are
+weighed: below it noise hides the damping of most records, above it many do not oscillate."""
 ESCAPES = 100
 """Draws in a row whose trajectory does not stay finite, after which the prior is to blame."""
 
@@ -62,7 +65,7 @@ class Generator:
         """
         escaped = InputError("nothing was drawn")
         for _ in range(ESCAPES):
-            z = rng.standard_normal(len(self.blank.names))
+            z = self.blank.prior_draws(1, rng)[0]
             truth = {k: float(v) for k, v in self.blank.values(z).items()}
             try:
                 signal = self._simulated({**self.blank.known, **truth}, rng, name)
@@ -145,7 +148,11 @@ def generator(
             f"{study.source}: the default prior of {' and '.join(moved)} depends on the record, so nothing can be "
             f'drawn from it; give one in [system], such as {moved[0]} = {{ prior = "normal", ... }}'
         )
-    return Generator(model, source or spec.source, replace(system, known=dict(one.known)), one)
+    low, high = SCALES
+    pairs = zip(SHARED_SCALES, SHARED_SIGMAS, strict=True)
+    scales = tuple(float(sigma) for ratio, sigma in pairs if low <= ratio <= high)
+    blank = replace(one, scales=scales)
+    return Generator(model, source or spec.source, replace(system, known=dict(one.known)), blank)
 
 
 def _features(x: float) -> Features:

@@ -24,7 +24,7 @@ from bayesdamp.inference.noise import NOISES
 from bayesdamp.physics.integrate import make_plan
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.physics.solver.plan import compiled_record
-from bayesdamp.priors import HalfNormal, LogNormal, Normal, Prior, Uniform
+from bayesdamp.priors import HalfNormal, LogNormal, Normal, Prior, SharedHalfNormal, Uniform
 from bayesdamp.types import Refusal, Seed, Signal, System
 from tests.inference import problems
 from tests.inference.problems import FEATURES
@@ -198,7 +198,7 @@ def test_scores_and_values_go_back_and_forth():
 
 def test_prior_of_the_scores_is_standard_normal():
     target, mode = problems.target("viscous_coulomb"), problems.mode("viscous_coulomb")
-    prior = float(log_prior(mode.z))
+    prior = float(log_prior(target, mode.z))
     assert prior == pytest.approx(stats.norm.logpdf(mode.z).sum(), abs=1e-12)
     total = float(log_posterior(target.layout, mode.context, jnp.asarray(mode.z)))
     likelihood = float(log_likelihood(target, mode.context, mode.z[None])[0])
@@ -213,8 +213,8 @@ def test_default_priors_scale_with_the_study():
     osc = Oscillator(("viscous", "coulomb", "quadratic"), "horizontal_pendulum")
     for term in osc.terms:
         prior = default_prior(term.parameter, osc, "gaussian", REFERENCE, FEATURES)
-        assert isinstance(prior, HalfNormal)
-        assert prior.scale * term.ratio_per_unit(0.3, 4.47) == pytest.approx(0.1)
+        assert isinstance(prior, SharedHalfNormal)
+        assert prior.per_ratio * term.ratio_per_unit(0.3, 4.47) == pytest.approx(1.0)
     gravity = default_prior("gravity", osc, "gaussian", REFERENCE, FEATURES)
     assert isinstance(gravity, Normal)
     assert gravity.mean == 0  # either sign

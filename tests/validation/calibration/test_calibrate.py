@@ -295,7 +295,7 @@ def test_a_wrong_likelihood_fails_and_a_right_one_does_not(tmp_path, monkeypatch
     assert families["classical"]["wrong"] == 0
     for row in rows(tmp_path / "out" / "ranks.csv"):
         ranked = [int(text) for text in row["ranks"].split()]
-        assert len(ranked) == 12
+        assert 12 <= len(ranked) < 24  # a second wave where some records were refused
         assert min(ranked) >= 0
         assert max(ranked) <= 255
 

@@ -13,9 +13,10 @@ from functools import cached_property
 import numpy as np
 
 from bayesdamp.inference.deviation.gaussian.linear import Linear, Weighed
-from bayesdamp.inference.deviation.parameters import Parameters, Straight, log_prior_of
+from bayesdamp.inference.deviation.parameters import Parameters, Straight
 from bayesdamp.inference.deviation.weighing import Result, Weighing
 from bayesdamp.physics.kernel.solve import PARAMETERS
+from bayesdamp.priors import log_prior_of
 
 REACH, APART = 3.6, 0.6
 """Posterior sds of the leading score up to which the ridge is followed, and by which its nodes lie apart."""

@@ -14,7 +14,7 @@ from scipy.special import ndtri
 from bayesdamp.inference.evidence._method import Draws, EvidenceMethod
 from bayesdamp.inference.fit.laplace import log_evidence_near
 from bayesdamp.inference.fit.mode import Mode
-from bayesdamp.inference.model.batches import CHUNK, log_likelihood, log_posterior
+from bayesdamp.inference.model.batches import CHUNK, log_posterior
 from bayesdamp.inference.model.density import LOG_2PI
 from bayesdamp.inference.model.target import Target
 from bayesdamp.types import OK, Evidence, Refusal
@@ -42,10 +42,11 @@ Map = Callable[[np.ndarray], np.ndarray]
 class Nested(EvidenceMethod):
     """Importance nested sampling (Lange, Monthly Notices of the Royal Astronomical Society 525, 2023) over the prior.
 
-    The unit cube is mapped to normal scores, half-normal ones where they are reflected: mirror modes do not arise. One
-    parameter alone gets an idle one beside it, as the sampler needs two. Bounds are ellipsoids without the networks
-    that nautilus offers: these take fewer likelihoods, but likelihoods are cheap here, and a small one was seen to cut
-    the peak off and call the rest finished. So the highest likelihood is held against the mode's.
+    The unit cube is mapped to normal scores, half-normal ones where they are reflected: mirror modes do not arise. The
+    prior of coefficients that share a scale is another: its ratio to this one is part of the likelihood. One parameter
+    alone gets an idle one beside it, as the sampler needs two. Bounds are ellipsoids without the networks that nautilus
+    offers: these take fewer likelihoods, but likelihoods are cheap here, and a small one was seen to cut the peak off
+    and call the rest finished. So the highest likelihood is held against the mode's.
 
     A record of many cycles under wide priors is a needle that this would not find: where the prior's volume falls too
     slowly for the likelihoods that are left, it begins anew from a normal distribution five times as wide as the
@@ -67,7 +68,7 @@ class Nested(EvidenceMethod):
         doubled = reflected.sum() * np.log(2.0)
         density = Density(
             reflected,
-            lambda z: log_likelihood(target, mode.context, z),
+            lambda z: log_posterior(target, mode.context, z) - standard_normal(z),
             lambda z: log_posterior(target, mode.context, z) + doubled,
             mode.z,
             mode.factor,
@@ -77,9 +78,9 @@ class Nested(EvidenceMethod):
 
 @dataclass(frozen=True)
 class Density:
-    """What is integrated. reflected: which scores must not be negative, (d,); likelihood, posterior: logs at scores
-    (n, d), of the likelihood and of its product with the prior; mode: scores, (d,), factor: of a normal's covariance
-    about it, (d, d)."""
+    """What is integrated. reflected: which scores must not be negative, (d,); posterior: log of prior times likelihood
+    at scores (n, d); likelihood: the same over a density N(0, 1) of each score, folded where it is reflected; mode:
+    scores, (d,), factor: of a normal's covariance about it, (d, d)."""
 
     reflected: np.ndarray
     likelihood: Map
@@ -119,6 +120,11 @@ def integrated(model: str, method: str, of: Density, seed: int, expected: float 
         seconds=time.perf_counter() - began,
         outcome=outcome,
     )
+
+
+def standard_normal(z: np.ndarray) -> np.ndarray:
+    """Log density N(0, 1) of scores z, (n, d), in every direction: (n,)."""
+    return -0.5 * np.sum(z**2, axis=1) - 0.5 * z.shape[1] * LOG_2PI
 
 
 def _finite(log: np.ndarray) -> np.ndarray:

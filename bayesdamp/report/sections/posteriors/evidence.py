@@ -57,7 +57,7 @@ def _one(run: Run, signal: str) -> Markup:
         those = f"; not shown: {left} that {'were' if left > 1 else 'was'} pruned" if left else ""
         caption = (
             f"{signal}{said}: log Bayes factor to the best model (axis logarithmic beyond one nat) and "
-            f"probability of each model, all equally probable at the start, by {words.method(found.method)}{those}."
+            f"probability of each model, by {words.method(found.method)}{those}."
         )
         parts.append(run.drawings.add(f"evidence-{signal}", caption, lambda: bars(shown)))
     parts.append(_table(run, signal, [repeat]))

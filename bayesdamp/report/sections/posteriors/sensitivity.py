@@ -1,4 +1,4 @@
-"""What the evidence depends on: the priors' width, half the record, a third check; and the average over the models."""
+"""What the evidence depends on: the priors' width and odds, half the record, a third check; and the models' average."""
 
 from __future__ import annotations
 
@@ -10,16 +10,17 @@ import numpy as np
 from markupsafe import Markup
 from matplotlib.figure import Figure
 
+from bayesdamp.odds import FURTHER_TERM
 from bayesdamp.report import words
 from bayesdamp.report.figures.posteriors import sensitivity as figures
 from bayesdamp.report.html import Line, Table, fill
-from bayesdamp.report.results.reading import mode_of, models_by_rank, ranking
+from bayesdamp.report.results.reading import mode_of, models_by_rank, over_odds, ranking
 from bayesdamp.report.results.run import Run
 from bayesdamp.report.sections._layout import by_signal
 from bayesdamp.report.sections._section import Section
 from bayesdamp.store import CellResult
 from bayesdamp.store.contents.candidates import SecondHalf
-from bayesdamp.store.contents.evidence import HalfContent, NoisesContent, RatiosContent
+from bayesdamp.store.contents.evidence import HalfContent, NoisesContent, RatiosContent, WidthsContent
 from bayesdamp.store.contents.posteriors import AverageContent
 from bayesdamp.types import OK
 
@@ -27,6 +28,9 @@ _ONE_NOISE = (
     'Other noise models are not computed under deviation = "law": what is coloured in the rest is taken by the '
     "deviations there, and by a variance of the noise that is larger near the oscillation."
 )
+
+
+_NO_WIDTH = "No damping prior has a width to vary here: the scale of the default prior is averaged over."
 
 
 class Sensitivity(Section):
@@ -54,7 +58,8 @@ class Sensitivity(Section):
 def _one(run: Run, signal: str) -> Markup:
     models = models_by_rank(run, signal, 0)
     parts = [
-        part(run, signal, models) for part in (_widths, _elsewhere, _halves, _prediction, _ratios, _average)
+        part(run, signal, models)
+        for part in (_widths, _odds, _elsewhere, _halves, _prediction, _ratios, _average)
     ]
     return fill("stack.html", parts=[p for p in parts if p])
 
@@ -68,6 +73,8 @@ def _widths(run: Run, signal: str, models: list[str]) -> Markup | None:
     cells = _cells(run, signal, models, "widths")
     if len(cells) < 2:
         return None
+    if not any(WidthsContent.of(cell).varied for cell in cells.values()):
+        return Markup("<p>{}</p>").format(_NO_WIDTH)
     best = next(iter(cells))
     reference = cells[best].arrays["log_evidence"]
     lines = [
@@ -79,12 +86,30 @@ def _widths(run: Run, signal: str, models: list[str]) -> Markup | None:
         default=math.inf,
     )
     caption = (
-        f"{signal}: log Bayes factor to {words.model(best)} as the scales of all damping priors are multiplied. Dots: "
-        f"the importance draws reweighted ({words.number(least, 2)} effective ones or more); open: sampled anew under "
-        "that prior; crosses: diagnostics are poor."
+        f"{signal}: log Bayes factor to {words.model(best)} as the scales of all given damping priors are multiplied. "
+        f"Dots: the importance draws reweighted ({words.number(least, 2)} effective ones or more); open: sampled anew "
+        "under that prior; crosses: diagnostics are poor."
     )
     factors = cells[best].arrays["factors"]
     return run.drawings.add(f"widths-{signal}", caption, lambda: figures.widths(factors, lines))
+
+
+def _odds(run: Run, signal: str, models: list[str]) -> Table | None:
+    """The probability of each damping under other prior odds of further terms."""
+    found = ranking(run, signal, 0)
+    shares = over_odds(found) if found else []
+    if not found or not shares:
+        return None
+    lines = [
+        Line([words.model(damping), *(words.probability(one.dampings[damping]) for one in shares)])
+        for damping in found.dampings
+    ]
+    headers = ["damping", *(f"factor {words.number(one.factor, 3)}" for one in shares)]
+    caption = (
+        "Probability of each damping where each further term makes a sum so many times as probable before the record "
+        f"is seen; everywhere else here the factor is {words.number(FURTHER_TERM, 3)}."
+    )
+    return Table(headers, lines, frozenset({0}), caption)
 
 
 def _elsewhere(run: Run, signal: str, models: list[str]) -> Table | None:

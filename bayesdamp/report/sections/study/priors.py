@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from markupsafe import Markup
 
+from bayesdamp.odds import FURTHER_TERM, OTHERS
+from bayesdamp.priors import LEAST_SCALE, MOST_SCALE, SharedHalfNormal
 from bayesdamp.report import words
 from bayesdamp.report.html import Line, Table, fill
 from bayesdamp.report.results.answers import only_answered
@@ -11,10 +13,18 @@ from bayesdamp.report.results.run import Run
 from bayesdamp.report.sections._layout import by_signal
 from bayesdamp.report.sections._section import Section
 
-ALIKE = "The models are equally probable before the record is seen."
+COMPARED = (
+    "Before the record is seen single terms are equally probable; each further term of a sum makes it "
+    f"{FURTHER_TERM:g} times as probable; restoring laws are equally probable."
+)
 ANSWERED = (
-    "Before the record is seen single terms and sums of two are equally probable, the sum of three half as much, all "
-    "other forms of damping together a tenth of one sum; restoring laws are alike."
+    COMPARED.removesuffix(".")
+    + f". All other forms of damping together are {OTHERS:g} times as probable as one single term."
+)
+SHARED = (
+    "The damping terms of a model have half-normal priors on their equivalent damping ratios. Their common scale is "
+    f"unknown, log-uniform between {LEAST_SCALE:g} and {MOST_SCALE:g}, so the evidence does not depend on "
+    "how small the damping is."
 )
 
 
@@ -32,8 +42,22 @@ class Priors(Section):
     def render(self, run: Run) -> str:
         """Prior odds, then a table of priors for each signal."""
         wanted = [s for s in run.signals if run.info["priors"].get(s)]
-        odds = ANSWERED if only_answered(run) else ALIKE
-        return fill("priors.html", odds=odds, body=by_signal(run, lambda signal: _one(run, signal), wanted))
+        odds = ANSWERED if only_answered(run) else COMPARED
+        shared = SHARED if _shared(run, wanted) else ""
+        return fill(
+            "priors.html",
+            odds=odds,
+            shared=shared,
+            body=by_signal(run, lambda signal: _one(run, signal), wanted),
+        )
+
+
+def _shared(run: Run, signals: list[str]) -> bool:
+    """Whether damping terms of any model have the default prior."""
+    every = (found for signal in signals for found in run.info["priors"][signal].values())
+    return any(
+        str(prior) == SharedHalfNormal(per_ratio=1.0).describe() for p in every for prior in p.values()
+    )
 
 
 def _one(run: Run, signal: str) -> Markup:
