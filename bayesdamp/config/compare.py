@@ -126,7 +126,7 @@ def comparison_tables(
     if len(records) > 1:
         for signal, asked in zip(signals, records, strict=True):
             signal["specimen"] = SPECIMEN if repeats else _name(asked.specimen) or signal["name"]
-    # A joint fit starts from the records' modes: their draws, and the evidence from these, would be read by nobody.
+    # The joint fit reads the answers: draws of each record by itself, and evidence from these, would be read by nobody.
     samplers, methods = ([], JOINT_METHODS) if repeats else (["nuts"], METHODS)
     return {
         "version": 1,

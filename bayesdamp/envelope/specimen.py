@@ -10,7 +10,7 @@ import numpy as np
 from bayesdamp.envelope.model.deviation import weights
 from bayesdamp.envelope.results import EnvelopeResult
 from bayesdamp.inference.deviation.gaussian.linear import DampingLikelihood
-from bayesdamp.inference.repeats import RunLikelihood, joined
+from bayesdamp.inference.deviation.gaussian.repeats import RunLikelihood, joined
 from bayesdamp.odds import odds
 from bayesdamp.priors import SCORE_RATIO, SHARED_SCALES, SharedHalfNormal
 from bayesdamp.types import InputError

@@ -11,7 +11,7 @@ from bayesdamp.config.sections import DEVIATIONS
 from bayesdamp.inference.deviation.findings import SENSOR, Findings, findings
 from bayesdamp.inference.deviation.gaussian.linear import DampingLikelihood
 from bayesdamp.inference.deviation.numbers.rivals import place_of
-from bayesdamp.inference.deviation.numbers.run_likelihood import DampingRun, damping_run
+from bayesdamp.inference.deviation.several.run_likelihood import DampingRun, damping_run
 from bayesdamp.inference.deviation.picture import picture
 from bayesdamp.inference.deviation.quick import weighing_of
 from bayesdamp.inference.deviation.sampled.candidates import with_samples
@@ -19,8 +19,8 @@ from bayesdamp.inference.deviation.sampled.table import Posterior, posterior_of
 from bayesdamp.inference.deviation.single import Found, found_of
 from bayesdamp.inference.deviation.weighing import Known, Result, Weighing
 from bayesdamp.inference.model.defaults import Reference
-from bayesdamp.inference.repeats import RunLikelihood
-from bayesdamp.inference.specimen import OtherForm, WeighedRun
+from bayesdamp.inference.deviation.gaussian.repeats import RunLikelihood
+from bayesdamp.inference.deviation.several.specimen import OtherForm, WeighedRun
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.pipeline.not_one import no_free_decay, remark_on
 from bayesdamp.pipeline.stored_laws import packed
@@ -46,7 +46,7 @@ CURVE = ("amplitude", "ratio", "low", "high", "over", "over_sd")
 RUN = "run/"
 """Before the names of arrays that hold a candidate's likelihood of its damping, for a verdict on several records."""
 JOINABLE = 40.0
-"""Nats behind the best up to which it is kept."""
+"""Nats behind the best up to which it is kept of a form that is not compared."""
 
 
 @dataclass(frozen=True)
@@ -271,7 +271,8 @@ def _runs(weighing: Weighing, found: Findings, approximate: bool) -> dict[str, n
     every = [r for r in (*weighing.results, *weighing.forms) if _counts(weighing, r)]
     top = max(r.log_evidence for r in every)
     for r in every:
-        run = damping_run(weighing, r, amplitudes, approximate) if r.log_evidence > top - JOINABLE else None
+        counts = r in weighing.results or r.log_evidence > top - JOINABLE
+        run = damping_run(weighing, r, amplitudes, approximate) if counts else None
         if run is None:
             continue
         one, likelihood = run.likelihood, run.likelihood.likelihood

@@ -31,9 +31,7 @@ CODE: dict[str, tuple[str, ...]] = {
     "curve": (*_BRANCH, "bayesdamp.pipeline.candidates.backbones"),
     "averaged": ("bayesdamp.pipeline.candidates.averaging",),
     "joint": ("bayesdamp.pipeline.many.joining",),
-    "joint_law": ("bayesdamp.pipeline.many.joining", "bayesdamp.physics.kernel.march"),
     "population": ("bayesdamp.pipeline.many.populating",),
-    "weighed": ("bayesdamp.pipeline.many.joining",),
     "calibration": ("bayesdamp.validation.calibration.ranks", "bayesdamp.validation.calibration.recovery"),
 }  # fmt: skip
 """What computes each kind of task. What it finds by name is added by the key's maker."""

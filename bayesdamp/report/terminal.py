@@ -17,7 +17,7 @@ from bayesdamp.report.results.alike import common_amplitude, ratio_of, short_nam
 from bayesdamp.report.results.answers import Answer, answers, specimens
 from bayesdamp.report.results.confirmation import confirmation, sampled_words
 from bayesdamp.report.results.run import Run
-from bayesdamp.report.results.specimens import joint_cells, sentences
+from bayesdamp.report.results.specimens import sentences
 from bayesdamp.types import OK
 from bayesdamp.units import UNITS
 from bayesdamp.verdict.agreement import agreement
@@ -107,8 +107,6 @@ def conclude(folder: Path, console: Console) -> None:
     for text in sentences(run):
         console.print()
         console.print(Text(text), soft_wrap=True)
-    if joint_cells(run) and specimens(run):
-        console.print(Text(words.SAME_COEFFICIENTS), soft_wrap=True)
     console.print(str(folder / "report.html"), soft_wrap=True, highlight=False)
 
 

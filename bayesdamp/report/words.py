@@ -9,11 +9,6 @@ from bayesdamp.physics.symbols import parameter_symbol
 from bayesdamp.types import Symbol, candidate_parts
 
 NONE = "–"
-SAME_COEFFICIENTS = (
-    "The joint fit takes the coefficients to be the same in every record. The answer above lets their sizes differ, "
-    "and its intervals are what one more record would give."
-)
-"""Of a specimen that has both, which may name different dampings."""
 
 
 _SYMBOLS = {

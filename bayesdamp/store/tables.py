@@ -37,7 +37,7 @@ TABLES: dict[str, tuple[str, ...]] = {
 SPECIMEN_TABLES: dict[str, tuple[str, ...]] = {
     "specimens.csv": (
         "specimen", "records", "record", "model", "restoring", "shared", "parameter", "unit", "mean", "sd", "median",
-        "q2.5", "q97.5", "log_evidence", "stderr", "probability", "pareto_k", "effective", "outcome",
+        "q2.5", "q97.5", "log_evidence", "probability", "outcome",
     ),
     "population.csv": (
         "over", "model", "restoring", "parameter", "unit", "what", "of", "mean", "sd", "median", "q2.5", "q97.5",
@@ -55,12 +55,12 @@ VERDICTS: tuple[str, ...] = (
         for name, ends in (
             ("amplitude", ("",)),
             ("unit", ("",)),
-            ("ratio", ("", "_low", "_high", "_sd_noise", "_sd_law")),
+            ("ratio", ("", "_low", "_high", "_sd_noise", "_sd_law", "_next_low", "_next_high")),
         )
         for end in ends
     ),
     "energy", "other_forms", "deviation", "deviation_low", "deviation_high", "unnamed", "unnamed_low", "unnamed_high",
-    "unexplained_pct", "noise_pct", "midline_drift_pct",
+    "spread", "spread_low", "spread_high", "unexplained_pct", "noise_pct", "midline_drift_pct",
     "start", "stop", "cycles", "remarks", "sentence",
 )  # fmt: skip
 """Columns of verdicts.csv."""

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from bayesdamp.inference.deviation.findings import SENSOR
-from bayesdamp.inference.specimen import WeighedRun, WeighedSpecimen, weigh_specimen
+from bayesdamp.inference.deviation.several.specimen import WeighedRun, WeighedSpecimen, weigh_specimen
 from bayesdamp.priors import Prior
 from bayesdamp.verdict import thresholds
 from bayesdamp.verdict.decide import rivals_of
@@ -125,14 +125,9 @@ def _probabilities(
 
 
 def _spread(weighed: WeighedSpecimen) -> Interval:
-    """Relative spread between records (standard deviation), over every damping that was joined."""
-    shares = {m: weighed.probability[m] for m in weighed.repeats}
-    every = np.concatenate([weighed.repeats[m].spreads for m in shares])
-    weight = np.concatenate([np.full(weighed.repeats[m].spreads.size, p) for m, p in shares.items()])
-    order = np.argsort(every)
-    at = np.cumsum(weight[order]) / weight.sum()
-    value, low, high = (float(np.interp(q, at, every[order])) for q in (0.5, 0.025, 0.975))
-    return Interval(value, low, high)
+    """Relative spread between records (standard deviation)."""
+    found = weighed.spread()
+    return Interval(found["median"], found["q2.5"], found["q97.5"])
 
 
 def _common(records: Sequence[Answered]) -> np.ndarray:

@@ -69,25 +69,6 @@ def test_the_density_has_the_evidence_of_the_motions() -> None:
     assert total - float(logsumexp(exact)) > 5
 
 
-@pytest.mark.parametrize("away", [0.0, 0.01])
-def test_slope_and_information_are_those_of_differences(away: float) -> None:
-    """Of the log likelihood about the mode and beside it: the slope to 1e-4 of its own size and of an sd's, the
-    information within a tenth. Control: without deviations it is far too large."""
-    density, step = marginal(one_parameter()), 1e-5
-    z = np.array([one_parameter().priors["zeta"].score(one_parameter().values["zeta"] + away * 0.05)])
-    value, slope, information = density.curvature(z)
-    low, middle, high = density.log_likelihood(np.array([z - step, z, z + step]))
-    assert value == pytest.approx(middle, abs=1e-3)
-    by_difference = (high - low) / (2 * step)
-    sd = 1 / np.sqrt(information[0, 0])
-    assert slope[0] == pytest.approx(by_difference, rel=1e-4, abs=1e-4 / sd)
-    wide = 0.1 * sd
-    low, high = density.curvature(z - wide)[1], density.curvature(z + wide)[1]
-    curved = float((low - high)[0]) / (2 * wide)
-    assert information[0, 0] == pytest.approx(curved, rel=0.1)
-    assert without_deviations(density).curvature(z)[2][0, 0] > 1.5 * curved
-
-
 @pytest.mark.parametrize("enough", [evidence_widths.ENOUGH, np.inf], ids=["as it comes", "all sampled anew"])
 def test_the_evidence_under_other_widths_of_the_prior_against_a_sum(
     enough: float, monkeypatch: pytest.MonkeyPatch

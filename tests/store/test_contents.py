@@ -34,13 +34,10 @@ from bayesdamp.store.contents.evidence import (
     WidthsContent,
 )
 from bayesdamp.store.contents.many import (
-    BayesFactor,
     JointCandidate,
     JointContent,
     PopulationContent,
     PopulationFound,
-    SharedEvidence,
-    WeighedContent,
     Weighing,
 )
 from bayesdamp.store.contents.posteriors import AverageContent, PosteriorContent
@@ -100,18 +97,16 @@ NOISES = NoisesContent(
 RATIOS = RatiosContent({"viscous": NestedRatio(2.0, 0.1), "coulomb": NestedRatio(outcome="too few draws")})
 POPULATION = PopulationFound(0.1, SUMMARY, SUMMARY, {"a": SUMMARY}, {"a": 900.0}, "only 3")
 JOINT = JointContent(
-    ("a1", "a2"), (("a1", 0), ("a2", 0)), Scales(0.3, 4.5), "damping", "viscous",
-    {"viscous": JointCandidate("ok", 9.0, 0.1, 0.2, 900.0, 300, {"zeta": SUMMARY}, {"zeta": ""}, 1.0, 9.1, True),
+    ("a1", "a2"), (("a1", 0), ("a2", 0)), Scales(0.3, 4.5), "viscous",
+    {"viscous": JointCandidate("ok", 9.0, {"zeta": SUMMARY}, {"zeta": ""}, 1.0),
      "coulomb": JointCandidate("pruned: far behind")},
-    {"damping": SharedEvidence(9.0, 0.1), "law": SharedEvidence(outcome="no mode")},
-    {"damping": BayesFactor(4.0, 0.1)}, {"damping": "they agree"}, {"a1": Weighing("ok", 4.5)}, {"zeta": POPULATION},
+    SUMMARY, math.nan, {"a1": Weighing("ok", 4.5)}, {"power": 0.1},
 )  # fmt: skip
 OVER = PopulationContent(
     "viscous",
     {"viscous": 9.0},
     {"a": 0.0},
-    {"a": Weighing("ok", 9.0)},
-    ("b",),
+    {"a": JointCandidate("ok", 9.0)},
     {"zeta": ""},
     {"zeta": POPULATION},
 )
@@ -148,7 +143,7 @@ ENVELOPE = EnvelopeContent(
 )
 ALL = [
     RECORD, NOISE, MODE, ANSWER, ESTIMATE, POSTERIOR, AVERAGE, EVIDENCE, WidthsContent(("zeta",)), HALF, NOISES, RATIOS,
-    JOINT, OVER, LAW, WeighedContent(9.0, 0.1, math.inf, 900.0, 300), RANKS, RECOVERY, ENVELOPE,
+    JOINT, OVER, LAW, RANKS, RECOVERY, ENVELOPE,
 ]  # fmt: skip
 PACKAGE = Path(__file__).resolve().parents[2] / "bayesdamp"
 OWN = {"_packed", "_unpacked"}

@@ -16,7 +16,6 @@ from bayesdamp.store.places import Place
         ("evidence/0/1/viscous/bridge", Place("evidence", "0", 1, "viscous", "bridge")),
         ("fitted/bench/0/linear", Place("fitted", "bench", 0, "linear")),
         ("joint/rig", Place("joint", "rig")),
-        ("weighed/rig/viscous", Place("weighed", "rig", None, "viscous")),
         ("population", Place("population")),
     ],
 )

@@ -22,7 +22,7 @@ from bayesdamp.config import load_study
 from bayesdamp.pipeline import Depth, run_study
 from bayesdamp.pipeline.many.many import joint_cells
 from bayesdamp.store import Store
-from bayesdamp.store.contents.many import CLEAR, UNLIKELY, JointContent
+from bayesdamp.store.contents.many import CLEAR, JointContent
 
 STUDY = """
 version = 1
@@ -105,33 +105,34 @@ def joined(pair: Pair) -> JointContent | str:
 
 
 def main(pairs: int, seed: int, apart: float | None = None) -> None:
-    inside, factors, errors, chances = [], [], [], []
+    inside, factors, errors, differ, spread = [], [], [], [], []
     for i in range(pairs):
         pair = simulate(np.random.default_rng([seed, i]), apart)
         found = joined(pair)
         if isinstance(found, str):
             print(i, found, flush=True)
             continue
-        zeta, agreed = found.candidates["viscous"].summary["zeta"], found.agreement["damping"]
-        factor = agreed.log_bayes_factor
-        chances.append(agreed.chance)
-        truth = float(np.mean(pair.zeta))
+        zeta = found.candidates["viscous"].summary["zeta"]
+        truth = float(np.sqrt(pair.zeta[0] * pair.zeta[1]))
         inside.append(zeta["q2.5"] <= truth <= zeta["q97.5"])
-        factors.append(factor)
+        factors.append(found.no_spread)
+        differ.append(found.differ)
+        true_spread = abs(float(np.log(pair.zeta[1] / pair.zeta[0]))) / 2
+        spread.append(found.spread["q2.5"] <= true_spread <= found.spread["q97.5"])
         errors.append((zeta["mean"] - truth) / zeta["sd"])
         own = [(one.summary["zeta"]["mean"] / z - 1) * 100 for one, z in zip(found.alone.values(), pair.zeta)]
         print(
             i, f"drift {pair.drift[0]:+.3f} {pair.drift[1]:+.3f} n {len(pair.records[0])} zeta {truth:.4f} ->",
             f"{zeta['mean']:.4f} sd {zeta['sd'] / truth:.2%} z {errors[-1]:+.2f}", inside[-1],
-            f"factor {factor:+.1f} chance {agreed.chance:.1g}",
-            f"alone off by {own[0]:+.2f} {own[1]:+.2f} %", found.candidates["viscous"].outcome, flush=True,
+            f"no spread {factors[-1]:+.1f} spread {found.spread['median']:.2%} ({found.spread['q2.5']:.2%} to",
+            f"{found.spread['q97.5']:.2%}) alone off by {own[0]:+.2f} {own[1]:+.2f} %", flush=True,
         )  # fmt: skip
     factor = np.array(factors)
     print(
         f"seed {seed}, apart {apart}: {factor.size} of {pairs} joined; intervals that hold the mean of the two",
-        f"{np.sum(inside)}, mean z2 {np.mean(np.square(errors)):.2f}; one damping is likelier {np.sum(factor > 0)},",
-        f"by 3 nats {np.sum(factor >= CLEAR)}; two by 3 nats {np.sum(factor < -CLEAR)};",
-        f"set apart by chance with a probability below {UNLIKELY}: {np.sum(np.array(chances) < UNLIKELY)}", flush=True,
+        f"{np.sum(inside)}, mean z2 {np.mean(np.square(errors)):.2f}; one size is likelier {np.sum(factor > 0)},",
+        f"by 3 nats {np.sum(factor >= CLEAR)}; two by 3 nats {np.sum(factor < -CLEAR)}; said to differ",
+        f"{np.sum(differ)}", *([f"intervals that hold the spread {np.sum(spread)}"] if apart else []), flush=True,
     )  # fmt: skip
 
 

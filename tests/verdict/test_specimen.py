@@ -1,4 +1,4 @@
-"""One damping for several records: probabilities and sizes by hand."""
+"""One damping for several records: probabilities and sizes by hand and by quadrature."""
 
 from __future__ import annotations
 
@@ -8,31 +8,68 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bayesdamp.inference.deviation.gaussian.hyperparameters import grid_of
+from bayesdamp.inference.deviation.gaussian.hyperparameters import LEAST_KNOTS, grid_of
+from bayesdamp.inference.deviation.several.run_likelihood import DampingRun
+from bayesdamp.inference.model.defaults import FURTHER_TERM, OTHERS, Reference, damping_priors
+from bayesdamp.inference.deviation.several.specimen import FAR, Model, OtherForm, WeighedRun, weigh_specimen
+from bayesdamp.priors import SharedHalfNormal
 from bayesdamp.verdict import thresholds
 from bayesdamp.verdict.parts import DampingRatio, Grade, Interval, Share
-from bayesdamp.verdict.pooled import pooled
-from bayesdamp.verdict.specimen import Answered, OtherForm, at_amplitude, specimen
+from bayesdamp.verdict.specimen import Answered, specimen
 from bayesdamp.verdict.types import Verdict
+from tests.inference.runs import by_quadrature, run_of
 
 AMPLITUDE = np.array([0.1, 0.2, 0.4])
+REFERENCE = Reference(1.0, 1.0)
+V, Q, C = ("viscous", "linear"), ("quadratic", "linear"), ("coulomb", "linear")
+NATS = 0.05
+
+
+def damping_run(damping: str, ratio: float, sd: float, log: float | np.ndarray = 0.0) -> DampingRun:
+    """A run whose damping ratio is known to ± sd, the same at all amplitudes, exp(log) high; at a ratio alike for all
+    terms, as their priors are, so that the coefficient's own evidence cancels between them."""
+    ((name, prior),) = damping_priors([damping], REFERENCE).items()
+    assert isinstance(prior, SharedHalfNormal)
+    scale = prior.per_ratio
+    likelihood = run_of([name], [ratio * scale], np.array([[(sd * scale) ** 2]]), log)
+    return DampingRun(likelihood, np.full((AMPLITUDE.size, 1), 1 / scale), np.zeros((AMPLITUDE.size, 1)))
+
+
+def weighed_run(
+    ratio: float,
+    sd: float = 0.001,
+    logs: dict[Model, float | np.ndarray] | None = None,
+    others: tuple[OtherForm, ...] = (),
+) -> WeighedRun:
+    """A record with these log evidences, each with its likelihood of the damping, and other forms with theirs."""
+    logs = {V: 0.0, C: -8.0} if logs is None else logs
+    every = {**logs, **{(o.damping, o.restoring): o.log_evidence for o in others}}
+    return WeighedRun(
+        {m: float(np.max(v)) for m, v in logs.items()},
+        others,
+        {m: damping_run(m[0], ratio, sd, v) for m, v in every.items()},
+        REFERENCE,
+        AMPLITUDE[::-1],
+    )
 
 
 def answered(
     name: str,
     ratio: float,
-    log_evidence: dict[tuple[str, str], float],
+    logs: dict[Model, float | np.ndarray],
     grade: Grade = Grade.EXACT,
     unnamed: Interval | None = None,
-    spread: float = 1.02,
+    sd: float = 0.001,
+    others: tuple[OtherForm, ...] = (),
 ) -> Answered:
-    """A record whose damping ratio is the same at all amplitudes, known to ±1.96 ln(spread)/1.96."""
+    """A record whose damping ratio is known to ± sd."""
     shares = (Share("viscous", 0.6, 0.5, 0.7, 1.0), Share("quadratic", 0.4, 0.3, 0.5, 1.0))
+    weighed = weighed_run(ratio, sd, logs, others)
     verdict = Verdict(
         name,
         grade,
         True,
-        max(log_evidence, key=lambda k: log_evidence[k])[0],
+        max(weighed.log_evidence, key=lambda k: weighed.log_evidence[k])[0],
         0.9,
         energy=shares,
         damping_ratio=(DampingRatio(0.2, "deg", ratio, 0, 0, 0, 0),),
@@ -40,48 +77,91 @@ def answered(
         deviation=Interval(0.02 * len(name), 0.0, 0.1),
         unnamed=unnamed,
     )
-    flat = np.full(3, ratio)
-    curve = {"amplitude": AMPLITUDE, "ratio": flat, "low": flat / spread, "high": flat * spread}
-    return Answered(verdict, log_evidence, curve)
+    return Answered(verdict, weighed, {"amplitude": AMPLITUDE})
 
 
-V, Q = ("viscous", "linear"), ("quadratic", "linear")
-
-
-def test_probabilities_are_those_of_the_summed_log_evidence() -> None:
+def test_probabilities_are_those_of_all_records_together() -> None:
+    """Two dampings of one size in both records: what it costs to have one at all is the same for both."""
     found = specimen("rig", [answered("a", 0.01, {V: 0.0, Q: -1.0}), answered("b", 0.01, {V: -0.5, Q: 0.0})])
     assert found.damping == "viscous"
-    assert found.probability == pytest.approx(1 / (1 + np.exp(-0.5)))
-    assert [(r.damping, pytest.approx(r.probability)) for r in found.rivals] == [
+    assert found.probability == pytest.approx(1 / (1 + np.exp(-0.5)), rel=1e-4)
+    assert [(r.damping, pytest.approx(r.probability, rel=1e-4)) for r in found.rivals] == [
         ("quadratic", 1 / (1 + np.exp(0.5)))
     ]
     assert not found.decided
     assert "Records by themselves are likeliest: viscous 1, quadratic (drag) 1." in found.remarks
 
 
+def quadrature(places: list[float], sd: float, spread: float | None):
+    """Of viscous records with these ratios: the grid of ratios and the posterior over it."""
+    prior = SharedHalfNormal(per_ratio=1.0)
+    x = np.geomspace(0.4 * min(places), 2.5 * max(places), 1201)
+    runs = [run_of(["zeta"], [p], np.array([[sd**2]])) for p in places]
+    log_prior = prior.log_density(x) + np.log(np.gradient(x))
+    return x, by_quadrature(runs, x[:, None], log_prior, spread)
+
+
+def test_one_set_of_coefficients_is_paid_for_once() -> None:
+    """Without a spread between runs the evidence is that of all data together, and with one that of a sum over it.
+    Negative control: the product of the records' own evidences is neither."""
+    places, sd = [0.0100, 0.0102, 0.0099, 0.0101], 0.0002
+    runs = [weighed_run(p, sd, {V: 0.0}) for p in places]
+    same = weigh_specimen(runs, spread=0.0).log_evidence[V]
+    assert same == pytest.approx(quadrature(places, sd, 0.0)[1].log_evidence, abs=NATS)
+    assert weigh_specimen(runs, spread=1e-5).log_evidence[V] == pytest.approx(same, abs=1e-3)
+    assert weigh_specimen(runs).log_evidence[V] == pytest.approx(
+        quadrature(places, sd, None)[1].log_evidence, abs=NATS
+    )
+    product = sum(weigh_specimen([r]).log_evidence[V] for r in runs)
+    assert abs(product - same) > 100 * NATS
+
+
+def test_many_records_that_prefer_one_damping_by_their_sizes_alone() -> None:
+    """Viscous records have one ratio, quadratic ones ratios that differ: two records more make that surer. Control:
+    under one likelihood for both nothing tells."""
+    apart = {V: [0.010] * 4, Q: [0.008, 0.010, 0.012, 0.009]}
+    runs = [
+        WeighedRun(
+            {V: 0.0, Q: 0.0},
+            (),
+            {m: damping_run(m[0], places[i], 0.0001) for m, places in apart.items()},
+            REFERENCE,
+            AMPLITUDE[::-1],
+        )
+        for i in range(4)
+    ]
+    two, four = (weigh_specimen(runs[:n]).probability[V] for n in (2, 4))
+    assert 0.6 < two < four
+    alike = weigh_specimen([weighed_run(0.01, 0.0001, {V: 0.0, Q: 0.0})] * 4)
+    assert alike.probability[V] == pytest.approx(0.5, abs=1e-3)
+
+
 def test_how_far_a_law_holds_is_the_specimens_not_the_records() -> None:
     """By hand: four records, each of which prefers another law by a nat to viscous damping with deviations of one size.
-    That this size was unlikely counts once. Control: it counts four times where the records do not say it."""
-    prior = grid_of(4).log_prior
+    That this size was unlikely counts once. Control: records whose likelihoods were summed over sizes before."""
+    prior = grid_of(LEAST_KNOTS).log_prior
     size = int(np.argmin(prior))
-    told = np.where(np.arange(prior.size) == size, -prior[size], -np.inf)
-    logs = {V: 0.0, Q: 1.0}
-    each = [replace(answered(n, 0.01, logs), sizes={V: told, Q: np.zeros(prior.size)}) for n in "abcd"]
+    told = np.where(np.arange(prior.size) == size, -prior[size], -300.0)
+    level = np.full(prior.size, 1.0)
+    each = [answered(n, 0.01, {V: told, Q: level}) for n in "abcd"]
+    each = [replace(a, weighed=replace(a.weighed, log_evidence={V: 0.0, Q: 1.0})) for a in each]
     ahead = -3 * prior[size] - 4
-    assert ahead > 20
+    assert ahead > 10
+    weighed = weigh_specimen([a.weighed for a in each])
+    assert weighed.log_evidence[V] - weighed.log_evidence[Q] == pytest.approx(ahead, abs=1e-3)
     found = specimen("rig", each)
     assert found.damping == "viscous"
-    assert found.rivals[0].probability == pytest.approx(np.exp(-ahead), rel=1e-6)
-    assert "Records by themselves are likeliest: quadratic (drag) 4." in found.remarks
-    apart = specimen("rig", [replace(one, sizes={}) for one in each])
-    assert apart.damping == "quadratic"
-    assert apart.rivals[0].probability == pytest.approx(1 / (1 + np.exp(4)))
+    summed = weigh_specimen([weighed_run(0.01, 0.001, {V: 0.0, Q: 1.0})] * 4)
+    assert summed.log_evidence[V] - summed.log_evidence[Q] == pytest.approx(-4.0, abs=1e-3)
 
 
-def test_a_sum_of_three_is_half_as_likely_before() -> None:
-    three = ("viscous+coulomb+quadratic", "linear")
-    found = specimen("rig", [answered("a", 0.01, {V: 0.0, three: 0.0})])
-    assert found.probability == pytest.approx(2 / 3)
+def test_each_further_term_is_less_likely_before() -> None:
+    three, two = ("viscous+coulomb+quadratic", "linear"), ("viscous+coulomb", "linear")
+    found = weigh_specimen([WeighedRun({V: 0.0, two: 0.0, three: 0.0})])
+    whole = 1 + FURTHER_TERM + FURTHER_TERM**2
+    assert found.probability == pytest.approx({
+        V: 1 / whole, two: FURTHER_TERM / whole, three: FURTHER_TERM**2 / whole
+    })  # fmt: skip
 
 
 def test_a_damping_that_a_record_did_not_weigh_is_far_behind() -> None:
@@ -89,53 +169,66 @@ def test_a_damping_that_a_record_did_not_weigh_is_far_behind() -> None:
     assert found.damping == "viscous"
     assert found.probability == thresholds.CAP
     assert found.decided
+    weighed = weigh_specimen([weighed_run(0.01, logs={V: 0.0, Q: 2.0}), weighed_run(0.01, logs={V: 0.0})])
+    assert weighed.log_evidence[Q] < FAR + 5
+    assert Q not in weighed.repeats
 
 
 def test_another_form_that_is_ahead_in_every_record_is_ahead_of_all() -> None:
     """By hand: in two records 3 nats ahead of viscous damping, with a tenth of its prior shared by two forms; in one
     of them under another law, that is as good."""
     hard = "viscous", "duffing"
-    power, stribeck = OtherForm("power", "linear", 3.0), OtherForm("stribeck", "linear", -2.0, "coulomb")
-    one = replace(answered("a", 0.01, {V: 0.0, hard: -40.0}), others=(power, stribeck))
-    two = replace(answered("b", 0.01, {V: 0.0, hard: -40.0}), others=(power,))
+    form, other = OtherForm("displacement", "linear", 3.0), OtherForm("cubic", "linear", -9.0, "coulomb")
+    one = answered("a", 0.01, {V: 0.0, hard: -40.0}, others=(form, other))
+    two = answered("b", 0.01, {V: 0.0, hard: -40.0}, others=(form,))
     found = specimen("rig", [one, two])
-    alone = math.exp(6) * 0.05
+    alone = math.exp(6) * OTHERS / 2
     assert found.damping == "viscous"
-    assert found.probability == pytest.approx(1 / (1 + alone), rel=1e-6)
-    assert found.rivals[0].damping == "power"
+    assert found.probability == pytest.approx(1 / (1 + alone), rel=1e-3)
+    assert found.rivals[0].damping == "displacement"
     assert not found.decided
-    elsewhere = replace(power, restoring="duffing", log_evidence=-37.0)
-    moved = specimen("rig", [one, replace(two, others=(elsewhere,))])
-    assert moved.probability == pytest.approx(found.probability)
-    behind = specimen("rig", [one, replace(two, others=())])
-    assert behind.probability == pytest.approx(1.0, abs=0.02)
-    assert behind.rivals == () or behind.rivals[0].probability < 1e-10
+    elsewhere = OtherForm("displacement", "duffing", -37.0)
+    moved = specimen("rig", [one, answered("b", 0.01, {V: 0.0, hard: -40.0}, others=(elsewhere,))])
+    assert moved.probability == pytest.approx(found.probability, rel=1e-3)
+    behind = specimen("rig", [one, answered("b", 0.01, {V: 0.0, hard: -40.0})])
+    assert behind.probability == thresholds.CAP
 
 
 def test_another_form_that_was_not_weighed_is_the_sum_that_it_comes_to() -> None:
-    """Friction that rises near rest, weighed in one record of two."""
-    c = "coulomb", "linear"
-    stribeck = OtherForm("stribeck", "linear", 5.0, "coulomb")
-    one = replace(answered("a", 0.01, {c: 0.0, V: -9.0}), others=(stribeck,))
-    found = specimen("rig", [one, answered("b", 0.01, {c: -1.0, V: 0.0})])
-    assert found.damping == "coulomb"
-    weights = {"coulomb": math.exp(-1), "viscous": math.exp(-9), "stribeck": 0.1 * math.exp(5 - 1)}
-    assert found.probability == pytest.approx(weights["coulomb"] / sum(weights.values()))
+    """Weighed in one record of two, of which the other has the sum with a coefficient of its own."""
+    form = OtherForm("displacement", "linear", 5.0, "coulomb")
+    one = weighed_run(0.01, 0.001, {C: 0.0, V: -9.0}, (form,))
+    weighed = weigh_specimen([one, weighed_run(0.01, 0.001, {C: -1.0, V: 0.0})])
+    alone = weigh_specimen([one]).log_evidence["displacement", "linear"]
+    assert weighed.log_evidence["displacement", "linear"] == pytest.approx(alone - 1.0, abs=1e-6)
 
 
-def test_sizes_are_pooled_in_the_logarithm() -> None:
-    records = [answered(n, r, {V: 0.0}) for n, r in (("a", 0.010), ("b", 0.012), ("c", 0.011))]
-    found = specimen("rig", records)
-    sd = 2 * np.log(1.02) / 3.92
-    p = pooled(np.log([0.010, 0.012, 0.011]), np.full(3, sd))
+def test_the_ratio_the_spread_and_one_more_record_are_those_of_a_sum() -> None:
+    """Ends of intervals within 10 % of their width: the posterior is nearly log-normal, and the draws are normal.
+    Control: the next record's interval is wider."""
+    places, sd = [0.0100, 0.0112, 0.0106], 0.0002
+    found = specimen("rig", [answered(n, r, {V: 0.0}, sd=sd) for n, r in zip("abc", places, strict=True)])
+    x, truth = quadrature(places, sd, None)
+    below = np.cumsum(truth.mass)
+    low, middle, high = (float(np.interp(q, below, x)) for q in (0.025, 0.5, 0.975))
     for one in found.damping_ratio:
-        value = np.exp(p.mean)
-        assert (one.value, one.low, one.high) == pytest.approx((value, np.exp(p.low), np.exp(p.high)))
-        assert (one.sd_noise, one.sd_law) == pytest.approx((value * p.sd, value * p.spread))
+        assert (one.low, one.value, one.high) == pytest.approx((low, middle, high), abs=0.1 * (high - low))
         assert 0.1 < one.amplitude < 0.4
         assert one.unit == "deg"
     assert found.damping_ratio[1].amplitude == pytest.approx(0.2)
-    assert f"{100 * p.spread:.2g} %" in found.remarks[0]
+    spread = np.cumsum(truth.each.sum(axis=0))
+    assert found.spread is not None
+    for q, value in ((0.5, found.spread.value), (0.975, found.spread.high)):
+        assert value == pytest.approx(float(np.interp(q, spread, truth.spreads)), rel=0.12)
+    rng = np.random.default_rng(1)
+    cells = rng.choice(truth.each.size, 100_000, p=truth.each.ravel())
+    rows, columns = np.unravel_index(cells, truth.each.shape)
+    more = x[rows] * np.exp(truth.spreads[columns] * rng.standard_normal(rows.size))
+    ends = np.quantile(more, [0.025, 0.975])
+    following = found.next_record[1]
+    assert (following.low, following.high) == pytest.approx(tuple(ends), abs=0.1 * np.ptp(ends))
+    assert following.high - following.low > 1.3 * (high - low)
+    assert found.remarks[0].startswith("The damping differs between records by")
     assert found.frequency is not None
     assert found.frequency.value == pytest.approx(2.0)
 
@@ -159,12 +252,3 @@ def test_the_worst_grade_and_the_largest_deviation_are_the_specimens() -> None:
 def test_no_record_is_a_fault() -> None:
     with pytest.raises(ValueError, match="needs a record"):
         specimen("rig", [])
-
-
-def test_a_curve_is_read_in_the_logarithm() -> None:
-    """A power law is a straight line there, whatever the order of its points."""
-    curve = {"amplitude": AMPLITUDE[::-1], "ratio": AMPLITUDE[::-1], "low": AMPLITUDE[::-1] / 1.1,
-             "high": AMPLITUDE[::-1] * 1.1}  # fmt: skip
-    value, sd = at_amplitude(curve, 0.3)
-    assert value == pytest.approx(np.log(0.3))
-    assert sd == pytest.approx(2 * np.log(1.1) / 3.92)

@@ -112,14 +112,13 @@ def found_of(weighing: Weighing, result: Result) -> Found:
     )
 
 
-def under(one: Single, priors: Mapping[str, Prior], epsilon: float | None = None) -> Single:
-    """A candidate about the same motion under other priors of what it infers, and another width of friction's turning
-    over where that is given. Raises Refusal where it cannot be followed there."""
+def under(one: Single, priors: Mapping[str, Prior]) -> Single:
+    """A candidate about the same motion under other priors of what it infers. Raises Refusal where it cannot be
+    followed there."""
     parameters, found = one.result.fit.parameters, one.found
     other, d = replace(parameters, priors=priors), found.z.size
     z, start = (other.scores(parameters.named(scores)) for scores in (found.z, found.u[:d]))
     moved = replace(found, priors=priors, z=z, u=np.concatenate([start, found.u[d:]]))
-    moved = moved if epsilon is None else replace(moved, epsilon=epsilon)
     return again(one.weighing.data, one.result.candidate, moved)
 
 

@@ -1,1 +1,1 @@
-"""Several records: a joint posterior, its evidence, and a population of specimens."""
+"""Several specimens: the population of a damping coefficient."""

@@ -6,13 +6,10 @@ from collections.abc import Callable
 from functools import partial
 
 from bayesdamp.config import Study
-from bayesdamp.pipeline.candidates.branch import Branch
-from bayesdamp.pipeline.candidates.cells import cells_of
 from bayesdamp.pipeline.keys import task_key
 from bayesdamp.pipeline.many.joining import join
 from bayesdamp.pipeline.many.populating import populate
 from bayesdamp.pipeline.many.specimens import Specimen
-from bayesdamp.pipeline.records.answering import AnswerCell
 from bayesdamp.store import Store
 
 
@@ -43,8 +40,5 @@ def joint_cells(
 
 
 def _key(specimen: Specimen) -> str:
-    if specimen.approximate:
-        answers = [AnswerCell(specimen.study, s, r, specimen.store).key for s, r in specimen.records]
-        return task_key("joint_law", specimen.name, specimen.candidates, specimen.study.models.prune, answers)
-    branches: list[Branch] = [b for c in specimen.candidates for b in specimen.branches(c)]
-    return task_key("joint", specimen.name, [cells_of(b) for b in branches])
+    priors = {n: str(p) for n, p in specimen.priors.items()}
+    return task_key("joint", specimen.name, specimen.candidates, priors, specimen.answer_keys)

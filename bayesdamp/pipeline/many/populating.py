@@ -1,24 +1,28 @@
-"""Specimens beside each other: the mean and the spread of the damping over them, under one candidate for all."""
+"""The mean and the spread of the damping over specimens, under one candidate for all."""
 
 from __future__ import annotations
 
-import math
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from bayesdamp.config import Study
-from bayesdamp.inference.many.hierarchy import Sample, population
-from bayesdamp.inference.many.joint_evidence import weigh
-from bayesdamp.pipeline.candidates.weighing import evidence_by_method
-from bayesdamp.pipeline.many.agreement import common_scale, disagrees
-from bayesdamp.pipeline.many.specimens import Specimen, draws_of, summaries, weighing
+from bayesdamp.inference.many.population import Sample, population
+from bayesdamp.inference.deviation.several.specimen import priors_of
+from bayesdamp.physics.damping import parse_model
+from bayesdamp.pipeline.many.joining import Arrays, coefficients_of, weighed_candidates
+from bayesdamp.pipeline.many.specimens import Specimen
 from bayesdamp.pipeline.records.records import plain_seconds
+from bayesdamp.priors import Prior, SharedHalfNormal
 from bayesdamp.store import CellResult, Store
-from bayesdamp.store.contents.many import JointContent, PopulationContent, PopulationFound, Weighing
-from bayesdamp.types import OK, Refusal
+from bayesdamp.store.contents.many import JointCandidate, JointContent, PopulationContent, PopulationFound
+from bayesdamp.types import OK, Refusal, candidate_parts
 from bayesdamp.units import UNITS
+
+WIDE = 3.0
+"""Scale of the prior of a population's location, in units of the largest coefficient of a specimen, where the study
+states no prior of the coefficient. Much wider than what the specimens' own intervals leave open."""
 
 
 def populate(study: Study, store: Store, name: str, key: str) -> None:
@@ -30,11 +34,8 @@ def populate(study: Study, store: Store, name: str, key: str) -> None:
     except Refusal as refusal:
         store.write(CellResult(name, key, outcome=str(refusal), seconds=plain_seconds(began)))
         return
-    said = [p.outcome for p in content.populations.values() if p.outcome != OK]
-    said += [
-        f"the records of {label} disagree, so that its own interval is too narrow" for label in content.torn
-    ]
-    outcome = "; ".join(dict.fromkeys(said)) or OK
+    warnings = dict.fromkeys(p.outcome for p in content.populations.values() if p.outcome != OK)
+    outcome = "; ".join(warnings) or OK
     store.write(CellResult(name, key, content.meta(), {}, outcome, plain_seconds(began)))
 
 
@@ -45,74 +46,73 @@ def _populated(specimens: list[Specimen]) -> PopulationContent:
     bases = sorted({UNITS[s.specs[0].source.unit].base for s in specimens})
     if len(bases) > 1:
         raise Refusal(f"no population: some specimens are measured in {', others in '.join(bases)}")
-    logs = {s.name: log_evidences(s) for s in specimens}
-    common = set.intersection(*(set(found) for found in logs.values()))
-    if not common:
+    every = {s.name: candidates_of(s) for s in specimens}
+    logs = {label: log_evidences(rows) for label, (rows, _) in every.items()}
+    common = set.intersection(*map(set, logs.values()))
+    sums = {c: sum(one[c] for one in logs.values()) for c in specimens[0].candidates if c in common}
+    joined = [c for c in sums if all(rows[c].summary for rows, _ in every.values())]
+    if not joined:
         raise Refusal("no population: no model was weighed on every specimen")
-    sums = {c: sum(found[c] for found in logs.values()) for c in specimens[0].candidates if c in common}
-    best = max(sums, key=lambda c: sums[c])
-    arrays, scales, rows = {}, {}, {}
-    for specimen in specimens:
-        arrays[specimen.name], rows[specimen.name], scales[specimen.name] = _draws(specimen, best)
-    coefficients = list(scales[specimens[0].name])
-    found = {}
-    for name in coefficients:
-        scale = common_scale([one[name] for one in scales.values()])
-        samples = [
-            Sample(label, a[f"{best}/{name}"], a[f"{best}/log_weights"], a[f"{best}/{name}/log_prior"])
-            for label, a in arrays.items()
-        ]
-        found[name] = PopulationFound(scale, **vars(population(samples, scale)))
+    best = max(joined, key=lambda c: sums[c])
+    draws = {label: arrays for label, (_, arrays) in every.items()}
+    names = list(coefficients_of(draws[specimens[0].name], best))
+    found = {n: _population_of(specimens, draws, best, n) for n in names}
     return PopulationContent(
         deviation=assumed[0],
         best=best,
         log_evidence=sums,
         behind={label: max(one.values()) - one[best] for label, one in logs.items()},
-        specimens=rows,
-        torn=tuple(s.name for s in specimens if len(s.records) > 1 and _torn(s)),
-        units=specimens[0].units(best, coefficients),
+        specimens={label: rows[best] for label, (rows, _) in every.items()},
+        units=specimens[0].units(best, names),
         populations=found,
     )
 
 
-def log_evidences(specimen: Specimen) -> dict[str, float]:
-    """Log evidence of the candidates that have one: of the joint fit, or of the record where there is one alone."""
+def _population_of(
+    specimens: Sequence[Specimen], draws: Mapping[str, Arrays], candidate: str, name: str
+) -> PopulationFound:
+    samples = [
+        Sample(
+            label, a[f"{candidate}/{name}"], np.zeros(a[f"{candidate}/{name}"].size),
+            a[f"{candidate}/{name}/log_prior"],
+        )
+        for label, a in draws.items()
+    ]  # fmt: skip
+    damping = "+".join(parse_model(candidate_parts(candidate)[0]))
+    priors = [priors_of(damping, s.reference, s.priors)[name] for s in specimens]
+    scale = location_scale(priors, [float(np.mean(s.values)) for s in samples])
+    return PopulationFound(scale, **vars(population(samples, scale)))
+
+
+def location_scale(priors: Sequence[Prior], means: Sequence[float]) -> float:
+    """Return the scale of the half-normal prior of a population's location.
+
+    Parameters
+    ----------
+    priors
+        Of the coefficient, one for each specimen. A stated one has a scale; of several the geometric mean is taken. The
+        default one has none: then the scale is `WIDE` times the largest mean.
+    means
+        Posterior means of the coefficient, one for each specimen.
+    """
+    if any(isinstance(p, SharedHalfNormal) for p in priors):
+        return WIDE * max(means)
+    return float(np.exp(np.mean(np.log([float(p.value(1.0)) for p in priors]))))
+
+
+def candidates_of(specimen: Specimen) -> tuple[Mapping[str, JointCandidate], Arrays]:
+    """Return each candidate on a specimen and its draws: from the joint fit, or from its only record. None of them
+    where it has no fit."""
     if len(specimen.records) > 1:
-        content = JointContent.maybe(_joint(specimen))
-        rows = content.candidates if content else {}
-        return {c: r.log_evidence for c, r in rows.items() if r.log_evidence is not None}
-    if specimen.approximate:
-        return specimen.alone(specimen.candidates)[0]
-    spec, repeat = specimen.records[0]
-    record = f"{spec.name}/{repeat}"
-    by_method = evidence_by_method(specimen.study, specimen.store, record, specimen.candidates)
-    if not by_method:
-        return {}
-    last = by_method[list(by_method)[-1]]
-    return {c: e.log_evidence for c, e in last.items() if math.isfinite(e.log_evidence)}
+        cell = specimen.store.read(f"joint/{specimen.name}")
+        content = JointContent.maybe(cell)
+        return (content.candidates, dict(cell.arrays)) if content else ({}, {})
+    try:
+        return weighed_candidates(specimen)
+    except Refusal:
+        return {}, {}
 
 
-def _joint(specimen: Specimen) -> CellResult:
-    return specimen.store.read(f"joint/{specimen.name}")
-
-
-def _torn(specimen: Specimen) -> bool:
-    """Whether a specimen's records disagree with one damping."""
-    return disagrees(JointContent.of(_joint(specimen)).agreement["damping"])
-
-
-def _draws(specimen: Specimen, candidate: str) -> tuple[Mapping[str, np.ndarray], Weighing, dict[str, float]]:
-    """Weighted draws of a candidate's coefficients, what is told of them, and the scales of their priors."""
-    problem = specimen.problem(candidate)
-    priors = problem.records[0].priors
-    if len(specimen.records) > 1:
-        cell = _joint(specimen)
-        arrays, row = cell.arrays, JointContent.of(cell).candidates[candidate]
-    else:
-        mode = problem.alone(0)
-        found = weigh(mode, specimen.seed(candidate))
-        arrays = draws_of(candidate, mode, found)
-        summary = summaries(mode, found)
-        row = weighing(found, summary, specimen.units(candidate, list(summary)))
-    names = [n for n in problem.records[0].oscillator.coefficients if f"{candidate}/{n}" in arrays]
-    return arrays, row, {n: float(priors[n].value(1.0)) for n in names}
+def log_evidences(rows: Mapping[str, JointCandidate]) -> dict[str, float]:
+    """Return the log evidence of the candidates that have one."""
+    return {c: r.log_evidence for c, r in rows.items() if r.log_evidence is not None}

@@ -11,6 +11,10 @@ from bayesdamp.report.results.verdict import SURE
 from bayesdamp.store import CellResult
 from bayesdamp.store.contents.many import JointContent, PopulationContent, Weighing
 from bayesdamp.types import OK, candidate_parts, summed
+from bayesdamp.verdict.thresholds import CAP
+
+WORTH = 0.01
+"""Probability from which a form of damping is named that the study does not compare."""
 
 
 def joint_cells(run: Run) -> dict[str, CellResult]:
@@ -38,29 +42,31 @@ ASSUMED = {
 
 
 def joint_sentence(run: Run, cell: CellResult) -> str:
-    """What a joint fit says: which damping, how large, whether the records agree, and whether it fits them.
-
-    Its one coefficient is quoted where the records agree with one; elsewhere mean and spread over the records are.
-    """
+    """Return what a joint fit says: which damping, how large, how much records differ, and whether it fits them."""
     joint = JointContent.maybe(cell)
     if joint is None:
         return f"no joint fit: {cell.outcome}."
     row = joint.candidates[joint.best]
-    text = f"{len(joint.records)} records together, {ASSUMED[joint.deviation]}: damping is {_named(joint)}; "
-    if joint.agreement["damping"].clear:
-        sizes = [f"{words.symbol(n).text} = {size(row, n)}" for n in joint.repeats]
-    else:
-        sizes = [
-            f"{words.symbol(n).text} has the mean {over(p.mean, row.units[n])} and spreads over the records by "
-            f"{over(p.spread, row.units[n])}"
-            for n, p in joint.repeats.items()
-        ]
-    text += f"{words.listing(sizes)}; {joint.said['damping']}"
+    text = f"{len(joint.records)} records together, {ASSUMED[joint.deviation]}: damping is {_named(joint)}"
+    if row.summary:
+        text += f"; {words.listing(f'{words.symbol(n).text} = {size(row, n)}' for n in row.summary)}"
+    text += f"; {spread_clause(joint)}"
     if row.outcome != OK:
         text += f"; {row.outcome}"
     # Where laws may hold approximately each record's own deviation takes what an exact law does not fit.
     worse = misfits(run, joint) if joint.deviation == "none" else []
     return f"{text}; it does not fit {words.listing(worse)}." if worse else f"{text}."
+
+
+def spread_clause(joint: JointContent) -> str:
+    """Return how much the damping differs from record to record, and whether the records agree."""
+    median, low, high = (words.number(100 * joint.spread[q], 2) for q in ("median", "q2.5", "q97.5"))
+    by = f"from record to record by {median} % (standard deviation; 95 %: {low} to {high} %)"
+    if joint.differ:
+        return f"the records differ in the size of their damping, so that each has its own: it varies {by}"
+    if joint.agree:
+        return f"the records agree with one damping, which varies {by}"
+    return f"the records are compatible with one damping, which varies {by}"
 
 
 def _named(joint: JointContent) -> str:
@@ -69,11 +75,12 @@ def _named(joint: JointContent) -> str:
     damping, law = candidate_parts(joint.best)
     p = summed(probabilities)[damping]
     sure = "" if p >= SURE else "most likely "
-    text = f"{sure}{words.model(damping)}, with probability {words.probability(p)}"
+    text = f"{sure}{words.model(damping)}, with probability {capped(p)}"
     laws = summed(probabilities, 1)
     if len(laws) > 1:
-        text += f", the restoring law {words.law(law)}, with probability {words.probability(laws[law])}"
-    return text
+        text += f", the restoring law {words.law(law)}, with probability {capped(laws[law])}"
+    others = [f"{words.model(n)} {capped(q)}" for n, q in joint.others.items() if q >= WORTH]
+    return f"{text} (also weighed: {words.listing(others)})" if others else text
 
 
 def misfits(run: Run, joint: JointContent) -> list[str]:
@@ -84,6 +91,11 @@ def misfits(run: Run, joint: JointContent) -> list[str]:
         if rows and fitting_of(rows[0]["verdict"]) is Fitting.DOES_NOT_FIT:
             found.append(label)
     return found
+
+
+def capped(probability: float) -> str:
+    """Return a probability in words; of measured records no more is claimed than in the answers."""
+    return f">\u00a0{CAP:g}" if probability > CAP else words.probability(probability)
 
 
 def size(row: Weighing, name: str) -> str:

@@ -20,7 +20,7 @@ from bayesdamp.inference.deviation.gaussian.hyperparameters import grid_of
 from bayesdamp.inference.deviation.single import first_half
 from bayesdamp.inference.evidence.prediction import Prediction, log_predictive
 from bayesdamp.types import Refusal
-from tests.inference.many.test_joint_law import KNOTS, NOISE, SCALE, STARTS, STIFFNESS, TIMES, motion
+from tests.inference.approximate.drifts import KNOTS, NOISE, SCALE, STARTS, STIFFNESS, TIMES, motion
 
 HALF = TIMES.size // 2
 GRID = np.linspace(0.035, 0.085, 101)

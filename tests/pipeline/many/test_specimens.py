@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from pathlib import Path
-from types import SimpleNamespace
 
 import pytest
 
@@ -11,9 +10,7 @@ from bayesdamp.cli import main
 from bayesdamp.config import load_study
 from bayesdamp.config.compare import SPECIMEN, Asked, comparison
 from bayesdamp.pipeline import cells
-from bayesdamp.pipeline.many import specimens
-from bayesdamp.pipeline.many.specimens import Specimen
-from bayesdamp.types import OK, InputError
+from bayesdamp.types import InputError
 
 HEAD = """
 version = 1
@@ -114,7 +111,7 @@ def test_compare_takes_records_as_specimens_or_as_repeats(tmp_path, capsys):
     assert capsys.readouterr().err.startswith("--repeats: there is one record")
 
 
-def test_of_repeats_nothing_is_computed_that_a_joint_fit_does_not_read(tmp_path):
+def test_of_repeats_no_record_is_sampled_by_itself(tmp_path):
     """Negative control: records that stand each for itself have draws, and are predicted from their halves."""
     asked = [Asked(tmp_path / f"{name}.csv", "t", "angle") for name in "ab"]
     for one in asked:
@@ -131,31 +128,3 @@ def test_of_repeats_nothing_is_computed_that_a_joint_fit_does_not_read(tmp_path)
 
     assert found(repeats=True) == {"mode", "importance"}
     assert found(repeats=False) == {"mode", "importance", *wanted}
-
-
-def test_records_of_one_specimen_share_one_friction(monkeypatch):
-    """The geometric mean of what they ask for, the usual one of a record that asks for none; none where none asks."""
-    given = []
-
-    def branch(epsilon, usual):
-        what = {"path": "p", "terms": (), "restoring": "linear", "noise": "gaussian", "beside": ()}
-        record = SimpleNamespace(target=lambda *_, **more: given.append(more["epsilon"]))
-        system = SimpleNamespace(known={"epsilon": usual})
-        return SimpleNamespace(epsilon=epsilon, system=system, record=record, **what)
-
-    monkeypatch.setattr(specimens, "cells_of", lambda _: {"mode/p": "key"})
-    one = object.__new__(Specimen)
-    cell = SimpleNamespace(key="key", outcome=OK, meta={"values": {}, "tolerance": 1e-6})
-    study = SimpleNamespace(posterior=SimpleNamespace(deviation="none"))
-    vars(one).update(
-        study=study,
-        specs=(None,),
-        labels=["a", "b"],
-        reference=None,
-        store=SimpleNamespace(read=lambda _: cell),
-    )
-    for second in (0.01, None):
-        made = [branch(second, 0.1), branch(None, 0.04)]
-        monkeypatch.setattr(Specimen, "branches", lambda self, _, made=made: made)
-        one.problem("coulomb")
-    assert given == [pytest.approx(0.02), pytest.approx(0.02), None, None]

@@ -23,9 +23,6 @@ from bayesdamp.types import Refusal
 NEGLIGIBLE = 1e-8
 """Posterior probability under the linear model from which a combination of hyperparameters is left out."""
 
-MOST_APART = 0.9
-"""Share of an information that differences among the combinations may take away."""
-
 
 @dataclass(frozen=True)
 class Marginal:
@@ -82,33 +79,6 @@ class Marginal:
         return motion.pulled(by_values)[parameters.free] * parameters.slopes(z) - (
             parameters.prior_precision(z) * z
         )
-
-    def curvature(self, z: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
-        """Log likelihood at scores z, (d,), its slope, (d,), and information, (d, d); −∞ and nan where the motion
-        escapes.
-
-        The information is the mixture's, of motions linear in the parameters: the mean of the combinations' own, less
-        what their slopes differ by, of which nine tenths in any direction at most, so that it stays positive.
-        """
-        parameters, d = self.result.fit.parameters, z.size
-        motion = self._motion(z, PARAMETERS)
-        if motion is None:
-            return -np.inf, np.full(d, np.nan), np.full((d, d), np.nan)
-        along, across, each = self._parts(motion.y)
-        weights = np.exp(each - _log_sum(each))
-        columns = parameters.by_scores(motion.tangents, z) / np.sqrt(self.variance)
-        held = self.basis.T @ columns
-        white = self.whitening @ held
-        slopes = np.einsum("cid,ci->cd", white, self.whitening @ along)
-        slope = weights @ slopes
-        mean = np.einsum("c,cid,cie->de", weights, white, white) + columns.T @ columns - held.T @ held
-        apart = (slopes - slope) * np.sqrt(weights)[:, None]
-        lower = np.linalg.cholesky(mean + np.eye(d))
-        among = solve_triangular(lower, apart.T, lower=True)
-        values, turned = np.linalg.eigh(among @ among.T)
-        less = lower @ turned
-        information = mean - (less * np.minimum(values, MOST_APART)) @ less.T
-        return self._sum(across, each), slope + columns.T @ across, information
 
     def with_deviations(self, z: np.ndarray, rng: np.random.Generator) -> np.ndarray:
         """Scores (n, d) each with a draw of log g and h given them, (n, d + 2n)."""

@@ -10,12 +10,11 @@ from markupsafe import Markup
 from bayesdamp.report import words
 from bayesdamp.report.figures.posteriors.intervals import Interval, Panel, intervals
 from bayesdamp.report.html import Line, Table, fill
-from bayesdamp.report.results.answers import specimens
 from bayesdamp.report.results.run import Run
 from bayesdamp.report.results.specimens import (
+    capped,
     joint_cells,
     joint_sentence,
-    over,
     population_cell,
     population_sentence,
     size,
@@ -26,17 +25,21 @@ from bayesdamp.store import CellResult
 from bayesdamp.store.contents.many import JointContent, PopulationContent
 from bayesdamp.types import OK, summed
 
-_SHARED = {
-    "damping and law": "the damping and the restoring law's parameters but its angles",
-    "damping": "the damping alone; each record has its own restoring parameters",
+_HOW = (
+    "The records share one damping model with one set of coefficients for the specimen. In each record all "
+    "coefficients are larger or smaller by a common factor, whose spread from record to record is inferred. The start, "
+    "the restoring law's parameters, the angle at rest (an encoder may be offset) and the noise belong to each record."
+)
+_LAWS = {
+    "none": "Every law is taken to hold exactly, so that the interval of a coefficient covers the noise and the "
+    "spread between records, but no deviation from the laws.",
+    "law": "How much the damping and the restoring force deviate from their laws along a record belongs to that record "
+    "and is integrated out; the sizes of these deviations are common to all records.",
 }
-_OWN = {
-    "none": "its noise. The joint interval is right if the records share what they are said to share, every law holds "
-    "exactly and each record's noise is right; it is not widened for what differs from record to record.",
-    "law": "by how much its damping and its restoring force deviate from their laws along it, which is integrated out. "
-    "The joint interval is right if the records share what they are said to share; it is widened for how far the laws "
-    "hold in each, not for coefficients that differ from record to record.",
-}
+_NOISE = (
+    "The joint fit takes the noise of each record as Gaussian, as the answers do, although this study also asks for "
+    "other noise."
+)
 
 
 class Specimens(Section):
@@ -52,7 +55,7 @@ class Specimens(Section):
 
     def render(self, run: Run) -> str:
         """Joint fits beside each record alone, and the population."""
-        parts: list[object] = []
+        parts: list[object] = [_text(_HOW, *_of_noise(run))] if joint_cells(run) else []
         for name, cell in joint_cells(run).items():
             parts += [Markup("<h3>{}</h3>").format(f"Repeats of {name}"), *_joint(run, name, cell)]
         cell = population_cell(run)
@@ -69,42 +72,44 @@ def _interval(one: Mapping[str, float]) -> Interval:
     return one["q2.5"], one["median"], one["q97.5"]
 
 
+def _of_noise(run: Run) -> tuple[str, ...]:
+    """What to know where the study asks for other noise than Gaussian."""
+    noise = (run.study.get("posterior") or {}).get("noise")
+    return () if noise in (None, "gaussian", ["gaussian"]) else (_NOISE,)
+
+
 def _joint(run: Run, name: str, cell: CellResult) -> list[object]:
     said = joint_sentence(run, cell)
     joint = JointContent.maybe(cell)
     if joint is None:
         return [_text(said[:1].upper() + said[1:])]
     best, row = joint.best, joint.candidates[joint.best]
-    how = (
-        f"Shared: {_SHARED[joint.sharing]}. Each record's own: its start, its angle at rest (an encoder "
-        f"may be offset) and {_OWN[joint.deviation]}"
-    )
-    law = f"As to the law, {joint.said['law']}." if "law" in joint.said else ""
     parts: list[object] = [
         _text(said[:1].upper() + said[1:]),
-        _text(how, law, words.SAME_COEFFICIENTS if specimens(run) else ""),
+        _text(_LAWS[joint.deviation]),
         *([_text(summed)] if (summed := _dampings(joint)) else ()),
         _candidates(joint),
-        _sharings(joint),
     ]
-    names = list(row.summary)
+    if not joint.alone:
+        return parts
     panels = [
         Panel(
             words.axis(n, row.units[n]),
             [_interval(alone.summary[n]) for alone in joint.alone.values()],
             _interval(row.summary[n]),
         )
-        for n in names
+        for n in row.summary
     ]
-    caption = f"{name}, {words.model(best)}: each record's own median and 95 % interval; grey: that of the joint fit."
+    caption = (
+        f"{name}, {words.model(best)}: median and 95 % interval of each record by itself; grey: of the specimen, from "
+        "the joint fit."
+    )
     labels = list(joint.alone)
     parts.append(run.drawings.add(f"joint-{name}", caption, lambda: intervals(labels, panels, colour(best))))
-    spreads = [
-        f"{words.symbol(n).text} {over(found.spread, row.units[n])}" for n, found in joint.repeats.items()
-    ]
-    warning = next((p.outcome for p in joint.repeats.values() if p.outcome != OK), "")
-    text = "From repeat to repeat, beyond what each record's own interval allows, the coefficients spread (sd) by "
-    parts.append(_text(f"{text}{words.listing(spreads)}{f' ({warning})' if warning else ''}."))
+    factor = words.nats(joint.no_spread)
+    parts.append(
+        _text(f"The log Bayes factor of one size in all records against sizes that differ is {factor} nats.")
+    )
     return parts
 
 
@@ -113,7 +118,7 @@ def _dampings(joint: JointContent) -> str:
     found = summed({c: row.probability for c, row in joint.candidates.items()})
     if len(found) in (1, len(joint.candidates)):
         return ""
-    shares = [f"{words.model(d)} {words.probability(p)}" for d, p in found.items()]
+    shares = [f"{words.model(d)} {capped(p)}" for d, p in found.items()]
     return f"Summed over the restoring laws the probabilities are: {words.listing(shares)}."
 
 
@@ -121,46 +126,19 @@ def _candidates(joint: JointContent) -> Table:
     names = list(dict.fromkeys(n for r in joint.candidates.values() for n in r.summary))
     logs = {c: -np.inf if r.log_evidence is None else r.log_evidence for c, r in joint.candidates.items()}
     top = logs[joint.best]
-    rows = sorted(joint.candidates.items(), key=lambda item: -logs[item[0]])
     lines = []
-    for candidate, row in rows:
+    for candidate, row in sorted(joint.candidates.items(), key=lambda item: -logs[item[0]]):
         sizes = [size(row, n) if n in row.summary else words.NONE for n in names]
         ratio = None if row.log_evidence is None else row.log_evidence - top
-        shown = words.nats(ratio, np.nan if row.stderr is None else row.stderr)
         kind = "best" if candidate == joint.best else "" if row.outcome == OK else "quiet"
-        share = words.probability(row.probability)
-        drawn = words.number(row.effective, 3)
-        lines.append(Line([words.model(candidate), share, shown, *sizes, drawn, row.outcome], kind))
+        share = capped(row.probability)
+        lines.append(Line([words.model(candidate), share, words.nats(ratio), *sizes, row.outcome], kind))
     headers = ["damping model", "probability", "log Bayes factor", *(words.symbol(n).text for n in names)]
     caption = (
-        "All records together: evidence of the joint posterior by importance sampling, and what is shared "
-        "(mean ± sd)."
+        "All records together: the probabilities are those of the answer on the specimen, and the coefficients are the "
+        "specimen's (mean ± sd)."
     )
-    last = len(headers) + 1
-    return Table([*headers, "effective draws", "outcome"], lines, frozenset({0, last}), caption)
-
-
-def _sharings(joint: JointContent) -> Table:
-    order = [s for s in ("damping and law", "damping", "law", "nothing") if s in joint.sharings]
-    found = {s: joint.sharings[s] for s in order}
-    logs = {s: np.nan if one.log_evidence is None else one.log_evidence for s, one in found.items()}
-    top = np.nanmax(list(logs.values()))
-    lines = [
-        Line(
-            [
-                s,
-                words.nats(logs[s] - top, found[s].stderr),
-                found[s].outcome,
-            ],
-            "best" if logs[s] == top else "",
-        )
-        for s in order
-    ]
-    caption = (
-        f"{words.model(joint.best)}: log evidence by what the records share, against the best. Where it has no "
-        "error it is so far off that Laplace's evidence, or the distance of the records' own modes, will do."
-    )
-    return Table(["shared", "nats", "outcome"], lines, frozenset({0, 2}), caption)
+    return Table([*headers, "outcome"], lines, frozenset({0, len(headers)}), caption)
 
 
 def _population(run: Run, cell: CellResult) -> list[object]:
@@ -176,8 +154,9 @@ def _population(run: Run, cell: CellResult) -> list[object]:
     behind = [f"{label} ({words.nats(gap)} nats)" for label, gap in content.behind.items() if gap > 1]
     how = (
         "Specimens' coefficients are taken as normal, cut off at zero; the mean and the spread are of what is "
-        "left. The normal's location has a half-normal prior with the scale of the coefficient's own, "
-        f"{words.listing(scales)}, and its width one with the scale of the location: specimens of one kind hardly "
+        "left. The normal's location has a half-normal prior with the scale "
+        f"{words.listing(scales)}, which is that of the prior which the study states, or else three times the largest "
+        "coefficient of a specimen. Its width has one with the scale of the location: specimens of one kind hardly "
         "spread by more than their size. The model is the one with the greatest evidence over all specimens "
         "together."
     )

@@ -4,7 +4,7 @@ Specimens' coefficients are normal about a population's location m with a scale 
 (m, τ) is a product over specimens of ∫ p(record | θ) N(θ | m, τ) dθ, and each factor is, but for a constant, the mean
 of N(θ | m, τ) / prior(θ) over the specimen's posterior draws (Hogg, Myers & Bovy, Astrophysical Journal 725, 2010).
 Every draw stands for a narrow normal, so that a τ below the distance of draws is no noise, and the integral remains a
-closed form. m and τ are integrated on a grid. m has a half-normal prior with the scale of the coefficient's own; τ,
+closed form. m and τ are integrated on a grid. m has a half-normal prior with a scale that is given; τ,
 given m, one with the scale m: specimens of one kind do not spread by much more than their size. (A prior of τ as wide
 as that of m would let few specimens have any spread: with two of them the likelihood falls no faster than 1/τ.)
 """
@@ -73,10 +73,10 @@ class _Kernels:
 
 
 def population(samples: Sequence[Sample], scale: float, *, from_zero: bool = True) -> Population:
-    """The population of a coefficient, whose own prior has this scale.
+    """The population of a coefficient. scale: of the prior of m.
 
     from_zero: whether the coefficient cannot be negative; of one that can, m has a normal prior about zero, and τ a
-    half-normal one, of this scale. Raises Refusal for fewer than two specimens.
+    half-normal one, of that scale. Raises Refusal for fewer than two specimens.
     """
     if len(samples) < 2:
         raise Refusal("a spread needs two specimens or more")

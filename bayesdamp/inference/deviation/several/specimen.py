@@ -7,10 +7,11 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from bayesdamp.inference.curves.weighted import summarise
 from bayesdamp.inference.deviation.gaussian.hyperparameters import LEAST_KNOTS, grid_of
-from bayesdamp.inference.deviation.numbers.run_likelihood import DampingRun
+from bayesdamp.inference.deviation.several.run_likelihood import DampingRun
 from bayesdamp.inference.model.defaults import Reference, damping_priors
-from bayesdamp.inference.repeats import Repeats, RunLikelihood, joined
+from bayesdamp.inference.deviation.gaussian.repeats import Repeats, RunLikelihood, joined
 from bayesdamp.odds import odds
 from bayesdamp.physics.damping import TERMS
 from bayesdamp.priors import Prior
@@ -66,12 +67,11 @@ class WeighedRun:
                 return replace(run, likelihood=run.likelihood.shifted(gap))
         return None
 
-    def missing(self, damping: str, restoring: str) -> float:
+    def missing(self, damping: str, restoring: str, limit: str = "") -> float:
         """Log evidence that stands for a damping which this run did not weigh: that of the sum to which it comes in a
         limit, else `FAR`; both with coefficients of the run's own."""
-        places = {one.damping: one.place for one in self.others}
         own = self.log_evidence.get((damping, restoring))
-        place = self.log_evidence.get((places.get(damping, ""), restoring), FAR)
+        place = self.log_evidence.get((limit, restoring), FAR)
         return max(place if own is None else own, FAR)
 
 
@@ -89,6 +89,30 @@ class WeighedSpecimen:
     repeats: Mapping[Model, Repeats]
     runs: Mapping[Model, tuple[DampingRun, ...]]
     reference: Reference
+
+    def spread(self) -> dict[str, float]:
+        """Return the summary of the spread between runs (standard deviation), over every damping that was joined."""
+        shares = {m: self.probability[m] for m in self.repeats}
+        every = np.concatenate([self.repeats[m].spreads for m in shares])
+        sizes = [self.repeats[m].spreads.size for m in shares]
+        weight = np.concatenate([np.full(n, p / n) for n, p in zip(sizes, shares.values(), strict=True)])
+        return summarise(every, weight / weight.sum())
+
+    def others(self) -> dict[str, float]:
+        """Return the probability of each form of damping that is not compared."""
+        places = {one.damping for r in self.records for one in r.others}
+        found = dict.fromkeys(sorted(places), 0.0)
+        for (damping, _), p in self.probability.items():
+            if damping in places:
+                found[damping] += p
+        return found
+
+    def under(self, model: Model) -> list[WeighedRun]:
+        """Return the runs under one model alone, which was joined, at the specimen's reference."""
+        return [
+            WeighedRun({model: 0.0}, (), {model: run}, self.reference, record.amplitudes)
+            for record, run in zip(self.records, self.runs[model], strict=True)
+        ]
 
     def ratios(self, amplitude: float, count: int, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
         """Draws of the specimen's damping ratio at an amplitude under its laws, over every damping, and of the spread
@@ -139,16 +163,11 @@ def weigh_specimen(
     spread
         Of the logarithm of a run's factor where it is known; else it is inferred.
     """
-    reference = Reference(
-        *(
-            float(np.exp(np.mean(np.log([getattr(r.reference, n) for r in records]))))
-            for n in ("amplitude", "frequency")
-        )
-    )
-    places = {one.damping for r in records for one in r.others}
+    reference = common_reference(records)
+    places = {one.damping: one.place for r in records for one in r.others}
     laws = {law for r in records for _, law in r.log_evidence}
     models = {m for r in records for m in r.log_evidence} | {(d, law) for law in laws for d in places}
-    own = {m: sum(r.log_evidence.get(m, r.missing(*m)) for r in records) for m in models}
+    own = {m: sum(r.missing(*m, places.get(m[0], "")) for r in records) for m in models}
     logs: dict[Model, float] = {}
     repeats: dict[Model, Repeats] = {}
     runs: dict[Model, tuple[DampingRun, ...]] = {}
@@ -160,13 +179,13 @@ def weigh_specimen(
             for r, run in zip(records, found, strict=True)
             if run is not None
         ]
-        rest = sum(r.missing(*model) for r, run in zip(records, found, strict=True) if run is None)
+        limit = places.get(model[0], "")
+        rest = sum(r.missing(*model, limit) for r, run in zip(records, found, strict=True) if run is None)
         most = rest + sum(float(_largest(run.likelihood)) for run in known)
         if not known or most + _prior(model[0], len(places), model[0] in places) < best - REACH:
             logs[model] = min(own[model], most)
             continue
-        priors = damping_priors(model[0].split("+"), reference)
-        priors = {n: (given or {}).get(n, p) for n, p in priors.items()}
+        priors = priors_of(model[0], reference, given)
         likelihoods, log_sizes = _alike([run.likelihood for run in known], tuple(priors))
         one = joined(likelihoods, priors, log_sizes, spread=spread, seed=seed)
         logs[model] = one.log_evidence + rest
@@ -179,6 +198,23 @@ def weigh_specimen(
     total = sum(np.exp(v - top) for v in weights.values())
     probability = {m: float(np.exp(v - top) / total) for m, v in weights.items()}
     return WeighedSpecimen(tuple(records), logs, probability, repeats, runs, reference)
+
+
+def common_reference(records: Sequence[WeighedRun]) -> Reference:
+    """Return the geometric mean of the references of several runs."""
+    amplitude, frequency = (
+        float(np.exp(np.mean(np.log([getattr(r.reference, n) for r in records]))))
+        for n in ("amplitude", "frequency")
+    )
+    return Reference(amplitude, frequency)
+
+
+def priors_of(
+    damping: str, reference: Reference, given: Mapping[str, Prior] | None = None
+) -> dict[str, Prior]:
+    """Return the priors of a specimen's damping parameters: those that are stated, else the default ones."""
+    priors = damping_priors(damping.split("+"), reference)
+    return {n: (given or {}).get(n, p) for n, p in priors.items()}
 
 
 def _prior(damping: str, others: int, other: bool) -> float:

@@ -1,0 +1,95 @@
+"""Hand-made runs of one specimen, and their evidence and posterior by quadrature."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from scipy.special import ndtr
+from scipy.stats import halfnorm
+
+from bayesdamp.inference.deviation.gaussian.linear import DampingLikelihood
+from bayesdamp.inference.deviation.gaussian.repeats import SPREAD, RunLikelihood
+
+NODES, MASSES = np.polynomial.legendre.leggauss(60)
+LARGEST = 0.6
+"""Of the spread: the prior beyond is below 1e-8."""
+
+
+def run_of(
+    names: Sequence[str],
+    place: Sequence[float],
+    covariance: np.ndarray,
+    log: float | np.ndarray = 0.0,
+    shared: Sequence[str] = (),
+) -> RunLikelihood:
+    """A run whose likelihood is a normal about a place, (k,), exp(log) high, under every combination of sizes that log,
+    (c,), has. shared: parameters that are no coefficients."""
+    at, information = np.asarray(place, float), np.linalg.inv(np.atleast_2d(covariance))
+    logs = np.atleast_1d(np.asarray(log, float))
+    count = logs.size
+    likelihood = DampingLikelihood(
+        logs - 0.5 * at @ information @ at,
+        np.tile(information @ at, (count, 1)),
+        np.tile(information, (count, 1, 1)),
+    )
+    return RunLikelihood(tuple(names), np.array([n not in shared for n in names]), at, likelihood)
+
+
+def log_likelihood(run: RunLikelihood, x: np.ndarray, combo: int = 0) -> np.ndarray:
+    """Of parameters x, (..., k): (...)."""
+    found = run.likelihood
+    square = np.einsum("...i,ij,...j->...", x, found.information[combo], x)
+    return found.log[combo] + x @ found.slope[combo] - 0.5 * square
+
+
+class Summed(NamedTuple):
+    """Log evidence; posterior masses of the grid's points, (m,), and of each with each spread, (m, s), and spreads."""
+
+    log_evidence: float
+    mass: np.ndarray
+    each: np.ndarray
+    spreads: np.ndarray
+
+
+def by_quadrature(
+    runs: Sequence[RunLikelihood],
+    grid: np.ndarray,
+    log_prior: np.ndarray,
+    spread: float | None = None,
+    factors: int = 1601,
+    reach: float = 1.6,
+) -> Summed:
+    """Evidence and posterior of the specimen's parameters.
+
+    Parameters
+    ----------
+    grid
+        Points, (m, k).
+    log_prior
+        Log prior mass of each, (m,).
+    spread
+        Of the runs' factors where it is known; else it is summed over its half-normal prior.
+    factors, reach
+        How many logarithms of a run's factor are summed over, and how large they are at most.
+    """
+    if spread is None:
+        spreads = 0.5 * LARGEST * (NODES + 1)
+        prior = np.log(0.5 * LARGEST * MASSES) + halfnorm.logpdf(spreads, scale=SPREAD)
+    else:
+        spreads, prior = np.array([spread]), np.zeros(1)
+    # Of a run's log factor t: the mass of its normal in each cell, (t, s): right for spreads below a cell too.
+    t = np.linspace(-reach, reach, factors)
+    edges = np.concatenate([[-np.inf], 0.5 * (t[1:] + t[:-1]), [np.inf]])
+    masses = np.diff(ndtr(edges[:, None] / np.maximum(spreads, 1e-12)), axis=0)
+    log = log_prior[:, None] + prior
+    for run in runs:
+        multiple = np.where(run.coefficients, np.exp(t)[:, None], 1.0)
+        each = log_likelihood(run, grid[:, None, :] * multiple)
+        top = each.max()
+        log = log + np.log(np.exp(each - top) @ masses + 1e-300) + top
+    top = log.max()
+    each = np.exp(log - top)
+    total = each.sum()
+    return Summed(float(top + np.log(total)), each.sum(axis=1) / total, each / total, spreads)

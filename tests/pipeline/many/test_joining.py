@@ -1,0 +1,133 @@
+"""What the joint fit of a specimen says: of hand-made normal likelihoods, and in words."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from bayesdamp.inference.deviation.several.specimen import OtherForm, weigh_specimen
+from bayesdamp.outcomes import Status, status_of
+from bayesdamp.pipeline.many.joining import coefficients_of, joined, likeliest
+from bayesdamp.pipeline.many.populating import WIDE, location_scale
+from bayesdamp.pipeline.many.specimens import Specimen
+from bayesdamp.priors import HalfNormal, SharedHalfNormal
+from bayesdamp.report.results.specimens import joint_sentence
+from bayesdamp.report.sections.posteriors.specimens import _of_noise
+from bayesdamp.store import CellResult
+from bayesdamp.store.contents.many import JointContent
+from bayesdamp.types import Refusal
+from tests.verdict.test_specimen import C, V, weighed_run
+
+
+def specimen(monkeypatch: pytest.MonkeyPatch, *runs: Any, candidates=("viscous", "coulomb")) -> Specimen:
+    """One whose records have these answers."""
+    monkeypatch.setattr(
+        Specimen, "units", lambda self, candidate, names: dict.fromkeys(names, "1/s"), raising=True
+    )
+    monkeypatch.setattr(Specimen, "priors", {}, raising=True)
+    monkeypatch.setattr(Specimen, "seed", 3, raising=True)
+    monkeypatch.setattr(Specimen, "deviation", "law", raising=True)
+    made = object.__new__(Specimen)
+    answered = [
+        SimpleNamespace(label=f"r{i}", signal=f"r{i}", repeat=0, weighed=run) for i, run in enumerate(runs)
+    ]
+    vars(made).update(
+        name="rig", candidates=candidates, answered=answered, specs=(SimpleNamespace(restoring=("linear",)),)
+    )
+    return made
+
+
+def test_probabilities_and_spread_are_those_of_the_verdict(monkeypatch: pytest.MonkeyPatch) -> None:
+    runs = [weighed_run(0.05, 0.001), weighed_run(0.052, 0.001)]
+    content, arrays = joined(specimen(monkeypatch, *runs))
+    whole = weigh_specimen(runs, seed=3)
+    assert {c: r.probability for c, r in content.candidates.items()} == {
+        "viscous": whole.probability[V], "coulomb": whole.probability[C]
+    }  # fmt: skip
+    assert content.spread == whole.spread()
+    assert content.best == "viscous"
+    row = content.candidates["viscous"].summary["zeta"]
+    assert row["mean"] == pytest.approx(np.mean(whole.repeats[V].draws))
+    assert coefficients_of(arrays, "viscous")["zeta"] == pytest.approx(whole.repeats[V].draws[:, 0])
+    assert arrays["viscous/spread"] == pytest.approx(whole.repeats[V].spreads)
+
+
+def test_each_record_alone_is_what_it_measured(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Within four Monte Carlo errors of 4,000 draws; log(x) prior: shifts by sd²/x, a fiftieth of an sd. Control:
+    the specimen's own interval is wider, as it has the spread."""
+    content, _ = joined(specimen(monkeypatch, weighed_run(0.05, 0.001), weighed_run(0.053, 0.001)))
+    for label, place in (("r0", 0.05), ("r1", 0.053)):
+        one = content.alone[label].summary["zeta"]
+        assert one["mean"] == pytest.approx(place, abs=(4 / np.sqrt(4000) + 0.02) * 0.001)
+        assert one["sd"] == pytest.approx(0.001, rel=0.06)
+    assert content.candidates["viscous"].summary["zeta"]["sd"] > 0.002
+
+
+@pytest.mark.parametrize(
+    ("places", "sd", "differ", "agree", "said"),
+    [
+        ((0.05, 0.05, 0.05, 0.05), 2e-5, False, True, "the records agree with one damping"),
+        ((0.05, 0.052), 0.002, False, False, "the records are compatible with one damping"),
+        ((0.05, 0.08), 0.001, True, False, "the records differ in the size of their damping"),
+    ],
+)
+def test_whether_records_agree(
+    monkeypatch: pytest.MonkeyPatch,
+    places: tuple[float, ...],
+    sd: float,
+    differ: bool,
+    agree: bool,
+    said: str,
+) -> None:
+    """Each row is the control of the others."""
+    content, _ = joined(specimen(monkeypatch, *(weighed_run(p, sd) for p in places)))
+    assert (content.differ, content.agree) == (differ, agree)
+    sentence = joint_sentence(SimpleNamespace(fits=[]), CellResult("joint/rig", "", content.meta()))  # type: ignore[arg-type]
+    assert said in sentence
+    assert "damping is viscous" in sentence
+
+
+def test_a_candidate_that_a_record_lacks_has_evidence_and_no_coefficients(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    runs = [weighed_run(0.05, 0.001), weighed_run(0.05, 0.001, others=())]
+    del runs[1].runs[C]  # type: ignore[attr-defined]
+    content, arrays = joined(specimen(monkeypatch, *runs, candidates=("viscous", "coulomb", "quadratic")))
+    assert content.candidates["coulomb"].log_evidence is not None
+    assert not content.candidates["coulomb"].summary
+    assert status_of(content.candidates["coulomb"].outcome) is Status.PRUNED
+    assert content.candidates["quadratic"].log_evidence is None
+    assert not coefficients_of(arrays, "coulomb")
+
+
+def test_other_forms_are_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    form = OtherForm("displacement", "linear", -2.0)
+    content, _ = joined(specimen(monkeypatch, *(weighed_run(0.05, 0.001, others=(form,)) for _ in range(2))))
+    assert content.others["displacement"] == pytest.approx(
+        1 - sum(r.probability for r in content.candidates.values())
+    )
+    assert JointContent.maybe(CellResult("joint/rig", "", content.meta())) == content
+
+
+def test_one_answer_is_not_enough(monkeypatch: pytest.MonkeyPatch) -> None:
+    with pytest.raises(Refusal, match="fewer than two"):
+        joined(specimen(monkeypatch, weighed_run(0.05, 0.001)))
+
+
+def test_other_noise_is_said_not_to_enter() -> None:
+    """Control: a study of Gaussian noise."""
+    for noise, count in (("auto", 1), (["gaussian", "student_t"], 1), ("gaussian", 0), (["gaussian"], 0)):
+        assert len(_of_noise(SimpleNamespace(study={"posterior": {"noise": noise}}))) == count  # type: ignore[arg-type]
+
+
+def test_the_likeliest_candidate_is_of_the_likeliest_damping() -> None:
+    assert likeliest({"viscous@a": 0.3, "viscous@b": 0.25, "coulomb@a": 0.4}) == "viscous@a"
+
+
+def test_the_prior_of_a_population_is_not_narrow_about_its_values() -> None:
+    shared = SharedHalfNormal(per_ratio=1.0)
+    assert location_scale([shared, shared], [1e-6, 0.05]) == pytest.approx(WIDE * 0.05)
+    assert location_scale([HalfNormal(0.2), HalfNormal(0.8)], [1e-6, 0.05]) == pytest.approx(0.4)
