@@ -10,17 +10,17 @@ import numpy as np
 from bayesdamp.config.sections import DEVIATIONS
 from bayesdamp.inference.deviation.findings import SENSOR, Findings, findings
 from bayesdamp.inference.deviation.gaussian.linear import DampingLikelihood
+from bayesdamp.inference.deviation.gaussian.repeats import RunLikelihood
 from bayesdamp.inference.deviation.numbers.rivals import place_of
-from bayesdamp.inference.deviation.several.run_likelihood import DampingRun, damping_run
 from bayesdamp.inference.deviation.picture import picture
 from bayesdamp.inference.deviation.quick import weighing_of
 from bayesdamp.inference.deviation.sampled.candidates import with_samples
 from bayesdamp.inference.deviation.sampled.table import Posterior, posterior_of
+from bayesdamp.inference.deviation.several.run_likelihood import DampingRun, damping_run
+from bayesdamp.inference.deviation.several.specimen import OtherForm, WeighedRun
 from bayesdamp.inference.deviation.single import Found, found_of
 from bayesdamp.inference.deviation.weighing import Known, Result, Weighing
 from bayesdamp.inference.model.defaults import Reference
-from bayesdamp.inference.deviation.gaussian.repeats import RunLikelihood
-from bayesdamp.inference.deviation.several.specimen import OtherForm, WeighedRun
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.pipeline.not_one import no_free_decay, remark_on
 from bayesdamp.pipeline.stored_laws import packed

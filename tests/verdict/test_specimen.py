@@ -10,8 +10,8 @@ import pytest
 
 from bayesdamp.inference.deviation.gaussian.hyperparameters import LEAST_KNOTS, grid_of
 from bayesdamp.inference.deviation.several.run_likelihood import DampingRun
-from bayesdamp.inference.model.defaults import FURTHER_TERM, OTHERS, Reference, damping_priors
 from bayesdamp.inference.deviation.several.specimen import FAR, Model, OtherForm, WeighedRun, weigh_specimen
+from bayesdamp.inference.model.defaults import FURTHER_TERM, OTHERS, Reference, damping_priors
 from bayesdamp.priors import SharedHalfNormal
 from bayesdamp.verdict import thresholds
 from bayesdamp.verdict.parts import DampingRatio, Grade, Interval, Share

@@ -10,7 +10,6 @@ import numpy as np
 
 from bayesdamp.config import SignalSpec, Study
 from bayesdamp.inference.curves.weighted import summarise
-from bayesdamp.inference.model.defaults import Reference
 from bayesdamp.inference.deviation.gaussian.repeats import Repeats
 from bayesdamp.inference.deviation.several.specimen import (
     Model,
@@ -19,6 +18,7 @@ from bayesdamp.inference.deviation.several.specimen import (
     common_reference,
     weigh_specimen,
 )
+from bayesdamp.inference.model.defaults import Reference
 from bayesdamp.physics.damping import parse_model
 from bayesdamp.physics.units import parameter_unit
 from bayesdamp.pipeline.records.answering import AnswerCell, answered_of, approximately, stated_priors

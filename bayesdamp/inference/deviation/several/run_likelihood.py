@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from bayesdamp.inference.deviation.gaussian.repeats import RunLikelihood
 from bayesdamp.inference.deviation.numbers.curves import orbit_of, values_of, works_on
 from bayesdamp.inference.deviation.weighing import Result, Weighing
-from bayesdamp.inference.deviation.gaussian.repeats import RunLikelihood
 from bayesdamp.physics.damping import TERMS
 
 STEP = 1e-4

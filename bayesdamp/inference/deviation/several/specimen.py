@@ -9,9 +9,9 @@ import numpy as np
 
 from bayesdamp.inference.curves.weighted import summarise
 from bayesdamp.inference.deviation.gaussian.hyperparameters import LEAST_KNOTS, grid_of
+from bayesdamp.inference.deviation.gaussian.repeats import Repeats, RunLikelihood, joined
 from bayesdamp.inference.deviation.several.run_likelihood import DampingRun
 from bayesdamp.inference.model.defaults import Reference, damping_priors
-from bayesdamp.inference.deviation.gaussian.repeats import Repeats, RunLikelihood, joined
 from bayesdamp.odds import odds
 from bayesdamp.physics.damping import TERMS
 from bayesdamp.priors import Prior
