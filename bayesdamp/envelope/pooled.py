@@ -34,7 +34,7 @@ class Pooled:
     damping: str = ""
     probability: float = float("nan")
     probabilities: Mapping[str, float] = field(default_factory=dict)
-    spread: tuple[float, float, float] = (float("nan"),) * 3
+    spread: tuple[float, float, float] = (float("nan"), float("nan"), float("nan"))
 
 
 def pooled(name: str, found: Sequence[EnvelopeResult]) -> Pooled | None:

@@ -152,7 +152,7 @@ class AnswerCell:
 
 def priors_given(study: Study, spec: SignalSpec, record: Record) -> dict[str, Prior]:
     """The priors that a study states for a record, by parameter."""
-    given = stated_priors(study)
+    given: dict[str, Prior] = stated_priors(study)
     for law in spec.restoring:
         given |= {k: p for k, p in record.system(law).free.items() if p is not None}  # type: ignore[misc]
     return given
