@@ -15,7 +15,7 @@ from bayesdamp.verdict.decide import rivals_of
 from bayesdamp.verdict.parts import DampingRatio, Grade, Interval, Share
 from bayesdamp.verdict.pooled import pooled
 from bayesdamp.verdict.types import Verdict
-from bayesdamp.verdict.words import named, rounded, sentence
+from bayesdamp.verdict.words import named, rounded, sentence, with_interval
 
 DRAWS = 20_000
 """Of a damping ratio: an end of a 95 % interval is good to 2 % of its width."""
@@ -186,11 +186,8 @@ def _of_runs(v: Verdict) -> tuple[str, ...]:
     if not v.next_record:
         return (said,)
     r = v.next_record[len(v.next_record) // 2]
-    ends = " to ".join(rounded(100 * x) for x in (r.low, r.high))
-    return (
-        said,
-        f"One more record would have a damping ratio of {ends} % at {rounded(r.amplitude)} {r.unit} (95 %).",
-    )
+    ratio = with_interval(r.value, r.low, r.high, " %", 100)
+    return said, f"At the middle amplitude one more record would have a damping ratio of {ratio}."
 
 
 def _pooled_interval(given: Sequence[Interval | None]) -> Interval | None:
