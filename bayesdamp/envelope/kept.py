@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -29,7 +29,7 @@ class EnvelopeContent(Content):
     """
 
     result: EnvelopeResult
-    likelihoods: Mapping[str, Mapping[str, float | str | None]]
+    likelihoods: Mapping[str, Mapping[str, float | str | None]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
