@@ -50,7 +50,8 @@ MAY_IMPORT: dict[str, set[str]] = {
         f"inference.{name}": _BELOW | {f"inference.{below}" for below in INFERENCE[: i + 1]}
         for i, name in enumerate(INFERENCE)
     },
-    "inference.deviation": _BELOW | {"inference.model.defaults", "inference.deviation"},
+    "inference.deviation": _BELOW
+    | {"inference.model.defaults", "inference.curves.weighted", "inference.deviation"},
     "inference.approximate": _BELOW
     | {"inference.deviation", "inference.checks", "inference.coordinates", "inference.curves"}
     | {"inference.samplers", "inference.evidence", "inference.approximate"},

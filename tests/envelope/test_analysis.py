@@ -162,8 +162,8 @@ def test_units_of_the_same_decay_agree():
 
 def shared_prior(rates: np.ndarray, duration: float) -> np.ndarray:
     """Density of rates in 1/s, (..., d), of one sum on a record without a frequency, by its definition: half-normals
-    with one scale, of which 26 from 1e-8 to 0.3 of a unit are equally probable; their middle is 1/duration."""
-    scales = np.geomspace(1e-8, 0.3, 26)
+    with one scale, of which 25 between 1e-8 and 0.3 of a unit are equally probable; their middle is 1/duration."""
+    scales = 1e-8 * (0.3 / 1e-8) ** ((np.arange(25) + 0.5) / 25)
     scales = scales / (duration * np.sqrt(scales[0] * scales[-1]))
     return np.mean([np.prod(halfnorm.pdf(rates, scale=one), axis=-1) for one in scales], axis=0)
 

@@ -129,7 +129,7 @@ def test_the_page_says_whether_chains_confirm() -> None:
     assert "deviations integrated out" not in confirmation(Run(ran("none")), "drift")
     other = confirmation(Run(ran("law")), "drift")
     assert other.startswith(
-        "NUTS, the deviations integrated out, is of viscous alone, to which the answer gives 0.05"
+        "NUTS, the deviations integrated out, is of viscous alone, to which the answer gives 0.06"
     )
 
 

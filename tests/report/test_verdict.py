@@ -8,6 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from bayesdamp.odds import FURTHER_TERM
 from bayesdamp.report.results.reading import over_odds, ranking
 from bayesdamp.report.results.verdict import verdict
 from bayesdamp.report.sections.study import summary
@@ -258,7 +259,7 @@ def test_probabilities_under_other_prior_odds_of_a_further_term() -> None:
     found = ranking(run(told, {}), "a", 0)  # type: ignore[arg-type]
     assert found is not None
     lower, own, higher = over_odds(found)
-    assert [lower.factor, own.factor, higher.factor] == [0.125, 0.25, 0.5]
+    assert [lower.factor, own.factor, higher.factor] == [0.5 * FURTHER_TERM, FURTHER_TERM, 2 * FURTHER_TERM]
     assert own.dampings == pytest.approx({"viscous+coulomb": 0.6, "viscous": 0.4})
     assert lower.dampings == pytest.approx({"viscous": 0.4 / 0.7, "viscous+coulomb": 0.3 / 0.7})
     assert next(iter(lower.dampings)) == "viscous"

@@ -264,7 +264,7 @@ def test_a_verdict_survives_json() -> None:
     assert lost["unexplained_pct"] is None
     assert {"schema", "record", "grade", "decided", "damping", "probability", "rivals", "restoring",
             "restoring_probability", "frequency", "exponent", "damping_ratio", "energy", "other_forms", "deviation",
-            "unnamed", "unexplained_pct", "noise_pct", "midline_drift_pct", "frequency_at",
+            "unnamed", "unexplained_pct", "noise_pct", "midline_drift_pct", "frequency_at", "next_record", "spread",
             "coefficients", "motion", "modes", "over_law",
                 "window", "averages", "remarks", "records", "sentence"} == set(back)  # fmt: skip
 

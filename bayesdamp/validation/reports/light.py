@@ -48,7 +48,7 @@ POWERS = {"viscous": 0, "coulomb": -1, "quadratic": 1}
 """Of the amplitude, that the damping ratio of a term goes with."""
 LEAST_LOG = -15.0
 """Log probability below which a damping is left out of a row."""
-OTHER_FACTORS = (0.5, 0.125)
+OTHER_FACTORS = (0.5, 0.25, 0.0625)
 """Odds of a further term that are tried in place of `FURTHER_TERM`."""
 DECIDED = 0.95
 EDGES = (0.0, 0.5, 0.7, 0.8, 0.9, 0.95, 0.99, 1.0)

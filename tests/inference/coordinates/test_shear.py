@@ -68,7 +68,9 @@ def banana(monkeypatch) -> tuple[Any, Any]:
     information = slopes(None, at)[2]
     factor = np.linalg.cholesky(np.linalg.inv(information))
     sds = np.sqrt(np.diag(factor @ factor.T))
-    return target, SimpleNamespace(z=at, information=information, factor=factor, sd=lambda: sds, context=None)
+    return target, SimpleNamespace(
+        z=at, information=information, factor=factor, sd=lambda: sds, context=None, near=None
+    )
 
 
 def test_a_bend_keeps_volumes_and_mirror_images() -> None:

@@ -45,7 +45,9 @@ def sheet(monkeypatch: pytest.MonkeyPatch) -> tuple[Any, Any]:
     information = slopes(None, at)[2]
     factor = np.linalg.cholesky(np.linalg.inv(information))
     sds = np.sqrt(np.diag(factor @ factor.T))
-    return target, SimpleNamespace(z=at, information=information, factor=factor, sd=lambda: sds, context=None)
+    return target, SimpleNamespace(
+        z=at, information=information, factor=factor, sd=lambda: sds, context=None, near=None
+    )
 
 
 def test_evidence_on_a_thin_sheet_between_walls(sheet: tuple[Any, Any]) -> None:

@@ -96,9 +96,9 @@ def row(number: int, p: float, right: bool, logs: str, decade: float = 1e-2) -> 
 
 def test_the_page_counts() -> None:
     """Three records in the bin of 0.9 to 0.95, two of them right; names that other odds change."""
-    near = f"viscous:0 viscous+coulomb:{math.log(0.04 / 0.96):.3f}"  # 0.96; at odds of 1/2 0.923
-    sums = f"viscous:{math.log(0.08 / 0.92):.3f} viscous+coulomb:0"  # 0.92; at 1/2 0.958, at 1/8 0.852
-    even = "viscous:-0.3 viscous+coulomb:0"  # at 1/8 viscous leads
+    near = f"viscous:0 viscous+coulomb:{math.log(0.04 / 0.96):.3f}"  # 0.96; at twice the odds 0.923
+    sums = f"viscous:{math.log(0.08 / 0.92):.3f} viscous+coulomb:0"  # 0.92; at twice the odds 0.958, at half 0.852
+    even = "viscous:-0.3 viscous+coulomb:0"  # at half the odds viscous leads
     rows = [
         row(0, 0.96, True, near), row(1, 0.92, True, sums), row(2, 0.93, True, sums), row(3, 0.94, False, sums),
         row(4, 0.57, True, even),
@@ -106,8 +106,8 @@ def test_the_page_counts() -> None:
     text = page([*rows, {**row(5, 0.5, True, even), "outcome": "No oscillation."}])
     assert "| 0.01 | oscillations | 6 | 1 |" in text
     assert "| 0.9 to 0.95 | 3 | 0.930 | 0.67 (" in text
-    assert "| 0.5 | 0 of 5 | 1 | 3 | 0 |" in text
-    assert "| 0.125 | 1 of 5 | 0 | 0 | 0 |" in text
+    assert "| 0.25 | 0 of 5 | 1 | 3 | 0 |" in text
+    assert "| 0.0625 | 1 of 5 | 0 | 0 | 0 |" in text
     assert "Without an answer: No oscillation." in text
 
 
