@@ -1,27 +1,30 @@
-"""Simulated specimens of four records, and which damping the verdict on each names: sizes of the deviations shared by
-its records, as it has them, and, as the control, inferred for each record anew.
+"""Simulated specimens of several records: which damping the verdict on each names, and whether its intervals hold.
 
-    python -m tests.validation.specimens exact|deviating SPECIMENS SEED
+    python -m tests.validation.specimens exact|deviating SPECIMENS SEED [RECORDS SPREAD]
 
-The dampings are viscous + Coulomb, viscous + quadratic, Coulomb and viscous in turn; coefficients differ from record to
-record by 3 %. `deviating`: the force is by up to 10 % larger or smaller with the logarithm of the amplitude, alike in
-all records. Motions are SciPy's, of eighth order; the restoring law is linear, and known to be.
+The dampings are viscous + Coulomb, viscous + quadratic, Coulomb and viscous in turn; all coefficients of a record are
+those of the specimen times a factor of its own, whose logarithm has the standard deviation SPREAD (4 records and 0.03
+where not given). `deviating`: the force is by up to 10 % larger or smaller with the logarithm of the amplitude, alike
+in all records. Motions are SciPy's, of eighth order; the restoring law is linear, and known to be. The control is the
+product of the records' own evidences, as if each had coefficients of its own.
 """
 
 from __future__ import annotations
 
 import sys
-from dataclasses import replace
 
 import numpy as np
 from scipy.integrate import solve_ivp
 
+from bayesdamp.odds import odds
 from bayesdamp.pipeline.answer import answer
 from bayesdamp.types import Signal
 from bayesdamp.verdict.specimen import Answered, specimen
+from bayesdamp.verdict.thresholds import DECIDED
 from bayesdamp.verdict.types import Verdict
 
-OMEGA, CYCLES, NOISE, RECORDS, APART = 4.5, 12, 0.005, 4, 0.03
+OMEGA, CYCLES, NOISES = 4.5, 12, (0.004, 0.06)
+"""rad/s; cycles; least and most noise in rad, log-uniform between them for each specimen."""
 DAMPINGS = (
     {"viscous": 0.1, "coulomb": 0.25},
     {"viscous": 0.1, "quadratic": 0.08},
@@ -31,7 +34,9 @@ DAMPINGS = (
 """Coefficients ζ (1/s), μ_c (rad/s²), μ_q (1/rad)."""
 
 
-def simulate(rng: np.random.Generator, damping: dict[str, float], deviation: float, name: str) -> Signal:
+def simulate(
+    rng: np.random.Generator, damping: dict[str, float], deviation: float, noise: float, name: str
+) -> Signal:
     """12 cycles from 0.9 to 1.1 rad, 25 samples each."""
     start, stop = rng.uniform(0.9, 1.1), CYCLES * 2 * np.pi / OMEGA
     times = np.linspace(0, stop, 25 * CYCLES)
@@ -44,41 +49,84 @@ def simulate(rng: np.random.Generator, damping: dict[str, float], deviation: flo
         return s[1], -(OMEGA**2) * s[0] - off * force
 
     y = solve_ivp(slope, (0, stop), (start, 0.0), "DOP853", times, rtol=1e-9, atol=1e-11).y[0]
-    return Signal(times, y + NOISE * rng.standard_normal(times.size), name=name)
+    return Signal(times, y + noise * rng.standard_normal(times.size), name=name)
 
 
-def answers(rng: np.random.Generator, damping: dict[str, float], deviation: float) -> list[Answered]:
+def answers(
+    rng: np.random.Generator, damping: dict[str, float], deviation: float, records: int, spread: float
+) -> list[Answered]:
     """Of each record by itself, from linear models."""
-    found = []
-    for k in range(RECORDS):
-        own = {n: v * rng.normal(1, APART) for n, v in damping.items()}
-        one = answer(simulate(rng, own, deviation, f"r{k}"), restoring=("linear",), sample=False)
+    found, noise = [], float(np.exp(rng.uniform(*np.log(NOISES))))
+    for k in range(records):
+        factor = float(np.exp(spread * rng.standard_normal()))
+        own = {n: v * factor for n, v in damping.items()}
+        made = simulate(rng, own, deviation, noise, f"r{k}")
+        law = "law" if deviation else "none"
+        one = answer(made, restoring=("linear",), sample=False, deviation=law, repeated=True)
         found += [one.of_specimen()] if one.arrays else []
     return found
 
 
-def said(verdict: Verdict, truth: set[str]) -> str:
+def said(named: str, decided: bool, truth: set[str]) -> str:
     """Whether the truth is named, another damping is, or none."""
-    if not verdict.decided:
+    if not decided:
         return "open"
-    return "right" if set(verdict.damping.split("+")) == truth else "wrong"
+    return "right" if set(named.split("+")) == truth else "wrong"
 
 
-def main(kind: str, specimens: int, seed: int) -> None:
-    counts: dict[str, list[str]] = {"shared": [], "each": []}
+def product(records: list[Answered]) -> tuple[str, float]:
+    """The likeliest sum and its probability by the product of the records' evidences."""
+    logs = {
+        model: sum(r.weighed.log_evidence.get(model, -60.0) for r in records)
+        + float(np.log(odds(model[0].split("+"))))
+        for model in records[0].weighed.log_evidence
+    }
+    top = max(logs, key=lambda m: logs[m])
+    return top[0], float(1 / sum(np.exp(v - logs[top]) for v in logs.values()))
+
+
+def true_ratio(damping: dict[str, float], amplitude: float) -> float:
+    """Equivalent damping ratio at an amplitude in rad."""
+    per_unit = {
+        "viscous": 1 / OMEGA, "coulomb": 2 / (np.pi * OMEGA**2 * amplitude),
+        "quadratic": 4 * amplitude / (3 * np.pi),
+    }  # fmt: skip
+    return sum(value * per_unit[name] for name, value in damping.items())
+
+
+def main(kind: str, specimens: int, seed: int, records: int = 4, spread: float = 0.03) -> None:
+    counts: dict[str, list[str]] = {"joined": [], "product": []}
+    holds, widths, alone, together = 0, [], [], []
     for i in range(specimens):
         damping = DAMPINGS[i % len(DAMPINGS)]
-        found = answers(np.random.default_rng([seed, i]), damping, 0.1 if kind == "deviating" else 0.0)
-        both = {"shared": found, "each": [replace(one, sizes={}) for one in found]}
-        for name, records in both.items():
-            verdict = specimen(name, records)
-            counts[name].append(said(verdict, set(damping)))
-            probability = f"{verdict.probability:.3f}"
-            print(i, "+".join(damping), name, counts[name][-1], verdict.damping, probability, flush=True)
+        deviation = 0.1 if kind == "deviating" else 0.0
+        found = answers(np.random.default_rng([seed, i]), damping, deviation, records, spread)
+        verdict = specimen("specimen", found, sensor=0.0)
+        truth = set(damping)
+        counts["joined"].append(said(verdict.damping, verdict.decided, truth))
+        named, p = product(found)
+        counts["product"].append(said(named, p >= DECIDED, truth))
+        r = verdict.damping_ratio[1]
+        holds += r.low <= true_ratio(damping, r.amplitude) <= r.high
+        widths.append((r.high - r.low) / r.value)
+        alone.append(float(np.mean([_probability(one.verdict, truth) for one in found])))
+        together.append(_probability(verdict, truth))
+        print(i, "+".join(damping), counts["joined"][-1], verdict.damping, f"{together[-1]:.3f}", flush=True)
     for name, each in counts.items():
         shown = {what: each.count(what) for what in ("right", "wrong", "open")}
-        print(f"{kind}, seed {seed}, sizes {name}: {shown}", flush=True)
+        print(f"{kind}, seed {seed}, {records} records, spread {spread:g}, {name}: {shown}", flush=True)
+    print(
+        f"probability of the truth {np.mean(together):.3f} (records alone {np.mean(alone):.3f}); the ratio's interval "
+        f"holds {holds} of {specimens}, its median width {np.median(widths):.3f}",
+        flush=True,
+    )
+
+
+def _probability(verdict: Verdict, truth: set[str]) -> float:
+    every = {verdict.damping: verdict.probability, **{r.damping: r.probability for r in verdict.rivals}}
+    return sum(p for name, p in every.items() if set(name.split("+")) == truth)
 
 
 if __name__ == "__main__":
-    main(sys.argv[1], *map(int, sys.argv[2:]))
+    numbers = sys.argv[2:]
+    main(sys.argv[1], *map(int, numbers[:3]), *map(float, numbers[3:]))
