@@ -10,7 +10,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from bayesdamp.pipeline.candidates.backbones import compute_curve
-from bayesdamp.records.oscillation.curves import Curves, amplitude_curves
+from bayesdamp.records.oscillation.law_free import Curves, amplitude_curves
 from bayesdamp.records.oscillation.features import features
 from bayesdamp.store import CellResult
 from bayesdamp.types import OK, Signal
@@ -83,4 +83,4 @@ def test_without_swings_to_read_the_curve_is_that_of_the_motion_without_losses()
     """Of a velocity this is off where the swings are large: that is what the reading sets right."""
     quiet = scores("velocity", fit=np.zeros(T.size))
     assert np.all(np.isfinite(quiet))
-    assert np.abs(quiet[0]).max() > 8.0
+    assert np.abs(quiet[0]).max() > 5.0

@@ -13,17 +13,17 @@ from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.pipeline.candidates.branch import Branch
 from bayesdamp.pipeline.candidates.posteriors import amplitude_grid
 from bayesdamp.pipeline.records.records import plain_seconds
-from bayesdamp.records.oscillation.curves import amplitude_curves
+from bayesdamp.records.oscillation.law_free import amplitude_curves
 from bayesdamp.store import CellResult
 from bayesdamp.store.contents.candidates import ModeContent
 from bayesdamp.types import OK, Refusal
 
 
 def compute_curve(branch: Branch, name: str, key: str) -> None:
-    """The fall of the log amplitude over 2π and the frequency (rad/s) of the mode, over the record's amplitudes.
+    """Compute the damping ratio and the frequency (rad/s) of the mode over the record's amplitudes.
 
-    What is first the motion without its losses, at each amplitude, is set right by what the reading makes of the fitted
-    record: of a velocity or an acceleration crossings shift as the damping changes, and a swing has no one amplitude.
+    They begin as those of the undamped motion at each amplitude, and are corrected by what `amplitude_curves` reads from
+    the fitted record, so that a candidate and the record itself are read in the same way.
     """
     began = time.perf_counter()
     found = branch.store.read(f"mode/{branch.path}")
@@ -31,7 +31,14 @@ def compute_curve(branch: Branch, name: str, key: str) -> None:
         branch.store.write(CellResult(name, key, outcome=following(found.name, found.outcome)))
         return
     seen = branch.record.seen
+    try:
+        read = amplitude_curves(replace(branch.record.signal, y=found.arrays["fit"]), seen)
+    except Refusal:
+        read = None  # a candidate whose motion does not swing
     grid = amplitude_grid(seen)
+    if read is not None:
+        ends = min(grid.min(), read.amplitude.min()), max(grid.max(), read.amplitude.max())
+        grid = np.geomspace(*ends, grid.size)
     mode = ModeContent.of(found)
     values = {**mode.known, **mode.values}
 
@@ -46,10 +53,6 @@ def compute_curve(branch: Branch, name: str, key: str) -> None:
         return {"ratio": ratio, "frequency": 2 * np.pi / np.asarray(motions.period)}
 
     arrays = undamped(grid)
-    try:
-        read = amplitude_curves(replace(branch.record.signal, y=found.arrays["fit"]), seen)
-    except Refusal:
-        read = None  # a candidate whose motion has no swings
     if read is not None:
         for what, at_points in undamped(read.amplitude).items():
             off = getattr(read, what) - at_points

@@ -1,4 +1,4 @@
-"""First words on a record, at once: its frequency, and its damping at three amplitudes, of which no law is assumed."""
+"""The first line on a record: its frequency, and its damping at three amplitudes, without any law."""
 
 from __future__ import annotations
 
@@ -6,23 +6,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from bayesdamp.records.oscillation.features import Features, features
-from bayesdamp.types import Refusal, Signal
+from bayesdamp.records.oscillation.features import features
+from bayesdamp.records.oscillation.law_free import TWO_SIDED, law_free
+from bayesdamp.types import Signal
 from bayesdamp.units import Unit
-
-POINTS = 240
-"""Amplitudes that the curve is fitted to at most; of more, neighbours are averaged."""
-POWERS = (-1.0, -0.5, 0.0, 0.5, 1.0)
-"""Powers of the amplitude (0: its log) that a curve in time is tried for: drag makes the first a straight line, viscous
-damping the middle one, dry friction the last (Box and Cox 1964)."""
-DEGREES = (1, 2, 3, 4, 5)
-"""Degrees of these curves; three points at least for each coefficient."""
-AVERAGED = 2e-3
-"""Relative error of a slope of amplitudes that are averages over a swing."""
-HUBER = 1.5
-"""Standard deviations from which an amplitude counts less."""
-TWO_SIDED = 1.96
-"""Standard deviations of a 95 % interval."""
 
 
 @dataclass(frozen=True)
@@ -77,7 +64,7 @@ class FirstWords:
         return replace(self, damping=(top, middle, least), unit=own.name)
 
     def sentence(self) -> str:
-        """All of it in words."""
+        """Write it as a sentence; ± stands before half a 95 % interval."""
         top, middle, least = self.damping
         half = (self.frequency_high - self.frequency_low) / 2
         lead = (
@@ -85,24 +72,22 @@ class FirstWords:
             f"for {self.cycles:.0f} cycles ({self.start:.4g} to {self.stop:.4g} s)"
         )
         at = [f"{_percent(d)} at {d.amplitude:.2g} {self.unit}" for d in self.damping]
-        ratio = f"the equivalent viscous damping ratio is {at[0]}, {at[1]} and {at[2]}"
+        ratio = f"the equivalent viscous damping ratio (95 %) is {at[0]}, {at[1]} and {at[2]}"
         pairs = [(a.ratio - b.ratio, np.hypot(a.stderr, b.stderr)) for a, b in ((top, middle), (top, least))]
         spread, error = max(pairs, key=lambda pair: abs(pair[0]) / pair[1])
         if abs(spread) <= max(3 * error, 0.1 * middle.ratio):
-            change = "it does not clearly change with the amplitude, as viscous damping would not"
+            change = "it does not clearly change with the amplitude (as with viscous damping)"
         elif spread > 0:
-            change = "it grows with the amplitude, as drag would have it"
+            change = "it grows with the amplitude (as with drag)"
         else:
-            change = "it grows as the amplitude falls, as dry friction would have it"
+            change = "it grows as the amplitude falls (as with dry friction)"
         return f"{lead}; {ratio}{_quality(self.quality)}; {change}."
 
 
 def first_words(signal: Signal) -> FirstWords:
-    """Frequency, equivalent viscous damping ratio and Q of a record of free decay, without any law.
+    """Return frequency, equivalent viscous damping ratio and Q of a free decay, without any law.
 
-    A smooth curve is fitted to the log of the distances of turning points from the midline, robustly; its slope gives
-    the damping, and the scatter about it, or the noise if that is larger, the errors. Raises Refusal where the record
-    does not oscillate.
+    Raises Refusal where the record does not oscillate.
 
     >>> import bayesdamp as bd
     >>> signal = bd.simulate({"viscous": 0.05}, stiffness=20.0, duration=10.0, samples=400, noise_sd=0.003)
@@ -110,19 +95,14 @@ def first_words(signal: Signal) -> FirstWords:
     0.71
     """
     seen = features(signal)
-    if seen.turning_times.size < 3:
-        raise Refusal("there are fewer than three turning points to read damping and frequency from")
-    order = {"angle": 0, "velocity": 1, "acceleration": 2}[signal.quantity]
-    omega = 2 * np.pi / seen.period
-    times, sizes, sds, shared = _amplitudes(seen, signal.step)
-    at, logs, slopes, errors = _slopes(times, sizes, sds)
-    # Of a linear spring: the decay rate over the undamped frequency.
-    damping = tuple(
-        DampingAt(float(np.exp(v)) / omega**order, float(-s / np.hypot(s, omega)), float(e * shared) / omega)
-        for v, s, e in zip(logs, slopes, errors)
-    )
-    frequency, half = _frequency(seen)
-    begin = signal.provenance.start
+    found = law_free(signal, seen)
+    first, last = found.span
+    at = found.at(np.array([first, found.halfway(), last]))
+    damping = tuple(map(DampingAt, at.amplitude.tolist(), at.ratio.tolist(), at.ratio_sd.tolist()))
+    along = found.at(found.windows.times)
+    frequency = float(along.frequency.mean()) / (2 * np.pi)
+    half = TWO_SIDED * float(along.frequency_sd.mean()) / (2 * np.pi)
+    begin, half_window = signal.provenance.start, 0.5 * float(found.windows.widths[-1])
     return FirstWords(
         frequency,
         frequency - half,
@@ -130,106 +110,9 @@ def first_words(signal: Signal) -> FirstWords:
         damping,  # type: ignore[arg-type]
         seen.cycles,
         begin + float(signal.t[0]),
-        begin + float(at[-1]),
+        begin + min(last + half_window, float(signal.t[-1])),
         signal.unit,
     )
-
-
-def _amplitudes(seen: Features, step: float) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
-    """(times in s, amplitudes, relative errors, each (k,), by how much errors exceed those of independent amplitudes).
-
-    Half the range of a swing needs no midline; it belongs to the middle of the swing. Neighbours share a turning point.
-    """
-    times, sizes = seen.swing_times, seen.swing_sizes
-    sds = np.maximum(np.hypot(0.5 * seen.roughness, 0.29 * step) / sizes, 1e-9)
-    several = -(-times.size // POINTS)
-    if several > 1:
-        starts = np.arange(0, times.size - several + 1, several)
-        times, sizes, sds = (np.add.reduceat(v, starts)[:-1] / several for v in (times, sizes, sds))
-    return times, sizes, sds, float(np.sqrt(1 + 1 / several))
-
-
-def _slopes(
-    times: np.ndarray, sizes: np.ndarray, sds: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """(times, log amplitudes, slopes, errors of these) at the largest, the middle and the smallest amplitude, (3,).
-
-    The mean over curves of several powers and degrees, weighted by the Bayesian information criterion; what they differ
-    by is part of the error.
-    """
-    middle, width = 0.5 * (times[0] + times[-1]), 0.5 * float(times[-1] - times[0])
-    x = (times - middle) / max(width, 1e-300)
-    logs = np.log(sizes)
-    line = np.polynomial.Polynomial.fit(x, logs, min(3, x.size - 1))
-    grid = np.linspace(-1, 1, 401)
-    half = 0.5 * (line(-1.0) + line(1.0))
-    ends = np.array([-1.0, float(grid[np.argmin(np.abs(line(grid) - half))]), 1.0])
-    fits = []
-    for power in POWERS:
-        for degree in DEGREES:
-            if degree == 1 or 3 * (degree + 1) <= x.size:
-                fits.append(_curve(x, logs, sds, power, degree, ends))
-    criterion = np.array([fit[0] for fit in fits])
-    weights = np.exp(-0.5 * (criterion - criterion.min()))
-    weights /= weights.sum()
-    values, slopes, errors = (np.array([fit[i] for fit in fits]) for i in (1, 2, 3))
-    mean = weights @ slopes
-    spread = np.sqrt(weights @ (errors**2 + (slopes - mean) ** 2) + (AVERAGED * mean) ** 2)
-    return middle + width * ends, weights @ values, mean / width, spread / width
-
-
-def _curve(
-    x: np.ndarray, logs: np.ndarray, sds: np.ndarray, power: float, degree: int, ends: np.ndarray
-) -> tuple[float, np.ndarray, np.ndarray, np.ndarray]:
-    """(information criterion, log amplitudes, slopes of these, errors of the slopes) of one curve at `ends` (3,)."""
-    base = np.exp(power * (logs - logs.mean()))
-    values = logs - logs.mean() if power == 0 else (base - 1) / power
-    columns = np.polynomial.chebyshev.chebvander(x, degree)
-    weights = 1 / (sds * base)
-    root, scale, off = weights, 1.0, np.zeros(x.size)
-    inverse, c = np.zeros(columns.T.shape), np.zeros(degree + 1)
-    for _ in range(6):
-        inverse = np.linalg.pinv(columns * root[:, None]) * root
-        c = inverse @ values
-        off = np.abs(values - columns @ c) * weights
-        scale = max(1.4826 * float(np.median(off)), 1e-12)
-        if off.max() <= HUBER * scale:
-            break
-        root = weights * np.sqrt(np.minimum(1.0, HUBER * scale / np.maximum(off, 1e-300)))
-    free = max(x.size - degree - 1, 1)
-    loss = np.where(off <= HUBER * scale, off**2, HUBER * scale * (2 * off - HUBER * scale))
-    variance = max(float(np.sum(loss)) / free, 1e-18)
-    # Relative errors are compared: the transformation stretches the residuals by the power.
-    criterion = x.size * np.log(variance * free / x.size) + (degree + 1) * np.log(x.size)
-    there = np.polynomial.chebyshev.chebvander(ends, degree) @ c
-    rates = np.stack(
-        [
-            np.polynomial.chebyshev.chebval(ends, np.polynomial.chebyshev.chebder(e))
-            for e in np.eye(degree + 1)
-        ],
-        axis=1,
-    )
-    seen = np.interp(ends, x, base)
-    stretched = np.clip(1 + power * there, 0.8 * seen, 1.25 * seen)  # the curve may not leave the amplitudes
-    level = there if power == 0 else np.log(stretched) / power
-    covariance = (inverse * (variance / weights**2)) @ inverse.T
-    errors = np.sqrt(np.einsum("ij,jk,ik->i", rates, covariance, rates)) / stretched
-    return criterion, level + logs.mean(), rates @ c / stretched, errors
-
-
-def _frequency(seen: Features) -> tuple[float, float]:
-    """(mean frequency in Hz, half of its 95 % interval) from the crossings of the midline."""
-    crossings, k = seen.crossing_times, np.arange(seen.crossing_times.size, dtype=float)
-    if k.size < 3:
-        return 1 / seen.period, float("nan")
-    columns = np.stack([np.ones_like(k), k / 2, (-1.0) ** k], axis=1)[:, : 3 if k.size >= 4 else 2]
-    root = np.abs(np.diff(seen.turning_values))
-    root = root / root.max()
-    inverse = np.linalg.pinv(columns * root[:, None]) * root
-    c = inverse @ crossings
-    free = max(k.size - columns.shape[1], 1)
-    error = float(np.sqrt(np.sum((inverse[1] * (crossings - columns @ c)) ** 2) * k.size / free))
-    return 1 / float(c[1]), TWO_SIDED * error / float(c[1]) ** 2
 
 
 def _hertz(frequency: float, half: float) -> str:
@@ -241,10 +124,10 @@ def _hertz(frequency: float, half: float) -> str:
 
 
 def _percent(d: DampingAt) -> str:
-    """A damping ratio in per cent, as many digits as its error allows."""
-    error = 100 * d.stderr
-    decimals = int(np.clip(1 - np.floor(np.log10(max(error, 1e-9))), 0, 6)) if error else 3
-    return f"{100 * d.ratio:.{decimals}f} ± {error:.{decimals}f} %"
+    """A damping ratio in per cent with half its 95 % interval, as many digits as that allows."""
+    half = 100 * TWO_SIDED * d.stderr
+    decimals = int(np.clip(1 - np.floor(np.log10(max(half, 1e-9))), 0, 6)) if half else 3
+    return f"{100 * d.ratio:.{decimals}f} ± {half:.{decimals}f} %"
 
 
 def _quality(q: float) -> str:

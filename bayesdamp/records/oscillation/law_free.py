@@ -1,0 +1,330 @@
+"""Damping and frequency against amplitude, from the record alone: no law of damping or restoring force is assumed.
+
+The amplitudes and phases of sinusoids in short windows are smoothed. The amplitude, or a power of it, is a straight line
+in time plus an integrated random walk, so that the rate of decay may wander (a cubic smoothing spline, Wahba 1978); the
+walk's size is unknown and averaged over by its marginal likelihood. The frequency is a polynomial in the squared
+amplitude. Both together give the energy of the oscillation, and with it the equivalent viscous damping ratio.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+from scipy.linalg import cho_factor, cho_solve
+from scipy.special import stdtrit
+from threadpoolctl import threadpool_limits
+
+from bayesdamp.records.oscillation.features import Features
+from bayesdamp.records.oscillation.sinusoids import PER_WINDOW, Sinusoids, sinusoids
+from bayesdamp.types import Signal
+
+POWERS = (-1.0, -0.5, 0.0, 0.5, 1.0)
+"""Powers of the amplitude (0: its log) that may be a straight line in time: drag makes the first one, viscous damping
+the middle one, dry friction the last (Box and Cox 1964)."""
+WALKS = np.concatenate([[0.0], np.geomspace(1e-3, 1e8, 12)])
+"""Variances of the random walk over the whole record, relative to those of the amplitudes' errors."""
+KNOWN = 4.0
+"""How many amplitudes the noise that was seen within the windows counts for, beside their scatter (conventional)."""
+STEADY = 0.5
+"""Prior probability that there is no walk; its sizes share the rest (conventional)."""
+SYSTEMATIC = 5e-4
+"""Relative error of every rate, from averaging over a window."""
+TWO_SIDED = 1.96
+"""Standard deviations of a 95 % interval."""
+DEGREE = 5
+"""Highest degree of the polynomial that times of amplitudes are found with, and frequencies compared with."""
+ROUNDS = 2
+"""How often amplitudes are corrected for what their windows average over."""
+POINTS = 12
+"""Points of a curve that is drawn."""
+INDEPENDENT = 1.5
+"""Windows' starts within one window over the number of independent estimates in it (of raised cosines)."""
+_X, _W = np.polynomial.legendre.leggauss(16)
+
+
+@dataclass(frozen=True)
+class Curves:
+    """At k places along a record: amplitude of the displacement (rad or m), equivalent viscous damping ratio, angular
+    frequency (rad/s), and the standard errors of the last two, each of shape (k,)."""
+
+    amplitude: np.ndarray
+    ratio: np.ndarray
+    ratio_sd: np.ndarray
+    frequency: np.ndarray
+    frequency_sd: np.ndarray
+
+
+@dataclass(frozen=True)
+class LawFree:
+    """The smoothed amplitude and frequency of a record, from which `at` reads curves.
+
+    windows: the fits that it rests on. sizes: log amplitudes of the displacement in the windows, (k,). backbone: the
+    frequency's polynomial. line: a polynomial log amplitude, by the place −1 to 1 along the record.
+    """
+
+    windows: Sinusoids
+    sizes: np.ndarray
+    backbone: Backbone
+    line: np.polynomial.Polynomial
+
+    @property
+    def span(self) -> tuple[float, float]:
+        """First and last time that it reaches, in s."""
+        return float(self.windows.times[0]), float(self.windows.times[-1])
+
+    def times_of(self, amplitudes: np.ndarray) -> np.ndarray:
+        """When the displacement has these amplitudes (rad or m), in s, within the span."""
+        grid = np.linspace(-1, 1, 401)
+        falling = np.minimum.accumulate(self.line(grid))
+        return self._time(np.interp(-np.log(amplitudes), -falling, grid))
+
+    def halfway(self) -> float:
+        """When the log amplitude is halfway between its first and its last, in s."""
+        first, last = np.exp(self.line(np.array([-1.0, 1.0])))
+        return float(self.times_of(np.array([np.sqrt(first * last)]))[0])
+
+    def at(self, times: np.ndarray) -> Curves:
+        """Evaluate the curves at times in s, shape (k,)."""
+        sizes, slope, sd = _smooth(self.windows, self.sizes, self._place(np.asarray(times, float)))
+        half = 0.5 * (self.span[1] - self.span[0])
+        amplitude = np.exp(sizes)
+        frequency, frequency_sd, energy, energy_sd = self.backbone.at(amplitude)
+        rate = -slope / half * energy
+        ratio = rate / np.hypot(rate, 1.0)
+        ratio_sd = np.hypot(sd / half * energy, slope / half * energy_sd)
+        return Curves(amplitude, ratio, ratio_sd, frequency, frequency_sd)
+
+    def _place(self, times: np.ndarray) -> np.ndarray:
+        first, last = self.span
+        return 2 * (times - first) / (last - first) - 1
+
+    def _time(self, place: np.ndarray) -> np.ndarray:
+        first, last = self.span
+        return first + 0.5 * (place + 1) * (last - first)
+
+
+def law_free(signal: Signal, seen: Features) -> LawFree:
+    """Smooth a record's amplitude and frequency. Raises Refusal where it has too few cycles."""
+    windows = sinusoids(signal, seen)
+    order = {"angle": 0, "velocity": 1, "acceleration": 2}[signal.quantity]
+    sizes, half = np.log(windows.amplitudes), 0.5 * float(windows.times[-1] - windows.times[0])
+    line = _line(windows, sizes)
+    backbone = _backbone(windows, np.exp(line(_places(windows))))
+    for _ in range(2 if order else 0):
+        # A derivative multiplies x = exp(iωt − σt) by iω − σ: amplitude and phase of the displacement.
+        x = _places(windows)
+        pace, rate = backbone.at(np.exp(line(x)))[0], -line.deriv()(x) / half
+        sizes = np.log(windows.amplitudes) - order * np.log(np.hypot(pace, rate))
+        line = _line(windows, sizes)
+        moved = replace(windows, phases=windows.phases - order * np.arctan2(rate, pace))
+        backbone = _backbone(moved, np.exp(line(x)))
+    seen_sizes, x = sizes, _places(windows)
+    for _ in range(ROUNDS):
+        sizes = seen_sizes - _taken(windows, CubicSpline(x, _smooth(windows, sizes, x)[0]))
+    return LawFree(windows, sizes, backbone, _line(windows, sizes))
+
+
+def amplitude_curves(signal: Signal, seen: Features) -> Curves:
+    """Evaluate the curves at up to `POINTS` times along a record, from the first on.
+
+    Raises Refusal where it has too few cycles.
+    """
+    found = law_free(signal, seen)
+    count = int(np.clip(found.sizes.size // PER_WINDOW + 1, 2, POINTS))
+    return found.at(np.linspace(*found.span, count))
+
+
+def _places(windows: Sinusoids) -> np.ndarray:
+    first, last = windows.times[0], windows.times[-1]
+    return 2 * (windows.times - first) / (last - first) - 1
+
+
+def _line(windows: Sinusoids, sizes: np.ndarray) -> np.polynomial.Polynomial:
+    """Fit a polynomial to log amplitudes (k,)."""
+    degree = min(DEGREE, max(sizes.size // PER_WINDOW, 1))
+    return np.polynomial.Polynomial.fit(_places(windows), sizes, degree, w=1 / windows.errors)
+
+
+def _smooth(
+    windows: Sinusoids, sizes: np.ndarray, at: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Smooth log amplitudes (k,): those at places `at` (m,), their slopes by the place, and the slopes' sds."""
+    errors = windows.errors[:, None] * windows.errors * windows.correlation
+    with threadpool_limits(1, "blas"):  # threads of a linear algebra library only wait for each other here
+        fits = [f for power in POWERS for f in _smoothed(_places(windows), sizes, errors, power, at)]
+    logs = np.array([f.log for f in fits])
+    weights = np.exp(logs - logs.max())
+    weights /= weights.sum()
+    levels, slopes, sds = (np.array([getattr(f, n) for f in fits]) for n in ("sizes", "slopes", "sds"))
+    slope = weights @ slopes
+    spread = weights @ (sds**2 + (slopes - slope) ** 2) + (SYSTEMATIC * slope) ** 2
+    return weights @ levels, slope, np.sqrt(spread)
+
+
+def _taken(windows: Sinusoids, line: CubicSpline) -> np.ndarray:
+    """Return the log of the amplitude that a window sees over the one in its middle, (k,), along a smooth curve."""
+    u = np.linspace(-0.5, 0.5, 41)
+    weight = np.cos(np.pi * u) ** 2
+    x = _places(windows)
+    width = 2 * windows.widths / (windows.times[-1] - windows.times[0])
+    return np.log(np.exp(line(x[:, None] + u * width[:, None]) - line(x)[:, None]) @ (weight / weight.sum()))
+
+
+@dataclass(frozen=True)
+class Backbone:
+    """Angular frequency as a polynomial in the squared amplitude: several degrees, each with a weight.
+
+    largest: the amplitude that amplitudes are divided by. parts: weight, coefficients (m,), their covariance (m, m).
+    """
+
+    largest: float
+    parts: tuple[tuple[float, np.ndarray, np.ndarray], ...]
+
+    def at(self, amplitude: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """Evaluate at amplitudes (k,): frequency and its sd (rad/s); what turns a rate of decay (1/s) into a damping
+        ratio, and its sd (s)."""
+        a = amplitude / self.largest
+        rows = [(w, *self._one(c, a), *self._spread(c, cov, a)) for w, c, cov in self.parts]
+        weights = np.array([r[0] for r in rows])
+        found = []
+        for value, sd in ((1, 3), (2, 4)):
+            values, sds = np.array([r[value] for r in rows]), np.array([r[sd] for r in rows])
+            mean = weights @ values
+            found += [mean, np.sqrt(weights @ (sds**2 + (values - mean) ** 2))]
+        return found[0], found[1], found[2], found[3]
+
+    @staticmethod
+    def _one(c: np.ndarray, a: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Frequency at relative amplitudes a (k,), and the ratio of a rate of decay: its energy's over 2ω.
+
+        The action of a nearly sinusoidal oscillation is J = ωa²/2, and its energy E has dE/dJ = ω exactly.
+        """
+        powers = np.arange(c.size)
+
+        def pace(b: np.ndarray) -> np.ndarray:
+            return np.maximum((b[..., None] ** (2 * powers)) @ c, 1e-6 * abs(c[0]) + 1e-300)
+
+        def bend(b: np.ndarray) -> np.ndarray:
+            return (2 * powers[1:] * b[..., None] ** (2 * powers[1:] - 1)) @ c[1:]
+
+        inside = 0.5 * a[:, None] * (_X + 1)
+        w = pace(inside)
+        energy = 0.5 * a * ((w * (w * inside + 0.5 * inside**2 * bend(inside))) @ _W)
+        omega = pace(a)
+        return omega, omega * a**2 * (2 + a * bend(a) / omega) / (4 * np.maximum(energy, 1e-300))
+
+    def _spread(self, c: np.ndarray, covariance: np.ndarray, a: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Standard deviations of both, by one step along each principal axis of the coefficients' covariance."""
+        values, axes = np.linalg.eigh(covariance)
+        here = self._one(c, a)
+        total = [np.zeros(a.size), np.zeros(a.size)]
+        for size, axis in zip(np.sqrt(np.maximum(values, 0.0)).tolist(), axes.T, strict=True):
+            for i, (moved, at) in enumerate(zip(self._one(c + size * axis, a), here, strict=True)):
+                total[i] = total[i] + (moved - at) ** 2
+        return np.sqrt(total[0]), np.sqrt(total[1])
+
+
+def _backbone(windows: Sinusoids, amplitude: np.ndarray) -> Backbone:
+    """Fit the phases by integrals over time of the powers of the squared amplitude (k,)."""
+    t, largest = windows.times, float(amplitude.max())
+    a = amplitude / largest
+    root = np.linalg.cholesky(windows.errors[:, None] * windows.errors * windows.correlation)
+    independent = INDEPENDENT * t.size / PER_WINDOW
+    fits = []
+    for count in (1, 2, 3):
+        if count > 1 and independent < 2 * (count + 1):
+            break
+        rates = a[:, None] ** (2 * np.arange(count))
+        steps = 0.5 * (rates[1:] + rates[:-1]) * np.diff(t)[:, None]
+        columns = np.column_stack(
+            [np.ones(t.size), np.concatenate([np.zeros((1, count)), np.cumsum(steps, axis=0)])]
+        )
+        white = np.linalg.solve(root, columns)
+        inverse = np.linalg.pinv(white)
+        aim = np.linalg.solve(root, windows.phases)
+        c = inverse @ aim
+        left = max(t.size - count - 1, 1)
+        variance = max(float(np.sum((aim - white @ c) ** 2)) / left, 1e-300)
+        free = max(independent - count - 1, 1.0)
+        wide = float(stdtrit(free, 0.975)) / TWO_SIDED
+        covariance = (inverse @ inverse.T)[1:, 1:] * max(variance, 1.0) * wide**2
+        fits.append((independent * np.log(variance) + (count + 1) * np.log(independent), c[1:], covariance))
+    logs = np.array([f[0] for f in fits])
+    weights = np.exp(-0.5 * (logs - logs.min()))
+    weights /= weights.sum()
+    return Backbone(largest, tuple((float(w), c, cov) for w, (_, c, cov) in zip(weights, fits, strict=True)))
+
+
+@dataclass(frozen=True)
+class _Smoothed:
+    """One curve: log marginal likelihood; log amplitudes, their slopes by the place, and the slopes' sds, (k,)."""
+
+    log: float
+    sizes: np.ndarray
+    slopes: np.ndarray
+    sds: np.ndarray
+
+
+def _smoothed(
+    x: np.ndarray, logs: np.ndarray, errors: np.ndarray, power: float, at: np.ndarray
+) -> list[_Smoothed]:
+    """Smooth a power of the amplitude by a line and a random walk of each of the sizes.
+
+    x: places of log amplitudes `logs`, both (n,), whose relative errors have the covariance `errors`, (n, n); at:
+    places where the curve is wanted, (k,).
+    """
+    middle = logs.mean()
+    base = np.exp(power * (logs - middle))
+    values = logs - middle if power == 0 else (base - 1) / power
+    noise = errors * np.outer(base, base)
+    scale = float(np.exp(np.mean(np.log(np.diag(noise)))))
+    columns = np.stack([np.ones_like(x), x], axis=1)
+    there, there_slope = (
+        np.stack([np.ones_like(at), at], axis=1),
+        np.stack([0 * at, np.ones_like(at)], axis=1),
+    )
+    z, w = x + 1.0, np.maximum(at + 1.0, 0.0)  # distances from the start, where the walk begins
+    less, more = np.minimum(z[:, None], z), np.maximum(z[:, None], z)
+    walk = less**2 * (3 * more - less) / 6
+    less, more = np.minimum(w[:, None], z), np.maximum(w[:, None], z)
+    walk_at, walk_slope = less**2 * (3 * more - less) / 6, z * less - 0.5 * less**2
+    free = x.size - 2
+    wide = float(stdtrit(free * INDEPENDENT / PER_WINDOW + KNOWN, 0.975)) / TWO_SIDED
+    seen = np.interp(at, x, base)
+    found = []
+    prior = np.log(np.where(WALKS == 0, STEADY, (1 - STEADY) / (WALKS.size - 1)))
+    for ratio, log_prior in zip(WALKS.tolist(), prior.tolist(), strict=True):
+        factor = cho_factor(noise / scale + ratio * walk, lower=True)
+        weighted = cho_solve(factor, columns)
+        inverse = np.linalg.inv(columns.T @ weighted)
+        c = inverse @ (weighted.T @ values)
+        off = cho_solve(factor, values - columns @ c)
+        variance = (float((values - columns @ c) @ off) + KNOWN * scale) / (free + KNOWN)
+        log = (
+            log_prior
+            - float(np.sum(np.log(np.diag(factor[0]))))
+            + 0.5 * float(np.linalg.slogdet(inverse)[1])
+            - 0.5 * (free + KNOWN) * np.log(variance)
+            + float(np.sum(np.log(base)))  # densities are those of the log amplitudes
+        )
+        level = there @ c + ratio * walk_at @ off
+        slope = there_slope @ c + ratio * walk_slope @ off
+        by_walk = ratio * cho_solve(factor, walk_slope.T)
+        line = there_slope - by_walk.T @ columns
+        spread = ratio * (w - np.einsum("ij,ji->i", walk_slope, by_walk)) + np.einsum(
+            "ij,jk,ik->i", line, inverse, line
+        )
+        stretched = np.clip(
+            1 + power * level, 0.8 * seen, 1.25 * seen
+        )  # the curve may not leave the amplitudes
+        found.append(
+            _Smoothed(
+                log,
+                middle + (level if power == 0 else np.log(stretched) / power),
+                slope / stretched,
+                wide * np.sqrt(variance * np.maximum(spread, 0.0)) / stretched,
+            )
+        )
+    return found
