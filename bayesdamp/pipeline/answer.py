@@ -25,6 +25,8 @@ from bayesdamp.physics.restoring import LAWS
 from bayesdamp.pipeline.not_one import no_free_decay, remark_on
 from bayesdamp.pipeline.stored_laws import packed
 from bayesdamp.priors import Prior
+from bayesdamp.records.oscillation.features import features
+from bayesdamp.records.oscillation.law_free import TWO_SIDED, law_free
 from bayesdamp.store.contents.answers import (
     AnswerContent,
     CandidatePriors,
@@ -35,7 +37,7 @@ from bayesdamp.store.contents.answers import (
 from bayesdamp.types import OK, InputError, Refusal, Signal
 from bayesdamp.units import UNITS, Unit
 from bayesdamp.verdict.decide import decide
-from bayesdamp.verdict.parts import Averages, Grade, Window
+from bayesdamp.verdict.parts import Averages, DampingRatio, FrequencyAt, Grade, LawFreeAt, Window
 from bayesdamp.verdict.specimen import Answered
 from bayesdamp.verdict.types import Verdict
 
@@ -170,7 +172,11 @@ def answer(
         window=window,
         notes=[*notes, *filter(None, [remark_on(signal)])],
         averages=averages,
+        law_free=measured_at(signal, [r.amplitude for r in found.ratios]) if found.ratios else None,
     )
+    other = no_free_decay(signal, harmonics=True) if verdict.law_free else None
+    if other is not None:
+        return Answer(other)
     return Answer(
         verdict,
         tuple(_rows(weighing)),
@@ -181,6 +187,23 @@ def answer(
         _laws(weighing),
         tuple(_rivals(weighing)),
     )
+
+
+def measured_at(signal: Signal, amplitudes: Sequence[float]) -> LawFreeAt | None:
+    """Return what is measured without a law at amplitudes (rad or m); None where the record is too short for it."""
+    try:
+        curve = law_free(signal, features(signal))
+    except Refusal:
+        return None
+    at = curve.at(curve.times_of(np.array(amplitudes)))
+    half = TWO_SIDED * at.ratio_sd
+    columns = np.column_stack([at.amplitude, at.ratio, at.ratio_sd, at.ratio - half, at.ratio + half])
+    ratios = tuple(
+        DampingRatio(a, signal.unit, r, sd, 0.0, low, high) for a, r, sd, low, high in columns.tolist()
+    )
+    value, half = (float(v[-1]) / (2 * np.pi) for v in (at.frequency, TWO_SIDED * at.frequency_sd))
+    frequency = FrequencyAt(float(at.amplitude[-1]), signal.unit, value, value - half, value + half)
+    return LawFreeAt(ratios, frequency)
 
 
 def sampled_verdict(

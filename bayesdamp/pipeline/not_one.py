@@ -22,18 +22,22 @@ VISCOUS = "Each oscillation is taken as a sinusoid with viscous damping."
 
 
 @lru_cache(maxsize=8)
-def seen_in(signal: Signal) -> NotOne | None:
+def seen_in(signal: Signal, harmonics: bool = False) -> NotOne | None:
     """What a signal is if not the free decay of one oscillator; None where it may be one."""
     try:
         period = features(signal).period
     except Refusal:
         return None
-    return other_than_one(signal.t, signal.y, period)
+    return other_than_one(signal.t, signal.y, period, harmonics)
 
 
-def no_free_decay(signal: Signal) -> Verdict | None:
-    """The verdict on a signal in which something else is seen that is large enough; None where it is to be weighed."""
-    found = seen_in(signal)
+def no_free_decay(signal: Signal, harmonics: bool = False) -> Verdict | None:
+    """Return the verdict on a signal in which something else is seen that is large enough; None elsewhere.
+
+    harmonics: whether a second oscillation at a whole multiple of the frequency counts, which may be one oscillator's
+    harmonic where its law agrees with the record.
+    """
+    found = seen_in(signal, harmonics)
     if found is None or found.size < thresholds.OTHER_MOTION:
         return None
     modes = _modes(found.modes, signal)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from math import isfinite, log
 
 from bayesdamp.inference.deviation.findings import Findings
 from bayesdamp.inference.deviation.numbers.quantities import Quantity
@@ -18,13 +19,14 @@ from bayesdamp.verdict.parts import (
     FrequencyAt,
     Grade,
     Interval,
+    LawFreeAt,
     OverLaw,
     Rival,
     Share,
     Window,
 )
 from bayesdamp.verdict.types import Verdict
-from bayesdamp.verdict.words import remarks, sentence
+from bayesdamp.verdict.words import frequency_off, remarks, sentence
 
 
 def decide(
@@ -37,17 +39,32 @@ def decide(
     window: Window | None = None,
     notes: Sequence[str] = (),
     averages: Averages | None = None,
+    law_free: LawFreeAt | None = None,
 ) -> Verdict:
     """The verdict on one record.
 
     unit: of the displacement; measured: whether probabilities are capped; approximate: whether laws may hold
     approximately. A damping is decided where its probability is large and the exact laws' evidence puts it first too.
+    law_free: what is measured without a law, at the amplitudes of the findings' ratios. Where the damping ratio
+    contradicts it, it is the answer and no law is; where the frequency alone does, it is the frequency.
     """
     cap = thresholds.CAP if measured and approximate else 1.0
     damping = {name: min(p, cap) for name, p in found.damping.items()}
     first = next(iter(damping))
     same = first == next(iter(found.exact))
+    ratios = tuple(
+        DampingRatio(r.amplitude, unit, r.value, r.sd_noise, r.sd_law, r.low, r.high) for r in found.ratios
+    )
+    at = _frequency_at(found, unit)
+    contradicted = law_free is not None and _contradict(ratios, law_free.ratios, thresholds.CONTRADICTS)
+    off = law_free is not None and at is not None
+    off = off and _contradict((at,), (law_free.frequency,), thresholds.CONTRADICTS_FREQUENCY)
     grade = grade_of(found) if approximate else Grade.EXACT
+    grade = Grade.DEVIATES if contradicted else grade
+    instead = law_free if grade is Grade.DEVIATES else None  # of a law
+    natural = None if instead is not None or off else _interval(found.frequency, "Hz")
+    if natural is not None and natural.high - natural.low > thresholds.UNDETERMINED * natural.value:
+        natural = None
     untold = untold_twins(found, first)
     decided = (
         grade is not Grade.DEVIATES and found.damping[first] >= thresholds.DECIDED and same and not untold
@@ -61,12 +78,9 @@ def decide(
         rivals=rivals_of(damping, found.exotic),
         restoring=next(iter(found.restoring)),
         restoring_probability=min(next(iter(found.restoring.values())), cap),
-        frequency=_interval(found.frequency, "Hz"),
+        frequency=natural,
         exponent=None if found.exponent is None else _interval(found.exponent),
-        damping_ratio=tuple(
-            DampingRatio(r.amplitude, unit, r.value, r.sd_noise, r.sd_law, r.low, r.high)
-            for r in found.ratios
-        ),
+        damping_ratio=ratios if instead is None else instead.ratios,
         energy=_energy(found),
         other_forms=(
             *(Bound(t, found.bound[t]) for t in found.bound if t not in first.split("+")),
@@ -77,12 +91,17 @@ def decide(
         unexplained_pct=100 * found.unexplained,
         noise_pct=100 * found.noise,
         midline_drift_pct=100 * found.midline,
-        frequency_at=_frequency_at(found, unit),
+        frequency_at=_narrowest(at, law_free, off or instead is not None),
+        restoring_deviation=_interval(found.restoring_deviation) if approximate else None,
+        law_free=instead is not None,
+        contradicted=contradicted,
         coefficients=_coefficients(found, unit),
         window=window,
         averages=averages,
         over_law=_over_law(found, unit),
     )
+    if off and at is not None and instead is None:
+        notes = [*notes, frequency_off(verdict, at)]
     said = remarks(verdict, found, same, notes, untold)
     return _with(verdict, remarks=said, sentence=sentence(verdict))
 
@@ -110,12 +129,37 @@ def rivals_of(sums: Mapping[str, float], others: Mapping[str, float]) -> tuple[R
 def grade_of(found: Findings) -> Grade:
     """How well the laws hold."""
     if (
-        found.deviation.low > thresholds.DEVIATES
+        found.deviation.value > thresholds.DEVIATES
         or found.restoring_deviation.low > thresholds.RESTORING_DEVIATES
         or found.unexplained > thresholds.UNEXPLAINED
     ):
         return Grade.DEVIATES
     return Grade.EXACT if found.deviation.high <= thresholds.EXACT else Grade.APPROXIMATE
+
+
+def _contradict(
+    by_law: Sequence[DampingRatio | FrequencyAt], measured: Sequence[DampingRatio | FrequencyAt], least: float
+) -> bool:
+    """Whether one of the values differs by more than `least` of itself and their intervals do not meet; only at
+    amplitudes that both have."""
+    return any(
+        isfinite(one.value)
+        and abs(log(one.amplitude / two.amplitude)) < thresholds.SAME_AMPLITUDE
+        and abs(one.value - two.value) > least * abs(two.value)
+        and (one.low > two.high or one.high < two.low)
+        for one, two in zip(by_law, measured, strict=True)
+    )
+
+
+def _narrowest(at: FrequencyAt | None, law_free: LawFreeAt | None, measured: bool) -> FrequencyAt | None:
+    """The frequency at the last amplitude: the measured one where that is the answer, or is known better."""
+    if law_free is None:
+        return at
+    other = law_free.frequency
+    if at is None or measured:
+        return other
+    same = abs(log(at.amplitude / other.amplitude)) < thresholds.SAME_AMPLITUDE
+    return other if same and other.high - other.low < at.high - at.low else at
 
 
 def _with(verdict: Verdict, **changes: object) -> Verdict:

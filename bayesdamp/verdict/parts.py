@@ -65,6 +65,15 @@ class DampingRatio:
 
 
 @dataclass(frozen=True)
+class LawFreeAt:
+    """What is measured without any law: damping ratios at the verdict's amplitudes, or at the nearest that the curve
+    reaches, and the frequency at the last of them."""
+
+    ratios: tuple[DampingRatio, ...]
+    frequency: FrequencyAt
+
+
+@dataclass(frozen=True)
 class Coefficient:
     """A parameter under the damping that is named, with its total 95 % interval."""
 

@@ -10,9 +10,16 @@ NAMED = 0.05
 EXACT = 0.03
 """Upper end of the deviation of the damping law up to which a record is said to follow the law."""
 DEVIATES = 0.25
-"""Lower end of the deviation of the damping law from which it is not the answer."""
+"""Deviation of the damping law from which it is not the answer."""
 RESTORING_DEVIATES = 0.05
-"""The same of the restoring law."""
+"""Lower end of the deviation of the restoring law from which it is not the answer."""
+CONTRADICTS = 0.05
+"""Relative difference between a law's damping ratio and the one measured without a law from which, where their
+intervals do not meet either, the law is not the answer: less may be the law-free curve's own approximation."""
+SAME_AMPLITUDE = 0.05
+"""Difference of log amplitudes up to which two damping ratios are compared."""
+CONTRADICTS_FREQUENCY = 0.002
+"""The same of the frequency."""
 UNEXPLAINED = 0.05
 """Share of the amplitude, left unexplained, from which the law is not the answer."""
 UNDESCRIBED = 0.5
@@ -24,6 +31,9 @@ REMARK = 0.01
 EXTRAPOLATED = 0.005
 """Share of the natural frequency from which it is told as an extrapolation, after that at an amplitude of the record:
 of their difference, or of half its interval (conventional)."""
+UNDETERMINED = 0.05
+"""Width of its interval, as a share of itself, from which the natural frequency is left out: the record does not
+determine it (conventional)."""
 MIDLINE = 0.002
 """Share of the first amplitude from which a midline's drift is remarked on (a sensor's usual linearity)."""
 TWIN = 0.3

@@ -42,7 +42,10 @@ class Verdict:
     energy-weighted mean of the relative deviation from the law; over_law: where one of the ratios' amplitudes is surely
     further from it than a law may be, the damping there over the law's. unnamed: share of the energy that no named law
     explains. unexplained_pct, noise_pct: root mean square beyond the noise, and of the noise, in % of the amplitude.
-    frequency: of small oscillations, by the restoring law; frequency_at: at the last of the ratios' amplitudes.
+    frequency: of small oscillations, by the restoring law, None where the record does not determine it; frequency_at:
+    at the last of the ratios' amplitudes. restoring_deviation: like deviation, of the restoring law. law_free:
+    whether damping_ratio and frequency_at are measured without a law, because none is the answer; contradicted: whether
+    that is because the best law contradicts them.
     midline_drift_pct: by how much the midline moves over the record, in % of the first amplitude, 0 where that is not
     seen. Of several records next_record is the damping ratio that one more would have, and spread the relative standard
     deviation of the damping between them.
@@ -69,6 +72,9 @@ class Verdict:
     noise_pct: float = float("nan")
     midline_drift_pct: float = float("nan")
     frequency_at: FrequencyAt | None = None
+    restoring_deviation: Interval | None = None
+    law_free: bool = False
+    contradicted: bool = False
     coefficients: tuple[Coefficient, ...] = ()
     motion: Motion | None = None
     modes: tuple[Mode, ...] = ()
@@ -205,6 +211,7 @@ _SINGLE = {
     "frequency_at": FrequencyAt,
     "exponent": Interval,
     "deviation": Interval,
+    "restoring_deviation": Interval,
     "unnamed": Interval,
     "spread": Interval,
     "window": Window,

@@ -92,11 +92,14 @@ def _answer(v: Verdict) -> str:
         if len(ratios) > 1:
             size += f", {_ratio(ratios[-1])}"
     frequency = _frequency(v)
-    if v.grade is Grade.DEVIATES:
-        off = (
-            f", from which it deviates by {100 * v.deviation.value:.2g} %" if v.deviation is not None else ""
+    if v.contradicted:
+        return (
+            f"{_first(size)}{frequency}, measured without a law of damping: the law that fits best, "
+            f"{named(v.damping)}, contradicts this, so none is named."
         )
-        return f"{_first(size)}{frequency}; the nearest law of damping is {named(v.damping)}{off}."
+    if v.grade is Grade.DEVIATES:
+        measured = ", measured without a law of damping" if v.law_free else ""
+        return f"{_first(size)}{frequency}{measured}; the nearest law of damping is {named(v.damping)}, {_misses(v)}."
     if v.decided:
         budget = _budget(v)
         return (
@@ -117,14 +120,48 @@ def _answer(v: Verdict) -> str:
     return f"{_first(size)}{frequency}; damping {' or '.join(between)}{part}{_hold(v)}."
 
 
+def _misses(v: Verdict) -> str:
+    """Say by what a law misses a record: the largest, relative to its threshold, of what `grade_of` looks at."""
+    damping, restoring = v.deviation, v.restoring_deviation
+    found = [
+        (
+            v.unexplained_pct / (100 * thresholds.UNEXPLAINED),
+            f"which leaves {_left(0.01 * v.unexplained_pct)}",
+        )
+    ]
+    if damping is not None:
+        text = f"from which the damping deviates by {_share_of(damping)}"
+        found.append((damping.value / thresholds.DEVIATES, text))
+    if restoring is not None:
+        text = f"while the restoring force deviates from its law by {_share_of(restoring)}"
+        found.append((restoring.low / thresholds.RESTORING_DEVIATES, text))
+    return max(found)[1]
+
+
+def _share_of(i: Interval) -> str:
+    return f"{100 * i.value:.2g} % ({100 * i.low:.2g} to {100 * i.high:.2g})"
+
+
+def frequency_off(v: Verdict, by_law: FrequencyAt) -> str:
+    """Remark that the restoring law's frequency is not the measured one."""
+    value = plus_minus(Interval(by_law.value, by_law.low, by_law.high, "Hz"))
+    return (
+        f"The best restoring law, {_plain(v.restoring)}, has {value} at {by_law.amplitude:.2g} {by_law.unit}, which "
+        "contradicts the measured frequency. The frequency given is the measured one, and it is not extrapolated "
+        "to small oscillations."
+    )
+
+
 def _frequency(v: Verdict) -> str:
     """The natural frequency; where it lies beyond the record, that at an amplitude of the record before it."""
-    if v.frequency is None:
-        return ""
-    if v.frequency_at is None or not extrapolated(v.frequency, v.frequency_at):
-        return f", natural frequency {plus_minus(v.frequency)}"
     at = v.frequency_at
+    if at is None:
+        return "" if v.frequency is None else f", natural frequency {plus_minus(v.frequency)}"
     seen = plus_minus(Interval(at.value, at.low, at.high, "Hz"))
+    if v.frequency is None:
+        return f", frequency {seen} at {at.amplitude:.2g} {at.unit}"
+    if not extrapolated(v.frequency, at):
+        return f", natural frequency {plus_minus(v.frequency)}"
     beyond = f"extrapolated to small oscillations: {plus_minus(v.frequency)}"
     return f", frequency {seen} at {at.amplitude:.2g} {at.unit} ({beyond})"
 

@@ -10,8 +10,8 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from bayesdamp.pipeline.candidates.backbones import compute_curve
-from bayesdamp.records.oscillation.law_free import Curves, amplitude_curves
 from bayesdamp.records.oscillation.features import features
+from bayesdamp.records.oscillation.law_free import Curves, amplitude_curves
 from bayesdamp.store import CellResult
 from bayesdamp.types import OK, Signal
 

@@ -13,7 +13,7 @@ from bayesdamp.inference.deviation.candidate import Candidate
 from bayesdamp.inference.deviation.findings import Findings, Quantity, Ratio
 from bayesdamp.verdict import Verdict, thresholds
 from bayesdamp.verdict.decide import decide
-from bayesdamp.verdict.parts import Averages, Grade, Interval, Window
+from bayesdamp.verdict.parts import Averages, DampingRatio, FrequencyAt, Grade, Interval, LawFreeAt, Window
 from bayesdamp.verdict.words import digits, given, plus_minus, probability
 
 TINY = 1e-6
@@ -81,8 +81,8 @@ def two(p: float, exact: Mapping[str, float] | None = None) -> Findings:
     [
         ({"deviation": deviation(high=thresholds.EXACT)}, Grade.EXACT),
         ({"deviation": deviation(high=thresholds.EXACT + TINY)}, Grade.APPROXIMATE),
-        ({"deviation": deviation(thresholds.DEVIATES, 0.4, 0.6)}, Grade.APPROXIMATE),
-        ({"deviation": deviation(thresholds.DEVIATES + TINY, 0.4, 0.6)}, Grade.DEVIATES),
+        ({"deviation": deviation(0.1, thresholds.DEVIATES, 0.6)}, Grade.APPROXIMATE),
+        ({"deviation": deviation(0.1, thresholds.DEVIATES + TINY, 0.6)}, Grade.DEVIATES),
         ({"restoring_deviation": deviation(thresholds.RESTORING_DEVIATES, 0.06, 0.1)}, Grade.EXACT),
         ({"restoring_deviation": deviation(thresholds.RESTORING_DEVIATES + TINY, 0.06, 0.1)}, Grade.DEVIATES),
         ({"unexplained": thresholds.UNEXPLAINED}, Grade.EXACT),
@@ -265,7 +265,7 @@ def test_a_verdict_survives_json() -> None:
     assert {"schema", "record", "grade", "decided", "damping", "probability", "rivals", "restoring",
             "restoring_probability", "frequency", "exponent", "damping_ratio", "energy", "other_forms", "deviation",
             "unnamed", "unexplained_pct", "noise_pct", "midline_drift_pct", "frequency_at", "next_record", "spread",
-            "coefficients", "motion", "modes", "over_law",
+            "coefficients", "motion", "modes", "over_law", "restoring_deviation", "law_free", "contradicted",
                 "window", "averages", "remarks", "records", "sentence"} == set(back)  # fmt: skip
 
 
@@ -313,3 +313,66 @@ def test_a_twin_that_is_not_excluded_leaves_it_open(share: float, decided: bool)
     assert all("up to 45 % of the loss" in r for r in said)
     alone = findings(bound={"coulomb": 0.05, "quadratic": 0.02, "structural": share})
     assert decide(alone, record="rig").decided, "control: structural damping was not asked for"
+
+
+def measured(
+    middle: tuple[float, float, float] = (0.0102, 0.0101, 0.0103), hertz: float = 0.7118
+) -> LawFreeAt:
+    """What is measured without a law at the amplitudes of the findings."""
+    rows = [(0.3, 0.0101, 0.0099, 0.0103), (0.1, *middle), (0.03, 0.0103, 0.0098, 0.0108)]
+    ratios = tuple(DampingRatio(a, "rad", v, 1e-4, 0.0, low, high) for a, v, low, high in rows)
+    return LawFreeAt(ratios, FrequencyAt(0.03, "rad", hertz, hertz - 1e-4, hertz + 1e-4))
+
+
+def test_a_law_that_contradicts_the_measured_damping_is_not_named() -> None:
+    found = decided(law_free=measured((0.0150, 0.0148, 0.0152)))
+    assert found.grade is Grade.DEVIATES and found.contradicted and not found.decided
+    assert [r.value for r in found.damping_ratio] == [0.0101, 0.0150, 0.0103]
+    assert found.frequency is None and found.frequency_at == measured().frequency
+    assert "so none is named" in found.sentence and "(probability" not in found.sentence
+
+
+@pytest.mark.parametrize(
+    "middle",
+    [
+        (0.0102, 0.0101, 0.0103),
+        (0.0150, 0.0103, 0.0197),  # the intervals meet
+        (0.0106, 0.0105, 0.0107),  # they do not, but differ by less than 5 %
+    ],
+)
+def test_a_law_that_agrees_with_the_measured_damping_stays(middle: tuple[float, float, float]) -> None:
+    found = decided(law_free=measured(middle))
+    assert found.decided and not found.contradicted
+    assert found.sentence == decided().sentence
+
+
+def test_amplitudes_that_the_measured_curve_does_not_reach_are_not_compared() -> None:
+    wide = measured((0.0150, 0.0148, 0.0152))
+    moved = replace(wide.ratios[1], amplitude=0.12)
+    assert not decided(law_free=replace(wide, ratios=(wide.ratios[0], moved, wide.ratios[2]))).contradicted
+
+
+def test_a_frequency_that_the_restoring_law_contradicts_is_the_measured_one() -> None:
+    by_law = findings(frequency_at=Quantity(0.7118, 0.7117, 0.7119))
+    found = decided(by_law, law_free=measured(hertz=0.72))
+    assert found.decided and not found.contradicted
+    assert found.frequency is None and "frequency 0.720000 ± 0.000100 Hz at 0.03 rad" in found.sentence
+    assert any("contradicts the measured frequency" in remark for remark in found.remarks)
+    assert decided(by_law, law_free=measured()).frequency is not None  # the control
+
+
+def test_a_natural_frequency_that_is_not_determined_is_left_out() -> None:
+    at = Quantity(0.7118, 0.7117, 0.7119)
+    wide = decided(findings(frequency=Quantity(0.7, 0.3, 0.8), frequency_at=at))
+    assert wide.frequency is None and "extrapolated" not in wide.sentence
+    assert "frequency 0.711800 ± 0.000100 Hz at 0.03 rad" in wide.sentence
+
+
+def test_the_sentence_says_by_what_the_law_misses() -> None:
+    """Never that it deviates by nothing."""
+    left = decided(findings(unexplained=0.43, deviation=deviation(0, 0, 0)))
+    spring = decided(findings(restoring_deviation=deviation(0.06, 0.08, 0.1), deviation=deviation(0, 0, 0)))
+    damping = decided(findings(deviation=deviation(0.3, 0.4, 0.6)))
+    assert "which leaves 43 % of the amplitude" in left.sentence
+    assert "the restoring force deviates from its law by 8 % (6 to 10)" in spring.sentence
+    assert "the damping deviates by 40 % (30 to 60)" in damping.sentence

@@ -38,6 +38,7 @@ from bayesdamp.inference.deviation.numbers.shares import shares_of
 from bayesdamp.inference.deviation.numbers.unnamed import AS_WIDE, tied, unnamed_share, untold
 from bayesdamp.inference.deviation.orbit import balanced_frequency, natural_frequency, rest_of
 from bayesdamp.inference.deviation.weighing import Weighing
+from bayesdamp.physics.restoring import LAWS
 
 SENSOR = 0.002
 """Relative standard deviation below which no rate is known: the sensor's linearity and the clock's."""
@@ -188,16 +189,14 @@ def _grid(weighing: Weighing) -> tuple[float, ...]:
 
 
 def _frequency(weighing: Weighing, drawn: Sequence[Drawn]) -> Quantity:
+    """Return the frequency of small oscillations in Hz: the restoring law's, deviating as at the record's end."""
     values = []
     for d in drawn:
         name = d.result.candidate.restoring
-        z = d.result.fit.z
-        centre = d.result.fit.parameters.values(z)[weighing.solvers[name].law_places]
-        rest = rest_of(name, centre, weighing.data.rest, 2 * weighing.data.amplitude)
-        # Draws come by their hyperparameters: some of each.
+        # Draws come by their hyperparameters: some of each. The deviation is that of the smallest oscillations.
         every = slice(None, None, max(1, len(d.law) // 200))
-        for row, h in zip(d.law[every], d.h.mean(axis=1)[every], strict=True):
-            at = weighing.data.rest if rest is None else rest
+        for row, h in zip(d.law[every], d.h[every, -1], strict=True):
+            at = _rest_of_draw(weighing, name, row)
             values.append(natural_frequency(name, row, at, weighing.data.amplitude) * (1 + h) / (2 * np.pi))
     return quantity(np.array(values))
 
@@ -210,15 +209,27 @@ def _frequency_at(weighing: Weighing, drawn: Sequence[Drawn], amplitude: float) 
         if orbit is None:
             continue
         name, centre = d.result.candidate.restoring, values_of(d.result)[d.result.solver.law_places]
-        rest = rest_of(name, centre, weighing.data.rest, 2 * weighing.data.amplitude)
-        at = weighing.data.rest if rest is None else rest
+        at = _rest_of_draw(weighing, name, centre)
         # The first harmonic's error is that of the mode.
         scale = orbit.frequency / max(balanced_frequency(name, centre, at, amplitude), 1e-300)
         every = slice(None, None, max(1, len(d.law) // 200))
         share = share_of_time(weighing, d.result, amplitude)
         for row, h in zip(d.law[every], at_share(d.h, share)[every], strict=True):
+            at = _rest_of_draw(weighing, name, row)
             values.append(scale * balanced_frequency(name, row, at, amplitude) * (1 + h) / (2 * np.pi))
     return quantity(np.array(values)) if values else None
+
+
+def _rest_of_draw(weighing: Weighing, restoring: str, law: np.ndarray) -> float:
+    """Return the equilibrium of one draw of a restoring law's parameters.
+
+    A record of velocity or acceleration does not determine it: each draw has its own, and the frequency about that.
+    """
+    names = LAWS.get(restoring).parameters
+    if "rest_angle" in names:
+        return float(law[names.index("rest_angle")])
+    rest = rest_of(restoring, law, weighing.data.rest, 2 * weighing.data.amplitude)
+    return weighing.data.rest if rest is None else rest
 
 
 def _bounds(

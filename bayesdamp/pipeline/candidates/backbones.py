@@ -22,8 +22,8 @@ from bayesdamp.types import OK, Refusal
 def compute_curve(branch: Branch, name: str, key: str) -> None:
     """Compute the damping ratio and the frequency (rad/s) of the mode over the record's amplitudes.
 
-    They begin as those of the undamped motion at each amplitude, and are corrected by what `amplitude_curves` reads from
-    the fitted record, so that a candidate and the record itself are read in the same way.
+    They begin as those of the undamped motion at each amplitude, and are corrected by what `amplitude_curves` reads
+    from the fitted record, so that a candidate and the record itself are read in the same way.
     """
     began = time.perf_counter()
     found = branch.store.read(f"mode/{branch.path}")

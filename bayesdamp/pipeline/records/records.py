@@ -21,8 +21,8 @@ from bayesdamp.pipeline.records.recorded import cleaned, of_file
 from bayesdamp.plugins import sources_below
 from bayesdamp.provenance import Provenance
 from bayesdamp.records.oscillation.anomalies import anomalies
-from bayesdamp.records.oscillation.law_free import amplitude_curves
 from bayesdamp.records.oscillation.features import Features, features
+from bayesdamp.records.oscillation.law_free import amplitude_curves
 from bayesdamp.records.record import RawRecord
 from bayesdamp.records.simulate import simulate_signal
 from bayesdamp.store import CellResult, Store, sha256

@@ -1,9 +1,9 @@
 """Damping and frequency against amplitude, from the record alone: no law of damping or restoring force is assumed.
 
-The amplitudes and phases of sinusoids in short windows are smoothed. The amplitude, or a power of it, is a straight line
-in time plus an integrated random walk, so that the rate of decay may wander (a cubic smoothing spline, Wahba 1978); the
-walk's size is unknown and averaged over by its marginal likelihood. The frequency is a polynomial in the squared
-amplitude. Both together give the energy of the oscillation, and with it the equivalent viscous damping ratio.
+The amplitudes and phases of sinusoids in short windows are smoothed. The amplitude, or a power of it, is a straight
+line in time plus an integrated random walk, so that the rate of decay may wander (a cubic smoothing spline: G. Wahba,
+1978); the walk's size is unknown and averaged over by its marginal likelihood. The frequency is a polynomial in the
+squared amplitude. Both together give the energy of the oscillation, and with it the equivalent viscous damping ratio.
 """
 
 from __future__ import annotations

@@ -64,23 +64,24 @@ class NotOne:
     size: float
 
 
-def other_than_one(t: np.ndarray, y: np.ndarray, period: float) -> NotOne | None:
+def other_than_one(t: np.ndarray, y: np.ndarray, period: float, harmonics: bool = False) -> NotOne | None:
     """What values y (n,) at times t (n,), s, are if not the free decay of one oscillator of about this period in s;
     None where nothing speaks against that.
 
     A second mode is believed where two damped sinusoids explain nearly all, one does not, and what both make together
     is nothing that one oscillator does, be it linear or not: another frequency that is no harmonic, or an amplitude
-    that rises, or falls and then stays.
+    that rises, or falls and then stays. harmonics: whether a second mode at a whole multiple of the frequency is
+    believed too.
     """
     t, y = few_samples(np.asarray(t, float), np.asarray(y, float), period)
     if t.size < 20:
         return None
     one = damped_modes(t, y, 1)
-    found = None if one is None or one.left >= 1 else _modes_of(t, y, one)
+    found = None if one is None or one.left >= 1 else _modes_of(t, y, one, harmonics)
     return found or excited(t, y, period)
 
 
-def _modes_of(t: np.ndarray, y: np.ndarray, one: Modes) -> NotOne | None:
+def _modes_of(t: np.ndarray, y: np.ndarray, one: Modes, harmonics: bool) -> NotOne | None:
     """What one damped sinusoid that does not decay shows, or two."""
     if one.left < 1 - EXPLAINED and _grows(one):
         return NotOne("growing", one, float(one.last[0] / one.first[0] - 1))
@@ -102,7 +103,7 @@ def _modes_of(t: np.ndarray, y: np.ndarray, one: Modes) -> NotOne | None:
             return None
         return NotOne("driven" if _steady(two) else "beats", two, size)
     multiple = two.frequencies[1] / two.frequencies[0]
-    if multiple > 1 and abs(multiple - round(multiple)) < HARMONIC * multiple:
+    if not harmonics and multiple > 1 and abs(multiple - round(multiple)) < HARMONIC * multiple:
         return None
     return NotOne("driven" if _steady(two) else "two modes", two, size)
 

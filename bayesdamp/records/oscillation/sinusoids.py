@@ -110,7 +110,10 @@ def _periods(seen: Features, at: np.ndarray) -> np.ndarray:
 def _fitted(
     t: np.ndarray, y: np.ndarray, middle: float, pace: float, periods: float
 ) -> tuple[float, float, float] | None:
-    """Fit one window of so many periods; return its amplitude, phase at the middle and noise gain, or None where samples are missing."""
+    """Fit one window of so many periods.
+
+    Return its amplitude, phase at the middle and noise gain, or None where samples are missing.
+    """
     width = periods * 2 * np.pi / pace
     a, b = np.searchsorted(t, [middle - 0.5 * width, middle + 0.5 * width])
     if b - a < FEWEST_SAMPLES:
@@ -156,7 +159,7 @@ def _continuous(times: np.ndarray, phases: np.ndarray, pace: np.ndarray, seen: F
 
 
 def _correlation(times: np.ndarray, widths: np.ndarray) -> np.ndarray:
-    """Correlation of estimates from overlapping raised cosines: their autocorrelation at the distance of the windows."""
+    """Correlate estimates from overlapping raised cosines by these windows' autocorrelation at their distance."""
     lag = np.abs(times[:, None] - times) / np.sqrt(widths[:, None] * widths)
     lag = np.minimum(lag, 1.0)
     turn = 2 * np.pi * lag

@@ -8,8 +8,8 @@ from scipy.integrate import solve_ivp
 from scipy.special import ellipk
 from scipy.stats import chi2
 
-from bayesdamp.records.oscillation.law_free import Curves, amplitude_curves, law_free
 from bayesdamp.records.oscillation.features import features
+from bayesdamp.records.oscillation.law_free import Curves, amplitude_curves, law_free
 from bayesdamp.types import Signal
 
 K, NOISE = 20.0, 1e-4

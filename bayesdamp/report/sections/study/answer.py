@@ -136,6 +136,10 @@ def _exponent(run: Run, signal: str, answer: Answer) -> Markup | str:
 
 def _numbers(v) -> list[tuple[str, str]]:
     found = []
+    if v.frequency is None and v.frequency_at is not None:
+        at = v.frequency_at
+        seen = with_interval(at.value, at.low, at.high, " Hz")
+        found.append((f"frequency at {at.amplitude:.2g} {at.unit}", seen))
     if v.frequency is not None:
         f = v.frequency
         interval = with_interval(f.value, f.low, f.high, f" {f.unit}")
