@@ -6,6 +6,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
+from scipy.ndimage import gaussian_filter1d
 
 import bayesdamp as bd
 from bayesdamp.pipeline.answer import answer
@@ -75,3 +77,60 @@ def test_ambient_vibration_is_told_from_a_decay() -> None:
     again = Verdict.from_dict(verdict.to_dict())
     assert repr(again) == repr(verdict)
     assert verdict.remarks == ()
+
+
+@pytest.mark.parametrize(("multiple", "share"), [(3.0, 0.1), (2.95, 0.2)])
+def test_a_second_mode_near_a_harmonic_is_named(multiple: float, share: float) -> None:
+    """It decays like a nonlinear oscillator's harmonic, and bends every law that is fitted to the record."""
+    t, y = sum_of((0.3, 1.0, 0.015), (0.3 * share, multiple, 0.015), noise=0.0003)
+    verdict = answer(Signal(t, y), restoring=["linear", "duffing"], sample=False).verdict
+    assert verdict.motion is Motion.TWO_MODES
+    assert verdict.modes[0].low < 0.015 < verdict.modes[0].high
+    assert verdict.modes[1].frequency == pytest.approx(multiple * OMEGA / (2 * np.pi), rel=0.02)
+
+
+def test_the_harmonic_of_one_oscillator_is_no_second_mode() -> None:
+    """A hardening spring, by an independent solver: its third harmonic has 1 to 2 % of the amplitude."""
+    t = np.linspace(0, 40, 4000)
+    found = solve_ivp(
+        lambda _, s: [s[1], -16 * s[0] - 100 * s[0] ** 3 - 0.12 * s[1]], (0, 40), [0.3, 0.0],
+        t_eval=t, rtol=1e-9, atol=1e-11,
+    )  # fmt: skip
+    y = found.y[0] + 0.0003 * np.random.default_rng(3).standard_normal(t.size)
+    verdict = answer(Signal(t, y), restoring=["linear", "duffing"], sample=False).verdict
+    assert verdict.decided
+    assert verdict.damping == "viscous"
+    assert verdict.restoring == "duffing"
+    assert not verdict.contradicted
+
+
+def test_the_frequency_of_a_velocity_record_does_not_wait_for_the_rest_angle() -> None:
+    """A pendulum's gyroscope record, by an independent solver, from 0.6 rad: nothing in it tells where it rests."""
+    t = np.linspace(0, 40, 4000)
+    found = solve_ivp(
+        lambda _, s: [s[1], -12 * np.sin(s[0]) - 0.06 * s[1]],
+        (0, 40),
+        [0.6, 0.0],
+        t_eval=t,
+        rtol=1e-9,
+        atol=1e-11,
+    )
+    v = found.y[1] + 0.002 * np.random.default_rng(4).standard_normal(t.size)
+    verdict = answer(Signal(t, v, "velocity"), restoring=["pendulum"], sample=False).verdict
+    f, true = verdict.frequency, 12**0.5 / (2 * np.pi)
+    assert f is not None
+    assert f.low < true < f.high
+    assert f.high - f.low < 2e-3 * true
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_the_frequency_under_a_wandering_base_line_holds(seed: int) -> None:
+    """Of a linear spring: what is read as another spring's law must not move the frequency of small oscillations."""
+    t, zeta, omega = np.arange(0, 25, 0.01), 0.01, 2 * np.pi * 1.37
+    rng = np.random.default_rng([9, seed])
+    wander = gaussian_filter1d(rng.standard_normal(t.size), 150)
+    y = np.exp(-zeta * omega * t) * np.cos(omega * np.sqrt(1 - zeta**2) * t)
+    y += 0.05 * wander / wander.std() + 0.002 * rng.standard_normal(t.size)
+    verdict = answer(Signal(t, y), sample=False).verdict
+    for f in filter(None, (verdict.frequency, verdict.frequency_at)):
+        assert f.low < 1.37 < f.high

@@ -326,10 +326,14 @@ def measured(
 
 def test_a_law_that_contradicts_the_measured_damping_is_not_named() -> None:
     found = decided(law_free=measured((0.0150, 0.0148, 0.0152)))
-    assert found.grade is Grade.DEVIATES and found.contradicted and not found.decided
+    assert found.grade is Grade.DEVIATES
+    assert found.contradicted
+    assert not found.decided
     assert [r.value for r in found.damping_ratio] == [0.0101, 0.0150, 0.0103]
-    assert found.frequency is None and found.frequency_at == measured().frequency
-    assert "so none is named" in found.sentence and "(probability" not in found.sentence
+    assert found.frequency is None
+    assert found.frequency_at == measured().frequency
+    assert "so none is named" in found.sentence
+    assert "(probability" not in found.sentence
 
 
 @pytest.mark.parametrize(
@@ -342,7 +346,8 @@ def test_a_law_that_contradicts_the_measured_damping_is_not_named() -> None:
 )
 def test_a_law_that_agrees_with_the_measured_damping_stays(middle: tuple[float, float, float]) -> None:
     found = decided(law_free=measured(middle))
-    assert found.decided and not found.contradicted
+    assert found.decided
+    assert not found.contradicted
     assert found.sentence == decided().sentence
 
 
@@ -355,8 +360,10 @@ def test_amplitudes_that_the_measured_curve_does_not_reach_are_not_compared() ->
 def test_a_frequency_that_the_restoring_law_contradicts_is_the_measured_one() -> None:
     by_law = findings(frequency_at=Quantity(0.7118, 0.7117, 0.7119))
     found = decided(by_law, law_free=measured(hertz=0.72))
-    assert found.decided and not found.contradicted
-    assert found.frequency is None and "frequency 0.720000 ± 0.000100 Hz at 0.03 rad" in found.sentence
+    assert found.decided
+    assert not found.contradicted
+    assert found.frequency is None
+    assert "frequency 0.720000 ± 0.000100 Hz at 0.03 rad" in found.sentence
     assert any("contradicts the measured frequency" in remark for remark in found.remarks)
     assert decided(by_law, law_free=measured()).frequency is not None  # the control
 
@@ -364,7 +371,8 @@ def test_a_frequency_that_the_restoring_law_contradicts_is_the_measured_one() ->
 def test_a_natural_frequency_that_is_not_determined_is_left_out() -> None:
     at = Quantity(0.7118, 0.7117, 0.7119)
     wide = decided(findings(frequency=Quantity(0.7, 0.3, 0.8), frequency_at=at))
-    assert wide.frequency is None and "extrapolated" not in wide.sentence
+    assert wide.frequency is None
+    assert "extrapolated" not in wide.sentence
     assert "frequency 0.711800 ± 0.000100 Hz at 0.03 rad" in wide.sentence
 
 
