@@ -140,13 +140,17 @@ def grade_of(found: Findings) -> Grade:
 def _contradict(
     by_law: Sequence[DampingRatio | FrequencyAt], measured: Sequence[DampingRatio | FrequencyAt], least: float
 ) -> bool:
-    """Whether one of the values differs by more than `least` of itself and their intervals do not meet; only at
-    amplitudes that both have."""
+    """Whether one of the values differs by more than `least` of itself and its interval does not meet the measured one
+    at `WIDER` times its width; only at amplitudes that both have."""
+    wider = thresholds.WIDER
     return any(
         isfinite(one.value)
         and abs(log(one.amplitude / two.amplitude)) < thresholds.SAME_AMPLITUDE
         and abs(one.value - two.value) > least * abs(two.value)
-        and (one.low > two.high or one.high < two.low)
+        and (
+            one.low > two.value + wider * (two.high - two.value)
+            or one.high < two.value - wider * (two.value - two.low)
+        )
         for one, two in zip(by_law, measured, strict=True)
     )
 
