@@ -10,7 +10,7 @@ from bayesdamp.plugins import nearest
 from bayesdamp.records.cleaning.clock import clock_times
 from bayesdamp.records.cleaning.offset import sensor_offset
 from bayesdamp.records.cleaning.quantum import recording_step
-from bayesdamp.records.decay.others import no_free_decay
+from bayesdamp.records.decay.others import no_free_decay, without_ringing
 from bayesdamp.records.decay.window import free_decay
 from bayesdamp.records.files.named_units import unit_and_quantity
 from bayesdamp.records.oscillation.features import features
@@ -55,6 +55,7 @@ def clean(
     window = no_free_decay(t, y, start == "auto", stop == "auto")
     if window is None:
         window = free_decay(t, y, step, start == "auto", stop == "auto", name)
+        window = without_ringing(t, y, window, start == "auto", stop == "auto")
     first, last = a + window.first, a + window.last
     t, y = times.t[first : last + 1], raw.y[first : last + 1] * scale
     signal = Signal(t - t[0], y, quantity, base, name, step)
