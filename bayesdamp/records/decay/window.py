@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
+from scipy.ndimage import median_filter
 
 from bayesdamp.provenance import Piece
 from bayesdamp.records.decay.continuation import Reach, Reason, Swings, reach
@@ -40,6 +41,8 @@ LEAST_BEFORE = 6
 OTHER = 0.1
 """Of what the used stretch tells of the damping, the share from which another is a free decay and not what hums on in
 the noise."""
+TAIL = 0.01
+"""Share of the power of all swings below which a decay is a tail that says little of the record (conventional)."""
 NAMED = 3
 """Other free decays that are named by their times; more are counted."""
 LATE, LOW = 1.0, 0.2
@@ -107,6 +110,8 @@ def free_decay(
     oscillates.
     """
     found = _found(t, y, step, name)
+    if seek_start and seek_stop:
+        _check_share(found, name)
     if not seek_start and seek_stop:
         again = _next_release(t, found, name)
         if again < t.size - 1:
@@ -137,6 +142,25 @@ def free_decay(
     if others:
         notes.append(_not_used(others))
     return Window(first, last, tuple(notes), tuple(pieces))
+
+
+def _check_share(found: _Found, name: str) -> None:
+    """Raise InputError where the best stretch is a small rest of what swings in a record, other decays apart: a tail."""
+    times, (a, b) = found.turns.times, found.best
+    power = median_filter(np.abs(np.diff(found.turns.values)), 3, mode="nearest") ** 2
+    kept, loudest = float(power[a : b - 1].sum()), int(np.argmax(power))
+    least = OTHER * worth(found.turns, found.best)
+    for first, last in found.stretches:
+        if (first, last) != found.best and worth(found.turns, (first, last)) >= least:
+            power[first : last - 1] = 0.0
+    share = kept / max(float(power.sum()), 1e-300)
+    if share < TAIL:
+        raise InputError(
+            f"what swings most, near {times[loudest]:.4g} s, is not the decay of one oscillation, and only {100 * share:.1g} "
+            f"% of its power is: {times[a]:.4g} to {times[b - 1]:.4g} s. Of several modes, band-pass one first; or give "
+            "start and stop",
+            name,
+        )
 
 
 def _next_release(t: np.ndarray, found: _Found, name: str) -> int:

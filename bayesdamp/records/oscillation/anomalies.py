@@ -44,7 +44,7 @@ def clipped(y: np.ndarray, per_cycle: float) -> bool:
     gaps = gaps[gaps > 1e-9 * size]
     if gaps.size == 0:
         return False
-    step = float(gaps.min())
+    step = float(np.median(gaps))
     # A sinusoid that just reaches the extreme level stays within one step of it for this share of a cycle.
     usual = np.arccos(max(1.0 - step / size, -1.0)) / np.pi * per_cycle
     limit = max(FLAT, MARGIN * usual + 1) * _held(y, size)
