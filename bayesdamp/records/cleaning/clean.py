@@ -11,14 +11,12 @@ from bayesdamp.records.cleaning.clock import clock_times
 from bayesdamp.records.cleaning.offset import sensor_offset
 from bayesdamp.records.cleaning.quantum import recording_step
 from bayesdamp.records.decay.others import no_free_decay, without_ringing
-from bayesdamp.records.columns.swings import swing
 from bayesdamp.records.decay.window import free_decay
 from bayesdamp.records.files.named_units import unit_and_quantity
-from bayesdamp.records.oscillation.anomalies import clipped
+from bayesdamp.records.oscillation.anomalies import clipped, rectified
 from bayesdamp.records.oscillation.features import features
 from bayesdamp.records.oscillation.rough import residuals
 from bayesdamp.records.record import RawRecord
-from bayesdamp.records.rectified import rectified
 from bayesdamp.types import InputError, Refusal, Signal
 from bayesdamp.units import UNITS
 
@@ -63,7 +61,7 @@ def clean(
     t, y = times.t[a : b + 1], raw.y[a : b + 1] * scale
     if np.ptp(y) == 0:
         raise InputError("the values between start and stop are constant, nothing oscillates", name)
-    if rectified(y, swing(y).period):
+    if rectified(y):
         raise InputError(RECTIFIED, name)
     window = no_free_decay(t, y, start == "auto", stop == "auto")
     if window is None:
