@@ -195,7 +195,9 @@ def _wrapped(raw: RawRecord, unit: str, quantity: str) -> Finding | None:
     turn, many = turn_of(raw, unit, quantity)
     if not many:
         return None
-    sentence = f"it jumps by a turn ({turn:.6g}) {many} times: it is an angle that was wrapped, and is unwrapped"
+    sentence = (
+        f"it jumps by a turn ({turn:.6g}) {many} times: it is an angle that was wrapped, and is unwrapped"
+    )
     return Finding(Kind.WRAPPED, sentence, "--unit V, mm ... where it is not an angle")
 
 

@@ -42,9 +42,9 @@ def jumps(y: np.ndarray, turn: float) -> int:
 
 
 def turn_of(raw: RawRecord, unit: str, quantity: str) -> tuple[float, int]:
-    """The turn that a record in a unit jumps by, in that unit, and how often; 0 times where it does not.
+    """Return the turn by which a record in a unit jumps, in that unit, and how often; 0 times where it does not.
 
-    It is that of the unit; where that is no angle's because nobody says one, 360 or 2π.
+    The turn is that of the unit, and 360 or 2π where no unit is known.
     """
     if quantity != "angle" or unit not in UNITS:
         return 0.0, 0
@@ -57,7 +57,7 @@ def turn_of(raw: RawRecord, unit: str, quantity: str) -> tuple[float, int]:
 
 
 def unwrapped(raw: RawRecord, unit: str, quantity: str) -> RawRecord:
-    """The record without jumps by a turn, which a note tells; itself where it has none."""
+    """Return the record without jumps by a turn, with a note; the record itself where it has none."""
     turn, many = turn_of(raw, unit, quantity)
     if not many:
         return raw

@@ -28,8 +28,8 @@ CLIPPED = (
     "start after {:.6g} s, from which on they are not"
 )
 RECTIFIED = (
-    "it comes back to 0 at each half-cycle and never crosses it: it is rectified or squared; record it with its sign, or "
-    "turn every second half-cycle over"
+    "it comes back to 0 at each half-cycle and never crosses it: it is rectified or squared; record it with its sign, "
+    "or turn every second half-cycle over"
 )
 TURNS, TURNS_SAID = 0.5, 3.0
 """Turns to either side that an angle in rad seldom swings by, and where its column says the unit (conventional)."""

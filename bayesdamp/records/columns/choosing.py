@@ -42,8 +42,8 @@ _FAR = 10.0
 _PAIRS = 40
 """Columns that are compared with each other; among more than these no choice is plain."""
 _ABOUT_G, _ABOUT_TWICE = 0.25, 0.1
-"""Share by which a mean acceleration may differ from that of gravity, which a wide swing lessens, and one period, coarsely
-known, from twice another."""
+"""Share by which a mean acceleration may differ from gravity (a wide swing lowers it), and share by which one period,
+known coarsely, may differ from twice another."""
 _MINOR = 1 / 3
 """Of sensors alike, one that swings less than this share of the largest says little that that one does not."""
 
@@ -336,8 +336,10 @@ def _chosen(found: Contents, block: _Block) -> tuple[list[Column], Choice | None
 
 
 def _across_gravity(columns: list[Column], seen: dict[int, Swing]) -> list[Column]:
-    """Without accelerations along gravity where one across it swings at half their frequency, as on a pendulum's bob: the
-    string's pull is largest twice in a cycle."""
+    """Leave out accelerations that contain gravity where another axis oscillates at half their frequency.
+
+    Such is a sensor on a pendulum: the pull of the string is largest twice in a cycle.
+    """
 
     gravity = UNITS["g"].factor
 

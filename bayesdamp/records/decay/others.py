@@ -20,7 +20,7 @@ LATE = 0.5
 """Share of the record from which its largest value comes too late for what follows to be all of it."""
 
 SMOOTH = 1e-5
-"""Share of the amplitude below which the noise from sample to sample is that of a record that was filtered."""
+"""Noise from sample to sample, as a share of the range, below which a record was filtered."""
 
 
 def no_free_decay(t: np.ndarray, y: np.ndarray, seek_start: bool, seek_stop: bool) -> Window | None:
@@ -43,9 +43,14 @@ def no_free_decay(t: np.ndarray, y: np.ndarray, seek_start: bool, seek_stop: boo
     return Window(first, t.size - 1, ("It is no free decay of one oscillator, and is kept whole.",))
 
 
-def without_ringing(t: np.ndarray, y: np.ndarray, window: Window, seek_start: bool, seek_stop: bool) -> Window:
-    """The window without what a filter adds at its ends, where the record was filtered: its ringing about a hit, or about
-    the record's own ends, dies out within a few cycles and is part of no decay."""
+def without_ringing(
+    t: np.ndarray, y: np.ndarray, window: Window, seek_start: bool, seek_stop: bool
+) -> Window:
+    """Return the window without the ringing of a filter at its ends, where the record was filtered.
+
+    A filter rings about a hit and about the ends of the record. The ringing dies out within a few cycles and is not
+    part of the decay.
+    """
     first, last = window.first, window.last
     kept = slice(first, last + 1)
     period, _ = coarse_period(t[kept], y[kept])
@@ -58,12 +63,12 @@ def without_ringing(t: np.ndarray, y: np.ndarray, window: Window, seek_start: bo
         last = int(np.searchsorted(t, t[last] - long)) - 1
     if (first, last) == (window.first, window.last):
         return window
-    note = f"The ringing of a filter at its ends is left out: {t[first]:.6g} to {t[last]:.6g} s are used."
+    note = f"The record was filtered; the filter's ringing is left out, and {t[first]:.6g} to {t[last]:.6g} s are used."
     return replace(window, first=first, last=last, notes=(*window.notes, note))
 
 
 def _ringing(t: np.ndarray, y: np.ndarray, period: float) -> float:
-    """For how long, in s, a second oscillation is seen at the beginning of values y (n,) at times t (n,), from 0 on."""
+    """Return for how long, in s, values y (n,) at times t (n,), from 0 on, begin with a second oscillation."""
     if t.size < 20:
         return 0.0
     two = damped_modes(*few_samples(t, y, period), 2)

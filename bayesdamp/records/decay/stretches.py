@@ -21,7 +21,7 @@ HALF = 4
 BREAK = 0.4
 """Share by which the rate of decay must change at a break beyond what any power of the amplitude explains."""
 AVERAGED, SMALL = 6, 0.1
-"""Swings that are averaged before it is asked by how much they rise, and the share of the largest that this is at most."""
+"""Swings that are averaged to measure a rise, and share of the largest swing by which noise lifts others at most."""
 POWER = 1.2
 """The rate of decay goes at most with this power of the amplitude, up or down: −1 is dry friction, 1 is drag."""
 
@@ -54,9 +54,10 @@ def worth(turns: Turning, stretch: tuple[int, int]) -> float:
 
 
 def unsteadiness(ranges: np.ndarray) -> float:
-    """By how much ranges (k,) of swings rise at most after they have fallen, averaged over a few cycles: noise of a
-    narrow band, as a filter leaves it, lets a turning point stand out no more than that. 0 where they rise by much more,
-    as in beats."""
+    """Return the largest rise of ranges (k,) of swings after they have fallen, averaged over a few cycles.
+
+    A filter leaves noise of a narrow band, which lifts swings by so much. 0 where they rise by much more, as in beats.
+    """
     if ranges.size < 4 * AVERAGED:
         return 0.0
     smooth = uniform_filter1d(ranges, AVERAGED, mode="nearest")
@@ -66,9 +67,9 @@ def unsteadiness(ranges: np.ndarray) -> float:
 
 
 def _falling(ranges: np.ndarray, floor: float) -> list[int]:
-    """First and last + 1 of swings with ranges (k,), and between them where they begin to fall, and to rise again.
+    """Return first and last + 1 of swings with ranges (k,), and between them where they begin to fall or rise again.
 
-    A free decay does not begin with swings that grow, nor end so: of a filter both are its ringing about a hit.
+    A free decay neither begins nor ends with swings that grow; the ringing of a filter about a hit does.
     """
     if ranges.size == 0:
         return [0]

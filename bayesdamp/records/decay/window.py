@@ -46,8 +46,8 @@ TAIL = 0.01
 NAMED = 3
 """Other free decays that are named by their times; more are counted."""
 LATE, LOW = 1.0, 0.2
-"""Periods after a given start from which a free decay does not begin there, and the share of its first swing below which
-what is before it is rest, or no onset."""
+"""Periods after a given start within which a free decay must begin, and the share of its first swing below which it is
+at rest before."""
 FEW = 30
 """Swings below which half a swing more is worth a start in its midst."""
 
@@ -145,7 +145,7 @@ def free_decay(
 
 
 def _check_share(found: _Found, name: str) -> None:
-    """Raise InputError where the best stretch is a small rest of what swings in a record, other decays apart: a tail."""
+    """Raise InputError where the best stretch has a small share of the power of all swings outside other decays."""
     times, (a, b) = found.turns.times, found.best
     power = median_filter(np.abs(np.diff(found.turns.values)), 3, mode="nearest") ** 2
     kept, loudest = float(power[a : b - 1].sum()), int(np.argmax(power))
@@ -156,15 +156,15 @@ def _check_share(found: _Found, name: str) -> None:
     share = kept / max(float(power.sum()), 1e-300)
     if share < TAIL:
         raise InputError(
-            f"what swings most, near {times[loudest]:.4g} s, is not the decay of one oscillation, and only {100 * share:.1g} "
-            f"% of its power is: {times[a]:.4g} to {times[b - 1]:.4g} s. Of several modes, band-pass one first; or give "
-            "start and stop",
+            f"its largest swings, near {times[loudest]:.4g} s, are not the decay of one oscillation; what decays, from "
+            f"{times[a]:.4g} to {times[b - 1]:.4g} s, has {100 * share:.1g} % of their power; if it has several modes, "
+            "band-pass it around one first, else give start and stop",
             name,
         )
 
 
 def _next_release(t: np.ndarray, found: _Found, name: str) -> int:
-    """The last sample before a record that is free from its first sample on swings up again; the last where it does not.
+    """Return the last sample before the next hit or release in a record that starts where the user said.
 
     Raises InputError where nothing oscillates at its beginning, and it is struck or released only later.
     """
@@ -251,8 +251,7 @@ def _decays(t: np.ndarray, y: np.ndarray, step: float, period: float) -> _Found 
 
 
 def _unsteadiness(turns: Turning, found: list[tuple[int, int]], best: tuple[int, int]) -> float:
-    """By how much the swings rise again from the best stretch on, as long as they stay in step with it and until the next
-    release."""
+    """Return the largest rise of the swings from the best stretch on, in step with it and before the next release."""
     first, end = best
     after = [a for a, b in found if a >= end - 1 and worth(turns, (a, b)) >= OTHER * worth(turns, best)]
     last = after[0] if after else turns.times.size
@@ -277,8 +276,10 @@ def _head(t: np.ndarray, y: np.ndarray, found: _Found, step: float) -> tuple[int
 
 
 def _onset(found: _Found) -> int:
-    """Swings at the head of the best stretch that go on with growing ones before it: the ringing of a filter, which does
-    not end at the largest swing, lasts about as long after it as before."""
+    """Return how many swings at the head of the best stretch are the onset of a filtered hit.
+
+    The ringing of a filter lasts about as long after the largest swing as before it.
+    """
     first = found.best[0]
     sizes, gaps = np.abs(np.diff(found.turns.values)), np.diff(found.turns.times)
     grown = 0
@@ -324,9 +325,9 @@ def _start(
             at, what = far.at, "the release"
         elif not far.whole and decay.times.size <= FEW and far.share > 0.5:
             at, what = far.at + MARGIN * gap, "where it begins to follow its later swings"
-    if at == decay.times[0] and not far.whole and decay.times.size > LEAST_BEFORE:
-        if far.share < TOUCHED and _moves(series, at - MARGIN * gap, at, float(swings.ranges[0])):
-            at = float(decay.times[1])  # a hand that brings it to its turning point may not let go there
+    touched = not far.whole and far.share < TOUCHED and decay.times.size > LEAST_BEFORE
+    if at == decay.times[0] and touched and _moves(series, at - MARGIN * gap, at, float(swings.ranges[0])):
+        at = float(decay.times[1])  # a hand that brings it to its turning point may not let go there
     first = int(np.searchsorted(t, at - 1e-12))
     told = {
         "period": "lasts longer or shorter than the later ones foretell",
@@ -343,7 +344,7 @@ def _start(
 
 
 def _moves(series: _Series, begin: float, end: float, swing: float) -> bool:
-    """Whether a record moves from begin to end, s, by more than noise, rounding and a small share of a swing."""
+    """Return whether a record moves from begin to end, s, by more than noise, rounding and a small share of a swing."""
     part = series.values[(series.grid >= begin) & (series.grid <= end)]
     return part.size > 1 and float(np.ptp(part)) > STILL * swing + 2 * series.step + ERRORS * series.noise
 
@@ -387,14 +388,16 @@ def _stop(series: _Series, decay: Turning, found: _Found) -> _Tail:
 
 
 def _stopped(series: _Series, turned: Turning) -> _Tail:
-    """The end of a free decay that something ends before the noise does. turned: its turning points, backwards."""
+    """Return the end of a free decay that a hand, a hit or a stop ends. turned: its turning points, backwards."""
     gap, swing = float(turned.times[1] - turned.times[0]), abs(float(turned.values[1] - turned.values[0]))
     last, turned_series = float(turned.times[0]), series.turned()
     touched = turned_series.reach(turned).share < TOUCHED and _moves(
         turned_series, last - MARGIN * gap, last, swing
     )
     at = -float(turned.times[1 if touched else 0])
-    why = "the last turning point that nothing has touched; what is after it does not continue the free decay."
+    why = (
+        "the last turning point that nothing has touched; what is after it does not continue the free decay."
+    )
     return _Tail(_index(series.t, at), why)
 
 

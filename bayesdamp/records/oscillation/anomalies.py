@@ -1,5 +1,4 @@
-"""What a record shows by itself that no freely decaying oscillator does: cut-off peaks, a sign that was lost, an amplitude
-that rises."""
+"""What no free decay shows: peaks that are cut off, a sign that was lost, an amplitude that rises."""
 
 from __future__ import annotations
 
@@ -29,6 +28,8 @@ TOUCHES = 0.15
 """Of a peak, how near to zero the record comes beside it: eleven samples a half-cycle or more do."""
 FALLS = 0.8
 """Of the first peak the last one at most: what does not decay are pulses, or a counter."""
+NOISE = 0.1
+"""Share of the largest peak by which noise may take values of one sign to the other."""
 BETWEEN = 0.3
 """Of a peak the median of the values beside it at least: of |sin| it is 0.71, of sin² 0.5, of pulses near 0."""
 
@@ -149,9 +150,9 @@ def _sampled(t: np.ndarray, times: np.ndarray, period: float) -> np.ndarray:
 
 
 def rectified(y: np.ndarray) -> bool:
-    """Whether equally spaced values y (n,) are those of a decaying oscillation without its sign, |y| or y²."""
+    """Return whether equally spaced values y (n,) are a decaying oscillation without its sign, |y| or y²."""
     y = y if abs(y.max()) >= abs(y.min()) else -y
-    if y.min() < 0:
+    if y.min() < -NOISE * y.max():
         return False
     half_cycle, _ = coarse_period(np.arange(y.size, dtype=float), y)  # from a peak to the next
     if y.size < FEWEST * half_cycle or half_cycle < 2:

@@ -173,8 +173,10 @@ def _steady(two: Modes, duration: float) -> bool:
 
 
 def passing(two: Modes, longest: float) -> float:
-    """For how long, in s, one of two modes is seen beside the other at the beginning of a record, where it is seen for a
-    few cycles only, as the ringing of a filter about a hit is; 0 where it is seen for longer, or longer than this."""
+    """Return for how long, in s, the faster decaying of two modes is seen at the beginning of a record.
+
+    0 where that is more than a few cycles, or more than `longest`, s: then it is a mode, and not a filter's ringing.
+    """
     fast, slow = int(np.argmax(two.rates)), int(np.argmin(two.rates))
     size = float(two.first[fast] / max(two.first[slow], 1e-300))
     long = float(np.log(max(size / GONE, 1.0)) / max(two.rates[fast] - two.rates[slow], 1e-300))
