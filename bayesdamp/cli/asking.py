@@ -16,6 +16,7 @@ from bayesdamp.records.findings import Finding, Kind, findings
 from bayesdamp.records.read import FASTEST, SLOWEST, read_records
 from bayesdamp.records.record import RawRecord
 from bayesdamp.records.stated_columns import read_as
+from bayesdamp.records.wrapped import unwrapped
 from bayesdamp.types import InputError, Refusal, Signal
 from bayesdamp.units import UNITS
 
@@ -147,7 +148,7 @@ def _found(path: Path, raw: RawRecord, options: Options, cleaned: bool) -> Found
 
     try:
         signal = clean(
-            decimated(raw),
+            decimated(unwrapped(raw, unit, quantity)),
             name=path.name,
             unit=unit,
             quantity=quantity,

@@ -13,9 +13,8 @@ from bayesdamp.records.columns.factors import factor_beside_unit
 from bayesdamp.records.columns.swings import Swing, swing
 from bayesdamp.records.files.facts import doubtful_rate, sampling_rate
 from bayesdamp.records.record import RawRecord
-from bayesdamp.records.rectified import rectified
 from bayesdamp.records.stated_columns import HALF_TURN, half_swing
-from bayesdamp.records.wrapped import jumps
+from bayesdamp.records.wrapped import turn_of
 from bayesdamp.units import UNITS
 
 MANY_TURNS = 3.0
@@ -56,7 +55,6 @@ class Kind(Enum):
     UNIT = "a unit that is none of displacement"
     FACTOR = "a factor beside the unit"
     TIME_FACTOR = "a factor beside the unit of the times"
-    RECTIFIED = "a sign that was lost"
     WRAPPED = "an angle that jumps by a turn"
     CONSTANT = "columns that do not change"
 
@@ -84,8 +82,7 @@ def findings(raw: RawRecord, unit: str, quantity: str, given: bool = False) -> t
         _rate(raw, seen),
         _differing(raw),
         _against_times(raw),
-        _rectified(raw, seen),
-        _wrapped(raw, unit, quantity, given),
+        _wrapped(raw, unit, quantity),
         _constant(raw),
     )
     return tuple(doubt for doubt in doubts if doubt is not None)
@@ -194,25 +191,14 @@ def _against_times(raw: RawRecord) -> Finding | None:
     return Finding(Kind.RATE, sentence, "leave --rate out to take them")
 
 
-def _rectified(raw: RawRecord, seen: Swing) -> Finding | None:
-    if not rectified(raw.y, seen.period):
+def _wrapped(raw: RawRecord, unit: str, quantity: str) -> Finding | None:
+    turn, many = turn_of(raw, unit, quantity)
+    if not many:
         return None
-    sentence = "it comes back to 0 at each half-cycle and never crosses it: it looks rectified (or squared)"
-    return Finding(Kind.RECTIFIED, sentence, "record it with its sign, or turn every second half-cycle over")
-
-
-def _wrapped(raw: RawRecord, unit: str, quantity: str, given: bool) -> Finding | None:
-    """A turn is that of the unit; where nobody says one, 360 or 2π."""
-    if quantity != "angle":
-        return None
-    said = given or raw.unit in UNITS
-    turns = [2 * math.pi / UNITS[unit].factor] if said and UNITS[unit].base == "rad" else []
-    for turn in turns if said else (360.0, 2 * math.pi):
-        many = jumps(raw.y, turn)
-        if many:
-            sentence = f"it jumps by a turn ({turn:.6g}) {many} times: it is an angle that was wrapped"
-            return Finding(Kind.WRAPPED, sentence, f"unwrap it first: numpy.unwrap(y, period={turn:.6g})")
-    return None
+    sentence = (
+        f"it jumps by a turn ({turn:.6g}) {many} times: it is an angle that was wrapped, and is unwrapped"
+    )
+    return Finding(Kind.WRAPPED, sentence, "--unit V, mm ... where it is not an angle")
 
 
 def _constant(raw: RawRecord) -> Finding | None:

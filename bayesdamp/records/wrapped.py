@@ -2,7 +2,13 @@
 
 from __future__ import annotations
 
+import math
+from dataclasses import replace
+
 import numpy as np
+
+from bayesdamp.records.record import RawRecord
+from bayesdamp.units import UNITS
 
 FEWEST = 3
 """Jumps from which on it is told."""
@@ -33,3 +39,29 @@ def jumps(y: np.ndarray, turn: float) -> int:
     if many < FEWEST or largest > SMALL * turn or missed > ALIKE * largest:
         return 0
     return many if np.ptp(np.unwrap(y, period=turn)) > WIDE * largest else 0
+
+
+def turn_of(raw: RawRecord, unit: str, quantity: str) -> tuple[float, int]:
+    """Return the turn by which a record in a unit jumps, in that unit, and how often; 0 times where it does not.
+
+    The turn is that of the unit, and 360 or 2π where no unit is known.
+    """
+    if quantity != "angle" or unit not in UNITS:
+        return 0.0, 0
+    if UNITS[unit].base == "rad":
+        turns = [2 * math.pi / UNITS[unit].factor]
+    else:
+        turns = [] if raw.unit else [360.0, 2 * math.pi]
+    found = ((turn, jumps(raw.y, turn)) for turn in turns)
+    return next(((turn, many) for turn, many in found if many), (0.0, 0))
+
+
+def unwrapped(raw: RawRecord, unit: str, quantity: str) -> RawRecord:
+    """Return the record without jumps by a turn, with a note; the record itself where it has none."""
+    turn, many = turn_of(raw, unit, quantity)
+    if not many:
+        return raw
+    before = raw.provenance
+    note = f"It is an angle that was wrapped: it jumps by a turn ({turn:.6g}) {many} times, and is unwrapped."
+    y = np.unwrap(raw.y, period=turn)
+    return replace(raw, y=y, provenance=replace(before, notes=(*before.notes, note)))

@@ -19,6 +19,7 @@ from bayesdamp.records.cleaning.clean import clean, known_unit
 from bayesdamp.records.cleaning.clock import clock_times
 from bayesdamp.records.cleaning.quantum import recording_step
 from bayesdamp.records.record import RawRecord
+from bayesdamp.records.wrapped import unwrapped
 from bayesdamp.types import InputError
 from bayesdamp.units import UNITS, Unit
 
@@ -184,6 +185,7 @@ def cut(
     stop: str | float = "auto",
 ) -> Signal:
     """The free decay in a raw record, with the whole of it beside. Options and errors are those of `clean`."""
+    raw = unwrapped(raw, unit, quantity)
     kept = clean(raw, name=name, unit=unit, quantity=quantity, clock=clock, start=start, stop=stop)
     whole = clock_times(raw, clock, name).t
     return Signal.of(

@@ -9,6 +9,7 @@ from bayesdamp.records.cleaning.clean import clean
 from bayesdamp.records.cleaning.decimate import decimated
 from bayesdamp.records.read import read_record
 from bayesdamp.records.record import RawRecord
+from bayesdamp.records.wrapped import unwrapped
 from bayesdamp.types import InputError, Signal
 
 
@@ -23,7 +24,7 @@ def recorded(source: Recording) -> RawRecord:
         channel=source.channel,
         time_unit=source.time_unit,
     )
-    return decimated(raw)
+    return decimated(unwrapped(raw, source.unit, source.quantity))
 
 
 def of_file(error: InputError, source: Recording) -> InputError:

@@ -142,9 +142,9 @@ class SignalCell:
         rng = np.random.default_rng(cell_seed(self.study, f"noise/{self.name}"))
         y = signal.y + share * size * rng.standard_normal(signal.y.size)
         warning = (
-            f"the record has no noise (it may be simulated), and without any nothing can be weighed. "
-            f"Noise of {100 * share:g} % of its amplitude was added: what is said is of that record. Give a record "
-            "with its noise, or fit this one with a study's estimators, which need none."
+            f"the record has no noise from sample to sample (it was filtered, smoothed or simulated), and without any "
+            f"nothing can be weighed. Noise of {100 * share:g} % of its amplitude was added: what is said is of that "
+            "record. Give a record with its noise, or fit this one with a study's estimators, which need none."
         )
         before = signal.provenance
         return replace(signal, y=y, provenance=replace(before, warnings=(*before.warnings, warning)))

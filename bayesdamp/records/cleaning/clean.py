@@ -10,9 +10,10 @@ from bayesdamp.plugins import nearest
 from bayesdamp.records.cleaning.clock import clock_times
 from bayesdamp.records.cleaning.offset import sensor_offset
 from bayesdamp.records.cleaning.quantum import recording_step
-from bayesdamp.records.decay.others import no_free_decay
+from bayesdamp.records.decay.others import no_free_decay, without_ringing
 from bayesdamp.records.decay.window import free_decay
 from bayesdamp.records.files.named_units import unit_and_quantity
+from bayesdamp.records.oscillation.anomalies import clipped, rectified
 from bayesdamp.records.oscillation.features import features
 from bayesdamp.records.oscillation.rough import residuals
 from bayesdamp.records.record import RawRecord
@@ -22,6 +23,14 @@ from bayesdamp.units import UNITS
 QUANTITIES = ("angle", "velocity", "acceleration")
 OUTLIER = 8.0
 """Standard deviations from a local harmonic fit that make an outlier."""
+CLIPPED = (
+    "its peaks are cut off: the values stay at the end of the sensor's range; record it with a larger range, or give a "
+    "start after {:.6g} s, from which on they are not"
+)
+RECTIFIED = (
+    "it comes back to 0 at each half-cycle and never crosses it: it is rectified or squared; record it with its sign, "
+    "or turn every second half-cycle over"
+)
 TURNS, TURNS_SAID = 0.5, 3.0
 """Turns to either side that an angle in rad seldom swings by, and where its column says the unit (conventional)."""
 
@@ -52,9 +61,12 @@ def clean(
     t, y = times.t[a : b + 1], raw.y[a : b + 1] * scale
     if np.ptp(y) == 0:
         raise InputError("the values between start and stop are constant, nothing oscillates", name)
+    if rectified(y):
+        raise InputError(RECTIFIED, name)
     window = no_free_decay(t, y, start == "auto", stop == "auto")
     if window is None:
         window = free_decay(t, y, step, start == "auto", stop == "auto", name)
+        window = without_ringing(t, y, window, start == "auto", stop == "auto")
     first, last = a + window.first, a + window.last
     t, y = times.t[first : last + 1], raw.y[first : last + 1] * scale
     signal = Signal(t - t[0], y, quantity, base, name, step)
@@ -66,6 +78,10 @@ def clean(
             found = features(signal)
     except Refusal as error:
         raise InputError(str(error), name) from None
+    if clipped(signal.y, found.samples_per_cycle):
+        extreme = np.isin(signal.y, (signal.y.min(), signal.y.max()))
+        free = t[min(int(np.flatnonzero(extreme)[-1]) + 1, t.size - 1)]
+        raise InputError(CLIPPED.format(free), name)
     cycles = found.cycles
     if cycles < 1.95:
         raise InputError(f"needs at least two periods of free decay, has {cycles:.1f}", name)

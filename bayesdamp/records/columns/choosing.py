@@ -41,6 +41,9 @@ _FAR = 10.0
 """Of columns without units, one that swings so many times as much as the next is the record."""
 _PAIRS = 40
 """Columns that are compared with each other; among more than these no choice is plain."""
+_ABOUT_G, _ABOUT_TWICE = 0.25, 0.1
+"""Share by which a mean acceleration may differ from gravity (a wide swing lowers it), and share by which one period,
+known coarsely, may differ from twice another."""
 _MINOR = 1 / 3
 """Of sensors alike, one that swings less than this share of the largest says little that that one does not."""
 
@@ -315,9 +318,10 @@ def _chosen(found: Contents, block: _Block) -> tuple[list[Column], Choice | None
         return left, None
     seen = {id(c): swing(c.values) for c in left}
     moving = [c for c in left if seen[id(c)].swings] or left
+    moving = [c for c in moving if seen[id(c)].lasts] or moving
     if found.channels and not all(unit_said(c)[0] for c in moving):
         return moving, _because(found, left, moving, still)
-    moving = _lowest_derivative(moving)
+    moving = _lowest_derivative(_across_gravity(moving, seen))
     if len(moving) <= _PAIRS:
         moving = _independent(moving, seen)
     plain = [c for c in moving if not _DERIVED.search(parted(c)[0])] or moving
@@ -329,6 +333,28 @@ def _chosen(found: Contents, block: _Block) -> tuple[list[Column], Choice | None
     if 0 < len(steady) < len(dying) and not any(unit_said(c)[0] for c in dying):
         return steady, _because(found, left, steady, still, Why.DIES_FOR_GOOD)
     return dying, _because(found, left, dying, still)
+
+
+def _across_gravity(columns: list[Column], seen: dict[int, Swing]) -> list[Column]:
+    """Leave out accelerations that contain gravity where another axis oscillates at half their frequency.
+
+    Such is a sensor on a pendulum: the pull of the string is largest twice in a cycle.
+    """
+
+    gravity = UNITS["g"].factor
+
+    def along(column: Column) -> bool:
+        unit, quantity = unit_said(column)
+        mean = abs(float(np.nanmean(column.values)))
+        if unit in UNITS and UNITS[unit].base == "m" and quantity == "acceleration":
+            return abs(mean * UNITS[unit].factor / gravity - 1) < _ABOUT_G
+        return not unit and quantity in ("", "acceleration") and abs(mean / gravity - 1) < _ABOUT_G
+
+    def doubled(column: Column) -> bool:
+        others = [c for c in columns if unit_said(c) == unit_said(column) and not along(c)]
+        return any(abs(seen[id(c)].period / seen[id(column)].period / 2 - 1) < _ABOUT_TWICE for c in others)
+
+    return [c for c in columns if not (along(c) and doubled(c))]
 
 
 def _independent(columns: list[Column], seen: dict[int, Swing]) -> list[Column]:

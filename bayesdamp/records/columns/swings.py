@@ -34,7 +34,7 @@ DERIVED = 0.95
 class Swing:
     """period: in samples; share: of the oscillation in the column; size: the largest swing, its standard deviation in
     the column's unit; last: that at the end; cycles: periods in the column; again: the most that it grows after its
-    largest, as a share of that."""
+    largest, as a share of that; filled: in how many periods, about, its power is."""
 
     period: float
     share: float
@@ -42,6 +42,12 @@ class Swing:
     last: float
     cycles: float = 0.0
     again: float = 0.0
+    filled: float = 0.0
+
+    @property
+    def lasts(self) -> bool:
+        """Whether it swings for more than the two periods that one spike can touch."""
+        return self.filled >= CYCLES
 
     @property
     def swings(self) -> bool:
@@ -80,7 +86,8 @@ def swing(y: np.ndarray) -> Swing:
     late = max(sizes.size // 5, 1)
     last = float(np.median(sizes[-late:])) * scale
     cycles = whole / (period * spacing)
-    return Swing(period * spacing, share, float(sizes.max()) * scale, last, cycles, _growth(sizes))
+    filled = float(np.sum(sizes**2) ** 2 / np.sum(sizes**4))
+    return Swing(period * spacing, share, float(sizes.max()) * scale, last, cycles, _growth(sizes), filled)
 
 
 def _growth(sizes: np.ndarray) -> float:

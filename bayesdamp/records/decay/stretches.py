@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from itertools import pairwise
 
 import numpy as np
-from scipy.ndimage import median_filter
+from scipy.ndimage import median_filter, uniform_filter1d
 
 from bayesdamp.records.oscillation.turning import Turning
 
@@ -20,6 +20,8 @@ HALF = 4
 """Swings on either side of a break in the rate of decay, twice."""
 BREAK = 0.4
 """Share by which the rate of decay must change at a break beyond what any power of the amplitude explains."""
+AVERAGED, SMALL = 6, 0.1
+"""Swings that are averaged to measure a rise, and share of the largest swing by which noise lifts others at most."""
 POWER = 1.2
 """The rate of decay goes at most with this power of the amplitude, up or down: −1 is dry friction, 1 is drag."""
 
@@ -38,6 +40,7 @@ def stretches(t: np.ndarray, turns: Turning, floor: float) -> list[tuple[int, in
         for a, b in pairwise(marks):
             breaks = (a + c for c in _breaks(ranges[a:b], floor) if a + c < b)
             cuts = [a, *_apart(breaks, across), b]
+            cuts = sorted({c + e for c, d in pairwise(cuts) for e in _falling(ranges[c:d], floor)})
             found += [(first + c, first + d + 1) for c, d in pairwise(cuts) if d - c >= 2]
     return found
 
@@ -48,6 +51,36 @@ def worth(turns: Turning, stretch: tuple[int, int]) -> float:
     few = min(2, ranges.size)
     fallen = np.log(max(float(ranges[:few].max() / ranges[-few:].min()), 1.0))
     return ranges.size * (0.02 + float(fallen))
+
+
+def unsteadiness(ranges: np.ndarray) -> float:
+    """Return the largest rise of ranges (k,) of swings after they have fallen, averaged over a few cycles.
+
+    A filter leaves noise of a narrow band, which lifts swings by so much. 0 where they rise by much more, as in beats.
+    """
+    if ranges.size < 4 * AVERAGED:
+        return 0.0
+    smooth = uniform_filter1d(ranges, AVERAGED, mode="nearest")
+    falling = smooth[int(np.argmax(smooth)) :]
+    rise = float((falling - np.minimum.accumulate(falling)).max())
+    return rise if rise < SMALL * float(smooth.max()) else 0.0
+
+
+def _falling(ranges: np.ndarray, floor: float) -> list[int]:
+    """Return first and last + 1 of swings with ranges (k,), and between them where they begin to fall or rise again.
+
+    A free decay neither begins nor ends with swings that grow; the ringing of a filter about a hit does.
+    """
+    if ranges.size == 0:
+        return [0]
+    top = int(np.argmax(ranges))
+    low = top + int(np.argmin(ranges[top:]))
+    marks = [0]
+    if ranges[top] - ranges[0] > max(RISE * ranges[0], 4 * floor):
+        marks.append(top)
+    if ranges[-1] - ranges[low] > max(RISE * ranges[low], 4 * floor):
+        marks.append(low + 1)
+    return [*marks, ranges.size]
 
 
 def _in_step(t: np.ndarray, turns: Turning, floor: float) -> list[tuple[int, int]]:

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
+from scipy.ndimage import median_filter
 
 from bayesdamp.provenance import Piece
 from bayesdamp.records.decay.continuation import Reach, Reason, Swings, reach
-from bayesdamp.records.decay.pieces import Scale, pieces_before
-from bayesdamp.records.decay.stretches import stretches, worth
+from bayesdamp.records.decay.pieces import STILL, Scale, pieces_before
+from bayesdamp.records.decay.stretches import RISE, stretches, unsteadiness, worth
 from bayesdamp.records.oscillation.holes import without_edges
 from bayesdamp.records.oscillation.rough import roughness
 from bayesdamp.records.oscillation.spectrum import coarse_periods, samples_a_cycle
@@ -32,13 +34,20 @@ HEAD = 24
 """Swings at the head of a stretch that are set against the later ones, at most half of them."""
 MARGIN = 0.2
 """Share of a swing that is left out after a hand where a start lies in the midst of a swing."""
+TOUCHED = 0.25
+"""Share of a swing from a turning point within which a hand that still moves may have shifted it."""
 LEAST_BEFORE = 6
 """Turning points before a hole by which its first swings are judged."""
 OTHER = 0.1
 """Of what the used stretch tells of the damping, the share from which another is a free decay and not what hums on in
 the noise."""
+TAIL = 0.01
+"""Share of the power of all swings below which a decay is a tail that says little of the record (conventional)."""
 NAMED = 3
 """Other free decays that are named by their times; more are counted."""
+LATE, LOW = 1.0, 0.2
+"""Periods after a given start within which a free decay must begin, and the share of its first swing below which it is
+at rest before."""
 FEW = 30
 """Swings below which half a swing more is worth a start in its midst."""
 
@@ -101,6 +110,14 @@ def free_decay(
     oscillates.
     """
     found = _found(t, y, step, name)
+    if seek_start and seek_stop:
+        _check_share(found, name)
+    if not seek_start and seek_stop:
+        again = _next_release(t, found, name)
+        if again < t.size - 1:
+            window = free_decay(t[: again + 1], y[: again + 1], step, False, True, name)
+            note = f"From {t[again]:.6g} s on it is struck or released again; what is after that is not used."
+            return replace(window, notes=(*window.notes, note))
     grid, values, _ = thinned(t, y, found.period, smooth=False)
     grid, values = grid[grid <= t[-1]], values[grid <= t[-1]]
     series = _Series(t, grid, values, step, found.noise * float(np.sqrt(min(grid.size / t.size, 1.0))))
@@ -125,6 +142,52 @@ def free_decay(
     if others:
         notes.append(_not_used(others))
     return Window(first, last, tuple(notes), tuple(pieces))
+
+
+def _check_share(found: _Found, name: str) -> None:
+    """Raise InputError where the best stretch has a small share of the power of all swings outside other decays."""
+    times, (a, b) = found.turns.times, found.best
+    power = median_filter(np.abs(np.diff(found.turns.values)), 3, mode="nearest") ** 2
+    kept, loudest = float(power[a : b - 1].sum()), int(np.argmax(power))
+    least = OTHER * worth(found.turns, found.best)
+    for first, last in found.stretches:
+        if (first, last) != found.best and worth(found.turns, (first, last)) >= least:
+            power[first : last - 1] = 0.0
+    share = kept / max(float(power.sum()), 1e-300)
+    if share < TAIL:
+        raise InputError(
+            f"its largest swings, near {times[loudest]:.4g} s, are not the decay of one oscillation; what decays, from "
+            f"{times[a]:.4g} to {times[b - 1]:.4g} s, has {100 * share:.1g} % of their power; if it has several modes, "
+            "band-pass it around one first, else give start and stop",
+            name,
+        )
+
+
+def _next_release(t: np.ndarray, found: _Found, name: str) -> int:
+    """Return the last sample before the next hit or release in a record that starts where the user said.
+
+    Raises InputError where nothing oscillates at its beginning, and it is struck or released only later.
+    """
+    times, sizes = found.turns.times, np.abs(np.diff(found.turns.values))
+    least, soon = OTHER * worth(found.turns, found.best), t[0] + LATE * found.period
+    here = [
+        (a, b)
+        for a, b in found.stretches
+        if (a, b) == found.best
+        or worth(found.turns, (a, b)) >= least
+        or (times[a] <= soon and b - a > LEAST_BEFORE)
+    ]
+    first = here[0][0]
+    if times[first] > soon and sizes[: max(first - 1, 0)].max(initial=0.0) < LOW * sizes[first]:
+        raise InputError(
+            f"hardly anything swings between the start given ({t[0]:.6g} s) and the release or hit near "
+            f"{times[first]:.6g} s; give a start from there on, or leave it out",
+            name,
+        )
+    for (_, end), (begin, _) in pairwise(here):
+        if sizes[begin] > (1 + RISE) * sizes[end - 2]:
+            return _index(t, times[end - 1])
+    return t.size - 1
 
 
 def _not_used(others: list[Piece]) -> str:
@@ -178,7 +241,7 @@ def _decays(t: np.ndarray, y: np.ndarray, step: float, period: float) -> _Found 
         a, b = max(found, key=lambda s: worth(turns, s))
         inside = slice(*np.searchsorted(t, (turns.times[a], turns.times[b - 1] + 1e-12)))
         noise = roughness(t[inside], y[inside], period) if t[inside].size >= 10 else noise
-        floor = max(STEPS * step, sigmas * noise)
+        floor = max(STEPS * step, sigmas * noise, _unsteadiness(turns, found, (a, b)))
         found = stretches(t, turns, floor)
     if not found:
         return None
@@ -187,17 +250,45 @@ def _decays(t: np.ndarray, y: np.ndarray, step: float, period: float) -> _Found 
     return _Found(turns, found, best, noise, period, floor)
 
 
+def _unsteadiness(turns: Turning, found: list[tuple[int, int]], best: tuple[int, int]) -> float:
+    """Return the largest rise of the swings from the best stretch on, in step with it and before the next release."""
+    first, end = best
+    after = [a for a, b in found if a >= end - 1 and worth(turns, (a, b)) >= OTHER * worth(turns, best)]
+    last = after[0] if after else turns.times.size
+    gaps = np.diff(turns.times[first:last])
+    usual = float(np.median(gaps[: end - first]))
+    astray = np.flatnonzero(np.abs(gaps[end - first - 1 :] - usual) > 0.4 * usual)
+    last = end + int(astray[0]) if astray.size else last
+    return unsteadiness(np.abs(np.diff(turns.values[first:last])))
+
+
 def _head(t: np.ndarray, y: np.ndarray, found: _Found, step: float) -> tuple[int, Reason | None]:
     """(turning points to leave out, in what the last of them breaks) at the head of the best stretch."""
     swings = Swings(t, y, _before_a_hole(found.decay), 2 * found.noise + step)
     most = min(HEAD, swings.gaps.size // 2)
     why: Reason | None = None
-    for i in range(most + 1):
+    for i in range(min(_onset(found), most), most + 1):
         here = swings.breaks(i)
         if here is None and (i + 1 > most or swings.breaks(i + 1) is None):
             return i, why
         why = here or swings.breaks(i + 1)
     return 0, None
+
+
+def _onset(found: _Found) -> int:
+    """Return how many swings at the head of the best stretch are the onset of a filtered hit.
+
+    The ringing of a filter lasts about as long after the largest swing as before it.
+    """
+    first = found.best[0]
+    sizes, gaps = np.abs(np.diff(found.turns.values)), np.diff(found.turns.times)
+    grown = 0
+    for i in range(first - 1, -1, -1):
+        in_step = 0.7 < gaps[i] / gaps[first] < 1 / 0.7
+        if not in_step or not LOW * sizes[first] < sizes[i] < sizes[i + 1]:
+            break
+        grown += 1
+    return max(grown - 1, 0)
 
 
 def _before_a_hole(turns: Turning) -> Turning:
@@ -234,6 +325,9 @@ def _start(
             at, what = far.at, "the release"
         elif not far.whole and decay.times.size <= FEW and far.share > 0.5:
             at, what = far.at + MARGIN * gap, "where it begins to follow its later swings"
+    touched = not far.whole and far.share < TOUCHED and decay.times.size > LEAST_BEFORE
+    if at == decay.times[0] and touched and _moves(series, at - MARGIN * gap, at, float(swings.ranges[0])):
+        at = float(decay.times[1])  # a hand that brings it to its turning point may not let go there
     first = int(np.searchsorted(t, at - 1e-12))
     told = {
         "period": "lasts longer or shorter than the later ones foretell",
@@ -247,6 +341,12 @@ def _start(
         f"what is before it is rest, a hand or a disturbed release, and its last swing {told}."
     )
     return first
+
+
+def _moves(series: _Series, begin: float, end: float, swing: float) -> bool:
+    """Return whether a record moves from begin to end, s, by more than noise, rounding and a small share of a swing."""
+    part = series.values[(series.grid >= begin) & (series.grid <= end)]
+    return part.size > 1 and float(np.ptp(part)) > STILL * swing + 2 * series.step + ERRORS * series.noise
 
 
 @dataclass(frozen=True)
@@ -274,16 +374,31 @@ def _stop(series: _Series, decay: Turning, found: _Found) -> _Tail:
             "the last turning point from which it swings back; in the swing after it it comes to rest, and stays.",
             sticks=True,
         )
+    turned = Turning(-times[::-1], values[::-1], decay.gain[::-1])
     if left <= 1.2 * gap:
-        turned = Turning(-times[::-1], values[::-1], decay.gain[::-1])
         if k < 4 or left < 0.2 * gap or series.turned().reach(turned).whole:
             return _Tail(t.size - 1, "")
-        return _Tail(
-            _index(t, times[k]), "the last turning point; what is after it does not continue the free decay."
-        )
+        return _stopped(series, turned)
+    later = series.values[(series.grid > times[k] + gap) & (series.grid < times[k] + 3 * gap)]
+    if k >= LEAST_BEFORE and before > 4 * found.floor and float(np.ptp(later)) > 0.25 * before:
+        return _stopped(series, turned)
     why = "the last turning point that stands out of noise and rounding; after it the record is at rest or all but."
     noisy = SIGMAS * found.noise > STEPS * series.step
     return _Tail(_index(t, times[k]), why, noise=noisy, sticks=not noisy)
+
+
+def _stopped(series: _Series, turned: Turning) -> _Tail:
+    """Return the end of a free decay that a hand, a hit or a stop ends. turned: its turning points, backwards."""
+    gap, swing = float(turned.times[1] - turned.times[0]), abs(float(turned.values[1] - turned.values[0]))
+    last, turned_series = float(turned.times[0]), series.turned()
+    touched = turned_series.reach(turned).share < TOUCHED and _moves(
+        turned_series, last - MARGIN * gap, last, swing
+    )
+    at = -float(turned.times[1 if touched else 0])
+    why = (
+        "the last turning point that nothing has touched; what is after it does not continue the free decay."
+    )
+    return _Tail(_index(series.t, at), why)
 
 
 def _index(t: np.ndarray, at: float) -> int:

@@ -1,10 +1,13 @@
-"""What a record shows by itself that no freely decaying oscillator does: cut-off peaks, an amplitude that rises."""
+"""What no free decay shows: peaks that are cut off, a sign that was lost, an amplitude that rises."""
 
 from __future__ import annotations
+
+from itertools import pairwise
 
 import numpy as np
 
 from bayesdamp.records.oscillation.features import Features, regular
+from bayesdamp.records.oscillation.spectrum import coarse_period
 from bayesdamp.records.oscillation.turning import turning_points
 from bayesdamp.types import Signal
 
@@ -16,6 +19,19 @@ FLAT = 3
 """Samples in a row at the extreme value that are no chance where values are not rounded."""
 MARGIN = 1.5
 """How much longer than a sinusoid's a rounded record's stay at its extreme must be: a pendulum's at 2.8 rad is."""
+
+FEWEST = 6
+"""Half-cycles from which on it is told."""
+LARGE = 0.3
+"""Share of the largest peak down to which half-cycles are looked at: below are noise and offsets."""
+TOUCHES = 0.15
+"""Of a peak, how near to zero the record comes beside it: eleven samples a half-cycle or more do."""
+FALLS = 0.8
+"""Of the first peak the last one at most: what does not decay are pulses, or a counter."""
+NOISE = 0.1
+"""Share of the largest peak by which noise may take values of one sign to the other."""
+BETWEEN = 0.3
+"""Of a peak the median of the values beside it at least: of |sin| it is 0.71, of sin² 0.5, of pulses near 0."""
 
 CLIPPED = "its peaks are cut off: the record stays at its extreme value"
 RISES = "its amplitude rises again: beats, a second mode or a drive"
@@ -44,7 +60,7 @@ def clipped(y: np.ndarray, per_cycle: float) -> bool:
     gaps = gaps[gaps > 1e-9 * size]
     if gaps.size == 0:
         return False
-    step = float(gaps.min())
+    step = float(np.median(gaps))
     # A sinusoid that just reaches the extreme level stays within one step of it for this share of a cycle.
     usual = np.arccos(max(1.0 - step / size, -1.0)) / np.pi * per_cycle
     limit = max(FLAT, MARGIN * usual + 1) * _held(y, size)
@@ -131,3 +147,26 @@ def _sampled(t: np.ndarray, times: np.ndarray, period: float) -> np.ndarray:
     seen = np.searchsorted(t, end, side="right") - np.searchsorted(t, begin)
     good = seen >= 0.75 * (end - begin) / float(np.median(np.diff(t)))
     return good[:-1] & good[1:]
+
+
+def rectified(y: np.ndarray) -> bool:
+    """Return whether equally spaced values y (n,) are a decaying oscillation without its sign, |y| or y²."""
+    y = y if abs(y.max()) >= abs(y.min()) else -y
+    if y.min() < -NOISE * y.max():
+        return False
+    half_cycle, _ = coarse_period(np.arange(y.size, dtype=float), y)  # from a peak to the next
+    if y.size < FEWEST * half_cycle or half_cycle < 2:
+        return False
+    edges = np.arange(0.0, y.size, half_cycle).astype(int)
+    each = [y[begin:end] for begin, end in pairwise(edges)]
+    peaks = np.array([one.max() for one in each])
+    first = int(np.argmax(peaks))
+    small = np.flatnonzero(peaks[first:] < LARGE * peaks[first])
+    behind = first + int(small[0]) if small.size else peaks.size
+    if behind - first < FEWEST:
+        return False
+    kept, peaks = each[first:behind], peaks[first:behind]
+    lowest = np.array([one.min() for one in kept]) / peaks
+    middle = np.array([float(np.median(one)) for one in kept]) / peaks
+    falls = peaks[-1] < FALLS * peaks[0]
+    return bool(falls and lowest.max() < TOUCHES and np.median(middle) > BETWEEN)

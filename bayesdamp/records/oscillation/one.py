@@ -31,6 +31,8 @@ CLEAR = 3.0
 """Standard deviations of a sample by which a range of a period must exceed an earlier one; its own is about one."""
 TOGETHER = 2
 """Swings that must rise together."""
+GONE, PASSING = 0.01, 15.0
+"""Share of the first oscillation to which a second one must fall within so many cycles to be a passing one."""
 STEADY = 0.1
 """Share of the other's decay rate below which an oscillation is kept up by a drive."""
 HOLE = 0.2
@@ -90,22 +92,25 @@ def _modes_of(t: np.ndarray, y: np.ndarray, one: Modes, harmonics: bool) -> NotO
     two = damped_modes(t, y, 2)
     if two is None or two.left > (1 - EXPLAINED) or two.left > 0.5 * one.left:
         return None
+    if passing(two, float(t[-1] - t[0]) / 4):
+        return None
     largest = np.maximum(two.first, two.last)
     size = float(largest[1] / largest[0])
+    steady = _steady(two, float(t[-1] - t[0]))
     f, g = float(two.frequencies.min()), float(two.frequencies.max())
     if f * float(t[-1] - t[0]) < CYCLES:
         return None
     if g / f - 1 < CLOSE:
         ranges, noise = _ranges(t, y, 1 / f), float(np.std(y)) * two.left**0.5
         if _lifted(ranges, noise) < LIFTED and not (
-            _steady(two) and _levels(two, ranges, noise, float(t[-1] - t[0]))
+            steady and _levels(two, ranges, noise, float(t[-1] - t[0]))
         ):
             return None
-        return NotOne("driven" if _steady(two) else "beats", two, size)
+        return NotOne("driven" if steady else "beats", two, size)
     multiple = two.frequencies[1] / two.frequencies[0]
     if not harmonics and multiple > 1 and abs(multiple - round(multiple)) < HARMONIC * multiple:
         return None
-    return NotOne("driven" if _steady(two) else "two modes", two, size)
+    return NotOne("driven" if steady else "two modes", two, size)
 
 
 def excited(t: np.ndarray, y: np.ndarray, period: float) -> NotOne | None:
@@ -116,7 +121,7 @@ def excited(t: np.ndarray, y: np.ndarray, period: float) -> NotOne | None:
         return None
     third = ranges.size // 3
     before, after = float(np.median(ranges[:third])), float(np.median(ranges[-third:]))
-    if not 1 / HALVED < after / before < HALVED:
+    if not before < HALVED * after < HALVED**2 * before:
         return None
     noise = roughness(t, y, period)
     if ranges.min() < CLEAR * noise or coarse_period(t, y)[1] < LEAST_SHARE or wandering(t, y, period, noise):
@@ -162,10 +167,21 @@ def _stays(one: Modes, duration: float) -> bool:
     )
 
 
-def _steady(two: Modes) -> bool:
-    """Whether one is kept up while the other decays."""
+def _steady(two: Modes, duration: float) -> bool:
+    """Whether one is kept up while the other decays: it does not halve in the record."""
     kept, falling = sorted(two.rates.tolist())
-    return abs(kept) < STEADY * falling
+    return abs(kept) < min(STEADY * falling, np.log(HALVED) / duration)
+
+
+def passing(two: Modes, longest: float) -> float:
+    """Return for how long, in s, the faster decaying of two modes is seen at the beginning of a record.
+
+    0 where that is more than a few cycles, or more than `longest`, s: then it is a mode, and not a filter's ringing.
+    """
+    fast, slow = int(np.argmax(two.rates)), int(np.argmin(two.rates))
+    size = float(two.first[fast] / max(two.first[slow], 1e-300))
+    long = float(np.log(max(size / GONE, 1.0)) / max(two.rates[fast] - two.rates[slow], 1e-300))
+    return long if long < min(PASSING / float(two.frequencies[slow]), longest) else 0.0
 
 
 def _filled(t: np.ndarray, a: int, b: int, widest: float) -> bool:

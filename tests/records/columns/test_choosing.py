@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 from bayesdamp.records.columns.choice import Choice, Why
 from bayesdamp.records.columns.names import parted
@@ -255,3 +256,46 @@ def test_a_powers_unit_and_the_headers_facts_are_kept(tmp_path: Path) -> None:
 )
 def test_the_mark_of_a_run(name: str, group: str, bare: str, run: str) -> None:
     assert parted(Column(name, Y, group)) == (bare, run)
+
+
+def phone_on_a_pendulum(size: float) -> dict[str, np.ndarray]:
+    """What a phone measures (m/s²) at 0.8 of a pendulum's effective length, with a little drag: motion by SciPy."""
+    g, length, t = 9.81, 0.85, np.arange(3000) / 100
+
+    def swing(_: float, u: np.ndarray) -> list[float]:
+        return [u[1], -g / length * np.sin(u[0]) - 0.03 * u[1]]
+
+    run = solve_ivp(swing, (0, t[-1]), [size, 0.0], t_eval=t, rtol=1e-8, atol=1e-10)
+    angle, speed = run.y
+    turning = np.array([swing(0.0, u)[1] for u in run.y.T])
+    noise = 0.02 * np.random.default_rng(2).standard_normal((3, t.size))
+    along = -(g * np.cos(angle) + 0.8 * length * speed**2) + noise[1]
+    return {
+        "t": t,
+        "x": 0.8 * length * turning + g * np.sin(angle) + noise[0],
+        "y": along,
+        "z": noise[2] + 0.05,
+    }
+
+
+@pytest.mark.parametrize("size", [0.15, 0.6, 1.2])
+@pytest.mark.parametrize(
+    ("head", "scale"), [("acceleration {} (m/s²)", 1.0), ("{} (g)", 1 / 9.81), ("a{}", 1.0)]
+)
+def test_of_a_phone_on_a_pendulum_the_axis_across_gravity_is_taken(
+    tmp_path: Path, size: float, head: str, scale: float
+) -> None:
+    measured = phone_on_a_pendulum(size)
+    columns = {"t (s)": measured["t"]} | {head.format(axis): scale * measured[axis] for axis in "xyz"}
+    assert read_record(write(tmp_path / "a.csv", columns)).channel == head.format("x")
+    del columns[head.format("x")]  # negative control: with nothing across it the axis along gravity stays
+    assert read_record(write(tmp_path / "b.csv", columns)).channel == head.format("y")
+
+
+@pytest.mark.parametrize("width", [1, 5, 30])
+@pytest.mark.parametrize("at", [300, 580])
+def test_a_channel_with_one_spike_is_not_preferred(tmp_path: Path, width: int, at: int) -> None:
+    spike = 0.01 * NOISE
+    spike[at : at + width] += 20 * np.sin(np.pi * (np.arange(width) + 0.5) / width)[: T.size - at]
+    columns = {"t (s)": T, "first (m)": Y, "second (m)": spike}
+    assert read_record(write(tmp_path / "a.csv", columns)).channel == "first (m)"

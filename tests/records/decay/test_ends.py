@@ -1,0 +1,155 @@
+"""Where a decay ends for another reason than noise: a hit, a hand, a filter; and where there is none but a tail."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from scipy.signal import butter, sosfiltfilt
+
+import bayesdamp as bd
+from bayesdamp.pipeline.not_one import no_free_decay
+from bayesdamp.records.cleaning.clean import clean
+from bayesdamp.records.decay.window import free_decay
+from bayesdamp.records.oscillation.first_look import first_words
+from bayesdamp.records.record import RawRecord
+from bayesdamp.types import InputError, Signal
+
+RATE = 1000.0
+HITS = (0.7, 2.6, 4.4)
+
+
+def hits(
+    seed: int, modes: dict[float, float], at: tuple[float, ...], noise: float, until: float = 6.0
+) -> RawRecord:
+    """A structure that is struck: modes, frequency (Hz) and damping ratio of each, of equal size, and white noise."""
+    rng = np.random.default_rng(seed)
+    t = np.arange(0, until, 1 / RATE)
+    y = noise * rng.standard_normal(t.size)
+    for begin in at:
+        since = np.maximum(t - begin, 0)
+        for f, zeta in modes.items():
+            y += np.exp(-2 * np.pi * f * zeta * since) * np.sin(2 * np.pi * f * since)
+    return RawRecord(t, y)
+
+
+def ends(signal: Signal) -> tuple[float, float]:
+    """Start and stop in s of the record's own times."""
+    start, stop = signal.provenance.start, signal.provenance.stop
+    assert start is not None
+    assert stop is not None
+    return start, stop
+
+
+@pytest.mark.parametrize("start", [0.71, 0.72, 1.0, 1.5, 2.0])
+def test_a_given_start_ends_before_the_next_hit(start: float) -> None:
+    raw = hits(1, {21.0: 0.015}, HITS, 0.005)
+    signal = clean(raw, name="x", start=start)
+    assert signal.provenance.start == pytest.approx(start)
+    assert 2.4 < ends(signal)[1] <= 2.6
+    assert any("struck or released again" in note for note in signal.provenance.notes)
+    later = clean(raw, name="x", start=4.45)  # negative control: after the last hit nothing ends it
+    assert ends(later)[1] > 5.5
+
+
+def test_a_start_in_the_first_decay_is_kept_in_python(tmp_path: Path) -> None:
+    raw = hits(2, {21.0: 0.015}, (0.0, 2.6), 0.005)
+    assert raw.t is not None
+    np.savetxt(tmp_path / "a.csv", np.c_[raw.t, raw.y], delimiter=",", header="t,x", comments="")
+    signal = bd.read(tmp_path / "a.csv").signal(start=0.05)
+    assert signal.provenance.start == pytest.approx(0.05)
+    stop = signal.provenance.stop
+    assert stop is not None
+    assert 2.3 < stop <= 2.6
+
+
+@pytest.mark.parametrize("start", [0.05, 0.4])
+def test_a_start_at_rest_is_refused_with_the_time_of_the_hit(start: float) -> None:
+    with pytest.raises(InputError, match=r"hardly anything swings between the start given .* near 0\.7\d* s"):
+        clean(hits(1, {21.0: 0.015}, HITS, 0.005), name="x", start=start)
+
+
+def brought_to_its_turning_point(late: float) -> tuple[np.ndarray, np.ndarray]:
+    """A pendulum of 1.7 Hz that a hand moves out to its turning point, 0.12 s, and lets go of `late` s after that."""
+    t = np.arange(0, 6, 1 / 1000)
+    w2 = (2 * np.pi * 1.7) ** 2
+
+    def pushed(time: float, u: np.ndarray) -> list[float]:
+        grip = float(np.clip((0.12 + late - time) / 0.05, 0, 1))
+        wanted = -1.0 + 25 * (time - 0.12) ** 2
+        held = grip * (20 * w2 * (wanted - u[0]) - 6 * np.sqrt(w2) * (u[1] - 50 * (time - 0.12)))
+        return [u[1], -w2 * np.sin(u[0]) - 0.3 * u[1] + held]
+
+    run = solve_ivp(
+        pushed, (0, 6), [-1.0 + 25 * 0.12**2, -50 * 0.12], "LSODA", t, rtol=1e-8, atol=1e-9, max_step=0.01
+    )
+    return t, run.y[0] + 1e-3 * np.random.default_rng(3).standard_normal(t.size)
+
+
+@pytest.mark.parametrize("late", [0.0, 0.03, 0.06])
+def test_a_hand_that_moves_to_the_turning_point_is_left_out(late: float) -> None:
+    t, y = brought_to_its_turning_point(late)
+    found = free_decay(t, y, 0.0, True, True, "x")
+    assert 0.12 + late <= t[found.first] <= 0.75  # the next turning point, or what follows it
+
+
+def test_a_hand_that_stops_it_is_left_out() -> None:
+    """A hand with half of the critical damping takes hold at 20 s."""
+    t = np.arange(0, 26, 1 / 50)
+    w = 2 * np.pi
+
+    def held(time: float, u: np.ndarray) -> list[float]:
+        return [u[1], -w * w * u[0] - 2 * (0.01 if time < 20 else 0.5) * w * u[1]]
+
+    run = solve_ivp(held, (0, 26), [1.0, 0.0], "LSODA", t, rtol=1e-8, atol=1e-10, max_step=0.02)
+    y = run.y[0] + 1e-4 * np.random.default_rng(4).standard_normal(t.size)
+    found = free_decay(t, y, 0.0, True, True, "x")
+    assert 18.5 <= t[found.last] <= 20.1
+
+
+MODES = {12.0: 0.012, 25.0: 0.009, 37.0: 0.007}
+
+
+@pytest.mark.parametrize("mode", MODES)
+@pytest.mark.parametrize(("order", "half"), [(4, 0.2), (2, 0.1)])
+@pytest.mark.parametrize("at", [(1.0,), (0.8, 4.5)])
+def test_a_filtered_mode_is_one_decay(mode: float, order: int, half: float, at: tuple[float, ...]) -> None:
+    """Its damping within 5 % of the truth, in the middle of the record; it begins after the hit."""
+    raw = hits(5, MODES, at, 0.003, until=8.0)
+    band = [mode * (1 - half), mode * (1 + half)]
+    sos = butter(order, band, "bandpass", fs=RATE, output="sos")
+    signal = clean(RawRecord(raw.t, sosfiltfilt(sos, raw.y)), name="x")
+    assert no_free_decay(signal) is None
+    assert min(abs(signal.provenance.start - begin) for begin in at) < 1.2
+    assert any(signal.provenance.start >= begin for begin in at)
+    middle = first_words(signal).damping[1]
+    assert middle.ratio == pytest.approx(MODES[mode], rel=0.05)
+
+
+def test_two_modes_are_still_two() -> None:
+    """Negative control: both are seen all along."""
+    raw = hits(6, {12.0: 0.004, 15.5: 0.005}, (0.0,), 0.003)
+    found = no_free_decay(clean(raw, name="x"))
+    assert found is not None
+    assert [mode.frequency for mode in found.modes] == pytest.approx([12.0, 15.5], rel=0.01)
+
+
+def test_what_falls_thirty_fold_is_not_kept_in_motion() -> None:
+    """A mode that dies out in a third of the record beside one that falls by a factor of 30."""
+    t = np.arange(0, 20, 1 / 100)
+    slow, fast = np.exp(-0.17 * t) * np.cos(12.6 * t), 0.4 * np.exp(-2.0 * t) * np.cos(15.5 * t)
+    y = slow + fast + 1e-3 * np.random.default_rng(7).standard_normal(t.size)
+    found = no_free_decay(clean(RawRecord(t, y), name="x"))
+    assert found is None or found.motion is None or found.motion.value != "driven"
+
+
+def test_a_structure_is_not_answered_from_its_tail() -> None:
+    """Of five modes that are close in frequency and damping no piece is one decay; one of them alone is."""
+    modes = {75.2: 0.0141, 80.1: 0.0148, 81.2: 0.0093, 84.0: 0.012, 112.3: 0.0149}
+    with pytest.raises(InputError, match=r"are not the decay of one oscillation.* band-pass"):
+        clean(hits(8, modes, (0.5,), 0.001), name="x")
+    assert clean(hits(8, {75.2: 0.0141}, (0.5,), 0.001), name="x").provenance.start == pytest.approx(
+        0.5, abs=0.05
+    )
