@@ -129,7 +129,8 @@ def _modes(verdict: Verdict) -> Table:
 def _overview(found: Sequence[Answer]) -> Table:
     """A line a record, their damping ratios at one amplitude where all pass one."""
     shared, names = common_amplitude(found), short_names([a.signal for a in found])
-    unit = found[0].verdict.damping_ratio[0].unit if shared is not None else ""
+    ratios = [ratio_of(a, shared) for a in found]
+    unit = next((ratio.unit for ratio in ratios if ratio), "")
     at = (
         f"damping ratio at {shared:.2g} {unit} (95 %)"
         if shared is not None
@@ -138,8 +139,8 @@ def _overview(found: Sequence[Answer]) -> Table:
     table = Table(box=SIMPLE, pad_edge=False, padding=(0, 1, 0, 0))
     for title, least in (("record", 6), ("damping", 12), ("probability", 11), ("frequency", 9), (at, 24)):
         table.add_column(title, min_width=least, overflow="fold")
-    for a in found:
-        v, ratio = a.verdict, ratio_of(a, shared)
+    for a, ratio in zip(found, ratios, strict=True):
+        v = a.verdict
         size = with_interval(ratio.value, ratio.low, ratio.high, " %", 100) if ratio else words.NONE
         table.add_row(
             names[a.signal],

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import contextlib
-import io
 import stat
+import threading
 import warnings
 from collections import Counter
 from collections.abc import Iterator, Sequence
@@ -28,6 +28,8 @@ LONGEST = 280
 LISTED = 5000
 """Names of a folder that are looked through for what was meant."""
 FALLBACK = "text"
+_ONE_AT_A_TIME = threading.Lock()
+"""Filters of warnings belong to the process: threads that change them at once would leave each other's behind."""
 _OPEN = "a text table, .mat, .npy, .npz, .uff, .tdms, .lvm, .wav, .h5, .parquet, .xlsx or .json file"
 
 
@@ -60,7 +62,7 @@ def read_here(path: Path) -> Contents:
     """What a file holds, read in this process whatever its reader. Raises InputError as `contents` does."""
     try:
         reader = reader_of(path)
-        with _border(reader), warnings.catch_warnings(), contextlib.redirect_stdout(io.StringIO()):
+        with _border(reader), _ONE_AT_A_TIME, warnings.catch_warnings():
             warnings.simplefilter("ignore")
             found = reader.read(path)
     except InputError as error:
