@@ -29,19 +29,19 @@ def named(damping: str) -> str:
     return " + ".join(words_of(term) for term in damping.split("+"))
 
 
-FIXED, SMALL = 8, 1e-3
-"""Places up to which a number of any size is written without an exponent, and size from which on it always is."""
+FIXED, SMALL, LARGE = 8, 1e-3, 1e6
+"""Places up to which a small number is written without an exponent; what small is, and the size from which a number may
+have an exponent."""
 
 
 def digits(value: float, width: float) -> str:
     """A value with as many digits as its interval's width allows."""
     if not width > 0 or value == 0:
         return f"{value:.3g}"
-    places = max(0, 1 - floor(log10(width)))
-    if abs(value) >= 1e6:
-        return f"{value:.3g}"
-    if places > FIXED and abs(value) < SMALL:
+    places = 1 - floor(log10(width))
+    if abs(value) >= LARGE or (places > FIXED and abs(value) < SMALL):
         return f"{value:.{min(max(places + floor(log10(abs(value))) + 1, 1), 15)}g}"
+    places = max(0, places)
     return f"{value:.{min(places, 15)}f}"
 
 

@@ -21,6 +21,8 @@ AVERAGED = 2e-3
 """Relative error of a slope of amplitudes that are averages over a swing."""
 HUBER = 1.5
 """Standard deviations from which an amplitude counts less."""
+MOST_DECIMALS = 9
+"""Decimal places of a frequency in Hz beyond which it is written with an exponent."""
 TWO_SIDED = 1.96
 """Standard deviations of a 95 % interval."""
 
@@ -236,7 +238,11 @@ def _hertz(frequency: float, half: float) -> str:
     """A frequency in Hz, as many digits as half its interval allows; about what it is where that has no end."""
     if not half < frequency:
         return f"about {frequency:.2g} Hz"
-    decimals = int(np.clip(1 - np.floor(np.log10(max(half, 1e-9 * frequency))), 0, 9))
+    half = max(half, 1e-9 * frequency)
+    decimals = max(1 - int(np.floor(np.log10(half))), 0)
+    if decimals > MOST_DECIMALS:
+        digits = decimals + 1 + int(np.floor(np.log10(frequency)))
+        return f"{frequency:.{digits}g} ± {half:.2g} Hz"
     return f"{frequency:.{decimals}f} ± {half:.{decimals}f} Hz"
 
 

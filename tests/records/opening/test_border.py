@@ -11,8 +11,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bayesdamp.records.opening.opening import contents
 from bayesdamp.records.files.contents import Contents
+from bayesdamp.records.opening.opening import contents
 from bayesdamp.records.readers.numpy_arrays import NumpyReader
 from bayesdamp.types import InputError
 
@@ -65,7 +65,9 @@ def test_threads_that_read_leave_output_and_warnings_of_the_program_alone(
     before, read = (sys.stdout, list(warnings.filters)), NumpyReader.read
 
     def slow(self: NumpyReader, path: Path) -> Contents:
-        warnings.warn("of no interest", stacklevel=1)  # an error in tests, where the reader's filter is not in force
+        warnings.warn(
+            "of no interest", stacklevel=1
+        )  # an error in tests, where the reader's filter is not in force
         time.sleep(0.01 if path.stem == "0" else 0.002)
         return read(self, path)
 
