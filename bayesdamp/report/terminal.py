@@ -97,9 +97,7 @@ def conclude(folder: Path, console: Console) -> None:
         if signal not in said:
             console.print()
             console.print(Text(f"{signal}: {_why(run, signal)}"), soft_wrap=True)
-        for warning in run.provenance(signal).warnings:
-            whose = f"{signal}: " if len(run.signals) > 1 else ""
-            console.print(Text(f"Beware: {whose}{warning}"), soft_wrap=True)
+        _beware(run, signal, console)
         confirmed = confirmation(run, signal)
         if confirmed:
             whose = f"{signal}: " if len(run.signals) > 1 else ""
@@ -108,6 +106,19 @@ def conclude(folder: Path, console: Console) -> None:
         console.print()
         console.print(Text(text), soft_wrap=True)
     console.print(str(folder / "report.html"), soft_wrap=True, highlight=False)
+
+
+def beware(folder: Path, console: Console) -> None:
+    """Print what one has to know of the records of a run."""
+    run = Run(folder)
+    for signal in run.signals:
+        _beware(run, signal, console)
+
+
+def _beware(run: Run, signal: str, console: Console) -> None:
+    whose = f"{signal}: " if len(run.signals) > 1 else ""
+    for warning in run.provenance(signal).warnings:
+        console.print(Text(f"Beware: {whose}{warning}"), soft_wrap=True)
 
 
 def _why(run: Run, signal: str) -> str:
