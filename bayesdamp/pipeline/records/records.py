@@ -31,6 +31,7 @@ from bayesdamp.store.contents.records import FeaturesSeen, RecordContent, Scales
 from bayesdamp.types import OK, InputError, Problem, Refusal, Signal
 from bayesdamp.units import UNITS
 from bayesdamp.verdict.units import in_unit
+from bayesdamp.verdict.words import seen_instead
 
 NO_NOISE = 1e-6
 """Noise below this share of the amplitude is none: a likelihood has nothing to weigh by."""
@@ -176,9 +177,9 @@ class SignalCell:
         """What a measured record shows in place of the free decay of one oscillator, in words; nothing where it may be
         one."""
         other = no_free_decay(signal) if isinstance(self.spec.source, Recording) else None
-        if other is None:
+        if other is None or other.motion is None:
             return ()
-        return (in_unit(other, UNITS[self.spec.source.unit]).sentence.partition(": ")[2].rstrip("."),)
+        return (seen_instead(in_unit(other, UNITS[self.spec.source.unit]), other.motion),)
 
     def _bound(self, signal: Signal) -> dict[str, float]:
         """The Cramér–Rao bound of a simulated record with white noise: sd by parameter; else nothing.
