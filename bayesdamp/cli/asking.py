@@ -12,8 +12,9 @@ from typing import TYPE_CHECKING, Self
 from bayesdamp.cli.options import bound, wrong
 from bayesdamp.records.cleaning.decimate import decimated
 from bayesdamp.records.files.named_units import SECONDS, unit_written
-from bayesdamp.records.findings import Finding, Kind, findings
-from bayesdamp.records.read import FASTEST, SLOWEST, read_records
+from bayesdamp.records.findings import QUESTIONS, Finding, Kind, findings
+from bayesdamp.records.opening.opening import read_each
+from bayesdamp.records.read import FASTEST, FROM_FIRST, SLOWEST, read_records
 from bayesdamp.records.record import RawRecord
 from bayesdamp.records.stated_columns import read_as
 from bayesdamp.records.wrapped import unwrapped
@@ -166,6 +167,7 @@ def first_words_on(found: Sequence[Found], options: Options) -> list[str]:
     the free decay of one oscillator; none where nothing swings. Then of each file whose unit nobody states, which is
     taken."""
     from bayesdamp.pipeline.not_one import no_free_decay
+    from bayesdamp.records.decay.window import other_decays
     from bayesdamp.records.oscillation.first_look import first_words  # imports slowly
     from bayesdamp.verdict.units import in_unit
 
@@ -183,42 +185,70 @@ def first_words_on(found: Sequence[Found], options: Options) -> list[str]:
                     continue
                 first = first_words(seen.signal).in_unit(UNITS[one.unit])
                 said.append(f"{whose}: {first.sentence()}")
+                about = seen.signal.provenance
+                others = other_decays(about.pieces, about.start, about.start + float(seen.signal.t[-1]))
+                said += [f"{whose}: {others}"] if others else []
         elif one.raw.y.min() >= 0:
             said.append(f"{one.path.name}: {MAYBE_ENVELOPE}")
     taken = "No unit is stated: an angle in rad is taken; --unit m (mm, deg) says another."
     return [*said, *(f"{name}: {taken}" for name in unstated)]
 
 
-def chosen_records(paths: Sequence[Path], options: Options) -> tuple[list[Found], list[str], list[str]]:
-    """(the records of files, what is doubted, how they were read). Raises InputError.
+@dataclass(frozen=True)
+class Chosen:
+    """The records of files, what is doubted about them, how they were read, and what is wrong with other files."""
+
+    records: list[Found]
+    doubted: list[str]
+    said: list[str]
+    failed: list[InputError]
+
+
+def chosen_records(paths: Sequence[Path], options: Options, *, every: bool = False) -> Chosen:
+    """Choose the records of files. every: whether every file must have one.
 
     Of several records in a file that were not asked for one by one, those without a free decay are left out, and said.
+    Raises InputError where no file has a record, or one has none and every file must.
     """
-    records: list[Found] = []
+    several = len(paths) > 1
+    found, failed = read_each(paths, lambda path: _chosen(path, options, several))
+    if every and failed:
+        raise failed[0]
+    return Chosen(*([one for part in parts for one in part] for parts in zip(*found, strict=True)), failed)
+
+
+def _chosen(path: Path, options: Options, cleaned: bool) -> tuple[list[Found], list[str], list[str]]:
+    """(the records of a file, what is doubted, how they were read). cleaned: whether the free decay in it is looked for
+    already now. Raises InputError."""
     said: list[str] = []
-    doubted: list[str] = []
-    for path in paths:
-        all_of_it = options.runs is None and not options.channels and options.angle is None
-        found = found_records(path, options, cleaned=False)
-        several = len(found) > 1
-        if several and all_of_it:
-            tried = found_records(path, options)
-            found = [one for one in tried if one.signal is not None]
-            said += [
-                f"{path.name}: {one.label} is left out: {one.refusal}" for one in tried if one.signal is None
-            ]
-            if not found:
-                raise InputError(
-                    f"{path.name}: none of its {len(tried)} records is a free decay: {tried[0].refusal}"
-                )
-        if several:
-            said.append(f"{path.name}: {len(found)} records: {_labels(found)}")
-        if found[0].choice:
-            said.append(f"{path.name}: {found[0].choice}")
-        said += doubts(path, found, (Kind.CONSTANT,))
-        doubted += doubts(path, found, [kind for kind in Kind if kind is not Kind.CONSTANT])
-        records += [replace(one, several=several) for one in found]
-    return records, doubted, said
+    all_of_it = options.runs is None and not options.channels and options.angle is None
+    found = found_records(path, options, cleaned=cleaned)
+    several = len(found) > 1
+    if several and all_of_it:
+        tried = found if cleaned else found_records(path, options)
+        found = [one for one in tried if one.signal is not None]
+        said += [
+            f"{path.name}: {one.label} is left out: {one.refusal}" for one in tried if one.signal is None
+        ]
+        if not found:
+            raise InputError(
+                f"{path.name}: none of its {len(tried)} records is a free decay: {tried[0].refusal}"
+            )
+    for one in found:
+        if one.refusal:
+            raise InputError(one.refusal)
+        for finding in one.findings:
+            if finding.kind in QUESTIONS:
+                raise InputError(f"{path.name}: {finding}")
+    if several:
+        said.append(f"{path.name}: {len(found)} records: {_labels(found)}")
+    if found[0].choice:
+        said.append(f"{path.name}: {found[0].choice}")
+    if found[0].raw.began:
+        said.append(f"{path.name}: {FROM_FIRST} ({found[0].raw.began:.15g} s).")
+    said += doubts(path, found, (Kind.CONSTANT,))
+    doubted = doubts(path, found, [kind for kind in Kind if kind is not Kind.CONSTANT])
+    return [replace(one, several=several) for one in found], doubted, said
 
 
 def _unstated(one: Found, options: Options) -> bool:

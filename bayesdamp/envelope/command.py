@@ -27,6 +27,7 @@ from bayesdamp.machine.threads import cores
 from bayesdamp.odds import FURTHER_TERM
 from bayesdamp.plugins import use
 from bayesdamp.priors import SHARED_SCALES
+from bayesdamp.records.opening.opening import read_each
 from bayesdamp.store.cells import Store
 from bayesdamp.store.files import write_bytes
 from bayesdamp.types import InputError, Refusal
@@ -85,26 +86,28 @@ def compare_envelopes(
     seed: int = 0,
     workers: int | None = None,
     fresh: bool = False,
-) -> int:
+) -> list[InputError]:
     """Say the damping of each record in a sentence; write verdicts.csv, verdict.json, report.html and a picture each.
+    What is wrong with files that could not be read is returned.
 
     folder: the run's folder from the name it has by default and the options that make its question; say: prints a line.
     start, stop: of the decay in s, or "auto". damping, plugins: see `asked`. workers: processes, None for as many as
     cores. fresh: also what the folder has the answer of already. All records are read before anything is written.
-    Raises InputError, also while another process writes into the folder.
+    Raises InputError where no file can be read, and while another process writes into the folder.
     """
-    if repeats and len(paths) < 2:
-        raise InputError("--repeats: there is one record; give two or more of one specimen")
     if frequency is not None and not 0 < frequency < float("inf"):
         raise InputError(f"--frequency {frequency:g}: must be positive, in Hz")
     laws = asked(damping, plugins)  # before the files, which plug-ins may read
-    records = [
-        read_envelope(path, time=time, value=value, rate=rate, unit=unit, frequency=frequency)
-        for path in paths
-    ]
-    for record in records:
+
+    def task_of(path: Path) -> tuple[Path, EnvelopeRecord, Window | None]:
+        record = read_envelope(path, time=time, value=value, rate=rate, unit=unit, frequency=frequency)
         laws.of(record)
-    windows = [_window(record, start, stop) for record in records]
+        return path, record, _window(record, start, stop)
+
+    readable, failed = read_each(paths, task_of)
+    paths, records, windows = zip(*readable, strict=True)
+    if repeats and len(paths) < 2:
+        raise InputError("--repeats: there is one record; give two or more of one specimen")
     keys = _keys(paths)
     options = {
         "time": time, "value": value, "rate": rate, "unit": unit, "frequency": frequency, "start": start,
@@ -130,7 +133,7 @@ def compare_envelopes(
         write_bytes(out / VERDICTS, verdict_json(found, common))
         write_about(out, paths, options, keys, (*laws.settings(), *SETTINGS))
         say(str(make_page(out)))
-    return 0
+    return failed
 
 
 def _answers(store: Store, tasks: Sequence[Task], workers: int) -> Iterator[EnvelopeResult]:

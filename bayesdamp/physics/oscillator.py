@@ -118,13 +118,13 @@ class Oscillator:
         known = {name: float(p[name]) for name in self.law.parameters}
         return float(np.sqrt(restoring_force(self.restoring, np.array([at]), known)[1][0]))
 
-    def rough_frequency(self, p: Parameters, near: float = 0.0) -> float:
+    def rough_frequency(self, p: Parameters, near: float = 0.0, reach: float = REACH) -> float:
         """The same to some per mille, rad/s, without a compiled program where the law has a `kernel`: for limits alone.
-        Raises ValueError as `equilibrium` does."""
+        Raises ValueError as `equilibrium` does, where there is none within reach."""
         if self.law.kernel is RestoringLaw.kernel:
             return self.natural_frequency(p, near)
         force = by_kernel(self.law.kernel, np.array([float(p[name]) for name in self.law.parameters]))
-        ends = bracket(force, near, REACH, POINTS)
+        ends = bracket(force, near, reach, POINTS)
         if ends is None:
             raise no_rest(self.restoring, near)
         return frequency_over(force, *ends)

@@ -20,13 +20,15 @@ from bayesdamp.pipeline.jobs import Depth, Job, jobs_of, side_by_side, stages, w
 from bayesdamp.pipeline.keys import digest
 from bayesdamp.pipeline.not_one import no_free_decay
 from bayesdamp.pipeline.progress import REPORT, Step, planned, progress_on, step_of
-from bayesdamp.pipeline.records.answering import ANSWERED, SAMPLED, verdict_of
+from bayesdamp.pipeline.records.answering import ANSWERED, SAMPLED, answers, verdict_of
 from bayesdamp.pipeline.records.records import signal_of
 from bayesdamp.pipeline.spread import KILLED, restart, spread
 from bayesdamp.pipeline.tables.tables import write_tables
 from bayesdamp.pipeline.tables.verdicts import write_verdicts
 from bayesdamp.pipeline.workers import cache_compilations, pool_of
 from bayesdamp.plugins import use
+from bayesdamp.records.oscillation.features import features
+from bayesdamp.records.reference import reference_of
 from bayesdamp.sources import package_digest
 from bayesdamp.store import CellResult, Store
 from bayesdamp.store.beside import no_room
@@ -88,6 +90,8 @@ def run_study(
                     if stage:
                         progress.begin(step_of(study, stage, _no_free_decays(study, store, stage)))
                     _run_jobs(study, store, stage, pool, lambda _: progress.advance())
+                    if stage and stage[0].part == "read" and not answers(study):
+                        _tell(study, store, answered)
                     if stage and stage[0].part in (ANSWERED, SAMPLED):
                         current = Store(out, _current(study, store))
                         _tell(study, current, answered)
@@ -119,7 +123,8 @@ def _is_none(verdict: Verdict | None) -> bool:
 
 
 def read_records(study: Study) -> None:
-    """Read every file once, so that a wrong one is told before anything is written. Raises InputError."""
+    """Read every file once, and what is known of its system, so that what is wrong is told before anything is written.
+    Raises InputError."""
     from bayesdamp.pipeline.records.recorded import cleaned, of_file
 
     for spec in study.signals:
@@ -127,9 +132,14 @@ def read_records(study: Study) -> None:
         if not isinstance(source, Recording):
             continue
         try:
-            cleaned(source, spec.name)
+            _, signal = cleaned(source, spec.name)
         except InputError as error:
             raise of_file(error, source) from None
+        try:
+            for system in (spec.system, *spec.alternatives):
+                reference_of(system, features(signal))
+        except InputError as error:
+            raise InputError(error.what, f"signal[{spec.name}].system") from None
 
 
 def _run_job(
@@ -179,8 +189,14 @@ def _done(store: Store, name: str, key: str) -> bool:
 
 
 def _tell(study: Study, store: Store, answered: Callable[[Verdict], None] | None) -> None:
+    """Tell the verdict on each record; of a study that asks for none, on measured records that are no free decay."""
     for spec in study.signals if answered else ():
-        verdict = verdict_of(store, spec.name, 0)
+        if answers(study):
+            verdict = verdict_of(store, spec.name, 0)
+        elif isinstance(spec.source, Recording):
+            verdict = no_free_decay(signal_of(store.read(f"signal/{spec.name}/0")))
+        else:
+            verdict = None
         if answered and verdict is not None:
             answered(verdict)
 

@@ -59,6 +59,10 @@ class Kind(Enum):
     CONSTANT = "columns that do not change"
 
 
+QUESTIONS = (Kind.TIME_UNIT, Kind.SAMPLE_NUMBERS)
+"""Doubts without whose answer nothing is computed: by the times a frequency is right, or wrong a thousandfold."""
+
+
 @dataclass(frozen=True)
 class Finding:
     """A doubt: a sentence for the user, and the option that mends it as it is typed."""
@@ -86,6 +90,12 @@ def findings(raw: RawRecord, unit: str, quantity: str, given: bool = False) -> t
         _constant(raw),
     )
     return tuple(doubt for doubt in doubts if doubt is not None)
+
+
+def question(raw: RawRecord, unit: str, quantity: str) -> Finding | None:
+    """The first finding on a record that has to be answered before it is computed with; None where there is none."""
+    found = findings(raw, unit, quantity, True) if unit in UNITS else ()
+    return next((doubt for doubt in found if doubt.kind in QUESTIONS), None)
 
 
 def _turns(raw: RawRecord, unit: str, quantity: str, given: bool) -> Finding | None:
@@ -138,7 +148,7 @@ def _times(raw: RawRecord, seen: Swing) -> Finding | None:
         sentence = (
             f"its times are {raw.t[0]:.0f}, {raw.t[1]:.0f}, {raw.t[2]:.0f}, ...: are they numbers of samples?"
         )
-        return Finding(Kind.SAMPLE_NUMBERS, sentence, "--rate HZ")
+        return Finding(Kind.SAMPLE_NUMBERS, sentence, "--rate HZ, or --time-unit s if they are seconds")
     unknown = _BRACKETS.search(raw.provenance.time_column)
     if unknown is not None and unknown[1].lower() not in _NO_UNITS:
         sentence = f"the unit of its times, {unknown[1]!r}, is not known; they are read as s"

@@ -27,6 +27,11 @@ SLOWEST, FASTEST = 1e-9, 1e12
 DATED = 1e4
 """Numbers of days from which on they are dates, and their first midnight is 0 s (conventional)."""
 
+EPOCH = 1e8
+"""Times in s, some three years, from which on they count from an epoch such as 1970 (conventional)."""
+FROM_FIRST = "Times are counted from the first sample"
+"""What is said of such times."""
+
 _MEND = "mend it or leave the row out"
 """Of a cell that holds no number, whatever it says: NA, null and --- are no more than nan is."""
 
@@ -124,6 +129,11 @@ def _record(found: Contents, chosen: Series, path: Path, time_unit: str | None, 
         raise InputError(what, arguments=["rate"])
     if rate is not None and value.start and value.rate == rate:
         t, rate = value.start + np.arange(y.size) / rate, None
+    began = 0.0
+    if t is not None and t[0] >= EPOCH:
+        began = float(t[0])
+        t = t - began
+        notes.append(f"{FROM_FIRST} ({began:.15g} s).")
     unit, quantity = unit_said(value)
     if not unit and (said := said_unit(_facts_of(value, time, found))):
         written = unit_written(said)
@@ -160,6 +170,7 @@ def _record(found: Contents, chosen: Series, path: Path, time_unit: str | None, 
         repeat=bool(run or chosen.run),
         choice=chosen.choice,
         why=chosen.why,
+        began=began,
         own_rate=None if chosen.aside is None else _rate_of(chosen.aside, time_unit),
     )
 

@@ -25,7 +25,8 @@ class RawRecord:
     columns: what to ask for to get these columns again: (times or None, values), by name or number from 1.
     repeat: whether the file says that it is one of several runs of one thing. choice: of the file's columns, None where
     there was none. why: those of the notes that say where times and values are. own_rate: that of the file's own times
-    in Hz, where a rate was given in their place and they do not just count the samples.
+    in Hz, where a rate was given in their place and they do not just count the samples. began: the file's time in s of
+    the first sample, where it counts from an epoch and t from that sample; else 0.
     """
 
     t: np.ndarray | None
@@ -42,3 +43,4 @@ class RawRecord:
     choice: Choice | None = None
     why: tuple[str, ...] = ()
     own_rate: float | None = None
+    began: float = 0.0

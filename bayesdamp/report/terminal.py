@@ -97,9 +97,7 @@ def conclude(folder: Path, console: Console) -> None:
         if signal not in said:
             console.print()
             console.print(Text(f"{signal}: {_why(run, signal)}"), soft_wrap=True)
-        for warning in run.provenance(signal).warnings:
-            whose = f"{signal}: " if len(run.signals) > 1 else ""
-            console.print(Text(f"Beware: {whose}{warning}"), soft_wrap=True)
+        _beware(run, signal, console)
         confirmed = confirmation(run, signal)
         if confirmed:
             whose = f"{signal}: " if len(run.signals) > 1 else ""
@@ -108,6 +106,19 @@ def conclude(folder: Path, console: Console) -> None:
         console.print()
         console.print(Text(text), soft_wrap=True)
     console.print(str(folder / "report.html"), soft_wrap=True, highlight=False)
+
+
+def beware(folder: Path, console: Console) -> None:
+    """Print what one has to know of the records of a run."""
+    run = Run(folder)
+    for signal in run.signals:
+        _beware(run, signal, console)
+
+
+def _beware(run: Run, signal: str, console: Console) -> None:
+    whose = f"{signal}: " if len(run.signals) > 1 else ""
+    for warning in run.provenance(signal).warnings:
+        console.print(Text(f"Beware: {whose}{warning}"), soft_wrap=True)
 
 
 def _why(run: Run, signal: str) -> str:
@@ -129,7 +140,8 @@ def _modes(verdict: Verdict) -> Table:
 def _overview(found: Sequence[Answer]) -> Table:
     """A line a record, their damping ratios at one amplitude where all pass one."""
     shared, names = common_amplitude(found), short_names([a.signal for a in found])
-    unit = found[0].verdict.damping_ratio[0].unit if shared is not None else ""
+    ratios = [ratio_of(a, shared) for a in found]
+    unit = next((ratio.unit for ratio in ratios if ratio), "")
     at = (
         f"damping ratio at {shared:.2g} {unit} (95 %)"
         if shared is not None
@@ -138,8 +150,8 @@ def _overview(found: Sequence[Answer]) -> Table:
     table = Table(box=SIMPLE, pad_edge=False, padding=(0, 1, 0, 0))
     for title, least in (("record", 6), ("damping", 12), ("probability", 11), ("frequency", 9), (at, 24)):
         table.add_column(title, min_width=least, overflow="fold")
-    for a in found:
-        v, ratio = a.verdict, ratio_of(a, shared)
+    for a, ratio in zip(found, ratios, strict=True):
+        v = a.verdict
         size = with_interval(ratio.value, ratio.low, ratio.high, " %", 100) if ratio else words.NONE
         table.add_row(
             names[a.signal],

@@ -29,19 +29,19 @@ def named(damping: str) -> str:
     return " + ".join(words_of(term) for term in damping.split("+"))
 
 
-FIXED, SMALL = 8, 1e-3
-"""Places up to which a number of any size is written without an exponent, and size from which on it always is."""
+FIXED, SMALL, LARGE = 8, 1e-3, 1e6
+"""Places up to which a small number is written without an exponent; what small is, and the size from which a number may
+have an exponent."""
 
 
 def digits(value: float, width: float) -> str:
     """A value with as many digits as its interval's width allows."""
     if not width > 0 or value == 0:
         return f"{value:.3g}"
-    places = max(0, 1 - floor(log10(width)))
-    if abs(value) >= 1e6:
-        return f"{value:.3g}"
-    if places > FIXED and abs(value) < SMALL:
+    places = 1 - floor(log10(width))
+    if abs(value) >= LARGE or (places > FIXED and abs(value) < SMALL):
         return f"{value:.{min(max(places + floor(log10(abs(value))) + 1, 1), 15)}g}"
+    places = max(0, places)
     return f"{value:.{min(places, 15)}f}"
 
 
@@ -173,30 +173,36 @@ def extrapolated(natural: Interval, at: FrequencyAt) -> bool:
 
 
 def _no_free_decay(v: Verdict, motion: Motion) -> str:
+    said = seen_instead(v, motion)
+    if motion is Motion.STEADY:
+        return f"{_first(said)}."
+    return f"Not the free decay of one oscillator: {said}."
+
+
+def seen_instead(v: Verdict, motion: Motion) -> str:
     """What is seen in place of the free decay of one oscillator, and how large it is."""
-    lead = "Not the free decay of one oscillator:"
     one = v.modes[0]
     if motion is Motion.STEADY:
         return _no_decay(one, v)
     if motion is Motion.EXCITED:
         f, span = f"{one.frequency:.3g} Hz", f"{one.first:.2g} and {one.last:.2g} {one.unit}"
         return (
-            f"{lead} at {f} its amplitude rises and falls again and again, between {span}, as random forces would have "
-            "it. Its damping takes a record in which nothing excites it, or a method for ambient vibration."
+            f"at {f} its amplitude rises and falls again and again, between {span}, as random forces would have "
+            "it. Its damping takes a record in which nothing excites it, or a method for ambient vibration"
         )
     if motion is Motion.GROWING:
-        return f"{lead} its oscillation at {_mode(one)} grows, from {one.first:.2g} to {one.last:.2g} {one.unit}."
+        return f"its oscillation at {_mode(one)} grows, from {one.first:.2g} to {one.last:.2g} {one.unit}"
     other = v.modes[1]
     share = f"{100 * max(other.first, other.last) / max(one.first, one.last):.2g} %"
     if motion is Motion.DRIVEN:
         kept, falls = sorted((one, other), key=lambda m: abs(m.damping_ratio))
         return (
-            f"{lead} something keeps it in motion at {digits(kept.frequency, _slack(kept))} Hz with an amplitude of "
-            f"{kept.last:.2g} {kept.unit}, beside what decays at {_mode(falls)}."
+            f"something keeps it in motion at {digits(kept.frequency, _slack(kept))} Hz with an amplitude of "
+            f"{kept.last:.2g} {kept.unit}, beside what decays at {_mode(falls)}"
         )
     what = "two oscillations beat" if motion is Motion.BEATS else "two modes are in it"
     second = f"the second with {share} of the amplitude of the first"
-    return f"{lead} {what}, at {_mode(one)} and at {_mode(other)}, {second}."
+    return f"{what}, at {_mode(one)} and at {_mode(other)}, {second}"
 
 
 def _no_decay(one: Mode, v: Verdict) -> str:
@@ -204,9 +210,9 @@ def _no_decay(one: Mode, v: Verdict) -> str:
     limit = max(one.damping_ratio, 0.0) + 0.5 * (one.high - one.low)
     cycles = f" over {v.window.cycles:.0f} cycles" if v.window else ""
     return (
-        f"No decay is seen: it oscillates at {digits(one.frequency, _slack(one))} Hz with an amplitude of "
+        f"no decay is seen: it oscillates at {digits(one.frequency, _slack(one))} Hz with an amplitude of "
         f"{one.first:.3g} {one.unit} that stays{cycles}. Something keeps it in motion, or its damping ratio is below "
-        f"{100 * limit:.2g} % (95 %), Q above {float(f'{0.5 / limit:.2g}'):,.0f}."
+        f"{100 * limit:.2g} % (95 %), Q above {float(f'{0.5 / limit:.2g}'):,.0f}"
     )
 
 

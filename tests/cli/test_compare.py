@@ -86,6 +86,38 @@ def test_a_wrong_option_is_one_line_and_nothing_is_written(tmp_path, capsys, opt
     assert not (tmp_path / "out").exists()
 
 
+def test_one_bad_file_of_several_is_named_and_the_others_are_answered(tmp_path, capsys, monkeypatch) -> None:
+    """Negative control: without the bad one nothing has failed."""
+    good, bad = [write(tmp_path / name) for name in ("a.csv", "c.csv")], tmp_path / "b.csv"
+    lines = good[0].read_text().splitlines()
+    bad.write_text("\n".join([*lines[:100], "1.98,nan", *lines[101:]]))
+    asked_for = []
+
+    def run(study, folder, **_) -> int:
+        asked_for.append([signal.name for signal in study.signals])
+        return 0
+
+    monkeypatch.setattr("bayesdamp.pipeline.run_study", run)
+    monkeypatch.setattr("bayesdamp.report.terminal.conclude", lambda *_: None)
+    words = [
+        str(good[0]),
+        str(bad),
+        str(good[1]),
+        "--quick",
+        "--workers",
+        "1",
+        "--out",
+        str(tmp_path / "out"),
+    ]
+    assert main(["compare", *words]) == 3
+    said = capsys.readouterr().err.splitlines()
+    assert said[-1].startswith("failed: b.csv: line 101: the value is nan")
+    assert sum("b.csv" in line for line in said) == 1
+    assert main(["compare", *(word for word in words if word != str(bad))]) == 0
+    assert asked_for == [["a", "c"], ["a", "c"]]
+    assert "failed" not in capsys.readouterr().err
+
+
 def test_two_questions_share_no_folder_that_nobody_chose(tmp_path, monkeypatch) -> None:
     monkeypatch.chdir(tmp_path)
     asked_for = [Asked(write(tmp_path / "a.csv"), "t", "angle")]

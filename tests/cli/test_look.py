@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import re
 import tomllib
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+import bayesdamp
 from bayesdamp.cli import main
 from bayesdamp.cli.asking import Options, as_signals, chosen_records, first_words_on
 from bayesdamp.cli.looking.plot import dots, plot
@@ -15,6 +17,7 @@ from bayesdamp.cli.study_file import written
 from bayesdamp.config import Recording, load_study
 from bayesdamp.config.compare import comparison
 from bayesdamp.pipeline.records.recorded import recorded
+from bayesdamp.types import InputError
 
 T = np.arange(600) / 50
 Y = 0.3 * np.exp(-0.1 * T) * np.cos(6 * T)
@@ -105,9 +108,79 @@ def test_the_first_words_on_what_is_no_free_decay(tmp_path) -> None:
     y = np.exp(-0.05 * t) * (np.sin(14 * t) + 0.6 * np.sin(16 * t))
     rows = [f"{a:.3f},{b:.5f}" for a, b in zip(t, y, strict=True)]
     (tmp_path / "a.csv").write_text("\n".join(["t,x (mm)", *rows]), encoding="utf-8")
-    found, *_ = chosen_records([tmp_path / "a.csv"], Options())
+    found = chosen_records([tmp_path / "a.csv"], Options()).records
     (said,) = first_words_on(found, Options())
     assert said.startswith("a.csv: Not the free decay of one oscillator: two oscillations beat, at 2.228")
+
+
+@pytest.mark.parametrize(
+    ("head", "times", "said"),
+    [
+        ("t", 1e6 * T, "are they in us? (--time-unit us, or s if they are)"),
+        ("t", np.arange(T.size), "are they numbers of samples? (--rate HZ, or --time-unit s if they are seconds)"),
+        ("date", 45000 + T / 86400, "do they count days? (--time-unit d, or s if they are)"),
+        ("t (fortnights)", T, "'fortnights', is not known"),
+    ],
+)  # fmt: skip
+def test_times_in_an_unlikely_unit_are_asked_about_and_not_computed_with(
+    tmp_path, head: str, times: np.ndarray, said: str
+) -> None:
+    path = tmp_path / "a.csv"
+    path.write_text("\n".join([f"{head},angle", *(f"{t},{y}" for t, y in zip(times.tolist(), Y.tolist()))]))
+    with pytest.raises(InputError, match=re.escape(said)):
+        chosen_records([path], Options())
+    with pytest.raises(InputError, match=r"time_unit="):
+        bayesdamp.read(path)
+    with pytest.raises(InputError, match=r"\(time_unit or rate in its \[\[signal\]\]\)"):
+        recorded(Recording(path.name, path, 2, 1))
+    assert chosen_records([path], Options(time_unit="s")).records
+    assert bayesdamp.read(path, time_unit="s").raw[0].t is not None
+    assert recorded(Recording(path.name, path, 2, 1, time_unit="s")).t is not None
+
+
+@pytest.mark.parametrize("period", [1e-9, 44712.0, 2e6])
+def test_a_fast_or_slow_record_whose_unit_is_said_is_answered(tmp_path, period: float) -> None:
+    """A resonator, a tide, a lake: the same motion, in other units of time."""
+    t = period / 40 * np.arange(600)
+    y = 0.3 * np.exp(-0.1 * t / period) * np.cos(2 * np.pi * t / period)
+    (tmp_path / "a.csv").write_text("\n".join(["t (s),x (m)", *(f"{a},{b}" for a, b in zip(t, y))]))
+    found = chosen_records([tmp_path / "a.csv"], Options()).records
+    (said,) = first_words_on(found, Options())
+    frequency, half = re.findall(r"at ([\d.e+-]+) ± ([\d.e+-]+) Hz", said)[0]
+    assert 0 < float(half) < 1e-3 / period
+    assert float(frequency) == pytest.approx(1 / period, rel=1e-3)
+
+
+def test_stamps_since_an_epoch_count_from_the_first_sample_and_every_release_is_listed(tmp_path) -> None:
+    t = np.arange(1600) / 20
+    y = np.exp(-0.05 * (t % 40)) * np.cos(3 * (t % 40)) + 1e-3 * np.sin(77 * t)
+    rows = [f"{1700000000.25 + a:.2f},{b:.5f}" for a, b in zip(t, y, strict=True)]
+    (tmp_path / "a.csv").write_text("\n".join(["stamp (s),x (mm)", *rows]), encoding="utf-8")
+    chosen = chosen_records([tmp_path / "a.csv"], Options())
+    assert "a.csv: Times are counted from the first sample (1700000000.25 s)." in chosen.said
+    first, others = first_words_on(chosen.records, Options())
+    spans = [tuple(map(float, re.findall(r"([\d.]+) to ([\d.]+) s", text)[0])) for text in (first, others)]
+    assert others.startswith("a.csv: Another free decay is in the record and not used: ")
+    early, late = sorted(spans)
+    assert 0 <= early[0] < 5 < 30 < early[1] <= late[0] < 45 < 70 < late[1] < 80
+    later = chosen_records([tmp_path / "a.csv"], Options(start=41.0)).records
+    assert float(re.findall(r"\(([\d.]+) to", first_words_on(later, Options(start=41.0))[0])[0]) >= 41
+
+
+def test_one_bad_file_of_several_costs_its_own_record(tmp_path) -> None:
+    rows = [f"{a},{b}" for a, b in zip(T.tolist(), Y.tolist())]
+    still = [f"{a},{1e-3 * b}" for a, b in zip(T, np.random.default_rng(1).normal(size=T.size))]
+    for name, lines in (("a", rows), ("b", [*rows[:50], "1.0,nan", *rows[51:]]), ("c", rows), ("d", still)):
+        (tmp_path / f"{name}.csv").write_text("\n".join(["t (s),x (rad)", *lines]), encoding="utf-8")
+    paths = [tmp_path / f"{name}.csv" for name in "abcde"]
+    chosen = chosen_records(paths, Options())
+    assert [one.path.name for one in chosen.records] == ["a.csv", "c.csv"]
+    assert [str(error)[:6] for error in chosen.failed] == ["b.csv:", "d.csv:", "e.csv:"]
+    assert "line 52: the value is nan" in str(chosen.failed[0])
+    with pytest.raises(InputError, match=r"b\.csv: line 52"):
+        chosen_records(paths, Options(), every=True)
+    with pytest.raises(InputError, match=r"b\.csv: line 52"):
+        chosen_records([paths[1], paths[3]], Options())
 
 
 def test_a_name_with_marks_of_html_stays_text(tmp_path) -> None:
@@ -160,7 +233,7 @@ def test_init_writes_a_study_that_checks_and_reads(tmp_path, capsys) -> None:
 def test_what_init_writes_is_what_compare_asks(tmp_path) -> None:
     file = runs(tmp_path / "rig.csv")
     assert main(["init", str(file), "--runs", "1,3"]) == 0
-    found, *_ = chosen_records([file], Options(runs="1,3"))
+    found = chosen_records([file], Options(runs="1,3")).records
     asked = comparison(as_signals(found, Options(runs="1,3")))
     written_ = load_study(tmp_path / "rig.toml")
     ours, theirs = asked.resolved(), written_.resolved()
@@ -178,7 +251,8 @@ def test_values_are_written_as_toml_reads_them(value: object) -> None:
 
 def test_compare_says_its_choice_and_takes_runs_for_repeats(tmp_path) -> None:
     file = runs(tmp_path / "rig.csv")
-    found, _, said = chosen_records([file], Options())
+    chosen = chosen_records([file], Options())
+    found, said = chosen.records, chosen.said
     assert [one.raw.run for one in found] == ["1", "3"]
     assert "rig.csv: run 2, Angle, left (deg) is left out" in said[0]
     assert said[1] == "rig.csv: 2 records: run 1, Angle, left (deg); run 3, Angle, left (deg)"
@@ -191,7 +265,7 @@ def test_compare_says_its_choice_and_takes_runs_for_repeats(tmp_path) -> None:
     study = comparison(as_signals(found, Options()))
     assert len({s.name for s in study.signals}) == 2
     assert len(study.specimens) == 1
-    alone, *_ = chosen_records([file], Options(runs="3"))
+    alone = chosen_records([file], Options(runs="3")).records
     assert not comparison(as_signals(alone, Options())).specimens
 
 
@@ -244,7 +318,7 @@ def test_a_unit_that_nobody_states_is_said(tmp_path: Path, head: str, unit: str 
     rows = np.column_stack([t, 0.05 * np.exp(-0.1 * t) * np.cos(8 * t)])
     np.savetxt(path, rows, delimiter=",", header=f"time,{head}", comments="")
     options = Options(unit=unit)
-    lines = first_words_on(chosen_records([path], options)[0], options)
+    lines = first_words_on(chosen_records([path], options).records, options)
     assert any("No unit is stated" in line and "--unit" in line for line in lines) == said
 
 

@@ -112,6 +112,21 @@ def test_a_record_without_decay_is_a_verdict_too(tmp_path, capsys):
     assert "no free decay" in capsys.readouterr().out
 
 
+def test_one_bad_file_of_several_is_named_and_the_others_are_answered(tmp_path, capsys):
+    files = [written(tmp_path / f"r{k}.txt", k) for k in (1, 2, 3)]
+    lines = files[1].read_text().splitlines()
+    files[1].write_text("\n".join([*lines[:-1], f"{lines[-1].partition(',')[0]}, nan"]) + "\n")
+    out = tmp_path / "out"
+    assert main(["compare", *map(str, files), "--out", str(out)]) == 3
+    said = capsys.readouterr()
+    assert [line.partition(" = ")[0] for line in said.out.splitlines()[:2]] == ["r1.txt: Q", "r3.txt: Q"]
+    assert (
+        said.err
+        == f"failed: r2.txt: line {len(lines)}: the value is nan, not a finite number; mend it or leave the row out\n"
+    )
+    assert len(json.loads((out / "verdict.json").read_text())) == 2
+
+
 @pytest.mark.parametrize(
     ("more", "what"),
     [

@@ -10,7 +10,10 @@ from scipy.integrate import solve_ivp
 from scipy.ndimage import gaussian_filter1d
 
 import bayesdamp as bd
+from bayesdamp.cli import main
 from bayesdamp.pipeline.answer import answer
+from bayesdamp.store import Store
+from bayesdamp.store.contents.records import RecordContent
 from bayesdamp.types import Signal
 from bayesdamp.verdict.parts import Grade, Motion
 from bayesdamp.verdict.types import Verdict
@@ -134,3 +137,84 @@ def test_the_frequency_under_a_wandering_base_line_holds(seed: int) -> None:
     verdict = answer(Signal(t, y), sample=False).verdict
     for f in filter(None, (verdict.frequency, verdict.frequency_at)):
         assert f.low < 1.37 < f.high
+
+
+STUDY = """
+version = 1
+[system]
+restoring = "linear"
+{known}
+[[signal]]
+name = "rig"
+file = "rig.csv"
+[estimators]
+use = ["envelope"]
+stages = ["initial"]
+[models]
+compare = ["viscous"]
+[posterior]
+samplers = []
+[evidence]
+methods = []
+"""
+
+
+def study_of(folder: Path, rate: float, known: str = "") -> Path:
+    """A study that asks for no verdict, on a record that decays at a rate; one line has a cell more."""
+    t, y = sum_of((0.1, 1.0, rate))
+    rows = [f"{np.degrees(b):.6f}" for b in y]
+    lines = [f"{a:.6f},{b}" for a, b in zip(t, rows, strict=True)]
+    lines[60] += ",7.5"
+    (folder / "rig.csv").write_text("\n".join(["t (s),angle (deg)", *lines]) + "\n")
+    (folder / "study.toml").write_text(
+        STUDY.format(known=known).replace('"rig.csv"', '"rig.csv"\nunit = "deg"')
+    )
+    return folder / "study.toml"
+
+
+@pytest.mark.parametrize(("rate", "grows"), [(-0.012, True), (0.012, False)])
+def test_a_study_without_a_verdict_says_what_is_wrong_with_a_record(
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+    rate: float,
+    grows: bool,
+) -> None:
+    monkeypatch.setattr("bayesdamp.pipeline.run._render", lambda out, _: (out / "report.html").write_text(""))
+    words = [
+        "study",
+        str(study_of(tmp_path, rate)),
+        "--out",
+        str(tmp_path / "out"),
+        "--workers",
+        "1",
+        "--quick",
+    ]
+    assert main(words) == 0
+    said = capsys.readouterr().out
+    assert "Beware: line 62 has 3 cells where the table has 2:" in said
+    assert ("rig: Not the free decay of one oscillator: its oscillation at 0.6366" in said) == grows
+    assert (" grows, from 5.7" in said) == grows, "in degrees"
+    content = RecordContent.of(Store(tmp_path / "out").read("signal/rig/0"))
+    assert any("grows, from 5.7" in text for text in content.anomalies) == grows
+
+
+@pytest.mark.parametrize("known", ["stiffness = -16.0", "stiffness = -16.0\nrest_angle = 0.0"])
+def test_a_spring_that_pushes_away_is_wrong_input(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], known: str
+) -> None:
+    """Negative control: of the other sign the study is read."""
+    path = study_of(tmp_path, 0.012, known)
+    assert main(["study", str(path), "--out", str(tmp_path / "out")]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith("signal[rig].system: stiffness = -16")
+    assert "the law linear then has no stable equilibrium" in line
+    assert not (tmp_path / "out").exists()
+    assert main(["check", str(study_of(tmp_path, 0.012, known.replace("-", "")))]) == 0
+
+
+def test_nor_is_one_a_model_in_python() -> None:
+    t, y = sum_of((0.1, 1.0, 0.012))
+    model = bd.Model("viscous", "linear", noise="gaussian", known={"stiffness": -16.0, "rest_angle": 0.0})
+    with pytest.raises(bd.InputError, match="has no stable equilibrium"):
+        bd.estimate(bd.signal(t, y), "envelope", model)

@@ -98,6 +98,16 @@ def test_the_terminal_has_a_line_a_record_and_the_specimen(folder: Path) -> None
     assert "at 7" in text.replace("\n", " "), "at an amplitude that all pass"
 
 
+def test_a_first_record_without_a_damping_ratio_has_its_line(folder: Path) -> None:
+    store, name = Store(folder), "answer/rig_run_1/0"
+    none = replace(verdict("rig_run_1", 0.01), grade=Grade.NO_FREE_DECAY, damping="", damping_ratio=())
+    store.write(CellResult(name, "key", {**store.read(name).meta, "verdict": none.to_dict()}, {}))
+    out = io.StringIO()
+    conclude(folder, Console(file=out, width=120))
+    assert re.search(r"^ *1 +no free decay", out.getvalue(), re.MULTILINE), out.getvalue()
+    assert "7 deg" in out.getvalue().replace("\n", " "), "in the unit of those that have one"
+
+
 def test_names_are_shown_without_what_all_begin_with() -> None:
     assert list(short_names(list(SIZES)).values()) == ["1", "2", "3"]
     assert short_names(["a", "b"]) == {"a": "a", "b": "b"}

@@ -229,7 +229,7 @@ def test_what_one_has_to_know_of_the_reading_is_a_doubt_and_on_the_terminal(make
         printed = io.StringIO()
         conclude(folder, Console(file=printed, width=200))
         assert (f"Beware: {said}" in printed.getvalue()) == warned
-        assert (f"the record's unit unseen: {said}" in Page(render(folder).read_text()).words) == warned
+        assert (f"the record as it was read: {said}" in Page(render(folder).read_text()).words) == warned
         info = json.loads((folder / "run.json").read_text())
         info["signals"]["bench"]["warnings"] = [said]
         (folder / "run.json").write_text(json.dumps(info))

@@ -281,6 +281,8 @@ def test_a_verdict_survives_json() -> None:
         (9.98568e-5, 7e-9, "9.98568e-05"),
         (1.0000000001, 1.42e-9, "1.0000000001"),
         (1.42e-9, 1.42e-9, "1.4e-09"),
+        (1000015.0, 37.0, "1000015"),
+        (2.3e9, 1e8, "2.3e+09"),
     ],
 )
 def test_digits(value: float, width: float, text: str) -> None:

@@ -20,6 +20,7 @@ from bayesdamp.cli.asked import (
     run_folder,
     units_of,
 )
+from bayesdamp.cli.border import one_line, say
 from bayesdamp.cli.options import READING, RUNNING, WEIGHED
 from bayesdamp.cli.verdicts import verdicts_json
 from bayesdamp.machine.processes import processes
@@ -135,7 +136,7 @@ def compare(
                 )
             return written[-1]
 
-        status = compare_envelopes(
+        failed = compare_envelopes(
             records,
             folder=chosen,
             say=(lambda _: None) if as_json else typer.echo,
@@ -155,7 +156,7 @@ def compare(
         )
         if as_json:
             typer.echo(verdicts_json(written[-1]))
-        return status
+        return _status(0, failed)
     if frequency is not None:
         raise InputError("--frequency: is for envelopes; give --quantity envelope, or leave it out")
     from bayesdamp.cli.asking import Options, as_signals, chosen_records, first_words_on
@@ -165,7 +166,8 @@ def compare(
     use(plugins)  # which may read the files
     columns = time, angle, rate, time_unit
     reading = Options.of(columns, unit, quantity, clock, (start, stop), runs, channel)
-    found, doubted, said = chosen_records(records, reading)
+    chosen = chosen_records(records, reading)
+    found = chosen.records
     # One record is answered by threads of this process: others would only begin to wait.
     alone = len(found) == 1 and not exact and scheduler is None
     with _early_processes(1 if alone or scheduler else workers, sums, restoring or ()) as pool:
@@ -186,7 +188,7 @@ def compare(
         )
         first = first_words_on(found, reading) if len(found) <= FIRST_WORDS and not quiet else []
         # What may be read wrongly comes before the answer, and how the file was read after it.
-        for line in [*doubted, *first, *said] if not quiet else ():
+        for line in [*chosen.doubted, *first, *chosen.said] if not quiet else ():
             typer.echo(line, err=True)
         folder = run_folder(out, made.name) if out is not None else own_folder(made)
         if folder.name != made.name and out is None and not quiet:
@@ -210,7 +212,16 @@ def compare(
         typer.echo(verdicts_json(folder))
     else:
         conclude(folder, shown)
-    return status
+    return _status(status, chosen.failed)
+
+
+def _status(status: int, failed: Sequence[InputError]) -> int:
+    """Say which of several files were not answered, a line each; the exit status."""
+    from bayesdamp.pipeline.run import WRONG_CELLS
+
+    for error in failed:
+        say(one_line(f"failed: {error}"))
+    return WRONG_CELLS if failed else status
 
 
 def _no_envelope_s(given: Mapping[str, object]) -> None:

@@ -47,15 +47,15 @@ def init(
         raise taken
     columns = time, angle, rate, time_unit
     asked = Options.of(columns, unit, quantity, clock, (start, stop), runs, channel)
-    records, doubted, said = chosen_records(files, asked)
-    for line in [*doubted, *said]:
+    chosen = chosen_records(files, asked, every=True)
+    for line in [*chosen.doubted, *chosen.said]:
         typer.echo(line, err=True)
     from bayesdamp.cli.study_file import study_text
     from bayesdamp.config.checks import StudyError
     from bayesdamp.store.beside import create, no_room
 
     try:
-        text = study_text(as_signals(records, asked), out)
+        text = study_text(as_signals(chosen.records, asked), out)
     except StudyError as error:
         raise InputError(f"{file}: {error}") from None
     try:

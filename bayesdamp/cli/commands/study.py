@@ -36,8 +36,9 @@ def study(
     if (once := compiles_first()) and not quiet:
         typer.echo(once, err=True)
     from bayesdamp.pipeline import Depth, run_study
-    from bayesdamp.report.terminal import Lasting, Told
+    from bayesdamp.report.terminal import Lasting, Told, beware
 
+    shown = Lasting()
     status = run_study(
         loaded,
         folder,
@@ -46,12 +47,13 @@ def study(
         fresh=fresh,
         console=Console(stderr=True),
         depth=Depth.ANSWER if quick else Depth.WHOLE,
-        answered=None if as_json or len(loaded.signals) > FIRST_WORDS else Told(Lasting(), units_of(loaded)),
+        answered=None if as_json or len(loaded.signals) > FIRST_WORDS else Told(shown, units_of(loaded)),
         quiet=quiet,
     )
     report = folder / "report.html"
     if as_json:
         typer.echo(verdicts_json(folder))
     elif report.is_file():
+        beware(folder, shown)
         typer.echo(report)
     return status

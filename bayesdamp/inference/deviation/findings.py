@@ -125,7 +125,7 @@ def findings(
     everything = probabilities(weighing, False) if approximate else exact_all
     own = {r.candidate for r in weighing.results}
     exotic = sum(p for c, p in everything.items() if c not in own)
-    chosen = {c: p / max(1 - exotic, 1e-300) for c, p in everything.items() if c in own}
+    chosen = probabilities(weighing, not approximate, forms=False)
     wanted = tuple(amplitudes) if amplitudes is not None else default_amplitudes(weighing)
     drawn = drawn_from(weighing, chosen, approximate, rng)
     # Rates are those of all that was weighed, rivals with another form of damping among it.

@@ -21,6 +21,8 @@ ROUGH, CLOSE = 1e-3, 1e-7
 """Relative fall of the sum of squares from which a window's, and the record's, search has ended."""
 NOTHING = 0.1
 """Share of the fall that ends a search which a step must promise to be tried."""
+LARGEST = 1e100
+"""Tangent beyond which a motion depends chaotically on its start, and sums of squares overflow (conventional)."""
 FIRST_CYCLES = 2.0
 SEARCHED = 1e-7
 """Error of a step, as a share of the amplitude, while a search is under way, and of all tangents: steps short enough
@@ -128,9 +130,10 @@ class _Window:
         return None if motion is None else (self.y - motion.y, motion)
 
     def tangents(self, z: np.ndarray) -> np.ndarray | None:
-        """Of the motion by the scores, (n, d); None where it escapes."""
+        """Of the motion by the scores, (n, d); None where it escapes, or does not depend on them smoothly."""
         moved = self._motion(z, PARAMETERS, SEARCHED)
-        return None if moved is None else self.parameters.by_scores(moved.tangents, z)
+        found = None if moved is None else self.parameters.by_scores(moved.tangents, z)
+        return None if found is None or not np.abs(found).max() < LARGEST else found
 
     def _motion(self, z: np.ndarray, tangents: int, tolerance: float) -> Motion | None:
         values = self.parameters.values(z)

@@ -15,7 +15,7 @@ from bayesdamp.interface.parts.table import Table, number
 from bayesdamp.interface.records.signal import Signal, cut
 from bayesdamp.provenance import Provenance
 from bayesdamp.records.cleaning.clean import known_unit
-from bayesdamp.records.findings import Kind, findings
+from bayesdamp.records.findings import Kind, findings, question
 from bayesdamp.records.read import read_records
 from bayesdamp.records.record import RawRecord
 from bayesdamp.records.stated_columns import read_as
@@ -59,9 +59,9 @@ class Record(Result):
         """The free decay of one run.
 
         clock: "auto", "as_logged" or "uniform" (auto rebuilds a uniform one where stamps are rounded or repeat in
-        bursts). start, stop: in s of the file's own times, or "auto": after the release, before the rest. name: by
-        default the file's, with the run's number where there are several. Raises InputError, one line, where there are
-        not two periods of an oscillation, or no such run.
+        bursts). start, stop: in s of the file's own times (from the first sample, where they count from an epoch), or
+        "auto": after the release, before the rest. name: by default the file's, with the run's number where there are
+        several. Raises InputError, one line, where there are not two periods of an oscillation, or no such run.
         """
         if run not in self.runs:
             raise InputError(f"{self.path.name}: has no run {run!r}; it has {', '.join(map(str, self.runs))}")
@@ -140,6 +140,7 @@ def read(
     quantity: str | None = None,
     runs: str | int | None = None,
     channels: Sequence[str] = (),
+    time_unit: str | None = None,
 ) -> Record:
     """What a file holds: all its runs and channels that swing, in any of the formats that are read.
 
@@ -148,6 +149,7 @@ def read(
     `signal`; by default what the file says (`Angle(deg)`, `acc (g)`), else an angle in rad, or
     what values too large for that are taken for, with a warning. runs: of a file that has
     several, such as `2` or `"1,3-5"`, channels: their names; all by default, numbered from 1 in the record.
+    time_unit: of the times (`"ms"`, `"us"`, `"h"` ...), by default what the file says, else s.
     Raises InputError, one line, for all that is wrong with the file or the request, several units at once among it.
 
     >>> import tempfile
@@ -163,7 +165,7 @@ def read(
     """
     path = Path(path)
     try:
-        raw = _runs(path, time, value, rate, runs, channels)
+        raw = _runs(path, time, value, rate, runs, channels, time_unit)
     except InputError as error:
         said = f" ({', '.join(f'{name}=' for name in error.arguments)})" if error.arguments else ""
         raise InputError(error.what + said, error.where, error.at) from None
@@ -174,6 +176,9 @@ def read(
     given = unit
     unit, quantity = next(iter(said))
     known_unit(unit, quantity, path.name)
+    for one in raw:
+        if (doubt := question(one, unit, quantity)) is not None:
+            raise InputError(f"{doubt.sentence} (time_unit=, rate=)", path.name)
     if given is None:
         raw = tuple(_assumed(one, unit, quantity) for one in raw)
     columns = tuple((r.provenance.time_column, r.provenance.value_column) for r in raw)
@@ -202,7 +207,18 @@ def _runs(
     rate: float | None,
     runs: str | int | None,
     channels: Sequence[str],
+    time_unit: str | None,
 ) -> tuple[RawRecord, ...]:
     """Every run in a file: the one place that asks a reader."""
     chosen = None if runs is None else str(runs)
-    return tuple(read_records(path, time=time, value=value, rate=rate, runs=chosen, channels=tuple(channels)))
+    return tuple(
+        read_records(
+            path,
+            time=time,
+            value=value,
+            rate=rate,
+            runs=chosen,
+            channels=tuple(channels),
+            time_unit=time_unit,
+        )
+    )

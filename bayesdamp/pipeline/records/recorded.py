@@ -7,6 +7,7 @@ from functools import lru_cache
 from bayesdamp.config import Recording
 from bayesdamp.records.cleaning.clean import clean
 from bayesdamp.records.cleaning.decimate import decimated
+from bayesdamp.records.findings import question
 from bayesdamp.records.read import read_record
 from bayesdamp.records.record import RawRecord
 from bayesdamp.records.wrapped import unwrapped
@@ -24,6 +25,9 @@ def recorded(source: Recording) -> RawRecord:
         channel=source.channel,
         time_unit=source.time_unit,
     )
+    doubt = question(raw, source.unit, source.quantity)
+    if doubt is not None:
+        raise InputError(f"{doubt.sentence} (time_unit or rate in its [[signal]])")
     return decimated(unwrapped(raw, source.unit, source.quantity))
 
 

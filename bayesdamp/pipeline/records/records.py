@@ -17,6 +17,7 @@ from bayesdamp.physics.damping import TERMS
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.pipeline.keys import task_key
+from bayesdamp.pipeline.not_one import no_free_decay
 from bayesdamp.pipeline.records.recorded import cleaned, of_file
 from bayesdamp.plugins import sources_below
 from bayesdamp.provenance import Provenance
@@ -29,6 +30,8 @@ from bayesdamp.store import CellResult, Store, sha256
 from bayesdamp.store.contents.records import FeaturesSeen, RecordContent, Scales
 from bayesdamp.types import OK, InputError, Problem, Refusal, Signal
 from bayesdamp.units import UNITS
+from bayesdamp.verdict.units import in_unit
+from bayesdamp.verdict.words import seen_instead
 
 NO_NOISE = 1e-6
 """Noise below this share of the amplitude is none: a likelihood has nothing to weigh by."""
@@ -163,12 +166,20 @@ class SignalCell:
         return replace(
             content,
             features=FeaturesSeen(**{f.name: getattr(seen, f.name) for f in fields(FeaturesSeen)}),
-            anomalies=tuple(anomalies(signal, seen)),
+            anomalies=(*anomalies(signal, seen), *self._instead(signal)),
             reference=Scales(reference.amplitude, reference.frequency),
             known=known,
             epsilon_note=note,
             noisy=bool(noise_level(signal) > NO_NOISE * _size(seen)),
         )
+
+    def _instead(self, signal: Signal) -> tuple[str, ...]:
+        """What a measured record shows in place of the free decay of one oscillator, in words; nothing where it may be
+        one."""
+        other = no_free_decay(signal) if isinstance(self.spec.source, Recording) else None
+        if other is None or other.motion is None:
+            return ()
+        return (seen_instead(in_unit(other, UNITS[self.spec.source.unit]), other.motion),)
 
     def _bound(self, signal: Signal) -> dict[str, float]:
         """The Cramér–Rao bound of a simulated record with white noise: sd by parameter; else nothing.

@@ -50,8 +50,9 @@ def clean(
     unit: a name in UNITS, of the displacement itself (per s or s² where a velocity or an acceleration is recorded).
     clock: "auto", "as_logged" or "uniform", see `clock_times`.
     start, stop: in seconds of the file's own times (of the rebuilt clock, which begins at the file's first
-    stamp, where it was rebuilt; from 0 where the file has no times), or "auto": after the release, before the
-    rest. Outliers are counted and stay; what a sensor of velocity or acceleration adds to all samples is taken off.
+    stamp, where it was rebuilt; from 0 where the file has no times or counts them from an epoch), or "auto": after
+    the release, before the rest. Outliers are counted and stay; what a sensor of velocity or acceleration adds to all
+    samples is taken off.
     Raises InputError, one line, where there are not two periods of an oscillation.
     """
     scale, base = known_unit(unit, quantity, name)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -138,9 +139,7 @@ def free_decay(
     last = tail.last
     smooth = thinned(t, y, found.period)[1][: grid.size]
     pieces = _pieces(t, grid, smooth, found, decay, first, last, tail, 2 * (step + 4 * found.noise))
-    others = [p for p in pieces if p.kind == "free decay" and (p.stop <= t[first] or p.start >= t[last])]
-    if others:
-        notes.append(_not_used(others))
+    notes += filter(None, [other_decays(pieces, t[first], t[last])])
     return Window(first, last, tuple(notes), tuple(pieces))
 
 
@@ -190,7 +189,11 @@ def _next_release(t: np.ndarray, found: _Found, name: str) -> int:
     return t.size - 1
 
 
-def _not_used(others: list[Piece]) -> str:
+def other_decays(pieces: Sequence[Piece], start: float, stop: float) -> str:
+    """Say which free decays lie outside of the one that is used, start to stop in s; empty where none does."""
+    others = [p for p in pieces if p.kind == "free decay" and (p.stop <= start or p.start >= stop)]
+    if not others:
+        return ""
     spans = ", ".join(f"{p.start:.4g} to {p.stop:.4g} s" for p in others[:NAMED])
     more = len(others) - NAMED
     if len(others) == 1:

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import contextlib
-import io
 import stat
+import threading
 import warnings
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from difflib import get_close_matches
 from itertools import islice
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 
@@ -21,6 +22,7 @@ from bayesdamp.records.opening.packing import packed, unpacked
 from bayesdamp.records.readers import READERS
 from bayesdamp.types import InputError
 
+Read = TypeVar("Read")
 HEAD = 65536
 """Bytes of a file that tell its format."""
 LONGEST = 280
@@ -28,6 +30,8 @@ LONGEST = 280
 LISTED = 5000
 """Names of a folder that are looked through for what was meant."""
 FALLBACK = "text"
+_ONE_AT_A_TIME = threading.Lock()
+"""Filters of warnings belong to the process: threads that change them at once would leave each other's behind."""
 _OPEN = "a text table, .mat, .npy, .npz, .uff, .tdms, .lvm, .wav, .h5, .parquet, .xlsx or .json file"
 
 
@@ -60,7 +64,7 @@ def read_here(path: Path) -> Contents:
     """What a file holds, read in this process whatever its reader. Raises InputError as `contents` does."""
     try:
         reader = reader_of(path)
-        with _border(reader), warnings.catch_warnings(), contextlib.redirect_stdout(io.StringIO()):
+        with _border(reader), _ONE_AT_A_TIME, warnings.catch_warnings():
             warnings.simplefilter("ignore")
             found = reader.read(path)
     except InputError as error:
@@ -68,6 +72,21 @@ def read_here(path: Path) -> Contents:
     if not found.columns:
         raise fault(path, f"no column of numbers in it ({reader.format}); give one that holds a record")
     return found
+
+
+def read_each(paths: Sequence[Path], read: Callable[[Path], Read]) -> tuple[list[Read], list[InputError]]:
+    """Read several files; what is read of them, and what is wrong with the others. Raises InputError where nothing is
+    read."""
+    found: list[Read] = []
+    failed: list[InputError] = []
+    for path in paths:
+        try:
+            found.append(read(path))
+        except InputError as error:
+            failed.append(error)
+    if not found:
+        raise failed[0]
+    return found, failed
 
 
 @contextlib.contextmanager

@@ -11,6 +11,9 @@ from bayesdamp.records.oscillation.law_free import TWO_SIDED, law_free
 from bayesdamp.types import Signal
 from bayesdamp.units import Unit
 
+MOST_DECIMALS = 9
+"""Decimal places of a frequency in Hz beyond which it is written with an exponent."""
+
 
 @dataclass(frozen=True)
 class DampingAt:
@@ -119,7 +122,11 @@ def _hertz(frequency: float, half: float) -> str:
     """A frequency in Hz, as many digits as half its interval allows; about what it is where that has no end."""
     if not half < frequency:
         return f"about {frequency:.2g} Hz"
-    decimals = int(np.clip(1 - np.floor(np.log10(max(half, 1e-9 * frequency))), 0, 9))
+    half = max(half, 1e-9 * frequency)
+    decimals = max(1 - int(np.floor(np.log10(half))), 0)
+    if decimals > MOST_DECIMALS:
+        digits = decimals + 1 + int(np.floor(np.log10(frequency)))
+        return f"{frequency:.{digits}g} ± {half:.2g} Hz"
     return f"{frequency:.{decimals}f} ± {half:.{decimals}f} Hz"
 
 

@@ -121,10 +121,14 @@ def excited(t: np.ndarray, y: np.ndarray, period: float) -> NotOne | None:
         return None
     third = ranges.size // 3
     before, after = float(np.median(ranges[:third])), float(np.median(ranges[-third:]))
-    if not before < HALVED * after < HALVED**2 * before:
+    if not before < HALVED * after < HALVED**2 * before:  # also where the first third is constant
         return None
     noise = roughness(t, y, period)
-    if ranges.min() < CLEAR * noise or coarse_period(t, y)[1] < LEAST_SHARE or wandering(t, y, period, noise):
+    if (
+        ranges.min() <= CLEAR * noise
+        or coarse_period(t, y)[1] < LEAST_SHARE
+        or wandering(t, y, period, noise)
+    ):
         return None
     steps = _zigzag(np.log(ranges))
     rises = [b - a for a, b, up in steps if up and b - a >= SLOWLY]

@@ -71,7 +71,8 @@ def from_lines(lines: list[str], form: str = "text") -> Contents:
         raise InputError(
             f"has {layout.columns:,} columns; a record has a row for each sample: give a table that is turned round"
         )
-    table = _plain(body, layout)
+    first = layout.first - (len(lines) - given)
+    table, uneven = _plain(body, layout), ()
     if table is not None:
         at = np.arange(len(table))
         columns = [
@@ -83,9 +84,9 @@ def from_lines(lines: list[str], form: str = "text") -> Contents:
         at = np.array([i for i, _ in filled])
         rows = [layout.cells(line) for _, line in filled]
         columns = [_column(rows, i, layout, *head) for i, head in enumerate(_heads(layout))]
+        uneven = _uneven(rows, at + first + 1, layout.columns)
     while len(columns) > 1 and not columns[-1].name and not np.isfinite(columns[-1].values).any():
         columns.pop()  # a separator at the end of each line
-    first = layout.first - (len(lines) - given)
     return Contents(
         form,
         tuple(columns),
@@ -97,7 +98,25 @@ def from_lines(lines: list[str], form: str = "text") -> Contents:
         },
         first + 1,
         at,
+        warnings=uneven,
     )
+
+
+def _uneven(rows: list[list[str]], lines: np.ndarray, columns: int) -> tuple[str, ...]:
+    """Say which rows have another number of cells than the table's columns; empty where none has.
+
+    rows: the cells of each; lines: numbers of their lines, (n,). Empty cells at the end of a row are not counted beyond
+    the columns, and rows that are short until the table ends are columns of another length.
+    """
+    many = [max((i for i, cell in enumerate(row, 1) if cell or i <= columns), default=0) for row in rows]
+    whole = max((i for i, count in enumerate(many) if count >= columns), default=0)
+    odd = [i for i, count in enumerate(many) if count > columns or (count < columns and i < whole)]
+    if not odd:
+        return ()
+    first = f"line {lines[odd[0]]} has {many[odd[0]]} cell{'s' if many[odd[0]] != 1 else ''}"
+    more = f" (and {len(odd) - 1} more are uneven)" if len(odd) > 1 else ""
+    what = "a row that lacks one of the record's is left out, and what is beyond them is not read"
+    return (f"{first} where the table has {columns}{more}: {what}.",)
 
 
 def _names_columns(line: str, layout: Layout) -> bool:

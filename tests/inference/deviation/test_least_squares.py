@@ -164,3 +164,30 @@ def test_a_search_begins_where_the_last_fit_was() -> None:
     assert z[:2] == pytest.approx([-38.0, 40.0])
     assert parameters.named(z) == pytest.approx(values)
     assert parameters.scores({**values, "zeta": 0.0})[2] >= -6.0
+
+
+def test_a_motion_that_depends_chaotically_on_its_start_is_no_fit() -> None:
+    """A pendulum that is said to swing by a hundred million turns, as times in a wrong unit make it; a spring does."""
+    t, size = np.linspace(0.0, 20.0 / W, 400) * 2 * np.pi, 1e9
+    y = size * W**2 * np.exp(-0.015 * W * t) * np.cos(W * t)
+    ends = np.linspace(0, t[-1], 4)
+    fits = []
+    for law in ("pendulum", "linear"):
+        solver = Solver(PAPER_TERMS, law, t, "acceleration", size, W, 0.02 * size * W, ends)
+        priors: dict[str, Prior] = {n: Normal(mean=0.0, sd=size) for n in ("theta0", "omega0", "rest_angle")}
+        priors |= {"stiffness": LogNormal(median=W**2, sigma=0.5)}
+        priors |= {n: HalfNormal(scale=WIDE) for n in PAPER}
+        parameters = Parameters(solver.names, {n: priors[n] for n in solver.names}, {})
+        start = {
+            "theta0": size,
+            "omega0": 0.0,
+            "rest_angle": 0.0,
+            "stiffness": W**2,
+            "zeta": 0.015,
+            "mu_c": 0.0,
+            "mu_q": 0.0,
+        }
+        z = parameters.scores({n: start[n] for n in solver.names})
+        fits.append(fit(solver, parameters, np.array([True, False, False]), y, z, noise=1e-3 * size))
+    assert fits[0] is None
+    assert fits[1] is not None

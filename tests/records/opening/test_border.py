@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+import sys
+import time
+import warnings
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from bayesdamp.records.files.contents import Contents
 from bayesdamp.records.opening.opening import contents
 from bayesdamp.records.readers.numpy_arrays import NumpyReader
 from bayesdamp.types import InputError
@@ -51,3 +56,25 @@ def test_who_interrupts_is_no_damaged_file(
     monkeypatch.setattr(NumpyReader, method, interrupted)
     with pytest.raises(KeyboardInterrupt):
         contents(tmp_path / "a.npy")
+
+
+def test_threads_that_read_leave_output_and_warnings_of_the_program_alone(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Reads that overlap end in another order than they began in."""
+    before, read = (sys.stdout, list(warnings.filters)), NumpyReader.read
+
+    def slow(self: NumpyReader, path: Path) -> Contents:
+        warnings.warn(
+            "of no interest", stacklevel=1
+        )  # an error in tests, where the reader's filter is not in force
+        time.sleep(0.01 if path.stem == "0" else 0.002)
+        return read(self, path)
+
+    monkeypatch.setattr(NumpyReader, "read", slow)
+    paths = [tmp_path / f"{i}.npy" for i in range(4)]
+    for path in paths:
+        np.save(path, np.eye(40))
+    with ThreadPoolExecutor(4) as pool:
+        assert all(found.columns for found in pool.map(contents, 3 * paths))
+    assert (sys.stdout, warnings.filters) == before

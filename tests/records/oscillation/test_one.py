@@ -9,7 +9,7 @@ from scipy.integrate import solve_ivp
 
 from bayesdamp.records.cleaning.clean import clean
 from bayesdamp.records.oscillation.modes import damped_modes
-from bayesdamp.records.oscillation.one import other_than_one
+from bayesdamp.records.oscillation.one import excited, other_than_one
 from bayesdamp.records.record import RawRecord
 from bayesdamp.validation.truth.records import KINDS, case
 
@@ -165,3 +165,10 @@ def test_many_releases_in_a_record_are_not_excited_all_along(pumped: float) -> N
     assert other_than_one(t, y, 1.0) is None
     signal = clean(RawRecord(t, y), name="runs")
     assert signal.t[-1] < 30
+
+
+def test_a_record_that_is_at_rest_to_the_last_digit_before_its_release_is_not_excited_all_along() -> None:
+    t = np.arange(0, 90, 0.1)
+    y = np.where(t < 35, 0.0, np.exp(-0.02 * (t - 35)) * np.cos(2 * np.pi * (t - 35)))
+    assert excited(t, y, 1.0) is None
+    assert excited(t, y[::-1], 1.0) is None

@@ -249,3 +249,25 @@ def test_words_and_empty_cells_pass_too(tmp_path: Path) -> None:
     np.testing.assert_array_equal(there.columns[0].empty, here.columns[0].empty)
     np.testing.assert_array_equal(there.lines, here.lines)
     assert there.first_line == here.first_line
+
+
+@pytest.mark.parametrize(
+    ("line", "said"),
+    [
+        ("1.98,0.1,7", "line 101 has 3 cells where the table has 2"),
+        ("1.98", "line 101 has 1 cell where the table has 2"),
+        ("1.98,0.1,", ""),
+    ],
+)
+def test_a_row_with_other_cells_than_the_others_is_told(tmp_path: Path, line: str, said: str) -> None:
+    lines = [f"{t},{y}" for t, y in zip(T, Y, strict=True)]
+    (tmp_path / "a.csv").write_text("\n".join(["t,angle", *lines[:99], line, *lines[100:]]), encoding="utf-8")
+    warnings = read_record(tmp_path / "a.csv").provenance.warnings
+    assert [text.partition(":")[0] for text in warnings] == ([said] if said else [])
+
+
+def test_columns_that_end_earlier_are_not_uneven(tmp_path: Path) -> None:
+    """A writer may leave out the separators where the second of two tables side by side has ended."""
+    lines = [f"{t},{y}" + f",{t},{y}" * (i < 0.8 * T.size) for i, (t, y) in enumerate(zip(T, Y, strict=True))]
+    (tmp_path / "a.csv").write_text("\n".join(["t,a,t2,b", *lines]), encoding="utf-8")
+    assert read_record(tmp_path / "a.csv", time=1, value=2).provenance.warnings == ()

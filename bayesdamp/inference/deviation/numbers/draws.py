@@ -34,11 +34,12 @@ class Drawn:
     h: np.ndarray
 
 
-def probabilities(weighing: Weighing, exact: bool) -> dict[Candidate, float]:
-    """Posterior probability of each candidate, with the prior `odds`; laws alike."""
+def probabilities(weighing: Weighing, exact: bool, forms: bool = True) -> dict[Candidate, float]:
+    """Posterior probability of each candidate, with the prior `odds`; laws alike. forms: whether other forms of damping
+    are among the candidates."""
     logs: dict[Candidate, float] = {}
     others = len({r.candidate.damping for r in weighing.forms})
-    for r in (*weighing.results, *weighing.forms):
+    for r in (*weighing.results, *(weighing.forms if forms else ())):
         weighed = r.exact_weighed if exact else r.weighed
         if weighed is None:
             continue
@@ -46,7 +47,7 @@ def probabilities(weighing: Weighing, exact: bool) -> dict[Candidate, float]:
         sampled = r.sampled is not None and exact == (r.weighed is None)
         logs[r.candidate] = (r.log_evidence if sampled else weighed.log_evidence) + np.log(prior)
     if not logs:  # none could be linearised: exact laws are all that is known
-        return probabilities(weighing, True)
+        return probabilities(weighing, True, forms)
     top = max(logs.values())
     total = sum(np.exp(v - top) for v in logs.values())
     return {c: float(np.exp(v - top) / total) for c, v in logs.items()}

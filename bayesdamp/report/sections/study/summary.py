@@ -24,7 +24,7 @@ from bayesdamp.report.results.run import Run, rows_of
 from bayesdamp.report.results.verdict import verdict
 from bayesdamp.report.sections._section import Section
 from bayesdamp.report.style import colour
-from bayesdamp.store.contents.records import NoiseContent
+from bayesdamp.store.contents.records import NoiseContent, RecordContent
 from bayesdamp.types import OK
 
 _CARDS = 4
@@ -112,7 +112,10 @@ def _card(run: Run, signal: str, repeat: int) -> dict[str, Any]:
         _fit(run, signal, repeat, best, doubt)
         _friction(run, signal, repeat, best, doubt)
     about = run.about(signal)
-    doubt += [f"the record's unit unseen: {note}" for note in run.provenance(signal).warnings]
+    content = RecordContent.maybe(run.cell("signal", signal, repeat))
+    if not found and content and content.anomalies:
+        doubt.append(f"that the record is a free decay: {words.listing(content.anomalies)}.")
+    doubt += [f"the record as it was read: {note}" for note in run.provenance(signal).warnings]
     kind = "simulated record" if run.simulated(signal) else "measured record" if about else "record"
     repeats = run.repeats(signal)
     return {
