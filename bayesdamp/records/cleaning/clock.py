@@ -12,6 +12,8 @@ from bayesdamp.types import InputError
 
 MANY = 0.05
 """Share of repeated stamps from which they are taken for bursts of a uniform sampling."""
+EVEN = 1.5
+"""Times the median step of sorted times that their mean step may be, for rows that are only out of order (conventional)."""
 EXACT = 1e-6
 """Of a step, by which stamps may be off an even sampling and are taken as they are (conventional)."""
 
@@ -47,12 +49,8 @@ def clock_times(raw: RawRecord, clock: str, name: str) -> Clock:
     gaps = np.diff(raw.t)
     if np.any(gaps < 0):
         at = int(np.argmax(gaps < 0))
-        raise InputError(
-            f"the time goes back from {raw.t[at]:.10g} to "
-            f"{raw.t[at + 1]:.10g} s; sort the file, or name the right time column",
-            name,
-            _place(raw, at + 1),
-        )
+        what, arguments = _goes_back(raw.t, at)
+        raise InputError(what, name, _place(raw, at + 1), arguments)
     if raw.t[-1] == raw.t[0]:
         raise InputError(
             f"all times are {raw.t[0]:g}; name the right time column, or give rate in Hz",
@@ -97,6 +95,30 @@ def clock_times(raw: RawRecord, clock: str, name: str) -> Clock:
         f"{raw.t[0]:.10g} s, on; the stamps lie within {off:.2g} s of that."
     )
     return Clock(raw.t[0] + step * rows, "uniform", repeated, (note,))
+
+
+def _goes_back(t: np.ndarray, at: int) -> tuple[str, tuple[str, ...]]:
+    """Say how times t (n,) go back after sample `at` and what mends it, with the arguments of `read` that do.
+
+    Times that fall throughout are not to be sorted: where the clock counts down, that turns the decay into growth.
+    """
+    gaps = np.diff(t)
+    if np.all(gaps <= 0):
+        what = (
+            f"the time runs backwards throughout, from {t[0]:.10g} to {t[-1]:.10g} s; if the rows are in the order of "
+            f"recording, give the rate ({-1 / gaps.mean():.5g} Hz) instead; if the last was recorded first, reverse them"
+        )
+        return what, ("rate",)
+    rows = int(np.sum(gaps < 0))
+    how = f"the time goes back from {t[at]:.10g} to {t[at + 1]:.10g} s" + (f" ({rows} rows do so)" if rows > 1 else "")
+    steps = np.diff(np.sort(t))
+    if steps.min() > 0 and steps.mean() < EVEN * np.median(steps):
+        return f"{how}; the rows are out of order: sort them by time, which makes the times evenly spaced", ()
+    what = (
+        f"{how}; does another record begin there (split the file), or do the times change their unit (give the rate "
+        "instead)? Else name the right time column"
+    )
+    return what, ("time", "rate")
 
 
 def robust_step(rows: np.ndarray, t: np.ndarray) -> tuple[float, float]:

@@ -89,6 +89,7 @@ def series(
     if runs is not None:
         kept = runs_asked(runs, labels)
         blocks = [block for run in kept for block in blocks if block.run == run]
+    blocks = [_with_named_time(block) for block in blocks]
     if wanted:
         chosen = [
             s for column in wanted for s in _given(found, column, blocks, time is None and rate is None)
@@ -101,15 +102,6 @@ def series(
     blocks = [block for block in blocks if _candidates(block)] or [b for b in blocks if _rest(b)]
     if not blocks:
         raise InputError(_nothing(found))
-    if len(found.columns) == 2 and _clockless(blocks[0]) and names_time(found.columns[0]):
-        time_column, other = found.columns
-        if time_column.values.size != other.values.size:
-            raise InputError(
-                f"has {time_column.values.size} times in {time_column.name!r} and {other.values.size} values in "
-                f"{other.name!r}; a record has as many of both: export it again, or give the rate in Hz",
-                arguments=["rate"],
-            )
-        blocks = [replace(blocks[0], time=time_column)]
     chosen = _same_in_all(found, blocks)
     return [_with_clock(s, found) for s in chosen]
 
@@ -134,10 +126,12 @@ def _block(found: Contents, run: str, group: str, timed: list[Column], rate: flo
         c for c in found.columns if c.group == "" and group and names_time(c) and c.values.size == size
     )
     time = _time_column(own) or _time_column(columns) or _time_column(outside)
-    if time is not None:
-        return _Block(run, own, time, None, _times_said(time, found))
     said = _rate_said(found, own)
+    counted = said is not None and time is not None and seconds_of_unit(time) is None and _counts(time.values)
+    if time is not None and not counted:
+        return _Block(run, own, time, None, _times_said(time, found))
     if said is not None:
+        own = tuple(c for c in own if c is not time)
         return _Block(run, own, None, said[0], (f"The file says {said[1]!r}: {said[0]:g} Hz.",))
     return _Block(run, own, None, None)
 
@@ -262,6 +256,22 @@ def _nothing(found: Contents) -> str:
 
 def _clockless(block: _Block) -> bool:
     return block.time is None and block.rate is None and all(c.rate is None for c in block.columns)
+
+
+def _with_named_time(block: _Block) -> _Block:
+    """Give a block without any clock the column that is named like times, though they do not increase: what is wrong
+    with them is said later. Raises InputError where that column has another length."""
+    time = next((c for c in block.columns if names_time(c) and not names_index(c)), None)
+    if not _clockless(block) or time is None:
+        return block
+    for other in block.columns:
+        if len(block.columns) == 2 and other.values.size != time.values.size:
+            raise InputError(
+                f"has {time.values.size} times in {time.name!r} and {other.values.size} values in "
+                f"{other.name!r}; a record has as many of both: export it again, or give the rate in Hz",
+                arguments=["rate"],
+            )
+    return replace(block, time=time)
 
 
 def _same_in_all(found: Contents, blocks: list[_Block]) -> list[Series]:

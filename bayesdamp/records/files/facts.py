@@ -38,8 +38,8 @@ _STEPS = re.compile(
 
 
 def header_facts(lines: Iterable[str]) -> dict[str, Fact]:
-    """The facts in lines above a table: `key: value`, `key = value`, `key,value,unit`, or a line of names with a line
-    of as many values below it."""
+    """The facts in lines above a table: `key: value`, `key = value`, `key,value,unit`, `key,value,value` where a value
+    stands for each of several channels alike, or a line of names with a line of as many values below it."""
     found: dict[str, Fact] = {}
     before: list[str] = []
     for line in lines:
@@ -47,7 +47,10 @@ def header_facts(lines: Iterable[str]) -> dict[str, Fact]:
         cells = [cell.strip().strip('"') for cell in re.split(r"[,;\t]", line)]
         numbers = sum(bool(_NUMBER.fullmatch(cell)) for cell in cells)
         pair = _PAIR.fullmatch(line)
-        if len(before) == len(cells) > 1 and numbers and not any(map(_NUMBER.fullmatch, before)):
+        named = bool(cells[0]) and not re.search("[:=]", cells[0]) and not _NUMBER.fullmatch(cells[0])
+        if named and 0 < numbers == len(cells) - 1 and len(set(cells[1:])) == 1:
+            found[cells[0]] = cells[1]
+        elif len(before) == len(cells) > 1 and numbers and not any(map(_NUMBER.fullmatch, before)):
             found |= dict(zip(before, cells, strict=True))
         elif pair and not (len(cells) > 2 and numbers > 1):
             found[pair[1].strip('"')] = pair[2].strip('"')
