@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from bayesdamp.provenance import Fact, Provenance
-from bayesdamp.records.columns.choosing import LEAST, Series, series
+from bayesdamp.records.columns.choosing import LEAST, Series, series, with_own_clocks
 from bayesdamp.records.columns.names import parted, seconds_of_unit
 from bayesdamp.records.columns.swings import LARGEST
 from bayesdamp.records.columns.units_said import unit_said
@@ -85,7 +85,7 @@ def read_records(
         raise fault(path, "give either time (a column) or rate (in Hz), not both")
     if time_unit is not None and time_unit.lower() not in SECONDS:
         raise fault(path, f"unknown unit of time {time_unit[:20]!r}; valid are s, ms, us, ns, ps, min, h, d")
-    found = contents(path)
+    found = with_own_clocks(contents(path))
     try:
         values = (*([value] if value is not None else []), *channels)
         some = series(found, time=time, values=values, rate=rate, runs=runs)

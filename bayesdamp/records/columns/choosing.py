@@ -22,6 +22,7 @@ from bayesdamp.records.columns.names import (
     seconds_of_unit,
     shown,
 )
+from bayesdamp.records.columns.pairs import paired
 from bayesdamp.records.columns.swings import Swing, derivative, proportional, swing
 from bayesdamp.records.columns.units_said import unit_said
 from bayesdamp.records.files.contents import Column, Contents
@@ -149,6 +150,11 @@ def _rate_said(found: Contents, own: Sequence[Column]) -> tuple[float, str] | No
 
 def _times_said(time: Column, found: Contents) -> tuple[str, ...]:
     return (f"Times are those of column {time.name!r}.",) if time.name and len(found.columns) > 2 else ()
+
+
+def with_own_clocks(found: Contents) -> Contents:
+    """Return the contents with values grouped with the times beside them, where they come in pairs."""
+    return paired(found, lambda column: _time_score(column, not column.name) > 0)
 
 
 def _time_column(columns: Sequence[Column]) -> Column | None:
@@ -306,7 +312,7 @@ def _plain(found: Contents, some: list[Column]) -> None:
     if len(bare) == 1 and len({c.group for c in some}) == len(some):
         return  # the same column of several sheets
     alike = len(kinds) == 1 and (all(unit for unit, _ in kinds) or numbered_alike(some))
-    if len(some) > 1 and not (alike or found.channels):
+    if len(some) > 1 and not (alike or found.channels or found.paired):
         names = ", ".join(shown(found.columns, c) for c in some[:3])
         more = f" and {len(some) - 3} more" if len(some) > 3 else ""
         raise InputError(
