@@ -58,6 +58,10 @@ MOST_COLUMNS = 5000
 """Columns beyond which a text is no table of samples (conventional)."""
 
 
+MOST_NOTES = 3
+"""Lines left out that are named."""
+
+
 def from_lines(lines: list[str], form: str = "text") -> Contents:
     """The table in lines of text, whatever its separator. Raises InputError where there is none."""
     given = len(lines)
@@ -71,7 +75,7 @@ def from_lines(lines: list[str], form: str = "text") -> Contents:
         raise InputError(
             f"has {layout.columns:,} columns; a record has a row for each sample: give a table that is turned round"
         )
-    table = _plain(body, layout)
+    table, again = _plain(body, layout), []
     if table is not None:
         at = np.arange(len(table))
         columns = [
@@ -79,9 +83,12 @@ def from_lines(lines: list[str], form: str = "text") -> Contents:
             for i, (name, group, unit) in enumerate(_heads(layout))
         ]
     else:
-        filled = [(i, line) for i, line in enumerate(body) if line.strip()]
+        filled = [(i, layout.cells(line)) for i, line in enumerate(body) if line.strip()]
+        names = [name for name in layout.names if name]
+        again = [i for i, row in filled if names and [cell for cell in row if cell] == names]
+        filled = [(i, row) for i, row in filled if i not in again]
         at = np.array([i for i, _ in filled])
-        rows = [layout.cells(line) for _, line in filled]
+        rows = [row for _, row in filled]
         columns = [_column(rows, i, layout, *head) for i, head in enumerate(_heads(layout))]
     while len(columns) > 1 and not columns[-1].name and not np.isfinite(columns[-1].values).any():
         columns.pop()  # a separator at the end of each line
@@ -90,7 +97,7 @@ def from_lines(lines: list[str], form: str = "text") -> Contents:
         form,
         tuple(columns),
         settings or header_facts(line for line in lines[: layout.first] if not _names_columns(line, layout)),
-        (),
+        tuple(f"Line {first + 1 + i} repeats the names of the columns and is left out." for i in again[:MOST_NOTES]),
         {
             "separator": "blanks" if layout.separator == BLANKS else layout.separator,
             "decimal": layout.decimal,
