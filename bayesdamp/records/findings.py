@@ -12,6 +12,7 @@ import numpy as np
 from bayesdamp.records.columns.factors import factor_beside_unit
 from bayesdamp.records.columns.swings import Swing, swing
 from bayesdamp.records.files.facts import doubtful_rate, sampling_rate
+from bayesdamp.records.files.named_units import SECONDS, seconds_in
 from bayesdamp.records.record import RawRecord
 from bayesdamp.records.rectified import rectified
 from bayesdamp.records.stated_columns import HALF_TURN, half_swing
@@ -29,6 +30,9 @@ LONG, SHORT = 600.0, 1e-6
 """Periods in s that a rate given by hand hardly means."""
 SLOW = 30.0
 """A period in s from which times whose unit nobody says are doubted."""
+FASTEST = {"rad": 300.0, "m": 340.0}
+"""Speeds in rad/s and m/s beyond which the unit of the times is doubted: a watch's balance wheel has some 130 rad/s, sound
+340 m/s (conventional)."""
 COARSE = 0.5
 """The step in s of such times from which they are doubted."""
 DAY_NUMBERS = ((25e3, 60e3), (710e3, 780e3), (2.44e6, 2.48e6))
@@ -80,7 +84,7 @@ def findings(raw: RawRecord, unit: str, quantity: str, given: bool = False) -> t
     doubts = (
         _turns(raw, unit, quantity, given),
         _unit(raw, unit, quantity, given),
-        _time_factor(raw) or _times(raw, seen),
+        _time_factor(raw) or _times(raw, seen) or _too_fast(raw, unit, quantity, given, seen),
         _rate(raw, seen),
         _differing(raw),
         _against_times(raw),
@@ -157,6 +161,31 @@ def _times(raw: RawRecord, seen: Swing) -> Finding | None:
     better = next((u for u, s in (("ms", 1e-3), ("us", 1e-6), ("ns", 1e-9)) if period * s < SLOW), "us")
     sentence = f"its times step by {step:.4g} and a period would last {period:.3g} s; are they in {better}?"
     return Finding(Kind.TIME_UNIT, sentence, f"--time-unit {better}, or s if they are")
+
+
+def _too_fast(raw: RawRecord, unit: str, quantity: str, given: bool, seen: Swing) -> Finding | None:
+    """Doubt the file's unit of the times where an angle or a position of a stated unit would move too fast."""
+    limit = FASTEST.get(UNITS[unit].base)
+    stated = (given or raw.unit in UNITS) and quantity == "angle" and limit is not None
+    if raw.t is None or not stated or not seen.swings or raw.provenance.time_unit != "file":
+        return None
+    period = seen.period * float(np.median(np.diff(raw.t)))
+    speed = 2 * math.pi / period * math.sqrt(2) * seen.size * UNITS[unit].factor
+    said = seconds_in(raw.provenance.time_column) or 1.0
+    slower = [u for u in ("s", "ms", "us") if SECONDS[u] > said and speed * said < limit * SECONDS[u]]
+    better = next((u for u in slower if period * SECONDS[u] / said < SLOW), None)
+    if speed <= limit or better is None:
+        return None
+    sentence = (
+        f"by its head it swings at {1 / period:.4g} Hz and moves at {speed:.2g} {UNITS[unit].base}/s, which hardly anything "
+        f"does; are its times in {better}?"
+    )
+    return Finding(Kind.TIME_UNIT, sentence, f"--time-unit {better}, or {_unit_of(said)} if they are")
+
+
+def _unit_of(seconds: float) -> str:
+    """The unit of time of so many seconds."""
+    return next((unit for unit in ("s", "ms", "us", "ns", "ps") if SECONDS[unit] == seconds), "as the head says")
 
 
 def _rate(raw: RawRecord, seen: Swing) -> Finding | None:
