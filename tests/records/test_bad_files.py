@@ -166,7 +166,7 @@ FILES: dict[str, tuple[str, Callable[[Path], object], str]] = {
     "xls named xlsx": ("a.xlsx", lambda p: compound(p, "Book"), "is an Excel 97-2003 workbook"),
     "parquet cut": ("a.parquet", lambda p: p.write_bytes(b"PAR1" + bytes(60)), "not readable"),
     "tdms cut": ("a.tdms", lambda p: p.write_bytes(b"TDSm" + os.urandom(60)), "a.tdms"),
-    "lvm without data": ("a.lvm", lambda p: p.write_text("LabVIEW Measurement\t\n"), "not readable"),
+    "lvm without data": ("a.lvm", lambda p: p.write_text("LabVIEW Measurement\t\n"), "has no rows of numbers"),
     "wav cut": ("a.wav", lambda p: p.write_bytes(b"RIFF\x24\0\0\0WAVEfmt "), "not readable"),
     "json cut": ("a.json", lambda p: p.write_text('{"t": [1, 2'), "not readable"),
     "json deep": ("a.json", lambda p: p.write_text("[" * 100000 + "]" * 100000), "not readable"),

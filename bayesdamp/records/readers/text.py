@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import codecs
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +12,7 @@ from bayesdamp.records.files import oscilloscope
 from bayesdamp.records.files.contents import Column, Contents
 from bayesdamp.records.files.facts import header_facts
 from bayesdamp.records.files.stamps import seconds, stamp
-from bayesdamp.records.files.table import BLANKS, Layout, find_layout, without_arrows
+from bayesdamp.records.files.table import BLANKS, Layout, find_layout, number, without_arrows
 from bayesdamp.types import InputError
 
 LARGEST = 2**29
@@ -89,7 +90,7 @@ def from_lines(lines: list[str], form: str = "text") -> Contents:
         filled = [(i, row) for i, row in filled if i not in again]
         at = np.array([i for i, _ in filled])
         rows = [row for _, row in filled]
-        columns = [_column(rows, i, layout, *head) for i, head in enumerate(_heads(layout))]
+        columns = [column_of(rows, i, layout.decimal, *head) for i, head in enumerate(_heads(layout))]
     while len(columns) > 1 and not columns[-1].name and not np.isfinite(columns[-1].values).any():
         columns.pop()  # a separator at the end of each line
     first = layout.first - (len(lines) - given)
@@ -139,7 +140,10 @@ def _plain(body: list[str], layout: Layout) -> np.ndarray | None:
     return table if table.shape == (len(body), layout.columns) else None
 
 
-def _column(rows: list[list[str]], index: int, layout: Layout, name: str, group: str, unit: str) -> Column:
+def column_of(
+    rows: Sequence[Sequence[str]], index: int, decimal: str, name: str, group: str = "", unit: str = ""
+) -> Column:
+    """Return the column at an index of rows of cells, which may lack cells at their ends."""
     cells = [row[index] if index < len(row) else "" for row in rows]
     values = np.full(len(cells), np.nan)
     days: list[int | None] = [None] * len(cells)
@@ -148,7 +152,7 @@ def _column(rows: list[list[str]], index: int, layout: Layout, name: str, group:
     for i, cell in enumerate(cells):
         if not cell:
             continue
-        found = layout.number(cell)
+        found = number(cell, decimal)
         if found is None:
             words[i] = cell[:_WORD]
             continue
