@@ -35,7 +35,7 @@ LEAST = 10
 LEVELS = 3
 """A column with no more values than these is a switch or a sensor at rest."""
 _ORDER = {"angle": 0, "": 0, "velocity": 1, "acceleration": 2}
-_DERIVED = re.compile(r"\b(abs|absolute|magnitude|total|norm|resultant|rms)\b", re.IGNORECASE)
+_DERIVED = re.compile(r"\b(abs|absolute|magnitude|total|norm|resultant|rms|energ\w*)\b", re.IGNORECASE)
 _BACK = 0.02
 """Share of steps back in time that a column named after times may have."""
 _FAR = 10.0
