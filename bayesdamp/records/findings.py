@@ -67,11 +67,15 @@ class Kind(Enum):
 
 @dataclass(frozen=True)
 class Finding:
-    """A doubt: a sentence for the user, and the option that mends it as it is typed."""
+    """A doubt: a sentence for the user, and the option that mends it as it is typed.
+
+    answer: the option's name and its likeliest value, where one option settles the doubt.
+    """
 
     kind: Kind
     sentence: str
     option: str
+    answer: tuple[str, str] | None = None
 
     def __str__(self) -> str:
         return f"{self.sentence} ({self.option})"
@@ -103,11 +107,11 @@ def _turns(raw: RawRecord, unit: str, quantity: str, given: bool) -> Finding | N
         turns = size / (2 * math.pi)
         why = f"no unit is said, and its values reach {size:.3g}: {turns:.2g} turns to either side if radians"
         what, option = _ASSUMED[unit]
-        return Finding(Kind.DEGREES, f"it is read as {what}: {why}", option)
+        return Finding(Kind.DEGREES, f"it is read as {what}: {why}", option, ("unit", unit))
     turns = size * UNITS[unit].factor / (2 * math.pi)
     if UNITS[unit].base == "rad" and turns > MANY_TURNS:
         sentence = f"it swings by {turns:.2g} turns to either side; is its unit {unit}?"
-        return Finding(Kind.TURNS, sentence, "--unit deg, counts, V, mm ...")
+        return Finding(Kind.TURNS, sentence, "--unit deg, counts, V, mm ...", ("unit", "deg"))
     return None
 
 
@@ -121,7 +125,7 @@ def _unit(raw: RawRecord, unit: str, quantity: str, given: bool) -> Finding | No
     if not raw.unit or raw.unit in UNITS:
         return None
     sentence = f"its unit is {raw.unit!r}, which is none of a displacement; it is read as {unit}"
-    return Finding(Kind.UNIT, sentence, "--unit counts for a sensor of unknown scale")
+    return Finding(Kind.UNIT, sentence, "--unit counts for a sensor of unknown scale", ("unit", "counts"))
 
 
 def _time_factor(raw: RawRecord) -> Finding | None:
@@ -145,22 +149,22 @@ def _times(raw: RawRecord, seen: Swing) -> Finding | None:
         sentence = (
             f"its times are {raw.t[0]:.0f}, {raw.t[1]:.0f}, {raw.t[2]:.0f}, ...: are they numbers of samples?"
         )
-        return Finding(Kind.SAMPLE_NUMBERS, sentence, "--rate HZ")
+        return Finding(Kind.SAMPLE_NUMBERS, sentence, "--rate HZ", ("rate", "HZ"))
     unknown = _BRACKETS.search(raw.provenance.time_column)
     if unknown is not None and unknown[1].lower() not in _NO_UNITS:
         sentence = f"the unit of its times, {unknown[1]!r}, is not known; they are read as s"
-        return Finding(Kind.TIME_UNIT, sentence, f"--time-unit s if they are, or {VALID}")
+        return Finding(Kind.TIME_UNIT, sentence, f"--time-unit s if they are, or {VALID}", ("time-unit", "s"))
     period = seen.period * step
     if seen.swings and period < SHORT_DAYS and any(low <= raw.t[0] <= high for low, high in DAY_NUMBERS):
         sentence = (
             f"its times begin at {raw.t[0]:.7g} and a period would last {period:.3g} s; do they count days?"
         )
-        return Finding(Kind.TIME_UNIT, sentence, "--time-unit d, or s if they are")
+        return Finding(Kind.TIME_UNIT, sentence, "--time-unit d, or s if they are", ("time-unit", "d"))
     if not seen.swings or step < COARSE or period < SLOW:
         return None
     better = next((u for u, s in (("ms", 1e-3), ("us", 1e-6), ("ns", 1e-9)) if period * s < SLOW), "us")
     sentence = f"its times step by {step:.4g} and a period would last {period:.3g} s; are they in {better}?"
-    return Finding(Kind.TIME_UNIT, sentence, f"--time-unit {better}, or s if they are")
+    return Finding(Kind.TIME_UNIT, sentence, f"--time-unit {better}, or s if they are", ("time-unit", better))
 
 
 def _too_fast(raw: RawRecord, unit: str, quantity: str, given: bool, seen: Swing) -> Finding | None:
@@ -180,7 +184,8 @@ def _too_fast(raw: RawRecord, unit: str, quantity: str, given: bool, seen: Swing
         f"by its head it swings at {1 / period:.4g} Hz and moves at {speed:.2g} {UNITS[unit].base}/s, which hardly anything "
         f"does; are its times in {better}?"
     )
-    return Finding(Kind.TIME_UNIT, sentence, f"--time-unit {better}, or {_unit_of(said)} if they are")
+    option = f"--time-unit {better}, or {_unit_of(said)} if they are"
+    return Finding(Kind.TIME_UNIT, sentence, option, ("time-unit", better))
 
 
 def _unit_of(seconds: float) -> str:
@@ -196,9 +201,10 @@ def _rate(raw: RawRecord, seen: Swing) -> Finding | None:
         return None
     if raw.rate < 1:
         sentence = f"at {raw.rate:.4g} Hz a period lasts {period:.3g} s; is {raw.rate:.4g} the interval in s?"
-        return Finding(Kind.PERIOD, sentence, f"--rate {1 / raw.rate:.6g}")
+        rate = f"{1 / raw.rate:.6g}"
+        return Finding(Kind.PERIOD, sentence, f"--rate {rate}", ("rate", rate))
     sentence = f"at {raw.rate:.4g} Hz a period lasts {period:.3g} s; is the rate in Hz?"
-    return Finding(Kind.PERIOD, sentence, "--rate HZ")
+    return Finding(Kind.PERIOD, sentence, "--rate HZ", ("rate", "HZ"))
 
 
 def _differing(raw: RawRecord) -> Finding | None:

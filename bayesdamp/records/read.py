@@ -91,7 +91,7 @@ def read_records(
         some = series(found, time=time, values=values, rate=rate, runs=runs)
         return [_record(found, one, path, time_unit, len(some) > 1) for one in some]
     except InputError as error:
-        raise fault(path, error.what, error.arguments) from None
+        raise fault(path, error.what, error.arguments, error.likely) from None
 
 
 def _several(found: Sequence[RawRecord]) -> str:

@@ -241,7 +241,9 @@ def _with_clock(record: Series, found: Contents, said: tuple[str, ...] = ()) -> 
         written, rates = doubtful
         either = " or ".join(f"{rate:.9g}" for rate in rates)
         raise InputError(
-            f"its head says {written[:80]!r}, which may be {either} Hz: give the rate", arguments=["rate"]
+            f"its head says {written[:80]!r}, which may be {either} Hz: give the rate",
+            arguments=["rate"],
+            likely=_likely_rate(found),
         )
     if len(found.columns) == 1:
         raise InputError(
@@ -252,6 +254,12 @@ def _with_clock(record: Series, found: Contents, said: tuple[str, ...] = ()) -> 
         f"no time given: name the time column or give the rate in Hz; columns are {listed(found.columns)}",
         arguments=["time", "rate"],
     )
+
+
+def _likely_rate(found: Contents) -> dict[str, str]:
+    """The first reading of a rate in the head that has two; empty where there is none."""
+    doubtful = doubtful_rate(found.facts)
+    return {"rate": f"{doubtful[1][0]:.9g}"} if doubtful is not None else {}
 
 
 def _nothing(found: Contents) -> str:
@@ -301,12 +309,13 @@ def _same_in_all(found: Contents, blocks: list[_Block]) -> list[Series]:
             for c in some
         ]
     for run in dict.fromkeys(record.run for record in records):
-        _plain(found, [record.value for record in records if record.run == run])
+        _plain(found, [record for record in records if record.run == run])
     return records
 
 
-def _plain(found: Contents, some: list[Column]) -> None:
+def _plain(found: Contents, records: list[Series]) -> None:
     """Refuse a choice among columns that are no channels alike. Raises InputError."""
+    some = [record.value for record in records]
     kinds = {unit_said(c) for c in some}
     bare = {c.name.removeprefix(f"{c.group}.") for c in some}
     if len(bare) == 1 and len({c.group for c in some}) == len(some):
@@ -315,10 +324,14 @@ def _plain(found: Contents, some: list[Column]) -> None:
     if len(some) > 1 and not (alike or found.channels or found.paired):
         names = ", ".join(shown(found.columns, c) for c in some[:3])
         more = f" and {len(some) - 3} more" if len(some) > 3 else ""
+        clockless = any(r.time is None and r.rate is None and r.value.rate is None for r in records)
+        no_times = " and no times" if clockless else ""
+        also = ", and the name of the times or the rate in Hz" if clockless else ""
         raise InputError(
-            f"has {len(found.columns)} columns, and {names}{more} may each be the record; give the name or number of "
-            f"one, or of several channels; columns are {listed(found.columns)}",
-            arguments=["value", "channels"],
+            f"has {len(found.columns)} columns{no_times}, and {names}{more} may each be the record; give the name or number "
+            f"of one, or of several channels{also}; columns are {listed(found.columns)}",
+            arguments=["value", "channels", *(["time", "rate"] if clockless else [])],
+            likely={"value": some[0].name or shown(found.columns, some[0]), **_likely_rate(found)},
         )
 
 

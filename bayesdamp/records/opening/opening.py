@@ -7,7 +7,7 @@ import io
 import stat
 import warnings
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from difflib import get_close_matches
 from itertools import islice
 from pathlib import Path
@@ -37,11 +37,14 @@ def called(path: Path) -> str:
     return name if len(name) <= 80 else f"{name[:50]}...{name[-27:]}"
 
 
-def fault(path: Path, text: object, arguments: Sequence[str] = ()) -> InputError:
+def fault(
+    path: Path, text: object, arguments: Sequence[str] = (), likely: Mapping[str, str] | None = None
+) -> InputError:
     """One line about a file, cut to its length and without line breaks."""
     where, what = " ".join(called(path).split()), " ".join(str(text).split())
     room = LONGEST - len(str(InputError("", where, arguments=arguments)))
-    return InputError(what if len(what) <= room else f"{what[: room - 3]}...", where, arguments=arguments)
+    short = what if len(what) <= room else f"{what[: room - 3]}..."
+    return InputError(short, where, arguments=arguments, likely=likely)
 
 
 def contents(path: Path | str) -> Contents:
