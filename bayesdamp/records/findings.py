@@ -190,7 +190,9 @@ def _too_fast(raw: RawRecord, unit: str, quantity: str, given: bool, seen: Swing
 
 def _unit_of(seconds: float) -> str:
     """The unit of time of so many seconds."""
-    return next((unit for unit in ("s", "ms", "us", "ns", "ps") if SECONDS[unit] == seconds), "as the head says")
+    return next(
+        (unit for unit in ("s", "ms", "us", "ns", "ps") if SECONDS[unit] == seconds), "as the head says"
+    )
 
 
 def _rate(raw: RawRecord, seen: Swing) -> Finding | None:

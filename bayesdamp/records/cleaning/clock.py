@@ -132,7 +132,9 @@ def _goes_back(t: np.ndarray, at: int) -> tuple[str, tuple[str, ...]]:
         )
         return what, ("rate",)
     rows = int(np.sum(gaps < 0))
-    how = f"the time goes back from {t[at]:.10g} to {t[at + 1]:.10g} s" + (f" ({rows} rows do so)" if rows > 1 else "")
+    how = f"the time goes back from {t[at]:.10g} to {t[at + 1]:.10g} s" + (
+        f" ({rows} rows do so)" if rows > 1 else ""
+    )
     steps = np.diff(np.sort(t))
     if steps.min() > 0 and steps.mean() < EVEN * np.median(steps):
         return f"{how}; the rows are out of order: sort them by time, which makes the times evenly spaced", ()

@@ -27,7 +27,9 @@ def paired(found: Contents, is_clock: Callable[[Column], bool]) -> Contents:
             at, clocks = at[::-1], clocks[::-1]
         starts = [k for k, clock in enumerate(clocks) if clock]
         ends = [*starts[1:], len(at)]
-        alternate = len(starts) > 1 and starts[0] == 0 and all(b - a > 1 for a, b in zip(starts, ends, strict=True))
+        alternate = (
+            len(starts) > 1 and starts[0] == 0 and all(b - a > 1 for a, b in zip(starts, ends, strict=True))
+        )
         if not alternate or all(
             np.array_equal(columns[at[0]].values, columns[at[k]].values, equal_nan=True) for k in starts
         ):

@@ -17,10 +17,13 @@ SECONDS = {
     **dict.fromkeys(("d", "day", "days", "tag", "tage"), 86400.0),
 }
 """Of a unit of time as it may be written."""
-_JOINED = re.compile(r"(?:time|stamp|elapsed|(?<![^\W_])t)[.-]?(sec|[mµμun]s|[mun]sec|millis|micros|nanos)$", re.IGNORECASE)
+_JOINED = re.compile(
+    r"(?:time|stamp|elapsed|(?<![^\W_])t)[.-]?(sec|[mµμun]s|[mun]sec|millis|micros|nanos)$", re.IGNORECASE
+)
 """A unit that is joined to the name of times, as in ArduPilot's `TimeUS`."""
 TIMES = re.compile(
-    r"^t(\d*|[\s_.-]\w)$|time|elapsed|stamp|zeit|temps|tiempo|tempo|second|sekunde|uhr|epoch|x_value", re.IGNORECASE
+    r"^t(\d*|[\s_.-]\w)$|time|elapsed|stamp|zeit|temps|tiempo|tempo|second|sekunde|uhr|epoch|x_value",
+    re.IGNORECASE,
 )
 """What a column of times is named."""
 _DAY_NUMBERS = re.compile(

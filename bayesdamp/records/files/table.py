@@ -182,7 +182,9 @@ def _names(heads: list[list[str]], columns: int) -> tuple[list[str] | None, list
     units = heads[-1] if len(heads) > 1 and all(map(may_be_unit, heads[-1], heads[-2])) else []
     if units:
         heads = heads[:-1]
-    heads = [h for h in heads if all(c.isdigit() or number(c, ".") is None for c in h)]  # `delta t,1E-5` is a fact
+    heads = [
+        h for h in heads if all(c.isdigit() or number(c, ".") is None for c in h)
+    ]  # `delta t,1E-5` is a fact
     named = [sum(map(_named, h)) for h in heads]
     most = max(named, default=0)
     if most < max(1, columns // 2):

@@ -46,7 +46,9 @@ class ExcelReader:
             if old and _ENCRYPTED in file.read():
                 raise InputError("is a workbook with a password; save it as .xlsx without one, or as CSV")
         if old:
-            raise InputError("is an Excel 97-2003 workbook (.xls), which is not read; save it as .xlsx or CSV")
+            raise InputError(
+                "is an Excel 97-2003 workbook (.xls), which is not read; save it as .xlsx or CSV"
+            )
         allowed_archive(path)
         import openpyxl
 

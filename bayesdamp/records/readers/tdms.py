@@ -87,7 +87,12 @@ def _column(channel: Any, group: str, several: bool) -> Column | None:
     )
     start = float(said.get("wf_start_offset", 0.0) or 0.0)
     return Column(
-        name, data.astype(float), group, unit=unit.strip(), rate=1 / step if step > 0 else rate[0] if rate else None, start=start
+        name,
+        data.astype(float),
+        group,
+        unit=unit.strip(),
+        rate=1 / step if step > 0 else rate[0] if rate else None,
+        start=start,
     )
 
 

@@ -98,7 +98,10 @@ def from_lines(lines: list[str], form: str = "text") -> Contents:
         form,
         tuple(columns),
         settings or header_facts(line for line in lines[: layout.first] if not _names_columns(line, layout)),
-        tuple(f"Line {first + 1 + i} repeats the names of the columns and is left out." for i in again[:MOST_NOTES]),
+        tuple(
+            f"Line {first + 1 + i} repeats the names of the columns and is left out."
+            for i in again[:MOST_NOTES]
+        ),
         {
             "separator": "blanks" if layout.separator == BLANKS else layout.separator,
             "decimal": layout.decimal,

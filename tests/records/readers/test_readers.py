@@ -230,13 +230,28 @@ def test_a_cassy_file_holds_its_runs(tmp_path: Path, unit: str, packed: bool) ->
 
 
 def test_a_cassy_file_may_define_no_entities(tmp_path: Path) -> None:
-    (tmp_path / "a.labx").write_text('<!DOCTYPE x [<!ENTITY a "b">]><cassylab>&a;</cassylab>', encoding="utf-8")
+    (tmp_path / "a.labx").write_text(
+        '<!DOCTYPE x [<!ENTITY a "b">]><cassylab>&a;</cassylab>', encoding="utf-8"
+    )
     with pytest.raises(InputError, match="document type"):
         read_records(tmp_path / "a.labx")
 
 
-LVM_HEAD = ["LabVIEW Measurement", "Separator\tTab", "Decimal_Separator\t.", "X_Columns\tAXES", "***End_of_Header***"]
-LVM_SEGMENT = ["Channels\t1", "Samples\t600", "Y_Unit_Label\tmm", "X0\t0.5", "Delta_X\t0.02", "***End_of_Header***"]
+LVM_HEAD = [
+    "LabVIEW Measurement",
+    "Separator\tTab",
+    "Decimal_Separator\t.",
+    "X_Columns\tAXES",
+    "***End_of_Header***",
+]
+LVM_SEGMENT = [
+    "Channels\t1",
+    "Samples\t600",
+    "Y_Unit_Label\tmm",
+    "X0\t0.5",
+    "Delta_X\t0.02",
+    "***End_of_Header***",
+]
 LVM_ROWS = {
     "One": [f"{t!r}\t{y!r}" for t, y in zip(T.tolist(), Y.tolist(), strict=True)],
     "No": [f"\t{y!r}" for y in Y.tolist()],
