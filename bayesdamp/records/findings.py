@@ -31,8 +31,8 @@ LONG, SHORT = 600.0, 1e-6
 SLOW = 30.0
 """A period in s from which times whose unit nobody says are doubted."""
 FASTEST = {"rad": 300.0, "m": 340.0}
-"""Speeds in rad/s and m/s beyond which the unit of the times is doubted: a watch's balance wheel has some 130 rad/s, sound
-340 m/s (conventional)."""
+"""Speeds in rad/s and m/s beyond which the unit of the times is doubted: a watch's balance wheel has some 130 rad/s,
+sound 340 m/s (conventional)."""
 COARSE = 0.5
 """The step in s of such times from which they are doubted."""
 DAY_NUMBERS = ((25e3, 60e3), (710e3, 780e3), (2.44e6, 2.48e6))
@@ -169,8 +169,8 @@ def _times(raw: RawRecord, seen: Swing) -> Finding | None:
 
 def _too_fast(raw: RawRecord, unit: str, quantity: str, given: bool, seen: Swing) -> Finding | None:
     """Doubt the file's unit of the times where an angle or a position of a stated unit would move too fast."""
-    limit = FASTEST.get(UNITS[unit].base)
-    stated = (given or raw.unit in UNITS) and quantity == "angle" and limit is not None
+    limit = FASTEST.get(UNITS[unit].base, math.inf)
+    stated = (given or raw.unit in UNITS) and quantity == "angle"
     if raw.t is None or not stated or not seen.swings or raw.provenance.time_unit != "file":
         return None
     period = seen.period * float(np.median(np.diff(raw.t)))
@@ -181,8 +181,8 @@ def _too_fast(raw: RawRecord, unit: str, quantity: str, given: bool, seen: Swing
     if speed <= limit or better is None:
         return None
     sentence = (
-        f"by its head it swings at {1 / period:.4g} Hz and moves at {speed:.2g} {UNITS[unit].base}/s, which hardly anything "
-        f"does; are its times in {better}?"
+        f"by its head it swings at {1 / period:.4g} Hz and moves at {speed:.2g} {UNITS[unit].base}/s, which hardly "
+        f"anything does; are its times in {better}?"
     )
     option = f"--time-unit {better}, or {_unit_of(said)} if they are"
     return Finding(Kind.TIME_UNIT, sentence, option, ("time-unit", better))

@@ -13,7 +13,7 @@ from bayesdamp.types import InputError
 MANY = 0.05
 """Share of repeated stamps from which they are taken for bursts of a uniform sampling."""
 EVEN = 1.5
-"""Times the median step of sorted times that their mean step may be, for rows that are only out of order (conventional)."""
+"""Most that the mean step of sorted times is of their median step, where rows are only out of order (conventional)."""
 PAUSES, SHORT, SMOOTH, ACROSS = 8, 0.3, 0.5, 1.5
 """Of stamps in bursts: pauses at least, the median step at most as a share of the mean, the squared step of the values
 at most as a share of that of noise, and across a pause at most as a multiple of that within a burst (conventional)."""
@@ -128,7 +128,8 @@ def _goes_back(t: np.ndarray, at: int) -> tuple[str, tuple[str, ...]]:
     if np.all(gaps <= 0):
         what = (
             f"the time runs backwards throughout, from {t[0]:.10g} to {t[-1]:.10g} s; if the rows are in the order of "
-            f"recording, give the rate ({-1 / gaps.mean():.5g} Hz) instead; if the last was recorded first, reverse them"
+            f"recording, give the rate ({-1 / gaps.mean():.5g} Hz) instead; if the last was recorded first, reverse "
+            "them"
         )
         return what, ("rate",)
     rows = int(np.sum(gaps < 0))

@@ -328,8 +328,8 @@ def _plain(found: Contents, records: list[Series]) -> None:
         no_times = " and no times" if clockless else ""
         also = ", and the name of the times or the rate in Hz" if clockless else ""
         raise InputError(
-            f"has {len(found.columns)} columns{no_times}, and {names}{more} may each be the record; give the name or number "
-            f"of one, or of several channels{also}; columns are {listed(found.columns)}",
+            f"has {len(found.columns)} columns{no_times}, and {names}{more} may each be the record; give the name or "
+            f"number of one, or of several channels{also}; columns are {listed(found.columns)}",
             arguments=["value", "channels", *(["time", "rate"] if clockless else [])],
             likely={"value": some[0].name or shown(found.columns, some[0]), **_likely_rate(found)},
         )

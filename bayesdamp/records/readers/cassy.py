@@ -8,8 +8,6 @@ from dataclasses import replace
 from pathlib import Path
 from xml.etree import ElementTree
 
-import numpy as np
-
 from bayesdamp.provenance import Fact
 from bayesdamp.records.files.contents import Column, Contents
 from bayesdamp.records.files.facts import kept

@@ -19,7 +19,8 @@ _END = "***End_of_Header***"
 _SPECIAL = ("***Start_Special***", "***End_Special***")
 _OF_SEGMENTS = {
     "Channels", "Samples", "Date", "Time", "Notes", "Test_Name", "Test_Numbers", "Test_Series", "UUT_M/N", "UUT_Name",
-    "UUT_S/N", "Model_Number", "Serial_Number", "X_Dimension", "X_Unit_Label", "X0", "Delta_X", "Y_Dimension", "Y_Unit_Label",
+    "UUT_S/N", "Model_Number", "Serial_Number", "X_Dimension", "X_Unit_Label", "X0", "Delta_X",
+    "Y_Dimension", "Y_Unit_Label",
 }  # fmt: skip
 """Tags of a segment's header."""
 
@@ -80,7 +81,7 @@ def _parsed(lines: Sequence[str]) -> tuple[dict[str, str], list[_Segment]]:
                 now = _Segment()
                 segments.append(now)
             now.tags[tag] = cells[1:]
-        elif tag == "X_Value" or not now.rows and not _is_row(cells, said.get("Decimal_Separator", ".")):
+        elif tag == "X_Value" or not (now.rows or _is_row(cells, said.get("Decimal_Separator", "."))):
             now.names = cells
         else:
             now.rows.append(cells)

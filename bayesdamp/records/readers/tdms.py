@@ -81,19 +81,13 @@ def _column(channel: Any, group: str, several: bool) -> Column | None:
     if data.dtype.kind not in "fiub" or data.size == 0:
         return None
     step = float(said.get("wf_increment", 0.0) or 0.0)
-    rate = sampling_rate(kept({str(k): _plain(v) for k, v in said.items()}))
+    found = sampling_rate(kept({str(k): _plain(v) for k, v in said.items()}))
+    rate = 1 / step if step > 0 else found[0] if found else None
     unit = str(
         said.get("unit_string", "") or said.get("NI_UnitDescription", "") or said.get("unit", "") or ""
     )
     start = float(said.get("wf_start_offset", 0.0) or 0.0)
-    return Column(
-        name,
-        data.astype(float),
-        group,
-        unit=unit.strip(),
-        rate=1 / step if step > 0 else rate[0] if rate else None,
-        start=start,
-    )
+    return Column(name, data.astype(float), group, unit=unit.strip(), rate=rate, start=start)
 
 
 def _plain(value: Any) -> Any:
