@@ -38,6 +38,8 @@ CASES = {
     "ms, said wrongly": ("t (ms),angle (deg)", T, 50 * Y, {}, None, [Kind.TIME_UNIT], "--time-unit s, or ms"),
     "us, said wrongly": ("TimeUS,x (m)", 1e3 * T, Y, {}, None, [Kind.TIME_UNIT], "--time-unit ms, or us"),
     "ms, said wrongly, asked": ("t (ms),angle (deg)", T, 50 * Y, {"time_unit": "ms"}, None, [], ""),
+    "s, in bursts": ("t (s),angle (deg)", np.floor(3 * T) / 3, 50 * Y, {}, None, [], ""),
+    "s, backwards": ("t (s),angle (deg)", T[::-1], 50 * Y, {}, None, [], ""),
     "ms, a small swing": ("t (ms),angle (deg)", T, Y, {}, None, [], ""),
     "ms, no unit": ("t (ms),angle", T, Y, {}, None, [], ""),
     "ms, an acceleration": ("t (ms),acc (g)", T, 50 * Y, {}, None, [], ""),
