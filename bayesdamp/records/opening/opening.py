@@ -28,7 +28,7 @@ LONGEST = 280
 LISTED = 5000
 """Names of a folder that are looked through for what was meant."""
 FALLBACK = "text"
-_OPEN = "a text table, .mat, .npy, .npz, .uff, .tdms, .lvm, .wav, .h5, .parquet, .xlsx or .json file"
+_OPEN = "a text table, .mat, .npy, .npz, .uff, .tdms, .lvm, .labx, .wav, .h5, .parquet, .xlsx or .json file"
 
 
 def called(path: Path) -> str:
