@@ -31,11 +31,19 @@ class InputError(BayesdampError):
 
     what: without where. where: the file, the record, the option or the argument; at: the place in it, such as a line;
     both are empty where nobody has said. arguments: of `read` by which it can be settled, told as the command's
-    options.
+    options. likely: the likeliest values of some of them.
     """
 
-    def __init__(self, what: str, where: str = "", at: str = "", arguments: Sequence[str] = ()) -> None:
+    def __init__(
+        self,
+        what: str,
+        where: str = "",
+        at: str = "",
+        arguments: Sequence[str] = (),
+        likely: Mapping[str, str] | None = None,
+    ) -> None:
         self.what, self.where, self.at, self.arguments = what, where, at, tuple(arguments)
+        self.likely = dict(likely or {})
         place = ", ".join(filter(None, (where, at)))
         options = ", ".join(f"--{_OPTIONS.get(name, name)}" for name in self.arguments)
         super().__init__((f"{place}: {what}" if place else what) + (f" ({options})" if options else ""))

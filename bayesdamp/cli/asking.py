@@ -9,12 +9,13 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Self
 
+from bayesdamp.cli.open_questions import all_at_once, read, unstated
 from bayesdamp.cli.options import bound, wrong
 from bayesdamp.records.cleaning.decimate import decimated
 from bayesdamp.records.files.named_units import SECONDS, unit_written
 from bayesdamp.records.findings import QUESTIONS, Finding, Kind, findings
 from bayesdamp.records.opening.opening import read_each
-from bayesdamp.records.read import FASTEST, FROM_FIRST, SLOWEST, read_records
+from bayesdamp.records.read import FASTEST, FROM_FIRST, SLOWEST
 from bayesdamp.records.record import RawRecord
 from bayesdamp.records.stated_columns import read_as
 from bayesdamp.records.wrapped import unwrapped
@@ -127,17 +128,11 @@ class Found:
 
 def found_records(path: Path, options: Options, *, cleaned: bool = True) -> list[Found]:
     """The records in a file. cleaned: whether to look for the free decay in each. Raises InputError."""
-    o = options
-    raws = read_records(
-        path,
-        time=o.time,
-        value=o.angle,
-        rate=o.rate,
-        runs=o.runs,
-        channels=o.channels,
-        time_unit=o.time_unit,
-    )
-    return [_found(path, raw, o, cleaned) for raw in raws]
+    try:
+        raws = read(path, options)
+    except InputError as error:
+        raise all_at_once(error, path, options) from None
+    return [_found(path, raw, options, cleaned) for raw in raws]
 
 
 def _found(path: Path, raw: RawRecord, options: Options, cleaned: bool) -> Found:
@@ -172,11 +167,11 @@ def first_words_on(found: Sequence[Found], options: Options) -> list[str]:
     from bayesdamp.verdict.units import in_unit
 
     said = []
-    unstated: dict[str, None] = {}
+    unsaid: dict[str, None] = {}
     for one in found:
         seen = one if one.signal is not None else _found(one.path, one.raw, options, True)
         if seen.signal is not None:
-            unstated |= {one.path.name: None} if _unstated(one, options) else {}
+            unsaid |= {one.path.name: None} if unstated(one.raw, one.unit, one.quantity, options) else {}
             other = no_free_decay(seen.signal)
             whose = ", ".join(filter(None, (one.path.name, _own_label(one, found) if one.several else "")))
             with suppress(Refusal):
@@ -191,7 +186,7 @@ def first_words_on(found: Sequence[Found], options: Options) -> list[str]:
         elif one.raw.y.min() >= 0:
             said.append(f"{one.path.name}: {MAYBE_ENVELOPE}")
     taken = "No unit is stated: an angle in rad is taken; --unit m (mm, deg) says another."
-    return [*said, *(f"{name}: {taken}" for name in unstated)]
+    return [*said, *(f"{name}: {taken}" for name in unsaid)]
 
 
 @dataclass(frozen=True)
@@ -249,11 +244,6 @@ def _chosen(path: Path, options: Options, cleaned: bool) -> tuple[list[Found], l
     said += doubts(path, found, (Kind.CONSTANT,))
     doubted = doubts(path, found, [kind for kind in Kind if kind is not Kind.CONSTANT])
     return [replace(one, several=several) for one in found], doubted, said
-
-
-def _unstated(one: Found, options: Options) -> bool:
-    """Whether rad is what is left where neither the file nor the user says a unit."""
-    return options.unit is None and not one.raw.unit and (one.unit, one.quantity) == ("rad", "angle")
 
 
 def _labels(found: Sequence[Found]) -> str:

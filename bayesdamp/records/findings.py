@@ -12,6 +12,7 @@ import numpy as np
 from bayesdamp.records.columns.factors import factor_beside_unit
 from bayesdamp.records.columns.swings import Swing, swing
 from bayesdamp.records.files.facts import doubtful_rate, sampling_rate
+from bayesdamp.records.files.named_units import SECONDS, seconds_in
 from bayesdamp.records.record import RawRecord
 from bayesdamp.records.stated_columns import HALF_TURN, half_swing
 from bayesdamp.records.wrapped import turn_of
@@ -28,6 +29,9 @@ LONG, SHORT = 600.0, 1e-6
 """Periods in s that a rate given by hand hardly means."""
 SLOW = 30.0
 """A period in s from which times whose unit nobody says are doubted."""
+FASTEST = {"rad": 300.0, "m": 340.0}
+"""Speeds in rad/s and m/s beyond which the unit of the times is doubted: a watch's balance wheel has some 130 rad/s,
+sound 340 m/s (conventional)."""
 COARSE = 0.5
 """The step in s of such times from which they are doubted."""
 DAY_NUMBERS = ((25e3, 60e3), (710e3, 780e3), (2.44e6, 2.48e6))
@@ -65,11 +69,15 @@ QUESTIONS = (Kind.TIME_UNIT, Kind.SAMPLE_NUMBERS)
 
 @dataclass(frozen=True)
 class Finding:
-    """A doubt: a sentence for the user, and the option that mends it as it is typed."""
+    """A doubt: a sentence for the user, and the option that mends it as it is typed.
+
+    answer: the option's name and its likeliest value, where one option settles the doubt.
+    """
 
     kind: Kind
     sentence: str
     option: str
+    answer: tuple[str, str] | None = None
 
     def __str__(self) -> str:
         return f"{self.sentence} ({self.option})"
@@ -82,7 +90,7 @@ def findings(raw: RawRecord, unit: str, quantity: str, given: bool = False) -> t
     doubts = (
         _turns(raw, unit, quantity, given),
         _unit(raw, unit, quantity, given),
-        _time_factor(raw) or _times(raw, seen),
+        _time_factor(raw) or _times(raw, seen) or _too_fast(raw, unit, quantity, given, seen),
         _rate(raw, seen),
         _differing(raw),
         _against_times(raw),
@@ -106,11 +114,11 @@ def _turns(raw: RawRecord, unit: str, quantity: str, given: bool) -> Finding | N
         turns = size / (2 * math.pi)
         why = f"no unit is said, and its values reach {size:.3g}: {turns:.2g} turns to either side if radians"
         what, option = _ASSUMED[unit]
-        return Finding(Kind.DEGREES, f"it is read as {what}: {why}", option)
+        return Finding(Kind.DEGREES, f"it is read as {what}: {why}", option, ("unit", unit))
     turns = size * UNITS[unit].factor / (2 * math.pi)
     if UNITS[unit].base == "rad" and turns > MANY_TURNS:
         sentence = f"it swings by {turns:.2g} turns to either side; is its unit {unit}?"
-        return Finding(Kind.TURNS, sentence, "--unit deg, counts, V, mm ...")
+        return Finding(Kind.TURNS, sentence, "--unit deg, counts, V, mm ...", ("unit", "deg"))
     return None
 
 
@@ -124,7 +132,7 @@ def _unit(raw: RawRecord, unit: str, quantity: str, given: bool) -> Finding | No
     if not raw.unit or raw.unit in UNITS:
         return None
     sentence = f"its unit is {raw.unit!r}, which is none of a displacement; it is read as {unit}"
-    return Finding(Kind.UNIT, sentence, "--unit counts for a sensor of unknown scale")
+    return Finding(Kind.UNIT, sentence, "--unit counts for a sensor of unknown scale", ("unit", "counts"))
 
 
 def _time_factor(raw: RawRecord) -> Finding | None:
@@ -148,22 +156,55 @@ def _times(raw: RawRecord, seen: Swing) -> Finding | None:
         sentence = (
             f"its times are {raw.t[0]:.0f}, {raw.t[1]:.0f}, {raw.t[2]:.0f}, ...: are they numbers of samples?"
         )
-        return Finding(Kind.SAMPLE_NUMBERS, sentence, "--rate HZ, or --time-unit s if they are seconds")
+        answer = ("rate", "HZ")
+        return Finding(
+            Kind.SAMPLE_NUMBERS, sentence, "--rate HZ, or --time-unit s if they are seconds", answer
+        )
     unknown = _BRACKETS.search(raw.provenance.time_column)
     if unknown is not None and unknown[1].lower() not in _NO_UNITS:
         sentence = f"the unit of its times, {unknown[1]!r}, is not known; they are read as s"
-        return Finding(Kind.TIME_UNIT, sentence, f"--time-unit s if they are, or {VALID}")
+        return Finding(Kind.TIME_UNIT, sentence, f"--time-unit s if they are, or {VALID}", ("time-unit", "s"))
     period = seen.period * step
     if seen.swings and period < SHORT_DAYS and any(low <= raw.t[0] <= high for low, high in DAY_NUMBERS):
         sentence = (
             f"its times begin at {raw.t[0]:.7g} and a period would last {period:.3g} s; do they count days?"
         )
-        return Finding(Kind.TIME_UNIT, sentence, "--time-unit d, or s if they are")
+        return Finding(Kind.TIME_UNIT, sentence, "--time-unit d, or s if they are", ("time-unit", "d"))
     if not seen.swings or step < COARSE or period < SLOW:
         return None
     better = next((u for u, s in (("ms", 1e-3), ("us", 1e-6), ("ns", 1e-9)) if period * s < SLOW), "us")
     sentence = f"its times step by {step:.4g} and a period would last {period:.3g} s; are they in {better}?"
-    return Finding(Kind.TIME_UNIT, sentence, f"--time-unit {better}, or s if they are")
+    return Finding(Kind.TIME_UNIT, sentence, f"--time-unit {better}, or s if they are", ("time-unit", better))
+
+
+def _too_fast(raw: RawRecord, unit: str, quantity: str, given: bool, seen: Swing) -> Finding | None:
+    """Doubt the file's unit of the times where an angle or a position of a stated unit would move too fast."""
+    limit = FASTEST.get(UNITS[unit].base, math.inf)
+    stated = (given or raw.unit in UNITS) and quantity == "angle"
+    if raw.t is None or not stated or not seen.swings or raw.provenance.time_unit != "file":
+        return None
+    period = seen.period * float(raw.t[-1] - raw.t[0]) / (raw.t.size - 1)
+    if period <= 0:  # what is wrong with times that go back is said later
+        return None
+    speed = 2 * math.pi / period * math.sqrt(2) * seen.size * UNITS[unit].factor
+    said = seconds_in(raw.provenance.time_column) or 1.0
+    slower = [u for u in ("s", "ms", "us") if SECONDS[u] > said and speed * said < limit * SECONDS[u]]
+    better = next((u for u in slower if period * SECONDS[u] / said < SLOW), None)
+    if speed <= limit or better is None:
+        return None
+    sentence = (
+        f"by its head it swings at {1 / period:.4g} Hz and moves at {speed:.2g} {UNITS[unit].base}/s, which hardly "
+        f"anything does; are its times in {better}?"
+    )
+    option = f"--time-unit {better}, or {_unit_of(said)} if they are"
+    return Finding(Kind.TIME_UNIT, sentence, option, ("time-unit", better))
+
+
+def _unit_of(seconds: float) -> str:
+    """The unit of time of so many seconds."""
+    return next(
+        (unit for unit in ("s", "ms", "us", "ns", "ps") if SECONDS[unit] == seconds), "as the head says"
+    )
 
 
 def _rate(raw: RawRecord, seen: Swing) -> Finding | None:
@@ -174,9 +215,10 @@ def _rate(raw: RawRecord, seen: Swing) -> Finding | None:
         return None
     if raw.rate < 1:
         sentence = f"at {raw.rate:.4g} Hz a period lasts {period:.3g} s; is {raw.rate:.4g} the interval in s?"
-        return Finding(Kind.PERIOD, sentence, f"--rate {1 / raw.rate:.6g}")
+        rate = f"{1 / raw.rate:.6g}"
+        return Finding(Kind.PERIOD, sentence, f"--rate {rate}", ("rate", rate))
     sentence = f"at {raw.rate:.4g} Hz a period lasts {period:.3g} s; is the rate in Hz?"
-    return Finding(Kind.PERIOD, sentence, "--rate HZ")
+    return Finding(Kind.PERIOD, sentence, "--rate HZ", ("rate", "HZ"))
 
 
 def _differing(raw: RawRecord) -> Finding | None:

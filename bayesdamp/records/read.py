@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from bayesdamp.provenance import Fact, Provenance
-from bayesdamp.records.columns.choosing import LEAST, Series, series
+from bayesdamp.records.columns.choosing import LEAST, Series, series, with_own_clocks
 from bayesdamp.records.columns.names import parted, seconds_of_unit
 from bayesdamp.records.columns.swings import LARGEST
 from bayesdamp.records.columns.units_said import unit_said
@@ -90,13 +90,13 @@ def read_records(
         raise fault(path, "give either time (a column) or rate (in Hz), not both")
     if time_unit is not None and time_unit.lower() not in SECONDS:
         raise fault(path, f"unknown unit of time {time_unit[:20]!r}; valid are s, ms, us, ns, ps, min, h, d")
-    found = contents(path)
+    found = with_own_clocks(contents(path))
     try:
         values = (*([value] if value is not None else []), *channels)
         some = series(found, time=time, values=values, rate=rate, runs=runs)
         return [_record(found, one, path, time_unit, len(some) > 1) for one in some]
     except InputError as error:
-        raise fault(path, error.what, error.arguments) from None
+        raise fault(path, error.what, error.arguments, error.likely) from None
 
 
 def _several(found: Sequence[RawRecord]) -> str:
@@ -115,8 +115,6 @@ def _record(found: Contents, chosen: Series, path: Path, time_unit: str | None, 
     y, t = value.values[kept], None if time is None else time.values[kept]
     lines = np.arange(value.values.size) if found.lines is None else found.lines
     rows = lines[kept]
-    for what, column in (("time", t), ("value", y)):
-        _finite(what, column, rows, found)
     if y.size < LEAST:
         raise InputError(f"{y.size} samples, a record needs at least {LEAST}")
     _usable(y)
@@ -188,23 +186,17 @@ def _facts_of(value: Column, time: Column | None, found: Contents) -> dict[str, 
 
 
 def _complete(value: Column, time: Column | None, found: Contents) -> tuple[np.ndarray, list[str]]:
-    """(the rows that have a cell in each column, notes on the others). Raises InputError for a cell of words."""
+    """(the rows that have a cell in each column, notes on the others). Raises InputError for a cell without a finite
+    number."""
     columns = [c for c in (time, value) if c is not None]
     size = value.values.size
     kept = np.ones(size, bool)
     for column in columns:
         if column.empty is not None:
             kept &= ~column.empty
-    for column in columns:
-        wrong = [i for i in column.words if kept[i]]
-        if wrong:
-            number = next(i for i, c in enumerate(found.columns, start=1) if c is column)
-            word = column.words[wrong[0]]
-            raise InputError(
-                f"{_place(found, wrong[0])}: {word!r} in column {number} is not a number; {_MEND}"
-            )
     if not kept.any():
         raise InputError("no row has a number in each of the columns asked for")
+    _all_numbers(time, value, kept, found)
     short = np.flatnonzero(~kept)
     if short.size == 0:
         return kept, []
@@ -222,16 +214,22 @@ def _place(found: Contents, row: int) -> str:
     return f"sample {row} (from 0)"
 
 
-def _finite(what: str, column: np.ndarray | None, rows: np.ndarray, found: Contents) -> None:
-    if column is None or np.all(np.isfinite(column)):
+def _all_numbers(time: Column | None, value: Column, kept: np.ndarray, found: Contents) -> None:
+    """Refuse the first cell of the rows kept that holds no finite number, and count the others. Raises InputError."""
+    columns = [(what, c) for what, c in (("time", time), ("value", value)) if c is not None]
+    bad = np.flatnonzero(kept & ~np.all([np.isfinite(c.values) for _, c in columns], axis=0))
+    if bad.size == 0:
         return
-    bad = int(np.flatnonzero(~np.isfinite(column))[0])
-    at = (
-        f"line {int(rows[bad]) + found.first_line}"
-        if found.first_line is not None
-        else f"sample {bad} (from 0)"
+    row = int(bad[0])
+    what, column = next((what, c) for what, c in columns if not np.isfinite(c.values[row]))
+    number = next(i for i, c in enumerate(found.columns, start=1) if c is column)
+    wrong = (
+        f"{column.words[row]!r} in column {number} is not a number"
+        if row in column.words
+        else f"the {what} is {column.values[row]}, not a finite number"
     )
-    raise InputError(f"{at}: the {what} is {column[bad]}, not a finite number; {_MEND}")
+    more = f" ({bad.size - 1} more like it)" if bad.size > 1 else ""
+    raise InputError(f"{_place(found, row)}: {wrong}; {_MEND}{more}")
 
 
 def _usable(y: np.ndarray) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import shlex
 import tomllib
 from pathlib import Path
 
@@ -348,3 +349,29 @@ def test_look_shows_the_decay_of_an_envelope(tmp_path, capsys) -> None:
     assert "of an envelope: --quantity envelope" in " ".join(capsys.readouterr().out.split())
     assert main(["look", str(level), "--html", str(tmp_path / "a.html")]) == 2
     assert not (tmp_path / "a.html").exists()
+
+
+def test_one_command_answers_all_that_a_file_leaves_open(tmp_path, capsys, monkeypatch) -> None:
+    """Columns, times and unit at once where it is refused; unit and unit of times where it is doubted."""
+    monkeypatch.chdir(tmp_path)
+    other = 12 * np.cos(5 * T) * np.exp(-0.2 * T)
+    np.savetxt("a.csv", np.c_[40 * Y, other], header="the left,right", delimiter=",", comments="")
+    assert main(["look", "a.csv", "--start", "1"]) == 2
+    command = "bayesdamp compare a.csv --start 1.0 --unit counts --angle 'the left' --rate HZ"
+    (error,) = capsys.readouterr().err.splitlines()
+    assert error.endswith(f"in one command (check its values): {command}")
+    assert len(error) < 300
+    words = shlex.split(command.replace("HZ", "50"))[2:]
+    assert main(["look", *words]) == 0
+    assert "in one command" not in capsys.readouterr().out
+    np.savetxt("b.csv", np.c_[1e6 * T, 40 * Y], header="t,x", delimiter=",", comments="")
+    assert main(["look", "b.csv"]) == 0
+    said = " ".join(capsys.readouterr().out.split())
+    assert "in one command (check its values): bayesdamp compare b.csv --unit counts --time-unit us" in said
+
+
+def test_nothing_is_asked_where_one_thing_or_none_is_open(tmp_path, capsys) -> None:
+    for head, t in (("t (s),x (deg)", T), ("t,x (deg)", 1e3 * T)):
+        np.savetxt(tmp_path / "a.csv", np.c_[t, 40 * Y], header=head, delimiter=",", comments="")
+        assert main(["look", str(tmp_path / "a.csv")]) == 0
+        assert "in one command" not in capsys.readouterr().out

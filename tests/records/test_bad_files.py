@@ -129,6 +129,11 @@ def encrypted_zip(path: Path) -> None:
     path.write_bytes(bytes(data))
 
 
+def compound(path: Path, stream: str) -> None:
+    """The head of a compound file and the name of a stream in it, as Excel writes what is no archive."""
+    path.write_bytes(bytes.fromhex("d0cf11e0a1b11ae1") + bytes(504) + stream.encode("utf-16-le") + bytes(100))
+
+
 def days(path: Path, zone: str = "") -> None:
     table(path, t=lambda i: f"2024-02-{28 + i // 150:02d}T99:99:00{zone}")
 
@@ -156,10 +161,12 @@ FILES: dict[str, tuple[str, Callable[[Path], object], str]] = {
     "hdf elsewhere": ("a.h5", hdf_elsewhere, "lies in another file"),
     "hdf link": ("a.h5", hdf_link, "no numeric array"),
     "xlsx damaged": ("a.xlsx", damaged("xlsx"), "not readable"),
-    "xlsx encrypted": ("a.xlsx", lambda p: p.write_bytes(bytes.fromhex("d0cf11e0a1b11ae1") + bytes(600)), "password"),
+    "xlsx encrypted": ("a.xlsx", lambda p: compound(p, "EncryptedPackage"), "is a workbook with a password"),
+    "xls": ("a.xls", lambda p: compound(p, "Workbook"), "is an Excel 97-2003 workbook (.xls), which is not read; save"),
+    "xls named xlsx": ("a.xlsx", lambda p: compound(p, "Book"), "is an Excel 97-2003 workbook"),
     "parquet cut": ("a.parquet", lambda p: p.write_bytes(b"PAR1" + bytes(60)), "not readable"),
     "tdms cut": ("a.tdms", lambda p: p.write_bytes(b"TDSm" + os.urandom(60)), "a.tdms"),
-    "lvm without data": ("a.lvm", lambda p: p.write_text("LabVIEW Measurement\t\n"), "not readable"),
+    "lvm without data": ("a.lvm", lambda p: p.write_text("LabVIEW Measurement\t\n"), "has no rows of numbers"),
     "wav cut": ("a.wav", lambda p: p.write_bytes(b"RIFF\x24\0\0\0WAVEfmt "), "not readable"),
     "json cut": ("a.json", lambda p: p.write_text('{"t": [1, 2'), "not readable"),
     "json deep": ("a.json", lambda p: p.write_text("[" * 100000 + "]" * 100000), "not readable"),

@@ -222,3 +222,19 @@ def test_a_unit_in_a_run_s_own_structure_is_that_of_its_one_column(
     savemat(tmp_path / "rig.mat", {"rig": runs})
     found = read_records(tmp_path / "rig.mat")
     assert [record.unit for record in found] == [unit, unit]
+
+
+def test_a_repeated_head_is_left_out(tmp_path):
+    lines = ["time, angle", *rows()[:8], "time, angle", *rows()[8:]]
+    record = read_record(write(tmp_path / "a.csv", lines))
+    np.testing.assert_array_equal(record.y, Y)
+    assert "Line 10 repeats the names of the columns and is left out." in record.provenance.notes
+
+
+def test_rows_without_a_number_are_counted(tmp_path):
+    lines = ["time, angle", *rows()]
+    lines[5], lines[9], lines[12] = "nan,0.1", "0.8,bad", "1.1,nan"
+    with pytest.raises(
+        InputError, match=r"line 6: the time is nan, not a finite number; .* \(2 more like it\)"
+    ):
+        read_record(write(tmp_path / "a.csv", lines))

@@ -160,6 +160,7 @@ def compare(
     if frequency is not None:
         raise InputError("--frequency: is for envelopes; give --quantity envelope, or leave it out")
     from bayesdamp.cli.asking import Options, as_signals, chosen_records, first_words_on
+    from bayesdamp.cli.open_questions import one_command
     from bayesdamp.plugins import read_modules, use
 
     plugins = read_modules(plugin or ())
@@ -188,7 +189,9 @@ def compare(
         )
         first = first_words_on(found, reading) if len(found) <= FIRST_WORDS and not quiet else []
         # What may be read wrongly comes before the answer, and how the file was read after it.
-        for line in [*chosen.doubted, *first, *chosen.said] if not quiet else ():
+        for line in (
+            [*chosen.doubted, *first, *one_command(found, reading), *chosen.said] if not quiet else ()
+        ):
             typer.echo(line, err=True)
         folder = run_folder(out, made.name) if out is not None else own_folder(made)
         if folder.name != made.name and out is None and not quiet:

@@ -44,6 +44,7 @@ def look(
 
     from bayesdamp.cli.asking import Options, doubts, found_records
     from bayesdamp.cli.looking.envelope import envelope_asked
+    from bayesdamp.cli.open_questions import one_command
     from bayesdamp.plugins import read_modules, use
     from bayesdamp.records.opening.opening import contents
 
@@ -67,7 +68,7 @@ def look(
     except InputError:
         _show_file(console, file, held)
         raise
-    for line in doubts(file, found):
+    for line in [*doubts(file, found), *one_command(found, asked)]:
         console.print(f"! {line}", style="yellow", markup=False, highlight=False)
     _show_file(console, file, held)
     for i, one in enumerate(found):

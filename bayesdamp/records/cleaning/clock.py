@@ -12,6 +12,11 @@ from bayesdamp.types import InputError
 
 MANY = 0.05
 """Share of repeated stamps from which they are taken for bursts of a uniform sampling."""
+EVEN = 1.5
+"""Most that the mean step of sorted times is of their median step, where rows are only out of order (conventional)."""
+PAUSES, SHORT, SMOOTH, ACROSS = 8, 0.3, 0.5, 1.5
+"""Of stamps in bursts: pauses at least, the median step at most as a share of the mean, the squared step of the values
+at most as a share of that of noise, and across a pause at most as a multiple of that within a burst (conventional)."""
 EXACT = 1e-6
 """Of a step, by which stamps may be off an even sampling and are taken as they are (conventional)."""
 
@@ -47,12 +52,8 @@ def clock_times(raw: RawRecord, clock: str, name: str) -> Clock:
     gaps = np.diff(raw.t)
     if np.any(gaps < 0):
         at = int(np.argmax(gaps < 0))
-        raise InputError(
-            f"the time goes back from {raw.t[at]:.10g} to "
-            f"{raw.t[at + 1]:.10g} s; sort the file, or name the right time column",
-            name,
-            _place(raw, at + 1),
-        )
+        what, arguments = _goes_back(raw.t, at)
+        raise InputError(what, name, _place(raw, at + 1), arguments)
     if raw.t[-1] == raw.t[0]:
         raise InputError(
             f"all times are {raw.t[0]:g}; name the right time column, or give rate in Hz",
@@ -80,23 +81,69 @@ def clock_times(raw: RawRecord, clock: str, name: str) -> Clock:
             name,
             _place(raw, first),
         )
-    if clock == "as_logged" or (clock == "auto" and not repeated):
+    begins = np.arange(raw.y.size) if clock == "as_logged" or repeated else burst_begins(rows, raw.t, raw.y)
+    in_bursts = bool(repeated) or begins.size < raw.y.size
+    if clock == "as_logged" or (clock == "auto" and not in_bursts):
         return Clock(raw.t, "as_logged", repeated, ())
-    step, off = robust_step(rows, raw.t)
+    step, off = robust_step(rows[begins], raw.t[begins])
     usual = float(np.median(gaps[gaps > 0]))
-    if clock == "auto" and off > 8 * usual:
+    if clock == "auto" and repeated and off > 8 * usual:
         raise InputError(
             f"{_share(repeated)} of the times repeat, but a uniform clock would miss them by "
             f"up to {off:.3g} s; "
             'is there a pause in the record? clock = "uniform" insists',
             name,
         )
-    what = f"{_share(repeated)} of the time stamps repeat (they come in bursts)" if repeated else "As asked"
+    what = "The time stamps come in bursts, the values do not" if in_bursts else "As asked"
+    what = f"{_share(repeated)} of the time stamps repeat (they come in bursts)" if repeated else what
+    lie = "bursts begin" if in_bursts and not repeated else "stamps lie"
     note = (
         f"{what}: times rebuilt as index × {_step(step)} from the first stamp, "
-        f"{raw.t[0]:.10g} s, on; the stamps lie within {off:.2g} s of that."
+        f"{raw.t[0]:.10g} s, on; the {lie} within {off:.2g} s of that."
     )
     return Clock(raw.t[0] + step * rows, "uniform", repeated, (note,))
+
+
+def burst_begins(rows: np.ndarray, t: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """Return the samples that begin a burst of stamps t (n,), all n where the stamps do not come in bursts.
+
+    Most steps of stamps in bursts are much shorter than their mean, the stamps follow the row numbers, and the values y
+    (n,) are evenly sampled: they move no further across a pause than within a burst.
+    """
+    gaps, every = np.diff(t), np.arange(t.size)
+    pauses = gaps > gaps.mean()
+    if min(pauses.sum(), (~pauses).sum()) < PAUSES or np.median(gaps) > SHORT * gaps.mean():
+        return every
+    moves = np.diff(y) ** 2
+    smooth = moves.mean() < SMOOTH * 2 * np.var(y) and moves[pauses].mean() < ACROSS * moves[~pauses].mean()
+    return np.r_[0, 1 + np.flatnonzero(pauses)] if smooth and robust_step(rows, t)[1] < gaps.max() else every
+
+
+def _goes_back(t: np.ndarray, at: int) -> tuple[str, tuple[str, ...]]:
+    """Say how times t (n,) go back after sample `at` and what mends it, with the arguments of `read` that do.
+
+    Times that fall throughout are not to be sorted: where the clock counts down, that turns the decay into growth.
+    """
+    gaps = np.diff(t)
+    if np.all(gaps <= 0):
+        what = (
+            f"the time runs backwards throughout, from {t[0]:.10g} to {t[-1]:.10g} s; if the rows are in the order of "
+            f"recording, give the rate ({-1 / gaps.mean():.5g} Hz) instead; if the last was recorded first, reverse "
+            "them"
+        )
+        return what, ("rate",)
+    rows = int(np.sum(gaps < 0))
+    how = f"the time goes back from {t[at]:.10g} to {t[at + 1]:.10g} s" + (
+        f" ({rows} rows do so)" if rows > 1 else ""
+    )
+    steps = np.diff(np.sort(t))
+    if steps.min() > 0 and steps.mean() < EVEN * np.median(steps):
+        return f"{how}; the rows are out of order: sort them by time, which makes the times evenly spaced", ()
+    what = (
+        f"{how}; does another record begin there (split the file), or do the times change their unit (give the rate "
+        "instead)? Else name the right time column"
+    )
+    return what, ("time", "rate")
 
 
 def robust_step(rows: np.ndarray, t: np.ndarray) -> tuple[float, float]:

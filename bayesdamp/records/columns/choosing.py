@@ -22,6 +22,7 @@ from bayesdamp.records.columns.names import (
     seconds_of_unit,
     shown,
 )
+from bayesdamp.records.columns.pairs import paired
 from bayesdamp.records.columns.swings import Swing, derivative, proportional, swing
 from bayesdamp.records.columns.units_said import unit_said
 from bayesdamp.records.files.contents import Column, Contents
@@ -34,7 +35,7 @@ LEAST = 10
 LEVELS = 3
 """A column with no more values than these is a switch or a sensor at rest."""
 _ORDER = {"angle": 0, "": 0, "velocity": 1, "acceleration": 2}
-_DERIVED = re.compile(r"\b(abs|absolute|magnitude|total|norm|resultant|rms)\b", re.IGNORECASE)
+_DERIVED = re.compile(r"\b(abs|absolute|magnitude|total|norm|resultant|rms|energ\w*)\b", re.IGNORECASE)
 _BACK = 0.02
 """Share of steps back in time that a column named after times may have."""
 _FAR = 10.0
@@ -92,6 +93,7 @@ def series(
     if runs is not None:
         kept = runs_asked(runs, labels)
         blocks = [block for run in kept for block in blocks if block.run == run]
+    blocks = [_with_named_time(block) for block in blocks]
     if wanted:
         chosen = [
             s for column in wanted for s in _given(found, column, blocks, time is None and rate is None)
@@ -104,15 +106,6 @@ def series(
     blocks = [block for block in blocks if _candidates(block)] or [b for b in blocks if _rest(b)]
     if not blocks:
         raise InputError(_nothing(found))
-    if len(found.columns) == 2 and _clockless(blocks[0]) and names_time(found.columns[0]):
-        time_column, other = found.columns
-        if time_column.values.size != other.values.size:
-            raise InputError(
-                f"has {time_column.values.size} times in {time_column.name!r} and {other.values.size} values in "
-                f"{other.name!r}; a record has as many of both: export it again, or give the rate in Hz",
-                arguments=["rate"],
-            )
-        blocks = [replace(blocks[0], time=time_column)]
     chosen = _same_in_all(found, blocks)
     return [_with_clock(s, found) for s in chosen]
 
@@ -137,10 +130,12 @@ def _block(found: Contents, run: str, group: str, timed: list[Column], rate: flo
         c for c in found.columns if c.group == "" and group and names_time(c) and c.values.size == size
     )
     time = _time_column(own) or _time_column(columns) or _time_column(outside)
-    if time is not None:
-        return _Block(run, own, time, None, _times_said(time, found))
     said = _rate_said(found, own)
+    counted = said is not None and time is not None and seconds_of_unit(time) is None and _counts(time.values)
+    if time is not None and not counted:
+        return _Block(run, own, time, None, _times_said(time, found))
     if said is not None:
+        own = tuple(c for c in own if c is not time)
         return _Block(run, own, None, said[0], (f"The file says {said[1]!r}: {said[0]:g} Hz.",))
     return _Block(run, own, None, None)
 
@@ -158,6 +153,11 @@ def _rate_said(found: Contents, own: Sequence[Column]) -> tuple[float, str] | No
 
 def _times_said(time: Column, found: Contents) -> tuple[str, ...]:
     return (f"Times are those of column {time.name!r}.",) if time.name and len(found.columns) > 2 else ()
+
+
+def with_own_clocks(found: Contents) -> Contents:
+    """Return the contents with values grouped with the times beside them, where they come in pairs."""
+    return paired(found, lambda column: _time_score(column, not column.name) > 0)
 
 
 def _time_column(columns: Sequence[Column]) -> Column | None:
@@ -244,7 +244,9 @@ def _with_clock(record: Series, found: Contents, said: tuple[str, ...] = ()) -> 
         written, rates = doubtful
         either = " or ".join(f"{rate:.9g}" for rate in rates)
         raise InputError(
-            f"its head says {written[:80]!r}, which may be {either} Hz: give the rate", arguments=["rate"]
+            f"its head says {written[:80]!r}, which may be {either} Hz: give the rate",
+            arguments=["rate"],
+            likely=_likely_rate(found),
         )
     if len(found.columns) == 1:
         raise InputError(
@@ -257,6 +259,12 @@ def _with_clock(record: Series, found: Contents, said: tuple[str, ...] = ()) -> 
     )
 
 
+def _likely_rate(found: Contents) -> dict[str, str]:
+    """The first reading of a rate in the head that has two; empty where there is none."""
+    doubtful = doubtful_rate(found.facts)
+    return {"rate": f"{doubtful[1][0]:.9g}"} if doubtful is not None else {}
+
+
 def _nothing(found: Contents) -> str:
     if len(found.columns) == 1:
         return "has one column, and it holds the times; export the recorded quantity too"
@@ -265,6 +273,22 @@ def _nothing(found: Contents) -> str:
 
 def _clockless(block: _Block) -> bool:
     return block.time is None and block.rate is None and all(c.rate is None for c in block.columns)
+
+
+def _with_named_time(block: _Block) -> _Block:
+    """Give a block without any clock the column that is named like times, though they do not increase: what is wrong
+    with them is said later. Raises InputError where that column has another length."""
+    time = next((c for c in block.columns if names_time(c) and not names_index(c)), None)
+    if not _clockless(block) or time is None:
+        return block
+    for other in block.columns:
+        if len(block.columns) == 2 and other.values.size != time.values.size:
+            raise InputError(
+                f"has {time.values.size} times in {time.name!r} and {other.values.size} values in "
+                f"{other.name!r}; a record has as many of both: export it again, or give the rate in Hz",
+                arguments=["rate"],
+            )
+    return replace(block, time=time)
 
 
 def _same_in_all(found: Contents, blocks: list[_Block]) -> list[Series]:
@@ -288,24 +312,29 @@ def _same_in_all(found: Contents, blocks: list[_Block]) -> list[Series]:
             for c in some
         ]
     for run in dict.fromkeys(record.run for record in records):
-        _plain(found, [record.value for record in records if record.run == run])
+        _plain(found, [record for record in records if record.run == run])
     return records
 
 
-def _plain(found: Contents, some: list[Column]) -> None:
+def _plain(found: Contents, records: list[Series]) -> None:
     """Refuse a choice among columns that are no channels alike. Raises InputError."""
+    some = [record.value for record in records]
     kinds = {unit_said(c) for c in some}
     bare = {c.name.removeprefix(f"{c.group}.") for c in some}
     if len(bare) == 1 and len({c.group for c in some}) == len(some):
         return  # the same column of several sheets
     alike = len(kinds) == 1 and (all(unit for unit, _ in kinds) or numbered_alike(some))
-    if len(some) > 1 and not (alike or found.channels):
+    if len(some) > 1 and not (alike or found.channels or found.paired):
         names = ", ".join(shown(found.columns, c) for c in some[:3])
         more = f" and {len(some) - 3} more" if len(some) > 3 else ""
+        clockless = any(r.time is None and r.rate is None and r.value.rate is None for r in records)
+        no_times = " and no times" if clockless else ""
+        also = ", and the name of the times or the rate in Hz" if clockless else ""
         raise InputError(
-            f"has {len(found.columns)} columns, and {names}{more} may each be the record; give the name or number of "
-            f"one, or of several channels; columns are {listed(found.columns)}",
-            arguments=["value", "channels"],
+            f"has {len(found.columns)} columns{no_times}, and {names}{more} may each be the record; give the name or "
+            f"number of one, or of several channels{also}; columns are {listed(found.columns)}",
+            arguments=["value", "channels", *(["time", "rate"] if clockless else [])],
+            likely={"value": some[0].name or shown(found.columns, some[0]), **_likely_rate(found)},
         )
 
 

@@ -57,7 +57,7 @@ class Contents:
     format: what it is, in a word or two. facts: what it says beside its columns, as it is written there.
     first_line: line of a text file (from 1) that holds the first row of numbers; lines: the line of each row, from 0
     at that one. warnings: what a user has to know of it. channels: whether the format says of its columns that each is
-    a sensor's channel.
+    a sensor's channel. paired: whether values stand beside times of their own, so that each is a record.
     """
 
     format: str
@@ -68,6 +68,7 @@ class Contents:
     first_line: int | None = None
     lines: np.ndarray | None = None
     channels: bool = False
+    paired: bool = False
     warnings: tuple[str, ...] = ()
 
 

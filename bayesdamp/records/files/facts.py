@@ -11,7 +11,7 @@ from bayesdamp.records.files.named_units import SECONDS
 
 MOST, LONGEST = 60, 200
 """Facts of a file that are kept, and characters of one."""
-_PAIR = re.compile(r"\s*([^\W\d][^:=\t;]{0,60}?)\s*(?:[:=]\s*|[\t;])\s*(\S.*?)\s*")
+_PAIR = re.compile(r"\s*([^\W\d][^:=\t;]{0,60}?)\s*(?:[:=]\s*[\t;]?|[\t;])\s*(\S.*?)\s*")
 _NUMBER = re.compile(r"[+-]?(?:\d+[.,]?\d*|[.,]\d+)(?:[eE][+-]?\d+)?")
 _THOUSANDS = re.compile(r"[1-9]\d{0,2}(?:(?:,\d{3}){2,}(?:\.\d*)?|(?:,\d{3})+\.\d*)(?![\d.,])")
 _EITHER = re.compile(r"[1-9]\d{0,2},\d{3}(?![\d.,eE])")
@@ -21,25 +21,27 @@ _HERTZ = {
     "hz": 1.0,
     "khz": 1e3,
     "mhz": 1e6,
-    "s/s": 1.0,
-    "sa/s": 1.0,
     "ks/s": 1e3,
-    "1/s": 1.0,
-    "sps": 1.0,
+    **dict.fromkeys(("s/s", "sa/s", "samples/s", "samples/sec", "samples per second", "1/s", "sps"), 1.0),
 }
 _RATES = re.compile(
-    r"(sample|sampling|samples|acquisition|scan|frame)(rate|frequency|freq|persecond|spersecond)|fs|fps"
+    r"(samp|sample|sampling|samples|acquisition|scan|frame|data|outputdata|daq|adc|log|logging|update|sensor)"
+    r"(rate|frequency|freq|persecond|persec|spersecond)|rate|fs|fps|sr|srate|odr|fsamp|fsample"
     r"|(abtast|mess|sample|sampling)(rate|frequenz)"
 )
 _STEPS = re.compile(
-    r"(sample|sampling|time|horizontal)?(interval|step|increment)|dt|deltat|sampletime|sampleperiod"
-    r"|abtast(intervall|zeit|periode)|zeitschritt"
+    r"(sample|sampling|time|horizontal|log|logging|scan|x|wf)?(interval|step|increment)|(sample|sampling)(time|period)"
+    r"|dt|deltat|deltax|tstep|tinc|xinc|abtast(intervall|zeit|periode)|zeitschritt"
 )
+_UNDERSCORED = re.compile(r"(..+)(?<!per)_([mun]?s(?:ec)?)", re.IGNORECASE)
+"""A unit of time behind a fact's name: `dt_ms`; `f_s` is none."""
+_MATLAB_STEP = "Ts"
+"""MATLAB's name of a sampling interval; `ts` is rather a time stamp."""
 
 
 def header_facts(lines: Iterable[str]) -> dict[str, Fact]:
-    """The facts in lines above a table: `key: value`, `key = value`, `key,value,unit`, or a line of names with a line
-    of as many values below it."""
+    """The facts in lines above a table: `key: value`, `key = value`, `key,value,unit`, `key,value,value` where a value
+    stands for each of several channels alike, or a line of names with a line of as many values below it."""
     found: dict[str, Fact] = {}
     before: list[str] = []
     for line in lines:
@@ -47,7 +49,10 @@ def header_facts(lines: Iterable[str]) -> dict[str, Fact]:
         cells = [cell.strip().strip('"') for cell in re.split(r"[,;\t]", line)]
         numbers = sum(bool(_NUMBER.fullmatch(cell)) for cell in cells)
         pair = _PAIR.fullmatch(line)
-        if len(before) == len(cells) > 1 and numbers and not any(map(_NUMBER.fullmatch, before)):
+        named = bool(cells[0]) and not re.search("[:=]", cells[0]) and not _NUMBER.fullmatch(cells[0])
+        if named and 0 < numbers == len(cells) - 1 and len(set(cells[1:])) == 1:
+            found[cells[0]] = cells[1]
+        elif len(before) == len(cells) > 1 and numbers and not any(map(_NUMBER.fullmatch, before)):
             found |= dict(zip(before, cells, strict=True))
         elif pair and not (len(cells) > 2 and numbers > 1):
             found[pair[1].strip('"')] = pair[2].strip('"')
@@ -99,11 +104,12 @@ def doubtful_rate(facts: Mapping[str, Fact]) -> tuple[str, tuple[float, ...]] | 
 def _rates(name: str, value: Fact) -> tuple[float, ...]:
     """The rates in Hz that a fact may mean, none where it is of something else."""
     bare, unit = _parted(name)
-    is_rate, is_step = bool(_RATES.fullmatch(bare)), bool(_STEPS.fullmatch(bare))
+    is_rate = bool(_RATES.fullmatch(bare))
+    is_step = bool(_STEPS.fullmatch(bare)) or re.split(r"[./]", name)[-1] == _MATLAB_STEP
     if not (is_rate or is_step):
         return ()
     numbers, behind = _read(value) if isinstance(value, str) else ((float(value),), "")
-    unit = behind.strip(" ()[]").lower() or unit
+    unit = re.split("[,;]", behind)[0].strip(" ()[]").lower() or unit
     if is_rate:
         found = [number * _HERTZ[unit] for number in numbers if unit in _HERTZ]
     else:
@@ -127,6 +133,8 @@ def _parted(name: str) -> tuple[str, str]:
     last = re.split(r"[./]", name)[-1] if not re.search(r"[(\[]", name) else name
     at = re.search(r"[(\[]([^)\]]*)[)\]]\s*$", last)
     unit = at[1].strip().lower() if at else ""
+    if at is None and (behind := _UNDERSCORED.fullmatch(last)):
+        last, unit = behind[1], behind[2].lower()
     bare = re.sub(r"[^a-z]", "", (last[: at.start()] if at else last).lower())
     if not unit:
         ending = re.fullmatch(r"(.*?)(?:in)?(khz|hz)", bare)

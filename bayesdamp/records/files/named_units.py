@@ -8,17 +8,22 @@ from bayesdamp.units import UNITS
 
 SECONDS = {
     **dict.fromkeys(("s", "sec", "secs", "second", "seconds", "sek", "sekunde", "sekunden"), 1.0),
-    **dict.fromkeys(("ms", "msec", "millisecond", "milliseconds"), 1e-3),
-    **dict.fromkeys(("us", "µs", "μs", "usec", "microsecond", "microseconds"), 1e-6),
-    **dict.fromkeys(("ns", "nsec", "nanosecond", "nanoseconds"), 1e-9),
+    **dict.fromkeys(("ms", "msec", "msecs", "millis", "millisecond", "milliseconds"), 1e-3),
+    **dict.fromkeys(("us", "µs", "μs", "usec", "usecs", "micros", "microsecond", "microseconds"), 1e-6),
+    **dict.fromkeys(("ns", "nsec", "nsecs", "nanos", "nanosecond", "nanoseconds"), 1e-9),
     **dict.fromkeys(("ps", "psec", "picosecond", "picoseconds"), 1e-12),
     **dict.fromkeys(("min", "mins", "minute", "minutes", "minuten"), 60.0),
     **dict.fromkeys(("h", "hr", "hrs", "hour", "hours", "std", "stunde", "stunden"), 3600.0),
     **dict.fromkeys(("d", "day", "days", "tag", "tage"), 86400.0),
 }
 """Of a unit of time as it may be written."""
+_JOINED = re.compile(
+    r"(?:time|stamp|elapsed|(?<![^\W_])t)[.-]?(sec|[mµμun]s|[mun]sec|millis|micros|nanos)$", re.IGNORECASE
+)
+"""A unit that is joined to the name of times, as in ArduPilot's `TimeUS`."""
 TIMES = re.compile(
-    r"^t\d*$|time|elapsed|stamp|zeit|temps|tiempo|tempo|second|sekunde|uhr|epoch|x_value", re.IGNORECASE
+    r"^t(\d*|[\s_.-]\w)$|time|elapsed|stamp|zeit|temps|tiempo|tempo|second|sekunde|uhr|epoch|x_value",
+    re.IGNORECASE,
 )
 """What a column of times is named."""
 _DAY_NUMBERS = re.compile(
@@ -46,6 +51,8 @@ _PER = (
 def seconds_in(name: str) -> float | None:
     """Seconds in the unit that a column of times is named after; None where it names none."""
     said = [one for one in map(_bare, _said(name)) if one in SECONDS]
+    if not said and (joined := _JOINED.search(name.strip())):
+        said = [joined[1].lower()]
     found = {SECONDS[one] for one in said if one not in _OF_TIMES or _of_times(name, one)}
     return found.pop() if len(found) == 1 else None
 

@@ -20,6 +20,10 @@ _FACT = re.compile(r"[^:=]+[:=]\s*\S.*")
 _MONITOR = re.compile(r"\s*(\d{1,2}:\d\d:\d\d(?:[.,]\d+)?)\s*->\s*")
 """The time of day that a serial monitor writes before each line."""
 BLANKS = " "
+SEEN = 100
+"""Lines in the middle of a text that show what a row of its table is like (conventional)."""
+_MISSING = re.compile(r"n/?a|null|none|missing|invalid", re.IGNORECASE)
+"""What loggers write where a number is missing."""
 LONGEST = 400
 """Characters of a cell up to which it is looked at closely; longer numbers are of digits alone (conventional)."""
 
@@ -178,6 +182,9 @@ def _names(heads: list[list[str]], columns: int) -> tuple[list[str] | None, list
     units = heads[-1] if len(heads) > 1 and all(map(may_be_unit, heads[-1], heads[-2])) else []
     if units:
         heads = heads[:-1]
+    heads = [
+        h for h in heads if all(c.isdigit() or number(c, ".") is None for c in h)
+    ]  # `delta t,1E-5` is a fact
     named = [sum(map(_named, h)) for h in heads]
     most = max(named, default=0)
     if most < max(1, columns // 2):
@@ -190,13 +197,20 @@ def _named(cell: str) -> bool:
 
 
 def _first_row(lines: list[str], separator: str, decimal: str, columns: int) -> int | None:
-    """The first of two lines in a row (or the last line) that hold numbers in the table's columns."""
+    """The first of two lines in a row (or the last line) that hold numbers in the table's columns.
+
+    A line such as `delta t,1E-5` belongs to the head where numbers begin the other lines.
+    """
+    middle = [split(line, separator) for line in lines[len(lines) // 2 :][:SEEN]]
+    begins = sum(number(cells[0], decimal) is not None for cells in middle if cells)
+    headed = 2 * begins > len(middle)
     good = []
     for line in lines:
         cells = split(line, separator)
         filled = [c for c in cells if c]
         numbers = sum(number(c, decimal) is not None for c in filled)
-        good.append(len(cells) == columns and numbers > 0 and 2 * numbers >= len(filled))
+        worded = headed and columns > 1 and _named(cells[0]) and not _MISSING.fullmatch(cells[0])
+        good.append(len(cells) == columns and numbers > 0 and 2 * numbers >= len(filled) and not worded)
         if len(good) > 1 and good[-1] and good[-2]:
             return len(good) - 2
     return good.index(True) if True in good else None

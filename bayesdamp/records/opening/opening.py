@@ -7,7 +7,7 @@ import stat
 import threading
 import warnings
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from difflib import get_close_matches
 from itertools import islice
 from pathlib import Path
@@ -32,7 +32,7 @@ LISTED = 5000
 FALLBACK = "text"
 _ONE_AT_A_TIME = threading.Lock()
 """Filters of warnings belong to the process: threads that change them at once would leave each other's behind."""
-_OPEN = "a text table, .mat, .npy, .npz, .uff, .tdms, .lvm, .wav, .h5, .parquet, .xlsx or .json file"
+_OPEN = "a text table, .mat, .npy, .npz, .uff, .tdms, .lvm, .labx, .wav, .h5, .parquet, .xlsx or .json file"
 
 
 def called(path: Path) -> str:
@@ -41,11 +41,14 @@ def called(path: Path) -> str:
     return name if len(name) <= 80 else f"{name[:50]}...{name[-27:]}"
 
 
-def fault(path: Path, text: object, arguments: Sequence[str] = ()) -> InputError:
+def fault(
+    path: Path, text: object, arguments: Sequence[str] = (), likely: Mapping[str, str] | None = None
+) -> InputError:
     """One line about a file, cut to its length and without line breaks."""
     where, what = " ".join(called(path).split()), " ".join(str(text).split())
     room = LONGEST - len(str(InputError("", where, arguments=arguments)))
-    return InputError(what if len(what) <= room else f"{what[: room - 3]}...", where, arguments=arguments)
+    short = what if len(what) <= room else f"{what[: room - 3]}..."
+    return InputError(short, where, arguments=arguments, likely=likely)
 
 
 def contents(path: Path | str) -> Contents:

@@ -15,7 +15,9 @@ from bayesdamp.records.readers.text import from_lines
 from bayesdamp.types import InputError
 
 _OLE = bytes.fromhex("d0cf11e0a1b11ae1")
-"""Begins what Excel wrote before 2007, and what it encrypts."""
+"""Begins an Excel 97-2003 workbook, and a workbook with a password ([MS-CFB] 2.2)."""
+_ENCRYPTED = "EncryptedPackage".encode("utf-16-le")
+"""The stream of a compound file that holds a workbook with a password ([MS-OFFCRYPTO] 2.3.4.4)."""
 
 
 class ExcelReader:
@@ -38,12 +40,15 @@ class ExcelReader:
             return path.suffix.lower() in self.extensions
 
     def read(self, path: Path) -> Contents:
-        """The tables of all sheets. Raises InputError for an encrypted one, or one from before 2007."""
+        """The tables of all sheets. Raises InputError for a workbook with a password, and for an .xls."""
         with path.open("rb") as file:
-            if file.read(8) == _OLE:
-                raise InputError(
-                    "is encrypted or from before Excel 2007; save it as .xlsx without a password"
-                )
+            old = file.read(len(_OLE)) == _OLE
+            if old and _ENCRYPTED in file.read():
+                raise InputError("is a workbook with a password; save it as .xlsx without one, or as CSV")
+        if old:
+            raise InputError(
+                "is an Excel 97-2003 workbook (.xls), which is not read; save it as .xlsx or CSV"
+            )
         allowed_archive(path)
         import openpyxl
 

@@ -1,23 +1,46 @@
-"""LabVIEW measurement files, which are text (lvm_read)."""
+"""LabVIEW measurement files, which are text."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from bayesdamp.provenance import Fact
 from bayesdamp.records.files.contents import Column, Contents
 from bayesdamp.records.files.facts import kept
-from bayesdamp.records.readers.text import LARGEST, decoded
+from bayesdamp.records.files.table import number
+from bayesdamp.records.readers.text import LARGEST, column_of, decoded
 from bayesdamp.types import InputError
 
-_MARK = b"LabVIEW Measurement"
+_MARK = "LabVIEW Measurement"
+_END = "***End_of_Header***"
+_SPECIAL = ("***Start_Special***", "***End_Special***")
+_OF_SEGMENTS = {
+    "Channels", "Samples", "Date", "Time", "Notes", "Test_Name", "Test_Numbers", "Test_Series", "UUT_M/N", "UUT_Name",
+    "UUT_S/N", "Model_Number", "Serial_Number", "X_Dimension", "X_Unit_Label", "X0", "Delta_X",
+    "Y_Dimension", "Y_Unit_Label",
+}  # fmt: skip
+"""Tags of a segment's header."""
+
+
+@dataclass
+class _Segment:
+    """What a segment holds: tags with a value for each channel, names of columns, rows of cells."""
+
+    tags: dict[str, list[str]] = field(default_factory=dict)
+    names: list[str] = field(default_factory=list)
+    rows: list[list[str]] = field(default_factory=list)
 
 
 class LvmReader:
-    """LabVIEW measurement files by lvm_read."""
+    """LabVIEW measurement files.
+
+    References
+    ----------
+    National Instruments, Specification for the LabVIEW Measurement File (.lvm), 2.0.
+    """
 
     format = "a LabVIEW measurement file"
     extensions = (".lvm",)
@@ -25,66 +48,109 @@ class LvmReader:
 
     def claims(self, head: bytes, path: Path) -> bool:
         """The header's first words."""
-        return head.removeprefix(b"\xef\xbb\xbf").lstrip().startswith(_MARK)
+        return head.removeprefix(b"\xef\xbb\xbf").lstrip().startswith(_MARK.encode())
 
     def read(self, path: Path) -> Contents:
-        """Channels of all segments. Raises InputError for a text that is too large."""
-        import lvm_read
-
+        """Channels of all segments. Raises InputError for a text that is too large or has no rows."""
         if path.stat().st_size > LARGEST:
             raise InputError(f"a text of more than {LARGEST >> 20} MiB; give a part of it")
-        # Not lvm_read.read, which would take a pickle that lies beside the file.
-        data = lvm_read.read_str(decoded(path.read_bytes()).replace("\r\n", "\n"))
-        count = int(data["Segments"])
+        said, segments = _parsed(decoded(path.read_bytes()).splitlines())
+        if not segments:
+            raise InputError("has no rows of numbers behind its header; export the record again")
+        axes, decimal = said.get("X_Columns", "One"), said.get("Decimal_Separator", ".")
         columns: list[Column] = []
-        for i in range(count):
-            columns += _columns(
-                data[i], str(data.get("X_Columns", "One")).strip(), str(i + 1) if count > 1 else ""
-            )
-        facts: dict[str, Fact] = {k: v for k, v in data.items() if isinstance(k, str) and isinstance(v, str)}
-        return Contents("LVM", tuple(columns), kept(facts), channels=True)
+        for i, segment in enumerate(segments, start=1):
+            columns += _columns(segment, said, axes, decimal, str(i) if len(segments) > 1 else "")
+        return Contents("LVM", tuple(columns), kept(said), channels=True)
 
 
-def _columns(segment: dict[str, Any], axes: str, run: str) -> list[Column]:
+def _parsed(lines: Sequence[str]) -> tuple[dict[str, str], list[_Segment]]:
+    """(the file's tags, the segments that have rows)."""
+    separator = next((line[len("Separator") :][:1] for line in lines if line.startswith("Separator")), "\t")
+    said: dict[str, str] = {}
+    segments = [_Segment()]
+    ended = False
+    for cells in _cells(lines, separator):
+        tag, now = cells[0], segments[-1]
+        if tag == _END:
+            ended = True
+        elif not ended:
+            said[tag] = cells[1] if len(cells) > 1 else ""
+        elif tag in _OF_SEGMENTS:
+            if now.rows:
+                now = _Segment()
+                segments.append(now)
+            now.tags[tag] = cells[1:]
+        elif tag == "X_Value" or not (now.rows or _is_row(cells, said.get("Decimal_Separator", "."))):
+            now.names = cells
+        else:
+            now.rows.append(cells)
+    return said, [segment for segment in segments if segment.rows]
+
+
+def _cells(lines: Sequence[str], separator: str) -> Iterator[list[str]]:
+    """The cells of lines that have any, without special blocks."""
+    special = False
+    for line in lines:
+        cells = [cell.strip() for cell in line.split(separator)]
+        special = cells[0] == _SPECIAL[0] or (special and cells[0] != _SPECIAL[1])
+        if any(cells) and not special and cells[0] != _SPECIAL[1]:
+            yield cells
+
+
+def _is_row(cells: Sequence[str], decimal: str) -> bool:
+    return any(number(cell, decimal) is not None for cell in cells)
+
+
+def _columns(segment: _Segment, said: Mapping[str, str], axes: str, decimal: str, run: str) -> list[Column]:
     """A segment's columns: times where it has them, else each channel's own rate."""
-    table = np.asarray(segment["data"], float)
-    table = table.reshape(len(table), -1)
-    names = [str(name).strip() for name in segment["Channel names"]]
-    units = [str(u).strip() for u in segment.get("Y_Unit_Label", [])]
-    steps, starts = segment.get("Delta_X", []), segment.get("X0", [])
+    width = max(map(len, segment.rows))
+    timeless = axes == "No" and any(row[0] for row in segment.rows)  # not even an empty column of times
+    names = segment.names or [""] * width
+    names = names[1:] if names[0] == "X_Value" and timeless else names
+    names = names if names[0] == "X_Value" or timeless else ["X_Value", *names]
+    names = names[: names.index("Comment")] if "Comment" in names else names
     prefix = f"{run}." if run else ""
     found: list[Column] = []
+    timed: set[int] = set()
     channel = axis = 0
-    for i, name in enumerate(names[: table.shape[1]]):
-        values = table[:, i]
-        if name == "Comment" or (not name and np.all(np.isnan(values))):
-            continue
-        empty = np.isnan(values)
-        if name == "X_Value" and axes != "No":
+    for i, name in enumerate(names):
+        column = column_of(segment.rows, i, decimal, name, f"{run}/{axis}")
+        blank = not np.isfinite(column.values).any() and not column.words
+        if name == "X_Value":
             axis += 1
-            suffix = f" {axis}" if axes == "Multi" else ""
-            if np.any(~empty):
-                found.append(
-                    Column(f"{prefix}X_Value{suffix}", values, f"{run}/{axis}", run, "s", empty=empty)
-                )
+        if blank:
             continue
-        step = float(steps[channel]) if channel < len(steps) else 0.0
-        start = float(starts[channel]) if channel < len(starts) else 0.0
-        timed = axes != "No" and any(c.group == f"{run}/{axis}" for c in found)
+        if name == "X_Value":
+            timed.add(axis)
+            name = f"{prefix}X_Value" + (f" {axis}" if axes == "Multi" else "")
+            found.append(replace(column, name=name, group=f"{run}/{axis}", run=run, unit="s"))
+            continue
+        step, start = (_number(segment, said, tag, channel, decimal) for tag in ("Delta_X", "X0"))
         found.append(
-            Column(
-                f"{prefix}{name}",
-                values,
-                f"{run}/{axis}",
-                run,
-                units[channel] if channel < len(units) else "",
-                rate=1 / step if step > 0 and not timed else None,
-                start=start if np.isfinite(start) else 0.0,
-                empty=empty,
+            replace(
+                column,
+                name=f"{prefix}{name or f'channel {channel + 1}'}",
+                run=run,
+                unit=_of_channel(segment.tags.get("Y_Unit_Label", []), channel),
+                rate=1 / step if step > 0 and axis not in timed else None,
+                start=start,
             )
         )
         channel += 1
     return found
+
+
+def _of_channel(cells: Sequence[str], channel: int) -> str:
+    """What a tag says of a channel; tags have cells for columns of times too, which are empty."""
+    filled = [cell for cell in cells if cell]
+    return filled[channel] if channel < len(filled) else ""
+
+
+def _number(segment: _Segment, said: Mapping[str, str], tag: str, channel: int, decimal: str) -> float:
+    """A tag's number for a channel, of the file where the segment has none, else 0."""
+    value = number(_of_channel(segment.tags.get(tag, []), channel) or said.get(tag, ""), decimal)
+    return value if value is not None and np.isfinite(value) else 0.0
 
 
 PLUGIN = LvmReader()

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from bayesdamp.records.files.contents import Column, Contents
-from bayesdamp.records.files.facts import kept
+from bayesdamp.records.files.facts import kept, sampling_rate
 from bayesdamp.records.files.limits import allowed
 from bayesdamp.records.files.tree import seconds_of
 
@@ -81,13 +81,13 @@ def _column(channel: Any, group: str, several: bool) -> Column | None:
     if data.dtype.kind not in "fiub" or data.size == 0:
         return None
     step = float(said.get("wf_increment", 0.0) or 0.0)
+    found = sampling_rate(kept({str(k): _plain(v) for k, v in said.items()}))
+    rate = 1 / step if step > 0 else found[0] if found else None
     unit = str(
         said.get("unit_string", "") or said.get("NI_UnitDescription", "") or said.get("unit", "") or ""
     )
     start = float(said.get("wf_start_offset", 0.0) or 0.0)
-    return Column(
-        name, data.astype(float), group, unit=unit.strip(), rate=1 / step if step > 0 else None, start=start
-    )
+    return Column(name, data.astype(float), group, unit=unit.strip(), rate=rate, start=start)
 
 
 def _plain(value: Any) -> Any:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import codecs
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +12,7 @@ from bayesdamp.records.files import oscilloscope
 from bayesdamp.records.files.contents import Column, Contents
 from bayesdamp.records.files.facts import header_facts
 from bayesdamp.records.files.stamps import seconds, stamp
-from bayesdamp.records.files.table import BLANKS, Layout, find_layout, without_arrows
+from bayesdamp.records.files.table import BLANKS, Layout, find_layout, number, without_arrows
 from bayesdamp.types import InputError
 
 LARGEST = 2**29
@@ -58,6 +59,10 @@ MOST_COLUMNS = 5000
 """Columns beyond which a text is no table of samples (conventional)."""
 
 
+MOST_NOTES = 3
+"""Lines left out that are named."""
+
+
 def from_lines(lines: list[str], form: str = "text") -> Contents:
     """The table in lines of text, whatever its separator. Raises InputError where there is none."""
     given = len(lines)
@@ -72,7 +77,7 @@ def from_lines(lines: list[str], form: str = "text") -> Contents:
             f"has {layout.columns:,} columns; a record has a row for each sample: give a table that is turned round"
         )
     first = layout.first - (len(lines) - given)
-    table, uneven = _plain(body, layout), ()
+    table, uneven, again = _plain(body, layout), (), []
     if table is not None:
         at = np.arange(len(table))
         columns = [
@@ -80,10 +85,13 @@ def from_lines(lines: list[str], form: str = "text") -> Contents:
             for i, (name, group, unit) in enumerate(_heads(layout))
         ]
     else:
-        filled = [(i, line) for i, line in enumerate(body) if line.strip()]
+        filled = [(i, layout.cells(line)) for i, line in enumerate(body) if line.strip()]
+        names = [name for name in layout.names if name]
+        again = [i for i, row in filled if names and [cell for cell in row if cell] == names]
+        filled = [(i, row) for i, row in filled if i not in again]
         at = np.array([i for i, _ in filled])
-        rows = [layout.cells(line) for _, line in filled]
-        columns = [_column(rows, i, layout, *head) for i, head in enumerate(_heads(layout))]
+        rows = [row for _, row in filled]
+        columns = [column_of(rows, i, layout.decimal, *head) for i, head in enumerate(_heads(layout))]
         uneven = _uneven(rows, at + first + 1, layout.columns)
     while len(columns) > 1 and not columns[-1].name and not np.isfinite(columns[-1].values).any():
         columns.pop()  # a separator at the end of each line
@@ -91,7 +99,10 @@ def from_lines(lines: list[str], form: str = "text") -> Contents:
         form,
         tuple(columns),
         settings or header_facts(line for line in lines[: layout.first] if not _names_columns(line, layout)),
-        (),
+        tuple(
+            f"Line {first + 1 + i} repeats the names of the columns and is left out."
+            for i in again[:MOST_NOTES]
+        ),
         {
             "separator": "blanks" if layout.separator == BLANKS else layout.separator,
             "decimal": layout.decimal,
@@ -151,7 +162,10 @@ def _plain(body: list[str], layout: Layout) -> np.ndarray | None:
     return table if table.shape == (len(body), layout.columns) else None
 
 
-def _column(rows: list[list[str]], index: int, layout: Layout, name: str, group: str, unit: str) -> Column:
+def column_of(
+    rows: Sequence[Sequence[str]], index: int, decimal: str, name: str, group: str = "", unit: str = ""
+) -> Column:
+    """Return the column at an index of rows of cells, which may lack cells at their ends."""
     cells = [row[index] if index < len(row) else "" for row in rows]
     values = np.full(len(cells), np.nan)
     days: list[int | None] = [None] * len(cells)
@@ -160,7 +174,7 @@ def _column(rows: list[list[str]], index: int, layout: Layout, name: str, group:
     for i, cell in enumerate(cells):
         if not cell:
             continue
-        found = layout.number(cell)
+        found = number(cell, decimal)
         if found is None:
             words[i] = cell[:_WORD]
             continue

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from bayesdamp.records.cleaning.clean import clean
+from bayesdamp.records.cleaning.clock import burst_begins
 from bayesdamp.records.cleaning.quantum import recording_step
 from bayesdamp.records.record import RawRecord
 from bayesdamp.types import InputError
@@ -190,3 +191,57 @@ def test_recording_step():
     assert recording_step(np.round(np.round(y / 0.013) * 0.013, 3)) == pytest.approx(0.013, rel=1e-2)
     assert recording_step(y) == 0.0
     assert recording_step(np.random.default_rng(0).standard_normal(2000)) == 0.0
+
+
+FALLING = "runs backwards throughout, from 8 to 0.02 s.*give the rate \\(50 Hz\\) instead"
+
+
+@pytest.mark.parametrize(
+    ("t", "said", "arguments"),
+    [
+        (8 - np.arange(400) / 50, FALLING, ("rate",)),
+        (np.r_[np.arange(10)[::-1], np.arange(10, 400)] / 50, r"\(9 rows do so\).*sort them by time", ()),
+        (
+            np.r_[np.arange(-20, 20) * 50.0, np.arange(20, 380) * 0.05],
+            "does another record begin there",
+            ("time", "rate"),
+        ),
+        (np.r_[np.arange(200), np.arange(200)] / 50, "does another record begin there", ("time", "rate")),
+    ],
+    ids=["backwards", "out of order", "two units", "two records"],
+)
+def test_times_that_go_back_are_refused_with_what_mends_them(t, said, arguments):
+    """Only where sorting gives an even sampling is it advised: it would turn a clock that counts down into growth."""
+    with pytest.raises(InputError, match=said) as caught:
+        clean(record(t, decay(np.arange(400) / 50)), name="x")
+    assert caught.value.arguments == arguments
+    assert "sort" not in str(caught.value) or "sort them" in said
+
+
+def stamps_in_bursts(short):
+    """400 samples of 16 Hz; stamps of eight at a time, `short` s apart, on every half second."""
+    index = np.arange(400)
+    return index / 16, index // 8 / 2 + short * (index % 8)
+
+
+@pytest.mark.parametrize("short", [1e-3, 1e-2])
+def test_stamps_in_bursts_without_repeats_are_rebuilt(short):
+    t, stamps = stamps_in_bursts(short)
+    signal = clean(record(stamps, decay(t, zeta=0.1, w=7.0)), name="x")
+    assert signal.provenance.more["clock"] == "uniform"
+    assert signal.provenance.more["sampling_rate"] == pytest.approx(16.0, rel=1e-9)
+    assert any("come in bursts, the values do not" in note for note in signal.provenance.notes)
+    assert clean(record(t, decay(t, zeta=0.1, w=7.0)), name="x").provenance.more["clock"] == "as_logged"
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.02, 0.1])
+def test_values_that_were_sampled_in_bursts_keep_their_stamps(noise):
+    """The negative control: a sensor that is read in bursts, and one that is read unevenly. A false alarm in none of 20
+    records each."""
+    rng = np.random.default_rng(3)
+    for short in np.linspace(0.01, 0.02, 20):
+        _, stamps = stamps_in_bursts(short)
+        uneven = (np.arange(400) + rng.uniform(-0.4, 0.4, 400)) / 16
+        for t in (stamps, uneven):
+            y = decay(t, zeta=0.1, w=7.0) + noise * rng.standard_normal(400)
+            assert burst_begins(np.arange(400), t, y).size == 400

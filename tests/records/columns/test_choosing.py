@@ -299,3 +299,90 @@ def test_a_channel_with_one_spike_is_not_preferred(tmp_path: Path, width: int, a
     spike[at : at + width] += 20 * np.sin(np.pi * (np.arange(width) + 0.5) / width)[: T.size - at]
     columns = {"t (s)": T, "first (m)": Y, "second (m)": spike}
     assert read_record(write(tmp_path / "a.csv", columns)).channel == "first (m)"
+
+
+SLOW = np.arange(500) * 0.0263
+LATER = 0.2 * np.exp(-0.15 * SLOW) * np.cos(5 * SLOW)
+PAIRS = {
+    "units": ["Time A (s)", "A (mm)", "Time B (s)", "B (mm)"],
+    "no units": ["Time A", "A", "Time B", "B"],
+    "numbers": ["t1", "x1", "t2", "x2"],
+    "one name for both times": ["Timed", "with", "Timed", "without"],
+    "no names": ["", "", "", ""],
+}
+
+
+def side_by_side(path: Path, names: list[str], columns: list[np.ndarray]) -> Path:
+    """A table of columns of several lengths, with empty cells at the ends of the shorter ones."""
+    rows = [",".join(repr(float(c[i])) if i < c.size else "" for c in columns) for i in range(T.size)]
+    path.write_text("\n".join([*([",".join(names)] if any(names) else []), *rows]), encoding="utf-8")
+    return path
+
+
+@pytest.mark.parametrize(
+    ("what", "values_first"),
+    [*((what, False) for what in PAIRS), *((what, True) for what in PAIRS if what != "no names")],
+)
+def test_values_keep_the_times_beside_them(tmp_path: Path, what: str, values_first: bool) -> None:
+    names, columns = PAIRS[what], [T, Y, SLOW, LATER]
+    if values_first:
+        names = [names[i].replace("Time ", "t_") for i in (1, 0, 3, 2)]
+        columns = [columns[i] for i in (1, 0, 3, 2)]
+    found = read_records(side_by_side(tmp_path / "a.csv", names, columns))
+    for record, t, y in zip(found, (T, SLOW), (Y, LATER), strict=True):
+        assert record.t is not None
+        np.testing.assert_allclose(record.t, t, atol=1e-12)
+        np.testing.assert_allclose(record.y, y, atol=1e-12)
+        again = read_record(tmp_path / "a.csv", time=record.columns[0], value=record.columns[1])
+        np.testing.assert_array_equal(again.t, record.t)  # type: ignore[arg-type]
+
+
+def test_each_pair_has_its_own_unit_of_times(tmp_path: Path) -> None:
+    names = ["Time A (ms)", "A", "Time B (s)", "B"]
+    found = read_records(side_by_side(tmp_path / "a.csv", names, [1e3 * T, Y, SLOW, LATER]))
+    for record, t in zip(found, (T, SLOW), strict=True):
+        np.testing.assert_allclose(record.t, t, atol=1e-9)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("names", "columns", "taken"),
+    [
+        (["t", "x", "t", "v"], [T, Y, T, V], (1, "x")),
+        (["time (s)", "x (mm)", "timestamp (ms)"], [T, Y, 1e3 * T], ("time (s)", "x (mm)")),
+        (
+            ["time (s)", "x (mm)", "way (m)", "y (mm)"],
+            [T, Y, np.cumsum(abs(Y)), STEADY],
+            ("time (s)", "x (mm)"),
+        ),
+    ],
+)
+def test_columns_of_one_clock_are_not_pairs(tmp_path: Path, names, columns, taken) -> None:
+    """The negative control: the same times twice, times on both sides, a value that only grows."""
+    assert read_record(side_by_side(tmp_path / "a.csv", names, columns)).columns == taken
+
+
+def test_times_that_fall_are_times_beside_other_columns_too(tmp_path: Path) -> None:
+    columns = {"time": T[::-1], "x": Y, "temperature": FLAT}
+    record = read_record(write(tmp_path / "a.csv", columns))
+    assert record.columns == ("time", "x")
+    assert record.t is not None
+    assert record.t[0] > record.t[-1]
+
+
+def test_numbers_of_samples_give_way_to_a_rate_in_the_head(tmp_path: Path) -> None:
+    record = read_record(write(tmp_path / "a.csv", {"x": INDEX, "y": Y}, "# delta t (s): 0.02"))
+    assert (record.t, record.rate, record.columns) == (None, 50.0, (None, "y"))
+    alone = read_record(write(tmp_path / "b.csv", {"x": INDEX, "y": Y}))
+    assert alone.columns == ("x", "y")
+
+
+def test_an_energy_is_not_the_record(tmp_path: Path) -> None:
+    record = read_record(write(tmp_path / "a.csv", {"t": T, "kinetic energy": V**2, "x": Y}))
+    assert record.columns == ("t", "x")
+
+
+def test_columns_and_clock_are_asked_for_together(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="no times, and 'left', 'right' may each be the record") as caught:
+        read_record(write(tmp_path / "a.csv", {"left": Y, "right": OTHER}))
+    assert caught.value.arguments == ("value", "channels", "time", "rate")
+    assert caught.value.likely == {"value": "left"}

@@ -28,6 +28,15 @@ def unit_asked(path, value, unit, quantity) -> tuple[str, str]:
     [
         *(("Time_Elapsed(s)", 1.0), ("Zeit [s]", 1.0), ("Time (s) Run #1", 1.0), ("time (ms)", 1e-3)),
         *(("Zeit ms", 1e-3), ("x min", None), ("seconds", 1.0)),
+        *(("TimeUS", 1e-6), ("timestampNs", 1e-9), ("time_ms", 1e-3), ("t(ms)", 1e-3), ("elapsed_us", 1e-6)),
+        *(
+            ("log.TimeUS", 1e-6),
+            ("TimeSec", 1.0),
+            ("millis", 1e-3),
+            ("times", None),
+            ("systems", None),
+            ("atoms", None),
+        ),
         *(("t / ms", 1e-3), ("time_us", 1e-6), ("t in min", 60.0), ("t/ms", 1e-3), ("timestamp [µs]", 1e-6)),
         *(
             ("time", None),

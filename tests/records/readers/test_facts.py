@@ -49,3 +49,41 @@ def test_a_comma_that_may_mean_two_things_is_asked_about(tmp_path: Path, head: s
     assert raw.rate == 50.0
     assert sampling_rate(raw.provenance.facts) is None
     assert doubtful_rate(raw.provenance.facts) is not None
+
+
+@pytest.mark.parametrize(
+    "head",
+    ["sampling rate: 50 Hz, range: 2 g", "Rate [Hz]: 50", "samples_per_sec = 50", "data rate: 50 samples/s", "sr = 50",
+     "dt_ms: 20", "Sampling period (ms): 20", "Log interval: 20 ms", "XIncrement: 0.02", "Ts = 0.02"],
+)  # fmt: skip
+def test_a_rate_has_many_names(tmp_path: Path, head: str) -> None:
+    assert read_record(one_column(tmp_path / "a.csv", head)).rate == pytest.approx(50.0, rel=1e-12)
+
+
+@pytest.mark.parametrize("head", ["frequency: 50 Hz", "ts: 0.02", "clock rate: 50", "period: 0.02"])
+def test_what_is_no_sampling_rate(head: str) -> None:
+    """The negative control: the oscillation's own frequency and period, a time stamp, a processor's clock."""
+    name, _, value = head.partition(": ")
+    assert sampling_rate({name: value}) is None
+
+
+HEADS = {
+    "times": (["waveform,CH1", "t0,2024-01-01 00:00:00", "delta t,2E-2", "time,Y"], True),
+    "times without names": (["t0,2024-01-01 00:00:00", "delta t,2E-2", ""], True),
+    "no times": (["waveform,CH1", "t0,2024-01-01 00:00:00", "delta t,2E-2", "Y"], False),
+    "no times and no names": (["t0,0", "delta t,2E-2"], False),
+}
+
+
+@pytest.mark.parametrize("what", HEADS)
+def test_a_head_with_t0_and_delta_t(tmp_path: Path, what: str) -> None:
+    """As LabVIEW exports a waveform to text."""
+    head, timed = HEADS[what]
+    rows = [f"{i / 50:.6f},{y!r}" if timed else repr(y) for i, y in enumerate(Y.tolist())]
+    (tmp_path / "a.csv").write_text("\n".join([*head, *rows]), encoding="utf-8")
+    raw = read_record(tmp_path / "a.csv")
+    np.testing.assert_array_equal(raw.y, Y)
+    if timed:
+        np.testing.assert_allclose(raw.t, np.arange(400) / 50, atol=1e-9)  # type: ignore[arg-type]
+    else:
+        assert raw.rate == pytest.approx(50.0)

@@ -68,10 +68,10 @@ def test_a_word_among_the_samples_is_told_with_its_line(tmp_path: Path, what: st
 
 
 def test_a_plain_table_is_no_oscilloscope(tmp_path: Path) -> None:
-    """Two settings are not enough, and numbers of samples without Start stay what they are."""
+    """Two settings are facts above a table, and numbers of samples without Start stay what they are."""
     (tmp_path / "a.csv").write_text("\n".join([*SETTINGS[2:4], "TIME,CH1", *PAIRS]) + "\n", encoding="utf-8")
-    with pytest.raises(InputError):
-        read_records(tmp_path / "a.csv")
+    (plain,) = read_records(tmp_path / "a.csv")
+    assert (plain.columns, plain.unit) == (("TIME", "CH1"), "")
     rows = [f"{i},{v:.5f}" for i, v in enumerate(V.tolist())]
     (tmp_path / "b.csv").write_text("\n".join(["X,CH1", "Sequence,Volt", *rows]) + "\n", encoding="utf-8")
     (raw,) = read_records(tmp_path / "b.csv")

@@ -18,7 +18,7 @@ from bayesdamp.records.read import read_record, read_records
 from bayesdamp.records.readers import READERS
 from bayesdamp.records.record import RawRecord
 from bayesdamp.types import InputError
-from tests.records.readers.written import FORMATS, RATE, T, Y, Z, excel, matlab_73, parquet, tdms, uff
+from tests.records.readers.written import FORMATS, RATE, T, Y, Z, cassy, excel, matlab_73, parquet, tdms, uff
 
 
 @pytest.mark.parametrize("what", FORMATS)
@@ -215,6 +215,73 @@ def test_each_run_of_an_hdf5_has_its_own_rate(tmp_path: Path) -> None:
             group.create_dataset("angle", data=Y).attrs["unit"] = "deg"
     found = read_records(tmp_path / "a.h5")
     assert [(r.run, r.rate, r.unit) for r in found] == [("1", RATE, "deg"), ("2", 2 * RATE, "deg")]
+
+
+@pytest.mark.parametrize(("unit", "packed"), [("s", False), ("ms", False), ("s", True)])
+def test_a_cassy_file_holds_its_runs(tmp_path: Path, unit: str, packed: bool) -> None:
+    cassy(tmp_path / "a.labx", unit, packed)
+    found = read_records(tmp_path / "a.labx")
+    assert [(r.run, r.channel, r.unit) for r in found] == [("1", "Winkel", "deg"), ("2", "Winkel", "deg")]
+    for record, truth in zip(found, (Y, Z), strict=True):
+        times(record, None)
+        np.testing.assert_array_equal(record.y, truth)
+    said = any("stores times in s" in note for note in found[0].provenance.notes)
+    assert said == (unit == "ms")
+
+
+def test_a_cassy_file_may_define_no_entities(tmp_path: Path) -> None:
+    (tmp_path / "a.labx").write_text(
+        '<!DOCTYPE x [<!ENTITY a "b">]><cassylab>&a;</cassylab>', encoding="utf-8"
+    )
+    with pytest.raises(InputError, match="document type"):
+        read_records(tmp_path / "a.labx")
+
+
+LVM_HEAD = [
+    "LabVIEW Measurement",
+    "Separator\tTab",
+    "Decimal_Separator\t.",
+    "X_Columns\tAXES",
+    "***End_of_Header***",
+]
+LVM_SEGMENT = [
+    "Channels\t1",
+    "Samples\t600",
+    "Y_Unit_Label\tmm",
+    "X0\t0.5",
+    "Delta_X\t0.02",
+    "***End_of_Header***",
+]
+LVM_ROWS = {
+    "One": [f"{t!r}\t{y!r}" for t, y in zip(T.tolist(), Y.tolist(), strict=True)],
+    "No": [f"\t{y!r}" for y in Y.tolist()],
+    "No, no cell": [f"{y!r}" for y in Y.tolist()],
+}
+
+
+@pytest.mark.parametrize("names", [["X_Value\tside\tComment"], ["X_Value\tside"], ["side\tComment"], []])
+@pytest.mark.parametrize("blank", [[""], ["\t\t"], []])
+@pytest.mark.parametrize("axes", LVM_ROWS)
+def test_an_lvm_file_may_leave_out_what_it_does_not_need(
+    tmp_path: Path, axes: str, blank: list[str], names: list[str]
+) -> None:
+    head = [line.replace("AXES", axes.partition(",")[0]) for line in LVM_HEAD]
+    lines = [*head, *blank, *LVM_SEGMENT, *names, *LVM_ROWS[axes]]
+    (tmp_path / "a.lvm").write_text("\n".join(lines) + "\n", encoding="utf-8")
+    (record,) = read_records(tmp_path / "a.lvm")
+    times(record, None)
+    np.testing.assert_array_equal(record.y, Y)
+    assert record.unit == "mm"
+    assert record.t is not None
+    assert record.t[0] == (0.0 if axes == "One" else 0.5)
+
+
+def test_a_word_in_an_lvm_file_is_told(tmp_path: Path) -> None:
+    rows = [*LVM_ROWS["One"][:50], "1.0\tclipped", *LVM_ROWS["One"][51:]]
+    lines = [*(line.replace("AXES", "One") for line in LVM_HEAD), *LVM_SEGMENT, "X_Value\tside", *rows]
+    (tmp_path / "a.lvm").write_text("\n".join(lines) + "\n", encoding="utf-8")
+    with pytest.raises(InputError, match="'clipped' in column 2 is not a number"):
+        read_records(tmp_path / "a.lvm")
 
 
 def test_a_wav_of_one_channel_is_one_record(tmp_path: Path) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import zipfile
 from collections.abc import Callable
 from pathlib import Path
 
@@ -90,6 +91,27 @@ def lvm(path: Path) -> None:
     ]
     rows = [f"\t{y!r}\t{z!r}".replace(".", ",") for y, z in zip(Y.tolist(), Z.tolist())]
     path.write_text("\n".join([*head, *rows]) + "\n", encoding="utf-8")
+
+
+def cassy(path: Path, unit: str = "s", packed: bool = False) -> None:
+    """As CASSY Lab 2 has it: for each quantity a list of runs, the times in s whatever unit it shows."""
+    quantities = [("Index", "n", "", (np.arange(1, 601), np.arange(1, 601))), ("Zeit", "t", unit, (T, T))]
+    quantities.append(("Winkel", "\N{GREEK SMALL LETTER ALPHA}_A1", "\N{DEGREE SIGN}", (Y, Z)))
+    lists = []
+    for name, symbol, unit, runs in quantities:
+        lists.append(f'<channels count="{len(runs)}" runs="true" runindex="0">')
+        for values in runs:
+            cells = "".join(f"<value>{x!r}</value>" for x in values.tolist())
+            head = f"<quantity>{name}</quantity><symbol>{symbol}</symbol><unit>{unit}</unit>"
+            lists.append(f'<channel dec="2">{head}<values count="600">{cells}</values></channel>')
+        lists.append("</channels>")
+    text = '<?xml version="1.0" encoding="utf-8"?><cassylab xml:lang="de-DE"><allchannels count="3">'
+    text += "".join(lists) + "</allchannels></cassylab>"
+    if packed:
+        with zipfile.ZipFile(path, "w") as archive:
+            archive.writestr("data.xml", text)
+    else:
+        path.write_text(text, encoding="utf-8")
 
 
 def excel(path: Path) -> None:

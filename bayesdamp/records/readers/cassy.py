@@ -1,0 +1,94 @@
+"""CASSY Lab 2 files of LD Didactic, which are XML, plain or in a ZIP archive."""
+
+from __future__ import annotations
+
+import zipfile
+from collections import Counter
+from dataclasses import replace
+from pathlib import Path
+from xml.etree import ElementTree
+
+from bayesdamp.provenance import Fact
+from bayesdamp.records.files.contents import Column, Contents
+from bayesdamp.records.files.facts import kept
+from bayesdamp.records.files.limits import allowed_archive
+from bayesdamp.records.files.named_units import seconds_written
+from bayesdamp.records.readers.text import LARGEST, column_of
+from bayesdamp.types import InputError
+
+_ROOT = b"<cassylab"
+_MEMBER = "data.xml"
+_HEAD = 65536
+
+
+class CassyReader:
+    """CASSY Lab 2: a list of values for each quantity and run.
+
+    References
+    ----------
+    PhyPraKit 1.2, `labxParser`, and the files that come with it; LD Didactic publishes no description.
+    """
+
+    format = "a CASSY Lab file"
+    extensions = (".labx",)
+    extra = ""
+
+    def claims(self, head: bytes, path: Path) -> bool:
+        """The root element, also of the XML within an archive."""
+        if not head.startswith(b"PK"):
+            return _ROOT in head
+        try:
+            with zipfile.ZipFile(path) as archive, archive.open(_MEMBER) as member:
+                return _ROOT in member.read(_HEAD)
+        except (KeyError, zipfile.BadZipFile, NotImplementedError, RuntimeError, OSError):
+            return False
+
+    def read(self, path: Path) -> Contents:
+        """The quantities of all runs. Raises InputError for a text that is too large or defines entities."""
+        if zipfile.is_zipfile(path):
+            allowed_archive(path)
+            with zipfile.ZipFile(path) as archive:
+                data = archive.read(_MEMBER)
+        else:
+            data = path.read_bytes()
+        if len(data) > LARGEST:
+            raise InputError(f"a text of more than {LARGEST >> 20} MiB; give a part of it")
+        if b"<!DOCTYPE" in data:
+            raise InputError("has a document type, which no CASSY Lab file has; export it again, or as CSV")
+        quantities = [list(one) for one in ElementTree.fromstring(data).iter("channels")]
+        named = Counter(_said(one[0], "quantity") for one in quantities if one)
+        several = max(map(len, quantities), default=0) > 1
+        columns: list[Column] = []
+        facts: dict[str, Fact] = {}
+        notes: dict[str, None] = {}
+        for channels in quantities:
+            for run, channel in enumerate(channels, start=1):
+                label = str(run) if several else ""
+                quantity, unit = _said(channel, "quantity"), _said(channel, "unit")
+                name = quantity if named[quantity] == 1 else f"{quantity} {_said(channel, 'symbol')}".strip()
+                column = _column(channel, f"{label}.{name}" if label else name, label, unit)
+                if column is None:
+                    continue
+                if column.unit != unit:
+                    notes[f"CASSY Lab stores times in s, though it shows {unit}."] = None
+                columns.append(column)
+                if channel.get("datetime"):
+                    facts[f"{label}.datetime".strip(".")] = channel.get("datetime", "")
+        return Contents("CASSY Lab", tuple(columns), kept(facts), tuple(notes))
+
+
+def _said(channel: ElementTree.Element, what: str) -> str:
+    return (channel.findtext(what) or "").strip()
+
+
+def _column(channel: ElementTree.Element, name: str, run: str, unit: str) -> Column | None:
+    """A quantity of a run; None where it has no values. Missing ones are written as NaN."""
+    cells = [(value.text or "").strip() for value in channel.iterfind("values/value")]
+    rows = [["" if cell == "NaN" else cell] for cell in cells]
+    if not any(map(any, rows)):
+        return None
+    stored = "s" if (seconds_written(unit) or 1.0) < 1.0 else unit
+    return replace(column_of(rows, 0, ".", name, run, stored), run=run)
+
+
+PLUGIN = CassyReader()
