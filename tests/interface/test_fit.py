@@ -110,13 +110,13 @@ def test_axes_are_taken_as_a_user_has_them() -> None:
     assert alone is four[1, 1]
     assert (alone.get_xlabel(), len(alone.lines)) == ("time / s", 3)
     for given, said in (
-        (four, "4 given; 2 are drawn on"),
+        (four, "ax has 4 axes; it must have 2"),
         (figure, "Figure given; it must be matplotlib's axes"),
         ([four[0, 0], "below"], "str given"),
     ):
         with pytest.raises(bd.InputError, match=said):
             fit().plot(given)  # type: ignore[arg-type]
-    with pytest.raises(bd.InputError, match="2 given; 1 are drawn on"):
+    with pytest.raises(bd.InputError, match="ax has 2 axes; it must have 1"):
         record().plot(tuple(four[0]))  # type: ignore[arg-type]
     plt.close("all")
 
