@@ -234,8 +234,8 @@ def compare(
     sample: bool = True,
     seed: int = 0,
 ) -> Comparison:
-    """Which damping a record has, how large it is, and how well the law holds; within seconds, or half a minute where
-    many cycles are sampled.
+    """Which damping a record has, how large it is, and how well the law holds; in 5 to 10 s, with more cycles in up
+    to half a minute, and in about a minute where nothing is compiled yet.
 
     signals: one, or several of one specimen with `repeats`: one damping for all, whose size differs from record to
     record by a spread that is inferred. deviation: "auto" or "law", laws may hold approximately; "none", they hold
