@@ -121,8 +121,10 @@ class Registry(Generic[T]):
     def add(self, name: str, plugin: T, source: str | None = None) -> None:
         """Make a plug-in known that has no module in the package (a user's own).
 
-        source: of its code; by default of its class, where that can be found.
+        source: of its code; by default of its class, where that can be found. Raises InputError for a name that ships.
         """
+        if name in self._modules:
+            raise InputError(f"a {self.kind} {name!r} ships already; give it another name")
         self._added[name] = plugin
         self._sources[name] = _source_of(plugin) if source is None else source
         _EXTENDED.append(name)

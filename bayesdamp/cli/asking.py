@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Self
 from bayesdamp.cli.open_questions import all_at_once, read, unstated
 from bayesdamp.cli.options import bound, wrong
 from bayesdamp.records.cleaning.decimate import decimated
-from bayesdamp.records.files.named_units import SECONDS, unit_written
+from bayesdamp.records.files.named_units import SECONDS, by_name
 from bayesdamp.records.findings import QUESTIONS, Finding, Kind, findings
 from bayesdamp.records.opening.opening import read_each
 from bayesdamp.records.read import FASTEST, FROM_FIRST, SLOWEST
@@ -64,9 +64,8 @@ class Options:
 
     def __post_init__(self) -> None:
         """Raises InputError for what no file could be read by."""
-        if self.unit is not None and self.unit not in UNITS and (said := unit_written(self.unit)):
-            object.__setattr__(self, "unit", said[0])  # `degrees`, as the head of a column may say it
-            object.__setattr__(self, "quantity", self.quantity or (said[1] if said[1] != "angle" else None))
+        for field, value in zip(("unit", "quantity"), by_name(self.unit, self.quantity), strict=True):
+            object.__setattr__(self, field, value)
         known = {
             "unit": tuple(UNITS),
             "quantity": QUANTITIES,

@@ -138,9 +138,9 @@ class Comparison(Result):
         every = [*(r.verdict for r in self.records), self.verdict]
         return pd.DataFrame([v.row() for v in every])
 
-    def plot(self, axes: drawing.Given = None) -> tuple[Axes, ...]:
-        """Draw the answer: record, damping ratio against amplitude, residual, energy by term; the four axes drawn on.
-        Of several records the first that has an answer. Raises InputError where nothing was weighed."""
+    def plot(self, ax: drawing.Given = None) -> tuple[Axes, ...]:
+        """Draw the answer: record, damping ratio against amplitude, residual, energy by term; the four axes drawn on,
+        which `ax` may give, as `plt.subplots(2, 2)` makes them. Of several records the first that has an answer. Raises InputError where nothing was weighed."""
         from matplotlib import rc_context
 
         from bayesdamp.report.figures.records.answer import HEIGHT, draw_answer
@@ -153,7 +153,7 @@ class Comparison(Result):
         recorded = unit.of(self.quantities[first])
         drawing.seen_in_notebooks()
         with rc_context(RC):
-            four = drawing.several(axes, 4, columns=2, size=(WIDTH, HEIGHT))
+            four = drawing.several(ax, 4, columns=2, size=(WIDTH, HEIGHT))
             arrays = picture_in_unit(found.arrays, unit)
             draw_answer(four, arrays, unit.displacement.name, found.verdict.damping, recorded)
         return four
@@ -234,8 +234,8 @@ def compare(
     sample: bool = True,
     seed: int = 0,
 ) -> Comparison:
-    """Which damping a record has, how large it is, and how well the law holds; within seconds, or half a minute where
-    many cycles are sampled.
+    """Which damping a record has, how large it is, and how well the law holds; in 5 to 10 s, with more cycles in up
+    to half a minute, and in about a minute where nothing is compiled yet.
 
     signals: one, or several of one specimen with `repeats`: one damping for all, whose size differs from record to
     record by a spread that is inferred. deviation: "auto" or "law", laws may hold approximately; "none", they hold

@@ -15,7 +15,7 @@ from bayesdamp.inference.approximate.law import Approximate
 from bayesdamp.inference.deviation.numbers.quantities import Quantity, quantity
 from bayesdamp.inference.fit.laplace import value_intervals, value_sds
 from bayesdamp.inference.fit.mode import Mode
-from bayesdamp.inference.model.residuals import residual
+from bayesdamp.inference.model.residuals import log_density, residual
 from bayesdamp.inference.model.target import Target
 from bayesdamp.interface.density import NO_DENSITY, Density
 from bayesdamp.interface.fitting.approximate import approximate_of, ratios_of
@@ -130,11 +130,14 @@ class Fit(Result):
         return ratios_of(self.law, amplitudes, self.law.scores, self.signal.own_unit)
 
     def predict(self, t: ArrayLike, quantity: str | None = None) -> Prediction:
-        """The motion at times t (s from the first sample, shape (m,)), within the record or beyond it; where laws may
-        hold approximately within it, for how they deviate later is not known.
+        """Return the motion at times t (s from the first sample): a number or an array of any shape and order, which
+        the prediction has in a row, (m,).
+
+        Times may be within the record, beyond it, or before it (negative); where laws may hold approximately only
+        within it, as it is not known how they deviate elsewhere.
 
         quantity: "angle", "velocity" or "acceleration"; by default the recorded one. Raises InputError for times that
-        are outside, Refusal without a fit.
+        are not numbers or outside of what is known, Refusal without a fit.
         """
         times, wanted = asked_motion(t, quantity or self.signal.quantity)
         if self.law is not None:
@@ -162,16 +165,16 @@ class Fit(Result):
         }
         return pd.DataFrame.from_dict(rows, orient="index", columns=[*columns, "unit", "prior"])
 
-    def plot(self, axes: drawing.Given = None, until: float | None = None) -> tuple[Axes, ...]:
+    def plot(self, ax: drawing.Given = None, until: float | None = None) -> tuple[Axes, ...]:
         """Draw the record with the fit, and the residuals below; the two axes drawn on.
 
-        axes: two, or one for the record with the fit alone. until: time in s up to which the fit goes on beyond the
+        ax: two, or one for the record with the fit alone. until: time in s up to which the fit goes on beyond the
         record. Raises Refusal without a fit, InputError for other axes.
         """
         if not self.values:
             raise Refusal(self.outcome)
-        alone = axes is not None and len(drawing.listed(axes)) == 1
-        above, *rest = drawing.several(axes, 1 if alone else 2, heights=(2, 1))
+        alone = ax is not None and len(drawing.listed(ax)) == 1
+        above, *rest = drawing.several(ax, 1 if alone else 2, heights=(2, 1))
         t = self.signal.t
         end = float(t[-1]) if until is None else max(float(until), float(t[-1]))
         unit = self.signal.own_unit
@@ -284,7 +287,7 @@ class Fit(Result):
             known=dict(target.known),
             fitted=signal.y - left,
             residuals=left,
-            log_posterior=density.log_posterior(density.vector()),
+            log_posterior=density.log_prior(density.vector()) + log_density(target, left, mode.z),
             outcome=outcome,
             notes=notes,
             target=target,

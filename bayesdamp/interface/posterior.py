@@ -143,10 +143,10 @@ class Posterior(Result):
         parts = ["sd_noise", "sd_law"] if self.fit.law is not None else []
         return pd.DataFrame.from_dict(rows, orient="index", columns=[*COLUMNS, *parts, "unit"])
 
-    def plot(self, axes: drawing.Given = None, names: Sequence[str] | None = None) -> tuple[Axes, ...]:
+    def plot(self, ax: drawing.Given = None, names: Sequence[str] | None = None) -> tuple[Axes, ...]:
         """Draw the trace of each parameter, and its density to the right of it; the axes drawn on, two a parameter.
 
-        names: of the parameters to draw, all by default. Raises InputError for a name that is none, Refusal without
+        ax: two for each parameter. names: of the parameters to draw, all by default. Raises InputError for a name that is none, Refusal without
         draws.
         """
         self._there()
@@ -155,7 +155,7 @@ class Posterior(Result):
             if name not in self.names:
                 raise InputError(f"plot: unknown parameter {name!r}{nearest(name, list(self.names))}")
         size = (9.0, 1.6 * len(chosen))
-        found = drawing.several(axes, 2 * len(chosen), columns=2, size=size)
+        found = drawing.several(ax, 2 * len(chosen), columns=2, size=size)
         for i, name in enumerate(chosen):
             draws = self.draws[..., self.names.index(name)]
             trace, density = found[2 * i], found[2 * i + 1]

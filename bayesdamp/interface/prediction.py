@@ -13,6 +13,7 @@ from bayesdamp.inference.checks.checks import laplace_draws
 from bayesdamp.inference.fit.mode import Mode
 from bayesdamp.inference.model.target import Target
 from bayesdamp.interface.parts import axes
+from bayesdamp.interface.parts.numbers import numbers_of
 from bayesdamp.interface.parts.result import Packed, Result
 from bayesdamp.interface.parts.table import Table, number
 from bayesdamp.interface.records.signal import Signal
@@ -87,39 +88,46 @@ class Prediction(Result):
 
 
 def asked_motion(t: ArrayLike, quantity: str) -> tuple[Vector, str]:
-    """Times, (m,), and quantity. Raises InputError for what no motion has."""
+    """Times, (m,), of an array of any shape or a number, and quantity. Raises InputError for what no motion has."""
     if quantity not in QUANTITIES:
         raise InputError(f"predict: unknown quantity {quantity!r}{nearest(quantity, list(QUANTITIES))}")
-    try:
-        times = np.atleast_1d(np.array(t, float))
-    except (TypeError, ValueError):
-        raise InputError("predict: t must be numbers, in s from the first sample on") from None
-    if times.ndim != 1 or not np.all(np.isfinite(times)) or np.any(times < 0):
-        raise InputError("predict: t must be finite times in s from the first sample on, 0 or more")
+    times = numbers_of(t, "t", "predict").ravel()
+    if not np.all(np.isfinite(times)):
+        raise InputError("predict: t must be finite times, in s from the first sample")
     return times, quantity
 
 
 def anywhere(target: Target, mode: Mode, signal: Signal, times: Vector, wanted: str) -> Prediction:
-    """Where laws hold exactly: at times (m,) within the record or beyond it."""
-    grid, at = np.unique(np.concatenate([[0.0], times]), return_inverse=True)
+    """Where laws hold exactly: at times (m,) within the record, beyond it, or before it, where the motion is followed
+    backwards."""
     derivatives = QUANTITIES.index(wanted) - QUANTITIES.index(signal.quantity)
-    size = float(np.ptp(signal.y)) * features(signal).frequency ** derivatives
-    plan = make_plan(target.oscillator, target.all_values(mode.z), grid, wanted, PRECISION * size)
+    precision = PRECISION * float(np.ptp(signal.y)) * features(signal).frequency ** derivatives
+    osc, best = target.oscillator, target.all_values(mode.z)
     z = laplace_draws(target, mode, BAND, 0)
-    every = {**{n: np.full(BAND, float(v)) for n, v in target.known.items()}, **target.values(z)}
-    band = plan.many_at_samples(target.oscillator, every)
-    value = plan.at_samples(target.oscillator, target.all_values(mode.z))
-    here = at[1:]
-    return Prediction(times, value[here], band.std(axis=0)[here], wanted, UNITS[signal.unit].of(wanted))
+    drawn = {**{n: np.full(BAND, float(v)) for n, v in target.known.items()}, **target.values(z)}
+    value, sd = np.empty(times.size), np.empty(times.size)
+    for chosen, way in ((times >= 0, 1.0), (times < 0, -1.0)):
+        if not chosen.any():
+            continue
+        # Time reversed: forces that are odd in the velocity change their sign, and so do velocities.
+        turned = {n: way for n in (*osc.coefficients, "omega0")}
+        one, many = ({n: v * turned.get(n, 1.0) for n, v in p.items()} for p in (best, drawn))
+        grid, at = np.unique(np.concatenate([[0.0], way * times[chosen]]), return_inverse=True)
+        plan = make_plan(osc, one, grid, wanted, precision)
+        value[chosen] = (way if wanted == "velocity" else 1.0) * plan.at_samples(osc, one)[at[1:]]
+        sd[chosen] = plan.many_at_samples(osc, many).std(axis=0)[at[1:]]
+    return Prediction(times, value, sd, wanted, UNITS[signal.unit].of(wanted))
 
 
 def within_record(law: Approximate, signal: Signal, times: Vector, wanted: str) -> Prediction:
-    """Where laws hold approximately: within the part of the record that was read. Raises InputError beyond it."""
+    """Where laws hold approximately: within the part of the record that was read. Raises InputError outside it."""
     end = float(law.knots[-1])
-    if times.max(initial=0.0) > end:
+    if not times.size:
+        return Prediction(times, times, times, wanted, UNITS[signal.unit].of(wanted))
+    if times.min() < 0 or times.max() > end:
         raise InputError(
-            f"predict: t goes to {times.max():.6g} s; the record is read to {end:.6g} s, and how the law deviates "
-            'later is not known; give deviation="none" to go on'
+            f"predict: t goes from {times.min():.6g} to {times.max():.6g} s; the record is read from 0 to {end:.6g} s, "
+            'and how the law deviates elsewhere is not known; give deviation="none" to go on'
         )
     grid, at = np.unique(times, return_inverse=True)
     every = law.motions(np.concatenate([law.best, law.scores[:: len(law.scores) // BAND]]), grid, wanted)

@@ -18,6 +18,8 @@ from bayesdamp.types import OK, InputError, Refusal
 TEMPERED = "smc"
 """The sampler where laws may hold approximately."""
 EXACT_SAMPLER = "nuts"
+DRAWS = 1000
+"""Of each chain where nobody says how many (conventional)."""
 CHAINS = {"nuts": by_nuts, "emcee": by_emcee}
 """Those that draw parameters there with the deviations integrated out."""
 
@@ -28,14 +30,16 @@ def sample(
     *,
     chains: int = 4,
     warmup: int = 500,
-    draws: int = 1000,
+    draws: int | None = None,
     seed: int = 0,
 ) -> Posterior:
     """Draw from the posterior of a fit.
 
     sampler: a name in `bayesdamp.inference.samplers.SAMPLERS`: nuts, by default, emcee, kalman, laplace, variational.
-    chains, warmup, draws: how long; a sampler may add draws where these are too few. Where there is no fit, or the
-    sampler cannot work on it, the result's outcome is the sentence. Raises InputError for misuse.
+    chains, warmup, draws: how long; as many draws of each chain are kept as are asked for. By default they are 1,000,
+    and nuts and emcee add some where these are too few. emcee's chains are walkers, of which there are more than asked
+    for. Where there is no fit, or the sampler cannot work on it, the result's outcome is the sentence; it also says
+    where draws are too few. Raises InputError for misuse.
 
     Where laws may hold approximately the sampler is "smc", by default: each chain is a run of its own that leads so
     many draws from the linear model to the motions themselves; warmup has no meaning there. "nuts" and "emcee" draw
@@ -46,6 +50,7 @@ def sample(
         raise InputError(
             f"sample: the first argument is {type(fit).__name__}; it must be a Fit, as fit(signal, model) gives it"
         )
+    grows, draws = draws is None, DRAWS if draws is None else draws
     for name, value, least in (
         ("chains", chains, 2),
         ("warmup", warmup, 10),
@@ -63,14 +68,14 @@ def sample(
         )
     if fit.law is not None:
         if sampler in CHAINS:
-            return _by_chains(fit, fit.law, sampler, Settings(chains, warmup, draws, seed))
+            return _by_chains(fit, fit.law, sampler, Settings(chains, warmup, draws, seed, grows))
         return _tempered(fit, fit.law, chains, draws, seed)
     if fit.outcome != OK:
         return Posterior(fit, sampler, seed=seed, outcome=fit.outcome)
     plugin = SAMPLERS.get(sampler)
     try:
         target, mode = fit.engine
-        settings = Settings(chains, warmup, draws, seed % 2**31)
+        settings = Settings(chains, warmup, draws, seed % 2**31, grows)
         found = diagnostics.summarised(plugin.sample(target, mode, settings))
     except Refusal as refusal:
         return Posterior(fit, sampler, seed=seed, outcome=str(refusal))
@@ -97,7 +102,7 @@ def sample(
 def _by_chains(fit: Fit, law: Approximate, sampler: str, asked: Settings) -> Posterior:
     began = time.perf_counter()
     try:
-        found = CHAINS[sampler](law, asked.chains, asked.warmup, asked.draws, asked.seed)
+        found = CHAINS[sampler](law, asked)
     except Refusal as refusal:
         return Posterior(fit, sampler, seed=asked.seed, outcome=str(refusal))
     values = law.values(found.u)

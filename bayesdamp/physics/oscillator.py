@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import TYPE_CHECKING
@@ -11,7 +11,7 @@ import numpy as np
 
 from bayesdamp.machine.programs import Program
 from bayesdamp.numerics.lazily import jax, jnp
-from bayesdamp.physics.damping import TERMS, DampingTerm
+from bayesdamp.physics.damping import TERMS, DampingTerm, parse_model
 from bayesdamp.physics.rest import bracket, by_kernel, frequency_over, rest_near, traced_newton
 from bayesdamp.physics.restoring import LAWS, RestoringLaw, Scalar
 
@@ -28,15 +28,21 @@ NEWTON = 4
 """Steps from about where a motion comes to rest to where it does so: from a tenth of a radian within 1e-15."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, init=False)
 class Oscillator:
     """θ̈ + F_damp(θ̇) + F_rest(θ) = 0; parameters are a mapping of names to scalars (a pytree).
 
-    damping: names of the damping terms; restoring: name of the restoring law.
+    damping: names of the damping terms, or their sum in words, `viscous+coulomb`; restoring: name of the restoring law.
+    Raises InputError for such a sum of unknown terms.
     """
 
     damping: tuple[str, ...]
     restoring: str
+
+    def __init__(self, damping: str | Sequence[str], restoring: str) -> None:
+        terms = parse_model(damping) if isinstance(damping, str) else tuple(damping)
+        object.__setattr__(self, "damping", terms)
+        object.__setattr__(self, "restoring", restoring)
 
     @property
     def terms(self) -> tuple[DampingTerm, ...]:

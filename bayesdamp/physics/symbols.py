@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from bayesdamp.physics.damping import TERMS
+from bayesdamp.physics.damping import TERMS, words_of
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.types import Symbol
 
@@ -22,3 +22,18 @@ def parameter_symbol(name: str) -> Symbol | None:
         known |= {p.name: p.symbol for p in term.inferred if p.symbol is not None}
         known |= {} if term.symbol is None else {term.parameter: term.symbol}
     return known.get(name)
+
+
+def own_words(term: str) -> str:
+    """Return what a user's own damping term is called in sentences, "" for one that ships or is not known here."""
+    return words_of(term) if term in TERMS.added() else ""
+
+
+def meaning_of(parameter: str) -> str:
+    """Return what a parameter without a symbol is, in words."""
+    for term in map(TERMS.get, TERMS.added()):
+        if parameter == term.parameter:
+            return f"coefficient of {words_of(term.name)} damping"
+        if parameter in term.further:
+            return f"parameter of {words_of(term.name)} damping"
+    return "parameter"

@@ -170,7 +170,7 @@ def answer(
         measured=measured,
         approximate=approximate,
         window=window,
-        notes=[*notes, *filter(None, [remark_on(signal)])],
+        notes=[*notes, *filter(None, [remark_on(signal)]), *(_not_weighed(weighing) if damping else ())],
         averages=averages,
         law_free=measured_at(signal, [r.amplitude for r in found.ratios]) if found.ratios else None,
     )
@@ -263,6 +263,13 @@ def in_base(amplitudes: Sequence[float] | None, weighing: Weighing, unit: Unit) 
                 f"amplitude {a:g} {own.name}: the record has {low:.3g} to {high:.3g} {own.name}; give one of these"
             )
     return tuple(float(a) * own.factor for a in amplitudes)
+
+
+def _not_weighed(weighing: Weighing) -> list[str]:
+    """A sentence for each sum that was named and is weighed under no law."""
+    weighed = {r.candidate.damping for r in weighing.results}
+    why = {c.damping: said for c, said in weighing.refused.items() if c.damping not in weighed}
+    return [f"{'+'.join(terms)} was not weighed: {said}." for terms, said in why.items()]
 
 
 def _rows(weighing: Weighing) -> list[WeighedCandidate]:

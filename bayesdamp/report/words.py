@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 
-from bayesdamp.physics.symbols import parameter_symbol
+from bayesdamp.physics.symbols import meaning_of, own_words, parameter_symbol
 from bayesdamp.types import Symbol, candidate_parts
 
 NONE = "–"
@@ -35,9 +35,9 @@ _SYMBOLS = {
 
 
 def symbol(parameter: str) -> Symbol:
-    """How a parameter is written; an unknown one keeps its name."""
-    plain = parameter.replace("_", " ")
-    return parameter_symbol(parameter) or _SYMBOLS.get(parameter) or Symbol(plain, plain, plain)
+    """How a parameter is written; one without a symbol keeps its name."""
+    named = parameter_symbol(parameter) or _SYMBOLS.get(parameter)
+    return named or Symbol(parameter, parameter, meaning_of(parameter))
 
 
 def known(parameter: str) -> bool:
@@ -59,7 +59,7 @@ _PROPER = {"coulomb": "Coulomb", "duffing": "Duffing"}
 def model(name: str) -> str:
     """A candidate in words: `viscous+coulomb` is viscous + Coulomb, `coulomb@linear` Coulomb (linear)."""
     damping, restoring = candidate_parts(name)
-    said = " + ".join(_PROPER.get(term, term.replace("_", " ")) for term in damping.split("+"))
+    said = " + ".join(own_words(t) or _PROPER.get(t, t.replace("_", " ")) for t in damping.split("+"))
     return f"{said} ({law(restoring)})" if restoring else said
 
 

@@ -1,15 +1,14 @@
 """The plots that a user of ArviZ reaches for, on our trees as they are, under exact and approximate laws.
 
-Without a backend: what a plot takes from a tree is all taken, and nothing depends on the drawing library's version.
+Without a backend: what a plot takes from a tree is all taken. ArviZ-plots 0.8, the last for Python 3.11, cannot be
+imported beside matplotlib 3.11, which the lock therefore does not have.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from types import ModuleType
 
 import arviz_stats as az
-import matplotlib.style
 import pytest
 
 import bayesdamp as bd
@@ -24,15 +23,10 @@ DRAWN = {"exact": posterior, "law": test_deviation.posterior}
 
 
 @pytest.fixture(scope="module")
-def azp() -> Iterator[ModuleType]:
-    """ArviZ-plots 0.8, the last for Python 3.11, adds its styles to `matplotlib.style.core`, which matplotlib 3.11 made
-    part of `matplotlib.style`; it can be imported where that name is there."""
-    with pytest.MonkeyPatch.context() as patch:
-        if not hasattr(matplotlib.style, "core"):
-            patch.setattr(matplotlib.style, "core", matplotlib.style, raising=False)
-        import arviz_plots
+def azp() -> ModuleType:
+    import arviz_plots
 
-        yield arviz_plots
+    return arviz_plots
 
 
 @pytest.mark.parametrize("laws", list(DRAWN))

@@ -28,7 +28,7 @@ WRONG: dict[str, Callable[[], object]] = {
     "run_study: unknown argument 'worker'; did you mean 'workers'": lambda: ANY.run_study({}, "x", worker=2),
     "features: signal is ndarray; it must be a Signal": lambda: ANY.features(Y),
     "first_words: signal is int; it must be a Signal": lambda: ANY.first_words(3),
-    "signal: missing a required argument: 'y'": lambda: ANY.signal(T),
+    "signal: give times and values, signal(t, y), or values alone": lambda: ANY.signal(T),
     "signal: unit is int; it must be a unit's name": lambda: ANY.signal(T, Y, unit=3),
     "signal: unknown argument 'unti'; did you mean 'unit'": lambda: ANY.signal(T, Y, unti="deg"),
     "Model: missing a required argument: 'damping'": lambda: ANY.Model(),
@@ -42,6 +42,13 @@ WRONG: dict[str, Callable[[], object]] = {
     ),
     "compare takes one signal": lambda: ANY.compare(3),
     "compare: damping is 3; it must be a name": lambda: ANY.compare(bd.signal(T, Y), damping=3),
+    "signal: give times or rate, not both": lambda: ANY.signal(T, Y, rate=25.0),
+    "signal: rate is 0; it must be a number of Hz": lambda: ANY.signal(Y, rate=0),
+    "plot: unknown argument 'axes'; did you mean 'ax'": lambda: bd.signal(T, Y).plot(axes=None),  # type: ignore[call-arg]
+    "bind: unknown argument 'sed'; did you mean 'seed'": lambda: MODEL.bind(bd.signal(T, Y), sed=1),  # type: ignore[call-arg]
+    "save: missing a required argument: 'path'": lambda: MODEL.save(),  # type: ignore[call-arg]
+    "load: unknown argument 'pat'; did you mean 'path'": lambda: bd.Signal.load(pat="x"),  # type: ignore[call-arg]
+    "unknown damping term 'viscos'; did you mean 'viscous'": lambda: bd.Oscillator("viscos", "linear"),
     "compare: unknown argument 'dampng'; did you mean 'damping'": lambda: ANY.compare(3, dampng="viscous"),
 }
 

@@ -6,10 +6,12 @@ from functools import lru_cache
 from pathlib import Path
 
 import matplotlib as mpl
+import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 
 import bayesdamp as bd
+from bayesdamp.physics.damping import TERMS
 from bayesdamp.validation.truth.records import case
 
 mpl.use("Agg")
@@ -42,7 +44,32 @@ def test_a_comparison_names_the_damping(tmp_path: Path) -> None:
     assert result.verdict.sentence.split(":")[0] in page
     again = bd.load(result.save(tmp_path / "rig.bd"))
     assert again.verdict == result.verdict
-    assert len(result.plot()) == 4
+    four = plt.subplots(2, 2)[1]
+    assert result.plot(ax=four) == tuple(four.ravel())
+    plt.close("all")
+
+
+class Unsolved(bd.DampingTerm):
+    """A term that compiled motions cannot have: it has no kernel."""
+
+    name, parameter, unit = "unsolved", "c_unsolved", "1/s"
+
+
+def test_a_term_without_a_kernel_costs_its_own_sums_alone() -> None:
+    TERMS.add("unsolved", Unsolved())
+    try:
+        made = case("family", 33, 0)
+        found = bd.compare(
+            made.signal, damping=["viscous", "viscous+unsolved"], restoring=[made.restoring], sample=False
+        )
+        alone = bd.compare(made.signal, damping="unsolved", restoring=[made.restoring], sample=False)
+    finally:
+        TERMS.remove("unsolved")
+    assert found.verdict.damping == "viscous"
+    said = [r for r in found.verdict.remarks if r.startswith("viscous+unsolved was not weighed: ")]
+    assert len(said) == 1
+    assert "has no `kernel`" in said[0]
+    assert "has no `kernel`" in alone.outcome
 
 
 def test_records_of_one_specimen_share_a_damping() -> None:

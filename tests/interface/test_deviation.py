@@ -269,7 +269,7 @@ def test_drawn_and_predicted_within_the_record() -> None:
     plt.close("all")
     ahead = fit().predict([0.0, 1.0, 3.0])
     assert np.all(np.abs(ahead.value - closed_form(ahead.t, TRUTH)) < 5 * ahead.sd)
-    with pytest.raises(bd.InputError, match="deviates later is not known"):
+    with pytest.raises(bd.InputError, match="deviates elsewhere is not known"):
         fit().predict([7.0])
 
 

@@ -7,6 +7,7 @@ from pathlib import Path
 import matplotlib.pyplot as plt
 import numpy as np
 import pytest
+from numpy.typing import ArrayLike
 
 import bayesdamp as bd
 from tests.interface.problems import MODEL, NOISE, TIMES, TRUTH, closed_form, fit, record
@@ -50,7 +51,7 @@ def test_residuals_are_the_noise() -> None:
 def test_it_is_where_the_density_is_highest_among_scores() -> None:
     """The log posterior is the density's own, in natural units."""
     density = fit().density
-    assert fit().log_posterior == density.log_posterior(density.vector())
+    assert fit().log_posterior == pytest.approx(density.log_posterior(density.vector()), abs=1e-5)
 
 
 @pytest.mark.parametrize("quantity", ["angle", "velocity"])
@@ -66,6 +67,21 @@ def test_beyond_the_record(quantity: str) -> None:
     if quantity == "angle":
         assert np.all(np.abs(found.value - closed_form(t, TRUTH)) < 4 * found.sd)
         assert not np.all(np.abs(found.value - closed_form(t, {**TRUTH, "zeta": 0.06})) < 4 * found.sd)
+
+
+@pytest.mark.parametrize(
+    "t", [2, 1.5, np.arange(5), [], range(3), [[3.0, 1.0], [2.0, 1.0]], [-1.0, 0.0, 7.0]], ids=str
+)
+def test_times_of_any_kind(t: ArrayLike) -> None:
+    """Numbers, whole numbers, any order and shape, and before the record, where the motion is followed backwards."""
+    p = {n: fit().values[n] for n in TRUTH}
+    found = fit().predict(t)
+    assert found.t == pytest.approx(np.ravel(t))
+    assert found.value == pytest.approx(closed_form(found.t, p), abs=1e-5)
+    assert found.sd.shape == found.t.shape
+    before, h = np.array([-0.7]), 1e-6
+    slope = (closed_form(before + h, p) - closed_form(before - h, p)) / (2 * h)
+    assert fit().predict(before, "velocity").value == pytest.approx(slope, abs=1e-4)
 
 
 def test_the_noise_is_chosen_where_it_is_asked_for() -> None:
@@ -104,19 +120,19 @@ def test_shown_and_drawn() -> None:
 
 def test_axes_are_taken_as_a_user_has_them() -> None:
     figure, four = plt.subplots(2, 2)
-    assert fit().plot(four[0]) == tuple(four[0])
+    assert fit().plot(ax=four[0]) == tuple(four[0])
     assert fit().plot(four[:, :1]) == (four[0, 0], four[1, 0])
     (alone,) = fit().plot(four[1, 1], until=10.0)  # the record with the fit, without the residuals
     assert alone is four[1, 1]
     assert (alone.get_xlabel(), len(alone.lines)) == ("time / s", 3)
     for given, said in (
-        (four, "4 given; 2 are drawn on"),
-        (figure, "Figure given; it must be matplotlib's axes"),
-        ([four[0, 0], "below"], "str given"),
+        (four, "ax has 4 axes; it must have 2"),
+        (figure, "holds a Figure; it must be matplotlib's axes"),
+        ([four[0, 0], "below"], "holds a str"),
     ):
         with pytest.raises(bd.InputError, match=said):
             fit().plot(given)  # type: ignore[arg-type]
-    with pytest.raises(bd.InputError, match="2 given; 1 are drawn on"):
+    with pytest.raises(bd.InputError, match="ax has 2 axes; it must have 1"):
         record().plot(tuple(four[0]))  # type: ignore[arg-type]
     plt.close("all")
 
@@ -163,7 +179,8 @@ def test_without_an_oscillation_the_outcome_says_so() -> None:
         (lambda: bd.sample(fit(), draws=1), "draws is 1; it must be a whole number, 10 or more"),
         (lambda: bd.evidence(fit(), "brige"), "did you mean 'bridge'"),
         (lambda: bd.estimate(record(), "kopman", MODEL), "did you mean 'koopman'"),
-        (lambda: fit().predict([-1.0]), "0 or more"),
+        (lambda: fit().predict([np.nan]), "t must be finite times"),
+        (lambda: fit().predict(["one"]), "t is text"),
         (lambda: fit().predict([1.0], "angel"), "did you mean 'angle'"),
         (
             lambda: bd.fit(

@@ -48,15 +48,23 @@ def test_groups_units_and_definitions() -> None:
     assert data.attrs["model"] == "viscous@linear"
 
 
+@pytest.mark.parametrize(("sampler", "draws"), [("nuts", 30), ("emcee", 40), ("laplace", 30)])
+def test_as_many_draws_as_are_asked_for(sampler: str, draws: int) -> None:
+    """Also where they are too few, which the outcome then says."""
+    found = bd.sample(fit(), sampler, warmup=20, draws=draws)
+    assert found.draws.shape[1] == found.log_likelihood.shape[1] == draws
+    assert sampler != "nuts" or found.outcome.startswith(("too few draws", "not converged"))
+
+
 def test_pointwise_terms_sum_to_the_log_likelihood() -> None:
-    """Of independent noise; the solver's plans differ by less than a hundredth of a nat."""
+    """Of independent noise; the density is solved with shorter steps than the draws."""
     post = posterior()
     terms = post.data["log_likelihood"]["record"]
     assert terms.sum("time").values == pytest.approx(post.log_likelihood, abs=0.01)
     one = post.draws[0, 0]
-    assert fit().density.log_likelihood(one) == pytest.approx(post.log_likelihood[0, 0], abs=1e-6)
+    assert fit().density.log_likelihood(one) == pytest.approx(post.log_likelihood[0, 0], abs=1e-3)
     lp = post.data["sample_stats"]["lp"].values
-    assert lp[0, 0] == pytest.approx(fit().density.log_posterior(one), abs=1e-6)
+    assert lp[0, 0] == pytest.approx(fit().density.log_posterior(one), abs=1e-3)
 
 
 def test_replications_have_the_noise() -> None:

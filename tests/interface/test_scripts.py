@@ -21,7 +21,7 @@ SAID = {
     "leave_one_out": "elpd_loo",
     "one_fit": "zeta = 0.0",
     "other_sampler": "'zeta': ",
-    "own_term": "mu_3",
+    "own_term": "drag3",
     "posterior": "half_life",
     "several_records": "run 2",
     "study": "log_evidence",
@@ -44,7 +44,7 @@ def test_it_runs(
         runpy.run_path(str(SCRIPTS / f"{name}.py"), run_name="__main__")
     finally:
         plt.close("all")
-        TERMS.remove("cubic")
+        TERMS.remove("cubic_drag")
     assert SAID.get(name, "") in capsys.readouterr().out
     assert name not in WRITTEN or (tmp_path / WRITTEN[name]).is_file()
 
@@ -107,5 +107,5 @@ def test_the_page_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         exec(compile(examples(PAGE.read_text(encoding="utf-8")), str(PAGE), "exec"), {"__name__": "page"})
     finally:
         plt.close("all")
-        TERMS.remove("cubic")
+        TERMS.remove("cubic_drag")
     assert (tmp_path / "viscous.nc").is_file()

@@ -46,12 +46,35 @@ def test_arrays_as_they_are_and_cleaned() -> None:
     assert whole.notes
 
 
+@pytest.mark.parametrize("unit", ["deg", "°", "degrees"])
+def test_a_rate_in_place_of_times_and_a_unit_as_it_is_written(unit: str) -> None:
+    rate, y = (TIMES.size - 1) / TIMES[-1], np.degrees(closed_form(TIMES, TRUTH))
+    for made in (bd.signal(y, rate=rate, unit=unit), bd.signal(y=y, rate=rate, unit=unit, cleaned=False)):
+        assert made.t == pytest.approx(TIMES)
+        assert made.y == pytest.approx(closed_form(TIMES, TRUTH))
+        assert made.own_unit.name == "deg"
+
+
+def test_a_unit_of_another_quantity_says_which() -> None:
+    y = closed_form(TIMES, TRUTH)
+    said = [bd.signal(TIMES, y, unit=unit, cleaned=False) for unit in ("rad", "deg/s", "g")]
+    assert [s.quantity for s in said] == ["angle", "velocity", "acceleration"]
+
+
+def test_a_trajectory_of_an_oscillator_by_its_names() -> None:
+    body = bd.Oscillator("viscous", "linear")
+    assert body == bd.Oscillator(("viscous",), "linear")
+    assert bd.trajectory(body, TRUTH, TIMES) == pytest.approx(closed_form(TIMES, TRUTH), abs=1e-7)
+
+
 def test_a_file(tmp_path: Path) -> None:
     path = tmp_path / "rig.csv"
     table = np.c_[TIMES, np.degrees(closed_form(TIMES, TRUTH))]
     np.savetxt(path, table, delimiter=",", header="t (s),phi (deg)", comments="")
     found = bd.read(path)
     assert (found.unit, found.quantity, found.runs) == ("deg", "angle", (1,))
+    assert found.units == {"t (s)": "s", "phi (deg)": "deg"}
+    assert bd.read(path, unit="degrees").unit == "deg"
     assert found.signal().y == pytest.approx(closed_form(TIMES, TRUTH))
     assert len(found.signals()) == 1
     again = bd.Record.load(found.save(tmp_path / "rig.record"))

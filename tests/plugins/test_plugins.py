@@ -54,6 +54,14 @@ def _nothing_stays():
     use(())
 
 
+def test_what_ships_is_not_replaced():
+    shipped = TERMS.get("cubic")
+    with pytest.raises(InputError, match="a damping term 'cubic' ships already; give it another name"):
+        TERMS.add("cubic", shipped)
+    assert TERMS.get("cubic") is shipped
+    assert "cubic" not in TERMS.added()
+
+
 def study_in(folder: Path):
     for name in ("cubic_drag.py", "soft_spring.py"):
         if not (folder / name).exists():

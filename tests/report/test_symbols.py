@@ -41,13 +41,28 @@ def test_all_that_ship_say_it():
 
 def test_a_term_of_ones_own(tmp_path):
     (tmp_path / "own.py").write_text(OWN, encoding="utf-8")
-    assert words.symbol("c_sticky").text == "c sticky"
+    assert words.symbol("c_sticky").text == "c_sticky"
     use(read_modules([tmp_path / "own.py"]))
     try:
         assert words.symbol("c_sticky").text == "cₛ"
     finally:
         use(())
     assert parameter_symbol("c_sticky") is None
+
+
+def test_a_term_without_a_symbol_is_named_by_its_own_parameter_and_words(tmp_path):
+    """Negative control: once it is forgotten, nothing is said of it."""
+    plain = OWN.replace("    symbol = Symbol(", '    words = "sticky seal"\n    unused = (')
+    (tmp_path / "own.py").write_text(plain, encoding="utf-8")
+    use(read_modules([tmp_path / "own.py"]))
+    try:
+        found = words.symbol("c_sticky")
+        assert (found.text, found.meaning) == ("c_sticky", "coefficient of sticky seal damping")
+        assert words.model("viscous+sticky") == "viscous + sticky seal"
+    finally:
+        use(())
+    assert words.symbol("c_sticky").meaning == "parameter"
+    assert words.model("viscous+sticky") == "viscous + sticky"
 
 
 @pytest.mark.parametrize("name", ["noise_sd", "half_life"])

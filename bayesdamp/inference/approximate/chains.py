@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from bayesdamp.inference.approximate.law import Approximate
 from bayesdamp.inference.deviation.sampled.marginal import Marginal, marginal_of
+from bayesdamp.inference.samplers import Settings
 from bayesdamp.types import OK
 
 Array = NDArray[np.float64]
@@ -81,7 +82,7 @@ def _starts(law: Approximate, count: int, seed: int) -> Array:
     return law.scores[rng.choice(len(law.scores), count, replace=False), : law.single.result.fit.z.size]
 
 
-def by_nuts(law: Approximate, chains: int, warmup: int, draws: int, seed: int) -> Chains:
+def by_nuts(law: Approximate, asked: Settings) -> Chains:
     """Chains of the no-U-turn sampler (Hoffman and Gelman 2014), reflected where a coefficient is zero."""
     import jax
     from blackjax.mcmc import nuts
@@ -119,8 +120,9 @@ def by_nuts(law: Approximate, chains: int, warmup: int, draws: int, seed: int) -
 
         return jax.lax.scan(advance, HMCState(start, value(start), slope(start)), keys)[1]
 
-    keys = jax.random.split(jax.random.PRNGKey(seed % 2**31), (chains, warmup + draws))
-    begun = at.whitened(_starts(law, chains, seed))
+    warmup, seed = asked.warmup, asked.seed
+    keys = jax.random.split(jax.random.PRNGKey(seed % 2**31), (asked.chains, warmup + asked.draws))
+    begun = at.whitened(_starts(law, asked.chains, seed))
     each = [run(jnp.asarray(x), k) for x, k in zip(begun, keys, strict=True)]
     x, log, diverging, steps, accepted = (
         np.stack([np.asarray(one[i])[warmup:] for one in each]) for i in range(5)
@@ -136,18 +138,16 @@ def by_nuts(law: Approximate, chains: int, warmup: int, draws: int, seed: int) -
     return replace(found, divergences=divergences, evaluations=int(steps.sum()), outcome=outcome)
 
 
-def by_emcee(law: Approximate, chains: int, warmup: int, draws: int, seed: int) -> Chains:
-    """Goodman and Weare's ensembles, two of them, until each parameter is resolved.
-
-    chains: walkers at least; draws: of each walker at least.
-    """
+def by_emcee(law: Approximate, asked: Settings) -> Chains:
+    """Goodman and Weare's ensembles, two of them, until each parameter is resolved; where draws are not to be added,
+    for as many steps as there are to be draws. Of walkers there are at least four times the chains."""
     import emcee
 
     from bayesdamp.inference.checks.diagnostics import effective
     from bayesdamp.inference.coordinates.reflected_t import ReflectedT
 
     target, at = marginal_of(law.single.weighing, law.single.result), Round.of(law)
-    walkers = max(2 * (at.size + 2), 4 * chains)
+    walkers, seed = max(2 * (at.size + 2), 4 * asked.chains), asked.seed
     proposal = ReflectedT(at.centre, at.factor, target.positive)
 
     def log_density(x: Array) -> Array:
@@ -163,19 +163,20 @@ def by_emcee(law: Approximate, chains: int, warmup: int, draws: int, seed: int) 
     for k in range(ENSEMBLES):
         sampler = emcee.EnsembleSampler(walkers, at.size, log_density, vectorize=True, moves=moves)
         sampler.random_state = np.random.RandomState((seed + k) % 2**32).get_state()
-        state = sampler.run_mcmc(at.whitened(_starts(law, walkers, seed + k)), min(warmup, BLOCK))
+        state = sampler.run_mcmc(at.whitened(_starts(law, walkers, seed + k)), min(asked.warmup, BLOCK))
         sampler.reset()
         ensembles.append((sampler, state))
     resolved, x = False, np.empty((0, 0, at.size))
-    for _ in range(LONGEST):
-        ensembles = [(s, s.run_mcmc(state, BLOCK)) for s, state in ensembles]
+    for block in [BLOCK] * LONGEST if asked.grows else [asked.draws]:
+        ensembles = [(s, s.run_mcmc(state, block)) for s, state in ensembles]
         x = np.concatenate([s.get_chain().swapaxes(0, 1) for s, _ in ensembles])
         total, length = x.shape[0] * x.shape[1], x.shape[1]
         worth = min(effective(x[..., i]) for i in range(at.size))
         if worth >= RESOLVED and length * worth >= TIMES * total:
             resolved = True
             break
-    kept = slice(None, None, max(1, x.shape[1] // max(1, draws * chains // (ENSEMBLES * walkers))))
+    wanted = max(1, asked.draws * asked.chains // (ENSEMBLES * walkers)) if asked.grows else asked.draws
+    kept = slice(None, None, max(1, x.shape[1] // wanted))
     log = np.concatenate([s.get_log_prob().T for s, _ in ensembles])
     accepted = np.concatenate([s.acceptance_fraction for s, _ in ensembles])
     thinned = x[:, kept]

@@ -30,6 +30,8 @@ from bayesdamp.machine.threads import at_once
 from bayesdamp.physics.damping import TERMS
 from bayesdamp.physics.kernel import Motion, Solver
 from bayesdamp.physics.kernel.averaged import AveragedSolver
+from bayesdamp.physics.kernel.build import source_of
+from bayesdamp.physics.restoring import LAWS
 from bayesdamp.priors import Prior
 from bayesdamp.types import Refusal
 
@@ -128,7 +130,11 @@ def weigh_all(
     """
     priors = dict(priors or {})
     known_under = known if callable(known) else lambda _: known or {}
-    candidates = list(candidates)
+    given_candidates = list(candidates)
+    unsolved = {c: why for c in given_candidates if (why := _why_unsolved(c))}
+    candidates = [c for c in given_candidates if c not in unsolved]
+    if not candidates:
+        raise Refusal(next(iter(unsolved.values())))
     reference = reference or Reference(float(f"{data.amplitude:.2g}"), float(f"{data.frequency:.2g}"))
     terms = tuple(dict.fromkeys(t for c in candidates for t in c.damping))
     given = known_under(candidates[0].restoring).get("epsilon")
@@ -137,7 +143,7 @@ def weigh_all(
     laws = list(dict.fromkeys(c.restoring for c in candidates))
     knots = knots_of(data.end, data.cycles)
     solvers = {law: data.solver(terms, law, epsilon, knots) for law in laws}
-    refused: dict[Candidate, str] = {}
+    refused: dict[Candidate, str] = dict(unsolved)
     fits: dict[Candidate, Fit] = {}
 
     given_to = {law: _given(solvers[law], data, reference, priors, known_under(law)) for law in laws}
@@ -206,12 +212,23 @@ def weigh_all(
 
     results = [r for r in at_once(weighed, asked) if r is not None]
     # In an order that does not depend on which core was first.
-    order = dict.fromkeys([*every, *(Candidate(terms, law) for law in laws), *candidates])
+    order = dict.fromkeys([*every, *(Candidate(terms, law) for law in laws), *given_candidates])
     refused = {c: refused[c] for c in order if c in refused}
     return Weighing(
         data, reference, epsilon, tuple(frictions), solvers, tuple(results), variance, kappa, refused,
         noise_known=stated is not None,
     )  # fmt: skip
+
+
+def _why_unsolved(candidate: Candidate) -> str:
+    """Return why a user's own term or law cannot be compiled, "" where the candidate can be solved."""
+    if LAWS.ships(candidate.restoring) and all(map(TERMS.ships, candidate.damping)):
+        return ""
+    try:
+        source_of(candidate.damping, candidate.restoring)
+    except Refusal as refusal:
+        return str(refusal)
+    return ""
 
 
 def _given(

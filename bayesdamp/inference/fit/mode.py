@@ -113,9 +113,14 @@ def about(
 def plans(target: Target, z: np.ndarray, tolerance: float, stepped: bool = False) -> tuple[Plan, Plan, float]:
     """A plan within `tolerance` at z, set right there by a much finer one; that one; the error it was set right by."""
     plan, error = target.plan(z, tolerance, stepped)
+    return *set_right(target, plan, z), error
+
+
+def set_right(target: Target, plan: Plan, z: np.ndarray) -> tuple[Plan, Plan]:
+    """A plan set right at z by a much finer one, and that one."""
     osc, signal, values = target.oscillator, target.signal, target.all_values(z)
     fine = plan.finer(osc, values, FINER, signal.t, signal.quantity)
-    return plan.corrected(osc, fine, values), fine, error
+    return plan.corrected(osc, fine, values), fine
 
 
 def mesh_of(target: Target, mode: Mode) -> MeshPlan:

@@ -12,12 +12,14 @@ from bayesdamp.types import Posterior
 
 @dataclass(frozen=True)
 class Settings:
-    """How long to sample: chains, draws to warm up and to keep in each; the seed of all random numbers."""
+    """How long to sample: chains, draws to warm up and to keep in each; the seed of all random numbers. grows: whether
+    a sampler adds draws where these are too few."""
 
     chains: int = 4
     warmup: int = 500
     draws: int = 1000
     seed: int = 0
+    grows: bool = True
 
 
 class Sampler(ABC):

@@ -47,7 +47,8 @@ class Emcee(Sampler):
     to its release 3.1.6, does not leave the posterior as it is: alone it makes a normal's sd a fifth too small.)
 
     Runs two independent ensembles, each of `chains` or more walkers, until each parameter has 1,000
-    effective draws and the series is fifty autocorrelation times long, or says that it did not get there.
+    effective draws and the series is fifty autocorrelation times long, or says that it did not get there. Where draws
+    are not to be added, each walker takes those that are asked for.
     """
 
     name = "emcee"
@@ -86,13 +87,13 @@ class Emcee(Sampler):
             ensembles.append((sampler, state))
 
         resolved, draws = False, np.empty((0, 0, 0))
-        for _ in range(LONGEST):
-            ensembles = [(s, s.run_mcmc(state, BLOCK)) for s, state in ensembles]
+        for block in [BLOCK] * LONGEST if settings.grows else [settings.draws]:
+            ensembles = [(s, s.run_mcmc(state, block)) for s, state in ensembles]
             draws = np.concatenate([s.get_chain().swapaxes(0, 1) for s, _ in ensembles])
             if self._resolved(target, at, draws):
                 resolved = True
                 break
-        thin = max(1, draws.shape[0] * draws.shape[1] // 40_000)
+        thin = max(1, draws.shape[0] * draws.shape[1] // 40_000) if settings.grows else 1
         energy = np.concatenate([s.get_log_prob().T for s, _ in ensembles])[:, ::thin]
         z = at.scores(draws[:, ::thin])
         values, full = (

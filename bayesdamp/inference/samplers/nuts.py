@@ -224,7 +224,8 @@ class Nuts(Sampler):
     def _enough(self, target: Target, settings: Settings, run: Run) -> tuple[Run, Posterior]:
         """The run with draws added while they are too few and might suffice, and its posterior."""
         found, count = run.posterior(target), settings.warmup + settings.draws
-        while found.outcome != OK and not poor(found) and run.draws < LONGEST * settings.draws:
+        most = LONGEST * settings.draws if settings.grows else settings.draws
+        while found.outcome != OK and not poor(found) and run.draws < most:
             run = run.longer(target.layout, count, settings.seed)
             found = run.posterior(target)
         return run, found

@@ -29,7 +29,7 @@ def one(ax: Axes | None) -> Axes:
 
 
 def several(
-    axes: Given,
+    ax: Given,
     count: int,
     columns: int = 1,
     heights: Sequence[float] | None = None,
@@ -39,10 +39,10 @@ def several(
 
     Raises InputError where another number is given, or something else.
     """
-    if axes is not None:
-        given = listed(axes)
+    if ax is not None:
+        given = listed(ax)
         if len(given) != count:
-            raise InputError(f"axes: {len(given)} given; {count} are drawn on")
+            raise InputError(f"plot: ax has {len(given)} axes; it must have {count}, or be left out")
         return given
     import matplotlib.pyplot as plt
 
@@ -52,14 +52,14 @@ def several(
     return tuple(grid.ravel().tolist())
 
 
-def listed(axes: Axes | Sequence[Axes] | NDArray[Any]) -> tuple[Axes, ...]:
+def listed(ax: Axes | Sequence[Axes] | NDArray[Any]) -> tuple[Axes, ...]:
     """The axes given, row by row. Raises InputError for what is none."""
     from matplotlib.axes import Axes
 
-    found: list[Any] = np.ravel(np.asarray(axes, dtype=object)).tolist()
+    found: list[Any] = np.ravel(np.asarray(ax, dtype=object)).tolist()
     for one_of_them in found:
         if not isinstance(one_of_them, Axes):
-            raise InputError(f"axes: {type(one_of_them).__name__} given; it must be matplotlib's axes")
+            raise InputError(f"plot: ax holds a {type(one_of_them).__name__}; it must be matplotlib's axes")
     return tuple(found)
 
 

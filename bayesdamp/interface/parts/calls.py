@@ -49,6 +49,6 @@ def _wrong(signature: inspect.Signature, name: str, given: Mapping[str, object])
     """What is wrong with a keyword; empty where all may stand."""
     if any(one.kind is inspect.Parameter.VAR_KEYWORD for one in signature.parameters.values()):
         return ""
-    known = [n for n in signature.parameters if n != "self"]
+    known = [n for n in signature.parameters if n not in ("self", "cls")]
     wrong = next((n for n in given if n not in known), None)
     return "" if wrong is None else f"{name}: unknown argument {wrong!r}{nearest(wrong, known)}"

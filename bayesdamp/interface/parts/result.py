@@ -9,11 +9,13 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from types import FunctionType
 from typing import Any, Self
 
 import numpy as np
 
 from bayesdamp import __version__
+from bayesdamp.interface.parts.calls import told
 from bayesdamp.interface.parts.table import Table
 from bayesdamp.store import write_bytes
 from bayesdamp.types import InputError
@@ -44,7 +46,17 @@ class Packed:
 
 
 class Shown(ABC):
-    """A value that prints as a short table, in a notebook too."""
+    """A value that prints as a short table, in a notebook too; its public methods refuse misspelt keywords in a line."""
+
+    def __init_subclass__(cls, **options: Any) -> None:
+        super().__init_subclass__(**options)
+        for name, value in list(vars(cls).items()):
+            if name.startswith("_"):
+                continue
+            if isinstance(value, FunctionType):
+                setattr(cls, name, told(value, name))
+            elif isinstance(value, classmethod):
+                setattr(cls, name, classmethod(told(value.__func__, name)))
 
     @abstractmethod
     def _table(self) -> Table: ...

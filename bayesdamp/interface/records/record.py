@@ -15,6 +15,7 @@ from bayesdamp.interface.parts.table import Table, number
 from bayesdamp.interface.records.signal import Signal, cut
 from bayesdamp.provenance import Provenance
 from bayesdamp.records.cleaning.clean import known_unit
+from bayesdamp.records.files.named_units import by_name
 from bayesdamp.records.findings import Kind, findings, question
 from bayesdamp.records.read import read_records
 from bayesdamp.records.record import RawRecord
@@ -46,6 +47,12 @@ class Record(Result):
     def runs(self) -> tuple[int, ...]:
         """Numbers of the runs in it, from 1."""
         return tuple(range(1, len(self.raw) + 1))
+
+    @property
+    def units(self) -> dict[str, str]:
+        """Unit of each of the `columns` by its name: of times s, as which they are read."""
+        value = UNITS[self.unit].of(self.quantity)
+        return {n: u for pair in self.columns for n, u in zip(pair, ("s", value), strict=True) if n}
 
     def signal(
         self,
@@ -164,6 +171,7 @@ def read(
     0.3
     """
     path = Path(path)
+    unit, quantity = by_name(unit, quantity)
     try:
         raw = _runs(path, time, value, rate, runs, channels, time_unit)
     except InputError as error:

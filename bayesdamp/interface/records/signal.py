@@ -18,7 +18,10 @@ from bayesdamp.provenance import Provenance
 from bayesdamp.records.cleaning.clean import clean, known_unit
 from bayesdamp.records.cleaning.clock import clock_times
 from bayesdamp.records.cleaning.quantum import recording_step
+from bayesdamp.records.files.named_units import by_name
+from bayesdamp.records.read import FASTEST, SLOWEST
 from bayesdamp.records.record import RawRecord
+from bayesdamp.records.stated_columns import resolved_unit
 from bayesdamp.records.wrapped import unwrapped
 from bayesdamp.types import InputError
 from bayesdamp.units import UNITS, Unit
@@ -131,11 +134,12 @@ class Signal(Result, types.Signal):
 
 
 def signal(
-    t: ArrayLike,
-    y: ArrayLike,
+    t: ArrayLike | None = None,
+    y: ArrayLike | None = None,
     *,
+    rate: float | None = None,
     unit: str = "rad",
-    quantity: str = "angle",
+    quantity: str | None = None,
     name: str = "signal",
     cleaned: bool = True,
     clock: str = "auto",
@@ -144,8 +148,10 @@ def signal(
 ) -> Signal:
     """A signal from arrays.
 
-    t: times in s, shape (n,); y: the recorded quantity, shape (n,), in `unit` (a name in `bayesdamp.units.UNITS`, of
-    the displacement itself; per s or per s² where quantity is "velocity" or "acceleration").
+    t: times in s, shape (n,); y: the recorded quantity, shape (n,). rate: sampling rate in Hz in place of the times:
+    `signal(y, rate=500.0)`. unit: of the displacement itself, rad by default, by its name in `bayesdamp.units.UNITS` or
+    as the head of a column may write it (`°`, `degrees`); per s or per s² where quantity, "angle" by default, is
+    "velocity" or "acceleration".
     cleaned: whether the free decay is cut out, as `read` does it (clock, start and stop as there); else the arrays are
     taken as they are, in SI units, with times from the first sample on.
     Raises InputError, one line, where the arrays are no record or nothing oscillates.
@@ -158,7 +164,14 @@ def signal(
     >>> signal.t.size, signal.y_unit
     (150, 'rad')
     """
+    if rate is not None:
+        t, y = _times_of(t, y, rate, name)
+    if t is None or y is None:
+        raise InputError(
+            "signal: give times and values, signal(t, y), or values alone, signal(y, rate=HERTZ)"
+        )
     times, values = _vectors(t, y, name)
+    unit, quantity = resolved_unit(*by_name(unit, quantity), "", "")
     scale, base = known_unit(unit, quantity, name)
     raw = RawRecord(times, values, rows=np.arange(times.size))
     if cleaned:
@@ -191,6 +204,20 @@ def cut(
     return Signal.of(
         kept, whole_t=np.asarray(whole), whole_y=raw.y * UNITS[unit].factor - kept.provenance.offset
     )
+
+
+def _times_of(
+    t: ArrayLike | None, y: ArrayLike | None, rate: float, name: str
+) -> tuple[ArrayLike, ArrayLike]:
+    """Times, and the values that are given as t or y alone, for a sampling rate in Hz."""
+    if t is not None and y is not None:
+        raise InputError("signal: give times or rate, not both")
+    values = numbers_of([] if t is None and y is None else t if y is None else y, "y", name)
+    if not (np.isfinite(rate) and SLOWEST <= rate <= FASTEST):
+        raise InputError(
+            f"signal: rate is {rate!r}; it must be a number of Hz from {SLOWEST:g} to {FASTEST:g}"
+        )
+    return np.arange(values.size) / rate, values
 
 
 def _vectors(t: ArrayLike, y: ArrayLike, name: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

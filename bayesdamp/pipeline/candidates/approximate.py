@@ -18,6 +18,7 @@ from bayesdamp.inference.checks import diagnostics
 from bayesdamp.inference.curves.derived import CURVE_DRAWS, Motions, against_amplitude, derive, units
 from bayesdamp.inference.curves.weighted import resampled
 from bayesdamp.inference.deviation.sampled.marginal import marginal_of
+from bayesdamp.inference.samplers import Settings
 from bayesdamp.outcomes import Status
 from bayesdamp.physics.units import parameter_unit
 from bayesdamp.pipeline.candidates.branch import Branch
@@ -31,7 +32,7 @@ from bayesdamp.store.contents.posteriors import DrawnRatio, PosteriorContent
 from bayesdamp.store.places import Place
 from bayesdamp.types import OK, Evidence, Posterior, Refusal
 
-SAMPLERS: Mapping[str, Callable[[Approximate, int, int, int, int], Chains]] = {
+SAMPLERS: Mapping[str, Callable[[Approximate, Settings], Chains]] = {
     "nuts": by_nuts,
     "emcee": by_emcee,
 }
@@ -68,7 +69,9 @@ def compute_posterior(branch: Branch, name: str, key: str, seed: int) -> None:
         if sampler not in SAMPLERS:
             raise Refusal(NOT_DRAWN.format(sampler, " or ".join(SAMPLERS)))
         law = law_on(branch)
-        drawn, seconds = _drawn(law, sampler, s.chains, min(s.warmup, WARMUP), s.draws, seed % 2**31)
+        drawn, seconds = _drawn(
+            law, sampler, Settings(s.chains, min(s.warmup, WARMUP), s.draws, seed % 2**31)
+        )
     except Refusal as refusal:
         branch.store.write(CellResult(name, key, outcome=str(refusal)))
         return
@@ -150,18 +153,16 @@ def _weighed(branch: Branch, law: Approximate, method: str, seed: int) -> Eviden
         cell = branch.store.read(f"posterior/{branch.path}/nuts")
         draws, outcome = cell.arrays.get("draws"), cell.outcome
     if draws is None:
-        drawn, _ = _drawn(law, "nuts", s.chains, WARMUP, s.draws, seed % 2**31)
+        drawn, _ = _drawn(law, "nuts", Settings(s.chains, WARMUP, s.draws, seed % 2**31))
         draws = law.values(drawn.u)
         said = diagnostics.verdict(summaries_of(law, draws, drawn.ensembles))
         outcome = said if drawn.outcome == "ok" else drawn.outcome
     return by_bridge(law, branch.model, method, draws, outcome, seed)
 
 
-def _drawn(
-    law: Approximate, sampler: str, chains: int, warmup: int, draws: int, seed: int
-) -> tuple[Chains, float]:
+def _drawn(law: Approximate, sampler: str, asked: Settings) -> tuple[Chains, float]:
     began = time.perf_counter()
-    found = SAMPLERS[sampler](law, chains, warmup, draws, seed)
+    found = SAMPLERS[sampler](law, asked)
     return found, time.perf_counter() - began
 
 

@@ -138,6 +138,15 @@ def unit_written(said: str) -> tuple[str, str] | None:
     return None
 
 
+def by_name(unit: str | None, quantity: str | None) -> tuple[str | None, str | None]:
+    """A unit and a quantity that somebody gives, the unit by its name in `UNITS` where it is written as the head of a
+    column may write it: `°`, `degrees`, or `deg/s`, which gives the quantity too unless that is given."""
+    if unit is None or unit in UNITS or (written := unit_written(unit)) is None:
+        return unit, quantity
+    name, what = written
+    return name, quantity or (what if what != "angle" else None)
+
+
 def _plain(said: str) -> str:
     """Without spaces and signs of powers, in small letters."""
     return re.sub(r"[\s*^·.{}]", "", said.lower().replace("²", "2").replace("⁻", "-").replace("¹", "1"))

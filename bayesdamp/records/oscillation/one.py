@@ -39,6 +39,8 @@ HOLE = 0.2
 """Part of a period without a sample in which a turning point may be missed."""
 CYCLES = 3.0
 """Cycles of the slower mode below which nothing is said."""
+WANDERING = 8.0
+"""Cycles of a smaller, slower oscillation that does not decay below which it is a base line that wanders."""
 UNSEEN = 3.0
 """Standard errors of a rate below which no decay is seen."""
 KEPT = 0.05
@@ -100,6 +102,9 @@ def _modes_of(t: np.ndarray, y: np.ndarray, one: Modes, harmonics: bool) -> NotO
     f, g = float(two.frequencies.min()), float(two.frequencies.max())
     if f * float(t[-1] - t[0]) < CYCLES:
         return None
+    slow = int(np.argmin(two.frequencies))
+    if slow == 1 and f * float(t[-1] - t[0]) < WANDERING and two.rates[slow] < UNSEEN * two.errors[slow]:
+        return None  # a base line that wanders
     if g / f - 1 < CLOSE:
         ranges, noise = _ranges(t, y, 1 / f), float(np.std(y)) * two.left**0.5
         if _lifted(ranges, noise) < LIFTED and not (

@@ -29,13 +29,37 @@ INTRODUCTION = """# A contest
 
 What people measure damping with today, beside bayesdamp, on the same records; each by its authors' defaults, or as said
 at the end where these do not work on a single decay. Scored is the error of the equivalent viscous damping ratio at
-three amplitudes of each record (near its start, near its end, and between); who says one number is charged with it at
-each. Simulated records come from SciPy's DOP853, the truth from the energy at their turning points. Intervals are of
+three amplitudes of each record (near its start, near its end, and between). All peers but NumPyro, PySINDy and the
+local Hilbert envelope give one number for all amplitudes and are charged with it at each: factors against them say that
+the damping depends on the amplitude, not that bayesdamp fits better than a good script does. Simulated records come from SciPy's DOP853, the truth from the energy at their turning points. Intervals are of
 95 %: of errors by drawing records again, of shares Wilson's. Seconds are CPU seconds, one thread, imports not counted.
 A peer with fewer records than the others was given as many as there was time for.
 """
+SCRIPT = """## A script that an engineer writes in an afternoon
+
+The tables below do not have it yet. It is about 130 lines of NumPy, SciPy and Numba: the motion of viscous, Coulomb and
+quadratic damping on a cubic spring or a pendulum by Runge-Kutta steps, least squares for each of the seven sums over
+windows that grow, weights by BIC, a sum named at 0.95, intervals from the Jacobian averaged over the sums. It was run
+apart, on records of this contest's generator, and scored by its code.
+
+| script / bayesdamp | 100 records, seed 813 | 40 records, seed 5150 | ten measured runs |
+|---|---|---|---|
+| answered | 98 / 97 | 40 / 36 | 10 / 10 |
+| median error | 0.44 / 0.41 % | 0.31 / 0.38 % | equal |
+| the script's error over bayesdamp's | 0.96 (0.74–1.17) | 1.05 (0.85–1.33) | about 1 |
+| intervals hold the truth | 0.87 / 0.96 | 0.96 / 1.00 | 0.23 / 0.87 |
+| the same of the discrepant records alone | 0.67 / 0.90 | – | – |
+| named, of these rightly | 45, 41 / 56, 54 | 16, 16 / 19, 19 | – |
+| CPU seconds a record | 1.9 / 3.9 | 1.7 / 3.5 | – |
+
+The errors are equal. The script takes half the time and answers records that bayesdamp refuses. bayesdamp's intervals
+hold the truth more often, above all where no law holds exactly and on runs of one rig, and it names more dampings and
+fewer of them wrongly. The script was mended three times on early records of seed 813; seed 5150 was fresh.
+"""
 GROUP_WORDS = {
-    "family": "sums of viscous, Coulomb and quadratic damping on four springs, noise of 0.3 to 3 %, 8 to 60 cycles",
+    "family": "sums of viscous, Coulomb and quadratic damping on four springs, noise of 0.3 to 3 %, 8 to 60 cycles; "
+    "each is drawn until its true sum is 12 nats or more ahead of every sum that lacks one of its terms, so that the "
+    "damping can be named at all",
     "discrepant": "the same with something that no candidate has: drift, Stribeck, a sensor's curve, a second mode, …",
     "noisy": "the family with noise of 5 to 15 % of the first amplitude",
     "short": "the family's first 3 to 6 cycles",
@@ -82,7 +106,7 @@ def page(rows: pd.DataFrame, missing: Mapping[str, str]) -> str:
     ]
     parts += ["", f'Seed {", ".join(seeds)}; `make contest ARGS="--seed 1"` draws others.', ""]
     parts += [f"{name} did not take part: {why}." for name, why in missing.items()]
-    parts += ["", "![errors](errors.svg)", "", "## All simulated records", ""]
+    parts += ["", SCRIPT, "![errors](errors.svg)", "", "## All simulated records", ""]
     parts += [*_scores(simulated(rows)), "", "## Better and worse than bayesdamp", ""]
     parts += [
         "Error of a peer over that of bayesdamp on the records that both answered, geometric mean. **Bold**: the peer "
@@ -161,7 +185,10 @@ def _where_better(rows: pd.DataFrame, groups: list[str]) -> Iterator[str]:
     yield from _faster(simulated(rows))
     yield from _where_refused(rows, groups)
     if not any(found.values()):
-        yield "- Of records that both answered, no peer is nearer to the truth in any group by more than chance."
+        yield (
+            "- Of records that both answered, no peer of these tables is nearer to the truth in any group by more than "
+            "chance. The script above, which is not in them, is as near as bayesdamp."
+        )
     for name, places in found.items():
         if places:
             yield f"- **{ROSTER[name].label}** is nearer in: {', '.join(places)}. {ROSTER[name].better}".rstrip()

@@ -1,24 +1,17 @@
 """A damping term of one's own, proportional to the cube of the velocity."""
-# pyright: reportUnknownMemberType=false
-
-from jax import Array
-from jax import numpy as jnp
-from jax.typing import ArrayLike
 
 import bayesdamp as bd
 from bayesdamp.physics.damping import TERMS
 
 
-class Cubic(bd.DampingTerm):
-    name, parameter, unit = "cubic", "mu_3", "s/rad²"
+class CubicDrag(bd.DampingTerm):
+    name, parameter, unit, words = "cubic_drag", "drag3", "s/rad²", "cubic drag"
 
-    def shape(self, velocity: ArrayLike, epsilon: ArrayLike) -> Array:
-        return jnp.asarray(velocity) ** 3
-
-    def ratio_per_unit(self, amplitude: float, frequency: float) -> float:
-        return 3 / 8 * amplitude**2 * frequency
+    @staticmethod
+    def kernel(x: float, v: float, epsilon: float) -> float:
+        return v**3
 
 
-TERMS.add("cubic", Cubic())
-signal = bd.simulate({"cubic": 0.08}, "linear", stiffness=20.0, duration=6.0, samples=150, noise_sd=0.003)
-print(bd.fit(signal, bd.Model("cubic", noise="gaussian")))
+TERMS.add("cubic_drag", CubicDrag())
+signal = bd.simulate({"cubic_drag": 0.8}, "linear", stiffness=20.0, duration=6.0, samples=150, noise_sd=0.003)
+print(bd.fit(signal, bd.Model("cubic_drag", noise="gaussian")))
