@@ -140,7 +140,8 @@ class Comparison(Result):
 
     def plot(self, ax: drawing.Given = None) -> tuple[Axes, ...]:
         """Draw the answer: record, damping ratio against amplitude, residual, energy by term; the four axes drawn on,
-        which `ax` may give, as `plt.subplots(2, 2)` makes them. Of several records the first that has an answer. Raises InputError where nothing was weighed."""
+        which `ax` may give, as `plt.subplots(2, 2)` makes them. Of several records the first that has an answer. Raises
+        InputError where nothing was weighed."""
         from matplotlib import rc_context
 
         from bayesdamp.report.figures.records.answer import HEIGHT, draw_answer

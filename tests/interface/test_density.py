@@ -70,9 +70,7 @@ def solved(osc: bd.Oscillator, p: Mapping[str, float], times: np.ndarray) -> np.
 )
 def test_log_likelihood_is_the_one_worked_out_by_hand(damping, true, priors, known) -> None:
     """Within 1e-3 nats at points three sds and less from the best; of friction also where its width is a fiftieth."""
-    made = bd.simulate(
-        damping, stiffness=20.0, duration=6.0, samples=200, noise_sd=0.005, seed=3, **true
-    )
+    made = bd.simulate(damping, stiffness=20.0, duration=6.0, samples=200, noise_sd=0.005, seed=3, **true)
     density = bd.Model(*damping, noise="gaussian", priors=priors, known=known).bind(made)
     towards = np.random.default_rng(1).standard_normal((6, len(density.names)))
     away = towards / np.linalg.norm(towards, axis=1)[:, None] * [[0], [1], [2], [3], [3], [3]]

@@ -46,7 +46,7 @@ class Packed:
 
 
 class Shown(ABC):
-    """A value that prints as a short table, in a notebook too; its public methods refuse misspelt keywords in a line."""
+    """A value that prints as a short table, in a notebook too; its methods refuse misspelt keywords in one line."""
 
     def __init_subclass__(cls, **options: Any) -> None:
         super().__init_subclass__(**options)

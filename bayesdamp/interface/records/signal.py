@@ -166,7 +166,9 @@ def signal(
     if rate is not None:
         t, y = _times_of(t, y, rate, name)
     if t is None or y is None:
-        raise InputError("signal: give times and values, signal(t, y), or values alone, signal(y, rate=HERTZ)")
+        raise InputError(
+            "signal: give times and values, signal(t, y), or values alone, signal(y, rate=HERTZ)"
+        )
     times, values = _vectors(t, y, name)
     unit, quantity = resolved_unit(*by_name(unit, quantity), "", "")
     scale, base = known_unit(unit, quantity, name)
@@ -208,9 +210,12 @@ def _times_of(
     """Times, and the values that are given as t or y alone, for a sampling rate in Hz."""
     if t is not None and y is not None:
         raise InputError("signal: give times or rate, not both")
-    values = numbers_of([] if t is None and y is None else t if y is None else y, "y", name)
+    given = t if y is None else y
+    values = numbers_of(() if given is None else given, "y", name)
     if not (np.isfinite(rate) and SLOWEST <= rate <= FASTEST):
-        raise InputError(f"signal: rate is {rate!r}; it must be a number of Hz from {SLOWEST:g} to {FASTEST:g}")
+        raise InputError(
+            f"signal: rate is {rate!r}; it must be a number of Hz from {SLOWEST:g} to {FASTEST:g}"
+        )
     return np.arange(values.size) / rate, values
 
 

@@ -69,7 +69,9 @@ def compute_posterior(branch: Branch, name: str, key: str, seed: int) -> None:
         if sampler not in SAMPLERS:
             raise Refusal(NOT_DRAWN.format(sampler, " or ".join(SAMPLERS)))
         law = law_on(branch)
-        drawn, seconds = _drawn(law, sampler, Settings(s.chains, min(s.warmup, WARMUP), s.draws, seed % 2**31))
+        drawn, seconds = _drawn(
+            law, sampler, Settings(s.chains, min(s.warmup, WARMUP), s.draws, seed % 2**31)
+        )
     except Refusal as refusal:
         branch.store.write(CellResult(name, key, outcome=str(refusal)))
         return
