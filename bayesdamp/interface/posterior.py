@@ -146,8 +146,8 @@ class Posterior(Result):
     def plot(self, ax: drawing.Given = None, names: Sequence[str] | None = None) -> tuple[Axes, ...]:
         """Draw the trace of each parameter, and its density to the right of it; the axes drawn on, two a parameter.
 
-        ax: two for each parameter. names: of the parameters to draw, all by default. Raises InputError for a name that is
-        none, Refusal without draws.
+        ax: two for each parameter. names: of the parameters to draw, all by default. Raises InputError for a name that
+        is none, Refusal without draws.
         """
         self._there()
         chosen = list(self.names if names is None else names)

@@ -111,7 +111,8 @@ def anywhere(target: Target, mode: Mode, signal: Signal, times: Vector, wanted: 
             continue
         # Time reversed: forces that are odd in the velocity change their sign, and so do velocities.
         turned = {n: way for n in (*osc.coefficients, "omega0")}
-        one, many = ({n: v * turned.get(n, 1.0) for n, v in p.items()} for p in (best, drawn))
+        one = {n: v * turned.get(n, 1.0) for n, v in best.items()}
+        many = {n: v * turned.get(n, 1.0) for n, v in drawn.items()}
         grid, at = np.unique(np.concatenate([[0.0], way * times[chosen]]), return_inverse=True)
         plan = make_plan(osc, one, grid, wanted, precision)
         value[chosen] = (way if wanted == "velocity" else 1.0) * plan.at_samples(osc, one)[at[1:]]

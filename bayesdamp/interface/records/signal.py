@@ -212,7 +212,8 @@ def _times_of(
     """Times, and the values that are given as t or y alone, for a sampling rate in Hz."""
     if t is not None and y is not None:
         raise InputError("signal: give times or rate, not both")
-    values = numbers_of([] if t is None and y is None else t if y is None else y, "y", name)
+    given = t if y is None else y
+    values = numbers_of(() if given is None else given, "y", name)
     if not (np.isfinite(rate) and SLOWEST <= rate <= FASTEST):
         raise InputError(
             f"signal: rate is {rate!r}; it must be a number of Hz from {SLOWEST:g} to {FASTEST:g}"

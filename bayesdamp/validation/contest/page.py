@@ -32,7 +32,8 @@ at the end where these do not work on a single decay. Scored is the error of the
 three amplitudes of each record (near its start, near its end, and between). All peers but NumPyro, PySINDy and the
 local Hilbert envelope give one number for all amplitudes and are charged with it at each: factors against them say that
 the damping depends on the amplitude, not that bayesdamp fits better than a good script does. Simulated records come
-from SciPy's DOP853, the truth from the energy at their turning points. Intervals are of 95 %: of errors by drawing records again, of shares Wilson's. Seconds are CPU seconds, one thread, imports not counted.
+from SciPy's DOP853, the truth from the energy at their turning points. Intervals are of 95 %: of errors by drawing
+records again, of shares Wilson's. Seconds are CPU seconds, one thread, imports not counted.
 A peer with fewer records than the others was given as many as there was time for.
 """
 SCRIPT = """## A script that an engineer writes in an afternoon

@@ -13,8 +13,9 @@ TITLE = "# Laws that hold approximately: what the answer is worth"
 INTRODUCTION = """Simulated records with a truth from outside (`bayesdamp.validation.truth.records`, SciPy's DOP853),
 answered under all dampings and restoring laws from linear models, before any sampling. No threshold and no prior was
 chosen on these seeds. Records of the family are drawn until the true sum is 12 nats or more ahead of every sum that
-lacks one of its terms: of any records, fewer could be named. *none* takes laws to hold exactly; *auto* weighs exact
-and approximate ones. In brackets: 95 % intervals of the shares, by the number of records. Widths are relative to those of exact laws on the same record.
+lacks one of its terms: of any records, fewer could be named. *none* takes laws to hold exactly; *auto* weighs exact and
+approximate ones. In brackets: 95 % intervals of the shares, by the number of records. Widths are relative to those of
+exact laws on the same record.
 """
 BARS = """What was aimed at. In the family, none: named at least 0.90, right 0.97, coverage 0.92 to 0.98; auto: 0.75,
 0.95, at least 0.95, at most twice as wide. Discrepant, auto: coverage at least 0.92 (0.90 at ten times the sampling
