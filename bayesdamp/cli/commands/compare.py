@@ -187,7 +187,11 @@ def compare(
         )
         first = first_words_on(found, reading) if len(found) <= FIRST_WORDS and not quiet else []
         # What may be read wrongly comes before the answer, and how the file was read after it.
-        for line in [*doubted, *first, *one_command(found, reading), *said] if not quiet else ():
+        for line in (
+            [*doubted, *first, *one_command([(one.path, one.raw) for one in found], reading), *said]
+            if not quiet
+            else ()
+        ):
             typer.echo(line, err=True)
         folder = run_folder(out, made.name) if out is not None else own_folder(made)
         if folder.name != made.name and out is None and not quiet:
