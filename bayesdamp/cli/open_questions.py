@@ -6,17 +6,14 @@ import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
+from bayesdamp.cli.reading import Options
 from bayesdamp.records.findings import findings
 from bayesdamp.records.read import read_records
 from bayesdamp.records.record import RawRecord
 from bayesdamp.records.stated_columns import read_as
 from bayesdamp.types import InputError
 from bayesdamp.units import UNITS
-
-if TYPE_CHECKING:
-    from bayesdamp.cli.asking import Found, Options
 
 LONGEST = 290
 """Characters of a refusal with its command."""
@@ -71,14 +68,14 @@ def all_at_once(error: InputError, path: Path, options: Options) -> InputError:
     return InputError(what + command, error.where, error.at)
 
 
-def one_command(found: Sequence[Found], options: Options) -> list[str]:
+def one_command(found: Sequence[tuple[Path, RawRecord]], options: Options) -> list[str]:
     """Return a line for each file of which several things are doubted: the command that answers all of them."""
     said = []
-    for path in dict.fromkeys(one.path for one in found):
+    for path in dict.fromkeys(path for path, _ in found):
         answers: dict[str, str] = {}
-        for one in found:
-            if one.path == path:
-                answers = _answers(one.raw, options) | answers
+        for other, raw in found:
+            if other == path:
+                answers = _answers(raw, options) | answers
         if len(answers) > 1:
             said.append(f"{path.name}: {_INTRODUCED}{_command(path, options, answers)}")
     return said

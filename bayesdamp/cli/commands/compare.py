@@ -190,7 +190,14 @@ def compare(
         first = first_words_on(found, reading) if len(found) <= FIRST_WORDS and not quiet else []
         # What may be read wrongly comes before the answer, and how the file was read after it.
         for line in (
-            [*chosen.doubted, *first, *one_command(found, reading), *chosen.said] if not quiet else ()
+            [
+                *chosen.doubted,
+                *first,
+                *one_command([(one.path, one.raw) for one in found], reading),
+                *chosen.said,
+            ]
+            if not quiet
+            else ()
         ):
             typer.echo(line, err=True)
         folder = run_folder(out, made.name) if out is not None else own_folder(made)

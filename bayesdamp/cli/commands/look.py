@@ -68,7 +68,7 @@ def look(
     except InputError:
         _show_file(console, file, held)
         raise
-    for line in [*doubts(file, found), *one_command(found, asked)]:
+    for line in [*doubts(file, found), *one_command([(one.path, one.raw) for one in found], asked)]:
         console.print(f"! {line}", style="yellow", markup=False, highlight=False)
     _show_file(console, file, held)
     for i, one in enumerate(found):
