@@ -139,7 +139,12 @@ def chosen_records(paths: Sequence[Path], options: Options, *, every: bool = Fal
     found, failed = read_each(paths, lambda path: _chosen(path, options, several))
     if every and failed:
         raise failed[0]
-    return Chosen(*([one for part in parts for one in part] for parts in zip(*found, strict=True)), failed)
+    return Chosen(
+        [one for records, _, _ in found for one in records],
+        [line for _, doubted, _ in found for line in doubted],
+        [line for _, _, said in found for line in said],
+        failed,
+    )
 
 
 def _chosen(path: Path, options: Options, cleaned: bool) -> tuple[list[Found], list[str], list[str]]:

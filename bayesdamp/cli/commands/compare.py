@@ -167,8 +167,8 @@ def compare(
     use(plugins)  # which may read the files
     columns = time, angle, rate, time_unit
     reading = Options.of(columns, unit, quantity, clock, (start, stop), runs, channel)
-    chosen = chosen_records(records, reading)
-    found = chosen.records
+    selection = chosen_records(records, reading)
+    found = selection.records
     # One record is answered by threads of this process: others would only begin to wait.
     alone = len(found) == 1 and not exact and scheduler is None
     with _early_processes(1 if alone or scheduler else workers, sums, restoring or ()) as pool:
@@ -189,16 +189,8 @@ def compare(
         )
         first = first_words_on(found, reading) if len(found) <= FIRST_WORDS and not quiet else []
         # What may be read wrongly comes before the answer, and how the file was read after it.
-        for line in (
-            [
-                *chosen.doubted,
-                *first,
-                *one_command([(one.path, one.raw) for one in found], reading),
-                *chosen.said,
-            ]
-            if not quiet
-            else ()
-        ):
+        asked = one_command([(one.path, one.raw) for one in found], reading)
+        for line in [*selection.doubted, *first, *asked, *selection.said] if not quiet else ():
             typer.echo(line, err=True)
         folder = run_folder(out, made.name) if out is not None else own_folder(made)
         if folder.name != made.name and out is None and not quiet:
@@ -222,7 +214,7 @@ def compare(
         typer.echo(verdicts_json(folder))
     else:
         conclude(folder, shown)
-    return _status(status, chosen.failed)
+    return _status(status, selection.failed)
 
 
 def _status(status: int, failed: Sequence[InputError]) -> int:
