@@ -37,6 +37,8 @@ DEGREE = 5
 """Highest degree of the polynomial that times of amplitudes are found with, and frequencies compared with."""
 ROUNDS = 2
 """How often amplitudes are corrected for what their windows average over."""
+FLOORS = (0.0, 0.03, 0.1, 0.3, 1.0)
+"""Constant errors that are tried, relative to the smallest amplitude."""
 POINTS = 12
 """Points of a curve that is drawn."""
 INDEPENDENT = 1.5
@@ -107,7 +109,7 @@ class LawFree:
 
 def law_free(signal: Signal, seen: Features) -> LawFree:
     """Smooth a record's amplitude and frequency. Raises Refusal where it has too few cycles."""
-    windows = sinusoids(signal, seen)
+    windows = _with_floor(sinusoids(signal, seen))
     order = {"angle": 0, "velocity": 1, "acceleration": 2}[signal.quantity]
     sizes, half = np.log(windows.amplitudes), 0.5 * float(windows.times[-1] - windows.times[0])
     line = _line(windows, sizes)
@@ -134,6 +136,26 @@ def amplitude_curves(signal: Signal, seen: Features) -> Curves:
     found = law_free(signal, seen)
     count = int(np.clip(found.sizes.size // PER_WINDOW + 1, 2, POINTS))
     return found.at(np.linspace(*found.span, count))
+
+
+def _with_floor(windows: Sinusoids) -> Sinusoids:
+    """Add the likeliest of several constant errors to those of the amplitudes.
+
+    Noise that was filtered to the oscillation's own band does not show within a window, only between windows.
+    """
+    least, sizes = float(windows.amplitudes.min()), np.log(windows.amplitudes)
+    found = [
+        replace(windows, errors=np.hypot(windows.errors, share * least / windows.amplitudes))
+        for share in FLOORS
+    ]
+    x = _places(windows)
+
+    def likelihood(one: Sinusoids) -> float:
+        errors = one.errors[:, None] * one.errors * one.correlation
+        return max(f.log for f in _smoothed(x, sizes, errors, 0.0, x[:1]))
+
+    with threadpool_limits(1, "blas"):
+        return max(found, key=likelihood)
 
 
 def _places(windows: Sinusoids) -> np.ndarray:
