@@ -171,6 +171,7 @@ def test_a_study_returns_the_pipeline_s_status(
         asked.update(options, name=study.name, out=out)
         out.mkdir(parents=True)
         (out / "report.html").write_text("")
+        (out / "run.json").write_text('{"name": "small", "signals": {}}')
         return 3
 
     study_module(monkeypatch, run_study)
