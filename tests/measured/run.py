@@ -38,7 +38,7 @@ def verdicts(wanted: list[str]) -> Iterator[Verdict]:
     for name, records in signals(wanted):
         answers: list[Answer] = []
         for number, signal in enumerate(records, start=1):
-            answers.append(answer(signal))
+            answers.append(answer(signal, repeated=len(records) > 1))
             said = answers[-1].verdict
             print(f"{name} {number}: {said.sentence}", flush=True)
             yield said
