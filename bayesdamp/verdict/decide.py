@@ -57,8 +57,11 @@ def decide(
     )
     at = _frequency_at(found, unit)
     contradicted = law_free is not None and _contradict(ratios, law_free.ratios, thresholds.CONTRADICTS)
-    off = law_free is not None and at is not None
-    off = off and _contradict((at,), (law_free.frequency,), thresholds.CONTRADICTS_FREQUENCY)
+    off = (
+        law_free is not None
+        and at is not None
+        and _contradict((at,), (law_free.frequency,), thresholds.CONTRADICTS_FREQUENCY)
+    )
     grade = grade_of(found) if approximate else Grade.EXACT
     grade = Grade.DEVIATES if contradicted else grade
     instead = law_free if grade is Grade.DEVIATES else None  # of a law

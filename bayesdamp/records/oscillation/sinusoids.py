@@ -66,20 +66,12 @@ def sinusoids(signal: Signal, seen: Features) -> Sinusoids:
     inside = last - first - periods * seen.period
     count = int(np.clip(PER_WINDOW * inside / (periods * seen.period) + 1, FEWEST, MOST))
     middles = first + 0.5 * periods * seen.period + np.linspace(0, 1, count) * max(inside, 0.0)
-    pace = 2 * np.pi / _periods(seen, middles)
-    for _ in range(2):  # the phases tell the pace better than turning points, which a second mode shifts
-        rows = [
-            (middle, *fitted, omega)
-            for middle, omega in zip(middles.tolist(), pace.tolist(), strict=True)
-            if (fitted := _fitted(t, y, middle, omega, periods)) is not None
-        ]
-        if len(rows) < FEWEST:
-            raise Refusal("the record has too few cycles to read damping and frequency from")
-        times, amplitudes, phases, gains, used = np.array(rows).T
-        phases = _continuous(times, phases, used, seen)
-        pace = np.interp(middles, times, np.gradient(phases, times))
-        pace = np.clip(pace, 0.8 * used.min(), 1.25 * used.max())
-    widths = periods * 2 * np.pi / used
+    # The phases tell the pace better than turning points, which a second mode shifts: fit again with theirs.
+    rough = _fits(t, y, middles, 2 * np.pi / _periods(seen, middles), periods, seen)
+    pace = np.interp(middles, rough[0], np.gradient(rough[2], rough[0]))
+    pace = np.clip(pace, 0.8 * rough[4].min(), 1.25 * rough[4].max())
+    times, amplitudes, phases, gains, used = _fits(t, y, middles, pace, periods, seen)
+    widths = 2 * np.pi * periods / used
     noise = float(np.hypot(seen.roughness, ROUNDING * signal.step)) / np.sqrt(block)
     return Sinusoids(
         times,
@@ -89,6 +81,25 @@ def sinusoids(signal: Signal, seen: Features) -> Sinusoids:
         _correlation(times, widths),
         widths,
     )
+
+
+def _fits(
+    t: np.ndarray, y: np.ndarray, middles: np.ndarray, pace: np.ndarray, periods: float, seen: Features
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Fit windows at `middles` (m,) with sinusoids of a pace (m,), in rad/s.
+
+    Return times, amplitudes, continuous phases, noise gains and pace of the windows that have samples, (k,) each.
+    Raises Refusal where these are too few.
+    """
+    rows = [
+        (middle, *fitted, omega)
+        for middle, omega in zip(middles.tolist(), pace.tolist(), strict=True)
+        if (fitted := _fitted(t, y, middle, omega, periods)) is not None
+    ]
+    if len(rows) < FEWEST:
+        raise Refusal("the record has too few cycles to read damping and frequency from")
+    times, amplitudes, phases, gains, used = np.array(rows).T
+    return times, amplitudes, _continuous(times, phases, used, seen), gains, used
 
 
 def _averaged(values: np.ndarray, block: int) -> np.ndarray:
