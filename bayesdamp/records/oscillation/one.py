@@ -74,8 +74,8 @@ def other_than_one(t: np.ndarray, y: np.ndarray, period: float, harmonics: bool 
 
     A second mode is believed where two damped sinusoids explain nearly all, one does not, and what both make together
     is nothing that one oscillator does, be it linear or not: another frequency that is no harmonic, or an amplitude
-    that rises, or falls and then stays. harmonics: whether a second mode at a whole multiple of the frequency is
-    believed too.
+    that rises, or falls and then stays. harmonics: whether a second mode at a whole multiple of the frequency, or
+    one that is soon gone, is believed too.
     """
     t, y = few_samples(np.asarray(t, float), np.asarray(y, float), period)
     if t.size < 20:
@@ -94,7 +94,7 @@ def _modes_of(t: np.ndarray, y: np.ndarray, one: Modes, harmonics: bool) -> NotO
     two = damped_modes(t, y, 2)
     if two is None or two.left > (1 - EXPLAINED) or two.left > 0.5 * one.left:
         return None
-    if passing(two, float(t[-1] - t[0]) / 4):
+    if not harmonics and passing(two, float(t[-1] - t[0]) / 4):
         return None
     largest = np.maximum(two.first, two.last)
     size = float(largest[1] / largest[0])
