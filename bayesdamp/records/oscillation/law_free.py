@@ -2,12 +2,14 @@
 
 The amplitudes and phases of sinusoids in short windows are smoothed. The amplitude, or a power of it, is a straight
 line in time plus an integrated random walk, so that the rate of decay may wander (a cubic smoothing spline: G. Wahba,
-1978); the walk's size is unknown and averaged over by its marginal likelihood. The frequency is a polynomial in the
-squared amplitude. Both together give the energy of the oscillation, and with it the equivalent viscous damping ratio.
+1978); the walk's size is unknown and averaged over by its marginal likelihood. The frequency is the slope of
+the phases, smoothed in the same way. A polynomial in the squared amplitude through it gives the energy of the
+oscillation, and with it the equivalent viscous damping ratio.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -92,11 +94,25 @@ class LawFree:
         sizes, slope, sd = _smooth(self.windows, self.sizes, self._place(np.asarray(times, float)))
         half = 0.5 * (self.span[1] - self.span[0])
         amplitude = np.exp(sizes)
-        frequency, frequency_sd, energy, energy_sd = self.backbone.at(amplitude)
+        energy, energy_sd = self.backbone.at(amplitude)[2:]
+        frequency, frequency_sd = self._paces(np.asarray(times, float))
         rate = -slope / half * energy
         ratio = rate / np.hypot(rate, 1.0)
         ratio_sd = np.hypot(sd / half * energy, slope / half * energy_sd)
         return Curves(amplitude, ratio, ratio_sd, frequency, frequency_sd)
+
+    def _paces(self, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the angular frequency at times (k,) and its sd, rad/s: the slope of the smoothed phases."""
+        windows, half = self.windows, 0.5 * (self.span[1] - self.span[0])
+        errors = windows.errors[:, None] * windows.errors * windows.correlation
+        with threadpool_limits(1, "blas"):
+            fits = _smoothed(self._place(windows.times), windows.phases, errors, 0.0, self._place(times))
+        weights, slopes, sds = (
+            _weights(fits),
+            *(np.array([getattr(f, n) for f in fits]) for n in ("slopes", "sds")),
+        )
+        mean = weights @ slopes
+        return mean / half, np.sqrt(weights @ (sds**2 + (slopes - mean) ** 2)) / half
 
     def _place(self, times: np.ndarray) -> np.ndarray:
         first, last = self.span
@@ -113,7 +129,7 @@ def law_free(signal: Signal, seen: Features) -> LawFree:
     order = {"angle": 0, "velocity": 1, "acceleration": 2}[signal.quantity]
     sizes, half = np.log(windows.amplitudes), 0.5 * float(windows.times[-1] - windows.times[0])
     line = _line(windows, sizes)
-    backbone = _backbone(windows, np.exp(line(_places(windows))))
+    backbone, phases = _backbone(windows, np.exp(line(_places(windows)))), windows.phases
     for _ in range(2 if order else 0):
         # A derivative multiplies x = exp(iωt − σt) by iω − σ: amplitude and phase of the displacement.
         x = _places(windows)
@@ -122,10 +138,11 @@ def law_free(signal: Signal, seen: Features) -> LawFree:
         line = _line(windows, sizes)
         moved = replace(windows, phases=windows.phases - order * np.arctan2(rate, pace))
         backbone = _backbone(moved, np.exp(line(x)))
+        phases = moved.phases
     seen_sizes, x = sizes, _places(windows)
     for _ in range(ROUNDS):
         sizes = seen_sizes - _taken(windows, CubicSpline(x, _smooth(windows, sizes, x)[0]))
-    return LawFree(windows, sizes, backbone, _line(windows, sizes))
+    return LawFree(replace(windows, phases=phases), sizes, backbone, _line(windows, sizes))
 
 
 def amplitude_curves(signal: Signal, seen: Features) -> Curves:
@@ -176,13 +193,18 @@ def _smooth(
     errors = windows.errors[:, None] * windows.errors * windows.correlation
     with threadpool_limits(1, "blas"):  # threads of a linear algebra library only wait for each other here
         fits = [f for power in POWERS for f in _smoothed(_places(windows), sizes, errors, power, at)]
-    logs = np.array([f.log for f in fits])
-    weights = np.exp(logs - logs.max())
-    weights /= weights.sum()
+    weights = _weights(fits)
     levels, slopes, sds = (np.array([getattr(f, n) for f in fits]) for n in ("sizes", "slopes", "sds"))
     slope = weights @ slopes
     spread = weights @ (sds**2 + (slopes - slope) ** 2) + (SYSTEMATIC * slope) ** 2
     return weights @ levels, slope, np.sqrt(spread)
+
+
+def _weights(fits: Sequence[_Smoothed]) -> np.ndarray:
+    """Return the probability of each curve, (k,)."""
+    logs = np.array([f.log for f in fits])
+    weights = np.exp(logs - logs.max())
+    return weights / weights.sum()
 
 
 def _taken(windows: Sinusoids, line: CubicSpline) -> np.ndarray:
@@ -256,7 +278,7 @@ def _backbone(windows: Sinusoids, amplitude: np.ndarray) -> Backbone:
     independent = INDEPENDENT * t.size / PER_WINDOW
     fits = []
     for count in (1, 2, 3):
-        if count > 1 and independent < 2 * (count + 1):
+        if count > 1 and independent < count + 1:
             break
         rates = a[:, None] ** (2 * np.arange(count))
         steps = 0.5 * (rates[1:] + rates[:-1]) * np.diff(t)[:, None]
@@ -267,10 +289,8 @@ def _backbone(windows: Sinusoids, amplitude: np.ndarray) -> Backbone:
         inverse = np.linalg.pinv(white)
         aim = np.linalg.solve(root, windows.phases)
         c = inverse @ aim
-        left = max(t.size - count - 1, 1)
-        variance = max(float(np.sum((aim - white @ c) ** 2)) / left, 1e-300)
-        free = max(independent - count - 1, 1.0)
-        wide = float(stdtrit(free, 0.975)) / TWO_SIDED
+        variance = (float(np.sum((aim - white @ c) ** 2)) + KNOWN) / (t.size - count - 1 + KNOWN)
+        wide = float(stdtrit(independent - count - 1 + KNOWN, 0.975)) / TWO_SIDED
         covariance = (inverse @ inverse.T)[1:, 1:] * max(variance, 1.0) * wide**2
         fits.append((independent * np.log(variance) + (count + 1) * np.log(independent), c[1:], covariance))
     logs = np.array([f[0] for f in fits])

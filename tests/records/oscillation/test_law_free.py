@@ -48,7 +48,7 @@ def test_coulomb_friction_falls_as_the_inverse_and_quadratic_damping_grows() -> 
 def test_the_backbone_of_a_pendulum_is_the_elliptic_integral() -> None:
     found = curves(lambda v: 2 * 0.02 * v, lambda x: K * np.sin(4.0 * x) / 4.0)  # 1.2 rad of a pendulum
     exact = np.sqrt(K) * np.pi / (2 * ellipk(np.sin(2.0 * found.amplitude) ** 2))
-    assert found.frequency == pytest.approx(exact, rel=2e-3)
+    assert found.frequency == pytest.approx(exact, rel=3e-3)
     assert np.ptp(exact) > 0.03 * exact[0]  # a constant would not pass
 
 
