@@ -70,13 +70,6 @@ class Weighed:
         """Posterior probability of each combination of hyperparameters, (m,)."""
         return np.exp(self.log_each - self.log_evidence)
 
-    def over_scales(self, count: int) -> np.ndarray:
-        """Log evidence of each of so many combinations of the deviations' hyperparameters, (count,); −∞ where it was
-        left out."""
-        found = np.full(count, -np.inf)
-        np.logaddexp.at(found, self.combos, self.log_each)
-        return found
-
     def probable(self, least: float) -> np.ndarray:
         """Places in the grid of the combinations whose posterior probability, over all scales, is above `least`."""
         total = np.bincount(self.combos, self.weights)
