@@ -374,6 +374,8 @@ def _across_gravity(columns: list[Column], seen: dict[int, Swing]) -> list[Colum
 
     def along(column: Column) -> bool:
         unit, quantity = unit_said(column)
+        if not np.isfinite(column.values).any():
+            return False
         mean = abs(float(np.nanmean(column.values)))
         if unit in UNITS and UNITS[unit].base == "m" and quantity == "acceleration":
             return abs(mean * UNITS[unit].factor / gravity - 1) < _ABOUT_G

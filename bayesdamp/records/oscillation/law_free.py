@@ -13,7 +13,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 from scipy.linalg import cho_factor, cho_solve
 from scipy.special import stdtrit
 from threadpoolctl import threadpool_limits
@@ -141,7 +140,7 @@ def law_free(signal: Signal, seen: Features) -> LawFree:
         phases = moved.phases
     seen_sizes, x = sizes, _places(windows)
     for _ in range(ROUNDS):
-        sizes = seen_sizes - _taken(windows, CubicSpline(x, _smooth(windows, sizes, x)[0]))
+        sizes = seen_sizes - _taken(windows, _smooth(windows, sizes, x)[0])
     return LawFree(replace(windows, phases=phases), sizes, backbone, _line(windows, sizes))
 
 
@@ -207,8 +206,12 @@ def _weights(fits: Sequence[_Smoothed]) -> np.ndarray:
     return weights / weights.sum()
 
 
-def _taken(windows: Sinusoids, line: CubicSpline) -> np.ndarray:
-    """Return the log of the amplitude that a window sees over the one in its middle, (k,), along a smooth curve."""
+def _taken(windows: Sinusoids, sizes: np.ndarray) -> np.ndarray:
+    """Return the log of the amplitude that a window sees over the one in its middle, (k,), where log amplitudes `sizes`
+    (k,) are on a smooth curve."""
+    from scipy.interpolate import CubicSpline  # imports slowly
+
+    line = CubicSpline(_places(windows), sizes)
     u = np.linspace(-0.5, 0.5, 41)
     weight = np.cos(np.pi * u) ** 2
     x = _places(windows)

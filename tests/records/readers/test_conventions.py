@@ -70,12 +70,16 @@ def test_attributes_that_are_no_scale(tmp_path: Path, value: Any) -> None:
 def test_what_xarray_packs(tmp_path: Path) -> None:
     xarray = pytest.importorskip("xarray")
     pytest.importorskip("h5netcdf")
+    dask = pytest.importorskip("dask")
     y = Y.copy()
     y[HOLES] = np.nan
     times = np.datetime64("2024-01-01T00:00:00") + (T * 1e6).round().astype("timedelta64[us]")
     data = xarray.Dataset({"angle": ("time", y, {"units": "rad"})}, {"time": times})
     packing = {"dtype": "i2", "scale_factor": 1e-4, "add_offset": 0.1, "_FillValue": -9999}
-    data.to_netcdf(tmp_path / "a.nc", engine="h5netcdf", encoding={"angle": packing})
+    with dask.config.set(
+        scheduler="synchronous"
+    ):  # a client that another test closed may be the default still
+        data.to_netcdf(tmp_path / "a.nc", engine="h5netcdf", encoding={"angle": packing})
     raw = read_record(tmp_path / "a.nc")
     np.testing.assert_allclose(raw.y, np.delete(Y, HOLES), atol=1e-4)
     assert raw.t is not None
