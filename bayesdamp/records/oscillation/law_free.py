@@ -341,7 +341,10 @@ def _smoothed(
     found = []
     prior = np.log(np.where(WALKS == 0, STEADY, (1 - STEADY) / (WALKS.size - 1)))
     for ratio, log_prior in zip(WALKS.tolist(), prior.tolist(), strict=True):
-        factor = cho_factor(noise / scale + ratio * walk, lower=True)
+        try:
+            factor = cho_factor(noise / scale + ratio * walk, lower=True)
+        except np.linalg.LinAlgError:
+            continue  # a walk so large beside the errors leaves no digits of these
         weighted = cho_solve(factor, columns)
         inverse = np.linalg.inv(columns.T @ weighted)
         c = inverse @ (weighted.T @ values)

@@ -78,7 +78,7 @@ def sinusoids(signal: Signal, seen: Features) -> Sinusoids:
         amplitudes,
         phases,
         np.maximum(noise * gains / amplitudes, LEAST_ERROR),
-        _correlation(times, widths),
+        _correlation(times, float(np.median(widths))),
         widths,
     )
 
@@ -169,9 +169,12 @@ def _continuous(times: np.ndarray, phases: np.ndarray, pace: np.ndarray, seen: F
     return phases[0] + np.concatenate([[0.0], np.cumsum(steps)])
 
 
-def _correlation(times: np.ndarray, widths: np.ndarray) -> np.ndarray:
-    """Correlate estimates from overlapping raised cosines by these windows' autocorrelation at their distance."""
-    lag = np.abs(times[:, None] - times) / np.sqrt(widths[:, None] * widths)
+def _correlation(times: np.ndarray, width: float) -> np.ndarray:
+    """Correlate estimates from overlapping raised cosines by these windows' autocorrelation at their distance.
+
+    One width (s) for all keeps the matrix positive definite.
+    """
+    lag = np.abs(times[:, None] - times) / width
     lag = np.minimum(lag, 1.0)
     turn = 2 * np.pi * lag
     overlap = (1 - lag) * (2 + np.cos(turn)) / 3 + np.sin(turn) / (2 * np.pi)
