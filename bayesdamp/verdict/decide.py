@@ -103,6 +103,8 @@ def decide(
         averages=averages,
         over_law=_over_law(found, unit),
     )
+    if contradicted:  # what its law says of energy, power and coefficients would contradict the answer
+        verdict = _with(verdict, energy=(), other_forms=(), exponent=None, unnamed=None, coefficients=())
     if off and at is not None and instead is None:
         notes = [*notes, frequency_off(verdict, at)]
     said = remarks(verdict, found, same, notes, untold)

@@ -386,7 +386,7 @@ def remarks(
     twins: a term of the answer, one that takes as much from every amplitude, and how much of the energy that may have.
     """
     said: list[tuple[float, str]] = []
-    for term, twin, share in twins:
+    for term, twin, share in twins if not v.contradicted else ():
         said.append(
             (
                 0.9,
@@ -417,11 +417,11 @@ def remarks(
                 f"As one power of the velocity it {loses_like(e, v.damping)}.",
             )
         )
-    for name in found.untold:
+    for name in found.untold if not v.contradicted else ():
         said.append(
             (0.6, f"The record does not tell the {_plain(name)}: its interval is that of what was assumed.")
         )
-    for one, other in found.tied:
+    for one, other in found.tied if not v.contradicted else ():
         pair = f"{called(one)} and {called(other)}"
         said.append((0.6, f"{_first(pair)} are told together only, not each by itself."))
     if v.averages is not None:

@@ -327,13 +327,17 @@ def measured(
 
 
 def test_a_law_that_contradicts_the_measured_damping_is_not_named() -> None:
-    found = decided(law_free=measured((0.0150, 0.0148, 0.0152)))
+    told = findings(exponent=Quantity(1.0, 0.9, 1.1), untold=("rest_angle",))
+    found = decided(told, law_free=measured((0.0150, 0.0148, 0.0152)))
+    assert any("loses like" in remark for remark in decided(told).remarks)  # the control
     assert found.grade is Grade.DEVIATES
     assert found.contradicted
     assert not found.decided
     assert [r.value for r in found.damping_ratio] == [0.0101, 0.0150, 0.0103]
     assert found.frequency is None
     assert found.frequency_at == measured().frequency
+    assert found.energy == found.other_forms == found.coefficients == ()
+    assert not any("loses like" in remark for remark in found.remarks)
     assert "so none is named" in found.sentence
     assert "(probability" not in found.sentence
 
