@@ -103,9 +103,8 @@ class LawFree:
     def _paces(self, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return the angular frequency at times (k,) and its sd, rad/s: the slope of the smoothed phases."""
         windows, half = self.windows, 0.5 * (self.span[1] - self.span[0])
-        errors = windows.errors[:, None] * windows.errors * windows.correlation
         with threadpool_limits(1, "blas"):
-            fits = _smoothed(self._place(windows.times), windows.phases, errors, 0.0, self._place(times))
+            fits = _smoothed(windows.places, windows.phases, windows.covariance, 0.0, self._place(times))
         weights, slopes, sds = (
             _weights(fits),
             *(np.array([getattr(f, n) for f in fits]) for n in ("slopes", "sds")),
@@ -128,17 +127,17 @@ def law_free(signal: Signal, seen: Features) -> LawFree:
     order = {"angle": 0, "velocity": 1, "acceleration": 2}[signal.quantity]
     sizes, half = np.log(windows.amplitudes), 0.5 * float(windows.times[-1] - windows.times[0])
     line = _line(windows, sizes)
-    backbone, phases = _backbone(windows, np.exp(line(_places(windows)))), windows.phases
+    backbone, phases = _backbone(windows, np.exp(line(windows.places))), windows.phases
     for _ in range(2 if order else 0):
         # A derivative multiplies x = exp(iωt − σt) by iω − σ: amplitude and phase of the displacement.
-        x = _places(windows)
+        x = windows.places
         pace, rate = backbone.at(np.exp(line(x)))[0], -line.deriv()(x) / half
         sizes = np.log(windows.amplitudes) - order * np.log(np.hypot(pace, rate))
         line = _line(windows, sizes)
         moved = replace(windows, phases=windows.phases - order * np.arctan2(rate, pace))
         backbone = _backbone(moved, np.exp(line(x)))
         phases = moved.phases
-    seen_sizes, x = sizes, _places(windows)
+    seen_sizes, x = sizes, windows.places
     for _ in range(ROUNDS):
         sizes = seen_sizes - _taken(windows, _smooth(windows, sizes, x)[0])
     return LawFree(replace(windows, phases=phases), sizes, backbone, _line(windows, sizes))
@@ -164,34 +163,27 @@ def _with_floor(windows: Sinusoids) -> Sinusoids:
         replace(windows, errors=np.hypot(windows.errors, share * least / windows.amplitudes))
         for share in FLOORS
     ]
-    x = _places(windows)
+    x = windows.places
 
     def likelihood(one: Sinusoids) -> float:
-        errors = one.errors[:, None] * one.errors * one.correlation
-        return max(f.log for f in _smoothed(x, sizes, errors, 0.0, x[:1]))
+        return max(f.log for f in _smoothed(x, sizes, one.covariance, 0.0, x[:1]))
 
     with threadpool_limits(1, "blas"):
         return max(found, key=likelihood)
 
 
-def _places(windows: Sinusoids) -> np.ndarray:
-    first, last = windows.times[0], windows.times[-1]
-    return 2 * (windows.times - first) / (last - first) - 1
-
-
 def _line(windows: Sinusoids, sizes: np.ndarray) -> np.polynomial.Polynomial:
     """Fit a polynomial to log amplitudes (k,)."""
     degree = min(DEGREE, max(sizes.size // PER_WINDOW, 1))
-    return np.polynomial.Polynomial.fit(_places(windows), sizes, degree, w=1 / windows.errors)
+    return np.polynomial.Polynomial.fit(windows.places, sizes, degree, w=1 / windows.errors)
 
 
 def _smooth(
     windows: Sinusoids, sizes: np.ndarray, at: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Smooth log amplitudes (k,): those at places `at` (m,), their slopes by the place, and the slopes' sds."""
-    errors = windows.errors[:, None] * windows.errors * windows.correlation
     with threadpool_limits(1, "blas"):  # threads of a linear algebra library only wait for each other here
-        fits = [f for power in POWERS for f in _smoothed(_places(windows), sizes, errors, power, at)]
+        fits = [f for p in POWERS for f in _smoothed(windows.places, sizes, windows.covariance, p, at)]
     weights = _weights(fits)
     levels, slopes, sds = (np.array([getattr(f, n) for f in fits]) for n in ("sizes", "slopes", "sds"))
     slope = weights @ slopes
@@ -211,10 +203,10 @@ def _taken(windows: Sinusoids, sizes: np.ndarray) -> np.ndarray:
     (k,) are on a smooth curve."""
     from scipy.interpolate import CubicSpline  # imports slowly
 
-    line = CubicSpline(_places(windows), sizes)
+    line = CubicSpline(windows.places, sizes)
     u = np.linspace(-0.5, 0.5, 41)
     weight = np.cos(np.pi * u) ** 2
-    x = _places(windows)
+    x = windows.places
     width = 2 * windows.widths / (windows.times[-1] - windows.times[0])
     return np.log(np.exp(line(x[:, None] + u * width[:, None]) - line(x)[:, None]) @ (weight / weight.sum()))
 
@@ -277,7 +269,7 @@ def _backbone(windows: Sinusoids, amplitude: np.ndarray) -> Backbone:
     """Fit the phases by integrals over time of the powers of the squared amplitude (k,)."""
     t, largest = windows.times, float(amplitude.max())
     a = amplitude / largest
-    root = np.linalg.cholesky(windows.errors[:, None] * windows.errors * windows.correlation)
+    root = np.linalg.cholesky(windows.covariance)
     independent = INDEPENDENT * t.size / PER_WINDOW
     fits = []
     for count in (1, 2, 3):

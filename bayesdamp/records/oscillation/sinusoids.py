@@ -51,6 +51,17 @@ class Sinusoids:
     correlation: np.ndarray
     widths: np.ndarray
 
+    @property
+    def covariance(self) -> np.ndarray:
+        """Of the errors, (k, k)."""
+        return self.errors[:, None] * self.errors * self.correlation
+
+    @property
+    def places(self) -> np.ndarray:
+        """Times from −1 to 1 along the record, (k,)."""
+        first, last = self.times[0], self.times[-1]
+        return 2 * (self.times - first) / (last - first) - 1
+
 
 def sinusoids(signal: Signal, seen: Features) -> Sinusoids:
     """Fit a sinusoid of linearly changing amplitude and midline in each of many overlapping windows.
