@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
+from functools import partial
 
 import numpy as np
 
@@ -129,7 +130,7 @@ def weigh_all(
     parameter; approximate: whether deviations from the laws are weighed too.
     """
     priors = dict(priors or {})
-    known_under = known if callable(known) else lambda _: known or {}
+    known_under = partial(_known_under, data=data, known=known, priors=priors)
     given_candidates = list(candidates)
     unsolved = {c: why for c in given_candidates if (why := _why_unsolved(c))}
     candidates = [c for c in given_candidates if c not in unsolved]
@@ -218,6 +219,21 @@ def weigh_all(
         data, reference, epsilon, tuple(frictions), solvers, tuple(results), variance, kappa, refused,
         noise_known=stated is not None,
     )  # fmt: skip
+
+
+def _known_under(
+    law: str, data: Data, known: Known | None, priors: Mapping[str, Prior]
+) -> Mapping[str, float]:
+    """Return what is known of a law's parameters.
+
+    Velocities and accelerations do not depend on where the law's zero is: it is put at 0, where terms that depend on
+    the position have theirs.
+    """
+    stated = known(law) if callable(known) else known or {}
+    shift = LAWS.get(law).shift
+    if shift and data.quantity != "angle" and shift not in priors:
+        return {shift: 0.0, **stated}
+    return stated
 
 
 def _why_unsolved(candidate: Candidate) -> str:

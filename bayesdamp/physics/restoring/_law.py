@@ -53,6 +53,8 @@ class RestoringLaw(ABC):
     """How parameters are written, by their names where nothing is said."""
     translates: bool = False
     """Whether the law also describes a translation in metres."""
+    shift: ClassVar[str] = ""
+    """The parameter that moves the force along the angle and changes nothing else, "" where there is none."""
 
     @abstractmethod
     def force(self, theta: ArrayLike, p: Mapping[str, Scalar]) -> Array:

@@ -21,6 +21,7 @@ class Duffing(RestoringLaw):
     name = "duffing"
     formula = "k(θ − θe) + β(θ − θe)³"
     parameters = ("stiffness", "rest_angle", "cubic")
+    shift = "rest_angle"
     translates = True
 
     def force(self, theta: ArrayLike, p: Mapping[str, Scalar]) -> Array:

@@ -21,6 +21,7 @@ class Linear(RestoringLaw):
     name = "linear"
     formula = "k(θ − θe)"
     parameters = ("stiffness", "rest_angle")
+    shift = "rest_angle"
     translates = True
 
     def force(self, theta: ArrayLike, p: Mapping[str, Scalar]) -> Array:

@@ -23,6 +23,7 @@ class Pendulum(RestoringLaw):
     name = "pendulum"
     formula = "k sin(θ − θe)"
     parameters = ("stiffness", "rest_angle")
+    shift = "rest_angle"
 
     def force(self, theta: ArrayLike, p: Mapping[str, Scalar]) -> Array:
         """k sin(θ − θ_e), rad/s²."""

@@ -8,12 +8,13 @@ import numpy as np
 import pytest
 
 from bayesdamp.inference.deviation.numbers.unnamed import as_wide
+from bayesdamp.inference.deviation.quick import weighing_of
 from bayesdamp.physics.damping import TERMS, all_sums, others
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.pipeline.answer import answer
 from bayesdamp.priors import HalfNormal, LogUniform, Normal, Uniform
 from bayesdamp.records.simulate import simulate_signal
-from bayesdamp.types import InputError
+from bayesdamp.types import InputError, Signal
 from bayesdamp.verdict.types import Verdict
 from tests.validation.laws import case
 
@@ -127,3 +128,21 @@ def test_what_loses_alike_is_not_named_outright(seed: int) -> None:
     share = made.share if other == "structural" else 1 - made.share
     assert any("differ within a cycle only" in remark for remark in verdict.remarks)
     assert share < bound + 0.05
+
+
+@pytest.mark.parametrize("quantity", ["velocity", "acceleration"])
+def test_damping_by_displacement_is_no_viscous_damping_where_the_zero_is_not_recorded(quantity: str) -> None:
+    """A viscous decay in closed form: about a zero far from rest, (x - x0)²v would be viscous damping."""
+    w, ratio = 2 * np.pi * 3.1, 0.028
+    pole = complex(-ratio * w, w * np.sqrt(1 - ratio**2))
+    t = np.arange(150) / 20
+    order = {"velocity": 1, "acceleration": 2}[quantity]
+    clean = (0.003 * pole**order * np.exp(pole * t)).real
+    noise = 0.05 * np.abs(clean).max() * np.random.default_rng(50).standard_normal(t.size)
+    weighing = weighing_of(
+        Signal(t, clean + noise, quantity=quantity), damping=["viscous", "displacement", "cubic"],
+        restoring=["linear"],
+    )  # fmt: skip
+    logs = {r.candidate.damping[0]: r.log_evidence for r in weighing.results}
+    assert logs["viscous"] - logs["displacement"] > 20
+    assert abs(logs["displacement"] - logs["cubic"]) < 0.5 * (logs["viscous"] - logs["cubic"])
