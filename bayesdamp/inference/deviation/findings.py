@@ -128,7 +128,7 @@ def findings(
     chosen = probabilities(weighing, not approximate, forms=False)
     wanted = tuple(amplitudes) if amplitudes is not None else default_amplitudes(weighing)
     drawn = drawn_from(weighing, chosen, approximate, rng)
-    # Rates are those of all that was weighed, rivals with another form of damping among it.
+    # Rates, frequencies and deviations are those of all that was weighed, other forms of damping among it.
     every = drawn_from(weighing, everything, approximate, rng) if exotic > RARE else drawn
     best = max(chosen, key=lambda c: chosen[c])
     result = next(r for r in weighing.results if r.candidate == best)
@@ -137,13 +137,15 @@ def findings(
     damping = summed(chosen, "damping")
     absent = _bounds(weighing, best, approximate, terms, rng)
     forms = bounds_of_others(weighing, result, approximate, np.random.default_rng([seed, 1]))
-    size = np.concatenate([size_of(weighing, d.result, d.g) for d in drawn])
-    size_h = np.concatenate([size_of(weighing, d.result, d.h) for d in drawn])
+    size = np.concatenate([size_of(weighing, d.result, d.g) for d in every])
+    size_h = np.concatenate([size_of(weighing, d.result, d.h) for d in every])
     curve = tuple(ratio_at(weighing, every, a, sensor if approximate else 0.0, rng) for a in _grid(weighing))
     solver = weighing.solvers[best.restoring]
     of_best = next((d for d in drawn if d.result.candidate == best), None)
     exponent = quantity(np.array(weighing.exponents)) if weighing.exponents else None
-    unexplained, noise = left_over(weighing, result)
+    likeliest = max(everything, key=lambda c: everything[c])
+    leading = next(r for r in (*weighing.results, *weighing.forms) if r.candidate == likeliest)
+    unexplained, noise = left_over(weighing, leading)
     return Findings(
         damping={n: p * (1 - exotic) for n, p in damping.items()},
         exotic=summed({c: p for c, p in everything.items() if c not in own}, "damping"),
@@ -154,8 +156,8 @@ def findings(
         term={t: sum(p for c, p in everything.items() if t in c.damping) for t in terms},
         ratios=tuple(ratio_at(weighing, every, a, sensor if approximate else 0.0, rng) for a in wanted),
         curve=curve,
-        frequency=_frequency(weighing, drawn),
-        frequency_at=_frequency_at(weighing, drawn, wanted[-1]) if wanted else None,
+        frequency=_frequency(weighing, every),
+        frequency_at=_frequency_at(weighing, every, wanted[-1]) if wanted else None,
         energy={t: quantity(shares[:, i]) for i, t in enumerate(terms)},
         bound=forms | absent,
         deviation=quantity(size),
@@ -168,7 +170,7 @@ def findings(
         coefficients=_coefficients(weighing, drawn, best),
         best=best,
         unexplained=unexplained,
-        midline=midline_drift(weighing, result),
+        midline=midline_drift(weighing, leading),
         noise=noise,
         amplitudes=(weighing.data.amplitude, weighing.data.final_amplitude),
         cycles=weighing.data.cycles,
