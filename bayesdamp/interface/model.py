@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from bayesdamp import types
 from bayesdamp.interface.fitting.specification import Specification
-from bayesdamp.interface.parts.calls import told
+from bayesdamp.calls import told
 from bayesdamp.types import Refusal
 
 if TYPE_CHECKING:

@@ -172,11 +172,7 @@ def read(
     """
     path = Path(path)
     unit, quantity = by_name(unit, quantity)
-    try:
-        raw = _runs(path, time, value, rate, runs, channels, time_unit)
-    except InputError as error:
-        said = f" ({', '.join(f'{name}=' for name in error.arguments)})" if error.arguments else ""
-        raise InputError(error.what + said, error.where, error.at) from None
+    raw = _runs(path, time, value, rate, runs, channels, time_unit)
     said = {read_as(one, unit, quantity): one.channel for one in raw}
     if len(said) > 1:
         each = ", ".join(f"{channel!r} ({u})" for (u, _), channel in said.items())
@@ -185,8 +181,8 @@ def read(
     unit, quantity = next(iter(said))
     known_unit(unit, quantity, path.name)
     for one in raw:
-        if (doubt := question(one, unit, quantity)) is not None:
-            raise InputError(f"{doubt.sentence} (time_unit=, rate=)", path.name)
+        if (doubt := question(one, unit, quantity, given is not None)) is not None:
+            raise InputError(doubt.sentence, path.name, arguments=["time_unit", "rate"])
     if given is None:
         raw = tuple(_assumed(one, unit, quantity) for one in raw)
     columns = tuple((r.provenance.time_column, r.provenance.value_column) for r in raw)

@@ -234,6 +234,18 @@ def test_stamps_in_bursts_without_repeats_are_rebuilt(short):
     assert clean(record(t, decay(t, zeta=0.1, w=7.0)), name="x").provenance.more["clock"] == "as_logged"
 
 
+@pytest.mark.parametrize("noise", [0.0, 0.01])
+def test_lost_rows_are_not_taken_for_rounded_stamps(noise):
+    """Every tenth row of 100 Hz is missing; the control has the same stamps, rounded from 90 Hz."""
+    rng = np.random.default_rng(5)
+    index = np.arange(600)
+    stamps = index[index % 10 != 9] / 100
+    for t, clock in ((stamps, "as_logged"), (np.arange(stamps.size) / 90, "uniform")):
+        y = decay(t, zeta=0.3, w=25.0) + noise * rng.standard_normal(t.size)
+        signal = clean(record(np.floor(t * 100 + 1e-9) / 100, y), name="x")
+        assert signal.provenance.more["clock"] == clock
+
+
 @pytest.mark.parametrize("noise", [0.0, 0.02, 0.1])
 def test_values_that_were_sampled_in_bursts_keep_their_stamps(noise):
     """The negative control: a sensor that is read in bursts, and one that is read unevenly. A false alarm in none of 20
@@ -245,3 +257,14 @@ def test_values_that_were_sampled_in_bursts_keep_their_stamps(noise):
         for t in (stamps, uneven):
             y = decay(t, zeta=0.1, w=7.0) + noise * rng.standard_normal(400)
             assert burst_begins(np.arange(400), t, y).size == 400
+
+
+@pytest.mark.parametrize(("frequency", "noise"), [(0.3, 0.1), (0.3, 0.25), (0.3, 0.5), (1.0, 0.5)])
+def test_noise_is_no_evidence_of_even_samples(frequency, noise):
+    """Really sampled in bursts: a false alarm in none of 200 records; without the movement within bursts, in up to 195."""
+    rng = np.random.default_rng(0)
+    steps = np.where(np.arange(399) % 8 == 7, 0.09, 0.0015)
+    for _ in range(200):
+        t = np.r_[0, np.cumsum(steps * (1 + 0.05 * rng.uniform(-1, 1, 399)))]
+        y = np.exp(-0.02 * t) * np.cos(2 * np.pi * frequency * t + rng.uniform(0, 2 * np.pi))
+        assert burst_begins(np.arange(400), t, y + noise * rng.standard_normal(400)).size == 400
