@@ -54,6 +54,20 @@ class Record(Result):
         value = UNITS[self.unit].of(self.quantity)
         return {n: u for pair in self.columns for n, u in zip(pair, ("s", value), strict=True) if n}
 
+    @property
+    def releases(self) -> dict[int, tuple[tuple[float, float], ...]]:
+        """Start and stop in s of each free decay in each of the `runs`, as `bayesdamp look` shows them; empty where a
+        run has none. `signal(run, start=..., stop=...)` takes one of them.
+        """
+        return {run: self._releases(run) for run in self.runs}
+
+    def _releases(self, run: int) -> tuple[tuple[float, float], ...]:
+        try:
+            pieces = self.signal(run).provenance.pieces
+        except InputError:
+            return ()
+        return tuple((p.start, p.stop) for p in pieces if p.kind == "free decay")
+
     def signal(
         self,
         run: int = 1,
