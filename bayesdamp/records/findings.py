@@ -90,7 +90,8 @@ def findings(raw: RawRecord, unit: str, quantity: str, given: bool = False) -> t
     doubts = (
         _turns(raw, unit, quantity, given),
         _unit(raw, unit, quantity, given),
-        _time_factor(raw) or (_rises(raw) and (_times(raw, seen) or _too_fast(raw, unit, quantity, given, seen))),
+        _time_factor(raw)
+        or (_rises(raw) and (_times(raw, seen) or _too_fast(raw, unit, quantity, given, seen))),
         _rate(raw, seen),
         _differing(raw),
         _against_times(raw),

@@ -147,15 +147,20 @@ def test_times_that_change_their_unit_are_refused_in_the_words_of_each_front(tmp
     said = "the time goes back from -1e-06 to -0.00095 s; "
     assert main(["compare", str(path), "--quick", "--unit", "rad"]) == 2
     line = " ".join(capsys.readouterr().err.split())
-    assert said in line and line.endswith("(--time, --rate)") and "signal" not in line
+    assert said in line
+    assert line.endswith("(--time, --rate)")
+    assert "signal" not in line
     with pytest.raises(InputError, match=r"\(time=, rate=\)$"):
         bayesdamp.read(path).signal()
     system = 'restoring = "linear"\nstiffness = "free"\nrest_angle = "free"\ntheta0 = "free"\nomega0 = "free"'
     signal = f'name = "a"\nfile = "{path.name}"\nangle = "IN1"'
-    study.write_text(f'version = 1\n[system]\n{system}\n[[signal]]\n{signal}\n[models]\ncompare = ["viscous"]\n')
+    study.write_text(
+        f'version = 1\n[system]\n{system}\n[[signal]]\n{signal}\n[models]\ncompare = ["viscous"]\n'
+    )
     assert main(["check", str(study)]) == 2
     line = " ".join(capsys.readouterr().err.split())
-    assert said in line and line.endswith("(signal.time, signal.rate)")
+    assert said in line
+    assert line.endswith("(signal.time, signal.rate)")
 
 
 @pytest.mark.parametrize("period", [1e-9, 44712.0, 2e6])

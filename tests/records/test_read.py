@@ -60,7 +60,10 @@ LONGER = {
     "more names": ("t (ms){0}phi (deg){0}comment", ["its head names 3 columns and its rows have 2"]),
     "facts beside the first rows": (
         "t (ms){0}phi (deg){0}name{0}value",
-        ["its head names 4 columns and its rows have 2", "line 2 has 4 cells where the table has 2 (and 1 more"],
+        [
+            "its head names 4 columns and its rows have 2",
+            "line 2 has 4 cells where the table has 2 (and 1 more",
+        ],
     ),
 }
 
@@ -76,7 +79,8 @@ def test_a_head_longer_than_the_rows_gives_names_and_units(tmp_path, what, separ
     np.testing.assert_allclose(record.t, T / 1e3, atol=1e-12)
     np.testing.assert_array_equal(record.y, Y)
     found = record.provenance.warnings
-    assert len(found) == len(said) and all(line.startswith(start) for line, start in zip(found, said))
+    assert len(found) == len(said)
+    assert all(line.startswith(start) for line, start in zip(found, said))
 
 
 def test_single_blanks_before_units_part_no_names(tmp_path):

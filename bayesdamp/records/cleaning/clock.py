@@ -52,7 +52,11 @@ def clock_times(raw: RawRecord, clock: str, name: str) -> Clock:
     rows = raw.rows - raw.rows[0] if raw.rows.size else np.arange(raw.y.size)
     if raw.t is None:
         if raw.rate is None:
-            raise InputError("the record has neither times nor a sampling rate; give the rate in Hz", name, arguments=["rate"])
+            raise InputError(
+                "the record has neither times nor a sampling rate; give the rate in Hz",
+                name,
+                arguments=["rate"],
+            )
         note = f"No times in the file: samples taken as equally spaced at {raw.rate:g} Hz."
         return Clock(rows / raw.rate, "rate", 0.0, (note,))
     gaps = np.diff(raw.t)
@@ -116,8 +120,10 @@ def clock_times(raw: RawRecord, clock: str, name: str) -> Clock:
 
 
 def _rows_lost(rows: np.ndarray, t: np.ndarray, y: np.ndarray) -> bool:
-    """Return whether stamps t (n,) whose steps are multiples of the least one lack rows that the file does not have: the
-    values y (n,) move further across the longer steps. Stamps rounded to about their step look alike, not their values.
+    """Return whether rows are missing where the steps of stamps t (n,) are multiples of the least one.
+
+    The values y (n,) then move further across the longer steps. Stamps that are rounded to about their step look the
+    same, but their values do not.
     """
     neighbours = np.diff(rows) == 1
     gaps, moves = np.diff(t)[neighbours], np.diff(y)[neighbours] ** 2
@@ -125,7 +131,10 @@ def _rows_lost(rows: np.ndarray, t: np.ndarray, y: np.ndarray) -> bool:
         return False
     many = np.round(gaps / max(gaps.min(), 1e-300))
     longer = many > 1
-    if min(longer.sum(), (~longer).sum()) < PAUSES or np.abs(gaps - many * gaps.min()).max() > WHOLE * gaps.min():
+    if (
+        min(longer.sum(), (~longer).sum()) < PAUSES
+        or np.abs(gaps - many * gaps.min()).max() > WHOLE * gaps.min()
+    ):
         return False
     return bool(moves[longer].mean() > SWINGS * moves[~longer].mean())
 

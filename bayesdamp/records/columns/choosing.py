@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from bayesdamp.records.columns.choice import Choice, Why
+from bayesdamp.records.columns.gravity import Pull, across, pull
 from bayesdamp.records.columns.names import (
     asked_for,
     listed,
@@ -22,7 +23,6 @@ from bayesdamp.records.columns.names import (
     seconds_of_unit,
     shown,
 )
-from bayesdamp.records.columns.gravity import Pull, across, pull
 from bayesdamp.records.columns.pairs import paired
 from bayesdamp.records.columns.swings import Swing, derivative, proportional, swing
 from bayesdamp.records.columns.units_said import unit_said
@@ -114,9 +114,15 @@ def _not_to_pivot(found: Contents, chosen: list[Series]) -> list[Series]:
     if left:
         return left
     column = chosen[0].value
-    others = [c for c in found.columns if c is not column and unit_said(c) == unit_said(column) and _changes(c)]
+    others = [
+        c for c in found.columns if c is not column and unit_said(c) == unit_said(column) and _changes(c)
+    ]
     swinging = [c for c in others if swing(c.values).swings]
-    axes = f" ({', '.join(shown(found.columns, c) for c in others[:3])})" if unit_said(column)[0] and others else ""
+    axes = (
+        f" ({', '.join(shown(found.columns, c) for c in others[:3])})"
+        if unit_said(column)[0] and others
+        else ""
+    )
     raise InputError(
         f"{shown(found.columns, column)} contains gravity (mean {np.nanmean(column.values):.4g}): on a pendulum it "
         f"swings at twice the frequency; give the axis along the swing{axes}, or this one if it moves up and down",

@@ -62,8 +62,11 @@ class Pull(Enum):
 
 
 def pull(column: Column) -> Pull | None:
-    """Return what the mean of an acceleration along gravity does, by cycles of the pendulum, from its largest swing on; None
-    where a column is not one, or does not swing. Where no unit is said, it is one if its mean follows the swing."""
+    """Return what the mean of an acceleration along gravity does from its largest swing on, cycle by cycle.
+
+    None where a column is not such an acceleration, or does not swing. Where no unit is said, it is one if its mean
+    follows the swing.
+    """
     if not along(column) or not (seen := swing(column.values)).swings:
         return None
     found = _pull(np.abs(column.values[np.isfinite(column.values)]), round(2 * seen.period))

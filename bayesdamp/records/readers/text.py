@@ -148,7 +148,9 @@ def _names_beyond(head: list[str], layout: Layout) -> tuple[str, ...]:
     many = max((len(_said(line, layout)) for line in head if _names_columns(line, layout)), default=0)
     if many <= layout.columns or layout.separator == BLANKS:
         return ()
-    return (f"its head names {many} columns and its rows have {layout.columns}: names are taken from the left.",)
+    return (
+        f"its head names {many} columns and its rows have {layout.columns}: names are taken from the left.",
+    )
 
 
 def _heads(layout: Layout) -> list[tuple[str, str, str]]:
