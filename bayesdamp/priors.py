@@ -88,6 +88,10 @@ class _Prior(BaseModel):
         """The parameter at the normal score z (any shape)."""
         return self.transform(np.asarray(z, float), *self.numbers)
 
+    def rate(self, z: ArrayLike) -> np.ndarray:
+        """Return the derivative of `value` by the score z (any shape)."""
+        raise NotImplementedError
+
     def score(self, x: ArrayLike) -> np.ndarray:
         """A normal score of the value x, the non-negative one where the prior is reflected."""
         raise NotImplementedError
@@ -109,6 +113,11 @@ class _Prior(BaseModel):
 _HALF_LOG_2PI = 0.5 * math.log(2 * math.pi)
 
 
+def _density(z: ArrayLike) -> np.ndarray:
+    """φ(z), the standard normal density."""
+    return np.exp(-0.5 * np.asarray(z, float) ** 2 - _HALF_LOG_2PI)
+
+
 class Normal(_Prior):
     """Normal with mean and sd."""
 
@@ -123,6 +132,10 @@ class Normal(_Prior):
     def transform(z: Any, mean: Scalar, sd: Scalar) -> Any:
         """mean + sd z."""
         return mean + sd * z
+
+    def rate(self, z: ArrayLike) -> np.ndarray:
+        """sd."""
+        return np.full(np.shape(z), self.sd)
 
     def score(self, x: ArrayLike) -> np.ndarray:
         """(x − mean)/sd."""
@@ -151,6 +164,10 @@ class HalfNormal(_Prior):
     def transform(z: Any, scale: Scalar) -> Any:
         """scale · |z|: reflected at zero."""
         return scale * abs(z)
+
+    def rate(self, z: ArrayLike) -> np.ndarray:
+        """scale · sign z."""
+        return self.scale * np.sign(np.asarray(z, float))
 
     def score(self, x: ArrayLike) -> np.ndarray:
         """|x|/scale."""
@@ -191,6 +208,10 @@ class SharedHalfNormal(_Prior):
     def transform(z: Any, per_ratio: Scalar) -> Any:
         """The coefficient at a score z, which is the damping ratio in units of `SCORE_RATIO`, reflected at zero."""
         return SCORE_RATIO * per_ratio * abs(z)
+
+    def rate(self, z: ArrayLike) -> np.ndarray:
+        """The coefficient at a score of 1, with the sign of z."""
+        return SCORE_RATIO * self.per_ratio * np.sign(np.asarray(z, float))
 
     def score(self, x: ArrayLike) -> np.ndarray:
         """The damping ratio of the coefficient x in units of `SCORE_RATIO`."""
@@ -329,6 +350,10 @@ class LogNormal(_Prior):
         """median · exp(sigma z)."""
         return median * _functions(z).exp(sigma * z)
 
+    def rate(self, z: ArrayLike) -> np.ndarray:
+        """sigma times the value."""
+        return self.sigma * self.value(z)
+
     def score(self, x: ArrayLike) -> np.ndarray:
         """log(x/median)/sigma."""
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -367,6 +392,10 @@ class Uniform(_Prior):
         """low + (high − low) Φ(z)."""
         return low + (high - low) * _functions(z).ndtr(z)
 
+    def rate(self, z: ArrayLike) -> np.ndarray:
+        """(high − low) φ(z)."""
+        return (self.high - self.low) * _density(z)
+
     def score(self, x: ArrayLike) -> np.ndarray:
         """Φ⁻¹((x − low)/(high − low))."""
         share = (np.asarray(x, float) - self.low) / (self.high - self.low)
@@ -403,6 +432,10 @@ class LogUniform(_Prior):
         """low · (high/low)^Φ(z)."""
         f = _functions(z)
         return low * f.exp(f.log(high / low) * f.ndtr(z))
+
+    def rate(self, z: ArrayLike) -> np.ndarray:
+        """log(high/low) φ(z) times the value."""
+        return math.log(self.high / self.low) * _density(z) * self.value(z)
 
     def score(self, x: ArrayLike) -> np.ndarray:
         """Φ⁻¹(log(x/low)/log(high/low))."""

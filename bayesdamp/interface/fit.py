@@ -15,7 +15,6 @@ from bayesdamp.inference.approximate.law import Approximate
 from bayesdamp.inference.deviation.numbers.quantities import Quantity, quantity
 from bayesdamp.inference.fit.laplace import value_intervals, value_sds
 from bayesdamp.inference.fit.mode import Mode
-from bayesdamp.inference.model.residuals import log_density, residual
 from bayesdamp.inference.model.target import Target
 from bayesdamp.interface.density import NO_DENSITY, Density
 from bayesdamp.interface.fitting.approximate import approximate_of, ratios_of
@@ -273,7 +272,7 @@ class Fit(Result):
     def _solved(
         cls, signal: Signal, model: Model, target: Target, mode: Mode, outcome: str, notes: tuple[str, ...]
     ) -> Self:
-        left = residual(target, mode.context.plan, mode.z)
+        left = mode.likelihood.residual(mode.z)
         density = Density.at(signal, model, target, mode)
         covariance = np.linalg.inv(mode.information)
         return cls(
@@ -287,7 +286,7 @@ class Fit(Result):
             known=dict(target.known),
             fitted=signal.y - left,
             residuals=left,
-            log_posterior=density.log_prior(density.vector()) + log_density(target, left, mode.z),
+            log_posterior=density.log_prior(density.vector()) + mode.likelihood.log_noise(left, mode.z),
             outcome=outcome,
             notes=notes,
             target=target,

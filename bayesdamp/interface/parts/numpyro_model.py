@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
+import jax
 import numpy as np
 import numpyro
 from jax import Array
@@ -20,17 +21,18 @@ Model = Callable[..., dict[str, Any]]
 
 def numpyro_model(
     priors: Mapping[str, Prior],
-    density: Callable[[Array], Array],
+    value_and_slopes: Callable[[np.ndarray], tuple[float, np.ndarray]],
     centre: np.ndarray,
     covariance: np.ndarray,
     prefix: str,
 ) -> Model:
     """A NumPyro model of parameters with these priors and this log likelihood.
 
-    density: of a vector of the parameters, (d,), in the order of priors. centre, covariance: of the parameters' scores,
+    value_and_slopes: of the log likelihood at parameters, (d,), in the order of priors. centre, covariance: of the parameters' scores,
     (d,) and (d, d), by which what is sampled is whitened.
     """
     names = list(priors)
+    density = _traced(value_and_slopes, len(names))
 
     def model(**given: Any) -> dict[str, Any]:
         for name in given:
@@ -61,6 +63,27 @@ def numpyro_model(
         }
 
     return model
+
+
+def _traced(
+    value_and_slopes: Callable[[np.ndarray], tuple[float, np.ndarray]], count: int
+) -> Callable[[Array], Array]:
+    """Return the log likelihood of `count` parameters as JAX calls it, with its gradient."""
+    shapes = jax.ShapeDtypeStruct((), float), jax.ShapeDtypeStruct((count,), float)
+
+    def computed(x: Any) -> tuple[np.ndarray, np.ndarray]:
+        value, slopes = value_and_slopes(np.asarray(x, float))
+        return np.asarray(value), slopes
+
+    def both(x: Array) -> Any:
+        return jax.pure_callback(computed, shapes, x, vmap_method="sequential")
+
+    @jax.custom_vjp
+    def density(x: Array) -> Array:
+        return both(x)[0]
+
+    density.defvjp(both, lambda slopes, factor: (factor * slopes,))
+    return density
 
 
 def _log_prior(z: Array, shared: Sequence[bool]) -> Array:
