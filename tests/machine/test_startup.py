@@ -62,11 +62,11 @@ def test_what_is_loaded_is_seen() -> None:
 def test_trees_are_registered_whichever_came_first(first: str) -> None:
     source = (
         f"{first}import numpy as np\n"
-        "from bayesdamp.inference.coordinates.noise_shear import NoiseShear\n"
+        "from bayesdamp.physics.orbit import Cycle\n"
         "from bayesdamp.numerics.lazily import jax\n"
-        "one = NoiseShear(np.zeros(2), np.array([0]), np.zeros(1))\n"
+        "one = Cycle(*np.zeros((4, 1)))\n"
         "print(len(jax.tree.leaves(one)))\n"
-        "assert len(jax.tree.leaves(one)) == 3\n"
+        "assert len(jax.tree.leaves(one)) == 4\n"
     )
     assert loaded(source) >= {"jax"}
 

@@ -77,7 +77,7 @@ def test_a_bend_keeps_volumes_and_mirror_images() -> None:
     rng = np.random.default_rng(0)
     curve = rng.standard_normal((5, 2, 2))
     curve[[0, 2, 4]] = 0.0  # a reflected score and the wide ones
-    tied = NoiseShear(np.array([0.0, 3.0, 0.0, 0.0, 0.0]), np.array([3]), np.array([0.4]))
+    tied = NoiseShear(np.array([0.0, 3.0, 0.0, 0.0, 0.0]), 3, 0.4)
     one = Shear(rng.standard_normal(5), np.array([2, 4]), curve + np.swapaxes(curve, 1, 2), tied)
     z = rng.standard_normal((7, 5))
     np.testing.assert_allclose(one.straight(one.scores(z)), z, atol=1e-12)
