@@ -171,7 +171,9 @@ class Density(Shown):
         """Of many, (m,); −∞ outside the prior's support."""
         inside = np.isfinite(self._log_priors(x))
         of = self._likelihood
-        found = [of.log_likelihood_of(self._parameters(row)) if there else -np.inf for row, there in zip(x, inside)]
+        found = [
+            of.log_likelihood_of(self._parameters(row)) if there else -np.inf for row, there in zip(x, inside)
+        ]
         return np.array(found)
 
     def _table(self) -> Table:

@@ -69,9 +69,7 @@ class Trajectories:
         }
         if t[-1] <= 0.0:  # a step needs a length
             t = np.append(t, 1.0 / frequency)
-        self._solver = replace(
-            solver, t=t, amplitude=amplitude or 1.0, frequency=frequency, knots=t[[0, -1]]
-        )
+        self._solver = replace(solver, t=t, amplitude=amplitude or 1.0, frequency=frequency, knots=t[[0, -1]])
         self._active = np.ones(len(osc.damping), bool)
         self._short: dict[float, Solver] = {}
         self._tolerance = None if tolerance is None else self._of_a_step(tolerance)
@@ -157,9 +155,7 @@ class Trajectories:
     def _rest(self, p: Mapping[str, float]) -> float | None:
         """Return the equilibrium of the restoring law at p; None where there is none nearby."""
         force = _force(self.osc, p)
-        return newton(
-            lambda x: (force(x), _slope(force, x)), float(p.get("rest", self._given["rest"]))
-        )
+        return newton(lambda x: (force(x), _slope(force, x)), float(p.get("rest", self._given["rest"])))
 
     def _slopes_of_rest(self, p: Mapping[str, float]) -> dict[str, float]:
         """Return the derivatives of the equilibrium by the law's parameters (implicit function theorem)."""

@@ -183,9 +183,7 @@ def check_fit(target: Target, mode: Mode, period: float, seed: int) -> Fit:
     t = target.signal.t
     fitted = orthonormal(tangents(target, mode).T)
     line = standing_out(t, white, period, fitted)
-    form = other_form(
-        mode, white, fitted, lambda change: _seen(mode, r + change) - _seen(mode, r)
-    )
+    form = other_form(mode, white, fitted, lambda change: _seen(mode, r + change) - _seen(mode, r))
     if line.chance > HINT:  # where whitening has levelled the spectrum, it says what there was to level
         line = replace(line, words=strongest(t, r, period))
     windows, spread, looks, later = _windows(target, mode, seed)
@@ -236,9 +234,7 @@ def _windows(target: Target, mode: Mode, seed: int) -> tuple[tuple[Window, ...],
     """
     t, n = target.signal.t, target.signal.t.size
     half = n // 2
-    whole, _ = _window(
-        mode.likelihood, "whole record", mode.z, mode.information, float(t[0]), float(t[-1])
-    )
+    whole, _ = _window(mode.likelihood, "whole record", mode.z, mode.information, float(t[0]), float(t[-1]))
     windows, spread, looks, later = [whole], 0.0, 0, None
     for label, first in (("first half", 0), ("middle half", (n - half) // 2), ("last half", n - half)):
         part = slice(first, first + half)

@@ -89,9 +89,7 @@ def settle(target: Target, z: np.ndarray, tolerance: float, searches: tuple[Loca
     return Mode(z, top.value, top.information, factor, likelihood, near, searches, moved, change, tolerance)
 
 
-def about(
-    likelihood: Likelihood, z: np.ndarray, information: np.ndarray
-) -> tuple[Likelihood, np.ndarray]:
+def about(likelihood: Likelihood, z: np.ndarray, information: np.ndarray) -> tuple[Likelihood, np.ndarray]:
     """Return what a normal distribution near scores z, (d,), is made with: the likelihood with one shared scale in
     place of all, and a factor of the covariance with that one, (d, d).
 

@@ -93,9 +93,7 @@ class Likelihood:
         """Motions at the record's samples up to the last that counts."""
         signal = self.target.signal
         times = signal.t[: self.part.stop]
-        return Trajectories(
-            self.target.oscillator, times, signal.quantity, self.reference, self.tolerance
-        )
+        return Trajectories(self.target.oscillator, times, signal.quantity, self.reference, self.tolerance)
 
     def motion(self, z: np.ndarray) -> np.ndarray:
         """Return the motion at scores z, (d,): shape (n,); not finite where it escapes."""
@@ -204,7 +202,9 @@ class Likelihood:
         motion, slopes = self._solved(p)
         residual, noise = self.y - motion, self.target.noise_model
         found = np.zeros(len(self.target.names))
-        value = float(noise.log_likelihood(residual, self.gaps, p)) if np.all(np.isfinite(residual)) else -np.inf
+        value = (
+            float(noise.log_likelihood(residual, self.gaps, p)) if np.all(np.isfinite(residual)) else -np.inf
+        )
         if not np.isfinite(value):
             return -np.inf, found
         found[self.target.moving] = -(slopes @ noise.slope(residual, self.gaps, p))
@@ -212,7 +212,8 @@ class Likelihood:
             name = self.target.names[i]
             step = SMALL * max(abs(p[name]), 1e-300)
             up, down = (
-                float(noise.log_likelihood(residual, self.gaps, {**p, name: p[name] + s})) for s in (step, -step)
+                float(noise.log_likelihood(residual, self.gaps, {**p, name: p[name] + s}))
+                for s in (step, -step)
             )
             found[i] = (up - down) / (2 * step)
         return value, found
@@ -234,7 +235,9 @@ class Likelihood:
     def _noise_values(self, z: np.ndarray) -> dict[str, float]:
         noise = self.target.noise_model
         priors, names = self.target.priors, self.target.names
-        found = {n: float(self.target.known[n]) for n in (*noise.parameters, *noise.constants) if n not in priors}
+        found = {
+            n: float(self.target.known[n]) for n in (*noise.parameters, *noise.constants) if n not in priors
+        }
         return found | {names[i]: float(priors[names[i]].value(z[i])) for i in self._still}
 
     def _prior_precision(self, z: np.ndarray) -> np.ndarray:
@@ -270,9 +273,7 @@ class Likelihood:
         found = np.zeros((len(steps), len(steps)))
         for i, a in enumerate(steps):
             for j, b in enumerate(steps[: i + 1]):
-                corners = [
-                    self.log_noise(residual, z + one) for one in (a + b, a - b, b - a, -a - b)
-                ]
+                corners = [self.log_noise(residual, z + one) for one in (a + b, a - b, b - a, -a - b)]
                 bend = (corners[0] - corners[1] - corners[2] + corners[3]) / (4 * WIDE**2)
                 found[i, j] = found[j, i] = -bend
         if not np.all(np.isfinite(found)):

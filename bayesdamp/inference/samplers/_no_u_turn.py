@@ -128,7 +128,13 @@ class Chain:
     def sampled(self, u: np.ndarray, height: float, count: int) -> tuple[np.ndarray, ...]:
         """Return positions (count, d), heights, divergences, steps and acceptance, (count,) each, from a start u, (d,),
         of this height on."""
-        left = np.empty((count, u.size)), np.empty(count), np.empty(count, bool), np.empty(count, int), np.empty(count)
+        left = (
+            np.empty((count, u.size)),
+            np.empty(count),
+            np.empty(count, bool),
+            np.empty(count, int),
+            np.empty(count),
+        )
         at = Point(u, np.zeros(u.size), self.space.slope(u), height)
         for i in range(count):
             at, *rest = self.transition(at)
@@ -183,7 +189,9 @@ class Chain:
             and _apart(one.first, two.first, one.momentum + two.first.p)
             and _apart(one.last, two.last, two.momentum + one.last.p)
         )
-        return _Tree(one.first, two.last, chosen, float(np.logaddexp(one.weight, two.weight)), momentum, goes_on)
+        return _Tree(
+            one.first, two.last, chosen, float(np.logaddexp(one.weight, two.weight)), momentum, goes_on
+        )
 
     def _stepped(self, at: Point, way: int) -> Point:
         """Return the point a leapfrog step ahead or back. The force need not be the density's gradient: each kick is a
@@ -220,7 +228,9 @@ def drift(
     v, left = towards * p, abs(time)
     for _ in range(BOUNCES * len(walls) + 1):
         closing = -(walls @ v)
-        reach = np.where(closing > 0, np.maximum(walls @ u + offsets, 0.0) / np.where(closing > 0, closing, 1.0), np.inf)
+        reach = np.where(
+            closing > 0, np.maximum(walls @ u + offsets, 0.0) / np.where(closing > 0, closing, 1.0), np.inf
+        )
         first = int(np.argmin(reach)) if reach.size else 0
         if not reach.size or reach[first] >= left:
             return u + left * v, towards * v

@@ -91,9 +91,7 @@ class Emcee(Sampler):
         thin = max(1, draws.shape[0] * draws.shape[1] // 40_000) if settings.grows else 1
         energy = np.concatenate([s.get_log_prob().T for s, _ in ensembles])[:, ::thin]
         z = at.scores(draws[:, ::thin])
-        values, full = (
-            target.values(at.scores(u)) for u in (draws[:, ::thin], draws)
-        )
+        values, full = (target.values(at.scores(u)) for u in (draws[:, ::thin], draws))
         summaries = {n: diagnostics.summarise(v, ensembles=ENSEMBLES) for n, v in full.items()}
         outcome = diagnostics.verdict(summaries)
         if outcome == OK and not resolved:

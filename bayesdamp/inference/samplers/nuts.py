@@ -88,7 +88,8 @@ class Run:
             for chain, u, height in zip(self.chains, *self.left[:2], strict=True)
         ]
         whole = tuple(
-            np.concatenate([x, np.stack(y)], axis=1) for x, y in zip(self.left, zip(*more, strict=True), strict=True)
+            np.concatenate([x, np.stack(y)], axis=1)
+            for x, y in zip(self.left, zip(*more, strict=True), strict=True)
         )
         return replace(self, left=whole)
 
@@ -144,7 +145,8 @@ class Nuts(Sampler):
         space = Whitened.of(mode, at, exact)
         count = settings.warmup + settings.draws
         chains = [
-            Chain(space, shorter * STEP, np.random.default_rng([settings.seed, i])) for i in range(settings.chains)
+            Chain(space, shorter * STEP, np.random.default_rng([settings.seed, i]))
+            for i in range(settings.chains)
         ]
         left = [
             chain.sampled(u, float(height), count)

@@ -111,9 +111,7 @@ def _train(mode: Mode, at: Unbounded, seed: int) -> tuple[np.ndarray, np.ndarray
     raise Refusal(f"variational inference did not converge in {BLOCKS * BLOCK} steps")
 
 
-def _climbing(
-    mode: Mode, at: Unbounded, x: np.ndarray, rng: np.random.Generator
-) -> tuple[np.ndarray, float]:
+def _climbing(mode: Mode, at: Unbounded, x: np.ndarray, rng: np.random.Generator) -> tuple[np.ndarray, float]:
     """Return an estimate of the bound's gradient by a normal's parameters, both (k,), and of the bound in nats."""
     d = at.mean.size
     factor = _factor(x, d)

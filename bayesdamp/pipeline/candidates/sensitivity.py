@@ -182,9 +182,7 @@ def _noises(branch: Branch, source: CellResult, seed: int) -> Product:
             found[noise] = UnderNoise(whole.log_evidence)
             continue
         try:
-            target = branch.record.target(
-                branch.terms, branch.restoring, noise, epsilon=branch.epsilon
-            )
+            target = branch.record.target(branch.terms, branch.restoring, noise, epsilon=branch.epsilon)
             fit = fit_with(target, {Seed("under the chosen noise"): start}, branch.record.seen)
             found[noise] = UnderNoise(fit.log_evidence)
         except Refusal as refusal:

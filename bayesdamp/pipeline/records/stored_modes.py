@@ -59,13 +59,10 @@ def _climbs(mode: Mode) -> tuple[tuple[Climb, ...], tuple[Maximum, ...], tuple[s
         distance = float(np.sqrt(max(away @ mode.information @ away, 0.0)))
         rows.append(Climb(**{k: getattr(c, k) for k in CLIMB}, distance=distance, mode=number))
     modes = tuple(
-        Maximum(b.log_posterior, b.share, {n: float(v) for n, v in target.values(b.z).items()})
-        for b in found
+        Maximum(b.log_posterior, b.share, {n: float(v) for n, v in target.values(b.z).items()}) for b in found
     )
     sd = mode.sd()
     touching = tuple(
-        n
-        for n, z, s, f in zip(target.names, mode.z, sd, target.reflected, strict=True)
-        if f and abs(z) < s
+        n for n, z, s, f in zip(target.names, mode.z, sd, target.reflected, strict=True) if f and abs(z) < s
     )
     return tuple(rows), modes, touching
