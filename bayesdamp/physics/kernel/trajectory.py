@@ -6,7 +6,6 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from bayesdamp.physics.kernel.solve import NONE, Solver
 from bayesdamp.physics.oscillator import Oscillator
 
 SHARPEST = 1e-3
@@ -29,12 +28,7 @@ def trajectory(osc: Oscillator, p: Mapping[str, float], times: np.ndarray, quant
     A force that jumps with the velocity turns over within ε, or within a thousandth of the peak velocity where that is
     0: a body that should stick creeps.
     """
-    scales = scales_of(osc, p)
-    amplitude = max(scales["reference_amplitude"], 1e-300)
-    frequency = osc.natural_frequency(p, float(p["theta0"]))
-    epsilon = max(float(p.get("epsilon", 0.0)), SHARPEST * amplitude * frequency)
-    t = np.asarray(times, float) - float(times[0])
-    solver = Solver(osc.damping, osc.restoring, t, quantity, amplitude, frequency, epsilon, t[[0, -1]])
-    values = np.array([float({**p, **scales}[name]) for name in solver.names])
-    motion = solver.solve(values, np.ones(len(osc.damping), bool), tangents=NONE)
-    return np.full(t.size, np.nan) if motion is None else motion.y
+    from bayesdamp.physics.trajectories import Trajectories
+
+    whole = {**p, **scales_of(osc, p)}
+    return Trajectories(osc, times, quantity, whole).record(whole)

@@ -1,0 +1,183 @@
+"""Records of an oscillator at given times, from parameters by name: the compiled kernel behind one interface."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from bayesdamp.physics.kernel.solve import NONE, PARAMETERS, QUANTITIES, Motion, Solver
+from bayesdamp.physics.kernel.trajectory import SHARPEST
+from bayesdamp.physics.oscillator import POINTS, REACH, Oscillator
+from bayesdamp.physics.rest import by_kernel, newton, rest_near
+
+STEPS_PER_CYCLE = 25.0
+"""Steps whose errors add up in a cycle (measured at the default tolerance of `Solver.solve`)."""
+LOST = 15.0
+"""Factor by which the dense output loses accuracy with each derivative (measured on the laws that ship: 4 to 13)."""
+COARSEST, FINEST = 1e-6, 1e-13
+"""Largest and smallest error of a step, as a share of the amplitude: beyond the largest, the error no longer follows
+the tolerance; the smallest is that of rounding."""
+CHANGE, OF_A_RECORD = 1e-5, 1e-3
+"""Relative change of a parameter in a central difference, whose error is its square: of a force, and of a record, which
+follows its parameters smoothly within the tolerance alone."""
+
+
+class Trajectories:
+    """Solve the motion of an oscillator at fixed times for any values of its parameters.
+
+    The motion starts with theta0 and omega0 at the first time. Where a damping term asks for `rest`, it is the
+    equilibrium of the restoring law near `rest` of the parameters, or near that of the reference where they have none.
+    `reference_amplitude` and `reference_velocity` are those of the reference unless the parameters give them.
+
+    Parameters
+    ----------
+    osc : Oscillator
+    times : ndarray, shape (n,)
+        Sample times in s, not decreasing.
+    quantity : str
+        "angle", "velocity" or "acceleration".
+    reference : mapping of str to float
+        Every parameter but the damping coefficients, roughly; they set the scales of amplitude and frequency.
+    tolerance : float, optional
+        Largest error of a record in its own unit, at the reference; 0 for the least. By default the solver's own.
+
+    Raises
+    ------
+    Refusal
+        Where a term or the law cannot be compiled.
+    """
+
+    def __init__(
+        self,
+        osc: Oscillator,
+        times: np.ndarray,
+        quantity: str,
+        reference: Mapping[str, float],
+        tolerance: float | None = None,
+    ) -> None:
+        self.osc = osc
+        self._rests = "rest" in osc.scales
+        t = np.asarray(times, float) - float(times[0])
+        self._count = t.size
+        solver = Solver(osc.damping, osc.restoring, t, quantity, 1.0, 1.0, 1.0, t[[0, -1]])
+        solver.kernel  # noqa: B018 - raises where there is none
+        rest, amplitude, frequency = _scales(osc, reference)
+        self._given = {
+            "rest": rest,
+            "reference_amplitude": amplitude,
+            "reference_velocity": amplitude * frequency,
+        }
+        if t[-1] <= 0.0:  # a step needs a length
+            t = np.append(t, 1.0 / frequency)
+        self._solver = replace(solver, t=t, amplitude=amplitude or 1.0, frequency=frequency, knots=t[[0, -1]])
+        self._active = np.ones(len(osc.damping), bool)
+        self._tolerance = None if tolerance is None else self._of_a_step(tolerance)
+
+    def record(self, p: Mapping[str, float]) -> np.ndarray:
+        """Return the samples, shape (n,); all nan where the motion escapes or has no equilibrium."""
+        motion = self._solved(p, self._epsilon(p), NONE)
+        return np.full(self._count, np.nan) if motion is None else motion.y[: self._count]
+
+    def with_slopes(self, p: Mapping[str, float], names: Sequence[str]) -> tuple[np.ndarray, np.ndarray]:
+        """Return the samples, (n,), and their derivatives by the parameters of these names, (k, n).
+
+        They include what a parameter of the restoring law does to `rest`. Those by epsilon are central differences.
+        """
+        motion = self._solved(p, self._epsilon(p), PARAMETERS)
+        if motion is None:
+            return np.full(self._count, np.nan), np.full((len(names), self._count), np.nan)
+        slopes = np.zeros((len(names), self._count))
+        of_rest = self._slopes_of_rest(p) if self._rests else {}
+        for row, name in zip(slopes, names, strict=True):
+            if name == "epsilon":
+                row += self._by_epsilon(p)
+                continue
+            for place, own in enumerate(self._solver.names):
+                if own == name or (own == "rest" and name in of_rest):
+                    share = 1.0 if own == name else of_rest[name]
+                    row += share * motion.tangents[: self._count, place]
+        return motion.y[: self._count], slopes
+
+    def many(self, values: Mapping[str, np.ndarray]) -> np.ndarray:
+        """Return the samples for each set of parameters, shape (m, n); values by name are of shape (m,)."""
+        sets = zip(*(np.asarray(v, float).tolist() for v in values.values()), strict=True)
+        return np.stack([self.record(dict(zip(values, one))) for one in sets])
+
+    def _solved(self, p: Mapping[str, float], epsilon: float, tangents: int) -> Motion | None:
+        values = {**self._given, **p}
+        if self._rests:
+            rest = self._rest(p)
+            if rest is None:
+                return None
+            values["rest"] = rest
+        if epsilon != self._solver.epsilon:
+            self._solver = replace(self._solver, epsilon=epsilon)
+        vector = np.array([float(values[name]) for name in self._solver.names])
+        return self._solver.solve(vector, self._active, tangents=tangents, tolerance=self._tolerance)
+
+    def _epsilon(self, p: Mapping[str, float]) -> float:
+        """Return the width of friction's switch: at least a thousandth of the peak velocity."""
+        least = SHARPEST * self._solver.amplitude * self._solver.frequency
+        return max(float(p.get("epsilon", 0.0)), least)
+
+    def _by_epsilon(self, p: Mapping[str, float]) -> np.ndarray:
+        """Return the derivative of the samples by the width of friction's switch, (n,)."""
+        epsilon = self._epsilon(p)
+        ends = [self._solved(p, epsilon * (1.0 + sign * OF_A_RECORD), NONE) for sign in (1.0, -1.0)]
+        up, down = (np.full(self._count, np.nan) if m is None else m.y[: self._count] for m in ends)
+        return (up - down) / (2.0 * OF_A_RECORD * epsilon)
+
+    def _rest(self, p: Mapping[str, float]) -> float | None:
+        """Return the equilibrium of the restoring law at p; None where there is none nearby."""
+        force = _force(self.osc, p)
+        return newton(lambda x: (force(x), _slope(force, x)), float(p.get("rest", self._given["rest"])))
+
+    def _slopes_of_rest(self, p: Mapping[str, float]) -> dict[str, float]:
+        """Return the derivatives of the equilibrium by the law's parameters (implicit function theorem)."""
+        rest = self._rest(p)
+        if rest is None:
+            return {}
+        stiffness = _slope(_force(self.osc, p), rest)
+        found = {}
+        for name in self.osc.law.parameters:
+            at = float(p[name])
+            found[name] = -_slope(lambda v, name=name: _force(self.osc, {**p, name: v})(rest), at) / stiffness
+        return found
+
+    def _of_a_step(self, tolerance: float) -> float:
+        """Return the error of a step, as a share of the amplitude, at which a record is within a tolerance."""
+        solver = self._solver
+        order = QUANTITIES.index(solver.quantity)
+        cycles = max(1.0, solver.t[-1] * solver.frequency / (2 * np.pi))
+        share = tolerance / (solver.amplitude * solver.frequency**order)
+        return float(np.clip(share / (STEPS_PER_CYCLE * cycles * LOST**order), FINEST, COARSEST))
+
+
+def _scales(osc: Oscillator, p: Mapping[str, float]) -> tuple[float, float, float]:
+    """Return the equilibrium nearest to theta0, the amplitude about it, and the frequency there, rad/s.
+
+    Without a stable equilibrium the motion escapes, whatever its scales: they are then those of its start.
+    """
+    theta0, omega0 = float(p["theta0"]), float(p["omega0"])
+    law = np.array([float(p[name]) for name in osc.law.parameters])
+    force = _force(osc, p)
+    rest = rest_near(by_kernel(osc.law.kernel, law), theta0, REACH * max(1.0, abs(theta0)), POINTS)
+    square = 0.0 if rest is None else _slope(force, rest)
+    if rest is None or not square > 0.0:
+        return theta0, abs(theta0), 1.0
+    frequency = float(np.sqrt(square))
+    return rest, float(np.hypot(theta0 - rest, omega0 / frequency)), frequency
+
+
+def _force(osc: Oscillator, p: Mapping[str, float]) -> Callable[[float], float]:
+    """Return the restoring force as a function of the position."""
+    law = [float(p[name]) for name in osc.law.parameters]
+    return lambda x: osc.law.kernel(x, law)
+
+
+def _slope(function: Callable[[float], float], x: float) -> float:
+    """Return the derivative of a smooth function at x, by a central difference."""
+    h = CHANGE * max(1.0, abs(x))
+    return (function(x + h) - function(x - h)) / (2.0 * h)
