@@ -78,9 +78,14 @@ def _one_by_one(function: Callable[..., Any], args: tuple[Any, ...]) -> np.ndarr
     return np.array([called(row) for row in rows], float).reshape(shape)
 
 
-def slope_of(function: Callable[[np.ndarray], np.ndarray], x: np.ndarray) -> np.ndarray:
-    """Return the derivative of an elementwise function at x, any shape, by differences of fourth order."""
-    h = CHANGE * np.maximum(1.0, np.abs(x))
+def slope_of(
+    function: Callable[[np.ndarray], np.ndarray], x: np.ndarray, step: float | None = None
+) -> np.ndarray:
+    """Return the derivative of an elementwise function at x, any shape, by differences of fourth order.
+
+    step: by default a ten-thousandth of x, or of 1 where x is smaller.
+    """
+    h = CHANGE * np.maximum(1.0, np.abs(x)) if step is None else step
     near = function(x + h) - function(x - h)
     far = function(x + 2 * h) - function(x - 2 * h)
     return (8.0 * near - far) / (12.0 * h)

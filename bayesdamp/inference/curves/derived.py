@@ -32,6 +32,8 @@ from bayesdamp.physics.arrays import slope_of
 from bayesdamp.physics.orbit import Cycle, cycle, rest_position
 from bayesdamp.physics.oscillator import Oscillator
 
+SLOW = 1e-170
+"""A velocity, rad/s, whose square is zero in double precision: what is not linear at rest has no slope there."""
 CURVE_DRAWS = 1000
 """Draws behind a band over amplitudes: its edges are good to a tenth of an sd."""
 _HALVING = np.polynomial.legendre.leggauss(6)
@@ -84,7 +86,7 @@ class Motions:
             parts = (p[t.parameter] * t.force(self._rest, v, 1.0, *(p[n] for n in t.further)) for t in smooth)
             return np.asarray(sum(parts, np.zeros(self.shape)))
 
-        return slope_of(force, np.zeros(self.shape))
+        return slope_of(force, np.zeros(self.shape), SLOW)
 
     def at(self, amplitude: np.ndarray | float) -> Cycle:
         """The cycle at an amplitude, one for all or one for each draw."""
