@@ -59,7 +59,7 @@ def on_arrays(function: Callable[..., Any]) -> Callable[..., np.ndarray]:
     def evaluated(*args: Any) -> np.ndarray:
         try:
             return np.asarray(made(*args), float)
-        except (ValueError, TypeError):
+        except (ValueError, TypeError, AttributeError):
             return _one_by_one(function, args)
 
     return evaluated

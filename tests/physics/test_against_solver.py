@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from bayesdamp.physics.damping import TERMS, all_sums
-from bayesdamp.physics.integrate import simulate
+from bayesdamp.physics.trajectories import simulate
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.physics.restoring import LAWS as LAW_PLUGINS
 from tests.physics.independent import LAWS, PAPER, SUMS, trajectory
