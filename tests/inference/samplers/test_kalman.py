@@ -110,7 +110,7 @@ def test_running_estimates():
     i = found.running.index("zeta")
     mean, sd = (arrays[f"running/restarted/{what}"][:, i] for what in ("mean", "sd"))
     target, mode = problem(("viscous",))
-    unit, scale = target.priors["zeta"].value(1.0), float(np.asarray(mode.near.scales)[0])  # where it is held
+    unit, scale = target.priors["zeta"].value(1.0), mode.near.scales[0]  # where it is held
     assert mean[0] == pytest.approx(unit * scale * np.sqrt(2 / np.pi), rel=1e-3)
     away, ratio = apart(found, mean[-1], sd[-1], "zeta")
     assert away < 0.1
