@@ -34,9 +34,13 @@ if TYPE_CHECKING:
 
 Scalar: TypeAlias = "float | Array"
 _HOST = SimpleNamespace(exp=np.exp, log=np.log, ndtr=host.ndtr)
+_NUMBER = SimpleNamespace(exp=math.exp, log=math.log, ndtr=lambda z: 0.5 * math.erfc(-z / math.sqrt(2.0)))
+"""The same of one number, several times faster."""
 
 
 def _functions(z: Any) -> SimpleNamespace:
+    if isinstance(z, float):
+        return _NUMBER
     return _traced() if traced(z) else _HOST
 
 
@@ -78,6 +82,8 @@ class _Prior(BaseModel):
     transform: ClassVar[Callable[..., Any]]
     """(z, *numbers): the parameter at the normal score z (any shape) for a prior with these numbers. Of arrays of
     JAX it is traced, of NumPy's it is computed at once."""
+    derivative: ClassVar[Callable[..., Any]]
+    """(z, *numbers): the derivative of `transform` by z."""
 
     @property
     def numbers(self) -> tuple[float, ...]:
@@ -90,7 +96,8 @@ class _Prior(BaseModel):
 
     def rate(self, z: ArrayLike) -> np.ndarray:
         """Return the derivative of `value` by the score z (any shape)."""
-        raise NotImplementedError
+        z = np.asarray(z, float)
+        return np.broadcast_to(self.derivative(z, *self.numbers), z.shape)
 
     def score(self, x: ArrayLike) -> np.ndarray:
         """A normal score of the value x, the non-negative one where the prior is reflected."""
@@ -113,9 +120,9 @@ class _Prior(BaseModel):
 _HALF_LOG_2PI = 0.5 * math.log(2 * math.pi)
 
 
-def _density(z: ArrayLike) -> np.ndarray:
+def _density(z: Any) -> Any:
     """φ(z), the standard normal density."""
-    return np.exp(-0.5 * np.asarray(z, float) ** 2 - _HALF_LOG_2PI)
+    return _functions(z).exp(-0.5 * z**2 - _HALF_LOG_2PI)
 
 
 class Normal(_Prior):
@@ -133,9 +140,10 @@ class Normal(_Prior):
         """mean + sd z."""
         return mean + sd * z
 
-    def rate(self, z: ArrayLike) -> np.ndarray:
+    @staticmethod
+    def derivative(z: Any, mean: Scalar, sd: Scalar) -> Any:
         """sd."""
-        return np.full(np.shape(z), self.sd)
+        return sd
 
     def score(self, x: ArrayLike) -> np.ndarray:
         """(x − mean)/sd."""
@@ -165,9 +173,10 @@ class HalfNormal(_Prior):
         """scale · |z|: reflected at zero."""
         return scale * abs(z)
 
-    def rate(self, z: ArrayLike) -> np.ndarray:
+    @staticmethod
+    def derivative(z: Any, scale: Scalar) -> Any:
         """scale · sign z."""
-        return self.scale * np.sign(np.asarray(z, float))
+        return scale * np.sign(z)
 
     def score(self, x: ArrayLike) -> np.ndarray:
         """|x|/scale."""
@@ -209,9 +218,10 @@ class SharedHalfNormal(_Prior):
         """The coefficient at a score z, which is the damping ratio in units of `SCORE_RATIO`, reflected at zero."""
         return SCORE_RATIO * per_ratio * abs(z)
 
-    def rate(self, z: ArrayLike) -> np.ndarray:
+    @staticmethod
+    def derivative(z: Any, per_ratio: Scalar) -> Any:
         """The coefficient at a score of 1, with the sign of z."""
-        return SCORE_RATIO * self.per_ratio * np.sign(np.asarray(z, float))
+        return SCORE_RATIO * per_ratio * np.sign(z)
 
     def score(self, x: ArrayLike) -> np.ndarray:
         """The damping ratio of the coefficient x in units of `SCORE_RATIO`."""
@@ -350,9 +360,10 @@ class LogNormal(_Prior):
         """median · exp(sigma z)."""
         return median * _functions(z).exp(sigma * z)
 
-    def rate(self, z: ArrayLike) -> np.ndarray:
+    @staticmethod
+    def derivative(z: Any, median: Scalar, sigma: Scalar) -> Any:
         """sigma times the value."""
-        return self.sigma * self.value(z)
+        return sigma * median * _functions(z).exp(sigma * z)
 
     def score(self, x: ArrayLike) -> np.ndarray:
         """log(x/median)/sigma."""
@@ -392,9 +403,10 @@ class Uniform(_Prior):
         """low + (high − low) Φ(z)."""
         return low + (high - low) * _functions(z).ndtr(z)
 
-    def rate(self, z: ArrayLike) -> np.ndarray:
+    @staticmethod
+    def derivative(z: Any, low: Scalar, high: Scalar) -> Any:
         """(high − low) φ(z)."""
-        return (self.high - self.low) * _density(z)
+        return (high - low) * _density(z)
 
     def score(self, x: ArrayLike) -> np.ndarray:
         """Φ⁻¹((x − low)/(high − low))."""
@@ -433,9 +445,11 @@ class LogUniform(_Prior):
         f = _functions(z)
         return low * f.exp(f.log(high / low) * f.ndtr(z))
 
-    def rate(self, z: ArrayLike) -> np.ndarray:
+    @staticmethod
+    def derivative(z: Any, low: Scalar, high: Scalar) -> Any:
         """log(high/low) φ(z) times the value."""
-        return math.log(self.high / self.low) * _density(z) * self.value(z)
+        f = _functions(z)
+        return f.log(high / low) * _density(z) * low * f.exp(f.log(high / low) * f.ndtr(z))
 
     def score(self, x: ArrayLike) -> np.ndarray:
         """Φ⁻¹(log(x/low)/log(high/low))."""

@@ -20,8 +20,8 @@ from bayesdamp.interface.parts.programs import keep_programs
 from bayesdamp.interface.parts.result import Packed, Result
 from bayesdamp.interface.parts.table import Table, number
 from bayesdamp.interface.records.signal import Signal
-from bayesdamp.physics.integrate import simulate
 from bayesdamp.physics.oscillator import Oscillator
+from bayesdamp.physics.trajectories import simulate
 from bayesdamp.types import OK, Refusal
 
 if TYPE_CHECKING:

@@ -135,7 +135,7 @@ class Posterior(Result):
         import pandas as pd
 
         rows = {n: {**s, "unit": self.fit.units[n]} for n, s in self.summaries.items()}
-        if derived and self.names and not any(t.untraced for t in self.fit.oscillator.terms):
+        if derived and self.names:
             for name, values in self.derived.data_vars.items():
                 if np.all(np.isfinite(values.values)):
                     found = diagnostics.summarise(values.values, self.ensembles, self.effective)

@@ -16,8 +16,8 @@ from bayesdamp.inference.model.target import Target
 from bayesdamp.outcomes import Status
 from bayesdamp.types import Refusal, Seed
 
-COARSEST = 0.05
-"""Error of a motion in a search, in units of the noise's sd of the mean of all samples."""
+COARSEST = 1.0
+"""Largest error of a motion in a search, in standard errors of the mean of all samples."""
 MOST_LEFT = 1.5
 """What a mode may leave of a record, in standard deviations of that; a motion out of step leaves √2, and more
 is left where slow noise stands in for another zero."""

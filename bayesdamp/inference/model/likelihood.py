@@ -19,8 +19,9 @@ from bayesdamp.priors import log_prior_of, shared_precision
 if TYPE_CHECKING:
     from bayesdamp.inference.model.target import Target
 
-SMALL, WIDE = 1e-4, 1e-2
-"""Scores over which first and second differences by the noise's parameters are taken."""
+WIDE = 1e-2
+"""Scores over which second differences by the noise's parameters are taken."""
+HALF_LOG_2PI = 0.5 * float(np.log(2 * np.pi))
 
 
 @dataclass(frozen=True)
@@ -107,6 +108,22 @@ class Likelihood:
         """Return the same at many scores, (m, d): shape (m, n)."""
         return np.stack([self.residual(one) for one in z])
 
+    def _prior(self, z: np.ndarray) -> tuple[float, np.ndarray]:
+        """Return the log density of scores z, (d,), as `log_prior` does, and its gradient, (d,)."""
+        target, gradient = self.target, -z
+        shared = target.shared_places
+        if not shared.size:
+            return -0.5 * float(z @ z) - z.size * HALF_LOG_2PI, gradient
+        own = z[shared]
+        squares, scales = float(own @ own), np.asarray(self.scales)
+        each = -0.5 * squares / scales**2 - shared.size * np.log(scales)
+        top = each.max()
+        weights = np.exp(each - top)
+        total = weights.sum()
+        gradient[shared] *= (weights / scales**2).sum() / total
+        value = np.log(total / scales.size) + top - 0.5 * (float(z @ z) - squares) - z.size * HALF_LOG_2PI
+        return float(value), gradient
+
     def log_prior(self, z: np.ndarray) -> np.ndarray:
         """Return the log density of scores z, (..., d), shape (...); of reflected ones as if of either sign."""
         none = np.zeros(z.shape[-1], bool)
@@ -114,9 +131,8 @@ class Likelihood:
 
     def log_noise(self, residual: np.ndarray, z: np.ndarray) -> float:
         """Return the log density of residuals (n,) at scores z, (d,), in nats; −∞ where there is none."""
-        if not np.all(np.isfinite(residual)):
-            return -np.inf
-        found = float(self.target.noise_model.log_likelihood(residual, self.gaps, self._noise_values(z)))
+        with np.errstate(all="ignore"):  # scores far out, where a noise model may overflow
+            found = float(self.target.noise_model.log_likelihood(residual, self.gaps, self._noise_values(z)))
         return found if np.isfinite(found) else -np.inf
 
     def log_likelihood(self, z: np.ndarray) -> float:
@@ -129,11 +145,11 @@ class Likelihood:
 
     def log_posterior(self, z: np.ndarray) -> float:
         """Return log prior plus log likelihood at scores z, (d,); −∞ where the motion escapes."""
-        return self.log_likelihood(z) + float(self.log_prior(z))
+        return self.log_likelihood(z) + self._prior(z)[0]
 
     def log_posteriors(self, z: np.ndarray) -> np.ndarray:
         """Return the same at many scores, (m, d): shape (m,)."""
-        return self.log_likelihoods(z) + self.log_prior(z)
+        return np.array([self.log_posterior(one) for one in z])
 
     def line(self, z: np.ndarray) -> Line:
         """Return the motion's straight line at scores z, (d,)."""
@@ -147,16 +163,16 @@ class Likelihood:
 
     def log_posterior_along(self, line: Line, z: np.ndarray) -> float:
         """Return the log posterior at scores z, (d,), with the motion replaced by a straight line."""
-        return self.log_noise(self._moved(line, z).residual, z) + float(self.log_prior(z))
+        return self.log_noise(self._moved(line, z).residual, z) + self._prior(z)[0]
 
     def gradient_along(self, line: Line, z: np.ndarray) -> np.ndarray:
         """Return the gradient of the same, (d,)."""
         return self._gradient(self._moved(line, z), z)[1]
 
     def _moved(self, line: Line, z: np.ndarray) -> Line:
-        priors = list(self.target.priors.values())
-        at = np.array([float(priors[i].value(z[i])) for i in self.target.moving])
-        return replace(line, residual=line.residual - (at - line.at) @ line.slopes)
+        p = self.target.all_values(z)
+        away = np.array([p[n] for n in self._moving_names]) - line.at
+        return Line(line.residual - away @ line.slopes, line.slopes, line.at)
 
     def curvature(self, z: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
         """Return the log posterior at scores z, (d,), its gradient, (d,), and the Gauss–Newton information, (d, d)."""
@@ -167,7 +183,7 @@ class Likelihood:
             return value, gradient, information
         moving = self.target.moving
         noise = self.target.noise_model
-        tangents = self.rates(z)[moving, None] * line.slopes
+        tangents = self.target.rates(z)[moving, None] * line.slopes
         roots = noise.information_root(tangents, self.gaps, self._noise_values(z))
         information[np.ix_(moving, moving)] += roots @ roots.T
         still = self._still
@@ -184,10 +200,6 @@ class Likelihood:
         shift by it is worth half as many nats."""
         root = self.target.noise_model.information_root(change, self.gaps, self._noise_values(z))
         return float(np.sum(root**2))
-
-    def rates(self, z: np.ndarray) -> np.ndarray:
-        """Return by how much each inferred parameter changes with its score at z, both (d,)."""
-        return np.array([float(p.rate(z[i])) for i, p in enumerate(self.target.priors.values())])
 
     def log_likelihood_of(self, p: Mapping[str, float]) -> float:
         """Return the log density of the record at parameters by name; the prior has no say."""
@@ -208,14 +220,10 @@ class Likelihood:
         if not np.isfinite(value):
             return -np.inf, found
         found[self.target.moving] = -(slopes @ noise.slope(residual, self.gaps, p))
-        for i in self._still:
-            name = self.target.names[i]
-            step = SMALL * max(abs(p[name]), 1e-300)
-            up, down = (
-                float(noise.log_likelihood(residual, self.gaps, {**p, name: p[name] + s}))
-                for s in (step, -step)
-            )
-            found[i] = (up - down) / (2 * step)
+        if self._still.size:
+            by_name = noise.parameter_slopes(residual, self.gaps, p)
+            for i in self._still:
+                found[i] = by_name[self.target.names[i]]
         return value, found
 
     def _solved(self, p: Mapping[str, float]) -> tuple[np.ndarray, np.ndarray]:
@@ -232,13 +240,14 @@ class Likelihood:
         """Places, (s,), of the scores that are the noise's."""
         return np.setdiff1d(np.arange(len(self.target.names)), self.target.moving)
 
-    def _noise_values(self, z: np.ndarray) -> dict[str, float]:
+    @cached_property
+    def _noise_names(self) -> tuple[str, ...]:
         noise = self.target.noise_model
-        priors, names = self.target.priors, self.target.names
-        found = {
-            n: float(self.target.known[n]) for n in (*noise.parameters, *noise.constants) if n not in priors
-        }
-        return found | {names[i]: float(priors[names[i]].value(z[i])) for i in self._still}
+        return (*noise.parameters, *noise.constants)
+
+    def _noise_values(self, z: np.ndarray) -> dict[str, float]:
+        p = self.target.all_values(z)
+        return {n: p[n] for n in self._noise_names}
 
     def _prior_precision(self, z: np.ndarray) -> np.ndarray:
         """Return what each score is multiplied by to give minus the slope of its log prior, (d,).
@@ -252,19 +261,17 @@ class Likelihood:
         return found
 
     def _gradient(self, line: Line, z: np.ndarray) -> tuple[float, np.ndarray]:
-        value = self.log_noise(line.residual, z)
-        found = -self._prior_precision(z) * z
+        prior, found = self._prior(z)
+        value, noise = self.log_noise(line.residual, z), self.target.noise_model
         if not np.isfinite(value):
             return -np.inf, found
-        by_residual = self.target.noise_model.slope(line.residual, self.gaps, self._noise_values(z))
-        moving = self.target.moving
-        found[moving] -= self.rates(z)[moving] * (line.slopes @ by_residual)
-        for i in self._still:
-            step = np.zeros(z.size)
-            step[i] = SMALL
-            ahead, behind = (self.log_noise(line.residual, z + s) for s in (step, -step))
-            found[i] += (ahead - behind) / (2 * SMALL)
-        return value + float(self.log_prior(z)), found
+        p, rates, moving = self._noise_values(z), self.target.rates(z), self.target.moving
+        found[moving] -= rates[moving] * (line.slopes @ noise.slope(line.residual, self.gaps, p))
+        if self._still.size:
+            by_name = noise.parameter_slopes(line.residual, self.gaps, p)
+            for i in self._still:
+                found[i] += rates[i] * by_name[self.target.names[i]]
+        return value + prior, found
 
     def _noise_information(self, residual: np.ndarray, z: np.ndarray) -> np.ndarray:
         """Return minus the second derivatives by the noise's scores, (s, s), without negative curvature."""

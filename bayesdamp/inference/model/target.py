@@ -6,7 +6,7 @@ coefficients whose priors share an unknown scale (`SharedHalfNormal`).
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -74,6 +74,11 @@ class Target:
         return np.array([isinstance(p, SharedHalfNormal) for p in self.priors.values()], bool)
 
     @cached_property
+    def shared_places(self) -> np.ndarray:
+        """Places of these, (m,)."""
+        return np.flatnonzero(self.shared)
+
+    @cached_property
     def moving(self) -> np.ndarray:
         """Places, (k,), of the scores that move the motion; the others are the noise's."""
         return np.array([i for i, n in enumerate(self.priors) if n in self.oscillator.parameters], int)
@@ -97,10 +102,25 @@ class Target:
 
     def all_values(self, z: np.ndarray) -> dict[str, float]:
         """Return every parameter, known and inferred, at scores z, (d,)."""
-        return {
-            **{k: float(v) for k, v in self.known.items()},
-            **{k: float(v) for k, v in self.values(z).items()},
-        }
+        found = self._given.copy()
+        for (name, value, _, numbers), score in zip(self._maps, z.tolist(), strict=True):
+            found[name] = value(score, *numbers)
+        return found
+
+    def rates(self, z: np.ndarray) -> np.ndarray:
+        """Return by how much each inferred parameter changes with its score at z, both (d,)."""
+        both = zip(self._maps, z.tolist(), strict=True)
+        return np.array([rate(score, *numbers) for (_, _, rate, numbers), score in both], float)
+
+    @cached_property
+    def _given(self) -> dict[str, float]:
+        return {name: float(value) for name, value in self.known.items()}
+
+    @cached_property
+    def _maps(self) -> list[tuple[str, Callable[..., float], Callable[..., float], tuple[float, ...]]]:
+        """Of each inferred parameter its name, its value and derivative as functions of a score and the prior's numbers,
+        and these."""
+        return [(n, type(p).transform, type(p).derivative, p.numbers) for n, p in self.priors.items()]
 
     def likelihood(self, z: np.ndarray, tolerance: float, part: slice = slice(None)) -> Likelihood:
         """Return the log density near scores z, (d,), motions solved within `tolerance` (unit of the record).

@@ -66,6 +66,15 @@ class NoiseModel(ABC):
     def slope(self, r: np.ndarray, gaps: np.ndarray, p: Mapping[str, ArrayLike]) -> np.ndarray:
         """Return the derivative of the log likelihood by each residual, shape (..., n)."""
 
+    def parameter_slopes(self, r: np.ndarray, gaps: np.ndarray, p: Mapping[str, float]) -> dict[str, float]:
+        """Return the derivatives of the log likelihood of residuals (n,) by the parameters, by central differences."""
+        found = {}
+        for name in self.parameters:
+            step = DIFFERENCE * abs(p[name])
+            above, below = (self.log_likelihood(r, gaps, {**p, name: p[name] + s}) for s in (step, -step))
+            found[name] = float(above - below) / (2 * step)
+        return found
+
     @abstractmethod
     def information_root(self, v: np.ndarray, gaps: np.ndarray, p: Mapping[str, ArrayLike]) -> np.ndarray:
         """Return R v, shape (..., n), where RᵀR is the Fisher information about a shift of the record by v."""

@@ -22,6 +22,16 @@ class Gaussian(IndependentNoise):
         """Return log N(r; 0, σ²)."""
         return -0.5 * np.square(r / p["noise_sd"]) - (np.log(p["noise_sd"]) + 0.5 * LOG_2PI)
 
+    def log_likelihood(self, r: np.ndarray, gaps: np.ndarray, p: Mapping[str, ArrayLike]) -> np.ndarray:
+        """Return −Σ r²/(2σ²) − n log(√(2π) σ)."""
+        sd, squares = np.asarray(p["noise_sd"], float), np.einsum("...i,...i", r, r)
+        return -0.5 * squares / sd**2 - r.shape[-1] * (np.log(sd) + 0.5 * LOG_2PI)
+
+    def parameter_slopes(self, r: np.ndarray, gaps: np.ndarray, p: Mapping[str, float]) -> dict[str, float]:
+        """Return Σ r²/σ³ − n/σ."""
+        sd = p["noise_sd"]
+        return {"noise_sd": float(r @ r) / sd**3 - r.size / sd}
+
     def slope(self, r: np.ndarray, gaps: np.ndarray, p: Mapping[str, ArrayLike]) -> np.ndarray:
         """Return −r/σ²."""
         return -r / by_sample(p)["noise_sd"] ** 2
