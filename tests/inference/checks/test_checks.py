@@ -19,8 +19,8 @@ from bayesdamp.inference.checks.checks import (
 from bayesdamp.inference.fit.mode import whitening
 from bayesdamp.inference.fit.search import find_mode
 from bayesdamp.inference.model.target import Target
-from bayesdamp.physics.integrate import simulate
 from bayesdamp.physics.oscillator import Oscillator
+from bayesdamp.physics.trajectories import simulate
 from bayesdamp.priors import HalfNormal, LogNormal, Normal
 from bayesdamp.types import Refusal, Seed, Signal
 

@@ -200,8 +200,7 @@ def test_what_changes_may_grow_or_shrink(form: int) -> None:
     absorbed = orthonormal(tangents(made, mode).T)
     noise = np.random.default_rng(16).standard_normal(TIMES.size)
     both = [
-        other_form(mode, sign * noise, absorbed, lambda change: change / NOISE).rivals
-        for sign in (1, -1)
+        other_form(mode, sign * noise, absorbed, lambda change: change / NOISE).rivals for sign in (1, -1)
     ]
     one, mirrored = ({r.words: r.log_bayes for r in found}[FORMS[form].words] for found in both)
     assert (abs(one - mirrored) < 1e-9) == ("depends" in FORMS[form].words or "changes" in FORMS[form].words)

@@ -133,6 +133,7 @@ def test_the_ridge_of_a_product_and_a_square_is_found(banana) -> None:
 
 def test_a_straight_ridge_is_left_alone(banana) -> None:
     target, mode = banana
+
     def flat(z: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         return -0.5 * z @ mode.information @ z, -mode.information @ z, mode.information
 

@@ -10,6 +10,7 @@ from bayesdamp.inference.fit.mode import whitening
 from bayesdamp.types import Refusal
 from tests.inference import problems
 
+
 def test_cut_off_normal_against_rejection():
     """2 × 4,000 draws: errors of 0.02 sd; 0.1 sd is five."""
     mean, root = np.array([-0.4, 0.6]), np.array([[1.0, 0.0], [-0.8, 0.6]])

@@ -39,9 +39,7 @@ def test_the_two_likelihoods_agree():
         p = target.all_values(mode.z)
         square = squares(CASES[case][1], *(np.array([p.get(n, 0.0)]) for n in ("zeta", "mu_c")))
         ours = mode.likelihood.log_likelihood(mode.z)
-        assert ours == pytest.approx(
-            log_density(square, p.get("noise_sd", KNOWN["noise_sd"]))[0], abs=0.01
-        )
+        assert ours == pytest.approx(log_density(square, p.get("noise_sd", KNOWN["noise_sd"]))[0], abs=0.01)
 
 
 @pytest.mark.parametrize("case", CASES)

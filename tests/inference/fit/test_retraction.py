@@ -10,9 +10,9 @@ from bayesdamp.inference.fit.maximise import maximise_posterior
 from bayesdamp.inference.fit.retraction import retraction, straight_on
 from bayesdamp.inference.fit.search import find_mode
 from bayesdamp.inference.model.target import Target
-from bayesdamp.physics.integrate import simulate
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.physics.restoring import LAWS
+from bayesdamp.physics.trajectories import simulate
 from bayesdamp.priors import HalfNormal, LogNormal, Normal
 from bayesdamp.types import Seed, Signal
 

@@ -73,7 +73,7 @@ def test_slopes_in_natural_units_are_those_of_differences(noise):
     """By every inferred parameter; without the prior's. The control: with it they are others."""
     target, z = case(noise)
     likelihood, p = target.likelihood(z, 1e-9), target.all_values(z)
-    p["stiffness"] *= 1.001
+    p["theta0"] *= 1.002
     value, slopes = likelihood.slopes_of(p)
     assert value == likelihood.log_likelihood_of(p)
     differences = []
@@ -83,9 +83,11 @@ def test_slopes_in_natural_units_are_those_of_differences(noise):
         differences.append((up - down) / (2 * h))
     np.testing.assert_allclose(slopes, differences, rtol=1e-3, atol=1e-4 * np.max(np.abs(differences)))
     there = target.scores(p)
-    by_score = likelihood.gradient(there)[1] / likelihood.rates(there)
-    assert not np.allclose(by_score, slopes, rtol=1e-6)
-    np.testing.assert_allclose((likelihood.gradient(there)[1] + there) / likelihood.rates(there), slopes, rtol=1e-4, atol=1e-5 * np.max(np.abs(slopes)))
+    rates = np.array([float(p.rate(x)) for p, x in zip(target.priors.values(), there, strict=True)])
+    by_score = likelihood.gradient(there)[1]
+    assert not np.allclose(by_score / rates, slopes, rtol=1e-6)
+    by_data = (by_score + there) / rates
+    np.testing.assert_allclose(by_data, slopes, rtol=1e-4, atol=1e-5 * np.max(np.abs(slopes)))
 
 
 def test_information_is_the_curvature_at_the_mode():
@@ -107,7 +109,9 @@ def test_linearised_posterior_touches_the_exact_one():
     mode = problems.mode("viscous_coulomb")
     likelihood = mode.likelihood
     line = likelihood.line(mode.z)
-    assert likelihood.log_posterior_along(line, mode.z) == pytest.approx(likelihood.log_posterior(mode.z), abs=1e-9)
+    assert likelihood.log_posterior_along(line, mode.z) == pytest.approx(
+        likelihood.log_posterior(mode.z), abs=1e-9
+    )
     slope, gradient = likelihood.gradient_along(line, mode.z), likelihood.gradient(mode.z)[1]
     np.testing.assert_allclose(slope, gradient, atol=1e-4)
     far = mode.z + mode.factor @ np.full(mode.z.size, 30.0)
@@ -116,7 +120,8 @@ def test_linearised_posterior_touches_the_exact_one():
     # Off the mode the gradient along the line is that of the density along it.
     near = mode.z + mode.factor @ np.linspace(-1.0, 1.0, mode.z.size)
     differences = [
-        (likelihood.log_posterior_along(line, near + s) - likelihood.log_posterior_along(line, near - s)) / 2e-5
+        (likelihood.log_posterior_along(line, near + s) - likelihood.log_posterior_along(line, near - s))
+        / 2e-5
         for s in 1e-5 * np.eye(mode.z.size)
     ]
     np.testing.assert_allclose(likelihood.gradient_along(line, near), differences, rtol=1e-5, atol=1e-3)
@@ -162,12 +167,19 @@ def test_a_part_of_the_record():
     target, mode = problems.target("viscous_coulomb"), problems.mode("viscous_coulomb")
     whole, half = mode.likelihood, target.signal.t.size // 2
     parts = [whole.of(slice(0, half)), whole.of(slice(half, None))]
-    np.testing.assert_array_equal(np.concatenate([p.residual(mode.z) for p in parts]), whole.residual(mode.z))
-    assert sum(p.log_likelihood(mode.z) for p in parts) == pytest.approx(whole.log_likelihood(mode.z), rel=1e-12)
+    residuals = np.concatenate([p.residual(mode.z) for p in parts])
+    np.testing.assert_allclose(residuals, whole.residual(mode.z), atol=1e-6)
+    assert sum(p.log_likelihood(mode.z) for p in parts) == pytest.approx(
+        whole.log_likelihood(mode.z), abs=BUDGET
+    )
     gradient = sum(p.gradient(mode.z)[1] for p in parts)
-    np.testing.assert_allclose(gradient + mode.z, whole.gradient(mode.z)[1], atol=1e-6)
+    np.testing.assert_allclose(
+        mode.factor.T @ (gradient + mode.z - whole.gradient(mode.z)[1]), 0.0, atol=BUDGET
+    )
     correlated = problems.mode("coulomb_correlated")
-    both = [correlated.likelihood.of(s).log_likelihood(correlated.z) for s in (slice(0, half), slice(half, None))]
+    both = [
+        correlated.likelihood.of(s).log_likelihood(correlated.z) for s in (slice(0, half), slice(half, None))
+    ]
     assert abs(sum(both) - correlated.likelihood.log_likelihood(correlated.z)) > 1e-3  # control
 
 

@@ -15,8 +15,8 @@ from bayesdamp.inference.model.defaults import Reference
 from bayesdamp.inference.model.target import Target
 from bayesdamp.inference.samplers import SAMPLERS, Settings
 from bayesdamp.inference.samplers.kalman import natural
-from bayesdamp.physics.integrate import simulate
 from bayesdamp.physics.oscillator import Oscillator
+from bayesdamp.physics.trajectories import simulate
 from bayesdamp.priors import HalfNormal, LogNormal
 from bayesdamp.records.oscillation.features import features
 from bayesdamp.types import Posterior, Refusal, Seed, Signal, System

@@ -125,9 +125,7 @@ def test_a_step_is_as_long_as_it_may_be():
     the estimate has an error of 5 %."""
     target, mode = problems.target("viscous_coulomb"), problems.mode("viscous_coulomb")
     at, settings = whitening_of(target, mode), Settings(chains=4, warmup=100, draws=1000, seed=2)
-    whole, half = (
-        Nuts().attempt(mode, at, settings, shorter=share).posterior(mode) for share in (1.0, 0.5)
-    )
+    whole, half = (Nuts().attempt(mode, at, settings, shorter=share).posterior(mode) for share in (1.0, 0.5))
     assert np.mean(whole.stats["n_steps"]) < min(4.0, 0.6 * np.mean(half.stats["n_steps"]))
     for name, found in whole.summary.items():
         assert found["ess_bulk"] > 0.8 * half.summary[name]["ess_bulk"]
