@@ -10,9 +10,6 @@ class CubicDrag(DampingTerm):
     parameter = "drag3"
     unit = "s/rad²"
 
-    def shape(self, velocity, epsilon):
-        return 1.0 * velocity**3
-
     @staticmethod
     def kernel(x, velocity, epsilon):
         return 1.0 * velocity**3

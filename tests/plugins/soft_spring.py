@@ -3,7 +3,6 @@
 import math
 
 import numpy as np
-from jax import numpy as jnp
 
 from bayesdamp.physics.restoring import LinearForm, RestoringLaw
 
@@ -14,9 +13,6 @@ class SoftSpring(RestoringLaw):
     name = "soft_spring"
     parameters = ("stiffness", "rest_angle")
     translates = True
-
-    def force(self, theta, p):
-        return p["stiffness"] * jnp.tanh(jnp.asarray(theta) - p["rest_angle"])
 
     @staticmethod
     def kernel(x, p):
