@@ -171,10 +171,10 @@ class Density(Shown):
         """Of many, (m,); −∞ outside the prior's support."""
         inside = np.isfinite(self._log_priors(x))
         of = self._likelihood
-        found = [
-            of.log_likelihood_of(self._parameters(row)) if there else -np.inf for row, there in zip(x, inside)
-        ]
-        return np.array(found)
+        pairs = zip(x, inside, strict=True)
+        return np.array(
+            [of.log_likelihood_of(self._parameters(row)) if there else -np.inf for row, there in pairs]
+        )
 
     def _table(self) -> Table:
         rows = [

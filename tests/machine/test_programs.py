@@ -15,14 +15,8 @@ import pytest
 from jax import numpy as jnp
 
 from bayesdamp import plugins
-from bayesdamp.inference.model.compiled import compiled
-from bayesdamp.inference.model.target import Target
 from bayesdamp.machine import programs
 from bayesdamp.machine.programs import Program, keep_in
-from bayesdamp.physics.integrate import make_plan
-from bayesdamp.physics.oscillator import Oscillator
-from bayesdamp.priors import HalfNormal, LogNormal
-from bayesdamp.types import Signal
 
 X = np.linspace(0.0, 1.0, 7)
 
@@ -102,30 +96,6 @@ def test_a_folder_that_cannot_be_written_is_no_fault(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     keep_in(tmp_path / "file" / "below")
     np.testing.assert_array_equal(Program(jnp.sin, "wave")(X), jnp.sin(X))
-
-
-def test_layouts_that_differ_in_a_prior_alone_do_not_share(kept: Path) -> None:
-    """The posterior of one record under two kinds of prior, each as it is without anything kept."""
-    t = np.linspace(0.0, 3.0, 40)
-    osc, known = Oscillator(("viscous",), "linear"), {"stiffness": 20.0, "rest_angle": 0.0, "omega0": 0.0}
-    values = {**known, "zeta": 0.1, "theta0": 0.3}
-    signal = Signal(t, np.exp(-0.1 * t) * 0.3 * np.cos(np.sqrt(20.0) * t), "angle")
-    plan = make_plan(osc, values, t)
-
-    def density() -> list[float]:
-        found = []
-        for prior in (HalfNormal(scale=0.2), LogNormal(median=0.2, sigma=1.0)):
-            target = Target(
-                signal, osc, "gaussian", {"zeta": prior}, {**known, "theta0": 0.3, "noise_sd": 0.01}
-            )
-            compiled.cache_clear()
-            found.append(float(compiled(target.layout).batch(target.context(plan), np.array([[0.5]] * 3))[0]))
-        return found
-
-    first, second = density(), density()
-    keep_in(None)
-    assert density() == first == second
-    assert first[0] != first[1]
 
 
 ONE = """

@@ -28,8 +28,8 @@ def numpyro_model(
 ) -> Model:
     """A NumPyro model of parameters with these priors and this log likelihood.
 
-    value_and_slopes: of the log likelihood at parameters, (d,), in the order of priors. centre, covariance: of the parameters' scores,
-    (d,) and (d, d), by which what is sampled is whitened.
+    value_and_slopes: of the log likelihood at parameters, (d,), in the order of priors. centre, covariance: of the
+    parameters' scores, (d,) and (d, d), by which what is sampled is whitened.
     """
     names = list(priors)
     density = _traced(value_and_slopes, len(names))
@@ -78,11 +78,15 @@ def _traced(
     def both(x: Array) -> Any:
         return jax.pure_callback(computed, shapes, x, vmap_method="sequential")
 
-    @jax.custom_vjp
+    @jax.custom_jvp
     def density(x: Array) -> Array:
         return both(x)[0]
 
-    density.defvjp(both, lambda slopes, factor: (factor * slopes,))
+    def along(at: tuple[Array], direction: tuple[Array]) -> tuple[Array, Array]:
+        value, slopes = both(*at)
+        return value, slopes @ direction[0]
+
+    density.defjvp(along)
     return density
 
 
