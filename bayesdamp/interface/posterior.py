@@ -98,7 +98,7 @@ class Posterior(Result):
         """What follows from the draws (chain, draw): natural frequency, damping ratio, half-life and others, with their
         units and definitions as attributes; the reference amplitude is that of the priors. They are of the laws alone;
         where these hold approximately, `damping_ratio` has what the deviations make of them. Raises Refusal without
-        draws, and for a term whose force JAX cannot trace.
+        draws.
         """
         import xarray as xr
 
