@@ -217,9 +217,7 @@ def test_force_of_every_sum(model):
         if n in osc.parameters
     }
     expected = [drag(p)(float(v), 0.0) for v in GRID]
-    np.testing.assert_allclose(
-        osc.damping_force(np.zeros(GRID.size), GRID, p), expected, atol=1e-12
-    )
+    np.testing.assert_allclose(osc.damping_force(np.zeros(GRID.size), GRID, p), expected, atol=1e-12)
 
 
 def test_names_of_models():
