@@ -1,7 +1,7 @@
 """Where an undamped motion stands still: the stable equilibria of a restoring force.
 
-One from its values (`rest_near`: a bracket, then Brent's method), or from a place that is about right by Newton's method
-(`newton`, and `newton_many` for arrays).
+Found from the force's values (`rest_near`: a bracket, then Brent's method), or from a place that is about right by
+Newton's method (`newton`, and `newton_many` for arrays).
 """
 
 from __future__ import annotations

@@ -173,7 +173,7 @@ def test_bridge_distrusts_halves_that_disagree():
 def test_negative_control_no_mirror_images(case):
     """A proposal on one side of an unfolded score: log 2 a coefficient is lost where all are far from zero, unseen
     by the weights; near zero what is lost is some part of it."""
-    target, mode = problem(case)
+    _target, mode = problem(case)
     proposal = ReflectedT(mode.z, mode.factor, np.zeros(mode.z.size, bool))
     z = proposal.draw(np.random.default_rng(1), 4000)
     weights = mode.likelihood.log_posteriors(z) - proposal.log_density(z)
@@ -186,7 +186,7 @@ def test_negative_control_no_mirror_images(case):
 @pytest.mark.parametrize("case", ["one far", "one touching"])
 def test_negative_control_a_bridge_that_forgets_the_fold(case):
     """Draws on one side and the unfolded density: log 2 is lost, and no diagnostic of the bridge sees it."""
-    target, mode = problem(case)
+    _target, mode = problem(case)
     z = exact_draws(case, 1).z
     proposal = fitted(z.reshape(-1, 1), np.zeros(1, bool))
     there = proposal.draw(np.random.default_rng(1), 2000)

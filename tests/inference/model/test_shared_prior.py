@@ -110,7 +110,7 @@ def test_the_prior_of_the_scores_is_that_of_the_parameters(damping, size) -> Non
 @pytest.mark.parametrize("damping", [("viscous",), ("viscous", "coulomb")], ids="+".join)
 @pytest.mark.parametrize("size", [1e-3, 1.0])
 def test_the_curvature_of_the_prior(damping, size) -> None:
-    """It is that of a parabola which touches the log prior from below. The control: a flatter one does not stay there."""
+    """It is that of a parabola that touches the log prior from below. Control: a flatter one does not stay there."""
     one = target(*damping)
     z = scores(one, 2, size)
     likelihood = one.likelihood(z, 1e-5)

@@ -162,8 +162,8 @@ def test_motions_three_sds_away():
 
 
 def test_a_part_of_the_record():
-    """Its samples alone count, in the noise too; the motion starts at the record's first. Of independent noise two parts
-    make up the whole."""
+    """Its samples alone count, in the noise too; the motion starts at the record's first. Of independent noise two
+    parts make up the whole."""
     target, mode = problems.target("viscous_coulomb"), problems.mode("viscous_coulomb")
     whole, half = mode.likelihood, target.signal.t.size // 2
     parts = [whole.of(slice(0, half)), whole.of(slice(half, None))]

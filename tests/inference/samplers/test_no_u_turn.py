@@ -105,8 +105,8 @@ def test_a_correlated_normal() -> None:
 
 @pytest.mark.parametrize("force", [1.0, 0.7])
 def test_a_normal_between_two_walls(force: float) -> None:
-    """By rejection; also where the force is not the density's own. The controls: moments of the whole normal are others,
-    and so are those of draws to which the walls are nothing."""
+    """By rejection; also where the force is not the density's own. The controls: moments of the whole normal are
+    others, and so are those of draws to which the walls are nothing."""
     mean, square, errors = by_rejection()
     u, *_ = within(force)
     assert np.all(u @ TWO[0].T + TWO[1] > -1e-12)
