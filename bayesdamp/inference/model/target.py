@@ -118,7 +118,7 @@ class Target:
 
     @cached_property
     def _maps(self) -> list[tuple[str, Callable[..., float], Callable[..., float], tuple[float, ...]]]:
-        """Name of each inferred parameter, its value and derivative as functions of a score and the prior's numbers, and
+        """Each parameter's name, its value and derivative as functions of a score and the prior's numbers, and
         these numbers."""
         return [(n, type(p).transform, type(p).derivative, p.numbers) for n, p in self.priors.items()]
 
