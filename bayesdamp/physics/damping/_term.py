@@ -17,10 +17,10 @@ from bayesdamp.types import Symbol
 
 NODES = 48
 """Of Gauss and Legendre's rule in a quarter of a cycle."""
-STEEP = 40.0
-"""Widths of a switch behind which it is 1 to the last digit."""
 SHARP = 1e-9
 """Width in peak velocities within which a switching force turns over where its own limit is meant."""
+EXACT, TINY = 1e-8, 1e-100
+"""Width over the velocity at which a force has turned over to rounding, and the velocity (rad/s) that stands for 0."""
 REFLECTED_MEDIAN = 0.6745
 """Score of the median of a folded normal."""
 GIVEN = ("rest", "reference_velocity", "reference_amplitude")
@@ -56,6 +56,9 @@ class DampingTerm(ABC):
     """The force as a report shows it."""
     switches: bool = False
     """Whether the shape jumps with the sign of the velocity within the width ε."""
+    rounded: bool = False
+    """Whether ε rounds off a shape that is steep at rest, instead of a jump. Where ε is 0 the kernel still rounds it off,
+    within a small share of the peak velocity."""
     inferred: tuple[FreeParameter, ...] = ()
     """Parameters beside the coefficient, in the kernel's order."""
     given: tuple[str, ...] = ()
@@ -100,7 +103,7 @@ class DampingTerm(ABC):
         further: values of what `further` names. With ε = 0 what switches does so at once, and is 0 at rest.
         """
         v = np.asarray(v, float)
-        sharp = np.where(v == 0.0, 1.0, np.abs(v) / STEEP)
+        sharp = np.where(v == 0.0, 1.0, EXACT * np.abs(v))
         width = np.where(np.asarray(epsilon) == 0.0, sharp, epsilon)
         values = (np.asarray(one, float) for one in further)
         return on_arrays(self.kernel)(np.asarray(x, float), v, width, *values)
@@ -129,9 +132,14 @@ class DampingTerm(ABC):
         return float(amplitude * total)
 
     def at(self, further: Mapping[str, float]) -> Callable[[float, float, float], float]:
-        """The shape of (x, v, ε) at values of the further parameters, by name."""
+        """Return the shape as a function of (x, v, ε) at values of the further parameters, by name; ε = 0 is the sign."""
         kernel, values = self.kernel, [further[n] for n in self.further]
-        return lambda x, v, epsilon: kernel(x, v, epsilon, *values)
+
+        def force(x: float, v: float, epsilon: float) -> float:
+            v = v or TINY
+            return kernel(x, v, epsilon or EXACT * abs(v), *values)
+
+        return force
 
 
 def median(prior: Prior) -> float:
