@@ -8,6 +8,7 @@ further ado.
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Callable, Mapping, Sequence
 from functools import cache
 from types import SimpleNamespace
@@ -26,7 +27,6 @@ from pydantic import (
     model_validator,
 )
 
-from bayesdamp.numerics.lazily import jnp, traced
 from bayesdamp.types import InputError
 
 if TYPE_CHECKING:
@@ -41,11 +41,17 @@ _NUMBER = SimpleNamespace(exp=math.exp, log=math.log, ndtr=lambda z: 0.5 * math.
 def _functions(z: Any) -> SimpleNamespace:
     if isinstance(z, float):
         return _NUMBER
-    return _traced() if traced(z) else _HOST
+    return _traced() if _is_traced(z) else _HOST
+
+
+def _is_traced(value: object) -> bool:
+    """Whether a value is an array of JAX, which NumPyro's models have; loads nothing."""
+    return "jax" in sys.modules and isinstance(value, sys.modules["jax"].Array)
 
 
 @cache
 def _traced() -> SimpleNamespace:
+    from jax import numpy as jnp
     from jax.scipy.special import ndtr
 
     return SimpleNamespace(exp=jnp.exp, log=jnp.log, ndtr=ndtr)
@@ -281,7 +287,7 @@ def shared_precision(squares: Any, count: Any, scales: Any = SHARED_SIGMAS) -> A
 
 
 def _over_scales(squares: Any, count: Any, scales: Any) -> tuple[Any, Any]:
-    np_: Any = jnp if traced(squares) else np
+    np_: Any = sys.modules["jax"].numpy if _is_traced(squares) else np
     scales = np_.asarray(scales)
     each = -0.5 * np_.asarray(squares)[..., None] / scales**2 - count * np_.log(scales)
     top = each.max(axis=-1, keepdims=True)

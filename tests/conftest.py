@@ -15,12 +15,6 @@ MUCH = 2 * 2**30
 hold to a machine of 8 GiB then."""
 
 
-@pytest.fixture(autouse=True)
-def _nothing_is_kept(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A run inside a test's own process leaves no traced programs: they may be of code that a test has replaced."""
-    monkeypatch.setattr("bayesdamp.pipeline.workers.keep_in", lambda _: None)
-
-
 @pytest.fixture(autouse=True, scope="module")
 def _memory_is_given_back() -> Iterator[None]:
     yield

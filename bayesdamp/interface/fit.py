@@ -23,7 +23,6 @@ from bayesdamp.interface.fitting.specification import GAUSSIAN
 from bayesdamp.interface.model import Model
 from bayesdamp.interface.parts import axes as drawing
 from bayesdamp.interface.parts.definitions import units_of
-from bayesdamp.interface.parts.programs import keep_programs
 from bayesdamp.interface.parts.result import Packed, Result
 from bayesdamp.interface.parts.table import Table, number, said
 from bayesdamp.interface.prediction import Prediction, anywhere, asked_motion, within_record
@@ -347,7 +346,6 @@ def fit(
     own = checked(signal, model)
     if model.approximate and start is not None:
         raise InputError(f"fit: start is of no use under deviation {model.deviation!r}; leave it out")
-    keep_programs()
     try:
         case = Case.with_noise(own, model)
         if model.approximate:

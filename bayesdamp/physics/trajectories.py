@@ -14,13 +14,14 @@ from bayesdamp.physics.rest import by_kernel, newton, rest_near
 
 STEPS_PER_CYCLE = 25.0
 """Steps whose errors add up in a cycle (measured at the default tolerance of `Solver.solve`)."""
-LOST = 7.0
-"""Factor by which the dense output loses accuracy with each derivative (measured on the laws that ship)."""
-COARSEST, FINEST = 1e-6, 1e-14
+LOST = 15.0
+"""Factor by which the dense output loses accuracy with each derivative (measured on the laws that ship: 4 to 13)."""
+COARSEST, FINEST = 1e-6, 1e-13
 """Largest and smallest error of a step, as a share of the amplitude: beyond the largest, the error no longer follows
 the tolerance; the smallest is that of rounding."""
-CHANGE = 1e-5
-"""Relative change of a parameter in a central difference, whose error is its square."""
+CHANGE, OF_A_RECORD = 1e-5, 1e-3
+"""Relative change of a parameter in a central difference, whose error is its square: of a force, and of a record, which
+follows its parameters smoothly within the tolerance alone."""
 
 
 class Trajectories:
@@ -40,7 +41,7 @@ class Trajectories:
     reference : mapping of str to float
         Every parameter but the damping coefficients, roughly; they set the scales of amplitude and frequency.
     tolerance : float, optional
-        Largest error of a record in its own unit, at the reference. By default the solver's own.
+        Largest error of a record in its own unit, at the reference; 0 for the least. By default the solver's own.
 
     Raises
     ------
@@ -57,6 +58,7 @@ class Trajectories:
         tolerance: float | None = None,
     ) -> None:
         self.osc = osc
+        self._rests = "rest" in osc.scales
         t = np.asarray(times, float) - float(times[0])
         self._count = t.size
         solver = Solver(osc.damping, osc.restoring, t, quantity, 1.0, 1.0, 1.0, t[[0, -1]])
@@ -88,7 +90,7 @@ class Trajectories:
         if motion is None:
             return np.full(self._count, np.nan), np.full((len(names), self._count), np.nan)
         slopes = np.zeros((len(names), self._count))
-        of_rest = self._slopes_of_rest(p) if "rest" in self.osc.scales else {}
+        of_rest = self._slopes_of_rest(p) if self._rests else {}
         for row, name in zip(slopes, names, strict=True):
             if name == "epsilon":
                 row += self._by_epsilon(p)
@@ -126,7 +128,7 @@ class Trajectories:
         self, p: Mapping[str, float], epsilon: float, tangents: int, solver: Solver | None = None
     ) -> Motion | None:
         values = {**self._given, **p}
-        if "rest" in self.osc.scales:
+        if self._rests:
             rest = self._rest(p)
             if rest is None:
                 return None
@@ -148,9 +150,9 @@ class Trajectories:
     def _by_epsilon(self, p: Mapping[str, float]) -> np.ndarray:
         """Return the derivative of the samples by the width of friction's switch, (n,)."""
         epsilon = self._epsilon(p)
-        ends = [self._solved(p, epsilon * (1.0 + sign * CHANGE), NONE) for sign in (1.0, -1.0)]
+        ends = [self._solved(p, epsilon * (1.0 + sign * OF_A_RECORD), NONE) for sign in (1.0, -1.0)]
         up, down = (np.full(self._count, np.nan) if m is None else m.y[: self._count] for m in ends)
-        return (up - down) / (2.0 * CHANGE * epsilon)
+        return (up - down) / (2.0 * OF_A_RECORD * epsilon)
 
     def _rest(self, p: Mapping[str, float]) -> float | None:
         """Return the equilibrium of the restoring law at p; None where there is none nearby."""
@@ -204,3 +206,23 @@ def _slope(function: Callable[[float], float], x: float) -> float:
     """Return the derivative of a smooth function at x, by a central difference."""
     h = CHANGE * max(1.0, abs(x))
     return (function(x + h) - function(x - h)) / (2.0 * h)
+
+
+def simulate(
+    osc: Oscillator,
+    p: Mapping[str, float],
+    times: np.ndarray,
+    quantity: str = "angle",
+    tolerance: float = 1e-9,
+) -> np.ndarray:
+    """Return the oscillator's record at times (s, shape (n,)), started with theta0, omega0 at times[0]; nan where it
+    escapes.
+
+    Raises ValueError where a parameter is missing or the quantity unknown.
+    """
+    missing = [name for name in osc.parameters if name not in p]
+    if missing:
+        raise ValueError(f"parameter {missing[0]!r} is missing; needed are {', '.join(osc.parameters)}")
+    if quantity not in QUANTITIES:
+        raise ValueError(f"quantity {quantity!r} is none of {', '.join(QUANTITIES)}")
+    return Trajectories(osc, times, quantity, p, tolerance).record(p)

@@ -7,13 +7,13 @@ from functools import lru_cache
 
 import numpy as np
 import pytest
+from bayesdamp.inference.model.density import moving_scores
 
 from bayesdamp.inference.evidence import EVIDENCES
 from bayesdamp.inference.evidence.methods import nested
 from bayesdamp.inference.fit import maximise, search
 from bayesdamp.inference.fit.mode import Mode
 from bayesdamp.inference.fit.search import find_mode
-from bayesdamp.inference.model.density import moving_scores
 from bayesdamp.inference.model.target import Target
 from bayesdamp.types import Seed
 from tests.benchmarks import test_sampler

@@ -10,11 +10,11 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from bayesdamp.inference.model.density import log_posterior
+from bayesdamp.inference.model.residuals import residual
 from scipy.integrate import odeint, solve_ivp
 
 from bayesdamp.inference.fit.mode import plans
-from bayesdamp.inference.model.density import log_posterior
-from bayesdamp.inference.model.residuals import residual
 from bayesdamp.inference.model.target import Target
 from bayesdamp.physics.damping import TERMS
 from bayesdamp.physics.oscillator import Oscillator

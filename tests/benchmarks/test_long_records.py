@@ -10,17 +10,17 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from bayesdamp.inference.model.compiled import compiled
+from bayesdamp.inference.model.density import log_posterior
+from bayesdamp.inference.model.gradient import value_and_gradient
+from bayesdamp.physics.integrate import simulate
+from bayesdamp.physics.solver.steps import MeshPlan
 from scipy.signal import lfilter
 
 from bayesdamp.inference.fit.mode import Mode
 from bayesdamp.inference.fit.search import find_mode
-from bayesdamp.inference.model.compiled import compiled
-from bayesdamp.inference.model.density import log_posterior
-from bayesdamp.inference.model.gradient import value_and_gradient
 from bayesdamp.inference.model.target import Layout, Target
-from bayesdamp.physics.integrate import simulate
 from bayesdamp.physics.oscillator import Oscillator
-from bayesdamp.physics.solver.steps import MeshPlan
 from bayesdamp.priors import HalfNormal, LogNormal, Normal, Prior
 from bayesdamp.types import Seed, Signal
 from tests.benchmarks.ledger import ratio

@@ -12,6 +12,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from bayesdamp.inference.model.density import log_likelihood
+from bayesdamp.inference.model.gradient import value_and_gradient
 from scipy.integrate import odeint
 
 from bayesdamp.inference.checks.convergence import ess_bulk, ess_tail
@@ -19,8 +21,6 @@ from bayesdamp.inference.evidence import EVIDENCES
 from bayesdamp.inference.evidence.methods.nested import scores
 from bayesdamp.inference.fit.mode import Mode
 from bayesdamp.inference.fit.search import find_mode
-from bayesdamp.inference.model.density import log_likelihood
-from bayesdamp.inference.model.gradient import value_and_gradient
 from bayesdamp.inference.model.target import Target
 from bayesdamp.inference.samplers import SAMPLERS, Settings
 from bayesdamp.types import Seed

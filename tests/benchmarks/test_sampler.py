@@ -12,6 +12,9 @@ import emcee
 import jax
 import jax.numpy as jnp
 import numpy as np
+from bayesdamp.inference.model.density import log_posterior
+from bayesdamp.inference.samplers._many import sample_many
+from bayesdamp.physics.integrate import simulate
 from numpyro.infer import MCMC, NUTS
 from scipy.integrate import odeint
 
@@ -19,11 +22,8 @@ from bayesdamp.inference.checks import diagnostics
 from bayesdamp.inference.checks.convergence import ess_bulk
 from bayesdamp.inference.fit.laplace import value_sds
 from bayesdamp.inference.fit.search import find_mode
-from bayesdamp.inference.model.density import log_posterior
 from bayesdamp.inference.model.target import Target
 from bayesdamp.inference.samplers import SAMPLERS, Settings
-from bayesdamp.inference.samplers._many import sample_many
-from bayesdamp.physics.integrate import simulate
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.priors import HalfNormal, LogNormal, Normal
 from bayesdamp.types import Seed, Signal

@@ -9,12 +9,12 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from bayesdamp.physics.integrate import make_plan
+from bayesdamp.physics.solver.plan import compiled_record
 from scipy.integrate import odeint
 
 from bayesdamp.physics.damping import TERMS
-from bayesdamp.physics.integrate import make_plan
 from bayesdamp.physics.oscillator import Oscillator
-from bayesdamp.physics.solver.plan import compiled_record
 from tests.benchmarks.ledger import ratio
 from tests.benchmarks.timing import in_turns, table
 from tests.physics.independent import LAWS, PAPER, trajectory

@@ -14,8 +14,8 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
-
 from bayesdamp.physics.integrate import simulate
+
 from bayesdamp.physics.oscillator import Oscillator
 from tests.benchmarks.ledger import ratio
 from tests.benchmarks.timing import table

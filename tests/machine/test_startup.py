@@ -55,20 +55,7 @@ def test_a_file_is_looked_at_without_a_compiler(tmp_path: Path) -> None:
 
 def test_what_is_loaded_is_seen() -> None:
     """The negative control."""
-    assert loaded("from bayesdamp.numerics.lazily import jnp\njnp.zeros(1)") >= {"jax"}
-
-
-@pytest.mark.parametrize("first", ["", "import jax\n"], ids=["ours first", "JAX first"])
-def test_trees_are_registered_whichever_came_first(first: str) -> None:
-    source = (
-        f"{first}import numpy as np\n"
-        "from bayesdamp.physics.orbit import Cycle\n"
-        "from bayesdamp.numerics.lazily import jax\n"
-        "one = Cycle(*np.zeros((4, 1)))\n"
-        "print(len(jax.tree.leaves(one)))\n"
-        "assert len(jax.tree.leaves(one)) == 4\n"
-    )
-    assert loaded(source) >= {"jax"}
+    assert loaded("import jax") >= {"jax"}
 
 
 @pytest.mark.parametrize(

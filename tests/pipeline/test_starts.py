@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from bayesdamp.physics.integrate import simulate
 
 from bayesdamp.config.compare import Asked, comparison
 from bayesdamp.inference.fit import search
@@ -16,7 +17,6 @@ from bayesdamp.inference.fit.mode import Mode
 from bayesdamp.inference.fit.search import find_mode
 from bayesdamp.inference.model.target import Target
 from bayesdamp.inference.noise import NOISES
-from bayesdamp.physics.integrate import simulate
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.pipeline.candidates.branch import Branch
 from bayesdamp.pipeline.candidates.cells import cells_of

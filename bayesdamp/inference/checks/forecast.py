@@ -58,8 +58,8 @@ class Forecast:
 def carried_on(likelihood: Likelihood, draws: np.ndarray, half: int) -> Ahead:
     """Return what draws of the scores, (m, d), from the first `half` samples say of those after them.
 
-    likelihood: of the whole record. Of noise, the interval has the mean square of the residuals of the first half, whatever
-    its law: it does not use that neighbouring samples may err together. Raises Refusal where no draw goes on.
+    likelihood: of the whole record. Of noise, the interval has the mean square of the residuals of the first half,
+    whatever its law: it does not use that neighbouring samples may err together. Raises Refusal where no draw goes on.
     """
     n = likelihood.y.size
     count, total, square, first = 0, np.zeros(n - half), np.zeros(n - half), 0.0

@@ -118,8 +118,8 @@ class Target:
 
     @cached_property
     def _maps(self) -> list[tuple[str, Callable[..., float], Callable[..., float], tuple[float, ...]]]:
-        """Of each inferred parameter its name, its value and derivative as functions of a score and the prior's numbers,
-        and these."""
+        """Name of each inferred parameter, its value and derivative as functions of a score and the prior's numbers, and
+        these numbers."""
         return [(n, type(p).transform, type(p).derivative, p.numbers) for n, p in self.priors.items()]
 
     def likelihood(self, z: np.ndarray, tolerance: float, part: slice = slice(None)) -> Likelihood:

@@ -66,9 +66,7 @@ class NoiseModel(ABC):
     def slope(self, r: np.ndarray, gaps: np.ndarray, p: Mapping[str, ArrayLike]) -> np.ndarray:
         """Return the derivative of the log likelihood by each residual, shape (..., n)."""
 
-    def parameter_slopes(
-        self, r: np.ndarray, gaps: np.ndarray, p: Mapping[str, float]
-    ) -> dict[str, float]:
+    def parameter_slopes(self, r: np.ndarray, gaps: np.ndarray, p: Mapping[str, float]) -> dict[str, float]:
         """Return the derivatives of the log likelihood of residuals (n,) by the parameters, by central differences."""
         found = {}
         for name in self.parameters:

@@ -108,8 +108,8 @@ class Point:
 
 @dataclass
 class _Tree:
-    """A part of a trajectory: its ends in time, the point that is chosen of it, the log of the sum of its densities, the
-    sum of its momenta, and whether it goes on."""
+    """A part of a trajectory: its ends in time, the point that is chosen of it, the log of the sum of its densities,
+    the sum of its momenta, and whether it goes on."""
 
     first: Point
     last: Point

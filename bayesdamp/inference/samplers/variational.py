@@ -59,8 +59,11 @@ class Variational(Sampler):
 
 @dataclass
 class _Normal:
-    """A normal distribution that is trained: parameters (k,) are its mean, (d,), the logarithms of its Cholesky factor's
-    diagonal, (d,), and what lies below that; Adam's moments of their gradient (D. P. Kingma and J. Ba, 2015)."""
+    """A normal distribution that is trained.
+
+    x: its mean, (d,), the logarithms of its Cholesky factor's diagonal, (d,), and what lies below that; first, second:
+    Adam's moments of the gradient by these (D. P. Kingma and J. Ba, 2015).
+    """
 
     x: np.ndarray
     first: np.ndarray

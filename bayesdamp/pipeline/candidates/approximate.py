@@ -166,11 +166,9 @@ def _drawn(law: Approximate, sampler: str, asked: Settings) -> tuple[Chains, flo
     return found, time.perf_counter() - began
 
 
-def _motions(branch: Branch, law: Approximate, values: np.ndarray) -> Motions | None:
-    """Draws under the laws alone; None for a term whose force JAX cannot trace."""
+def _motions(branch: Branch, law: Approximate, values: np.ndarray) -> Motions:
+    """Draws under the laws alone."""
     oscillator = law.oscillator
-    if any(t.untraced for t in oscillator.terms):
-        return None
     every = {**law.known, **{n: values[..., i] for i, n in enumerate(law.names)}}
     amplitude = branch.record.reference.amplitude
     return Motions(oscillator, every, branch.record.seen.rest, amplitude, branch.spec.inertia)

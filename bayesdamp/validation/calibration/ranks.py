@@ -110,7 +110,6 @@ def _sampled(
 ) -> dict[int, Posterior | str]:
     """The posterior of each record, or the sentence with which the sampler refused it."""
     p = study.posterior
-    settings = Settings(p.chains, p.warmup, p.draws)
     seeds = {i: int(record_rng(study.seed, model, first + i, sampler).integers(2**31 - 2)) for i in fits}
     found: dict[int, Posterior | str] = {}
     for i, fit in fits.items():

@@ -110,7 +110,7 @@ def test_slow_noise_is_sampled(monkeypatch: pytest.MonkeyPatch) -> None:
     target, mode = slow()
     settings = Settings(chains=4, warmup=100, draws=400, seed=2)
     at = nuts.whitening_of(target, mode)
-    found = nuts.PLUGIN.attempt(target, mode, at, settings, shorter=0.5).posterior(target)
+    found = nuts.PLUGIN.attempt(mode, at, settings, shorter=0.5).posterior(mode)
     assert not nuts.poor(found)
     summary = found.summary["noise_time"]
     assert summary["ess_bulk"] > 300
@@ -127,6 +127,6 @@ def test_slow_noise_is_sampled(monkeypatch: pytest.MonkeyPatch) -> None:
     assert abs(bridged.log_evidence - weighed.log_evidence) < 4 * np.hypot(bridged.stderr, weighed.stderr)
     monkeypatch.setattr(NoiseShear, "of", classmethod(lambda cls, target, mode: cls.none(mode.z.size)))
     at = nuts.whitening_of(target, mode)
-    plain = nuts.PLUGIN.attempt(target, mode, at, settings, shorter=0.5).posterior(target)
+    plain = nuts.PLUGIN.attempt(mode, at, settings, shorter=0.5).posterior(mode)
     assert plain.summary["noise_time"]["ess_bulk"] < 0.1 * summary["ess_bulk"]
     assert bridge.PLUGIN.evidence("m", target, mode, 5, draws).stderr > 1.5 * bridged.stderr

@@ -8,10 +8,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-
 from bayesdamp.physics.integrate import make_plan, simulate
-from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.physics.solver.plan import compiled_record
+
+from bayesdamp.physics.oscillator import Oscillator
 from tests.physics.independent import LAWS, trajectory
 
 TIMES = np.linspace(0.0, 10.0, 1003)
