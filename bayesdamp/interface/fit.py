@@ -239,7 +239,7 @@ class Fit(Result):
         meta |= {"notes": self.notes, "solved": False}
         arrays = signal.within("signal")
         if self.target is not None and self.mode is not None:
-            found, scores = packed_mode(self.mode, self.target, self.target)
+            found, scores = packed_mode(self.mode)
             meta |= {"solved": True, "mode": found.meta(), "known": dict(self.target.known)}
             meta["priors"] = {n: p.model_dump() for n, p in self.target.priors.items()}
             arrays |= {f"mode/{n}": a for n, a in scores.items()}
