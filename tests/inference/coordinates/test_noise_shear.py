@@ -128,5 +128,5 @@ def test_slow_noise_is_sampled(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(NoiseShear, "of", classmethod(lambda cls, target, mode: cls.none(mode.z.size)))
     at = nuts.whitening_of(target, mode)
     plain = nuts.PLUGIN.attempt(mode, at, settings, shorter=0.5).posterior(mode)
-    assert plain.summary["noise_time"]["ess_bulk"] < 0.1 * summary["ess_bulk"]
+    assert plain.summary["noise_time"]["ess_bulk"] < 0.2 * summary["ess_bulk"]
     assert bridge.PLUGIN.evidence("m", target, mode, 5, draws).stderr > 1.5 * bridged.stderr
