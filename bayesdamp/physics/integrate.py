@@ -6,13 +6,13 @@ from functools import partial
 
 import numpy as np
 
-from bayesdamp.physics.kernel.trajectory import trajectory
 from bayesdamp.physics.oscillator import Oscillator, Parameters
 from bayesdamp.physics.solver import cycles, friction
 from bayesdamp.physics.solver.mesh import frozen_mesh
 from bayesdamp.physics.solver.plan import QUANTITIES, Plan
 from bayesdamp.physics.solver.steps import MeshPlan, mesh_plan
 from bayesdamp.physics.solver.tableau import ORDER
+from bayesdamp.physics.trajectories import trajectory
 
 FIRST_RESOLUTION = 0.6
 Stepped = MeshPlan | friction.TurningPlan

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from copy import copy
 
 import numpy as np
 
 from bayesdamp.physics.kernel.solve import NONE, PARAMETERS, QUANTITIES, Motion, Solver
-from bayesdamp.physics.kernel.trajectory import SHARPEST
 from bayesdamp.physics.oscillator import POINTS, REACH, Oscillator
 from bayesdamp.physics.rest import by_kernel, newton, rest_near
+from bayesdamp.types import Refusal
 
+SHARPEST = 1e-3
+"""Width, in peak velocities, within which a friction at least changes its sign: a body that should stick creeps."""
 STEPS_PER_CYCLE = 25.0
 """Steps whose errors add up in a cycle (measured at the default tolerance of `Solver.solve`)."""
 LOST = 15.0
@@ -19,7 +21,9 @@ LOST = 15.0
 COARSEST, FINEST = 1e-6, 1e-13
 """Largest and smallest error of a step, as a share of the amplitude: beyond the largest, the error no longer follows
 the tolerance; the smallest is that of rounding."""
-CHANGE, OF_A_RECORD = 1e-5, 1e-3
+ROUNDING = 1e-12
+"""Share of the angles below which an amplitude is their rounding."""
+CHANGE, OF_A_RECORD = 1e-6, 1e-3
 """Relative change of a parameter in a central difference, whose error is its square: of a force, and of a record, which
 follows its parameters smoothly within the tolerance alone."""
 
@@ -46,7 +50,7 @@ class Trajectories:
     Raises
     ------
     Refusal
-        Where a term or the law cannot be compiled.
+        Where the law, or at the first record a term, has no `kernel` that can be compiled.
     """
 
     def __init__(
@@ -61,8 +65,6 @@ class Trajectories:
         self._rests = "rest" in osc.scales
         t = np.asarray(times, float) - float(times[0])
         self._count = t.size
-        solver = Solver(osc.damping, osc.restoring, t, quantity, 1.0, 1.0, 1.0, t[[0, -1]])
-        solver.kernel  # noqa: B018 - raises where there is none
         rest, amplitude, frequency = _scales(osc, reference)
         self._given = {
             "rest": rest,
@@ -71,7 +73,11 @@ class Trajectories:
         }
         if t[-1] <= 0.0:  # a step needs a length
             t = np.append(t, 1.0 / frequency)
-        self._solver = replace(solver, t=t, amplitude=amplitude or 1.0, frequency=frequency, knots=t[[0, -1]])
+        if not amplitude > ROUNDING * max(abs(rest), abs(float(reference["theta0"]))):
+            amplitude = 1.0  # a body at rest
+        self._solver = Solver(
+            osc.damping, osc.restoring, t, quantity, amplitude, frequency, SHARPEST * amplitude * frequency, t[[0, -1]]
+        )  # fmt: skip
         self._active = np.ones(len(osc.damping), bool)
         self._tolerance = None if tolerance is None else self._of_a_step(tolerance)
 
@@ -113,7 +119,7 @@ class Trajectories:
                 return None
             values["rest"] = rest
         if epsilon != self._solver.epsilon:
-            self._solver = replace(self._solver, epsilon=epsilon)
+            self._solver = _with_epsilon(self._solver, epsilon)
         vector = np.array([float(values[name]) for name in self._solver.names])
         return self._solver.solve(vector, self._active, tangents=tangents, tolerance=self._tolerance)
 
@@ -155,6 +161,18 @@ class Trajectories:
         return float(np.clip(share / (STEPS_PER_CYCLE * cycles * LOST**order), FINEST, COARSEST))
 
 
+def trajectory(osc: Oscillator, p: Mapping[str, float], times: np.ndarray, quantity: str) -> np.ndarray:
+    """Return one record at times, shape (n,), to the solver's own tolerance; nan where the motion escapes."""
+    return Trajectories(osc, times, quantity, p).record(p)
+
+
+def _with_epsilon(solver: Solver, epsilon: float) -> Solver:
+    """Return the solver with another width of friction's switch, and with all that does not depend on it."""
+    changed = copy(solver)
+    object.__setattr__(changed, "epsilon", epsilon)
+    return changed
+
+
 def _scales(osc: Oscillator, p: Mapping[str, float]) -> tuple[float, float, float]:
     """Return the equilibrium nearest to theta0, the amplitude about it, and the frequency there, rad/s.
 
@@ -163,7 +181,12 @@ def _scales(osc: Oscillator, p: Mapping[str, float]) -> tuple[float, float, floa
     theta0, omega0 = float(p["theta0"]), float(p["omega0"])
     law = np.array([float(p[name]) for name in osc.law.parameters])
     force = _force(osc, p)
-    rest = rest_near(by_kernel(osc.law.kernel, law), theta0, REACH * max(1.0, abs(theta0)), POINTS)
+    try:
+        rest = rest_near(by_kernel(osc.law.kernel, law), theta0, REACH * max(1.0, abs(theta0)), POINTS)
+    except NotImplementedError:
+        raise Refusal(
+            f"the restoring law {osc.restoring!r} has no `kernel`, of which trajectories are made"
+        ) from None
     square = 0.0 if rest is None else _slope(force, rest)
     if rest is None or not square > 0.0:
         return theta0, abs(theta0), 1.0
