@@ -19,7 +19,7 @@ Force = Callable[[np.ndarray], np.ndarray]
 STEPS = 60
 """In which Newton's method must have come to an equilibrium."""
 CLOSE = 1e-13
-"""Length of a step, rad or m, from which on it has."""
+"""Length of a step, rad or m, from which on it has; as a share of places beyond 1."""
 
 
 def by_kernel(kernel: Callable[[float, np.ndarray], float], law: np.ndarray) -> Force:
@@ -64,7 +64,7 @@ def newton(force_and_slope: Callable[[float], tuple[float, float]], near: float)
             return None
         step = force / slope
         x -= step
-        if abs(step) < CLOSE:
+        if abs(step) < CLOSE * max(1.0, abs(x)):
             return x
     return None
 

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from copy import copy
 from dataclasses import replace
 
 import numpy as np
 
 from bayesdamp.physics.kernel.solve import NONE, PARAMETERS, QUANTITIES, Motion, Solver
-from bayesdamp.physics.kernel.trajectory import SHARPEST
 from bayesdamp.physics.oscillator import POINTS, REACH, Oscillator
 from bayesdamp.physics.rest import by_kernel, newton, rest_near
+from bayesdamp.types import Refusal
 
 STEPS_PER_CYCLE = 25.0
 """Steps whose errors add up in a cycle (measured at the default tolerance of `Solver.solve`)."""
@@ -19,7 +20,9 @@ LOST = 15.0
 COARSEST, FINEST = 1e-6, 1e-13
 """Largest and smallest error of a step, as a share of the amplitude: beyond the largest, the error no longer follows
 the tolerance; the smallest is that of rounding."""
-CHANGE, OF_A_RECORD = 1e-5, 1e-3
+ROUNDING = 1e-12
+"""Share of the angles below which an amplitude is their rounding."""
+CHANGE, OF_A_RECORD = 1e-6, 1e-3
 """Relative change of a parameter in a central difference, whose error is its square: of a force, and of a record, which
 follows its parameters smoothly within the tolerance alone."""
 
@@ -46,7 +49,7 @@ class Trajectories:
     Raises
     ------
     Refusal
-        Where a term or the law cannot be compiled.
+        Where the law, or at the first record a term, has no `kernel` that can be compiled.
     """
 
     def __init__(
@@ -61,8 +64,6 @@ class Trajectories:
         self._rests = "rest" in osc.scales
         t = np.asarray(times, float) - float(times[0])
         self._count = t.size
-        solver = Solver(osc.damping, osc.restoring, t, quantity, 1.0, 1.0, 1.0, t[[0, -1]])
-        solver.kernel  # noqa: B018 - raises where there is none
         rest, amplitude, frequency = _scales(osc, reference)
         self._given = {
             "rest": rest,
@@ -71,14 +72,17 @@ class Trajectories:
         }
         if t[-1] <= 0.0:  # a step needs a length
             t = np.append(t, 1.0 / frequency)
-        self._solver = replace(solver, t=t, amplitude=amplitude or 1.0, frequency=frequency, knots=t[[0, -1]])
+        if not amplitude > ROUNDING * max(abs(rest), abs(float(reference["theta0"]))):
+            amplitude = 1.0  # a body at rest
+        ends = t[[0, -1]]
+        self._solver = Solver(osc.damping, osc.restoring, t, quantity, amplitude, frequency, 0.0, ends)
         self._active = np.ones(len(osc.damping), bool)
         self._short: dict[float, Solver] = {}
         self._tolerance = None if tolerance is None else self._of_a_step(tolerance)
 
     def record(self, p: Mapping[str, float]) -> np.ndarray:
         """Return the samples, shape (n,); all nan where the motion escapes or has no equilibrium."""
-        motion = self._solved(p, self._epsilon(p), NONE)
+        motion = self._solved(p, _epsilon(p), NONE)
         return np.full(self._count, np.nan) if motion is None else motion.y[: self._count]
 
     def with_slopes(self, p: Mapping[str, float], names: Sequence[str]) -> tuple[np.ndarray, np.ndarray]:
@@ -86,7 +90,7 @@ class Trajectories:
 
         They include what a parameter of the restoring law does to `rest`. Those by epsilon are central differences.
         """
-        motion = self._solved(p, self._epsilon(p), PARAMETERS)
+        motion = self._solved(p, _epsilon(p), PARAMETERS)
         if motion is None:
             return np.full(self._count, np.nan), np.full((len(names), self._count), np.nan)
         slopes = np.zeros((len(names), self._count))
@@ -103,7 +107,7 @@ class Trajectories:
 
     def motion(self, p: Mapping[str, float]) -> Motion | None:
         """Return the motion itself, with tangents by all of the kernel's parameters; None where it escapes."""
-        return self._solved(p, self._epsilon(p), PARAMETERS)
+        return self._solved(p, _epsilon(p), PARAMETERS)
 
     def after(self, p: Mapping[str, float], gap: float) -> np.ndarray:
         """Return angle, velocity and acceleration, (3,), of the motion a time (s) after its start; nan where it
@@ -111,7 +115,7 @@ class Trajectories:
         if gap not in self._short:
             ends = np.array([0.0, max(gap, 1e-12 / self._solver.frequency)])
             self._short[gap] = replace(self._solver, t=ends, knots=ends, quantity="angle")
-        motion = self._solved(p, self._epsilon(p), NONE, self._short[gap])
+        motion = self._solved(p, _epsilon(p), NONE, self._short[gap])
         return np.full(3, np.nan) if motion is None else motion.states[-1, :3]
 
     @property
@@ -134,22 +138,17 @@ class Trajectories:
                 return None
             values["rest"] = rest
         if epsilon != self._solver.epsilon:
-            self._solver = replace(self._solver, epsilon=epsilon)
+            self._solver = _with_epsilon(self._solver, epsilon)
         if solver is None:
             solver = self._solver
         elif epsilon != solver.epsilon:
-            solver = replace(solver, epsilon=epsilon)
+            solver = _with_epsilon(solver, epsilon)
         vector = np.array([float(values[name]) for name in solver.names])
         return solver.solve(vector, self._active, tangents=tangents, tolerance=self._tolerance)
 
-    def _epsilon(self, p: Mapping[str, float]) -> float:
-        """Return the width of friction's switch: at least a thousandth of the peak velocity."""
-        least = SHARPEST * self._solver.amplitude * self._solver.frequency
-        return max(float(p.get("epsilon", 0.0)), least)
-
     def _by_epsilon(self, p: Mapping[str, float]) -> np.ndarray:
         """Return the derivative of the samples by the width of friction's switch, (n,)."""
-        epsilon = self._epsilon(p)
+        epsilon = _epsilon(p)
         ends = [self._solved(p, epsilon * (1.0 + sign * OF_A_RECORD), NONE) for sign in (1.0, -1.0)]
         up, down = (np.full(self._count, np.nan) if m is None else m.y[: self._count] for m in ends)
         return (up - down) / (2.0 * OF_A_RECORD * epsilon)
@@ -180,6 +179,18 @@ class Trajectories:
         return float(np.clip(share / (STEPS_PER_CYCLE * cycles * LOST**order), FINEST, COARSEST))
 
 
+def _epsilon(p: Mapping[str, float]) -> float:
+    """Return the width of friction's switch, rad/s; 0 where it is the sign of the velocity."""
+    return float(p.get("epsilon", 0.0))
+
+
+def _with_epsilon(solver: Solver, epsilon: float) -> Solver:
+    """Return the solver with another width of friction's switch, and with all that does not depend on it."""
+    changed = copy(solver)
+    object.__setattr__(changed, "epsilon", epsilon)
+    return changed
+
+
 def _scales(osc: Oscillator, p: Mapping[str, float]) -> tuple[float, float, float]:
     """Return the equilibrium nearest to theta0, the amplitude about it, and the frequency there, rad/s.
 
@@ -188,7 +199,12 @@ def _scales(osc: Oscillator, p: Mapping[str, float]) -> tuple[float, float, floa
     theta0, omega0 = float(p["theta0"]), float(p["omega0"])
     law = np.array([float(p[name]) for name in osc.law.parameters])
     force = _force(osc, p)
-    rest = rest_near(by_kernel(osc.law.kernel, law), theta0, REACH * max(1.0, abs(theta0)), POINTS)
+    try:
+        rest = rest_near(by_kernel(osc.law.kernel, law), theta0, REACH * max(1.0, abs(theta0)), POINTS)
+    except NotImplementedError:
+        raise Refusal(
+            f"the restoring law {osc.restoring!r} has no `kernel`, of which trajectories are made"
+        ) from None
     square = 0.0 if rest is None else _slope(force, rest)
     if rest is None or not square > 0.0:
         return theta0, abs(theta0), 1.0

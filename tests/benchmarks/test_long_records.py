@@ -13,7 +13,7 @@ import pytest
 from bayesdamp.inference.model.compiled import compiled
 from bayesdamp.inference.model.density import log_posterior
 from bayesdamp.inference.model.gradient import value_and_gradient
-from bayesdamp.physics.integrate import simulate
+from bayesdamp.physics.trajectories import simulate
 from bayesdamp.physics.solver.steps import MeshPlan
 from scipy.signal import lfilter
 

@@ -14,7 +14,7 @@ import jax.numpy as jnp
 import numpy as np
 from bayesdamp.inference.model.density import log_posterior
 from bayesdamp.inference.samplers._many import sample_many
-from bayesdamp.physics.integrate import simulate
+from bayesdamp.physics.trajectories import simulate
 from numpyro.infer import MCMC, NUTS
 from scipy.integrate import odeint
 

@@ -14,7 +14,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
-from bayesdamp.physics.integrate import simulate
+from bayesdamp.physics.trajectories import simulate
 
 from bayesdamp.physics.oscillator import Oscillator
 from tests.benchmarks.ledger import ratio

@@ -69,6 +69,6 @@ def test_using_a_name_does() -> None:
 
 
 def test_a_trajectory_keeps_its_name() -> None:
-    from bayesdamp.physics.integrate import simulate
+    from bayesdamp.physics.trajectories import simulate
 
     assert inspect.unwrap(bd.trajectory) is simulate

@@ -9,7 +9,9 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from bayesdamp.physics.oscillator import Oscillator
+from bayesdamp.physics.restoring import RestoringLaw
 from bayesdamp.physics.trajectories import Trajectories
+from bayesdamp.types import Refusal
 from tests.physics.independent import LAWS, PAPER, SUMS, restoring, trajectory
 
 TIMES = np.linspace(0.0, 6.0, 241)
@@ -155,3 +157,10 @@ def test_a_body_at_rest_stays() -> None:
     assert Trajectories(osc, TIMES, "angle", p).record(p) == pytest.approx(
         np.full(TIMES.size, 0.05), abs=1e-12
     )
+
+
+def test_a_law_without_a_kernel_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    osc, p = Oscillator("viscous", "linear"), acting("viscous", "linear")
+    monkeypatch.setattr(type(osc.law), "kernel", staticmethod(RestoringLaw.kernel))
+    with pytest.raises(Refusal, match="restoring law 'linear' has no `kernel`"):
+        Trajectories(osc, TIMES, "angle", p)

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from bayesdamp.physics.integrate import simulate
+from bayesdamp.physics.trajectories import simulate
 
 from bayesdamp.config.compare import Asked, comparison
 from bayesdamp.inference.fit import search

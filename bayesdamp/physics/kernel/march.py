@@ -189,7 +189,9 @@ def sums(x, v, weight, epsilon, rounding, q, active, out):
 
 
 @njit(cache=True, nogil=True)
-def march(coefficients, q, active, law, epsilon, rounding, start, knots, g, h, tolerance, sizes, tangents, most):
+def march(
+    coefficients, q, active, law, epsilon, rounding, start, knots, g, h, tolerance, sizes, tangents, most
+):
     """Node times (s,), states (s, 4): θ, θ̇, θ̈, and the correction of the quintic of the step
     that begins there, and tangents (s, k, 4) likewise; the times are empty where it escapes. Where friction is exact a
     turning point is two nodes, and a body that sticks has one where it stops and one where it moves again or at the end.
