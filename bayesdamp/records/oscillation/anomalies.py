@@ -181,8 +181,8 @@ def rectified(y: np.ndarray) -> bool:
 def tone_burst(t: np.ndarray, y: np.ndarray) -> bool:
     """Return whether values y (n,) at times t (n,), s, rise as they fall: the packet of a windowed tone, no decay.
 
-    The envelope is that of the strongest frequency, averaged over a period. A free decay falls by its damping, and rises
-    in a hit, in a release, or by a drive.
+    The envelope is that of the strongest frequency, averaged over a period. A free decay falls by its damping, and
+    rises in a hit, in a release, or by a drive.
     """
     period, _ = coarse_period(t, y, float(t[-1] - t[0]))
     count = int(np.clip(PER_PERIOD * (t[-1] - t[0]) / period, 2 * PER_PERIOD, MOST))
