@@ -8,7 +8,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from bayesdamp.physics.trajectories import simulate
 
 from bayesdamp.config.compare import Asked, comparison
 from bayesdamp.inference.fit import search
@@ -18,6 +17,7 @@ from bayesdamp.inference.fit.search import find_mode
 from bayesdamp.inference.model.target import Target
 from bayesdamp.inference.noise import NOISES
 from bayesdamp.physics.oscillator import Oscillator
+from bayesdamp.physics.trajectories import simulate
 from bayesdamp.pipeline.candidates.branch import Branch
 from bayesdamp.pipeline.candidates.cells import cells_of
 from bayesdamp.pipeline.candidates.modes import seeds_of
