@@ -173,6 +173,7 @@ def test_the_bayes_factor_is_that_of_quadrature(form: int, share: float) -> None
     made, mode = fitted(form, share * largest)
     scale = SIZE * 2 * float(made.values(mode.z)["zeta"]) * V
     made = replace(made, known={**made.known, "noise_sd": noise})
+    mode = replace(mode, likelihood=made.likelihood(mode.z, mode.tolerance))
     left = mode.likelihood.residual(mode.z) / noise
     drawn = np.random.default_rng([15, form]).standard_normal(TIMES.size)
     absorbed = orthonormal(tangents(made, mode).T)

@@ -48,7 +48,7 @@ def sampled(damping: tuple[str, ...], factor: float, held: bool = False) -> floa
     """Log evidence by importance sampling; held: half-normal priors of scale 0.1, each by itself."""
     signal = record(factor)
     system = System("linear", {**KNOWN, "noise_sd": NOISE * factor}, {})
-    target = build_target(signal, damping, system, features(signal), REFERENCE, beside=SUMS[-1])
+    target = build_target(signal, damping, system, features(signal), REFERENCE)
     if held:
         target = replace(target, scales=(1.0,) * SHARED_SCALES.size)
     seeds = {Seed("truth"): {"zeta": 0.04 * factor, "mu_c": 0.03 * factor}}
