@@ -260,7 +260,7 @@ def test_shorter_steps_come_before_the_exact_force(monkeypatch, good, tries):
     run = Nuts().attempt(mode, whitening_of(target, mode), settings)
     made = [(False, 1.0)]
 
-    def attempt(self, target, mode, at, settings, exact=False, shorter=1.0):
+    def attempt(self, mode, at, settings, exact=False, shorter=1.0):
         made.append((exact, shorter))
         return run
 
