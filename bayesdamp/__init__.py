@@ -143,7 +143,7 @@ def __getattr__(name: str) -> object:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     found = getattr(import_module(_HOME[name]), _THERE.get(name, name))
     if callable(found) and not isinstance(found, type):
-        from bayesdamp.interface.parts.calls import told
+        from bayesdamp.calls import told
 
         found = told(found, name)
         found.__module__, found.__qualname__ = __name__, name  # where other processes find it

@@ -18,6 +18,7 @@ NEUTRAL = {
     "sources",
     "priors",
     "odds",
+    "calls",
     "machine",
     "numerics",
     "outcomes",

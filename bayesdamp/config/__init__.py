@@ -1,6 +1,7 @@
 """A study file (TOML, version 1) as a frozen `Study`; every fault in it is one line."""
 
+from bayesdamp.config.checks import in_keys
 from bayesdamp.config.load import load_study
 from bayesdamp.config.study import Recording, SignalSpec, Simulation, Study
 
-__all__ = ["Recording", "SignalSpec", "Simulation", "Study", "load_study"]
+__all__ = ["Recording", "SignalSpec", "Simulation", "Study", "in_keys", "load_study"]

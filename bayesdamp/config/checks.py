@@ -5,7 +5,8 @@ from __future__ import annotations
 import dataclasses
 import math
 import types
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated, Any, TypeVar, Union, get_args, get_origin
 
@@ -16,6 +17,8 @@ from bayesdamp.priors import GivenPrior, Normal, Uniform
 from bayesdamp.types import InputError
 
 Model = TypeVar("Model", bound=BaseModel)
+_KEYS = {"value": "angle", "channels": "channel", "runs": "run"}
+"""A record's keys that are called otherwise than the arguments of `read`."""
 
 
 class StudyError(Exception):
@@ -161,6 +164,17 @@ def distinct(names: Iterable[str], key: str, what: str) -> None:
         if name in seen:
             raise StudyError(key, f"names {what} {name!r} twice; once is enough")
         seen.add(name)
+
+
+@contextmanager
+def in_keys() -> Iterator[None]:
+    """Name what a refusal asks for as keys of a study, and not as the command's options."""
+    try:
+        yield
+    except InputError as error:
+        if not error.arguments:
+            raise
+        raise error.naming(lambda argument: f"signal.{_KEYS.get(argument, argument)}") from None
 
 
 def as_input_error(source: object, error: StudyError | InputError) -> InputError:

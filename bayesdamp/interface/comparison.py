@@ -110,7 +110,7 @@ class Comparison(Result):
     @property
     def law_curve(self) -> pd.DataFrame:
         """Equivalent damping ratio against amplitude under the laws that were weighed, averaged over them by their
-        probability, with its 95 % interval."""
+        probability, with its 95 % interval; without rows where no law is the answer (`verdict.law_free`)."""
         names = {"amplitude": "amplitude", "ratio": "ratio", "ratio_low": "low", "ratio_high": "high"}
         return self._joined(names)
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from bayesdamp import types
+from bayesdamp.calls import told
 from bayesdamp.interface.fitting.specification import Specification
-from bayesdamp.interface.parts.calls import told
 from bayesdamp.types import Refusal
 
 if TYPE_CHECKING:

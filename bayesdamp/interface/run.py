@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 
 from bayesdamp import types
-from bayesdamp.config import Study, load_study
+from bayesdamp.config import Study, in_keys, load_study
 from bayesdamp.config.checks import StudyError
 from bayesdamp.config.load import resolve_study
 from bayesdamp.interface.parts.result import Shown
@@ -222,7 +222,8 @@ def run_study(
         raise InputError(f"{folder}: is a file; out must be a folder, or a new name")
     if workers < 1:
         raise InputError(f"run_study: workers is {workers!r}; it must be a whole number, 1 or more")
-    run(loaded, folder, workers=workers, fresh=fresh, console=_quiet())
+    with in_keys():
+        run(loaded, folder, workers=workers, fresh=fresh, console=_quiet())
     return Run.load(folder)
 
 

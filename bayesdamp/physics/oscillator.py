@@ -13,7 +13,7 @@ from bayesdamp.physics.damping import TERMS, DampingTerm, parse_model
 from bayesdamp.physics.rest import bracket, by_kernel, frequency_over, newton_many, rest_near
 from bayesdamp.physics.restoring import LAWS, RestoringLaw
 
-Parameters = Mapping[str, ArrayLike]
+Parameters = Mapping[str, float | np.ndarray]
 REACH, POINTS = 10.0, 4001
 """How far an equilibrium is looked for, rad, and at how many angles."""
 NEWTON = 4

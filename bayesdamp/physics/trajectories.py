@@ -74,8 +74,7 @@ class Trajectories:
             t = np.append(t, 1.0 / frequency)
         if not amplitude > ROUNDING * max(abs(rest), abs(float(reference["theta0"]))):
             amplitude = 1.0  # a body at rest
-        ends = t[[0, -1]]
-        self._solver = Solver(osc.damping, osc.restoring, t, quantity, amplitude, frequency, 0.0, ends)
+        self._solver = Solver(osc.damping, osc.restoring, t, quantity, amplitude, frequency, 0.0, t[[0, -1]])
         self._active = np.ones(len(osc.damping), bool)
         self._short: dict[float, Solver] = {}
         self._tolerance = None if tolerance is None else self._of_a_step(tolerance)
@@ -149,6 +148,8 @@ class Trajectories:
     def _by_epsilon(self, p: Mapping[str, float]) -> np.ndarray:
         """Return the derivative of the samples by the width of friction's switch, (n,)."""
         epsilon = _epsilon(p)
+        if epsilon == 0.0:  # the energy that friction takes changes with its square
+            return np.zeros(self._count)
         ends = [self._solved(p, epsilon * (1.0 + sign * OF_A_RECORD), NONE) for sign in (1.0, -1.0)]
         up, down = (np.full(self._count, np.nan) if m is None else m.y[: self._count] for m in ends)
         return (up - down) / (2.0 * OF_A_RECORD * epsilon)

@@ -26,7 +26,7 @@ from bayesdamp.pipeline.not_one import no_free_decay, remark_on
 from bayesdamp.pipeline.stored_laws import packed
 from bayesdamp.priors import Prior
 from bayesdamp.records.oscillation.features import features
-from bayesdamp.records.oscillation.law_free import TWO_SIDED, law_free
+from bayesdamp.records.oscillation.law_free import TWO_SIDED, amplitude_curves, law_free
 from bayesdamp.store.contents.answers import (
     AnswerContent,
     CandidatePriors,
@@ -45,6 +45,10 @@ BEYOND = 1.3
 """By which factor an amplitude that is asked for may lie outside those of the record."""
 WEIGHED = "weighing"
 CURVE = ("amplitude", "ratio", "low", "high", "over", "over_sd")
+BY_LAW = ("ratio", "low", "high", "free/")
+"""How arrays of a picture begin that are the damping curve by the law that is the answer, not measured without one."""
+OF_LAW = (*BY_LAW, "fit", "residual", "exponent", "law/", "work/")
+"""How all those begin that the law has a part in."""
 RUN = "run/"
 """Before the names of arrays that hold a candidate's likelihood of its damping, for a verdict on several records."""
 JOINABLE = 40.0
@@ -177,11 +181,15 @@ def answer(
     other = no_free_decay(signal, harmonics=True) if verdict.law_free else None
     if other is not None:
         return Answer(other)
+    arrays = dict(picture(weighing, found))
+    if verdict.law_free:
+        left_out = OF_LAW if verdict.contradicted else BY_LAW
+        arrays = {n: a for n, a in arrays.items() if not n.startswith(left_out)} | measured_curve(signal)
     return Answer(
         verdict,
         tuple(_rows(weighing)),
         _fits(weighing),
-        {**picture(weighing, found), **(_runs(weighing, found, approximate) if repeated else {})},
+        {**arrays, **(_runs(weighing, found, approximate) if repeated else {})},
         _posteriors(weighing),
         _priors(weighing),
         _laws(weighing),
@@ -204,6 +212,20 @@ def measured_at(signal: Signal, amplitudes: Sequence[float]) -> LawFreeAt | None
     value, half = (float(v[-1]) / (2 * np.pi) for v in (at.frequency, TWO_SIDED * at.frequency_sd))
     frequency = FrequencyAt(float(at.amplitude[-1]), signal.unit, value, value - half, value + half)
     return LawFreeAt(ratios, frequency)
+
+
+def measured_curve(signal: Signal) -> dict[str, np.ndarray]:
+    """Return the arrays `free/*` of a picture, the damping curve without a law, as they are measured.
+
+    The energy lost in a cycle is that of a nearly sinusoidal oscillation.
+    """
+    at = amplitude_curves(signal, features(signal))
+    order, half = np.argsort(at.amplitude), TWO_SIDED * at.ratio_sd
+    lost = 2 * np.pi * (at.frequency * at.amplitude) ** 2
+    arrays = {"free/amplitude": at.amplitude[order]}
+    for end, values in (("", at.ratio), ("_low", at.ratio - half), ("_high", at.ratio + half)):
+        arrays |= {f"free/ratio{end}": values[order], f"free/lost{end}": (lost * values)[order]}
+    return arrays
 
 
 def sampled_verdict(

@@ -90,19 +90,21 @@ def findings(raw: RawRecord, unit: str, quantity: str, given: bool = False) -> t
     doubts = (
         _turns(raw, unit, quantity, given),
         _unit(raw, unit, quantity, given),
-        _time_factor(raw) or _times(raw, seen) or _too_fast(raw, unit, quantity, given, seen),
+        _time_factor(raw)
+        or (_rises(raw) and (_times(raw, seen) or _too_fast(raw, unit, quantity, given, seen))),
         _rate(raw, seen),
         _differing(raw),
         _against_times(raw),
         _wrapped(raw, unit, quantity),
         _constant(raw),
     )
-    return tuple(doubt for doubt in doubts if doubt is not None)
+    return tuple(doubt for doubt in doubts if doubt)
 
 
-def question(raw: RawRecord, unit: str, quantity: str) -> Finding | None:
-    """The first finding on a record that has to be answered before it is computed with; None where there is none."""
-    found = findings(raw, unit, quantity, True) if unit in UNITS else ()
+def question(raw: RawRecord, unit: str, quantity: str, given: bool) -> Finding | None:
+    """The first finding on a record that has to be answered before it is computed with; None where there is none.
+    given: whether the user says the unit."""
+    found = findings(raw, unit, quantity, given) if unit in UNITS else ()
     return next((doubt for doubt in found if doubt.kind in QUESTIONS), None)
 
 
@@ -147,6 +149,11 @@ def _time_factor(raw: RawRecord) -> Finding | None:
     return Finding(Kind.TIME_FACTOR, sentence, f"rescale them first, or --time-unit {VALID}")
 
 
+def _rises(raw: RawRecord) -> bool:
+    """Return whether there are times and they nowhere go back; what is wrong with others is said when they are used."""
+    return raw.t is not None and raw.t[-1] > raw.t[0] and bool(np.all(np.diff(raw.t) >= 0))
+
+
 def _times(raw: RawRecord, seen: Swing) -> Finding | None:
     if raw.t is None or raw.columns[0] is None or raw.provenance.time_unit:
         return None
@@ -184,8 +191,6 @@ def _too_fast(raw: RawRecord, unit: str, quantity: str, given: bool, seen: Swing
     if raw.t is None or not stated or not seen.swings or raw.provenance.time_unit != "file":
         return None
     period = seen.period * float(raw.t[-1] - raw.t[0]) / (raw.t.size - 1)
-    if period <= 0:  # what is wrong with times that go back is said later
-        return None
     speed = 2 * math.pi / period * math.sqrt(2) * seen.size * UNITS[unit].factor
     said = seconds_in(raw.provenance.time_column) or 1.0
     slower = [u for u in ("s", "ms", "us") if SECONDS[u] > said and speed * said < limit * SECONDS[u]]

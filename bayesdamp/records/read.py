@@ -10,6 +10,7 @@ import numpy as np
 
 from bayesdamp.provenance import Fact, Provenance
 from bayesdamp.records.columns.choosing import LEAST, Series, series, with_own_clocks
+from bayesdamp.records.columns.gravity import TWICE, Pull, pull
 from bayesdamp.records.columns.names import parted, seconds_of_unit
 from bayesdamp.records.columns.swings import LARGEST
 from bayesdamp.records.columns.units_said import unit_said
@@ -138,7 +139,7 @@ def _record(found: Contents, chosen: Series, path: Path, time_unit: str | None, 
         unit, quantity = written if written else (said[:20], quantity)
     base, run = parted(value)
     provenance = Provenance(
-        warnings=found.warnings,
+        warnings=(*found.warnings, *([TWICE] if pull(value) is Pull.FOLLOWS else [])),
         notes=tuple(notes),
         header_lines=(found.first_line or 1) - 1,
         facts=found.facts,

@@ -58,6 +58,8 @@ class Told:
             self._begun = True
             answered(self._shown(verdict), self.console)
             return
+        if before.law_free and verdict.law_free:
+            return  # what is measured without a law is not sampled
         found = agreement(before, verdict)
         self.console.print(Text(sampled_words(found)), soft_wrap=True)
         if not found.confirms:

@@ -9,6 +9,7 @@ from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
+from bayesdamp.calls import Told
 from bayesdamp.store.files import write_json
 from bayesdamp.types import VERDICT_SCHEMA, InputError
 from bayesdamp.verdict.parts import (
@@ -33,7 +34,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, repr=False)
-class Verdict:
+class Verdict(Told):
     """What is said of one record, or of several of one specimen; it prints as its sentence. The file `verdict.json`
     holds a list of these.
 

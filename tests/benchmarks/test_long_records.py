@@ -13,7 +13,6 @@ import pytest
 from bayesdamp.inference.model.compiled import compiled
 from bayesdamp.inference.model.density import log_posterior
 from bayesdamp.inference.model.gradient import value_and_gradient
-from bayesdamp.physics.trajectories import simulate
 from bayesdamp.physics.solver.steps import MeshPlan
 from scipy.signal import lfilter
 
@@ -21,6 +20,7 @@ from bayesdamp.inference.fit.mode import Mode
 from bayesdamp.inference.fit.search import find_mode
 from bayesdamp.inference.model.target import Layout, Target
 from bayesdamp.physics.oscillator import Oscillator
+from bayesdamp.physics.trajectories import simulate
 from bayesdamp.priors import HalfNormal, LogNormal, Normal, Prior
 from bayesdamp.types import Seed, Signal
 from tests.benchmarks.ledger import ratio

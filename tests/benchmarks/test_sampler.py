@@ -14,7 +14,6 @@ import jax.numpy as jnp
 import numpy as np
 from bayesdamp.inference.model.density import log_posterior
 from bayesdamp.inference.samplers._many import sample_many
-from bayesdamp.physics.trajectories import simulate
 from numpyro.infer import MCMC, NUTS
 from scipy.integrate import odeint
 
@@ -25,6 +24,7 @@ from bayesdamp.inference.fit.search import find_mode
 from bayesdamp.inference.model.target import Target
 from bayesdamp.inference.samplers import SAMPLERS, Settings
 from bayesdamp.physics.oscillator import Oscillator
+from bayesdamp.physics.trajectories import simulate
 from bayesdamp.priors import HalfNormal, LogNormal, Normal
 from bayesdamp.types import Seed, Signal
 from tests.benchmarks.ledger import ratio

@@ -14,9 +14,9 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
-from bayesdamp.physics.trajectories import simulate
 
 from bayesdamp.physics.oscillator import Oscillator
+from bayesdamp.physics.trajectories import simulate
 from tests.benchmarks.ledger import ratio
 from tests.benchmarks.timing import table
 

@@ -15,7 +15,7 @@ from bayesdamp.cli import main
 from bayesdamp.cli.asking import Options, as_signals, chosen_records, first_words_on
 from bayesdamp.cli.looking.plot import dots, plot
 from bayesdamp.cli.study_file import written
-from bayesdamp.config import Recording, load_study
+from bayesdamp.config import Recording, in_keys, load_study
 from bayesdamp.config.compare import comparison
 from bayesdamp.pipeline.records.recorded import recorded
 from bayesdamp.types import InputError
@@ -132,11 +132,35 @@ def test_times_in_an_unlikely_unit_are_asked_about_and_not_computed_with(
         chosen_records([path], Options())
     with pytest.raises(InputError, match=r"time_unit="):
         bayesdamp.read(path)
-    with pytest.raises(InputError, match=r"\(time_unit or rate in its \[\[signal\]\]\)"):
+    with pytest.raises(InputError, match=r"\(signal.time_unit, signal.rate\)$"), in_keys():
         recorded(Recording(path.name, path, 2, 1))
     assert chosen_records([path], Options(time_unit="s")).records
     assert bayesdamp.read(path, time_unit="s").raw[0].t is not None
     assert recorded(Recording(path.name, path, 2, 1, time_unit="s")).t is not None
+
+
+def test_times_that_change_their_unit_are_refused_in_the_words_of_each_front(tmp_path, capsys) -> None:
+    """The command says options, a study its keys, Python its keywords; the head's unit is not doubted instead."""
+    path, study = tmp_path / "a.csv", tmp_path / "a.toml"
+    t = np.r_[-1.0, np.arange(1, 600) * 50 - 1000]  # ms, then us
+    path.write_text("\n".join(["Time [us],IN1", *(f"{a},{b}" for a, b in zip(t.tolist(), Y.tolist()))]))
+    said = "the time goes back from -1e-06 to -0.00095 s; "
+    assert main(["compare", str(path), "--quick", "--unit", "rad"]) == 2
+    line = " ".join(capsys.readouterr().err.split())
+    assert said in line
+    assert line.endswith("(--time, --rate)")
+    assert "signal" not in line
+    with pytest.raises(InputError, match=r"\(time=, rate=\)$"):
+        bayesdamp.read(path).signal()
+    system = 'restoring = "linear"\nstiffness = "free"\nrest_angle = "free"\ntheta0 = "free"\nomega0 = "free"'
+    signal = f'name = "a"\nfile = "{path.name}"\nangle = "IN1"'
+    study.write_text(
+        f'version = 1\n[system]\n{system}\n[[signal]]\n{signal}\n[models]\ncompare = ["viscous"]\n'
+    )
+    assert main(["check", str(study)]) == 2
+    line = " ".join(capsys.readouterr().err.split())
+    assert said in line
+    assert line.endswith("(signal.time, signal.rate)")
 
 
 @pytest.mark.parametrize("period", [1e-9, 44712.0, 2e6])

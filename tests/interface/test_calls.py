@@ -11,11 +11,13 @@ import numpy as np
 import pytest
 
 import bayesdamp as bd
-from bayesdamp.interface.parts.calls import told
+from bayesdamp.calls import told
+from bayesdamp.verdict.parts import Grade
 
 ANY: Any = bd
 """The package without its types, which would refuse these calls."""
 MODEL = bd.Model("viscous")
+VERDICT = bd.Verdict("rig", Grade.EXACT, True, "viscous", 1.0)
 T = np.linspace(0.0, 6.0, 150)
 Y = 0.3 * np.exp(-0.05 * T) * np.cos(4.47 * T)
 WRONG: dict[str, Callable[[], object]] = {
@@ -48,6 +50,8 @@ WRONG: dict[str, Callable[[], object]] = {
     "bind: unknown argument 'sed'; did you mean 'seed'": lambda: MODEL.bind(bd.signal(T, Y), sed=1),  # type: ignore[call-arg]
     "save: missing a required argument: 'path'": lambda: MODEL.save(),  # type: ignore[call-arg]
     "load: unknown argument 'pat'; did you mean 'path'": lambda: bd.Signal.load(pat="x"),  # type: ignore[call-arg]
+    "row: unknown argument 'unit'": lambda: VERDICT.row(unit="deg"),  # type: ignore[call-arg]
+    "load: unknown argument 'recrd'; did you mean 'record'": lambda: ANY.Verdict.load("x", recrd="a"),
     "unknown damping term 'viscos'; did you mean 'viscous'": lambda: bd.Oscillator("viscos", "linear"),
     "compare: unknown argument 'dampng'; did you mean 'damping'": lambda: ANY.compare(3, dampng="viscous"),
 }

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from functools import lru_cache
 from pathlib import Path
 
@@ -201,3 +202,40 @@ def test_a_fit_of_a_record_in_degrees_speaks_of_degrees() -> None:
         assert "rad" not in drawn.get_ylabel()
     assert " deg rms" in repr(other)
     assert " deg" in repr(deg)
+
+
+def test_a_law_that_contradicts_the_record_is_nowhere_on_its_page(tmp_path: Path) -> None:
+    """The frequency drops by 2.5 % and the rate of decay rises by a half at 10 s: no law of the amplitude does both."""
+    t = np.arange(0, 30, 0.01)
+    rate, hertz = np.where(t < 10, 0.1, 0.15), np.where(t < 10, 2.0, 1.95)
+    y = 0.3 * np.exp(-np.cumsum(rate) * 0.01) * np.cos(2 * np.pi * np.cumsum(hertz) * 0.01)
+    y += 0.001 * np.random.default_rng(0).standard_normal(t.size)
+    signal = bd.signal(t, y, cleaned=False, name="drops")
+    result = bd.compare(signal, damping=["viscous"], restoring=["linear"])
+    assert result.verdict.contradicted
+    late = result.curve[result.curve["amplitude"].between(0.02, 0.08)]
+    true = 0.15 / (2 * np.pi * 1.95)
+    assert (late["ratio_low"] < true).all()
+    assert (true < late["ratio_high"]).all()
+    assert late["lost"].to_numpy() == pytest.approx(
+        2 * np.pi * true * (2 * np.pi * 1.95 * late["amplitude"]) ** 2, rel=0.1
+    )
+    assert result.law_curve.empty
+    text = re.sub("<[^>]+>", " ", result.report(tmp_path / "page.html").read_text(encoding="utf-8"))
+    assert "contradicts this, so none is named" in text
+    for said in (
+        "Coefficients under",
+        "Energy lost: ",
+        "each law fitted alone",
+        "fit of",
+        "loses like",
+        "confirms",
+    ):
+        assert said not in text
+    assert "is not drawn" in text
+    four = result.plot()
+    assert not four[2].axison
+    control = compared()
+    page = re.sub("<[^>]+>", " ", control.report(tmp_path / "control.html").read_text(encoding="utf-8"))
+    assert "Coefficients under" in page
+    assert "is not drawn" not in page

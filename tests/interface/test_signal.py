@@ -169,6 +169,23 @@ def test_a_file_of_several_runs_is_a_record_of_several_runs(tmp_path: Path) -> N
         bd.read(path, runs=7)
 
 
+def test_releases_are_the_free_decays_of_each_run(tmp_path: Path) -> None:
+    """Run 1 is let go at 0 and at 40 s, run 2 never."""
+    path, t = tmp_path / "a.csv", np.arange(1600) / 20
+    twice = np.exp(-0.1 * (t % 40)) * np.cos(3 * (t % 40))
+    noise = np.random.default_rng(1).normal(0, 0.01, (2, t.size))
+    columns = np.c_[t, twice + noise[0], t, noise[1]]
+    header = "Time (s) Run #1,x (m) Run #1,Time (s) Run #2,x (m) Run #2"
+    np.savetxt(path, columns, delimiter=",", header=header, comments="")
+    record = bd.read(path)
+    assert list(record.releases) == [1, 2]
+    assert record.releases[2] == ()
+    (first, _), (second, last) = record.releases[1]
+    assert first < 2
+    assert 39 < second < 42 < 60 < last
+    assert record.signal(start=second).provenance.start == pytest.approx(second, abs=0.1)
+
+
 def test_records_in_several_units_are_not_one_record(tmp_path: Path) -> None:
     path = tmp_path / "two.csv"
     y = closed_form(TIMES, TRUTH)

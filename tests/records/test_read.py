@@ -55,6 +55,39 @@ def test_names_above_values_of_other_columns(tmp_path):
     np.testing.assert_array_equal(raw.y, Y)
 
 
+LONGER = {
+    "separators at its end": ("t (ms){0}phi (deg){0}{0}", []),
+    "more names": ("t (ms){0}phi (deg){0}comment", ["its head names 3 columns and its rows have 2"]),
+    "facts beside the first rows": (
+        "t (ms){0}phi (deg){0}name{0}value",
+        [
+            "its head names 4 columns and its rows have 2",
+            "line 2 has 4 cells where the table has 2 (and 1 more",
+        ],
+    ),
+}
+
+
+@pytest.mark.parametrize("separator", [",", ";", "\t"])
+@pytest.mark.parametrize("what", LONGER)
+def test_a_head_longer_than_the_rows_gives_names_and_units(tmp_path, what, separator):
+    head, said = LONGER[what]
+    beside = [f"{separator}mass{separator}1.5", f"{separator}who{separator}me"] if "beside" in what else []
+    lines = [row + (beside[i] if i < len(beside) else "") for i, row in enumerate(rows(separator))]
+    record = read_record(write(tmp_path / "a.csv", [head.format(separator), *lines]))
+    assert (record.columns, record.unit) == (("t (ms)", "phi (deg)"), "deg")
+    np.testing.assert_allclose(record.t, T / 1e3, atol=1e-12)
+    np.testing.assert_array_equal(record.y, Y)
+    found = record.provenance.warnings
+    assert len(found) == len(said)
+    assert all(line.startswith(start) for line, start in zip(found, said))
+
+
+def test_single_blanks_before_units_part_no_names(tmp_path):
+    record = read_record(write(tmp_path / "a.txt", ["t (ms) phi (deg)", *rows(" ")]))
+    assert (record.columns, record.unit) == (("t (ms)", "phi (deg)"), "deg")
+
+
 def test_one_column_with_decimal_comma(tmp_path):
     raw = read_record(
         write(tmp_path / "a.txt", ["angle", *(f"{y:.4f}".replace(".", ",") for y in Y)]), rate=10

@@ -66,6 +66,21 @@ def test_the_record_of_an_acceleration_is_labelled_as_one() -> None:
     assert [ax.get_ylabel() for ax in answer(arrays, "m", "viscous").axes][::2] == ["m", "m"]
 
 
+def test_no_law_is_drawn_where_none_is_the_answer() -> None:
+    """Only what is measured: the record, the damping ratio and the energy that is lost, as `free/*` have them."""
+    t = np.linspace(0.0, 1.0, 50)
+    arrays = {"t": t, "record": np.cos(t), "amplitude": 1 + t}
+    arrays |= {f"free/{name}": 1 + t for name in ("amplitude", "ratio", "ratio_low", "ratio_high", "lost")}
+    for narrow in (False, True):
+        record, ratio, energy = answer(arrays, "m", "viscous", narrow=narrow).axes
+        assert [ax.get_title(loc="left") or ax.get_title() for ax in (record, ratio, energy)] == [
+            "Record",
+            "Equivalent damping ratio, measured without a law",
+            "Energy lost in a cycle, without a law",
+        ]
+        assert [len(ax.lines) for ax in (record, ratio, energy)] == [1, 1, 1]
+
+
 def test_a_table_has_groups_above_its_headers_and_a_foot_below_its_lines() -> None:
     table = Table(["method", "own", "refined"], [Line(["a", "1", "2"])], groups=[("", 1), ("viscous", 2)],
                   foot=[("posterior", 1), ("−1 to +1", 2)])  # fmt: skip

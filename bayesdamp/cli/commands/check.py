@@ -25,11 +25,13 @@ def check(
     from rich.table import Table
 
     loaded = read_study(file, plugin)
+    from bayesdamp.config import in_keys
     from bayesdamp.pipeline import cells
     from bayesdamp.pipeline.run import read_records
     from bayesdamp.store.places import Place
 
-    read_records(loaded)
+    with in_keys():
+        read_records(loaded)
     counts = Counter(Place.of(cell.name).kind for cell in cells(loaded))
     console = Console()
     summary = Table("", "what the study asks for", title=f"{loaded.name}: {file}", title_justify="left")

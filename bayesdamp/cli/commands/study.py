@@ -35,21 +35,23 @@ def study(
     folder = run_folder(out, loaded.name)
     if (once := compiles_first()) and not quiet:
         typer.echo(once, err=True)
+    from bayesdamp.config import in_keys
     from bayesdamp.pipeline import Depth, run_study
     from bayesdamp.report.terminal import Lasting, Told, beware
 
     shown = Lasting()
-    status = run_study(
-        loaded,
-        folder,
-        workers=workers,
-        scheduler=scheduler,
-        fresh=fresh,
-        console=Console(stderr=True),
-        depth=Depth.ANSWER if quick else Depth.WHOLE,
-        answered=None if as_json or len(loaded.signals) > FIRST_WORDS else Told(shown, units_of(loaded)),
-        quiet=quiet,
-    )
+    with in_keys():
+        status = run_study(
+            loaded,
+            folder,
+            workers=workers,
+            scheduler=scheduler,
+            fresh=fresh,
+            console=Console(stderr=True),
+            depth=Depth.ANSWER if quick else Depth.WHOLE,
+            answered=None if as_json or len(loaded.signals) > FIRST_WORDS else Told(shown, units_of(loaded)),
+            quiet=quiet,
+        )
     report = folder / "report.html"
     if as_json:
         typer.echo(verdicts_json(folder))

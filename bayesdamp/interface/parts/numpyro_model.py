@@ -69,14 +69,15 @@ def _traced(
     value_and_slopes: Callable[[np.ndarray], tuple[float, np.ndarray]], count: int
 ) -> Callable[[Array], Array]:
     """Return the log likelihood of `count` parameters as JAX calls it, with its gradient."""
-    shapes = jax.ShapeDtypeStruct((), float), jax.ShapeDtypeStruct((count,), float)
+    shape = jax.ShapeDtypeStruct((1 + count,), float)
 
-    def computed(x: Any) -> tuple[np.ndarray, np.ndarray]:
+    def computed(x: Any) -> np.ndarray:
         value, slopes = value_and_slopes(np.asarray(x, float))
-        return np.asarray(value), slopes
+        return np.append(value, slopes)
 
-    def both(x: Array) -> Any:
-        return jax.pure_callback(computed, shapes, x, vmap_method="sequential")
+    def both(x: Array) -> tuple[Array, Array]:
+        found = jax.pure_callback(computed, shape, x, vmap_method="sequential")
+        return found[0], found[1:]
 
     @jax.custom_jvp
     def density(x: Array) -> Array:

@@ -9,13 +9,12 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from types import FunctionType
 from typing import Any, Self
 
 import numpy as np
 
 from bayesdamp import __version__
-from bayesdamp.interface.parts.calls import told
+from bayesdamp.calls import Told
 from bayesdamp.interface.parts.table import Table
 from bayesdamp.store import write_bytes
 from bayesdamp.types import InputError
@@ -45,18 +44,8 @@ class Packed:
         return Packed(prefix, self.meta[prefix], found)
 
 
-class Shown(ABC):
+class Shown(Told, ABC):
     """A value that prints as a short table, in a notebook too; its methods refuse misspelt keywords in one line."""
-
-    def __init_subclass__(cls, **options: Any) -> None:
-        super().__init_subclass__(**options)
-        for name, value in list(vars(cls).items()):
-            if name.startswith("_"):
-                continue
-            if isinstance(value, FunctionType):
-                setattr(cls, name, told(value, name))
-            elif isinstance(value, classmethod):
-                setattr(cls, name, classmethod(told(value.__func__, name)))
 
     @abstractmethod
     def _table(self) -> Table: ...

@@ -54,6 +54,20 @@ class Record(Result):
         value = UNITS[self.unit].of(self.quantity)
         return {n: u for pair in self.columns for n, u in zip(pair, ("s", value), strict=True) if n}
 
+    @property
+    def releases(self) -> dict[int, tuple[tuple[float, float], ...]]:
+        """Start and stop in s of each free decay in each of the `runs`, as `bayesdamp look` shows them; empty where a
+        run has none. `signal(run, start=..., stop=...)` takes one of them.
+        """
+        return {run: self._releases(run) for run in self.runs}
+
+    def _releases(self, run: int) -> tuple[tuple[float, float], ...]:
+        try:
+            pieces = self.signal(run).provenance.pieces
+        except InputError:
+            return ()
+        return tuple((p.start, p.stop) for p in pieces if p.kind == "free decay")
+
     def signal(
         self,
         run: int = 1,
@@ -172,11 +186,7 @@ def read(
     """
     path = Path(path)
     unit, quantity = by_name(unit, quantity)
-    try:
-        raw = _runs(path, time, value, rate, runs, channels, time_unit)
-    except InputError as error:
-        said = f" ({', '.join(f'{name}=' for name in error.arguments)})" if error.arguments else ""
-        raise InputError(error.what + said, error.where, error.at) from None
+    raw = _runs(path, time, value, rate, runs, channels, time_unit)
     said = {read_as(one, unit, quantity): one.channel for one in raw}
     if len(said) > 1:
         each = ", ".join(f"{channel!r} ({u})" for (u, _), channel in said.items())
@@ -185,8 +195,8 @@ def read(
     unit, quantity = next(iter(said))
     known_unit(unit, quantity, path.name)
     for one in raw:
-        if (doubt := question(one, unit, quantity)) is not None:
-            raise InputError(f"{doubt.sentence} (time_unit=, rate=)", path.name)
+        if (doubt := question(one, unit, quantity, given is not None)) is not None:
+            raise InputError(doubt.sentence, path.name, arguments=["time_unit", "rate"])
     if given is None:
         raw = tuple(_assumed(one, unit, quantity) for one in raw)
     columns = tuple((r.provenance.time_column, r.provenance.value_column) for r in raw)

@@ -34,8 +34,9 @@ def turned(v, sign):
 def linearise(x, v, w, g_at, h_at, c, q, epsilon, rounding, sign, active, law, sizes, row):
     """Slopes of the force by x and v at one point, and the sources of the tangents, into a row of `over_a_step`'s.
 
-    w, g_at, h_at, c, q, epsilon, rounding, sign, law: as in `acceleration`. row: (2 + m + e + r + 4,): by x and v, then coefficients, the terms'
-    further parameters, the law's, and the hats of g and h to the left and right of w.
+    w, g_at, h_at, c, q, epsilon, rounding, sign, law: as in `acceleration`. row: (2 + m + e + r + 4,): by
+    x and v, then coefficients, the terms' further parameters, the law's, and the hats of g and h to the left and right
+    of w.
     """
     damps = 1.0 + g_at[0] + w * (g_at[1] - g_at[0])
     pulls = 1.0 + 2.0 * (h_at[0] + w * (h_at[1] - h_at[0]))

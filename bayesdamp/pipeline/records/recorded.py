@@ -25,9 +25,9 @@ def recorded(source: Recording) -> RawRecord:
         channel=source.channel,
         time_unit=source.time_unit,
     )
-    doubt = question(raw, source.unit, source.quantity)
+    doubt = question(raw, source.unit, source.quantity, given=False)  # "rad" may be the default
     if doubt is not None:
-        raise InputError(f"{doubt.sentence} (time_unit or rate in its [[signal]])")
+        raise InputError(doubt.sentence, arguments=["time_unit", "rate"])
     return decimated(unwrapped(raw, source.unit, source.quantity))
 
 

@@ -13,7 +13,7 @@ from bayesdamp.records.cleaning.quantum import recording_step
 from bayesdamp.records.decay.others import no_free_decay, without_ringing
 from bayesdamp.records.decay.window import free_decay
 from bayesdamp.records.files.named_units import unit_and_quantity
-from bayesdamp.records.oscillation.anomalies import clipped, rectified
+from bayesdamp.records.oscillation.anomalies import clipped, rectified, tone_burst
 from bayesdamp.records.oscillation.features import features
 from bayesdamp.records.oscillation.rough import residuals
 from bayesdamp.records.record import RawRecord
@@ -30,6 +30,10 @@ CLIPPED = (
 RECTIFIED = (
     "it comes back to 0 at each half-cycle and never crosses it: it is rectified or squared; record it with its sign, "
     "or turn every second half-cycle over"
+)
+TONE_BURST = (
+    "it rises as it falls, cycle by cycle: it is a tone burst, whose shape comes from a source and not from damping; "
+    "give a record of what is left to itself, or the start and stop of a free decay in this one"
 )
 TURNS, TURNS_SAID = 0.5, 3.0
 """Turns to either side that an angle in rad seldom swings by, and where its column says the unit (conventional)."""
@@ -66,6 +70,8 @@ def clean(
         raise InputError(RECTIFIED, name)
     window = no_free_decay(t, y, start == "auto", stop == "auto")
     if window is None:
+        if start == "auto" and stop == "auto" and tone_burst(t, y):
+            raise InputError(TONE_BURST, name)
         window = free_decay(t, y, step, start == "auto", stop == "auto", name)
         window = without_ringing(t, y, window, start == "auto", stop == "auto")
     first, last = a + window.first, a + window.last

@@ -13,10 +13,16 @@ from bayesdamp.types import InputError
 MANY = 0.05
 """Share of repeated stamps from which they are taken for bursts of a uniform sampling."""
 EVEN = 1.5
-"""Most that the mean step of sorted times is of their median step, where rows are only out of order (conventional)."""
+"""Most that the mean step of sorted times is of their median step, and that of their least, where rows are only out of
+order (conventional)."""
 PAUSES, SHORT, SMOOTH, ACROSS = 8, 0.3, 0.5, 1.5
 """Of stamps in bursts: pauses at least, the median step at most as a share of the mean, the squared step of the values
 at most as a share of that of noise, and across a pause at most as a multiple of that within a burst (conventional)."""
+SWINGS, SURE = 2.0, 5.0
+"""How many times a single step's square the square of a longer one must be, so that these are not both noise, and by
+how many of its standard deviations if the steps were noise (conventional)."""
+WHOLE = 1e-3
+"""Of the least step, by which others may be off a multiple of it where rows are missing (conventional)."""
 EXACT = 1e-6
 """Of a step, by which stamps may be off an even sampling and are taken as they are (conventional)."""
 
@@ -46,7 +52,11 @@ def clock_times(raw: RawRecord, clock: str, name: str) -> Clock:
     rows = raw.rows - raw.rows[0] if raw.rows.size else np.arange(raw.y.size)
     if raw.t is None:
         if raw.rate is None:
-            raise InputError("the record has neither times nor a sampling rate; give rate in Hz", name)
+            raise InputError(
+                "the record has neither times nor a sampling rate; give the rate in Hz",
+                name,
+                arguments=["rate"],
+            )
         note = f"No times in the file: samples taken as equally spaced at {raw.rate:g} Hz."
         return Clock(rows / raw.rate, "rate", 0.0, (note,))
     gaps = np.diff(raw.t)
@@ -56,18 +66,21 @@ def clock_times(raw: RawRecord, clock: str, name: str) -> Clock:
         raise InputError(what, name, _place(raw, at + 1), arguments)
     if raw.t[-1] == raw.t[0]:
         raise InputError(
-            f"all times are {raw.t[0]:g}; name the right time column, or give rate in Hz",
+            f"all times are {raw.t[0]:g}; name the right time column, or give the rate in Hz",
             name,
+            arguments=["time", "rate"],
         )
     repeated = float(np.mean(gaps == 0))
     first = int(np.argmax(gaps == 0)) + 1
     if clock == "as_logged" and repeated:
         raise InputError(
-            f'{_share(repeated)} of the times repeat, which clock = "as_logged" cannot take; use "uniform"',
+            f'{_share(repeated)} of the times repeat, which the clock "as_logged" cannot take; use "uniform"',
             name,
             _place(raw, first),
+            ["clock"],
         )
-    sampling = None if clock == "as_logged" else even(rows, raw.t)
+    kept = clock == "as_logged" or (clock == "auto" and _rows_lost(rows, raw.t, raw.y))
+    sampling = None if kept else even(rows, raw.t)
     if sampling is not None and sampling.off > EXACT * sampling.step:
         note = (
             f"The time stamps are written to {sampling.digit:.3g} s: times rebuilt as index × {_step(sampling.step)} "
@@ -77,9 +90,10 @@ def clock_times(raw: RawRecord, clock: str, name: str) -> Clock:
     if clock == "auto" and 0 < repeated < MANY:
         raise InputError(
             f"the time {raw.t[first]:.10g} s repeats, as {_share(repeated)} of "
-            'the times do, too few for bursts; mend the file, or use clock = "uniform"',
+            'the times do, too few for bursts; mend the file, or use the clock "uniform"',
             name,
             _place(raw, first),
+            ["clock"],
         )
     begins = np.arange(raw.y.size) if clock == "as_logged" or repeated else burst_begins(rows, raw.t, raw.y)
     in_bursts = bool(repeated) or begins.size < raw.y.size
@@ -91,8 +105,9 @@ def clock_times(raw: RawRecord, clock: str, name: str) -> Clock:
         raise InputError(
             f"{_share(repeated)} of the times repeat, but a uniform clock would miss them by "
             f"up to {off:.3g} s; "
-            'is there a pause in the record? clock = "uniform" insists',
+            'is there a pause in the record? The clock "uniform" insists',
             name,
+            arguments=["clock"],
         )
     what = "The time stamps come in bursts, the values do not" if in_bursts else "As asked"
     what = f"{_share(repeated)} of the time stamps repeat (they come in bursts)" if repeated else what
@@ -104,19 +119,54 @@ def clock_times(raw: RawRecord, clock: str, name: str) -> Clock:
     return Clock(raw.t[0] + step * rows, "uniform", repeated, (note,))
 
 
+def _rows_lost(rows: np.ndarray, t: np.ndarray, y: np.ndarray) -> bool:
+    """Return whether rows are missing where the steps of stamps t (n,) are multiples of the least one.
+
+    The values y (n,) then move further across the longer steps. Stamps that are rounded to about their step look the
+    same, but their values do not.
+    """
+    neighbours = np.diff(rows) == 1
+    gaps, moves = np.diff(t)[neighbours], np.diff(y)[neighbours] ** 2
+    if gaps.size == 0:
+        return False
+    many = np.round(gaps / max(gaps.min(), 1e-300))
+    longer = many > 1
+    if (
+        min(longer.sum(), (~longer).sum()) < PAUSES
+        or np.abs(gaps - many * gaps.min()).max() > WHOLE * gaps.min()
+    ):
+        return False
+    return bool(moves[longer].mean() > SWINGS * moves[~longer].mean())
+
+
 def burst_begins(rows: np.ndarray, t: np.ndarray, y: np.ndarray) -> np.ndarray:
     """Return the samples that begin a burst of stamps t (n,), all n where the stamps do not come in bursts.
 
     Most steps of stamps in bursts are much shorter than their mean, the stamps follow the row numbers, and the values y
-    (n,) are evenly sampled: they move no further across a pause than within a burst.
+    (n,) are evenly sampled: they swing within bursts, and move no further across a pause than there.
     """
     gaps, every = np.diff(t), np.arange(t.size)
     pauses = gaps > gaps.mean()
     if min(pauses.sum(), (~pauses).sum()) < PAUSES or np.median(gaps) > SHORT * gaps.mean():
         return every
     moves = np.diff(y) ** 2
-    smooth = moves.mean() < SMOOTH * 2 * np.var(y) and moves[pauses].mean() < ACROSS * moves[~pauses].mean()
-    return np.r_[0, 1 + np.flatnonzero(pauses)] if smooth and robust_step(rows, t)[1] < gaps.max() else every
+    near, begins = float(moves[~pauses].mean()), np.r_[0, 1 + np.flatnonzero(pauses)]
+    smooth = moves.mean() < SMOOTH * 2 * np.var(y) and moves[pauses].mean() < ACROSS * near
+    if not smooth or not _swings(y, np.r_[0, np.cumsum(pauses)], near):
+        return every
+    return begins if robust_step(rows, t)[1] < gaps.max() else every
+
+
+def _swings(y: np.ndarray, burst: np.ndarray, near: float) -> bool:
+    """Return whether values y (n,) in bursts of these numbers move further in several rows of one burst than in one,
+    whose mean square is `near`; noise does not."""
+    for rows in 2 ** np.arange(1, int(np.log2(y.size))):
+        moves = (y[rows:] - y[:-rows])[burst[rows:] == burst[:-rows]]
+        if moves.size < PAUSES:
+            break
+        if np.mean(moves**2) > near * max(SWINGS, 1 + SURE * np.sqrt(2 / moves.size)):
+            return True
+    return False
 
 
 def _goes_back(t: np.ndarray, at: int) -> tuple[str, tuple[str, ...]]:
@@ -137,7 +187,7 @@ def _goes_back(t: np.ndarray, at: int) -> tuple[str, tuple[str, ...]]:
         f" ({rows} rows do so)" if rows > 1 else ""
     )
     steps = np.diff(np.sort(t))
-    if steps.min() > 0 and steps.mean() < EVEN * np.median(steps):
+    if steps.min() > np.median(steps) / EVEN and steps.mean() < EVEN * np.median(steps):
         return f"{how}; the rows are out of order: sort them by time, which makes the times evenly spaced", ()
     what = (
         f"{how}; does another record begin there (split the file), or do the times change their unit (give the rate "

@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from bayesdamp.records.columns.choice import Choice, Why
+from bayesdamp.records.columns.gravity import Pull, across, pull
 from bayesdamp.records.columns.names import (
     asked_for,
     listed,
@@ -42,9 +43,6 @@ _FAR = 10.0
 """Of columns without units, one that swings so many times as much as the next is the record."""
 _PAIRS = 40
 """Columns that are compared with each other; among more than these no choice is plain."""
-_ABOUT_G, _ABOUT_TWICE = 0.25, 0.1
-"""Share by which a mean acceleration may differ from gravity (a wide swing lowers it), and share by which one period,
-known coarsely, may differ from twice another."""
 _MINOR = 1 / 3
 """Of sensors alike, one that swings less than this share of the largest says little that that one does not."""
 
@@ -107,7 +105,30 @@ def series(
     if not blocks:
         raise InputError(_nothing(found))
     chosen = _same_in_all(found, blocks)
-    return [_with_clock(s, found) for s in chosen]
+    return [_with_clock(s, found) for s in _not_to_pivot(found, chosen)]
+
+
+def _not_to_pivot(found: Contents, chosen: list[Series]) -> list[Series]:
+    """Leave out accelerations that may point to a pendulum's pivot. Raises InputError where nothing else is left."""
+    left = [s for s in chosen if pull(s.value) in (None, Pull.CONSTANT)]
+    if left:
+        return left
+    column = chosen[0].value
+    others = [
+        c for c in found.columns if c is not column and unit_said(c) == unit_said(column) and _changes(c)
+    ]
+    swinging = [c for c in others if swing(c.values).swings]
+    axes = (
+        f" ({', '.join(shown(found.columns, c) for c in others[:3])})"
+        if unit_said(column)[0] and others
+        else ""
+    )
+    raise InputError(
+        f"{shown(found.columns, column)} contains gravity (mean {np.nanmean(column.values):.4g}): on a pendulum it "
+        f"swings at twice the frequency; give the axis along the swing{axes}, or this one if it moves up and down",
+        arguments=["value"],
+        likely={"value": swinging[0].name} if axes and swinging and swinging[0].name else {},
+    )
 
 
 def _places(columns: Sequence[Column]) -> list[tuple[str, str]]:
@@ -350,7 +371,7 @@ def _chosen(found: Contents, block: _Block) -> tuple[list[Column], Choice | None
     moving = [c for c in moving if seen[id(c)].lasts] or moving
     if found.channels and not all(unit_said(c)[0] for c in moving):
         return moving, _because(found, left, moving, still)
-    moving = _lowest_derivative(_across_gravity(moving, seen))
+    moving = _lowest_derivative(across(moving, seen))
     if len(moving) <= _PAIRS:
         moving = _independent(moving, seen)
     plain = [c for c in moving if not _DERIVED.search(parted(c)[0])] or moving
@@ -362,30 +383,6 @@ def _chosen(found: Contents, block: _Block) -> tuple[list[Column], Choice | None
     if 0 < len(steady) < len(dying) and not any(unit_said(c)[0] for c in dying):
         return steady, _because(found, left, steady, still, Why.DIES_FOR_GOOD)
     return dying, _because(found, left, dying, still)
-
-
-def _across_gravity(columns: list[Column], seen: dict[int, Swing]) -> list[Column]:
-    """Leave out accelerations that contain gravity where another axis oscillates at half their frequency.
-
-    Such is a sensor on a pendulum: the pull of the string is largest twice in a cycle.
-    """
-
-    gravity = UNITS["g"].factor
-
-    def along(column: Column) -> bool:
-        unit, quantity = unit_said(column)
-        if not np.isfinite(column.values).any():
-            return False
-        mean = abs(float(np.nanmean(column.values)))
-        if unit in UNITS and UNITS[unit].base == "m" and quantity == "acceleration":
-            return abs(mean * UNITS[unit].factor / gravity - 1) < _ABOUT_G
-        return not unit and quantity in ("", "acceleration") and abs(mean / gravity - 1) < _ABOUT_G
-
-    def doubled(column: Column) -> bool:
-        others = [c for c in columns if unit_said(c) == unit_said(column) and not along(c)]
-        return any(abs(seen[id(c)].period / seen[id(column)].period / 2 - 1) < _ABOUT_TWICE for c in others)
-
-    return [c for c in columns if not (along(c) and doubled(c))]
 
 
 def _independent(columns: list[Column], seen: dict[int, Swing]) -> list[Column]:

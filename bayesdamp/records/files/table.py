@@ -20,6 +20,8 @@ _FACT = re.compile(r"[^:=]+[:=]\s*\S.*")
 _MONITOR = re.compile(r"\s*(\d{1,2}:\d\d:\d\d(?:[.,]\d+)?)\s*->\s*")
 """The time of day that a serial monitor writes before each line."""
 BLANKS = " "
+_GAPS = (r"\t|\s{2,}", r"\s+(?![(\[{])")
+"""What parts names that have blanks of their own: wide gaps, or any but those before a unit in brackets."""
 SEEN = 100
 """Lines in the middle of a text that show what a row of its table is like (conventional)."""
 _MISSING = re.compile(r"n/?a|null|none|missing|invalid", re.IGNORECASE)
@@ -155,6 +157,9 @@ def find_layout(lines: list[str]) -> Layout | None:
         first = _first_row(lines, separator, decimal, columns) or first
     full = [h for h in heads if len(h) == columns]
     names, units = _names(full, columns)
+    if names is None and separator != BLANKS and columns > 1:  # a head may have more cells than the rows
+        full = [h[:columns] for h in heads if len(h) >= columns]
+        names, units = _names(full, columns)
     groups = _groups(full, names or [])
     if columns == 1:
         single = [line.strip('"') for line in top if not _FACT.fullmatch(line)]
@@ -162,7 +167,7 @@ def find_layout(lines: list[str]) -> Layout | None:
         said = [line for line in single if unit_and_quantity(line) is not None]
         names = (said or single)[-1:] or None
     elif names is None and separator == BLANKS:
-        wide = [[c.strip() for c in re.split(r"\t|\s{2,}", line)] for line in top]
+        wide = [[c.strip() for c in re.split(gap, line)] for line in top for gap in _GAPS]
         names = next((h for h in wide if len(h) == columns and all(map(_named, h))), None)
     return Layout(separator, decimal, columns, first, tuple(names or [""] * columns), tuple(units), groups)
 
@@ -199,7 +204,8 @@ def _named(cell: str) -> bool:
 def _first_row(lines: list[str], separator: str, decimal: str, columns: int) -> int | None:
     """The first of two lines in a row (or the last line) that hold numbers in the table's columns.
 
-    A line such as `delta t,1E-5` belongs to the head where numbers begin the other lines.
+    A line such as `delta t,1E-5` belongs to the head where numbers begin the other lines. Rows right above the first
+    one belong to the table where only cells beyond its columns make them longer.
     """
     middle = [split(line, separator) for line in lines[len(lines) // 2 :][:SEEN]]
     begins = sum(number(cells[0], decimal) is not None for cells in middle if cells)
@@ -212,5 +218,16 @@ def _first_row(lines: list[str], separator: str, decimal: str, columns: int) -> 
         worded = headed and columns > 1 and _named(cells[0]) and not _MISSING.fullmatch(cells[0])
         good.append(len(cells) == columns and numbers > 0 and 2 * numbers >= len(filled) and not worded)
         if len(good) > 1 and good[-1] and good[-2]:
-            return len(good) - 2
+            return _with_longer(lines, len(good) - 2, separator, decimal, columns)
     return good.index(True) if True in good else None
+
+
+def _with_longer(lines: list[str], first: int, separator: str, decimal: str, columns: int) -> int:
+    """Return the first row of a table, counted with rows above `first` that have more cells: numbers in its columns,
+    and anything beyond."""
+    while first > 0 and columns > 1:
+        cells = split(lines[first - 1], separator)
+        if len(cells) <= columns or any(number(c, decimal) is None for c in cells[:columns]):
+            break
+        first -= 1
+    return first

@@ -32,6 +32,12 @@ NOISE = 0.1
 """Share of the largest peak by which noise may take values of one sign to the other."""
 BETWEEN = 0.3
 """Of a peak the median of the values beside it at least: of |sin| it is 0.71, of sin² 0.5, of pulses near 0."""
+PER_PERIOD, MOST = 24, 200_000
+"""Samples in a period, and in a record, from which its envelope is taken."""
+FLANK, FLANK_CYCLES, MIRRORED = 0.2, 3, 0.15
+"""Share of its peak from which an envelope's flanks are compared, their cycles at least, and by how much of the peak
+the two may differ. Measured: tone bursts differ by up to 0.13 at a twentieth of noise, real decays whose rise is so
+long by 0.6 and more."""
 
 CLIPPED = "its peaks are cut off: the record stays at its extreme value"
 RISES = "its amplitude rises again: beats, a second mode or a drive"
@@ -170,3 +176,25 @@ def rectified(y: np.ndarray) -> bool:
     middle = np.array([float(np.median(one)) for one in kept]) / peaks
     falls = peaks[-1] < FALLS * peaks[0]
     return bool(falls and lowest.max() < TOUCHES and np.median(middle) > BETWEEN)
+
+
+def tone_burst(t: np.ndarray, y: np.ndarray) -> bool:
+    """Return whether values y (n,) at times t (n,), s, rise as they fall: the packet of a windowed tone, no decay.
+
+    The envelope is that of the strongest frequency, averaged over a period. A free decay falls by its damping, and
+    rises in a hit, in a release, or by a drive.
+    """
+    period, _ = coarse_period(t, y, float(t[-1] - t[0]))
+    count = int(np.clip(PER_PERIOD * (t[-1] - t[0]) / period, 2 * PER_PERIOD, MOST))
+    grid = np.linspace(t[0], t[-1], count)
+    wave = (np.interp(grid, t, y) - np.median(y)) * np.exp(-2j * np.pi * grid / period)
+    each = max(int(period / (grid[1] - grid[0])), 3)
+    weights = np.hanning(each + 2)[1:-1]
+    envelope = np.abs(np.convolve(wave, weights / weights.sum(), "same"))
+    top = int(np.argmax(envelope))
+    low = envelope < FLANK * envelope[top]
+    before, after = np.flatnonzero(low[:top]), np.flatnonzero(low[top:])
+    if not before.size or not after.size or min(top - before[-1], after[0]) < FLANK_CYCLES * each:
+        return False
+    off = np.arange(min(top - int(before[-1]), int(after[0])))
+    return bool(np.abs(envelope[top - off] - envelope[top + off]).max() < MIRRORED * envelope[top])

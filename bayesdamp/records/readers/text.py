@@ -109,7 +109,7 @@ def from_lines(lines: list[str], form: str = "text") -> Contents:
         },
         first + 1,
         at,
-        warnings=uneven,
+        warnings=(*_names_beyond(lines[: layout.first], layout), *uneven),
     )
 
 
@@ -132,8 +132,25 @@ def _uneven(rows: list[list[str]], lines: np.ndarray, columns: int) -> tuple[str
 
 def _names_columns(line: str, layout: Layout) -> bool:
     """Whether a line above the table is that of its columns' names, or of what tables side by side are called."""
-    said = [cell for cell in layout.cells(line.strip().lstrip("#% ")) if cell]
-    return said in ([name for name in layout.names if name], list(dict.fromkeys(layout.groups)))
+    said = _said(line, layout)
+    names = [name for name in layout.names if name]
+    longer = len(names) > 1 and said[: len(names)] == names
+    return longer or said in (names, list(dict.fromkeys(layout.groups)))
+
+
+def _said(line: str, layout: Layout) -> list[str]:
+    """The cells of a line above the table that hold anything."""
+    return [cell for cell in layout.cells(line.strip().lstrip("#% ")) if cell]
+
+
+def _names_beyond(head: list[str], layout: Layout) -> tuple[str, ...]:
+    """Say that a head names more columns than the rows have; empty where it does not."""
+    many = max((len(_said(line, layout)) for line in head if _names_columns(line, layout)), default=0)
+    if many <= layout.columns or layout.separator == BLANKS:
+        return ()
+    return (
+        f"its head names {many} columns and its rows have {layout.columns}: names are taken from the left.",
+    )
 
 
 def _heads(layout: Layout) -> list[tuple[str, str, str]]:

@@ -38,7 +38,7 @@ def sampled(run: Run, signal: str) -> str:
         for c in cells
         if c is not None and c.outcome == OK
     ]
-    if len(verdicts) < 2 or verdicts[0].grade is Grade.NO_FREE_DECAY:
+    if len(verdicts) < 2 or verdicts[0].grade is Grade.NO_FREE_DECAY or verdicts[-1].law_free:
         return ""
     found = agreement(*verdicts)
     if found.confirms:
@@ -53,11 +53,14 @@ def sampled(run: Run, signal: str) -> str:
 
 def confirmation(run: Run, signal: str) -> str:
     """A sentence on what samplers and evidence say of an answer: under exact laws, or where the study has it so with
-    the answer's own deviations; empty where none was sampled."""
+    the answer's own deviations; empty where none was sampled, or the answer is measured without a law."""
     repeat = run.repeats(signal)[0]
+    answer = answer_of(run, signal, repeat)
+    if answer is not None and answer.verdict.law_free:
+        return ""
     if run.under_law:
         return " ".join(filter(None, (_intervals(run, signal, repeat), _same_sum(run, signal, repeat))))
-    answer, found = answer_of(run, signal, repeat), ranking(run, signal, repeat)
+    found = ranking(run, signal, repeat)
     if answer is None or found is None or found.method == "laplace":
         return ""
     own = set(answer.verdict.damping.split("+"))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 
 import numpy as np
@@ -13,11 +13,12 @@ import pandas as pd
 
 from bayesdamp.types import OK
 from bayesdamp.validation.contest import plots
-from bayesdamp.validation.contest.roster import OURS, ROSTER
+from bayesdamp.validation.contest.roster import OURS, ROSTER, SCRIPT
 from bayesdamp.validation.contest.scoring import (
     Interval,
     coverage,
     groups_of,
+    holds_more,
     names,
     paired,
     quantile_of_errors,
@@ -29,33 +30,21 @@ INTRODUCTION = """# A contest
 
 What people measure damping with today, beside bayesdamp, on the same records; each by its authors' defaults, or as said
 at the end where these do not work on a single decay. Scored is the error of the equivalent viscous damping ratio at
-three amplitudes of each record (near its start, near its end, and between). All peers but NumPyro, PySINDy and the
-local Hilbert envelope give one number for all amplitudes and are charged with it at each: factors against them say that
-the damping depends on the amplitude, not that bayesdamp fits better than a good script does. Simulated records come
-from SciPy's DOP853, the truth from the energy at their turning points. Intervals are of 95 %: of errors by drawing
-records again, of shares Wilson's. Seconds are CPU seconds, one thread, imports not counted.
-A peer with fewer records than the others was given as many as there was time for.
+three amplitudes of each record (near its start, near its end, and between). Simulated records come from SciPy's DOP853,
+the truth from the energy at their turning points. Intervals are of 95 %: of errors by drawing records again, of shares
+Wilson's. Seconds are CPU seconds, one thread, imports not counted.
 """
-SCRIPT = """## A script that an engineer writes in an afternoon
+ONE_NUMBER = (
+    "One number for all amplitudes is what these give: {}. They are charged with it at each amplitude: factors against "
+    "them say that the damping depends on the amplitude, not that bayesdamp fits better than a good script does."
+)
+FEWER = "Given fewer records than others, of {}: {}."
+SCRIPT_WORDS = """## A script that an engineer writes in an afternoon
 
-The tables below do not have it yet. It is about 130 lines of NumPy, SciPy and Numba: the motion of viscous, Coulomb and
-quadratic damping on a cubic spring or a pendulum by Runge-Kutta steps, least squares for each of the seven sums over
-windows that grow, weights by BIC, a sum named at 0.95, intervals from the Jacobian averaged over the sums. It was run
-apart, on records of this contest's generator, and scored by its code.
-
-| script / bayesdamp | 100 records, seed 813 | 40 records, seed 5150 | ten measured runs |
-|---|---|---|---|
-| answered | 98 / 97 | 40 / 36 | 10 / 10 |
-| median error | 0.44 / 0.41 % | 0.31 / 0.38 % | equal |
-| the script's error over bayesdamp's | 0.96 (0.74–1.17) | 1.05 (0.85–1.33) | about 1 |
-| intervals hold the truth | 0.87 / 0.96 | 0.96 / 1.00 | 0.23 / 0.87 |
-| the same of the discrepant records alone | 0.67 / 0.90 | – | – |
-| named, of these rightly | 45, 41 / 56, 54 | 16, 16 / 19, 19 | – |
-| CPU seconds a record | 1.9 / 3.9 | 1.7 / 3.5 | – |
-
-The errors are equal. The script takes half the time and answers records that bayesdamp refuses. bayesdamp's intervals
-hold the truth more often, above all where no law holds exactly and on runs of one rig, and it names more dampings and
-fewer of them wrongly. The script was mended three times on early records of seed 813; seed 5150 was fresh.
+About 130 lines of NumPy, SciPy and Numba solve the motion of viscous, Coulomb and quadratic damping on a cubic spring
+or a pendulum by Runge-Kutta steps, fit each of the seven sums by least squares over windows that grow, weigh the sums
+by BIC, name one at a weight of 0.95, and average intervals from the Jacobians over the sums. The script gets what the
+other peers get: samples and amplitudes. Below it stands before bayesdamp, on the records that both were given.
 """
 GROUP_WORDS = {
     "family": "sums of viscous, Coulomb and quadratic damping on four springs, noise of 0.3 to 3 %, 8 to 60 cycles; "
@@ -84,17 +73,17 @@ HOW = """## How each was run
 - NumPyro: three dampings and a cubic spring in diffrax, in units of a least-squares solution's covariance, where it
   begins (without, one was not done in 180 CPU seconds); 250 and 250 steps of one NUTS chain, at most 180 CPU seconds
   a record, compilation counted.
-- bayesdamp: `compare(signal, sample=False)` on the record as it is, told neither the spring nor the damping.
+- Script: frequency from the spectrum of the longest piece without a gap, first values from the first and the last
+  cycle; two springs by seven sums; 40 steps a cycle, cut at turning points; windows of 3, 6, 12, … cycles; the ratio at
+  an amplitude is that of the energies. It gives no answer where its best fit explains less than half of the record's
+  variance. It was changed twice, after 40 records each of seeds 91 and 92: before, its frequency came from bridged
+  gaps, and its intervals from draws that were cut at zero.
+- bayesdamp: `compare(signal, sample=False)` on the record as it is, told neither the spring nor the damping. In a first
+  contest (seed 811) it refused 35 of 37 gappy records, for it saw no further than the longest piece and took some gaps
+  for a beat; that was mended before records of other seeds were drawn.
 
 Who needs an even clock gets gaps bridged by straight lines.
 """
-
-
-WHY_REFUSED = (
-    "Why bayesdamp refuses here: an amplitude that is asked for lies beyond those that it sees stand out of the noise. "
-    "In a first contest (seed 811) it refused 35 of 37 gappy records, for it saw no further than the longest piece and "
-    "took some gaps for a beat; that was mended, and the records of this page were drawn afterwards."
-)
 
 
 def page(rows: pd.DataFrame, missing: Mapping[str, str]) -> str:
@@ -107,7 +96,8 @@ def page(rows: pd.DataFrame, missing: Mapping[str, str]) -> str:
     ]
     parts += ["", f'Seed {", ".join(seeds)}; `make contest ARGS="--seed 1"` draws others.', ""]
     parts += [f"{name} did not take part: {why}." for name, why in missing.items()]
-    parts += ["", SCRIPT, "![errors](errors.svg)", "", "## All simulated records", ""]
+    parts += [*_given(rows), "", *_script(rows, groups), "![errors](errors.svg)", ""]
+    parts += ["## All simulated records", ""]
     parts += [*_scores(simulated(rows)), "", "## Better and worse than bayesdamp", ""]
     parts += [
         "Error of a peer over that of bayesdamp on the records that both answered, geometric mean. **Bold**: the peer "
@@ -138,6 +128,60 @@ def peers_of(rows: pd.DataFrame) -> list[str]:
     return [name for name in ROSTER if name in set(rows["peer"])]
 
 
+def _given(rows: pd.DataFrame) -> Iterator[str]:
+    """Say which peers give one number for all amplitudes, and which were given fewer records than others."""
+    counts = {name: len(where(rows, peer=name)) for name in peers_of(rows)}
+    values = {
+        name: where(rows, peer=name, outcome=OK)[["value_1", "value_2", "value_3"]].to_numpy(float)
+        for name in counts
+    }
+    constant = [ROSTER[n].label for n, v in values.items() if len(v) and not np.ptp(v, axis=1).any()]
+    if constant:
+        yield ONE_NUMBER.format("; ".join(constant))
+    most = max(counts.values())
+    fewer = [f"{ROSTER[name].label} ({count})" for name, count in counts.items() if count < most]
+    if fewer:
+        yield FEWER.format(most, "; ".join(fewer))
+
+
+def _script(rows: pd.DataFrame, groups: list[str]) -> Iterator[str]:
+    """Compare the script with bayesdamp on the records that both were given."""
+    theirs, own = (set(where(rows, peer=name)["record"]) for name in (SCRIPT, OURS))
+    rows = rows.iloc[[i for i, record in enumerate(rows["record"]) if record in theirs & own]]
+    if rows.empty:
+        return
+    parts = {"all simulated": simulated(rows)} | {g: where(rows, group=g) for g in groups}
+    parts = {name: part for name, part in parts.items() if len(part)}
+    cells = {
+        "answered": lambda part: f"{len(where(part, outcome=OK))} of {len(part)}",
+        "median error": lambda part: _percent(quantile_of_errors(part, 0.5), ends=False),
+        "intervals hold the truth": lambda part: _share(coverage(where(part, outcome=OK))[0], ends=False),
+        "named, of these rightly": lambda part: "{1}, {2}".format(*names(part)) if names(part)[0] else "–",
+        "CPU seconds a record": _seconds,
+    }
+    yield SCRIPT_WORDS
+    yield f"| script / bayesdamp | {' | '.join(parts)} |"
+    yield "|---" * (len(parts) + 1) + "|"
+    for what, cell in cells.items():
+        both = [[cell(where(part, peer=name)) for name in (SCRIPT, OURS)] for part in parts.values()]
+        yield f"| {what} | {' | '.join(' / '.join(two) for two in both)} |"
+    factors = {name: paired(part, SCRIPT, OURS) for name, part in parts.items()}
+    yield f"| the script's error over bayesdamp's | {' | '.join(_factor(*f) for f in factors.values())} |"
+    more = {name: holds_more(part, SCRIPT, OURS) for name, part in parts.items()}
+    nearer = [_listed(n for n, (f, _) in factors.items() if f.high < 1)]
+    nearer += [_listed(n for n, (f, _) in factors.items() if f.low > 1)]
+    oftener = [
+        _listed(n for n, m in more.items() if m.low > 0),
+        _listed(n for n, m in more.items() if m.high < 0),
+    ]
+    yield ""
+    yield "By more than chance, on the records that both answered:"
+    yield ""
+    yield f"- the script is nearer to the truth in {nearer[0]}, bayesdamp in {nearer[1]};"
+    yield f"- the script's intervals hold the truth more often in {oftener[0]}, bayesdamp's in {oftener[1]}."
+    yield ""
+
+
 def _scores(rows: pd.DataFrame) -> Iterator[str]:
     yield "| | records | answered | median error | 90 % below | holds the truth | named, right | seconds |"
     yield "|---|---|---|---|---|---|---|---|"
@@ -146,12 +190,12 @@ def _scores(rows: pd.DataFrame) -> Iterator[str]:
         answered = where(part, outcome=OK)
         known, named, right = names(part)
         said = f"{named} of {known}, {right}" if named else "–"
-        held, stated = coverage(answered)
+        held, _ = coverage(answered)
         yield " | ".join(
             [
                 f"| {ROSTER[name].label}", str(len(part)), str(len(answered)),
                 *(_percent(quantile_of_errors(part, level)) for level in (0.5, 0.9)),
-                _share(held) if stated else "–", said, f"{_seconds(part)} |",
+                _share(held), said, f"{_seconds(part)} |",
             ]
         )  # fmt: skip
 
@@ -187,9 +231,14 @@ def _where_better(rows: pd.DataFrame, groups: list[str]) -> Iterator[str]:
     yield from _where_refused(rows, groups)
     if not any(found.values()):
         yield (
-            "- Of records that both answered, no peer of these tables is nearer to the truth in any group by more than "
-            "chance. The script above, which is not in them, is as near as bayesdamp."
+            "- Of records that both answered, no peer is nearer to the truth in any group by more than chance."
         )
+    level = {
+        name: [g for g in groups if _level(paired(where(rows, group=g), name, OURS)[0])] for name in found
+    }
+    if any(level.values()):
+        said = [f"{ROSTER[name].label} in {', '.join(places)}" for name, places in level.items() if places]
+        yield f"- Neither nearer nor farther by more than chance: {'; '.join(said)}."
     for name, places in found.items():
         if places:
             yield f"- **{ROSTER[name].label}** is nearer in: {', '.join(places)}. {ROSTER[name].better}".rstrip()
@@ -223,8 +272,6 @@ def _where_refused(rows: pd.DataFrame, groups: list[str]) -> Iterator[str]:
         if refused:
             head = f"- **{group}**: bayesdamp refused {len(refused)} of {len(asked)} records."
             yield f"{head} Of these were answered, with this median error: {'; '.join(said)}."
-    if len(where(rows, peer=OURS)) > len(where(rows, peer=OURS, outcome=OK)):
-        yield f"- {WHY_REFUSED}"
 
 
 def _refusals(rows: pd.DataFrame) -> Iterator[str]:
@@ -239,15 +286,27 @@ def _without_numbers(text: str) -> str:
     return re.sub(r"\d+(\.\d+)?(e-?\d+)?", "#", text)[:110]
 
 
-def _percent(found: Interval) -> str:
+def _level(found: Interval) -> bool:
+    return found.low <= 1 <= found.high
+
+
+def _listed(names: Iterable[str]) -> str:
+    return ", ".join(names) or "no group"
+
+
+def _percent(found: Interval, ends: bool = True) -> str:
     if math.isnan(found.value):
         return "–"
-    ends = "" if math.isnan(found.low) else f" ({_digits(100 * found.low)}–{_digits(100 * found.high)})"
-    return f"{_digits(100 * found.value)} %{ends}"
+    said = ends and not math.isnan(found.low)
+    return f"{_digits(100 * found.value)} %" + (
+        f" ({_digits(100 * found.low)}–{_digits(100 * found.high)})" if said else ""
+    )
 
 
-def _share(found: Interval) -> str:
-    return f"{found.value:.2f} ({found.low:.2f}–{found.high:.2f})"
+def _share(found: Interval, ends: bool = True) -> str:
+    if math.isnan(found.value):
+        return "–"
+    return f"{found.value:.2f}" + (f" ({found.low:.2f}–{found.high:.2f})" if ends else "")
 
 
 def _factor(found: Interval, count: int) -> str:

@@ -11,11 +11,12 @@ from bayesdamp.validation.contest.peers import (
     half_power,
     least_squares,
     ours,
+    script,
     sindy,
 )
 from bayesdamp.validation.contest.reply import Peer
 
-OURS = "bayesdamp"
+OURS, SCRIPT = "bayesdamp", "script"
 PYOMA = Environment("pyoma2", ("pyOMA-2==1.4.3",))
 PYEMA = Environment("pyema", ("sdypy-EMA==0.31.0",))
 NUMPYRO = Environment("numpyro", ("numpyro==0.22.0", "diffrax==0.7.2"))
@@ -24,6 +25,7 @@ VISCOUS = (
     "Its model is right where damping is viscous and the spring linear, and spends the data on nothing else."
 )
 FREE = "It keeps every damping with its uncertainty, and has no choice among them to get wrong."
+EXACT = "It assumes that a law holds exactly, and spends no data on deviations or on other forms of damping."
 
 
 @dataclass(frozen=True)
@@ -50,6 +52,7 @@ ROSTER: dict[str, Entry] = {
     "pyoma_ssi": Entry("pyOMA2, SSI", Child(PYOMA, "pyoma.py", ("ssi",)), VISCOUS),
     "pyoma_efdd": Entry("pyOMA2, EFDD", Child(PYOMA, "pyoma.py", ("efdd",)), ""),
     "pyema": Entry("pyEMA, LSCF", Child(PYEMA, "pyema.py"), VISCOUS),
+    SCRIPT: Entry("an engineer's script", script.answer, EXACT),
     OURS: Entry("bayesdamp, compare without sampling", ours.answer, ""),
     "numpyro": Entry("NumPyro (NUTS) with diffrax", Child(NUMPYRO, "numpyro_diffrax.py"), FREE),
 }

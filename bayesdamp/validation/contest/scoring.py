@@ -66,12 +66,12 @@ def quantile_of_errors(rows: pd.DataFrame, level: float) -> Interval:
 
 def coverage(rows: pd.DataFrame) -> tuple[Interval, int]:
     """Mean share of the three true ratios within a stated interval, Wilson's by records, and how many state one."""
-    low, true, high = (_three(rows, what) for what in ("low", "ratio", "high"))
-    stated = np.isfinite(low).all(axis=1) & np.isfinite(high).all(axis=1)
-    if not stated.any():
+    share = _held(rows)
+    stated = share[np.isfinite(share)]
+    if not stated.size:
         return Interval(np.nan, np.nan, np.nan), 0
-    share = float(np.mean((low <= true)[stated] & (true <= high)[stated]))
-    return Interval(share, *wilson(share, int(stated.sum()))), int(stated.sum())
+    mean = float(np.mean(stated))
+    return Interval(mean, *wilson(mean, stated.size)), stated.size
 
 
 def names(rows: pd.DataFrame) -> tuple[int, int, int]:
@@ -90,16 +90,15 @@ def paired(rows: pd.DataFrame, peer: str, ours: str) -> tuple[Interval, int]:
 
     Above 1 where ours is nearer to the truth. Records that either refused are left out.
     """
-    means = []
-    for name in (peer, ours):
-        part = where(rows, peer=name, outcome=OK)
-        means.append(dict(zip(part["record"], np.mean(errors(part), axis=1), strict=True)))
-    both = [record for record in means[0] if record in means[1]]
-    if not both:
-        return Interval(np.nan, np.nan, np.nan), 0
-    logs = np.log([means[0][record] / means[1][record] for record in both])
-    found = bootstrapped(logs[:, None], lambda chosen: np.exp(np.mean(chosen, axis=-1)))
-    return found, len(both)
+    theirs, own = _of_both(rows, peer, ours, lambda part: np.mean(errors(part), axis=1))
+    found = bootstrapped(np.log(theirs / own)[:, None], lambda chosen: np.exp(np.mean(chosen, axis=-1)))
+    return found, theirs.size
+
+
+def holds_more(rows: pd.DataFrame, peer: str, ours: str) -> Interval:
+    """Return by how much larger a share of true ratios a peer's intervals hold than ours, in the same records."""
+    theirs, own = _of_both(rows, peer, ours, _held)
+    return bootstrapped((theirs - own)[:, None], lambda chosen: np.mean(chosen, axis=-1))
 
 
 def bootstrapped(values: np.ndarray, statistic: Callable[[np.ndarray], np.ndarray]) -> Interval:
@@ -119,3 +118,23 @@ def bootstrapped(values: np.ndarray, statistic: Callable[[np.ndarray], np.ndarra
 
 def _three(rows: pd.DataFrame, what: str) -> np.ndarray:
     return rows[[f"{what}_{i}" for i in (1, 2, 3)]].to_numpy(float)
+
+
+def _held(rows: pd.DataFrame) -> np.ndarray:
+    """Return the share of the three true ratios within the stated intervals, shape (n,); NaN where none is stated."""
+    low, true, high = (_three(rows, what) for what in ("low", "ratio", "high"))
+    stated = np.isfinite(low).all(axis=1) & np.isfinite(high).all(axis=1)
+    return np.where(stated, np.mean((low <= true) & (true <= high), axis=1), np.nan)
+
+
+def _of_both(
+    rows: pd.DataFrame, peer: str, ours: str, score: Callable[[pd.DataFrame], np.ndarray]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return a score of a peer and of ours, each of shape (n,), on the records for which both have one."""
+    scores = []
+    for name in (peer, ours):
+        part = where(rows, peer=name, outcome=OK)
+        scores.append({r: x for r, x in zip(part["record"], score(part), strict=True) if np.isfinite(x)})
+    both = [record for record in scores[0] if record in scores[1]]
+    theirs, own = (np.array([by[record] for record in both]) for by in scores)
+    return theirs, own

@@ -107,12 +107,18 @@ RECIPES: tuple[Recipe, ...] = (
     _calibration("calibration", "calibration", 7, "--records 500"),
     _calibration("model_recovery", "recovery", 6, "--records 1000", " --models"),
     Recipe(
-        "contest", 6,
+        "contest", 8,
         (
-            f"{PYTHON} bayesdamp.validation.contest --peers bayesdamp --seed 813 --rows {{work}}/rows.csv "
+            f"{PYTHON} bayesdamp.validation.contest --peers script bayesdamp --seed 813 --rows {{work}}/rows.csv "
             "--kept reports/contest/rows.csv --out {out}",
         ),
-        (*TRUTH, *(f"bayesdamp/validation/contest/{n}.py" for n in ("measured", "records", "rows", "peers/ours"))),
+        (
+            *TRUTH,
+            *(
+                f"bayesdamp/validation/contest/{n}.py"
+                for n in ("measured", "records", "rows", "peers/ours", "peers/script")
+            ),
+        ),
     ),
     Recipe(
         "light", 14, _made(f"{PAGES}.light", "--few 20"),

@@ -234,6 +234,18 @@ def test_stamps_in_bursts_without_repeats_are_rebuilt(short):
     assert clean(record(t, decay(t, zeta=0.1, w=7.0)), name="x").provenance.more["clock"] == "as_logged"
 
 
+@pytest.mark.parametrize("noise", [0.0, 0.01])
+def test_lost_rows_are_not_taken_for_rounded_stamps(noise):
+    """Every tenth row of 100 Hz is missing; the control has the same stamps, rounded from 90 Hz."""
+    rng = np.random.default_rng(5)
+    index = np.arange(600)
+    stamps = index[index % 10 != 9] / 100
+    for t, clock in ((stamps, "as_logged"), (np.arange(stamps.size) / 90, "uniform")):
+        y = decay(t, zeta=0.3, w=25.0) + noise * rng.standard_normal(t.size)
+        signal = clean(record(np.floor(t * 100 + 1e-9) / 100, y), name="x")
+        assert signal.provenance.more["clock"] == clock
+
+
 @pytest.mark.parametrize("noise", [0.0, 0.02, 0.1])
 def test_values_that_were_sampled_in_bursts_keep_their_stamps(noise):
     """The negative control: a sensor that is read in bursts, and one that is read unevenly. A false alarm in none of 20
@@ -245,3 +257,35 @@ def test_values_that_were_sampled_in_bursts_keep_their_stamps(noise):
         for t in (stamps, uneven):
             y = decay(t, zeta=0.1, w=7.0) + noise * rng.standard_normal(400)
             assert burst_begins(np.arange(400), t, y).size == 400
+
+
+@pytest.mark.parametrize(("frequency", "noise"), [(0.3, 0.1), (0.3, 0.25), (0.3, 0.5), (1.0, 0.5)])
+def test_noise_is_no_evidence_of_even_samples(frequency, noise):
+    """Really sampled in bursts: a false alarm in none of 200 records (in 195 without the moves within bursts)."""
+    rng = np.random.default_rng(0)
+    steps = np.where(np.arange(399) % 8 == 7, 0.09, 0.0015)
+    for _ in range(200):
+        t = np.r_[0, np.cumsum(steps * (1 + 0.05 * rng.uniform(-1, 1, 399)))]
+        y = np.exp(-0.02 * t) * np.cos(2 * np.pi * frequency * t + rng.uniform(0, 2 * np.pi))
+        assert burst_begins(np.arange(400), t, y + noise * rng.standard_normal(400)).size == 400
+
+
+@pytest.mark.parametrize("shape", ["hann", "gauss"])
+@pytest.mark.parametrize(("cycles", "noise"), [(10, 0.003), (20, 0.003), (20, 0.05)])
+def test_a_tone_burst_is_refused(shape, cycles, noise):
+    """It rises as it falls; the controls rise as a drive has it, until that stops, or in one cycle."""
+    t = np.arange(0, 40, 0.02)
+    away = (t - 20) / cycles
+    packets = {
+        "hann": np.where(np.abs(away) < 0.5, np.cos(np.pi * away) ** 2, 0.0),
+        "gauss": np.exp(-12.5 * away**2),
+    }
+    rest = noise * np.random.default_rng(1).standard_normal(t.size)
+    tone = np.sin(2 * np.pi * t)
+    with pytest.raises(InputError, match="tone burst"):
+        clean(record(t, packets[shape] * tone + rest), name="x")
+    for rate in (0.1, 0.2, 0.4):
+        rise = np.where(t < 20, 1 - np.exp(-rate * t), (1 - np.exp(-rate * 20)) * np.exp(-rate * (t - 20)))
+        hit = np.where(t < 20, 0.0, np.exp(-rate * (t - 20)))
+        for envelope in (rise, hit):
+            clean(record(t, envelope * tone + 0.003 * rest / noise), name="x")

@@ -288,8 +288,40 @@ def test_of_a_phone_on_a_pendulum_the_axis_across_gravity_is_taken(
     measured = phone_on_a_pendulum(size)
     columns = {"t (s)": measured["t"]} | {head.format(axis): scale * measured[axis] for axis in "xyz"}
     assert read_record(write(tmp_path / "a.csv", columns)).channel == head.format("x")
-    del columns[head.format("x")]  # negative control: with nothing across it the axis along gravity stays
-    assert read_record(write(tmp_path / "b.csv", columns)).channel == head.format("y")
+    del columns[
+        head.format("x")
+    ]  # what points to the pivot is not answered for being the only one that swings
+    path = write(tmp_path / "b.csv", columns)
+    alone = write(tmp_path / "c.csv", {n: columns[n] for n in ("t (s)", head.format("y"))})
+    for one in (path, alone):
+        with pytest.raises(InputError, match=r"contains gravity .*it swings at twice the frequency") as error:
+            read_record(one)
+        assert error.value.arguments == ("value",)
+    assert error.value.likely == {}
+    named = read_record(path, value=head.format("y"))
+    assert any("twice the pendulum's frequency" in said for said in named.provenance.warnings)
+
+
+@pytest.mark.parametrize("cubic", [0.0, 400.0])
+@pytest.mark.parametrize("head", ["acceleration (m/s²)", "a"])
+def test_what_moves_up_and_down_is_answered_though_it_contains_gravity(
+    tmp_path: Path, head: str, cubic: float
+) -> None:
+    """The negative control: the mean acceleration of a spring's mass is gravity, however it swings."""
+    t = np.arange(3000) / 100
+
+    def force(_: float, u: np.ndarray) -> list[float]:
+        return [u[1], -60 * u[0] - cubic * u[0] ** 2 - 0.1 * u[1]]
+
+    run = solve_ivp(force, (0, t[-1]), [0.04, 0.0], t_eval=t, rtol=1e-8, atol=1e-10)
+    y = (
+        9.81
+        + np.array([force(0.0, u)[1] for u in run.y.T])
+        + 0.02 * np.random.default_rng(3).standard_normal(t.size)
+    )
+    record = read_record(write(tmp_path / "a.csv", {"t (s)": t, head: y}))
+    assert record.channel == head
+    assert not record.provenance.warnings
 
 
 @pytest.mark.parametrize("width", [1, 5, 30])

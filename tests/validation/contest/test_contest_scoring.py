@@ -7,7 +7,14 @@ import pandas as pd
 import pytest
 
 from bayesdamp.validation.contest.rows import COLUMNS
-from bayesdamp.validation.contest.scoring import coverage, errors, names, paired, quantile_of_errors
+from bayesdamp.validation.contest.scoring import (
+    coverage,
+    errors,
+    holds_more,
+    names,
+    paired,
+    quantile_of_errors,
+)
 
 
 def row(
@@ -75,6 +82,18 @@ def test_a_peer_is_beside_ours_on_the_records_of_both():
     assert (found.value, found.low, found.high) == pytest.approx((0.5, 0.5, 0.5))
     assert paired(table(*made), "few", "ours")[1] == 1
     assert paired(table(*made), "nobody", "ours")[1] == 0
+
+
+def test_intervals_that_hold_the_truth_more_often():
+    """Negative control: a record that one of them refused, or states no interval for, counts for neither."""
+    made = [row(f"family-1-{i}", "ours", 0.1, half=0.2 if i < 15 else 0.05) for i in range(20)]
+    made += [row(f"family-1-{i}", "peer", 0.1, half=0.2 if i < 5 else 0.05) for i in range(20)]
+    found = holds_more(table(*made), "peer", "ours")
+    assert found.value == pytest.approx(-0.5)
+    assert found.low < found.value < found.high < 0
+    made += [row("family-1-20", "ours", 0.0, half=0.1), row("family-1-20", "peer", 0.0, outcome="no")]
+    made += [row("family-1-21", "ours", 0.0), row("family-1-21", "peer", 0.0, half=0.1)]
+    assert holds_more(table(*made), "peer", "ours").value == found.value
 
 
 def test_negative_control_no_peer_is_better_by_chance():

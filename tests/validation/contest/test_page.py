@@ -42,6 +42,66 @@ def test_a_peer_that_is_nearer_is_said():
     assert "Seed 811;" in said
 
 
+def test_no_peer_is_nearer_where_none_is():
+    made = [row(f"family-811-{i}", OURS, 0.01 * (1 + i % 5)) for i in range(20)]
+    made += [row(f"family-811-{i}", "script", 0.01 * (1 + (i + 2) % 5)) for i in range(20)]
+    made += [row(f"family-811-{i}", "decrement", 0.5) for i in range(20)]
+    said = page(table(*made), {})
+    assert "no peer is nearer to the truth in any group by more than chance" in said
+    assert "- Neither nearer nor farther by more than chance: an engineer's script in family." in said
+    assert "no peer is nearer" not in page(stored(), {})
+
+
+def compared(theirs: tuple[float, float], own: tuple[float, float]) -> str:
+    """The section on the script; theirs and own: error and half width of the interval, relative."""
+    made = []
+    for i in range(20):
+        for name, (error, half) in (("script", theirs), (OURS, own)):
+            x = row(
+                f"family-811-{i}", name, error * (1 + i % 3), half=half, named="viscous", relation="right"
+            )
+            made.append(x | ({"outcome": "no", "named": ""} if name == OURS and i == 0 else {}))
+    made.append(row("family-811-20", OURS, 9.0))  # which the script was not given
+    said = page(table(*made), {})
+    return said[said.index("## A script that an engineer") : said.index("![errors]")]
+
+
+def test_the_script_is_compared_by_its_numbers():
+    said = compared((0.01, 0.005), (0.02, 0.1))
+    assert "| answered | 20 of 20 / 19 of 20 | 20 of 20 / 19 of 20 |" in said
+    assert "| intervals hold the truth | 0.00 / 1.00 | 0.00 / 1.00 |" in said
+    assert "| named, of these rightly | 20, 20 / 19, 19 |" in said
+    assert "| the script's error over bayesdamp's | **0.5 (0.5–0.5)** |" in said
+    assert "script is nearer to the truth in all simulated, family, bayesdamp in no group" in said
+    assert (
+        "script's intervals hold the truth more often in no group, bayesdamp's in all simulated, family"
+        in said
+    )
+
+
+def test_the_other_way_round_the_sentences_turn():
+    said = compared((0.02, 0.1), (0.01, 0.005))
+    assert "script is nearer to the truth in no group, bayesdamp in all simulated, family" in said
+    assert (
+        "script's intervals hold the truth more often in all simulated, family, bayesdamp's in no group"
+        in said
+    )
+    assert "an engineer" not in page(stored(), {})  # without its rows nothing is said of it
+
+
+def test_who_gives_one_number_and_who_was_given_fewer_records_is_said():
+    made = [
+        row(f"family-811-{i}", name, 0.01) for i in range(6) for name in (OURS, "decrement", "half_power")
+    ]
+    for x in made:
+        if x["peer"] != "decrement":
+            x["value_2"] *= 1.1
+    said = page(table(*made[:-1]), {})
+    assert "One number for all amplitudes is what these give: logarithmic decrement. They" in said
+    assert "Given fewer records than others, of 6: half-power bandwidth (5)." in said
+    assert "Given fewer" not in page(table(*made), {})
+
+
 def test_what_ours_refuses_and_others_answer_is_said():
     made = [
         row(f"gappy-811-{i}", OURS, 0.0, outcome="not the free decay of one oscillator") for i in range(6)

@@ -37,6 +37,8 @@ POINTS = 40
 DRAWS = 1000
 STEPS, SETTLED = 25, 0.1
 """Gauss–Newton steps at most, and the change of the motion, in sds of the whole record's noise, that ends them."""
+FAR = 50.0
+"""Size of g, whose prior has sizes of 3 at most, from which the model about the mode does not describe the record."""
 CLOSE = 1.02
 """By how much a step may enlarge the sum of squares."""
 
@@ -69,6 +71,8 @@ def free_curve(
     u = scores_of(weighed, at.parameters.positive, DRAWS, rng)
     d = at.fit.z.size
     g, h, zeta = u[:, d : d + count], u[:, d + count :], at.parameters.known["zeta"]
+    if np.abs(g).max() > FAR:
+        return None
     law = at.parameters.values(at.u[:d])[solver.law_places]
     rest = rest_of(restoring, law, data.rest, 2 * data.amplitude)
     times, sizes = turning_amplitudes(at.motion)

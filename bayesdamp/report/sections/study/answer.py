@@ -25,6 +25,10 @@ CAPTION = (
     "wave in it is what none of these laws explains. Energy lost in a cycle: the highest line is the term that brakes "
     "most at that amplitude."
 )
+MEASURED = (
+    "Equivalent damping ratio, measured without a law: level means viscous, rising to small amplitudes friction, to "
+    "large ones drag. The law that fits best contradicts it and is not drawn. Energy lost in a cycle: from this ratio."
+)
 
 
 MOTIONS = (
@@ -80,7 +84,7 @@ def _one(run: Run, signal: str) -> Markup:
     recorded = run.unit(signal).displacement.of(run.quantity(signal))
     picture = run.drawings.add(
         f"answer-{signal}",
-        CAPTION,
+        _caption(v),
         lambda: figures.answer(answer.arrays, unit, v.damping, recorded),
         narrow=lambda: figures.answer(answer.arrays, unit, v.damping, recorded, narrow=True),
     )
@@ -94,12 +98,19 @@ def _one(run: Run, signal: str) -> Markup:
         picture=picture,
         exponent=_exponent(run, signal, answer),
         ratios=_ratios(v),
-        coefficients=_coefficients(v),
+        coefficients=_coefficients(v) if v.coefficients else "",
         candidates=folded(
             "Every damping sum that was compared",
             _candidates(answer, recorded, run.unit(signal).displacement.scale),
         ),
     )
+
+
+def _caption(v: Verdict) -> str:
+    """What the picture shows: the law's curves, or those that are measured without one."""
+    if v.contradicted:
+        return MEASURED
+    return f"{CAPTION} This record's ratio is measured without a law." if v.law_free else CAPTION
 
 
 def _motions(run: Run, signal: str, v: Verdict) -> Markup | str:

@@ -1,4 +1,4 @@
-"""A call that cannot be meant, in one line."""
+"""Calls from Python: what cannot be meant is refused in one line, in the words of Python."""
 
 from __future__ import annotations
 
@@ -7,7 +7,8 @@ import os
 from collections.abc import Callable, Mapping
 from functools import wraps
 from numbers import Real
-from typing import ParamSpec, TypeVar
+from types import FunctionType
+from typing import Any, ParamSpec, TypeVar
 
 from bayesdamp.plugins import nearest
 from bayesdamp.types import InputError, Signal
@@ -25,9 +26,23 @@ KINDS: dict[str, tuple[tuple[type, ...], str]] = {
 """What an argument of this name is, wherever it stands; None where that is its default."""
 
 
+class Told:
+    """Base of public classes: their methods are `told`."""
+
+    def __init_subclass__(cls, **options: Any) -> None:
+        super().__init_subclass__(**options)
+        for name, value in list(vars(cls).items()):
+            if name.startswith("_"):
+                continue
+            if isinstance(value, FunctionType):
+                setattr(cls, name, told(value, name))
+            elif isinstance(value, classmethod):
+                setattr(cls, name, classmethod(told(value.__func__, name)))
+
+
 def told(function: Callable[P, R], name: str) -> Callable[P, R]:
-    """The function under a public name, with InputError for a keyword that it has not, an argument that is missing, or
-    one of `KINDS` that is of another type."""
+    """Return the function under a public name, with InputError for a keyword that it has not, an argument that is
+    missing, or one of `KINDS` that is of another type; what it refuses names keywords, not the command's options."""
     signature = inspect.signature(function)
 
     @wraps(function)
@@ -40,7 +55,12 @@ def told(function: Callable[P, R], name: str) -> Callable[P, R]:
             kinds, what = KINDS.get(argument, ((object,), ""))
             if not isinstance(value, kinds) and value is not signature.parameters[argument].default:
                 raise InputError(f"{name}: {argument} is {type(value).__name__}; it must be {what}")
-        return function(*args, **given)
+        try:
+            return function(*args, **given)
+        except InputError as error:
+            if not error.arguments:
+                raise
+            raise error.naming(lambda argument: f"{argument}=") from None
 
     return called
 
