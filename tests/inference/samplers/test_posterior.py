@@ -218,7 +218,7 @@ def test_too_few_draws_are_added_to():
     """
     name = "viscous_coulomb"
     target, mode = problems.target(name), problems.mode(name)
-    few = Settings(chains=4, warmup=100, draws=130, seed=3)
+    few = Settings(chains=4, warmup=100, draws=130, seed=2)
     run = Nuts().attempt(mode, whitening_of(target, mode), few)
     first, found = run.posterior(mode), Nuts().sample(target, mode, few)
     assert "too few draws" in first.outcome
