@@ -65,8 +65,8 @@ class DampingTerm(ABC):
     switches: bool = False
     """Whether the shape jumps with the sign of the velocity within the width ε."""
     rounded: bool = False
-    """Whether ε rounds off a shape that is steep at rest, instead of a jump. Where ε is 0 the kernel still rounds it off,
-    within a small share of the peak velocity."""
+    """Whether ε rounds off a shape that is steep at rest, instead of a jump. Where ε is 0 a compiled trajectory still
+    rounds it off, within a small share of the peak velocity."""
     inferred: tuple[FreeParameter, ...] = ()
     """Parameters beside the coefficient, in the kernel's order."""
     given: tuple[str, ...] = ()
@@ -161,7 +161,8 @@ class DampingTerm(ABC):
         return float(amplitude * total)
 
     def at(self, further: Mapping[str, float]) -> Callable[[float, float, float], float]:
-        """Return the shape as a function of (x, v, ε) at values of the further parameters, by name; ε = 0 is the sign."""
+        """Return the shape as a function of (x, v, ε) at values of the further parameters, by name; ε = 0 is the
+        sign."""
         kernel, values = self.kernel, [further[n] for n in self.further]
         if type(self).kernel is DampingTerm.kernel:
             return lambda x, v, epsilon: float(self.shape(v, epsilon))  # type: ignore[arg-type]
