@@ -21,7 +21,7 @@ from types import ModuleType
 from typing import Any
 
 from bayesdamp.machine.cache import cache_folder
-from bayesdamp.physics.damping import TERMS, DampingTerm
+from bayesdamp.physics.damping import EXACT, TERMS, TINY, DampingTerm
 from bayesdamp.physics.kernel.differentiate import NoSlopeError, differenced, differentiated
 from bayesdamp.physics.restoring import LAWS, RestoringLaw
 from bayesdamp.types import Refusal
@@ -31,10 +31,13 @@ MOST_KEPT = 50
 """Kernels on disk, 0.6 MB each, beyond which those that were not used for longest are removed (conventional)."""
 IN_USE = 3600.0
 """Time in s after its last use in which another process may still be compiling a kernel (conventional)."""
-_HEAD = """import math
+_HEAD = f"""import math
 
 import numpy as np
 from numba import njit
+
+
+EXACT, TINY = {EXACT!r}, {TINY!r}
 
 
 @njit

@@ -5,6 +5,13 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from bayesdamp.physics.damping import EXACT, TINY
+
+__all__ = [
+    "EXACT", "JUMPS", "OWNERS", "SWITCHES", "TINY", "damping", "damping_slopes", "gathered", "restoring",
+    "restoring_slopes", "shapes",
+]  # fmt: skip
+
 OWNERS = np.array([0], np.int64)
 """Of each further parameter, the term's number."""
 SWITCHES = np.array([False])

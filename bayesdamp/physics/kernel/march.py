@@ -92,8 +92,8 @@ errors ten to thirty times smaller at 1e-6 of the amplitude, of motions that fol
 
 
 LANDED, NEAR = 1e-4, 0.1
-"""Time to a turning point, in radians of the oscillation, from which its place follows from the accelerations alone,
-and from which Newton's method finds it; to rounding both."""
+"""Times to a turning point, in radians of the oscillation, below which the accelerations alone tell where it is, to
+rounding, and below which Newton's method finds it."""
 STILL = 1e-12
 """Acceleration of a body at rest, as a share of the peak one, up to which it sticks."""
 
@@ -193,8 +193,8 @@ def march(
     coefficients, q, active, law, epsilon, rounding, start, knots, g, h, tolerance, sizes, tangents, most
 ):
     """Node times (s,), states (s, 4): θ, θ̇, θ̈, and the correction of the quintic of the step
-    that begins there, and tangents (s, k, 4) likewise; the times are empty where it escapes. Where friction is exact,
-    a turning point is two nodes; a body that sticks has one where it stops and one where it moves again or at the end.
+    that begins there, and tangents (s, k, 4) likewise; the times are empty where it escapes. Where friction is exact a
+    turning point is two nodes at one time, and so are the times at which a body begins and ends to stick.
 
     epsilon, rounding: widths of friction's turning over, 0 for the sign itself, and of what is rounded off.
     knots: (n,), from the first to the last time, g and h there. tolerance: of a step, as a share of the sizes of θ

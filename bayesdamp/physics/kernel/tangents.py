@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from bayesdamp.physics.kernel.forces import damping_slopes, restoring_slopes
+from bayesdamp.physics.kernel.forces import EXACT, TINY, damping_slopes, restoring_slopes
 
 # --- tangents ---
 
@@ -16,9 +16,9 @@ POWERS = np.linalg.inv(np.vander(POINTS, increasing=True))
 WHOLE, HALF = (POWERS.T @ (end ** np.arange(1.0, 6.0) / np.arange(1.0, 6.0)) for end in (1.0, 0.5))
 """Weights at the points of an integral over a step and over its first half."""
 MOST_TERMS, SMALL = 30, 1e-13
-EXACT, TINY, SLOW = 1e-8, 1e-100, 2e-6
-"""Width over the velocity at which friction has turned over to rounding; the velocity that stands for 0; and the share
-of the peak velocity at which slopes are taken where the motion is slower, twice that of their differences."""
+SLOW = 2e-6
+"""Share of the peak velocity at which slopes are taken where exact friction's motion is slower: twice the step of
+central differences."""
 """Terms of the power series of a step at most, and their size, over the sum's, at which it ends."""
 
 
@@ -34,9 +34,9 @@ def turned(v, sign):
 def linearise(x, v, w, g_at, h_at, c, q, epsilon, rounding, sign, active, law, sizes, row):
     """Slopes of the force by x and v at one point, and the sources of the tangents, into a row of `over_a_step`'s.
 
-    w, g_at, h_at, c, q, epsilon, rounding, sign, law: as in `acceleration`. row: (2 + m + e + r + 4,): by
-    x and v, then coefficients, the terms' further parameters, the law's, and the hats of g and h to the left and right
-    of w.
+    w, g_at, h_at, c, q, epsilon, rounding, law: as in `acceleration`. row: (2 + m + e + r + 4,): by x and v, then
+    coefficients, the terms' further parameters, the law's, and the hats of g and h to the left and right of w.
+    sign: of the velocity, where friction has it exactly, else 0.
     """
     damps = 1.0 + g_at[0] + w * (g_at[1] - g_at[0])
     pulls = 1.0 + 2.0 * (h_at[0] + w * (h_at[1] - h_at[0]))
