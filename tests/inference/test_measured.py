@@ -84,7 +84,7 @@ def test_sds_of_the_notes():
     covariance = np.linalg.inv(mode.information)
     for name, sd in (("zeta", 0.0005), ("mu_c", 0.003)):
         i = target.names.index(name)
-        found = float(np.sqrt(covariance[i, i])) * target.priors[name].scale  # type: ignore[union-attr]
+        found = float(np.sqrt(covariance[i, i])) * float(target.priors[name].rate(1.0))
         assert found == pytest.approx(sd, rel=0.35)
 
 
