@@ -12,7 +12,7 @@ from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.physics.restoring import RestoringLaw
 from bayesdamp.physics.trajectories import Trajectories
 from bayesdamp.types import Refusal
-from tests.physics.independent import LAWS, PAPER, SUMS, restoring, trajectory
+from tests.physics.independent import LAWS, PAPER, SUMS, restoring, trajectory, with_coulomb
 
 TIMES = np.linspace(0.0, 6.0, 241)
 QUANTITIES = ("angle", "velocity", "acceleration")
@@ -164,3 +164,21 @@ def test_a_law_without_a_kernel_is_refused(monkeypatch: pytest.MonkeyPatch) -> N
     monkeypatch.setattr(type(osc.law), "kernel", staticmethod(RestoringLaw.kernel))
     with pytest.raises(Refusal, match="restoring law 'linear' has no `kernel`"):
         Trajectories(osc, TIMES, "angle", p)
+
+
+def test_exact_friction_and_its_slopes() -> None:
+    """Through turning points and sticking, against central differences of the closed form."""
+    times = np.linspace(0.0, 10.0, 1003)
+    p = {"mu_c": 0.3, "stiffness": 20.0, "rest_angle": 0.05, "epsilon": 0.0, "theta0": 0.35, "omega0": 1.3}
+    names = ("mu_c", "stiffness", "theta0", "omega0")
+    found, slopes = Trajectories(Oscillator("coulomb", "linear"), times, "angle", p, 1e-7).with_slopes(
+        p, names
+    )
+    assert np.max(np.abs(found - with_coulomb(p, times)[:, 0])) < 1.5e-7
+    for name, slope in zip(names, slopes, strict=True):
+        d = 1e-6 * max(1.0, abs(p[name]))
+        up, down = ({**p, name: p[name] + s * d} for s in (1, -1))
+        difference = (with_coulomb(up, times)[:, 0] - with_coulomb(down, times)[:, 0]) / (2 * d)
+        assert np.max(np.abs(slope - difference)) < 2e-4 * max(1.0, float(np.max(np.abs(difference))))
+    narrow = Trajectories(Oscillator("coulomb", "linear"), times, "angle", p).record({**p, "epsilon": 0.05})
+    assert np.max(np.abs(narrow - found)) > 1e-4  # control
