@@ -157,7 +157,7 @@ def test_tangents_are_central_differences(terms: tuple[str, ...], order: int) ->
             given = np.concatenate([values, G, H])
             given[i] += sign * 1e-5
             split = np.split(given, [values.size, values.size + G.size])
-            end = made.solve(split[0], on, *split[1:], NONE, tolerance=1e-13)
+            end = made.solve(split[0], on, split[1], split[2], NONE, tolerance=1e-13)
             assert end is not None
             ends.append(end.y)
         difference = (ends[0] - ends[1]) / 2e-5
