@@ -16,6 +16,7 @@ import numpy as np
 import pytest
 from scipy.integrate import odeint, solve_ivp
 
+from bayesdamp.inference.model.likelihood import Likelihood
 from bayesdamp.inference.model.target import Target
 from bayesdamp.physics.damping import TERMS
 from bayesdamp.physics.kernel import Solver
@@ -153,7 +154,7 @@ def measured(model: str) -> dict[str, float]:
         runs[name] = run
     target = posterior_of(model, p, y)
     z = target.scores(p)
-    likelihood = target.likelihood(z, ERROR)
+    likelihood = Likelihood.near(target, z, ERROR)
     found["posterior error"] = float(np.max(np.abs(likelihood.motion(z) - truth)))
     runs["posterior"] = lambda: likelihood.log_posterior(z)
     return found | dict(zip(runs, in_turns(*runs.values(), rounds=7), strict=True))

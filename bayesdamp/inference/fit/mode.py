@@ -76,7 +76,7 @@ def settle(target: Target, z: np.ndarray, tolerance: float, searches: tuple[Loca
     attempts = 0
     while True:
         attempts += 1
-        likelihood = target.likelihood(z, tolerance)
+        likelihood = Likelihood.near(target, z, tolerance)
         top = maximise_posterior(likelihood, z)
         if not np.isfinite(top.value):
             raise Refusal("the posterior is not finite at its mode")
@@ -165,6 +165,6 @@ def restore_mode(
     searches: tuple[LocalSearch, ...] = (),
 ) -> Mode:
     """Return a mode from what was stored of it."""
-    likelihood = target.likelihood(z, tolerance)
+    likelihood = Likelihood.near(target, z, tolerance)
     near, factor = about(likelihood, z, information)
     return Mode(z, log_posterior, information, factor, likelihood, near, searches, np.nan, np.nan, tolerance)

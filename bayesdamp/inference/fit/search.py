@@ -128,7 +128,7 @@ class _Begun(NamedTuple):
 
 
 def _begun(target: Target, seeds: list[Seed], z: np.ndarray, tolerance: float) -> _Begun:
-    likelihood = target.likelihood(z, tolerance)
+    likelihood = Likelihood.near(target, z, tolerance)
     r = likelihood.residual(z)
     z = _with_noise(target, z, r)
     value = likelihood.held(1.0).log_noise(r, z) + float(likelihood.held(1.0).log_prior(z))

@@ -9,15 +9,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import Self
 
 import numpy as np
 
+from bayesdamp.inference.model.target import Target
 from bayesdamp.physics.trajectories import Trajectories
 from bayesdamp.priors import log_prior_of, shared_precision
-
-if TYPE_CHECKING:
-    from bayesdamp.inference.model.target import Target
 
 WIDE = 1e-2
 """Scores over which second differences by the noise's parameters are taken."""
@@ -66,6 +64,11 @@ class Likelihood:
     tolerance: float
     part: slice
     scales: tuple[float, ...]
+
+    @classmethod
+    def near(cls, target: Target, z: np.ndarray, tolerance: float, part: slice = slice(None)) -> Self:
+        """Return the log density of a target near scores z, (d,), motions solved within `tolerance`."""
+        return cls(target, target.all_values(z), tolerance, part, target.scales)
 
     def held(self, scale: float) -> Likelihood:
         """Return the same with the scale that coefficients share held at one value, in scores."""

@@ -12,7 +12,6 @@ from functools import cached_property
 
 import numpy as np
 
-from bayesdamp.inference.model.likelihood import Likelihood
 from bayesdamp.inference.noise import NOISES, NoiseModel
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.priors import SHARED_SIGMAS, Prior, SharedHalfNormal
@@ -121,10 +120,3 @@ class Target:
         """Each parameter's name, its value and derivative as functions of a score and the prior's numbers, and
         these numbers."""
         return [(n, type(p).transform, type(p).derivative, p.numbers) for n, p in self.priors.items()]
-
-    def likelihood(self, z: np.ndarray, tolerance: float, part: slice = slice(None)) -> Likelihood:
-        """Return the log density near scores z, (d,), motions solved within `tolerance` (unit of the record).
-
-        part: the samples that count; the motion starts at the record's first.
-        """
-        return Likelihood(self, self.all_values(z), tolerance, part, self.scales)

@@ -15,6 +15,7 @@ from bayesdamp.inference.checks.residual_spectrum import orthonormal
 from bayesdamp.inference.checks.score_tests import FORMS, SIZE, Other, other_form, responses
 from bayesdamp.inference.fit.mode import Mode
 from bayesdamp.inference.fit.search import find_mode
+from bayesdamp.inference.model.likelihood import Likelihood
 from bayesdamp.inference.model.target import Target
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.priors import HalfNormal, Normal
@@ -88,7 +89,7 @@ def test_the_response_is_what_a_small_force_does(form: int, quantity: str) -> No
     size = 1e-4
     truth = (moved(form, size, quantity) - moved(form, -size, quantity)) / (2 * size)
     made = target(np.zeros_like(TIMES), quantity)
-    likelihood = made.likelihood(made.scores(TRUTH), 1e-7)
+    likelihood = Likelihood.near(made, made.scores(TRUTH), 1e-7)
     p = {**made.known, **TRUTH}
     motion = likelihood.motions.motion(p)
     assert motion is not None
@@ -173,7 +174,7 @@ def test_the_bayes_factor_is_that_of_quadrature(form: int, share: float) -> None
     made, mode = fitted(form, share * largest)
     scale = SIZE * 2 * float(made.values(mode.z)["zeta"]) * V
     made = replace(made, known={**made.known, "noise_sd": noise})
-    mode = replace(mode, likelihood=made.likelihood(mode.z, mode.tolerance))
+    mode = replace(mode, likelihood=Likelihood.near(made, mode.z, mode.tolerance))
     left = mode.likelihood.residual(mode.z) / noise
     drawn = np.random.default_rng([15, form]).standard_normal(TIMES.size)
     absorbed = orthonormal(tangents(made, mode).T)

@@ -12,6 +12,7 @@ from scipy.special import gammaln
 
 from bayesdamp.inference.model.build import build_target
 from bayesdamp.inference.model.defaults import Reference, default_prior
+from bayesdamp.inference.model.likelihood import Likelihood
 from bayesdamp.inference.model.target import Target
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.priors import (
@@ -95,7 +96,7 @@ def test_the_prior_of_the_scores_is_that_of_the_parameters(damping, size) -> Non
     """By a change of variables; a reflected score is of either sign, which halves its density."""
     one = target(*damping)
     z = scores(one, 2, size)
-    found = float(one.likelihood(z, 1e-5).log_prior(z))
+    found = float(Likelihood.near(one, z, 1e-5).log_prior(z))
     own = float(log_prior_of(z, one.reflected, one.shared))
     assert found == pytest.approx(own - np.sum(one.reflected) * np.log(2.0), rel=1e-12)
     priors = list(one.priors.values())
@@ -113,7 +114,7 @@ def test_the_curvature_of_the_prior(damping, size) -> None:
     """It is that of a parabola that touches the log prior from below. Control: a flatter one does not stay there."""
     one = target(*damping)
     z = scores(one, 2, size)
-    likelihood = one.likelihood(z, 1e-5)
+    likelihood = Likelihood.near(one, z, 1e-5)
     squares, count = np.sum(z[one.shared] ** 2), int(one.shared.sum())
     precision = np.where(one.shared, shared_precision(squares, count), 1.0)
     rng = np.random.default_rng(3)
@@ -132,7 +133,7 @@ def test_gradient_and_curvature_of_the_posterior() -> None:
     one = target("viscous", "coulomb")
     for size in (1e-3, 1.0):
         z = scores(one, 2, size)
-        likelihood = one.likelihood(z, 1e-9)
+        likelihood = Likelihood.near(one, z, 1e-9)
         value, gradient = likelihood.gradient(z)
         assert value == pytest.approx(likelihood.log_posterior(z), abs=1e-9)
         found = likelihood.curvature(z)

@@ -12,6 +12,7 @@ from bayesdamp.inference.fit.mode import BUDGET
 from bayesdamp.inference.fit.search import find_mode
 from bayesdamp.inference.model.build import build_target
 from bayesdamp.inference.model.defaults import EPSILON_RANGE, EPSILON_SHARE, Reference, default_prior
+from bayesdamp.inference.model.likelihood import Likelihood
 from bayesdamp.inference.model.target import Target
 from bayesdamp.inference.noise import NOISES
 from bayesdamp.physics.oscillator import Oscillator
@@ -44,7 +45,7 @@ def test_posterior_at_the_truth(name):
     """Prior and likelihood against those of the reference's own code, on LSODA trajectories."""
     made, target = problems.reference(name), problems.target(name)
     z = target.scores(made["truth"])
-    found = target.likelihood(z, 1e-8).log_likelihood(z)
+    found = Likelihood.near(target, z, 1e-8).log_likelihood(z)
     assert found == pytest.approx(made["at_truth"]["log_likelihood"], abs=2e-3)
     prior = sum(float(p.log_density(made["truth"][n])) for n, p in target.priors.items())
     assert prior == pytest.approx(made["at_truth"]["log_prior"], abs=1e-9)
@@ -55,7 +56,7 @@ def test_gradient_is_that_of_differences(noise):
     """Off the mode, so that nothing vanishes; every score, those of the noise too."""
     target, z = case(noise)
     z = z + 0.3 * np.linspace(-0.02, 0.03, z.size)
-    likelihood = target.likelihood(z, 1e-9)
+    likelihood = Likelihood.near(target, z, 1e-9)
     value, gradient = likelihood.gradient(z)
     assert value == pytest.approx(likelihood.log_posterior(z), abs=1e-9)
     d = 1e-5
@@ -72,7 +73,7 @@ def test_gradient_is_that_of_differences(noise):
 def test_slopes_in_natural_units_are_those_of_differences(noise):
     """By every inferred parameter; without the prior's. The control: with it they are others."""
     target, z = case(noise)
-    likelihood, p = target.likelihood(z, 1e-9), target.all_values(z)
+    likelihood, p = Likelihood.near(target, z, 1e-9), target.all_values(z)
     p["theta0"] *= 1.002
     value, slopes = likelihood.slopes_of(p)
     assert value == likelihood.log_likelihood_of(p)
@@ -147,7 +148,7 @@ def test_motions_three_sds_away():
     in sixteen directions, against the independent solver: within its tolerance."""
     target, mode = problems.target("coulomb_correlated"), problems.mode("coulomb_correlated")
     osc, times = target.oscillator, target.signal.t
-    likelihood = target.likelihood(mode.z, 1e-6)
+    likelihood = Likelihood.near(target, mode.z, 1e-6)
     rng = np.random.default_rng(8)
     worst, moved = 0.0, 0.0
     at_mode = trajectory(osc.restoring, target.all_values(mode.z), times, longest=0.01)[:, 0]
@@ -198,7 +199,7 @@ def duffing(theta0: float) -> tuple[Target, Signal]:
 def test_escape_has_no_likelihood_and_no_nan():
     """A softening Duffing beyond its hilltop: −∞, in batches too, and the inner ones are finite."""
     target, _ = duffing(0.3)
-    likelihood = target.likelihood(target.scores({"zeta": 0.1, "cubic": -60.0, "theta0": 0.3}), 1e-6)
+    likelihood = Likelihood.near(target, target.scores({"zeta": 0.1, "cubic": -60.0, "theta0": 0.3}), 1e-6)
     starts = [0.3, 0.5, 0.65, 0.8, 1.2, 3.0]
     z = np.array([target.scores({"zeta": 0.1, "cubic": -60.0, "theta0": x}) for x in starts])
     found = likelihood.log_posteriors(z)
