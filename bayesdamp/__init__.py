@@ -61,7 +61,7 @@ _HOME = {
     "clean": "bayesdamp.records.cleaning.clean",
     "features": "bayesdamp.records.oscillation.features",
     "read_record": "bayesdamp.records.read",
-    "trajectory": "bayesdamp.physics.integrate",
+    "trajectory": "bayesdamp.physics.trajectories",
 }
 _THERE = {"trajectory": "simulate"}
 """What a name is called where it comes from, if something else."""
@@ -127,8 +127,8 @@ if TYPE_CHECKING:
     from bayesdamp.interface.run import Candidate, Run, run_study
     from bayesdamp.interface.sampling import sample
     from bayesdamp.physics.damping import DampingTerm
-    from bayesdamp.physics.integrate import simulate as trajectory
     from bayesdamp.physics.oscillator import Oscillator
+    from bayesdamp.physics.trajectories import simulate as trajectory
     from bayesdamp.priors import HalfNormal, LogNormal, LogUniform, Normal, Uniform
     from bayesdamp.records.cleaning.clean import clean
     from bayesdamp.records.oscillation.features import features

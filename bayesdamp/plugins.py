@@ -215,8 +215,6 @@ def _forget() -> None:
         # By type: asking an object for its class may run code of its own.
         if type(one) is functools._lru_cache_wrapper and (one.__module__ or "").startswith(_COMPILED):
             one.cache_clear()
-    if "jax" in sys.modules:
-        sys.modules["jax"].clear_caches()
 
 
 def _plugins_of(module: PluginModule) -> list[tuple[Registry[Any], str, Any]]:

@@ -8,6 +8,7 @@ further ado.
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Callable, Mapping, Sequence
 from functools import cache
 from types import SimpleNamespace
@@ -26,7 +27,6 @@ from pydantic import (
     model_validator,
 )
 
-from bayesdamp.numerics.lazily import jnp, traced
 from bayesdamp.types import InputError
 
 if TYPE_CHECKING:
@@ -34,14 +34,24 @@ if TYPE_CHECKING:
 
 Scalar: TypeAlias = "float | Array"
 _HOST = SimpleNamespace(exp=np.exp, log=np.log, ndtr=host.ndtr)
+_NUMBER = SimpleNamespace(exp=math.exp, log=math.log, ndtr=lambda z: 0.5 * math.erfc(-z / math.sqrt(2.0)))
+"""The same of one number, several times faster."""
 
 
 def _functions(z: Any) -> SimpleNamespace:
-    return _traced() if traced(z) else _HOST
+    if isinstance(z, float):
+        return _NUMBER
+    return _traced() if _is_traced(z) else _HOST
+
+
+def _is_traced(value: object) -> bool:
+    """Whether a value is an array of JAX, which NumPyro's models have; loads nothing."""
+    return "jax" in sys.modules and isinstance(value, sys.modules["jax"].Array)
 
 
 @cache
 def _traced() -> SimpleNamespace:
+    from jax import numpy as jnp
     from jax.scipy.special import ndtr
 
     return SimpleNamespace(exp=jnp.exp, log=jnp.log, ndtr=ndtr)
@@ -78,6 +88,8 @@ class _Prior(BaseModel):
     transform: ClassVar[Callable[..., Any]]
     """(z, *numbers): the parameter at the normal score z (any shape) for a prior with these numbers. Of arrays of
     JAX it is traced, of NumPy's it is computed at once."""
+    derivative: ClassVar[Callable[..., Any]]
+    """(z, *numbers): the derivative of `transform` by z."""
 
     @property
     def numbers(self) -> tuple[float, ...]:
@@ -87,6 +99,11 @@ class _Prior(BaseModel):
     def value(self, z: ArrayLike) -> np.ndarray:
         """The parameter at the normal score z (any shape)."""
         return self.transform(np.asarray(z, float), *self.numbers)
+
+    def rate(self, z: ArrayLike) -> np.ndarray:
+        """Return the derivative of `value` by the score z (any shape)."""
+        z = np.asarray(z, float)
+        return np.broadcast_to(self.derivative(z, *self.numbers), z.shape)
 
     def score(self, x: ArrayLike) -> np.ndarray:
         """A normal score of the value x, the non-negative one where the prior is reflected."""
@@ -109,6 +126,11 @@ class _Prior(BaseModel):
 _HALF_LOG_2PI = 0.5 * math.log(2 * math.pi)
 
 
+def _density(z: Any) -> Any:
+    """φ(z), the standard normal density."""
+    return _functions(z).exp(-0.5 * z**2 - _HALF_LOG_2PI)
+
+
 class Normal(_Prior):
     """Normal with mean and sd."""
 
@@ -123,6 +145,11 @@ class Normal(_Prior):
     def transform(z: Any, mean: Scalar, sd: Scalar) -> Any:
         """mean + sd z."""
         return mean + sd * z
+
+    @staticmethod
+    def derivative(z: Any, mean: Scalar, sd: Scalar) -> Any:
+        """sd."""
+        return sd
 
     def score(self, x: ArrayLike) -> np.ndarray:
         """(x − mean)/sd."""
@@ -151,6 +178,11 @@ class HalfNormal(_Prior):
     def transform(z: Any, scale: Scalar) -> Any:
         """scale · |z|: reflected at zero."""
         return scale * abs(z)
+
+    @staticmethod
+    def derivative(z: Any, scale: Scalar) -> Any:
+        """scale · sign z."""
+        return scale * np.sign(z)
 
     def score(self, x: ArrayLike) -> np.ndarray:
         """|x|/scale."""
@@ -191,6 +223,11 @@ class SharedHalfNormal(_Prior):
     def transform(z: Any, per_ratio: Scalar) -> Any:
         """The coefficient at a score z, which is the damping ratio in units of `SCORE_RATIO`, reflected at zero."""
         return SCORE_RATIO * per_ratio * abs(z)
+
+    @staticmethod
+    def derivative(z: Any, per_ratio: Scalar) -> Any:
+        """The coefficient at a score of 1, with the sign of z."""
+        return SCORE_RATIO * per_ratio * np.sign(z)
 
     def score(self, x: ArrayLike) -> np.ndarray:
         """The damping ratio of the coefficient x in units of `SCORE_RATIO`."""
@@ -250,7 +287,7 @@ def shared_precision(squares: Any, count: Any, scales: Any = SHARED_SIGMAS) -> A
 
 
 def _over_scales(squares: Any, count: Any, scales: Any) -> tuple[Any, Any]:
-    np_: Any = jnp if traced(squares) else np
+    np_: Any = sys.modules["jax"].numpy if _is_traced(squares) else np
     scales = np_.asarray(scales)
     each = -0.5 * np_.asarray(squares)[..., None] / scales**2 - count * np_.log(scales)
     top = each.max(axis=-1, keepdims=True)
@@ -329,6 +366,11 @@ class LogNormal(_Prior):
         """median · exp(sigma z)."""
         return median * _functions(z).exp(sigma * z)
 
+    @staticmethod
+    def derivative(z: Any, median: Scalar, sigma: Scalar) -> Any:
+        """sigma times the value."""
+        return sigma * median * _functions(z).exp(sigma * z)
+
     def score(self, x: ArrayLike) -> np.ndarray:
         """log(x/median)/sigma."""
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -367,6 +409,11 @@ class Uniform(_Prior):
         """low + (high − low) Φ(z)."""
         return low + (high - low) * _functions(z).ndtr(z)
 
+    @staticmethod
+    def derivative(z: Any, low: Scalar, high: Scalar) -> Any:
+        """(high − low) φ(z)."""
+        return (high - low) * _density(z)
+
     def score(self, x: ArrayLike) -> np.ndarray:
         """Φ⁻¹((x − low)/(high − low))."""
         share = (np.asarray(x, float) - self.low) / (self.high - self.low)
@@ -403,6 +450,12 @@ class LogUniform(_Prior):
         """low · (high/low)^Φ(z)."""
         f = _functions(z)
         return low * f.exp(f.log(high / low) * f.ndtr(z))
+
+    @staticmethod
+    def derivative(z: Any, low: Scalar, high: Scalar) -> Any:
+        """log(high/low) φ(z) times the value."""
+        f = _functions(z)
+        return f.log(high / low) * _density(z) * low * f.exp(f.log(high / low) * f.ndtr(z))
 
     def score(self, x: ArrayLike) -> np.ndarray:
         """Φ⁻¹(log(x/low)/log(high/low))."""

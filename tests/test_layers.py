@@ -143,7 +143,7 @@ def test_no_import_goes_backward() -> None:
         ("bayesdamp.config.load", "from bayesdamp.estimators.methods.pinn import PLUGIN"),
         ("bayesdamp.config.load", "from bayesdamp.records.read import read_record"),
         ("bayesdamp.types", "from bayesdamp.physics.damping import TERMS"),
-        ("bayesdamp.validation.truth.records", "from bayesdamp.physics.integrate import simulate"),
+        ("bayesdamp.validation.truth.records", "from bayesdamp.physics.trajectories import simulate"),
         ("bayesdamp.inference.model.target", "from bayesdamp.interface.model import Model"),
     ],
 )

@@ -97,7 +97,7 @@ def test_each_kind_reaches_the_physics_and_nothing_that_is_no_part_of_it(kind):
     modules = every_module()
     assert set(CODE[kind]) <= set(modules)
     found = reached(CODE[kind])
-    assert "bayesdamp.physics.integrate" in found or "bayesdamp.physics.oscillator" in found
+    assert "bayesdamp.physics.trajectories" in found or "bayesdamp.physics.oscillator" in found
     assert not [name for name in found if name.startswith(OUTSIDE)]
     assert "bayesdamp.physics.damping.viscous" not in found  # a plug-in: it counts where it is used
 
@@ -129,7 +129,7 @@ def keys(copy: Path) -> dict[str, str]:
             "physics/damping/quadratic.py",
             ("quadratic", "viscous/sindy", "averaged/", "answer/", "sampled/", *AFTER_SINDY),
         ),
-        ("physics/integrate.py", ("",)),
+        ("physics/trajectories.py", ("",)),
     ],
 )
 def test_a_changed_line_changes_the_keys_of_what_depends_on_it(copy, file, changes):

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from functools import lru_cache
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -17,38 +17,18 @@ from bayesdamp.estimators.shared import (
     oscillator,
     start_parameters,
 )
-from bayesdamp.numerics.lazily import jax, jnp
-from bayesdamp.physics.integrate import make_plan
 from bayesdamp.physics.oscillator import Oscillator
-from bayesdamp.physics.solver.plan import compiled_record
+from bayesdamp.physics.trajectories import Trajectories
 from bayesdamp.priors import Normal, Prior
 from bayesdamp.records.oscillation.features import Features
 from bayesdamp.types import OK, Estimate, Problem, Refusal, Signal
 
-TOLERANCE = 1e-6
-"""Largest error of a trajectory, as a share of the amplitude; a tenth of it for each further damping term,
-since terms that share the damping amplify errors."""
-FINER = 1e-3
-"""So much smaller, once, where a fit leaves no more than the trajectory's own error."""
+TOLERANCE = 1e-11
+"""Largest error of a trajectory, as a share of the amplitude: a record without noise is fitted to its last digits, and
+a sum of squares is smooth enough for its minimum along what the record hardly determines."""
 
 
-@lru_cache(maxsize=64)
-def with_jacobian(osc: Oscillator):
-    """Compiled once per shape of plan: samples (n,) and their derivatives by every parameter but ε (n, k)."""
-    names = tuple(name for name in osc.parameters if name != "epsilon")
-
-    def samples(x, plan, rest):
-        return plan.record(osc, {**rest, **{name: x[i] for i, name in enumerate(names)}})
-
-    @jax.jit
-    def both(x, plan, rest):
-        value, push = jax.linearize(lambda x: samples(x, plan, rest), x)
-        return value, jax.vmap(push)(jnp.eye(len(names))).T
-
-    return names, both
-
-
-@dataclass
+@dataclass(frozen=True)
 class _Fit:
     """The residuals of one record as a function of what is not known."""
 
@@ -56,36 +36,31 @@ class _Fit:
     osc: Oscillator
     names: tuple[str, ...]
     base: dict[str, float]
-    tolerance: float
+    size: float
     units: np.ndarray
-    plan: object = None
+
+    @cached_property
+    def trajectories(self) -> Trajectories:
+        """Solved to `TOLERANCE` at the record's times."""
+        tolerance = TOLERANCE * self.size
+        return Trajectories(self.osc, self.signal.t, self.signal.quantity, self.base, tolerance)
+
+    def until(self, time: float) -> _Fit:
+        """The fit of the samples up to a time, s."""
+        kept = self.signal.t <= time
+        return replace(self, signal=replace(self.signal, t=self.signal.t[kept], y=self.signal.y[kept]))
 
     def parameters(self, x: np.ndarray) -> dict[str, float]:
         return {**self.base, **dict(zip(self.names, map(float, x)))}
 
-    def replan(self, x: np.ndarray) -> None:
-        self.plan = make_plan(
-            self.osc, self.parameters(x), self.signal.t, self.signal.quantity, self.tolerance
-        )
-
     def residuals(self, x: np.ndarray) -> np.ndarray:
         """(n,), in the unit of the record."""
-        p = {name: jnp.asarray(value) for name, value in self.parameters(x).items()}
-        values = compiled_record(self.osc)(self.plan, {name: p[name] for name in self.osc.inputs})
-        return np.asarray(values) - self.signal.y
+        return self.trajectories.record(self.parameters(x)) - self.signal.y
 
     def evaluate(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Residuals (n,) and their Jacobian by the unknown parameters (n, k)."""
-        if x.size == 1:  # differences of samples need no second compilation
-            h = 1e-4 * max(float(x[0]), 10 * self.units[0])
-            slope = (self.residuals(x + h) - self.residuals(x - h)) / (2 * h)
-            return self.residuals(x), slope[:, None]
-        every, both = with_jacobian(self.osc)
-        p = self.parameters(x)
-        rest = {name: jnp.asarray(p[name]) for name in self.osc.inputs if name not in every}
-        values, jacobian = both(jnp.array([p[name] for name in every]), self.plan, rest)
-        columns = [every.index(name) for name in self.names]
-        return np.asarray(values) - self.signal.y, np.asarray(jacobian)[:, columns]
+        values, slopes = self.trajectories.with_slopes(self.parameters(x), self.names)
+        return values - self.signal.y, slopes.T
 
 
 def refine(signal: Signal, problem: Problem, first: Estimate) -> Estimate:
@@ -106,36 +81,25 @@ def refine(signal: Signal, problem: Problem, first: Estimate) -> Estimate:
     names = (*osc.coefficients, *priors, *free_names(problem))
     size = float(np.abs(seen.turning_amplitudes).max())
     units = np.array([1e-5 / term.ratio_per_unit(seen.amplitude, seen.frequency) for term in osc.terms])
-    tolerance = TOLERANCE * 0.1 ** (len(osc.terms) - 1) * size
-    fit = _Fit(signal, osc, names, base, tolerance, units)
+    fit = _Fit(signal, osc, names, base, size, units)
     lowest = [_lowest(p) for p in priors.values()]
     free = len(names) - units.size - len(lowest)
     floor = np.r_[np.zeros(units.size), lowest, np.full(free, -np.inf)]
     x = _start(fit, first, seen)
 
-    fit.replan(x)
     evaluations, traces = 0, []
     if len(names) == 1:
         one = brent(lambda c: _mean_square(fit.residuals(np.array([c])), size), float(x[0]), float(units[0]))
         x, evaluations = one.x, one.evaluations
         traces.append(np.sqrt(one.costs))
-        fit.replan(x)
     found = least_squares(fit.evaluate, x, floor)
     lost = 0.3 * float(np.std(signal.y))
     for start in (x, np.array([{**base, **decay_start(problem, seen)}[name] for name in names])):
         if not _rms(found.costs[-1], signal) < lost:
             other = _growing(fit, start, floor, seen)
             found = other if other.costs[-1] < found.costs[-1] else found
-    for _ in range(3):
-        evaluations += found.evaluations
-        traces.append(np.sqrt(found.costs / signal.t.size))
-        if _rms(found.costs[-1], signal) < 10 * fit.tolerance and fit.tolerance == tolerance:
-            fit.tolerance *= FINER  # the record has no noise: what is left over is the solver's
-        fit.replan(found.x)
-        last, found = found.x, least_squares(fit.evaluate, found.x, floor)
-        if np.all(np.abs(found.x - last) <= 1e-7 * np.abs(last)):
-            break
     evaluations += found.evaluations
+    traces.append(np.sqrt(found.costs / signal.t.size))
     residual, jacobian = fit.evaluate(found.x)
     if not np.all(np.isfinite(residual)):
         raise Refusal("the trajectory escapes from every start that was tried")
@@ -171,27 +135,15 @@ def _start(fit: _Fit, first: Estimate, seen: Features) -> np.ndarray:
     ]
     if not any(name in first.values for name in free):
         return candidates[0]
-    early = fit.signal.t <= 3 * seen.period
-    costs = []
-    for x in candidates:
-        fit.replan(x)
-        costs.append(_mean_square(fit.residuals(x)[early], np.inf))
-    return candidates[int(np.argmin(costs))]
+    early = fit.until(3 * seen.period)
+    return min(candidates, key=lambda x: _mean_square(early.residuals(x), np.inf))
 
 
 def _growing(fit: _Fit, x: np.ndarray, floor: np.ndarray, seen: Features):
     """Levenberg–Marquardt over two cycles, then twice as many, until the window holds the whole record."""
-    t, window = fit.signal.t, 2.0 * seen.period
-    fit.replan(x)
-    while window < t[-1]:
-        early = t <= window
-
-        def part(x: np.ndarray, early: np.ndarray = early) -> tuple[np.ndarray, np.ndarray]:
-            r, jacobian = fit.evaluate(x)
-            return r[early], jacobian[early]
-
-        x = least_squares(part, x, floor).x
-        fit.replan(x)
+    window = 2.0 * seen.period
+    while window < fit.signal.t[-1]:
+        x = least_squares(fit.until(window).evaluate, x, floor).x
         window *= 2
     return least_squares(fit.evaluate, x, floor)
 

@@ -13,8 +13,6 @@ def refusal(estimator: Estimator, damping: tuple[str, ...]) -> str | None:
     if said := estimator.refuses(damping):
         return said
     for term in map(TERMS.get, damping):
-        if term.untraced:
-            return f"{term.name} damping is weighed and simulated only: {term.untraced}"
         if term.placed and estimator.by_position:
             return f"{term.name} damping depends on the position: {estimator.by_position}"
         if term.inferred and estimator.with_parameters:

@@ -11,12 +11,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from bayesdamp import types
-from bayesdamp.inference.fit.mode import NEAR, Mode, set_right
-from bayesdamp.inference.model.batches import in_batches
-from bayesdamp.inference.model.natural import compiled_slopes, compiled_values, differentiable
-from bayesdamp.inference.model.target import Context, Target
+from bayesdamp.inference.fit.mode import Mode
+from bayesdamp.inference.model.likelihood import Likelihood
+from bayesdamp.inference.model.target import Target
 from bayesdamp.interface.fitting.specification import Specification
-from bayesdamp.interface.parts.asked import EPSILON
 from bayesdamp.interface.parts.definitions import units_of
 from bayesdamp.interface.parts.result import Shown
 from bayesdamp.interface.parts.table import Table, number
@@ -125,10 +123,10 @@ class Density(Shown):
         x = self._vector(x)
         if not np.isfinite(self._log_priors(x[None])[0]):
             return np.zeros_like(x)
-        value, slopes = compiled_slopes(self.target.layout)(self._context, x)
+        value, slopes = self._likelihood.slopes_of(self._parameters(x))
         if not np.isfinite(value):
             return np.zeros_like(x)
-        return np.asarray(slopes) + joint_slope(list(self.priors.values()), x, self.target.scales)
+        return slopes + joint_slope(list(self.priors.values()), x, self.target.scales)
 
     def numpyro(self, prefix: str = "") -> Callable[..., dict[str, Any]]:
         """A NumPyro model function of this posterior.
@@ -141,18 +139,20 @@ class Density(Shown):
         """
         from bayesdamp.interface.parts.numpyro_model import numpyro_model
 
-        density = differentiable(self.target.layout, self._context)
+        def value_and_slopes(x: Vector) -> tuple[float, Vector]:
+            return self._likelihood.slopes_of(self._parameters(x))
+
         covariance = self.mode.factor @ self.mode.factor.T
-        return numpyro_model(self.priors, density, self.mode.z, covariance, prefix)
+        return numpyro_model(self.priors, value_and_slopes, self.mode.z, covariance, prefix)
 
     @cached_property
-    def _context(self) -> Context:
-        """The record, solved with shorter steps than fits and samplers need, and with steps at the turning points that
-        are short enough for a friction width three standard deviations below the best one."""
-        target, mode = self.target, self.mode
-        narrow = mode.z - NEAR * mode.sd() * np.array([n == EPSILON for n in self.names])
-        plan, _ = target.plan(narrow, PRECISION * mode.tolerance)
-        return target.context(set_right(target, plan, mode.z)[0]).compact
+    def _likelihood(self) -> Likelihood:
+        """The record's log density, motions solved better than fits and samplers need."""
+        return self.mode.likelihood.within(PRECISION * self.mode.tolerance)
+
+    def _parameters(self, x: Vector) -> dict[str, float]:
+        """Return every parameter by name at x, (d,)."""
+        return {**self.target.known, **dict(zip(self.names, x.tolist(), strict=True))}
 
     def _vector(self, x: ArrayLike) -> Vector:
         try:
@@ -170,13 +170,11 @@ class Density(Shown):
     def _log_likelihoods(self, x: Vector) -> Vector:
         """Of many, (m,); −∞ outside the prior's support."""
         inside = np.isfinite(self._log_priors(x))
-        safe = np.where(inside[:, None], x, self.vector())
-        run = compiled_values(self.target.layout)
-        if len(x) == 1:
-            found = np.asarray(run(self._context, safe))
-        else:
-            found = in_batches(lambda part: run(self._context, part), safe)
-        return np.where(inside & np.isfinite(found), found, -np.inf)
+        of = self._likelihood
+        pairs = zip(x, inside, strict=True)
+        return np.array(
+            [of.log_likelihood_of(self._parameters(row)) if there else -np.inf for row, there in pairs]
+        )
 
     def _table(self) -> Table:
         rows = [

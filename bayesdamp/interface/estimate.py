@@ -16,12 +16,11 @@ from bayesdamp.interface.fitting.case import Case, checked
 from bayesdamp.interface.model import Model
 from bayesdamp.interface.parts import axes as drawing
 from bayesdamp.interface.parts.definitions import units_of
-from bayesdamp.interface.parts.programs import keep_programs
 from bayesdamp.interface.parts.result import Packed, Result
 from bayesdamp.interface.parts.table import Table, number
 from bayesdamp.interface.records.signal import Signal
-from bayesdamp.physics.integrate import simulate
 from bayesdamp.physics.oscillator import Oscillator
+from bayesdamp.physics.trajectories import simulate
 from bayesdamp.types import OK, Refusal
 
 if TYPE_CHECKING:
@@ -147,7 +146,6 @@ def estimate(
     [0.05, 0.05]
     """
     own = checked(signal, model)
-    keep_programs()
     units: dict[str, str] = {}
     try:
         case = Case.of(own, model)

@@ -15,7 +15,6 @@ from bayesdamp.inference.approximate.law import Approximate
 from bayesdamp.inference.deviation.numbers.quantities import Quantity, quantity
 from bayesdamp.inference.fit.laplace import value_intervals, value_sds
 from bayesdamp.inference.fit.mode import Mode
-from bayesdamp.inference.model.residuals import log_density, residual
 from bayesdamp.inference.model.target import Target
 from bayesdamp.interface.density import NO_DENSITY, Density
 from bayesdamp.interface.fitting.approximate import approximate_of, ratios_of
@@ -24,7 +23,6 @@ from bayesdamp.interface.fitting.specification import GAUSSIAN
 from bayesdamp.interface.model import Model
 from bayesdamp.interface.parts import axes as drawing
 from bayesdamp.interface.parts.definitions import units_of
-from bayesdamp.interface.parts.programs import keep_programs
 from bayesdamp.interface.parts.result import Packed, Result
 from bayesdamp.interface.parts.table import Table, number, said
 from bayesdamp.interface.prediction import Prediction, anywhere, asked_motion, within_record
@@ -241,7 +239,7 @@ class Fit(Result):
         meta |= {"notes": self.notes, "solved": False}
         arrays = signal.within("signal")
         if self.target is not None and self.mode is not None:
-            found, scores = packed_mode(self.mode, self.target, self.target)
+            found, scores = packed_mode(self.mode)
             meta |= {"solved": True, "mode": found.meta(), "known": dict(self.target.known)}
             meta["priors"] = {n: p.model_dump() for n, p in self.target.priors.items()}
             arrays |= {f"mode/{n}": a for n, a in scores.items()}
@@ -273,7 +271,7 @@ class Fit(Result):
     def _solved(
         cls, signal: Signal, model: Model, target: Target, mode: Mode, outcome: str, notes: tuple[str, ...]
     ) -> Self:
-        left = residual(target, mode.context.plan, mode.z)
+        left = mode.likelihood.residual(mode.z)
         density = Density.at(signal, model, target, mode)
         covariance = np.linalg.inv(mode.information)
         return cls(
@@ -287,7 +285,7 @@ class Fit(Result):
             known=dict(target.known),
             fitted=signal.y - left,
             residuals=left,
-            log_posterior=density.log_prior(density.vector()) + log_density(target, left, mode.z),
+            log_posterior=density.log_prior(density.vector()) + mode.likelihood.log_noise(left, mode.z),
             outcome=outcome,
             notes=notes,
             target=target,
@@ -348,7 +346,6 @@ def fit(
     own = checked(signal, model)
     if model.approximate and start is not None:
         raise InputError(f"fit: start is of no use under deviation {model.deviation!r}; leave it out")
-    keep_programs()
     try:
         case = Case.with_noise(own, model)
         if model.approximate:

@@ -98,7 +98,7 @@ class Posterior(Result):
         """What follows from the draws (chain, draw): natural frequency, damping ratio, half-life and others, with their
         units and definitions as attributes; the reference amplitude is that of the priors. They are of the laws alone;
         where these hold approximately, `damping_ratio` has what the deviations make of them. Raises Refusal without
-        draws, and for a term whose force JAX cannot trace.
+        draws.
         """
         import xarray as xr
 
@@ -135,7 +135,7 @@ class Posterior(Result):
         import pandas as pd
 
         rows = {n: {**s, "unit": self.fit.units[n]} for n, s in self.summaries.items()}
-        if derived and self.names and not any(t.untraced for t in self.fit.oscillator.terms):
+        if derived and self.names:
             for name, values in self.derived.data_vars.items():
                 if np.all(np.isfinite(values.values)):
                     found = diagnostics.summarise(values.values, self.ensembles, self.effective)

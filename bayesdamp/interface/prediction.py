@@ -17,8 +17,8 @@ from bayesdamp.interface.parts.numbers import numbers_of
 from bayesdamp.interface.parts.result import Packed, Result
 from bayesdamp.interface.parts.table import Table, number
 from bayesdamp.interface.records.signal import Signal
-from bayesdamp.physics.integrate import make_plan
-from bayesdamp.physics.solver.plan import QUANTITIES
+from bayesdamp.physics.kernel.solve import QUANTITIES
+from bayesdamp.physics.trajectories import Trajectories
 from bayesdamp.plugins import nearest
 from bayesdamp.records.oscillation.features import features
 from bayesdamp.types import InputError
@@ -114,9 +114,9 @@ def anywhere(target: Target, mode: Mode, signal: Signal, times: Vector, wanted: 
         one = {n: v * turned.get(n, 1.0) for n, v in best.items()}
         many = {n: v * turned.get(n, 1.0) for n, v in drawn.items()}
         grid, at = np.unique(np.concatenate([[0.0], way * times[chosen]]), return_inverse=True)
-        plan = make_plan(osc, one, grid, wanted, precision)
-        value[chosen] = (way if wanted == "velocity" else 1.0) * plan.at_samples(osc, one)[at[1:]]
-        sd[chosen] = plan.many_at_samples(osc, many).std(axis=0)[at[1:]]
+        motion = Trajectories(osc, grid, wanted, one, precision)
+        value[chosen] = (way if wanted == "velocity" else 1.0) * motion.record(one)[at[1:]]
+        sd[chosen] = motion.many(many).std(axis=0)[at[1:]]
     return Prediction(times, value, sd, wanted, UNITS[signal.unit].of(wanted))
 
 

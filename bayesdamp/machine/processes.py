@@ -15,7 +15,6 @@ from importlib import import_module
 from typing import Any
 
 from bayesdamp.machine.signals import kill_as_interrupt
-from bayesdamp.machine.threads import in_one_order
 
 GARBAGE = 100_000
 """New objects from which Python looks for garbage: every 700, as by default, takes a tenth of a short run, as the
@@ -56,11 +55,10 @@ class Processes(Executor):
 def processes(workers: int, module: str = "") -> Iterator[Processes]:
     """Spawned processes; each begins at once to import a module where one is named.
 
-    Spawned, not forked (JAX may have started), and one thread each: the processes share the cores.
+    Spawned, not forked (a library may have started threads), and one thread each: the processes share the cores.
     """
     before = dict(os.environ)
     os.environ["OMP_NUM_THREADS"] = "1"
-    in_one_order()
     pool = Processes(workers)
     with kill_as_interrupt():
         try:

@@ -1,1 +1,1 @@
-"""Damping terms, restoring laws and trajectories: JAX in float64, without any knowledge of data."""
+"""Damping terms, restoring laws and the motion, without any knowledge of data."""

@@ -7,16 +7,13 @@ By quadrature, so for any restoring law and any sum of damping terms: with x = c
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from bayesdamp.numerics.lazily import jax, jnp, tree
+from bayesdamp.physics.arrays import slope_of
 from bayesdamp.physics.oscillator import Oscillator, Parameters
-from bayesdamp.physics.rest import traced_newton
-
-if TYPE_CHECKING:
-    from jax import Array
+from bayesdamp.physics.rest import newton_many
 
 NODES = 32
 NEWTON = 30
@@ -37,57 +34,59 @@ PHI, WEIGHT, BEYOND = _rule()
 SINE, COSINE = np.sin(PHI), np.cos(PHI)
 
 
-@tree(["period", "energy", "slope", "lost"])
 @dataclass(frozen=True)
 class Cycle:
     """period in s; energy above the equilibrium, its derivative by the amplitude and the energy lost in a cycle,
     all per inertia (rad²/s² and rad/s², or m). nan where there is no such motion."""
 
-    period: Array
-    energy: Array
-    slope: Array
-    lost: Array
+    period: np.ndarray
+    energy: np.ndarray
+    slope: np.ndarray
+    lost: np.ndarray
 
 
-def rest_position(osc: Oscillator, p: Parameters, near: Array | float) -> Array:
-    """The equilibrium that Newton's method finds from `near` (rad), shape ()."""
-    return traced_newton(lambda x: osc.law.force(x, p), near, NEWTON)
+def rest_position(osc: Oscillator, p: Parameters, near: ArrayLike) -> np.ndarray:
+    """Return the equilibria that Newton's method finds from `near` (rad), of the parameters' shape."""
+    shape = np.broadcast_shapes(*(np.shape(p[n]) for n in osc.law.parameters), np.shape(near))
+    return newton_many(lambda x: osc.law.force(x, p), np.broadcast_to(near, shape), NEWTON)
 
 
-def cycle(osc: Oscillator, p: Parameters, amplitude: Array | float, near: float) -> Cycle:
-    """The cycle of the undamped motion about the equilibrium nearest `near` (rad) with this amplitude, and the
-    work of the damping force along it. Scalars in, scalars out; jit and vmap work on it.
+def cycle(osc: Oscillator, p: Parameters, amplitude: ArrayLike, near: ArrayLike) -> Cycle:
+    """Return the cycle of the undamped motion about the equilibrium nearest `near` (rad) with this amplitude, and the
+    work of the damping force along it. Arrays broadcast.
 
     amplitude: half the distance between the turning points, rad or m, as a record shows it.
     """
-    a = jnp.asarray(amplitude, float)
+    names = osc.inputs
+    given = {n: np.asarray(p[n], float) for n in names if n in p}
+    shape = np.broadcast_shapes(*(v.shape for v in given.values()), np.shape(amplitude), np.shape(near))
+    column = {n: np.broadcast_to(v, shape)[..., None] for n, v in given.items()}
+    a = np.broadcast_to(np.asarray(amplitude, float), shape)[..., None]
 
-    def force(x: Array) -> Array:
-        return osc.law.force(x, p)
+    def force(x: np.ndarray) -> np.ndarray:
+        return osc.law.force(x, column)
 
-    def centred(_, c: Array) -> Array:
-        # Both turning points have the same potential energy: the force's mean between them is zero.
-        rise = jnp.sum(WEIGHT * COSINE * force(c + a * SINE))
-        return c - a * rise / (force(c + a) - force(c - a))
-
-    rest = rest_position(osc, p, near)
-    c = jax.lax.fori_loop(0, CENTRING, centred, rest)
-    square = 2.0 * a * (BEYOND @ (COSINE * force(c + a * SINE)))
-    velocity = jnp.sqrt(square)
-    upper, lower = force(c + a), force(c - a)
-    half = 0.5 * (c + a - rest)
-    t, w = np.polynomial.legendre.leggauss(NODES)
-    energy = half * jnp.sum(w * force(rest + half * (t + 1.0)))
-    x = c + a * SINE
-    drag = osc.damping_force(x, velocity, p) - osc.damping_force(x, -velocity, p)
-    motion = jnp.all(square > 0) & (jax.grad(force)(rest) > 0) & (upper > 0) & (lower < 0)
-
-    def or_nan(x: Array) -> Array:
-        return jnp.where(motion, x, jnp.nan)
-
-    return Cycle(
-        period=or_nan(2.0 * jnp.sum(WEIGHT * a * COSINE / velocity)),
-        energy=or_nan(energy),
-        slope=or_nan(-2.0 * upper * lower / (upper - lower)),
-        lost=or_nan(jnp.sum(WEIGHT * a * COSINE * drag)),
-    )
+    with np.errstate(all="ignore"):  # where there is no such motion
+        rest = newton_many(force, np.broadcast_to(np.asarray(near, float), shape)[..., None], NEWTON)
+        c = rest
+        for _ in range(CENTRING):
+            # Both turning points have the same potential energy: the force's mean between them is zero.
+            rise = np.sum(WEIGHT * COSINE * force(c + a * SINE), axis=-1, keepdims=True)
+            c = c - a * rise / (force(c + a) - force(c - a))
+        square = 2.0 * a * ((COSINE * force(c + a * SINE)) @ BEYOND.T)
+        velocity = np.sqrt(square)
+        upper, lower = force(c + a), force(c - a)
+        half = 0.5 * (c + a - rest)
+        t, w = np.polynomial.legendre.leggauss(NODES)
+        energy = half * np.sum(w * force(rest + half * (t + 1.0)), axis=-1, keepdims=True)
+        x = c + a * SINE
+        drag = osc.damping_force(x, velocity, column) - osc.damping_force(x, -velocity, column)
+        motion = np.all(square > 0, axis=-1, keepdims=True) & (slope_of(force, rest) > 0)
+        motion = motion & (upper > 0) & (lower < 0)
+        found = (
+            2.0 * np.sum(WEIGHT * a * COSINE / velocity, axis=-1, keepdims=True),
+            energy,
+            -2.0 * upper * lower / (upper - lower),
+            np.sum(WEIGHT * a * COSINE * drag, axis=-1, keepdims=True),
+        )
+    return Cycle(*(np.where(motion, one, np.nan)[..., 0] for one in found))

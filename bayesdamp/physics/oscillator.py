@@ -5,23 +5,15 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from bayesdamp.machine.programs import Program
-from bayesdamp.numerics.lazily import jax, jnp
 from bayesdamp.physics.damping import TERMS, DampingTerm, parse_model
-from bayesdamp.physics.rest import bracket, by_kernel, frequency_over, rest_near, traced_newton
-from bayesdamp.physics.restoring import LAWS, RestoringLaw, Scalar
+from bayesdamp.physics.rest import bracket, by_kernel, frequency_over, newton_many, rest_near
+from bayesdamp.physics.restoring import LAWS, RestoringLaw
 
-if TYPE_CHECKING:
-    from jax import Array
-    from jax.typing import ArrayLike
-
-Parameters = Mapping[str, Scalar]
-ROOM = 4096
-"""Angles in one call of a compiled force."""
+Parameters = Mapping[str, float | np.ndarray]
 REACH, POINTS = 10.0, 4001
 """How far an equilibrium is looked for, rad, and at how many angles."""
 NEWTON = 4
@@ -30,7 +22,7 @@ NEWTON = 4
 
 @dataclass(frozen=True, init=False)
 class Oscillator:
-    """θ̈ + F_damp(θ̇) + F_rest(θ) = 0; parameters are a mapping of names to scalars (a pytree).
+    """θ̈ + F_damp(θ̇) + F_rest(θ) = 0; parameters are a mapping of names to numbers.
 
     damping: names of the damping terms, or their sum in words, `viscous+coulomb`; restoring: name of the restoring law.
     Raises InputError for such a sum of unknown terms.
@@ -85,14 +77,12 @@ class Oscillator:
         """Every number that a trajectory needs: parameters and scales."""
         return (*self.parameters, *self.scales)
 
-    def damping_force(self, theta: ArrayLike, omega: ArrayLike, p: Parameters) -> Array:
-        """F_damp(θ, θ̇) in rad/s²; θ and θ̇ of one shape."""
-        return sum(
-            (p[t.parameter] * one for t, one in zip(self.terms, self.shapes(theta, omega, p), strict=True)),
-            jnp.zeros_like(jnp.asarray(omega, float)),
-        )
+    def damping_force(self, theta: ArrayLike, omega: ArrayLike, p: Parameters) -> np.ndarray:
+        """F_damp(θ, θ̇) in rad/s²; θ and θ̇ of one shape, parameters broadcast against it."""
+        forces = zip(self.terms, self.shapes(theta, omega, p), strict=True)
+        return sum((p[t.parameter] * one for t, one in forces), np.zeros(np.shape(omega)))
 
-    def shapes(self, theta: ArrayLike, omega: ArrayLike, p: Parameters) -> list[Array]:
+    def shapes(self, theta: ArrayLike, omega: ArrayLike, p: Parameters) -> list[np.ndarray]:
         """Each term's force per unit of its coefficient; θ and θ̇ of one shape."""
         p = self.settled(p)
         epsilon = p.get("epsilon", 1.0)
@@ -102,12 +92,9 @@ class Oscillator:
         """With `rest`, where a term asks for it, moved to the equilibrium near it: Newton's method."""
         if "rest" not in self.scales:
             return p
-        rest = traced_newton(lambda at: self.law.force(at, p), p["rest"], NEWTON, unroll=True)
-        return {**p, "rest": rest}
-
-    def acceleration(self, theta: ArrayLike, omega: ArrayLike, p: Parameters) -> Array:
-        """θ̈ in rad/s²; θ and θ̇ of one shape."""
-        return -self.damping_force(theta, omega, p) - self.law.force(theta, p)
+        shape = np.broadcast_shapes(*(np.shape(p[n]) for n in (*self.law.parameters, "rest")))
+        near = np.broadcast_to(p["rest"], shape)
+        return {**p, "rest": newton_many(lambda at: self.law.force(at, p), near, NEWTON)}
 
     def equilibrium(self, p: Parameters, near: float = 0.0) -> float:
         """The stable rest position nearest to `near`, in rad.
@@ -121,14 +108,11 @@ class Oscillator:
     def natural_frequency(self, p: Parameters, near: float = 0.0) -> float:
         """ω_n = √F′_rest at the equilibrium, rad/s."""
         at = self.equilibrium(p, near)
-        known = {name: float(p[name]) for name in self.law.parameters}
-        return float(np.sqrt(restoring_force(self.restoring, np.array([at]), known)[1][0]))
+        return float(np.sqrt(self.law.slope(at, p)))
 
     def rough_frequency(self, p: Parameters, near: float = 0.0, reach: float = REACH) -> float:
-        """The same to some per mille, rad/s, without a compiled program where the law has a `kernel`: for limits alone.
-        Raises ValueError as `equilibrium` does, where there is none within reach."""
-        if self.law.kernel is RestoringLaw.kernel:
-            return self.natural_frequency(p, near)
+        """The same to some per mille, rad/s: for limits alone. Raises ValueError as `equilibrium` does, where there is
+        none within reach."""
         force = by_kernel(self.law.kernel, np.array([float(p[name]) for name in self.law.parameters]))
         ends = bracket(force, near, reach, POINTS)
         if ends is None:
@@ -144,39 +128,8 @@ def no_rest(restoring: str, near: float) -> ValueError:
 @lru_cache(maxsize=4096)
 def _equilibrium(restoring: str, values: tuple[float, ...], near: float) -> float:
     p = dict(zip(LAWS.get(restoring).parameters, values))
-    found = rest_near(lambda x: restoring_force(restoring, x, p)[0], near, REACH, POINTS)
+    law = LAWS.get(restoring)
+    found = rest_near(lambda x: law.force(x, p), near, REACH, POINTS)
     if found is None:
         raise no_rest(restoring, near)
     return found
-
-
-def restoring_force(
-    restoring: str, theta: np.ndarray, p: Mapping[str, float]
-) -> tuple[np.ndarray, np.ndarray]:
-    """F_rest and F′_rest of a law by its name at angles (n,), each (n,); one compiled program whatever their number."""
-    n = theta.size
-    padded = np.pad(theta, (0, -n % ROOM), mode="edge")
-    found = [_restoring_force(restoring)(part, dict(p)) for part in np.split(padded, padded.size // ROOM)]
-    force, slope = (np.concatenate(values)[:n] for values in zip(*found, strict=True))
-    return force, slope
-
-
-@lru_cache(maxsize=64)
-def _restoring_force(restoring: str):
-    law = LAWS.get(restoring)
-
-    def both(theta: Array, p: Parameters) -> tuple[Array, Array]:
-        return jax.vmap(jax.value_and_grad(lambda x: law.force(x, p)))(theta)
-
-    return Program(both, "restoring_force", restoring)
-
-
-@lru_cache(maxsize=64)
-def damping_shapes(osc: Oscillator):
-    """Compiled: the terms' forces per unit of their coefficients at angles and velocities (n,), (terms, n):
-    (angles, velocities, parameters and scales) -> forces."""
-
-    def every(theta: Array, omega: Array, p: Parameters) -> Array:
-        return jnp.stack(osc.shapes(theta, omega, p))
-
-    return Program(every, "damping_shapes", osc)

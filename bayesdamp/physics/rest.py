@@ -1,21 +1,17 @@
 """Where an undamped motion stands still: the stable equilibria of a restoring force.
 
-Three ways, by what is known of the force: its values alone (`rest_near`: a bracket, then Brent's method), its slope too
-(`newton`, from a place that is about right), or its program (`traced_newton`, which JAX differentiates).
+Found from the force's values (`rest_near`: a bracket, then Brent's method), or from a place that is about right by
+Newton's method (`newton`, and `newton_many` for arrays).
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from bayesdamp.numerics.lazily import jax, jnp
-
-if TYPE_CHECKING:
-    from jax import Array
-    from jax.typing import ArrayLike
+from bayesdamp.physics.arrays import slope_of
 
 Force = Callable[[np.ndarray], np.ndarray]
 """Positions (n,) to the restoring force, (n,), in rad/s² or m/s²."""
@@ -23,7 +19,7 @@ Force = Callable[[np.ndarray], np.ndarray]
 STEPS = 60
 """In which Newton's method must have come to an equilibrium."""
 CLOSE = 1e-13
-"""Length of a step, rad or m, from which on it has."""
+"""Length of a step, rad or m, from which on it has; as a share of places beyond 1."""
 
 
 def by_kernel(kernel: Callable[[float, np.ndarray], float], law: np.ndarray) -> Force:
@@ -68,18 +64,15 @@ def newton(force_and_slope: Callable[[float], tuple[float, float]], near: float)
             return None
         step = force / slope
         x -= step
-        if abs(step) < CLOSE:
+        if abs(step) < CLOSE * max(1.0, abs(x)):
             return x
     return None
 
 
-def traced_newton(
-    force: Callable[[Array], Array], near: ArrayLike, steps: int, unroll: bool = False
-) -> Array:
-    """The equilibrium that so many of Newton's steps find from `near`; force and positions of one shape."""
-
-    def stepped(_: int, x: Array) -> Array:
-        value, slope = jax.jvp(force, (x,), (jnp.ones_like(x),))
-        return x - value / slope
-
-    return jax.lax.fori_loop(0, steps, stepped, jnp.asarray(near, float), unroll=unroll)
+def newton_many(force: Force, near: ArrayLike, steps: int) -> np.ndarray:
+    """Return the equilibria that so many of Newton's steps find from `near`; force and positions of one shape."""
+    x = np.asarray(near, float)
+    with np.errstate(all="ignore"):
+        for _ in range(steps):
+            x = x - force(x) / slope_of(force, x)
+    return x

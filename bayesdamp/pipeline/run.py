@@ -13,8 +13,7 @@ from typing import TYPE_CHECKING
 from threadpoolctl import threadpool_limits
 
 from bayesdamp.config import Recording, Study
-from bayesdamp.machine.cache_eviction import evict_programs
-from bayesdamp.machine.threads import cores, in_one_order
+from bayesdamp.machine.threads import cores
 from bayesdamp.outcomes import Status, status_of
 from bayesdamp.pipeline.jobs import Depth, Job, jobs_of, side_by_side, stages, within, work_of
 from bayesdamp.pipeline.keys import digest
@@ -25,7 +24,7 @@ from bayesdamp.pipeline.records.records import signal_of
 from bayesdamp.pipeline.spread import KILLED, restart, spread
 from bayesdamp.pipeline.tables.tables import write_tables
 from bayesdamp.pipeline.tables.verdicts import write_verdicts
-from bayesdamp.pipeline.workers import cache_compilations, pool_of
+from bayesdamp.pipeline.workers import pool_of
 from bayesdamp.plugins import use
 from bayesdamp.records.oscillation.features import features
 from bayesdamp.records.reference import reference_of
@@ -159,8 +158,6 @@ def _run_job(
 
 
 def _computed(study: Study, folder: Path, job: Job, given_up: Collection[str]) -> list[str]:
-    cache_compilations()
-    evict_programs()
     store = Store(folder)
     done = []
     for name, (key, compute) in work_of(study, store, job).items():
@@ -233,7 +230,6 @@ def _run_jobs(
 
 def _prepare() -> None:
     """Import what is needed later, while the first record leaves processes idle."""
-    in_one_order()  # before what is imported starts JAX
     for name in ("bayesdamp.report", "bayesdamp.inference.samplers.nuts", "arviz_base"):
         import_module(name)
 

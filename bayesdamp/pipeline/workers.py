@@ -1,4 +1,4 @@
-"""Processes that share the work of a run, its progress, and the compiled programs that they keep."""
+"""Processes that share the work of a run, and its progress."""
 
 from __future__ import annotations
 
@@ -7,11 +7,7 @@ from concurrent.futures import Executor
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
-from bayesdamp.machine.cache import cache_folder
 from bayesdamp.machine.processes import processes
-from bayesdamp.machine.programs import keep_in
-from bayesdamp.machine.threads import in_one_order
-from bayesdamp.numerics.lazily import jax
 from bayesdamp.pipeline.cluster import cluster
 
 if TYPE_CHECKING:
@@ -56,15 +52,3 @@ def progress_bar(console: Console) -> Progress:
         TimeElapsedColumn(),
         console=console,
     )
-
-
-def cache_compilations() -> None:
-    """Keep traced and compiled programs in the user's cache folder, shared by all runs, the same for all processes."""
-    in_one_order()
-    folder = cache_folder()
-    keep_in(folder / "traced")
-    # Caches of the GPU, whose place would be part of every key: a copied folder would not be found again.
-    jax.config.update("jax_persistent_cache_enable_xla_caches", "none")
-    jax.config.update("jax_compilation_cache_dir", str(folder))
-    jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.02)
-    jax.config.update("jax_persistent_cache_min_entry_size_bytes", -1)

@@ -90,7 +90,7 @@ def write(
     folder.mkdir(parents=True, exist_ok=True)
     earlier = before(folder) if earlier is None else earlier
     lost = losses(ledger.ratios, earlier)
-    kept, bars = earlier | ledger.ratios, _column(folder, "bar") | ledger.bars
+    kept, bars = {**earlier, **ledger.ratios}, _column(folder, "bar") | ledger.bars
     known = json.loads((folder / TABLES).read_text("utf-8")) if (folder / TABLES).is_file() else {}
     tables = known | {
         title: [list(header), [list(row) for row in rows]] for title, header, rows in ledger.tables

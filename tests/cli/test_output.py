@@ -61,6 +61,6 @@ def test_a_pipe_that_is_closed_elsewhere_is_a_fault(monkeypatch: pytest.MonkeyPa
 
 
 def test_without_an_output_a_command_does_what_it_does():
-    """As of a service or a timer that has none. The shell closes it: a fork after JAX has started is an error."""
+    """As of a service or a timer that has none. The shell closes it."""
     done = subprocess.run(("sh", "-c", 'exec "$@" >&-', "sh", *HELP), stderr=subprocess.PIPE, text=True)
     assert (done.returncode, done.stderr) == (0, "")

@@ -19,7 +19,6 @@ def test_the_term_on_the_page_has_a_kernel_and_the_ratio_of_its_force() -> None:
     exec(code[1], names)
     term = names["PLUGIN"]
     assert isinstance(term, DampingTerm)
-    assert not term.untraced
     assert term.kernel(0.1, 2.0, 0.01) == 8.0
     by_quadrature = DampingTerm.ratio_per_unit(term, 0.3, 4.5)
     assert term.ratio_per_unit(0.3, 4.5) == pytest.approx(by_quadrature, rel=1e-6)

@@ -41,7 +41,7 @@ def as_least_squares(signal, problem):
     for knots in SPLINES:
         moving = motion(signal, problem, seen, knots)
         theta, omega, _ = moving.everywhere
-        column = moving.project(np.asarray(osc.terms[0].shape(omega, epsilon_of(problem, seen))))
+        column = moving.project(osc.terms[0].force(0 * omega, omega, epsilon_of(problem, seen)))
         offset = osc.law.linear_form(theta, known_restoring(problem)).offset
         found.append(-(moving.alpha + moving.project(offset)) @ column / (column @ column))
     return np.array(found)

@@ -3,18 +3,15 @@
 from __future__ import annotations
 
 import json
-from functools import lru_cache, partial
+from functools import lru_cache
 from pathlib import Path
 
-import jax
 import numpy as np
 from pydantic import TypeAdapter
 
 from bayesdamp.inference.fit.mode import Mode
 from bayesdamp.inference.fit.search import find_mode
-from bayesdamp.inference.model.batches import log_likelihood
-from bayesdamp.inference.model.density import log_posterior
-from bayesdamp.inference.model.target import Layout, Target
+from bayesdamp.inference.model.target import Target
 from bayesdamp.inference.samplers import SAMPLERS, Settings
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.priors import Prior
@@ -64,18 +61,6 @@ def mode(name: str) -> Mode:
     made = reference(name)
     seed = {n: 1.1 * v for n, v in made["truth"].items()}
     return find_mode(target(name), {Seed("near the truth"): seed}, noise_level=made["truth"]["noise_sd"])
-
-
-@lru_cache(maxsize=64)
-def height(layout: Layout):
-    """Compiled: the log posterior alone, (context, z) to a number."""
-    run = jax.jit(partial(log_posterior, layout))
-    return lambda context, z: run(context.compact, z)
-
-
-def log_likelihoods(target: Target, mode: Mode, z: np.ndarray) -> np.ndarray:
-    """Log likelihoods at scores z, shape (m, d), on the mode's plan."""
-    return log_likelihood(target, mode.context, z)
 
 
 SETTINGS = Settings(chains=4, warmup=500, draws=2500, seed=4)

@@ -5,16 +5,13 @@ from __future__ import annotations
 from functools import lru_cache
 from pathlib import Path
 
-import jax.numpy as jnp
 import numpy as np
 import pytest
 
 from bayesdamp.inference.fit.mode import Mode
 from bayesdamp.inference.fit.search import find_mode
-from bayesdamp.inference.model import batches
 from bayesdamp.inference.model.build import build_target
 from bayesdamp.inference.model.defaults import Reference
-from bayesdamp.inference.model.density import residual
 from bayesdamp.inference.model.target import Target
 from bayesdamp.records.oscillation.features import features
 from bayesdamp.records.read import read_record
@@ -60,8 +57,8 @@ def fitted(*damping: str) -> tuple[Target, Mode]:
 
 
 def log_likelihood(*damping: str) -> float:
-    target, mode = fitted(*damping)
-    return float(batches.log_likelihood(target, mode.context, mode.z[None])[0])
+    _, mode = fitted(*damping)
+    return mode.likelihood.log_likelihood(mode.z)
 
 
 def test_viscous_and_coulomb_beat_viscous():
@@ -87,7 +84,7 @@ def test_sds_of_the_notes():
     covariance = np.linalg.inv(mode.information)
     for name, sd in (("zeta", 0.0005), ("mu_c", 0.003)):
         i = target.names.index(name)
-        found = float(np.sqrt(covariance[i, i])) * target.priors[name].scale  # type: ignore[union-attr]
+        found = float(np.sqrt(covariance[i, i])) * float(target.priors[name].rate(1.0))
         assert found == pytest.approx(sd, rel=0.35)
 
 
@@ -100,6 +97,6 @@ def test_viscous_alone_is_more_correlated():
 
 def test_residual():
     """At most 0.13° (the notes: 0.115° where the noise is white)."""
-    target, mode = fitted("viscous", "coulomb")
-    r = np.asarray(residual(target.layout, mode.context, jnp.asarray(mode.z)))
+    _, mode = fitted("viscous", "coulomb")
+    r = mode.likelihood.residual(mode.z)
     assert np.degrees(np.sqrt(np.mean(r**2))) < 0.13

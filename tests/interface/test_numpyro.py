@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from functools import lru_cache
 
 import jax
@@ -16,7 +15,6 @@ from numpyro.infer.util import log_density
 
 import bayesdamp as bd
 from bayesdamp.inference.checks.diagnostics import monte_carlo_error
-from bayesdamp.inference.model.batches import log_prior
 from tests.interface.problems import fit, posterior, record
 
 FOUR = 4.0
@@ -67,7 +65,7 @@ def test_its_joint_density_is_that_of_the_whitened_scores() -> None:
         found.append(float(log_density(model, (), {}, {"whitened": jnp.asarray(u)})[0]))
         z = density.mode.z + np.linalg.cholesky(density.mode.factor @ density.mode.factor.T) @ u
         x = np.array([float(p.value(v)) for p, v in zip(density.priors.values(), z, strict=True)])
-        expected.append(density.log_likelihood(x) + float(log_prior(density.target, z)))
+        expected.append(density.log_likelihood(x) + float(density.mode.likelihood.log_prior(z)))
     assert found[1] - found[0] == pytest.approx(expected[1] - expected[0], abs=1e-6)
 
 
@@ -81,9 +79,8 @@ def test_coefficients_share_their_scale() -> None:
         found.append(float(log_density(model, (), {}, {"whitened": jnp.asarray(u)})[0]))
         z = density.mode.z + np.linalg.cholesky(density.mode.factor @ density.mode.factor.T) @ u
         x = np.array([float(p.value(v)) for p, v in zip(density.priors.values(), z, strict=True)])
-        expected.append(density.log_likelihood(x) + float(log_prior(density.target, z)))
-        alone = replace(density.target, scales=(1.0,))
-        separate.append(density.log_likelihood(x) + float(log_prior(alone, z)))
+        expected.append(density.log_likelihood(x) + float(density.mode.likelihood.log_prior(z)))
+        separate.append(density.log_likelihood(x) + float(density.mode.likelihood.held(1.0).log_prior(z)))
     assert found[1] - found[0] == pytest.approx(expected[1] - expected[0], abs=1e-6)
     assert abs(separate[1] - separate[0] - found[1] + found[0]) > 1e-3
 

@@ -13,7 +13,6 @@ import pytest
 
 from bayesdamp.machine.processes import processes
 from bayesdamp.machine.signals import kill_as_interrupt
-from bayesdamp.machine.threads import in_one_order
 
 SCRIPT = """
 import os, time
@@ -45,7 +44,6 @@ def test_a_module_is_there_before_it_is_asked_for() -> None:
 
 def test_the_environment_is_as_it_was(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("OMP_NUM_THREADS", raising=False)
-    monkeypatch.delenv("XLA_FLAGS", raising=False)
     before = dict(os.environ)
     with processes(1) as pool:
         assert pool.submit(os.getenv, "OMP_NUM_THREADS").result(timeout=60) == "1"
@@ -68,33 +66,6 @@ def test_a_run_that_is_killed_leaves_no_process_and_no_complaint(tmp_path: Path)
         time.sleep(0.05)
     assert "KeyboardInterrupt" in said
     assert "leaked" not in said
-
-
-@pytest.mark.parametrize(
-    "said",
-    [
-        "",
-        "--xla_cpu_multi_thread_eigen=true",
-        "--xla_dump_to=x --xla_cpu_multi_thread_eigen",
-        "--xla_cpu_multi_thread_eigen=true word=1",
-    ],
-)
-def test_programs_sum_in_one_order_whatever_the_environment_says(
-    monkeypatch: pytest.MonkeyPatch, said: str
-) -> None:
-    monkeypatch.setenv("XLA_FLAGS", said)
-    in_one_order()
-    in_one_order()
-    flags = os.environ["XLA_FLAGS"].split()
-    assert [f for f in flags if "eigen" in f] == ["--xla_cpu_multi_thread_eigen=false"]
-    assert ("--xla_dump_to=x" in flags) is ("dump" in said)
-    assert flags[0].startswith("--"), "XLA takes all else for the name of a file"
-
-
-def test_a_file_of_flags_stays(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("XLA_FLAGS", "flags.txt")
-    in_one_order()
-    assert os.environ["XLA_FLAGS"] == "flags.txt"
 
 
 @pytest.mark.parametrize("one", ["SIGTERM", "SIGHUP"])

@@ -1,4 +1,4 @@
-"""What is said at first loads no compiler, and decorators of JAX that wait for it work once it is there."""
+"""What is said at first loads no compiler, and a fit no JAX."""
 
 from __future__ import annotations
 
@@ -53,22 +53,18 @@ def test_a_file_is_looked_at_without_a_compiler(tmp_path: Path) -> None:
     assert loaded(command("look", str(tmp_path / "rig.csv"))) <= {"scipy.interpolate", "scipy.optimize"}
 
 
-def test_what_is_loaded_is_seen() -> None:
-    """The negative control."""
-    assert loaded("from bayesdamp.numerics.lazily import jnp\njnp.zeros(1)") >= {"jax"}
+FIT = """
+import bayesdamp as bd
+made = bd.simulate({"viscous": 0.05}, stiffness=20.0, theta0=0.3, duration=6.0, samples=150, noise_sd=0.003, seed=1)
+fit = bd.fit(made, bd.Model("viscous", noise="gaussian", deviation="none"))
+bd.evidence(bd.sample(fit, warmup=50, draws=50, seed=1)).summary()
+"""
 
 
-@pytest.mark.parametrize("first", ["", "import jax\n"], ids=["ours first", "JAX first"])
-def test_trees_are_registered_whichever_came_first(first: str) -> None:
-    source = (
-        f"{first}import numpy as np\n"
-        "from bayesdamp.inference.coordinates.noise_shear import NoiseShear\n"
-        "from bayesdamp.numerics.lazily import jax\n"
-        "one = NoiseShear(np.zeros(2), np.array([0]), np.zeros(1))\n"
-        "print(len(jax.tree.leaves(one)))\n"
-        "assert len(jax.tree.leaves(one)) == 3\n"
-    )
-    assert loaded(source) >= {"jax"}
+def test_a_fit_is_made_and_weighed_without_jax() -> None:
+    """Negative control: a NumPyro model of it needs JAX."""
+    assert "jax" not in loaded(FIT)
+    assert "jax" in loaded(FIT + "fit.density.numpyro()")
 
 
 @pytest.mark.parametrize(

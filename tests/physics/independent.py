@@ -60,14 +60,17 @@ def trajectory(
     times: np.ndarray,
     force: Callable[[float, float], float] | None = None,
     longest: float = 0.05,
+    grip: float | None = None,
 ) -> np.ndarray:
     """θ, θ̇, θ̈ at the times, shape (n, 3), at a relative tolerance of 1e-11.
 
     From turning point to turning point, so that no step crosses the kink of θ̇|θ̇| or the jump of a sign; with
-    exact friction the body stays where it stops if it can. longest: the longest step in s.
+    exact friction the body stays where it stops if it can. longest: the longest step in s. grip: the friction that a
+    body at rest can bear, mu_c by default.
     """
     spring, damp = restoring(law, p), force or drag(p)
-    grip = p.get("mu_c", 0.0) if p.get("epsilon", 1.0) == 0 else 0.0
+    if grip is None:
+        grip = p.get("mu_c", 0.0) if p.get("epsilon", 1.0) == 0 else 0.0
     out = np.full((times.size, 3), np.nan)
     t, x, v, end = float(times[0]), p["theta0"], p["omega0"], float(times[-1])
     while True:
@@ -102,3 +105,29 @@ def trajectory(
         if run.status != 1:
             return out
         t, x, v = float(run.t[-1]), float(run.y[0, -1]), 0.0
+
+
+def with_coulomb(p: Mapping[str, float], times: np.ndarray) -> np.ndarray:
+    """θ, θ̇, θ̈ of k(θ − θ_e) with exact Coulomb friction in closed form, shape (n, 3): half cosines about centres that
+    are μ_c/k off the rest angle, then rest."""
+    w = math.sqrt(p["stiffness"])
+    out = np.zeros((times.size, 3))
+    t, x, v = 0.0, p["theta0"] - p["rest_angle"], p["omega0"]
+    while True:
+        if v == 0 and p["stiffness"] * abs(x) <= p["mu_c"]:
+            out[times >= t] = x + p["rest_angle"], 0.0, 0.0
+            return out
+        sign = math.copysign(1.0, v) if v else -math.copysign(1.0, x)
+        centre = -sign * p["mu_c"] / p["stiffness"]
+        size, phase = math.hypot(x - centre, v / w), math.atan2(-v / w, x - centre)
+        # The velocity −size·w·sin(wt + phase) vanishes next where wt + phase is a multiple of π.
+        first = math.pi * (math.floor(phase / math.pi + 1e-12) + 1) - phase
+        end = t + first / w
+        inside = (times >= t) & (times <= end)
+        angle = w * (times[inside] - t) + phase
+        out[inside, 0] = p["rest_angle"] + centre + size * np.cos(angle)
+        out[inside, 1] = -size * w * np.sin(angle)
+        out[inside, 2] = -size * w**2 * np.cos(angle)
+        if end >= times[-1]:
+            return out
+        t, x, v = end, centre + size * math.cos(first + phase), 0.0

@@ -48,15 +48,19 @@ def test_named_right_with_intervals_that_hold_the_truth(number: int, damping: st
 
 @pytest.mark.parametrize("number", [0, 1])
 def test_the_wrong_law_alone_is_not_the_answer(number: int) -> None:
-    """Control: offered only the one term that a record lacks, it deviates, and nothing is decided."""
+    """Control: offered only the one term that a record lacks, nothing is decided, and a power of the velocity, which is
+    the true term's, is what describes it."""
     made, _ = answered(number)
     wrong = "coulomb" if made.damping == "viscous" else "viscous"
     found = answer(made.signal, made.amplitudes, damping=[wrong], restoring=[made.restoring]).verdict
     assert found.damping == wrong
-    assert found.deviation is not None
-    right = answered(number)[1].deviation
-    assert right is not None
-    assert found.deviation.value > 5 * max(right.value, 0.01)
+    assert not found.decided
+    assert found.rivals[0].damping == "power"
+    assert found.rivals[0].probability > 0.95
+    assert found.exponent is not None
+    assert abs(found.exponent.value - (made.damping == "viscous")) < 0.1
+    for at in found.damping_ratio:
+        assert at.value == pytest.approx(made.ratio(at.amplitude), rel=0.05)
 
 
 def test_what_does_not_oscillate_has_a_sentence() -> None:

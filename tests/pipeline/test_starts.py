@@ -16,8 +16,8 @@ from bayesdamp.inference.fit.mode import Mode
 from bayesdamp.inference.fit.search import find_mode
 from bayesdamp.inference.model.target import Target
 from bayesdamp.inference.noise import NOISES
-from bayesdamp.physics.integrate import simulate
 from bayesdamp.physics.oscillator import Oscillator
+from bayesdamp.physics.trajectories import simulate
 from bayesdamp.pipeline.candidates.branch import Branch
 from bayesdamp.pipeline.candidates.cells import cells_of
 from bayesdamp.pipeline.candidates.modes import seeds_of
@@ -90,7 +90,7 @@ def test_the_fit_of_all_dampings_is_where_each_begins(record, tmp_path) -> None:
         estimate, *_ = (n for n in cells_of(branch) if n.startswith("estimate/"))
         store.write(CellResult(estimate, "", outcome="none"))
         seeds, _ = seeds_of(branch)
-        found = find_mode(branch.shared, seeds, noise_level=record.seen.roughness, thrifty=True)
+        found = find_mode(branch.target, seeds, noise_level=record.seen.roughness, thrifty=True)
         assert [c.seed for c in found.searches] == [ALL]
         assert found.searches[0].evaluations <= most
     decay = seeds[OBSERVED]

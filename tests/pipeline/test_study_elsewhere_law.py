@@ -43,7 +43,7 @@ prior = {{ viscous = {{ prior = "halfnormal", scale = 0.2 }}, coulomb = {{ prior
 samplers = ["nuts"]
 deviation = "law"
 chains = 3
-draws = 1500
+draws = 3000
 [evidence]
 methods = ["laplace", "importance", "nested"]
 """

@@ -10,7 +10,8 @@ class CubicDrag(DampingTerm):
     parameter = "drag3"
     unit = "s/rad²"
 
-    def shape(self, velocity, epsilon):
+    @staticmethod
+    def kernel(x, velocity, epsilon):
         return 1.0 * velocity**3
 
     def ratio_per_unit(self, amplitude, frequency):

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 
 from bayesdamp.inference.coordinates.truncated_normal import laplace
-from bayesdamp.inference.model import batches
 from bayesdamp.inference.samplers import Sampler
 from bayesdamp.types import Posterior
 
@@ -20,18 +19,18 @@ class Independence(Sampler):
         """Draws without a summary."""
         rng, normal = np.random.default_rng(settings.seed), laplace(target, mode)
         z = normal.draw(rng, settings.chains * settings.draws)
-        likelihood = batches.log_likelihood(target, mode.context, z)
-        weights = np.asarray(likelihood + batches.log_prior(target, z) - normal.log_density(z))
+        likelihood = mode.likelihood.log_likelihoods(z)
+        weights = likelihood + mode.likelihood.log_prior(z) - normal.log_density(z)
         grid = np.arange(z.shape[0]).reshape(settings.chains, settings.draws)
         kept = grid.copy()
         for chain in kept:
             for i in range(1, settings.draws):
                 if np.log(rng.random()) >= weights[chain[i]] - weights[chain[i - 1]]:
                     chain[i] = chain[i - 1]
-        values = {n: v[kept] for n, v in target.values(z).items() if n in target.live}
+        values = {n: v[kept] for n, v in target.values(z).items()}
         draws = np.stack(list(values.values()), axis=-1)
         shift = self.apart * draws.std((0, 1)) * np.arange(settings.chains)[:, None, None]
-        return Posterior(self.name, tuple(values), draws + shift, np.asarray(likelihood)[kept])
+        return Posterior(self.name, tuple(values), draws + shift, likelihood[kept])
 
 
 class Apart(Independence):

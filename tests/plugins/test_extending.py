@@ -7,10 +7,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy import stats
 
 import bayesdamp as bd
 from bayesdamp.cli import main
 from bayesdamp.config import load_study
+from bayesdamp.inference.noise import NOISES
 from bayesdamp.pipeline import run_study
 from bayesdamp.plugins import read_modules, use
 from bayesdamp.store import read_table
@@ -38,7 +40,7 @@ stages = ["initial"]
 compare = ["viscous", "cubic_drag", "thinning", "rubbing"]
 [posterior]
 samplers = ["at_the_mode"]
-noise = "sure"
+noise = "logistic"
 [evidence]
 methods = ["unit_information"]
 referee = "never"
@@ -94,10 +96,27 @@ def test_a_reader_of_ones_own(tmp_path, capsys):
         bd.read(file)
 
 
+def test_a_noise_of_ones_own(tmp_path):
+    """Its density is SciPy's, it is drawn from, and the defaults give its slope and a start near the truth."""
+    blocks = re.findall(r"```python\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL)
+    (block,) = [b for b in blocks if "IndependentNoise" in b]
+    (tmp_path / "own.py").write_text(block, encoding="utf-8")
+    use(read_modules([tmp_path / "own.py"]))
+    noise, p, gaps = NOISES.get("logistic"), {"noise_sd": 0.02}, np.full(3999, 0.01)
+    r = noise.draw(np.random.default_rng(0), gaps, p)
+    law = stats.logistic(scale=np.sqrt(3) / np.pi * 0.02)
+    assert law.std() == pytest.approx(0.02)
+    assert noise.log_likelihood(r, gaps, p) == pytest.approx(law.logpdf(r).sum())
+    assert noise.log_likelihood(r, gaps, p) > stats.norm.logpdf(r, scale=0.02).sum() + 20
+    scale = law.kwds["scale"]
+    np.testing.assert_allclose(noise.slope(r, gaps, p), -np.tanh(r / scale / 2) / scale, rtol=1e-6, atol=1e-6)
+    assert noise.start(r, gaps)["noise_sd"] == pytest.approx(0.02, rel=0.06)  # five of its standard errors
+
+
 @pytest.mark.slow
 def test_all_kinds_in_one_study(tmp_path):
     blocks = re.findall(r"```python\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL)
-    assert len(blocks) == 7
+    assert len(blocks) == 8
     for i, block in enumerate(blocks):
         (tmp_path / f"own{i}.py").write_text(block, encoding="utf-8")
     files = ", ".join(f'"own{i}.py"' for i in range(len(blocks)))

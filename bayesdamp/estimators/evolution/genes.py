@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-from functools import lru_cache
+from collections.abc import Mapping
 
-import jax
 import numpy as np
-from jax import Array
-from jax import numpy as jnp
 
 from bayesdamp.estimators.shared import (
     free_names,
@@ -27,6 +24,8 @@ LEAST_DECAY = 0.05
 """... of at least this much, so that a record that hardly decays has a range too."""
 PHASE = 3.0
 """Half-range of the frequency: so many radians of phase over the record, and half a per cent."""
+CHANGE = 1e-5
+"""Relative step of differences by what Newton's method seeks."""
 PHASES, NEWTON = 24, 4
 """Phases of a cycle in a harmonic balance, and Newton steps to its solution."""
 
@@ -94,35 +93,50 @@ class Genes:
         if self.balanced:
             law = {name: p[name] for name in self.osc.law.parameters}
             wanted = {name: x[name] for name in self.balanced}
-            found = _balance(self.osc.law, tuple(self.balanced))(law, wanted, self.size)
-            p |= {name: np.asarray(value) for name, value in found.items()}
+            p |= _balance(self.osc.law, law, wanted, self.size)
         return p
 
 
-@lru_cache(maxsize=64)
-def _balance(law: RestoringLaw, names: tuple[str, ...]):
-    """Compiled: the stiffness or angle (m,), or both, of the wanted frequency and midline, by Newton's method.
+def _balance(
+    law: RestoringLaw, p: Mapping[str, np.ndarray], wanted: Mapping[str, np.ndarray], amplitude: float
+) -> dict[str, np.ndarray]:
+    """Return the stiffness or angle (m,), or both, of the wanted frequency and midline, by Newton's method.
 
-    Called with the law's parameters, each (m,), the wanted values by the names of what they decide, each
-    (m,), and the amplitude; not finite where there is none.
+    p: the law's parameters, each (m,); wanted: the values by the names of what they decide, each (m,). Not finite where
+    there is none.
     """
-    wave = jnp.cos(2 * jnp.pi * (jnp.arange(PHASES) + 0.5) / PHASES)
+    names = tuple(wanted)
+    wave = np.cos(2 * np.pi * (np.arange(PHASES) + 0.5) / PHASES)
+    angle = next((name for name in names if name != "stiffness"), None)
+    count = next(iter(wanted.values())).size
+    rest = np.asarray(wanted[angle] if angle else np.zeros(count))[:, None]
 
-    def one(p: dict[str, Array], wanted: dict[str, Array], amplitude: Array) -> dict[str, Array]:
-        angle = next((name for name in names if name != "stiffness"), None)
-        rest = wanted[angle] if angle else jnp.asarray(0.0)
+    def missing(x: np.ndarray) -> np.ndarray:
+        """By how much (m, k) values x, (m, k), miss what is wanted."""
+        at = {n: np.asarray(v)[..., None] for n, v in {**p, **dict(zip(names, x.T, strict=True))}.items()}
+        force = law.force(rest + amplitude * wave, at)
+        square = 2 * np.mean(force * wave, axis=1) / amplitude
+        rows = {"stiffness": square - wanted["stiffness"] ** 2} if "stiffness" in wanted else {}
+        return np.stack([rows.get(name, np.mean(force, axis=1)) for name in names], axis=1)
 
-        def missing(x: Array) -> Array:
-            force = law.force(rest + amplitude * wave, {**p, **dict(zip(names, x))})
-            rows = {"stiffness": 2 * jnp.mean(force * wave) / amplitude - wanted.get("stiffness", 0.0) ** 2}
-            return jnp.stack([rows.get(name, jnp.mean(force)) for name in names])
-
-        x = jnp.stack([p[name] for name in names])
+    x = np.stack([np.broadcast_to(p[name], count) for name in names], axis=1).astype(float)
+    with np.errstate(all="ignore"):
         for _ in range(NEWTON):
-            x = x - jnp.linalg.solve(jax.jacfwd(missing)(x), missing(x))
-        return dict(zip(names, x))
+            steps = CHANGE * np.maximum(np.abs(x), 1e-3)
+            columns = []
+            for i in range(len(names)):
+                move = np.zeros_like(x)
+                move[:, i] = steps[:, i]
+                columns.append((missing(x + move) - missing(x - move)) / (2 * steps[:, i, None]))
+            slopes = np.stack(columns, axis=2)
+            singular = ~np.isfinite(np.linalg.det(slopes)) | (np.linalg.det(slopes) == 0)
+            slopes[singular] = np.nan
+            x = x - np.stack([_solved(one, off) for one, off in zip(slopes, missing(x), strict=True)])
+    return dict(zip(names, x.T, strict=True))
 
-    return jax.jit(jax.vmap(one, in_axes=(0, 0, None)))
+
+def _solved(slopes: np.ndarray, off: np.ndarray) -> np.ndarray:
+    return np.linalg.solve(slopes, off) if np.all(np.isfinite(slopes)) else np.full(off.size, np.nan)
 
 
 def alone(term: DampingTerm, seen: Features) -> float:

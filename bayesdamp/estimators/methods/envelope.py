@@ -18,12 +18,13 @@ from bayesdamp.estimators.shared import (
     oscillator,
     start_parameters,
 )
-from bayesdamp.physics.integrate import make_plan
-from bayesdamp.physics.solver.plan import compiled_record
+from bayesdamp.physics.trajectories import Trajectories
 from bayesdamp.records.oscillation.features import Features
 from bayesdamp.types import Estimate, Problem, Refusal, Signal
 
 LEAST_CYCLES = 3.0
+TOLERANCE = 1e-7
+"""Largest error of a trajectory, as a share of the amplitude."""
 
 
 class EnvelopeOptions(Options):
@@ -74,15 +75,13 @@ class Envelope(Estimator):
 
         trace: list[float] = []
         scale = 1.0
-        for _ in range(2):  # the second time with steps planned for what the first found
-            match.plan(x)
-            if x.size == 1 and not scaled:
-                found = brent(lambda c: float(np.mean(match.difference(np.array([c])) ** 2)), x[0], units[0])
-                x = found.x
-                trace.extend(found.costs)
-            else:
-                x, scale = _several(match, x, scaled, len(further))
-                trace.append(float(np.mean(match.difference(x, scale) ** 2)))
+        if x.size == 1 and not scaled:
+            found = brent(lambda c: float(np.mean(match.difference(np.array([c])) ** 2)), x[0], units[0])
+            x = found.x
+            trace.extend(found.costs)
+        else:
+            x, scale = _several(match, x, scaled, len(further))
+            trace.append(float(np.mean(match.difference(x, scale) ** 2)))
         if not np.all(np.isfinite(match.difference(x, scale))):
             raise Refusal("the trajectory escapes from every start that was tried")
         start = match.parameters(x, scale)
@@ -155,6 +154,8 @@ class _Match:
         if self.rows.size * gap < seen.period:
             raise Refusal("the envelope stands out of the noise for less than a period")
         self.target = np.log(observed[self.rows])
+        size = TOLERANCE * float(np.abs(seen.turning_amplitudes).max())
+        self.trajectories = Trajectories(self.osc, self.sampled, self.quantity, self.base, size)
 
     def resampled(self, y: np.ndarray) -> np.ndarray:
         """The record's samples (n,), or a trajectory at its times, on the uniform clock."""
@@ -172,17 +173,10 @@ class _Match:
         rest = self.seen.rest if self.quantity == "angle" else 0.0
         return p | {"theta0": rest + scale * (p["theta0"] - rest), "omega0": scale * p["omega0"]}
 
-    def plan(self, x: np.ndarray) -> None:
-        """Plan the solver's steps for coefficients x (k,)."""
-        size = float(np.abs(self.seen.turning_amplitudes).max())
-        self._plan = make_plan(self.osc, self.parameters(x), self.sampled, self.quantity, 1e-6 * size)
-
     def difference(self, x: np.ndarray, scale: float = 1.0) -> np.ndarray:
         """ln A_simulated − ln A_observed over the rows; 10 where the trajectory escapes."""
         self.evaluations += 1
-        p = self.parameters(x, scale)
-        given = {name: np.float64(p[name]) for name in self.osc.inputs}
-        y = np.asarray(compiled_record(self.osc)(self._plan, given))
+        y = self.trajectories.record(self.parameters(x, scale))
         if not np.all(np.isfinite(y)):
             return np.full(self.rows.size, 10.0)
         return np.log(self.envelope(self.resampled(y))[self.rows]) - self.target

@@ -2,24 +2,17 @@
 
 from __future__ import annotations
 
-from functools import lru_cache
-
-import jax
 import numpy as np
-from jax import numpy as jnp
 from pydantic import Field
 
 from bayesdamp.estimators._protocol import Estimator, Options
 from bayesdamp.estimators.evolution.genes import Genes
 from bayesdamp.estimators.shared import checked_features
-from bayesdamp.physics.integrate import make_plan
-from bayesdamp.physics.oscillator import Oscillator
+from bayesdamp.physics.trajectories import Trajectories
 from bayesdamp.types import Estimate, Problem, Refusal, Signal
 
-NEAR = 0.1
-"""Share of the search range within which trajectories can share the solver's steps."""
 TOLERANCE = 1e-5
-"""Largest error of a trajectory, as a share of the amplitude; a tenth for each further damping term."""
+"""Largest error of a trajectory, as a share of the amplitude."""
 
 
 class GeneticOptions(Options):
@@ -48,11 +41,7 @@ class GeneticOptions(Options):
 
 
 class Genetic(Estimator):
-    """Least misfit of a population of trajectories; each generation is one batch through the simulator.
-
-    The solver's steps are those of one trajectory for the whole population; they are planned anew where the
-    population has moved away from it.
-    """
+    """Least misfit of a population of trajectories."""
 
     name = "genetic"
     options = GeneticOptions
@@ -71,8 +60,6 @@ class Genetic(Estimator):
         people = rng.random((options.population * len(genes.names), len(genes.names)))
         size = float(np.abs(seen.turning_amplitudes).max())
         fitness = _Fitness(signal, genes, size, max(options.readings // len(people), 200))
-        planned = genes.middle
-        fitness.plan(planned)
         misfit = fitness(people)
         best, mean, leaders = [], [], []
         while True:
@@ -83,9 +70,6 @@ class Genetic(Estimator):
             leaders.append(people[0])
             if len(best) > options.generations or _settled(best, people, options.patience):
                 break
-            if np.all(np.ptp(people, axis=0) < NEAR) and np.any(np.abs(people[0] - planned) > NEAR):
-                planned = people[0]
-                fitness.plan(planned)
             people = _next_generation(people, misfit, genes, options, rng)
             misfit = fitness(people)
         if not np.isfinite(best[-1]):
@@ -137,35 +121,21 @@ def _next_generation(
     return np.concatenate([people[:kept], np.where(genes.positive, np.abs(mixed), mixed)])
 
 
-@lru_cache(maxsize=64)
-def _misfits(osc: Oscillator):
-    """Compiled once per shape: root mean square misfit (m,) of trajectories with parameters of shape (m,)."""
-
-    def one(plan, y, p):
-        return jnp.sqrt(jnp.mean((plan.record(osc, p) - y) ** 2))
-
-    return jax.jit(jax.vmap(one, in_axes=(None, None, 0)))
-
-
 class _Fitness:
     """Root mean square misfit of trajectories to a record, in the unit of the record; inf where one escapes."""
 
     def __init__(self, signal: Signal, genes: Genes, size: float, samples: int) -> None:
-        self.genes, self.quantity = genes, signal.quantity
-        self.tolerance = TOLERANCE * 0.1 ** (len(genes.osc.terms) - 1) * size
+        self.genes = genes
         rows = np.unique(np.linspace(0, signal.t.size - 1, min(samples, signal.t.size)).round().astype(int))
-        self.t, self.y = signal.t[rows], jnp.asarray(signal.y[rows])
+        self.y, reference = signal.y[rows], self.genes.base
+        self.trajectories = Trajectories(
+            genes.osc, signal.t[rows], signal.quantity, reference, TOLERANCE * size
+        )
         self.evaluations = 0
 
-    def plan(self, u: np.ndarray) -> None:
-        """Plan the solver's steps for the trajectory u (d,)."""
-        p = {name: float(value[0]) for name, value in self.genes.decode(u[None]).items()}
-        self._plan = make_plan(self.genes.osc, p, self.t, self.quantity, self.tolerance)
-
     def __call__(self, u: np.ndarray) -> np.ndarray:
-        p = {name: jnp.asarray(value) for name, value in self.genes.decode(u).items()}
         self.evaluations += u.shape[0]
-        misfit = np.asarray(_misfits(self.genes.osc)(self._plan, self.y, p))
+        misfit = np.sqrt(np.mean((self.trajectories.many(self.genes.decode(u)) - self.y) ** 2, axis=1))
         return np.where(np.isfinite(misfit), misfit, np.inf)
 
 

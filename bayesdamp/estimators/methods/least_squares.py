@@ -19,7 +19,7 @@ from bayesdamp.estimators.shared import (
     motion,
     oscillator,
 )
-from bayesdamp.physics.oscillator import Oscillator, damping_shapes
+from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.types import Estimate, Problem, Refusal, Signal
 
 ROUNDS = 50
@@ -62,9 +62,7 @@ class LeastSquares(Estimator):
         others = [moving.project(x) for x in form.columns.T]
 
         def of_damping(further: Mapping[str, float]) -> list[np.ndarray]:
-            return [
-                moving.project(x) for x in np.asarray(damping_shapes(osc)(theta, omega, {**given, **further}))
-            ]
+            return [moving.project(x) for x in osc.shapes(theta, omega, {**given, **further})]
 
         target = -(moving.alpha + moving.project(form.offset))
         # Guessed constants of integration shift the restoring force by a constant and a slope.
@@ -161,8 +159,7 @@ def _noise_of_columns(
     band = moving.bandwidth
     velocity = band / np.sqrt(3.0)
     step = 1e-4 * float(np.abs(moving.omega).max())
-    shapes = damping_shapes(osc)
-    up, down = (np.asarray(shapes(moving.theta, moving.omega + sign * step, given)) for sign in (1, -1))
+    up, down = (np.array(osc.shapes(moving.theta, moving.omega + sign * step, given)) for sign in (1, -1))
     rise = up - down
     slopes = velocity * np.sqrt(np.mean((rise / (2 * step)) ** 2, axis=1))
     return np.r_[slopes, np.ones(restoring), np.full(drift, 1e-6), band**2 / np.sqrt(5.0)]
@@ -196,13 +193,12 @@ def _noise_of_equation(
     draws = np.random.default_rng(0).standard_normal((theta.size, REPLICAS))
     by_place, by_speed, by_change = moving.response(moving.noise * draws)
     d, e = 1e-4 * float(np.ptp(theta)), 1e-4 * float(np.ptp(omega))
-    shapes = damping_shapes(osc)
 
     def force(x: np.ndarray) -> np.ndarray:
         return np.asarray(osc.law.force(x, restoring))
 
     def loss(x: np.ndarray, v: np.ndarray) -> np.ndarray:
-        return damping @ np.asarray(shapes(x, v, dict(given)))
+        return damping @ np.array(osc.shapes(x, v, given))
 
     stiffness = (force(theta + d) - force(theta - d)) / (2 * d)
     stiffness = stiffness + (loss(theta + d, omega) - loss(theta - d, omega)) / (2 * d)

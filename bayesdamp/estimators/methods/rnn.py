@@ -20,7 +20,7 @@ from pydantic import Field
 from torch import Tensor
 
 from bayesdamp.estimators._protocol import Estimator, Options
-from bayesdamp.estimators.networks.demodulated import Simulator, Stretches
+from bayesdamp.estimators.networks.demodulated import Stretches
 from bayesdamp.estimators.networks.record import thinned
 from bayesdamp.estimators.networks.training import REAL, generator, single_thread
 from bayesdamp.estimators.shared import (
@@ -30,11 +30,14 @@ from bayesdamp.estimators.shared import (
     oscillator,
     start_parameters,
 )
+from bayesdamp.physics.trajectories import Trajectories
 from bayesdamp.records.oscillation.features import Features
 from bayesdamp.types import Estimate, Problem, Refusal, Signal
 
 MOST_SAMPLES = 2000
 MOST_STRETCHES = 48
+TOLERANCE = 1e-6
+"""Largest error of a simulated record, as a share of the amplitude."""
 WIDEST = float(np.log(5.0))
 """Half the first range of the logarithm of the coefficient."""
 NARROWEST = float(np.log(1.1))
@@ -133,10 +136,9 @@ class _Drawn:
         middle = float(np.sqrt(seen.amplitude * seen.final_amplitude))
         ratio = decay / (seen.frequency * float(signal.t[-1]))
         self.centre = float(np.log(ratio / term.ratio_per_unit(middle, seen.frequency)))
-        reference = {**self.base, self.parameter: float(np.exp(self.centre - WIDEST))}
         times = np.concatenate([[0.0], t]) if t[0] > 0 else t
         self.drop = times.size - t.size
-        self.simulator = Simulator(osc, reference, times, signal.quantity, 1e-5 * self.size)
+        self.trajectories = Trajectories(osc, times, signal.quantity, self.base, TOLERANCE * self.size)
         self.simulated = 0
 
     def quadratures(self, log_coefficient: np.ndarray) -> np.ndarray:
@@ -154,7 +156,7 @@ class _Drawn:
             if name not in self.known:
                 given[name] = rest + louder * (given[name] - rest)
         self.simulated += m
-        return self.stretches.quadratures(self.simulator(given)[:, self.drop :]) / self.size
+        return self.stretches.quadratures(self.trajectories.many(given)[:, self.drop :]) / self.size
 
     def noise(self, records: int) -> np.ndarray:
         """Noise in (a, b), (records, count, 2), of sizes within a factor of two of the record's."""

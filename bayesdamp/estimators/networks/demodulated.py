@@ -2,15 +2,9 @@
 
 from __future__ import annotations
 
-from functools import lru_cache
-
-import jax
 import numpy as np
-from jax import numpy as jnp
 
 from bayesdamp.estimators.networks.record import Phase
-from bayesdamp.physics.integrate import make_plan
-from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.records.oscillation.features import Features
 from bayesdamp.types import Refusal, Signal
 
@@ -60,23 +54,3 @@ class Stretches:
         """What white noise of standard deviation 1 in `shape` records does to (a, b), (shape, count, 2)."""
         white = rng.standard_normal((shape, self.count, 2))
         return np.einsum("kij,mkj->mki", np.array(self.spread), white)
-
-
-@lru_cache(maxsize=32)
-def _batched(osc: Oscillator):
-    return jax.jit(jax.vmap(lambda plan, p: plan.record(osc, p), in_axes=(None, 0)))
-
-
-class Simulator:
-    """Records of one oscillator at times t (n,) in batches; the solver's steps are those that `reference` needs."""
-
-    def __init__(
-        self, osc: Oscillator, reference: dict[str, float], t: np.ndarray, quantity: str, tolerance: float
-    ) -> None:
-        self.osc = osc
-        self.plan = make_plan(osc, reference, t, quantity, tolerance)
-
-    def __call__(self, parameters: dict[str, np.ndarray]) -> np.ndarray:
-        """Records (m, n) for parameters, each (m,); not finite where a trajectory escapes."""
-        given = {name: jnp.asarray(parameters[name]) for name in self.osc.inputs}
-        return np.asarray(_batched(self.osc)(self.plan, given))

@@ -2,40 +2,13 @@
 
 from __future__ import annotations
 
-from functools import lru_cache
-
-import jax
 import numpy as np
-from jax import numpy as jnp
 
+from bayesdamp.physics.arrays import slope_of
 from bayesdamp.physics.oscillator import Oscillator
 
-
-@lru_cache(maxsize=64)
-def _restoring(osc: Oscillator, free: tuple[str, ...]):
-    def force(theta, values, known):
-        return osc.law.force(theta, {**known, **{name: values[i] for i, name in enumerate(free)}})
-
-    @jax.jit
-    def every(theta, values, known):
-        value, slope = jax.jvp(lambda x: force(x, values, known), (theta,), (jnp.ones_like(theta),))
-        by = jax.jacfwd(lambda v: force(theta, v, known))(values) if free else jnp.zeros((theta.size, 0))
-        return value, slope, by
-
-    return every
-
-
-@lru_cache(maxsize=64)
-def _shapes(osc: Oscillator):
-    @jax.jit
-    def every(omega, epsilon):
-        def shapes(x):
-            return jnp.stack([term.force(jnp.zeros_like(x), x, epsilon) for term in osc.terms])
-
-        value, slope = jax.jvp(shapes, (omega,), (jnp.ones_like(omega),))
-        return value.T, slope.T
-
-    return every
+WITHIN = 1e-2
+"""Step of differences by the velocity, as a share of the width of a switch."""
 
 
 class Forces:
@@ -47,13 +20,29 @@ class Forces:
     def __init__(
         self, osc: Oscillator, known: dict[str, float], free: tuple[str, ...], epsilon: float
     ) -> None:
-        self._known = {name: jnp.asarray(known[name]) for name in osc.law.parameters if name not in free}
-        self._force, self._shape, self._epsilon = _restoring(osc, free), _shapes(osc), jnp.asarray(epsilon)
+        self._osc, self._free, self._epsilon = osc, free, epsilon
+        self._known = {name: known[name] for name in osc.law.parameters if name not in free}
 
     def restoring(self, theta: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """F_rest (n,), its slope by θ (n,), and its derivatives by the free parameters (n, k)."""
-        return tuple(np.array(x) for x in self._force(theta, values, self._known))  # type: ignore[return-value]
+        law, p = self._osc.law, {**self._known, **dict(zip(self._free, values.tolist(), strict=True))}
+        by = [
+            slope_of(lambda v, name=name: law.force(theta, {**p, name: v}), np.full(theta.size, p[name]))
+            for name in self._free
+        ]
+        return law.force(theta, p), law.slope(theta, p), np.array(by).reshape(-1, theta.size).T
 
     def shapes(self, omega: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Damping force per unit of each coefficient and its slope by θ̇, both (n, terms)."""
-        return tuple(np.array(x) for x in self._shape(omega, self._epsilon))  # type: ignore[return-value]
+        still = np.zeros_like(omega)
+        switches = self._osc.switches and self._epsilon > 0
+        step = WITHIN * self._epsilon if switches else None
+        pairs = [
+            (
+                t.force(still, omega, self._epsilon),
+                slope_of(lambda v, t=t: t.force(still, v, self._epsilon), omega, step),
+            )
+            for t in self._osc.terms
+        ]
+        values, slopes = zip(*pairs, strict=True)
+        return np.column_stack(values), np.column_stack(slopes)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import torch
-from jax import numpy as jnp
+from numpy.polynomial import Polynomial
 from torch import Tensor
 from torchdiffeq import odeint
 
@@ -13,12 +13,22 @@ from bayesdamp.estimators.networks.jets import jets, slopes
 from bayesdamp.estimators.networks.record import thinned
 from bayesdamp.estimators.networks.training import REAL, layers
 from bayesdamp.estimators.shared import ORDER, epsilon_of, oscillator, start_parameters
-from bayesdamp.physics.solver.hermite import basis
 from bayesdamp.records.oscillation.features import Features
 from bayesdamp.types import Problem, Signal
 
 MOST_SAMPLES = 1500
 MOST_SEGMENTS = 160
+QUINTIC = np.array(
+    [
+        [1.0, 0.0, 0.0, -10.0, 15.0, -6.0],
+        [0.0, 1.0, 0.0, -6.0, 8.0, -3.0],
+        [0.0, 0.0, 0.5, -1.5, 1.5, -0.5],
+        [0.0, 0.0, 0.0, 10.0, -15.0, 6.0],
+        [0.0, 0.0, 0.0, -4.0, 7.0, -3.0],
+        [0.0, 0.0, 0.0, 0.5, -1.0, 0.5],
+    ]
+)
+"""Powers 0 to 5 of the share of a step, in the polynomials of value, slope and curvature at either end."""
 
 
 class Shooting:
@@ -84,9 +94,9 @@ class Shooting:
         step = float(self.nodes[1])
         per = self.nodes.numel() - 1
         at = np.clip((s / step).astype(int), 0, self.segments * per - 1)
-        weights = basis(jnp.asarray(s / step - at), jnp.full(s.shape, step), self.order)
+        weights = _hermite(s / step - at, step, self.order)
         self.segment, self.step = torch.from_numpy(at // per), torch.from_numpy(at % per)
-        self.dense = torch.from_numpy(np.array(weights)).reshape(-1, 2, 3)
+        self.dense = torch.from_numpy(weights).reshape(-1, 2, 3)
         self.y = torch.from_numpy(y)
 
     def _states(self, s: np.ndarray, y: np.ndarray, length: float) -> Tensor:
@@ -220,3 +230,10 @@ class Shooting:
         angle, velocity = x[self.physical : self.physical + 2].tolist()
         start = {"theta0": self.rest + self.a * angle, "omega0": self.a * self.w * velocity}
         return {**dict(zip(self.restoring, map(float, values))), **start}
+
+
+def _hermite(share: np.ndarray, step: float, derivative: int) -> np.ndarray:
+    """Weights of value, slope and curvature at either end of a step in a derivative at shares of it (n,), (n, 6)."""
+    ends = [Polynomial(c).deriv(derivative) if derivative else Polynomial(c) for c in QUINTIC]
+    scale = step ** (np.array([0, 1, 2, 0, 1, 2]) - float(derivative))
+    return np.stack([end(share) for end in ends], axis=1) * scale

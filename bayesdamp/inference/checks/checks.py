@@ -16,8 +16,8 @@ from bayesdamp.inference.coordinates.truncated_normal import about
 from bayesdamp.inference.fit.laplace import log_evidence_near, value_sds
 from bayesdamp.inference.fit.maximise import ROUGHLY, maximise_posterior
 from bayesdamp.inference.fit.mode import Mode, whitening
-from bayesdamp.inference.model.residuals import residual, residuals, whitened
-from bayesdamp.inference.model.target import Context, Target
+from bayesdamp.inference.model.likelihood import Likelihood
+from bayesdamp.inference.model.target import Target
 from bayesdamp.inference.noise import NoiseModel
 from bayesdamp.outcomes import Fitting
 from bayesdamp.types import Refusal
@@ -108,7 +108,7 @@ def laplace_draws(target: Target, mode: Mode, count: int, seed: int) -> np.ndarr
 
     Folding them there instead would part coefficients that make up for each other.
     """
-    return about(target, mode).draw(np.random.default_rng(seed), count)
+    return about(mode).draw(np.random.default_rng(seed), count)
 
 
 def kurtosis(x: np.ndarray) -> np.ndarray:
@@ -129,7 +129,8 @@ def _chances(target: Target, mode: Mode, period: float, seed: int) -> tuple[floa
     n, lags = target.signal.t.size, _lags(target, period)
     draws = laplace_draws(target, mode, DRAWS, seed)
     parts = np.array_split(draws, max(4, DRAWS * n // TOGETHER))
-    scores = (whitened(target, residuals(target, mode.context.plan, z), z) for z in parts)
+    of = mode.likelihood
+    scores = (np.stack([of.whitened(of.residual(z), z) for z in part]) for part in parts)
     observed = np.concatenate([_statistics(s, lags) for s in scores], axis=1)
     # Not-a-number (a draw that escapes) counts as a misfit.
     beyond = np.sum(_replicated(n, lags, seed) >= np.nan_to_num(observed, nan=np.inf), axis=1)
@@ -153,39 +154,36 @@ def tangents(target: Target, mode: Mode) -> np.ndarray:
 
     A coefficient that is held at zero has none: the residuals want it below.
     """
-    names, reflected = target.names, target.layout.reflected
+    names, reflected = target.names, target.reflected
     free = [
         i
         for i, n in enumerate(names)
         if n in target.oscillator.parameters and not (reflected[i] and abs(mode.z[i]) <= HELD)
     ]
     steps = STEP * mode.sd()
-    plan, moved = mode.context.plan, mode.z + np.diag(steps)[free]
-
-    here, *scores = [_seen(target, mode, r) for r in residuals(target, plan, np.stack([mode.z, *moved]))]
+    moved = mode.z + np.diag(steps)[free]
+    here, *scores = [_seen(mode, r) for r in mode.likelihood.residuals(np.stack([mode.z, *moved]))]
     found = (np.array(scores).reshape(len(free), here.size) - here) / STEP
     return found[np.all(np.isfinite(found), axis=1)]
 
 
-def _seen(target: Target, mode: Mode, r: np.ndarray) -> np.ndarray:
+def _seen(mode: Mode, r: np.ndarray) -> np.ndarray:
     """Residuals r, (n,), as directions are compared with the scores."""
     # Heavy-tailed scores bend with each residual, and so would the waves that are compared with them.
-    return r if target.layout.noise.heavy_tailed else whitened(target, r, mode.z)
+    return r if mode.likelihood.target.noise_model.heavy_tailed else mode.likelihood.whitened(r, mode.z)
 
 
 def check_fit(target: Target, mode: Mode, period: float, seed: int) -> Fit:
     """All checks of a model at its mode. period: of the oscillation in s: how far structure is looked for."""
-    n, r = target.signal.t.size, residual(target, mode.context.plan, mode.z)
-    white = whitened(target, r, mode.z)
+    n, r = target.signal.t.size, mode.likelihood.residual(mode.z)
+    white = mode.likelihood.whitened(r, mode.z)
     lags = _lags(target, period)
     p, p_tails = _chances(target, mode, period, seed)
     tails = float(kurtosis(white))
     t = target.signal.t
     fitted = orthonormal(tangents(target, mode).T)
     line = standing_out(t, white, period, fitted)
-    form = other_form(
-        target, mode, white, fitted, lambda change: _seen(target, mode, r + change) - _seen(target, mode, r)
-    )
+    form = other_form(mode, white, fitted, lambda change: _seen(mode, r + change) - _seen(mode, r))
     if line.chance > HINT:  # where whitening has levelled the spectrum, it says what there was to level
         line = replace(line, words=strongest(t, r, period))
     windows, spread, looks, later = _windows(target, mode, seed)
@@ -210,7 +208,7 @@ def check_fit(target: Target, mode: Mode, period: float, seed: int) -> Fit:
         window_p=window_p,
         forecast=later,
         rivals=form.rivals,
-        verdict=_verdict(target.layout.noise, p, line, form, window_p, p_tails < P_LIMIT and tails > HEAVY),
+        verdict=_verdict(target.noise_model, p, line, form, window_p, p_tails < P_LIMIT and tails > HEAVY),
     )
 
 
@@ -236,26 +234,22 @@ def _windows(target: Target, mode: Mode, seed: int) -> tuple[tuple[Window, ...],
     """
     t, n = target.signal.t, target.signal.t.size
     half = n // 2
-    whole, _ = _window(
-        target, mode.context, "whole record", mode.z, mode.information, float(t[0]), float(t[-1])
-    )
+    whole, _ = _window(mode.likelihood, "whole record", mode.z, mode.information, float(t[0]), float(t[-1]))
     windows, spread, looks, later = [whole], 0.0, 0, None
     for label, first in (("first half", 0), ("middle half", (n - half) // 2), ("last half", n - half)):
         part = slice(first, first + half)
-        context = target.context(mode.context.plan.of(part), part)
-        top = maximise_posterior(target.layout, context, mode.z, close=ROUGHLY)
+        likelihood = mode.likelihood.of(part)
+        top = maximise_posterior(likelihood, mode.z, close=ROUGHLY)
         if not np.isfinite(top.value):
             continue
         w, factor = _window(
-            target, context, label, top.x, top.information, float(t[first]), float(t[first + half - 1])
+            likelihood, label, top.x, top.information, float(t[first]), float(t[first + half - 1])
         )
         windows.append(w)
         if first == 0:
             density = whole.log_evidence - w.log_evidence
-            later = forecast(target, mode.context.plan, context.held(1.0), top.x, factor, density, seed)
+            later = forecast(mode.likelihood, likelihood.held(1.0), top.x, factor, density, seed)
         for name in target.oscillator.coefficients:
-            if whole.sd[name] == 0.0:  # absent from this model
-                continue
             shift = abs(w.values[name] - whole.values[name])
             # The part is contained in the whole: the variance of the shift is the difference (Hausman 1978).
             variance = max(w.sd[name] ** 2 - whole.sd[name] ** 2, 0.25 * whole.sd[name] ** 2)
@@ -264,8 +258,7 @@ def _windows(target: Target, mode: Mode, seed: int) -> tuple[tuple[Window, ...],
 
 
 def _window(
-    target: Target,
-    context: Context,
+    likelihood: Likelihood,
     label: str,
     z: np.ndarray,
     information: np.ndarray,
@@ -275,9 +268,10 @@ def _window(
     """The window, and a factor of the covariance of its scores."""
     try:
         factor = whitening(information)
-        evidence = log_evidence_near(target, context, z)
+        evidence = log_evidence_near(likelihood, z)
     except Refusal:  # too stiff for its loose directions to be told
         factor, evidence = np.full_like(information, np.nan), np.nan
     covariance = factor @ factor.T
+    target = likelihood.target
     values = {n: float(v) for n, v in target.values(z).items()}
     return Window(label, start, stop, values, value_sds(target, z, covariance), evidence), factor

@@ -7,9 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from bayesdamp.inference.coordinates.truncated_normal import near
-from bayesdamp.inference.model.residuals import residuals
-from bayesdamp.inference.model.target import Context, Target
-from bayesdamp.physics.solver.plan import Plan
+from bayesdamp.inference.model.likelihood import Likelihood
 from bayesdamp.types import Refusal
 
 DRAWS = 50
@@ -57,16 +55,16 @@ class Forecast:
     log_predictive: float
 
 
-def carried_on(target: Target, plan: Plan, draws: np.ndarray, half: int) -> Ahead:
-    """What draws of the scores, (m, d), from the first `half` samples say of those after them.
+def carried_on(likelihood: Likelihood, draws: np.ndarray, half: int) -> Ahead:
+    """Return what draws of the scores, (m, d), from the first `half` samples say of those after them.
 
-    plan: of the whole record. Of noise, the interval has the mean square of the residuals of the first half, whatever
-    its law: it does not use that neighbouring samples may err together. Raises Refusal where no draw goes on.
+    likelihood: of the whole record. Of noise, the interval has the mean square of the residuals of the first half,
+    whatever its law: it does not use that neighbouring samples may err together. Raises Refusal where no draw goes on.
     """
-    n = target.signal.t.size
+    n = likelihood.y.size
     count, total, square, first = 0, np.zeros(n - half), np.zeros(n - half), 0.0
     for batch in np.array_split(draws, max(1, len(draws) // DRAWS, len(draws) * n // TOGETHER)):
-        r = residuals(target, plan, batch)
+        r = likelihood.residuals(batch)
         r = r[np.all(np.isfinite(r), axis=1)]
         count += len(r)
         total += r[:, half:].sum(axis=0)
@@ -79,9 +77,8 @@ def carried_on(target: Target, plan: Plan, draws: np.ndarray, half: int) -> Ahea
 
 
 def forecast(
-    target: Target,
-    plan: Plan,
-    first: Context,
+    whole: Likelihood,
+    first: Likelihood,
     z: np.ndarray,
     factor: np.ndarray,
     log_predictive: float,
@@ -89,13 +86,13 @@ def forecast(
 ) -> Forecast | None:
     """What the first half of a record says of the rest, by Laplace's approximation; None where it says nothing.
 
-    plan: of the whole record; first: the first half; z: the mode there, (d,); factor @ factor.T: its covariance.
+    first: of the first half, its scale held at 1; z: the mode there, (d,); factor @ factor.T: its covariance.
     """
     if not (np.isfinite(log_predictive) and np.all(np.isfinite(factor))):
         return None
     try:
-        draws = near(target, first, z, factor).draw(np.random.default_rng(seed), DRAWS)
-        ahead = carried_on(target, plan, draws, first.y.size)
+        draws = near(first, z, factor).draw(np.random.default_rng(seed), DRAWS)
+        ahead = carried_on(whole, draws, first.y.size)
     except (np.linalg.LinAlgError, Refusal):  # too stiff to be drawn from, or no draw goes on
         return None
     return Forecast(ahead.rms, ahead.expected, ahead.coverage, log_predictive)

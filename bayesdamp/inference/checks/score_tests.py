@@ -11,20 +11,18 @@ the model with this force beside it. Where that is about one, the record does no
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.special import erfc, log_ndtr
 
-from bayesdamp.inference.fit.mode import Mode, mesh_of
-from bayesdamp.inference.model.residuals import information
-from bayesdamp.inference.model.target import Target
-from bayesdamp.physics.oscillator import Oscillator, damping_shapes
-from bayesdamp.physics.solver.steps import MeshPlan, many_nodes
+from bayesdamp.inference.fit.mode import Mode
+from bayesdamp.inference.model.likelihood import Likelihood
+from bayesdamp.physics.kernel import Motion
+from bayesdamp.physics.kernel.solve import Slopes
+from bayesdamp.physics.oscillator import Oscillator
 
-STEP = 1e-4
-"""Share of the motion by which its start is moved for the derivatives."""
 PARTS = 32
 """Points in a step of the solver at which a force is summed up."""
 SLOW = 0.1
@@ -82,24 +80,25 @@ class Other:
 
 
 def other_form(
-    target: Target,
     mode: Mode,
     scores: np.ndarray,
     absorbed: np.ndarray,
     whiten: Callable[[np.ndarray], np.ndarray],
 ) -> Other:
-    """Of all forms the one that the whitened residuals, scores (n,), want most.
+    """Return of all forms the one that the whitened residuals, scores (n,), want most.
 
     absorbed: an orthonormal basis, (n, k), of what was fitted; whiten: what a change of the residuals, (n,), does to
-    the scores. Exact friction (ε = 0) has no derivatives by the start: nothing is tested.
+    the scores. Under exact friction (ε = 0) the motion is not smooth in its start: nothing is tested.
     """
-    if target.exact_friction:
+    likelihood = mode.likelihood
+    p = likelihood.target.all_values(mode.z)
+    motion = likelihood.motions.motion(p)
+    if motion is None or (likelihood.target.oscillator.switches and p["epsilon"] == 0.0):
         return Other()
-    plan = mesh_of(target, mode)
     found: list[tuple[float, str]] = []
     rivals: list[Rival] = []
-    largest = _largest_damping(target, plan, mode.z)
-    for form, moved in zip(FORMS, responses(target, plan, mode.z), strict=True):
+    largest = _largest_damping(likelihood, motion, p)
+    for form, moved in zip(FORMS, responses(likelihood, motion, p), strict=True):
         direction = whiten(moved)
         size = np.linalg.norm(direction)
         direction = direction - absorbed @ (absorbed.T @ direction)
@@ -108,7 +107,7 @@ def other_form(
         if np.isfinite(left) and left > NEW * size > 0:
             score = float(direction @ scores / left)
             found.append((float(erfc(abs(score) / np.sqrt(2))), form.words))
-            length = SIZE * largest * left / size * np.sqrt(information(target, moved, mode.z))
+            length = SIZE * largest * left / size * np.sqrt(likelihood.information(moved, mode.z))
             log_bayes = log_bayes_factor(score, float(length), form.signed)
         if form.damps:
             rivals.append(Rival(form.words, log_bayes))
@@ -128,52 +127,35 @@ def log_bayes_factor(score: float, length: float, signed: bool) -> float:
     return float(found if signed else found + np.log(2.0) + log_ndtr(score * np.sqrt(shrunk)))
 
 
-def _largest_damping(target: Target, plan: MeshPlan, z: np.ndarray) -> float:
-    """The largest damping force along the trajectory at scores z, (d,), in rad/s²."""
-    osc, p = target.oscillator, target.all_values(z)
-    motion = many_nodes(osc, plan, {n: np.array([p[n]]) for n in osc.inputs})[0, : int(plan.count) + 1]
-    known = {n: p[n] for n in osc.inputs}
-    shapes = np.asarray(damping_shapes(osc)(motion[:, 0], motion[:, 1], known))
-    return float(np.max(np.abs([p[name] for name in osc.coefficients] @ shapes)))
+def _largest_damping(likelihood: Likelihood, motion: Motion, p: Mapping[str, float]) -> float:
+    """Return the largest damping force along a motion at parameters p, in rad/s²."""
+    osc = likelihood.target.oscillator
+    law = [float(p[name]) for name in osc.law.parameters]
+    forces = [-a - osc.law.kernel(x, law) for x, _, a in motion.states[:, :3].tolist()]
+    return float(np.max(np.abs(forces)))
 
 
-def responses(target: Target, plan: MeshPlan, z: np.ndarray) -> np.ndarray:
-    """What a small force of each form does to the recorded quantity at scores z, (d,): shape (forms, n)."""
-    from scipy.interpolate import CubicHermiteSpline
+def responses(likelihood: Likelihood, motion: Motion, p: Mapping[str, float]) -> np.ndarray:
+    """Return what a small force of each form does to the recorded quantity along a motion: shape (forms, n)."""
+    from bayesdamp.physics.kernel.dense import at_times, slopes_at_times
 
-    osc, p = target.oscillator, target.all_values(z)
-    t, count = target.signal.t, int(plan.count)
-    nodes = np.concatenate([[0.0], np.cumsum(np.asarray(plan.steps)[:count])])
-    apart = np.append(True, np.diff(nodes) > 0)
-    nodes = nodes[apart]
-
-    def solved(*moves: dict[str, float]) -> np.ndarray:
-        values = {n: np.array([p[n] + move.get(n, 0.0) for move in moves]) for n in osc.inputs}
-        return many_nodes(osc, plan, values)[:, : count + 1][:, apart]
-
-    (here,) = solved({})
-    rest = _rest(osc, p, here[:, 0])
-    away = {"theta0": STEP * float(np.ptp(here[:, 0])), "omega0": STEP * float(np.ptp(here[:, 1]))}
-    up, down, faster, slower = solved(*({n: sign * h} for n, h in away.items() for sign in (1, -1)))
+    signal, osc = likelihood.target.signal, likelihood.target.oscillator
+    assert isinstance(motion.slopes, Slopes)
+    nodes, slopes = motion.times, motion.slopes.slopes
+    names = likelihood.motions.kernel_names
+    starts = motion.slopes.columns[[names.index("theta0"), names.index("omega0")]]
     grid = np.append(
         (nodes[:-1, None] + np.diff(nodes)[:, None] * np.arange(PARTS) / PARTS).ravel(), nodes[-1]
     )
-    sought = t - t[0]
-
-    def along(columns: np.ndarray, at: np.ndarray) -> np.ndarray:
-        """Position, velocity and acceleration (nodes, 3) at other times, (3, m)."""
-        position = CubicHermiteSpline(nodes, columns[:, 0], columns[:, 1])
-        velocity = CubicHermiteSpline(nodes, columns[:, 1], columns[:, 2])
-        return np.stack([position(at), velocity(at), np.interp(at, nodes, columns[:, 2])])
-
-    by_angle = (up - down) / (2 * away["theta0"])
-    by_velocity = (faster - slower) / (2 * away["omega0"])
-    x, v, _ = along(here, grid)
-    one, other = along(by_angle, grid), along(by_velocity, grid)
+    sought = signal.t - signal.t[0]
+    x, v = (at_times(nodes, motion.states, grid, order) for order in (0, 1))
+    rest = _rest(osc, p, motion.states[:, 0])
+    # Position and velocity of the motion's derivatives by its angle and its velocity at the start.
+    one, other = np.stack([slopes_at_times(nodes, slopes, starts, grid, order) for order in (0, 1)], axis=1).T
     wronskian = one[0] * other[1] - one[1] * other[0]
     unit_x, unit_v = np.abs(x - rest).max(), np.abs(v).max()
-    place = ("angle", "velocity", "acceleration").index(target.signal.quantity)
-    first, second = along(by_angle, sought)[place], along(by_velocity, sought)[place]
+    place = ("angle", "velocity", "acceleration").index(signal.quantity)
+    first, second = slopes_at_times(nodes, slopes, starts, sought, place).T
     found = []
     for form in FORMS:
         force = -form.force((x - rest) / unit_x, v / unit_v, grid / grid[-1] - 0.5)
@@ -191,7 +173,7 @@ def responses(target: Target, plan: MeshPlan, z: np.ndarray) -> np.ndarray:
     return np.array(found)
 
 
-def _rest(osc: Oscillator, p: dict[str, float], angles: np.ndarray) -> float:
+def _rest(osc: Oscillator, p: Mapping[str, float], angles: np.ndarray) -> float:
     """Where the motion through these angles, (m,), comes to rest; its mean where the law has no such place."""
     try:
         return osc.equilibrium(p, p["theta0"])

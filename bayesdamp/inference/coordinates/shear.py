@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
 from bayesdamp.inference.coordinates.noise_shear import NoiseShear
 from bayesdamp.inference.fit.maximise import maximise
 from bayesdamp.inference.fit.mode import Mode
-from bayesdamp.inference.model.compiled import compiled
 from bayesdamp.inference.model.target import Target
-from bayesdamp.numerics.lazily import tree
 from bayesdamp.types import Refusal
 
 WIDE = 2
@@ -23,12 +20,11 @@ SEEN = 0.02
 """Whitened units that the ridge must leave its tangent by, at one sd, to be worth straightening."""
 
 
-@tree(["centre", "wide", "curve", "noise"])
 @dataclass(frozen=True)
 class Shear:
     """Scores are `straight` ones plus a quadratic form of their wide components, which itself moves neither these nor
     reflected scores, and then the shear of its noise (Haario, Saksman and Tamminen's twisted normal, 1999; a coupling
-    of Dinh's, 2014): two shears, whose Jacobians are one, and which mirror images share. Of NumPy's arrays or of JAX's.
+    of Dinh's, 2014): two shears, whose Jacobians are one, and which mirror images share.
 
     centre: (d,); wide: indices (k,); curve: (d, k, k), zero for the wide and the reflected; noise: its own shear.
     """
@@ -49,15 +45,15 @@ class Shear:
         """The noise's shear alone."""
         return replace(cls.none(mode.z.size), noise=NoiseShear.of(target, mode))
 
-    def scores(self, straight: Any) -> Any:
+    def scores(self, straight: np.ndarray) -> np.ndarray:
         """Scores of straightened ones, both (..., d)."""
         return self.noise.sheared(self.level(straight))
 
-    def level(self, straight: Any) -> Any:
+    def level(self, straight: np.ndarray) -> np.ndarray:
         """Scores of straightened ones, both (..., d), before the noise's shear."""
         return straight + self._shift(straight)
 
-    def straight(self, scores: Any) -> Any:
+    def straight(self, scores: np.ndarray) -> np.ndarray:
         """Straightened scores, both (..., d)."""
         level = self.noise.level(scores)
         return level - self._shift(level)
@@ -68,7 +64,7 @@ class Shear:
         found[:, self.wide] += self.curve @ (straight - self.centre)[self.wide]
         return self.noise.slope(self.level(straight)) @ found
 
-    def _shift(self, z: Any) -> Any:
+    def _shift(self, z: np.ndarray) -> np.ndarray:
         away = z[..., self.wide] - self.centre[self.wide]
         both = away[..., :, None] * away[..., None, :]
         size = self.wide.shape[0] ** 2
@@ -82,7 +78,7 @@ def shear_of(target: Target, mode: Mode) -> Shear | None:
     differences are taken at `REACH` posterior sds. A product of two parameters, of which the data know one direction
     alone, makes such a ridge: gravity and spring of the horizontal pendulum, for one.
     """
-    reflected = np.asarray(target.layout.reflected)
+    reflected = target.reflected
     covariance = mode.factor @ mode.factor.T
     moving = [n in target.oscillator.parameters for n in target.names]
     wide = _widest(covariance, np.flatnonzero(~reflected & moving))
@@ -130,20 +126,19 @@ def _widest(covariance: np.ndarray, among: np.ndarray) -> np.ndarray:
 
 def _ridge(target: Target, mode: Mode, wide: np.ndarray, others: np.ndarray, step: np.ndarray) -> np.ndarray:
     """The highest scores, (d − k,), of `others` where the wide ones are moved by `step`, (k,). Raises Refusal."""
-    curvature = compiled(target.layout).curvature
     whole = mode.z.copy()
     whole[wide] += step
 
-    def at(inner: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def at(inner: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
         z = whole.copy()
         z[others] = inner
-        value, gradient, information = map(np.asarray, curvature(mode.near, z))
+        value, gradient, information = mode.near.curvature(z)
         return value, gradient[others], information[np.ix_(others, others)]
 
     information = np.linalg.inv(mode.factor @ mode.factor.T)
     inner = information[np.ix_(others, others)]
     start = mode.z[others] - np.linalg.solve(inner, information[np.ix_(others, wide)] @ step)
-    reflected = np.asarray(target.layout.reflected)[others]
+    reflected = target.reflected[others]
     top = maximise(at, reflected, start, limit=20)
     if not np.isfinite(top.value):
         raise Refusal("the ridge ends")

@@ -8,8 +8,8 @@ import numpy as np
 
 from bayesdamp.inference.coordinates.whitening import FAR, truncated, truncated_moments
 from bayesdamp.inference.fit.mode import Mode
-from bayesdamp.inference.model.compiled import compiled
-from bayesdamp.inference.model.target import Context, Target
+from bayesdamp.inference.model.likelihood import Likelihood
+from bayesdamp.inference.model.target import Target
 from bayesdamp.types import Refusal
 
 H = 0.01
@@ -65,16 +65,16 @@ class TruncatedNormal:
         return np.where(inside, -0.5 * np.sum(white**2, axis=0), -np.inf)
 
 
-def about(target: Target, mode: Mode) -> TruncatedNormal:
-    """The normal with the mode's covariance and the log posterior's gradient there, cut off."""
-    return near(target, mode.near, mode.z, mode.factor)
+def about(mode: Mode) -> TruncatedNormal:
+    """Return the normal with the mode's covariance and the log posterior's gradient there, cut off."""
+    return near(mode.near, mode.z, mode.factor)
 
 
-def near(target: Target, context: Context, z: np.ndarray, factor: np.ndarray) -> TruncatedNormal:
-    """The normal with this covariance, factor @ factor.T, and the log posterior's gradient at z, (d,), cut off."""
-    reflected = np.asarray(target.layout.reflected)
+def near(likelihood: Likelihood, z: np.ndarray, factor: np.ndarray) -> TruncatedNormal:
+    """Return the normal with the covariance factor @ factor.T and the log posterior's gradient at z, (d,), cut off."""
+    reflected = likelihood.target.reflected
     at = np.where(reflected, np.abs(z), z)
-    slope = np.asarray(compiled(target.layout).curvature(context, at)[1])
+    slope = likelihood.gradient(at)[1]
     covariance = factor @ factor.T
     return TruncatedNormal(at + covariance @ slope, covariance, reflected)
 
@@ -87,11 +87,11 @@ def laplace(target: Target, mode: Mode) -> TruncatedNormal:
     at zero, where the gradient is not zero, makes a normal with its mean beyond the wall.
     Raises Refusal where the Hessian is not positive definite.
     """
-    reflected, factor = np.asarray(target.layout.reflected), mode.factor
+    reflected, factor = target.reflected, mode.factor
     at = np.where(reflected, np.maximum(np.abs(mode.z), 2 * H * mode.sd()), mode.z)
 
     def slope(z: np.ndarray) -> np.ndarray:
-        return np.asarray(compiled(target.layout).curvature(mode.near, z)[1])
+        return mode.near.gradient(z)[1]
 
     rows = [(slope(at - H * column) - slope(at + H * column)) / (2 * H) for column in factor.T]
     white = np.stack(rows) @ factor

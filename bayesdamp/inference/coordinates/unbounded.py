@@ -5,23 +5,31 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from jax import Array
-from jax import numpy as jnp
-from jax.scipy.special import log_ndtr, ndtri
+from scipy.special import log_ndtr, ndtri_exp
 
 from bayesdamp.inference.coordinates.truncated_normal import TruncatedNormal
 
-FAINTEST = -500.0
-"""Logarithm of a probability below which the quantile is taken from the normal's asymptotic tail."""
 
+@dataclass(frozen=True)
+class Mapped:
+    """Scores of points v, with what a density needs that is moved from one to the other.
 
-def _beyond(log_tail: Array) -> Array:
-    """x with log P(X > x) = log_tail for a standard normal X; finite, with a derivative, however faint."""
-    faint = log_tail < FAINTEST
-    x = jnp.sqrt(-2.0 * jnp.where(faint, log_tail, FAINTEST))
-    for _ in range(3):
-        x = x + (log_ndtr(-x) - jnp.where(faint, log_tail, FAINTEST)) / x
-    return jnp.where(faint, x, -ndtri(jnp.exp(jnp.where(faint, FAINTEST, log_tail))))
+    Attributes
+    ----------
+    z : ndarray, shape (n, d)
+        The scores.
+    slopes : ndarray, shape (n, d, d)
+        Their derivatives by v.
+    log_volume : ndarray, shape (n,)
+        Log determinant of these.
+    volume_slopes : ndarray, shape (n, d)
+        The derivative of that by v.
+    """
+
+    z: np.ndarray
+    slopes: np.ndarray
+    log_volume: np.ndarray
+    volume_slopes: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -41,7 +49,7 @@ class Unbounded:
 
     @staticmethod
     def of(normal: TruncatedNormal) -> Unbounded:
-        """The coordinates in which this normal is round."""
+        """Return the coordinates in which this normal is round."""
         rest = np.setdiff1d(np.arange(normal.mean.size), normal.walls)
         # The wall that cuts most comes first: what it leaves hardly meets the others.
         near = normal.walls[np.argsort((normal.mean / np.sqrt(np.diag(normal.covariance)))[normal.walls])]
@@ -49,18 +57,33 @@ class Unbounded:
         factor = np.linalg.cholesky(normal.covariance[np.ix_(order, order)])
         return Unbounded(order, normal.mean[order], factor, normal.walls.size)
 
+    def mapped(self, v: np.ndarray) -> Mapped:
+        """Map points v, (n, d), to scores.
 
-def scores(v: Array, mean: Array, factor: Array, walls: int) -> tuple[Array, Array]:
-    """Scores in the order of the coordinates, (d,), and the log determinant of the map's derivative, shape ().
+        At each wall in turn, v's normal quantile is taken in the part of the conditional normal that lies inside.
+        """
+        n, d = v.shape
+        factor = self.factor
+        x, by_v = v.copy(), np.tile(np.eye(d), (n, 1, 1))
+        log_volume = np.full(n, np.sum(np.log(np.diag(factor))))
+        volume_slopes = np.zeros((n, d))
+        for j in range(self.walls):
+            row = factor[j, :j] / factor[j, j]
+            low = -self.mean[j] / factor[j, j] - x[:, :j] @ row
+            by_low = -np.einsum("i,nik->nk", row, by_v[:, :j])
+            tail = log_ndtr(-low) + log_ndtr(-v[:, j])
+            x[:, j] = -ndtri_exp(tail)
+            beyond, beside = _hazard(low)[:, None], _hazard(v[:, j])[:, None]
+            by_tail = -beyond * by_low - beside * np.eye(d)[j]
+            by_v[:, j] = -by_tail / _hazard(x[:, j])[:, None]
+            log_volume += log_ndtr(-low) + 0.5 * (x[:, j] ** 2 - v[:, j] ** 2)
+            volume_slopes += -beyond * by_low + x[:, j, None] * by_v[:, j] - v[:, j, None] * np.eye(d)[j]
+        z, slopes = np.empty((n, d)), np.empty((n, d, d))
+        z[:, self.order] = self.mean + x @ factor.T
+        slopes[:, self.order] = factor @ by_v
+        return Mapped(z, slopes, log_volume, volume_slopes)
 
-    At each wall in turn, v's normal quantile is taken in the part of the conditional normal that lies inside.
-    """
-    white, log_slope = [], jnp.sum(jnp.log(jnp.diag(factor)))
-    for j in range(walls):
-        low = -(mean[j] + sum((factor[j, i] * white[i] for i in range(j)), jnp.asarray(0.0))) / factor[j, j]
-        tail = log_ndtr(-low) + log_ndtr(-v[j])
-        x = _beyond(tail)
-        white.append(x)
-        log_slope = log_slope + log_ndtr(-low) + 0.5 * (x**2 - v[j] ** 2)
-    whole = jnp.concatenate([jnp.stack(white), v[walls:]]) if walls else v
-    return mean + factor @ whole, log_slope
+
+def _hazard(x: np.ndarray) -> np.ndarray:
+    """φ(x)/Φ(−x) of the standard normal distribution."""
+    return np.exp(-0.5 * x**2 - 0.5 * np.log(2 * np.pi) - log_ndtr(-x))

@@ -2,21 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.special import log_ndtr, ndtri_exp
 
 from bayesdamp.inference.coordinates.shear import Shear
 from bayesdamp.inference.fit.mode import Mode
-from bayesdamp.inference.model.batches import in_batches
-from bayesdamp.inference.model.compiled import compiled
 from bayesdamp.inference.model.target import Target
-
-if TYPE_CHECKING:
-    from jax import Array
 
 H = 0.3
 """Whitened units over which second differences are taken: they reach 0.6 sds from the centre, and the mean of
@@ -55,13 +48,13 @@ def whitening_of(target: Target, mode: Mode, shear: Shear | None = None) -> Whit
 
     shear: the shear of its ridge, where that is to be straightened; else that of its noise.
     """
-    layout, d = target.layout, mode.z.size
+    d = mode.z.size
     shear = Shear.of_noise(target, mode) if shear is None else shear
-    reflected = np.flatnonzero(layout.reflected)
-    at = np.where(layout.reflected, np.maximum(np.abs(mode.z), 1e-12), mode.z)
+    reflected = np.flatnonzero(target.reflected)
+    at = np.where(target.reflected, np.maximum(np.abs(mode.z), 1e-12), mode.z)
 
     def slope(at: np.ndarray) -> np.ndarray:
-        return np.asarray(compiled(layout).curvature(mode.near, shear.scores(at))[1]) @ shear.slope(at)
+        return mode.near.gradient(shear.scores(at))[1] @ shear.slope(at)
 
     information = np.linalg.inv(mode.factor @ mode.factor.T)
     centre, factor = truncated_moments(information, slope(at), at, reflected)
@@ -138,26 +131,26 @@ def _between(low: np.ndarray, high: np.ndarray, share: np.ndarray) -> np.ndarray
 def _curvatures(
     target: Target, mode: Mode, at: np.ndarray, factor: np.ndarray, shear: Shear
 ) -> tuple[np.ndarray, np.ndarray]:
-    """−∂² of the log posterior and of that with the trajectory linearised, in units of factor, both (d, d).
+    """Return −∂² of the log posterior and of that with the motion linearised, in units of factor, both (d, d).
 
-    By second differences, all in batches of one size.
+    By second differences.
     """
-    layout, d = target.layout, at.size
+    d = at.size
     pairs = [(i, j) for i in range(d) for j in range(i, d)]
     corners = np.array(
         [[a * np.eye(d)[i] + b * np.eye(d)[j] for a in (1, -1) for b in (1, -1)] for i, j in pairs]
     )
     away = H * corners.reshape(-1, d) @ factor.T
-    functions = compiled(layout)
-    line = functions.tight(mode.near, shear.scores(at))
+    near = mode.near
+    line = near.line(shear.scores(at))
 
-    def hessian(fun: Callable[[Array], Array], points: np.ndarray) -> np.ndarray:
-        f = in_batches(fun, points).reshape(-1, 4)
+    def hessian(values: list[float]) -> np.ndarray:
+        f = np.array(values).reshape(-1, 4)
         found = np.zeros((d, d))
         for (i, j), v in zip(pairs, -(f[:, 0] - f[:, 1] - f[:, 2] + f[:, 3]) / (4 * H * H), strict=True):
             found[i, j] = found[j, i] = v
         return found
 
-    whole = hessian(lambda part: functions.batch(mode.near, part), shear.scores(at + away))
+    whole = hessian([near.log_posterior(z) for z in shear.scores(at + away)])
     straight = shear.noise.sheared(shear.level(at) + away)
-    return whole, hessian(lambda part: functions.linearised_batch(mode.near, line, part), straight)
+    return whole, hessian([near.log_posterior_along(line, z) for z in straight])

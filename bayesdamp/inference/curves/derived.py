@@ -22,20 +22,20 @@ linear oscillator with viscous damping the half-life is exact, the decrement wit
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import cached_property
 
 import numpy as np
 
-from bayesdamp.machine.programs import Program
-from bayesdamp.numerics.lazily import jax, jnp
+from bayesdamp.physics.arrays import slope_of
 from bayesdamp.physics.orbit import Cycle, cycle, rest_position
 from bayesdamp.physics.oscillator import Oscillator
 
+SLOW = 1e-170
+"""A velocity, rad/s, whose square is zero in double precision: what is not linear at rest has no slope there."""
 CURVE_DRAWS = 1000
 """Draws behind a band over amplitudes: its edges are good to a tenth of an sd."""
-BATCH = 250
 _HALVING = np.polynomial.legendre.leggauss(6)
 
 
@@ -54,41 +54,45 @@ class Motions:
     inertia: float | None = None
 
     @cached_property
-    def _numbers(self) -> tuple[tuple[str, ...], tuple[np.ndarray, ...]]:
-        names = tuple(n for n in self.osc.inputs if n not in ("theta0", "omega0"))
-        return names, tuple(np.broadcast_arrays(*[np.asarray(self.values[n], float) for n in names]))
+    def _numbers(self) -> dict[str, np.ndarray]:
+        names = [n for n in self.osc.inputs if n not in ("theta0", "omega0")]
+        return dict(
+            zip(names, np.broadcast_arrays(*[np.asarray(self.values[n], float) for n in names]), strict=True)
+        )
 
     @property
     def shape(self) -> tuple[int, ...]:
         """Of the draws."""
-        return self._numbers[1][0].shape
+        return next(iter(self._numbers.values())).shape
 
-    def _mapped(self, function: Callable, *more: np.ndarray):
-        """function(near, numbers, *more) of every draw, in batches of one size, so that it is compiled once."""
-        names, arrays = self._numbers
-        flat = np.stack([a.ravel() for a in (*arrays, *more)])
-        padded = np.pad(flat, ((0, 0), (0, -flat.shape[1] % BATCH)), mode="edge")
-        parts = []
-        for chunk in np.split(padded, padded.shape[1] // BATCH, axis=1):
-            numbers = dict(zip(names, chunk, strict=False))
-            parts.append(function(self.near, numbers, *chunk[len(names) :]))
-        whole = jax.tree.map(lambda *x: np.concatenate(x)[: flat.shape[1]].reshape(self.shape), *parts)
-        return whole
+    @cached_property
+    def _rest(self) -> np.ndarray:
+        """The equilibria, rad or m."""
+        return rest_position(self.osc, self._numbers, self.near)
 
     @cached_property
     def frequency(self) -> np.ndarray:
         """ω_n in rad/s; nan where there is no stable equilibrium."""
-        return self._mapped(_frequencies(self.osc))
+        with np.errstate(invalid="ignore"):
+            return np.sqrt(self.osc.law.slope(self._rest, self._numbers))
 
     @cached_property
     def slopes(self) -> np.ndarray:
         """F′_damp at the equilibrium in 1/s, of the terms that do not switch."""
-        return self._mapped(_slopes_at_rest(self.osc))
+        smooth = [t for t in self.osc.terms if not t.switches]
+        p = self.osc.settled(self._numbers)
+
+        def force(v: np.ndarray) -> np.ndarray:
+            parts = (p[t.parameter] * t.force(self._rest, v, 1.0, *(p[n] for n in t.further)) for t in smooth)
+            return np.asarray(sum(parts, np.zeros(self.shape)))
+
+        return slope_of(force, np.zeros(self.shape), SLOW)
 
     def at(self, amplitude: np.ndarray | float) -> Cycle:
         """The cycle at an amplitude, one for all or one for each draw."""
-        each = np.broadcast_to(np.asarray(amplitude, float), self.shape)
-        return Cycle(*self._mapped(_cycles(self.osc), each))
+        return cycle(
+            self.osc, self._numbers, np.broadcast_to(np.asarray(amplitude, float), self.shape), self.near
+        )
 
     @cached_property
     def cycle(self) -> Cycle:
@@ -100,24 +104,6 @@ class Motions:
         if self.inertia is None or name not in self.osc.coefficients:
             return None
         return self.inertia * np.broadcast_to(np.asarray(self.values[name], float), self.shape)
-
-
-@lru_cache(maxsize=64)
-def _frequencies(osc: Oscillator):
-    def one(near, numbers):
-        slope = jax.grad(lambda x: osc.law.force(x, numbers))
-        return jnp.sqrt(slope(rest_position(osc, numbers, near)))
-
-    return Program(jax.vmap(one, in_axes=(None, 0)), "frequencies", osc)
-
-
-@lru_cache(maxsize=64)
-def _cycles(osc: Oscillator):
-    def one(near, numbers, amplitude):
-        found = cycle(osc, numbers, amplitude, near)
-        return found.period, found.energy, found.slope, found.lost
-
-    return Program(jax.vmap(one, in_axes=(None, 0, 0)), "cycles", osc)
 
 
 class Quantity(ABC):
@@ -144,23 +130,6 @@ class NaturalFrequency(Quantity):
     def of(self, motions: Motions) -> np.ndarray:
         """ω_n in rad/s; nan where there is no stable equilibrium."""
         return motions.frequency
-
-
-@lru_cache(maxsize=64)
-def _slopes_at_rest(osc: Oscillator):
-    """Compiled: F′_damp at rest of the terms that do not switch, of every draw."""
-    smooth = [t for t in osc.terms if not t.switches]
-
-    def one(near, numbers):
-        p = osc.settled(numbers)
-        x = rest_position(osc, p, near)
-
-        def force(v):
-            return sum(p[t.parameter] * t.force(x, v, 1.0, *(p[n] for n in t.further)) for t in smooth)
-
-        return jax.grad(force)(0.0)
-
-    return Program(jax.vmap(one, in_axes=(None, 0)), "slopes_at_rest", osc)
 
 
 class DampingRatio(Quantity):

@@ -25,17 +25,8 @@ class Draws:
 
     @staticmethod
     def of(target: Target, values: np.ndarray, outcome: str = OK) -> Draws:
-        """From draws in natural units, shape (chain, draw, parameter), in the order of the target's live parameters.
-
-        The scores of absent coefficients are independent of all else: they are drawn from their prior.
-        """
-        rng = np.random.default_rng(0)
-        scores = []
-        for name, prior in target.priors.items():
-            if name in target.live:
-                scores.append(np.asarray(prior.score(values[..., target.live.index(name)])))
-            else:
-                scores.append(np.abs(rng.standard_normal(values.shape[:2])))
+        """Return the scores of draws in natural units, (chain, draw, d), in the order of the target's parameters."""
+        scores = [np.asarray(p.score(values[..., i])) for i, p in enumerate(target.priors.values())]
         return Draws(np.stack(scores, axis=-1), outcome)
 
 

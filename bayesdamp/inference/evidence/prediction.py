@@ -34,12 +34,11 @@ class Prediction:
 
 
 def first_half(target: Target, mode: Mode) -> Mode:
-    """The mode on the first half of the samples, on the same plan. Raises Refusal where there is none."""
+    """Return the mode on the first half of the samples. Raises Refusal where there is none."""
     part = slice(0, target.signal.t.size // 2)
     if part.stop <= len(target.names):
         raise Refusal(f"half the record has {part.stop} samples for {len(target.names)} parameters")
-    context = target.context(mode.context.plan.of(part), part)
-    return mode_near(target, context, mode, mode.z)
+    return mode_near(mode.likelihood.of(part), mode, mode.z)
 
 
 def predict(model: str, target: Target, mode: Mode, seed: int) -> Prediction:
@@ -51,7 +50,7 @@ def predict(model: str, target: Target, mode: Mode, seed: int) -> Prediction:
     found = Importance().evidence(model, target, first_half(target, mode), seed)
     y, log_weights = found.arrays["y"], found.arrays["log_weights"]
     chosen = y[resampled(log_weights, DRAWS, np.random.default_rng(seed))]
-    ahead = carried_on(target, mode.context.plan, chosen, half)
+    ahead = carried_on(mode.likelihood, chosen, half)
     return Prediction(
         start=float(target.signal.t[half]),
         centre=target.signal.y[half:] - ahead.error,

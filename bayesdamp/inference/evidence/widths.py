@@ -12,7 +12,7 @@ from bayesdamp.inference.checks import diagnostics
 from bayesdamp.inference.curves.weighted import effective
 from bayesdamp.inference.evidence.methods.importance import K_LIMIT, Importance
 from bayesdamp.inference.fit.mode import Mode, mode_near
-from bayesdamp.inference.model.target import Target, numbers_of
+from bayesdamp.inference.model.target import Target
 from bayesdamp.priors import HalfNormal, LogNormal, Prior
 from bayesdamp.types import OK, Evidence, Refusal
 
@@ -104,7 +104,7 @@ def _one(
 
 
 def anew_exactly(target: Target, mode: Mode) -> Anew:
-    """Importance sampling under laws that hold exactly, about the mode under each prior on the plan of this one."""
+    """Importance sampling under laws that hold exactly, about the mode under each prior."""
 
     def anew(priors: Mapping[str, Prior], seed: int) -> Evidence:
         other = replace(target, priors=priors)
@@ -114,7 +114,6 @@ def anew_exactly(target: Target, mode: Mode) -> Anew:
 
 
 def _moved(target: Target, other: Target, mode: Mode) -> Mode:
-    context = replace(mode.context, numbers=numbers_of(other.priors.values()))
     values = target.all_values(mode.z)
     start = np.array([float(p.score(values[n])) for n, p in other.priors.items()])
-    return mode_near(other, context, mode, start)
+    return mode_near(replace(mode.likelihood, target=other), mode, start)

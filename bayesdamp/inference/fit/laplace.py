@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-from functools import lru_cache
-
 import numpy as np
 from scipy.special import log_ndtr, logsumexp, ndtri_exp
 
-from bayesdamp.inference.model.compiled import compiled
-from bayesdamp.inference.model.target import Context, Target
-from bayesdamp.numerics.lazily import jax
+from bayesdamp.inference.model.likelihood import Likelihood
+from bayesdamp.inference.model.target import Target
 
 NODES = 24
 NEGLIGIBLE = 15.0
@@ -18,21 +15,17 @@ TWO_SIDED = 1.959964
 """Standard deviations of a normal's 95 % interval."""
 
 
-def log_evidence_near(target: Target, context: Context, z: np.ndarray) -> float:
-    """Laplace's log evidence from the expansion at scores z, (d,), at or near a mode. context: of the record or of a
-    part of it.
+def log_evidence_near(likelihood: Likelihood, z: np.ndarray) -> float:
+    """Return Laplace's log evidence from the expansion at scores z, (d,), at or near a mode.
 
     The likelihood is expanded: of a scale that coefficients share, each value has its own integral.
     """
-    at = np.where(target.layout.reflected, np.abs(z), z)
-    curvature = compiled(target.layout).curvature
-    value, gradient, information = map(np.asarray, curvature(context.held(1.0), at))
-    live = np.array(
-        [n in target.live for n in target.names]
-    )  # half of an absent score's normal, twice, is one
-    reflected = np.flatnonzero(np.asarray(target.layout.reflected) & live)
+    target = likelihood.target
+    at = np.where(target.reflected, np.abs(z), z)
+    value, gradient, information = likelihood.held(1.0).curvature(at)
+    reflected = np.flatnonzero(target.reflected)
     return log_integral_over_scales(
-        float(value), gradient, information, at, reflected, target.shared, np.asarray(target.scales)
+        value, gradient, information, at, reflected, target.shared, np.asarray(likelihood.scales)
     )
 
 
@@ -105,23 +98,14 @@ def log_orthant(mean: np.ndarray, covariance: np.ndarray) -> float:
 
 def value_sds(target: Target, z: np.ndarray, covariance: np.ndarray) -> dict[str, float]:
     """Laplace sds of the parameters in natural units from the covariance of the scores, shape (d, d)."""
-    slopes = {
-        n: float(_slope(type(p))(float(z[i]) or 1e-12, *map(float, p.numbers)))
-        for i, (n, p) in enumerate(target.priors.items())
-    }
-    return {n: abs(s) * float(np.sqrt(covariance[i, i])) for i, (n, s) in enumerate(slopes.items())}
-
-
-@lru_cache
-def _slope(kind: type):
-    """Compiled, (score, *numbers): by how much a parameter changes with its score under this kind of prior."""
-    return jax.jit(jax.grad(kind.transform))
+    rates = {n: abs(float(p.rate(z[i] or 1e-12))) for i, (n, p) in enumerate(target.priors.items())}
+    return {n: rate * float(np.sqrt(covariance[i, i])) for i, (n, rate) in enumerate(rates.items())}
 
 
 def value_intervals(target: Target, z: np.ndarray, sd: np.ndarray) -> dict[str, tuple[float, float]]:
     """The 95 % interval of each parameter, by name: from the normal distribution of each score about the mode,
     none beyond a half-normal prior's edge."""
     low, high = z - TWO_SIDED * sd, z + TWO_SIDED * sd
-    low = np.where(target.layout.reflected, np.maximum(low, 0.0), low)
+    low = np.where(target.reflected, np.maximum(low, 0.0), low)
     ends = target.values(low), target.values(high)
     return {n: (float(ends[0][n]), float(ends[1][n])) for n in target.names}

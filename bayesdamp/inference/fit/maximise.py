@@ -7,8 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from bayesdamp.inference.model.compiled import compiled
-from bayesdamp.inference.model.target import Context, Layout
+from bayesdamp.inference.model.likelihood import Likelihood
 from bayesdamp.numerics.levenberg_marquardt import (
     HIGHEST,
     Expansion,
@@ -33,31 +32,24 @@ STEPS = 60
 
 
 def maximise_posterior(
-    layout: Layout,
-    context: Context,
+    likelihood: Likelihood,
     z: np.ndarray,
     *,
     limit: int = STEPS,
     retract: Retract = straight_on,
     close: float = CLOSE,
 ) -> Maximum:
-    """The mode of a posterior below which scores z, (d,), are. retract: where steps end. close: as `CLOSE`.
+    """Climb to the mode of a posterior from scores z, (d,). retract: where steps end. close: as `CLOSE`.
 
     Every score has the prior N(0, 1) here: a scale that coefficients share is held at 1. Averaged over all scales the
     prior is highest where all these coefficients are 0, and searches would end there on records of little damping.
     """
-    curvature = compiled(layout).curvature
-    context = context.held(1.0)
-
-    def expand(z: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        value, gradient, information = map(np.asarray, curvature(context, z))
-        return value, gradient, information
-
-    return maximise(expand, np.asarray(layout.reflected), z, limit=limit, retract=retract, close=close)
+    reflected = likelihood.target.reflected
+    return maximise(likelihood.held(1.0).curvature, reflected, z, limit=limit, retract=retract, close=close)
 
 
 def maximise(
-    curvature: Callable[[np.ndarray], tuple[np.ndarray, np.ndarray, np.ndarray]],
+    curvature: Callable[[np.ndarray], tuple[float, np.ndarray, np.ndarray]],
     reflected: np.ndarray,
     z: np.ndarray,
     *,

@@ -8,20 +8,18 @@ import numpy as np
 from scipy.linalg import solve_triangular
 
 from bayesdamp.inference.fit.maximise import maximise_posterior
-from bayesdamp.inference.model.residuals import log_density, residuals
-from bayesdamp.inference.model.target import Context, Target
-from bayesdamp.physics.solver.plan import Plan
-from bayesdamp.physics.solver.steps import MeshPlan
+from bayesdamp.inference.model.likelihood import Likelihood
+from bayesdamp.inference.model.target import Target
 from bayesdamp.priors import shared_precision
 from bayesdamp.types import Refusal, Seed
 
 BUDGET = 0.01
-"""Largest change of the log likelihood (nats) that finer steps of the solver may make within NEAR sds of the mode;
+"""Largest change of the log likelihood (nats) that a finer solution of the motion may make within NEAR sds of the mode;
 farther down than there it may grow with the depth."""
 NEAR = 3.0
 """Posterior sds from the mode."""
-FINER = 5
-"""Parts of a step on which its error is measured and set right; a method of order six leaves 6e-5 of it."""
+FINER = 0.01
+"""Share of the tolerance with which the error of a motion is measured."""
 
 
 @dataclass(frozen=True)
@@ -51,9 +49,9 @@ class Mode:
     It is the mode of the density in which every score has the prior N(0, 1): a scale that damping coefficients share is
     held at 1. log_posterior: log of that density at z, shape (d,); information: its negative Gauss–Newton Hessian
     there, (d, d).
-    near: the context with the one shared scale that stands for all of them about z; factor: Cholesky factor of the
-    posterior's covariance with it, (d, d), which whitens.
-    step_error, likelihood_error: what finer steps of the solver change within three sds of the mode, in the unit of the
+    likelihood: whose mode it is; near: the same with the one shared scale that stands for all of them about z; factor:
+    Cholesky factor of the posterior's covariance with it, (d, d), which whitens.
+    step_error, likelihood_error: what a finer solution changes within three sds of the mode, in the unit of the
     record and in nats.
     """
 
@@ -61,8 +59,8 @@ class Mode:
     log_posterior: float
     information: np.ndarray
     factor: np.ndarray
-    context: Context
-    near: Context
+    likelihood: Likelihood
+    near: Likelihood
     searches: tuple[LocalSearch, ...]
     step_error: float
     likelihood_error: float
@@ -74,76 +72,51 @@ class Mode:
 
 
 def settle(target: Target, z: np.ndarray, tolerance: float, searches: tuple[LocalSearch, ...]) -> Mode:
-    """Plan the solver at the mode until finer steps change the likelihood by less than the budget."""
+    """Solve motions at the mode so well that a finer solution changes the likelihood by less than the budget."""
     attempts = 0
     while True:
         attempts += 1
-        plan, finer, error = plans(target, z, tolerance)
-        context = target.context(plan)
-        top = maximise_posterior(target.layout, context, z)
+        likelihood = Likelihood.near(target, z, tolerance)
+        top = maximise_posterior(likelihood, z)
         if not np.isfinite(top.value):
             raise Refusal("the posterior is not finite at its mode")
         z = top.x
-        near, factor = about(target, context, z, top.information)
-        moved, change = _step_errors(target, plan, finer, z, factor)
+        near, factor = about(likelihood, z, top.information)
+        moved, change = _solution_errors(likelihood, z, factor)
         if change < BUDGET or attempts == 6:
             break
-        tolerance = min(tolerance, error) * np.clip(BUDGET / change, 1e-3, 0.5) * 0.5
-    return Mode(z, top.value, top.information, factor, context, near, searches, moved, change, tolerance)
+        tolerance *= np.clip(BUDGET / change, 1e-3, 0.5) * 0.5
+    return Mode(z, top.value, top.information, factor, likelihood, near, searches, moved, change, tolerance)
 
 
-def about(
-    target: Target, context: Context, z: np.ndarray, information: np.ndarray
-) -> tuple[Context, np.ndarray]:
-    """What a normal distribution near scores z, (d,), is made with: the context with one shared scale in place of all,
-    and a factor of the covariance with that one, (d, d).
+def about(likelihood: Likelihood, z: np.ndarray, information: np.ndarray) -> tuple[Likelihood, np.ndarray]:
+    """Return what a normal distribution near scores z, (d,), is made with: the likelihood with one shared scale in
+    place of all, and a factor of the covariance with that one, (d, d).
 
     The scale has as its 1/σ² the mean over the scales given the expected sum of squares of the coefficients: a step of
     variational Bayes. Where the record shows no damping the scale is then that of what it would show.
     information: with the scale held at 1, (d, d). Raises Refusal where that is not positive.
     """
-    factor, shared = whitening(information), target.shared
+    factor, shared = whitening(information), likelihood.target.shared
     if not shared.any():
-        return context, factor
+        return likelihood, factor
     squares = float(np.sum(z[shared] ** 2) + np.sum(factor[shared] ** 2))
-    precision = float(shared_precision(squares, int(shared.sum()), np.asarray(target.scales)))
-    return context.held(precision**-0.5), whitening(information + np.diag((precision - 1.0) * shared))
+    precision = float(shared_precision(squares, int(shared.sum()), np.asarray(likelihood.scales)))
+    return likelihood.held(precision**-0.5), whitening(information + np.diag((precision - 1.0) * shared))
 
 
-def plans(target: Target, z: np.ndarray, tolerance: float, stepped: bool = False) -> tuple[Plan, Plan, float]:
-    """A plan within `tolerance` at z, set right there by a much finer one; that one; the error it was set right by."""
-    plan, error = target.plan(z, tolerance, stepped)
-    return *set_right(target, plan, z), error
-
-
-def set_right(target: Target, plan: Plan, z: np.ndarray) -> tuple[Plan, Plan]:
-    """A plan set right at z by a much finer one, and that one."""
-    osc, signal, values = target.oscillator, target.signal, target.all_values(z)
-    fine = plan.finer(osc, values, FINER, signal.t, signal.quantity)
-    return plan.corrected(osc, fine, values), fine
-
-
-def mesh_of(target: Target, mode: Mode) -> MeshPlan:
-    """A mode's plan where that is in steps; else one at the mode that is. Not of exact friction."""
-    plan = mode.context.plan
-    if not isinstance(plan, MeshPlan):
-        plan, _ = target.plan(mode.z, mode.tolerance, stepped=True)
-    assert isinstance(plan, MeshPlan)
-    return plan
-
-
-def _step_errors(
-    target: Target, plan: Plan, finer: Plan, z: np.ndarray, factor: np.ndarray
-) -> tuple[float, float]:
-    """What finer steps change (unit of the record, nats) at z and three sds from it in each whitened direction."""
+def _solution_errors(likelihood: Likelihood, z: np.ndarray, factor: np.ndarray) -> tuple[float, float]:
+    """Return what a finer solution changes (unit of the record, nats) at z and three sds from it in each whitened
+    direction."""
+    finer = likelihood.within(FINER * likelihood.tolerance)
     top: float | None = None
     moved = change = 0.0
     around = z + np.concatenate([np.zeros((1, z.size)), NEAR * factor.T, -NEAR * factor.T])
-    both = zip(residuals(target, plan, around), residuals(target, finer, around), strict=True)
-    for at, (coarse, fine) in zip(around, both, strict=True):
-        lower, upper = log_density(target, coarse, at), log_density(target, fine, at)
+    for at in around:
+        coarse, fine = likelihood.residual(at), finer.residual(at)
+        lower, upper = likelihood.log_noise(coarse, at), finer.log_noise(fine, at)
         top = upper - 0.5 * float(at @ at) if top is None else top
-        if not (np.isfinite(lower) or np.isfinite(upper)):
+        if not (np.isfinite(lower) and np.isfinite(upper)):
             continue
         depth = top - (upper - 0.5 * float(at @ at))
         change = max(change, abs(lower - upper) * min(1.0, 0.5 * NEAR**2 / max(depth, 1e-300)))
@@ -151,20 +124,20 @@ def _step_errors(
     return moved, change
 
 
-def mode_near(target: Target, context: Context, mode: Mode, z: np.ndarray) -> Mode:
-    """The mode of another posterior close by, such as one of a part of the record: from scores z, (d,), on the same
-    steps. Raises Refusal where it is not finite."""
-    top = maximise_posterior(target.layout, context, z)
+def mode_near(likelihood: Likelihood, mode: Mode, z: np.ndarray) -> Mode:
+    """Return the mode of another posterior close by, such as one of a part of the record, from scores z, (d,). Raises
+    Refusal where it is not finite."""
+    top = maximise_posterior(likelihood, z)
     if not np.isfinite(top.value):
         raise Refusal("the posterior is not finite at its mode")
-    near, factor = about(target, context, top.x, top.information)
+    near, factor = about(likelihood, top.x, top.information)
     return replace(
         mode,
         z=top.x,
         log_posterior=top.value,
         information=top.information,
         factor=factor,
-        context=context,
+        likelihood=likelihood,
         near=near,
     )
 
@@ -191,7 +164,7 @@ def restore_mode(
     tolerance: float,
     searches: tuple[LocalSearch, ...] = (),
 ) -> Mode:
-    """A mode from what was stored of it: the plan of the solver is made anew at z."""
-    context = target.context(plans(target, z, tolerance)[0])
-    near, factor = about(target, context, z, information)
-    return Mode(z, log_posterior, information, factor, context, near, searches, np.nan, np.nan, tolerance)
+    """Return a mode from what was stored of it."""
+    likelihood = Likelihood.near(target, z, tolerance)
+    near, factor = about(likelihood, z, information)
+    return Mode(z, log_posterior, information, factor, likelihood, near, searches, np.nan, np.nan, tolerance)

@@ -10,10 +10,8 @@ import numpy as np
 from bayesdamp.inference.fit.laplace import log_evidence_near
 from bayesdamp.inference.fit.mode import Mode
 from bayesdamp.inference.fit.search import find_mode
-from bayesdamp.inference.model.residuals import log_density_under, residual
 from bayesdamp.inference.model.target import Target
 from bayesdamp.inference.noise import NOISES
-from bayesdamp.numerics.lazily import jax
 from bayesdamp.records.oscillation.features import Features
 from bayesdamp.types import OK, Refusal, Seed, Signal
 
@@ -67,7 +65,7 @@ def first_noise(names: Sequence[str], signal: Signal) -> str:
 def fit_with(target: Target, seeds: Mapping[Seed, Mapping[str, float]], features: Features) -> Fitted:
     """The mode of one target and its evidence. Raises Refusal."""
     mode = find_mode(target, seeds, noise_level=features.roughness, period=features.period, thrifty=True)
-    return Fitted(target, mode, log_evidence_near(target, mode.context, mode.z))
+    return Fitted(target, mode, log_evidence_near(mode.likelihood, mode.z))
 
 
 def weigh_noises(build: Build, fitted: Fitted, features: Features, names: Sequence[str]) -> list[Weighed]:
@@ -78,7 +76,7 @@ def weigh_noises(build: Build, fitted: Fitted, features: Features, names: Sequen
     is on one scale.
     """
     signal, own = fitted.target.signal, fitted.target.noise
-    r = residual(fitted.target, fitted.mode.context.plan, fitted.mode.z)
+    r = fitted.mode.likelihood.residual(fitted.mode.z)
     base = held_evidence(own, r, signal, features)[0]
     start = {n: float(v) for n, v in fitted.target.values(fitted.mode.z).items()}
     found: list[Weighed] = []
@@ -121,17 +119,17 @@ def held_evidence(
 
     noise = NOISES.get(name)
     constants, priors = noise.read(signal), noise.priors(features)
-    residuals, gaps = jax.device_put((r, np.diff(signal.t)))
+    gaps = np.diff(signal.t)
 
     def values(z: np.ndarray) -> dict[str, float]:
         return {n: float(p.value(x)) for (n, p), x in zip(priors.items(), z, strict=True)}
 
     def depth(z: np.ndarray) -> float:
-        p = {n: np.float64(v) for n, v in {**values(z), **constants}.items()}
-        density = float(log_density_under(name)(residuals, gaps, p)) - 0.5 * float(z @ z)
+        with np.errstate(all="ignore"):
+            density = float(noise.log_likelihood(r, gaps, {**values(z), **constants})) - 0.5 * float(z @ z)
         return -density if np.isfinite(density) else 1e300
 
-    begun = noise.start(r, np.diff(signal.t))
+    begun = noise.start(r, gaps)
     z = np.array([float(np.clip(p.score(begun[n]), -6.0, 6.0)) for n, p in priors.items()])
     z = minimize(depth, z, method="Nelder-Mead", options={"xatol": 1e-4, "fatol": 1e-4}).x
     axes = STEP * np.eye(z.size)

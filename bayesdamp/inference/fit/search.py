@@ -9,20 +9,15 @@ from typing import NamedTuple
 import numpy as np
 
 from bayesdamp.inference.fit.maximise import ROUGHLY, maximise_posterior
-from bayesdamp.inference.fit.mode import NEAR, LocalSearch, Mode, plans, settle
+from bayesdamp.inference.fit.mode import LocalSearch, Mode, settle
 from bayesdamp.inference.fit.retraction import retraction
-from bayesdamp.inference.model.compiled import compiled
-from bayesdamp.inference.model.residuals import residual
-from bayesdamp.inference.model.target import Context, Target
-from bayesdamp.numerics.levenberg_marquardt import Maximum
+from bayesdamp.inference.model.likelihood import Likelihood
+from bayesdamp.inference.model.target import Target
 from bayesdamp.outcomes import Status
 from bayesdamp.types import Refusal, Seed
 
-COARSEST = 0.05
-"""Error of the solver's steps at the mode, in units of the noise, with which one begins: plans are set right there, and
-around it only a share of this remains."""
-PLANS = 4
-"""Plans that one seed's search may take."""
+COARSEST = 1.0
+"""Largest error of a motion in a search, in standard errors of the mean of all samples."""
 MOST_LEFT = 1.5
 """What a mode may leave of a record, in standard deviations of that; a motion out of step leaves √2, and more
 is left where slow noise stands in for another zero."""
@@ -52,10 +47,8 @@ def find_mode(
     Raises Refusal where no seed reaches a finite posterior with a curvature, or the noise takes the motion's place in
     all that do.
     """
-    # A first guess; `settle` measures what the steps do to the likelihood and shortens them where they must be.
-    tolerance = COARSEST * noise_level
-    if target.exact_friction:  # its plans cannot be corrected
-        tolerance = 0.5 * noise_level / np.sqrt(target.signal.t.size)
+    # A first guess; `settle` measures what the solution's error does to the likelihood.
+    tolerance = COARSEST * noise_level / np.sqrt(target.signal.t.size)
     size = float(np.std(target.signal.y))
     in_step = max(IN_STEP * size, 1.5 * noise_level)
     searches: list[LocalSearch] = []
@@ -82,8 +75,8 @@ def find_mode(
     for stage in stages():
         if keeps:  # and nothing of the next stage is computed
             break
-        for (seed, *same), z0, context, start, _ in stage:
-            top = _ascend(target, context, z0, tolerance)
+        for (seed, *same), z0, likelihood, start, _ in stage:
+            top = maximise_posterior(likelihood, z0, retract=retraction(target))
             volume = -0.5 * float(np.linalg.slogdet(top.information)[1])
             searches.append(
                 LocalSearch(
@@ -100,7 +93,7 @@ def find_mode(
             )
             if not np.isfinite(top.value):
                 continue
-            left = _left(target, top.x, tolerance)
+            left = _size(likelihood.residual(top.x))
             if left > MOST_LEFT * size:
                 displaced = True
                 continue
@@ -124,24 +117,22 @@ def find_mode(
 
 
 class _Begun(NamedTuple):
-    """The seeds of a start, its scores (d,) with the noise that they leave, a plan there, the log posterior and the
-    root mean square of what is left of the record."""
+    """The seeds of a start, its scores (d,) with the noise that they leave, the likelihood near it, the log posterior
+    and the root mean square of what is left of the record."""
 
     seeds: list[Seed]
     z: np.ndarray
-    context: Context
+    likelihood: Likelihood
     value: float
     left: float
 
 
-def _begun(
-    target: Target, seeds: list[Seed], z: np.ndarray, tolerance: float, stepped: bool = False
-) -> _Begun:
-    context = target.context(plans(target, z, tolerance, stepped)[0])
-    r = residual(target, context.plan, z)
+def _begun(target: Target, seeds: list[Seed], z: np.ndarray, tolerance: float) -> _Begun:
+    likelihood = Likelihood.near(target, z, tolerance)
+    r = likelihood.residual(z)
     z = _with_noise(target, z, r)
-    value = float(compiled(target.layout).curvature(context.held(1.0), z)[0])
-    return _Begun(seeds, z, context, value, _size(r))
+    value = likelihood.held(1.0).log_noise(r, z) + float(likelihood.held(1.0).log_prior(z))
+    return _Begun(seeds, z, likelihood, value, _size(r))
 
 
 def _grown(
@@ -161,11 +152,8 @@ def _grown(
             if keep < FEWEST:  # a gap
                 continue
             part = replace(target, signal=replace(target.signal, t=t[:keep], y=y[:keep]))
-            # In steps: these share programs, whatever the number of samples.
-            there = _begun(part, one.seeds, z, tolerance, stepped=True)
-            top = maximise_posterior(
-                part.layout, there.context, there.z, retract=retraction(part), close=ROUGHLY
-            )
+            there = _begun(part, one.seeds, z, tolerance)
+            top = maximise_posterior(there.likelihood, there.z, retract=retraction(part), close=ROUGHLY)
             z = top.x
             if not np.isfinite(top.value):
                 break
@@ -175,28 +163,8 @@ def _grown(
                 yield _begun(target, [replace(seed, grown=True) for seed in one.seeds], z, tolerance)
 
 
-def _left(target: Target, z: np.ndarray, tolerance: float) -> float:
-    """Root mean square of what the trajectory at scores z, (d,), leaves of the record."""
-    return _size(residual(target, target.plan(z, tolerance)[0], z))
-
-
 def _size(r: np.ndarray) -> float:
     return float(np.sqrt(np.mean(r**2)))
-
-
-def _ascend(target: Target, context: Context, z: np.ndarray, tolerance: float) -> Maximum:
-    """`maximise_posterior`, and again with a plan made where it ended while that is far from where it began: so are
-    all modes compared on plans that are right at them."""
-    evaluations, attempts, retract = 0, 0, retraction(target)
-    while True:
-        attempts += 1
-        top = maximise_posterior(target.layout, context, z, retract=retract)
-        evaluations += top.evaluations
-        near = (top.x - z) @ top.information @ (top.x - z) < NEAR**2
-        if near or not np.isfinite(top.value) or attempts == PLANS:
-            return replace(top, evaluations=evaluations)
-        z = top.x
-        context = target.context(plans(target, z, tolerance)[0])
 
 
 def _distinct(
@@ -216,10 +184,8 @@ def _distinct(
 
 def _with_noise(target: Target, z: np.ndarray, r: np.ndarray) -> np.ndarray:
     """Scores (d,) with the noise parameters read from the residuals (n,) there."""
-    layout = target.layout
+    noise = target.noise_model
     if not np.all(np.isfinite(r)):
         return z
-    start = target.scores(layout.noise.start(r, np.diff(target.signal.t)))
-    return np.asarray(
-        [start[i] if n in layout.noise.parameters else z[i] for i, n in enumerate(target.names)]
-    )
+    start = target.scores(noise.start(r, np.diff(target.signal.t)))
+    return np.asarray([start[i] if n in noise.parameters else z[i] for i, n in enumerate(target.names)])

@@ -4,59 +4,40 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from bayesdamp.inference.noise._noise import NormalNoise
-from bayesdamp.numerics.lazily import jnp
-from bayesdamp.priors import LogNormal, Prior
-from bayesdamp.records.oscillation.features import Features
-
-if TYPE_CHECKING:
-    from jax import Array
+from bayesdamp.inference.noise._noise import IndependentNoise, by_sample
 
 LOG_2PI = math.log(2 * math.pi)
 
 
-class Gaussian(NormalNoise):
+class Gaussian(IndependentNoise):
     """r_i ~ N(0, noise_sd²), independent."""
 
     name = "gaussian"
-    parameters = ("noise_sd",)
-    sums = ("squares",)
-    uniform_clock = False
 
-    def priors(self, features: Features) -> dict[str, Prior]:
-        """The sd lognormal about the record's roughness, sigma 1."""
-        return {"noise_sd": LogNormal(median=features.roughness, sigma=1.0)}
+    def log_density(self, r: np.ndarray, p: Mapping[str, np.ndarray]) -> np.ndarray:
+        """Return log N(r; 0, σ²)."""
+        return -0.5 * np.square(r / p["noise_sd"]) - (np.log(p["noise_sd"]) + 0.5 * LOG_2PI)
 
-    def start(self, r: np.ndarray, gaps: np.ndarray) -> dict[str, float]:
-        """The root mean square of the residuals."""
-        return {"noise_sd": float(np.sqrt(np.mean(r**2)))}
+    def log_likelihood(self, r: np.ndarray, gaps: np.ndarray, p: Mapping[str, ArrayLike]) -> np.ndarray:
+        """Return −Σ r²/(2σ²) − n log(√(2π) σ)."""
+        sd, squares = np.asarray(p["noise_sd"], float), np.einsum("...i,...i", r, r)
+        return -0.5 * squares / sd**2 - r.shape[-1] * (np.log(sd) + 0.5 * LOG_2PI)
 
-    def log_likelihood(self, r: Array, gaps: Array, p: Mapping[str, Array]) -> Array:
-        """Σ log N(r; 0, σ²)."""
+    def parameter_slopes(self, r: np.ndarray, gaps: np.ndarray, p: Mapping[str, float]) -> dict[str, float]:
+        """Return Σ r²/σ³ − n/σ."""
         sd = p["noise_sd"]
-        return -0.5 * jnp.sum((r / sd) ** 2) - r.size * (jnp.log(sd) + 0.5 * LOG_2PI)
+        return {"noise_sd": float(r @ r) / sd**3 - r.size / sd}
 
-    def log_likelihood_of_sums(
-        self, sums: Mapping[str, Array], count: Array, gap: Array, p: Mapping[str, Array]
-    ) -> Array:
-        """The same from the sum of squares."""
-        sd = p["noise_sd"]
-        return -0.5 * sums["squares"] / sd**2 - count * (jnp.log(sd) + 0.5 * LOG_2PI)
-
-    def whiten(self, r: Array, gaps: Array, p: Mapping[str, Array]) -> Array:
-        """r/σ."""
-        return r / p["noise_sd"]
-
-    def information_root(self, v: Array, gaps: Array, p: Mapping[str, Array]) -> Array:
-        """Slopes over σ."""
-        return v / p["noise_sd"]
+    def slope(self, r: np.ndarray, gaps: np.ndarray, p: Mapping[str, ArrayLike]) -> np.ndarray:
+        """Return −r/σ²."""
+        return -r / by_sample(p)["noise_sd"] ** 2
 
     def draw(self, rng: np.random.Generator, gaps: np.ndarray, p: Mapping[str, float]) -> np.ndarray:
-        """White noise of sd σ."""
+        """Draw white noise with standard deviation σ."""
         return p["noise_sd"] * rng.standard_normal(gaps.size + 1)
 
 

@@ -5,16 +5,15 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-from jax import Array
-from jax import numpy as jnp
-from jax.scipy.special import betainc, gammaln, ndtri
+from numpy.typing import ArrayLike
+from scipy.special import betainc, betaln, ndtri
 
-from bayesdamp.inference.noise._noise import NoiseModel
+from bayesdamp.inference.noise._noise import IndependentNoise, by_sample
 from bayesdamp.priors import LogNormal, Prior
 from bayesdamp.records.oscillation.features import Features
 
 
-class StudentT(NoiseModel):
+class StudentT(IndependentNoise):
     """r_i / noise_sd ~ Student's t with noise_dof degrees of freedom, independent; noise_sd is the scale."""
 
     name = "student_t"
@@ -22,35 +21,39 @@ class StudentT(NoiseModel):
     heavy_tailed = True
 
     def priors(self, features: Features) -> dict[str, Prior]:
-        """The scale lognormal about the record's roughness, degrees of freedom lognormal about 6."""
-        return {
-            "noise_sd": LogNormal(median=features.roughness, sigma=1.0),
-            "noise_dof": LogNormal(median=6.0, sigma=0.8),
-        }
+        """Return the prior of the scale, and a lognormal one about 6 for the degrees of freedom."""
+        return {**super().priors(features), "noise_dof": LogNormal(median=6.0, sigma=0.8)}
 
     def start(self, r: np.ndarray, gaps: np.ndarray) -> dict[str, float]:
-        """The scale from the median absolute residual, and six degrees of freedom."""
+        """Estimate the scale from the median absolute residual, and take six degrees of freedom."""
         return {"noise_sd": float(1.4826 * np.median(np.abs(r)) + 1e-300), "noise_dof": 6.0}
 
-    def log_likelihood(self, r: Array, gaps: Array, p: Mapping[str, Array]) -> Array:
-        """Σ log of Student's density of scale σ and ν degrees of freedom."""
+    def log_density(self, r: np.ndarray, p: Mapping[str, np.ndarray]) -> np.ndarray:
+        """Return the log of Student's density with scale σ and ν degrees of freedom."""
         sd, dof = p["noise_sd"], p["noise_dof"]
-        constant = gammaln(0.5 * (dof + 1)) - gammaln(0.5 * dof) - 0.5 * jnp.log(dof * jnp.pi) - jnp.log(sd)
-        return r.size * constant - 0.5 * (dof + 1) * jnp.sum(jnp.log1p((r / sd) ** 2 / dof))
+        constant = betaln(0.5 * dof, 0.5) + 0.5 * np.log(dof) + np.log(sd)
+        return -0.5 * (dof + 1) * np.log1p(np.square(r / sd) / dof) - constant
 
-    def whiten(self, r: Array, gaps: Array, p: Mapping[str, Array]) -> Array:
-        """Normal scores of the residuals by their cumulative probabilities."""
+    def slope(self, r: np.ndarray, gaps: np.ndarray, p: Mapping[str, ArrayLike]) -> np.ndarray:
+        """Return −(ν + 1) r / (ν σ² + r²)."""
+        p = by_sample(p)
+        sd, dof = p["noise_sd"], p["noise_dof"]
+        return -(dof + 1) * r / (dof * sd**2 + np.square(r))
+
+    def information_root(self, v: np.ndarray, gaps: np.ndarray, p: Mapping[str, ArrayLike]) -> np.ndarray:
+        """Return v/σ √((ν + 1)/(ν + 3)), from Student's Fisher information."""
+        p = by_sample(p)
+        return v / p["noise_sd"] * np.sqrt((p["noise_dof"] + 1) / (p["noise_dof"] + 3))
+
+    def whiten(self, r: np.ndarray, gaps: np.ndarray, p: Mapping[str, ArrayLike]) -> np.ndarray:
+        """Return the normal scores with the same cumulative probabilities."""
+        p = by_sample(p)
         t, dof = r / p["noise_sd"], p["noise_dof"]
         tail = 0.5 * betainc(0.5 * dof, 0.5, dof / (dof + t**2))
-        return -jnp.sign(t) * ndtri(jnp.clip(tail, 1e-300, 0.5))
-
-    def information_root(self, v: Array, gaps: Array, p: Mapping[str, Array]) -> Array:
-        """Slopes over σ times √((ν + 1)/(ν + 3)), Student's Fisher information."""
-        dof = p["noise_dof"]
-        return v / p["noise_sd"] * jnp.sqrt((dof + 1) / (dof + 3))
+        return -np.sign(t) * ndtri(np.clip(tail, 1e-300, 0.5))
 
     def draw(self, rng: np.random.Generator, gaps: np.ndarray, p: Mapping[str, float]) -> np.ndarray:
-        """Student's t of ν degrees of freedom, times σ."""
+        """Draw Student's t with ν degrees of freedom, times σ."""
         return p["noise_sd"] * rng.standard_t(p["noise_dof"], gaps.size + 1)
 
 

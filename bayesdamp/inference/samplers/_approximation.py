@@ -10,7 +10,6 @@ import numpy as np
 from bayesdamp.inference.checks import diagnostics
 from bayesdamp.inference.curves import weighted
 from bayesdamp.inference.fit.mode import Mode
-from bayesdamp.inference.model import batches
 from bayesdamp.inference.model.target import Target
 from bayesdamp.inference.samplers._sampler import Settings
 from bayesdamp.types import OK, Posterior
@@ -40,7 +39,7 @@ def approximate_posterior(
     effective sample sizes; the draws themselves are not reweighted. The outcome says where the shape is poor, or where
     the weights, then to be trusted, move a mean or an sd too far.
     """
-    likelihood, prior = batches.log_likelihood(target, mode.context, z), batches.log_prior(target, z)
+    likelihood, prior = mode.likelihood.log_likelihoods(z), mode.likelihood.log_prior(z)
     weights = np.where(np.isfinite(likelihood), likelihood + prior, -np.inf) - log_density
     shape = diagnostics.pareto_k(weights)
     size = weighted.effective(weights)

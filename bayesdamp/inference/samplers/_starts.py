@@ -9,7 +9,6 @@ import numpy as np
 
 from bayesdamp.inference.coordinates.whitening import Whitening
 from bayesdamp.inference.fit.mode import Mode
-from bayesdamp.inference.model import batches
 from bayesdamp.inference.model.target import Target
 from bayesdamp.inference.samplers._sampler import Settings
 from bayesdamp.types import ChainStart, Seed
@@ -41,7 +40,7 @@ def seeded_starts(
     chains cover their spread; one of the first two is a draw from the prior where there is one.
     """
     rng = np.random.default_rng(settings.seed)
-    reflected = np.asarray(target.layout.reflected)
+    reflected = target.reflected
     given = [c.seed for c in mode.searches] or [Seed("mode")]
     origins = [c.origin for c in mode.searches] or [mode.z]
     seeds = at.whitened(np.where(reflected, np.abs(origins), origins))
@@ -58,7 +57,7 @@ def seeded_starts(
     )
     z = at.scores(tries)
     z = np.where(reflected, np.abs(z), z)
-    height = batches.log_posterior(target, mode.context, z.reshape(-1, z.shape[-1])).reshape(z.shape[:2])
+    height = mode.likelihood.log_posteriors(z.reshape(-1, z.shape[-1])).reshape(z.shape[:2])
     good = height > height[-1, 0] - REACH * z.shape[-1]
     good[-1] = True
     first = np.argmax(good, axis=0)

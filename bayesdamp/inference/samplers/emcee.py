@@ -6,15 +6,12 @@ import time
 from dataclasses import replace
 
 import emcee
-import jax.numpy as jnp
 import numpy as np
 
 from bayesdamp.inference.checks import diagnostics
 from bayesdamp.inference.coordinates.reflected_t import ReflectedT
 from bayesdamp.inference.coordinates.whitening import Whitening, whitening_of
 from bayesdamp.inference.fit.mode import Mode
-from bayesdamp.inference.model.batches import log_prior
-from bayesdamp.inference.model.compiled import compiled
 from bayesdamp.inference.model.target import Target
 from bayesdamp.inference.samplers._sampler import Sampler, Settings
 from bayesdamp.inference.samplers._starts import seeded_starts
@@ -59,16 +56,14 @@ class Emcee(Sampler):
         began = time.perf_counter()
         d = mode.z.size
         walkers = 4 * max(d + 2, 8, settings.chains)
-        batch = compiled(target.layout).batch
-
-        reflected = np.asarray(target.layout.reflected)
+        reflected = target.reflected
         at = whitening_of(target, mode)
         proposal = ReflectedT(at.centre, at.factor, reflected)
 
         # Reflected scores are kept on their non-negative side: walkers do not get caught in mirror modes.
         def log_probability(u: np.ndarray) -> np.ndarray:
             z = at.scores(u)
-            values = np.asarray(batch(mode.context, jnp.asarray(z)))
+            values = mode.likelihood.log_posteriors(z)
             inside = np.isfinite(values) & np.all((z >= -1e-9) | ~reflected, axis=1)
             return np.where(inside, values, NOWHERE)
 
@@ -96,10 +91,7 @@ class Emcee(Sampler):
         thin = max(1, draws.shape[0] * draws.shape[1] // 40_000) if settings.grows else 1
         energy = np.concatenate([s.get_log_prob().T for s, _ in ensembles])[:, ::thin]
         z = at.scores(draws[:, ::thin])
-        values, full = (
-            {n: v for n, v in target.values(at.scores(u)).items() if n in target.live}
-            for u in (draws[:, ::thin], draws)
-        )
+        values, full = (target.values(at.scores(u)) for u in (draws[:, ::thin], draws))
         summaries = {n: diagnostics.summarise(v, ensembles=ENSEMBLES) for n, v in full.items()}
         outcome = diagnostics.verdict(summaries)
         if outcome == OK and not resolved:
@@ -107,9 +99,9 @@ class Emcee(Sampler):
             outcome = f"not resolved after {draws.shape[1]} steps: {short}"
         return Posterior(
             sampler=self.name,
-            names=target.live,
+            names=target.names,
             draws=np.stack(list(values.values()), axis=-1),
-            log_likelihood=energy - log_prior(target, z),
+            log_likelihood=energy - mode.likelihood.log_prior(z),
             stats={
                 "acceptance_rate": np.concatenate([s.acceptance_fraction for s, _ in ensembles])[:, None]
                 * np.ones(z.shape[1])
@@ -133,7 +125,7 @@ class Emcee(Sampler):
     def _resolved(target: Target, at: Whitening, draws: np.ndarray) -> bool:
         values = target.values(at.scores(draws))
         total, length = draws.shape[0] * draws.shape[1], draws.shape[1]
-        for v in (values[n] for n in target.live):
+        for v in values.values():
             effective = diagnostics.effective(v)
             if effective < 1100 or length < 50 * total / effective:
                 return False

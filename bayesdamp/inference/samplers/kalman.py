@@ -4,17 +4,13 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass, replace
-from functools import lru_cache, partial
 
-import jax
 import numpy as np
-from jax import numpy as jnp
 from scipy.special import log_ndtr, ndtri_exp
 
 from bayesdamp.inference.coordinates.truncated_normal import TruncatedNormal
 from bayesdamp.inference.fit.mode import Mode
-from bayesdamp.inference.model.density import moving_scores, residual
-from bayesdamp.inference.model.target import Layout, Target
+from bayesdamp.inference.model.target import Target
 from bayesdamp.inference.samplers._approximation import approximate_posterior
 from bayesdamp.inference.samplers._sampler import Sampler, Settings
 from bayesdamp.inference.samplers._unscented import Online, filter_online
@@ -62,7 +58,7 @@ class Kalman(Sampler):
     def sample(self, target: Target, mode: Mode, settings: Settings) -> Posterior:
         """Draws from an unscented Kalman filter and its restarts. Raises Refusal under exact friction."""
         began = time.perf_counter()
-        if target.exact_friction:
+        if target.oscillator.switches and target.known.get("epsilon") == 0.0:
             raise Refusal(
                 "kalman needs ε above 0: its sigma points do not stick; give epsilon, or leave it free"
             )
@@ -70,7 +66,7 @@ class Kalman(Sampler):
             raise Refusal(f"kalman takes noise to be independent and normal, and here it is {target.noise}")
         online = filter_online(target, mode)
         last = _restart(target, mode, online)
-        index = moving_scores(target.layout)
+        index = target.moving
         rng = np.random.default_rng(settings.seed)
         n = settings.chains * settings.draws
         sd = 1.0 / np.sqrt(np.diag(mode.information))
@@ -85,19 +81,14 @@ class Kalman(Sampler):
         return replace(found, running=tuple(names), arrays=_running(target, names, online, last))
 
 
-@lru_cache(maxsize=32)
-def _residuals(layout: Layout):
-    return jax.jit(jax.vmap(partial(residual, layout), in_axes=(None, 0)))
-
-
 def _restart(target: Target, mode: Mode, online: Online) -> Restarted:
     """Passes from the priors with sigma points where the pass before ended. Raises Refusal where they do not settle."""
-    layout, index = target.layout, moving_scores(target.layout)
+    index = target.moving
     k, y = len(index), target.signal.y
-    reflected = np.asarray(layout.reflected)[index]
+    reflected = target.reflected[index]
     noise = target.all_values(mode.z)["noise_sd"]
     # Of a scale that coefficients share, the one that stands for all near the mode.
-    held = float(np.asarray(mode.near.scales)[0])
+    held = mode.near.scales[0]
     prior = np.diag(np.where(target.shared[index], held**-2.0, 1.0))
     # The first pass may end on the mirrored side of a reflected score.
     side = np.where(reflected & (online.means[-1] < 0), -1.0, 1.0)
@@ -108,7 +99,7 @@ def _restart(target: Target, mode: Mode, online: Online) -> Restarted:
         mean, factor = now.moments
         points = np.tile(mode.z, (2 * k + 1, 1))
         points[:, index] = np.concatenate([mean[None], mean + factor.T, mean - factor.T])
-        seen = y - np.asarray(_residuals(layout)(mode.context, jnp.asarray(points)))
+        seen = y - mode.likelihood.residuals(points)
         if not np.all(np.isfinite(seen)):
             raise Refusal("the restarted filter met a motion that escapes")
         expected, slope, variance = _regression(seen, factor)

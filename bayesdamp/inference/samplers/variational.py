@@ -3,26 +3,20 @@
 from __future__ import annotations
 
 import time
-from functools import lru_cache, partial
-from typing import Any
+from dataclasses import dataclass
 
-import jax
 import numpy as np
-import optax
-from blackjax.vi import fullrank_vi
-from jax import Array
-from jax import numpy as jnp
 
 from bayesdamp.inference.coordinates.truncated_normal import laplace
-from bayesdamp.inference.coordinates.unbounded import Unbounded, scores
+from bayesdamp.inference.coordinates.unbounded import Unbounded
 from bayesdamp.inference.fit.mode import Mode
-from bayesdamp.inference.model.density import log_posterior
-from bayesdamp.inference.model.gradient import value_and_gradient
-from bayesdamp.inference.model.target import Context, Layout, Target
+from bayesdamp.inference.model.target import Target
 from bayesdamp.inference.samplers._approximation import approximate_posterior
 from bayesdamp.inference.samplers._sampler import Sampler, Settings
 from bayesdamp.types import Posterior, Refusal
 
+FIRST, SECOND = 0.9, 0.999
+"""Decay of Adam's moments (its authors')."""
 DRAWS = 8
 """Draws behind a gradient."""
 BLOCK = 50
@@ -35,8 +29,8 @@ HALVINGS = 3
 
 
 class Variational(Sampler):
-    """The normal distribution with the highest evidence lower bound, by BlackJAX's full-rank reparameterised gradients
-    that stick the landing (Roeder, Wu and Duvenaud, NeurIPS 30, 2017), with Adam.
+    """The normal distribution with the highest evidence lower bound, by full-rank reparameterised gradients that
+    stick the landing (Roeder, Wu and Duvenaud, NeurIPS 30, 2017), with Adam.
 
     In coordinates that have no wall where a coefficient is zero and in which Laplace's approximation is the standard
     normal, where it starts. Converged is where the means of all parameters over two successive blocks of steps agree,
@@ -52,86 +46,99 @@ class Variational(Sampler):
         """Draws of the full-rank normal distribution that is closest to the posterior, weighed by importance."""
         began = time.perf_counter()
         at = Unbounded.of(laplace(target, mode))
-        mean, factor, steps, bound = _train(target, mode, at, settings.seed)
+        mean, factor, steps, bound = _train(mode, at, settings.seed)
         n, d = settings.chains * settings.draws, mean.size
         normal = np.random.default_rng(settings.seed).standard_normal((n, d))
-        v = mean + normal @ factor.T
-        place = jnp.asarray(at.mean), jnp.asarray(at.factor)
-        z, slope = jax.vmap(partial(scores, walls=at.walls), (0, None, None))(jnp.asarray(v), *place)
-        whole = np.empty((n, d))
-        whole[:, at.order] = np.asarray(z)
-        log_density = -0.5 * np.sum(normal**2, axis=1) - np.asarray(slope)
+        there = at.mapped(mean + normal @ factor.T)
+        log_density = -0.5 * np.sum(normal**2, axis=1) - there.log_volume
         more = {"steps": steps, "elbo": bound}
         return approximate_posterior(
-            self.name, target, mode, whole, log_density, settings, began=began, more=more
+            self.name, target, mode, there.z, log_density, settings, began=began, more=more
         )
 
 
-@lru_cache(maxsize=32)
-def _block(layout: Layout, walls: int):
-    """Compiled for a layout: a block of steps, (context, order, mean, factor, state, key) to the next state and the
-    means over the block of the normal's mean, its widths and the bound."""
-    optimizer = optax.inject_hyperparams(optax.adam)(learning_rate=RATE)
+@dataclass
+class _Normal:
+    """A normal distribution that is trained.
 
-    @jax.custom_vjp
-    def height(context: Context, z: Array) -> Array:
-        return log_posterior(layout, context, z)
+    x: its mean, (d,), the logarithms of its Cholesky factor's diagonal, (d,), and what lies below that; first, second:
+    Adam's moments of the gradient by these (D. P. Kingma and J. Ba, 2015).
+    """
 
-    # Forward tangents, as everywhere: through a long scan they cost a third of the backward pass.
-    def forward(context: Context, z: Array):
-        return value_and_gradient(layout, context, z)
+    x: np.ndarray
+    first: np.ndarray
+    second: np.ndarray
+    steps: int = 0
 
-    def backward(gradient: Array, cotangent: Array):
-        return None, cotangent * gradient
+    @classmethod
+    def standard(cls, d: int) -> _Normal:
+        """Return the standard normal."""
+        k = 2 * d + d * (d - 1) // 2
+        return cls(np.zeros(k), np.zeros(k), np.zeros(k))
 
-    height.defvjp(forward, backward)
-
-    @jax.jit
-    def block(context: Context, order: Array, mean: Array, factor: Array, state: Any, key: Array):
-        def density(v: Array) -> Array:
-            z, slope = scores(v, mean, factor, walls)
-            return height(context, jnp.zeros_like(z).at[order].set(z)) + slope
-
-        def advance(state: Any, key: Array):
-            state, info = fullrank_vi.step(key, state, density, optimizer, DRAWS)
-            return state, (state.mu, state.chol_params, -jnp.asarray(info.elbo))
-
-        state, trace = jax.lax.scan(advance, state, jax.random.split(key, BLOCK))
-        return state, *(jnp.mean(x, axis=0) for x in trace)
-
-    return optimizer, block
+    def climb(self, gradient: np.ndarray, rate: float) -> None:
+        """Take a step of Adam up a gradient, (k,)."""
+        self.steps += 1
+        self.first = FIRST * self.first + (1 - FIRST) * gradient
+        self.second = SECOND * self.second + (1 - SECOND) * gradient**2
+        first, second = self.first / (1 - FIRST**self.steps), self.second / (1 - SECOND**self.steps)
+        self.x = self.x + rate * first / (np.sqrt(second) + 1e-8)
 
 
-def _train(target: Target, mode: Mode, at: Unbounded, seed: int) -> tuple[np.ndarray, np.ndarray, int, float]:
-    """Mean (d,) and factor (d, d) of the normal in the unbounded coordinates, steps, and the bound in nats.
+def _train(mode: Mode, at: Unbounded, seed: int) -> tuple[np.ndarray, np.ndarray, int, float]:
+    """Return mean (d,) and factor (d, d) of the normal in the unbounded coordinates, steps, and the bound in nats.
 
     Raises Refusal where it does not settle.
     """
     d = at.mean.size
-    optimizer, block = _block(target.layout, at.walls)
-    state = fullrank_vi.init(jnp.zeros(d), optimizer)
-    place = tuple(map(jnp.asarray, (at.order, at.mean, at.factor)))
-    before, halvings = None, 0
-    for i, key in enumerate(jax.random.split(jax.random.PRNGKey(seed), BLOCKS)):
-        state, mean, widths, bound = block(mode.context.compact, *place, state, key)
-        now = np.concatenate([mean, widths])
+    rng = np.random.default_rng(seed)
+    normal, before, halvings, rate = _Normal.standard(d), None, 0, RATE
+    for i in range(BLOCKS):
+        trace, bounds = [], []
+        for _ in range(BLOCK):
+            gradient, bound = _climbing(mode, at, normal.x, rng)
+            normal.climb(gradient, rate)
+            trace.append(normal.x)
+            bounds.append(bound)
+        now = np.mean(trace, axis=0)
         if not np.all(np.isfinite(now)):
             raise Refusal(
                 "variational inference met motions that escape: it cannot weigh where there is no density"
             )
         if before is not None and np.max(np.abs(now - before)) < SETTLED:
             if halvings == HALVINGS:
-                return np.asarray(mean), _factor(np.asarray(widths), d), (i + 1) * BLOCK, float(bound)
+                return now[:d], _factor(now, d), (i + 1) * BLOCK, float(np.mean(bounds))
             halvings += 1
-            state.opt_state.hyperparams["learning_rate"] = jnp.asarray(RATE * 0.5**halvings)
+            rate = RATE * 0.5**halvings
         before = now
     raise Refusal(f"variational inference did not converge in {BLOCKS * BLOCK} steps")
 
 
-def _factor(widths: np.ndarray, d: int) -> np.ndarray:
-    """BlackJAX's flat parameters as a Cholesky factor: logarithms of the diagonal, then what lies below it."""
-    factor = np.diag(np.exp(widths[:d]))
-    factor[np.tril_indices(d, -1)] = widths[d:]
+def _climbing(mode: Mode, at: Unbounded, x: np.ndarray, rng: np.random.Generator) -> tuple[np.ndarray, float]:
+    """Return an estimate of the bound's gradient by a normal's parameters, both (k,), and of the bound in nats."""
+    d = at.mean.size
+    factor = _factor(x, d)
+    normal = rng.standard_normal((DRAWS, d))
+    v = x[:d] + normal @ factor.T
+    there = at.mapped(v)
+    heights, slopes = zip(*(mode.likelihood.gradient(z) for z in there.z), strict=True)
+    if not np.all(np.isfinite(heights)):
+        return np.full(x.size, np.nan), np.nan
+    pull = np.einsum("ni,nij->nj", np.array(slopes), there.slopes) + there.volume_slopes
+    # The gradient of the normal's own density by its parameters has mean zero: without it there is less noise.
+    pull = pull + np.linalg.solve(factor.T, normal.T).T
+    by_factor = pull.T @ normal / DRAWS
+    gradient = np.concatenate(
+        [pull.mean(axis=0), np.diag(by_factor) * np.diag(factor), by_factor[np.tril_indices(d, -1)]]
+    )
+    own = -0.5 * np.sum(normal**2, axis=1) - 0.5 * d * np.log(2 * np.pi) - np.sum(np.log(np.diag(factor)))
+    return gradient, float(np.mean(np.array(heights) + there.log_volume - own))
+
+
+def _factor(x: np.ndarray, d: int) -> np.ndarray:
+    """Return the Cholesky factor, (d, d), of a normal's parameters, (k,)."""
+    factor = np.diag(np.exp(x[d : 2 * d]))
+    factor[np.tril_indices(d, -1)] = x[2 * d :]
     return factor
 
 

@@ -18,7 +18,6 @@ from bayesdamp.inference.model.build import build_target
 from bayesdamp.inference.model.defaults import Reference, reference_of
 from bayesdamp.inference.model.target import Target
 from bayesdamp.interface.fitting.specification import Specification
-from bayesdamp.interface.parts.programs import keep_programs
 from bayesdamp.interface.records.signal import Signal
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.physics.restoring import LAWS
@@ -148,7 +147,6 @@ def searched(
     case: Case, start: Mapping[str, float] | None, seed: int
 ) -> tuple[Target, Mode, tuple[str, ...]]:
     """The target, its highest mode with the solver's steps set right there, and what was chosen on the way."""
-    keep_programs()
     given = {} if start is None else {Seed("given"): dict(start)}
     for name in start or ():
         if name not in case.model.parameters:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
+import jax
 import numpy as np
 import numpyro
 from jax import Array
@@ -20,17 +21,18 @@ Model = Callable[..., dict[str, Any]]
 
 def numpyro_model(
     priors: Mapping[str, Prior],
-    density: Callable[[Array], Array],
+    value_and_slopes: Callable[[np.ndarray], tuple[float, np.ndarray]],
     centre: np.ndarray,
     covariance: np.ndarray,
     prefix: str,
 ) -> Model:
     """A NumPyro model of parameters with these priors and this log likelihood.
 
-    density: of a vector of the parameters, (d,), in the order of priors. centre, covariance: of the parameters' scores,
-    (d,) and (d, d), by which what is sampled is whitened.
+    value_and_slopes: of the log likelihood at parameters, (d,), in the order of priors. centre, covariance: of the
+    parameters' scores, (d,) and (d, d), by which what is sampled is whitened.
     """
     names = list(priors)
+    density = _traced(value_and_slopes, len(names))
 
     def model(**given: Any) -> dict[str, Any]:
         for name in given:
@@ -61,6 +63,32 @@ def numpyro_model(
         }
 
     return model
+
+
+def _traced(
+    value_and_slopes: Callable[[np.ndarray], tuple[float, np.ndarray]], count: int
+) -> Callable[[Array], Array]:
+    """Return the log likelihood of `count` parameters as JAX calls it, with its gradient."""
+    shape = jax.ShapeDtypeStruct((1 + count,), float)
+
+    def computed(x: Any) -> np.ndarray:
+        value, slopes = value_and_slopes(np.asarray(x, float))
+        return np.append(value, slopes)
+
+    def both(x: Array) -> tuple[Array, Array]:
+        found = jax.pure_callback(computed, shape, x, vmap_method="sequential")
+        return found[0], found[1:]
+
+    @jax.custom_jvp
+    def density(x: Array) -> Array:
+        return both(x)[0]
+
+    def along(at: tuple[Array], direction: tuple[Array]) -> tuple[Array, Array]:
+        value, slopes = both(*at)
+        return value, slopes @ direction[0]
+
+    density.defjvp(along)
+    return density
 
 
 def _log_prior(z: Array, shared: Sequence[bool]) -> Array:

@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from functools import lru_cache
 from typing import TYPE_CHECKING, Any, Protocol
 
-import jax
 import numpy as np
 import xarray as xr
 
@@ -160,9 +158,9 @@ def _pointwise(post: Drawn, target: Target, mode: Mode) -> dict[str, xr.Dataset]
     drawn = True
     for rows in np.array_split(np.arange(len(draws)), max(1, len(draws) * n // TOGETHER)):
         some = {name: v[rows] for name, v in values.items()}
-        motion = mode.context.plan.many_at_samples(target.oscillator, some)
+        motion = mode.likelihood.motions.many(some)
         of_noise = {name: some[name] for name in (*noise.parameters, *noise.constants)}
-        likelihoods[rows] = _log_likelihoods(target.noise)(post.fit.signal.y - motion, gaps, of_noise)
+        likelihoods[rows] = noise.log_likelihoods(post.fit.signal.y - motion, gaps, of_noise)
         try:
             for i, row in enumerate(rows):
                 own = {name: float(v[i]) for name, v in of_noise.items()}
@@ -184,12 +182,6 @@ def _pointwise(post: Drawn, target: Target, mode: Mode) -> dict[str, xr.Dataset]
         whole = {RECORD: replications.reshape(shape)}
         found["posterior_predictive"] = _on_the_record(post, whole, dims, coords, unit, given)
     return found
-
-
-@lru_cache(maxsize=16)
-def _log_likelihoods(noise: str):
-    """Compiled, of a noise model: (residuals (m, n), gaps (n − 1,), its values by name (m,)) to (m, n)."""
-    return jax.jit(jax.vmap(NOISES.get(noise).log_likelihoods, in_axes=(0, None, 0)))
 
 
 def _on_the_record(

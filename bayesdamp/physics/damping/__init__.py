@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from itertools import combinations
 
-from bayesdamp.physics.damping._term import GIVEN, DampingTerm, FreeParameter, median
+from bayesdamp.physics.damping._term import EXACT, GIVEN, TINY, DampingTerm, FreeParameter, median
 from bayesdamp.plugins import Registry
 from bayesdamp.types import InputError
 
@@ -12,8 +12,8 @@ TERMS: Registry[DampingTerm] = Registry("bayesdamp.physics.damping", "damping te
 PAPER_TERMS = ("viscous", "coulomb", "quadratic")
 
 __all__ = [
-    "GIVEN", "PAPER_TERMS", "TERMS", "DampingTerm", "FreeParameter", "all_sums", "median", "others",
-    "parse_model", "twins_of", "words_of",
+    "EXACT", "GIVEN", "PAPER_TERMS", "TERMS", "TINY", "DampingTerm", "FreeParameter", "all_sums", "median",
+    "others", "parse_model", "twins_of", "words_of",
 ]  # fmt: skip
 
 

@@ -7,22 +7,20 @@ import math
 from abc import ABC
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from bayesdamp.physics.damping._traced import on_arrays, why_not
+from bayesdamp.physics.arrays import on_arrays
 from bayesdamp.priors import Prior
-from bayesdamp.types import Refusal, Symbol
-
-if TYPE_CHECKING:
-    from jax import Array
-    from jax.typing import ArrayLike
+from bayesdamp.types import Symbol
 
 NODES = 48
 """Of Gauss and Legendre's rule in a quarter of a cycle."""
 SHARP = 1e-9
 """Width in peak velocities within which a switching force turns over where its own limit is meant."""
+EXACT, TINY = 1e-8, 1e-100
+"""Width over the velocity at which a force has turned over to rounding, and the velocity (rad/s) that stands for 0."""
 REFLECTED_MEDIAN = 0.6745
 """Score of the median of a folded normal."""
 GIVEN = ("rest", "reference_velocity", "reference_amplitude")
@@ -44,11 +42,7 @@ class FreeParameter:
 
 
 class DampingTerm(ABC):
-    """A force coefficient · shape(θ, θ̇; further parameters) that takes energy out of the oscillation.
-
-    A term has a `kernel`, of which compiled trajectories and JAX's force are made, a `shape`, its force in JAX where it
-    depends on the velocity and the coefficient alone, or both.
-    """
+    """A force coefficient · kernel(θ, θ̇; further parameters) that takes energy out of the oscillation."""
 
     name: str
     parameter: str
@@ -62,6 +56,9 @@ class DampingTerm(ABC):
     """The force as a report shows it."""
     switches: bool = False
     """Whether the shape jumps with the sign of the velocity within the width ε."""
+    rounded: bool = False
+    """Whether ε rounds off a shape that is steep at rest, instead of a jump. Where ε is 0 the kernel still does so,
+    within a small share of the peak velocity."""
     inferred: tuple[FreeParameter, ...] = ()
     """Parameters beside the coefficient, in the kernel's order."""
     given: tuple[str, ...] = ()
@@ -74,16 +71,9 @@ class DampingTerm(ABC):
     """Values of parameters at which the term is a simpler one; how much it has beyond that is what is bounded."""
 
     @property
-    def shaped(self) -> bool:
-        """Whether its force has no parameter beside the coefficient and depends on the velocity alone."""
-        return type(self).shape is not DampingTerm.shape
-
-    @property
     def placed(self) -> bool:
         """Whether its force depends on the position."""
-        if self.shaped:
-            return False
-        if "rest" in self.given or type(self).kernel is DampingTerm.kernel:
+        if "rest" in self.given:
             return True
         first = self.kernel.__code__.co_varnames[0]
         # Newer versions of Python load two variables at once.
@@ -94,43 +84,29 @@ class DampingTerm(ABC):
         return any(first in names for names in loaded)
 
     @property
-    def untraced(self) -> str:
-        """Why JAX does not have its force, a clause; empty where it has."""
-        if self.shaped or type(self).force is not DampingTerm.force:
-            return ""
-        return why_not(self.kernel, 3 + len(self.further))
-
-    @property
     def further(self) -> tuple[str, ...]:
         """Names of what the kernel takes beside θ, θ̇ and ε."""
         return (*(p.name for p in self.inferred), *self.given)
 
-    def shape(self, velocity: ArrayLike, epsilon: ArrayLike) -> Array:
-        """Force per unit of the coefficient; velocity in rad/s, any shape. JAX traces it.
-
-        Raises Refusal where the force has more than the velocity in it.
-        """
-        raise Refusal(f"{self.name} damping is no function of the velocity alone")
-
-    def force(self, x: ArrayLike, v: ArrayLike, epsilon: ArrayLike, *further: ArrayLike) -> Array:
-        """Force per unit of the coefficient at displacements x (rad) and velocities v (rad/s) of one shape.
-
-        further: values of what `further` names. JAX traces it: the `shape`, else the `kernel` run on arrays.
-        Raises Refusal where the kernel cannot be.
-        """
-        if self.shaped:
-            return self.shape(v, epsilon)
-        if self.untraced:
-            raise Refusal(f"{self.name} damping is weighed and simulated only: {self.untraced}")
-        return on_arrays(self.kernel)(x, v, epsilon, *further)
-
     @staticmethod
     def kernel(x: float, v: float, epsilon: float) -> float:
-        """`shape` at one displacement x (rad) and velocity v (rad/s), ε > 0 (rad/s): what compiled kernels are made of.
+        """Force per unit of the coefficient at one displacement x (rad) and velocity v (rad/s), ε > 0 (rad/s).
 
-        Plain Python with `math` and `np` alone. After ε it takes the term's `further` parameters.
+        Plain Python with `math` and `np` alone: compiled kernels are made of it, and `force`. After ε it takes the
+        term's `further` parameters.
         """
         raise NotImplementedError
+
+    def force(self, x: ArrayLike, v: ArrayLike, epsilon: ArrayLike, *further: ArrayLike) -> np.ndarray:
+        """Return the force per unit of the coefficient at displacements x (rad) and velocities v (rad/s) of one shape.
+
+        further: values of what `further` names. With ε = 0 what switches does so at once, and is 0 at rest.
+        """
+        v = np.asarray(v, float)
+        sharp = np.where(v == 0.0, 1.0, EXACT * np.abs(v))
+        width = np.where(np.asarray(epsilon) == 0.0, sharp, epsilon)
+        values = (np.asarray(one, float) for one in further)
+        return on_arrays(self.kernel)(np.asarray(x, float), v, width, *values)
 
     def ratio_per_unit(self, amplitude: float, frequency: float) -> float:
         """Equivalent viscous damping ratio per unit of the coefficient.
@@ -156,11 +132,14 @@ class DampingTerm(ABC):
         return float(amplitude * total)
 
     def at(self, further: Mapping[str, float]) -> Callable[[float, float, float], float]:
-        """The shape of (x, v, ε) at values of the further parameters, by name."""
+        """Return the shape as a function of (x, v, ε) at values of further parameters by name; ε = 0 is the sign."""
         kernel, values = self.kernel, [further[n] for n in self.further]
-        if type(self).kernel is DampingTerm.kernel:
-            return lambda x, v, epsilon: float(self.shape(v, epsilon))  # type: ignore[arg-type]
-        return lambda x, v, epsilon: kernel(x, v, epsilon, *values)
+
+        def force(x: float, v: float, epsilon: float) -> float:
+            v = v or TINY
+            return kernel(x, v, epsilon or EXACT * abs(v), *values)
+
+        return force
 
 
 def median(prior: Prior) -> float:

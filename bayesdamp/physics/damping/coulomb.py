@@ -3,20 +3,13 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
 
-from bayesdamp.numerics.lazily import jnp
 from bayesdamp.physics.damping._term import DampingTerm
-from bayesdamp.physics.elementary import smooth_sign
 from bayesdamp.types import Symbol
-
-if TYPE_CHECKING:
-    from jax import Array
-    from jax.typing import ArrayLike
 
 
 class Coulomb(DampingTerm):
-    """F = μ_c tanh(θ̇/ε), μ_c in rad/s². With ε = 0 the sign, 0 at rest; sticking is the integrator's."""
+    """F = μ_c tanh(θ̇/ε), μ_c in rad/s². With ε = 0 it is the sign, and the body may stick."""
 
     name = "coulomb"
     parameter = "mu_c"
@@ -25,12 +18,6 @@ class Coulomb(DampingTerm):
     words = "Coulomb (dry friction)"
     formula = "μc tanh(θ̇/ε)"
     switches = True
-
-    def shape(self, velocity: ArrayLike, epsilon: ArrayLike) -> Array:
-        """tanh(θ̇/ε), the sign at ε = 0."""
-        velocity = jnp.asarray(velocity)
-        smooth = smooth_sign(velocity / jnp.where(epsilon == 0.0, 1.0, epsilon))
-        return jnp.where(epsilon == 0.0, jnp.sign(velocity), smooth)
 
     @staticmethod
     def kernel(x: float, v: float, epsilon: float) -> float:

@@ -2,15 +2,8 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
-from bayesdamp.numerics.lazily import jnp
 from bayesdamp.physics.damping._term import DampingTerm
 from bayesdamp.types import Symbol
-
-if TYPE_CHECKING:
-    from jax import Array
-    from jax.typing import ArrayLike
 
 
 class Cubic(DampingTerm):
@@ -22,11 +15,6 @@ class Cubic(DampingTerm):
     unit = "s/rad²"
     words = "cubic (v³)"
     formula = "μ₃ θ̇³"
-
-    def shape(self, velocity: ArrayLike, epsilon: ArrayLike) -> Array:
-        """θ̇³."""
-        velocity = jnp.asarray(velocity)
-        return velocity * velocity * velocity
 
     @staticmethod
     def kernel(x: float, v: float, epsilon: float) -> float:

@@ -23,6 +23,7 @@ class Power(DampingTerm):
     words = "power-law (|v|^p)"
     formula = "c V |θ̇/V|ᵖ sgn θ̇"
     switches = True
+    rounded = True
     bounded = False  # its exponent says more
     inferred = (
         FreeParameter(

@@ -3,15 +3,9 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
 
-from bayesdamp.numerics.lazily import jnp
 from bayesdamp.physics.damping._term import DampingTerm
 from bayesdamp.types import Symbol
-
-if TYPE_CHECKING:
-    from jax import Array
-    from jax.typing import ArrayLike
 
 
 class Quadratic(DampingTerm):
@@ -23,11 +17,6 @@ class Quadratic(DampingTerm):
     unit = "1/rad"
     words = "quadratic (drag)"
     formula = "μq θ̇|θ̇|"
-
-    def shape(self, velocity: ArrayLike, epsilon: ArrayLike) -> Array:
-        """θ̇|θ̇|."""
-        velocity = jnp.asarray(velocity)
-        return velocity * jnp.abs(velocity)
 
     @staticmethod
     def kernel(x: float, v: float, epsilon: float) -> float:

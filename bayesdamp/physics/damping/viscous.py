@@ -2,15 +2,8 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
-from bayesdamp.numerics.lazily import jnp
 from bayesdamp.physics.damping._term import DampingTerm
 from bayesdamp.types import Symbol
-
-if TYPE_CHECKING:
-    from jax import Array
-    from jax.typing import ArrayLike
 
 
 class Viscous(DampingTerm):
@@ -22,10 +15,6 @@ class Viscous(DampingTerm):
     unit = "1/s"
     words = "viscous"
     formula = "2ζθ̇"
-
-    def shape(self, velocity: ArrayLike, epsilon: ArrayLike) -> Array:
-        """2θ̇."""
-        return 2.0 * jnp.asarray(velocity)
 
     @staticmethod
     def kernel(x: float, v: float, epsilon: float) -> float:

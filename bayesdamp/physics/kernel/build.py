@@ -21,7 +21,7 @@ from types import ModuleType
 from typing import Any
 
 from bayesdamp.machine.cache import cache_folder
-from bayesdamp.physics.damping import TERMS, DampingTerm
+from bayesdamp.physics.damping import EXACT, TERMS, TINY, DampingTerm
 from bayesdamp.physics.kernel.differentiate import NoSlopeError, differenced, differentiated
 from bayesdamp.physics.restoring import LAWS, RestoringLaw
 from bayesdamp.types import Refusal
@@ -31,10 +31,13 @@ MOST_KEPT = 50
 """Kernels on disk, 0.6 MB each, beyond which those that were not used for longest are removed (conventional)."""
 IN_USE = 3600.0
 """Time in s after its last use in which another process may still be compiling a kernel (conventional)."""
-_HEAD = """import math
+_HEAD = f"""import math
 
 import numpy as np
 from numba import njit
+
+
+EXACT, TINY = {EXACT!r}, {TINY!r}
 
 
 @njit
@@ -68,17 +71,18 @@ def kernel_of(terms: tuple[str, ...], restoring: str) -> Kernel:
 def source_of(terms: tuple[str, ...], restoring: str) -> str:
     """The source of a kernel's module."""
     parts, calls, sums, slopes, at = [_HEAD], [], [], [], 0
-    owners, switches = list[int](), list[bool]()
+    owners, switches, jumps = list[int](), list[bool](), list[bool]()
     for number, name in enumerate(terms):
         term = TERMS.get(name)
         _own(term, DampingTerm, f"damping term {name!r}")
         parts.append(_function(term.kernel, f"_shape_{number}", f"damping term {name!r}"))
         further = [f"q[{at + i}]" for i in range(len(term.further))]
-        inside = ", ".join(["x", "v", "epsilon", *further])
+        inside = ", ".join(["x", "v", "rounding" if term.rounded else "epsilon", *further])
         slope, changes = _slopes_of_term(parts[-1], number, len(further))
         parts.append(slope)
         owners += [number] * len(further)
         switches.append(bool(term.switches))
+        jumps.append(bool(term.switches and not term.rounded))
         sums.append(f"    if c[{number}] != 0.0:\n        total += c[{number}] * _shape_{number}({inside})")
         calls.append(f"    out[{number}] = _shape_{number}({inside}) if active[{number}] else 0.0")
         found = ", ".join(["f", "by_x", "by_v", *(f"by_{i}" for i in range(len(further)))])
@@ -95,14 +99,15 @@ def source_of(terms: tuple[str, ...], restoring: str) -> str:
         ]
         at += len(further)
     parts.append(f"OWNERS = np.array({owners}, np.int64)\nSWITCHES = np.array({switches}, np.bool_)\n")
-    parts.append("@njit\ndef shapes(x, v, epsilon, q, active, out):\n" + "\n".join(calls) + "\n")
+    parts.append(f"JUMPS = np.array({jumps}, np.bool_)\n")
+    parts.append("@njit\ndef shapes(x, v, epsilon, rounding, q, active, out):\n" + "\n".join(calls) + "\n")
     parts.append(
-        "@njit\ndef damping(x, v, epsilon, q, c):\n    total = 0.0\n"
+        "@njit\ndef damping(x, v, epsilon, rounding, q, c):\n    total = 0.0\n"
         + "\n".join(sums)
         + "\n    return total\n"
     )
     parts.append(
-        "@njit\ndef damping_slopes(x, v, epsilon, q, c, active, sizes, share, out):\n"
+        "@njit\ndef damping_slopes(x, v, epsilon, rounding, q, c, active, sizes, share, out):\n"
         "    total, x_slope, v_slope = 0.0, 0.0, 0.0\n"
         + "\n".join(slopes)
         + "\n    return total, x_slope, v_slope\n"

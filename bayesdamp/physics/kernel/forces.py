@@ -5,26 +5,36 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from bayesdamp.physics.damping import EXACT, TINY
+
+__all__ = [
+    "EXACT", "JUMPS", "OWNERS", "SWITCHES", "TINY", "damping", "damping_slopes", "gathered", "restoring",
+    "restoring_slopes", "shapes",
+]  # fmt: skip
+
 OWNERS = np.array([0], np.int64)
 """Of each further parameter, the term's number."""
 SWITCHES = np.array([False])
 """Of each term, whether its force turns over within ε where the velocity does."""
+JUMPS = np.array([False])
+"""Of each term, whether that is a jump where ε is 0, and not a shape that is rounded off."""
 
 
 @njit
-def shapes(x, v, epsilon, q, active, out):
-    """Forces per unit of the coefficients at one point; q: the terms' further parameters, one after the other."""
+def shapes(x, v, epsilon, rounding, q, active, out):
+    """Forces per unit of the coefficients at one point; rounding: the ε of terms that are rounded off; q: the terms'
+    further parameters, one after the other."""
     out[:] = 0.0
 
 
 @njit
-def damping(x, v, epsilon, q, c):
+def damping(x, v, epsilon, rounding, q, c):
     """The force of all terms at one point; one of which the coefficient is 0 costs nothing."""
     return 0.0
 
 
 @njit
-def damping_slopes(x, v, epsilon, q, c, active, sizes, share, out):
+def damping_slopes(x, v, epsilon, rounding, q, c, active, sizes, share, out):
     """The force of all terms at one point and its slopes by x and v.
 
     Into `out`, from its third place on, go each term's force per unit and the slopes of the whole by the further

@@ -8,6 +8,12 @@ stand-ins. Solved is
 g and h piecewise linear between knots. Steps end on knots and at the end. The tangents are carried from step to step
 by the step's own fundamental matrix, so that their cost does not grow with the number of knots (J. H.
 Verner, Numer. Algorithms 53, 383 (2010)).
+
+Where ε = 0 and a term jumps with the sign of the velocity, dry friction is exact: that sign is held from one turning
+point to the next, steps end on the turning points, and there a second node at the same time has the acceleration after
+it. Between the two the tangents of the velocity change by the ratio of the accelerations (the saltation matrix: R. I.
+Leine and H. Nijmeijer, Dynamics and Bifurcations of Non-Smooth Mechanical Systems, 2004, section 7.3). A body at rest
+sticks while the pull is not larger than the friction at rest; g and h may release it later.
 """
 
 from __future__ import annotations
@@ -17,16 +23,18 @@ import math
 import numpy as np
 from numba import njit
 
-from bayesdamp.physics.kernel.forces import OWNERS, SWITCHES, damping, gathered, restoring, shapes
+from bayesdamp.physics.kernel.forces import JUMPS, OWNERS, SWITCHES, damping, gathered, restoring, shapes
 from bayesdamp.physics.kernel.tangents import (
     POINTS,
     add,
     along,
     carry,
     close,
+    curvatures,
     linearise,
     middle,
     over_a_step,
+    turned,
 )
 
 # --- march ---
@@ -83,12 +91,57 @@ step see little of it, its estimated error nothing, and what is missed changes b
 errors ten to thirty times smaller at 1e-6 of the amplitude, of motions that follow the parameters smoothly)."""
 
 
+LANDED, NEAR = 1e-4, 0.1
+"""Times to a turning point, in radians of the oscillation, below which the accelerations alone tell where it is, to
+rounding, and below which Newton's method finds it."""
+STILL = 1e-12
+"""Acceleration of a body at rest, as a share of the peak one, up to which it sticks."""
+
+
 @njit
-def acceleration(x, v, w, g, h, c, q, epsilon, law):
+def acceleration(x, v, w, g, h, c, q, epsilon, rounding, law):
     """θ̈ at one point, under relative deviations g of the damping and h of the frequency: w is the share of the way
-    between two knots, where they are g[0] and g[1]. c, q, law: tuples, as of `gathered`."""
+    between two knots, where they are g[0] and g[1]. c, q, law: tuples, as of `gathered`. rounding: the ε of terms that
+    are rounded off."""
     here, there = g[0] + w * (g[1] - g[0]), h[0] + w * (h[1] - h[0])
-    return -(1.0 + here) * damping(x, v, epsilon, q, c) - (1.0 + 2.0 * there) * restoring(x, law)
+    return -(1.0 + here) * damping(x, v, epsilon, rounding, q, c) - (1.0 + 2.0 * there) * restoring(x, law)
+
+
+@njit
+def signed(x, v, w, g, h, c, q, rounding, sign, law):
+    """`acceleration` where friction has exactly this sign of the velocity."""
+    v, epsilon = turned(v, sign)
+    return acceleration(x, v, w, g, h, c, q, epsilon, rounding, law)
+
+
+@njit
+def freed(x, w, g, h, c, q, rounding, law, first, least):
+    """Sign of the velocity with which a body at rest moves off, the first one if both can be, and its acceleration;
+    zeros where friction holds it. least: the acceleration that counts."""
+    for sign in (first, -first):
+        a = signed(x, 0.0, w, g, h, c, q, rounding, sign, law)
+        if a * sign > least:
+            return sign, a
+    return 0.0, 0.0
+
+
+@njit
+def held_until(x, t, piece, knots, g, h, c, q, rounding, law, least):
+    """When friction no longer holds a body at rest, between which knots, and the sign of its velocity then; the last
+    time and 0 where it does not move again. Between two knots pull and friction change linearly."""
+    at = (t - knots[piece]) / (knots[piece + 1] - knots[piece])
+    while True:
+        at_g, at_h = (g[piece], g[piece + 1]), (h[piece], h[piece + 1])
+        for sign in (1.0, -1.0):
+            now = sign * signed(x, 0.0, at, at_g, at_h, c, q, rounding, sign, law) - 2.0 * least
+            end = sign * signed(x, 0.0, 1.0, at_g, at_h, c, q, rounding, sign, law) - 2.0 * least
+            if now > 0.0 or end > 0.0:
+                share = at if now > 0.0 else at - (1.0 - at) * now / (end - now)
+                if share < 1.0 - 1e-9:
+                    return knots[piece] + share * (knots[piece + 1] - knots[piece]), piece, sign
+        piece, at = piece + 1, 0.0
+        if piece == knots.size - 1:
+            return knots[piece], piece - 1, 0.0
 
 
 @njit
@@ -120,22 +173,30 @@ def share_until(v, a, new_v, new_a, step, wanted):
 
 
 @njit(cache=True, nogil=True)
-def sums(x, v, weight, epsilon, q, active, out):
+def sums(x, v, weight, epsilon, rounding, q, active, out):
     """Weighted sums over points, (n,), of the terms' shapes, (d, m), for rows of further parameters, (d, e)."""
     work = np.zeros(out.shape[1])
     out[:] = 0.0
     for d in range(out.shape[0]):
         for i in range(x.size):
-            shapes(x[i], v[i], epsilon, q[d], active, work)
+            if epsilon > 0.0:
+                shapes(x[i], v[i], epsilon, rounding, q[d], active, work)
+            else:
+                speed, width = turned(v[i], 1.0 if v[i] >= 0.0 else -1.0)
+                shapes(x[i], speed, width, rounding, q[d], active, work)
             for j in range(work.size):
                 out[d, j] += weight[i] * work[j]
 
 
 @njit(cache=True, nogil=True)
-def march(coefficients, q, active, law, epsilon, start, knots, g, h, tolerance, sizes, tangents, most):
+def march(
+    coefficients, q, active, law, epsilon, rounding, start, knots, g, h, tolerance, sizes, tangents, most
+):
     """Node times (s,), states (s, 4): θ, θ̇, θ̈, and the correction of the quintic of the step
-    that begins there, and tangents (s, k, 4) likewise; the times are empty where it escapes.
+    that begins there, and tangents (s, k, 4) likewise; the times are empty where it escapes. Where friction is exact a
+    turning point is two nodes at one time, and so are the times at which a body begins and ends to stick.
 
+    epsilon, rounding: widths of friction's turning over, 0 for the sign itself, and of what is rounded off.
     knots: (n,), from the first to the last time, g and h there. tolerance: of a step, as a share of the sizes of θ
     and θ̇ (sizes[:2]; then those of the law's parameters). tangents: 0 none, 1 by the parameters, 2 by g and h too,
     in the order coefficients, further parameters, law, θ₀, θ̇₀, g, h. most: steps at most.
@@ -158,39 +219,77 @@ def march(coefficients, q, active, law, epsilon, start, knots, g, h, tolerance, 
     sized, more, rests = gathered(coefficients, q, active, law)
     x, v, t, piece = start[0], start[1], knots[0], 0
     at_g, at_h = (g[0], g[1]), (h[0], h[1])
-    a = acceleration(x, v, 0.0, at_g, at_h, sized, more, epsilon, rests)
-    states[0, 0], states[0, 1], states[0, 2], times[0] = x, v, a, t
-    if tangents > 0:
-        linearise(x, v, 0.0, at_g, at_h, sized, more, epsilon, active, rests, sizes, read[0])
-        slopes[0, base, 0], slopes[0, base, 2] = 1.0, -read[0, 0]
-        slopes[0, base + 1, 1], slopes[0, base + 1, 2] = 1.0, -read[0, 1]
-        for i in range(live.size):
-            slopes[0, live[i], 2] = -read[0, 2 + live[i]]
-        if tangents == 2:
-            slopes[0, base + 2, 2] = -read[0, hats]
-            slopes[0, base + 2 + n, 2] = -read[0, hats + 2]
-    step = 0.05 * sizes[0] / sizes[1]
-    count, tries = 1, 0
-    edge, usual = 0.0, 0.0
+    radian, least = sizes[0] / sizes[1], STILL * sizes[1] * sizes[1] / sizes[0]
+    edge, usual, exact = 0.0, 0.0, False
     for j in range(m):
         if active[j] and SWITCHES[j]:
-            edge = EDGE * epsilon
+            exact = exact or (epsilon == 0.0 and JUMPS[j])
+            edge = EDGE * (epsilon if epsilon > 0.0 else rounding)
+    if exact:
+        edge = 0.0
+    elif epsilon == 0.0:
+        epsilon = rounding
+    sign, landed, held, aimed = 0.0, False, False, False
+    if exact and v == 0.0:
+        sign, a = freed(x, 0.0, at_g, at_h, sized, more, rounding, rests, 1.0, least)
+        held = sign == 0.0
+    elif exact:
+        sign = 1.0 if v > 0.0 else -1.0
+        a = signed(x, v, 0.0, at_g, at_h, sized, more, rounding, sign, rests)
+    else:
+        a = acceleration(x, v, 0.0, at_g, at_h, sized, more, epsilon, rounding, rests)
+    states[0, 0], states[0, 1], states[0, 2], times[0] = x, v, a, t
+    if tangents > 0:
+        slopes[0, base, 0] = 1.0
+        if not held:
+            slopes[0, base + 1, 1] = 1.0
+            linearise(
+                x, v, 0.0, at_g, at_h, sized, more, epsilon, rounding, sign, active, rests, sizes, read[0]
+            )
+            curvatures(slopes[0], read[0], live, base, 0, n, tangents == 2)
+    step = 0.05 * radian
+    count, tries = 1, 0
     if abs(v) < edge and a != 0.0:
         usual, step = step, min(step, 2.0 * edge / abs(a) / PARTS)
     while True:
         if tries > most:
             return times[:0], states[:0], slopes[:0]
         tries += 1
-        if count == room:
+        if count + 2 > room:
             room *= 2
             more_t, more_s, more_k = np.zeros(room), np.zeros((room, 4)), np.zeros((room, k, 4))
-            more_t[:count], more_s[:count], more_k[:count] = times, states, slopes
+            more_t[:count], more_s[:count], more_k[:count] = times[:count], states[:count], slopes[:count]
             times, states, slopes = more_t, more_s, more_k
+        if held:  # until it moves again: the last node's tangents by the velocity are zero
+            t, piece, sign = held_until(x, t, piece, knots, g, h, sized, more, rounding, rests, least)
+            times[count], states[count, 0] = t, x
+            for p in range(k):
+                slopes[count, p, 0] = slopes[count - 1, p, 0]
+            count += 1
+            if sign == 0.0:
+                return times[:count], states[:count], slopes[:count]
+            held, landed, sign, a = False, True, -sign, 1.0
+            continue
         left = knots[piece + 1] - t
-        whole = step >= left * (1 - 1e-9)
-        taken = left if whole else (step if step < 0.5 * left else 0.5 * left)
         gone, width = t - knots[piece], knots[piece + 1] - knots[piece]
         at_g, at_h = (g[piece], g[piece + 1]), (h[piece], h[piece + 1])
+        if landed:  # a second node at the same time
+            w, before = gone / width, a
+            sign, a = freed(x, w, at_g, at_h, sized, more, rounding, rests, -sign, least)
+            landed, held = False, sign == 0.0
+            times[count], states[count, 0], states[count, 1], states[count, 2] = t, x, 0.0, a
+            for p in range(k):
+                slopes[count, p, 0] = slopes[count - 1, p, 0]
+                slopes[count, p, 1] = slopes[count - 1, p, 1] * (a / before)
+            if k > 0 and not held:
+                linearise(
+                    x, 0.0, w, at_g, at_h, sized, more, epsilon, rounding, sign, active, rests, sizes, read[0]
+                )
+                curvatures(slopes[count], read[0], live, base, piece, n, tangents == 2)
+            count += 1
+            continue
+        whole = step >= left * (1 - 1e-9)
+        taken = left if whole else (step if aimed or step < 0.5 * left else 0.5 * left)
         xs[0], vs[0], ws[0], kv[0] = x, v, gone / width, a
         for i in range(1, 10):
             px, pv = 0.0, 0.0
@@ -198,7 +297,10 @@ def march(coefficients, q, active, law, epsilon, start, knots, g, h, tolerance, 
                 px += A[i, j] * vs[j]
                 pv += A[i, j] * kv[j]
             xs[i], vs[i], ws[i] = x + taken * px, v + taken * pv, (gone + C[i] * taken) / width
-            kv[i] = acceleration(xs[i], vs[i], ws[i], at_g, at_h, sized, more, epsilon, rests)
+            if exact:
+                kv[i] = signed(xs[i], vs[i], ws[i], at_g, at_h, sized, more, rounding, sign, rests)
+            else:
+                kv[i] = acceleration(xs[i], vs[i], ws[i], at_g, at_h, sized, more, epsilon, rounding, rests)
         px, pv, ex, ev = 0.0, 0.0, 0.0, 0.0
         for i in range(10):
             px += B[i] * vs[i]
@@ -213,23 +315,53 @@ def march(coefficients, q, active, law, epsilon, start, knots, g, h, tolerance, 
                 continue
             return times[:0], states[:0], slopes[:0]
         if error > 1.0:
-            step = taken * max(0.2, 0.9 * error ** (-1 / 7))
+            step, aimed = taken * max(0.2, 0.9 * error ** (-1 / 7)), False
             continue
-        pa = acceleration(px, pv, w, at_g, at_h, sized, more, epsilon, rests)
+        if not exact:
+            pa = acceleration(px, pv, w, at_g, at_h, sized, more, epsilon, rounding, rests)
+        else:
+            pa = signed(px, pv, w, at_g, at_h, sized, more, rounding, sign, rests)
+            brakes, beyond = pa * sign < 0.0, pv * sign <= 0.0
+            if brakes and abs(pv) < LANDED * radian * abs(pa):
+                lag = -pv / pa
+                turn = signed(
+                    px + 0.5 * pv * lag, 0.0, w + lag / width, at_g, at_h, sized, more, rounding, sign, rests
+                )
+                lag = -2.0 * pv / (pa + turn) if turn * sign < 0.0 else left
+                if 0.0 < taken + lag <= left:
+                    px += lag * (pv + lag * (2.0 * pa + turn) / 6.0)
+                    pv, pa, taken, landed = 0.0, turn, taken + lag, True
+                    whole = left - taken <= STILL * (radian + t)
+            elif brakes and (beyond or aimed) and abs(pv) < NEAR * radian * abs(pa):
+                aimed = 0.0 < taken - pv / pa <= left
+                if aimed:
+                    usual, step = max(usual, taken), taken - pv / pa
+                    continue
+            if beyond and not landed:
+                aimed, usual = True, max(usual, taken)
+                step = taken * (0.5 if v == 0.0 else share_until(v, a, pv, pa, taken, 0.0))
+                continue
         last, now = states[count - 1], states[count]
         times[count], now[0], now[1], now[2] = t + taken, px, pv, pa
         mx, mv, bend = middle(last, now, taken)
-        ma = acceleration(mx, mv, (gone + 0.5 * taken) / width, at_g, at_h, sized, more, epsilon, rests)
+        middle_w = (gone + 0.5 * taken) / width
+        if not exact:
+            ma = acceleration(mx, mv, middle_w, at_g, at_h, sized, more, epsilon, rounding, rests)
+        elif mv * sign < -1e-6 * sizes[1] and taken > 1e-6 * radian:  # two turning points in one step
+            step, landed, aimed = 0.5 * taken, False, True
+            continue
+        else:
+            ma = signed(mx, mv, middle_w, at_g, at_h, sized, more, rounding, sign, rests)
         last[3] = (bend - ma) * taken * taken / 0.375
         rest = BEYOND * abs(last[3]) * taken * sizes[1] / (sizes[0] * sizes[0]) / tolerance
         if rest > 1.0:
-            step = taken * max(0.2, 0.9 * rest ** (-1 / 7))
+            step, landed, aimed = taken * max(0.2, 0.9 * rest ** (-1 / 7)), False, False
             continue
         error = max(error, rest)
-        sign = 1.0 if v > 0.0 else -1.0
-        beyond = v * sign > edge * (1.0 + 1e-9)
-        if edge > 0.0 and beyond and pv * sign < edge * (1.0 - 1e-6) and 2.0 * edge < WIDE * taken * abs(pa):
-            usual, step = taken, taken * share_until(v, a, pv, pa, taken, edge * sign)
+        way = 1.0 if v > 0.0 else -1.0
+        beyond = v * way > edge * (1.0 + 1e-9)
+        if edge > 0.0 and beyond and pv * way < edge * (1.0 - 1e-6) and 2.0 * edge < WIDE * taken * abs(pa):
+            usual, step = taken, taken * share_until(v, a, pv, pa, taken, edge * way)
             continue
         if tangents > 0:
             for i in range(1, 5):
@@ -238,8 +370,8 @@ def march(coefficients, q, active, law, epsilon, start, knots, g, h, tolerance, 
                 else:
                     sx, sv = along(last, now, taken, last[3], POINTS[i])
                 linearise(
-                    sx, sv, (gone + POINTS[i] * taken) / width, at_g, at_h, sized, more, epsilon, active, rests, sizes,
-                    read[i],
+                    sx, sv, (gone + POINTS[i] * taken) / width, at_g, at_h, sized, more, epsilon, rounding, sign,
+                    active, rests, sizes, read[i],
                 )  # fmt: skip
             over_a_step(read, taken, sources, local, half)
             old, new = slopes[count - 1], slopes[count]
@@ -272,7 +404,10 @@ def march(coefficients, q, active, law, epsilon, start, knots, g, h, tolerance, 
         count += 1
         grown = taken * min(5.0, 0.9 * max(error, 1e-10) ** (-1 / 7))
         step = max(grown, step) if whole else grown
-        if usual > 0.0 and not whole:
+        if exact:
+            step, aimed = min(max(step, usual) if landed else step, radian), False
+            usual = 0.0 if landed else usual
+        elif usual > 0.0 and not whole:
             if v * a < edge * abs(a) * (1.0 - 1e-3):  # before the edge on the other side
                 step = min(step, 2.0 * edge / abs(a) / PARTS)
             else:

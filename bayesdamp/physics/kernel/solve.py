@@ -16,6 +16,8 @@ TOLERANCE = 3e-8
 """Error of a step as a share of the amplitude."""
 MOST_A_CYCLE = 4000
 """Steps in a cycle after which a motion is given up."""
+ROUNDED = 5e-4
+"""Share of the peak velocity within which a shape that is steep at rest is rounded off where ε is 0 (conventional)."""
 PARTS = 3
 """Of a step, in which trapezoids and low-order formulas take a motion (conventional)."""
 QUANTITIES = ("angle", "velocity", "acceleration")
@@ -73,12 +75,18 @@ class Motion:
 
     @cached_property
     def refined(self) -> tuple[np.ndarray, np.ndarray]:
-        """Times, (r,), so close that curves between them are short, with θ, θ̇, θ̈ there, (r, 3): steps in `PARTS`."""
+        """Times, (r,), so close that curves between them are short, with θ, θ̇, θ̈ there, (r, 3): steps in `PARTS`.
+
+        Where the acceleration jumps the time is there twice, with the value before and after."""
         from bayesdamp.physics.kernel.dense import at_times
 
-        step = np.diff(self.times)[:, None] * np.arange(PARTS) / PARTS
-        times = np.append((self.times[:-1, None] + step).ravel(), self.times[-1:])
-        return times, np.column_stack([at_times(self.times, self.states, times, order) for order in range(3)])
+        steps = np.diff(self.times)
+        times = self.times[:-1, None] + steps[:, None] * np.arange(PARTS) / PARTS
+        values = [at_times(self.times, self.states, times.ravel(), order) for order in range(3)]
+        states = np.stack(values, axis=-1).reshape(-1, PARTS, 3)
+        states[:, 0] = self.states[:-1, :3]
+        kept = (steps[:, None] > 0) | (np.arange(PARTS) == 0)
+        return np.append(times[kept], self.times[-1:]), np.vstack([states[kept], self.states[-1:, :3]])
 
 
 @dataclass(frozen=True)
@@ -104,7 +112,8 @@ class Solver:
 
     names: of the parameters, in the order of the vectors that `solve` takes: coefficients, what
     the shapes take further, the law's, θ₀, θ̇₀.
-    amplitude (rad or m) and frequency (rad/s) set the scales of tolerances. windows: of samples, (n,), whose means are
+    amplitude (rad or m) and frequency (rad/s) set the scales of tolerances. epsilon (rad/s or m/s): width within which
+    friction turns over, 0 for the sign itself, under which a body sticks. windows: of samples, (n,), whose means are
     wanted in place of the values at t; then the last knot must not come before the last sample.
     """
 
@@ -222,7 +231,7 @@ class Solver:
         q = np.zeros(layout.further)
         q[layout.given] = p[layout.own : layout.law.start]
         times, states, slopes = self.kernel.march(
-            coefficients, q, switched, p[layout.law].copy(), float(self.epsilon), p[layout.law.stop :].copy(),
+            coefficients, q, switched, p[layout.law].copy(), *self._widths(self.epsilon), p[layout.law.stop :].copy(),
             knots, g, h, tolerance or TOLERANCE, self._sizes, tangents, most,
         )  # fmt: skip
         if times.size == 0:
@@ -269,8 +278,13 @@ class Solver:
                 q[:, i] = further[:, self.further.index(name)]
         out = np.zeros((len(further), whole))
         points = (np.array(one, float) for one in (x, v, weight))
-        self.kernel.sums(*points, float(self.epsilon if epsilon is None else epsilon), q, switched, out)
+        widths = self._widths(self.epsilon if epsilon is None else epsilon)
+        self.kernel.sums(*points, *widths, q, switched, out)
         return out[:, self._places]
+
+    def _widths(self, epsilon: float) -> tuple[float, float]:
+        """ε of terms that jump where it is 0, and of those that are rounded off."""
+        return float(epsilon), float(epsilon) or ROUNDED * self.amplitude * self.frequency
 
     def _deviations(
         self, stop: float, g: np.ndarray | None, h: np.ndarray | None

@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from bayesdamp.physics.kernel.forces import damping_slopes, restoring_slopes
+from bayesdamp.physics.kernel.forces import EXACT, TINY, damping_slopes, restoring_slopes
 
 # --- tangents ---
 
@@ -16,20 +16,35 @@ POWERS = np.linalg.inv(np.vander(POINTS, increasing=True))
 WHOLE, HALF = (POWERS.T @ (end ** np.arange(1.0, 6.0) / np.arange(1.0, 6.0)) for end in (1.0, 0.5))
 """Weights at the points of an integral over a step and over its first half."""
 MOST_TERMS, SMALL = 30, 1e-13
+SLOW = 2e-6
+"""Share of the peak velocity at which slopes are taken where exact friction's motion is slower: twice the step of
+central differences."""
 """Terms of the power series of a step at most, and their size, over the sum's, at which it ends."""
 
 
 @njit
-def linearise(x, v, w, g_at, h_at, c, q, epsilon, active, law, sizes, row):
+def turned(v, sign):
+    """Return the velocity, a tiny one where it is 0, and the ε with which friction has exactly this sign there."""
+    if v == 0.0:
+        v = sign * TINY
+    return v, sign * v * EXACT
+
+
+@njit
+def linearise(x, v, w, g_at, h_at, c, q, epsilon, rounding, sign, active, law, sizes, row):
     """Slopes of the force by x and v at one point, and the sources of the tangents, into a row of `over_a_step`'s.
 
-    w, g_at, h_at, c, q, law: as in `acceleration`. row: (2 + m + e + r + 4,): by x and v, then coefficients, the terms'
-    further parameters, the law's, and the hats of g and h to the left and right of w.
+    w, g_at, h_at, c, q, epsilon, rounding, law: as in `acceleration`. row: (2 + m + e + r + 4,): by x and v, then
+    coefficients, the terms' further parameters, the law's, and the hats of g and h to the left and right of w.
+    sign: of the velocity, where friction has it exactly, else 0.
     """
     damps = 1.0 + g_at[0] + w * (g_at[1] - g_at[0])
     pulls = 1.0 + 2.0 * (h_at[0] + w * (h_at[1] - h_at[0]))
     last = row.size - 4
-    total, by_x, by_v = damping_slopes(x, v, epsilon, q, c, active, sizes, damps, row)
+    if sign != 0.0:
+        slow = SLOW * sizes[1]
+        v, epsilon = turned(v if abs(v) > slow else sign * slow, sign)
+    total, by_x, by_v = damping_slopes(x, v, epsilon, rounding, q, c, active, sizes, damps, row)
     force, slope = restoring_slopes(x, law, sizes, pulls, row, last - (len(law) - 1))
     row[0], row[1] = damps * by_x + pulls * slope, damps * by_v
     row[last], row[last + 1] = (1.0 - w) * total, w * total
@@ -163,6 +178,23 @@ def over_a_step(read, step, sources, local, half):
         local[0, p] = a0 * r0 + a1 * r1 + a2 * r2 + a3 * r3
         local[1, p] = b0 * r0 + b1 * r1 + b2 * r2 + b3 * r3 + b4 * r4
         half[p] = m0 * r0 + m1 * r1 + m3 * r3 + m4 * r4
+
+
+@njit
+def curvatures(slopes, row, live, base, piece, knots, by_knots):
+    """Curvatures of the tangents (k, 4) at one point from their values and slopes there and `linearise`'s row.
+
+    live, base: as in `march`; knots: how many there are; by_knots: whether tangents by g and h are wanted.
+    """
+    for p in range(slopes.shape[0]):
+        slopes[p, 2] = -(row[0] * slopes[p, 0] + row[1] * slopes[p, 1])
+    for p in live:
+        slopes[p, 2] -= row[2 + p]
+    if by_knots:
+        for i in range(2):
+            p = base + 2 + piece + i
+            slopes[p, 2] -= row[2 + base + i]
+            slopes[p + knots, 2] -= row[4 + base + i]
 
 
 @njit

@@ -1,8 +1,8 @@
 """Restoring laws: one class in one module each, found by name."""
 
-from bayesdamp.physics.restoring._law import LinearForm, RestoringLaw, Scalar
+from bayesdamp.physics.restoring._law import LinearForm, RestoringLaw
 from bayesdamp.plugins import Registry
 
 LAWS: Registry[RestoringLaw] = Registry("bayesdamp.physics.restoring", "restoring law")
 
-__all__ = ["LAWS", "LinearForm", "RestoringLaw", "Scalar"]
+__all__ = ["LAWS", "LinearForm", "RestoringLaw"]

@@ -5,19 +5,13 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar, TypeAlias
+from typing import ClassVar
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from bayesdamp.physics.arrays import on_arrays, slope_of
 from bayesdamp.types import Symbol
-
-if TYPE_CHECKING:
-    from jax import Array
-    from jax.typing import ArrayLike
-
-Scalar: TypeAlias = "float | Array"
-"""A parameter: a number, or an array that broadcasts against the angles."""
-
 
 SYMBOLS = {
     "stiffness": Symbol("stiffness k", r"stiffness $k$", "stiffness"),
@@ -56,14 +50,22 @@ class RestoringLaw(ABC):
     shift: ClassVar[str] = ""
     """The parameter that moves the force along the angle and changes nothing else, "" where there is none."""
 
-    @abstractmethod
-    def force(self, theta: ArrayLike, p: Mapping[str, Scalar]) -> Array:
-        """Restoring force per inertia, rad/s²; θ of any shape, parameters broadcast against it."""
-
     @staticmethod
     def kernel(x: float, p: Sequence[float] | np.ndarray) -> float:
-        """`force` of one angle in plain Python with `math` and `np` alone, p in the order of `parameters`."""
+        """Restoring force per inertia, rad/s², at one angle x (rad), p in the order of `parameters`.
+
+        Plain Python with `math` and `np` alone: compiled kernels are made of it, and `force`.
+        """
         raise NotImplementedError
+
+    def force(self, theta: ArrayLike, p: Mapping[str, ArrayLike]) -> np.ndarray:
+        """Return the restoring force, rad/s²; θ of any shape, parameters broadcast against it."""
+        values = tuple(np.asarray(p[n], float) for n in self.parameters)
+        return on_arrays(self.kernel)(np.asarray(theta, float), values)
+
+    def slope(self, theta: ArrayLike, p: Mapping[str, ArrayLike]) -> np.ndarray:
+        """Return its derivative by the angle, 1/s²."""
+        return slope_of(lambda x: self.force(x, p), np.asarray(theta, float))
 
     @abstractmethod
     def start(self, frequency: float, rest: float, known: Mapping[str, float]) -> dict[str, float]:

@@ -3,16 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from bayesdamp.numerics.lazily import jnp
-from bayesdamp.physics.restoring._law import LinearForm, RestoringLaw, Scalar
-
-if TYPE_CHECKING:
-    from jax import Array
-    from jax.typing import ArrayLike
+from bayesdamp.physics.restoring._law import LinearForm, RestoringLaw
 
 
 class Duffing(RestoringLaw):
@@ -24,14 +18,9 @@ class Duffing(RestoringLaw):
     shift = "rest_angle"
     translates = True
 
-    def force(self, theta: ArrayLike, p: Mapping[str, Scalar]) -> Array:
-        """k(θ − θ_e) + β(θ − θ_e)³, rad/s²."""
-        x = jnp.asarray(theta) - p["rest_angle"]
-        return p["stiffness"] * x + p["cubic"] * x**3
-
     @staticmethod
     def kernel(x: float, p: Sequence[float] | np.ndarray) -> float:
-        """The same of p = (k, θ_e, β)."""
+        """F at an angle x, p = (k, θ_e, β)."""
         return (p[0] + p[2] * (x - p[1]) ** 2) * (x - p[1])
 
     def start(self, frequency: float, rest: float, known: Mapping[str, float]) -> dict[str, float]:

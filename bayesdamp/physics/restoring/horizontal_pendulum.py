@@ -4,18 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from bayesdamp.numerics.lazily import jnp
-from bayesdamp.physics.elementary import cosine
 from bayesdamp.physics.rest import newton
-from bayesdamp.physics.restoring._law import LinearForm, RestoringLaw, Scalar
-
-if TYPE_CHECKING:
-    from jax import Array
-    from jax.typing import ArrayLike
+from bayesdamp.physics.restoring._law import LinearForm, RestoringLaw
 
 
 class HorizontalPendulum(RestoringLaw):
@@ -25,14 +18,9 @@ class HorizontalPendulum(RestoringLaw):
     formula = "k(θ − θs) − γ cos θ"
     parameters = ("stiffness", "gravity", "spring_angle")
 
-    def force(self, theta: ArrayLike, p: Mapping[str, Scalar]) -> Array:
-        """k(θ − θ_s) − γ cos θ, rad/s²."""
-        theta = jnp.asarray(theta)
-        return p["stiffness"] * (theta - p["spring_angle"]) - p["gravity"] * cosine(theta)
-
     @staticmethod
     def kernel(x: float, p: Sequence[float] | np.ndarray) -> float:
-        """The same of p = (k, γ, θ_s)."""
+        """F at an angle x, p = (k, γ, θ_s)."""
         return p[0] * (x - p[2]) - p[1] * math.cos(x)
 
     def start(self, frequency: float, rest: float, known: Mapping[str, float]) -> dict[str, float]:

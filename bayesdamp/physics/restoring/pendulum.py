@@ -4,17 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from bayesdamp.numerics.lazily import jnp
-from bayesdamp.physics.elementary import sine
-from bayesdamp.physics.restoring._law import LinearForm, RestoringLaw, Scalar
-
-if TYPE_CHECKING:
-    from jax import Array
-    from jax.typing import ArrayLike
+from bayesdamp.physics.restoring._law import LinearForm, RestoringLaw
 
 
 class Pendulum(RestoringLaw):
@@ -25,13 +18,9 @@ class Pendulum(RestoringLaw):
     parameters = ("stiffness", "rest_angle")
     shift = "rest_angle"
 
-    def force(self, theta: ArrayLike, p: Mapping[str, Scalar]) -> Array:
-        """k sin(θ − θ_e), rad/s²."""
-        return p["stiffness"] * sine(jnp.asarray(theta) - p["rest_angle"])
-
     @staticmethod
     def kernel(x: float, p: Sequence[float] | np.ndarray) -> float:
-        """The same of p = (k, θ_e)."""
+        """F at an angle x, p = (k, θ_e)."""
         return p[0] * math.sin(x - p[1])
 
     def start(self, frequency: float, rest: float, known: Mapping[str, float]) -> dict[str, float]:

@@ -166,29 +166,25 @@ def _drawn(law: Approximate, sampler: str, asked: Settings) -> tuple[Chains, flo
     return found, time.perf_counter() - began
 
 
-def _motions(branch: Branch, law: Approximate, values: np.ndarray) -> Motions | None:
-    """Draws under the laws alone; None for a term whose force JAX cannot trace."""
+def _motions(branch: Branch, law: Approximate, values: np.ndarray) -> Motions:
+    """Draws under the laws alone."""
     oscillator = law.oscillator
-    if any(t.untraced for t in oscillator.terms):
-        return None
     every = {**law.known, **{n: values[..., i] for i, n in enumerate(law.names)}}
     amplitude = branch.record.reference.amplitude
     return Motions(oscillator, every, branch.record.seen.rest, amplitude, branch.spec.inertia)
 
 
 def _with_derived(
-    summary: dict[str, Any], motions: Motions | None, ensembles: int | None
+    summary: dict[str, Any], motions: Motions, ensembles: int | None
 ) -> tuple[dict[str, Any], dict[str, int]]:
     """Summaries with those of what follows from the draws, and how many draws have none of a quantity."""
-    derived = {} if motions is None else derive(motions)
+    derived = derive(motions)
     partial = {n: int(np.sum(~np.isfinite(v))) for n, v in derived.items() if not np.all(np.isfinite(v))}
     more = {n: diagnostics.summarise(v, ensembles) for n, v in derived.items() if n not in partial}
     return {**summary, **more}, partial
 
 
-def _curves(
-    law: Approximate, motions: Motions | None, grid: np.ndarray, u: np.ndarray
-) -> dict[str, np.ndarray]:
+def _curves(law: Approximate, motions: Motions, grid: np.ndarray, u: np.ndarray) -> dict[str, np.ndarray]:
     """Decrement and damping ratio with the deviations over a record's amplitudes, as `posteriors.curves` has them."""
     few = u[:: max(1, len(u) // CURVE_DRAWS)]
     drawn = law.ratio_draws(grid, few)
@@ -198,8 +194,7 @@ def _curves(
     ratio = np.quantile(drawn[:, whole], (*LEVELS, *SPREAD), axis=0)
     found = {"amplitudes": grid[whole], f"curve/{CURVE}": ratio[: len(LEVELS)]}
     found[f"spread/{CURVE}"] = ratio[len(LEVELS) :]
-    if motions is not None:
-        # A cycle's decrement is so many times its damping ratio, by the restoring law alone.
-        plain = against_amplitude(motions, grid[whole], (0.5,))
-        found["curve/log_decrement"] = found[f"curve/{CURVE}"] * plain["log_decrement"] / plain[CURVE]
+    # A cycle's decrement is so many times its damping ratio, by the restoring law alone.
+    plain = against_amplitude(motions, grid[whole], (0.5,))
+    found["curve/log_decrement"] = found[f"curve/{CURVE}"] * plain["log_decrement"] / plain[CURVE]
     return found

@@ -13,7 +13,7 @@ from bayesdamp.physics.damping import TERMS, parse_model
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.pipeline.records.noise import NoiseCell, noise_cell
 from bayesdamp.pipeline.records.records import SignalCell
-from bayesdamp.pipeline.records.stored_modes import alone, unpacked
+from bayesdamp.pipeline.records.stored_modes import unpacked
 from bayesdamp.pipeline.records.targets import Record
 from bayesdamp.store import Store
 from bayesdamp.store.contents.records import NoiseContent
@@ -44,8 +44,7 @@ class Branch:
     @property
     def forces(self) -> list[str]:
         """The source of the damping terms and of the law, which are found by name."""
-        terms = dict.fromkeys((*self.terms, *self.beside))
-        return [*map(TERMS.source, terms), LAWS.source(self.restoring)]
+        return [*map(TERMS.source, self.terms), LAWS.source(self.restoring)]
 
     @cached_property
     def record(self) -> Record:
@@ -83,43 +82,16 @@ class Branch:
 
     @cached_property
     def target(self) -> Target:
-        """The target of this candidate alone."""
+        """The target of this candidate."""
         return self.record.target(self.terms, self.restoring, self.noise, epsilon=self.epsilon)
 
     @cached_property
-    def shared(self) -> Target:
-        """The target in the program of all dampings that are compared under the law, where candidates are many."""
-        return self.record.target(
-            self.terms, self.restoring, self.noise, beside=self.beside, epsilon=self.epsilon
-        )
-
-    @cached_property
-    def beside(self) -> tuple[str, ...]:
-        """The terms of all dampings compared, where the candidates share a program.
-
-        None where each has its own: without a known ε, or with an exact switch, of which a candidate without friction
-        need not know.
-        """
-        system = self.spec.under(self.restoring)
-        if "epsilon" in system.free or system.known.get("epsilon") == 0.0:
-            return ()
-        every = [parse_model(m) for m in self.study.dampings(self.spec)]
-        whole = max(every, key=len)
-        return whole if all(set(terms) <= set(whole) for terms in every) else ()
-
-    @cached_property
     def restored_mode(self) -> Mode:
-        """The mode in the scores of `shared`. Raises Refusal where there is none."""
+        """The mode of this candidate. Raises Refusal where there is none."""
         found = self.store.read(f"mode/{self.path}")
         if found.outcome != OK:
             raise Refusal(following(found.name, found.outcome))
-        return unpacked(found, self.shared)
-
-    @cached_property
-    def own_mode(self) -> Mode:
-        """The mode in the scores of this candidate alone."""
-        mode = self.restored_mode
-        return alone(mode, self.shared, self.target) if self.beside else mode
+        return unpacked(found, self.target)
 
     @property
     def many(self) -> bool:

@@ -53,9 +53,8 @@ def cells_of(branch: Branch) -> dict[str, str]:
         return found
     priors = {t: str(branch.study.models.prior.get(t)) for t in branch.terms}
     noise = branch.noise_cell.key if branch.noise_cell else branch.study.noises[0]
-    shared = ("shared", branch.beside) if branch.beside else ()
     named = [*branch.forces, *map(NOISES.source, branch.study.noises), ESTIMATORS.source(REGRESSION)]
-    parts = (branch.model, noise, priors, use.stages, chosen, *branch.other, *shared)
+    parts = (branch.model, noise, priors, use.stages, chosen, *branch.other)
     mode_key = task_key("mode", branch.parent.key, list(found.values()), named, *parts)
     found[f"mode/{branch.path}"] = mode_key
     law = approximate.under_law(branch.study)

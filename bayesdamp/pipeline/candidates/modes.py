@@ -68,7 +68,7 @@ def compute_mode(branch: Branch, name: str, key: str) -> None:
     try:
         (seeds, refused), seen = seeds_of(branch), branch.record.seen
         mode = find_mode(
-            branch.shared,
+            branch.target,
             seeds,
             noise_level=seen.roughness,
             period=seen.period,
@@ -78,8 +78,8 @@ def compute_mode(branch: Branch, name: str, key: str) -> None:
         branch.store.write(CellResult(name, key, outcome=str(refusal), seconds=plain_seconds(began)))
         return
     seed = cell_seed(branch.study, f"checks/{branch.spec.name}/{branch.repeat}")
-    fit = check_fit(branch.shared, mode, branch.record.seen.period, seed)
-    found, scores = packed(mode, branch.shared, branch.target)
+    fit = check_fit(branch.target, mode, branch.record.seen.period, seed)
+    found, scores = packed(mode)
     later = fit.forecast
     checked = replace(
         found,

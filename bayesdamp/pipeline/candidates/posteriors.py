@@ -34,10 +34,7 @@ def compute_posterior(branch: Branch, name: str, key: str, seed: int) -> None:
     plugin = SAMPLERS.get(sampler)
     settings = Settings(s.chains, s.warmup, s.draws, seed % 2**31)
     try:
-        # An approximation is one of the candidate's own parameters.
-        alone = plugin.approximate
-        target, mode = (branch.target, branch.own_mode) if alone else (branch.shared, branch.restored_mode)
-        found = diagnostics.summarised(plugin.sample(target, mode, settings))
+        found = diagnostics.summarised(plugin.sample(branch.target, branch.restored_mode, settings))
     except Refusal as refusal:
         branch.store.write(CellResult(name, key, outcome=str(refusal)))
         return

@@ -97,8 +97,8 @@ Product = tuple[Content, dict[str, np.ndarray]]
 
 def _widths(branch: Branch, source: CellResult, seed: int) -> Product:
     y, log_weights = (source.arrays[n].astype(float) for n in ("y", "log_weights"))
-    target = branch.shared
-    coefficients = [n for n in target.oscillator.coefficients if n in target.live]
+    target = branch.target
+    coefficients = list(target.oscillator.coefficients)
     anew = anew_exactly(target, branch.restored_mode)
     return _of_widths(against_width(target.priors, coefficients, y, log_weights, anew, seed))
 
@@ -115,7 +115,7 @@ def _of_widths(widths: Widths) -> Product:
 
 
 def _half(branch: Branch, source: CellResult, seed: int) -> Product:
-    found, signal = predict(branch.model, branch.shared, branch.restored_mode, seed), branch.record.signal
+    found, signal = predict(branch.model, branch.target, branch.restored_mode, seed), branch.record.signal
     return _of_half(source, found, signal.t, signal.y)
 
 
@@ -182,9 +182,7 @@ def _noises(branch: Branch, source: CellResult, seed: int) -> Product:
             found[noise] = UnderNoise(whole.log_evidence)
             continue
         try:
-            target = branch.record.target(
-                branch.terms, branch.restoring, noise, beside=branch.beside, epsilon=branch.epsilon
-            )
+            target = branch.record.target(branch.terms, branch.restoring, noise, epsilon=branch.epsilon)
             fit = fit_with(target, {Seed("under the chosen noise"): start}, branch.record.seen)
             found[noise] = UnderNoise(fit.log_evidence)
         except Refusal as refusal:

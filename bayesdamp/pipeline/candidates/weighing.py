@@ -49,9 +49,7 @@ def compute_evidence(branch: Branch, name: str, key: str, seed: int) -> None:
             return
         plugin = EVIDENCES.get(method)
         draws = _draws(branch) if plugin.needs_draws else None
-        alone = method == NESTED_CHECK  # which would pay for the idle scores of a shared program
-        target, mode = (branch.target, branch.own_mode) if alone else (branch.shared, branch.restored_mode)
-        one = plugin.evidence(branch.model, target, mode, seed, draws)
+        one = plugin.evidence(branch.model, branch.target, branch.restored_mode, seed, draws)
     except Refusal as refusal:
         store.write(CellResult(name, key, outcome=str(refusal)))
         return
@@ -81,7 +79,7 @@ def _draws(branch: Branch) -> Draws | None:
     if "nuts" not in branch.study.posterior.samplers:
         return None
     cell = branch.store.read(f"posterior/{branch.path}/nuts")
-    return Draws.of(branch.shared, cell.arrays["draws"], cell.outcome) if "draws" in cell.arrays else None
+    return Draws.of(branch.target, cell.arrays["draws"], cell.outcome) if "draws" in cell.arrays else None
 
 
 def evidences(store: Store, record: str, model: str, methods: Sequence[str]) -> list[Evidence]:

@@ -17,8 +17,8 @@ def weighted_curves(branch: Branch, seed: int) -> dict[str, np.ndarray]:
     if cell is None or cell.outcome != OK or "log_weights" not in cell.arrays:
         return {}
     chosen = resampled(cell.arrays["log_weights"].astype(float), CURVE_DRAWS, np.random.default_rng(seed))
-    inferred = branch.shared.values(cell.arrays["y"].astype(float)[chosen])
-    values = {**branch.shared.known, **inferred}
+    inferred = branch.target.values(cell.arrays["y"].astype(float)[chosen])
+    values = {**branch.target.known, **inferred}
     seen, oscillator = branch.record.seen, branch.target.oscillator
     own = {n: values[n] for n in oscillator.inputs}
     return curves(Motions(oscillator, own, seen.rest, seen.amplitude), seen)

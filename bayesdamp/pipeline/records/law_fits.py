@@ -80,7 +80,7 @@ class LawFit:
             except Refusal as refusal:
                 outcome = str(refusal)
             else:
-                content, arrays = packed(fit.mode, fit.target, fit.target)
+                content, arrays = packed(fit.mode)
                 meta = replace(content, log_evidence=fit.log_evidence).meta()
         self.store.write(CellResult(self.name, self.key, meta, arrays, outcome, plain_seconds(began)))
 

@@ -187,7 +187,7 @@ class SignalCell:
         source = self.spec.source
         if self.repeat or not isinstance(source, Simulation) or source.noise != "gaussian":
             return {}
-        if not all(TERMS.get(term).shaped for term in source.damping):
+        if any(TERMS.get(term).further for term in source.damping):
             return {}
         truth = {**self.spec.system.known, **source.truth}
         exact = truth.get("epsilon") == 0.0 and any(TERMS.get(term).switches for term in source.damping)

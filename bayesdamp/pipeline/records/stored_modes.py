@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from bayesdamp.inference.fit.laplace import value_sds
@@ -19,18 +17,16 @@ SCORES = ("origin", "z")
 """Scores of a climb, shape (d,) each, stored as one array of all searches, (searches, d)."""
 
 
-def packed(mode: Mode, target: Target, own: Target) -> tuple[ModeContent, dict[str, np.ndarray]]:
-    """What a cell keeps of a mode, and its arrays.
-
-    target: the one the mode is of, which may have idle scores; own: the candidate's alone, whose parameters are shown.
-    """
+def packed(mode: Mode) -> tuple[ModeContent, dict[str, np.ndarray]]:
+    """Return what a cell keeps of a mode, and its arrays."""
+    target = mode.likelihood.target
     sds = value_sds(target, mode.z, np.linalg.inv(mode.information))
-    climbs, modes, touching = _climbs(mode, target, own.names)
+    climbs, modes, touching = _climbs(mode)
     content = ModeContent(
-        values={n: float(v) for n, v in target.values(mode.z).items() if n in own.priors},
-        sd={n: s for n, s in sds.items() if n in own.priors},
+        values={n: float(v) for n, v in target.values(mode.z).items()},
+        sd={n: s for n, s in sds.items()},
         known=dict(target.known),
-        priors={n: p.describe() for n, p in own.priors.items()},
+        priors={n: p.describe() for n, p in target.priors.items()},
         log_posterior=mode.log_posterior,
         tolerance=mode.tolerance,
         error_budget={"step_error": mode.step_error, "log_likelihood_change": mode.likelihood_error},
@@ -53,26 +49,9 @@ def unpacked(cell: CellResult, target: Target) -> Mode:
     )
 
 
-def alone(mode: Mode, target: Target, own: Target) -> Mode:
-    """A mode of `target` in the scores of the candidate alone."""
-    live = [i for i, n in enumerate(target.names) if n in own.names]
-    return restore_mode(
-        own,
-        mode.z[live],
-        mode.log_posterior,
-        mode.information[np.ix_(live, live)],
-        mode.tolerance,
-        tuple(replace(c, origin=c.origin[live], z=c.z[live]) for c in mode.searches),
-    )
-
-
-def _climbs(
-    mode: Mode, target: Target, own: tuple[str, ...]
-) -> tuple[tuple[Climb, ...], tuple[Maximum, ...], tuple[str, ...]]:
-    """What the seeds came to, the modes that they found, and the coefficients that touch zero.
-
-    own: names of the candidate's own parameters.
-    """
+def _climbs(mode: Mode) -> tuple[tuple[Climb, ...], tuple[Maximum, ...], tuple[str, ...]]:
+    """What the seeds came to, the modes that they found, and the coefficients that touch zero."""
+    target = mode.likelihood.target
     found, where = basins(mode)
     rows = []
     for c, number in zip(mode.searches, where, strict=True):
@@ -80,13 +59,10 @@ def _climbs(
         distance = float(np.sqrt(max(away @ mode.information @ away, 0.0)))
         rows.append(Climb(**{k: getattr(c, k) for k in CLIMB}, distance=distance, mode=number))
     modes = tuple(
-        Maximum(b.log_posterior, b.share, {n: float(v) for n, v in target.values(b.z).items() if n in own})
-        for b in found
+        Maximum(b.log_posterior, b.share, {n: float(v) for n, v in target.values(b.z).items()}) for b in found
     )
     sd = mode.sd()
     touching = tuple(
-        n
-        for n, z, s, f in zip(target.names, mode.z, sd, target.layout.reflected, strict=True)
-        if f and n in own and abs(z) < s
+        n for n, z, s, f in zip(target.names, mode.z, sd, target.reflected, strict=True) if f and abs(z) < s
     )
     return tuple(rows), modes, touching

@@ -61,13 +61,12 @@ class Record:
         law: str,
         noise: str,
         *,
-        beside: tuple[str, ...] = (),
         reference: Reference | None = None,
         epsilon: float | None = None,
     ) -> Target:
         """The target of damping terms under a law. Raises Refusal where the record is not one for this noise.
 
-        beside: as in `build_target`. reference: that of several records, from which an ε that was not given follows
+        reference: that of several records, from which an ε that was not given follows
         too; without one, the record's own. epsilon: in rad/s, the one that suits the record, where it was not given.
         """
         own = reference is None
@@ -80,7 +79,6 @@ class Record:
             self.reference if reference is None else reference,
             noise=noise,
             term_priors={t: p for t, p in self.study.models.prior.items() if t in terms},
-            beside=beside,
         )
 
 

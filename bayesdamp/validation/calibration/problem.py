@@ -83,7 +83,7 @@ class Generator:
             duration=s.duration,
             samples=s.samples,
             noise_sd=p["noise_sd"],
-            noise=self.blank.layout.noise.name,
+            noise=self.blank.noise_model.name,
             noise_time=p.get("noise_time"),
             noise_dof=p.get("noise_dof"),
             outliers=s.outliers,

@@ -11,9 +11,7 @@ import numpy as np
 
 from bayesdamp.config import Study
 from bayesdamp.inference.fit.mode import Mode
-from bayesdamp.inference.model import batches
 from bayesdamp.inference.samplers import SAMPLERS, Settings
-from bayesdamp.inference.samplers._many import BATCH, sample_many
 from bayesdamp.store import CellResult
 from bayesdamp.store.contents.calibration import RanksContent
 from bayesdamp.types import OK, InputError, Posterior, Refusal
@@ -27,7 +25,8 @@ from bayesdamp.validation.calibration.problem import (
     record_rng,
 )
 
-CHUNK = BATCH
+CHUNK = 16
+"""Records of one task."""
 LIKELIHOOD = "log_likelihood"
 """Ranked with the parameters: it sees what the ranks of single parameters may not (Modrák et al., 2023)."""
 
@@ -102,8 +101,8 @@ def _fit(made: Generator, drawn: Drawn) -> _Fit:
 
 def _log_likelihood(fit: _Fit) -> float:
     target = fit.drawn.target
-    z = target.scores(fit.drawn.truth)[None]
-    return float(batches.log_likelihood(target, fit.mode.context, z)[0])
+    z = target.scores(fit.drawn.truth)
+    return fit.mode.likelihood.log_likelihood(z)
 
 
 def _sampled(
@@ -111,16 +110,7 @@ def _sampled(
 ) -> dict[int, Posterior | str]:
     """The posterior of each record, or the sentence with which the sampler refused it."""
     p = study.posterior
-    settings = Settings(p.chains, p.warmup, p.draws)
     seeds = {i: int(record_rng(study.seed, model, first + i, sampler).integers(2**31 - 2)) for i in fits}
-    if sampler == "nuts":
-        targets, modes = [f.drawn.target for f in fits.values()], [f.mode for f in fits.values()]
-        try:
-            return dict(
-                zip(fits, sample_many(targets, modes, settings, [seeds[i] for i in fits]), strict=True)
-            )
-        except Exception as fault:
-            failure(fault)  # one by one it shows which record is at fault
     found: dict[int, Posterior | str] = {}
     for i, fit in fits.items():
         own = Settings(p.chains, p.warmup, p.draws, seeds[i])

@@ -14,7 +14,7 @@ from scipy.special import logsumexp
 from bayesdamp.config import Simulation, Study
 from bayesdamp.inference.evidence import EVIDENCES
 from bayesdamp.physics.damping import parse_model
-from bayesdamp.physics.integrate import simulate
+from bayesdamp.physics.trajectories import simulate
 from bayesdamp.priors import LogNormal
 from bayesdamp.store import CellResult
 from bayesdamp.store.contents.calibration import RecoveryContent

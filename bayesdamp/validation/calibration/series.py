@@ -14,13 +14,12 @@ from bayesdamp.config import Study
 from bayesdamp.inference.evidence import EVIDENCES
 from bayesdamp.inference.noise import NOISES
 from bayesdamp.inference.samplers import SAMPLERS
-from bayesdamp.machine.cache_eviction import evict_programs
 from bayesdamp.machine.threads import cores
 from bayesdamp.outcomes import Status, status_of
 from bayesdamp.physics.damping import TERMS
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.pipeline.keys import task_key
-from bayesdamp.pipeline.workers import cache_compilations, pool_of, progress_bar
+from bayesdamp.pipeline.workers import pool_of, progress_bar
 from bayesdamp.plugins import use
 from bayesdamp.store import CellResult, Store
 from bayesdamp.store.contents.calibration import ChunkContent
@@ -164,8 +163,6 @@ def _stored(study: Study, store: Store, series: Series, first: int) -> CellResul
 def _chunk(study: Study, folder: Path, series: Series, first: int) -> CellResult:
     """Compute and store one chunk; a fault of the program is stored as one."""
     use(study.plugins)
-    cache_compilations()
-    evict_programs()
     name, key = series.cell(study, first)
     try:
         result = replace(series.compute(study, first), name=name, key=key)

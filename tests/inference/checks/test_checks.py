@@ -18,10 +18,9 @@ from bayesdamp.inference.checks.checks import (
 )
 from bayesdamp.inference.fit.mode import whitening
 from bayesdamp.inference.fit.search import find_mode
-from bayesdamp.inference.model.batches import log_posterior
 from bayesdamp.inference.model.target import Target
-from bayesdamp.physics.integrate import simulate
 from bayesdamp.physics.oscillator import Oscillator
+from bayesdamp.physics.trajectories import simulate
 from bayesdamp.priors import HalfNormal, LogNormal, Normal
 from bayesdamp.types import Refusal, Seed, Signal
 
@@ -195,7 +194,7 @@ def test_laplace_draws_stay_where_terms_make_up_for_each_other():
 
     def depth(z: np.ndarray) -> float:
         return float(
-            mode.log_posterior - 2.5 * np.log(2 * np.pi) - np.mean(log_posterior(target, mode.context, z))
+            mode.log_posterior - 2.5 * np.log(2 * np.pi) - np.mean(mode.likelihood.log_posteriors(z))
         )
 
     top = depth(mode.z[None])
@@ -223,7 +222,7 @@ def test_laplace_draws_lean_on_the_wall():
     mode = find_mode(target, {Seed("s"): {"zeta": 0.01}}, noise_level=NOISE)
     assert abs(mode.z[0]) < 1e-6
     grid = np.linspace(0.0, 8 * float(mode.sd()[0]), 2001)
-    height = log_posterior(target, mode.context, grid[:, None])
+    height = mode.likelihood.log_posteriors(grid[:, None])
     mean = np.average(grid, weights=np.exp(height - height.max()))
     assert laplace_draws(target, mode, 20_000, 1).mean() == pytest.approx(mean, rel=0.05)
     half = np.sqrt(2 / np.pi) * float(mode.sd()[0])

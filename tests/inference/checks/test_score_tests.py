@@ -15,11 +15,9 @@ from bayesdamp.inference.checks.residual_spectrum import orthonormal
 from bayesdamp.inference.checks.score_tests import FORMS, SIZE, Other, other_form, responses
 from bayesdamp.inference.fit.mode import Mode
 from bayesdamp.inference.fit.search import find_mode
-from bayesdamp.inference.model.residuals import residual, whitened
+from bayesdamp.inference.model.likelihood import Likelihood
 from bayesdamp.inference.model.target import Target
-from bayesdamp.physics.integrate import make_plan
 from bayesdamp.physics.oscillator import Oscillator
-from bayesdamp.physics.solver.steps import MeshPlan
 from bayesdamp.priors import HalfNormal, Normal
 from bayesdamp.types import Seed, Signal
 
@@ -79,9 +77,9 @@ def fitted(form: int, size: float) -> tuple[Target, Mode]:
 def probed(made: Target, mode: Mode, noise: np.ndarray) -> Other:
     """The test where so much noise, (n,) in its sds, is added to what a fit to it leaves."""
     absorbed = orthonormal(tangents(made, mode).T)
-    scores = whitened(made, residual(made, mode.context.plan, mode.z), mode.z)
+    scores = mode.likelihood.whitened(mode.likelihood.residual(mode.z), mode.z)
     scores = scores + noise - absorbed @ (absorbed.T @ noise)
-    return other_form(made, mode, scores, absorbed, lambda change: change / NOISE)
+    return other_form(mode, scores, absorbed, lambda change: change / NOISE)
 
 
 @pytest.mark.parametrize("form", range(len(FORMS)))
@@ -91,9 +89,11 @@ def test_the_response_is_what_a_small_force_does(form: int, quantity: str) -> No
     size = 1e-4
     truth = (moved(form, size, quantity) - moved(form, -size, quantity)) / (2 * size)
     made = target(np.zeros_like(TIMES), quantity)
-    plan = make_plan(made.oscillator, {**made.known, **TRUTH}, TIMES, quantity)
-    assert isinstance(plan, MeshPlan)
-    found = responses(made, plan, made.scores(TRUTH))
+    likelihood = Likelihood.near(made, made.scores(TRUTH), 1e-7)
+    p = {**made.known, **TRUTH}
+    motion = likelihood.motions.motion(p)
+    assert motion is not None
+    found = responses(likelihood, motion, p)
     jumps = "rest" in FORMS[form].words
     off = np.abs(found - truth).max(axis=1) / np.abs(truth).max()
     if not (jumps and quantity == "acceleration"):  # the jump itself is wherever a sample is
@@ -128,7 +128,7 @@ def test_another_law_is_seen_and_named() -> None:
     """Cubic damping fitted as viscous, where 18 nats are hidden in the noise: 19 of 20 series of noise show it (0.1 %
     would be seen by chance), most of them by its name."""
     made, mode = fitted(0, 0.069)
-    left = residual(made, mode.context.plan, mode.z) / NOISE
+    left = mode.likelihood.residual(mode.z) / NOISE
     assert 12 < 0.5 * np.sum(left**2) < 25
     rng = np.random.default_rng(13)
     found = [probed(made, mode, rng.standard_normal(TIMES.size)) for _ in range(20)]
@@ -169,12 +169,13 @@ def test_the_bayes_factor_is_that_of_quadrature(form: int, share: float) -> None
     one. The control: another form's is not this."""
     largest = 2 * ZETA * V
     made, mode = fitted(form, 0.01 * largest)
-    way = residual(made, mode.context.plan, mode.z) / (0.01 * largest)  # what is left, per size of the form
+    way = mode.likelihood.residual(mode.z) / (0.01 * largest)  # what is left, per size of the form
     noise = 0.1 * largest * SIZE * np.linalg.norm(way)
     made, mode = fitted(form, share * largest)
     scale = SIZE * 2 * float(made.values(mode.z)["zeta"]) * V
     made = replace(made, known={**made.known, "noise_sd": noise})
-    left = residual(made, mode.context.plan, mode.z) / noise
+    mode = replace(mode, likelihood=Likelihood.near(made, mode.z, mode.tolerance))
+    left = mode.likelihood.residual(mode.z) / noise
     drawn = np.random.default_rng([15, form]).standard_normal(TIMES.size)
     absorbed = orthonormal(tangents(made, mode).T)
     scores = left + drawn - absorbed @ (absorbed.T @ drawn)
@@ -187,7 +188,7 @@ def test_the_bayes_factor_is_that_of_quadrature(form: int, share: float) -> None
 
     low = -8 * scale if FORMS[form].signed else 0.0
     truth = np.log(quad(weight, low, 8 * scale, limit=400, points=[0.0, 0.1 * largest])[0])
-    found = other_form(made, mode, scores, absorbed, lambda change: change / noise).rivals
+    found = other_form(mode, scores, absorbed, lambda change: change / noise).rivals
     of = {r.words: r.log_bayes for r in found}
     assert of.pop(FORMS[form].words) == pytest.approx(truth, abs=0.05 + 0.02 * abs(truth))
     assert not all(abs(b - truth) < 0.05 for b in of.values())
@@ -201,8 +202,7 @@ def test_what_changes_may_grow_or_shrink(form: int) -> None:
     absorbed = orthonormal(tangents(made, mode).T)
     noise = np.random.default_rng(16).standard_normal(TIMES.size)
     both = [
-        other_form(made, mode, sign * noise, absorbed, lambda change: change / NOISE).rivals
-        for sign in (1, -1)
+        other_form(mode, sign * noise, absorbed, lambda change: change / NOISE).rivals for sign in (1, -1)
     ]
     one, mirrored = ({r.words: r.log_bayes for r in found}[FORMS[form].words] for found in both)
     assert (abs(one - mirrored) < 1e-9) == ("depends" in FORMS[form].words or "changes" in FORMS[form].words)

@@ -4,10 +4,8 @@ from __future__ import annotations
 
 from functools import lru_cache
 
-import jax
 import numpy as np
 import pytest
-from jax import numpy as jnp
 
 from bayesdamp.inference.coordinates.noise_shear import NoiseShear
 from bayesdamp.inference.coordinates.shear import shear_of
@@ -78,11 +76,11 @@ def test_a_lift_keeps_volumes_and_is_flat_at_the_mode() -> None:
     tied = NoiseShear.of(target, mode)
     z = mode.z + np.random.default_rng(0).standard_normal((7, 5))
     np.testing.assert_allclose(tied.level(tied.sheared(z)), z, atol=1e-12)
-    np.testing.assert_allclose(np.asarray(jax.jit(tied.sheared)(jnp.asarray(z))), tied.sheared(z), atol=1e-12)
-    np.testing.assert_allclose(np.asarray(jax.jit(tied.level)(jnp.asarray(z))), tied.level(z), atol=1e-12)
-    measured = np.asarray(jax.jacfwd(tied.sheared)(jnp.asarray(z[0])))
-    np.testing.assert_allclose(tied.slope(z[0]), measured, atol=1e-12)
-    assert np.linalg.det(measured) == pytest.approx(1.0)
+    steps = 1e-5 * np.eye(5)
+    measured = np.stack([(tied.sheared(z + e) - tied.sheared(z - e)) / 2e-5 for e in steps], axis=-1)
+    np.testing.assert_allclose(tied.slope(z), measured, atol=1e-9)
+    np.testing.assert_array_equal(tied.slope(z)[0], tied.slope(z[0]))
+    assert np.linalg.det(tied.slope(z)) == pytest.approx(np.ones(7))
     np.testing.assert_allclose(tied.slope(mode.z), np.eye(5), atol=1e-12)
     assert np.max(np.abs(measured - np.eye(5))) > 0.1
 
@@ -112,7 +110,7 @@ def test_slow_noise_is_sampled(monkeypatch: pytest.MonkeyPatch) -> None:
     target, mode = slow()
     settings = Settings(chains=4, warmup=100, draws=400, seed=2)
     at = nuts.whitening_of(target, mode)
-    found = nuts.PLUGIN.attempt(target, mode, at, settings, shorter=0.5).posterior(target)
+    found = nuts.PLUGIN.attempt(mode, at, settings, shorter=0.5).posterior(mode)
     assert not nuts.poor(found)
     summary = found.summary["noise_time"]
     assert summary["ess_bulk"] > 300
@@ -129,6 +127,6 @@ def test_slow_noise_is_sampled(monkeypatch: pytest.MonkeyPatch) -> None:
     assert abs(bridged.log_evidence - weighed.log_evidence) < 4 * np.hypot(bridged.stderr, weighed.stderr)
     monkeypatch.setattr(NoiseShear, "of", classmethod(lambda cls, target, mode: cls.none(mode.z.size)))
     at = nuts.whitening_of(target, mode)
-    plain = nuts.PLUGIN.attempt(target, mode, at, settings, shorter=0.5).posterior(target)
-    assert plain.summary["noise_time"]["ess_bulk"] < 0.1 * summary["ess_bulk"]
+    plain = nuts.PLUGIN.attempt(mode, at, settings, shorter=0.5).posterior(mode)
+    assert plain.summary["noise_time"]["ess_bulk"] < 0.2 * summary["ess_bulk"]
     assert bridge.PLUGIN.evidence("m", target, mode, 5, draws).stderr > 1.5 * bridged.stderr

@@ -91,7 +91,7 @@ def test_a_remedy_that_makes_it_worse_is_not_taken(monkeypatch: pytest.MonkeyPat
     """A fit elsewhere, though the first one were poor; the control: with that fit alone nothing is found."""
     target, mode = problems.target("touching_zero"), problems.mode("touching_zero")
     plain = Importance().evidence("m", target, mode, 1)
-    reflected = np.asarray(target.layout.reflected)
+    reflected = target.reflected
     elsewhere = ReflectedT(np.abs(mode.z) + 30 * mode.sd(), mode.factor, reflected)
     monkeypatch.setattr("bayesdamp.inference.evidence.methods.importance.K_GOOD", -np.inf)
     monkeypatch.setattr(Importance, "_refit", staticmethod(lambda *_: None))

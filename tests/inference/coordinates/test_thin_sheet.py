@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from bayesdamp.inference.checks import diagnostics
-from bayesdamp.inference.coordinates import truncated_normal
 from bayesdamp.inference.evidence.methods import importance
 from bayesdamp.types import OK
 
@@ -26,7 +25,7 @@ def height(z: np.ndarray) -> np.ndarray:
     return -0.5 * (off**2 + np.sum(z**2, axis=-1)) + 1.5 * np.log(2 / np.pi)
 
 
-def slopes(_: object, z: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def slopes(z: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     gradient = -(z.sum() - TOTAL) / WIDTH**2 - z
     return height(z), gradient, np.eye(3) + np.ones((3, 3)) / WIDTH**2
 
@@ -34,20 +33,16 @@ def slopes(_: object, z: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray
 @pytest.fixture
 def sheet(monkeypatch: pytest.MonkeyPatch) -> tuple[Any, Any]:
     """A target and its mode, at two of three walls, with that density in place of a record's."""
-    monkeypatch.setattr(truncated_normal, "compiled", lambda _: SimpleNamespace(curvature=slopes))
     monkeypatch.setattr(importance, "reflected_log_posterior", lambda target, mode, y: height(y))
     monkeypatch.setattr(importance, "shear_of", lambda target, mode: None)
     names = ("a", "b", "c")
-    target = SimpleNamespace(
-        names=names, noise="gaussian", layout=SimpleNamespace(reflected=(True, True, True))
-    )
+    target = SimpleNamespace(names=names, noise="gaussian", reflected=np.ones(3, bool))
     at = np.array([1e-9, 1e-9, TOTAL])
-    information = slopes(None, at)[2]
+    information = slopes(at)[2]
     factor = np.linalg.cholesky(np.linalg.inv(information))
     sds = np.sqrt(np.diag(factor @ factor.T))
-    return target, SimpleNamespace(
-        z=at, information=information, factor=factor, sd=lambda: sds, context=None, near=None
-    )
+    near = SimpleNamespace(curvature=slopes, gradient=lambda z: slopes(z)[:2], target=target)
+    return target, SimpleNamespace(z=at, information=information, factor=factor, sd=lambda: sds, near=near)
 
 
 def test_evidence_on_a_thin_sheet_between_walls(sheet: tuple[Any, Any]) -> None:

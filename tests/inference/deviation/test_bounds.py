@@ -29,17 +29,22 @@ TIMES = np.arange(1000) * 2 * math.pi / W / 40
 
 
 @lru_cache
-def weighed(noise: float) -> tuple[Weighing, Result]:
-    """A viscous decay; the likeliest candidate."""
-    y = trajectory("linear", P, TIMES)[:, 0] + noise * np.random.default_rng(5).standard_normal(TIMES.size)
-    weighing = weighing_of(Signal(TIMES, y), restoring=["linear"])
+def weighed(noise: float, friction: float = 0.0) -> tuple[Weighing, Result]:
+    """A viscous decay, or one with exact friction too, which is known to be exact; the likeliest candidate."""
+    known = {"epsilon": 0.0} if friction else None
+    y = trajectory("linear", P | {"mu_c": friction} | (known or {}), TIMES)[:, 0]
+    y += noise * np.random.default_rng(5).standard_normal(TIMES.size)
+    weighing = weighing_of(Signal(TIMES, y), restoring=["linear"], known=known)
     each = probabilities(weighing, False)
     return weighing, max(weighing.results, key=lambda r: each[r.candidate])
 
 
-def test_tangents_are_the_kernel_s_own() -> None:
-    """Of terms that the kernel has too: the same variational equation by another method and another force."""
-    weighing, result = weighed(0.002)
+@pytest.mark.parametrize("friction", [0.0, 0.15])
+def test_tangents_are_the_kernel_s_own(friction: float) -> None:
+    """Of terms that the kernel has too: the same variational equation by another method and another force; through
+    turning points and sticking too."""
+    weighing, result = weighed(0.002, friction)
+    assert (np.sum(result.motion.states[:, 2] == 0) > 1) == bool(friction)
     solver, about = weighing.solvers["linear"], result.about
     assert about is not None
     forms = [f for name in ("cubic", "displacement") for f in bounds._forms(weighing, result, name)]

@@ -40,7 +40,7 @@ def reference() -> dict:
 
 @lru_cache
 def problem(damping: tuple[str, ...], held: bool = False) -> tuple[Target, Mode]:
-    """The target of a sum in the program of both terms, and its mode; held: half-normal priors of scale 0.1, each by
+    """The target of a sum of terms, and its mode; held: half-normal priors of scale 0.1, each by
     itself, as a control."""
     given = reference()
     made = given["problem"]
@@ -51,7 +51,7 @@ def problem(damping: tuple[str, ...], held: bool = False) -> tuple[Target, Mode]
     }  # fmt: skip
     system = System("linear", known, {})
     scale = Reference(made["amplitude"], made["omega"])
-    target = build_target(signal, damping, system, features(signal), scale, beside=BOTH)
+    target = build_target(signal, damping, system, features(signal), scale)
     if held:
         target = replace(target, scales=(1.0,) * SHARED_SCALES.size)
     start = {Seed("near the truth"): {n: 1.1 * v for n, v in given["truth"].items()}}
@@ -74,7 +74,7 @@ def test_importance_and_laplace_against_quadrature(damping) -> None:
     found = EVIDENCES.get("importance").evidence("m", target, mode, 1)
     assert found.outcome == "ok"
     assert found.log_evidence == pytest.approx(exact(damping), abs=CLOSE)
-    assert log_evidence_near(target, mode.context, mode.z) == pytest.approx(exact(damping), abs=2 * CLOSE)
+    assert log_evidence_near(mode.likelihood, mode.z) == pytest.approx(exact(damping), abs=2 * CLOSE)
 
 
 @pytest.mark.parametrize("method", ["bridge", "nested"])

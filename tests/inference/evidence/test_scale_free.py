@@ -48,7 +48,7 @@ def sampled(damping: tuple[str, ...], factor: float, held: bool = False) -> floa
     """Log evidence by importance sampling; held: half-normal priors of scale 0.1, each by itself."""
     signal = record(factor)
     system = System("linear", {**KNOWN, "noise_sd": NOISE * factor}, {})
-    target = build_target(signal, damping, system, features(signal), REFERENCE, beside=SUMS[-1])
+    target = build_target(signal, damping, system, features(signal), REFERENCE)
     if held:
         target = replace(target, scales=(1.0,) * SHARED_SCALES.size)
     seeds = {Seed("truth"): {"zeta": 0.04 * factor, "mu_c": 0.03 * factor}}
@@ -81,8 +81,9 @@ def test_lighter_damping_leaves_bayes_factors_as_they_are() -> None:
         return np.array([both - sampled(single, size, held) for single in SUMS[:2]])
 
     heavy, light, lighter = factors(1.0), factors(0.01), factors(1e-4)
-    # Two standard errors of each, and what sums over scales vary by with the size (0.01 nats).
-    assert light == pytest.approx(lighter, abs=0.06)
+    # Two standard errors of each, what sums over scales vary by with the size (0.01 nats), and what the motion of the
+    # heavier one is not linear by (0.06, by the linear expansions at both).
+    assert light == pytest.approx(lighter, abs=0.1)
     assert heavy[0] == pytest.approx(light[0], abs=0.5)
     held = factors(0.01, held=True) - factors(1e-4, held=True)
     assert held == pytest.approx(np.log(100.0), abs=0.1)

@@ -20,8 +20,8 @@ from bayesdamp.inference.model.build import build_target
 from bayesdamp.inference.model.defaults import Reference
 from bayesdamp.inference.model.target import Target
 from bayesdamp.inference.noise import NOISES
-from bayesdamp.physics.integrate import simulate
 from bayesdamp.physics.oscillator import Oscillator
+from bayesdamp.physics.trajectories import simulate
 from bayesdamp.records.cleaning.quantum import recording_step
 from bayesdamp.records.oscillation.features import features
 from bayesdamp.types import Refusal, Seed, Signal, System

@@ -10,9 +10,9 @@ from bayesdamp.inference.fit.maximise import maximise_posterior
 from bayesdamp.inference.fit.retraction import retraction, straight_on
 from bayesdamp.inference.fit.search import find_mode
 from bayesdamp.inference.model.target import Target
-from bayesdamp.physics.integrate import simulate
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.physics.restoring import LAWS
+from bayesdamp.physics.trajectories import simulate
 from bayesdamp.priors import HalfNormal, LogNormal, Normal
 from bayesdamp.types import Seed, Signal
 
@@ -96,8 +96,8 @@ def test_a_climb_along_the_curve_arrives_where_a_straight_one_creeps() -> None:
     found = find_mode(target, {Seed("s"): SEED}, noise_level=0.01)
     assert found.searches[0].converged
     z = target.scores(SEED)
-    along = maximise_posterior(target.layout, found.context, z, limit=120, retract=retraction(target))
-    straight = maximise_posterior(target.layout, found.context, z, limit=120)
+    along = maximise_posterior(found.likelihood, z, limit=120, retract=retraction(target))
+    straight = maximise_posterior(found.likelihood, z, limit=120)
     assert along.converged
     assert along.value == pytest.approx(found.log_posterior, abs=0.05)
     assert not straight.converged or straight.evaluations > 2 * along.evaluations

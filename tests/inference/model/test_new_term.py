@@ -6,7 +6,6 @@ import math
 
 import numpy as np
 import pytest
-from jax import numpy as jnp
 
 from bayesdamp.inference.evidence import EVIDENCES
 from bayesdamp.inference.fit.search import find_mode
@@ -14,8 +13,8 @@ from bayesdamp.inference.model.build import build_target
 from bayesdamp.inference.model.defaults import Reference
 from bayesdamp.inference.samplers import SAMPLERS, Settings
 from bayesdamp.physics.damping import TERMS, DampingTerm, parse_model
-from bayesdamp.physics.integrate import simulate
 from bayesdamp.physics.oscillator import Oscillator
+from bayesdamp.physics.trajectories import simulate
 from bayesdamp.records.oscillation.features import features
 from bayesdamp.types import InputError, Seed, Signal, System
 from tests.physics.independent import trajectory
@@ -28,8 +27,9 @@ class Cubic(DampingTerm):
     parameter = "mu_cubed"
     unit = "s/rad²"
 
-    def shape(self, velocity, epsilon):
-        return jnp.asarray(velocity) ** 3
+    @staticmethod
+    def kernel(x, v, epsilon):
+        return v**3
 
     def ratio_per_unit(self, amplitude, frequency):
         return 3 / 8 * amplitude**2 * frequency

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import math
 
-import jax
-import jax.numpy as jnp
 import numpy as np
 import pytest
 from pydantic import TypeAdapter, ValidationError
@@ -49,7 +47,6 @@ def test_outside_the_support(name):
     for x in (low - 0.1, high + 0.1):
         if math.isfinite(x):
             assert float(prior.log_density(x)) == -math.inf
-            assert math.isinf(float(jnp.asarray(prior.log_density(x))))
 
 
 @CASES
@@ -66,9 +63,7 @@ def test_normal_scores_have_the_stated_density(name):
     """Change of variables: N(z)·|dz/dx| is the density at x, twice that where the score is reflected."""
     prior = PRIORS[name][0]
     z = np.linspace(0.1, 2.5, 13)
-    slope = np.abs(
-        np.asarray(jax.vmap(lambda x: jax.grad(prior.transform)(x, *prior.numbers))(jnp.asarray(z)))
-    )
+    slope = np.abs((prior.value(z + 1e-6) - prior.value(z - 1e-6)) / 2e-6)
     images = 2.0 if prior.reflected else 1.0
     expected = np.log(images * stats.norm.pdf(z) / slope)
     np.testing.assert_allclose(np.asarray(prior.log_density(prior.value(z))), expected, atol=1e-10)

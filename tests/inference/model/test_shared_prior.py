@@ -1,29 +1,23 @@
-"""The prior of coefficients that share an unknown scale: the same in NumPy and in JAX, normalised, with its slope."""
+"""The prior of coefficients that share an unknown scale: normalised, with its slope."""
 
 from __future__ import annotations
 
 from dataclasses import replace
 
-import jax
-import jax.numpy as jnp
 import numpy as np
 import pytest
 from scipy import stats
 from scipy.integrate import quad
 from scipy.special import gammaln
 
-from bayesdamp.inference.model import batches
 from bayesdamp.inference.model.build import build_target
 from bayesdamp.inference.model.defaults import Reference, default_prior
-from bayesdamp.inference.model.density import log_posterior, log_prior, prior_precision
-from bayesdamp.inference.model.gradient import curvature, value_and_gradient
-from bayesdamp.inference.model.linearised import linearise
-from bayesdamp.inference.model.target import SHARED_ABSENT, Target
+from bayesdamp.inference.model.likelihood import Likelihood
+from bayesdamp.inference.model.target import Target
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.priors import (
     SHARED_SCALES,
     SHARED_SIGMAS,
-    HalfNormal,
     Normal,
     SharedHalfNormal,
     joint_log_density,
@@ -42,11 +36,9 @@ SIGNAL = Signal(T, 0.3 * np.exp(-0.05 * T) * np.cos(4.47 * T) + NOISE)
 REFERENCE = Reference(0.3, 4.47)
 
 
-def target(*damping: str, priors: dict | None = None) -> Target:
+def target(*damping: str) -> Target:
     system = System("linear", {"rest_angle": 0.0, "epsilon": 0.03}, {})
-    return build_target(
-        SIGNAL, damping, system, features(SIGNAL), REFERENCE, term_priors=priors, beside=EVERY
-    )
+    return build_target(SIGNAL, damping, system, features(SIGNAL), REFERENCE)
 
 
 def scores(one: Target, seed: int, size: float = 1.0) -> np.ndarray:
@@ -100,63 +92,64 @@ def test_density_of_parameters_and_its_slope() -> None:
 
 @pytest.mark.parametrize("damping", [("viscous",), ("viscous", "coulomb"), EVERY], ids="+".join)
 @pytest.mark.parametrize("size", [1e-6, 1e-3, 1.0])
-def test_jax_and_numpy_agree(damping, size) -> None:
+def test_the_prior_of_the_scores_is_that_of_the_parameters(damping, size) -> None:
+    """By a change of variables; a reflected score is of either sign, which halves its density."""
     one = target(*damping)
-    assert one.layout == target(*EVERY).layout
-    context, z = one.context(one.plan(scores(one, 1), 1e-5)[0]), scores(one, 2, size)
-    found = float(log_prior(one.layout, context, jnp.asarray(z)))
-    assert found == pytest.approx(float(batches.log_prior(one, z)), rel=1e-12)
-    present = np.array([n in one.live for n in one.names])
-    positive = np.asarray(one.layout.reflected)
-    own = float(log_prior_of(z[present], positive[present], one.shared[present]))
-    folds = np.sum(positive & present) * np.log(2.0)
-    absent = float(np.sum(stats.norm.logpdf(z[~present])))
-    assert found == pytest.approx(own - folds + absent, rel=1e-12)
+    z = scores(one, 2, size)
+    found = float(Likelihood.near(one, z, 1e-5).log_prior(z))
+    own = float(log_prior_of(z, one.reflected, one.shared))
+    assert found == pytest.approx(own - np.sum(one.reflected) * np.log(2.0), rel=1e-12)
+    priors = list(one.priors.values())
+    x = np.array([float(p.value(z[i])) for i, p in enumerate(priors)])
+    rates = np.array([float(p.rate(z[i])) for i, p in enumerate(priors)])
+    assert own == pytest.approx(float(joint_log_density(priors, x)) + np.sum(np.log(rates)), rel=1e-10)
     assert int(one.shared.sum()) == len(damping)
+    separate = sum(float(p.log_density(v)) for p, v in zip(priors, x, strict=True)) + np.sum(np.log(rates))
+    assert (len(damping) > 1) == (abs(separate - own) > 0.1)  # control: as if each had a scale of its own
 
 
 @pytest.mark.parametrize("damping", [("viscous",), ("viscous", "coulomb")], ids="+".join)
 @pytest.mark.parametrize("size", [1e-3, 1.0])
-def test_slopes_of_the_prior(damping, size) -> None:
-    """By central differences; and the curvature is that of a parabola which touches the log prior from below."""
+def test_the_curvature_of_the_prior(damping, size) -> None:
+    """It is that of a parabola that touches the log prior from below. Control: a flatter one does not stay there."""
     one = target(*damping)
-    context, z = one.context(one.plan(scores(one, 1), 1e-5)[0]), scores(one, 2, size)
-    precision = np.asarray(prior_precision(one.layout, context, jnp.asarray(z)))
-    step = 1e-5 * size
-    for i in np.flatnonzero(np.asarray(one.layout.reflected)):
-        ends = [float(batches.log_prior(one, z + sign * step * np.eye(z.size)[i])) for sign in (1, -1)]
-        assert -precision[i] * z[i] == pytest.approx((ends[0] - ends[1]) / (2 * step), rel=1e-5)
+    z = scores(one, 2, size)
+    likelihood = Likelihood.near(one, z, 1e-5)
+    squares, count = np.sum(z[one.shared] ** 2), int(one.shared.sum())
+    precision = np.where(one.shared, shared_precision(squares, count), 1.0)
     rng = np.random.default_rng(3)
-    for _ in range(20):
-        other = np.where(one.shared, z * np.exp(rng.standard_normal(z.size)), z)
-        below = batches.log_prior(one, z) - 0.5 * np.sum(precision * (other**2 - z**2))
-        assert batches.log_prior(one, other) >= below - 1e-9
+    others = np.array([np.where(one.shared, z * np.exp(rng.standard_normal(z.size)), z) for _ in range(20)])
+
+    def above(share: float) -> np.ndarray:
+        parabola = likelihood.log_prior(z) - 0.5 * (others**2 - z**2) @ (share * precision)
+        return likelihood.log_prior(others) - parabola
+
+    assert np.all(above(1.0) >= -1e-9)
+    assert not np.all(above(0.7) >= -1e-9)
 
 
 def test_gradient_and_curvature_of_the_posterior() -> None:
     """Both by central differences of the log posterior, also of coefficients of a thousandth of the prior's unit."""
     one = target("viscous", "coulomb")
     for size in (1e-3, 1.0):
-        z = jnp.asarray(scores(one, 2, size))
-        context = one.context(one.plan(np.asarray(z), 1e-7)[0])
-        height = jax.jit(lambda at, context=context: log_posterior(one.layout, context, at))
-        gradient = np.asarray(value_and_gradient(one.layout, context, z)[1])
-        found = curvature(one.layout, context, linearise(one.layout, context, z), z)
-        assert np.asarray(found[1]) == pytest.approx(gradient, rel=1e-6)
+        z = scores(one, 2, size)
+        likelihood = Likelihood.near(one, z, 1e-9)
+        value, gradient = likelihood.gradient(z)
+        assert value == pytest.approx(likelihood.log_posterior(z), abs=1e-9)
+        found = likelihood.curvature(z)
+        assert found[1] == pytest.approx(gradient, rel=1e-12)
         for i in np.flatnonzero(one.shared):
-            step = 1e-5 * size * np.eye(z.size)[i]
-            slope = float(height(z + step) - height(z - step)) / (2 * step.sum())
-            assert gradient[i] == pytest.approx(slope, rel=1e-3)
-        assert np.all(np.linalg.eigvalsh(np.asarray(found[2])) > 0)
-
-
-def test_absent_terms_are_of_the_kind_that_present_ones_are() -> None:
-    one = target("viscous", priors={"coulomb": HalfNormal(0.3)})
-    other = target("coulomb", priors={"coulomb": HalfNormal(0.3)})
-    assert one.layout == other.layout
-    assert one.priors["mu_q"] == SHARED_ABSENT
-    assert list(one.live[:1]) == ["zeta"]
-    assert other.shared.sum() == 0
+            step = 1e-4 * size * np.eye(z.size)[i]
+            ends = [likelihood.log_posterior(z + sign * step) for sign in (1, -1)]
+            assert gradient[i] == pytest.approx((ends[0] - ends[1]) / (2 * step.sum()), rel=1e-3)
+            by_prior = [
+                float(likelihood.log_prior(z + sign * step) - likelihood.held(1.0).log_prior(z + sign * step))
+                for sign in (1, -1)
+            ]
+            apart = gradient[i] - likelihood.held(1.0).gradient(z)[1][i]
+            assert apart == pytest.approx((by_prior[0] - by_prior[1]) / (2 * step.sum()), rel=1e-4)
+            assert apart != 0.0
+        assert np.all(np.linalg.eigvalsh(found[2]) > 0)
 
 
 def test_draws_of_the_prior() -> None:

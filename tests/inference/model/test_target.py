@@ -1,29 +1,21 @@
-"""The posterior as a function: against SciPy, its gradient, its error budget, escapes, frozen plans."""
+"""The posterior as a function: against SciPy, its gradient, its error budget, escapes."""
 
 from __future__ import annotations
 
-from functools import lru_cache, partial
+from functools import lru_cache
 
-import jax
-import jax.numpy as jnp
 import numpy as np
 import pytest
 from scipy import stats
 
 from bayesdamp.inference.fit.mode import BUDGET
 from bayesdamp.inference.fit.search import find_mode
-from bayesdamp.inference.model.batches import log_likelihood, log_prior
 from bayesdamp.inference.model.build import build_target
-from bayesdamp.inference.model.compiled import compiled
 from bayesdamp.inference.model.defaults import EPSILON_RANGE, EPSILON_SHARE, Reference, default_prior
-from bayesdamp.inference.model.density import log_posterior, parameters
-from bayesdamp.inference.model.gradient import value_and_gradient
-from bayesdamp.inference.model.linearised import linearise, linearised_log_posterior
+from bayesdamp.inference.model.likelihood import Likelihood
 from bayesdamp.inference.model.target import Target
 from bayesdamp.inference.noise import NOISES
-from bayesdamp.physics.integrate import make_plan
 from bayesdamp.physics.oscillator import Oscillator
-from bayesdamp.physics.solver.plan import compiled_record
 from bayesdamp.priors import HalfNormal, LogNormal, Normal, Prior, SharedHalfNormal, Uniform
 from bayesdamp.types import Refusal, Seed, Signal, System
 from tests.inference import problems
@@ -53,8 +45,7 @@ def test_posterior_at_the_truth(name):
     """Prior and likelihood against those of the reference's own code, on LSODA trajectories."""
     made, target = problems.reference(name), problems.target(name)
     z = target.scores(made["truth"])
-    plan, _ = target.plan(z, 1e-8)
-    found = float(log_likelihood(target, target.context(plan), z[None])[0])
+    found = Likelihood.near(target, z, 1e-8).log_likelihood(z)
     assert found == pytest.approx(made["at_truth"]["log_likelihood"], abs=2e-3)
     prior = sum(float(p.log_density(made["truth"][n])) for n, p in target.priors.items())
     assert prior == pytest.approx(made["at_truth"]["log_prior"], abs=1e-9)
@@ -65,30 +56,50 @@ def test_gradient_is_that_of_differences(noise):
     """Off the mode, so that nothing vanishes; every score, those of the noise too."""
     target, z = case(noise)
     z = z + 0.3 * np.linspace(-0.02, 0.03, z.size)
-    context = target.context(target.plan(z, 1e-7)[0])
-    value, gradient = jax.jit(partial(value_and_gradient, target.layout))(context, jnp.asarray(z))
-    run = problems.height(target.layout)
-    assert float(value) == pytest.approx(float(run(context, jnp.asarray(z))), abs=1e-9)
-    d = 1e-6
+    likelihood = Likelihood.near(target, z, 1e-9)
+    value, gradient = likelihood.gradient(z)
+    assert value == pytest.approx(likelihood.log_posterior(z), abs=1e-9)
+    d = 1e-5
     differences = []
-    for i in range(z.size):
-        up, down = (float(run(context, jnp.asarray(z).at[i].add(s * d))) for s in (1, -1))
+    for step in d * np.eye(z.size):
+        up, down = (likelihood.log_posterior(z + sign * step) for sign in (1, -1))
         differences.append((up - down) / (2 * d))
     scale = np.max(np.abs(differences))
-    np.testing.assert_allclose(np.asarray(gradient), differences, atol=1e-6 * scale + 1e-3)
+    np.testing.assert_allclose(gradient, differences, atol=1e-5 * scale + 1e-3)
     assert scale > 10  # negative control: the gradient does not vanish here
+
+
+@pytest.mark.parametrize("noise", ["gaussian", "correlated"])
+def test_slopes_in_natural_units_are_those_of_differences(noise):
+    """By every inferred parameter; without the prior's. The control: with it they are others."""
+    target, z = case(noise)
+    likelihood, p = Likelihood.near(target, z, 1e-9), target.all_values(z)
+    p["theta0"] *= 1.002
+    value, slopes = likelihood.slopes_of(p)
+    assert value == likelihood.log_likelihood_of(p)
+    differences = []
+    for name in target.names:
+        h = 1e-5 * max(abs(p[name]), 0.01)
+        up, down = (likelihood.log_likelihood_of({**p, name: p[name] + sign * h}) for sign in (1, -1))
+        differences.append((up - down) / (2 * h))
+    np.testing.assert_allclose(slopes, differences, rtol=1e-3, atol=1e-4 * np.max(np.abs(differences)))
+    there = target.scores(p)
+    rates = np.array([float(p.rate(x)) for p, x in zip(target.priors.values(), there, strict=True)])
+    by_score = likelihood.gradient(there)[1]
+    assert not np.allclose(by_score / rates, slopes, rtol=1e-6)
+    by_data = (by_score + there) / rates
+    np.testing.assert_allclose(by_data, slopes, rtol=1e-4, atol=1e-5 * np.max(np.abs(slopes)))
 
 
 def test_information_is_the_curvature_at_the_mode():
     """Gauss–Newton against differences of the gradient; they differ by what the residuals contribute. (Where a
     coefficient touches zero the posterior has a kink in its score, and no curvature.)"""
-    target, mode = problems.target("coulomb_correlated"), problems.mode("coulomb_correlated")
-    run = jax.jit(partial(value_and_gradient, target.layout))
+    mode = problems.mode("coulomb_correlated")
     d, n = 1e-5, mode.z.size
     hessian = np.empty((n, n))
-    for i in range(n):
-        up, down = (run(mode.context, jnp.asarray(mode.z).at[i].add(s * d))[1] for s in (1, -1))
-        hessian[i] = -(np.asarray(up) - np.asarray(down)) / (2 * d)
+    for i, step in enumerate(d * np.eye(n)):
+        up, down = (mode.likelihood.gradient(mode.z + sign * step)[1] for sign in (1, -1))
+        hessian[i] = -(up - down) / (2 * d)
     white = mode.factor.T @ hessian @ mode.factor
     np.testing.assert_allclose(white, np.eye(n), atol=0.3)
     np.testing.assert_allclose(mode.factor @ mode.factor.T @ mode.information, np.eye(n), atol=1e-6)
@@ -96,60 +107,81 @@ def test_information_is_the_curvature_at_the_mode():
 
 def test_linearised_posterior_touches_the_exact_one():
     """Equal at the mode, and with the same gradient; elsewhere they part."""
-    target, mode = problems.target("viscous_coulomb"), problems.mode("viscous_coulomb")
-    at = jnp.asarray(mode.z)
-    line = jax.jit(partial(linearise, target.layout))(mode.context, at)
-    surrogate = jax.jit(partial(linearised_log_posterior, target.layout))
-    exact = problems.height(target.layout)
-    assert float(surrogate(mode.context, line, at)) == pytest.approx(float(exact(mode.context, at)), abs=1e-9)
-    slope = jax.grad(lambda z: surrogate(mode.context, line, z))(at)
-    gradient = jax.jit(partial(value_and_gradient, target.layout))(mode.context, at)[1]
-    np.testing.assert_allclose(np.asarray(slope), np.asarray(gradient), atol=1e-4)
-    far = at + jnp.asarray(mode.factor @ np.full(mode.z.size, 30.0))
-    assert abs(float(surrogate(mode.context, line, far) - exact(mode.context, far))) > 0.1
+    mode = problems.mode("viscous_coulomb")
+    likelihood = mode.likelihood
+    line = likelihood.line(mode.z)
+    assert likelihood.log_posterior_along(line, mode.z) == pytest.approx(
+        likelihood.log_posterior(mode.z), abs=1e-9
+    )
+    slope, gradient = likelihood.gradient_along(line, mode.z), likelihood.gradient(mode.z)[1]
+    np.testing.assert_allclose(slope, gradient, atol=1e-4)
+    far = mode.z + mode.factor @ np.full(mode.z.size, 30.0)
+    along = likelihood.log_posterior_along(line, far)
+    assert abs(along - likelihood.log_posterior(far)) > 0.1
+    # Off the mode the gradient along the line is that of the density along it.
+    near = mode.z + mode.factor @ np.linspace(-1.0, 1.0, mode.z.size)
+    differences = [
+        (likelihood.log_posterior_along(line, near + s) - likelihood.log_posterior_along(line, near - s))
+        / 2e-5
+        for s in 1e-5 * np.eye(mode.z.size)
+    ]
+    np.testing.assert_allclose(likelihood.gradient_along(line, near), differences, rtol=1e-5, atol=1e-3)
 
 
 @pytest.mark.parametrize("name", problems.NAMES)
 def test_error_budget(name):
-    """Halving the steps changes the log likelihood by less than the budget, and so does any better trajectory."""
-    target, mode = problems.target(name), problems.mode(name)
+    """A motion a thousand times more exact changes the log likelihood by less than the budget."""
+    mode = problems.mode(name)
     assert mode.likelihood_error < BUDGET
-    run = problems.height(target.layout)
-    at = jnp.asarray(mode.z)
-    finer = target.context(target.plan(mode.z, mode.step_error / 1000)[0])
-    assert abs(float(run(mode.context, at) - run(finer, at))) < BUDGET
+    finer = mode.likelihood.within(max(mode.step_error, 1e-9) / 1000)
+    assert abs(mode.likelihood.log_posterior(mode.z) - finer.log_posterior(mode.z)) < BUDGET
     # Negative control: a trajectory as rough as a tenth of the noise is out of budget.
-    p = {n: jnp.asarray(v) for n, v in target.all_values(mode.z).items()}
-    clean = compiled_record(target.oscillator)(
-        mode.context.plan, {n: p[n] for n in target.oscillator.parameters}
-    )
-    wobble = 0.1 * float(p["noise_sd"]) * np.sin(4 * target.signal.t)
-    r = jnp.asarray(target.signal.y) - clean
-    gaps = mode.context.gaps
-    noise = target.layout.noise
-    change = noise.log_likelihood(r, gaps, p) - noise.log_likelihood(r + wobble, gaps, p)
-    assert abs(float(change)) > BUDGET
+    sd = mode.likelihood.target.all_values(mode.z)["noise_sd"]
+    wobble = 0.1 * sd * np.sin(4 * mode.likelihood.target.signal.t)
+    r = mode.likelihood.residual(mode.z)
+    change = mode.likelihood.log_noise(r, mode.z) - mode.likelihood.log_noise(r + wobble, mode.z)
+    assert abs(change) > BUDGET
 
 
-def test_frozen_plan_three_sds_away():
-    """A plan made at the mode (ε at 2 % of the peak velocity), used at parameters three posterior sds away in
-    sixteen directions, against the independent solver: still below 1e-6 rad."""
+def test_motions_three_sds_away():
+    """Of a likelihood that is made at the mode (ε at 2 % of the peak velocity), at parameters three posterior sds away
+    in sixteen directions, against the independent solver: within its tolerance."""
     target, mode = problems.target("coulomb_correlated"), problems.mode("coulomb_correlated")
-    osc = target.oscillator
-    plan = make_plan(osc, target.all_values(mode.z), target.signal.t)
+    osc, times = target.oscillator, target.signal.t
+    likelihood = Likelihood.near(target, mode.z, 1e-6)
     rng = np.random.default_rng(8)
     worst, moved = 0.0, 0.0
-    at_mode = trajectory(osc.restoring, target.all_values(mode.z), target.signal.t, longest=0.01)[:, 0]
+    at_mode = trajectory(osc.restoring, target.all_values(mode.z), times, longest=0.01)[:, 0]
     for _ in range(16):
         direction = rng.standard_normal(mode.z.size)
         z = mode.z + 3 * mode.factor @ (direction / np.linalg.norm(direction))
-        p = target.all_values(z)
-        y = compiled_record(osc)(plan, {n: jnp.asarray(p[n]) for n in osc.parameters})
-        truth = trajectory(osc.restoring, p, target.signal.t, longest=0.01)[:, 0]
-        worst = max(worst, float(np.max(np.abs(np.asarray(y) - truth))))
+        truth = trajectory(osc.restoring, target.all_values(z), times, longest=0.01)[:, 0]
+        worst = max(worst, float(np.max(np.abs(likelihood.motion(z) - truth))))
         moved = max(moved, float(np.max(np.abs(truth - at_mode))))
     assert worst < 1e-6
     assert moved > 1e-3  # the parameters do move the trajectory
+
+
+def test_a_part_of_the_record():
+    """Its samples alone count, in the noise too; the motion starts at the record's first. Of independent noise two
+    parts make up the whole."""
+    target, mode = problems.target("viscous_coulomb"), problems.mode("viscous_coulomb")
+    whole, half = mode.likelihood, target.signal.t.size // 2
+    parts = [whole.of(slice(0, half)), whole.of(slice(half, None))]
+    residuals = np.concatenate([p.residual(mode.z) for p in parts])
+    np.testing.assert_allclose(residuals, whole.residual(mode.z), atol=1e-6)
+    assert sum(p.log_likelihood(mode.z) for p in parts) == pytest.approx(
+        whole.log_likelihood(mode.z), abs=BUDGET
+    )
+    gradient = sum(p.gradient(mode.z)[1] for p in parts)
+    np.testing.assert_allclose(
+        mode.factor.T @ (gradient + mode.z - whole.gradient(mode.z)[1]), 0.0, atol=BUDGET
+    )
+    correlated = problems.mode("coulomb_correlated")
+    both = [
+        correlated.likelihood.of(s).log_likelihood(correlated.z) for s in (slice(0, half), slice(half, None))
+    ]
+    assert abs(sum(both) - correlated.likelihood.log_likelihood(correlated.z)) > 1e-3  # control
 
 
 def duffing(theta0: float) -> tuple[Target, Signal]:
@@ -167,17 +199,17 @@ def duffing(theta0: float) -> tuple[Target, Signal]:
 def test_escape_has_no_likelihood_and_no_nan():
     """A softening Duffing beyond its hilltop: −∞, in batches too, and the inner ones are finite."""
     target, _ = duffing(0.3)
-    context = target.context(
-        target.plan(target.scores({"zeta": 0.1, "cubic": -60.0, "theta0": 0.3}), 1e-6)[0]
-    )
+    likelihood = Likelihood.near(target, target.scores({"zeta": 0.1, "cubic": -60.0, "theta0": 0.3}), 1e-6)
     starts = [0.3, 0.5, 0.65, 0.8, 1.2, 3.0]
     z = np.array([target.scores({"zeta": 0.1, "cubic": -60.0, "theta0": x}) for x in starts])
-    found = np.asarray(compiled(target.layout).batch(context, jnp.asarray(z)))
+    found = likelihood.log_posteriors(z)
     assert not np.any(np.isnan(found))
     assert np.all(np.isfinite(found[:2]))
     assert np.all(found[3:] == -np.inf)
-    single = float(problems.height(target.layout)(context, jnp.asarray(z[4])))
-    assert single == -np.inf
+    value, gradient = likelihood.gradient(z[4])
+    assert value == -np.inf
+    assert np.all(np.isfinite(gradient))
+    assert likelihood.slopes_of(target.all_values(z[4]))[0] == -np.inf
 
 
 def test_nothing_but_escapes_is_refused():
@@ -191,18 +223,16 @@ def test_scores_and_values_go_back_and_forth():
     truth = problems.reference("viscous_coulomb")["truth"]
     z = target.scores(truth)
     assert {n: float(v) for n, v in target.values(z).items()} == pytest.approx(truth)
-    every = parameters(target.layout, target.context(target.plan(z, 1e-3)[0]), jnp.asarray(z))
-    assert {n: float(v) for n, v in every.items()} == pytest.approx({**target.known, **truth})
+    assert target.all_values(z) == pytest.approx({**target.known, **truth})
     assert np.all(np.abs(target.scores({"noise_sd": 1e30, "zeta": 1e30})) <= 6)
 
 
 def test_prior_of_the_scores_is_standard_normal():
-    target, mode = problems.target("viscous_coulomb"), problems.mode("viscous_coulomb")
-    prior = float(log_prior(target, mode.z))
+    mode = problems.mode("viscous_coulomb")
+    prior = float(mode.likelihood.log_prior(mode.z))
     assert prior == pytest.approx(stats.norm.logpdf(mode.z).sum(), abs=1e-12)
-    total = float(log_posterior(target.layout, mode.context, jnp.asarray(mode.z)))
-    likelihood = float(log_likelihood(target, mode.context, mode.z[None])[0])
-    assert likelihood + prior == pytest.approx(total, abs=1e-9)
+    total = mode.likelihood.log_posterior(mode.z)
+    assert mode.likelihood.log_likelihood(mode.z) + prior == pytest.approx(total, abs=1e-9)
 
 
 REFERENCE = Reference(0.3, 4.47)
@@ -266,9 +296,8 @@ def test_build_target():
     assert target.priors["mu_c"] == HalfNormal(scale=7.0)
     assert target.priors["omega0"] == Uniform(low=-1, high=1)
     assert target.known["epsilon"] == pytest.approx(EPSILON_SHARE * 0.3 * 4.47)
-    assert not target.exact_friction
     sharp = System("linear", {**system.known, "epsilon": 0.0}, system.free)
-    assert build_target(signal, ("coulomb",), sharp, FEATURES, REFERENCE).exact_friction
+    assert build_target(signal, ("coulomb",), sharp, FEATURES, REFERENCE).known["epsilon"] == 0.0
     with pytest.raises(ValueError, match="neither known nor inferred: noise_sd"):
         Target(
             signal,

@@ -1,14 +1,14 @@
-"""Noise models against SciPy's densities, and what whitening does."""
+"""Noise models against SciPy's densities, their derivatives, and what whitening does."""
 
 from __future__ import annotations
 
-import jax
-import jax.numpy as jnp
+from decimal import Decimal, localcontext
+
 import numpy as np
 import pytest
 from scipy import stats
 
-from bayesdamp.inference.noise import NOISES, NoiseModel
+from bayesdamp.inference.noise import NOISES, IndependentNoise, NoiseModel
 from bayesdamp.types import Refusal, Signal
 from tests.inference.problems import FEATURES
 
@@ -34,17 +34,18 @@ def drawn(name: str, rng: np.random.Generator, size: int = 1) -> np.ndarray:
     return rng.standard_normal((size, T.size)) @ np.linalg.cholesky(KERNEL).T
 
 
-def density(name: str, r: np.ndarray) -> float:
+def density(name: str, r: np.ndarray, p: dict[str, float] = P) -> np.ndarray:
+    """Log densities of independent residuals, (n,), or that of all correlated ones, (), by SciPy."""
+    sd = p["noise_sd"]
     if name == "gaussian":
-        return float(stats.norm.logpdf(r, scale=P["noise_sd"]).sum())
+        return stats.norm.logpdf(r, scale=sd)
     if name == "student_t":
-        return float(stats.t.logpdf(r, P["noise_dof"], scale=P["noise_sd"]).sum())
+        return stats.t.logpdf(r, p["noise_dof"], scale=sd)
     if name == "quantised":
-        ends = stats.norm.sf(
-            np.abs(r)[:, None] + P["noise_step"] * np.array([-0.5, 0.5]), scale=P["noise_sd"]
-        )
-        return float(np.log(-np.diff(ends) / P["noise_step"]).sum())
-    return float(stats.multivariate_normal.logpdf(r, cov=KERNEL))
+        ends = stats.norm.sf(np.abs(r)[:, None] + p["noise_step"] * np.array([-0.5, 0.5]), scale=sd)
+        return np.log(-np.diff(ends)[:, 0] / p["noise_step"])
+    covariance = sd**2 * np.exp(-np.abs(T[:, None] - T) / p["noise_time"])
+    return np.asarray(stats.multivariate_normal.logpdf(r, cov=covariance))
 
 
 def test_every_noise_has_an_independent_density():
@@ -55,16 +56,102 @@ def test_every_noise_has_an_independent_density():
 def test_log_likelihood(name):
     model = NOISES.get(name)
     for r in drawn(name, np.random.default_rng(1), 3):
-        found = float(model.log_likelihood(jnp.asarray(r), jnp.asarray(GAPS), P))
-        assert found == pytest.approx(density(name, r), rel=1e-10)
+        expected = density(name, r)
+        np.testing.assert_allclose(model.log_likelihood(r, GAPS, P), expected.sum(), rtol=1e-10)
+        if isinstance(model, IndependentNoise):
+            np.testing.assert_allclose(model.log_likelihoods(r, GAPS, P), expected, rtol=1e-9)
 
 
 def test_negative_control_the_wrong_clock():
     """The kernel under jitter and a gap is not that of a uniform clock of the same mean."""
     r = drawn("correlated", np.random.default_rng(1))[0]
-    uniform = jnp.full(GAPS.shape, GAPS.mean())
-    found = float(NOISES.get("correlated").log_likelihood(jnp.asarray(r), uniform, P))
-    assert abs(found - density("correlated", r)) > 1.0
+    uniform = np.full(GAPS.shape, GAPS.mean())
+    assert abs(NOISES.get("correlated").log_likelihood(r, uniform, P) - density("correlated", r)) > 1.0
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_slope(name):
+    """Against central differences of SciPy's density, one residual at a time; not at other residuals."""
+    r = drawn(name, np.random.default_rng(1))[0]
+    step = 1e-4 * P["noise_sd"]
+    expected = [
+        (density(name, r + e).sum() - density(name, r - e).sum()) / (2 * step) for e in step * np.eye(r.size)
+    ]
+    atol = 1e-6 / P["noise_sd"]
+    np.testing.assert_allclose(NOISES.get(name).slope(r, GAPS, P), expected, rtol=1e-6, atol=atol)
+    assert not np.allclose(NOISES.get(name).slope(1.01 * r, GAPS, P), expected, rtol=1e-6, atol=atol)
+
+
+@pytest.mark.parametrize("name", [n for n in NAMES if n != "correlated"])
+def test_the_default_slope_is_the_closed_form(name):
+    """Also for residuals far out in the tails, and parameters that differ from draw to draw."""
+    model = NOISES.get(name)
+    assert isinstance(model, IndependentNoise)
+    r = drawn(name, np.random.default_rng(1), 2) * np.array([[1.0], [20.0]])
+    p = {**P, "noise_sd": np.array([0.02, 0.03])}
+    slope = model.slope(r, GAPS, p)
+    atol = 1e-7 * np.max(np.abs(slope))
+    np.testing.assert_allclose(IndependentNoise.slope(model, r, GAPS, p), slope, rtol=1e-7, atol=atol)
+
+
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize(
+    "method", ["log_likelihood", "slope", "information_root", "whiten", "log_likelihoods"]
+)
+def test_leading_axes(name, method):
+    """Six records at once, with parameters by draw, as one after the other."""
+    model, rng = NOISES.get(name), np.random.default_rng(7)
+    r = drawn(name, rng, 6).reshape(2, 3, T.size)
+    p = {n: P[n] * rng.uniform(0.5, 2.0, (2, 3)) for n in (*model.parameters, *model.constants)}
+    together = getattr(model, method)(r, GAPS, p)
+    for i in np.ndindex(2, 3):
+        own = {n: float(v[i]) for n, v in p.items()}
+        np.testing.assert_allclose(together[i], getattr(model, method)(r[i], GAPS, own), rtol=1e-12)
+    first = {n: float(v[0, 0]) for n, v in p.items()}
+    shared = getattr(model, method)(r, GAPS, first)
+    assert shared.shape == together.shape
+    np.testing.assert_allclose(shared[0, 0], together[0, 0], rtol=1e-12)
+    assert not np.allclose(shared[0, 1], together[0, 1], rtol=1e-6)
+
+
+def slow_log_likelihood(r: np.ndarray, time: float) -> float:
+    """That of correlated noise in 50 digits."""
+    with localcontext() as context:
+        context.prec = 50
+        exact = [Decimal(float(x)) for x in r]
+        rho = [(-Decimal(float(g)) / Decimal(time)).exp() for g in GAPS]
+        squares = [exact[0] ** 2]
+        squares += [(b - q * a) ** 2 / (1 - q * q) for a, b, q in zip(exact, exact[1:], rho, strict=False)]
+        total = sum(squares) / Decimal(P["noise_sd"]) ** 2 + sum((1 - q * q).ln() for q in rho)
+        return -0.5 * float(total) - T.size * (np.log(P["noise_sd"]) + 0.5 * np.log(2 * np.pi))
+
+
+def test_slow_noise_keeps_its_digits():
+    """Neighbours a millionth of the noise apart; computed as r_{i+1} − ρ r_i, digits are lost."""
+    time = 1e12
+    r = 0.5 + np.cumsum(drawn("gaussian", np.random.default_rng(1))[0]) * 1e-6
+    expected = slow_log_likelihood(r, time)
+    noise, p = NOISES.get("correlated"), {**P, "noise_time": time}
+    assert noise.log_likelihood(r, GAPS, p) == pytest.approx(expected, rel=1e-12)
+    step = 1e-6 * np.sin(5 * T)  # of any size: it is quadratic
+    along = (slow_log_likelihood(r + step, time) - slow_log_likelihood(r - step, time)) / 2
+    assert noise.slope(r, GAPS, p) @ step == pytest.approx(along, rel=1e-7)
+    plain = np.append(r[0], (r[1:] - np.exp(-GAPS / time) * r[:-1]) / np.sqrt(-np.expm1(-2 * GAPS / time)))
+    assert not np.allclose(noise.whiten(r, GAPS, p), plain / P["noise_sd"], rtol=1e-9, atol=0.0)
+
+
+def test_rounded_noise_keeps_its_digits_in_the_tails():
+    """A step that is small against the noise changes nothing, 300 sds away either; where it is not small it does."""
+    r = np.array([-6.0, -0.5, -0.001, 0.0, 0.001, 0.5, 6.0])
+    gaps = np.ones(r.size - 1)
+    gaussian, quantised = NOISES.get("gaussian"), NOISES.get("quantised")
+    fine, coarse = ({**P, "noise_step": step} for step in (1e-7, 1e-2))
+    expected = gaussian.slope(r, gaps, P)
+    np.testing.assert_allclose(quantised.slope(r, gaps, fine), expected, rtol=1e-7)
+    np.testing.assert_allclose(
+        quantised.log_likelihoods(r, gaps, fine), gaussian.log_likelihoods(r, gaps, P), rtol=1e-6
+    )
+    assert not np.allclose(quantised.slope(r, gaps, coarse), expected, rtol=1e-3)
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -72,7 +159,7 @@ def test_whitened_noise_is_white(name):
     """4,000 scores: normal (Kolmogorov–Smirnov) and uncorrelated. False alarms: 1e-3 and 1e-4 a model."""
     model = NOISES.get(name)
     many = drawn(name, np.random.default_rng(2), 40)
-    white = np.asarray(jax.vmap(lambda r: model.whiten(r, jnp.asarray(GAPS), P))(jnp.asarray(many)))
+    white = model.whiten(many, GAPS, P)
     assert white.shape == many.shape
     assert stats.kstest(white.ravel(), "norm").pvalue > 1e-3
     lag = np.mean(white[:, 1:] * white[:, :-1]) * np.sqrt(white[:, 1:].size)
@@ -83,7 +170,7 @@ def test_whitened_noise_is_white(name):
 def test_negative_control_white_residuals(name):
     """Divided by their sd alone such residuals are not white normal scores."""
     many = drawn(name, np.random.default_rng(2), 40)
-    white = np.asarray(NOISES.get("gaussian").whiten(jnp.asarray(many), jnp.asarray(GAPS), P))
+    white = NOISES.get("gaussian").whiten(many, GAPS, P)
     lag = np.mean(white[:, 1:] * white[:, :-1]) * np.sqrt(white[:, 1:].size)
     assert abs(lag) > 3.9 or stats.kstest(white.ravel(), "norm").pvalue < 1e-3
 
@@ -95,17 +182,12 @@ def test_information_is_the_mean_curvature(name):
     The curvature of the normal models does not depend on the draw; that of the t scatters by 0.4 % here.
     """
     model = NOISES.get(name)
-    v = jnp.asarray(np.sin(3 * T))
-
-    @jax.jit
-    @jax.vmap
-    def curvature(r):
-        along = lambda s: model.log_likelihood(r + s * v, jnp.asarray(GAPS), P)  # noqa: E731
-        return -jax.grad(jax.grad(along))(0.0)
-
-    found = float(jnp.mean(curvature(jnp.asarray(drawn(name, np.random.default_rng(3), 400)))))
-    root = np.asarray(model.information_root(v, jnp.asarray(GAPS), P))
-    assert float(root @ root) == pytest.approx(found, rel=0.05)
+    v, step = np.sin(3 * T), 1e-4 * P["noise_sd"]
+    many = drawn(name, np.random.default_rng(3), 400)
+    slopes = [model.slope(many + sign * step * v, GAPS, P) @ v for sign in (1, -1)]
+    curvature = float(np.mean(slopes[1] - slopes[0]) / (2 * step))
+    root = model.information_root(v, GAPS, P)
+    assert root @ root == pytest.approx(curvature, rel=0.05)
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -121,11 +203,10 @@ def test_start_is_near_and_contract(name):
 
 
 def test_a_fine_step_is_gaussian_noise_and_a_coarse_one_is_not():
-    r = jnp.asarray(drawn("gaussian", np.random.default_rng(6))[0])
-    gaussian = float(NOISES.get("gaussian").log_likelihood(r, jnp.asarray(GAPS), P))
+    r = drawn("gaussian", np.random.default_rng(6))[0]
+    gaussian = NOISES.get("gaussian").log_likelihood(r, GAPS, P)
     by_step = [
-        float(NOISES.get("quantised").log_likelihood(r, jnp.asarray(GAPS), {**P, "noise_step": step}))
-        for step in (1e-4, 0.1)
+        NOISES.get("quantised").log_likelihood(r, GAPS, {**P, "noise_step": step}) for step in (1e-4, 0.1)
     ]
     assert by_step[0] == pytest.approx(gaussian, abs=1e-3)
     assert abs(by_step[1] - gaussian) > 10

@@ -15,8 +15,8 @@ from bayesdamp.inference.model.defaults import Reference
 from bayesdamp.inference.model.target import Target
 from bayesdamp.inference.samplers import SAMPLERS, Settings
 from bayesdamp.inference.samplers.kalman import natural
-from bayesdamp.physics.integrate import simulate
 from bayesdamp.physics.oscillator import Oscillator
+from bayesdamp.physics.trajectories import simulate
 from bayesdamp.priors import HalfNormal, LogNormal
 from bayesdamp.records.oscillation.features import features
 from bayesdamp.types import Posterior, Refusal, Seed, Signal, System
@@ -110,7 +110,7 @@ def test_running_estimates():
     i = found.running.index("zeta")
     mean, sd = (arrays[f"running/restarted/{what}"][:, i] for what in ("mean", "sd"))
     target, mode = problem(("viscous",))
-    unit, scale = target.priors["zeta"].value(1.0), float(np.asarray(mode.near.scales)[0])  # where it is held
+    unit, scale = target.priors["zeta"].value(1.0), mode.near.scales[0]  # where it is held
     assert mean[0] == pytest.approx(unit * scale * np.sqrt(2 / np.pi), rel=1e-3)
     away, ratio = apart(found, mean[-1], sd[-1], "zeta")
     assert away < 0.1

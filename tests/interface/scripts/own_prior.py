@@ -2,7 +2,7 @@
 # pyright: reportUnknownMemberType=false, reportMissingTypeStubs=false
 
 import jax
-import numpyro.infer
+from numpyro import infer, sample
 from numpyro.distributions import LogNormal, Normal
 
 import bayesdamp as bd
@@ -14,10 +14,10 @@ for zeta in (0.04, 0.05, 0.06):
 
 
 def together() -> None:
-    middle = numpyro.sample("log_middle", Normal(-3.0, 1.0))
+    middle = sample("log_middle", Normal(-3.0, 1.0))
     for i, density in enumerate(densities):
-        density.numpyro(prefix=f"{i}/")(zeta=numpyro.sample(f"zeta_{i}", LogNormal(middle, 0.3)))
+        density.numpyro(prefix=f"{i}/")(zeta=sample(f"zeta_{i}", LogNormal(middle, 0.3)))
 
 
-mcmc = numpyro.infer.MCMC(numpyro.infer.NUTS(together), num_warmup=100, num_samples=100, progress_bar=False)
+mcmc = infer.MCMC(infer.NUTS(together, max_tree_depth=6), num_warmup=100, num_samples=100, progress_bar=False)
 mcmc.run(jax.random.key(0))

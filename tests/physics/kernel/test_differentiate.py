@@ -107,10 +107,13 @@ def test_sums_of_tangents_are_those_of_the_tangents_at_samples(quantity: str) ->
     assert without.tangents.shape == (TIMES.size, 0)
 
 
-def test_a_kernel_by_differences_has_the_same_tangents(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("epsilon", [0.05, 0.0])
+def test_a_kernel_by_differences_has_the_same_tangents(
+    epsilon: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Terms with and without parameters of their own, and a law."""
     knots = np.linspace(0.0, TIMES[-1], 4)
-    made = Solver(("stribeck", "viscous"), "duffing", TIMES, "angle", 0.3, math.sqrt(20.0), 0.05, knots)
+    made = Solver(("stribeck", "viscous"), "duffing", TIMES, "angle", 0.3, math.sqrt(20.0), epsilon, knots)
     values = {"stribeck_velocity": 0.2, "static_excess": 0.5, "zeta": 0.05, "stiffness": 20.0, "theta0": 0.3}
     p = np.array([values.get(n, 0.03) for n in made.names])
     found = made.solve(p, np.ones(2, bool), tangents=ALL)
@@ -118,7 +121,7 @@ def test_a_kernel_by_differences_has_the_same_tangents(monkeypatch: pytest.Monke
     other = build.kernel_of(made.terms, made.restoring)
     monkeypatch.setattr(Solver, "kernel", other)
     monkeypatch.setattr(Solver, "_compiled", made.terms)
-    again = Solver(made.terms, "duffing", TIMES, "angle", 0.3, math.sqrt(20.0), 0.05, knots)
+    again = Solver(made.terms, "duffing", TIMES, "angle", 0.3, math.sqrt(20.0), epsilon, knots)
     wanted = again.solve(p, np.ones(2, bool), tangents=ALL)
     assert found is not None
     assert wanted is not None

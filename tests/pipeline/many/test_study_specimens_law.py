@@ -39,6 +39,7 @@ samplers = []
 deviation = "{deviation}"
 [evidence]
 methods = ["laplace"]
+referee = "never"
 """
 SIGNAL = """
 [[signal]]

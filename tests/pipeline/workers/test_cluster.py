@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-import os
 import threading
 import time
 from contextlib import suppress
@@ -14,17 +13,8 @@ import pytest
 import xarray
 
 from bayesdamp.inference.checks import diagnostics
-from bayesdamp.pipeline import cluster, run
+from bayesdamp.pipeline import cluster
 from bayesdamp.types import InputError, Posterior
-
-
-def test_a_worker_is_told_its_order_before_anything_can_start_jax(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.delenv("XLA_FLAGS", raising=False)
-    seen: list[str | None] = []
-    monkeypatch.setattr(run, "import_module", lambda _: seen.append(os.environ.get("XLA_FLAGS")))
-    run._prepare()
-    assert seen
-    assert all(flags is not None and "multi_thread_eigen=false" in flags for flags in seen)
 
 
 def test_that_there_are_no_workers_is_said_once(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

@@ -267,11 +267,11 @@ KNOWN = STUDY.replace("records = 120", 'records = 12\nsamplers = ["laplace"]').r
 class Misjudged(Gaussian):
     """A likelihood made wrong on purpose: the noise is taken to be 0.8 of what the parameter says."""
 
-    def log_likelihood(self, r, gaps, p):
-        return super().log_likelihood(r, gaps, {**p, "noise_sd": 0.8 * p["noise_sd"]})
+    def log_density(self, r, p):
+        return super().log_density(r, {**p, "noise_sd": 0.8 * p["noise_sd"]})
 
-    def log_likelihood_of_sums(self, sums, count, gap, p):
-        return super().log_likelihood_of_sums(sums, count, gap, {**p, "noise_sd": 0.8 * p["noise_sd"]})
+    def slope(self, r, gaps, p):
+        return super().slope(r, gaps, {**p, "noise_sd": 0.8 * p["noise_sd"]})
 
     def information_root(self, v, gaps, p):
         return super().information_root(v, gaps, {**p, "noise_sd": 0.8 * p["noise_sd"]})

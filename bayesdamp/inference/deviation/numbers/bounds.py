@@ -18,7 +18,7 @@ from bayesdamp.inference.deviation.numbers.curves import values_of
 from bayesdamp.inference.deviation.numbers.draws import scores_of
 from bayesdamp.inference.deviation.orbit import rest_of
 from bayesdamp.inference.deviation.weighing import Result, Weighing
-from bayesdamp.physics.damping import TERMS, others
+from bayesdamp.physics.damping import TERMS, TINY, others
 from bayesdamp.physics.kernel.solve import ALL
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.priors import SCORE_RATIO
@@ -152,7 +152,8 @@ def columns_of(weighing: Weighing, result: Result, approximate: bool) -> tuple[n
 
 
 def _middle(result: Result) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Times (2s − 1,), displacements and velocities at a motion's refined points and half way between them."""
+    """Times (2s − 1,), displacements and velocities at a motion's refined points and half way between them. A velocity
+    of 0 at a turning point has the sign of its own side, which exact friction has."""
     t, states = result.motion.refined
     step = np.diff(t)
     between = 0.5 * (states[1:] + states[:-1])
@@ -161,7 +162,11 @@ def _middle(result: Result) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     every[::2], every[1::2] = states[:, :2], between[:, :2]
     times = np.empty(2 * t.size - 1)
     times[::2], times[1::2] = t, t[:-1] + 0.5 * step
-    return times, every[:, 0], every[:, 1]
+    v = every[:, 1]
+    still = np.flatnonzero(v == 0)
+    before, after = v[np.maximum(still - 1, 0)], v[np.minimum(still + 1, v.size - 1)]
+    v[still] = TINY * np.sign(np.where(before != 0, before, after))
+    return times, every[:, 0], v
 
 
 def _sources(
@@ -191,7 +196,8 @@ def _sources(
 
 def _tangents(weighing: Weighing, result: Result, sources: np.ndarray) -> np.ndarray:
     """Tangents of the record by the forms' coefficients, (n, f): the variational equation by Runge and Kutta's method
-    of order 4 on the motion's own steps."""
+    of order 4 on the motion's own steps. Exact friction changes them at turning points as it does in
+    `physics.kernel.march`."""
     solver = weighing.solvers[result.candidate.restoring]
     times, x, v = _middle(result)
     by_x, by_v, scale = _slopes(weighing, result, times, x, v)
@@ -200,8 +206,18 @@ def _tangents(weighing: Weighing, result: Result, sources: np.ndarray) -> np.nda
     found = np.zeros((t.size, n, 3))
     found[0, :, 2] = force[0]
     d, w = np.zeros(n), np.zeros(n)
+    velocity, acceleration = result.motion.refined[1][:, 1:].T
+    still = (velocity == 0) & (acceleration == 0)
     for i in range(t.size - 1):
         a, m, b, step = 2 * i, 2 * i + 1, 2 * i + 2, t[i + 1] - t[i]
+        if still[i + 1]:
+            w = np.zeros(n)
+            found[i + 1, :, 0] = d
+            continue
+        if step == 0:
+            w = w if still[i] else w * (acceleration[i + 1] / acceleration[i])
+            found[i + 1] = np.column_stack([d, w, force[b] - by_x[b] * d - by_v[b] * w])
+            continue
         w1 = force[a] - by_x[a] * d - by_v[a] * w
         d2, v2 = d + 0.5 * step * w, w + 0.5 * step * w1
         w2 = force[m] - by_x[m] * d2 - by_v[m] * v2
@@ -228,6 +244,8 @@ def _slopes(
     coefficients: Mapping[str, float] = dict(zip(solver.terms, own, strict=True))
     shapes = [(coefficients[n], TERMS.get(n).at(further)) for n in result.candidate.damping]
     dx, dv, epsilon = 1e-6 * data.amplitude, 1e-6 * data.amplitude * data.frequency, solver.epsilon
+    if epsilon == 0:  # the sign of the velocity is that of the point
+        v = np.where(np.abs(v) < 2 * dv, np.copysign(2 * dv, v), v)
     points = list(zip(x.tolist(), v.tolist(), strict=True))
     spring = np.array([(force(a + dx, law) - force(a - dx, law)) / (2 * dx) for a, _ in points])
     by_x, by_v = np.zeros(x.size), np.zeros(x.size)

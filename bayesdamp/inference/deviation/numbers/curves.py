@@ -23,7 +23,10 @@ def turning_amplitudes(motion: Motion) -> tuple[np.ndarray, np.ndarray]:
     """Times in s of a motion's half cycles, and half the distance of their turning points, in falling order."""
     times, states = motion.refined
     v = states[:, 1]
-    turns = np.flatnonzero(v[:-1] * v[1:] <= 0)
+    # A turning point that is a node, or two at one time, counts once: where the velocity becomes zero, or begins so.
+    reached = (v[:-1] != 0) & (v[1:] == 0)
+    reached[0] |= v[0] == 0
+    turns = np.flatnonzero((v[:-1] * v[1:] < 0) | reached)
     share = v[turns] / np.where(v[turns] == v[turns + 1], 1.0, v[turns] - v[turns + 1])
     t = times[turns] + share * (times[turns + 1] - times[turns])
     h = times[turns + 1] - times[turns]

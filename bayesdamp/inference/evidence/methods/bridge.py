@@ -87,7 +87,7 @@ def _spans(
     target: Target, mode: Mode, z: np.ndarray, shear: Shear, rng: np.random.Generator
 ) -> tuple[list[Span], int]:
     """The bridges of both halves of the chains z, (chains, draws, d), in straightened scores, and the evaluations."""
-    reflected = np.asarray(target.layout.reflected)
+    reflected = target.reflected
     half, evaluations = z.shape[1] // 2, 0
     parts = shear.straight(z[:, :half]), shear.straight(z[:, half : 2 * half])
     spans = []

@@ -59,7 +59,7 @@ class Importance(EvidenceMethod):
         """By importance sampling from a heavy-tailed fit to the posterior."""
         began = time.perf_counter()
         rng = np.random.default_rng(seed)
-        reflected = np.asarray(target.layout.reflected)
+        reflected = target.reflected
         proposal = ReflectedT(np.where(reflected, np.abs(mode.z), mode.z), mode.factor, reflected)
         place = proposal, Shear.of_noise(target, mode)
         y, log_weights = self._weights(target, mode, *place, rng, PILOT)
@@ -116,7 +116,7 @@ class Importance(EvidenceMethod):
     ) -> tuple[ReflectedT, Shear] | None:
         """A fit to the moments of the mode's normal distribution, cut off where coefficients are zero; None where no
         wall is near. Coefficients that make up for each other there do not on its mirror images."""
-        normal = about(target, mode)
+        normal = about(mode)
         if not normal.walls.size:
             return None
         try:

@@ -29,7 +29,7 @@ class Laplace(EvidenceMethod):
         return Evidence(
             model=model,
             method=self.name,
-            log_evidence=log_evidence_near(target, mode.context, mode.z),
+            log_evidence=log_evidence_near(mode.likelihood, mode.z),
             diagnostic="no draws: right where the posterior is normal",
             evaluations=1,
             seconds=time.perf_counter() - began,

@@ -14,8 +14,6 @@ from scipy.special import ndtri
 from bayesdamp.inference.evidence._method import Draws, EvidenceMethod
 from bayesdamp.inference.fit.laplace import log_evidence_near
 from bayesdamp.inference.fit.mode import Mode
-from bayesdamp.inference.model.batches import CHUNK, log_posterior
-from bayesdamp.inference.model.density import LOG_2PI
 from bayesdamp.inference.model.target import Target
 from bayesdamp.types import OK, Evidence, Refusal
 
@@ -31,8 +29,11 @@ LEG = 20_000
 """Likelihoods after which it is asked whether a run from the prior will come to its end."""
 WIDER = 5.0
 """Around a mode, the standard deviations of what is sampled from in those of the posterior's normal."""
+BATCH = 250
+"""Likelihoods that are asked for at a time."""
 MISSED = 3.0
 """Nats by which its highest likelihood may stay below the mode's; of so many draws one comes within a nat."""
+LOG_2PI = float(np.log(2 * np.pi))
 FAINTEST = -1e300
 """What a trajectory that escapes counts as: the sampler takes no infinities."""
 
@@ -59,17 +60,17 @@ class Nested(EvidenceMethod):
         self, model: str, target: Target, mode: Mode, seed: int, draws: Draws | None = None
     ) -> Evidence:
         """By importance nested sampling (nautilus; Lange 2023)."""
-        reflected = np.asarray(target.layout.reflected)
+        reflected = target.reflected
         try:
-            expected = log_evidence_near(target, mode.context, mode.z)
+            expected = log_evidence_near(mode.likelihood, mode.z)
         except Refusal:
             expected = None
         # A reflected score has its half-normal prior, twice the normal one, on its side of zero.
         doubled = reflected.sum() * np.log(2.0)
         density = Density(
             reflected,
-            lambda z: log_posterior(target, mode.context, z) - standard_normal(z),
-            lambda z: log_posterior(target, mode.context, z) + doubled,
+            lambda z: mode.likelihood.log_posteriors(z) - standard_normal(z),
+            lambda z: mode.likelihood.log_posteriors(z) + doubled,
             mode.z,
             mode.factor,
         )
@@ -169,7 +170,7 @@ def _explored(
             n_dim=max(d, 2),
             n_live=LIVE,
             n_networks=0,
-            n_batch=CHUNK,
+            n_batch=BATCH,
             vectorized=True,
             seed=seed,
         )

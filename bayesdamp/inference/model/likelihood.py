@@ -1,0 +1,292 @@
+"""The log density of a record at scores of a target's parameters, its gradient and its curvature.
+
+All of it comes from the compiled kernel: the motion, and its derivatives by the parameters from the kernel's
+variational equations. The noise's own parameters enter through few numbers; derivatives by them are differences.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Self
+
+import numpy as np
+
+from bayesdamp.inference.model.target import Target
+from bayesdamp.physics.trajectories import Trajectories
+from bayesdamp.priors import log_prior_of, shared_precision
+
+WIDE = 1e-2
+"""Scores over which second differences by the noise's parameters are taken."""
+HALF_LOG_2PI = 0.5 * float(np.log(2 * np.pi))
+
+
+@dataclass(frozen=True)
+class Line:
+    """The motion as a straight line in the values of its parameters.
+
+    Attributes
+    ----------
+    residual : ndarray, shape (n,)
+        Record minus motion where the line begins.
+    slopes : ndarray, shape (k, n)
+        Derivatives of the motion by the inferred parameters that move it.
+    at : ndarray, shape (k,)
+        Values of these parameters there.
+    """
+
+    residual: np.ndarray
+    slopes: np.ndarray
+    at: np.ndarray
+
+
+@dataclass(frozen=True)
+class Likelihood:
+    """The log density of the samples of a record, or of a part of them, and the prior of the scores.
+
+    Attributes
+    ----------
+    target : Target
+        The record, its model and priors.
+    reference : mapping of str to float
+        Values of all parameters near those that are asked for, for the scales of the solver.
+    tolerance : float
+        Error of a motion, in the unit of the record.
+    part : slice
+        Samples that count; the motion starts at the record's first.
+    scales : tuple of float
+        Scales that coefficients may share, in scores, all equally probable.
+    """
+
+    target: Target
+    reference: Mapping[str, float]
+    tolerance: float
+    part: slice
+    scales: tuple[float, ...]
+
+    @classmethod
+    def near(cls, target: Target, z: np.ndarray, tolerance: float, part: slice = slice(None)) -> Self:
+        """Return the log density of a target near scores z, (d,), motions solved within `tolerance`."""
+        return cls(target, target.all_values(z), tolerance, part, target.scales)
+
+    def held(self, scale: float) -> Likelihood:
+        """Return the same with the scale that coefficients share held at one value, in scores."""
+        return replace(self, scales=(float(scale),))
+
+    def of(self, part: slice) -> Likelihood:
+        """Return the same for a part of the samples."""
+        return replace(self, part=part)
+
+    def within(self, tolerance: float) -> Likelihood:
+        """Return the same with motions of another error, in the unit of the record."""
+        return replace(self, tolerance=tolerance)
+
+    @cached_property
+    def y(self) -> np.ndarray:
+        """The samples that count, (n,)."""
+        return self.target.signal.y[self.part]
+
+    @cached_property
+    def gaps(self) -> np.ndarray:
+        """Times between them in s, (n − 1,)."""
+        return np.diff(self.target.signal.t[self.part])
+
+    @cached_property
+    def motions(self) -> Trajectories:
+        """Motions at the record's samples up to the last that counts."""
+        signal = self.target.signal
+        times = signal.t[: self.part.stop]
+        return Trajectories(self.target.oscillator, times, signal.quantity, self.reference, self.tolerance)
+
+    def motion(self, z: np.ndarray) -> np.ndarray:
+        """Return the motion at scores z, (d,): shape (n,); not finite where it escapes."""
+        return self.motions.record(self.target.all_values(z))[self.part.start :]
+
+    def residual(self, z: np.ndarray) -> np.ndarray:
+        """Return record minus motion at scores z, (d,): shape (n,), in the unit of the record."""
+        return self.y - self.motion(z)
+
+    def residuals(self, z: np.ndarray) -> np.ndarray:
+        """Return the same at many scores, (m, d): shape (m, n)."""
+        return np.stack([self.residual(one) for one in z])
+
+    def _prior(self, z: np.ndarray) -> tuple[float, np.ndarray]:
+        """Return the log density of scores z, (d,), as `log_prior` does, and its gradient, (d,)."""
+        target, gradient = self.target, -z
+        shared = target.shared_places
+        if not shared.size:
+            return -0.5 * float(z @ z) - z.size * HALF_LOG_2PI, gradient
+        own = z[shared]
+        squares, scales = float(own @ own), np.asarray(self.scales)
+        each = -0.5 * squares / scales**2 - shared.size * np.log(scales)
+        top = each.max()
+        weights = np.exp(each - top)
+        total = weights.sum()
+        gradient[shared] *= (weights / scales**2).sum() / total
+        value = np.log(total / scales.size) + top - 0.5 * (float(z @ z) - squares) - z.size * HALF_LOG_2PI
+        return float(value), gradient
+
+    def log_prior(self, z: np.ndarray) -> np.ndarray:
+        """Return the log density of scores z, (..., d), shape (...); of reflected ones as if of either sign."""
+        none = np.zeros(z.shape[-1], bool)
+        return log_prior_of(z, none, self.target.shared, np.asarray(self.scales))
+
+    def log_noise(self, residual: np.ndarray, z: np.ndarray) -> float:
+        """Return the log density of residuals (n,) at scores z, (d,), in nats; −∞ where there is none."""
+        with np.errstate(all="ignore"):  # scores far out, where a noise model may overflow
+            found = float(self.target.noise_model.log_likelihood(residual, self.gaps, self._noise_values(z)))
+        return found if np.isfinite(found) else -np.inf
+
+    def log_likelihood(self, z: np.ndarray) -> float:
+        """Return the log density of the record at scores z, (d,), in nats; −∞ where the motion escapes."""
+        return self.log_noise(self.residual(z), z)
+
+    def log_likelihoods(self, z: np.ndarray) -> np.ndarray:
+        """Return the same at many scores, (m, d): shape (m,)."""
+        return np.array([self.log_likelihood(one) for one in z])
+
+    def log_posterior(self, z: np.ndarray) -> float:
+        """Return log prior plus log likelihood at scores z, (d,); −∞ where the motion escapes."""
+        return self.log_likelihood(z) + self._prior(z)[0]
+
+    def log_posteriors(self, z: np.ndarray) -> np.ndarray:
+        """Return the same at many scores, (m, d): shape (m,)."""
+        return np.array([self.log_posterior(one) for one in z])
+
+    def line(self, z: np.ndarray) -> Line:
+        """Return the motion's straight line at scores z, (d,)."""
+        p = self.target.all_values(z)
+        motion, slopes = self._solved(p)
+        return Line(self.y - motion, slopes, np.array([p[n] for n in self._moving_names]))
+
+    def gradient(self, z: np.ndarray) -> tuple[float, np.ndarray]:
+        """Return the log posterior at scores z, (d,), and its gradient, (d,)."""
+        return self._gradient(self.line(z), z)
+
+    def log_posterior_along(self, line: Line, z: np.ndarray) -> float:
+        """Return the log posterior at scores z, (d,), with the motion replaced by a straight line."""
+        return self.log_noise(self._moved(line, z).residual, z) + self._prior(z)[0]
+
+    def gradient_along(self, line: Line, z: np.ndarray) -> np.ndarray:
+        """Return the gradient of the same, (d,)."""
+        return self._gradient(self._moved(line, z), z)[1]
+
+    def _moved(self, line: Line, z: np.ndarray) -> Line:
+        p = self.target.all_values(z)
+        away = np.array([p[n] for n in self._moving_names]) - line.at
+        return Line(line.residual - away @ line.slopes, line.slopes, line.at)
+
+    def curvature(self, z: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
+        """Return the log posterior at scores z, (d,), its gradient, (d,), and the Gauss–Newton information, (d, d)."""
+        line = self.line(z)
+        value, gradient = self._gradient(line, z)
+        information = np.diag(self._prior_precision(z))
+        if not np.isfinite(value):
+            return value, gradient, information
+        moving = self.target.moving
+        noise = self.target.noise_model
+        tangents = self.target.rates(z)[moving, None] * line.slopes
+        roots = noise.information_root(tangents, self.gaps, self._noise_values(z))
+        information[np.ix_(moving, moving)] += roots @ roots.T
+        still = self._still
+        if still.size:
+            information[np.ix_(still, still)] += self._noise_information(line.residual, z)
+        return value, gradient, information
+
+    def whitened(self, residual: np.ndarray, z: np.ndarray) -> np.ndarray:
+        """Return residuals, (n,), as independent standard scores under the noise at scores z, (d,)."""
+        return self.target.noise_model.whiten(residual, self.gaps, self._noise_values(z))
+
+    def information(self, change: np.ndarray, z: np.ndarray) -> float:
+        """Return the noise's Fisher information about a shift of the record by `change`, (n,), at scores z, (d,): a
+        shift by it is worth half as many nats."""
+        root = self.target.noise_model.information_root(change, self.gaps, self._noise_values(z))
+        return float(np.sum(root**2))
+
+    def log_likelihood_of(self, p: Mapping[str, float]) -> float:
+        """Return the log density of the record at parameters by name; the prior has no say."""
+        residual = self.y - self.motions.record(p)[self.part.start :]
+        if not np.all(np.isfinite(residual)):
+            return -np.inf
+        found = float(self.target.noise_model.log_likelihood(residual, self.gaps, p))
+        return found if np.isfinite(found) else -np.inf
+
+    def slopes_of(self, p: Mapping[str, float]) -> tuple[float, np.ndarray]:
+        """Return the same and its derivatives by the inferred parameters, (d,); these are 0 where it is −∞."""
+        motion, slopes = self._solved(p)
+        residual, noise = self.y - motion, self.target.noise_model
+        found = np.zeros(len(self.target.names))
+        value = (
+            float(noise.log_likelihood(residual, self.gaps, p)) if np.all(np.isfinite(residual)) else -np.inf
+        )
+        if not np.isfinite(value):
+            return -np.inf, found
+        found[self.target.moving] = -(slopes @ noise.slope(residual, self.gaps, p))
+        if self._still.size:
+            by_name = noise.parameter_slopes(residual, self.gaps, p)
+            for i in self._still:
+                found[i] = by_name[self.target.names[i]]
+        return value, found
+
+    def _solved(self, p: Mapping[str, float]) -> tuple[np.ndarray, np.ndarray]:
+        """Return the motion, (n,), and its derivatives by the inferred parameters that move it, (k, n)."""
+        motion, slopes = self.motions.with_slopes(p, self._moving_names)
+        return motion[self.part.start :], slopes[:, self.part.start :]
+
+    @cached_property
+    def _moving_names(self) -> tuple[str, ...]:
+        return tuple(self.target.names[i] for i in self.target.moving)
+
+    @cached_property
+    def _still(self) -> np.ndarray:
+        """Places, (s,), of the scores that are the noise's."""
+        return np.setdiff1d(np.arange(len(self.target.names)), self.target.moving)
+
+    @cached_property
+    def _noise_names(self) -> tuple[str, ...]:
+        noise = self.target.noise_model
+        return (*noise.parameters, *noise.constants)
+
+    def _noise_values(self, z: np.ndarray) -> dict[str, float]:
+        p = self.target.all_values(z)
+        return {n: p[n] for n in self._noise_names}
+
+    def _prior_precision(self, z: np.ndarray) -> np.ndarray:
+        """Return what each score is multiplied by to give minus the slope of its log prior, (d,).
+
+        It is also a curvature that the log prior nowhere exceeds: that of the normal that touches it at z from below.
+        """
+        found, shared = np.ones(z.size), self.target.shared
+        if shared.any():
+            squares = np.sum(z[shared] ** 2)
+            found[shared] = shared_precision(squares, int(shared.sum()), np.asarray(self.scales))
+        return found
+
+    def _gradient(self, line: Line, z: np.ndarray) -> tuple[float, np.ndarray]:
+        prior, found = self._prior(z)
+        value, noise = self.log_noise(line.residual, z), self.target.noise_model
+        if not np.isfinite(value):
+            return -np.inf, found
+        p, rates, moving = self._noise_values(z), self.target.rates(z), self.target.moving
+        found[moving] -= rates[moving] * (line.slopes @ noise.slope(line.residual, self.gaps, p))
+        if self._still.size:
+            by_name = noise.parameter_slopes(line.residual, self.gaps, p)
+            for i in self._still:
+                found[i] += rates[i] * by_name[self.target.names[i]]
+        return value + prior, found
+
+    def _noise_information(self, residual: np.ndarray, z: np.ndarray) -> np.ndarray:
+        """Return minus the second derivatives by the noise's scores, (s, s), without negative curvature."""
+        steps = np.zeros((self._still.size, z.size))
+        steps[np.arange(self._still.size), self._still] = WIDE
+        found = np.zeros((len(steps), len(steps)))
+        for i, a in enumerate(steps):
+            for j, b in enumerate(steps[: i + 1]):
+                corners = [self.log_noise(residual, z + one) for one in (a + b, a - b, b - a, -a - b)]
+                bend = (corners[0] - corners[1] - corners[2] + corners[3]) / (4 * WIDE**2)
+                found[i, j] = found[j, i] = -bend
+        if not np.all(np.isfinite(found)):
+            return np.zeros_like(found)
+        values, axes = np.linalg.eigh(found)
+        return (axes * np.maximum(values, 0.0)) @ axes.T

@@ -1,1 +1,0 @@
-"""Trajectories: steps, meshes, friction with sticking, very many cycles."""
