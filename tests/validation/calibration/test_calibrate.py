@@ -267,8 +267,14 @@ KNOWN = STUDY.replace("records = 120", 'records = 12\nsamplers = ["laplace"]').r
 class Misjudged(Gaussian):
     """A likelihood made wrong on purpose: the noise is taken to be 0.8 of what the parameter says."""
 
-    def log_density(self, r, p):
-        return super().log_density(r, {**p, "noise_sd": 0.8 * p["noise_sd"]})
+    def log_likelihood(self, r, gaps, p):
+        return super().log_likelihood(r, gaps, {**p, "noise_sd": 0.8 * p["noise_sd"]})
+
+    def parameter_slopes(self, r, gaps, p):
+        return {
+            n: 0.8 * v
+            for n, v in super().parameter_slopes(r, gaps, {**p, "noise_sd": 0.8 * p["noise_sd"]}).items()
+        }
 
     def slope(self, r, gaps, p):
         return super().slope(r, gaps, {**p, "noise_sd": 0.8 * p["noise_sd"]})
