@@ -1,5 +1,5 @@
 """Three specimens whose dampings share a distribution: a hierarchy, in NumPyro."""
-# pyright: reportUnknownMemberType=false, reportMissingTypeStubs=false
+# pyright: reportUnknownMemberType=false, reportUnknownVariableType=false, reportMissingTypeStubs=false
 
 import jax
 from numpyro import infer, sample
