@@ -52,7 +52,7 @@ MAY_IMPORT: dict[str, set[str]] = {
         for i, name in enumerate(INFERENCE)
     },
     "inference.deviation": _BELOW
-    | {"inference.model.defaults", "inference.curves.weighted", "inference.deviation"},
+    | {"inference.model.defaults", "inference.curves.weighted", "inference.noise", "inference.deviation"},
     "inference.approximate": _BELOW
     | {"inference.deviation", "inference.checks", "inference.coordinates", "inference.curves"}
     | {"inference.samplers", "inference.evidence", "inference.approximate"},

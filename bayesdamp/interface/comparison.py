@@ -12,8 +12,9 @@ import numpy as np
 
 from bayesdamp import types
 from bayesdamp.inference.deviation.findings import SENSOR
+from bayesdamp.inference.deviation.sample_noise import noises_of
 from bayesdamp.interface.parts import axes as drawing
-from bayesdamp.interface.parts.asked import checked_sensor, known_and_priors, sums_and_laws
+from bayesdamp.interface.parts.asked import checked_noise, checked_sensor, known_and_priors, sums_and_laws
 from bayesdamp.interface.parts.result import Packed, Result
 from bayesdamp.interface.parts.table import Table
 from bayesdamp.interface.records.signal import Signal
@@ -226,6 +227,7 @@ def compare(
     repeats: bool = False,
     name: str = "specimen",
     deviation: str = "auto",
+    noise: str | Sequence[str] = "auto",
     damping: str | Sequence[str] = (),
     restoring: str | Sequence[str] = (),
     known: Mapping[str, float] | None = None,
@@ -240,7 +242,8 @@ def compare(
 
     signals: one, or several of one specimen with `repeats`: one damping for all, whose size differs from record to
     record by a spread that is inferred. deviation: "auto" or "law", laws may hold approximately; "none", they hold
-    exactly. damping, restoring: what is compared, by default every sum under every law that the record's unit allows.
+    exactly. noise: a noise model, several of which the likeliest is used, or "auto". damping, restoring: what is
+    compared, by default every sum under every law that the record's unit allows.
     known: values of parameters; priors: by damping term or parameter. sensor: its linearity error, relative: no damping
     ratio is taken to be known better. amplitudes: where the damping ratio is given, in the unit that the records came
     in. sample: whether the motions themselves are sampled, and not their linear model alone. name: of the specimen.
@@ -257,7 +260,7 @@ def compare(
     True
     """
     sums, laws = sums_and_laws(damping, restoring)
-    values, given = known_and_priors(sums, laws, known, priors)
+    values, given = known_and_priors(sums, laws, known, priors, noises_of(checked_noise("compare", noise)))
     checked_sensor("compare", sensor)
     every = (
         [signals]
@@ -276,6 +279,7 @@ def compare(
             amplitudes,
             unit=UNITS[unit],
             deviation=deviation,
+            noise=noise,
             damping=sums,
             restoring=laws,
             known=values,

@@ -14,6 +14,7 @@ from bayesdamp.inference.deviation.gaussian.repeats import RunLikelihood
 from bayesdamp.inference.deviation.numbers.rivals import place_of
 from bayesdamp.inference.deviation.picture import picture
 from bayesdamp.inference.deviation.quick import weighing_of
+from bayesdamp.inference.deviation.sample_noise import GAUSSIAN, SampleNoise, noises_of
 from bayesdamp.inference.deviation.sampled.candidates import with_samples
 from bayesdamp.inference.deviation.sampled.table import Posterior, posterior_of
 from bayesdamp.inference.deviation.several.run_likelihood import DampingRun, damping_run
@@ -118,6 +119,7 @@ def answer(
     sample: bool = True,
     made: dict[str, Weighing] | None = None,
     repeated: bool = False,
+    noise: str | Sequence[str] = "auto",
 ) -> Answer:
     """Which damping a signal has, how large it is and how well the law holds.
 
@@ -128,7 +130,8 @@ def answer(
     whether probabilities are capped. notes: sentences on the record, for the remarks. sample: whether motions
     themselves are sampled, and not their linear model alone. made: where the weighing under linear models is left, and
     taken from where it is there: of the same signal and arguments. repeated: whether it is one of several records of a
-    specimen, for whose verdict each candidate's likelihood of its damping is kept. Of a signal on which nothing can be
+    specimen, for whose verdict each candidate's likelihood of its damping is kept. noise: a noise model, several to
+    choose from, or "auto". Of a signal on which nothing can be
     said the grade is `not_weighed` and the sentence says why; of one that is no free decay of one oscillator it is
     `no_free_decay`, and nothing is weighed.
     """
@@ -152,6 +155,7 @@ def answer(
             priors=priors,
             reference=reference,
             approximate=approximate,
+            noises=noises_of(noise),
         )
     except Refusal as refusal:
         text = str(refusal)
@@ -174,7 +178,11 @@ def answer(
         measured=measured,
         approximate=approximate,
         window=window,
-        notes=[*notes, *filter(None, [remark_on(signal)]), *(_not_weighed(weighing) if damping else ())],
+        notes=[
+            *notes,
+            *filter(None, [remark_on(signal), _on_noise(weighing.noise)]),
+            *(_not_weighed(weighing) if damping else ()),
+        ],
         averages=averages,
         law_free=measured_at(signal, [r.amplitude for r in found.ratios]) if found.ratios else None,
     )
@@ -285,6 +293,17 @@ def in_base(amplitudes: Sequence[float] | None, weighing: Weighing, unit: Unit) 
                 f"amplitude {a:g} {own.name}: the record has {low:.3g} to {high:.3g} {own.name}; give one of these"
             )
     return tuple(float(a) * own.factor for a in amplitudes)
+
+
+def _on_noise(noise: SampleNoise) -> str:
+    """Return what is to be said of a noise that is not Gaussian, "" of one that is."""
+    if noise.name == GAUSSIAN:
+        return ""
+    values = noise.fitted.values
+    size = f", {values['noise_dof']:.2g} degrees of freedom" if "noise_dof" in values else ""
+    if not np.isfinite(noise.ahead):
+        return f"The noise model is {noise.name}{size}."
+    return f"The noise model is {noise.name}{size}: {noise.ahead:.3g} nats ahead of Gaussian noise."
 
 
 def _not_weighed(weighing: Weighing) -> list[str]:

@@ -39,7 +39,8 @@ class Data:
     where y are samples.
 
     averaged: where t and y are not samples but amplitudes and phases in blocks, at the times of the oscillation that
-    stands for the record's.
+    stands for the record's. record: the samples that t and y were made of, from 0 s; rows: which of them are in each
+    window, (n, m). readings: y before outliers and rounding were taken out of it (`working`), (n,).
     """
 
     t: np.ndarray
@@ -56,6 +57,19 @@ class Data:
     features: Features
     averaged: Averaged | None = None
     windows: Windows | None = None
+    record: Signal | None = None
+    rows: np.ndarray | None = None
+    readings: np.ndarray | None = None
+
+    @property
+    def recorded(self) -> np.ndarray:
+        """The values as they were recorded, or means of these, (n,)."""
+        return self.y if self.readings is None else self.readings
+
+    def working(self, change: np.ndarray) -> Data:
+        """Return the data with every sample of the record changed by so much, (m,), and `readings` as they were."""
+        own = change if self.rows is None else change[self.rows].mean(axis=1)
+        return replace(self, y=self.recorded + own, readings=self.recorded)
 
     @property
     def recorded_amplitude(self) -> float:
@@ -80,7 +94,11 @@ class Data:
     def first(self, count: int) -> Data:
         """Return the first values alone."""
         windows = None if self.windows is None else self.windows.first(count)
-        return replace(self, t=self.t[:count], y=self.y[:count], windows=windows)
+        rows = None if self.rows is None else self.rows[:count]
+        readings = None if self.readings is None else self.readings[:count]
+        return replace(
+            self, t=self.t[:count], y=self.y[:count], windows=windows, rows=rows, readings=readings
+        )
 
     def of_amplitude(self, values: np.ndarray) -> np.ndarray:
         """Of values (n,) those that are no phases and no midlines."""
@@ -113,7 +131,7 @@ def prepared(signal: Signal, average: bool = True) -> Data:
     t = t - t[0]
     whole = t, y
     many = max(1, int(seen.samples_per_cycle // A_CYCLE))
-    windows = None
+    windows = rows = None
     if many > 1:
         rows = _windows(t, many, seen.period)
         windows = Windows.of(t[rows])
@@ -124,12 +142,17 @@ def prepared(signal: Signal, average: bool = True) -> Data:
     start = _start(t, y, signal.quantity, seen)
     last = int(np.searchsorted(whole[0], t[-1])) + 1
     few = averaged(whole[0][:last], whole[1][:last], seen, float(signal.t[0])) if average else None
+    record = None
     if few is not None:
-        t, y, many, windows = few.t, few.y, few.samples, None
+        t, y, many, windows, rows = few.t, few.y, few.samples, None, None
+    else:
+        rows = None if rows is None else rows[:stop]
+        last = t.size if rows is None else int(rows[-1, -1]) + 1
+        record = replace(signal, t=whole[0][:last], y=whole[1][:last])
     noise = max(seen.roughness / np.sqrt(many), 1e-9 * float(np.ptp(y)))
     return Data(
         t, y, signal.quantity, seen.amplitude, max(seen.final_amplitude, LEAST * seen.amplitude), seen.frequency,
-        seen.rest, cycles, noise, start, many, seen, few, windows,
+        seen.rest, cycles, noise, start, many, seen, few, windows, record, rows,
     )  # fmt: skip
 
 

@@ -24,7 +24,7 @@ def picture(weighing: Weighing, found: Findings) -> Mapping[str, np.ndarray]:
     data = weighing.data
     best = next(r for r in weighing.results if r.candidate == found.best)
     motion = best.motion
-    t, y, fitted = (data.of_amplitude(values) for values in (data.times, data.y, motion.y))
+    t, y, fitted = (data.of_amplitude(values) for values in (data.times, data.recorded, motion.y))
     kept = _kept(y)
     curve = found.curve
     amplitude = np.array([r.amplitude for r in curve])

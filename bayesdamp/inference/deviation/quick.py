@@ -13,6 +13,7 @@ from bayesdamp.inference.deviation.data import Data, prepared
 from bayesdamp.inference.deviation.numbers.averaging import START, averaging_of, set_right
 from bayesdamp.inference.deviation.numbers.exponent import exponents_of
 from bayesdamp.inference.deviation.numbers.rivals import with_rivals
+from bayesdamp.inference.deviation.sample_noise import AUTOMATIC, GAUSSIAN
 from bayesdamp.inference.deviation.weighing import Known, Weighing, weigh_all
 from bayesdamp.inference.model.defaults import Reference
 from bayesdamp.physics.damping import all_sums, parse_model
@@ -34,11 +35,13 @@ def weighing_of(
     priors: Mapping[str, Prior] | None = None,
     reference: Reference | None = None,
     approximate: bool = True,
+    noises: Sequence[str] = AUTOMATIC,
 ) -> Weighing:
     """Weigh damping sums under restoring laws; all of both by default, for a record in metres the laws that translate.
 
     Of a record of hundreds of cycles amplitudes and phases are weighed, where that moves no parameter by more than a
-    tenth of its sd, or the record has more cycles than the ODE is solved for.
+    tenth of its sd, or the record has more cycles than the ODE is solved for. noises: noise models, of which the
+    likeliest is used.
 
     Raises Refusal where the record shows no oscillation, or no motion stays in phase with it.
     """
@@ -48,9 +51,10 @@ def weighing_of(
     # Matrices of a few dozen rows: threads of a linear algebra library only wait for each other.
     with threadpool_limits(1, "blas"):
         of = partial(
-            weigh_all, candidates=candidates, known=known, priors=priors, reference=reference, approximate=approximate
+            weigh_all, candidates=candidates, known=known, priors=priors, reference=reference, approximate=approximate,
+            noises=noises,
         )  # fmt: skip
-        data = prepared(signal, average=not _start_known(known, laws))
+        data = prepared(signal, average=not _start_known(known, laws) and GAUSSIAN in noises)
         weighing = _weighed(of, data, signal, approximate)
         weighing = with_rivals(weighing, approximate)
         return replace(weighing, exponents=exponents_of(weighing, approximate))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 
@@ -26,6 +26,7 @@ from bayesdamp.inference.deviation.gaussian.noise import inflation
 from bayesdamp.inference.deviation.gaussian.tempered import Sampled
 from bayesdamp.inference.deviation.least_squares import Fit, fit
 from bayesdamp.inference.deviation.orbit import rest_of
+from bayesdamp.inference.deviation.sample_noise import AUTOMATIC, SampleNoise, adapted, inflated
 from bayesdamp.inference.model.defaults import Reference
 from bayesdamp.machine.threads import at_once
 from bayesdamp.physics.damping import TERMS
@@ -96,7 +97,7 @@ class Weighing:
     """Every candidate on one record. variance: of the noise that counts, κ times that of what is left; frictions:
     widths of friction's turning over and how probable they are, none where it is known or there is no friction;
     exponents: quantiles of a power law's exponent, none where it was not asked for; averaging: of a record that is
-    taken as amplitudes and phases, how far these are from the ODE's."""
+    taken as amplitudes and phases, how far these are from the ODE's; noise: of the samples."""
 
     data: Data
     reference: Reference
@@ -111,6 +112,7 @@ class Weighing:
     exponents: tuple[float, ...] = ()
     noise_known: bool = False
     averaging: Averaging | None = None
+    noise: SampleNoise = field(default_factory=SampleNoise)
 
 
 def weigh_all(
@@ -121,11 +123,12 @@ def weigh_all(
     priors: Mapping[str, Prior] | None = None,
     reference: Reference | None = None,
     approximate: bool = True,
+    noises: Sequence[str] = AUTOMATIC,
 ) -> Weighing:
     """Fit and weigh candidates; those under one law begin with the sum of all terms.
 
     known: values of parameters, `noise_sd` among them, or a function of a law's name that gives them; priors: by
-    parameter; approximate: whether deviations from the laws are weighed too.
+    parameter; approximate: whether deviations from the laws are weighed too; noises: the noise models to choose from.
     """
     priors = dict(priors or {})
     known_under = partial(_known_under, data=data, known=known, priors=priors)
@@ -186,12 +189,20 @@ def weigh_all(
     every = [Candidate(terms, law) for law in laws]
     every = [c if c in fits else Candidate(plain, c.restoring) for c in every]
     whole = [c for c in every if c in fits]
-    relinear = at_once(lambda c: relinearised(c, solvers[c.restoring], data, fits[c], None), whole)
-    wholes = {c.restoring: at for c, at in zip(whole, relinear, strict=True) if at is not None}
+    wholes = _about(whole, solvers, data, fits)
     if not wholes:
         raise Refusal("no motion under any of the laws stays in phase with the record")
     stated = known_under(laws[0]).get("noise_sd")
-    variance, kappa = _noise(data, wholes) if stated is None else (_stated(data, stated), 1.0)
+    law = min(wholes, key=lambda name: wholes[name][1])
+    other = adapted(noises, data, solvers[law], wholes[law][0], known_under(law), priors, approximate)
+    if other is not None:
+        data = other.data
+        _refitted(data, solvers, fits)
+        wholes = _about(whole, solvers, data, fits)
+        variance, kappa = inflated(data, wholes[law][0], other.variance)
+        stated = float(np.sqrt(other.variance))
+    else:
+        variance, kappa = _noise(data, wholes) if stated is None else (_stated(data, stated), 1.0)
     noise = variance, kappa
     kept = _laws_kept(wholes, variance, data.y.size / kappa, knots.size)
     asked: list[Candidate] = []
@@ -214,8 +225,16 @@ def weigh_all(
     refused = {c: refused[c] for c in order if c in refused}
     return Weighing(
         data, reference, epsilon, tuple(frictions), solvers, tuple(results), variance, kappa, refused,
-        noise_known=stated is not None,
+        noise_known=stated is not None, noise=SampleNoise() if other is None else other.noise,
     )  # fmt: skip
+
+
+def _about(
+    whole: Sequence[Candidate], solvers: Mapping[str, Solver], data: Data, fits: Mapping[Candidate, Fit]
+) -> dict[str, tuple[Linearised, float]]:
+    """The sums of all terms by law, about their modes, with the variance of what each leaves."""
+    every = at_once(lambda c: relinearised(c, solvers[c.restoring], data, fits[c], None), whole)
+    return {c.restoring: at for c, at in zip(whole, every, strict=True) if at is not None}
 
 
 def _known_under(

@@ -12,6 +12,7 @@ from bayesdamp.inference.fit.mode import Mode
 from bayesdamp.inference.fit.search import find_mode
 from bayesdamp.inference.model.target import Target
 from bayesdamp.inference.noise import NOISES
+from bayesdamp.inference.noise._residuals import fit_noise
 from bayesdamp.records.oscillation.features import Features
 from bayesdamp.types import OK, Refusal, Seed, Signal
 
@@ -20,8 +21,6 @@ FIRST = "correlated"
 MARGIN = 30.0
 """Nats by which a noise model must be behind on the residuals of another's fit to need no fit of its own: what a fit of
 its own gains is of the order of one nat for each of the dozen parameters that move the trajectory."""
-STEP = 0.02
-"""Scores over which second differences are taken."""
 
 Build = Callable[[str], Target]
 
@@ -77,7 +76,7 @@ def weigh_noises(build: Build, fitted: Fitted, features: Features, names: Sequen
     """
     signal, own = fitted.target.signal, fitted.target.noise
     r = fitted.mode.likelihood.residual(fitted.mode.z)
-    base = held_evidence(own, r, signal, features)[0]
+    base = fit_noise(own, r, signal, features).log_evidence
     start = {n: float(v) for n, v in fitted.target.values(fitted.mode.z).items()}
     found: list[Weighed] = []
     best = fitted.log_evidence
@@ -86,10 +85,10 @@ def weigh_noises(build: Build, fitted: Fitted, features: Features, names: Sequen
             if name == own:
                 found.append(_weighed(fitted))
                 continue
-            behind, values = held_evidence(name, r, signal, features)
-            there = fitted.log_evidence + behind - base
+            other = fit_noise(name, r, signal, features)
+            there = fitted.log_evidence + other.log_evidence - base
             if there < best - MARGIN:
-                found.append(Weighed(name, there, values, held=True))
+                found.append(Weighed(name, there, other.values, held=True))
                 continue
             fresh = fit_with(build(name), {Seed(f"with {own} noise"): start}, features)
         except Refusal as refusal:
@@ -106,39 +105,6 @@ def chosen_noise(weighed: Sequence[Weighed]) -> str:
     if not usable:
         raise Refusal("no noise model leads to a finite likelihood")
     return max(usable, key=lambda w: w.log_evidence).noise
-
-
-def held_evidence(
-    name: str, r: np.ndarray, signal: Signal, features: Features
-) -> tuple[float, dict[str, float]]:
-    """Laplace's log evidence of residuals r, shape (n,), over a noise model's own parameters, and those parameters.
-
-    Under their default priors. Raises Refusal where the record is none for the model.
-    """
-    from scipy.optimize import minimize
-
-    noise = NOISES.get(name)
-    constants, priors = noise.read(signal), noise.priors(features)
-    gaps = np.diff(signal.t)
-
-    def values(z: np.ndarray) -> dict[str, float]:
-        return {n: float(p.value(x)) for (n, p), x in zip(priors.items(), z, strict=True)}
-
-    def depth(z: np.ndarray) -> float:
-        with np.errstate(all="ignore"):
-            density = float(noise.log_likelihood(r, gaps, {**values(z), **constants})) - 0.5 * float(z @ z)
-        return -density if np.isfinite(density) else 1e300
-
-    begun = noise.start(r, gaps)
-    z = np.array([float(np.clip(p.score(begun[n]), -6.0, 6.0)) for n, p in priors.items()])
-    z = minimize(depth, z, method="Nelder-Mead", options={"xatol": 1e-4, "fatol": 1e-4}).x
-    axes = STEP * np.eye(z.size)
-    mixed = [
-        [depth(z + a + b) - depth(z + a - b) - depth(z - a + b) + depth(z - a - b) for b in axes]
-        for a in axes
-    ]
-    sign, log_det = np.linalg.slogdet(np.array(mixed) / (4 * STEP**2))
-    return (-depth(z) - 0.5 * float(log_det) if sign > 0 else -np.inf), values(z)
 
 
 def _weighed(fitted: Fitted) -> Weighed:

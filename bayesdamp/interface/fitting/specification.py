@@ -16,6 +16,7 @@ from bayesdamp.interface.parts.asked import (
     POSITIVE,
     by_parameter,
     checked_known,
+    checked_noise,
     checked_priors,
     checked_sensor,
     coefficients_of,
@@ -64,7 +65,7 @@ class Specification(Result):
                 raise InputError(f"Model: unknown {what} {given!r}{nearest(str(given), valid)}")
         object.__setattr__(self, "damping", damping)
         object.__setattr__(self, "noise", self.noise if isinstance(self.noise, str) else tuple(self.noise))
-        _check_noise(self.noises)
+        checked_noise("Model", self.noise)
         if self.approximate:
             self._check_approximate()
         known = checked_known("Model", self.known, self._coefficients, self.parameters)
@@ -176,11 +177,3 @@ class Specification(Result):
         meta = dict(packed.meta)
         meta["noise"] = meta["noise"] if isinstance(meta["noise"], str) else tuple(meta["noise"])
         return cls(**{**meta, "priors": {n: prior_of(p) for n, p in meta["priors"].items()}})
-
-
-def _check_noise(names: tuple[str, ...]) -> None:
-    if not names:
-        raise InputError('Model: noise names no noise model; give one, several or "auto"')
-    for name in names:
-        if name not in NOISES.names():
-            raise InputError(f"Model: unknown noise model {name!r}{nearest(name, [*NOISES.names(), 'auto'])}")

@@ -6,6 +6,8 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, get_args
 
+from bayesdamp.inference.deviation.sample_noise import GAUSSIAN
+from bayesdamp.inference.noise import NOISES
 from bayesdamp.physics.damping import TERMS, all_sums, parse_model
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.physics.restoring import LAWS
@@ -17,7 +19,7 @@ KINDS = get_args(get_args(GivenPrior)[0])
 """The classes of priors."""
 POSITIVE = ("noise_sd", "noise_time", "noise_dof")
 """Parameters that are above zero; friction's epsilon may be zero, the sign itself."""
-EPSILON, NOISE = "epsilon", "noise_sd"
+EPSILON = "epsilon"
 LARGEST_SENSOR = 0.5
 
 
@@ -108,6 +110,17 @@ def sums_and_laws(
     return sums, laws
 
 
+def checked_noise(who: str, asked: str | Sequence[str]) -> tuple[str, ...]:
+    """Return the names of noise models. Raises InputError where there is none, or one is unknown."""
+    names = (asked,) if isinstance(asked, str) else tuple(asked)
+    if not names:
+        raise InputError(f'{who}: noise names no noise model; give one, several or "auto"')
+    for name in names:
+        if name not in NOISES.names() and names != ("auto",):
+            raise InputError(f"{who}: unknown noise model {name!r}{nearest(name, [*NOISES.names(), 'auto'])}")
+    return names
+
+
 def _names(what: str, given: str | Iterable[str]) -> list[str]:
     names = [given] if isinstance(given, str) else list(given) if isinstance(given, Iterable) else []
     if not isinstance(given, Iterable) or not all(isinstance(one, str) for one in names):
@@ -120,9 +133,10 @@ def known_and_priors(
     laws: Sequence[str],
     known: Mapping[str, float] | None,
     priors: Mapping[str, Prior] | None,
+    noises: Sequence[str] = (GAUSSIAN,),
 ) -> tuple[dict[str, float], dict[str, Prior]]:
     """Of a comparison of sums under laws, empty for all: known values, and priors by parameter. Raises InputError for
-    what none of these models has."""
+    what none of these models has. noises: the noise models in play."""
     coefficients = coefficients_of(
         tuple(dict.fromkeys(t for s in sums or all_sums() for t in parse_model(s)))
     )
@@ -130,7 +144,8 @@ def known_and_priors(
     parameters = tuple(
         dict.fromkeys(p for law in laws or LAWS.names() for p in Oscillator(terms, law).parameters)
     )
-    values = checked_known("compare", known or {}, coefficients, (*parameters, NOISE))
+    parameters += tuple(dict.fromkeys(p for name in noises for p in NOISES.get(name).parameters))
+    values = checked_known("compare", known or {}, coefficients, parameters)
     given = checked_priors("compare", priors or {}, values, coefficients, parameters)
     return values, by_parameter(given, coefficients)
 

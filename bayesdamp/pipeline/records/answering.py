@@ -9,8 +9,10 @@ import numpy as np
 
 from bayesdamp.config import Recording, SignalSpec, Study
 from bayesdamp.config.checks import plain
+from bayesdamp.inference.deviation.sample_noise import noises_of
 from bayesdamp.inference.deviation.single import ESCAPED, Found
 from bayesdamp.inference.deviation.weighing import Weighing
+from bayesdamp.inference.noise import NOISES
 from bayesdamp.outcomes import following
 from bayesdamp.physics.damping import TERMS, DampingTerm, others, parse_model
 from bayesdamp.physics.restoring import LAWS
@@ -78,9 +80,11 @@ class AnswerCell:
             self.approximate,
             self.study.posterior.sensor,
             bool(self.spec.specimen),
+            self.study.posterior.noise,
         )
         named = [*map(TERMS.source, self._terms), *map(LAWS.source, self.spec.restoring)]
         named += [*map(TERMS.source, others())]
+        named += [*map(NOISES.source, noises_of(self.study.posterior.noise))]
         return task_key(self.kind, self.parent.key, *parts, named)
 
     def compute(self) -> None:
@@ -140,6 +144,7 @@ class AnswerCell:
             sample=self.sample,
             made=self._made(),
             repeated=bool(self.spec.specimen),
+            noise=self.study.posterior.noise,
         )
 
     def _made(self) -> dict[str, Weighing]:

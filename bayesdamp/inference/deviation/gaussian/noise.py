@@ -8,10 +8,23 @@ BAND = (0.3, 2.0)
 """Frequencies that count, in units of the oscillation's."""
 
 
-def inflation(t: np.ndarray, left: np.ndarray, frequency: float, taken: int) -> float:
-    """κ ≥ 1: the mean power of what is left, (n,), near the oscillation over that of white noise with its variance.
+def inflation(
+    t: np.ndarray, left: np.ndarray, frequency: float, taken: int, variance: float | None = None
+) -> float:
+    """Return κ ≥ 1: the mean power of the residual near the oscillation over that of white noise.
 
-    taken: directions that a fit has taken out of the record, nearly all of them near the oscillation.
+    Parameters
+    ----------
+    t : ndarray, shape (n,)
+        Times in s.
+    left : ndarray, shape (n,)
+        What a fit leaves.
+    frequency : float
+        Of the oscillation, in rad/s.
+    taken : int
+        Directions that the fit has taken out of the record, nearly all of them near the oscillation.
+    variance : float, optional
+        Of the white noise; by default that of the residual.
     """
     n = left.size
     grid = np.linspace(t[0], t[-1], n)
@@ -22,7 +35,8 @@ def inflation(t: np.ndarray, left: np.ndarray, frequency: float, taken: int) -> 
     modes = 2 * int(band.sum())
     # What the fit took out, spread over the band, but never more than half of it.
     kept = max(modes - taken, 0.5 * modes)
-    variance = float(left @ left) / max(n - taken, 1)
+    if variance is None:
+        variance = float(left @ left) / max(n - taken, 1)
     if modes < 6 or variance <= 0:
         return 1.0
     return max(1.0, 2 * float(power[band].sum()) / kept / variance)

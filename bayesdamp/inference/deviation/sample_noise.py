@@ -1,0 +1,229 @@
+"""The noise of a record's samples: which model it follows, and the values that a least-squares fit is made to.
+
+The candidates of an answer are fitted and weighed under white Gaussian noise. Any other noise model reaches them
+through two things: the record's values are replaced by the motion plus the model's working residuals, in which an
+outlier counts for little and rounding for nothing, and the variance is that of the white noise which tells as much
+about the oscillation. Both depend on the motion, so that they are found in turn.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from bayesdamp.inference.deviation.candidate import Linearised, linearised, relinearised
+from bayesdamp.inference.deviation.data import Data
+from bayesdamp.inference.deviation.gaussian.noise import inflation
+from bayesdamp.inference.deviation.least_squares import Fit, fit
+from bayesdamp.inference.noise import NOISES
+from bayesdamp.inference.noise._residuals import FittedNoise, fit_noise
+from bayesdamp.physics.kernel import Solver
+from bayesdamp.physics.kernel.solve import NONE
+from bayesdamp.priors import Prior
+from bayesdamp.types import Refusal
+
+GAUSSIAN = "gaussian"
+AUTOMATIC = (GAUSSIAN, "student_t", "quantised")
+"""Noise models that are weighed where none is asked for. Correlated noise is allowed for by the power of the residual
+near the oscillation (`inflation`), which also holds where the correlation is not exponential."""
+LEAD = 5.0
+"""Nats by which another noise model must be ahead of Gaussian noise (conventional)."""
+ROUNDS = 10
+"""Changes of the working residuals, at most."""
+SETTLED = 0.05
+"""Standard deviations of the whole record's noise by which the motion may still change."""
+
+
+def noises_of(asked: str | Sequence[str]) -> tuple[str, ...]:
+    """Return the names of the noise models that are weighed: those asked for, or for "auto" the automatic ones and all
+    that plug-ins add."""
+    names = (asked,) if isinstance(asked, str) else tuple(asked)
+    return (*AUTOMATIC, *NOISES.added()) if names == ("auto",) else names
+
+
+@dataclass(frozen=True)
+class SampleNoise:
+    """The noise of a record's samples.
+
+    Attributes
+    ----------
+    fitted : FittedNoise
+        The model and its parameters.
+    ahead : float
+        Nats by which it is ahead of Gaussian noise; nan where that was not weighed.
+    """
+
+    fitted: FittedNoise = field(default_factory=FittedNoise)
+    ahead: float = float("nan")
+
+    @property
+    def name(self) -> str:
+        """The noise model."""
+        return self.fitted.name
+
+
+@dataclass(frozen=True)
+class Adapted:
+    """A record whose values are those that least squares are made to under a noise model.
+
+    Attributes
+    ----------
+    data : Data
+        The record.
+    noise : SampleNoise
+        The noise model.
+    variance : float
+        Variance of the white noise that stands for it, in the record's unit squared, per value of the data.
+    """
+
+    data: Data
+    noise: SampleNoise
+    variance: float
+
+
+def adapted(
+    names: Sequence[str],
+    data: Data,
+    solver: Solver,
+    at: Linearised,
+    known: Mapping[str, float],
+    priors: Mapping[str, Prior],
+    approximate: bool,
+) -> Adapted | None:
+    """Choose the noise model of a record, and adapt the record's values to it.
+
+    Parameters
+    ----------
+    names : sequence of str
+        Noise models to choose from.
+    data : Data
+        The record as it is.
+    solver : Solver
+        Of the motions.
+    at : Linearised
+        The candidate with all terms, about its mode under Gaussian noise.
+    known, priors : mapping
+        Values and priors of parameters, those of noise models among them.
+    approximate : bool
+        Whether laws may hold approximately.
+
+    Returns
+    -------
+    Adapted or None
+        None where the noise is Gaussian.
+
+    Raises
+    ------
+    Refusal
+        Where none of the noise models applies to the record.
+    """
+    if tuple(names) == (GAUSSIAN,):
+        return None
+    if data.record is None:
+        if GAUSSIAN in names:
+            return None
+        raise Refusal(
+            f"{data.cycles:.0f} cycles are compared as amplitudes and phases, whose noise is Gaussian; "
+            f"{names[0]} noise cannot be used"
+        )
+    motion = _at_samples(solver, data, at)
+    if motion is None:
+        return None
+    noise = _chosen(names, data.record.y - motion, data, known, priors)
+    if noise.name == GAUSSIAN:
+        return None
+    found, gaps = at.fit, np.diff(data.record.t)
+    for _ in range(ROUNDS):
+        residual = data.record.y - motion
+        variance = noise.fitted.variance(residual, motion - motion.mean(), gaps)
+        working = noise.fitted.working_residuals(residual, gaps, variance)
+        data = data.working(working - residual)
+        there = _mode(at, solver, data, found, approximate)
+        if there is None:
+            break
+        moved = float(np.linalg.norm(there.motion.y - at.motion.y)) * np.sqrt(data.thinned / variance)
+        at, found = there, there.fit
+        motion = _at_samples(solver, data, at)
+        if motion is None or moved < SETTLED:
+            break
+        noise = SampleNoise(
+            fit_noise(noise.name, data.record.y - motion, data.record, data.features, known, priors),
+            noise.ahead,
+        )
+    return Adapted(data, noise, data.least_variance + variance / data.thinned)
+
+
+def inflated(data: Data, at: Linearised, variance: float) -> tuple[float, float]:
+    """Return the variance that counts, and κ in it, of noise whose white variance is known from its model."""
+    kappa = inflation(data.t, at.left, data.frequency, at.u.size, variance)
+    return kappa * variance, kappa
+
+
+def _mode(at: Linearised, solver: Solver, data: Data, found: Fit, approximate: bool) -> Linearised | None:
+    """The candidate about its mode on changed values; None where no motion follows them."""
+    new = fit(solver, found.parameters, found.active, data.y, found.z, noise=data.noise, windows=False)
+    if new is None:
+        return None
+    if not approximate:
+        return linearised(at.candidate, solver, data, new)
+    about = relinearised(at.candidate, solver, data, new, None)
+    return None if about is None else about[0]
+
+
+def _at_samples(solver: Solver, data: Data, at: Linearised) -> np.ndarray | None:
+    """The motion at every sample of the record, (m,); None where it escapes."""
+    assert data.record is not None
+    d, n = at.fit.z.size, solver.knots.size
+    z, g, h = np.split(at.u, [d, d + n])
+    every = solver.at(np.array(data.record.t, float), solver.quantity)
+    motion = every.solve(at.parameters.values(z), at.fit.active, np.expm1(g), h, NONE)
+    return None if motion is None else motion.y
+
+
+def _chosen(
+    names: Sequence[str],
+    residual: np.ndarray,
+    data: Data,
+    known: Mapping[str, float],
+    priors: Mapping[str, Prior],
+) -> SampleNoise:
+    """The noise model of highest evidence on residuals (m,)."""
+    assert data.record is not None
+    every: dict[str, FittedNoise] = {}
+    refused: list[str] = []
+    for name in names:
+        try:
+            every[name] = fit_noise(name, residual, data.record, data.features, known, priors)
+        except Refusal as refusal:
+            refused.append(str(refusal))
+    if not every:
+        raise Refusal("; ".join(refused))
+    plain = every.get(GAUSSIAN)
+    if plain is None:
+        return SampleNoise(max(every.values(), key=lambda f: f.log_evidence))
+    best = max(every.values(), key=lambda f: f.log_evidence)
+    ahead = best.log_evidence - plain.log_evidence
+    if best is plain or ahead < LEAD:
+        return SampleNoise(plain, 0.0)
+    if NOISES.get(best.name).heavy_tailed and _tails(best.name, residual, data, known, priors) < LEAD:
+        return SampleNoise(plain, 0.0)
+    return SampleNoise(best, ahead)
+
+
+def _tails(
+    name: str, residual: np.ndarray, data: Data, known: Mapping[str, float], priors: Mapping[str, Prior]
+) -> float:
+    """Nats by which heavy tails are ahead in the second differences of residuals (m,).
+
+    What a law leaves that does not hold is smooth, and large in some parts of the record only; outliers are not smooth.
+    """
+    assert data.record is not None
+    differences = residual[1:-1] - 0.5 * (residual[:-2] + residual[2:])
+    record = data.record
+    inner = type(record)(record.t[1:-1], record.y[1:-1], record.quantity, record.unit, step=record.step)
+    heavy, plain = (
+        fit_noise(n, differences, inner, data.features, known, priors).log_evidence for n in (name, GAUSSIAN)
+    )
+    return heavy - plain

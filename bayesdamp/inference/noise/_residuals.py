@@ -1,0 +1,141 @@
+"""A noise model on given residuals: its parameters, its evidence, and the working residuals of a least-squares fit."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from bayesdamp.inference.noise import NOISES
+from bayesdamp.priors import Prior
+from bayesdamp.records.oscillation.features import Features
+from bayesdamp.types import Signal
+
+STEP = 0.02
+"""Scores over which second differences are taken."""
+SHIFT = 0.3
+"""Shift for the observed information, in median absolute residuals (conventional)."""
+LEAST_INFORMATION = 0.3
+"""Observed information at least, as a share of the expected one: by chance it can be negative (conventional)."""
+FARTHEST = 6.0
+"""Largest score at which a search for the noise's parameters starts."""
+
+
+@dataclass(frozen=True)
+class FittedNoise:
+    """A noise model with the parameters that are most probable for given residuals.
+
+    Attributes
+    ----------
+    name : str
+        The noise model.
+    values : mapping of str to float
+        Its parameters and constants, in the unit of the record.
+    log_evidence : float
+        Log density of the residuals in nats, integrated over the parameters by Laplace's approximation.
+    """
+
+    name: str = "gaussian"
+    values: Mapping[str, float] = field(default_factory=dict)
+    log_evidence: float = float("nan")
+
+    def variance(self, residual: np.ndarray, direction: np.ndarray, gaps: np.ndarray) -> float:
+        """Compute the variance of white Gaussian noise that tells as much about a shift of the record.
+
+        For a shift that oscillates at one frequency, least squares under white noise of this variance is as good as
+        generalised least squares (U. Grenander, Ann. Math. Stat. 25, 252 (1954)). The information is the observed one,
+        from differences of the slope.
+
+        Parameters
+        ----------
+        residual : ndarray, shape (n,)
+            Record minus motion.
+        direction : ndarray, shape (n,)
+            The shift.
+        gaps : ndarray, shape (n - 1,)
+            Times between the samples, in s.
+        """
+        noise = NOISES.get(self.name)
+        step = SHIFT * float(np.median(np.abs(residual)) / np.max(np.abs(direction))) * direction
+        above, below = (noise.slope(residual + s, gaps, self.values) for s in (step, -step))
+        observed = float(step @ (below - above)) / (2 * float(step @ step))
+        root = noise.information_root(direction, gaps, self.values)
+        expected = float(np.sum(root**2) / np.sum(direction**2))
+        return 1.0 / max(observed, LEAST_INFORMATION * expected)
+
+    def working_residuals(self, residual: np.ndarray, gaps: np.ndarray, variance: float) -> np.ndarray:
+        """Compute residuals, (n,), whose least-squares gradient is that of the log density.
+
+        A least-squares fit of the motion plus these, repeated until they no longer change, is at the mode of the
+        noise's density (P. J. Huber, Robust Statistics, 1981, section 7.8, "modified residuals").
+
+        Parameters
+        ----------
+        residual : ndarray, shape (n,)
+            Record minus motion.
+        gaps : ndarray, shape (n - 1,)
+            Times between the samples, in s.
+        variance : float
+            As `variance` computes it.
+        """
+        return -variance * NOISES.get(self.name).slope(residual, gaps, self.values)
+
+
+def fit_noise(
+    name: str,
+    residual: np.ndarray,
+    signal: Signal,
+    features: Features,
+    known: Mapping[str, float] | None = None,
+    priors: Mapping[str, Prior] | None = None,
+) -> FittedNoise:
+    """Fit a noise model to residuals.
+
+    Parameters
+    ----------
+    name : str
+        The noise model.
+    residual : ndarray, shape (n,)
+        Record minus motion.
+    signal : Signal
+        The record that they are of.
+    features : Features
+        Its features, which default priors depend on.
+    known, priors : mapping, optional
+        Values and priors of the noise's parameters in place of the default priors.
+
+    Raises
+    ------
+    Refusal
+        Where the model does not apply to the record.
+    """
+    from scipy.optimize import minimize
+
+    noise = NOISES.get(name)
+    constants = {**noise.read(signal), **{n: v for n, v in (known or {}).items() if n in noise.parameters}}
+    given = {n: p for n, p in (priors or {}).items() if n in noise.parameters}
+    inferred = {n: p for n, p in {**noise.priors(features), **given}.items() if n not in constants}
+    gaps = np.diff(signal.t)
+
+    def values(z: np.ndarray) -> dict[str, float]:
+        own = {n: float(p.value(x)) for (n, p), x in zip(inferred.items(), z, strict=True)}
+        return {**own, **constants}
+
+    def depth(z: np.ndarray) -> float:
+        with np.errstate(all="ignore"):
+            density = float(noise.log_likelihood(residual, gaps, values(z))) - 0.5 * float(z @ z)
+        return -density if np.isfinite(density) else 1e300
+
+    start = noise.start(residual, gaps)
+    z = np.array([float(np.clip(p.score(start[n]), -FARTHEST, FARTHEST)) for n, p in inferred.items()])
+    if not z.size:
+        return FittedNoise(name, values(z), -depth(z))
+    z = minimize(depth, z, method="Nelder-Mead", options={"xatol": 1e-4, "fatol": 1e-4}).x
+    axes = STEP * np.eye(z.size)
+    mixed = [
+        [depth(z + a + b) - depth(z + a - b) - depth(z - a + b) + depth(z - a - b) for b in axes]
+        for a in axes
+    ]
+    sign, log_det = np.linalg.slogdet(np.array(mixed) / (4 * STEP**2))
+    return FittedNoise(name, values(z), (-depth(z) - 0.5 * float(log_det)) if sign > 0 else -np.inf)

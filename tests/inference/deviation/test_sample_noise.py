@@ -1,0 +1,144 @@
+"""The noise of a record's samples, and how it reaches an answer. Truth by SciPy's own densities and closed forms."""
+
+import numpy as np
+import pytest
+from scipy import optimize, stats
+
+import bayesdamp as bd
+from bayesdamp.inference.deviation.sample_noise import noises_of
+from bayesdamp.inference.noise import NOISES, IndependentNoise
+from bayesdamp.inference.noise._residuals import FittedNoise
+from bayesdamp.types import InputError
+
+GAPS = np.full(1999, 0.01)
+T = 0.01 * np.arange(2000)
+MADE = {"stiffness": 20.0, "duration": 12.0, "samples": 600, "noise_sd": 0.002}
+ASKED = {"damping": ["viscous", "coulomb"], "restoring": ["linear"], "sample": False}
+RATIO = 0.05 / 20.0**0.5
+
+
+def straight_line(noise: FittedNoise, y: np.ndarray, columns: np.ndarray, rounds: int) -> np.ndarray:
+    """Coefficients by least squares to working residuals, repeated."""
+    c = np.linalg.lstsq(columns, y, rcond=None)[0]
+    for _ in range(rounds):
+        r = y - columns @ c
+        variance = noise.variance(r, columns[:, 0], GAPS)
+        working = columns @ c + noise.working_residuals(r, GAPS, variance)
+        c = np.linalg.lstsq(columns, working, rcond=None)[0]
+    return c
+
+
+def test_working_residuals_lead_to_the_mode_of_the_density():
+    """SciPy's maximum of Student's likelihood; one fit to the record itself is far from it."""
+    rng = np.random.default_rng(1)
+    columns = np.column_stack([np.cos(4 * T), np.sin(4 * T)])
+    y = columns @ [1.0, 0.5] + 0.05 * rng.standard_t(2.0, T.size)
+    noise = FittedNoise("student_t", {"noise_sd": 0.05, "noise_dof": 2.0})
+
+    def depth(c: np.ndarray) -> float:
+        return -float(np.sum(stats.t.logpdf((y - columns @ c) / 0.05, 2.0)))
+
+    best = optimize.minimize(
+        depth, [1.0, 0.5], method="Nelder-Mead", options={"xatol": 1e-9, "fatol": 1e-9}
+    ).x
+    sd = 0.05 * np.sqrt(2 / T.size)
+    assert np.abs(straight_line(noise, y, columns, 20) - best).max() < 1e-3 * sd
+    assert np.abs(straight_line(noise, y, columns, 0) - best).max() > 0.3 * sd
+
+
+def test_variance_of_heavy_tails():
+    """Student's Fisher information is (ν + 1)/(ν + 3)/σ²; 2000 samples leave a few per cent."""
+    r = 0.1 * np.random.default_rng(2).standard_t(3.0, T.size)
+    noise = FittedNoise("student_t", {"noise_sd": 0.1, "noise_dof": 3.0})
+    assert noise.variance(r, np.cos(4 * T), GAPS) == pytest.approx(0.1**2 * 6 / 4, rel=0.1)
+
+
+@pytest.mark.parametrize("frequency", [0.5, 4.0, 30.0])
+def test_variance_of_correlated_noise(frequency: float):
+    """The power of an autoregressive process of order 1 at the frequency of the shift."""
+    rho = np.exp(-0.01 / 0.05)
+    power = (1 - rho**2) / (1 - 2 * rho * np.cos(0.01 * frequency) + rho**2)
+    noise = FittedNoise("correlated", {"noise_sd": 1.0, "noise_time": 0.05})
+    found = noise.variance(np.ones(T.size), np.cos(frequency * T), GAPS)
+    assert found == pytest.approx(power, rel=0.05)
+
+
+def spoilt(seed: int = 3) -> bd.Signal:
+    """A record with 2 % of its samples far off."""
+    rng = np.random.default_rng(seed)
+    signal = bd.simulate({"viscous": 0.05}, "linear", seed=seed, theta0=0.3, **MADE)
+    hit = rng.random(signal.t.size) < 0.02
+    return bd.signal(signal.t, signal.y + hit * 0.1 * rng.standard_normal(signal.t.size))
+
+
+def first_ratio(signal: bd.Signal, **asked: object):
+    verdict = bd.compare(signal, **{**ASKED, **asked}).verdict
+    return verdict, verdict.damping_ratio[0]
+
+
+def test_outliers_are_seen_and_count_for_little():
+    """The interval holds the truth and is at most half as wide as under Gaussian noise."""
+    signal = spoilt()
+    verdict, own = first_ratio(signal)
+    _, plain = first_ratio(signal, noise="gaussian")
+    assert any("student_t" in remark for remark in verdict.remarks)
+    assert own.low < RATIO < own.high
+    assert own.high - own.low < 0.5 * (plain.high - plain.low)
+
+
+def test_gaussian_noise_stays_gaussian():
+    signal = bd.simulate({"viscous": 0.05}, "linear", seed=4, theta0=0.3, **MADE)
+    verdict, own = first_ratio(signal)
+    _, plain = first_ratio(signal, noise="gaussian")
+    assert not any("noise model" in remark for remark in verdict.remarks)
+    assert (own.value, own.low, own.high) == (plain.value, plain.low, plain.high)
+
+
+def test_what_a_wrong_law_leaves_is_no_heavy_tail():
+    """A record of a stiffening spring under a linear one: residuals are large at first only, and smooth."""
+    signal = bd.simulate({"viscous": 0.05}, "duffing", cubic=3.0, seed=5, theta0=0.5, **MADE)
+    verdict, _ = first_ratio(signal)
+    assert not any("noise model" in remark for remark in verdict.remarks)
+
+
+def test_coarse_steps_are_rounding_and_not_noise():
+    """A sixteenth of the amplitude: the interval under `quantised` holds the truth and is narrower."""
+    plain = bd.simulate({"viscous": 0.05}, "linear", seed=6, theta0=0.3, **MADE)
+    step = 0.3 / 16
+    signal = bd.signal(plain.t, step * np.round(plain.y / step))
+    verdict, own = first_ratio(signal)
+    _, white = first_ratio(signal, noise="gaussian")
+    assert any("quantised" in remark for remark in verdict.remarks)
+    assert own.low < RATIO < own.high
+    assert own.high - own.low < 0.8 * (white.high - white.low)
+
+
+class Laplacian(IndependentNoise):
+    """A user's own noise: double exponential."""
+
+    name = "laplacian"
+    heavy_tailed = True
+
+    def log_density(self, r, p):
+        return -np.abs(r) / p["noise_sd"] - np.log(2 * p["noise_sd"])
+
+
+def test_a_noise_model_of_a_users_own_changes_the_answer():
+    NOISES.add("laplacian", Laplacian())
+    try:
+        signal = spoilt()
+        verdict, own = first_ratio(signal, noise="laplacian")
+        _, plain = first_ratio(signal, noise="gaussian")
+        assert "laplacian" in noises_of("auto")
+    finally:
+        NOISES.remove("laplacian")
+    assert any("laplacian" in remark for remark in verdict.remarks)
+    assert own.low < RATIO < own.high
+    assert own.high - own.low < 0.7 * (plain.high - plain.low)
+
+
+def test_an_unknown_noise_model_is_refused():
+    with pytest.raises(InputError, match="student_t"):
+        bd.compare(spoilt(), noise="student")
+    with pytest.raises(InputError, match="noise_dof"):
+        bd.compare(spoilt(), noise="gaussian", known={"noise_dof": 3.0})
