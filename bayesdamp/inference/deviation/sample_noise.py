@@ -25,9 +25,9 @@ from bayesdamp.priors import Prior
 from bayesdamp.types import Refusal
 
 GAUSSIAN = "gaussian"
-AUTOMATIC = (GAUSSIAN, "student_t", "quantised")
-"""Noise models that are weighed where none is asked for. Correlated noise is allowed for by the power of the residual
-near the oscillation (`inflation`), which also holds where the correlation is not exponential."""
+CORRELATED = "correlated"
+AUTOMATIC = (GAUSSIAN, CORRELATED, "student_t", "quantised")
+"""Noise models that are weighed where none is asked for."""
 LEAD = 5.0
 """Nats by which another noise model must be ahead of Gaussian noise (conventional)."""
 ROUNDS = 10
@@ -205,25 +205,8 @@ def _chosen(
         return SampleNoise(max(every.values(), key=lambda f: f.log_evidence))
     best = max(every.values(), key=lambda f: f.log_evidence)
     ahead = best.log_evidence - plain.log_evidence
-    if best is plain or ahead < LEAD:
-        return SampleNoise(plain, 0.0)
-    if NOISES.get(best.name).heavy_tailed and _tails(best.name, residual, data, known, priors) < LEAD:
+    # Of several models, what is correlated is left to the power of the residual near the oscillation (`inflation`): it
+    # may as well be what a law leaves that does not hold, and its correlation need not be exponential.
+    if ahead < LEAD or best.name in (GAUSSIAN, CORRELATED):
         return SampleNoise(plain, 0.0)
     return SampleNoise(best, ahead)
-
-
-def _tails(
-    name: str, residual: np.ndarray, data: Data, known: Mapping[str, float], priors: Mapping[str, Prior]
-) -> float:
-    """Nats by which heavy tails are ahead in the second differences of residuals (m,).
-
-    What a law leaves that does not hold is smooth, and large in some parts of the record only; outliers are not smooth.
-    """
-    assert data.record is not None
-    differences = residual[1:-1] - 0.5 * (residual[:-2] + residual[2:])
-    record = data.record
-    inner = type(record)(record.t[1:-1], record.y[1:-1], record.quantity, record.unit, step=record.step)
-    heavy, plain = (
-        fit_noise(n, differences, inner, data.features, known, priors).log_evidence for n in (name, GAUSSIAN)
-    )
-    return heavy - plain
