@@ -75,7 +75,8 @@ class Adapted:
     noise : SampleNoise
         The noise model.
     variance : float
-        Variance of the white noise that stands for it, in the record's unit squared, per value of the data.
+        Variance of the white noise that stands for it, in the record's unit squared, per value of the data. Where the
+        noise is taken as Gaussian but is correlated, the least that its variance near the oscillation is.
     """
 
     data: Data
@@ -112,7 +113,7 @@ def adapted(
     Returns
     -------
     Adapted or None
-        None where the noise is Gaussian.
+        None where the noise is white and Gaussian.
 
     Raises
     ------
@@ -132,9 +133,14 @@ def adapted(
     if motion is None:
         return None
     noise = _chosen(names, data.record.y - motion, data, known, priors)
+    found, gaps = at.fit, np.diff(data.record.t)
     if noise.name == GAUSSIAN:
         return None
-    found, gaps = at.fit, np.diff(data.record.t)
+    if noise.name == CORRELATED and GAUSSIAN in names:
+        # Left to the power of the residual near the oscillation (`inflation`), but no less than the model says: it may
+        # as well be what a law leaves that does not hold, and its correlation need not be exponential.
+        variance = noise.fitted.variance(data.record.y - motion, motion - motion.mean(), gaps)
+        return Adapted(data, SampleNoise(), variance / data.thinned)
     for _ in range(ROUNDS):
         residual = data.record.y - motion
         variance = noise.fitted.variance(residual, motion - motion.mean(), gaps)
@@ -205,8 +211,4 @@ def _chosen(
         return SampleNoise(max(every.values(), key=lambda f: f.log_evidence))
     best = max(every.values(), key=lambda f: f.log_evidence)
     ahead = best.log_evidence - plain.log_evidence
-    # Of several models, what is correlated is left to the power of the residual near the oscillation (`inflation`): it
-    # may as well be what a law leaves that does not hold, and its correlation need not be exponential.
-    if ahead < LEAD or best.name in (GAUSSIAN, CORRELATED):
-        return SampleNoise(plain, 0.0)
-    return SampleNoise(best, ahead)
+    return SampleNoise(plain, 0.0) if ahead < LEAD else SampleNoise(best, ahead)

@@ -26,7 +26,7 @@ from bayesdamp.inference.deviation.gaussian.noise import inflation
 from bayesdamp.inference.deviation.gaussian.tempered import Sampled
 from bayesdamp.inference.deviation.least_squares import Fit, fit
 from bayesdamp.inference.deviation.orbit import rest_of
-from bayesdamp.inference.deviation.sample_noise import AUTOMATIC, SampleNoise, adapted, inflated
+from bayesdamp.inference.deviation.sample_noise import AUTOMATIC, GAUSSIAN, SampleNoise, adapted, inflated
 from bayesdamp.inference.model.defaults import Reference
 from bayesdamp.machine.threads import at_once
 from bayesdamp.physics.damping import TERMS
@@ -195,14 +195,18 @@ def weigh_all(
     stated = known_under(laws[0]).get("noise_sd")
     law = min(wholes, key=lambda name: wholes[name][1])
     other = adapted(noises, data, solvers[law], wholes[law][0], known_under(law), priors, approximate)
-    if other is not None:
+    if other is not None and other.noise.name != GAUSSIAN:
         data = other.data
         _refitted(data, solvers, fits)
         wholes = _about(whole, solvers, data, fits)
         variance, kappa = inflated(data, wholes[law][0], other.variance)
         stated = float(np.sqrt(other.variance))
+    elif stated is None:
+        variance, kappa = _noise(data, wholes)
+        if other is not None and other.variance > variance:
+            variance, kappa = other.variance, kappa * other.variance / variance
     else:
-        variance, kappa = _noise(data, wholes) if stated is None else (_stated(data, stated), 1.0)
+        variance, kappa = _stated(data, stated), 1.0
     noise = variance, kappa
     kept = _laws_kept(wholes, variance, data.y.size / kappa, knots.size)
     asked: list[Candidate] = []
