@@ -50,18 +50,29 @@ class SampleNoise:
     Attributes
     ----------
     fitted : FittedNoise
-        The model and its parameters.
-    ahead : float
-        Nats by which it is ahead of Gaussian noise; nan where that was not weighed.
+        The model that the answer is under, and its parameters.
+    weighed : tuple of FittedNoise
+        All models that apply to the record, on the residuals of the sum of all terms.
     """
 
     fitted: FittedNoise = field(default_factory=FittedNoise)
-    ahead: float = float("nan")
+    weighed: tuple[FittedNoise, ...] = ()
 
     @property
     def name(self) -> str:
-        """The noise model."""
+        """The noise model that the answer is under."""
         return self.fitted.name
+
+    @property
+    def likeliest(self) -> str:
+        """The noise model of highest evidence, which may be the correlated one that the answer allows for otherwise."""
+        return max(self.weighed, key=lambda one: one.log_evidence, default=self.fitted).name
+
+    @property
+    def ahead(self) -> float:
+        """Nats by which the answer's model is ahead of Gaussian noise; nan where that was not weighed."""
+        logs = {one.name: one.log_evidence for one in self.weighed}
+        return logs.get(self.name, np.nan) - logs.get(GAUSSIAN, np.nan)
 
 
 @dataclass(frozen=True)
@@ -113,7 +124,7 @@ def adapted(
     Returns
     -------
     Adapted or None
-        None where the noise is white and Gaussian.
+        None where only Gaussian noise can be used.
 
     Raises
     ------
@@ -132,19 +143,21 @@ def adapted(
     motion = _at_samples(solver, data, at)
     if motion is None:
         return None
-    noise = _chosen(names, data.record.y - motion, data, known, priors)
+    weighed = _weighed(names, data.record.y - motion, data, known, priors)
+    by_name = {one.name: one for one in weighed}
+    noise, plain = max(weighed, key=lambda one: one.log_evidence), by_name.get(GAUSSIAN)
     found, gaps = at.fit, np.diff(data.record.t)
-    if noise.name == GAUSSIAN:
-        return None
-    if noise.name == CORRELATED and GAUSSIAN in names:
+    if plain is not None and noise.log_evidence - plain.log_evidence < LEAD:
+        return Adapted(data, SampleNoise(plain, weighed), 0.0)
+    if plain is not None and noise.name == CORRELATED:
         # Left to the power of the residual near the oscillation (`inflation`), but no less than the model says: it may
         # as well be what a law leaves that does not hold, and its correlation need not be exponential.
-        variance = noise.fitted.variance(data.record.y - motion, motion - motion.mean(), gaps)
-        return Adapted(data, SampleNoise(), variance / data.thinned)
+        variance = noise.variance(data.record.y - motion, motion - motion.mean(), gaps)
+        return Adapted(data, SampleNoise(plain, weighed), variance / data.thinned)
     for _ in range(ROUNDS):
         residual = data.record.y - motion
-        variance = noise.fitted.variance(residual, motion - motion.mean(), gaps)
-        working = noise.fitted.working_residuals(residual, gaps, variance)
+        variance = noise.variance(residual, motion - motion.mean(), gaps)
+        working = noise.working_residuals(residual, gaps, variance)
         data = data.working(working - residual)
         there = _mode(at, solver, data, found, approximate)
         if there is None:
@@ -154,11 +167,8 @@ def adapted(
         motion = _at_samples(solver, data, at)
         if motion is None or moved < SETTLED:
             break
-        noise = SampleNoise(
-            fit_noise(noise.name, data.record.y - motion, data.record, data.features, known, priors),
-            noise.ahead,
-        )
-    return Adapted(data, noise, data.least_variance + variance / data.thinned)
+        noise = fit_noise(noise.name, data.record.y - motion, data.record, data.features, known, priors)
+    return Adapted(data, SampleNoise(noise, weighed), data.least_variance + variance / data.thinned)
 
 
 def inflated(data: Data, at: Linearised, variance: float) -> tuple[float, float]:
@@ -188,27 +198,22 @@ def _at_samples(solver: Solver, data: Data, at: Linearised) -> np.ndarray | None
     return None if motion is None else motion.y
 
 
-def _chosen(
+def _weighed(
     names: Sequence[str],
     residual: np.ndarray,
     data: Data,
     known: Mapping[str, float],
     priors: Mapping[str, Prior],
-) -> SampleNoise:
-    """The noise model of highest evidence on residuals (m,)."""
+) -> tuple[FittedNoise, ...]:
+    """Each noise model that applies to the record, on residuals (m,). Raises Refusal where none does."""
     assert data.record is not None
-    every: dict[str, FittedNoise] = {}
+    every: list[FittedNoise] = []
     refused: list[str] = []
     for name in names:
         try:
-            every[name] = fit_noise(name, residual, data.record, data.features, known, priors)
+            every.append(fit_noise(name, residual, data.record, data.features, known, priors))
         except Refusal as refusal:
             refused.append(str(refusal))
     if not every:
         raise Refusal("; ".join(refused))
-    plain = every.get(GAUSSIAN)
-    if plain is None:
-        return SampleNoise(max(every.values(), key=lambda f: f.log_evidence))
-    best = max(every.values(), key=lambda f: f.log_evidence)
-    ahead = best.log_evidence - plain.log_evidence
-    return SampleNoise(plain, 0.0) if ahead < LEAD else SampleNoise(best, ahead)
+    return tuple(every)
