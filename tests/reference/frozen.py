@@ -25,16 +25,16 @@ import numpy as np
 from bayesdamp.envelope import analyse, made_record
 from bayesdamp.pipeline.answer import answer
 from bayesdamp.types import Signal
-from bayesdamp.validation.truth import discrepancies
-from bayesdamp.validation.truth.drawing import Draw, drawn
-from bayesdamp.validation.truth.motion import NoMotionError, solved
-from bayesdamp.validation.truth.oscillator import LAWS, SUMS
-from bayesdamp.validation.truth.ratio import RatioCurve, ratio_curve
-from bayesdamp.validation.truth.records import discrepant
 from tests.envelope.ringdowns import simulate
 from tests.measured.run import signals
 from tests.validation.envelopes import drawn as drawn_ringdown
 from tests.validation.laws import case
+from validation.truth import discrepancies
+from validation.truth.drawing import Draw, drawn
+from validation.truth.motion import NoMotionError, solved
+from validation.truth.oscillator import LAWS, SUMS
+from validation.truth.ratio import RatioCurve, ratio_curve
+from validation.truth.records import discrepant
 
 FOLDER = Path(__file__).with_name("answers")
 SEED = 20261126

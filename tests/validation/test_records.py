@@ -13,11 +13,11 @@ from scipy.optimize import least_squares
 
 from bayesdamp.provenance import Provenance
 from bayesdamp.types import InputError
-from bayesdamp.validation.truth import discrepancies as odd
-from bayesdamp.validation.truth.drawing import Draw
-from bayesdamp.validation.truth.motion import solved
-from bayesdamp.validation.truth.oscillator import COEFFICIENTS, LAWS, SUMS, Oscillator
-from bayesdamp.validation.truth.records import FAMILY, KINDS, Case, case, discrepant, family, in_turn
+from validation.truth import discrepancies as odd
+from validation.truth.drawing import Draw
+from validation.truth.motion import solved
+from validation.truth.oscillator import COEFFICIENTS, LAWS, SUMS, Oscillator
+from validation.truth.records import FAMILY, KINDS, Case, case, discrepant, family, in_turn
 
 
 def oscillator_of(made: Case) -> Oscillator:

@@ -10,9 +10,9 @@ import pandas as pd
 import pytest
 
 from bayesdamp.types import InputError
-from bayesdamp.validation.run import ANSWER, answered, answering_of, jobs, main, read_rows
-from bayesdamp.validation.truth.records import KINDS
 from bayesdamp.verdict.types import Verdict
+from validation.run import ANSWER, answered, answering_of, jobs, main, read_rows
+from validation.truth.records import KINDS
 
 HERE = "tests.validation.answering:"
 

@@ -10,11 +10,11 @@ import pytest
 from scipy.stats import binomtest
 
 from bayesdamp.types import Refusal, Signal
-from bayesdamp.validation.answers import probability_of, relation, row_of
-from bayesdamp.validation.scoring import markdown, score, scores, wilson
-from bayesdamp.validation.truth.oscillator import SUMS
-from bayesdamp.validation.truth.ratio import RatioCurve
-from bayesdamp.validation.truth.records import Case
+from validation.answers import probability_of, relation, row_of
+from validation.scoring import markdown, score, scores, wilson
+from validation.truth.oscillator import SUMS
+from validation.truth.ratio import RatioCurve
+from validation.truth.records import Case
 
 
 @dataclass(frozen=True)

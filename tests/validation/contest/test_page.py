@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 from bayesdamp.types import InputError, Refusal
-from bayesdamp.validation.contest import rows
-from bayesdamp.validation.contest.__main__ import main
-from bayesdamp.validation.contest.page import page, write
-from bayesdamp.validation.contest.records import closed_form
-from bayesdamp.validation.contest.reply import Reply
-from bayesdamp.validation.contest.roster import OURS
 from tests.validation.contest.test_contest_scoring import row, table
+from validation.contest import rows
+from validation.contest.__main__ import main
+from validation.contest.page import page, write
+from validation.contest.records import closed_form
+from validation.contest.reply import Reply
+from validation.contest.roster import OURS
 
 
 def stored():
