@@ -65,10 +65,9 @@ MAY_IMPORT: dict[str, set[str]] = {
     "report": NEUTRAL | {"physics.symbols", "store", "verdict", "report"},
     "calibrate": _BELOW | {"config", "estimators", "inference", "store", "pipeline", "report", "calibrate"},
     "claims": _BELOW | {"estimators", "report", "claims"},
-    "validation.reports": NEUTRAL
-    | {"calibrate", "envelope", "pipeline", "store", "report", "validation"},
+    "validation.reports": NEUTRAL | {"calibrate", "envelope", "pipeline", "store", "report", "validation"},
     "validation.truth": NEUTRAL | {"validation.truth"},
-    "validation": NEUTRAL | {"validation"},
+    "validation": NEUTRAL | {"report.markdown", "store", "verdict.types", "validation"},
     "interface": NEUTRAL
     | {
         "physics", "records", "config", "estimators", "inference", "store", "pipeline", "verdict", "report",

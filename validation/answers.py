@@ -1,13 +1,14 @@
-"""What an answer for one record must have to be judged, and the row of a case that is kept of it."""
+"""The row of a case: its truth, and the answer that a record got."""
 
 from __future__ import annotations
 
 import math
 import time
-from collections.abc import Sequence
-from typing import Any, Protocol
+from collections.abc import Callable
+from typing import Any
 
 from bayesdamp.types import OK, Refusal, Signal
+from bayesdamp.verdict.types import Verdict
 from validation.truth.oscillator import SUMS
 from validation.truth.records import Case
 
@@ -15,80 +16,11 @@ LEAST = 1e-12
 """Probabilities below count as this, so that a mean of their logarithms is finite."""
 
 
-class Span(Protocol):
-    """A value with the ends of its 95 % interval."""
+Answering = Callable[[Signal, tuple[float, ...]], Verdict]
+"""From a record and three amplitudes (rad) to a verdict. Raises Refusal if there is none.
 
-    @property
-    def value(self) -> float:
-        """The number itself."""
-        ...
-
-    @property
-    def low(self) -> float:
-        """Lower end of the 95 % interval."""
-        ...
-
-    @property
-    def high(self) -> float:
-        """Upper end of the 95 % interval."""
-        ...
-
-
-class RatioAt(Span, Protocol):
-    """A damping ratio at an amplitude (rad)."""
-
-    @property
-    def amplitude(self) -> float:
-        """Where the ratio is given, rad or m."""
-        ...
-
-
-class Answer(Protocol):
-    """An answer for one record.
-
-    It may also have `rivals`, objects with `damping` and `probability`, of other sums. One without damping ratios says
-    that nothing can be said, in its `sentence` where it has one, else by its grade.
-    """
-
-    @property
-    def decided(self) -> bool:
-        """Whether one damping is named without reservation."""
-        ...
-
-    @property
-    def damping(self) -> str:
-        """The damping sum that is named."""
-        ...
-
-    @property
-    def probability(self) -> float:
-        """Of that sum."""
-        ...
-
-    @property
-    def grade(self) -> str:
-        """How well the law holds."""
-        ...
-
-    @property
-    def damping_ratio(self) -> Sequence[RatioAt]:
-        """Ratios at the amplitudes that were asked for."""
-        ...
-
-    @property
-    def deviation(self) -> Span | None:
-        """Of the damping law, with its interval."""
-        ...
-
-
-class Answering(Protocol):
-    """From a record and three amplitudes (rad) to an answer. Raises Refusal where there is none."""
-
-    def __call__(self, signal: Signal, amplitudes: tuple[float, ...], /) -> Answer:
-        """The answer on a signal, its damping ratio at these amplitudes (rad)."""
-        ...
-
-
+A verdict without damping ratios has no answer; its sentence says why.
+"""
 COLUMNS = (
     "case", "kind", "oversample", "mode", "damping", "restoring", "cycles", "nats", "noise_sd", "outcome", "seconds",
     "decided", "named", "relation", "probability", "true_probability", "grade",
@@ -116,8 +48,7 @@ def row_of(case: Case, answering: Answering, mode: str) -> Row:
     except Refusal as refusal:
         return row | {"outcome": str(refusal), "seconds": time.perf_counter() - began, "decided": False}
     if not answer.damping_ratio:
-        said = str(getattr(answer, "sentence", "") or answer.grade)
-        return row | {"outcome": said, "seconds": time.perf_counter() - began, "decided": False}
+        return row | {"outcome": answer.sentence, "seconds": time.perf_counter() - began, "decided": False}
     row |= {"outcome": OK, "seconds": time.perf_counter() - began, "decided": bool(answer.decided)}
     row |= {
         "named": answer.damping, "relation": relation(answer.damping, case.damping),
@@ -142,13 +73,13 @@ def relation(named: str, truth: str) -> str:
     return "more" if said > true else "less" if said < true else "other"
 
 
-def probability_of(answer: Answer, damping: str) -> float:
+def probability_of(answer: Verdict, damping: str) -> float:
     """The probability that an answer gives to a damping sum.
 
     What neither the named sum nor the rivals take is shared evenly by the sums that are not listed.
     """
     listed = {frozenset(answer.damping.split("+")): float(answer.probability)}
-    for rival in getattr(answer, "rivals", ()):
+    for rival in answer.rivals:
         listed.setdefault(frozenset(rival.damping.split("+")), float(rival.probability))
     wanted = frozenset(damping.split("+"))
     if wanted in listed:

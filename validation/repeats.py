@@ -10,11 +10,13 @@ import numpy as np
 import pandas as pd
 
 from bayesdamp.types import Refusal, Signal
-from validation.answers import Answer, Answering, probability_of
-from validation.envelope import amplitude_range
+from bayesdamp.verdict.types import Verdict
+from validation.answers import Answering, probability_of
+from validation.contest.peers.shared import even, frequency
+from validation.scoring import Z
 
-WIDTH = 2 * 1.959963984540054
-"""Width of a 95 % interval of a normal distribution, in standard deviations."""
+CYCLES = 3.0
+"""Least number of periods from which a range of amplitudes is computed."""
 AT = (5 / 6, 1 / 2, 1 / 6)
 """Where in the logarithm of their common range of amplitudes runs are compared."""
 LEAST_RANGE = 1.1
@@ -40,6 +42,27 @@ class Agreement:
     named: tuple[str, str]
     possible: tuple[bool, bool]
     decided: tuple[bool, bool]
+
+
+def amplitude_range(signal: Signal) -> tuple[float, float]:
+    """Return the amplitudes (unit of the record) half a period within its start and its end.
+
+    Each is that of a sinusoid and a constant fitted to one period by least squares; the period is where the spectrum
+    is largest. Raises Refusal on fewer than three periods.
+    """
+    t, y = signal.t, signal.y
+    period = 1 / frequency(*even(t, y))
+    if t[-1] - t[0] < CYCLES * period:
+        raise Refusal(f"the record has fewer than {CYCLES:g} periods")
+    return _size(t, y, t[0], period), _size(t, y, t[-1] - period, period)
+
+
+def _size(t: np.ndarray, y: np.ndarray, begin: float, period: float) -> float:
+    inside = (t >= begin) & (t <= begin + period)
+    phase = 2 * np.pi * (t[inside] - begin) / period
+    columns = np.column_stack([np.cos(phase), np.sin(phase), np.ones_like(phase)])
+    c, s, _ = np.linalg.lstsq(columns, y[inside], rcond=None)[0]
+    return float(np.hypot(c, s))
 
 
 def runs(signals: Sequence[Signal], answering: Answering) -> list[Agreement]:
@@ -83,14 +106,14 @@ def split(signal: Signal) -> tuple[Signal, Signal]:
     return first, second
 
 
-def agreement(first: str, one: Answer, second: str, other: Answer) -> Agreement:
+def agreement(first: str, one: Verdict, second: str, other: Verdict) -> Agreement:
     """Two answers at the same amplitudes. The sd of a ratio is the width of its interval over 2 · 1.96."""
     amplitudes = np.array([at.amplitude for at in one.damping_ratio])
     if not np.allclose(amplitudes, [at.amplitude for at in other.damping_ratio], rtol=1e-6):
         raise ValueError(f"{first} and {second} are answered at different amplitudes")
     a, b = (np.array([at.value for at in answer.damping_ratio]) for answer in (one, other))
     sd_a, sd_b = (
-        np.array([at.high - at.low for at in answer.damping_ratio]) / WIDTH for answer in (one, other)
+        np.array([at.high - at.low for at in answer.damping_ratio]) / (2 * Z) for answer in (one, other)
     )
     possible = (
         probability_of(other, one.damping) >= POSSIBLE,

@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import argparse
-import csv
 import sys
-from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import as_completed
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from importlib import import_module
@@ -14,10 +12,10 @@ from pathlib import Path
 
 import pandas as pd
 
-from bayesdamp.machine.processes import processes
 from bayesdamp.outcomes import Status, status_of
 from bayesdamp.types import InputError
 from validation.answers import COLUMNS, Row, row_of
+from validation.rows import gathered, read_frame
 from validation.scoring import markdown, scores
 from validation.truth.records import FAMILY, KINDS, case
 
@@ -81,47 +79,15 @@ def answered(job: Job, path: str, mode: str) -> Row:
         }  # fmt: skip
 
 
-def rows_of(todo: Sequence[Job], path: str, mode: str, workers: int) -> Iterator[Row]:
-    """Rows as they are done, on spawned processes where there is more than one worker."""
-    if min(workers, len(todo)) <= 1:
-        yield from (answered(job, path, mode) for job in todo)
-        return
-    with processes(workers) as pool:
-        for done in as_completed([pool.submit(answered, job, path, mode) for job in todo]):
-            yield done.result()
-
-
-def read_rows(table: Path) -> pd.DataFrame:
-    """Rows that are there already; none where there is no file. Raises InputError on another file's columns."""
-    if not table.is_file():
-        return pd.DataFrame(columns=list(COLUMNS))
-    found = pd.read_csv(table, keep_default_na=False, na_values=[""])
-    if list(found.columns) != list(COLUMNS):
-        raise InputError(f"{table}: its columns are not those of answers to records; give another file")
-    return found
-
-
 def run(todo: Sequence[Job], path: str, mode: str, out: Path, workers: int = 2) -> pd.DataFrame:
-    """Answer the records that a table lacks in this mode, each kept as it is done; all rows of the table.
+    """Answer the records that a table lacks in this mode, each written as it is done; return all rows of the table.
 
     path: `module:function`; it is called as answer(signal, amplitudes, deviation=mode).
     """
-    before = read_rows(out)
-    done = set(zip(before["case"], before["mode"], strict=True))
-    todo = [job for job in todo if (job.name, mode) not in done]
-    if todo:
-        answering_of(path)
-    for i, row in enumerate(rows_of(todo, path, mode, workers), 1):
-        fresh = not out.is_file()
-        with out.open("a", newline="", encoding="utf-8") as file:
-            writer = csv.DictWriter(file, COLUMNS, restval="")
-            if fresh:
-                writer.writeheader()
-            writer.writerow(row)
-        print(
-            f"{i}/{len(todo)} {row['case']} {row.get('named', row['outcome'])}", file=sys.stderr, flush=True
-        )
-    return read_rows(out)
+    answering_of(path)
+    wanted = {f"{job.name}/{mode}": (job, path, mode) for job in todo}
+    gathered(out, COLUMNS, wanted, answered, workers, key=("case", "mode"))
+    return read_frame(out, COLUMNS)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

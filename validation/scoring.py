@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 import pandas as pd
+from scipy.stats import norm
 
+from bayesdamp.report.markdown import table
 from bayesdamp.types import OK
-from validation.answers import LEAST, Answer, Row, row_of
-from validation.truth.records import FAMILY, KINDS, Case
+from validation.answers import LEAST, Row
+from validation.truth.records import FAMILY, KINDS
 
-Z = 1.959963984540054
-"""Of a two-sided 95 % interval."""
+Z = float(norm.ppf(0.975))
+"""Standard normal quantile of a two-sided 95 % interval."""
 SHARES = ("decided", "right", "more", "wrong", "coverage", "deviates")
 HEADS = {
     "group": "group", "records": "records", "answered": "answered", "decided": "named outright",
@@ -22,15 +24,6 @@ HEADS = {
     "relative_width": "their width, relative", "deviates": "deviates", "log_probability": "mean log P(true)",
     "seconds": "seconds",
 }  # fmt: skip
-
-
-def score(pairs: Iterable[tuple[Case, Answer]], mode: str = "auto") -> pd.DataFrame:
-    """The scores of cases and their answers, in one mode; see `scores`."""
-    return scores(pd.DataFrame([_given(case, answer, mode) for case, answer in pairs]))
-
-
-def _given(case: Case, answer: Answer, mode: str) -> Row:
-    return row_of(case, lambda signal, amplitudes: answer, mode)
 
 
 def scores(rows: pd.DataFrame, reference: pd.DataFrame | None = None) -> pd.DataFrame:
@@ -53,7 +46,10 @@ def scores(rows: pd.DataFrame, reference: pd.DataFrame | None = None) -> pd.Data
 
 
 def wilson(share: float, count: float) -> tuple[float, float]:
-    """The 95 % interval of a probability, of which a share was seen among a count of trials (Wilson 1927)."""
+    """Return the 95 % interval of a probability from the share among a count of trials (Wilson 1927).
+
+    SciPy's needs a whole number of hits, which a mean share of three intervals for each record is not.
+    """
     if count == 0:
         return math.nan, math.nan
     spread = 1 + Z**2 / count
@@ -62,21 +58,31 @@ def wilson(share: float, count: float) -> tuple[float, float]:
     return float(max(middle - half, 0.0)), float(min(middle + half, 1.0))
 
 
-def markdown(table: pd.DataFrame) -> str:
-    """The scores as a Markdown table; shares with their intervals."""
-    lines = ["| " + " | ".join(HEADS.values()) + " |", "|---" * len(HEADS) + "|"]
-    for line in _records(table):
-        cells = [str(line[name]) for name in list(HEADS)[:3]]
-        for name in list(HEADS)[3:]:
-            value = line[name]
-            if math.isnan(value):
-                cells.append("–")
-            elif name in SHARES:
-                cells.append(f"{value:.2f} ({line[f'{name}_low']:.2f}–{line[f'{name}_high']:.2f})")
-            else:
-                cells.append(f"{100 * value:.2g} %" if name == "half_width" else f"{value:.2f}")
-        lines.append("| " + " | ".join(cells) + " |")
-    return "\n".join(lines)
+def with_interval(value: float, low: float, high: float) -> str:
+    """Write a share with its interval; a dash if there is none."""
+    return "–" if math.isnan(value) else f"{value:.2f} ({low:.2f}–{high:.2f})"
+
+
+def share_of(hits: int, count: int) -> str:
+    """Write the share of hits among a count with its 95 % interval; a dash if the count is 0."""
+    value = hits / count if count else math.nan
+    return with_interval(value, *wilson(value, count))
+
+
+def markdown(scores: pd.DataFrame) -> str:
+    """Write the scores as a Markdown table; shares with their intervals."""
+    return table(list(HEADS.values()), [[_cell(line, name) for name in HEADS] for line in _records(scores)])
+
+
+def _cell(line: Row, name: str) -> str:
+    value = line[name]
+    if name in SHARES:
+        return with_interval(value, line[f"{name}_low"], line[f"{name}_high"])
+    if not isinstance(value, float):
+        return str(value)
+    if math.isnan(value):
+        return "–"
+    return f"{100 * value:.2g} %" if name == "half_width" else f"{value:.2f}"
 
 
 def _records(table: pd.DataFrame) -> list[Row]:

@@ -8,7 +8,7 @@ from pathlib import Path
 from tests.misfit.cases import INSIDE, OUTSIDE
 from tests.misfit.scoring import COLUMNS, row
 from tests.misfit.summary import page
-from validation.reports.rows import gathered, shipped
+from validation.rows import gathered, shipped
 
 
 def main() -> None:

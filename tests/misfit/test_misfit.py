@@ -17,7 +17,7 @@ from tests.misfit import scoring
 from tests.misfit.cases import INSIDE, drawn
 from tests.misfit.scoring import OPEN, REFUSED, RIGHT, WRONG, outcome, score
 from tests.misfit.summary import page
-from validation.reports.rows import read_rows
+from validation.rows import read_rows
 
 TABLE = Path(__file__).resolve().parents[2] / "reports" / "misfit" / "scored.csv"
 BAR = 0.05

@@ -16,7 +16,7 @@ from bayesdamp.inference.deviation.weighing import Weighing
 from bayesdamp.physics.damping import all_sums
 from bayesdamp.pipeline.answer import WEIGHED, answer
 from tests.validation.laws import LEAST_NATS, case, nats_ahead
-from validation.reports.rows import gathered, shipped
+from validation.rows import gathered, shipped
 
 EXPONENT = "exponent"
 TERMS = ("cubic", "displacement", "power", "dry_position", "structural", "stribeck")

@@ -11,9 +11,9 @@ import pytest
 from bayesdamp.types import Refusal, Signal
 from tests.validation.test_scoring import At, Rival, Said
 from validation.answers import Answering
-from validation.envelope import amplitude_range
 from validation.repeats import (
     agreement,
+    amplitude_range,
     halves,
     mean_square,
     named_possible,

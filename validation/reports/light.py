@@ -21,7 +21,7 @@ from bayesdamp.envelope import analyse, made_record
 from bayesdamp.odds import FURTHER_TERM, odds
 from bayesdamp.pipeline.answer import Answer, answer
 from bayesdamp.types import OK, InputError, Signal
-from validation.reports.rows import gathered, shipped
+from validation.rows import gathered, shipped
 from validation.scoring import wilson
 from validation.truth.motion import solved
 from validation.truth.oscillator import COEFFICIENTS, Oscillator

@@ -18,7 +18,7 @@ from bayesdamp.inference.model.target import Target
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.types import Seed, Signal
 from tests.inference.evidence.weighing_problems import KNOWN, PRIORS, TIMES, record
-from validation.reports.rows import gathered, shipped
+from validation.rows import gathered, shipped
 
 CASES = 12
 METHODS = ("importance", "bridge", "nested")

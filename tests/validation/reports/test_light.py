@@ -13,7 +13,7 @@ from bayesdamp.types import OK
 from validation.reports import light
 from validation.reports.contradictions import contradictions, true_ratio
 from validation.reports.light import Drawn, drawn, log_weights, oscillation, page, probabilities
-from validation.reports.rows import read_rows
+from validation.rows import read_rows
 from validation.truth.motion import solved
 from validation.truth.oscillator import Oscillator
 
