@@ -15,6 +15,7 @@ from validation.contest.measured import measured
 from validation.contest.page import write
 from validation.contest.records import Record, closed_form, simulated
 from validation.contest.roster import ROSTER
+from validation.rows import rounded, write_frame, write_row
 
 SEED, COUNT = 811, 200
 MEASURED = Path("../shared/data")
@@ -51,7 +52,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if asked.kept:
             kept = rows.of_others(rows.read(asked.kept), _records(asked), asked.peers)
             made = rows.together(made, kept, list(ROSTER))
-            rows.write(asked.out / "rows.csv", made)
+            write_frame(asked.out / "rows.csv", made)
     except InputError as fault:
         print(fault, file=sys.stderr)
         return 2
@@ -80,8 +81,8 @@ def _run(asked: argparse.Namespace, table: Path, missing: dict[str, str]) -> Non
     for record in _records(asked):
         if time.monotonic() > until:
             break
-        todo = [name for name in able if (record.name, name) not in done]
-        rows.append(table, (rows.row_of(record, name, able[name].peer) for name in todo))
+        for name in (name for name in able if (record.name, name) not in done):
+            write_row(table, rows.COLUMNS, rounded(rows.row_of(record, name, able[name].peer)))
     for entry in able.values():
         if isinstance(entry.peer, Child):
             entry.peer.close()

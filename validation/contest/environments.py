@@ -45,18 +45,8 @@ class Environment:
         """Make it where it is not there; "" or why it could not be made."""
         if self.ready:
             return ""
-        commands = (
-            [sys.executable, "-m", "venv", str(ROOT / self.name)],
-            [
-                str(self.python),
-                "-m",
-                "pip",
-                "install",
-                "--quiet",
-                "--disable-pip-version-check",
-                *self.packages,
-            ],
-        )
+        pip = (str(self.python), "-m", "pip", "install", "--quiet", "--disable-pip-version-check")
+        commands = ((sys.executable, "-m", "venv", str(ROOT / self.name)), (*pip, *self.packages))
         for command in commands:
             done = subprocess.run(command, capture_output=True, text=True)
             if done.returncode:

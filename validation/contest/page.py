@@ -5,15 +5,16 @@ from __future__ import annotations
 import math
 import re
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
+from bayesdamp.report.markdown import table
 from bayesdamp.types import OK
 from validation.contest import plots
-from validation.contest.roster import OURS, ROSTER, SCRIPT
+from validation.contest.roster import OURS, ROSTER, SCRIPT, peers_of
 from validation.contest.scoring import (
     Interval,
     coverage,
@@ -25,6 +26,7 @@ from validation.contest.scoring import (
     simulated,
     where,
 )
+from validation.scoring import with_interval
 
 INTRODUCTION = """# A contest
 
@@ -98,18 +100,18 @@ def page(rows: pd.DataFrame, missing: Mapping[str, str]) -> str:
     parts += [f"{name} did not take part: {why}." for name, why in missing.items()]
     parts += [*_given(rows), "", *_script(rows, groups), "![errors](errors.svg)", ""]
     parts += ["## All simulated records", ""]
-    parts += [*_scores(simulated(rows)), "", "## Better and worse than bayesdamp", ""]
+    parts += [_scores(simulated(rows)), "", "## Better and worse than bayesdamp", ""]
     parts += [
         "Error of a peer over that of bayesdamp on the records that both answered, geometric mean. **Bold**: the peer "
         "is nearer to the truth, and the interval says so.",
         "",
-        *_beside(rows, groups),
+        _beside(rows, groups),
         "",
         *_where_better(rows, groups),
     ]
     parts += ["", "![coverage and time](cost.svg)", ""]
     for group in groups:
-        parts += [f"## {group.capitalize()}", "", *_scores(where(rows, group=group)), ""]
+        parts += [f"## {group.capitalize()}", "", _scores(where(rows, group=group)), ""]
     parts += ["## What was refused", "", *_refusals(rows), "", HOW]
     parts += ["`make contest` makes it, and goes on where it was cut off; `rows.csv` has every answer.", ""]
     return "\n".join(parts)
@@ -121,11 +123,6 @@ def write(folder: Path, rows: pd.DataFrame, missing: Mapping[str, str]) -> None:
     (folder / "README.md").write_text(page(rows, missing), encoding="utf-8")
     plots.errors(rows, folder / "errors.svg")
     plots.cost(rows, folder / "cost.svg")
-
-
-def peers_of(rows: pd.DataFrame) -> list[str]:
-    """Peers among rows, in the roster's order."""
-    return [name for name in ROSTER if name in set(rows["peer"])]
 
 
 def _given(rows: pd.DataFrame) -> Iterator[str]:
@@ -160,20 +157,23 @@ def _script(rows: pd.DataFrame, groups: list[str]) -> Iterator[str]:
         "CPU seconds a record": _seconds,
     }
     yield SCRIPT_WORDS
-    yield f"| script / bayesdamp | {' | '.join(parts)} |"
-    yield "|---" * (len(parts) + 1) + "|"
-    for what, cell in cells.items():
-        both = [[cell(where(part, peer=name)) for name in (SCRIPT, OURS)] for part in parts.values()]
-        yield f"| {what} | {' | '.join(' / '.join(two) for two in both)} |"
     factors = {name: paired(part, SCRIPT, OURS) for name, part in parts.items()}
-    yield f"| the script's error over bayesdamp's | {' | '.join(_factor(*f) for f in factors.values())} |"
-    more = {name: holds_more(part, SCRIPT, OURS) for name, part in parts.items()}
-    nearer = [_listed(n for n, (f, _) in factors.items() if f.high < 1)]
-    nearer += [_listed(n for n, (f, _) in factors.items() if f.low > 1)]
-    oftener = [
-        _listed(n for n, m in more.items() if m.low > 0),
-        _listed(n for n, m in more.items() if m.high < 0),
+    lines = [
+        [
+            what,
+            *(" / ".join(cell(where(part, peer=name)) for name in (SCRIPT, OURS)) for part in parts.values()),
+        ]
+        for what, cell in cells.items()
     ]
+    lines.append(["the script's error over bayesdamp's", *(_factor(*f) for f in factors.values())])
+    yield table(["script / bayesdamp", *parts], lines)
+    more = {name: holds_more(part, SCRIPT, OURS) for name, part in parts.items()}
+    nearer = (
+        [n for n, (f, _) in factors.items() if f.high < 1],
+        [n for n, (f, _) in factors.items() if f.low > 1],
+    )
+    oftener = [n for n, m in more.items() if m.low > 0], [n for n, m in more.items() if m.high < 0]
+    nearer, oftener = ([", ".join(names) or "no group" for names in both] for both in (nearer, oftener))
     yield ""
     yield "By more than chance, on the records that both answered:"
     yield ""
@@ -182,22 +182,19 @@ def _script(rows: pd.DataFrame, groups: list[str]) -> Iterator[str]:
     yield ""
 
 
-def _scores(rows: pd.DataFrame) -> Iterator[str]:
-    yield "| | records | answered | median error | 90 % below | holds the truth | named, right | seconds |"
-    yield "|---|---|---|---|---|---|---|---|"
+def _scores(rows: pd.DataFrame) -> str:
+    lines = []
     for name in peers_of(rows):
         part = where(rows, peer=name)
         answered = where(part, outcome=OK)
         known, named, right = names(part)
-        said = f"{named} of {known}, {right}" if named else "–"
-        held, _ = coverage(answered)
-        yield " | ".join(
-            [
-                f"| {ROSTER[name].label}", str(len(part)), str(len(answered)),
-                *(_percent(quantile_of_errors(part, level)) for level in (0.5, 0.9)),
-                _share(held), said, f"{_seconds(part)} |",
-            ]
-        )  # fmt: skip
+        lines.append([
+            ROSTER[name].label, str(len(part)), str(len(answered)),
+            *(_percent(quantile_of_errors(part, level)) for level in (0.5, 0.9)),
+            _share(coverage(answered)[0]), f"{named} of {known}, {right}" if named else "–", _seconds(part),
+        ])  # fmt: skip
+    heads = "records", "answered", "median error", "90 % below", "holds the truth", "named, right", "seconds"
+    return table(["", *heads], lines)
 
 
 def _seconds(rows: pd.DataFrame) -> str:
@@ -206,40 +203,38 @@ def _seconds(rows: pd.DataFrame) -> str:
     return f"{np.median(known):.2g}" if known.size else "–"
 
 
-def _beside(rows: pd.DataFrame, groups: list[str]) -> Iterator[str]:
-    yield "| | " + " | ".join([*groups, "viscous alone, all simulated"]) + " |"
-    yield "|---" * (len(groups) + 2) + "|"
-    viscous = where(simulated(rows), damping="viscous")
-    for name in (n for n in peers_of(rows) if n != OURS):
-        parts = [*(where(rows, group=g) for g in groups), viscous]
-        cells = [_factor(*paired(part, name, OURS)) for part in parts]
-        yield f"| {ROSTER[name].label} | " + " | ".join(cells) + " |"
+def _beside(rows: pd.DataFrame, groups: list[str]) -> str:
+    parts = [*(where(rows, group=g) for g in groups), where(simulated(rows), damping="viscous")]
+    lines = [
+        [ROSTER[name].label, *(_factor(*paired(part, name, OURS)) for part in parts)]
+        for name in peers_of(rows)
+        if name != OURS
+    ]
+    return table(["", *groups, "viscous alone, all simulated"], lines)
 
 
 def _where_better(rows: pd.DataFrame, groups: list[str]) -> Iterator[str]:
     """A line for each peer that is nearer in a group, with the reason."""
-    found = {
-        name: [g for g in groups if paired(where(rows, group=g), name, OURS)[0].high < 1]
+    parts = {g: where(rows, group=g) for g in groups}
+    factors = {
+        name: {group: paired(part, name, OURS)[0] for group, part in parts.items()}
         for name in peers_of(rows)
         if name != OURS
     }
+    better = {name: [g for g, f in each.items() if f.high < 1] for name, each in factors.items()}
     viscous = where(simulated(rows), damping="viscous")
-    for name in found:
+    for name in better:
         if paired(viscous, name, OURS)[0].high < 1:
-            found[name].append("viscous alone")
+            better[name].append("viscous alone")
     yield from _faster(simulated(rows))
     yield from _where_refused(rows, groups)
-    if not any(found.values()):
-        yield (
-            "- Of records that both answered, no peer is nearer to the truth in any group by more than chance."
-        )
-    level = {
-        name: [g for g in groups if _level(paired(where(rows, group=g), name, OURS)[0])] for name in found
-    }
-    if any(level.values()):
-        said = [f"{ROSTER[name].label} in {', '.join(places)}" for name, places in level.items() if places]
+    if not any(better.values()):
+        yield "- Of records that both answered, no peer is nearer to the truth in any group by more than chance."
+    level = {name: [g for g, f in each.items() if f.low <= 1 <= f.high] for name, each in factors.items()}
+    said = [f"{ROSTER[name].label} in {', '.join(places)}" for name, places in level.items() if places]
+    if said:
         yield f"- Neither nearer nor farther by more than chance: {'; '.join(said)}."
-    for name, places in found.items():
+    for name, places in better.items():
         if places:
             yield f"- **{ROSTER[name].label}** is nearer in: {', '.join(places)}. {ROSTER[name].better}".rstrip()
 
@@ -286,14 +281,6 @@ def _without_numbers(text: str) -> str:
     return re.sub(r"\d+(\.\d+)?(e-?\d+)?", "#", text)[:110]
 
 
-def _level(found: Interval) -> bool:
-    return found.low <= 1 <= found.high
-
-
-def _listed(names: Iterable[str]) -> str:
-    return ", ".join(names) or "no group"
-
-
 def _percent(found: Interval, ends: bool = True) -> str:
     if math.isnan(found.value):
         return "–"
@@ -306,7 +293,7 @@ def _percent(found: Interval, ends: bool = True) -> str:
 def _share(found: Interval, ends: bool = True) -> str:
     if math.isnan(found.value):
         return "–"
-    return f"{found.value:.2f}" + (f" ({found.low:.2f}–{found.high:.2f})" if ends else "")
+    return with_interval(found.value, found.low, found.high) if ends else f"{found.value:.2f}"
 
 
 def _factor(found: Interval, count: int) -> str:

@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 
 from bayesdamp.types import OK
-from validation.contest.roster import OURS, ROSTER
+from validation.contest.roster import OURS, ROSTER, peers_of
 from validation.contest.scoring import coverage, groups_of, quantile_of_errors, simulated, where
 
 BLUE, GREY = "#1f5a93", "#8a8f98"
@@ -21,7 +21,7 @@ def errors(rows: pd.DataFrame, path: Path) -> None:
     from matplotlib.figure import Figure
 
     groups = groups_of(rows)
-    peers = [name for name in ROSTER if name in set(rows["peer"])]
+    peers = peers_of(rows)
     figure = Figure(figsize=(11, 0.9 + 0.36 * len(peers) * (1 + (len(groups) > 3))), layout="constrained")
     across = min(len(groups), 3)
     axes = np.ravel(figure.subplots(-(-len(groups) // 3), across, sharex=True, sharey=True, squeeze=False))
@@ -55,7 +55,7 @@ def cost(rows: pd.DataFrame, path: Path) -> None:
     from matplotlib.figure import Figure
 
     rows = simulated(rows)
-    peers = [name for name in reversed(ROSTER) if name in set(rows["peer"])]
+    peers = peers_of(rows)[::-1]
     figure = Figure(figsize=(11, 0.9 + 0.3 * len(peers)), layout="constrained")
     left, right = figure.subplots(1, 2, sharey=True)
     for i, name in enumerate(peers):

@@ -56,7 +56,9 @@ def simulated(seed: int, number: int) -> Record:
         made = case(FAMILY, seed, APART * GROUPS.index(group) + again)
     t, y = made.signal.t, made.signal.y
     if group == "noisy":
-        wanted = log_uniform(rng, *NOISE) * _first_amplitude(made)
+        wanted = log_uniform(rng, *NOISE) * made.ratio.amplitude_at(
+            max(_start(made), float(made.ratio.cycles[0]))
+        )
         y = y + np.sqrt(max(wanted**2 - made.noise_sd**2, 0.0)) * rng.standard_normal(y.size)
     if group == "gappy":
         kept = np.all([(t < a) | (t > b) for a, b in _gaps(rng, float(t[-1]))], axis=0)
@@ -66,7 +68,8 @@ def simulated(seed: int, number: int) -> Record:
         cycles = float(rng.uniform(*SHORT))
         kept = t <= t[-1] * cycles / made.cycles
         t, y = t[kept], y[kept]
-        amplitudes = _amplitudes(made, cycles)
+        first, last = amplitudes[0], made.ratio.amplitude_at(_start(made) + cycles - FROM_END)
+        amplitudes = (first, float(np.sqrt(first * last)), last)
     ratios = tuple(made.ratio(a) for a in amplitudes)
     kind = made.kind if group == "discrepant" else group
     return Record(
@@ -90,17 +93,6 @@ def closed_form(ratio: float = 0.02, noise: float = 0.0, cycles: float = 20.0) -
 def _start(made: Case) -> float:
     """Cycles from the release to the record's first sample."""
     return float(np.interp(-made.amplitudes[0], -made.ratio.amplitude, made.ratio.cycles)) - FROM_END
-
-
-def _first_amplitude(made: Case) -> float:
-    return made.ratio.amplitude_at(max(_start(made), float(made.ratio.cycles[0])))
-
-
-def _amplitudes(made: Case, cycles: float) -> tuple[float, float, float]:
-    """Three of the first cycles, as a case has them of its whole record."""
-    last = made.ratio.amplitude_at(_start(made) + cycles - FROM_END)
-    first = made.amplitudes[0]
-    return first, float(np.sqrt(first * last)), last
 
 
 def _gaps(rng: np.random.Generator, duration: float) -> list[tuple[float, float]]:

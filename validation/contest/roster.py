@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import pandas as pd
+
 from validation.contest.environments import Child, Environment
 from validation.contest.peers import (
     decrement,
@@ -57,3 +59,8 @@ ROSTER: dict[str, Entry] = {
     "numpyro": Entry("NumPyro (NUTS) with diffrax", Child(NUMPYRO, "numpyro_diffrax.py"), FREE),
 }
 """By the name that rows have; the dearest last."""
+
+
+def peers_of(rows: pd.DataFrame) -> list[str]:
+    """Return the peers among rows, in the roster's order."""
+    return [name for name in ROSTER if name in set(rows["peer"])]

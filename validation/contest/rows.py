@@ -1,8 +1,7 @@
-"""Rows of the contest: one for each record and peer, appended as they are made."""
+"""Rows of the contest: one for each record and peer."""
 
 from __future__ import annotations
 
-import csv
 import math
 import time
 import warnings
@@ -12,11 +11,12 @@ from typing import Any
 
 import pandas as pd
 
-from bayesdamp.types import OK, InputError, Refusal
+from bayesdamp.types import OK, Refusal
 from validation.answers import relation
 from validation.contest.environments import Child
 from validation.contest.records import Record
 from validation.contest.reply import Peer
+from validation.rows import read_frame
 
 COLUMNS = (
     "record", "group", "kind", "damping", "restoring", "peer", "outcome", "seconds", "named", "relation",
@@ -55,12 +55,8 @@ def row_of(record: Record, name: str, peer: Peer) -> dict[str, Any]:
 
 
 def read(table: Path) -> pd.DataFrame:
-    """Rows that are there already; none where there is no file. Raises InputError on another file's columns."""
-    if not table.is_file():
-        return pd.DataFrame(columns=list(COLUMNS))
-    found = pd.read_csv(table, keep_default_na=False, na_values=[""])
-    if list(found.columns) != list(COLUMNS):
-        raise InputError(f"{table}: its columns are not those of the contest; give another folder")
+    """Return the rows of a table; none if there is no file. Raises InputError if it has other columns."""
+    found = read_frame(table, COLUMNS)
     return found.astype({"named": "string", "relation": "string"}).fillna({"named": "", "relation": ""})
 
 
@@ -79,29 +75,3 @@ def together(one: pd.DataFrame, other: pd.DataFrame, peers: list[str]) -> pd.Dat
     place = {name: i for i, name in enumerate(dict.fromkeys(both["record"]))}
     keys = [(place[r], peers.index(p)) for r, p in zip(both["record"], both["peer"], strict=True)]
     return both.iloc[sorted(range(len(both)), key=keys.__getitem__)].reset_index(drop=True)
-
-
-def write(table: Path, rows: pd.DataFrame) -> None:
-    """Write a table anew."""
-    table.parent.mkdir(parents=True, exist_ok=True)
-    rows.to_csv(table, index=False, float_format="%.6g")
-
-
-def append(table: Path, rows: Iterable[dict[str, Any]]) -> None:
-    """Write rows at the end of a table as they come, its header first where it is new."""
-    table.parent.mkdir(parents=True, exist_ok=True)
-    new = not table.is_file()
-    with table.open("a", newline="", encoding="utf-8") as out:
-        writer = csv.DictWriter(out, COLUMNS)
-        if new:
-            writer.writeheader()
-        for row in rows:
-            writer.writerow({k: _written(v) for k, v in row.items()})
-            out.flush()
-
-
-def _written(value: Any) -> Any:
-    """Six digits of a number; nothing for none."""
-    if not isinstance(value, float):
-        return value
-    return "" if math.isnan(value) else f"{value:.6g}"

@@ -12,6 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 import numpyro
 from equivalent import ratio
+from even import even, spectral_peak
 from numpyro import distributions as dist
 from numpyro.infer import MCMC, NUTS, init_to_value
 from scipy.optimize import least_squares
@@ -23,16 +24,7 @@ WIDTH = 0.02
 STEPS = 250
 WIDE = 10.0
 """The priors' sd, in sds of the least-squares solution: wide enough to leave the likelihood alone."""
-PADDING = 8
 LIMIT = 180.0
-
-
-def spectral_peak(t, y):
-    """Frequency in rad/s of the largest line."""
-    grid = np.linspace(t[0], t[-1], t.size)
-    values = np.interp(grid, t, y)
-    power = np.abs(np.fft.rfft((values - values.mean()) * np.hanning(t.size), PADDING * t.size))
-    return 2 * np.pi * (np.argmax(power[PADDING:]) + PADDING) / (PADDING * t.size * (grid[1] - grid[0]))
 
 
 def field(_, state, p):
@@ -98,7 +90,7 @@ def start(times, values):
 
 def answer(t, y, amplitudes):
     """Ratios with the draws' intervals."""
-    omega = spectral_peak(t, y)
+    omega = 2 * np.pi * spectral_peak(*even(t, y))
     rest = float(np.mean(y))
     size = float(np.max(np.abs(y - rest)))
     times, values = jnp.asarray(omega * (t - t[0])), jnp.asarray((y - rest) / size)

@@ -6,12 +6,12 @@ import warnings
 
 import numpy as np
 from scipy.optimize import OptimizeWarning, curve_fit
+from scipy.stats import norm
 
 from bayesdamp.types import Refusal
 from validation.contest.peers.shared import even, frequency
 from validation.contest.reply import Reply
 
-Z = 1.959963984540054
 GUESS = 0.02
 
 
@@ -35,7 +35,7 @@ def answer(t: np.ndarray, y: np.ndarray, amplitudes: tuple[float, ...]) -> Reply
             found, covariance = curve_fit(decay, t - t[0], y, guess)
         except (RuntimeError, OptimizeWarning) as fault:
             raise Refusal(" ".join(str(fault).split())) from None
-    value, half = float(found[1]), Z * float(np.sqrt(covariance[1, 1]))
+    value, half = float(found[1]), float(norm.ppf(0.975) * np.sqrt(covariance[1, 1]))
     if not value > 0:
         raise Refusal("no damping is found")
     n = len(amplitudes)

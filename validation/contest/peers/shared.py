@@ -5,24 +5,13 @@ from __future__ import annotations
 import numpy as np
 
 from bayesdamp.types import Refusal
+from validation.contest.apart.even import even
+from validation.contest.apart.even import spectral_peak as frequency
 
-PADDING = 8
+__all__ = ["about_rest", "even", "frequency", "recorded", "segments"]
+
 GAP = 1.5
 """Samples further apart than so many steps have a gap between them."""
-
-
-def even(t: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The record on an even clock of its median step, gaps bridged by straight lines."""
-    step = float(np.median(np.diff(t)))
-    grid = np.arange(t[0], t[-1] + 0.5 * step, step)
-    return grid, np.interp(grid, t, y)
-
-
-def frequency(t: np.ndarray, y: np.ndarray) -> float:
-    """Where the spectrum is largest, Hz; t even."""
-    n = PADDING * t.size
-    size = np.abs(np.fft.rfft((y - y.mean()) * np.hanning(t.size), n))
-    return float((np.argmax(size[PADDING:]) + PADDING) / (n * (t[1] - t[0])))
 
 
 def about_rest(t: np.ndarray, y: np.ndarray, f: float) -> np.ndarray:
