@@ -5,7 +5,6 @@ Every function returns sentences, one for each contradiction, and an empty list 
 
 from __future__ import annotations
 
-import csv
 import html
 import json
 import math
@@ -24,6 +23,7 @@ from scipy.stats import binom, poisson
 
 from bayesdamp.odds import odds
 from bayesdamp.types import OK
+from validation.rows import read_rows
 from validation.truth.oscillator import COEFFICIENTS, LAWS, Oscillator
 
 EXCLUDED = 0.05
@@ -147,15 +147,18 @@ def of_study(folder: Path) -> list[str]:
     run = json.loads((folder / "run.json").read_text(encoding="utf-8"))
     signals = run.get("study", {}).get("signals", [])
     truths = {s["name"]: Simulated.of(s) for s in signals if "truth" in (s.get("source") or {})}
-    verdicts = _json(folder / "verdict.json")
+    file = folder / "verdict.json"
+    verdicts = json.loads(file.read_text(encoding="utf-8")) if file.is_file() else []
     known = [(v, truths[name]) for v in verdicts if (name := _signal(v["record"], truths)) is not None]
     found = []
     for verdict, truth in known:
-        if not verdict["damping"]:
+        damping = verdict["damping"]
+        if not damping:
             continue
-        found += named_wrongly(
-            verdict["record"], truth.damping, verdict["decided"], verdict["damping"], _probabilities(verdict)
-        )
+        probabilities = {r["damping"]: r["probability"] for r in verdict["rivals"]} | {
+            damping: verdict["probability"]
+        }
+        found += named_wrongly(verdict["record"], truth.damping, verdict["decided"], damping, probabilities)
     found += missed(quoted for verdict, truth in known for quoted in _ratios(verdict, truth))
     found += missed(_posteriors(folder, truths))
     found += _other_truths(folder, truths)
@@ -163,26 +166,10 @@ def of_study(folder: Path) -> list[str]:
     return found + _not_on_the_page(folder, verdicts)
 
 
-def _json(path: Path) -> list[dict[str, Any]]:
-    return json.loads(path.read_text(encoding="utf-8")) if path.is_file() else []
-
-
-def _rows(path: Path) -> list[dict[str, str]]:
-    if not path.is_file():
-        return []
-    with path.open(newline="", encoding="utf-8") as file:
-        return list(csv.DictReader(file))
-
-
 def _signal(record: str, truths: Mapping[str, Simulated]) -> str | None:
     """Return the signal that a record belongs to; repeats have a number behind its name."""
     names = [n for n in truths if record == n or re.fullmatch(re.escape(n) + r"[^A-Za-z0-9].*", record)]
     return max(names, key=len, default=None)
-
-
-def _probabilities(verdict: Mapping[str, Any]) -> dict[str, float]:
-    rivals = {r["damping"]: r["probability"] for r in verdict["rivals"]}
-    return {**rivals, verdict["damping"]: verdict["probability"]}
 
 
 def _ratios(verdict: Mapping[str, Any], truth: Simulated) -> list[Quoted]:
@@ -202,7 +189,7 @@ def _ratios(verdict: Mapping[str, Any], truth: Simulated) -> list[Quoted]:
 def _posteriors(folder: Path, truths: Mapping[str, Simulated]) -> list[Quoted]:
     """Return the posterior intervals of damping coefficients under the true damping."""
     found = []
-    for row in _rows(folder / "posteriors.csv"):
+    for row in read_rows(folder / "posteriors.csv"):
         truth = truths.get(row["signal"])
         if (
             truth is None
@@ -221,7 +208,7 @@ def _posteriors(folder: Path, truths: Mapping[str, Simulated]) -> list[Quoted]:
 def _other_truths(folder: Path, truths: Mapping[str, Simulated]) -> list[str]:
     """Compare the truth that the table of estimates states with that of the study."""
     found = set()
-    for row in _rows(folder / "estimates.csv"):
+    for row in read_rows(folder / "estimates.csv"):
         truth = truths.get(row["signal"])
         if truth is None or not row["truth"] or row["parameter"] not in truth.truth:
             continue
@@ -236,7 +223,7 @@ def _other_truths(folder: Path, truths: Mapping[str, Simulated]) -> list[str]:
 def _other_leaders(folder: Path, verdicts: Rows) -> list[str]:
     """Compare the damping that a verdict puts first with the one that each table of evidence puts first."""
     logs: dict[tuple[str, str], dict[str, list[float]]] = defaultdict(lambda: defaultdict(list))
-    for row in _rows(folder / "evidence.csv"):
+    for row in read_rows(folder / "evidence.csv"):
         if row["outcome"] == OK and row["log_evidence"]:
             value = float(row["log_evidence"]) + math.log(odds(row["model"].split("+")))
             logs[row["signal"], row["method"]][row["model"]].append(value)
@@ -285,7 +272,7 @@ def of_many(records: Iterable[tuple[frozenset[str], bool, str, float, float | No
 
 def of_rows(table: Path, kind: str) -> list[str]:
     """Compare rows as `validation.run` writes them, of records of a kind, with their truth."""
-    rows = [r for r in _rows(table) if r["kind"] == kind and r["outcome"] == OK]
+    rows = [r for r in read_rows(table) if r["kind"] == kind and r["outcome"] == OK]
     records = [
         (
             terms_of(r["damping"]),
@@ -309,7 +296,7 @@ def of_rows(table: Path, kind: str) -> list[str]:
 
 def of_laws(table: Path) -> list[str]:
     """Compare the rows of the page on further damping terms with their truth."""
-    rows = _rows(table)
+    rows = read_rows(table)
     told = [r for r in rows if r["first"]]
     records = [
         (terms_of(r["truth"]), r["decided"] == "1", r["first"], float(r["probability"]), None) for r in told
@@ -324,7 +311,7 @@ def of_laws(table: Path) -> list[str]:
 
 def of_misfit(table: Path) -> list[str]:
     """Compare the plain records among the misfits with their truth; `right` must be what the rows say."""
-    rows = _rows(table)
+    rows = read_rows(table)
     wrong = [r for r in rows if r["outcome"] == "right" and terms_of(r["damping"]) != terms_of(r["truth"])]
     found = [f"{r['case']}: said to be right, {r['damping']}, and the truth is {r['truth']}" for r in wrong]
     records = [
@@ -343,7 +330,7 @@ def of_misfit(table: Path) -> list[str]:
 
 def of_recovery(table: Path) -> list[str]:
     """Compare the probabilities of a model recovery with the dampings that records were made of."""
-    rows = [r for r in _rows(table) if r["outcome"] == OK]
+    rows = [r for r in read_rows(table) if r["outcome"] == OK]
     sums = [n for n in (rows[0] if rows else {}) if terms_of(n) <= set(COEFFICIENTS)]
     records = []
     for row in rows:
@@ -355,7 +342,7 @@ def of_recovery(table: Path) -> list[str]:
 
 def of_light(table: Path) -> list[str]:
     """Compare the rows of the page on light damping with their truth."""
-    rows = [r for r in _rows(table) if r["outcome"] == OK]
+    rows = [r for r in read_rows(table) if r["outcome"] == OK]
     records = [
         (terms_of(r["truth"]), r["decided"] == "1", r["first"], float(r["p_first"]), float(r["p_truth"]))
         for r in rows

@@ -7,7 +7,9 @@ from pathlib import Path
 
 import pandas as pd
 
-from validation.scoring import SHARES, markdown, scores
+from validation.answers import COLUMNS
+from validation.rows import read_frame, write_frame
+from validation.scoring import SHARES, markdown, scores, with_interval
 
 TITLE = "# Laws that hold approximately: what the answer is worth"
 INTRODUCTION = """Simulated records with a truth from outside (`validation.truth.records`, SciPy's DOP853),
@@ -37,7 +39,7 @@ def answer(table: pd.DataFrame) -> str:
     said = []
     for group, where in (("family/auto", "law holds"), ("all discrepancies/auto", "law does not hold quite")):
         for _, line in table[table["group"] == group].iterrows():
-            share = {k: f"{line[k]:.2f} ({line[f'{k}_low']:.2f}–{line[f'{k}_high']:.2f})" for k in SHARES}
+            share = {k: with_interval(line[k], line[f"{k}_low"], line[f"{k}_high"]) for k in SHARES}
             said.append(
                 f"Where a {where}, 95 % intervals of the damping ratio hold the truth in {share['coverage']} of "
                 f"{line['records']} records; the damping is named outright in {share['decided']}, rightly in "
@@ -48,9 +50,8 @@ def answer(table: pd.DataFrame) -> str:
 
 def main(table: Path, folder: Path) -> None:
     """Write README.md and rows.csv into a folder."""
-    rows = pd.read_csv(table, keep_default_na=False, na_values=[""])
-    folder.mkdir(parents=True, exist_ok=True)
-    rows.to_csv(folder / "rows.csv", index=False, float_format="%.6g")
+    rows = read_frame(table, COLUMNS)
+    write_frame(folder / "rows.csv", rows)
     (folder / "README.md").write_text(page(rows), encoding="utf-8")
 
 

@@ -20,11 +20,14 @@ import numpy as np
 from bayesdamp.envelope import analyse, made_record
 from bayesdamp.odds import FURTHER_TERM, odds
 from bayesdamp.pipeline.answer import Answer, answer
+from bayesdamp.report.markdown import table
 from bayesdamp.types import OK, InputError, Signal
-from validation.rows import gathered, shipped
-from validation.scoring import wilson
+from validation.rows import gathered, rounded, shipped
+from validation.scoring import share_of
+from validation.truth.drawing import log_uniform
 from validation.truth.motion import solved
-from validation.truth.oscillator import COEFFICIENTS, Oscillator
+from validation.truth.oscillator import Oscillator
+from validation.truth.rivals import loss_rate
 
 MOTIONS, ENVELOPES = (1e-2, 1e-3, 1e-4), (1e-5, 1e-6)
 """Decades of the damping ratio, by what is recorded."""
@@ -44,8 +47,6 @@ CYCLES, A_CYCLE, READINGS = 40.0, 30.0, 600
 """Readings of an envelope tell as much of the amplitude as samples of 40 cycles, half of which show the phase."""
 SIZES, RATES = (1e-3, 0.1), (0.5, 20.0)
 """First amplitudes in m, frequencies in Hz."""
-POWERS = {"viscous": 0, "coulomb": -1, "quadratic": 1}
-"""Of the amplitude, that the damping ratio of a term goes with."""
 LEAST_LOG = -15.0
 """Log probability below which a damping is left out of a row."""
 OTHER_FACTORS = (0.5, 0.25, 0.0625)
@@ -93,22 +94,16 @@ class Drawn:
         return self.size / math.sqrt(self.fall)
 
     @property
-    def shares(self) -> dict[str, float]:
-        """Share of each term at the middle amplitude."""
-        first, *second = self.damping.split("+")
-        return {first: 1 - self.share, **dict.fromkeys(second, self.share)}
-
-    @property
     def coefficients(self) -> dict[str, float]:
         """Coefficient of each term, in SI units."""
-        w, a = self.frequency, self.middle
-        a_unit = {"viscous": w, "coulomb": 0.5 * math.pi * w**2 * a, "quadratic": 0.75 * math.pi / a}
-        return {term: share * self.ratio * a_unit[term] for term, share in self.shares.items()}
+        first, *second = self.damping.split("+")
+        shares = {first: 1 - self.share, **dict.fromkeys(second, self.share)}
+        units = {term: float(loss_rate(term, self.middle, self.frequency)) for term in shares}
+        return {term: share * self.ratio / units[term] for term, share in shares.items()}
 
     def ratio_at(self, amplitude: np.ndarray | float) -> np.ndarray | float:
         """Damping ratio at amplitudes in m."""
-        x = np.asarray(amplitude) / self.middle
-        return self.ratio * sum(share * x ** POWERS[term] for term, share in self.shares.items())
+        return sum(c * loss_rate(term, amplitude, self.frequency) for term, c in self.coefficients.items())
 
     def decay(self) -> tuple[np.ndarray, np.ndarray]:
         """Times in s, and the amplitudes in m then, until the last one, (n,) each."""
@@ -125,7 +120,7 @@ def drawn(decade: float, number: int) -> tuple[Drawn, np.random.Generator]:
     damping = DAMPINGS[number % len(DAMPINGS)]
     ratio = decade * 10 ** rng.uniform(-SPREAD, SPREAD)
     share = rng.uniform(*SHARES) if "+" in damping else 0.0
-    size, rate, noise = (math.exp(rng.uniform(*np.log(ends))) for ends in (SIZES, RATES, NOISES))
+    size, rate, noise = (log_uniform(rng, *ends) for ends in (SIZES, RATES, NOISES))
     fall = rng.uniform(*FALLS)
     made = Drawn(damping, ratio, share, size, fall, 2 * math.pi * rate, noise)
     return made, rng
@@ -135,7 +130,6 @@ def oscillation(made: Drawn, rng: np.random.Generator) -> tuple[Signal, float]:
     """Return the record of a motion, by the validation's own solver, and the noise's sd over the first amplitude."""
     rest = rng.uniform(-1, 1) * made.size
     oscillator = Oscillator("linear", {"stiffness": made.frequency**2, "rest_angle": rest}, made.coefficients)
-    assert set(made.coefficients) <= set(COEFFICIENTS)
     stop = float(made.decay()[0][-1])
     t = np.arange(0.0, stop, 2 * math.pi / made.frequency / A_CYCLE)
     noise = made.noise * math.sqrt(t.size / (CYCLES * A_CYCLE))
@@ -178,18 +172,14 @@ def row_of(decade: float, number: int) -> dict[str, object]:
         first, decided, why = found.damping, found.decided, found.sentence
     row = {**head, "seconds": time.perf_counter() - start}
     if not logs or interval is None:
-        return _rounded({**row, "outcome": why})
+        return rounded({**row, "outcome": why})
     p = probabilities(logs)
-    return _rounded({
+    return rounded({
         **row, "outcome": OK, "p_truth": p.get(made.damping, 0.0), "first": first, "p_first": p.get(first, 0.0),
         "decided": int(decided), "right": int(first == made.damping), "low": interval.low, "high": interval.high,
         "true_ratio": truth, "holds": int(interval.low <= truth <= interval.high),
         "logs": " ".join(f"{n}:{v:.2f}" for n, v in logs.items() if v - max(logs.values()) > LEAST_LOG),
     })  # fmt: skip
-
-
-def _rounded(row: Mapping[str, object]) -> dict[str, object]:
-    return {n: f"{v:.6g}" if isinstance(v, float) else v for n, v in row.items()}
 
 
 def log_weights(said: Answer) -> dict[str, float]:
@@ -221,112 +211,102 @@ def probabilities(logs: Mapping[str, float], factor: float = FURTHER_TERM) -> di
 def page(rows: Sequence[Row]) -> str:
     """Write the page, in Markdown."""
     told = [r for r in rows if r["outcome"] == OK]
-    sure = [r for r in told if r["decided"] == "1"]
-    lines = [
-        "# Light damping: does the answer depend on how small the damping is?",
-        "",
-        f"Of {len(told)} simulated records with damping ratios from 1e-2 to 1e-6 the damping is named outright in "
-        f"{share(len(sure), len(told))}, rightly in {share(_count(sure, 'right'), len(sure))} of these; 95 % "
-        f"intervals of the damping ratio at the middle amplitude hold the truth in "
-        f"{share(_count(told, 'holds'), len(told))}.",
-        "",
-        "The truth is viscous damping, alone or with Coulomb friction or quadratic drag in turn; the second term has "
-        f"{SHARES[0]:g} to {SHARES[1]:g} of the loss at the middle amplitude. The amplitude falls by a factor of "
-        f"{FALLS[0]:g} to {FALLS[1]:g}. Oscillations (1e-2 to 1e-4) have {A_CYCLE:g} samples a cycle and a linear "
-        f"spring; envelopes (1e-5 and 1e-6) have {READINGS} readings. The noise is {NOISES[0]:g} to {NOISES[1]:g} of "
-        f"the first amplitude for {CYCLES:g} cycles, and more in proportion to the square root of the number of "
-        "samples, so that the information does not depend on the damping ratio. Laws are taken to hold exactly for "
-        "oscillations. In brackets: 95 % intervals (Wilson) by the number of records.",
-        "",
-        "| damping ratio | of | records | without an answer | mean P(truth) | named outright | rightly | coverage | "
-        "median s |",
-        "|---" * 9 + "|",
-    ]
-    for decade in (*MOTIONS, *ENVELOPES):
-        own = [r for r in rows if float(r["decade"]) == decade]
-        if own:
-            lines.append(_line(decade, own))
-    lines += [
-        "",
-        "## Are the probabilities right?",
-        "",
-        "| probability of the leading damping | records | its mean | share right |",
-        "|---|---|---|---|",
-    ]
+    named, right, held = _shares(told)
+    by_decade = {d: [r for r in rows if float(r["decade"]) == d] for d in (*MOTIONS, *ENVELOPES)}
+    heads = (
+        "damping ratio", "of", "records", "without an answer", "mean P(truth)", "named outright", "rightly", "coverage",
+        "median s",
+    )  # fmt: skip
+    bins = []
     for low, high in pairwise(EDGES):
         own = [r for r in told if low < float(r["p_first"]) <= high]
         mean = f"{np.mean([float(r['p_first']) for r in own]):.3f}" if own else "–"
-        lines.append(
-            f"| {low:g} to {high:g} | {len(own)} | {mean} | {share(_count(own, 'right'), len(own))} |"
-        )
-    lines += ["", "## Does the prior probability of sums decide the name?", "", *_sensitivity(told)]
+        bins.append([f"{low:g} to {high:g}", str(len(own)), mean, share_of(_count(own, "right"), len(own))])
     refused = sorted({r["outcome"] for r in rows if r["outcome"] != OK})
-    lines += [
-        "",
-        *([f"Without an answer: {' '.join(refused)}", ""] if refused else []),
-        "rows.csv has every record; `logs` are log probabilities before they are normalised. `make reports` makes it "
-        "again.",
-    ]
-    return "\n".join(lines) + "\n"
+    without = f"Without an answer: {' '.join(refused)}\n\n" if refused else ""
+    return f"""# Light damping: does the answer depend on how small the damping is?
+
+Of {len(told)} simulated records with damping ratios from 1e-2 to 1e-6 the damping is named outright in \
+{named}, rightly in {right} of these; 95 % intervals of the damping ratio at the middle amplitude hold the truth in \
+{held}.
+
+The truth is viscous damping, alone or with Coulomb friction or quadratic drag in turn; the second term has \
+{SHARES[0]:g} to {SHARES[1]:g} of the loss at the middle amplitude. The amplitude falls by a factor of \
+{FALLS[0]:g} to {FALLS[1]:g}. Oscillations (1e-2 to 1e-4) have {A_CYCLE:g} samples a cycle and a linear \
+spring; envelopes (1e-5 and 1e-6) have {READINGS} readings. The noise is {NOISES[0]:g} to {NOISES[1]:g} of \
+the first amplitude for {CYCLES:g} cycles, and more in proportion to the square root of the number of \
+samples, so that the information does not depend on the damping ratio. Laws are taken to hold exactly for \
+oscillations. In brackets: 95 % intervals (Wilson) by the number of records.
+
+{table(heads, [_line(decade, own) for decade, own in by_decade.items() if own])}
+
+## Are the probabilities right?
+
+{table(["probability of the leading damping", "records", "its mean", "share right"], bins)}
+
+## Does the prior probability of sums decide the name?
+
+{_sensitivity(told)}
+
+{without}rows.csv has every record; `logs` are log probabilities before they are normalised. `make reports` makes it \
+again.
+"""
 
 
-def _line(decade: float, rows: Sequence[Row]) -> str:
+def _line(decade: float, rows: Sequence[Row]) -> list[str]:
     told = [r for r in rows if r["outcome"] == OK]
-    sure = [r for r in told if r["decided"] == "1"]
     p = np.array([float(r["p_truth"]) for r in told])
     mean = f"{p.mean():.3f} ± {p.std(ddof=1) / math.sqrt(p.size):.3f}" if p.size > 1 else "–"
     seconds = np.median([float(r["seconds"]) for r in rows])
+    return [
+        f"{decade:g}", f"{rows[0]['kind']}s", str(len(rows)), str(len(rows) - len(told)), mean, *_shares(told),
+        f"{seconds:.2g}",
+    ]  # fmt: skip
+
+
+def _shares(told: Sequence[Row]) -> tuple[str, str, str]:
+    """Write the shares of records that name a damping outright, of these rightly, and of intervals with the truth."""
+    sure = [r for r in told if r["decided"] == "1"]
     return (
-        f"| {decade:g} | {rows[0]['kind']}s | {len(rows)} | {len(rows) - len(told)} | {mean} | "
-        f"{share(len(sure), len(told))} | {share(_count(sure, 'right'), len(sure))} | "
-        f"{share(_count(told, 'holds'), len(told))} | {seconds:.2g} |"
+        share_of(len(sure), len(told)),
+        share_of(_count(sure, "right"), len(sure)),
+        share_of(_count(told, "holds"), len(told)),
     )
 
 
-def _sensitivity(rows: Sequence[Row]) -> list[str]:
+def _sensitivity(rows: Sequence[Row]) -> str:
     """Write how many names change under other odds of a further term."""
-    lines = [
-        f"Each term beyond the first has prior odds of {FURTHER_TERM:g}. Under other odds, for the same evidence:",
-        "",
-        "| odds | the leading damping is another | named outright here only | with the other odds only | both, another "
-        "name |",
-        "|---|---|---|---|---|",
+    logs = [
+        {name: float(value) for name, _, value in (one.rpartition(":") for one in row["logs"].split())}
+        for row in rows
     ]
-    usual = [probabilities(_logs(r)) for r in rows]
+    usual = [_leader(probabilities(each)) for each in logs]
+    lines = []
     for factor in OTHER_FACTORS:
-        other = [probabilities(_logs(r), factor) for r in rows]
-        names = [(_name(a), _name(b)) for a, b in zip(usual, other, strict=True)]
-        moved = sum(
-            max(a, key=a.__getitem__) != max(b, key=b.__getitem__) for a, b in zip(usual, other, strict=True)
-        )
-        lines.append(
-            f"| {factor:g} | {moved} of {len(rows)} | {sum(bool(a) and not b for a, b in names)} | "
-            f"{sum(bool(b) and not a for a, b in names)} | {sum(bool(a) and bool(b) and a != b for a, b in names)} |"
-        )
-    return lines
+        both = [(a, _leader(probabilities(each, factor))) for a, each in zip(usual, logs, strict=True)]
+        moved = sum(a != b for (a, _), (b, _) in both)
+        lines.append([
+            f"{factor:g}", f"{moved} of {len(rows)}",
+            str(sum(here and not there for (_, here), (_, there) in both)),
+            str(sum(there and not here for (_, here), (_, there) in both)),
+            str(sum(here and there and a != b for (a, here), (b, there) in both)),
+        ])  # fmt: skip
+    heads = (
+        "odds", "the leading damping is another", "named outright here only", "with the other odds only",
+        "both, another name",
+    )  # fmt: skip
+    head = f"Each term beyond the first has prior odds of {FURTHER_TERM:g}. Under other odds, for the same evidence:"
+    return f"{head}\n\n{table(heads, lines)}"
 
 
-def _logs(row: Row) -> dict[str, float]:
-    pairs = (one.rpartition(":") for one in row["logs"].split())
-    return {name: float(value) for name, _, value in pairs}
-
-
-def _name(found: Mapping[str, float]) -> str:
-    """Return the damping that is probable enough to be named outright, or nothing."""
+def _leader(found: Mapping[str, float]) -> tuple[str, bool]:
+    """Return the most probable damping, and whether it is probable enough to be named outright."""
     first = max(found, key=found.__getitem__)
-    return first if found[first] >= DECIDED else ""
+    return first, found[first] >= DECIDED
 
 
 def _count(rows: Sequence[Row], column: str) -> int:
     return sum(r[column] == "1" for r in rows)
-
-
-def share(hits: int, count: int) -> str:
-    """Write a share with its 95 % interval."""
-    if not count:
-        return "–"
-    low, high = wilson(hits / count, count)
-    return f"{hits / count:.2f} ({low:.2f}–{high:.2f})"
 
 
 def jobs(records: int, few: int) -> dict[str, tuple[float, int]]:

@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 
 from bayesdamp.report import words
+from bayesdamp.report.markdown import table
 from bayesdamp.report.results.places import interval, places
 from bayesdamp.report.results.run import Run
 from bayesdamp.report.results.sweeping import FACTORS, Series, series
@@ -40,19 +41,15 @@ def page(run: Run) -> str:
         "where the methods err independently, and smaller ones where they err together.",
     ]
     for one in found:
-        lines += ["", f"## {FACTORS[one.factor].capitalize()}", "", *_table(one)]
+        lines += ["", f"## {FACTORS[one.factor].capitalize()}", "", _table(one)]
     lines += ["", "estimates.csv has every estimate. `make reports` makes it again."]
     return "\n".join(lines) + "\n"
 
 
-def _table(found: Series) -> list[str]:
-    methods = sorted({m for m, s in found.errors if s == INITIAL})
+def _table(found: Series) -> str:
     order = [places(found, INITIAL, i) for i in range(len(found.values))]
-    lines = [
-        "| method | " + " | ".join(f"{v:g}" for v in found.values) + " |",
-        "|---|" + "---|" * len(found.values),
-    ]
-    for method in methods:
+    lines = []
+    for method in sorted({m for m, s in found.errors if s == INITIAL}):
         cells = []
         for i in range(len(found.values)):
             own = found.each[method, INITIAL][i]
@@ -61,9 +58,9 @@ def _table(found: Series) -> list[str]:
             span = f" ({low:.2g}–{high:.2g})" if math.isfinite(low) else ""
             said = f"{found.errors[method, INITIAL][i]:.2g}{span}" if own else "no answer"
             cells.append(said + (f", place {place[0]}–{place[1]}" if place else ""))
-        lines.append(f"| {words.method(method)} | " + " | ".join(cells) + " |")
-    bounds = " | ".join(f"{b:.2g}" if math.isfinite(b) else "–" for b in found.bounds)
-    return [*lines, f"| *Cramér–Rao bound* | {bounds} |"]
+        lines.append([words.method(method), *cells])
+    bounds = [f"{b:.2g}" if math.isfinite(b) else "–" for b in found.bounds]
+    return table(["method", *(f"{v:g}" for v in found.values)], [*lines, ["*Cramér–Rao bound*", *bounds]])
 
 
 def main(folder: Path) -> None:

@@ -50,22 +50,11 @@ def _study(name: str, cost: int, *after: str, sources: tuple[str, ...] = ()) -> 
     return Recipe(name, cost, (made, *after), (*ESTIMATORS, f"studies/{name}.toml", *sources))
 
 
-def _calibration(name: str, page: str, cost: int, full: str, options: str = "") -> Recipe:
+def _calibration(name: str, cost: int, full: str, options: str = "") -> Recipe:
     made = f"{PYTHON} bayesdamp calibrate studies/{name}.toml --out {{out}}{options}"
-    written = f"{PYTHON} {PAGES}.{page} {{out}}"
-    sources = (
-        *ENGINE,
-        "bayesdamp/calibrate",
-        "validation/reports/power.py",
-        f"studies/{name}.toml",
-    )
-    return Recipe(
-        name,
-        cost,
-        (made, written),
-        (*sources, f"validation/reports/{page}.py"),
-        (f"{made} {full}", written),
-    )
+    written = f"{PYTHON} {PAGES}.calibration {{out}}"
+    sources = *ENGINE, "bayesdamp/calibrate", f"studies/{name}.toml", "validation/reports/calibration.py"
+    return Recipe(name, cost, (made, written), sources, (f"{made} {full}", written))
 
 
 def _answers(family: int, discrepant: int, dense: int) -> tuple[str, ...]:
@@ -104,8 +93,8 @@ RECIPES: tuple[Recipe, ...] = (
         "evidence_audit", 2, _made("tests.inference.evidence.audit", "--count 12"),
         (*ENGINE, "tests/inference/evidence/audit.py"), _made("tests.inference.evidence.audit", "--count 50"),
     ),
-    _calibration("calibration", "calibration", 7, "--records 500"),
-    _calibration("model_recovery", "recovery", 6, "--records 1000", " --models"),
+    _calibration("calibration", 7, "--records 500"),
+    _calibration("model_recovery", 6, "--records 1000", " --models"),
     Recipe(
         "contest", 8,
         (
