@@ -29,12 +29,11 @@ from tests.envelope.ringdowns import simulate
 from tests.measured.run import signals
 from tests.validation.envelopes import drawn as drawn_ringdown
 from tests.validation.laws import case
-from validation.truth import discrepancies
+from validation.truth import discrepancies, records
 from validation.truth.drawing import Draw, drawn
 from validation.truth.motion import NoMotionError, solved
 from validation.truth.oscillator import LAWS, SUMS
 from validation.truth.ratio import RatioCurve, ratio_curve
-from validation.truth.records import discrepant
 
 FOLDER = Path(__file__).with_name("answers")
 SEED = 20261126
@@ -126,7 +125,7 @@ def simulated_names() -> dict[str, tuple[str, int]]:
     """Return what makes each simulated record, by name: the kind and the number of its draw."""
     found = {f"sum-{i:03d}": ("sum", i) for i in range(SUMS_OF_THREE)}
     found |= {f"{form}-{i}": (form, i) for form in OTHER_FORMS for i in range(FORMS)}
-    kinds = discrepancies.KINDS
+    kinds = list(discrepancies.KINDS)
     return found | {
         f"{kinds[i % len(kinds)]}-{i // len(kinds)}": (kinds[i % len(kinds)], i // len(kinds))
         for i in range(DISCREPANT)
@@ -141,7 +140,7 @@ def simulated(name: str) -> Record:
     if kind in OTHER_FORMS:
         made = case(kind, SEED + number)
         return Record(name, made.signal, {"damping": made.damping, "restoring": "linear"})
-    one = discrepant(kind, SEED, number + 1)[number]
+    one = records.case(kind, SEED, number)
     return Record(name, one.signal, {"damping": one.damping, "restoring": one.restoring}, one.ratio)
 
 

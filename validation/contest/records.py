@@ -50,7 +50,7 @@ def simulated(seed: int, number: int) -> Record:
     group, again = GROUPS[number % len(GROUPS)], number // len(GROUPS)
     rng = np.random.default_rng([seed, number])
     if group == "discrepant":
-        kinds = discrepancies.KINDS
+        kinds = list(discrepancies.KINDS)
         made = case(kinds[again % len(kinds)], seed, again // len(kinds))
     else:
         made = case(FAMILY, seed, APART * GROUPS.index(group) + again)

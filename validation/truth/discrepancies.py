@@ -41,7 +41,7 @@ def cubic_sensor(rng: np.random.Generator, draw: Draw) -> Observe:
     bend = CUBIC_SENSOR * rng.choice([-1.0, 1.0]) / draw.amplitude**2
 
     def observe(motion: Motion, times: np.ndarray) -> np.ndarray:
-        x = motion.at(times)[0] - motion.equilibrium
+        x = motion.displacements(times)
         return x + bend * x**3
 
     return observe
@@ -91,7 +91,7 @@ def second_mode(rng: np.random.Generator, draw: Draw) -> Observe:
     rate, size = middle_ratio(draw) * frequency, SECOND_MODE * draw.amplitude
 
     def observe(motion: Motion, times: np.ndarray) -> np.ndarray:
-        x = motion.at(times)[0] - motion.equilibrium
+        x = motion.displacements(times)
         return x + size * np.exp(-rate * times) * np.cos(frequency * times + phase)
 
     return observe
@@ -113,8 +113,7 @@ def sensor_lag(rng: np.random.Generator, draw: Draw) -> Observe:
     nodes, weights = np.polynomial.laguerre.laggauss(12)
 
     def observe(motion: Motion, times: np.ndarray) -> np.ndarray:
-        past = [motion.at(np.maximum(times - delay * s, 0.0))[0] for s in nodes]
-        return weights @ np.array(past) - motion.equilibrium
+        return weights @ np.array([motion.displacements(np.maximum(times - delay * s, 0.0)) for s in nodes])
 
     return observe
 
@@ -147,16 +146,11 @@ def _extra(draw: Draw, share: float, unit: Callable[[float, float], float]) -> f
     return middle_ratio(draw) * share / (1 - share) / ratio
 
 
-MOTIONS: dict[str, Callable[[np.random.Generator, Draw], Discrepancy]] = {
-    "drift": drift, "power": power, "stribeck": stribeck, "position_dependent": position_dependent,
-    "angle_friction": angle_friction, "missing_spring": missing_spring, "jitter": jitter,
+KINDS: dict[str, Callable[[np.random.Generator, Draw], Discrepancy | Observe]] = {
+    function.__name__: function
+    for function in (
+        cubic_sensor, drift, power, stribeck, position_dependent, angle_friction, second_mode, missing_spring,
+        sensor_lag, jitter,
+    )
 }  # fmt: skip
-"""Kinds that change the motion."""
-SENSORS: dict[str, Callable[[np.random.Generator, Draw], Observe]] = {
-    "cubic_sensor": cubic_sensor, "second_mode": second_mode, "sensor_lag": sensor_lag,
-}  # fmt: skip
-"""Kinds that change only what is recorded."""
-KINDS = (
-    "cubic_sensor", "drift", "power", "stribeck", "position_dependent", "angle_friction", "second_mode",
-    "missing_spring", "sensor_lag", "jitter",
-)  # fmt: skip
+"""By name, from random numbers and a draw to what changes the motion, or to the sensor that records it."""

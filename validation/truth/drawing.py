@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
-from validation.truth.oscillator import LAWS, Discrepancy, Oscillator
+from validation.truth.oscillator import LAWS, Oscillator
 from validation.truth.rivals import loss_rate
 
 EPSILON = 0.02
@@ -113,8 +113,3 @@ def middle_ratio(draw: Draw) -> float:
     """Equivalent damping ratio of the sum at MIDDLE of the first amplitude."""
     at = MIDDLE * draw.amplitude
     return float(sum(c * loss_rate(t, at, draw.frequency) for t, c in draw.oscillator.damping.items()))
-
-
-def with_discrepancy(draw: Draw, discrepancy: Discrepancy) -> Draw:
-    """The same with a discrepancy of its motion."""
-    return replace(draw, oscillator=replace(draw.oscillator, discrepancy=discrepancy))

@@ -46,6 +46,10 @@ class Motion:
             raise ValueError("times beyond the last turning point of the motion")
         return state[0], state[1]
 
+    def displacements(self, times: np.ndarray) -> np.ndarray:
+        """Displacements from the equilibrium (rad) at increasing times (n,) since the release."""
+        return self.at(times)[0] - self.equilibrium
+
 
 def solved(oscillator: Oscillator, displacement: float, frequency: float, duration: float) -> Motion:
     """The motion that starts at rest at a displacement (rad) until the first turning point after duration (s).

@@ -10,10 +10,10 @@ import numpy as np
 
 from bayesdamp.types import InputError, Signal
 from validation.truth import discrepancies
-from validation.truth.discrepancies import COULOMB, MOTIONS, SENSORS, SHARE, TAKING
-from validation.truth.drawing import Draw, drawn, with_discrepancy
+from validation.truth.discrepancies import COULOMB, SHARE, TAKING
+from validation.truth.drawing import Draw, drawn
 from validation.truth.motion import Motion, NoMotionError, solved
-from validation.truth.oscillator import COEFFICIENTS, LAWS, SUMS
+from validation.truth.oscillator import COEFFICIENTS, LAWS, SUMS, Discrepancy
 from validation.truth.ratio import RatioCurve, ratio_curve
 from validation.truth.rivals import nats_ahead
 
@@ -60,26 +60,25 @@ class Case:
     rejected: Mapping[str, int] = field(default_factory=dict)
 
 
-def family(seed: int, count: int, oversample: int = 1) -> list[Case]:
-    """Records of the seven damping sums and four restoring laws, in turn.
+def case(kind: str, seed: int, number: int, oversample: int = 1) -> Case:
+    """Return record `number` of a kind under a seed; the seven damping sums and four restoring laws take turns.
 
     Each term has 15 % or more of the lost energy; the amplitude falls to 10 to 70 %; white noise of 0.3 to 3 % of the
     first amplitude; 8 to 60 cycles with 16 to 200 samples each; the truth is 12 nats or more ahead of every sum that
     lacks one of its terms. Draws that break a rule are drawn again.
+
+    Parameters
+    ----------
+    kind : str
+        FAMILY, or a discrepancy of `discrepancies.KINDS`, whose docstrings say how large each is.
+    oversample : int
+        So many times the sampling rate of the same motion, with the same noise in each sample.
+
+    Raises
+    ------
+    InputError
+        The kind is unknown.
     """
-    return [case(FAMILY, seed, number, oversample) for number in range(count)]
-
-
-def discrepant(kind: str, seed: int, count: int, oversample: int = 1) -> list[Case]:
-    """The same with a discrepancy, one of `discrepancies.KINDS`, which says how large each is.
-
-    oversample: so many times the sampling rate of the same motion, with the same noise in each sample.
-    """
-    return [case(kind, seed, number, oversample) for number in range(count)]
-
-
-def case(kind: str, seed: int, number: int, oversample: int = 1) -> Case:
-    """Record `number` of a kind under a seed. Raises InputError on an unknown kind."""
     if kind not in KINDS:
         raise InputError(f"kind {kind!r} is unknown: it must be one of {', '.join(KINDS)}")
     rng = np.random.default_rng([seed, KINDS.index(kind), number])
@@ -112,12 +111,20 @@ class _Rejected(Exception):  # noqa: N818 - a rule's name, not an error
 
 def _made(kind: str, draw: Draw, rng: np.random.Generator, oversample: int) -> Case:
     """The record of a draw. Raises _Rejected with the name of the rule that it breaks."""
-    nats = _nats(draw)
+    ahead = nats_ahead(
+        draw.oscillator, draw.oscillator.equilibrium() + draw.displacement, 0.0, draw.amplitude, draw.left,
+        draw.frequency, draw.duration, int(draw.cycles * draw.per_cycle), draw.noise * draw.amplitude,
+    )  # fmt: skip
+    nats = min(ahead.values())
     if nats < NATS:
         raise _Rejected("nats")
-    observe = SENSORS[kind](rng, draw) if kind in SENSORS else _displacements
-    if kind in MOTIONS:
-        draw = with_discrepancy(draw, MOTIONS[kind](rng, draw))
+    observe = Motion.displacements
+    if kind != FAMILY:
+        odd = discrepancies.KINDS[kind](rng, draw)
+        if isinstance(odd, Discrepancy):
+            draw = replace(draw, oscillator=replace(draw.oscillator, discrepancy=odd))
+        else:
+            observe = odd
     o, end = draw.oscillator, draw.begin + draw.duration
     try:
         motion = solved(o, draw.displacement, draw.frequency, end)
@@ -147,19 +154,6 @@ def _made(kind: str, draw: Draw, rng: np.random.Generator, oversample: int) -> C
         "", kind, Signal(times, clean + noise_sd * rng.standard_normal(times.size)), "+".join(o.damping), o.restoring,
         parameters, noise_sd, curve, (first, float(np.sqrt(first * last)), last), shares, nats, cycles, oversample,
     )  # fmt: skip
-
-
-def _displacements(motion: Motion, times: np.ndarray) -> np.ndarray:
-    return motion.at(times)[0] - motion.equilibrium
-
-
-def _nats(draw: Draw) -> float:
-    start = draw.oscillator.equilibrium() + draw.displacement
-    ahead = nats_ahead(
-        draw.oscillator, start, 0.0, draw.amplitude, draw.left, draw.frequency, draw.duration,
-        int(draw.cycles * draw.per_cycle), draw.noise * draw.amplitude,
-    )  # fmt: skip
-    return min(ahead.values())
 
 
 def _shares(draw: Draw, motion: Motion, end: float) -> dict[str, float]:
