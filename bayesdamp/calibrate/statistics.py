@@ -11,8 +11,7 @@ from collections.abc import Sequence
 from functools import lru_cache
 
 import numpy as np
-from scipy.special import bdtr, bdtrc, gammaln, xlog1py, xlogy
-from scipy.stats import binomtest
+from scipy.stats import binom
 
 
 def thin(draws: np.ndarray, count: int) -> np.ndarray:
@@ -21,11 +20,6 @@ def thin(draws: np.ndarray, count: int) -> np.ndarray:
     if flat.size < count:
         raise ValueError(f"{count} thinned draws were asked for, and there are {flat.size}")
     return flat[np.round(np.linspace(0, flat.size - 1, count)).astype(int)]
-
-
-def rank(truth: float, draws: np.ndarray) -> int:
-    """How many of the draws, shape (n,), are below the truth: 0 to n."""
-    return int(np.sum(draws < truth))
 
 
 def histogram(ranks: np.ndarray, draws: int, bins: int) -> np.ndarray:
@@ -60,9 +54,7 @@ def uniformity_band(n: int, bins: int, probability: float) -> tuple[np.ndarray, 
 
 def _tails(counts: np.ndarray, n: int, p: np.ndarray) -> np.ndarray:
     """Two-sided tails of counts of n events of probability p: twice the smaller of P(X ≤ count) and P(X ≥ count)."""
-    counts = np.asarray(counts, float)
-    above = np.where(counts > 0, bdtrc(np.maximum(counts - 1, 0), n, p), 1.0)
-    return 2 * np.minimum(bdtr(counts, n, p), above)
+    return 2 * np.minimum(binom.cdf(counts, n, p), binom.sf(np.asarray(counts) - 1, n, p))
 
 
 def _inside(tail: float, n: int, bins: int) -> tuple[np.ndarray, np.ndarray]:
@@ -85,21 +77,8 @@ def _p_of_tail(tail: float, n: int, bins: int) -> float:
     for k in range(bins - 1):
         # Of those not counted yet, a share of 1/(bins − k) falls into the next bin.
         to = np.arange(low[k], high[k] + 1)
-        at, mass = to, _falls(to[:, None] - at[None, :], n - at[None, :], 1.0 / (bins - k)) @ mass
+        at, mass = to, binom.pmf(to[:, None] - at, n - at, 1.0 / (bins - k)) @ mass
     return float(np.clip(1.0 - mass.sum(), 0.0, 1.0))
-
-
-def _falls(counts: np.ndarray, n: np.ndarray, p: float) -> np.ndarray:
-    """Binomial probabilities of counts, which may be beyond 0 to n (broadcast together)."""
-    there = (counts >= 0) & (counts <= n)
-    counts = np.clip(counts, 0, n)
-    ways = gammaln(n + 1) - gammaln(counts + 1) - gammaln(n - counts + 1)
-    return np.where(there, np.exp(ways + xlogy(counts, p) + xlog1py(n - counts, -p)), 0.0)
-
-
-def coverage_p(hits: int, n: int, level: float) -> float:
-    """Two-sided p value of `hits` intervals of n that hold the truth, each with probability `level`."""
-    return float(binomtest(hits, n, level).pvalue) if n else float("nan")
 
 
 def holm(tests: Sequence[float]) -> np.ndarray:

@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from scipy.stats import binom, norm
+from scipy.stats import binom, binomtest, norm
 
 from bayesdamp.calibrate import statistics
 from bayesdamp.calibrate.ranks import LIKELIHOOD
@@ -91,7 +91,7 @@ def _coverage_row(inside: np.ndarray, level: float, without: int = 0) -> Row:
         "value": hits / n if n else math.nan,
         "low": float(low) / n if n else math.nan,
         "high": float(high) / n if n else math.nan,
-        "p": statistics.coverage_p(hits, n, level),
+        "p": float(binomtest(hits, n, level).pvalue) if n else math.nan,
     }
 
 

@@ -113,7 +113,8 @@ def sensor_lag(rng: np.random.Generator, draw: Draw) -> Observe:
     nodes, weights = np.polynomial.laguerre.laggauss(12)
 
     def observe(motion: Motion, times: np.ndarray) -> np.ndarray:
-        return weights @ np.array([motion.displacements(np.maximum(times - delay * s, 0.0)) for s in nodes])
+        past = [motion.at(np.maximum(times - delay * s, 0.0))[0] for s in nodes]
+        return weights @ np.array(past) - motion.equilibrium
 
     return observe
 
