@@ -48,13 +48,8 @@ def _rows(found: Mapping[str, Sequence[CellResult]]) -> Iterator[Row]:
                 }
                 head |= {"loss": round(float(c.arrays["loss"][i]), 4), "model": models[c.arrays["model"][i]]}
                 doubts = sum(said != OK for said in content.evidence_outcomes[i]) if outcome == OK else None
-                shares = {m: _short(p) for m, p in zip(models, c.arrays["probability"][i])}
+                shares = {m: float(f"{p:.6g}") for m, p in zip(models, c.arrays["probability"][i])}
                 yield {**head, "outcome": outcome, "doubts": doubts, **shares}
-
-
-def _short(p: float) -> float:
-    """A probability to as many digits as anything hangs on."""
-    return float(f"{p:.6g}")
 
 
 def about(study: Study, found: Mapping[str, Sequence[CellResult]]) -> Row:
@@ -87,17 +82,12 @@ def _judged(chunks: Sequence[CellResult]) -> Row:
         "hits": _hits(hit, height),
         "bins": _bins(hit, height),
         "by_model": _by_model(models, truth, p),
-        "log_score": _log_score(right),
+        "log_score": float(np.mean(np.log(np.maximum(right, 1e-300)))) if right.size else math.nan,
         "log_score_expected": float(np.mean(np.sum(p * np.log(np.maximum(p, 1e-300)), axis=1))),
         "log_score_ignorant": -math.log(len(models)),
         "by_design": _by_design(hit, height, design),
         "seconds": sum(c.seconds for c in chunks),
     }
-
-
-def _log_score(p: np.ndarray) -> float:
-    """Mean log probability that the true models were given, in nats."""
-    return float(np.mean(np.log(np.maximum(p, 1e-300)))) if p.size else math.nan
 
 
 def _hits(hit: np.ndarray, p: np.ndarray) -> Row:

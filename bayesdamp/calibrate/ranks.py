@@ -3,40 +3,29 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from bayesdamp.calibrate import statistics as calibration
 from bayesdamp.calibrate.problem import (
-    Drawn,
-    Generator,
     failure,
     generator,
     mode_of,
     record_rng,
 )
+from bayesdamp.calibrate.statistics import thin
 from bayesdamp.config import Study
 from bayesdamp.inference.fit.mode import Mode
+from bayesdamp.inference.model.target import Target
 from bayesdamp.inference.samplers import SAMPLERS, Settings
 from bayesdamp.store import CellResult
 from bayesdamp.store.contents.calibration import RanksContent
-from bayesdamp.types import OK, InputError, Posterior, Refusal
+from bayesdamp.types import OK, InputError, Refusal
 
 CHUNK = 16
 """Records of one task."""
 LIKELIHOOD = "log_likelihood"
 """Ranked with the parameters: it sees what the ranks of single parameters may not (Modrák et al., 2023)."""
-
-
-@dataclass(frozen=True)
-class _Fit:
-    drawn: Drawn
-    mode: Mode
-    estimate: Mapping[str, float]
-    stderr: Mapping[str, float]
 
 
 def ranked(study: Study, model: str, first: int) -> CellResult:
@@ -46,37 +35,45 @@ def ranked(study: Study, model: str, first: int) -> CellResult:
     stderr of the refined estimate (c, k), and by sampler, shape (c, s, k): ranks among the thinned draws (−1 where
     there are none) and below, the share of all draws below the truth.
     """
-    made, table = generator(study, model), study.calibration
+    made, table, p = generator(study, model), study.calibration, study.posterior
     names = [*made.blank.names, LIKELIHOOD]
-    outcomes, fits, began = [OK] * CHUNK, dict[int, _Fit](), time.perf_counter()
+    outcomes, modes, began = [OK] * CHUNK, dict[int, tuple[Target, Mode]](), time.perf_counter()
     truth = np.full((CHUNK, len(names)), np.nan)
     value, stderr = np.full((2, CHUNK, len(names)), np.nan)
     for i in range(CHUNK):
         drawn = made.draw(record_rng(study.seed, model, first + i), f"{model}-{first + i}")
         truth[i, :-1] = [drawn.truth[n] for n in names[:-1]]
         try:
-            fits[i] = _fit(made, drawn)
+            mode, refined = mode_of(drawn, made.system)
         except Refusal as refusal:
             outcomes[i] = str(refusal)
             continue
         except Exception as fault:
             outcomes[i] = failure(fault)
             continue
-        fit = fits[i]
-        truth[i, -1] = _log_likelihood(fit)
-        value[i] = [fit.estimate.get(n, np.nan) for n in names]
-        stderr[i] = [fit.stderr.get(n, np.nan) for n in names]
+        modes[i] = drawn.target, mode
+        truth[i, -1] = mode.likelihood.log_likelihood(drawn.target.scores(drawn.truth))
+        value[i] = [refined.values.get(n, np.nan) for n in names]
+        stderr[i] = [refined.stderr.get(n, np.nan) for n in names]
     seconds = {"record": time.perf_counter() - began}
     shape = (CHUNK, len(table.samplers), len(names))
     ranks, below, said = np.full(shape, -1), np.full(shape, np.nan), dict[str, list[str]]()
     for s, sampler in enumerate(table.samplers):
         began, said[sampler] = time.perf_counter(), [""] * CHUNK
-        for i, posterior in _sampled(study, model, sampler, first, fits).items():
-            said[sampler][i] = posterior if isinstance(posterior, str) else posterior.outcome
-            if isinstance(posterior, str):
+        for i, (target, mode) in modes.items():
+            seed = int(record_rng(study.seed, model, first + i, sampler).integers(2**31 - 2))
+            try:
+                settings = Settings(p.chains, p.warmup, p.draws, seed)
+                posterior = SAMPLERS.get(sampler).sample(target, mode, settings)
+            except Refusal as refusal:
+                said[sampler][i] = str(refusal)
                 continue
+            except Exception as fault:
+                said[sampler][i] = failure(fault)
+                continue
+            said[sampler][i] = posterior.outcome
             draws = [*np.moveaxis(posterior.draws, -1, 0), posterior.log_likelihood]
-            ranks[i, s] = [np.sum(calibration.thin(d, table.draws) < t) for t, d in zip(truth[i], draws)]
+            ranks[i, s] = [np.sum(thin(d, table.draws) < t) for t, d in zip(truth[i], draws)]
             below[i, s] = [np.mean(d < t) for t, d in zip(truth[i], draws)]
         seconds[sampler] = time.perf_counter() - began
     content = RanksContent(
@@ -90,35 +87,6 @@ def ranked(study: Study, model: str, first: int) -> CellResult:
     )
     arrays = {"truth": truth, "value": value, "stderr": stderr, "ranks": ranks, "below": below}
     return CellResult("", "", content.meta(), arrays, OK, sum(seconds.values()))
-
-
-def _fit(made: Generator, drawn: Drawn) -> _Fit:
-    mode, refined = mode_of(drawn, made.system)
-    return _Fit(drawn, mode, refined.values, refined.stderr)
-
-
-def _log_likelihood(fit: _Fit) -> float:
-    target = fit.drawn.target
-    z = target.scores(fit.drawn.truth)
-    return fit.mode.likelihood.log_likelihood(z)
-
-
-def _sampled(
-    study: Study, model: str, sampler: str, first: int, fits: Mapping[int, _Fit]
-) -> dict[int, Posterior | str]:
-    """The posterior of each record, or the sentence with which the sampler refused it."""
-    p = study.posterior
-    seeds = {i: int(record_rng(study.seed, model, first + i, sampler).integers(2**31 - 2)) for i in fits}
-    found: dict[int, Posterior | str] = {}
-    for i, fit in fits.items():
-        own = Settings(p.chains, p.warmup, p.draws, seeds[i])
-        try:
-            found[i] = SAMPLERS.get(sampler).sample(fit.drawn.target, fit.mode, own)
-        except Refusal as refusal:
-            found[i] = str(refusal)
-        except Exception as fault:
-            found[i] = failure(fault)
-    return found
 
 
 def checked(study: Study) -> None:

@@ -147,16 +147,11 @@ def checked(study: Study) -> None:
 
 def asked(study: Study) -> dict[str, Any]:
     """What a chunk's result depends on, besides its kind and first record."""
-    resolved, table = study.resolved(), asdict_without(study, "records", "single")
+    resolved = study.resolved()
     return {
         "signal": resolved["signals"][0],
         "models": resolved["models"],
         "noise": study.posterior.noise,
-        "recovery": table,
+        "recovery": study.recovery.model_dump(exclude={"records", "single"}),
         "seed": study.seed,
     }
-
-
-def asdict_without(study: Study, *names: str) -> dict[str, Any]:
-    """[recovery] but for what only says how many records there are."""
-    return {k: v for k, v in study.recovery.model_dump().items() if k not in names}

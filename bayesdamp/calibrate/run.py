@@ -10,7 +10,7 @@ from typing import Any
 from rich.console import Console
 
 from bayesdamp.calibrate import probabilities, ranks, recovery, tables
-from bayesdamp.calibrate.series import MOST, Series, accepted, gather
+from bayesdamp.calibrate.series import MOST, Series, accepted, gather, is_failed
 from bayesdamp.config import Study
 from bayesdamp.outcomes import Status, status_of
 from bayesdamp.store import CellResult, Store, provenance, write_json, write_table
@@ -45,7 +45,7 @@ def run_calibration(
         if fresh:
             store.clear()
         found = gather(study, _series(study, models), store, workers, console)
-        failed = [c for chunks in found.values() for c in chunks if status_of(c.outcome) is Status.FAILED]
+        failed = [c for chunks in found.values() for c in chunks if is_failed(c)]
         whole = {name: [c for c in chunks if c.outcome == OK] for name, chunks in found.items()}
         whole = {name: chunks for name, chunks in whole.items() if chunks}
         if whole:

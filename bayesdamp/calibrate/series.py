@@ -107,14 +107,15 @@ def accepted(results: Sequence[CellResult]) -> int:
 def _wave(series: Series, results: Sequence[CellResult]) -> list[int]:
     """First records of the chunks of the next wave; none where the series is done, short or has failed."""
     tried, good = len(results) * series.chunk, accepted(results)
-    if good >= series.wanted or tried >= MOST * series.wanted or any(_failed(r) for r in results):
+    if good >= series.wanted or tried >= MOST * series.wanted or any(is_failed(r) for r in results):
         return []
     rate = max(good / tried, 1 / MOST) if tried else 1.0
     count = math.ceil((series.wanted - good) / rate / series.chunk)
     return [tried + i * series.chunk for i in range(count)]
 
 
-def _failed(result: CellResult) -> bool:
+def is_failed(result: CellResult) -> bool:
+    """Whether the program failed on a chunk."""
     return status_of(result.outcome) is Status.FAILED
 
 
@@ -157,7 +158,7 @@ def _stored(study: Study, store: Store, series: Series, first: int) -> CellResul
         found = store.read(name)
     except KeyError:
         return None
-    return found if found.key == key and not _failed(found) else None
+    return found if found.key == key and not is_failed(found) else None
 
 
 def _chunk(study: Study, folder: Path, series: Series, first: int) -> CellResult:

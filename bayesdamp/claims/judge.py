@@ -8,6 +8,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Literal
 
+from bayesdamp.report.markdown import table
 from bayesdamp.report.results.comparing import Comparison, compared
 from bayesdamp.report.results.run import Run
 from bayesdamp.report.results.sweeping import Series, series
@@ -39,9 +40,9 @@ class Runs:
         return compared(Run(self.paper)) if self.paper else None
 
     @cached_property
-    def series(self) -> list[Series]:
-        """Errors along noise, sampling and length."""
-        return [found for folder in self.noise for found in series(Run(folder))]
+    def along_noise(self) -> list[Series]:
+        """Errors at several levels of noise."""
+        return [s for folder in self.noise for s in series(Run(folder)) if s.factor == "noise"]
 
 
 @dataclass(frozen=True)
@@ -65,6 +66,7 @@ def written(found: Iterable[tuple[Claim, Judgement]], runs: Runs | None = None) 
     """The page, in Markdown, with the runs that it judges by."""
     found = list(found)
     counts = {v: sum(j.verdict == v for _, j in found) for v in dict.fromkeys(j.verdict for _, j in found)}
+    cells = [(c.text, c.where, j.measured, f"**{j.verdict}**") for c, j in found]
     lines = [
         "# The paper's claims, measured",
         "",
@@ -76,12 +78,8 @@ def written(found: Iterable[tuple[Claim, Judgement]], runs: Runs | None = None) 
         "*refined* the trajectory fit that starts there. *Better than claimed* is a figure more than ten times",
         "below the printed one, in time more than three: it does not confirm the claim, it is another figure.",
         "",
-        "| claim | where | measured | verdict |",
-        "|---|---|---|---|",
+        table(("claim", "where", "measured", "verdict"), cells),
     ]
-    for claim, judgement in found:
-        cells = (claim.text, claim.where, judgement.measured, f"**{judgement.verdict}**")
-        lines.append("| " + " | ".join(c.replace("|", "\\|") for c in cells) + " |")
     for folder in (runs.paper, *runs.noise) if runs else ():
         if folder is not None:
             info = Run(folder).info

@@ -24,7 +24,7 @@ def _said(found: Series, method: str, level: float) -> str:
 
 def _weak(runs: Runs) -> Judgement:
     parts, best, worst = [], [], []
-    for found in (s for s in runs.series if s.factor == "noise"):
+    for found in runs.along_noise:
         for level in (1.0, 10.0):
             if not _errors(found, "weak_sindy", level):
                 continue
@@ -47,7 +47,7 @@ def _weak(runs: Runs) -> Judgement:
 
 def _sindy(runs: Runs) -> Judgement:
     better, worse, parts = [], [], []
-    for found in (s for s in runs.series if s.factor == "noise"):
+    for found in runs.along_noise:
         for level in (1.0, 3.0, 10.0):
             weak, strong = (_errors(found, m, level) for m in ("weak_sindy", "sindy"))
             if not weak or not strong:
@@ -64,11 +64,8 @@ def _sindy(runs: Runs) -> Judgement:
 
 
 def _bound(runs: Runs) -> Judgement:
-    along = [s for s in runs.series if s.factor == "noise"]
-    if not along:
-        return NO_RUN
     parts, good = [], []
-    for found in along:
+    for found in runs.along_noise:
         pooled = {m: _over_bound(found, m) for m, stage in found.errors if stage == "refined"}
         ratios = {m: ratio for m, (ratio, answers) in pooled.items() if answers >= FEWEST}
         if ratios:
