@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -11,7 +12,7 @@ from scipy.stats import norm
 
 from bayesdamp.report.markdown import table
 from bayesdamp.types import OK
-from validation.answers import LEAST, Row
+from validation.answers import COLUMNS, LEAST
 from validation.truth.records import FAMILY, KINDS
 
 Z = float(norm.ppf(0.975))
@@ -26,7 +27,7 @@ HEADS = {
 }  # fmt: skip
 
 
-def scores(rows: pd.DataFrame, reference: pd.DataFrame | None = None) -> pd.DataFrame:
+def scores(rows: pd.DataFrame) -> pd.DataFrame:
     """A line for each kind, mode and oversampling among rows (as `row_of` makes them), and one for all discrepancies.
 
     decided: share of the records that name a damping sum outright; right: of these, with the true one; more: of these,
@@ -35,14 +36,14 @@ def scores(rows: pd.DataFrame, reference: pd.DataFrame | None = None) -> pd.Data
     their intervals, over the records that have any; deviates: share with that grade. Each has Wilson's 95 % interval
     in *_low and *_high; that of the coverage counts a record once, for its three ratios are not independent.
     half_width: geometric mean of half the intervals' widths over the true ratios. relative_width: geometric mean of
-    the widths over those of the same record and amplitude in `reference`, by default the rows of mode "none".
+    the widths over those of the same record and amplitude in the rows of mode "none".
     log_probability: mean of the logarithm of the true sum's probability, at least 1e-12. seconds: median. Records
     without an answer are not decided, and count for nothing else.
     """
-    all_rows = _records(rows)
-    basis = [row for row in all_rows if row["mode"] == "none"] if reference is None else _records(reference)
-    widths = {row["case"]: _widths([row])[0] for row in basis if row["outcome"] == OK}
-    return pd.DataFrame([_line(name, part, widths) for name, part in _groups(all_rows)])
+    rows = rows.reindex(columns=list(COLUMNS))
+    exact = rows[(rows["mode"] == "none") & (rows["outcome"] == OK)]
+    widths = dict(zip(exact["case"], _widths(exact), strict=True))
+    return pd.DataFrame([_line(name, part, widths) for name, part in _groups(rows)])
 
 
 def wilson(share: float, count: float) -> tuple[float, float]:
@@ -71,10 +72,12 @@ def share_of(hits: int, count: int) -> str:
 
 def markdown(scores: pd.DataFrame) -> str:
     """Write the scores as a Markdown table; shares with their intervals."""
-    return table(list(HEADS.values()), [[_cell(line, name) for name in HEADS] for line in _records(scores)])
+    return table(
+        list(HEADS.values()), [[_cell(line, name) for name in HEADS] for _, line in scores.iterrows()]
+    )
 
 
-def _cell(line: Row, name: str) -> str:
+def _cell(line: pd.Series, name: str) -> str:
     value = line[name]
     if name in SHARES:
         return with_interval(value, line[f"{name}_low"], line[f"{name}_high"])
@@ -85,58 +88,59 @@ def _cell(line: Row, name: str) -> str:
     return f"{100 * value:.2g} %" if name == "half_width" else f"{value:.2f}"
 
 
-def _records(table: pd.DataFrame) -> list[Row]:
-    return [{str(key): value for key, value in row.items()} for row in table.to_dict("records")]
-
-
-def _groups(rows: list[Row]) -> Iterator[tuple[str, list[Row]]]:
-    for mode in sorted({row["mode"] for row in rows}, key=lambda mode: (mode != "none", mode)):
-        for oversample in sorted({row["oversample"] for row in rows}):
-            part = [row for row in rows if row["mode"] == mode and row["oversample"] == oversample]
-            kinds = {kind: [row for row in part if row["kind"] == kind] for kind in KINDS}
-            others = [row for row in part if row["kind"] != FAMILY]
-            if len({row["kind"] for row in others}) > 1:
+def _groups(rows: pd.DataFrame) -> Iterator[tuple[str, pd.DataFrame]]:
+    for mode in sorted(set(rows["mode"]), key=lambda mode: (mode != "none", mode)):
+        for oversample in sorted(set(rows["oversample"])):
+            part = rows[(rows["mode"] == mode) & (rows["oversample"] == oversample)]
+            kinds = {kind: part[part["kind"] == kind] for kind in KINDS}
+            others = part[part["kind"] != FAMILY]
+            if others["kind"].nunique() > 1:
                 kinds["all discrepancies"] = others
             times = f" ×{oversample}" if oversample > 1 else ""
-            yield from ((f"{kind}/{mode}{times}", chosen) for kind, chosen in kinds.items() if chosen)
+            yield from ((f"{kind}/{mode}{times}", chosen) for kind, chosen in kinds.items() if len(chosen))
 
 
-def _line(name: str, part: list[Row], basis: Mapping[str, np.ndarray]) -> Row:
-    answered = [row for row in part if row["outcome"] == OK]
-    decided = [row for row in answered if row["decided"]]
-    right = np.array([row["relation"] == "right" for row in decided], bool)
-    low, high, ratio = (_three(answered, what) for what in ("low", "high", "ratio"))
-    covered = np.mean((low <= ratio) & (ratio <= high), axis=1)
+def _line(name: str, part: pd.DataFrame, exact: Mapping[str, np.ndarray]) -> dict[str, Any]:
+    answered = part[part["outcome"] == OK]
+    decided = answered[answered["decided"].astype(bool)]
+    right = int((decided["relation"] == "right").sum())
     shares = {
         "decided": (len(decided), len(part)),
-        "right": (right.sum(), len(decided)),
-        "more": (sum(row["relation"] == "more" for row in decided), len(decided)),
-        "wrong": ((~right).sum(), len(part)),
-        "coverage": (covered.sum(), len(answered)),
-        "deviates": (sum(row["grade"] == "deviates" for row in answered), len(answered)),
+        "right": (right, len(decided)),
+        "more": ((decided["relation"] == "more").sum(), len(decided)),
+        "wrong": (len(decided) - right, len(part)),
+        "coverage": (np.nansum(share_held(answered)), len(answered)),
+        "deviates": ((answered["grade"] == "deviates").sum(), len(answered)),
     }
-    line: Row = {"group": name, "records": len(part), "answered": len(answered)}
+    line: dict[str, Any] = {"group": name, "records": len(part), "answered": len(answered)}
     for key, (hits, count) in shares.items():
         line[key] = float(hits / count) if count else math.nan
         line[f"{key}_low"], line[f"{key}_high"] = wilson(line[key], count)
-    widths = _widths(answered)
-    line["half_width"] = _geometric(0.5 * widths / ratio)
-    none = np.full(3, math.nan)
+    widths, none = _widths(answered), np.full(3, math.nan)
+    line["half_width"] = _geometric(0.5 * widths / three(answered, "ratio"))
     line["relative_width"] = _geometric(
-        widths / np.reshape([basis.get(row["case"], none) for row in answered], (-1, 3))
+        widths / np.reshape([exact.get(case, none) for case in answered["case"]], (-1, 3))
     )
-    true = np.array([row["true_probability"] for row in answered], float)
+    true = answered["true_probability"].to_numpy(float)
     line["log_probability"] = float(np.log(np.maximum(true, LEAST)).mean()) if true.size else math.nan
-    line["seconds"] = float(np.median([row["seconds"] for row in answered])) if answered else math.nan
+    line["seconds"] = float(answered["seconds"].median())
     return line
 
 
-def _three(rows: list[Row], what: str) -> np.ndarray:
-    return np.reshape([[row[f"{what}_{i}"] for i in (1, 2, 3)] for row in rows], (-1, 3)).astype(float)
+def three(rows: pd.DataFrame, what: str) -> np.ndarray:
+    """Return a value at the three amplitudes of each row, shape (n, 3)."""
+    return rows[[f"{what}_{i}" for i in (1, 2, 3)]].to_numpy(float)
 
 
-def _widths(rows: list[Row]) -> np.ndarray:
-    return _three(rows, "high") - _three(rows, "low")
+def share_held(rows: pd.DataFrame) -> np.ndarray:
+    """Return the share of the three true ratios within the stated intervals, shape (n,); NaN where none is stated."""
+    low, true, high = (three(rows, what) for what in ("low", "ratio", "high"))
+    stated = np.isfinite(low).all(axis=1) & np.isfinite(high).all(axis=1)
+    return np.where(stated, np.mean((low <= true) & (true <= high), axis=1), np.nan)
+
+
+def _widths(rows: pd.DataFrame) -> np.ndarray:
+    return three(rows, "high") - three(rows, "low")
 
 
 def _geometric(values: np.ndarray) -> float:

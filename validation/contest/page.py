@@ -26,7 +26,7 @@ from validation.contest.scoring import (
     simulated,
     where,
 )
-from validation.scoring import with_interval
+from validation.scoring import three, with_interval
 
 INTRODUCTION = """# A contest
 
@@ -128,10 +128,7 @@ def write(folder: Path, rows: pd.DataFrame, missing: Mapping[str, str]) -> None:
 def _given(rows: pd.DataFrame) -> Iterator[str]:
     """Say which peers give one number for all amplitudes, and which were given fewer records than others."""
     counts = {name: len(where(rows, peer=name)) for name in peers_of(rows)}
-    values = {
-        name: where(rows, peer=name, outcome=OK)[["value_1", "value_2", "value_3"]].to_numpy(float)
-        for name in counts
-    }
+    values = {name: three(where(rows, peer=name, outcome=OK), "value") for name in counts}
     constant = [ROSTER[n].label for n, v in values.items() if len(v) and not np.ptp(v, axis=1).any()]
     if constant:
         yield ONE_NUMBER.format("; ".join(constant))

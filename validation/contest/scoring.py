@@ -10,7 +10,7 @@ import pandas as pd
 
 from bayesdamp.types import OK
 from validation.contest.records import GROUPS
-from validation.scoring import wilson
+from validation.scoring import share_held, three, wilson
 
 MEASURED = "measured"
 TIMES = 2000
@@ -54,7 +54,7 @@ def has(value: object) -> bool:
 
 def errors(rows: pd.DataFrame) -> np.ndarray:
     """|found/true − 1| of the ratio at three amplitudes, shape (n, 3); NaN in rows without an answer."""
-    found, true = _three(rows, "value"), _three(rows, "ratio")
+    found, true = three(rows, "value"), three(rows, "ratio")
     return np.where((rows["outcome"] == OK).to_numpy()[:, None], np.abs(found / true - 1), np.nan)
 
 
@@ -66,7 +66,7 @@ def quantile_of_errors(rows: pd.DataFrame, level: float) -> Interval:
 
 def coverage(rows: pd.DataFrame) -> tuple[Interval, int]:
     """Mean share of the three true ratios within a stated interval, Wilson's by records, and how many state one."""
-    share = _held(rows)
+    share = share_held(rows)
     stated = share[np.isfinite(share)]
     if not stated.size:
         return Interval(np.nan, np.nan, np.nan), 0
@@ -97,7 +97,7 @@ def paired(rows: pd.DataFrame, peer: str, ours: str) -> tuple[Interval, int]:
 
 def holds_more(rows: pd.DataFrame, peer: str, ours: str) -> Interval:
     """Return by how much larger a share of true ratios a peer's intervals hold than ours, in the same records."""
-    theirs, own = _of_both(rows, peer, ours, _held)
+    theirs, own = _of_both(rows, peer, ours, share_held)
     return bootstrapped((theirs - own)[:, None], lambda chosen: np.mean(chosen, axis=-1))
 
 
@@ -114,17 +114,6 @@ def bootstrapped(values: np.ndarray, statistic: Callable[[np.ndarray], np.ndarra
     chosen = np.random.default_rng(0).integers(len(values), size=(TIMES, len(values)))
     low, high = np.quantile(statistic(values[chosen].reshape(TIMES, -1)), [0.025, 0.975])
     return Interval(middle, float(low), float(high))
-
-
-def _three(rows: pd.DataFrame, what: str) -> np.ndarray:
-    return rows[[f"{what}_{i}" for i in (1, 2, 3)]].to_numpy(float)
-
-
-def _held(rows: pd.DataFrame) -> np.ndarray:
-    """Return the share of the three true ratios within the stated intervals, shape (n,); NaN where none is stated."""
-    low, true, high = (_three(rows, what) for what in ("low", "ratio", "high"))
-    stated = np.isfinite(low).all(axis=1) & np.isfinite(high).all(axis=1)
-    return np.where(stated, np.mean((low <= true) & (true <= high), axis=1), np.nan)
 
 
 def _of_both(

@@ -32,7 +32,8 @@ def digest(recipe: Recipe, root: Path) -> str:
     found = hashlib.sha256("\0".join(recipe.commands).encode())
     for path in sorted(_files(recipe, root)):
         found.update(f"\0{path.relative_to(root).as_posix()}\0".encode())
-        found.update(_code(path).encode() if path.suffix == ".py" else path.read_bytes())
+        is_code = path.suffix == ".py"
+        found.update(_without_words(path.read_text("utf-8")).encode() if is_code else path.read_bytes())
     return found.hexdigest()
 
 
@@ -70,23 +71,18 @@ def _files(recipe: Recipe, root: Path) -> set[Path]:
     return found
 
 
-def _code(path: Path) -> str:
-    return _without_words(path.read_text(encoding="utf-8"))
-
-
 @cache
 def _without_words(text: str) -> str:
     """Code without comments and docstrings, by its digest: recipes share most of their files."""
     tree = ast.parse(text)
     for node in ast.walk(tree):
         if isinstance(node, _BODIES):
-            node.body = [one for one in node.body if not _is_text(one)]
+            node.body = [line for line in node.body if not _is_text(line)]
     return hashlib.sha256(ast.dump(tree).encode()).hexdigest()
 
 
 def _is_text(node: ast.stmt) -> bool:
-    return (
-        isinstance(node, ast.Expr)
-        and isinstance(node.value, ast.Constant)
-        and isinstance(node.value.value, str)
-    )
+    match node:
+        case ast.Expr(value=ast.Constant(value=str())):
+            return True
+    return False
