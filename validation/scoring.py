@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Hashable, Iterator, Mapping
 from typing import Any
 
 import numpy as np
@@ -41,7 +41,7 @@ def scores(rows: pd.DataFrame) -> pd.DataFrame:
     without an answer are not decided, and count for nothing else.
     """
     rows = rows.reindex(columns=list(COLUMNS))
-    exact = rows[(rows["mode"] == "none") & (rows["outcome"] == OK)]
+    exact = where(rows, mode="none", outcome=OK)
     widths = dict(zip(exact["case"], _widths(exact), strict=True))
     return pd.DataFrame([_line(name, part, widths) for name, part in _groups(rows)])
 
@@ -73,11 +73,11 @@ def share_of(hits: int, count: int) -> str:
 def markdown(scores: pd.DataFrame) -> str:
     """Write the scores as a Markdown table; shares with their intervals."""
     return table(
-        list(HEADS.values()), [[_cell(line, name) for name in HEADS] for _, line in scores.iterrows()]
+        list(HEADS.values()), [[_cell(line, name) for name in HEADS] for line in scores.to_dict("records")]
     )
 
 
-def _cell(line: pd.Series, name: str) -> str:
+def _cell(line: Mapping[Hashable, Any], name: str) -> str:
     value = line[name]
     if name in SHARES:
         return with_interval(value, line[f"{name}_low"], line[f"{name}_high"])
@@ -91,26 +91,25 @@ def _cell(line: pd.Series, name: str) -> str:
 def _groups(rows: pd.DataFrame) -> Iterator[tuple[str, pd.DataFrame]]:
     for mode in sorted(set(rows["mode"]), key=lambda mode: (mode != "none", mode)):
         for oversample in sorted(set(rows["oversample"])):
-            part = rows[(rows["mode"] == mode) & (rows["oversample"] == oversample)]
-            kinds = {kind: part[part["kind"] == kind] for kind in KINDS}
-            others = part[part["kind"] != FAMILY]
-            if others["kind"].nunique() > 1:
-                kinds["all discrepancies"] = others
+            part = where(rows, mode=mode, oversample=oversample)
+            kinds = {kind: where(part, kind=kind) for kind in KINDS}
+            if len(set(part["kind"]) - {FAMILY}) > 1:
+                kinds["all discrepancies"] = part.iloc[np.flatnonzero(part["kind"] != FAMILY)]
             times = f" ×{oversample}" if oversample > 1 else ""
             yield from ((f"{kind}/{mode}{times}", chosen) for kind, chosen in kinds.items() if len(chosen))
 
 
 def _line(name: str, part: pd.DataFrame, exact: Mapping[str, np.ndarray]) -> dict[str, Any]:
-    answered = part[part["outcome"] == OK]
-    decided = answered[answered["decided"].astype(bool)]
-    right = int((decided["relation"] == "right").sum())
+    answered = where(part, outcome=OK)
+    decided = where(answered, decided=True)
+    right = len(where(decided, relation="right"))
     shares = {
         "decided": (len(decided), len(part)),
         "right": (right, len(decided)),
-        "more": ((decided["relation"] == "more").sum(), len(decided)),
+        "more": (len(where(decided, relation="more")), len(decided)),
         "wrong": (len(decided) - right, len(part)),
         "coverage": (np.nansum(share_held(answered)), len(answered)),
-        "deviates": ((answered["grade"] == "deviates").sum(), len(answered)),
+        "deviates": (len(where(answered, grade="deviates")), len(answered)),
     }
     line: dict[str, Any] = {"group": name, "records": len(part), "answered": len(answered)}
     for key, (hits, count) in shares.items():
@@ -121,10 +120,18 @@ def _line(name: str, part: pd.DataFrame, exact: Mapping[str, np.ndarray]) -> dic
     line["relative_width"] = _geometric(
         widths / np.reshape([exact.get(case, none) for case in answered["case"]], (-1, 3))
     )
-    true = answered["true_probability"].to_numpy(float)
+    true, seconds = (answered[name].to_numpy(float) for name in ("true_probability", "seconds"))
     line["log_probability"] = float(np.log(np.maximum(true, LEAST)).mean()) if true.size else math.nan
-    line["seconds"] = float(answered["seconds"].median())
+    line["seconds"] = float(np.median(seconds)) if seconds.size else math.nan
     return line
+
+
+def where(rows: pd.DataFrame, **values: object) -> pd.DataFrame:
+    """Return the rows whose columns have these values."""
+    mask = np.ones(len(rows), bool)
+    for column, value in values.items():
+        mask &= rows[column].to_numpy() == value
+    return rows.iloc[np.flatnonzero(mask)]
 
 
 def three(rows: pd.DataFrame, what: str) -> np.ndarray:

@@ -10,7 +10,7 @@ import pandas as pd
 
 from bayesdamp.types import OK
 from validation.contest.records import GROUPS
-from validation.scoring import share_held, three, wilson
+from validation.scoring import share_held, three, where, wilson
 
 MEASURED = "measured"
 TIMES = 2000
@@ -26,14 +26,6 @@ class Interval:
     value: float
     low: float
     high: float
-
-
-def where(rows: pd.DataFrame, **values: str) -> pd.DataFrame:
-    """The rows whose columns have these values."""
-    mask = np.ones(len(rows), bool)
-    for column, value in values.items():
-        mask &= rows[column].to_numpy() == value
-    return rows.iloc[np.flatnonzero(mask)]
 
 
 def simulated(rows: pd.DataFrame) -> pd.DataFrame:

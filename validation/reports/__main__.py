@@ -35,19 +35,22 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if unknown:
         print(f"{unknown[0]!r} is no report: there are {', '.join(r.name for r in RECIPES)}", file=sys.stderr)
         return 2
-    chosen = [r for r in RECIPES if r.name in asked.names or (not asked.names and r in stale(ROOT))]
     if asked.check:
         return _checked()
-    chosen = [r.whole if asked.full else r for r in chosen]
+    chosen = [r for r in RECIPES if r.name in asked.names] if asked.names else stale(ROOT)
     if changed := _git("status", "--porcelain", "--", ".", ":!reports"):
         print(
             f"the tree has changes that no commit holds ({changed.split()[1]}): commit them first",
             file=sys.stderr,
         )
         return 2
-    started = time.monotonic()
-    failed = [r.name for r in chosen if _begun(started, asked.minutes, r) and not _made(r)]
-    return STALE if failed else 0
+    until, status = time.monotonic() + 60 * asked.minutes, 0
+    for recipe in chosen:
+        if time.monotonic() > until:
+            print(f"{recipe.name}: left for the next time")
+        elif not _made(recipe.whole if asked.full else recipe):
+            status = STALE
+    return status
 
 
 def _checked() -> int:
@@ -65,13 +68,6 @@ def _checked() -> int:
     except BrokenPipeError:  # whoever reads has read enough
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     return STALE if old else 0
-
-
-def _begun(started: float, minutes: float, recipe: Recipe) -> bool:
-    if time.monotonic() - started <= 60 * minutes:
-        return True
-    print(f"{recipe.name}: left for the next time")
-    return False
 
 
 def _made(recipe: Recipe) -> bool:

@@ -9,7 +9,7 @@ import pandas as pd
 
 from validation.answers import COLUMNS
 from validation.rows import read_frame, write_frame
-from validation.scoring import SHARES, markdown, scores, with_interval
+from validation.scoring import SHARES, markdown, scores, where, with_interval
 
 TITLE = "# Laws that hold approximately: what the answer is worth"
 INTRODUCTION = """Simulated records with a truth from outside (`validation.truth.records`, SciPy's DOP853),
@@ -37,11 +37,14 @@ def page(rows: pd.DataFrame) -> str:
 def answer(table: pd.DataFrame) -> str:
     """What the scores say of both groups, in a sentence each."""
     said = []
-    for group, where in (("family/auto", "law holds"), ("all discrepancies/auto", "law does not hold quite")):
-        for _, line in table[table["group"] == group].iterrows():
+    for group, condition in (
+        ("family/auto", "law holds"),
+        ("all discrepancies/auto", "law does not hold quite"),
+    ):
+        for line in where(table, group=group).to_dict("records"):
             share = {k: with_interval(line[k], line[f"{k}_low"], line[f"{k}_high"]) for k in SHARES}
             said.append(
-                f"Where a {where}, 95 % intervals of the damping ratio hold the truth in {share['coverage']} of "
+                f"Where a {condition}, 95 % intervals of the damping ratio hold the truth in {share['coverage']} of "
                 f"{line['records']} records; the damping is named outright in {share['decided']}, rightly in "
                 f"{share['right']} of these."
             )
