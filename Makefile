@@ -36,7 +36,7 @@ validate: $(READY)
 # The shipped reports whose sources have changed, the cheap ones first; an hour and a quarter, and resumes. ARGS=--check says
 # which; ARGS=--full takes counts that decide small effects, and a day.
 reports: $(READY)
-	$(ONE_THREAD) $(BIN)/python -m bayesdamp.validation.reports $(ARGS)
+	$(ONE_THREAD) $(BIN)/python -m validation.reports $(ARGS)
 
 # Damaged files, studies and command lines, other ones each time; about an hour. A finding is printed with its cause.
 EXAMPLES ?= 2000
@@ -84,7 +84,7 @@ coverage: $(READY)
 
 # What people measure damping with today, beside us; in environments of their own, in .contest. Hours, and resumes.
 contest: $(READY)
-	$(ONE_THREAD) $(BIN)/python -m bayesdamp.validation.contest $(ARGS)
+	$(ONE_THREAD) $(BIN)/python -m validation.contest $(ARGS)
 
 # The site, in docs/_build/html; a warning is an error. Notebooks run once, and again when they change.
 docs: $(READY)

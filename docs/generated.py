@@ -12,14 +12,14 @@ from pathlib import Path
 import pandas as pd
 
 from bayesdamp import store
+from bayesdamp.calibrate.probabilities import RECORD_COLUMNS
+from bayesdamp.calibrate.tables import COLUMNS as CHECKS
+from bayesdamp.calibrate.tables import RANK_COLUMNS
 from bayesdamp.envelope.report.tables import COLUMNS as ENVELOPES
 from bayesdamp.estimators import ESTIMATORS, names_for_all
 from bayesdamp.estimators.terms import table as taken
 from bayesdamp.physics.damping import PAPER_TERMS, others
 from bayesdamp.store.columns import SCHEMA, described
-from bayesdamp.validation.calibration.probabilities import RECORD_COLUMNS
-from bayesdamp.validation.calibration.tables import COLUMNS as CHECKS
-from bayesdamp.validation.calibration.tables import RANK_COLUMNS
 
 DAMPINGS = {"viscous": "zeta", "coulomb": "mu_c", "quadratic": "mu_q"}
 SETTINGS = {

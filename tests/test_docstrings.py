@@ -11,7 +11,7 @@ RUFF = (sys.executable, "-m", "ruff", "check", "--no-cache", "--select", "D1", "
 
 
 def test_everything_public_has_a_docstring() -> None:
-    found = subprocess.run([*RUFF, "bayesdamp"], cwd=ROOT, capture_output=True, text=True)
+    found = subprocess.run([*RUFF, "bayesdamp", "validation"], cwd=ROOT, capture_output=True, text=True)
     assert found.returncode == 0, found.stdout
 
 
@@ -20,7 +20,11 @@ def test_a_missing_one_is_seen() -> None:
     source = (
         '"""A module."""\n\n\nclass Some:\n    """A class."""\n\n    def method(self):\n        return 1\n'
     )
-    for name, missing in (("bayesdamp/some.py", True), ("tests/test_some.py", False)):
+    for name, missing in (
+        ("bayesdamp/some.py", True),
+        ("validation/some.py", True),
+        ("tests/test_some.py", False),
+    ):
         check = [sys.executable, "-m", "ruff", "check", "--no-cache", "--stdin-filename", name, "-"]
         found = subprocess.run(check, cwd=ROOT, input=source, capture_output=True, text=True)
         assert ("D102" in found.stdout) is missing

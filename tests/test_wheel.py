@@ -1,4 +1,4 @@
-"""The wheel brings what the program needs: its studies, templates and types, and nothing of the tests."""
+"""The wheel has what the program needs: its studies, templates and types, and neither tests nor validation."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
     for name in ("pyproject.toml", "README.md"):
         shutil.copy(ROOT / name, source / name)
     left_out = shutil.ignore_patterns("__pycache__")
-    for name in ("bayesdamp", "studies"):
+    for name in ("bayesdamp", "studies", "validation"):
         shutil.copytree(ROOT / name, source / name, symlinks=True, ignore=left_out)
     made = subprocess.run(
         [sys.executable, "-m", "pip", "wheel", "--no-deps", "--no-build-isolation", "-q", "-w", out, source],
@@ -40,7 +40,7 @@ def test_all_is_in_it(wheel: Path) -> None:
         str(p.relative_to(ROOT)) for p in (ROOT / "bayesdamp").rglob("*.py") if "__pycache__" not in p.parts
     }
     assert modules <= names
-    assert not [n for n in names if n.startswith(("tests", "docs", "reports"))]
+    assert not [n for n in names if n.startswith(("tests", "docs", "reports", "validation"))]
 
 
 def test_a_shipped_study_is_found_by_name(wheel: Path, tmp_path: Path) -> None:

@@ -32,7 +32,7 @@ INSTEAD = {
 OWN = re.compile("|".join(f"(?:{pattern})" for pattern in INSTEAD), re.IGNORECASE)
 CODE = re.compile(r"```.*?```|`[^`]*`|\(\w+\.md\)", re.DOTALL)
 """What is typed stays as it is: keys of studies and tables."""
-MAY = ("validation/claims/", "validation/contest/", "validation/reports/", "validation/calibration/tables.py")
+MAY = ("claims/", "calibrate/tables.py")
 """What ships in `reports/`, and a key of tables."""
 
 

@@ -32,7 +32,7 @@ CODE: dict[str, tuple[str, ...]] = {
     "averaged": ("bayesdamp.pipeline.candidates.averaging",),
     "joint": ("bayesdamp.pipeline.many.joining",),
     "population": ("bayesdamp.pipeline.many.populating",),
-    "calibration": ("bayesdamp.validation.calibration.ranks", "bayesdamp.validation.calibration.recovery"),
+    "calibration": ("bayesdamp.calibrate.ranks", "bayesdamp.calibrate.recovery"),
 }  # fmt: skip
 """What computes each kind of task. What it finds by name is added by the key's maker."""
 

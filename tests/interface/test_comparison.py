@@ -13,7 +13,7 @@ import pytest
 
 import bayesdamp as bd
 from bayesdamp.physics.damping import TERMS
-from bayesdamp.validation.truth.records import case
+from validation.truth.records import case
 
 mpl.use("Agg")
 

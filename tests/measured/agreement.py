@@ -17,7 +17,9 @@ import pandas as pd
 
 from bayesdamp.pipeline.answer import answer
 from bayesdamp.types import InputError, Refusal, Signal
-from bayesdamp.validation.repeats import (
+from bayesdamp.verdict.types import Verdict
+from tests.measured.run import signals
+from validation.repeats import (
     Agreement,
     halves,
     mean_square,
@@ -26,9 +28,7 @@ from bayesdamp.validation.repeats import (
     share_possible,
     table,
 )
-from bayesdamp.validation.truth.records import KINDS, case
-from bayesdamp.verdict.types import Verdict
-from tests.measured.run import signals
+from validation.truth.records import KINDS, case
 
 SEED, COUNT = 621, 20
 """Of the simulated records."""

@@ -5,10 +5,10 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from bayesdamp.validation.reports.rows import gathered, shipped
 from tests.misfit.cases import INSIDE, OUTSIDE
 from tests.misfit.scoring import COLUMNS, row
 from tests.misfit.summary import page
+from validation.rows import gathered, shipped
 
 
 def main() -> None:

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping, Sequence
 
-from bayesdamp.validation.scoring import wilson
 from tests.misfit.cases import INSIDE, OUTSIDE
 from tests.misfit.scoring import OPEN, REFUSED, RIGHT, WRONG
+from validation.scoring import wilson
 
 Rows = Sequence[Mapping[str, str]]
 OUTCOMES = (REFUSED, OPEN, RIGHT, WRONG)

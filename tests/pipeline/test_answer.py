@@ -10,9 +10,9 @@ import pytest
 from bayesdamp.inference.deviation.weighing import Weighing
 from bayesdamp.pipeline.answer import answer
 from bayesdamp.types import Signal
-from bayesdamp.validation.truth.records import Case, case
 from bayesdamp.verdict import Verdict
 from bayesdamp.verdict.parts import Grade
+from validation.truth.records import Case, case
 
 SEED = 21
 NUMBERS = {0: "viscous", 1: "coulomb", 2: "quadratic", 4: "viscous+quadratic"}

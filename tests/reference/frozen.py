@@ -25,16 +25,15 @@ import numpy as np
 from bayesdamp.envelope import analyse, made_record
 from bayesdamp.pipeline.answer import answer
 from bayesdamp.types import Signal
-from bayesdamp.validation.truth import discrepancies
-from bayesdamp.validation.truth.drawing import Draw, drawn
-from bayesdamp.validation.truth.motion import NoMotionError, solved
-from bayesdamp.validation.truth.oscillator import LAWS, SUMS
-from bayesdamp.validation.truth.ratio import RatioCurve, ratio_curve
-from bayesdamp.validation.truth.records import discrepant
 from tests.envelope.ringdowns import simulate
 from tests.measured.run import signals
 from tests.validation.envelopes import drawn as drawn_ringdown
 from tests.validation.laws import case
+from validation.truth import discrepancies, records
+from validation.truth.drawing import Draw, drawn
+from validation.truth.motion import NoMotionError, solved
+from validation.truth.oscillator import LAWS, SUMS
+from validation.truth.ratio import RatioCurve, ratio_curve
 
 FOLDER = Path(__file__).with_name("answers")
 SEED = 20261126
@@ -126,7 +125,7 @@ def simulated_names() -> dict[str, tuple[str, int]]:
     """Return what makes each simulated record, by name: the kind and the number of its draw."""
     found = {f"sum-{i:03d}": ("sum", i) for i in range(SUMS_OF_THREE)}
     found |= {f"{form}-{i}": (form, i) for form in OTHER_FORMS for i in range(FORMS)}
-    kinds = discrepancies.KINDS
+    kinds = list(discrepancies.KINDS)
     return found | {
         f"{kinds[i % len(kinds)]}-{i // len(kinds)}": (kinds[i % len(kinds)], i // len(kinds))
         for i in range(DISCREPANT)
@@ -141,7 +140,7 @@ def simulated(name: str) -> Record:
     if kind in OTHER_FORMS:
         made = case(kind, SEED + number)
         return Record(name, made.signal, {"damping": made.damping, "restoring": "linear"})
-    one = discrepant(kind, SEED, number + 1)[number]
+    one = records.case(kind, SEED, number)
     return Record(name, one.signal, {"damping": one.damping, "restoring": one.restoring}, one.ratio)
 
 

@@ -7,11 +7,11 @@ from collections.abc import Mapping, Sequence
 import pytest
 
 from bayesdamp import store
+from bayesdamp.calibrate import probabilities
+from bayesdamp.calibrate import tables as calibrated
 from bayesdamp.envelope.report import tables as envelopes
 from bayesdamp.physics.damping import all_sums
 from bayesdamp.store.columns import SCHEMA, described, unused
-from bayesdamp.validation.calibration import probabilities
-from bayesdamp.validation.calibration import tables as calibrated
 
 WRITTEN: Mapping[str, Sequence[str]] = {
     **store.TABLES,

@@ -22,10 +22,10 @@ from bayesdamp.inference.deviation.weighing import Weighing
 from bayesdamp.physics.damping import all_sums
 from bayesdamp.pipeline.answer import WEIGHED, answer
 from bayesdamp.types import Signal
-from bayesdamp.validation.truth.motion import NoMotionError, solved
-from bayesdamp.validation.truth.oscillator import Discrepancy, Oscillator
 from bayesdamp.verdict.thresholds import DECIDED
 from bayesdamp.verdict.types import Verdict
+from validation.truth.motion import NoMotionError, solved
+from validation.truth.oscillator import Discrepancy, Oscillator
 
 Force = Callable[[float, float, float], float]
 LEAST_SHARE, LEAST_FALL = 0.3, 0.6

@@ -15,8 +15,8 @@ from scipy.stats import beta
 from bayesdamp.inference.deviation.weighing import Weighing
 from bayesdamp.physics.damping import all_sums
 from bayesdamp.pipeline.answer import WEIGHED, answer
-from bayesdamp.validation.reports.rows import gathered, shipped
 from tests.validation.laws import LEAST_NATS, case, nats_ahead
+from validation.rows import gathered, shipped
 
 EXPONENT = "exponent"
 TERMS = ("cubic", "displacement", "power", "dry_position", "structural", "stribeck")

@@ -9,9 +9,9 @@ import pytest
 from scipy.integrate import quad, solve_ivp
 from scipy.optimize import brentq
 
-from bayesdamp.validation.truth.motion import NoMotionError, solved
-from bayesdamp.validation.truth.oscillator import LAWS, Discrepancy, Oscillator
-from bayesdamp.validation.truth.ratio import RatioCurve, ratio_curve
+from validation.truth.motion import NoMotionError, solved
+from validation.truth.oscillator import LAWS, Discrepancy, Oscillator
+from validation.truth.ratio import RatioCurve, ratio_curve
 
 W, A = 3.0, 0.4
 LINEAR = {"stiffness": W * W, "rest_angle": 0.3}

@@ -13,11 +13,11 @@ from scipy.optimize import least_squares
 
 from bayesdamp.provenance import Provenance
 from bayesdamp.types import InputError
-from bayesdamp.validation.truth import discrepancies as odd
-from bayesdamp.validation.truth.drawing import Draw
-from bayesdamp.validation.truth.motion import solved
-from bayesdamp.validation.truth.oscillator import COEFFICIENTS, LAWS, SUMS, Oscillator
-from bayesdamp.validation.truth.records import FAMILY, KINDS, Case, case, discrepant, family, in_turn
+from validation.truth import discrepancies as odd
+from validation.truth.drawing import Draw
+from validation.truth.motion import solved
+from validation.truth.oscillator import COEFFICIENTS, LAWS, SUMS, Oscillator
+from validation.truth.records import FAMILY, KINDS, Case, case, in_turn
 
 
 def oscillator_of(made: Case) -> Oscillator:
@@ -34,7 +34,7 @@ def test_every_sum_meets_every_law(kind: str) -> None:
 
 
 def test_the_family_keeps_its_rules() -> None:
-    cases = family(3, 8)
+    cases = [case(FAMILY, 3, number) for number in range(8)]
     assert {c.damping for c in cases} == set(SUMS)
     assert {c.restoring for c in cases} == set(LAWS)
     for made in cases:
@@ -141,7 +141,7 @@ def sensed(kind: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Times, what the sensor reads, and the displacements, from the release on."""
     draw, times = a_draw(), np.linspace(0.0, 10.0, 500)
     motion = solved(draw.oscillator, draw.displacement, W, draw.duration)
-    observe = odd.SENSORS[kind](np.random.default_rng(1), draw)
+    observe = odd.KINDS[kind](np.random.default_rng(1), draw)
     return times, observe(motion, times), motion.at(times)[0] - motion.equilibrium
 
 
@@ -206,7 +206,7 @@ def test_a_stiffening_spring_has_its_potential() -> None:
 
 @pytest.mark.parametrize("kind", odd.KINDS)
 def test_discrepant_records_name_their_family_part(kind: str) -> None:
-    for made in discrepant(kind, 4, 3):
+    for made in (case(kind, 4, number) for number in range(3)):
         terms = made.damping.split("+")
         assert set(terms) <= set(made.shares)
         extra = 1 - sum(made.shares[t] for t in terms)

@@ -9,10 +9,11 @@ import numpy as np
 import pytest
 
 from bayesdamp.types import Refusal, Signal
-from bayesdamp.validation.answers import Answering
-from bayesdamp.validation.envelope import amplitude_range
-from bayesdamp.validation.repeats import (
+from tests.validation.test_scoring import At, Rival, Said
+from validation.answers import Answering
+from validation.repeats import (
     agreement,
+    amplitude_range,
     halves,
     mean_square,
     named_possible,
@@ -21,7 +22,6 @@ from bayesdamp.validation.repeats import (
     split,
     table,
 )
-from tests.validation.test_scoring import At, Rival, Said
 
 DATA = Path(__file__).resolve().parents[2] / ".." / "shared" / "data"
 

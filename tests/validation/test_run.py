@@ -10,9 +10,11 @@ import pandas as pd
 import pytest
 
 from bayesdamp.types import InputError
-from bayesdamp.validation.run import ANSWER, answered, answering_of, jobs, main, read_rows
-from bayesdamp.validation.truth.records import KINDS
 from bayesdamp.verdict.types import Verdict
+from validation.answers import COLUMNS
+from validation.rows import read_frame
+from validation.run import ANSWER, answered, answering_of, jobs, main
+from validation.truth.records import KINDS
 
 HERE = "tests.validation.answering:"
 
@@ -21,14 +23,14 @@ def test_a_run_scores_and_resumes(tmp_path: Path, capsys: pytest.CaptureFixture[
     out = tmp_path / "rows.csv"
     common = ["--group", "discrepant", "--seed", "1", "--answer", f"{HERE}by_envelope", "--out", str(out)]
     assert main([*common, "--count", "2", "--deviation", "none", "--workers", "1"]) == 0
-    first = read_rows(out)
+    first = read_frame(out, COLUMNS)
     assert list(first["case"]) == ["cubic_sensor-1-0", "drift-1-0"]
     assert main([*common, "--count", "3", "--deviation", "none", "--workers", "1"]) == 0
-    second = read_rows(out)
+    second = read_frame(out, COLUMNS)
     pd.testing.assert_frame_equal(second.iloc[:2], first)
     assert list(second["case"][2:]) == ["power-1-0"]
     assert main([*common, "--count", "3", "--deviation", "auto", "--workers", "1"]) == 0
-    assert len(read_rows(out)) == 6
+    assert len(read_frame(out, COLUMNS)) == 6
     assert main([*common, "--count", "0"]) == 0  # the scores alone
     said = capsys.readouterr()
     assert "| all discrepancies/auto | 3 | 3 | 0.00 (0.00–0.56) |" in said.out
@@ -51,7 +53,7 @@ def test_two_processes_make_the_rows_of_one(tmp_path: Path) -> None:
             workers,
         ]
         assert main(arguments) == 0
-        rows.append(read_rows(out).sort_values("case", ignore_index=True).drop(columns="seconds"))
+        rows.append(read_frame(out, COLUMNS).sort_values("case", ignore_index=True).drop(columns="seconds"))
     pd.testing.assert_frame_equal(*rows)
 
 
@@ -59,7 +61,7 @@ def test_faults_and_refusals_are_kept(tmp_path: Path, capsys: pytest.CaptureFixt
     out = tmp_path / "rows.csv"
     arguments = ["--count", "2", "--answer", f"{HERE}sometimes", "--out", str(out), "--workers", "1"]
     assert main(arguments) == 3
-    outcomes = set(read_rows(out)["outcome"])
+    outcomes = set(read_frame(out, COLUMNS)["outcome"])
     assert outcomes == {"too many samples for this test", "failed: RuntimeError: a fault of two lines"}
     assert "failed: RuntimeError: a fault of two lines" in capsys.readouterr().err
 
@@ -96,7 +98,7 @@ def test_another_table_is_left_alone(tmp_path: Path) -> None:
     out = tmp_path / "rows.csv"
     out.write_text("a,b\n1,2\n", encoding="utf-8")
     with pytest.raises(InputError, match="its columns are not those"):
-        read_rows(out)
+        read_frame(out, COLUMNS)
 
 
 def test_the_answer_that_is_judged_by_default_is_one() -> None:

@@ -10,11 +10,11 @@ import pytest
 from scipy.stats import binomtest
 
 from bayesdamp.types import Refusal, Signal
-from bayesdamp.validation.answers import probability_of, relation, row_of
-from bayesdamp.validation.scoring import markdown, score, scores, wilson
-from bayesdamp.validation.truth.oscillator import SUMS
-from bayesdamp.validation.truth.ratio import RatioCurve
-from bayesdamp.validation.truth.records import Case
+from validation.answers import probability_of, relation, row_of
+from validation.scoring import markdown, scores, wilson
+from validation.truth.oscillator import SUMS
+from validation.truth.ratio import RatioCurve
+from validation.truth.records import Case
 
 
 @dataclass(frozen=True)
@@ -40,6 +40,7 @@ class Said:
     damping_ratio: tuple[At, ...]
     deviation: At | None = None
     rivals: tuple[Rival, ...] = ()
+    sentence: str = ""
 
 
 AMPLITUDES = (0.3, 0.2, 0.1)
@@ -66,10 +67,15 @@ def said(case: Case, rng: np.random.Generator, right: bool = True, sure: float =
     return Said(damping=case.damping if right else other, damping_ratio=tuple(spans), **given)
 
 
+def score(pairs: list[tuple[Case, Said]]) -> pd.Series:
+    rows = [row_of(case, lambda signal, amplitudes, answer=answer: answer, "auto") for case, answer in pairs]
+    return scores(pd.DataFrame(rows)).iloc[0]
+
+
 def table_of(count: int = 200, **how) -> pd.Series:
     rng = np.random.default_rng(1)
     cases = [a_case(n) for n in range(count)]
-    return score((case, said(case, rng, **how)) for case in cases).iloc[0]
+    return score([(case, said(case, rng, **how)) for case in cases])
 
 
 def test_an_honest_answer_is_right_and_covers() -> None:
@@ -94,7 +100,7 @@ def test_a_term_too_many_is_wrong_and_counted() -> None:
     rng = np.random.default_rng(1)
     cases = [a_case(n) for n in range(7)]
     pairs = [(case, replace(said(case, rng), damping=SUMS[6])) for case in cases]
-    line = score(pairs).iloc[0]
+    line = score(pairs)
     assert (line["right"], line["more"], line["wrong"]) == pytest.approx((1 / 7, 6 / 7, 6 / 7))
 
 
@@ -133,8 +139,8 @@ def test_a_refusal_decides_nothing_and_has_no_coverage() -> None:
 
     rows = [row_of(a_case(n), refuses, "auto") for n in range(5)]
     assert rows[0]["outcome"] == "three samples in a period"
-    nothing = Said(False, "", float("nan"), "not_weighed", ())
-    assert row_of(a_case(0), lambda signal, amplitudes: nothing, "auto")["outcome"] == "not_weighed"
+    nothing = Said(False, "", float("nan"), "not_weighed", (), sentence="not enough cycles")
+    assert row_of(a_case(0), lambda signal, amplitudes: nothing, "auto")["outcome"] == "not enough cycles"
     rng = np.random.default_rng(3)
     rows += [
         row_of(a_case(n), lambda s, a, n=n: said(a_case(n), rng, sure=0.1), "auto") for n in range(5, 10)

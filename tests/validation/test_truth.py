@@ -7,12 +7,12 @@ import pytest
 from scipy.optimize import least_squares
 from scipy.stats import chi2
 
-from bayesdamp.validation.truth.motion import solved
-from bayesdamp.validation.truth.oscillator import COEFFICIENTS, LAWS, TERMS, Oscillator
-from bayesdamp.validation.truth.ratio import ratio_curve
-from bayesdamp.validation.truth.records import FAMILY, Case, case
-from bayesdamp.validation.truth.rivals import loss_rate
-from bayesdamp.validation.truth.trajectory import trajectory
+from validation.truth.motion import solved
+from validation.truth.oscillator import COEFFICIENTS, LAWS, TERMS, Oscillator
+from validation.truth.ratio import ratio_curve
+from validation.truth.records import FAMILY, Case, case
+from validation.truth.rivals import loss_rate
+from validation.truth.trajectory import trajectory
 
 
 def standardised(made: Case) -> float:

@@ -34,7 +34,7 @@ def calibrate(
 
     loaded = read_study(file)
     folder = run_folder(out, loaded.name)
-    from bayesdamp.validation.calibration import run_calibration
+    from bayesdamp.calibrate import run_calibration
 
     status = run_calibration(
         loaded,

@@ -19,8 +19,8 @@ def claims(
     out: Annotated[Path, typer.Option(help="The page to write (Markdown).")] = Path("reports/claims.md"),
 ) -> None:
     """Measure each claim of the paper on the eleven estimators, and say whether it holds."""
-    from bayesdamp.validation.claims import CLAIMS, judged, written
-    from bayesdamp.validation.claims.judge import Runs
+    from bayesdamp.claims import CLAIMS, judged, written
+    from bayesdamp.claims.judge import Runs
 
     for option, folder in (("--paper", paper), *(("--noise", folder) for folder in noise or ())):
         if folder is not None and not (folder / "run.json").is_file():

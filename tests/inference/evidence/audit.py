@@ -17,8 +17,8 @@ from bayesdamp.inference.fit.search import find_mode
 from bayesdamp.inference.model.target import Target
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.types import Seed, Signal
-from bayesdamp.validation.reports.rows import gathered, shipped
 from tests.inference.evidence.weighing_problems import KNOWN, PRIORS, TIMES, record
+from validation.rows import gathered, shipped
 
 CASES = 12
 METHODS = ("importance", "bridge", "nested")

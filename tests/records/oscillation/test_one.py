@@ -11,7 +11,7 @@ from bayesdamp.records.cleaning.clean import clean
 from bayesdamp.records.oscillation.modes import damped_modes
 from bayesdamp.records.oscillation.one import excited, other_than_one
 from bayesdamp.records.record import RawRecord
-from bayesdamp.validation.truth.records import KINDS, case
+from validation.truth.records import KINDS, case
 
 OMEGA = 4.0
 

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from bayesdamp.types import Refusal, Signal
-from bayesdamp.validation.contest.measured import half_cycles, measured
-from bayesdamp.validation.contest.records import GROUPS, LOST, closed_form, simulated
+from validation.contest.measured import half_cycles, measured
+from validation.contest.records import GROUPS, LOST, closed_form, simulated
 
 DATA = Path(__file__).resolve().parents[3] / ".." / "shared" / "data"
 

@@ -6,8 +6,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from bayesdamp.validation.contest.rows import COLUMNS
-from bayesdamp.validation.contest.scoring import (
+from validation.contest.rows import COLUMNS
+from validation.contest.scoring import (
     coverage,
     errors,
     holds_more,

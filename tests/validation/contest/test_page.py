@@ -8,13 +8,14 @@ import numpy as np
 import pytest
 
 from bayesdamp.types import InputError, Refusal
-from bayesdamp.validation.contest import rows
-from bayesdamp.validation.contest.__main__ import main
-from bayesdamp.validation.contest.page import page, write
-from bayesdamp.validation.contest.records import closed_form
-from bayesdamp.validation.contest.reply import Reply
-from bayesdamp.validation.contest.roster import OURS
 from tests.validation.contest.test_contest_scoring import row, table
+from validation.contest import rows
+from validation.contest.__main__ import main
+from validation.contest.page import page, write
+from validation.contest.records import closed_form
+from validation.contest.reply import Reply
+from validation.contest.roster import OURS
+from validation.rows import rounded, write_frame, write_row
 
 
 def stored():
@@ -145,9 +146,8 @@ def test_the_row_of_an_answer_a_refusal_and_a_fault(tmp_path: Path):
         "its ratio is no number",
     ]
     assert (good["outcome"], good["relation"], good["value_2"]) == ("ok", "right", 0.02)
-    rows.append(tmp_path / "rows.csv", made)
-    rows.append(tmp_path / "rows.csv", [good])
-    rows.append(tmp_path / "rows.csv", [good | {"peer": "e", "seconds": float("nan")}])
+    for one in (*made, good, good | {"peer": "e", "seconds": float("nan")}):
+        write_row(tmp_path / "rows.csv", rows.COLUMNS, rounded(one))
     read = rows.read(tmp_path / "rows.csv")
     assert list(read["peer"]) == list("abcde")
     assert np.isnan(read["seconds"].iloc[-1])
@@ -173,7 +173,7 @@ def test_rows_of_others_are_taken_over_where_the_truth_is_the_same(tmp_path: Pat
     changed = rows.read(old / "rows.csv")
     changed.loc[changed["group"] == "discrepant", "ratio_2"] *= 1.1
     changed.loc[changed["peer"] == "decrement", "value_1"] = 0.5
-    rows.write(old / "rows.csv", changed)
+    write_frame(old / "rows.csv", changed)
     kept = ["--kept", str(old / "rows.csv"), "--rows", str(tmp_path / "work.csv")]
     assert main([*command, "--peers", "decrement", "--out", str(new), *kept]) == 0
     found = rows.read(new / "rows.csv")
@@ -199,8 +199,7 @@ def test_another_table_is_not_touched(tmp_path: Path):
 
 
 def test_a_number_is_written_as_it_was(tmp_path: Path):
-    rows.append(
-        tmp_path / "rows.csv", [rows.row_of(closed_form(), "a", lambda t, y, a: Reply((1 / 3, 1e-7, 2.0)))]
-    )
+    answered = rows.row_of(closed_form(), "a", lambda t, y, a: Reply((1 / 3, 1e-7, 2.0)))
+    write_row(tmp_path / "rows.csv", rows.COLUMNS, rounded(answered))
     read = rows.read(tmp_path / "rows.csv")
     np.testing.assert_allclose(read.loc[0, ["value_1", "value_2"]].astype(float), [1 / 3, 1e-7], rtol=1e-5)

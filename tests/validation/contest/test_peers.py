@@ -10,13 +10,13 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from bayesdamp.types import Refusal
-from bayesdamp.validation.contest import environments
-from bayesdamp.validation.contest.apart.equivalent import ratio
-from bayesdamp.validation.contest.environments import Child, Environment
-from bayesdamp.validation.contest.peers import decrement, half_power, least_squares, script
-from bayesdamp.validation.contest.records import closed_form
-from bayesdamp.validation.contest.roster import ROSTER
-from bayesdamp.validation.contest.rows import row_of
+from validation.contest import environments
+from validation.contest.apart.equivalent import ratio
+from validation.contest.environments import Child, Environment
+from validation.contest.peers import decrement, half_power, least_squares, script
+from validation.contest.records import closed_form
+from validation.contest.roster import ROSTER
+from validation.contest.rows import row_of
 
 RATIO = 0.02
 WITHIN = {

@@ -14,8 +14,8 @@ from typing import Any
 import pytest
 
 from bayesdamp.config.load import load_study
-from bayesdamp.validation.reports import __main__ as making
-from bayesdamp.validation.reports.contradictions import (
+from validation.reports import __main__ as making
+from validation.reports.contradictions import (
     COEFFICIENTS,
     Quoted,
     Simulated,
@@ -26,8 +26,8 @@ from bayesdamp.validation.reports.contradictions import (
     of_rows,
     true_ratio,
 )
-from bayesdamp.validation.reports.recipes import Recipe
-from bayesdamp.validation.truth.oscillator import Oscillator
+from validation.reports.recipes import Recipe
+from validation.truth.oscillator import Oscillator
 
 ROOT = Path(__file__).parents[3]
 REPORTS = ROOT / "reports"

@@ -10,12 +10,12 @@ import pytest
 
 from bayesdamp.pipeline.answer import answer
 from bayesdamp.types import OK
-from bayesdamp.validation.reports import light
-from bayesdamp.validation.reports.contradictions import contradictions, true_ratio
-from bayesdamp.validation.reports.light import Drawn, drawn, log_weights, oscillation, page, probabilities
-from bayesdamp.validation.reports.rows import read_rows
-from bayesdamp.validation.truth.motion import solved
-from bayesdamp.validation.truth.oscillator import Oscillator
+from validation.reports import light
+from validation.reports.contradictions import contradictions, true_ratio
+from validation.reports.light import Drawn, drawn, log_weights, oscillation, page, probabilities
+from validation.rows import read_rows
+from validation.truth.motion import solved
+from validation.truth.oscillator import Oscillator
 
 
 @pytest.mark.parametrize("damping", light.DAMPINGS)

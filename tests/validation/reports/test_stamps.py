@@ -10,11 +10,11 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from bayesdamp.validation.answers import COLUMNS
-from bayesdamp.validation.reports import RECIPES, Recipe, Stamp, digest, stamps
-from bayesdamp.validation.reports.__main__ import main
-from bayesdamp.validation.reports.deviation import page
-from bayesdamp.validation.reports.stamps import is_fresh, stale, stamped
+from validation.answers import COLUMNS
+from validation.reports import RECIPES, Recipe, Stamp, digest, stamps
+from validation.reports.__main__ import main
+from validation.reports.deviation import page
+from validation.reports.stamps import is_fresh, stale, stamped
 
 ROOT = Path(__file__).parents[3]
 CODE = 'def force(v):\n    """Of a damper."""\n    return 2 * v  # newtons\n'
@@ -94,7 +94,7 @@ def test_all_of_them_take_an_hour_and_a_quarter():
 
 def test_a_reader_who_has_read_enough_is_no_fault():
     """As of `--check | head -1`."""
-    command = [sys.executable, "-m", "bayesdamp.validation.reports", "--check"]
+    command = [sys.executable, "-m", "validation.reports", "--check"]
     process = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
     assert process.stdout is not None
     assert process.stderr is not None

@@ -1,0 +1,5 @@
+"""Calibration as a command: are the intervals and the models' probabilities what they say they are?"""
+
+from bayesdamp.calibrate.run import run_calibration
+
+__all__ = ["run_calibration"]

@@ -1,0 +1,157 @@
+"""Model recovery: a model drawn from the uniform prior, its record, and the probabilities that the evidence gives."""
+
+from __future__ import annotations
+
+import math
+import time
+from dataclasses import replace
+from itertools import product
+from typing import Any
+
+import numpy as np
+from scipy.special import logsumexp
+
+from bayesdamp.calibrate.problem import (
+    Drawn,
+    Generator,
+    failure,
+    generator,
+    mode_of,
+    record_rng,
+)
+from bayesdamp.config import Simulation, Study
+from bayesdamp.inference.evidence import EVIDENCES
+from bayesdamp.physics.damping import parse_model
+from bayesdamp.physics.trajectories import simulate
+from bayesdamp.priors import LogNormal
+from bayesdamp.store import CellResult
+from bayesdamp.store.contents.calibration import RecoveryContent
+from bayesdamp.types import OK, InputError, Refusal
+
+CHUNK = 4
+
+
+def recovered(study: Study, kind: str, first: int) -> CellResult:
+    """A chunk of records, numbered from `first`; kind: "recovery" over all models, "single" over single dampings.
+
+    Its content is a `RecoveryContent`. arrays: model, the true one's place (c,); probability (c, m); log_evidence
+    (c, m); design, noise and cycles (c, 2); loss (c,), the share of its amplitude that the motion without noise loses.
+    """
+    models, began = models_of(study, kind), time.perf_counter()
+    outcomes, said = [OK] * CHUNK, [[""] * len(models) for _ in range(CHUNK)]
+    truth = np.zeros(CHUNK, int)
+    design, loss = np.full((CHUNK, 2), np.nan), np.full(CHUNK, np.nan)
+    evidence = np.full((CHUNK, len(models)), np.nan)
+    for i in range(CHUNK):
+        number = first + i
+        design[i] = level(study, kind, number)
+        made = _generators(study, kind, models, *design[i])
+        rng = record_rng(study.seed, kind, number)
+        truth[i] = rng.integers(len(models))
+        drawn = made[truth[i]].draw(rng, f"{kind}-{number}")
+        loss[i] = _loss(drawn)
+        if kind == "single" and loss[i] < study.recovery.least_loss:
+            outcomes[i] = "not counted: it loses too little of its amplitude"
+            continue
+        for m, one in enumerate(made):
+            try:
+                found = _evidence(study, one, drawn, (kind, number, one.model))
+            except Refusal as refusal:
+                outcomes[i] = str(refusal)
+                break
+            except Exception as fault:
+                outcomes[i] = failure(fault)
+                break
+            evidence[i, m], said[i][m] = found
+    content = RecoveryContent(
+        tuple(outcomes),
+        tuple(outcome == OK for outcome in outcomes),
+        first,
+        models=tuple(models),
+        evidence_outcomes=tuple(map(tuple, said)),
+    )
+    arrays = {
+        "model": truth,
+        "log_evidence": evidence,
+        "probability": np.exp(evidence - logsumexp(evidence, axis=1, keepdims=True)),
+        "design": design,
+        "loss": loss,
+    }
+    return CellResult("", "", content.meta(), arrays, OK, time.perf_counter() - began)
+
+
+def models_of(study: Study, kind: str) -> list[str]:
+    """The models that are drawn and compared."""
+    models = list(study.models.compare)
+    return [m for m in models if len(parse_model(m)) == 1] if kind == "single" else models
+
+
+def level(study: Study, kind: str, number: int) -> tuple[float, float]:
+    """Noise, as a share of the reference amplitude, and cycles of a record: the design in turn."""
+    table = study.recovery
+    if kind == "single":
+        return table.single_noise, table.single_cycles
+    levels = list(product(table.noise, table.cycles))
+    return levels[number % len(levels)]
+
+
+def _generators(study: Study, kind: str, models: list[str], noise: float, cycles: float) -> list[Generator]:
+    """A generator for each model; the inference knows the design, so the noise's prior may depend on it."""
+    table, system, source = study.recovery, study.signals[0].system, study.signals[0].source
+    if not isinstance(source, Simulation) or system.amplitude is None or system.frequency is None:
+        raise InputError(
+            f"{study.source}: calibrate --models needs a simulated first signal, and in [system] amplitude and "
+            "frequency, with which its levels of noise and length scale"
+        )
+    samples = table.single_samples if kind == "single" else table.samples
+    source = replace(source, duration=2 * math.pi * cycles / system.frequency, samples=samples)
+    prior = {"noise_sd": LogNormal(median=noise * system.amplitude, sigma=table.noise_sigma)}
+    return [generator(study, m, source=source, priors=prior) for m in models]
+
+
+def _evidence(study: Study, one: Generator, drawn: Drawn, labels: tuple[object, ...]) -> tuple[float, str]:
+    """Log evidence of one model for the record, and what its method says of it. Raises Refusal."""
+    own = replace(drawn, target=replace(one.blank, signal=drawn.signal))
+    mode, _ = mode_of(own, one.system)
+    seed = int(record_rng(study.seed, *labels).integers(2**31 - 1))
+    found = EVIDENCES.get("importance").evidence(one.model, own.target, mode, seed)
+    if not math.isfinite(found.log_evidence):
+        raise Refusal(f"{one.model}: the evidence is not finite")
+    return found.log_evidence, found.outcome
+
+
+def _loss(drawn: Drawn) -> float:
+    """Share of its amplitude that the motion loses, from the largest swings of its first and last cycle."""
+    target, t = drawn.target, drawn.signal.t
+    p = {**target.known, **drawn.truth}
+    theta = simulate(target.oscillator, p, t, tolerance=1e-4 * abs(p["theta0"]) + 1e-9)
+    rest = target.oscillator.equilibrium(p, float(theta[-1]))
+    period = 2 * math.pi / target.oscillator.natural_frequency(p, rest)
+    swings = np.abs(theta - rest)
+    first, last = swings[t <= period].max(), swings[t >= t[-1] - period].max()
+    return float(1.0 - last / first)
+
+
+def checked(study: Study) -> None:
+    """Raises InputError, before anything is computed, where the study's models cannot be drawn."""
+    for kind in ("recovery", "single"):
+        models = models_of(study, kind)
+        if len(models) < 2:
+            raise InputError(
+                f"{study.source}: models.compare has {len(models)} models to tell apart; give two or more"
+            )
+        _generators(study, kind, models, *level(study, kind, 0))
+        if not study.recovery.single:
+            return
+
+
+def asked(study: Study) -> dict[str, Any]:
+    """What a chunk's result depends on, besides its kind and first record."""
+    resolved = study.resolved()
+    return {
+        "signal": resolved["signals"][0],
+        "models": resolved["models"],
+        "noise": study.posterior.noise,
+        "recovery": study.recovery.model_dump(exclude={"records", "single"}),
+        "seed": study.seed,
+    }

@@ -1,5 +1,0 @@
-"""Calibration as a command: are the intervals and the models' probabilities what they say they are?"""
-
-from bayesdamp.validation.calibration.run import run_calibration
-
-__all__ = ["run_calibration"]

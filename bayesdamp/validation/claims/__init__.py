@@ -1,6 +1,0 @@
-"""The claims of the paper, each with a measurement that bears on it."""
-
-from bayesdamp.validation.claims.judge import Claim, Judgement, judged, written
-from bayesdamp.validation.claims.known import CLAIMS
-
-__all__ = ["CLAIMS", "Claim", "Judgement", "judged", "written"]

@@ -1,1 +1,0 @@
-"""What people measure damping with today, beside us on the same records: `python -m bayesdamp.validation.contest`."""

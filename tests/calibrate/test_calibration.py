@@ -1,0 +1,122 @@
+"""Ranks, coverage, Holm and hits: exact distributions against enumeration and simulation, and posteriors made wrong."""
+
+from __future__ import annotations
+
+import itertools
+import math
+
+import numpy as np
+import pytest
+from scipy.stats import binom, binomtest, norm
+
+from bayesdamp.calibrate.statistics import (
+    histogram,
+    hits_band,
+    hits_distribution,
+    hits_p,
+    holm,
+    thin,
+    uniformity_band,
+    uniformity_p,
+)
+
+
+def _tail(counts: np.ndarray) -> float:
+    cumulative, n = np.cumsum(counts)[:-1], counts.sum()
+    at = np.arange(1, counts.size) / counts.size
+    return float(np.min(2 * np.minimum(binom.cdf(cumulative, n, at), binom.sf(cumulative - 1, n, at))))
+
+
+def test_p_values_of_uniformity_are_those_of_all_outcomes():
+    """Five ranks in four bins: the p value of every outcome is the probability of all that are as far out."""
+    outcomes: dict[tuple[int, ...], float] = {}
+    for places in itertools.product(range(4), repeat=5):
+        counts = tuple(np.bincount(places, minlength=4).tolist())
+        outcomes[counts] = outcomes.get(counts, 0.0) + 4.0**-5
+    tails = {counts: _tail(np.array(counts)) for counts in outcomes}
+    for counts, tail in tails.items():
+        expected = sum(p for c, p in outcomes.items() if tails[c] <= tail * (1 + 1e-12))
+        assert uniformity_p(np.array(counts)) == pytest.approx(expected, abs=1e-12)
+
+
+def test_the_band_holds_what_it_says():
+    """Against 20,000 sets of 200 uniform ranks; four standard errors are a false alarm in 16,000 seeds."""
+    low, high = uniformity_band(200, 16, 0.95)
+    counts = np.random.default_rng(1).multinomial(200, np.full(16, 1 / 16), size=20_000)
+    cumulative = np.cumsum(counts, axis=1)[:, :-1]
+    inside = np.mean(np.all((cumulative >= low) & (cumulative <= high), axis=1))
+    assert inside > 0.95 - 4 * math.sqrt(0.95 * 0.05 / 20_000)
+    assert inside < 0.965  # of the discrete distribution, which has no 95 % exactly
+    # and it is what the p value says
+    p = [uniformity_p(c) for c in counts[:300]]
+    assert [x <= 0.05 for x in p] == [not (np.all(c >= low) and np.all(c <= high)) for c in cumulative[:300]]
+
+
+def toy(scale: float, shift: float, n: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
+    """Counts of ranks and shares below of a normal mean under a normal prior.
+
+    Posterior sds are multiplied by `scale`, means moved by `shift` sds.
+    """
+    rng = np.random.default_rng(seed)
+    truth = rng.standard_normal(n)
+    data = truth[:, None] + rng.standard_normal((n, 4))
+    mean, sd = data.sum(axis=1) / 5, math.sqrt(1 / 5)
+    draws = mean[:, None] + shift * sd + scale * sd * rng.standard_normal((n, 255))
+    ranks = np.array([np.sum(d < t) for t, d in zip(truth, draws)])
+    return histogram(ranks, 255, 64), norm.cdf((truth - mean - shift * sd) / (scale * sd))
+
+
+def _checks(scale: float, shift: float) -> list[float]:
+    """The p values that a table of calibration has for one parameter."""
+    counts, below = toy(scale, shift, 500, 3)
+    hits = [(int(np.sum(np.abs(below - 0.5) < level / 2)), level) for level in (0.5, 0.8, 0.95)]
+    return [uniformity_p(counts), *(binomtest(hit, 500, level).pvalue for hit, level in hits)]
+
+
+def test_a_right_posterior_passes():
+    assert holm(_checks(1.0, 0.0)).min() > 0.01  # false-alarm rate 1 %
+
+
+@pytest.mark.parametrize(("scale", "shift"), [(0.8, 0.0), (1.25, 0.0), (1.0, 0.3)])
+def test_a_wrong_posterior_fails(scale, shift):
+    """Negative control: intervals a fifth too narrow or a quarter too wide, a bias of 0.3 sds."""
+    assert holm(_checks(scale, shift)).min() < 0.01
+
+
+def test_p_values_of_uniform_ranks_are_uniform_enough():
+    """Of 2,000 sets at most a share α has p ≤ α, and not far less; four standard errors."""
+    counts = np.random.default_rng(4).multinomial(100, np.full(16, 1 / 16), size=2000)
+    p = np.array([uniformity_p(c) for c in counts])
+    for alpha in (0.05, 0.2, 0.5):
+        error = math.sqrt(alpha * (1 - alpha) / p.size)
+        assert alpha - 0.05 * alpha - 4 * error - 0.01 < np.mean(p <= alpha) < alpha + 4 * error
+
+
+def test_holm():
+    assert holm([0.01, 0.04, 0.03]).tolist() == pytest.approx([0.03, 0.06, 0.06])
+    with_gap = holm([0.02, math.nan, 0.9])
+    assert with_gap[0] == pytest.approx(0.04)
+    assert math.isnan(with_gap[1])
+    assert with_gap[2] == pytest.approx(0.9)
+
+
+def test_hits_are_those_of_independent_events():
+    p = np.array([0.1, 0.5, 0.7, 0.95])
+    expected = np.zeros(5)
+    for outcome in itertools.product((0, 1), repeat=4):
+        expected[sum(outcome)] += np.prod(np.where(outcome, p, 1 - p))
+    np.testing.assert_allclose(hits_distribution(p), expected, atol=1e-15)
+    same = np.full(300, 0.3)
+    assert hits_p(70, same) == pytest.approx(2 * binom.cdf(70, 300, 0.3))
+    low, high = hits_band(same, 0.99)
+    assert binom.cdf(low - 1, 300, 0.3) <= 0.005 < binom.cdf(low, 300, 0.3)
+    assert binom.sf(high, 300, 0.3) <= 0.005 < binom.sf(high - 1, 300, 0.3)
+
+
+def test_thinned_draws_come_from_every_chain():
+    draws = np.arange(4)[:, None] + np.zeros((4, 250))
+    kept = thin(draws, 255)
+    assert kept.shape == (255,)
+    assert np.bincount(kept.astype(int)).min() >= 63
+    with pytest.raises(ValueError, match="there are 1000"):
+        thin(draws, 1001)

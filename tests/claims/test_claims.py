@@ -1,0 +1,91 @@
+"""The paper's claims: what is measured for them, and the page."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+import pytest
+
+from bayesdamp.claims import CLAIMS, Claim, Judgement, judged, written
+from bayesdamp.claims.bench import initial_error, period_drift, record
+from bayesdamp.claims.coulomb import _regression
+from bayesdamp.claims.judge import Runs
+from bayesdamp.claims.times import PRINTED, verdict_of
+from bayesdamp.claims.topology import _fails, _unit
+
+NONE = Runs()
+
+
+def test_every_claim_is_said_once_and_has_a_place():
+    assert len({c.text for c in CLAIMS}) == len(CLAIMS) > 30
+    assert all(c.where for c in CLAIMS)
+
+
+def test_the_topological_failure_is_a_unit():
+    """As printed 77.67 % off on the pendulum, and as far on a linear spring: 1 − 1/ω_n."""
+    assert initial_error("topological", "viscous", {"variant": "as_printed"}) == pytest.approx(
+        77.67, abs=0.05
+    )
+    assert _fails(NONE).verdict == "does not hold"
+    assert _unit(NONE).verdict == "does not hold"
+    assert "77.6" in _unit(NONE).measured
+
+
+def test_the_period_hardly_moves():
+    assert period_drift("viscous") < 0.04
+
+
+def test_records_are_the_papers():
+    signal, problem = record("coulomb")
+    assert signal.t.size == 5000
+    assert signal.t[-1] == 10.0
+    assert problem.system.known["stiffness"] == 20.0
+    assert "mu_c" not in problem.system.known  # negative control: the truth is not handed over
+
+
+def test_without_a_run_a_claim_about_it_cannot_be_told():
+    of_runs = [c for c in CLAIMS if c.where == "Table 3"]
+    assert {c.judge(NONE).verdict for c in of_runs} == {"cannot be told"}
+
+
+def test_printed_times():
+    assert PRINTED["symbolic_regression"] == ("5–10 min", 300.0, 600.0)
+    assert all(low < high for _, low, high in PRINTED.values())
+
+
+@pytest.mark.parametrize(
+    ("own", "method", "verdict"),
+    [
+        (90.0, "pinn", "holds"), (30.0, "pinn", "holds"), (130.0, "pinn", "does not hold"),
+        (1.5, "koopman", "better than claimed"), (0.01, "sindy", "holds"), (float("nan"), "sindy", "cannot be told"),
+    ],
+)  # fmt: skip
+def test_a_time_is_judged_on_both_sides(own: float, method: str, verdict: str):
+    assert verdict_of(own, *PRINTED[method][1:]) == verdict
+
+
+def test_an_error_far_below_the_printed_one_does_not_confirm_it():
+    assert _regression(NONE).verdict == "better than claimed"
+
+
+def test_the_page_counts_and_escapes():
+    claims = [
+        Claim("a | b", "1", lambda _: Judgement("holds", "x")),
+        Claim("c", "2", lambda _: Judgement("does not hold", "y")),
+    ]
+    page = written(judged(claims, NONE))
+    assert "1 holds, 1 does not hold." in page
+    assert "a \\| b" in page
+    assert "**does not hold**" in page
+
+
+def test_a_folder_without_a_run_is_refused(tmp_path):
+    out = tmp_path / "claims.md"
+    done = subprocess.run(
+        [sys.executable, "-m", "bayesdamp.cli", "claims", "--paper", str(tmp_path), "--out", str(out)],
+        capture_output=True, text=True, timeout=120,
+    )  # fmt: skip
+    assert done.returncode == 2
+    assert "holds no run" in done.stderr
+    assert not out.exists()

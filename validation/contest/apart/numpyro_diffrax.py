@@ -1,0 +1,114 @@
+"""NumPyro's NUTS on a likelihood that diffrax solves, as somebody would write it who knows the three dampings.
+
+A spring with a cubic term, viscous, Coulomb (tanh) and quadratic damping together, white noise; time in units of the
+spectrum's peak and displacement in units of the largest one. NUTS with its defaults on these parameters as they are
+does not end: their sds are a thousand times smaller than their priors'. So it begins at the least-squares solution, in
+units of its covariance. 250 warm-up steps and 250 draws of one chain; the interval is of 2.5 to 97.5 % of the draws.
+"""
+
+import diffrax  # pyright: ignore[reportMissingImports]
+import jax
+import jax.numpy as jnp
+import numpy as np
+import numpyro
+from equivalent import ratio
+from even import even, spectral_peak
+from numpyro import distributions as dist
+from numpyro.infer import MCMC, NUTS, init_to_value
+from scipy.optimize import least_squares
+from serve import serve
+
+jax.config.update("jax_enable_x64", True)
+WIDTH = 0.02
+"""Of friction's turning over, of the peak velocity."""
+STEPS = 250
+WIDE = 10.0
+"""The priors' sd, in sds of the least-squares solution: wide enough to leave the likelihood alone."""
+LIMIT = 180.0
+
+
+def field(_, state, p):
+    """Slope of displacement and velocity."""
+    x, v = state
+    spring = p["stiffness"] * x + p["cubic"] * x**3
+    loss = 2 * p["viscous"] * v + p["coulomb"] * jnp.tanh(v / WIDTH) + p["quadratic"] * v * jnp.abs(v)
+    return v, -spring - loss
+
+
+def motion(p, times):
+    """Displacements at times from 0 on."""
+    found = diffrax.diffeqsolve(
+        diffrax.ODETerm(field), diffrax.Tsit5(), t0=0.0, t1=times[-1], dt0=0.05, y0=(p["x0"], p["v0"]), args=p,
+        saveat=diffrax.SaveAt(ts=times), stepsize_controller=diffrax.PIDController(rtol=1e-6, atol=1e-6),
+        adjoint=diffrax.ForwardMode(), max_steps=10_000, throw=False,
+    )  # fmt: skip
+    assert found.ys is not None  # what SaveAt(ts=...) asks for
+    return found.ys[0]
+
+
+NAMES = ("viscous", "coulomb", "quadratic", "stiffness", "cubic", "x0", "v0", "rest")
+GUESS = (0.02, 0.0, 0.0, 1.0, 0.0)
+
+
+def curve(x, times):
+    """Displacements of parameters in the order of NAMES."""
+    p = dict(zip(NAMES, x, strict=True))
+    return motion(p, times) + p["rest"]
+
+
+def model(times, values, middle, scale, left):
+    """Parameters in units of the least-squares solution's covariance, wide normal priors; the likelihood."""
+    z = numpyro.sample("z", dist.Normal(0.0, WIDE).expand([len(NAMES)]))
+    noise = left * jnp.exp(numpyro.sample("log_noise", dist.Normal(0.0, WIDE)) / jnp.sqrt(2.0 * values.size))
+    x = numpyro.deterministic("x", middle + scale @ z)
+    numpyro.sample("y", dist.Normal(curve(x, times), noise), obs=values)
+
+
+def fitted(times, values):
+    """The least-squares solution, the square root of its covariance, and the sd of what is left."""
+    solve = jax.jit(lambda x: curve(x, times))
+    slope = jax.jit(jax.jacfwd(lambda x: curve(x, times)))
+    x_scale = np.array([0.01, 0.01, 0.01, 0.01, 0.1, 1.0, 1.0, 1.0])
+    best = least_squares(
+        lambda x: np.nan_to_num(np.asarray(solve(x) - values), posinf=1e3, neginf=-1e3),
+        np.array([*GUESS, *start(np.asarray(times), np.asarray(values)), 0.0]),
+        jac=lambda x: np.nan_to_num(np.asarray(slope(x)), posinf=0.0, neginf=0.0),  # pyright: ignore[reportArgumentType]
+        x_scale=x_scale,
+    )
+    size = np.sqrt(2 * best.cost / (values.size - len(NAMES)))
+    _, s, vt = np.linalg.svd(best.jac * x_scale, full_matrices=False)
+    return best.x, size * x_scale[:, None] * vt.T / s, size
+
+
+def start(times, values):
+    """Displacement and velocity at the first sample, by least squares on the first cycle."""
+    inside = times <= 2 * np.pi
+    tau = times[inside]
+    columns = np.stack([np.cos(tau), np.sin(tau), np.ones_like(tau)], 1)
+    return np.linalg.lstsq(columns, values[inside], rcond=None)[0][:2]
+
+
+def answer(t, y, amplitudes):
+    """Ratios with the draws' intervals."""
+    omega = 2 * np.pi * spectral_peak(*even(t, y))
+    rest = float(np.mean(y))
+    size = float(np.max(np.abs(y - rest)))
+    times, values = jnp.asarray(omega * (t - t[0])), jnp.asarray((y - rest) / size)
+    middle, scale, left = fitted(times, values)
+    begin = init_to_value(values={"z": jnp.zeros(len(NAMES)), "log_noise": 0.0})
+    kernel = NUTS(model, forward_mode_differentiation=True, init_strategy=begin)
+    mcmc = MCMC(kernel, num_warmup=STEPS, num_samples=STEPS, progress_bar=False)
+    mcmc.run(jax.random.PRNGKey(0), times, values, jnp.asarray(middle), jnp.asarray(scale), left)
+    draws = dict(zip(NAMES, np.asarray(mcmc.get_samples()["x"]).T, strict=True))
+    said = {"values": [], "low": [], "high": []}
+    for amplitude in np.asarray(amplitudes) / size:
+        frequency = np.sqrt(draws["stiffness"] + 0.75 * draws["cubic"] * amplitude**2)
+        terms = {name: draws[name] for name in ("viscous", "coulomb", "quadratic")}
+        at = ratio(amplitude, frequency, **terms)
+        for name, part in (("low", 2.5), ("values", 50), ("high", 97.5)):
+            said[name].append(float(np.percentile(at, part)))
+    return said
+
+
+if __name__ == "__main__":
+    serve(answer, LIMIT)

@@ -1,0 +1,82 @@
+"""Measured records whose repeats give the truth: ten runs of one turning disc, which are not shipped."""
+
+from __future__ import annotations
+
+import itertools
+from pathlib import Path
+
+import numpy as np
+
+from bayesdamp.types import Refusal, Signal
+from validation.contest.peers.shared import even, frequency
+from validation.contest.records import Record
+
+FILE = Path("ten_runs") / "Run_1-10_no_magnet.csv"
+PARTS = (5 / 6, 1 / 2, 1 / 6)
+"""Where in the logarithm of a run's range of amplitudes it is judged."""
+FLOOR = 0.25
+"""No run is judged below this share of its first amplitude: there it begins to stick."""
+NEAR = 0.35
+"""In ln(amplitude): half cycles within this of an amplitude make its truth."""
+LEAST = 6
+
+
+def measured(folder: Path) -> list[Record]:
+    """A record for each run. Raises Refusal where the file is not there.
+
+    The truth at an amplitude is what half cycles of all other runs near it lose: ln of the ratio of two successive
+    distances between turning points, over π, by a straight line in logarithms through all that are near. It takes no
+    law, no rest and no method from this contest.
+    """
+    import bayesdamp as bd
+
+    path = folder / FILE
+    if not path.is_file():
+        raise Refusal(f"{FILE.name} is not there")
+    signals = bd.read(path).signals()
+    lost = [half_cycles(s) for s in signals]
+    made = []
+    for i, signal in enumerate(signals):
+        others = np.concatenate([one for j, one in enumerate(lost) if j != i])
+        high = lost[i][:, 0].max()
+        low = max(lost[i][:, 0].min(), FLOOR * high)
+        amplitudes = tuple(float(low * (high / low) ** part) for part in PARTS)
+        ratios = tuple(_line_near(others, a) for a in amplitudes)
+        name = f"measured-ten_runs-{i}"
+        made.append(Record(name, "measured", "ten_runs", signal.t, signal.y, amplitudes, ratios))
+    return made
+
+
+def half_cycles(signal: Signal) -> np.ndarray:
+    """Amplitude (rad) and damping ratio of each two successive half cycles, shape (m, 2)."""
+    t, y = signal.t, signal.y
+    f = frequency(*even(t, y))
+    turns = _turns(t, y, f)
+    size = 0.5 * np.abs(np.diff(turns))
+    delta = np.log(size[:-1] / size[1:]) / np.pi
+    return np.column_stack([np.sqrt(size[:-1] * size[1:]), delta / np.sqrt(1 + delta**2)])
+
+
+def _turns(t: np.ndarray, y: np.ndarray, f: float) -> np.ndarray:
+    """Displacements of the turning points, each by a parabola through the samples about it."""
+    rest = np.median(y[t >= t[-1] - 2 / f])
+    side = np.sign(y - rest)
+    cuts = np.flatnonzero(np.diff(side) != 0) + 1
+    found = []
+    for begin, end in itertools.pairwise(cuts):
+        if end - begin < 0.3 / (f * np.median(np.diff(t))):
+            continue
+        top = begin + int(np.argmax(np.abs(y[begin:end] - rest)))
+        near = np.abs(t - t[top]) <= 0.12 / f
+        c, b, a = np.polynomial.polynomial.polyfit(t[near] - t[top], y[near], 2)
+        found.append(c - b**2 / (4 * a))
+    return np.array(found)
+
+
+def _line_near(lost: np.ndarray, amplitude: float) -> float:
+    """Ratio at an amplitude. Raises Refusal where too few half cycles are near."""
+    away = np.log(lost[:, 0] / amplitude)
+    near = np.abs(away) <= NEAR
+    if near.sum() < LEAST:
+        raise Refusal(f"too few half cycles of other runs near {amplitude:.3g} rad")
+    return float(np.exp(np.polyfit(away[near], np.log(lost[near, 1]), 1)[1]))

@@ -1,0 +1,200 @@
+"""The script that an engineer writes in an afternoon: solve the motion, fit the seven sums, weigh them by BIC.
+
+The motion is x″ + 2z x′ + c sign(x′) + q x′|x′| + k x + b x³ = 0, or with k sin(x) for a pendulum. Here its time is in
+periods of the spectrum's peak over 2π and its displacement in units of the record's largest.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+from scipy.optimize import brentq, least_squares
+from scipy.special import ndtr
+
+from bayesdamp.types import Refusal
+from validation.contest.peers.shared import even, frequency, segments
+from validation.contest.reply import Reply
+
+TERMS = ("viscous", "coulomb", "quadratic")
+SUMS = ((0,), (1,), (2,), (0, 1), (0, 2), (1, 2), (0, 1, 2))
+K, B, REST, X0, V0 = range(3, 8)
+"""Places in the vector of parameters, after z, c and q."""
+SCALE = np.array([0.01, 0.01, 0.01, 0.01, 0.1, 0.1, 1.0, 1.0])
+STEP = 2 * math.pi / 40
+FIRST_CYCLES, GROWTH = 3, 2
+"""Length of a fit's first window, and the ratio of each next window to the one before."""
+NAMED = 0.95
+EXPLAINED = 0.5
+"""Least share of the record's variance that the best fit must explain."""
+FAR = 10.0
+"""Residuals are cut here, so that a motion that escapes has finite ones."""
+LEAST_RATIO = 1e-6
+TINY = 1e-200
+"""Squares are at least this, where a record has no noise at all."""
+POINTS = 24
+"""Of a quarter cycle, for the energy that is lost."""
+
+
+@njit(cache=True)
+def _spring(x: float, p: np.ndarray, radians: float) -> float:
+    return p[3] * math.sin(radians * x) / radians if radians > 0 else p[3] * x + p[4] * x**3
+
+
+@njit(cache=True)
+def _acceleration(x: float, v: float, sign: float, p: np.ndarray, radians: float) -> float:
+    return -_spring(x, p, radians) - 2 * p[0] * v - sign * (p[1] + p[2] * v * v)
+
+
+@njit(cache=True)
+def _step(x: float, v: float, sign: float, h: float, p: np.ndarray, radians: float) -> tuple[float, float]:
+    """Make one Runge-Kutta step of fourth order, with the sign of the velocity fixed."""
+    a1 = _acceleration(x, v, sign, p, radians)
+    v2 = v + 0.5 * h * a1
+    a2 = _acceleration(x + 0.5 * h * v, v2, sign, p, radians)
+    v3 = v + 0.5 * h * a2
+    a3 = _acceleration(x + 0.5 * h * v2, v3, sign, p, radians)
+    v4 = v + h * a3
+    a4 = _acceleration(x + h * v3, v4, sign, p, radians)
+    return x + h * (v + 2 * v2 + 2 * v3 + v4) / 6, v + h * (a1 + 2 * a2 + 2 * a3 + a4) / 6
+
+
+@njit(cache=True)
+def solve(times: np.ndarray, p: np.ndarray, radians: float) -> np.ndarray:
+    """Return the displacements at times; steps end at turning points, where friction may stop the motion.
+
+    radians: a pendulum's unit of displacement in rad; 0 for the cubic spring.
+    """
+    out = np.empty(times.size)
+    x, v = p[6], p[7]
+    sign = np.sign(v) if v != 0 else -np.sign(_spring(x, p, radians))
+    for i in range(times.size):
+        gap = times[i] - times[max(i - 1, 0)]
+        steps = math.ceil(gap / STEP)
+        for _ in range(steps):
+            left = gap / steps
+            for _ in range(3):  # a step has one turning point, or two just before the motion stops
+                if sign == 0:
+                    break
+                next_x, next_v = _step(x, v, sign, left, p, radians)
+                if sign * next_v >= 0:
+                    x, v = next_x, next_v
+                    break
+                h = left * v / (v - next_v)
+                next_x, next_v = _step(x, v, sign, h, p, radians)
+                h -= next_v / _acceleration(next_x, next_v, sign, p, radians)
+                x, _ = _step(x, v, sign, h, p, radians)
+                v, left = 0.0, left - h
+                pull = _spring(x, p, radians)
+                sign = 0.0 if abs(pull) <= p[1] else -np.sign(pull)
+        out[i] = x
+    return out
+
+
+@dataclass(frozen=True)
+class Fit:
+    """A sum (places in TERMS) on a spring (radians as in `solve`): parameters, and covariance of the free ones."""
+
+    terms: tuple[int, ...]
+    radians: float
+    p: np.ndarray
+    free: list[int]
+    covariance: np.ndarray
+    squares: float
+    bic: float
+
+    def ratio(self, amplitude: float) -> tuple[float, float]:
+        """Return the damping ratio at an amplitude and its standard deviation."""
+        value = ratio(self.p, amplitude, self.radians)
+        moved = self.p + 1e-6 * np.eye(self.p.size)[self.free]
+        slope = (np.array([ratio(p, amplitude, self.radians) for p in moved]) - value) / 1e-6
+        return value, math.sqrt(max(slope @ self.covariance @ slope, TINY))
+
+
+def fit(times: np.ndarray, x: np.ndarray, guess: np.ndarray, terms: tuple[int, ...], radians: float) -> Fit:
+    """Fit by least squares over windows that grow, so that the phase is kept."""
+    free = [*terms, K, *([] if radians else [B]), REST, X0, V0]
+    p = np.where(np.isin(np.arange(guess.size), free), guess, 0.0)
+    p[:K] /= len(terms)
+    low = np.where(np.array(free) < K, 0.0, -np.inf)
+    end = 2 * np.pi * FIRST_CYCLES
+    while True:
+        n = int(np.searchsorted(times, end, side="right"))
+
+        def residual(values: np.ndarray, n: int = n) -> np.ndarray:
+            p[free] = values
+            return np.clip(np.nan_to_num(solve(times[:n], p, radians) + p[REST] - x[:n], nan=FAR), -FAR, FAR)
+
+        best = least_squares(residual, p[free], bounds=(low, np.inf), x_scale=SCALE[free], max_nfev=60)
+        p[free] = best.x
+        if n == times.size:
+            break
+        end *= GROWTH
+    squares = max(2 * best.cost, TINY)
+    covariance = squares / (n - len(free)) * np.linalg.pinv(best.jac.T @ best.jac)
+    return Fit(
+        terms, radians, p, free, covariance, squares, n * math.log(squares / n) + len(free) * math.log(n)
+    )
+
+
+def ratio(p: np.ndarray, amplitude: float, radians: float) -> float:
+    """Return the energy lost in a cycle over 4π times the amplitude's potential energy."""
+    z, c, q, k, b = p[:REST]
+    angle = 0.5 * np.pi * (np.arange(POINTS) + 0.5) / POINTS
+
+    def energy(x: np.ndarray) -> np.ndarray:
+        return k * (1 - np.cos(radians * x)) / radians**2 if radians else k * x**2 / 2 + b * x**4 / 4
+
+    whole = energy(np.array(amplitude))
+    v = np.sqrt(np.maximum(2 * (whole - energy(amplitude * np.sin(angle))), 0.0))
+    lost = 2 * np.pi * np.mean((2 * z * v + c + q * v**2) * amplitude * np.cos(angle))
+    return float(lost / (4 * np.pi * whole))
+
+
+def _quantile(level: float, means: np.ndarray, sds: np.ndarray, weights: np.ndarray) -> float:
+    """Return a quantile of a mixture of normal distributions."""
+    ends = float(np.min(means - 10 * sds)), float(np.max(means + 10 * sds))
+    return float(brentq(lambda x: weights @ ndtr((x - means) / sds) - level, *ends, xtol=1e-12))  # pyright: ignore[reportArgumentType]
+
+
+def start(times: np.ndarray, x: np.ndarray) -> np.ndarray:
+    """Return first parameters: from a sine through the first cycle and the fall to the last one."""
+    first = times <= 2 * np.pi
+    columns = np.column_stack([np.cos(times), np.sin(times), np.ones_like(times)])[first]
+    cosine, sine, rest = np.linalg.lstsq(columns, x[first], rcond=None)[0]
+    last = max(np.ptp(x[times >= times[-1] - 2 * np.pi]) / 2, 1e-3)
+    decay = max(math.log(math.hypot(cosine, sine) / last) / times[-1], 1e-3)
+    return np.array([decay, decay, 2 * decay, 1.0, 0.0, rest, cosine, sine])
+
+
+def answer(t: np.ndarray, y: np.ndarray, amplitudes: tuple[float, ...]) -> Reply:
+    """Average over seven sums on two springs. Raises Refusal where no sum follows the record."""
+    if t.size <= 2 * SCALE.size:
+        raise Refusal("too few samples")
+    if np.ptp(y) == 0:
+        raise Refusal("the record is constant")
+    times = 2 * np.pi * frequency(*even(*max(segments(t, y), key=lambda piece: piece[0].size))) * (t - t[0])
+    if times[-1] < 4 * np.pi:
+        raise Refusal("less than two cycles")
+    middle = np.mean(y)
+    size = float(np.max(np.abs(y - middle)))
+    x = (y - middle) / size
+    fits = [fit(times, x, start(times, x), terms, radians) for radians in (0.0, size) for terms in SUMS]
+    if min(f.squares for f in fits) > (1 - EXPLAINED) * x.size * np.var(x):
+        raise Refusal("no sum follows the record")
+    bic = np.array([f.bic for f in fits])
+    weights = np.exp(0.5 * (bic.min() - bic))
+    weights /= weights.sum()
+    parts = np.array([[f.ratio(a / size) for f in fits] for a in amplitudes])
+    values = parts[..., 0] @ weights
+    if not min(values) > LEAST_RATIO:
+        raise Refusal("no damping is found")
+    low, high = (
+        [_quantile(level, m, s, weights) for m, s in parts.transpose(0, 2, 1)] for level in (0.025, 0.975)
+    )
+    by_sum = weights.reshape(2, len(SUMS)).sum(axis=0)
+    likeliest = SUMS[int(np.argmax(by_sum))]
+    named = "+".join(TERMS[i] for i in likeliest) if by_sum.max() >= NAMED else ""
+    return Reply(tuple(values.tolist()), tuple(low), tuple(high), named)

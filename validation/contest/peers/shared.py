@@ -1,0 +1,35 @@
+"""What a user does by eye or by habit before any of the methods: rest, frequency, an even clock."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from bayesdamp.types import Refusal
+from validation.contest.apart.even import even
+from validation.contest.apart.even import spectral_peak as frequency
+
+__all__ = ["about_rest", "even", "frequency", "recorded", "segments"]
+
+GAP = 1.5
+"""Samples further apart than so many steps have a gap between them."""
+
+
+def about_rest(t: np.ndarray, y: np.ndarray, f: float) -> np.ndarray:
+    """The displacement from rest, which is the mean of the last whole cycles, at most five; t even, f in Hz."""
+    cycles = min(int((t[-1] - t[0]) * f), 5)
+    if cycles < 1:
+        raise Refusal("less than one cycle")
+    return y - y[t >= t[-1] - cycles / f].mean()
+
+
+def segments(t: np.ndarray, y: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
+    """The record cut at its gaps."""
+    cuts = np.flatnonzero(np.diff(t) > GAP * np.median(np.diff(t))) + 1
+    return list(zip(np.split(t, cuts), np.split(y, cuts), strict=True))
+
+
+def recorded(grid: np.ndarray, t: np.ndarray) -> np.ndarray:
+    """Which times of an even clock are within a step of a sample, booleans of grid's shape."""
+    after = np.clip(np.searchsorted(t, grid), 1, t.size - 1)
+    nearest = np.minimum(np.abs(grid - t[after - 1]), np.abs(grid - t[after]))
+    return nearest <= np.median(np.diff(t))

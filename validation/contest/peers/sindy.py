@@ -1,0 +1,48 @@
+"""PySINDy by its defaults (thresholded least squares, 0.1 in SI units) on a library of spring and damping terms.
+
+States are displacement and velocity, which its own smoothed differences give; the damping is named by its terms.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from bayesdamp.types import Refusal
+from validation.contest.apart.equivalent import ratio
+from validation.contest.peers.shared import about_rest, even, frequency, segments
+from validation.contest.reply import Reply
+
+LEAST = 15
+"""Samples of a piece between gaps; its filter takes eleven."""
+TERMS = ("viscous", "coulomb", "quadratic")
+
+
+def answer(t: np.ndarray, y: np.ndarray, amplitudes: tuple[float, ...]) -> Reply:
+    """Raises Refusal where it finds no spring or no damping."""
+    import pysindy as ps
+
+    grid, values = even(t, y)
+    rest = values[0] - about_rest(grid, values, frequency(grid, values))[0]
+    states, times = [], []
+    for time, piece in segments(t, y - rest):
+        if time.size >= LEAST:
+            velocity = ps.SmoothedFiniteDifference()(piece, time)  # pyright: ignore[reportArgumentType]
+            states.append(np.column_stack([piece, velocity]))
+            times.append(time)
+    if not states:
+        raise Refusal("no piece without gaps is long enough")
+    library = ps.CustomLibrary(
+        [lambda x, v: x, lambda x, v: v, lambda x, v: np.sign(v), lambda x, v: v * np.abs(v)],
+        [lambda x, v: "x", lambda x, v: "v", lambda x, v: "sign v", lambda x, v: "v|v|"],
+        interaction_only=True,
+    )
+    model = ps.SINDy(feature_library=library, differentiation_method=ps.SmoothedFiniteDifference())
+    model.fit(states, t=times)
+    stiffness, *losses = -np.asarray(model.coefficients())[1]
+    if stiffness <= 0:
+        raise Refusal("no spring is found")
+    terms = dict(zip(TERMS, (0.5 * losses[0], losses[1], losses[2]), strict=True))
+    found = tuple(float(ratio(a, np.sqrt(stiffness), **terms)) for a in amplitudes)
+    if min(found) <= 0:
+        raise Refusal("no damping is left above its threshold")
+    return Reply(found, named="+".join(name for name in TERMS if terms[name] > 0))

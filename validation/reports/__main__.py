@@ -1,0 +1,103 @@
+"""Make the stale reports: `python -m validation.reports [NAME ...] [--check] [--full]`."""
+
+from __future__ import annotations
+
+import argparse
+import datetime
+import os
+import shlex
+import subprocess
+import sys
+import time
+from collections.abc import Sequence
+from pathlib import Path
+
+from validation.reports.contradictions import contradictions
+from validation.reports.recipes import RECIPES, Recipe
+from validation.reports.stamps import Stamp, digest, stale, stamped, stamps
+
+ROOT = Path(__file__).parents[2]
+WORK = ".reports"
+STALE = 1
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """The command; exit status 0, 1 where a report is stale or could not be made, 2 on a wrong option or tree."""
+    parser = argparse.ArgumentParser(prog="python -m validation.reports", description=__doc__)
+    parser.add_argument("names", nargs="*", help="by default all that are stale, the cheap ones first")
+    parser.add_argument("--check", action="store_true", help="only say which are stale")
+    parser.add_argument(
+        "--full", action="store_true", help="with the counts that decide small effects: a day"
+    )
+    parser.add_argument("--minutes", type=float, default=float("inf"), help="begin none after so many")
+    asked = parser.parse_args(arguments)
+    unknown = sorted(set(asked.names) - {r.name for r in RECIPES})
+    if unknown:
+        print(f"{unknown[0]!r} is no report: there are {', '.join(r.name for r in RECIPES)}", file=sys.stderr)
+        return 2
+    if asked.check:
+        return _checked()
+    chosen = [r for r in RECIPES if r.name in asked.names] if asked.names else stale(ROOT)
+    if changed := _git("status", "--porcelain", "--", ".", ":!reports"):
+        print(
+            f"the tree has changes that no commit holds ({changed.split()[1]}): commit them first",
+            file=sys.stderr,
+        )
+        return 2
+    until, status = time.monotonic() + 60 * asked.minutes, 0
+    for recipe in chosen:
+        if time.monotonic() > until:
+            print(f"{recipe.name}: left for the next time")
+        elif not _made(recipe.whole if asked.full else recipe):
+            status = STALE
+    return status
+
+
+def _checked() -> int:
+    said, old = stamps(ROOT / "reports"), {r.name for r in stale(ROOT)}
+    lines = []
+    for recipe in RECIPES:
+        stamp = said.get(recipe.name)
+        made = f"made {stamp.day} by {stamp.revision[:9]}" if stamp else "made by code that is not known"
+        state = "stale" if recipe.name in old else "fresh"
+        lines.append(f"{recipe.name:<15} {state:<6} {made}, about {recipe.cost} min")
+    left = sum(r.cost for r in RECIPES if r.name in old)
+    lines.append(f"{len(old)} of {len(RECIPES)} are stale: about {left} minutes of two cores")
+    try:
+        print("\n".join(lines), flush=True)
+    except BrokenPipeError:  # whoever reads has read enough
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    return STALE if old else 0
+
+
+def _made(recipe: Recipe) -> bool:
+    """Run a recipe's commands and stamp what they made."""
+    now = digest(recipe, ROOT)
+    work, out = ROOT / WORK / f"{recipe.name}-{now[:12]}", ROOT / "reports" / recipe.name
+    work.mkdir(parents=True, exist_ok=True)
+    if not out.suffix:
+        out.mkdir(parents=True, exist_ok=True)
+    places = {"python": sys.executable, "work": str(work), "out": str(out)}
+    environment = os.environ | {"PYTHONPATH": str(ROOT)}
+    for command in recipe.commands:
+        words = [word.format(**places) for word in shlex.split(command)]
+        print(f"{recipe.name}: {' '.join(words)}", flush=True)
+        if subprocess.run(words, cwd=ROOT, env=environment).returncode:
+            print(f"{recipe.name}: failed, and stays as it was said to be", file=sys.stderr)
+            return False
+    wrong = contradictions(out)
+    if wrong:
+        head = f"{recipe.name}: contradicts the truth of its records, and is not marked as made"
+        print("\n  ".join([head, *wrong]), file=sys.stderr)
+        return False
+    day = datetime.datetime.now(datetime.UTC).date().isoformat()
+    stamped(ROOT / "reports", recipe, Stamp(now, _git("rev-parse", "HEAD"), day))
+    return True
+
+
+def _git(*arguments: str) -> str:
+    return subprocess.run(["git", *arguments], cwd=ROOT, capture_output=True, text=True).stdout.strip()
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

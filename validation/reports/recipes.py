@@ -1,0 +1,132 @@
+"""What makes each folder under reports/, and of which sources its numbers are made."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+ENGINE = tuple(
+    f"bayesdamp/{part}"
+    for part in (
+        "inference", "numerics", "physics", "pipeline", "records", "verdict", "priors.py", "types.py", "units.py",
+    )
+)  # fmt: skip
+"""What answers, posteriors and evidence are computed by."""
+ESTIMATORS = (*ENGINE, "bayesdamp/estimators")
+TRUTH = (
+    *ENGINE,
+    "validation/truth",
+    "validation/answers.py",
+    "validation/run.py",
+)
+QUICK = "bayesdamp.pipeline.answer:quick_verdict"
+PYTHON = "{python} -m"
+PAGES = "validation.reports"
+
+
+@dataclass(frozen=True)
+class Recipe:
+    """One report.
+
+    name: its folder or page under reports/. cost: roughly, in minutes of two cores. commands: run in the project's
+    root one after the other, each resuming what an earlier run left; {python}, {work} (a folder that holds what is
+    not shipped, another for other sources) and {out} stand for themselves. sources: files and folders, relative to
+    the root, whose code the numbers depend on. full: in place of the commands where small effects are to be decided.
+    """
+
+    name: str
+    cost: int
+    commands: tuple[str, ...]
+    sources: tuple[str, ...]
+    full: tuple[str, ...] = ()
+
+    @property
+    def whole(self) -> Recipe:
+        """The same with its full commands, if it has any."""
+        return replace(self, commands=self.full, full=()) if self.full else self
+
+
+def _study(name: str, cost: int, *after: str, sources: tuple[str, ...] = ()) -> Recipe:
+    made = f"{PYTHON} bayesdamp study studies/{name}.toml --out {{out}} --quiet"
+    return Recipe(name, cost, (made, *after), (*ESTIMATORS, f"studies/{name}.toml", *sources))
+
+
+def _calibration(name: str, cost: int, full: str, options: str = "") -> Recipe:
+    made = f"{PYTHON} bayesdamp calibrate studies/{name}.toml --out {{out}}{options}"
+    written = f"{PYTHON} {PAGES}.calibration {{out}}"
+    sources = *ENGINE, "bayesdamp/calibrate", f"studies/{name}.toml", "validation/reports/calibration.py"
+    return Recipe(name, cost, (made, written), sources, (f"{made} {full}", written))
+
+
+def _answers(family: int, discrepant: int, dense: int) -> tuple[str, ...]:
+    """Commands of the page of what the answer is worth, with so many records of each group."""
+    run = f"{PYTHON} validation.run --answer {QUICK} --seed 903 --out {{work}}/rows.csv"
+    return (
+        f"{run} --group family --count {family} --deviation none",
+        f"{run} --group family --count {family}",
+        f"{run} --group discrepant --count {discrepant}",
+        f"{run} --group discrepant --count {dense} --oversample 10",
+        f"{PYTHON} {PAGES}.deviation {{work}}/rows.csv {{out}}",
+    )
+
+
+def _made(module: str, options: str) -> tuple[str, ...]:
+    return (f"{PYTHON} {module} {{work}}/rows.csv {{out}} {options}",)
+
+
+RECIPES: tuple[Recipe, ...] = (
+    _study("sign_or_tanh", 2),
+    Recipe(
+        "deviation", 10, _answers(100, 60, 20),
+        (*TRUTH, "validation/scoring.py", "validation/reports/deviation.py"),
+        _answers(200, 200, 30),
+    ),
+    Recipe(
+        "misfit", 2, _made("tests.misfit.run", "--seed 21 --count 6"), (*TRUTH, "tests/misfit"),
+        _made("tests.misfit.run", "--seed 21 --count 18"),
+    ),
+    Recipe(
+        "laws", 6, _made("tests.validation.laws_report", "--exponents 50 --each 8"),
+        (*TRUTH, "tests/validation/laws.py", "tests/validation/laws_report.py"),
+        _made("tests.validation.laws_report", "--exponents 200 --each 15"),
+    ),
+    Recipe(
+        "evidence_audit", 2, _made("tests.inference.evidence.audit", "--count 12"),
+        (*ENGINE, "tests/inference/evidence/audit.py"), _made("tests.inference.evidence.audit", "--count 50"),
+    ),
+    _calibration("calibration", 7, "--records 500"),
+    _calibration("model_recovery", 6, "--records 1000", " --models"),
+    Recipe(
+        "contest", 8,
+        (
+            f"{PYTHON} validation.contest --peers script bayesdamp --seed 813 --rows {{work}}/rows.csv "
+            "--kept reports/contest/rows.csv --out {out}",
+        ),
+        (
+            *TRUTH,
+            *(
+                f"validation/contest/{n}.py"
+                for n in ("measured", "records", "rows", "peers/ours", "peers/script")
+            ),
+        ),
+    ),
+    Recipe(
+        "light", 14, _made(f"{PAGES}.light", "--few 20"),
+        (
+            *ENGINE, "bayesdamp/envelope", "validation/truth", "validation/scoring.py",
+            "validation/reports/light.py",
+        ),
+        _made(f"{PAGES}.light", "--records 200 --few 100"),
+    ),
+    Recipe("measured", 6, (f"{PYTHON} tests.measured.run {{out}}",), (*ENGINE, "tests/measured")),
+    _study("paper", 7),
+    _study(
+        "noise", 6, f"{PYTHON} {PAGES}.noise {{out}}",
+        sources=("validation/reports/noise.py", "bayesdamp/report/results"),
+    ),
+    Recipe(
+        "claims.md", 1,
+        (f"{PYTHON} bayesdamp claims --paper reports/paper --noise reports/noise --out {{out}}",),
+        (*ESTIMATORS, "bayesdamp/claims", "reports/paper/estimates.csv", "reports/noise/estimates.csv"),
+    ),
+)  # fmt: skip
+"""The cheap ones first."""

@@ -1,0 +1,120 @@
+"""Tables of many records: read, computed on several processes, and written row by row."""
+
+from __future__ import annotations
+
+import csv
+import math
+import sys
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import as_completed
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from bayesdamp.machine.processes import processes
+from bayesdamp.store import write_table
+from bayesdamp.types import InputError
+
+
+def read_rows(table: Path) -> list[dict[str, str]]:
+    """Return the rows of a CSV as texts; none if there is no file."""
+    if not table.is_file():
+        return []
+    with table.open(newline="", encoding="utf-8") as file:
+        return list(csv.DictReader(file))
+
+
+def read_frame(table: Path, columns: Sequence[str]) -> pd.DataFrame:
+    """Return the rows of a CSV as values; none if there is no file. Raises InputError if it has other columns."""
+    if not table.is_file():
+        return pd.DataFrame(columns=list(columns))
+    found = pd.read_csv(table, keep_default_na=False, na_values=[""])
+    _require(table, list(found.columns), columns)
+    return found
+
+
+def write_frame(table: Path, rows: pd.DataFrame) -> None:
+    """Write a table to six digits, in place of what was there."""
+    table.parent.mkdir(parents=True, exist_ok=True)
+    rows.to_csv(table, index=False, float_format="%.6g")
+
+
+def gathered(
+    table: Path,
+    columns: Sequence[str],
+    todo: Mapping[str, tuple[Any, ...]],
+    work: Callable[..., Mapping[str, object]],
+    workers: int = 2,
+    key: Sequence[str] = (),
+) -> list[dict[str, str]]:
+    """Compute and append the rows that a table lacks; return all that were asked for, in that order.
+
+    Parameters
+    ----------
+    todo : mapping
+        From a row's name to the arguments of `work`, which must be importable.
+    key : sequence of str
+        The columns whose texts, with a slash between them, are a row's name; by default the first column.
+
+    Raises
+    ------
+    InputError
+        The table has other columns.
+    """
+
+    def name_of(row: Mapping[str, object]) -> str:
+        return "/".join(str(row[c]) for c in key or columns[:1])
+
+    before = read_rows(table)
+    if before:
+        _require(table, list(before[0]), columns)
+    done = {name_of(row) for row in before}
+    missing = [name for name in todo if name not in done]
+    for i, row in enumerate(_computed([todo[name] for name in missing], work, workers), 1):
+        write_row(table, columns, row)
+        said = row.get("named") or row.get("outcome", "")
+        print(f"{i}/{len(missing)} {row[columns[0]]} {said}".rstrip(), file=sys.stderr, flush=True)
+    found = {name_of(row): row for row in read_rows(table)}
+    return [found[name] for name in todo]
+
+
+def write_row(table: Path, columns: Sequence[str], row: Mapping[str, object]) -> None:
+    """Append a row, after a header if the file is new."""
+    table.parent.mkdir(parents=True, exist_ok=True)
+    fresh = not table.is_file()
+    with table.open("a", newline="", encoding="utf-8") as file:
+        writer = csv.DictWriter(file, columns, restval="")
+        if fresh:
+            writer.writeheader()
+        writer.writerow(row)
+
+
+def rounded(row: Mapping[str, object]) -> dict[str, object]:
+    """Return a row with its numbers as texts of six digits, empty where there is no number."""
+    return {
+        name: ("" if math.isnan(value) else f"{value:.6g}") if isinstance(value, float) else value
+        for name, value in row.items()
+    }
+
+
+def shipped(table: Path, columns: Sequence[str], rows: Sequence[Mapping[str, str]]) -> None:
+    """Write rows as a report holds them."""
+    table.parent.mkdir(parents=True, exist_ok=True)
+    write_table(table, columns, rows)
+
+
+def _require(table: Path, found: Sequence[str], columns: Sequence[str]) -> None:
+    if list(found) != list(columns):
+        raise InputError(f"{table}: its columns are not those of this table; give another file")
+
+
+def _computed(
+    todo: Sequence[tuple[Any, ...]], work: Callable[..., Mapping[str, object]], workers: int
+) -> Iterator[Mapping[str, object]]:
+    if min(workers, len(todo)) <= 1:
+        yield from (work(*given) for given in todo)
+        return
+    with processes(workers) as pool:
+        for done in as_completed([pool.submit(work, *given) for given in todo]):
+            yield done.result()

@@ -1,0 +1,157 @@
+"""Ten ways in which a record differs a little from what any candidate law says, and how large each is.
+
+Below, A is the amplitude at the release, ω the frequency of small motions, V = ωA the peak velocity.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+from scipy.integrate import quad
+from scipy.interpolate import CubicSpline
+
+from validation.truth.drawing import MIDDLE, Draw, log_uniform, middle_ratio
+from validation.truth.motion import Motion
+from validation.truth.oscillator import Discrepancy
+
+CUBIC_SENSOR = 0.005
+DRIFT = 0.05
+POWER = 1.7
+SHARE = (0.15, 0.25)
+"""Share that |v|^1.7 or x²v has in the loss at three quarters of A."""
+STRIBECK_EXCESS, STRIBECK_SPEED = 0.5, 0.3
+FRICTION_BY_ANGLE = 0.1
+SECOND_MODE = 0.01
+STIFFENING = 0.01
+LAG = 0.1
+JITTER, JITTER_CYCLES = 0.03, 2.0
+COULOMB = ("stribeck", "angle_friction")
+"""Kinds that need Coulomb friction in the sum."""
+TAKING = ("power", "position_dependent")
+"""Kinds of which a further damping term takes a part of the energy."""
+
+Observe = Callable[[Motion, np.ndarray], np.ndarray]
+"""From a motion and times (n,) in s since the release to what a sensor reads as displacements (n,), rad."""
+
+
+def cubic_sensor(rng: np.random.Generator, draw: Draw) -> Observe:
+    """A sensor that reads x (1 ± 0.005 (x/A)²)."""
+    bend = CUBIC_SENSOR * rng.choice([-1.0, 1.0]) / draw.amplitude**2
+
+    def observe(motion: Motion, times: np.ndarray) -> np.ndarray:
+        x = motion.displacements(times)
+        return x + bend * x**3
+
+    return observe
+
+
+def drift(rng: np.random.Generator, draw: Draw) -> Discrepancy:
+    """All damping grows or falls by 5 % over the record, evenly in time, about its value in the middle."""
+    rate = DRIFT * float(rng.choice([-1.0, 1.0])) / draw.duration
+    middle = draw.begin + 0.5 * draw.duration
+    return Discrepancy(scale=lambda t: 1 + rate * (t - middle))
+
+
+def power(rng: np.random.Generator, draw: Draw) -> Discrepancy:
+    """A further damping force c |v|^1.7 sign v with 15 to 25 % of the loss at 0.75 A."""
+    c = _extra(draw, draw.taken, lambda x, v: math.copysign(abs(v) ** POWER, v))
+    return Discrepancy("power_1.7", lambda x, v, turn: c * math.copysign(abs(v) ** POWER, v))
+
+
+def stribeck(rng: np.random.Generator, draw: Draw) -> Discrepancy:
+    """Friction that rises toward rest: on top of Coulomb's μ, μ/2 · exp(−(v/v_s)²) with v_s = 0.3 V."""
+    more = STRIBECK_EXCESS * draw.oscillator.damping["coulomb"]
+    speed = STRIBECK_SPEED * draw.amplitude * draw.frequency
+    return Discrepancy(
+        "stribeck", lambda x, v, turn: more * turn * math.exp(-((v / speed) ** 2)), held=lambda x: more
+    )
+
+
+def position_dependent(rng: np.random.Generator, draw: Draw) -> Discrepancy:
+    """A further damping force c x² v with 15 to 25 % of the loss at 0.75 A."""
+    c = _extra(draw, draw.taken, lambda x, v: x * x * v)
+    return Discrepancy("x²v", lambda x, v, turn: c * x * x * v)
+
+
+def angle_friction(rng: np.random.Generator, draw: Draw) -> Discrepancy:
+    """Coulomb's μ varies with the angle as an uneven bearing's: μ (1 + 0.1 sin(2πx/λ + φ)), λ from 0.7 to 3 A."""
+    depth = FRICTION_BY_ANGLE * draw.oscillator.damping["coulomb"]
+    turns, phase = 2 * np.pi / (log_uniform(rng, 0.7, 3.0) * draw.amplitude), float(rng.uniform(0, 2 * np.pi))
+    return Discrepancy(
+        "angle_friction", lambda x, v, turn: depth * turn * math.sin(turns * x + phase),
+        held=lambda x: depth * math.sin(turns * x + phase),
+    )  # fmt: skip
+
+
+def second_mode(rng: np.random.Generator, draw: Draw) -> Observe:
+    """A second decaying sinusoid in what is recorded: 1 % of A, 1.5 to 5 ω, its damping ratio that of the first."""
+    frequency, phase = float(rng.uniform(1.5, 5.0)) * draw.frequency, float(rng.uniform(0, 2 * np.pi))
+    rate, size = middle_ratio(draw) * frequency, SECOND_MODE * draw.amplitude
+
+    def observe(motion: Motion, times: np.ndarray) -> np.ndarray:
+        x = motion.displacements(times)
+        return x + size * np.exp(-rate * times) * np.cos(frequency * times + phase)
+
+    return observe
+
+
+def missing_spring(rng: np.random.Generator, draw: Draw) -> Discrepancy:
+    """A spring that no candidate has: the law's, and ± 0.01 ω² x (x/A)⁴."""
+    c = STIFFENING * float(rng.choice([-1.0, 1.0])) * draw.frequency**2 / draw.amplitude**4
+    return Discrepancy(spring=lambda x: c * x**5, potential=lambda x: c * x**6 / 6)
+
+
+def sensor_lag(rng: np.random.Generator, draw: Draw) -> Observe:
+    """A sensor of first order whose time constant is 0.1/ω: it reads 0.5 % less, and later by that time.
+
+    The integral over what the angle was, weighted by exp(−s/τ)/τ, is by Gauss-Laguerre quadrature, exact to 1e-9 for a
+    harmonic motion and its harmonics; before the release the angle was at rest.
+    """
+    delay = LAG / draw.frequency
+    nodes, weights = np.polynomial.laguerre.laggauss(12)
+
+    def observe(motion: Motion, times: np.ndarray) -> np.ndarray:
+        past = [motion.at(np.maximum(times - delay * s, 0.0))[0] for s in nodes]
+        return weights @ np.array(past) - motion.equilibrium
+
+    return observe
+
+
+def jitter(rng: np.random.Generator, draw: Draw) -> Discrepancy:
+    """All damping jitters by 3 % (sd): a smooth curve through independent normal values every two cycles."""
+    gap = JITTER_CYCLES * 2 * np.pi / draw.frequency
+    count = int((draw.begin + draw.duration) / gap) + 6
+    curve = CubicSpline(gap * np.arange(count), 1 + JITTER * rng.standard_normal(count))
+    coefficients = curve.c.T.tolist()
+
+    def scale(t: float) -> float:
+        i = min(int(t / gap), count - 2)
+        a, b, c, d = coefficients[i]
+        u = t - i * gap
+        return ((a * u + b) * u + c) * u + d
+
+    return Discrepancy(scale=scale)
+
+
+def _extra(draw: Draw, share: float, unit: Callable[[float, float], float]) -> float:
+    """The coefficient with which a damping force of (x, v) has this share of the loss at MIDDLE."""
+    size, frequency = MIDDLE * draw.amplitude, draw.frequency
+
+    def loss(phase: float) -> float:
+        v = size * frequency * math.sin(phase)
+        return unit(size * math.cos(phase), v) * v
+
+    ratio = quad(loss, 0.0, 2 * np.pi)[0] / (2 * np.pi * (frequency * size) ** 2 * frequency)
+    return middle_ratio(draw) * share / (1 - share) / ratio
+
+
+KINDS: dict[str, Callable[[np.random.Generator, Draw], Discrepancy | Observe]] = {
+    function.__name__: function
+    for function in (
+        cubic_sensor, drift, power, stribeck, position_dependent, angle_friction, second_mode, missing_spring,
+        sensor_lag, jitter,
+    )
+}  # fmt: skip
+"""By name, from random numbers and a draw to what changes the motion, or to the sensor that records it."""

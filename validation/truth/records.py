@@ -1,0 +1,173 @@
+"""Simulated records with a known truth: of the family of damping sums, and with a discrepancy from every candidate."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from bayesdamp.types import InputError, Signal
+from validation.truth import discrepancies
+from validation.truth.discrepancies import COULOMB, SHARE, TAKING
+from validation.truth.drawing import Draw, drawn
+from validation.truth.motion import Motion, NoMotionError, solved
+from validation.truth.oscillator import COEFFICIENTS, LAWS, SUMS, Discrepancy
+from validation.truth.ratio import RatioCurve, ratio_curve
+from validation.truth.rivals import nats_ahead
+
+FAMILY = "family"
+KINDS = (FAMILY, *discrepancies.KINDS)
+NATS = 12.0
+"""The least by which a family record is ahead of the best sum that lacks one of its terms."""
+LEAST_SHARE, CYCLES, LEFT = 0.15, (8.0, 60.0), (0.1, 0.7)
+"""What a record must have: the least share of a term, the range of its cycles, and of the amplitude left at its end."""
+FROM_END = 0.75
+"""The first and last judged amplitudes are so many cycles within the record."""
+PER_CYCLE = 64
+"""Samples a cycle over which the energy's shares are summed."""
+ATTEMPTS = 400
+
+
+@dataclass(frozen=True, eq=False)
+class Case:
+    """A record and what is true of it.
+
+    kind: "family" or one of ten discrepancies. signal: in rad, without the truth. damping: the true sum; of a record
+    with a further damping term, its part in the family. restoring: the true law. parameters: coefficients (zeta, mu_c,
+    mu_q), the law's, epsilon, and the state at the record's start (theta0, omega0), SI units. noise_sd: rad.
+    ratio: from an amplitude (rad) of the motion to its equivalent damping ratio. amplitudes: three at which an answer
+    is judged, 0.75 cycles within the record's ends and their geometric mean, largest first. shares: of the lost energy,
+    by term. nats: half the least sum of squares of the best sum that lacks a term, over the noise's variance; for the
+    motion without its discrepancy and at a single sampling rate. cycles: of the record. rejected: how many draws before
+    this one broke a rule, by rule.
+    """
+
+    name: str
+    kind: str
+    signal: Signal
+    damping: str
+    restoring: str
+    parameters: Mapping[str, float]
+    noise_sd: float
+    ratio: RatioCurve
+    amplitudes: tuple[float, float, float]
+    shares: Mapping[str, float]
+    nats: float
+    cycles: float
+    oversample: int = 1
+    rejected: Mapping[str, int] = field(default_factory=dict)
+
+
+def case(kind: str, seed: int, number: int, oversample: int = 1) -> Case:
+    """Return record `number` of a kind under a seed; the seven damping sums and four restoring laws take turns.
+
+    Each term has 15 % or more of the lost energy; the amplitude falls to 10 to 70 %; white noise of 0.3 to 3 % of the
+    first amplitude; 8 to 60 cycles with 16 to 200 samples each; the truth is 12 nats or more ahead of every sum that
+    lacks one of its terms. Draws that break a rule are drawn again.
+
+    Parameters
+    ----------
+    kind : str
+        FAMILY, or a discrepancy of `discrepancies.KINDS`, whose docstrings say how large each is.
+    oversample : int
+        So many times the sampling rate of the same motion, with the same noise in each sample.
+
+    Raises
+    ------
+    InputError
+        The kind is unknown.
+    """
+    if kind not in KINDS:
+        raise InputError(f"kind {kind!r} is unknown: it must be one of {', '.join(KINDS)}")
+    rng = np.random.default_rng([seed, KINDS.index(kind), number])
+    damping, restoring = in_turn(kind, number)
+    rejected: Counter[str] = Counter()
+    for _ in range(ATTEMPTS):
+        draw = drawn(rng, damping, restoring, float(rng.uniform(*SHARE)) if kind in TAKING else 0.0)
+        own = np.random.default_rng(rng.integers(2**63))
+        try:
+            made = _made(kind, draw, own, oversample)
+        except _Rejected as rule:
+            rejected[str(rule)] += 1
+            continue
+        name = f"{kind}-{seed}-{number}" + (f"-x{oversample}" if oversample > 1 else "")
+        return replace(made, name=name, rejected=dict(rejected))
+    raise RuntimeError(f"no record of {damping} on {restoring} as {kind} in {ATTEMPTS} draws")
+
+
+def in_turn(kind: str, number: int) -> tuple[str, str]:
+    """Damping sum and restoring law whose turn it is; each kind begins elsewhere, and meets all pairs."""
+    sums = [name for name in SUMS if kind not in COULOMB or "coulomb" in name.split("+")]
+    begin = KINDS.index(kind)
+    again = number // len(sums) if len(sums) == len(LAWS) else 0  # else seven and four have no common factor
+    return sums[(number + 3 * begin) % len(sums)], list(LAWS)[(number + again + begin) % len(LAWS)]
+
+
+class _Rejected(Exception):  # noqa: N818 - a rule's name, not an error
+    pass
+
+
+def _made(kind: str, draw: Draw, rng: np.random.Generator, oversample: int) -> Case:
+    """The record of a draw. Raises _Rejected with the name of the rule that it breaks."""
+    ahead = nats_ahead(
+        draw.oscillator, draw.oscillator.equilibrium() + draw.displacement, 0.0, draw.amplitude, draw.left,
+        draw.frequency, draw.duration, int(draw.cycles * draw.per_cycle), draw.noise * draw.amplitude,
+    )  # fmt: skip
+    nats = min(ahead.values())
+    if nats < NATS:
+        raise _Rejected("nats")
+    observe = Motion.displacements
+    if kind != FAMILY:
+        odd = discrepancies.KINDS[kind](rng, draw)
+        if isinstance(odd, Discrepancy):
+            draw = replace(draw, oscillator=replace(draw.oscillator, discrepancy=odd))
+        else:
+            observe = odd
+    o, end = draw.oscillator, draw.begin + draw.duration
+    try:
+        motion = solved(o, draw.displacement, draw.frequency, end)
+    except NoMotionError as fault:
+        raise _Rejected(str(fault)) from None
+    count = np.interp([draw.begin, end], motion.turn_times, 0.5 * np.arange(motion.turns.size))
+    cycles = float(count[1] - count[0])
+    if not CYCLES[0] <= cycles <= CYCLES[1]:
+        raise _Rejected("cycles")
+    curve = ratio_curve(motion, o.potential())
+    first, last = (curve.amplitude_at(float(n)) for n in (count[0] + FROM_END, count[1] - FROM_END))
+    sizes = np.interp([draw.begin, end], motion.turn_times, np.abs(motion.turns))
+    if not LEFT[0] <= sizes[1] / sizes[0] <= LEFT[1]:
+        raise _Rejected("left")
+    shares = _shares(draw, motion, end)
+    if min(shares[term] for term in o.damping) < LEAST_SHARE:
+        raise _Rejected("shares")
+
+    gap = 2 * np.pi / (draw.frequency * draw.per_cycle * oversample)
+    times = gap * np.arange(int(draw.duration / gap) + 1)
+    clean = motion.equilibrium + observe(motion, draw.begin + times)
+    noise_sd = draw.noise * draw.amplitude
+    start = motion.at(np.array([draw.begin]))
+    parameters = {COEFFICIENTS[term]: c for term, c in o.damping.items()} | dict(o.parameters)
+    parameters |= {"epsilon": o.epsilon, "theta0": float(start[0][0]), "omega0": float(start[1][0])}
+    return Case(
+        "", kind, Signal(times, clean + noise_sd * rng.standard_normal(times.size)), "+".join(o.damping), o.restoring,
+        parameters, noise_sd, curve, (first, float(np.sqrt(first * last)), last), shares, nats, cycles, oversample,
+    )  # fmt: skip
+
+
+def _shares(draw: Draw, motion: Motion, end: float) -> dict[str, float]:
+    """Shares of the energy that the terms take over the record."""
+    o, odd = draw.oscillator, draw.oscillator.discrepancy
+    times = np.linspace(draw.begin, end, round(PER_CYCLE * draw.cycles))
+    theta, v = motion.at(times)
+    turn = np.tanh(v / o.epsilon) if o.epsilon else np.sign(v)
+    scale = np.array([odd.scale(t) for t in times]) if odd.scale else 1.0
+    units = {"viscous": 2 * v, "coulomb": turn, "quadratic": v * np.abs(v)}
+    lost = {term: float(np.mean(scale * c * units[term] * v)) for term, c in o.damping.items()}
+    if odd.damping is not None:
+        x = (theta - motion.equilibrium).tolist()
+        force = [odd.damping(*state) for state in zip(x, v.tolist(), turn.tolist(), strict=True)]
+        lost[odd.term] = float(np.mean(scale * np.array(force) * v))
+    total = sum(lost.values())
+    return {term: value / total for term, value in lost.items()}
