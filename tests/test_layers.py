@@ -55,10 +55,8 @@ MAY_IMPORT: dict[str, set[str]] = {
         for i, name in enumerate(INFERENCE)
     },
     "inference.deviation": _BELOW
-    | {"inference.model.defaults", "inference.curves.weighted", "inference.noise", "inference.deviation"},
-    "inference.approximate": _BELOW
-    | {"inference.deviation", "inference.checks", "inference.coordinates", "inference.curves"}
-    | {"inference.samplers", "inference.evidence", "inference.approximate"},
+    | {"inference.noise", "inference.model", "inference.fit", "inference.curves.weighted", "inference.checks"}
+    | {"inference.deviation"},
     "inference": set(),
     "verdict": NEUTRAL | {"physics", "inference", "store", "verdict"},
     "store": NEUTRAL | {"store"},

@@ -30,9 +30,6 @@ PRECISION = 1e-3
 """Of the tolerance that a fit is solved to. Measured: within three standard deviations of the best fit the log
 likelihood is then within 1e-3 nats of SciPy's at a tolerance of 1e-11; with the fit's own tolerance it was off by up to
 0.006, and by up to 0.1 where friction's width is inferred (viscous, Coulomb, quadratic and Duffing motions)."""
-NO_DENSITY = (
-    'deviations are integrated out, and there is no density of the parameters alone; give deviation="none"'
-)
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -5,8 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Self
 
-from bayesdamp.inference.approximate.evidence import by_bridge, by_importance, by_nested
-from bayesdamp.inference.approximate.law import Approximate
 from bayesdamp.inference.evidence import EVIDENCES, Draws
 from bayesdamp.interface.fit import Fit
 from bayesdamp.interface.parts.result import Packed, Result
@@ -14,16 +12,12 @@ from bayesdamp.interface.parts.table import Table, number, said
 from bayesdamp.interface.posterior import Posterior
 from bayesdamp.interface.sampling import TEMPERED, sample
 from bayesdamp.types import OK, InputError, Refusal
-from bayesdamp.types import Evidence as Integrated
 
 if TYPE_CHECKING:
     import pandas as pd
 
-EXACT_METHOD, LINEAR = "bridge", "linear"
-"""The method by default where laws hold exactly; and where they may hold approximately, the linear model's own."""
-IMPORTANCE, NESTED = "importance", "nested"
-APPROXIMATE = (TEMPERED, LINEAR, IMPORTANCE, EXACT_METHOD, NESTED)
-"""The methods under laws that may hold approximately."""
+EXACT_METHOD, LINEAR, LAPLACE = "bridge", "linear", "laplace"
+"""The method by default where laws hold exactly; and what the last is also called where they may hold approximately."""
 FROM_DRAWS = "nuts"
 """The sampler whose draws a method starts from; others leave thinned or weighted ones."""
 
@@ -78,8 +72,9 @@ def evidence(source: Posterior | Fit, method: str | None = None, *, seed: int = 
     it cannot be computed the result's outcome is a sentence. Raises InputError for misuse.
 
     Where laws may hold approximately it is "smc", by default, that of the motions themselves, a posterior's own, or
-    "linear", that of the model which is linear about the best motion, without sampling and without an error; or
-    importance, bridge and nested, whose motions are linear in the deviations alone, which are integrated out. The noise
+    "linear" (or laplace), that of the model which is linear about the best motion, without sampling and without an
+    error; or importance, bridge and nested, whose motions are linear in the deviations alone, which are integrated out.
+    The noise
     is the record's under one restoring law: evidence of dampings under one law may be compared, under two laws where
     the noise is known; else `compare` weighs both under one.
 
@@ -98,17 +93,12 @@ def evidence(source: Posterior | Fit, method: str | None = None, *, seed: int = 
     fit = source.fit if isinstance(source, Posterior) else source
     approximate = fit.model.approximate
     method = method or (TEMPERED if approximate else EXACT_METHOD)
-    if approximate and method not in APPROXIMATE:
-        raise InputError(
-            f"evidence: there is no {method!r} under deviation {fit.model.deviation!r}; give "
-            f"{', '.join(APPROXIMATE[:-1])} or {APPROXIMATE[-1]}"
-        )
     blank = Evidence(fit.model.name, fit.signal.name, method, noise=fit.noise)
-    if fit.law is not None:
-        return _approximate(replace(blank, method=method), source, fit.law, seed)
     if fit.outcome != OK:
         return replace(blank, outcome=fit.outcome)
-    plugin = EVIDENCES.get(method)
+    if approximate and method == TEMPERED:
+        return _tempered(blank, source, seed)
+    plugin = EVIDENCES.get(LAPLACE if approximate and method == LINEAR else method)
     draws: Draws | None = None
     try:
         target, mode = fit.engine
@@ -122,10 +112,6 @@ def evidence(source: Posterior | Fit, method: str | None = None, *, seed: int = 
         found = plugin.evidence(fit.model.name, target, mode, seed, draws)
     except Refusal as refusal:
         return replace(blank, outcome=str(refusal))
-    return _of(blank, found)
-
-
-def _of(blank: Evidence, found: Integrated) -> Evidence:
     return replace(
         blank,
         log_evidence=found.log_evidence,
@@ -137,14 +123,7 @@ def _of(blank: Evidence, found: Integrated) -> Evidence:
     )
 
 
-def _approximate(blank: Evidence, source: Posterior | Fit, law: Approximate, seed: int) -> Evidence:
-    if blank.method == LINEAR:
-        weighed = law.single.result.weighed
-        assert weighed is not None
-        about = "deviations and parameters integrated out in closed form, the motion linear in both"
-        return replace(blank, log_evidence=weighed.log_evidence, diagnostic=about)
-    if blank.method != TEMPERED:
-        return _integrated(blank, source, law, seed)
+def _tempered(blank: Evidence, source: Posterior | Fit, seed: int) -> Evidence:
     tempered = isinstance(source, Posterior) and source.sampler == TEMPERED
     found = source if tempered else sample(source.fit if isinstance(source, Posterior) else source, seed=seed)
     assert isinstance(found, Posterior)
@@ -158,21 +137,3 @@ def _approximate(blank: Evidence, source: Posterior | Fit, law: Approximate, see
         seconds=found.seconds,
         outcome=found.outcome,
     )
-
-
-def _integrated(blank: Evidence, source: Posterior | Fit, law: Approximate, seed: int) -> Evidence:
-    """By a method that integrates deviations out; a bridge starts from the draws of a posterior that has them."""
-    try:
-        if blank.method == IMPORTANCE:
-            return _of(blank, by_importance(law, blank.model, blank.method, seed))
-        if blank.method == NESTED:
-            return _of(blank, by_nested(law, blank.model, blank.method, seed))
-        drawn = isinstance(source, Posterior) and source.sampler == FROM_DRAWS and source.names
-        fit = source.fit if isinstance(source, Posterior) else source
-        post = source if drawn else sample(fit, FROM_DRAWS, seed=seed)
-        assert isinstance(post, Posterior)
-        if not post.names:
-            return replace(blank, outcome=post.outcome)
-        return _of(blank, by_bridge(law, blank.model, blank.method, post.draws, post.outcome, seed))
-    except Refusal as refusal:
-        return replace(blank, outcome=str(refusal))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Self
 
@@ -11,13 +11,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from bayesdamp import types
-from bayesdamp.inference.approximate.law import Approximate
+from bayesdamp.inference.deviation.findings import default_amplitudes
 from bayesdamp.inference.deviation.numbers.quantities import Quantity, quantity
+from bayesdamp.inference.deviation.single import Single
 from bayesdamp.inference.fit.laplace import value_intervals, value_sds
 from bayesdamp.inference.fit.mode import Mode
 from bayesdamp.inference.model.target import Target
-from bayesdamp.interface.density import NO_DENSITY, Density
-from bayesdamp.interface.fitting.approximate import approximate_of, ratios_of
+from bayesdamp.interface.density import Density
 from bayesdamp.interface.fitting.case import Case, checked, searched
 from bayesdamp.interface.fitting.specification import GAUSSIAN
 from bayesdamp.interface.model import Model
@@ -28,6 +28,7 @@ from bayesdamp.interface.parts.table import Table, number, said
 from bayesdamp.interface.prediction import Prediction, anywhere, asked_motion, within_record
 from bayesdamp.interface.records.signal import Signal
 from bayesdamp.physics.oscillator import Oscillator
+from bayesdamp.pipeline.answer import in_base
 from bayesdamp.pipeline.records.stored_modes import packed as packed_mode
 from bayesdamp.pipeline.records.stored_modes import unpacked as unpacked_mode
 from bayesdamp.pipeline.stored_laws import packed as packed_law
@@ -89,7 +90,7 @@ class Fit(Result):
     sd_law: Mapping[str, float] = field(default_factory=dict)
     deviation: Quantity | None = None
     frequency_deviation: Quantity | None = None
-    law: Approximate | None = field(default=None, repr=False)
+    law: Single | None = field(default=None, repr=False)
 
     @cached_property
     def density(self) -> Density:
@@ -99,10 +100,10 @@ class Fit(Result):
 
     @property
     def engine(self) -> tuple[Target, Mode]:
-        """The target and its mode. Raises Refusal, with the outcome, without a fit, and where laws may hold
-        approximately: deviations are integrated out, and there is no density of the parameters alone."""
+        """The target and its mode; where laws may hold approximately, deviations are integrated out. Raises Refusal,
+        with the outcome, without a fit."""
         if self.law is not None:
-            raise Refusal(f'under deviation "{self.model.deviation}" {NO_DENSITY}')
+            return self.law.mode.likelihood.target, self.law.mode
         if self.target is None or self.mode is None:
             raise Refusal(self.outcome)
         return self.target, self.mode
@@ -111,7 +112,7 @@ class Fit(Result):
     def priors(self) -> Mapping[str, Prior]:
         """Of each inferred parameter, defaults filled in; empty without a fit."""
         if self.law is not None:
-            return self.law.single.found.priors
+            return self.law.found.priors
         return {} if self.target is None else self.target.priors
 
     @property
@@ -123,9 +124,22 @@ class Fit(Result):
         """Equivalent damping ratio at amplitudes (in the unit that the record came in; three of the record by default),
         with its parts and 95 % interval, in which are the law's deviation and the sensor's linearity. Raises Refusal
         where laws are taken to hold exactly: there draws have it, as `sample(fit).derived`, and without a fit."""
+        return self._damping_ratio(amplitudes, None)
+
+    def _damping_ratio(self, amplitudes: Sequence[float] | None, u: Vector | None) -> pd.DataFrame:
+        """The same of draws with their deviations, (n, K); by default of the linear model's."""
+        import pandas as pd
+
         if self.law is None:
             raise Refusal(EXACT if self.outcome == OK else self.outcome)
-        return ratios_of(self.law, amplitudes, self.law.scores, self.signal.own_unit)
+        weighing, own = self.law.weighing, self.signal.own_unit.displacement
+        wanted = in_base(amplitudes, weighing, self.signal.own_unit) or default_amplitudes(weighing)
+        rows = [
+            {**asdict(r), "amplitude": r.amplitude * own.scale, "unit": own.name}
+            for r in self.law.ratios(wanted, self.law.scores if u is None else u, self.model.sensor)
+        ]
+        columns = ["amplitude", "unit", *(name for name in rows[0] if name not in ("amplitude", "unit"))]
+        return pd.DataFrame(rows, columns=columns)
 
     def predict(self, t: ArrayLike, quantity: str | None = None) -> Prediction:
         """Return the motion at times t (s from the first sample): a number or an array of any shape and order, which
@@ -244,7 +258,7 @@ class Fit(Result):
             meta["priors"] = {n: p.model_dump() for n, p in self.target.priors.items()}
             arrays |= {f"mode/{n}": a for n, a in scores.items()}
         if self.law is not None:
-            found, scores = packed_law(self.law.single.found)
+            found, scores = packed_law(self.law.found)
             meta |= {"law": found.meta()}
             arrays |= {f"law/{n}": a for n, a in scores.items()}
         return Packed("Fit", meta, arrays)
@@ -257,8 +271,7 @@ class Fit(Result):
         notes = tuple(meta["notes"])
         if "law" in meta:
             found = unpacked_law(LawContent.of_meta(meta["law"]), packed.part("law").arrays)
-            law = Approximate(put_together(signal, model.restoring, found), model.sensor)
-            return cls._approximated(signal, model, law)
+            return cls._approximated(signal, model, put_together(signal, model.restoring, found))
         if not meta["solved"]:
             return cls(signal, model, outcome=meta["outcome"], notes=notes)
         priors = {n: prior_of(p) for n, p in meta["priors"].items()}
@@ -293,7 +306,7 @@ class Fit(Result):
         )
 
     @classmethod
-    def _approximated(cls, signal: Signal, model: Model, law: Approximate) -> Self:
+    def _approximated(cls, signal: Signal, model: Model, law: Single) -> Self:
         found = law.quantities()
         times = signal.t - signal.t[0]
         read = times <= law.knots[-1]
@@ -349,7 +362,7 @@ def fit(
     try:
         case = Case.with_noise(own, model)
         if model.approximate:
-            return Fit._approximated(own, model, approximate_of(case))
+            return Fit._approximated(own, model, case.deviating())
         target, mode, notes = searched(case, start, seed)
     except Refusal as refusal:
         return Fit(own, model, outcome=str(refusal))

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 from bayesdamp import types
 from bayesdamp.calls import told
 from bayesdamp.interface.fitting.specification import Specification
-from bayesdamp.types import Refusal
 
 if TYPE_CHECKING:
     from bayesdamp.interface.density import Density
@@ -39,14 +38,17 @@ class Model(Specification):
     def bind(self, signal: types.Signal, *, seed: int = 0) -> Density:
         """The posterior density on a record, as plain functions of the parameters in natural units.
 
-        The model is fitted first: where it fits best is where the solver's steps are set. Raises Refusal with a
-        sentence where that cannot be done on this record.
+        The model is fitted first: where it fits best is where the solver's steps are set. Where laws may hold
+        approximately, deviations are integrated out. Raises Refusal with a sentence where that cannot be done on this
+        record.
         """
-        from bayesdamp.interface.density import NO_DENSITY, Density
+        from bayesdamp.interface.density import Density
         from bayesdamp.interface.fitting.case import Case, checked, searched
 
         own = checked(signal, self)
+        case = Case.with_noise(own, self)
         if self.approximate:
-            raise Refusal(f'under deviation "{self.deviation}" {NO_DENSITY}')
-        target, mode, _ = searched(Case.with_noise(own, self), None, seed)
+            mode = case.deviating().mode
+            return Density.at(own, self, mode.likelihood.target, mode)
+        target, mode, _ = searched(case, None, seed)
         return Density.at(own, self, target, mode)

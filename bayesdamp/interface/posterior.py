@@ -11,12 +11,10 @@ from typing import TYPE_CHECKING, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from bayesdamp.inference.approximate.law import Approximate
 from bayesdamp.inference.checks import diagnostics
 from bayesdamp.inference.curves.derived import Motions, derive, units
 from bayesdamp.inference.model.defaults import reference_of
 from bayesdamp.interface.fit import Fit
-from bayesdamp.interface.fitting.approximate import ratios_of
 from bayesdamp.interface.parts import axes as drawing
 from bayesdamp.interface.parts.result import Packed, Result
 from bayesdamp.interface.parts.table import Table, number, said
@@ -31,9 +29,9 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 COLUMNS = ("mean", "sd", "median", "q2.5", "q97.5", "hdi_low", "hdi_high", "ess_bulk", "ess_tail", "rhat")
-SAID = ("summaries", "divergences", "evaluations", "ensembles", "effective", "log_evidence", "stderr")
+SAID = ("summaries", "divergences", "evaluations", "ensembles", "effective")
 """What is saved as it is."""
-_NO_DRAWS, _NO_VALUES = np.empty((0, 0, 0)), np.empty((0, 0))
+NO_DRAWS, _NO_VALUES = np.empty((0, 0, 0)), np.empty((0, 0))
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -44,10 +42,10 @@ class Posterior(Result):
     draw), nats; stats: of the sampler, by name, (chain, draw); summaries: of each parameter; starts: of the chains;
     divergences: how many transitions diverged, None where there is no such thing; evaluations: of the likelihood;
     ensembles: into which chains fall that share their moves; effective: how many draws of the posterior those of an
-    approximation are worth; log_evidence, stderr: in nats, of "smc" alone; diagnostics: what else the sampler says.
+    approximation are worth; diagnostics: what else the sampler says.
     seed: of all random numbers. outcome: "ok", or a sentence why the draws are not to be trusted, or why there are
     none.
-    u: where laws may hold approximately, each draw with its deviations, as `Approximate` reads them, (chain, draw, K);
+    u: where laws may hold approximately, each draw with its deviations, as `fit.law` reads them, (chain, draw, K);
     a chain of "smc" is a run of its own, in no order of time. The likelihood of "nuts" and "emcee" is there that of the
     parameters, deviations integrated out.
     """
@@ -55,22 +53,30 @@ class Posterior(Result):
     fit: Fit
     sampler: str
     names: tuple[str, ...] = ()
-    draws: Array = field(default_factory=lambda: _NO_DRAWS)
+    draws: Array = field(default_factory=lambda: NO_DRAWS)
     log_likelihood: Array = field(default_factory=lambda: _NO_VALUES)
     stats: Mapping[str, np.ndarray] = field(default_factory=dict)
     diagnostics: Mapping[str, object] = field(default_factory=dict)
     seed: int = 0
     seconds: float = 0.0
     outcome: str = OK
-    u: Array = field(default_factory=lambda: _NO_DRAWS, repr=False)
+    u: Array = field(default_factory=lambda: NO_DRAWS, repr=False)
     summaries: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     starts: tuple[ChainStart, ...] = ()
     divergences: int | None = None
     evaluations: int = 0
     ensembles: int | None = None
     effective: float | None = None
-    log_evidence: float = math.nan
-    stderr: float = math.nan
+
+    @property
+    def log_evidence(self) -> float:
+        """In nats, of "smc" alone; else nan."""
+        return float(self.diagnostics.get("log_evidence", math.nan))  # type: ignore[arg-type]
+
+    @property
+    def stderr(self) -> float:
+        """Its standard error."""
+        return float(self.diagnostics.get("stderr", math.nan))  # type: ignore[arg-type]
 
     @cached_property
     def data(self) -> xr.DataTree:
@@ -84,11 +90,7 @@ class Posterior(Result):
         Where laws may hold approximately, posterior and prior have the deviations at their knots too, and their sizes
         over the record; the groups along the record have the samples that were fitted.
         """
-        law = self._law
-        if law is not None:
-            from bayesdamp.interface.trees.approximate_tree import approximate_tree
-
-            return approximate_tree(self, law)
+        self._there()
         from bayesdamp.interface.trees.tree import tree_of
 
         return tree_of(self)
@@ -116,10 +118,10 @@ class Posterior(Result):
 
     def damping_ratio(self, amplitudes: Sequence[float] | None = None) -> pd.DataFrame:
         """`Fit.damping_ratio` of these draws. Raises Refusal where laws are taken to hold exactly, or without draws."""
-        law = self._law
-        if law is None:
-            return self.fit.damping_ratio(amplitudes)
-        return ratios_of(law, amplitudes, self.u.reshape(-1, self.u.shape[-1]), self.fit.signal.own_unit)
+        self._there()
+        return self.fit._damping_ratio(
+            amplitudes, self.u.reshape(-1, self.u.shape[-1]) if self.u.size else None
+        )
 
     @property
     def log_prior(self) -> Array:
@@ -185,12 +187,6 @@ class Posterior(Result):
         if not self.names:
             raise Refusal(self.outcome)
 
-    @property
-    def _law(self) -> Approximate | None:
-        """Where laws may hold approximately. Raises Refusal without draws."""
-        self._there()
-        return self.fit.law
-
     def _table(self) -> Table:
         columns = ("mean", "sd", "q2.5", "q97.5", "ess_bulk", "rhat")
         rows = [(n, self.fit.units[n], *(number(s[c]) for c in columns)) for n, s in self.summaries.items()]
@@ -227,6 +223,6 @@ class Posterior(Result):
             draws=own["draws"],
             log_likelihood=own["log_likelihood"],
             stats=stats,
-            u=own.get("u", _NO_DRAWS),
+            u=own.get("u", NO_DRAWS),
             **meta,
         )

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from bayesdamp.inference.approximate.law import Approximate
 from bayesdamp.inference.checks.checks import laplace_draws
+from bayesdamp.inference.deviation.single import Single
 from bayesdamp.inference.fit.mode import Mode
 from bayesdamp.inference.model.target import Target
 from bayesdamp.interface.parts import axes
@@ -120,7 +120,7 @@ def anywhere(target: Target, mode: Mode, signal: Signal, times: Vector, wanted: 
     return Prediction(times, value, sd, wanted, UNITS[signal.unit].of(wanted))
 
 
-def within_record(law: Approximate, signal: Signal, times: Vector, wanted: str) -> Prediction:
+def within_record(law: Single, signal: Signal, times: Vector, wanted: str) -> Prediction:
     """Where laws hold approximately: within the part of the record that was read. Raises InputError outside it."""
     end = float(law.knots[-1])
     if not times.size:

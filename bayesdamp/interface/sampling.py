@@ -2,17 +2,11 @@
 
 from __future__ import annotations
 
-import time
-
-import numpy as np
-
-from bayesdamp.inference.approximate.chains import by_emcee, by_nuts
-from bayesdamp.inference.approximate.law import Approximate
-from bayesdamp.inference.approximate.runs import runs_of, summaries_of
 from bayesdamp.inference.checks import diagnostics
+from bayesdamp.inference.deviation.sampled.runs import sample_motions
 from bayesdamp.inference.samplers import SAMPLERS, Settings
 from bayesdamp.interface.fit import Fit
-from bayesdamp.interface.posterior import Posterior
+from bayesdamp.interface.posterior import NO_DRAWS, Posterior
 from bayesdamp.types import OK, InputError, Refusal
 
 TEMPERED = "smc"
@@ -20,8 +14,6 @@ TEMPERED = "smc"
 EXACT_SAMPLER = "nuts"
 DRAWS = 1000
 """Of each chain where nobody says how many (conventional)."""
-CHAINS = {"nuts": by_nuts, "emcee": by_emcee}
-"""Those that draw parameters there with the deviations integrated out."""
 
 
 def sample(
@@ -42,9 +34,9 @@ def sample(
     where draws are too few. Raises InputError for misuse.
 
     Where laws may hold approximately the sampler is "smc", by default: each chain is a run of its own that leads so
-    many draws from the linear model to the motions themselves; warmup has no meaning there. "nuts" and "emcee" draw
-    the parameters by motions that are linear in the deviations, which are integrated out, and each draw is then given
-    its own; they agree with "smc" where deviations are small enough for that.
+    many draws from the linear model to the motions themselves; warmup has no meaning there. The others draw the
+    parameters by motions that are linear in the deviations, which are integrated out, and each draw is then given its
+    own; they agree with "smc" where deviations are small enough for that. kalman takes laws to hold exactly.
     """
     if not isinstance(fit, Fit):
         raise InputError(
@@ -59,24 +51,17 @@ def sample(
     ):
         if not isinstance(value, int) or isinstance(value, bool) or value < least:
             raise InputError(f"sample: {name} is {value!r}; it must be a whole number, {least} or more")
-    approximate = fit.model.approximate
-    sampler = sampler or (TEMPERED if approximate else EXACT_SAMPLER)
-    if approximate and sampler not in (TEMPERED, *CHAINS):
-        raise InputError(
-            f"sample: {sampler!r} draws under laws that hold exactly; under deviation {fit.model.deviation!r} "
-            f"it must be {', '.join((TEMPERED, *CHAINS))}"
-        )
-    if fit.law is not None:
-        if sampler in CHAINS:
-            return _by_chains(fit, fit.law, sampler, Settings(chains, warmup, draws, seed, grows))
-        return _tempered(fit, fit.law, chains, draws, seed)
+    sampler = sampler or (TEMPERED if fit.model.approximate else EXACT_SAMPLER)
     if fit.outcome != OK:
         return Posterior(fit, sampler, seed=seed, outcome=fit.outcome)
-    plugin = SAMPLERS.get(sampler)
+    law = fit.law
     try:
-        target, mode = fit.engine
-        settings = Settings(chains, warmup, draws, seed % 2**31, grows)
-        found = diagnostics.summarised(plugin.sample(target, mode, settings))
+        if law is not None and sampler == TEMPERED:
+            found = sample_motions(law, chains, draws, seed)
+        else:
+            plugin, (target, mode) = SAMPLERS.get(sampler), fit.engine
+            settings = Settings(chains, warmup, draws, seed % 2**31, grows)
+            found = diagnostics.summarised(plugin.sample(target, mode, settings))
     except Refusal as refusal:
         return Posterior(fit, sampler, seed=seed, outcome=str(refusal))
     return Posterior(
@@ -90,64 +75,11 @@ def sample(
         seed=seed,
         seconds=found.seconds,
         outcome=found.outcome,
-        summaries=found.summary,
+        summaries=found.summary if law is None else law.with_parts(found.summary),
         starts=found.starts,
         divergences=found.divergences,
         evaluations=found.evaluations,
         ensembles=found.ensembles,
         effective=found.effective,
-    )
-
-
-def _by_chains(fit: Fit, law: Approximate, sampler: str, asked: Settings) -> Posterior:
-    began = time.perf_counter()
-    try:
-        found = CHAINS[sampler](law, asked)
-    except Refusal as refusal:
-        return Posterior(fit, sampler, seed=asked.seed, outcome=str(refusal))
-    values = law.values(found.u)
-    summary = summaries_of(law, values, found.ensembles)
-    outcome = diagnostics.verdict(summary) if found.outcome == OK else found.outcome
-    return Posterior(
-        fit=fit,
-        sampler=sampler,
-        names=law.names,
-        draws=values,
-        log_likelihood=found.log_likelihood,
-        stats=found.stats,
-        summaries=summary,
-        divergences=found.divergences,
-        evaluations=found.evaluations,
-        ensembles=found.ensembles,
-        seed=asked.seed,
-        seconds=time.perf_counter() - began,
-        outcome=outcome,
-        u=found.u,
-    )
-
-
-def _tempered(fit: Fit, law: Approximate, chains: int, draws: int, seed: int) -> Posterior:
-    runs = runs_of(law, chains, draws, seed)
-    values = law.values(runs.u)
-    summary = summaries_of(law, values)
-    log_evidence, stderr = runs.log_evidence
-    own = {
-        "acceptance_rate": np.repeat([[r.acceptance] for r in runs.each], draws, axis=1),
-        "temperatures": np.repeat([[r.temperatures] for r in runs.each], draws, axis=1),
-    }
-    outcome = runs.outcome
-    return Posterior(
-        fit=fit,
-        sampler=TEMPERED,
-        names=law.names,
-        draws=values,
-        log_likelihood=runs.log_likelihood,
-        stats=own,
-        summaries=summary,
-        log_evidence=log_evidence,
-        stderr=stderr,
-        seed=seed,
-        seconds=runs.seconds,
-        outcome=diagnostics.verdict(summary) if outcome == OK else outcome,
-        u=runs.u,
+        u=NO_DRAWS if law is None else law.drawn(found, seed),
     )

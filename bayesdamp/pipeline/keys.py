@@ -9,12 +9,10 @@ from bayesdamp.sources import code_digest, reached
 
 _BRANCH = (
     "bayesdamp.pipeline.candidates.branch",
+    "bayesdamp.physics.kernel.march",
     "bayesdamp.pipeline.records.stored_modes",
     "bayesdamp.pipeline.records.targets",
 )
-_UNDER_LAW = (
-    "bayesdamp.pipeline.candidates.approximate", "bayesdamp.pipeline.records.targets", "bayesdamp.physics.kernel.march",
-)  # fmt: skip
 CODE: dict[str, tuple[str, ...]] = {
     "signal": ("bayesdamp.pipeline.records.records",),
     "answer": ("bayesdamp.pipeline.records.answering", "bayesdamp.physics.kernel.march"),
@@ -25,9 +23,7 @@ CODE: dict[str, tuple[str, ...]] = {
     "mode": (*_BRANCH, "bayesdamp.pipeline.candidates.modes"),
     "posterior": (*_BRANCH, "bayesdamp.pipeline.candidates.posteriors"),
     "evidence": (*_BRANCH, "bayesdamp.pipeline.candidates.weighing"),
-    "drawn_law": _UNDER_LAW,
-    "weighed_law": _UNDER_LAW,
-    "sensitivity": (*_BRANCH, "bayesdamp.pipeline.candidates.sensitivity", "bayesdamp.physics.kernel.march"),
+    "sensitivity": (*_BRANCH, "bayesdamp.pipeline.candidates.sensitivity"),
     "curve": (*_BRANCH, "bayesdamp.pipeline.candidates.backbones"),
     "averaged": ("bayesdamp.pipeline.candidates.averaging",),
     "joint": ("bayesdamp.pipeline.many.joining",),

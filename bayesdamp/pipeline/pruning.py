@@ -7,9 +7,8 @@ from collections.abc import Mapping
 
 from bayesdamp.config import SignalSpec, Study
 from bayesdamp.outcomes import Status, status_of
-from bayesdamp.pipeline.candidates.approximate import under_law
 from bayesdamp.pipeline.keys import digest
-from bayesdamp.pipeline.records.answering import shortlist
+from bayesdamp.pipeline.records.answering import likelihood_of, shortlist
 from bayesdamp.store import CellResult, Store
 from bayesdamp.store.contents.evidence import EvidenceContent
 from bayesdamp.types import OK, candidate_parts
@@ -54,7 +53,7 @@ def listed(study: Study, spec: SignalSpec, repeat: int, store: Store) -> dict[st
     """All candidates, each with why the first weighing leaves it out, or an empty sentence."""
     short = None
     if study.models.prune is not None:
-        short = shortlist(store, spec.name, repeat, study.models.prune, under_law(study))
+        short = shortlist(store, spec.name, repeat, study.models.prune, likelihood_of(study) == "law")
     found = {}
     for name in study.compare(spec):
         damping, law = candidate_parts(name)

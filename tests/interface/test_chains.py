@@ -10,27 +10,35 @@ import pytest
 from scipy.special import logsumexp
 
 import bayesdamp as bd
-from bayesdamp.inference.approximate.evidence import by_importance
-from bayesdamp.inference.approximate.sensitivity import over_widths
-from bayesdamp.inference.deviation.sampled.marginal import Marginal, marginal_of
+from bayesdamp.inference.deviation.single import under
 from bayesdamp.inference.evidence import widths as evidence_widths
+from bayesdamp.inference.evidence.methods.importance import Importance
+from bayesdamp.inference.evidence.widths import against_width
+from bayesdamp.inference.model.likelihood import Likelihood
 from tests.interface.test_deviation import SCALE, by_quadrature, fit, one_parameter
 
 LENGTHS = {"nuts": {"chains": 2, "warmup": 50, "draws": 300}, "emcee": {}}
 GRID = np.linspace(0.040, 0.060, 201)
 
 
-def marginal(of: bd.Fit) -> Marginal:
+def density(of: bd.Fit) -> Likelihood:
     assert of.law is not None
-    return marginal_of(of.law.single.weighing, of.law.single.result)
+    return of.law.mode.likelihood
 
 
-def without_deviations(whole: Marginal) -> Marginal:
-    nothing = np.zeros((1, *whole.maps.shape[1:]))
-    return replace(
-        whole, log_prior=np.zeros(1), maps=nothing, effects=nothing, whitening=nothing + np.eye(nothing.shape[1]),
-        log_scale=np.zeros(1),
-    )  # fmt: skip
+def folded(of: Likelihood, z: np.ndarray) -> np.ndarray:
+    """Log density of scores (m, d), of which reflected ones are not negative."""
+    return of.log_posteriors(z) + np.log(2) * of.target.reflected.sum()
+
+
+def without_deviations(of: Likelihood) -> Likelihood:
+    """The same with deviations held at the mode's, and without their effect."""
+    deviation = of.target.deviation
+    assert deviation is not None
+    k = deviation.maps.shape[1]
+    nothing = np.zeros((1, k, k))
+    alone = replace(deviation, log_prior=np.zeros(1), maps=nothing, effects=nothing, probabilities=np.ones(1))
+    return replace(of, target=replace(of.target, deviation=alone))
 
 
 @lru_cache
@@ -38,7 +46,7 @@ def by_sum() -> tuple[float, float, float]:
     """Mean and sd of ζ, and the log evidence, by a sum over a grid of ζ."""
     prior = one_parameter().priors["zeta"]
     z = np.array([prior.score(v) for v in GRID])[:, None]
-    log = marginal(one_parameter()).log_density(z) + np.log(np.gradient(z[:, 0]))
+    log = folded(density(one_parameter()), z) + np.log(np.gradient(z[:, 0]))
     total = float(logsumexp(log))
     weights = np.exp(log - total)
     mean = float(weights @ GRID)
@@ -63,9 +71,9 @@ def test_the_density_has_the_evidence_of_the_motions() -> None:
     sampled = bd.evidence(one_parameter())
     total = by_sum()[2]
     assert abs(total - sampled.log_evidence) < 4 * sampled.stderr + 0.1
-    alone = without_deviations(marginal(one_parameter()))
+    alone = without_deviations(density(one_parameter()))
     z = np.array([one_parameter().priors["zeta"].score(v) for v in GRID])[:, None]
-    exact = alone.log_density(z) + np.log(np.gradient(z[:, 0]))
+    exact = folded(alone, z) + np.log(np.gradient(z[:, 0]))
     assert total - float(logsumexp(exact)) > 5
 
 
@@ -77,12 +85,14 @@ def test_the_evidence_under_other_widths_of_the_prior_against_a_sum(
     monkeypatch.setattr(evidence_widths, "ENOUGH", enough)
     law = one_parameter().law
     assert law is not None
-    found = by_importance(law, "viscous", "importance", 1)
-    widths = over_widths(law, found.arrays["y"], found.arrays["log_weights"], 1)
+    target = law.mode.likelihood.target
+    found = Importance().evidence("viscous", target, law.mode, 1)
+    y, log_weights = found.arrays["y"], found.arrays["log_weights"]
+    widths = against_width(target.priors, ["zeta"], y, log_weights, lambda priors: under(law, priors).mode, 1)
     assert widths.varied == ("zeta",)
     assert np.all(widths.trusted)
     prior = one_parameter().priors["zeta"]
-    likelihood = marginal(one_parameter()).log_likelihood(np.array([prior.score(v) for v in GRID])[:, None])
+    likelihood = density(one_parameter()).log_likelihoods(np.array([prior.score(v) for v in GRID])[:, None])
     gaps = np.log(np.gradient(GRID))
     exact = np.array(
         [
@@ -120,10 +130,25 @@ def test_several_parameters_are_those_of_the_motions_themselves() -> None:
 
 
 def test_the_slope_is_that_of_the_density() -> None:
-    target = marginal(fit())
-    z = fit().law.scores[7, : target.positive.size]  # type: ignore[union-attr]
+    of = density(fit())
+    z = fit().law.scores[7, : len(of.target.names)]  # type: ignore[union-attr]
     step = 1e-4 * np.eye(z.size)
-    slopes = [np.ptp(target.log_density(np.stack([z + s, z - s]))[::-1]) for s in step]
-    found = target.gradient(z)
-    assert np.abs(found) == pytest.approx(np.abs(slopes) / 2e-4, rel=0.02, abs=0.05)
-    assert target.log_density(np.where(target.positive, -0.1, z)[None])[0] == -np.inf
+    slopes = [(of.log_posterior(z + s) - of.log_posterior(z - s)) / 2e-4 for s in step]
+    assert of.gradient(z)[1] == pytest.approx(slopes, rel=0.02, abs=0.05)
+    assert of.gradient(z)[0] == pytest.approx(of.log_posterior(z), abs=1e-3)
+
+
+def test_the_density_in_natural_units() -> None:
+    """Its log likelihood is that of the scores, and its gradient that of the log posterior by differences."""
+    ours, of = fit().density, density(fit())
+    x = ours.vector()
+    assert ours.log_likelihood(x) == pytest.approx(of.log_likelihood(of.target.scores(fit().density.values)))
+    for i, name in enumerate(ours.names):
+        step = np.eye(x.size)[i] * 0.01 * fit().sd[name]
+        slope = (ours.log_posterior(x + step) - ours.log_posterior(x - step)) / (2 * step[i])
+        assert ours.gradient(x)[i] * fit().sd[name] == pytest.approx(
+            slope * fit().sd[name], rel=0.02, abs=0.02
+        )
+    assert bd.Model("viscous", "linear", deviation="law").bind(fit().signal).values == pytest.approx(
+        ours.values
+    )

@@ -206,7 +206,7 @@ def test_pointwise_densities_are_normal_ones() -> None:
     sd = fit().known["noise_sd"]
     law = fit().law
     assert law is not None
-    assert law.single.weighing.inflation == 1.0
+    assert law.weighing.inflation == 1.0
     sizes = [data["posterior"][f"{n}_deviation_size"].values[0] for n in ("damping", "frequency")]
     exact = np.flatnonzero(sizes[0] + sizes[1] == 0)[0]
     values = dict(zip(post.names, post.draws[0, exact], strict=True))
@@ -235,7 +235,7 @@ def test_noise_that_is_not_white_counts_less() -> None:
     y = record().y + 2 * NOISE * coloured
     one = bd.fit(bd.signal(record().t, y, cleaned=False), bd.Model("viscous", "linear", deviation="law"))
     assert one.law is not None
-    weighing = one.law.single.weighing
+    weighing = one.law.weighing
     assert weighing.inflation > 1.2
     motions = one.law.motions(one.law.best)
     squares = float(np.sum((weighing.data.y - motions[0]) ** 2))
@@ -289,12 +289,9 @@ def test_what_has_no_meaning_is_refused(given: dict, said: str) -> None:
 def test_what_exact_laws_alone_have_is_refused() -> None:
     with pytest.raises(bd.InputError, match="start is of no use"):
         bd.fit(record(), MODEL, start={"zeta": 0.05})
-    with pytest.raises(bd.InputError, match="draws under laws that hold exactly"):
-        bd.sample(fit(), "laplace")
-    with pytest.raises(bd.InputError, match="there is no 'laplace' under deviation 'law'; give smc"):
-        bd.evidence(fit(), "laplace")
-    with pytest.raises(bd.Refusal, match="no density of the parameters alone"):
-        _ = fit().density
+    assert "kalman takes laws to hold exactly" in bd.sample(fit(), "kalman").outcome
+    with pytest.raises(bd.InputError, match="unknown evidence method"):
+        bd.evidence(bd.fit(record(), bd.Model("viscous", noise="gaussian")), "linear")
     exact = bd.Fit(fit().signal, bd.Model("viscous"), outcome="no fit")
     with pytest.raises(bd.Refusal, match="no fit"):
         exact.damping_ratio()

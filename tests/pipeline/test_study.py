@@ -18,7 +18,7 @@ import pytest
 from bayesdamp.config import load_study
 from bayesdamp.pipeline import cells, run_study
 from bayesdamp.pipeline.candidates.branch import Branch
-from bayesdamp.pipeline.candidates.weighted import weighted_curves
+from bayesdamp.pipeline.candidates.posteriors import weighted_curves
 from bayesdamp.store import Store, read_table
 
 SMALL = """

@@ -14,8 +14,8 @@ from scipy.stats import gaussian_kde
 from bayesdamp.config import load_study
 from bayesdamp.inference.evidence.savage_dickey import FARTHEST
 from bayesdamp.pipeline import run_study
-from bayesdamp.pipeline.candidates.approximate import weighted_curves
 from bayesdamp.pipeline.candidates.branch import Branch
+from bayesdamp.pipeline.candidates.posteriors import weighted_curves
 from bayesdamp.store import Store, read_table
 from tests.interface.test_deviation import KNOWN
 from tests.pipeline.test_study_deviation import swelling

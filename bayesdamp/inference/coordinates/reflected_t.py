@@ -45,3 +45,9 @@ class ReflectedT:
         white = np.linalg.solve(self.factor, images.T)
         kernel = -0.5 * (DEGREES + d) * np.log1p(np.sum(white**2, axis=0) / DEGREES)
         return self._constant + logsumexp(kernel.reshape(len(self._signs), -1), axis=0)
+
+
+def fitted(y: np.ndarray, reflected: np.ndarray) -> ReflectedT:
+    """A reflected t with the mean and covariance of draws on the reflected side, shape (n, d)."""
+    covariance = np.atleast_2d(np.cov(y.T, ddof=1)) * (DEGREES - 2) / DEGREES
+    return ReflectedT(y.mean(axis=0), np.linalg.cholesky(covariance), reflected)

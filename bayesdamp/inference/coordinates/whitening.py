@@ -46,10 +46,15 @@ class Whitening:
 def whitening_of(target: Target, mode: Mode, shear: Shear | None = None) -> Whitening:
     """The frame of a posterior from its mode, and the gradient and the whole curvature beside it.
 
-    shear: the shear of its ridge, where that is to be straightened; else that of its noise.
+    shear: the shear of its ridge, where that is to be straightened; else that of its noise. Where laws may hold
+    approximately the posterior is a mixture, wider than its mode: the frame is that of the linear model's draws.
     """
     d = mode.z.size
     shear = Shear.of_noise(target, mode) if shear is None else shear
+    if mode.linear is not None:
+        level = shear.straight(mode.linear.draws)
+        factor = np.linalg.cholesky(np.atleast_2d(np.cov(level.T)))
+        return Whitening(level.mean(axis=0), factor, np.zeros((d, d)), True, shear)
     reflected = np.flatnonzero(target.reflected)
     at = np.where(target.reflected, np.maximum(np.abs(mode.z), 1e-12), mode.z)
 

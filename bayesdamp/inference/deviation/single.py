@@ -1,28 +1,41 @@
-"""One candidate on one record under laws that hold approximately: what a fit, draws and evidence of it rest on."""
+"""One candidate on one record under laws that hold approximately: its numbers, its motions, its density and draws."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
+from bayesdamp.inference.checks.forecast import Ahead
 from bayesdamp.inference.deviation.candidate import Candidate, active_of, exact, linearised
 from bayesdamp.inference.deviation.data import Data
+from bayesdamp.inference.deviation.density import ESCAPED, density_of
 from bayesdamp.inference.deviation.gaussian.hyperparameters import grid_of, knots_of
 from bayesdamp.inference.deviation.gaussian.linear import weigh
 from bayesdamp.inference.deviation.least_squares import SEARCHED, Fit
+from bayesdamp.inference.deviation.numbers.curves import ratio_at, ratios_drawn
+from bayesdamp.inference.deviation.numbers.deviations import size_of
+from bayesdamp.inference.deviation.numbers.draws import Drawn, scores_of
+from bayesdamp.inference.deviation.numbers.quantities import Quantity, Ratio, quantity
 from bayesdamp.inference.deviation.parameters import Parameters
 from bayesdamp.inference.deviation.weighing import Friction, Result, Weighing, weigh_all
+from bayesdamp.inference.fit.mode import Mode
 from bayesdamp.inference.model.defaults import Reference
+from bayesdamp.machine.threads import at_once
 from bayesdamp.physics.damping import PAPER_TERMS
 from bayesdamp.physics.kernel.averaged import AveragedSolver
 from bayesdamp.physics.kernel.solve import NONE, PARAMETERS
+from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.priors import Prior
-from bayesdamp.types import Refusal
+from bayesdamp.types import Posterior, Refusal
 
-ESCAPED = "no motion near the fit can be followed with deviations from its law"
+Array = NDArray[np.float64]
+DRAWS = 4000
+"""Of the linear model, behind values and intervals: an end of an interval is good to a thirtieth of its width."""
 
 
 @dataclass(frozen=True)
@@ -51,11 +64,187 @@ class Found:
 
 @dataclass(frozen=True)
 class Single:
-    """A candidate, weighed by itself, with what it was made from."""
+    """A candidate with deviations of its damping and restoring laws, linear about its best motion, and what was asked
+    of it.
+
+    weighing, result: of the candidate alone; found: where the search for it ended.
+    """
 
     weighing: Weighing
     result: Result
     found: Found
+
+    @cached_property
+    def mode(self) -> Mode:
+        """The density of the parameters, deviations integrated out, about its mode. Raises Refusal where no motion with
+        deviations can be followed."""
+        return density_of(self.weighing, self.result, self.scores[:, : self.result.fit.z.size], self.known)
+
+    def with_deviations(self, z: Array, seed: int | Sequence[int]) -> Array:
+        """Scores (n, d), each with a draw of log g and h given them, (n, K)."""
+        likelihood, rng = self.mode.likelihood, np.random.default_rng(seed)
+        deviation = likelihood.target.deviation
+        assert deviation is not None
+        drawn = [deviation.draw_given(r, rng) for r in at_once(likelihood.residual, z)]
+        return np.concatenate([z, np.array(drawn).reshape(len(z), -1)], axis=1)
+
+    @cached_property
+    def scores(self) -> Array:
+        """Draws of the linear model: scores, log g and h at the knots, (n, K)."""
+        result = self.result
+        assert result.weighed is not None
+        return scores_of(result.weighed, result.fit.parameters.positive, DRAWS, np.random.default_rng(0))
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of the inferred parameters."""
+        return self.result.fit.parameters.free_names
+
+    @property
+    def oscillator(self) -> Oscillator:
+        """Its laws, as if they held exactly."""
+        candidate = self.result.candidate
+        return Oscillator(candidate.damping, candidate.restoring)
+
+    @property
+    def known(self) -> dict[str, float]:
+        """What is held: parameters, friction's width where there is any, and the noise's sd of a sample."""
+        weighing = self.weighing
+        own = (*self.oscillator.parameters, "noise_sd")
+        found = {n: v for n, v in self.found.known.items() if n in own}
+        found |= {"epsilon": weighing.epsilon} if self.oscillator.switches else {}
+        variance = weighing.variance / weighing.inflation * weighing.data.thinned
+        return {**found, "noise_sd": float(np.sqrt(variance))}
+
+    def values(self, u: Array) -> Array:
+        """Inferred parameters in natural units of draws (..., K): (..., p)."""
+        parameters = self.result.fit.parameters
+        return parameters.values(u[..., : parameters.free.size])[..., parameters.free]
+
+    def drawn(self, posterior: Posterior, seed: int) -> Array:
+        """Draws of a posterior, each with deviations: its own, or drawn given the parameters, (chain, draw, K)."""
+        if "u" in posterior.arrays:
+            return posterior.arrays["u"]
+        z = np.stack(
+            [self.found.priors[n].score(posterior.draws[..., i]) for i, n in enumerate(self.names)], axis=-1
+        )
+        return self.with_deviations(z.reshape(-1, z.shape[-1]), [seed, 4]).reshape(*z.shape[:2], -1)
+
+    def quantities(self) -> dict[str, Quantity]:
+        """Each inferred parameter: median, 95 % interval, and the parts of its sd."""
+        values, noise = self.values(self.scores), self.noise_sds
+        return {
+            n: quantity(values[:, i], min(noise[n], float(np.std(values[:, i]))))
+            for i, n in enumerate(self.names)
+        }
+
+    @cached_property
+    def noise_sds(self) -> dict[str, float]:
+        """The sd that noise alone would leave of each inferred parameter, were the laws exact."""
+        result, parameters = self.result, self.result.fit.parameters
+        sds = np.linalg.norm(result.exact_weighed.factors[0], axis=1) * np.abs(
+            parameters.slopes(result.fit.z)
+        )
+        sds = sds * np.sqrt(self.weighing.variance / result.exact_variance)
+        return dict(zip(self.names, map(float, sds), strict=True))
+
+    def with_parts(self, summary: Mapping[str, Mapping[str, float]]) -> dict[str, dict[str, float]]:
+        """Summaries of draws by parameter, each with the parts of its sd."""
+        found = {}
+        for name, one in summary.items():
+            noise = min(self.noise_sds[name], one["sd"])
+            found[name] = {**one, "sd_noise": noise, "sd_law": float(np.sqrt(one["sd"] ** 2 - noise**2))}
+        return found
+
+    def deviations(self, u: Array) -> tuple[Array, Array]:
+        """Log g and h at the knots of draws (n, K): (n, k) each."""
+        d, k = self.result.fit.z.size, self.knots.size
+        return u[:, d : d + k], u[:, d + k :]
+
+    @property
+    def knots(self) -> Array:
+        """Times in s from the first sample."""
+        return self.result.solver.knots * self.result.solver.slowness
+
+    def sizes(self, u: Array) -> tuple[Array, Array]:
+        """Energy-weighted mean of |log g| and |h| over the record, of draws (n, K): (n,) each."""
+        g, h = self.deviations(u)
+        return size_of(self.weighing, self.result, g), size_of(self.weighing, self.result, h)
+
+    def ratios(self, amplitudes: Sequence[float], u: Array, sensor: float) -> tuple[Ratio, ...]:
+        """Equivalent damping ratios at amplitudes (rad or m), deviation and the sensor's floor among their sds."""
+        drawn, rng = self._drawn(u), np.random.default_rng(1)
+        return tuple(ratio_at(self.weighing, [drawn], a, sensor, rng) for a in amplitudes)
+
+    def ratio_draws(self, amplitudes: Array, u: Array, sensor: float) -> Array:
+        """The same as draws, (n, m); nan at amplitudes that no motion has."""
+        drawn, rng = self._drawn(u), np.random.default_rng(1)
+        found = [ratios_drawn(self.weighing, drawn, float(a), sensor, rng) for a in amplitudes]
+        none = np.full(len(u), np.nan)
+        return np.column_stack([none if one is None else one for one in found])
+
+    def _drawn(self, u: Array) -> Drawn:
+        result, solver = self.result, self.result.solver
+        values = result.fit.parameters.values(u[:, : result.fit.z.size])
+        m, law = len(solver.terms), solver.law_places
+        return Drawn(result, values[:, :m], values[:, m : law.start], values[:, law], *self.deviations(u))
+
+    def motions(self, u: Array, t: Array | None = None, quantity: str | None = None) -> Array:
+        """Motions of draws (n, K) at times t (m,) in s within the knots, (n, m); nan where one escapes. By default at
+        the samples that are fitted, in their quantity."""
+        result, solver = self.result, self.result.solver
+        if t is not None:
+            solver = solver.at(np.asarray(t, float), quantity or solver.quantity)
+        parameters = result.fit.parameters
+        g, h = self.deviations(u)
+        none = np.full(solver.t.size, np.nan)
+
+        def one(i: int) -> Array:
+            p = parameters.values(u[i, : parameters.free.size])
+            found = solver.solve(p, result.fit.active, np.expm1(g[i]), h[i], NONE)
+            return none if found is None else found.y
+
+        assert solver.kernel  # compiled before several threads ask for it
+        return np.stack(at_once(one, range(len(u)))) if len(u) else np.empty((0, none.size))
+
+    def carried_on(self, half: Single, z: Array, seed: int) -> Ahead:
+        """What draws of the scores on the first half, (n, d), say of the second: there the deviations are what their
+        prior makes of the first half's. Raises Refusal where no draw goes on."""
+        motions = self.motions(half.with_deviations(z, seed))
+        motions = motions[np.all(np.isfinite(motions), axis=1)]
+        if not len(motions):
+            raise Refusal("no motion that fits the first half goes on through the second")
+        weighing, count = self.weighing, half.weighing.data.y.size
+        second, noise = motions[:, count:], weighing.variance / weighing.inflation  # of one sample
+        return Ahead(weighing.data.y[count:] - second.mean(axis=0), np.sqrt(second.var(axis=0) + noise))
+
+    @property
+    def best(self) -> Array:
+        """u of the best motion with its deviations, (1, K)."""
+        about = self.result.about
+        assert about is not None
+        return about.u[None]
+
+    def log_likelihoods(self, motions: Array) -> Array:
+        """Log density of each sample of motions (..., n), in nats: with κ > 1 a sample counts for 1/κ of one, and its
+        noise's variance is κ times larger, so that their sum is the log likelihood that was weighed."""
+        weighing = self.weighing
+        variance, kappa = weighing.variance, weighing.inflation
+        left = np.asarray(weighing.data.y) - motions
+        return -0.5 * left**2 / variance - 0.5 * np.log(2 * np.pi * variance) / kappa
+
+    def prior_draws(self, count: int, seed: int) -> Array:
+        """u under the prior, (n, K)."""
+        result, rng = self.result, np.random.default_rng([seed, 1])
+        parameters = result.fit.parameters
+        grid = grid_of(self.knots.size, absorbed=parameters.absorbs)
+        z = parameters.prior_draws(count, rng)
+        mass = np.exp(grid.log_prior - grid.log_prior.max())
+        combos = rng.choice(mass.size, count, p=mass / mass.sum())
+        smooth = np.einsum(
+            "nij,nj->ni", grid.factors[combos], rng.standard_normal((count, 2 * self.knots.size))
+        )
+        return np.concatenate([z, smooth], axis=1)
 
 
 def single(

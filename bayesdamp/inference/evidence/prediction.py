@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from bayesdamp.inference.checks.checks import DRAWS
-from bayesdamp.inference.checks.forecast import carried_on
+from bayesdamp.inference.checks.forecast import Ahead
 from bayesdamp.inference.curves.weighted import resampled
 from bayesdamp.inference.evidence.methods.importance import Importance
 from bayesdamp.inference.fit.mode import Mode, mode_near
-from bayesdamp.inference.model.target import Target
 from bayesdamp.types import OK, Evidence, Refusal
 
 
@@ -33,27 +33,41 @@ class Prediction:
     evidence: Evidence
 
 
-def first_half(target: Target, mode: Mode) -> Mode:
-    """Return the mode on the first half of the samples. Raises Refusal where there is none."""
+def first_half(mode: Mode) -> Mode:
+    """Return the mode on the first half of the samples, where laws hold exactly. Raises Refusal where there is none."""
+    target = mode.likelihood.target
     part = slice(0, target.signal.t.size // 2)
     if part.stop <= len(target.names):
         raise Refusal(f"half the record has {part.stop} samples for {len(target.names)} parameters")
     return mode_near(mode.likelihood.of(part), mode, mode.z)
 
 
-def predict(model: str, target: Target, mode: Mode, seed: int) -> Prediction:
-    """Importance evidence on the first half, and its draws carried on over the second.
+def predict(
+    model: str, half: Mode, carry: Callable[[np.ndarray], Ahead], t: np.ndarray, y: np.ndarray, seed: int
+) -> Prediction:
+    """Importance evidence on the first half of a record, and its draws carried on over the second.
 
-    Raises Refusal where the first half has no posterior, or no draw goes on.
+    Parameters
+    ----------
+    half : Mode
+        Of the density on the first half.
+    carry : callable
+        Draws of the scores, (m, d), to what they say of the second half. Raises Refusal where no draw goes on.
+    t, y : ndarray, shape (n,)
+        The whole record.
+
+    Raises
+    ------
+    Refusal
+        Where the first half has no posterior, or no draw goes on.
     """
-    half = target.signal.t.size // 2
-    found = Importance().evidence(model, target, first_half(target, mode), seed)
-    y, log_weights = found.arrays["y"], found.arrays["log_weights"]
-    chosen = y[resampled(log_weights, DRAWS, np.random.default_rng(seed))]
-    ahead = carried_on(mode.likelihood, chosen, half)
+    found = Importance().evidence(model, half.likelihood.target, half, seed)
+    rng = np.random.default_rng(seed)
+    ahead = carry(found.arrays["y"][resampled(found.arrays["log_weights"], DRAWS, rng)])
+    later = y.size - ahead.error.size
     return Prediction(
-        start=float(target.signal.t[half]),
-        centre=target.signal.y[half:] - ahead.error,
+        start=float(t[later]),
+        centre=y[later:] - ahead.error,
         sd=ahead.sd,
         rms=ahead.rms,
         expected=ahead.expected,

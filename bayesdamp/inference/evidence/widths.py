@@ -12,12 +12,11 @@ from bayesdamp.inference.checks import diagnostics
 from bayesdamp.inference.curves.weighted import effective
 from bayesdamp.inference.evidence.methods.importance import K_LIMIT, Importance
 from bayesdamp.inference.fit.mode import Mode, mode_near
-from bayesdamp.inference.model.target import Target
 from bayesdamp.priors import HalfNormal, LogNormal, Prior
-from bayesdamp.types import OK, Evidence, Refusal
+from bayesdamp.types import OK, Refusal
 
-Anew = Callable[[Mapping[str, Prior], int], Evidence]
-"""Importance sampling under other priors, by a seed. Raises Refusal where there is no mode."""
+Near = Callable[[Mapping[str, Prior]], Mode]
+"""The mode under other priors. Raises Refusal where there is none."""
 
 FACTORS = np.geomspace(0.1, 10.0, 9)
 """Factors on the prior's scale: two decades."""
@@ -57,7 +56,7 @@ def against_width(
     coefficients: Sequence[str],
     y: np.ndarray,
     log_weights: np.ndarray,
-    anew: Anew,
+    near: Near,
     seed: int,
 ) -> Widths:
     """Evidence under narrower and wider priors of the damping coefficients, all at once.
@@ -69,7 +68,7 @@ def against_width(
     varied = tuple(n for n in coefficients if widened(priors[n], 2.0) is not None)
     values = {n: np.asarray(p.value(y[:, i])) for i, (n, p) in enumerate(priors.items()) if n in coefficients}
     rows = [
-        _one(priors, coefficients, values, log_weights, factor, anew, seed + i)
+        _one(priors, coefficients, values, log_weights, factor, near, seed + i)
         for i, factor in enumerate(FACTORS if varied else (1.0,))
     ] * (1 if varied else FACTORS.size)
     return Widths(varied, FACTORS, *(np.array(column) for column in zip(*rows, strict=True)))
@@ -81,7 +80,7 @@ def _one(
     values: Mapping[str, np.ndarray],
     log_weights: np.ndarray,
     factor: float,
-    anew: Anew,
+    near: Near,
     seed: int,
 ) -> tuple[float, float, float, bool, bool]:
     priors = dict(priors)
@@ -97,23 +96,17 @@ def _one(
     if size >= ENOUGH and diagnostics.pareto_k(weights) < K_LIMIT:
         return log_evidence, float(np.std(w, ddof=1) / np.sqrt(w.size)), size, False, True
     try:
-        found = anew(priors, seed)
+        mode = near(priors)
+        found = Importance().evidence("", mode.likelihood.target, mode, seed)
     except Refusal:
         return np.nan, np.nan, size, True, False
     return found.log_evidence, found.stderr, size, True, found.outcome == OK
 
 
-def anew_exactly(target: Target, mode: Mode) -> Anew:
-    """Importance sampling under laws that hold exactly, about the mode under each prior."""
-
-    def anew(priors: Mapping[str, Prior], seed: int) -> Evidence:
-        other = replace(target, priors=priors)
-        return Importance().evidence("", other, _moved(target, other, mode), seed)
-
-    return anew
-
-
-def _moved(target: Target, other: Target, mode: Mode) -> Mode:
+def under_priors(mode: Mode, priors: Mapping[str, Prior]) -> Mode:
+    """Return the mode under other priors of the same parameters, where laws hold exactly. Raises Refusal where there is
+    none."""
+    target = mode.likelihood.target
     values = target.all_values(mode.z)
-    start = np.array([float(p.score(values[n])) for n, p in other.priors.items()])
-    return mode_near(replace(mode.likelihood, target=other), mode, start)
+    start = np.array([float(p.score(values[n])) for n, p in priors.items()])
+    return mode_near(replace(mode.likelihood, target=replace(target, priors=priors)), mode, start)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.special import log_ndtr, logsumexp, ndtri_exp
 
+from bayesdamp.inference.fit.mode import Mode
 from bayesdamp.inference.model.likelihood import Likelihood
 from bayesdamp.inference.model.target import Target
 
@@ -27,6 +28,11 @@ def log_evidence_near(likelihood: Likelihood, z: np.ndarray) -> float:
     return log_integral_over_scales(
         value, gradient, information, at, reflected, target.shared, np.asarray(likelihood.scales)
     )
+
+
+def log_evidence_about(mode: Mode) -> float:
+    """Return Laplace's log evidence about a mode: of the linear model, where laws may hold approximately."""
+    return log_evidence_near(mode.likelihood, mode.z) if mode.linear is None else mode.linear.log_evidence
 
 
 def log_integral_over_scales(

@@ -43,6 +43,17 @@ class LocalSearch:
 
 
 @dataclass(frozen=True)
+class LinearPosterior:
+    """The posterior of a model that is linear in parameters and deviations, where laws may hold approximately.
+
+    draws: scores, (m, d), where chains start and whose moments whiten; log_evidence: in nats.
+    """
+
+    draws: np.ndarray
+    log_evidence: float
+
+
+@dataclass(frozen=True)
 class Mode:
     """A posterior mode in scores.
 
@@ -53,6 +64,7 @@ class Mode:
     Cholesky factor of the posterior's covariance with it, (d, d), which whitens.
     step_error, likelihood_error: what a finer solution changes within three sds of the mode, in the unit of the
     record and in nats.
+    linear: the linear model's posterior, where laws may hold approximately.
     """
 
     z: np.ndarray
@@ -65,6 +77,7 @@ class Mode:
     step_error: float
     likelihood_error: float
     tolerance: float
+    linear: LinearPosterior | None = None
 
     def sd(self) -> np.ndarray:
         """Laplace standard deviations of the scores, shape (d,)."""

@@ -95,6 +95,8 @@ class Likelihood:
     @cached_property
     def motions(self) -> Trajectories:
         """Motions at the record's samples up to the last that counts."""
+        if self.target.deviation is not None:
+            return self.target.deviation.motions
         signal = self.target.signal
         times = signal.t[: self.part.stop]
         return Trajectories(self.target.oscillator, times, signal.quantity, self.reference, self.tolerance)
@@ -170,7 +172,7 @@ class Likelihood:
 
     def gradient_along(self, line: Line, z: np.ndarray) -> np.ndarray:
         """Return the gradient of the same, (d,)."""
-        return self._gradient(self._moved(line, z), z)[1]
+        return self._slope(self._moved(line, z), z)
 
     def _moved(self, line: Line, z: np.ndarray) -> Line:
         p = self.target.all_values(z)
@@ -264,17 +266,20 @@ class Likelihood:
         return found
 
     def _gradient(self, line: Line, z: np.ndarray) -> tuple[float, np.ndarray]:
-        prior, found = self._prior(z)
-        value, noise = self.log_noise(line.residual, z), self.target.noise_model
+        value = self.log_noise(line.residual, z)
         if not np.isfinite(value):
-            return -np.inf, found
+            return -np.inf, self._prior(z)[1]
+        return value + self._prior(z)[0], self._slope(line, z)
+
+    def _slope(self, line: Line, z: np.ndarray) -> np.ndarray:
+        found, noise = self._prior(z)[1], self.target.noise_model
         p, rates, moving = self._noise_values(z), self.target.rates(z), self.target.moving
         found[moving] -= rates[moving] * (line.slopes @ noise.slope(line.residual, self.gaps, p))
         if self._still.size:
             by_name = noise.parameter_slopes(line.residual, self.gaps, p)
             for i in self._still:
                 found[i] += rates[i] * by_name[self.target.names[i]]
-        return value + prior, found
+        return found
 
     def _noise_information(self, residual: np.ndarray, z: np.ndarray) -> np.ndarray:
         """Return minus the second derivatives by the noise's scores, (s, s), without negative curvature."""

@@ -12,6 +12,7 @@ from functools import cached_property
 
 import numpy as np
 
+from bayesdamp.inference.model.deviation import Deviation
 from bayesdamp.inference.noise import NOISES, NoiseModel
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.priors import SHARED_SIGMAS, Prior, SharedHalfNormal
@@ -36,6 +37,8 @@ class Target:
         Values of the other parameters.
     scales : tuple of float
         Scales that coefficients with a `SharedHalfNormal` prior may share, in scores, all equally probable.
+    deviation : Deviation or None
+        What deviations of the laws do to the record, where these hold approximately; None where they hold exactly.
     """
 
     signal: Signal
@@ -44,6 +47,7 @@ class Target:
     priors: Mapping[str, Prior]
     known: Mapping[str, float]
     scales: tuple[float, ...] = tuple(map(float, SHARED_SIGMAS))
+    deviation: Deviation | None = None
 
     def __post_init__(self) -> None:
         noise = self.noise_model
@@ -54,8 +58,8 @@ class Target:
 
     @property
     def noise_model(self) -> NoiseModel:
-        """The noise model itself."""
-        return NOISES.get(self.noise)
+        """The noise model itself, with the deviations in it where there are any."""
+        return NOISES.get(self.noise) if self.deviation is None else self.deviation
 
     @property
     def names(self) -> tuple[str, ...]:

@@ -9,6 +9,9 @@ from bayesdamp.inference.fit.mode import Mode
 from bayesdamp.inference.model.target import Target
 from bayesdamp.types import Posterior
 
+WARMUP = 50
+"""Draws that chains need to forget that they start in a linear model."""
+
 
 @dataclass(frozen=True)
 class Settings:
@@ -20,6 +23,10 @@ class Settings:
     draws: int = 1000
     seed: int = 0
     grows: bool = True
+
+    def warmup_of(self, mode: Mode) -> int:
+        """Return the draws to warm up: few where chains start with draws of the linear model, as nothing is adapted."""
+        return self.warmup if mode.linear is None else min(self.warmup, WARMUP)
 
 
 class Sampler(ABC):

@@ -37,9 +37,15 @@ def seeded_starts(
 
     Each is a seed's own start, scattered by more than the posterior's sd and, where it is out of reach, moved
     towards the centre until it is not. Seeds are taken in turn, those farthest from each other first, so that few
-    chains cover their spread; one of the first two is a draw from the prior where there is one.
+    chains cover their spread; one of the first two is a draw from the prior where there is one. Where laws may hold
+    approximately they are draws of the linear model.
     """
     rng = np.random.default_rng(settings.seed)
+    if mode.linear is not None:
+        z = mode.linear.draws[rng.choice(len(mode.linear.draws), count, replace=False)]
+        u = at.whitened(z)
+        away = np.linalg.norm(u, axis=1).tolist()
+        return u, mode.likelihood.log_posteriors(z), [Start(Seed("linear model"), x, x) for x in away]
     reflected = target.reflected
     given = [c.seed for c in mode.searches] or [Seed("mode")]
     origins = [c.origin for c in mode.searches] or [mode.z]

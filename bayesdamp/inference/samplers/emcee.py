@@ -54,7 +54,7 @@ class Emcee(Sampler):
         """Walkers about the mode by affine-invariant moves (Goodman and Weare 2010), with draws added where too
         few."""
         began = time.perf_counter()
-        d = mode.z.size
+        d, warmup = mode.z.size, settings.warmup_of(mode) // 2
         walkers = 4 * max(d + 2, 8, settings.chains)
         reflected = target.reflected
         at = whitening_of(target, mode)
@@ -78,7 +78,7 @@ class Emcee(Sampler):
             sampler.random_state = np.random.RandomState((settings.seed + k) % 2**32).get_state()
             own = replace(settings, seed=settings.seed + 7919 * k)
             start, *_ = seeded_starts(target, mode, at, walkers, own)
-            state = self._settled(sampler, start, settings.warmup // 2)
+            state = self._settled(sampler, start, warmup)
             ensembles.append((sampler, state))
 
         resolved, draws = False, np.empty((0, 0, 0))
@@ -111,7 +111,7 @@ class Emcee(Sampler):
             outcome=outcome,
             summary=summaries,
             divergences=0,
-            evaluations=int(ENSEMBLES * walkers * (draws.shape[1] + settings.warmup // 2)),
+            evaluations=int(ENSEMBLES * walkers * (draws.shape[1] + warmup)),
             ensembles=ENSEMBLES,
         )
 

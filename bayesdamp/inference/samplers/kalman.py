@@ -62,6 +62,8 @@ class Kalman(Sampler):
             raise Refusal(
                 "kalman needs ε above 0: its sigma points do not stick; give epsilon, or leave it free"
             )
+        if target.deviation is not None:
+            raise Refusal('not applicable: kalman takes laws to hold exactly; give deviation "none"')
         if target.noise != "gaussian":
             raise Refusal(f"kalman takes noise to be independent and normal, and here it is {target.noise}")
         online = filter_online(target, mode)

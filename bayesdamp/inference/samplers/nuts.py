@@ -143,7 +143,8 @@ class Nuts(Sampler):
         target = mode.likelihood.target
         starts, heights, begun = seeded_starts(target, mode, at, settings.chains, settings)
         space = Whitened.of(mode, at, exact)
-        count = settings.warmup + settings.draws
+        warmup = settings.warmup_of(mode)
+        count = warmup + settings.draws
         chains = [
             Chain(space, shorter * STEP, np.random.default_rng([settings.seed, i]))
             for i in range(settings.chains)
@@ -152,11 +153,11 @@ class Nuts(Sampler):
             chain.sampled(u, float(height), count)
             for chain, u, height in zip(chains, starts, heights, strict=True)
         ]
-        return Run(at, exact, settings.warmup, begun, chains, tuple(map(np.stack, zip(*left, strict=True))))
+        return Run(at, exact, warmup, begun, chains, tuple(map(np.stack, zip(*left, strict=True))))
 
     def _enough(self, mode: Mode, settings: Settings, run: Run) -> tuple[Run, Posterior]:
         """Return the run with draws added while they are too few and might suffice, and its posterior."""
-        found, count = run.posterior(mode), settings.warmup + settings.draws
+        found, count = run.posterior(mode), run.left[0].shape[1]
         most = LONGEST * settings.draws if settings.grows else settings.draws
         while found.outcome != OK and not poor(found) and run.draws < most:
             run = run.longer(count)

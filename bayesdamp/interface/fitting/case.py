@@ -4,11 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from functools import partial
 
 import numpy as np
 
 from bayesdamp import types
 from bayesdamp.estimators.shared import noise_level
+from bayesdamp.inference.deviation.data import prepared
+from bayesdamp.inference.deviation.numbers.averaging import START, averaging_of
+from bayesdamp.inference.deviation.quick import MOST_CYCLES
+from bayesdamp.inference.deviation.single import Single, single
 from bayesdamp.inference.fit.friction_choice import epsilon_note, weigh_epsilons
 from bayesdamp.inference.fit.mode import Mode, restore_mode
 from bayesdamp.inference.fit.noise_choice import chosen_noise, first_noise, fit_with, weigh_noises
@@ -71,6 +76,23 @@ class Case:
         found = Case.of(signal, model)
         if noise_level(signal) <= NO_NOISE * float(np.abs(found.seen.turning_amplitudes).max()):
             raise Refusal(NO_POSTERIOR)
+        return found
+
+    def deviating(self) -> Single:
+        """Fit the model with laws that may hold approximately. Raises Refusal where that cannot be done."""
+        model = self.model
+        weighed = partial(
+            single,
+            damping=model.terms,
+            restoring=model.restoring,
+            known=model.known,
+            priors=model.parameter_priors,
+            reference=self.reference,
+        )
+        found = weighed(prepared(self.signal, average=not any(n in model.known for n in START)))
+        averaging = averaging_of(found.weighing)
+        if averaging is not None and not averaging.close and averaging.cycles <= MOST_CYCLES:
+            found = weighed(prepared(self.signal, average=False))
         return found
 
     @property

@@ -11,11 +11,9 @@ from scipy.special import logsumexp
 from bayesdamp.config import SignalSpec, Study
 from bayesdamp.odds import odds
 from bayesdamp.outcomes import Status, status_of
-from bayesdamp.pipeline.candidates import approximate
 from bayesdamp.pipeline.candidates.branch import Branch
-from bayesdamp.pipeline.candidates.posteriors import CURVE, LEVELS
+from bayesdamp.pipeline.candidates.posteriors import CURVE, LEVELS, weighted_curves
 from bayesdamp.pipeline.candidates.weighing import evidence_by_method
-from bayesdamp.pipeline.candidates.weighted import weighted_curves
 from bayesdamp.pipeline.records.records import cell_seed
 from bayesdamp.store import CellResult, Store
 from bayesdamp.store.contents.posteriors import AverageContent
@@ -49,11 +47,10 @@ def _one(study: Study, spec: SignalSpec, store: Store, name: str, key: str) -> C
     drawn = {m: _sampled(store, f"posterior/{record}/{m}/nuts") for m in models}
     drawn = {m: a for m, a in drawn.items() if _usable(a)}
     weighed: list[str] = []
-    curves = approximate.weighted_curves if approximate.under_law(study) else weighted_curves
     for model in sorted(set(shares) - set(drawn), key=lambda m: -shares[m]):
         if sum(shares[m] for m in drawn) >= ENOUGH:
             break
-        arrays = curves(Branch(study, spec, 0, model, store), cell_seed(study, f"{name}/{model}"))
+        arrays = weighted_curves(Branch(study, spec, 0, model, store), cell_seed(study, f"{name}/{model}"))
         if _usable(arrays):
             drawn[model] = arrays
             weighed.append(model)

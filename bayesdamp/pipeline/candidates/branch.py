@@ -6,15 +6,18 @@ from functools import cached_property
 
 from bayesdamp.config import SignalSpec, Study
 from bayesdamp.config.checks import plain
+from bayesdamp.inference.deviation.single import Single
 from bayesdamp.inference.fit.mode import Mode
 from bayesdamp.inference.model.target import Target
 from bayesdamp.outcomes import following
 from bayesdamp.physics.damping import TERMS, parse_model
 from bayesdamp.physics.restoring import LAWS
+from bayesdamp.pipeline.records.answering import law_of, likelihood_of
 from bayesdamp.pipeline.records.noise import NoiseCell, noise_cell
 from bayesdamp.pipeline.records.records import SignalCell
 from bayesdamp.pipeline.records.stored_modes import unpacked
 from bayesdamp.pipeline.records.targets import Record
+from bayesdamp.pipeline.stored_laws import put_together
 from bayesdamp.store import Store
 from bayesdamp.store.contents.records import NoiseContent
 from bayesdamp.types import OK, Refusal, System, candidate_parts
@@ -92,6 +95,20 @@ class Branch:
         if found.outcome != OK:
             raise Refusal(following(found.name, found.outcome))
         return unpacked(found, self.target)
+
+    @cached_property
+    def law(self) -> Single | None:
+        """The candidate as the answer's search left it, where laws may hold approximately. Raises Refusal where there
+        is none."""
+        if likelihood_of(self.study) == "none":
+            return None
+        found = law_of(self.store, self.spec.name, self.repeat, "+".join(self.terms), self.restoring)
+        return put_together(self.record.signal, self.restoring, found)
+
+    @property
+    def density(self) -> Mode:
+        """The density that is sampled and integrated, about its mode. Raises Refusal where there is none."""
+        return self.restored_mode if self.law is None else self.law.mode
 
     @property
     def many(self) -> bool:

@@ -8,7 +8,6 @@ from bayesdamp.inference.noise import NOISES
 from bayesdamp.inference.samplers import SAMPLERS
 from bayesdamp.outcomes import following
 from bayesdamp.physics.damping import PAPER_TERMS, TERMS
-from bayesdamp.pipeline.candidates import approximate
 from bayesdamp.pipeline.candidates.backbones import compute_curve
 from bayesdamp.pipeline.candidates.branch import Branch
 from bayesdamp.pipeline.candidates.estimates import compute_estimate
@@ -17,7 +16,7 @@ from bayesdamp.pipeline.candidates.posteriors import compute_posterior
 from bayesdamp.pipeline.candidates.sensitivity import compute_sensitivity, sensitivity_cells
 from bayesdamp.pipeline.candidates.weighing import compute_evidence, evidence_parts
 from bayesdamp.pipeline.keys import task_key, uses_library
-from bayesdamp.pipeline.records.answering import AnswerCell
+from bayesdamp.pipeline.records.answering import AnswerCell, likelihood_of
 from bayesdamp.pipeline.records.records import cell_seed
 from bayesdamp.pipeline.records.starts import REGRESSION
 from bayesdamp.store import CellResult
@@ -31,8 +30,6 @@ SEEDED = {
     "sensitivity": compute_sensitivity,
 }
 """What draws random numbers, of a seed that follows from the cell's name."""
-UNDER_LAW = {"posterior": approximate.compute_posterior, "evidence": approximate.compute_evidence}
-"""What takes their place where laws may hold approximately."""
 CERTAIN = {"mode": compute_mode, "curve": compute_curve}
 
 
@@ -57,19 +54,18 @@ def cells_of(branch: Branch) -> dict[str, str]:
     parts = (branch.model, noise, priors, use.stages, chosen, *branch.other)
     mode_key = task_key("mode", branch.parent.key, list(found.values()), named, *parts)
     found[f"mode/{branch.path}"] = mode_key
-    law = approximate.under_law(branch.study)
+    law = likelihood_of(branch.study) == "law"
     # What may hold approximately is what the answer's search found.
     answer = AnswerCell(branch.study, branch.spec, branch.repeat, branch.store)
     whence = (answer.key, branch.model) if law else (mode_key,)
-    drawn, weighed = ("drawn_law", "weighed_law") if law else ("posterior", "evidence")
     settings = branch.study.posterior
     for name in settings.samplers:
         length = (settings.chains, settings.warmup, settings.draws)
-        key = task_key(drawn, *whence, name, *length, SAMPLERS.source(name))
+        key = task_key("posterior", *whence, name, *length, SAMPLERS.source(name))
         found[f"posterior/{branch.path}/{name}"] = key
     for name, parts in evidence_parts(branch.study, branch.path, found).items():
         own = [EVIDENCES.source(Place.of(name).method), SAMPLERS.source("nuts")]
-        found[name] = task_key(weighed, *whence, *parts, own)
+        found[name] = task_key("evidence", *whence, *parts, own)
     terms, noises = len(branch.terms), len(branch.study.noises)
     together = sum(s.repeats for s in branch.study.specimens.get(branch.spec.specimen, ())) > 1
     joined = together and not settings.samplers
@@ -88,8 +84,7 @@ def compute(branch: Branch, name: str, key: str) -> None:
         branch.store.write(CellResult(name, key, outcome=outcome))
         return
     kind = Place.of(name).kind
-    seeded = SEEDED | UNDER_LAW if approximate.under_law(branch.study) else SEEDED
-    if kind in seeded:
-        seeded[kind](branch, name, key, cell_seed(branch.study, name))
+    if kind in SEEDED:
+        SEEDED[kind](branch, name, key, cell_seed(branch.study, name))
     else:
         CERTAIN[kind](branch, name, key)

@@ -2,54 +2,82 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Mapping
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import numpy as np
 
 from bayesdamp.inference.checks import diagnostics
-from bayesdamp.inference.curves.derived import Motions, against_amplitude, derive, units
+from bayesdamp.inference.curves.derived import CURVE_DRAWS, Motions, against_amplitude, derive, units
+from bayesdamp.inference.curves.weighted import resampled
+from bayesdamp.inference.deviation.single import Single
 from bayesdamp.inference.samplers import SAMPLERS, Settings
 from bayesdamp.physics.units import parameter_unit
 from bayesdamp.pipeline.candidates.branch import Branch
+from bayesdamp.pipeline.records.answering import verdict_of
 from bayesdamp.records.oscillation.features import Features
 from bayesdamp.store import CellResult
-from bayesdamp.store.contents.posteriors import SAID, PosteriorContent
+from bayesdamp.store.contents.posteriors import SAID, DrawnRatio, PosteriorContent
 from bayesdamp.store.files import write_bytes
 from bayesdamp.store.places import Place
-from bayesdamp.types import Posterior, Refusal
+from bayesdamp.types import OK, Posterior, Refusal
 
 CURVE = "equivalent_ratio"
 LEVELS = np.array([0.025, 0.5, 0.975])
 SPREAD = (np.arange(100) + 0.5) / 100
 """Levels of the quantiles that stand for the draws of a curve, with equal weight."""
 CURVE_POINTS = 25
+SIZES = ("damping_deviation_size", "frequency_deviation_size")
+"""In the file of draws: energy-weighted mean of the sizes of the deviations over the record."""
 FAINTEST = 0.02
 """Least amplitude, as a share of the first, at which a damping is given against amplitude."""
 
 
 def compute_posterior(branch: Branch, name: str, key: str, seed: int) -> None:
-    """Draw with one sampler, and keep what the draws say."""
+    """Draw with one sampler, and store what the draws say."""
     sampler, s = Place.of(name).method, branch.study.posterior
-    plugin = SAMPLERS.get(sampler)
     settings = Settings(s.chains, s.warmup, s.draws, seed % 2**31)
     try:
-        found = diagnostics.summarised(plugin.sample(branch.target, branch.restored_mode, settings))
+        law, mode = branch.law, branch.density
+        found = SAMPLERS.get(sampler).sample(mode.likelihood.target, mode, settings)
+        found = diagnostics.summarised(found)
     except Refusal as refusal:
         branch.store.write(CellResult(name, key, outcome=str(refusal)))
         return
+    whole, u = found, None
+    if law is not None:
+        found = replace(found, summary=law.with_parts(found.summary))
+        u = law.drawn(found, settings.seed).reshape(found.draws.shape[0] * found.draws.shape[1], -1)
+        sizes = np.stack([x.reshape(found.draws.shape[:2]) for x in law.sizes(u)], axis=-1)
+        draws = np.concatenate([found.draws, sizes], axis=-1)
+        whole = replace(found, names=(*found.names, *SIZES), draws=draws)
     folder = branch.store.folder
     file = folder / "posterior" / f"{branch.path.replace('/', '.')}.{sampler}.nc"
-    save_whole(found, file)
-    motions = _motions(branch, found)
+    save_whole(whole, file)
+    motions = _motions(branch, {n: found.draws[..., i] for i, n in enumerate(found.names)})
     content = replace(
         _content(branch, found, motions),
         diagnostics=found.diagnostics,
         file=file.relative_to(folder).as_posix(),
+        ratios=() if law is None or u is None else _ratios(branch, law, u),
         **{k: getattr(found, k) for k in SAID},
     )
-    arrays = {"draws": found.draws, **curves(motions, branch.record.seen), **found.arrays}
+    arrays = {"draws": found.draws, **_curves(branch, motions, u), **found.arrays}
     branch.store.write(CellResult(name, key, content.meta(), arrays, found.outcome, found.seconds))
+
+
+def weighted_curves(branch: Branch, seed: int) -> dict[str, np.ndarray]:
+    """What a posterior's cell has of its curves, from the draws of the evidence of a candidate that was not sampled;
+    empty where it has no importance draws to be trusted."""
+    cell = branch.store.find(f"evidence/{branch.path}/importance")
+    if cell is None or cell.outcome != OK or "log_weights" not in cell.arrays:
+        return {}
+    rng = np.random.default_rng(seed)
+    chosen = resampled(cell.arrays["log_weights"].astype(float), CURVE_DRAWS, rng)
+    z, target = cell.arrays["y"].astype(float)[chosen], branch.density.likelihood.target
+    u = None if branch.law is None else branch.law.with_deviations(z, seed)
+    return _curves(branch, _motions(branch, target.values(z)), u)
 
 
 def _content(branch: Branch, found: Posterior, motions: Motions) -> PosteriorContent:
@@ -61,7 +89,7 @@ def _content(branch: Branch, found: Posterior, motions: Motions) -> PosteriorCon
     for n, v in derived.items():
         if n not in partial:
             summary[n] = diagnostics.summarise(v, found.ensembles, found.effective)
-    signal, law = branch.record.signal, branch.system.restoring
+    signal, law = branch.record.signal, branch.restoring
     unit = units(signal.unit)
     return PosteriorContent(
         names=tuple(map(str, found.names)),
@@ -72,11 +100,21 @@ def _content(branch: Branch, found: Posterior, motions: Motions) -> PosteriorCon
     )
 
 
-def _motions(branch: Branch, found: Posterior) -> Motions:
-    inferred = {n: found.draws[..., i] for i, n in enumerate(found.names)}
-    values = {**branch.target.known, **inferred}
-    amplitude = branch.record.reference.amplitude
-    return Motions(branch.target.oscillator, values, branch.record.seen.rest, amplitude, branch.spec.inertia)
+def _ratios(branch: Branch, law: Single, u: np.ndarray) -> tuple[DrawnRatio, ...]:
+    """The damping ratio of draws with their deviations, (n, K), at the verdict's amplitudes."""
+    verdict = verdict_of(branch.store, branch.spec.name, branch.repeat)
+    amplitudes = tuple(r.amplitude for r in verdict.damping_ratio) if verdict else ()
+    found = law.ratios(amplitudes, u, branch.study.posterior.sensor)
+    return tuple(DrawnRatio(**asdict(r)) for r in found)
+
+
+def _motions(branch: Branch, inferred: Mapping[str, np.ndarray]) -> Motions:
+    """Draws under the laws alone."""
+    target, record = branch.density.likelihood.target, branch.record
+    values = {**target.known, **inferred}
+    return Motions(
+        target.oscillator, values, record.seen.rest, record.reference.amplitude, branch.spec.inertia
+    )
 
 
 def amplitude_grid(seen: Features) -> np.ndarray:
@@ -85,10 +123,23 @@ def amplitude_grid(seen: Features) -> np.ndarray:
     return np.geomspace(max(min(first, last), FAINTEST * first), first, CURVE_POINTS)
 
 
-def curves(motions: Motions, seen: Features) -> dict[str, np.ndarray]:
-    """Decrement and equivalent ratio over a record's amplitudes, (m,); those that have no motion are left out."""
-    grid = amplitude_grid(seen)
+def _curves(branch: Branch, motions: Motions, u: np.ndarray | None) -> dict[str, np.ndarray]:
+    """Decrement and equivalent ratio over a record's amplitudes, (m,); those that have no motion are left out.
+
+    u: draws with their deviations, (n, K), where laws may hold approximately.
+    """
+    grid, law = amplitude_grid(branch.record.seen), branch.law
     found = against_amplitude(motions, grid, (*LEVELS, *SPREAD))
+    if law is not None and u is not None:
+        few = u[:: max(1, len(u) // CURVE_DRAWS)]
+        drawn = law.ratio_draws(grid, few, branch.study.posterior.sensor)
+        there = np.all(np.isfinite(drawn), axis=0)
+        ratio = np.full((len(LEVELS) + len(SPREAD), grid.size), np.nan)
+        if there.any():
+            ratio[:, there] = np.quantile(drawn[:, there], (*LEVELS, *SPREAD), axis=0)
+        # A cycle's decrement is so many times its damping ratio, by the restoring law alone.
+        middle = list(LEVELS).index(0.5)
+        found = {n: ratio * (c[middle] / found[CURVE][middle]) for n, c in found.items()}
     whole = np.all([np.all(np.isfinite(c), axis=0) for c in found.values()], axis=0)
     band = {f"curve/{n}": c[: len(LEVELS), whole] for n, c in found.items()}
     return {"amplitudes": grid[whole], **band, f"spread/{CURVE}": found[CURVE][len(LEVELS) :, whole]}

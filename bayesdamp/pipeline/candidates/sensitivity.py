@@ -4,18 +4,21 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping
-from dataclasses import asdict, replace
+from dataclasses import asdict
+from functools import partial
 
 import numpy as np
 
-from bayesdamp.inference.approximate import sensitivity as approximate
+from bayesdamp.inference.checks.forecast import carried_on
+from bayesdamp.inference.deviation.single import first_half as first_half_of
+from bayesdamp.inference.deviation.single import under
 from bayesdamp.inference.evidence import Draws
-from bayesdamp.inference.evidence.prediction import Prediction, log_predictive, predict
+from bayesdamp.inference.evidence.prediction import first_half, log_predictive, predict
 from bayesdamp.inference.evidence.savage_dickey import savage_dickey
-from bayesdamp.inference.evidence.widths import Widths, against_width, anew_exactly
+from bayesdamp.inference.evidence.widths import against_width, under_priors
+from bayesdamp.inference.fit.mode import Mode
 from bayesdamp.inference.fit.noise_choice import fit_with
 from bayesdamp.outcomes import following
-from bayesdamp.pipeline.candidates.approximate import law_on, under_law
 from bayesdamp.pipeline.candidates.branch import Branch
 from bayesdamp.priors import Prior
 from bayesdamp.store import CellResult
@@ -59,7 +62,7 @@ def sensitivity_cells(
 
     found: the branch's other cells, name to key; terms, noises: how many of the candidate's and in play. joined:
     whether what counts is a fit of this record and others together, so that it is not looked at closely by itself. law:
-    whether laws may hold approximately.
+    whether laws may hold approximately: what is coloured is the deviations' and κ's there, and there is no other noise.
     """
     asked = repeat == 0 and any(Place.of(n).kind == "evidence" for n in found)
     sources = {kind: source.format(path) for kind, source in SOURCES.items()}
@@ -68,7 +71,7 @@ def sensitivity_cells(
         for kind, source in sources.items()
         if asked
         and source in found
-        and not (law and kind not in UNDER_LAW)
+        and not (law and kind == "noises")
         and not (joined and kind in CLOSE)
         and {"savage_dickey": terms, "noises": noises}.get(kind, 2) > 1
     }
@@ -77,7 +80,6 @@ def sensitivity_cells(
 def compute_sensitivity(branch: Branch, name: str, key: str, seed: int) -> None:
     """Compute one of these cells."""
     kind, began = Place.of(name).method, time.perf_counter()
-    products = UNDER_LAW if under_law(branch.study) else _PRODUCTS
     source = branch.store.read(SOURCES[kind].format(branch.path))
     if not source.arrays:
         none = "not applicable: no draws were kept; run with --fresh"
@@ -85,7 +87,7 @@ def compute_sensitivity(branch: Branch, name: str, key: str, seed: int) -> None:
         branch.store.write(CellResult(name, key, outcome=why))
         return
     try:
-        content, arrays = products[kind](branch, source, seed)
+        content, arrays = _PRODUCTS[kind](branch, source, seed)
     except Refusal as refusal:
         branch.store.write(CellResult(name, key, outcome=str(refusal)))
         return
@@ -97,37 +99,27 @@ Product = tuple[Content, dict[str, np.ndarray]]
 
 def _widths(branch: Branch, source: CellResult, seed: int) -> Product:
     y, log_weights = (source.arrays[n].astype(float) for n in ("y", "log_weights"))
-    target = branch.target
-    coefficients = list(target.oscillator.coefficients)
-    anew = anew_exactly(target, branch.restored_mode)
-    return _of_widths(against_width(target.priors, coefficients, y, log_weights, anew, seed))
+    law, mode = branch.law, branch.density
+    target = mode.likelihood.target
 
+    def near(priors: Mapping[str, Prior]) -> Mode:
+        return under_priors(mode, priors) if law is None else under(law, priors).mode
 
-def _widths_under_law(branch: Branch, source: CellResult, seed: int) -> Product:
-    y, log_weights = (source.arrays[n].astype(float) for n in ("y", "log_weights"))
-    return _of_widths(approximate.over_widths(law_on(branch), y, log_weights, seed))
-
-
-def _of_widths(widths: Widths) -> Product:
-    found = asdict(widths)
+    found = asdict(against_width(target.priors, target.oscillator.coefficients, y, log_weights, near, seed))
     varied = found.pop("varied")
     return WidthsContent(tuple(varied)), found
 
 
 def _half(branch: Branch, source: CellResult, seed: int) -> Product:
-    found, signal = predict(branch.model, branch.target, branch.restored_mode, seed), branch.record.signal
-    return _of_half(source, found, signal.t, signal.y)
-
-
-def _half_under_law(branch: Branch, source: CellResult, seed: int) -> Product:
-    law, first = law_on(branch), float(branch.record.signal.t[0])
-    found = approximate.predict(law, branch.model, "importance", seed)
-    data = law.single.weighing.data
-    return _of_half(source, replace(found, start=first + found.start), first + data.t, data.y)
-
-
-def _of_half(source: CellResult, found: Prediction, t: np.ndarray, y: np.ndarray) -> Product:
-    """What is kept of a prediction of the last of the samples y, (n,), at times t in s."""
+    law, mode, signal = branch.law, branch.density, branch.record.signal
+    if law is None:
+        t, y, half = signal.t, signal.y, first_half(mode)
+        carry = partial(carried_on, mode.likelihood, half=signal.t.size // 2)
+    else:
+        data, one = law.weighing.data, first_half_of(law)
+        t, y, half = float(signal.t[0]) + data.t, data.y, one.mode
+        carry = partial(law.carried_on, one, seed=seed)
+    found = predict(branch.model, half, carry, t, y, seed)
     whole = EvidenceContent.of(source).evidence()
     assert whole is not None  # a source with draws was weighed
     density, uncertainty = log_predictive(whole, found.evidence)
@@ -141,32 +133,21 @@ def _of_half(source: CellResult, found: Prediction, t: np.ndarray, y: np.ndarray
         evidence=EvidenceContent.holding(found.evidence),
     )
     every = max(1, found.centre.size // SHOWN)
-    times = t[-found.centre.size :: every]
-    error = y[-found.centre.size :] - found.centre
-    return content, {"t": times, "error": error[::every], "sd": found.sd[::every]}
+    later = slice(y.size - found.centre.size, None)
+    error = y[later] - found.centre
+    return content, {"t": t[later][::every], "error": error[::every], "sd": found.sd[::every]}
 
 
 def _ratios(branch: Branch, source: CellResult, seed: int) -> Product:
-    target = branch.target
+    target = branch.density.likelihood.target
     z = Draws.of(target, source.arrays["draws"]).z
-    return _of_ratios(branch, target.priors, dict(zip(target.names, np.moveaxis(z, -1, 0), strict=True)))
-
-
-def _ratios_under_law(branch: Branch, source: CellResult, seed: int) -> Product:
-    law = law_on(branch)
-    priors, draws = law.single.found.priors, np.moveaxis(source.arrays["draws"], -1, 0)
-    scores = {n: np.asarray(priors[n].score(x)) for n, x in zip(law.names, draws, strict=True)}
-    return _of_ratios(branch, priors, scores)
-
-
-def _of_ratios(branch: Branch, priors: Mapping[str, Prior], scores: Mapping[str, np.ndarray]) -> Product:
-    """From draws of each parameter's score, (chain, draw)."""
+    scores = dict(zip(target.names, np.moveaxis(z, -1, 0), strict=True))
     # The model without a term, in the order in which the study writes it.
     law = candidate_parts(branch.model)[1]
     pairs = {candidate_name("+".join(x for x in branch.terms if x != t), law): t for t in branch.terms}
     coefficient = dict(zip(branch.terms, branch.target.oscillator.coefficients, strict=True))
     ratios = {
-        m: savage_dickey(priors, coefficient[t], scores, branch.target.scales) for m, t in pairs.items()
+        m: savage_dickey(target.priors, coefficient[t], scores, target.scales) for m, t in pairs.items()
     }
     return RatiosContent({m: NestedRatio(**vars(one)) for m, one in ratios.items()}), {}
 
@@ -191,5 +172,3 @@ def _noises(branch: Branch, source: CellResult, seed: int) -> Product:
 
 
 _PRODUCTS = {"widths": _widths, "half": _half, "noises": _noises, "savage_dickey": _ratios}
-UNDER_LAW = {"widths": _widths_under_law, "half": _half_under_law, "savage_dickey": _ratios_under_law}
-"""Where laws may hold approximately; what is coloured is the deviations' and κ's there: no other noise."""

@@ -9,6 +9,7 @@ import numpy as np
 from bayesdamp.config import Study
 from bayesdamp.inference.evidence import EVIDENCES, Draws
 from bayesdamp.inference.evidence.adopted import COMBINED, NESTED_CHECK, adopted, disagreement
+from bayesdamp.inference.fit.mode import Mode
 from bayesdamp.pipeline.candidates.branch import Branch
 from bayesdamp.store import CellResult, Store
 from bayesdamp.store.contents.evidence import EvidenceContent
@@ -48,8 +49,9 @@ def compute_evidence(branch: Branch, name: str, key: str, seed: int) -> None:
             store.write(CellResult(name, key, silent(branch, method).meta()))
             return
         plugin = EVIDENCES.get(method)
-        draws = _draws(branch) if plugin.needs_draws else None
-        one = plugin.evidence(branch.model, branch.target, branch.restored_mode, seed, draws)
+        mode = branch.density
+        draws = _draws(branch, mode) if plugin.needs_draws else None
+        one = plugin.evidence(branch.model, mode.likelihood.target, mode, seed, draws)
     except Refusal as refusal:
         store.write(CellResult(name, key, outcome=str(refusal)))
         return
@@ -74,12 +76,14 @@ def silent(branch: Branch, method: str) -> EvidenceContent:
     return EvidenceContent(branch.model, method, diagnostic="not called: the others agree")
 
 
-def _draws(branch: Branch) -> Draws | None:
+def _draws(branch: Branch, mode: Mode) -> Draws | None:
     """The NUTS draws of this branch, where the study has them."""
     if "nuts" not in branch.study.posterior.samplers:
         return None
     cell = branch.store.read(f"posterior/{branch.path}/nuts")
-    return Draws.of(branch.target, cell.arrays["draws"], cell.outcome) if "draws" in cell.arrays else None
+    if "draws" not in cell.arrays:
+        return None
+    return Draws.of(mode.likelihood.target, cell.arrays["draws"], cell.outcome)
 
 
 def evidences(store: Store, record: str, model: str, methods: Sequence[str]) -> list[Evidence]:

@@ -48,6 +48,11 @@ def approximately(study: Study, spec: SignalSpec) -> bool:
     return asked == "law" or (asked == "auto" and isinstance(spec.source, Recording))
 
 
+def likelihood_of(study: Study) -> str:
+    """The deviation of what a study samples, "law" or "none". Under "auto" its answer alone may deviate."""
+    return "law" if study.posterior.deviation == "law" else "none"
+
+
 class AnswerCell:
     """The verdict on one record, as `answer/SIGNAL/REPEAT`; with the likeliest candidates' motions sampled, as
     `sampled/SIGNAL/REPEAT`."""

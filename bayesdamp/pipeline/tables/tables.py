@@ -13,10 +13,9 @@ from bayesdamp.outcomes import Status, status_of
 from bayesdamp.physics.damping import TERMS
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.physics.units import parameter_unit
-from bayesdamp.pipeline.candidates.approximate import likelihood_of
 from bayesdamp.pipeline.candidates.averaging import probabilities
 from bayesdamp.pipeline.candidates.weighing import evidence_by_method
-from bayesdamp.pipeline.records.answering import SAMPLED, approximately
+from bayesdamp.pipeline.records.answering import SAMPLED, approximately, likelihood_of
 from bayesdamp.pipeline.tables.run_info import run_info
 from bayesdamp.pipeline.tables.specimen_tables import write_specimen_tables
 from bayesdamp.pipeline.tables.verdicts import write_verdicts

@@ -3,18 +3,22 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
 from scipy.special import logsumexp
 from scipy.stats import gaussian_kde, truncnorm
 
+from bayesdamp.inference.checks.forecast import carried_on
 from bayesdamp.inference.evidence import widths
 from bayesdamp.inference.evidence.methods.importance import Importance
-from bayesdamp.inference.evidence.prediction import log_predictive, predict
+from bayesdamp.inference.evidence.prediction import Prediction, first_half, log_predictive, predict
 from bayesdamp.inference.evidence.savage_dickey import density_at_zero, savage_dickey
-from bayesdamp.inference.evidence.widths import against_width, anew_exactly, widened
+from bayesdamp.inference.evidence.widths import against_width, under_priors, widened
+from bayesdamp.inference.fit.mode import Mode
 from bayesdamp.inference.fit.search import find_mode
+from bayesdamp.inference.model.target import Target
 from bayesdamp.priors import HalfNormal, LogNormal, Normal, Uniform
 from bayesdamp.types import Evidence, Seed, Signal
 from tests.inference.evidence.weighing_problems import (
@@ -50,14 +54,19 @@ def importance(case: str) -> Evidence:
     return Importance().evidence("m", target, mode, 1)
 
 
+def halves(target: Target, mode: Mode) -> Prediction:
+    t, y = target.signal.t, target.signal.y
+    return predict("m", first_half(mode), partial(carried_on, mode.likelihood, half=t.size // 2), t, y, 1)
+
+
 @pytest.mark.parametrize("enough", [widths.ENOUGH, np.inf], ids=["as it comes", "all sampled anew"])
 def test_widths_against_quadrature(enough, monkeypatch):
     monkeypatch.setattr(widths, "ENOUGH", enough)
     target, mode = problem(TWO)
     found = importance(TWO)
-    anew = anew_exactly(target, mode)
+    y, log_weights = found.arrays["y"], found.arrays["log_weights"]
     made = against_width(
-        target.priors, ("zeta", "mu_c"), found.arrays["y"], found.arrays["log_weights"], anew, 1
+        target.priors, ("zeta", "mu_c"), y, log_weights, lambda priors: under_priors(mode, priors), 1
     )
     exact = np.array([under_width(f) for f in made.factors])
     assert made.varied == ("zeta", "mu_c")
@@ -82,7 +91,7 @@ def test_only_scales_are_widened():
 
 def test_the_first_half_against_quadrature():
     target, mode = problem("one far")
-    found = predict("m", target, mode, 1)
+    found = halves(target, mode)
     half = TIMES.size // 2
     nodes, weights = np.polynomial.legendre.leggauss(80)
     low, high = 0.0, 0.3
@@ -101,14 +110,14 @@ def test_the_second_half_is_inside_its_interval_and_a_changed_one_is_not():
     """76 samples: 95 % of them give or take 8 % is a false-alarm rate below 2e-3. Negative control: a record whose
     second half was shifted by three sds of the noise."""
     target, mode = problem("one far")
-    good = predict("m", target, mode, 1)
+    good = halves(target, mode)
     assert good.centre.shape == good.sd.shape == (TIMES.size - TIMES.size // 2,)
     assert good.coverage > 0.87
     assert 0.75 < good.rms / good.expected < 1.25
     y = target.signal.y.copy()
     y[TIMES.size // 2 :] += 3 * KNOWN["noise_sd"]
     changed = replace(target, signal=Signal(TIMES, y))
-    bad = predict("m", changed, find_mode(changed, {Seed("s"): {"mu_c": 0.1}}, noise_level=0.02), 1)
+    bad = halves(changed, find_mode(changed, {Seed("s"): {"mu_c": 0.1}}, noise_level=0.02))
     assert bad.coverage < 0.4
     assert bad.rms / bad.expected > 2
 

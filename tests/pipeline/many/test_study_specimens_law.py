@@ -15,7 +15,7 @@ from bayesdamp.report.results.run import Run
 from bayesdamp.report.results.specimens import sentences
 from bayesdamp.store import Store, read_table
 from bayesdamp.store.contents.many import JointContent
-from tests.inference.approximate.drifts import CASES, SCALE, STIFFNESS, signals
+from tests.inference.deviation.drifts import CASES, SCALE, STIFFNESS, signals
 
 STUDY = """
 version = 1

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.special import logsumexp
 
 from bayesdamp.inference.checks import diagnostics
-from bayesdamp.inference.coordinates.reflected_t import DEGREES, ReflectedT
+from bayesdamp.inference.coordinates.reflected_t import fitted
 from bayesdamp.inference.coordinates.shear import Shear, shear_of
 from bayesdamp.inference.evidence._densities import reflected_log_posterior
 from bayesdamp.inference.evidence._method import Draws, EvidenceMethod
@@ -100,12 +100,6 @@ def _spans(
         cut = len(y) - PROPOSALS
         spans.append(span(ratio[:cut].reshape(bridged.shape[:2]), ratio[cut:]))
     return spans, evaluations
-
-
-def fitted(y: np.ndarray, reflected: np.ndarray) -> ReflectedT:
-    """A reflected t with the mean and covariance of draws on the reflected side, shape (n, d)."""
-    covariance = np.atleast_2d(np.cov(y.T, ddof=1)) * (DEGREES - 2) / DEGREES
-    return ReflectedT(y.mean(axis=0), np.linalg.cholesky(covariance), reflected)
 
 
 def span(at_draws: np.ndarray, at_proposals: np.ndarray) -> Span:

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.special import logsumexp
 
 from bayesdamp.inference.checks import diagnostics
-from bayesdamp.inference.coordinates.reflected_t import DEGREES, ReflectedT
+from bayesdamp.inference.coordinates.reflected_t import DEGREES, ReflectedT, fitted
 from bayesdamp.inference.coordinates.shear import Shear, shear_of
 from bayesdamp.inference.coordinates.truncated_normal import about
 from bayesdamp.inference.curves.weighted import effective
@@ -60,11 +60,14 @@ class Importance(EvidenceMethod):
         began = time.perf_counter()
         rng = np.random.default_rng(seed)
         reflected = target.reflected
-        proposal = ReflectedT(np.where(reflected, np.abs(mode.z), mode.z), mode.factor, reflected)
+        if mode.linear is None:
+            proposal = ReflectedT(np.where(reflected, np.abs(mode.z), mode.z), mode.factor, reflected)
+        else:
+            proposal = fitted(mode.linear.draws, reflected)
         place = proposal, Shear.of_noise(target, mode)
         y, log_weights = self._weights(target, mode, *place, rng, PILOT)
         evaluations = PILOT
-        for other in (self._truncated, self._straightened):
+        for other in (self._truncated, self._straightened) if mode.linear is None else ():
             if _good(log_weights) or (tried := other(target, mode, *place)) is None:
                 continue
             there, weights = self._weights(target, mode, *tried, rng, PILOT)

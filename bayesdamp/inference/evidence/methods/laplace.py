@@ -5,10 +5,13 @@ from __future__ import annotations
 import time
 
 from bayesdamp.inference.evidence._method import Draws, EvidenceMethod
-from bayesdamp.inference.fit.laplace import log_evidence_near
+from bayesdamp.inference.fit.laplace import log_evidence_about
 from bayesdamp.inference.fit.mode import Mode
 from bayesdamp.inference.model.target import Target
 from bayesdamp.types import Evidence
+
+NORMAL = "no draws: right where the posterior is normal"
+LINEAR = "the linear model's own: parameters and deviations integrated out about the best motion"
 
 
 class Laplace(EvidenceMethod):
@@ -29,8 +32,8 @@ class Laplace(EvidenceMethod):
         return Evidence(
             model=model,
             method=self.name,
-            log_evidence=log_evidence_near(mode.likelihood, mode.z),
-            diagnostic="no draws: right where the posterior is normal",
+            log_evidence=log_evidence_about(mode),
+            diagnostic=NORMAL if mode.linear is None else LINEAR,
             evaluations=1,
             seconds=time.perf_counter() - began,
         )

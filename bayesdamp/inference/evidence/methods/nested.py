@@ -12,7 +12,7 @@ import numpy as np
 from scipy.special import ndtri
 
 from bayesdamp.inference.evidence._method import Draws, EvidenceMethod
-from bayesdamp.inference.fit.laplace import log_evidence_near
+from bayesdamp.inference.fit.laplace import log_evidence_about
 from bayesdamp.inference.fit.mode import Mode
 from bayesdamp.inference.model.target import Target
 from bayesdamp.types import OK, Evidence, Refusal
@@ -62,7 +62,7 @@ class Nested(EvidenceMethod):
         """By importance nested sampling (nautilus; Lange 2023)."""
         reflected = target.reflected
         try:
-            expected = log_evidence_near(mode.likelihood, mode.z)
+            expected = log_evidence_about(mode)
         except Refusal:
             expected = None
         # A reflected score has its half-normal prior, twice the normal one, on its side of zero.

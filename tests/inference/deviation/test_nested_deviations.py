@@ -6,13 +6,18 @@ from dataclasses import replace
 
 import pytest
 
-from bayesdamp.inference.approximate import evidence
-from bayesdamp.inference.approximate.evidence import by_importance, by_nested
 from bayesdamp.inference.deviation.single import under
+from bayesdamp.inference.evidence import EVIDENCES
 from bayesdamp.inference.evidence.methods import nested
+from bayesdamp.inference.fit.mode import Mode
 from bayesdamp.priors import HalfNormal
-from tests.interface.test_chains import by_sum, marginal, without_deviations
+from bayesdamp.types import Evidence
+from tests.interface.test_chains import by_sum, without_deviations
 from tests.interface.test_deviation import fit, one_parameter
+
+
+def evidence(method: str, mode: Mode) -> Evidence:
+    return EVIDENCES.get(method).evidence("viscous", mode.likelihood.target, mode, 3)
 
 
 @pytest.mark.parametrize("around", [False, True], ids=["from the prior", "around the mode"])
@@ -22,16 +27,13 @@ def test_nested_sampling_against_a_sum(around: bool, monkeypatch: pytest.MonkeyP
     assert law is not None
     if around:
         monkeypatch.setattr(nested, "LEG", 1)  # it asks at once
-        monkeypatch.setattr(
-            evidence, "linear", lambda *_: nested.Evidence("", "", -1e9)
-        )  # a billion nats to go
-    found = by_nested(law, "viscous", "nested", 3)
+        monkeypatch.setattr(nested, "log_evidence_about", lambda _: -1e9)  # a billion nats to go
+    found = evidence("nested", law.mode)
     assert found.outcome == "ok"
     assert ("around the mode" in found.diagnostic) is around
     assert abs(found.log_evidence - by_sum()[2]) < 4 * found.stderr + 0.002
-    alone = without_deviations(marginal(one_parameter()))
-    monkeypatch.setattr(evidence, "marginal_of", lambda *_: alone)
-    assert by_sum()[2] - by_nested(law, "viscous", "nested", 3).log_evidence > 5
+    alone = replace(law.mode, likelihood=without_deviations(law.mode.likelihood))
+    assert by_sum()[2] - evidence("nested", alone).log_evidence > 5
 
 
 @pytest.mark.slow
@@ -40,13 +42,13 @@ def test_nested_sampling_of_more_parameters_against_importance() -> None:
     law = fit().law
     assert law is not None
     assert len(law.names) > 3
-    found, other = by_nested(law, "viscous", "nested", 3), by_importance(law, "viscous", "importance", 3)
+    found, other = evidence("nested", law.mode), evidence("importance", law.mode)
     assert found.outcome == other.outcome == "ok"
     error = (found.stderr**2 + other.stderr**2) ** 0.5
     assert abs(found.log_evidence - other.log_evidence) < 4 * error
-    priors = law.single.found.priors
+    priors = law.found.priors
     prior = priors["zeta"]
     assert isinstance(prior, HalfNormal)
     twice = {**priors, "zeta": HalfNormal(scale=2 * prior.scale)}
-    wider = by_importance(replace(law, single=under(law.single, twice)), "viscous", "importance", 3)
+    wider = evidence("importance", under(law, twice).mode)
     assert abs(found.log_evidence - wider.log_evidence) > 8 * error

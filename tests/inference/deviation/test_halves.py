@@ -4,7 +4,7 @@ all samples with SciPy's motions, and their conditional ones."""
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import lru_cache
+from functools import lru_cache, partial
 from typing import NamedTuple
 
 import numpy as np
@@ -13,14 +13,12 @@ from scipy import stats
 from scipy.special import logsumexp
 
 import bayesdamp as bd
-from bayesdamp.inference.approximate.evidence import by_importance
-from bayesdamp.inference.approximate.law import Approximate
-from bayesdamp.inference.approximate.sensitivity import predict
 from bayesdamp.inference.deviation.gaussian.hyperparameters import grid_of
-from bayesdamp.inference.deviation.single import first_half
-from bayesdamp.inference.evidence.prediction import Prediction, log_predictive
+from bayesdamp.inference.deviation.single import Single, first_half
+from bayesdamp.inference.evidence.methods.importance import Importance
+from bayesdamp.inference.evidence.prediction import Prediction, log_predictive, predict
 from bayesdamp.types import Refusal
-from tests.inference.approximate.drifts import KNOTS, NOISE, SCALE, STARTS, STIFFNESS, TIMES, motion
+from tests.inference.deviation.drifts import KNOTS, NOISE, SCALE, STARTS, STIFFNESS, TIMES, motion
 
 HALF = TIMES.size // 2
 GRID = np.linspace(0.035, 0.085, 101)
@@ -31,7 +29,7 @@ ROUNDED = 0.02
 
 
 @lru_cache
-def law() -> Approximate:
+def law() -> Single:
     """Viscous damping that rises by 12 % over the record, only the coefficient of which is inferred."""
     y = motion(0.05, STARTS[0], 0.12 * np.linspace(-0.5, 0.5, KNOTS.size), np.zeros(KNOTS.size))
     y = y + NOISE * np.random.default_rng(4).standard_normal(TIMES.size)
@@ -42,7 +40,8 @@ def law() -> Approximate:
 
 @lru_cache
 def predicted() -> Prediction:
-    return predict(law(), "viscous", "importance", 1)
+    half, data = first_half(law()), law().weighing.data
+    return predict("viscous", half.mode, partial(law().carried_on, half, seed=1), data.t, data.y, 1)
 
 
 class Dense(NamedTuple):
@@ -60,7 +59,7 @@ def dense(exact: bool = False) -> Dense:
     u, n, d = law().best[0], KNOTS.size, 1e-4
     u = np.zeros(1 + 2 * n) if exact else u
     g, h = u[1 : 1 + n], u[1 + n :]
-    y, slopes = law().single.weighing.data.y, np.zeros((TIMES.size, 2 * n))
+    y, slopes = law().weighing.data.y, np.zeros((TIMES.size, 2 * n))
     if not exact:
         middle = float(law().values(law().best)[0, 0])
         for i, step in enumerate(d * np.eye(2 * n)):
@@ -94,7 +93,7 @@ def dense(exact: bool = False) -> Dense:
 def test_halves_make_the_whole() -> None:
     """Evidence of the first half, and its difference to the whole's, which is the density of the second half given the
     first, each within four standard errors. Control: under exact laws both are others."""
-    whole, half = by_importance(law(), "viscous", "importance", 2), predicted().evidence
+    whole, half = Importance().evidence("viscous", law().mode.likelihood.target, law().mode, 2), predicted().evidence
     assert whole.outcome == half.outcome == "ok"
     assert abs(half.log_evidence - dense().first) < 4 * half.stderr + ROUNDED
     density, error = log_predictive(whole, half)
@@ -118,7 +117,7 @@ def test_the_second_half_is_predicted_with_the_first_s_deviations() -> None:
 
 
 def test_what_is_not_cut_in_halves_says_so() -> None:
-    one = law().single
+    one = law()
     few = one.weighing.data.first(30)
     with pytest.raises(Refusal, match="half the record has 15 samples for 17 parameters and deviations"):
         first_half(replace(one, weighing=replace(one.weighing, data=few)))

@@ -1,0 +1,171 @@
+"""The density of a candidate's parameters, the deviations of its laws integrated out, about its mode."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from copy import copy
+from dataclasses import replace
+
+import numpy as np
+
+from bayesdamp.inference.deviation.gaussian.hyperparameters import grid_of
+from bayesdamp.inference.deviation.least_squares import SEARCHED
+from bayesdamp.inference.deviation.weighing import Result, Weighing
+from bayesdamp.inference.fit.mode import BUDGET, LinearPosterior, Mode
+from bayesdamp.inference.model.deviation import Deviation
+from bayesdamp.inference.model.likelihood import Likelihood
+from bayesdamp.inference.model.target import Target
+from bayesdamp.physics.kernel import Motion, Solver
+from bayesdamp.physics.kernel.averaged import AveragedSolver
+from bayesdamp.physics.kernel.solve import ALL, TOLERANCE
+from bayesdamp.physics.oscillator import Oscillator
+from bayesdamp.physics.trajectories import Trajectories
+from bayesdamp.priors import shared_precision
+from bayesdamp.types import Refusal, Signal
+
+ESCAPED = "no motion near the fit can be followed with deviations from its law"
+LOOSER, TRIED = (3e-6, 1e-6, 3e-7), 8
+"""Errors of a step, as shares of the amplitude, that are tried in turn, and draws at which they are compared."""
+NEGLIGIBLE = 1e-8
+"""Posterior probability under the linear model from which a combination of hyperparameters is left out."""
+
+
+class Deviating(Trajectories):
+    """Motions with deviations held, as means over windows, or as amplitudes and phases, where the data are these.
+
+    Parameters
+    ----------
+    solver : Solver or AveragedSolver
+    active : ndarray, shape (m,)
+        Which of the solver's terms act.
+    g, h : ndarray, shape (n,)
+        Relative deviations of damping and frequency at the knots.
+    given : mapping of str to float
+        Values of the kernel's parameters that are not inferred.
+    tolerance : float
+        Error of a step, as a share of the amplitude.
+    """
+
+    def __init__(
+        self,
+        solver: Solver | AveragedSolver,
+        active: np.ndarray,
+        g: np.ndarray,
+        h: np.ndarray,
+        given: Mapping[str, float],
+        tolerance: float = TOLERANCE,
+    ) -> None:
+        self._solver, self._active, self._deviations = solver, active, (g, h)  # type: ignore[assignment]
+        self._given = {**dict.fromkeys(solver.names, 0.0), **given}
+        self._rests, self._count = False, solver.t.size
+        self._tolerance, self._correction = tolerance, 0.0
+
+    def loosened(self, tolerance: float, p: Mapping[str, float]) -> Deviating:
+        """Return the same to another error of a step, with the correction that the motion at p needs: the errors of
+        motions that lie near each other are nearly the same (H. J. Stetter, Numer. Math. 29, 425, 1978)."""
+        found = copy(self)
+        found._tolerance, found._correction = tolerance, 0.0
+        found._correction = self.record(p) - found.record(p)
+        return found
+
+    def _solved(
+        self, p: Mapping[str, float], epsilon: float, tangents: int, solver: Solver | None = None
+    ) -> Motion | None:
+        vector = np.array([float(p.get(name, self._given[name])) for name in self._solver.names])
+        tolerance = SEARCHED if tangents else self._tolerance
+        found = self._solver.solve(vector, self._active, *self._deviations, tangents, tolerance=tolerance)
+        return found if found is None or tangents else replace(found, y=found.y + self._correction)
+
+
+def density_of(weighing: Weighing, result: Result, draws: np.ndarray, known: Mapping[str, float]) -> Mode:
+    """Return the density of a weighed candidate's parameters about its mode.
+
+    Parameters
+    ----------
+    draws : ndarray, shape (m, d)
+        Scores drawn from the linear model, where chains start and by which they are whitened.
+    known : mapping of str to float
+        What is held, for people to read.
+
+    Raises
+    ------
+    Refusal
+        Where no motion with deviations can be followed.
+    """
+    about, parameters, solver, data = result.about, result.fit.parameters, result.solver, weighing.data
+    if about is None or result.weighed is None:
+        raise Refusal(ESCAPED)
+    z = about.u[: parameters.free.size]
+    target = Target(
+        Signal(data.t, data.y, data.quantity),
+        Oscillator(result.candidate.damping, result.candidate.restoring),
+        "gaussian",
+        {name: parameters.priors[name] for name in parameters.free_names},
+        {**parameters.known, "epsilon": solver.epsilon, **known},
+        deviation=_deviation(weighing, result),
+    )
+    likelihood = _loosest(Likelihood.near(target, z, TOLERANCE * data.recorded_amplitude), z, draws[:TRIED])
+    covariance = np.atleast_2d(np.cov(draws.T))
+    near, shared = likelihood, target.shared
+    if shared.any():
+        squares = float(np.mean(np.sum(draws[:, shared] ** 2, axis=1)))
+        near = likelihood.held(float(shared_precision(squares, int(shared.sum()))) ** -0.5)
+    return Mode(
+        z=z,
+        log_posterior=likelihood.log_posterior(z),
+        information=np.linalg.inv(covariance),
+        factor=np.linalg.cholesky(covariance),
+        likelihood=likelihood,
+        near=near,
+        searches=(),
+        step_error=np.nan,
+        likelihood_error=np.nan,
+        tolerance=likelihood.tolerance,
+        linear=LinearPosterior(draws, float(result.weighed.log_evidence)),
+    )
+
+
+def _loosest(likelihood: Likelihood, z: np.ndarray, draws: np.ndarray) -> Likelihood:
+    """Return the likelihood with the loosest motions that change it by less than `BUDGET` at draws (m, d), corrected at
+    scores z, (d,)."""
+    target, wanted = likelihood.target, likelihood.log_likelihoods(draws)
+    deviation = target.deviation
+    assert deviation is not None
+    assert isinstance(deviation.motions, Deviating)
+    for tolerance in LOOSER:
+        motions = deviation.motions.loosened(tolerance, target.all_values(z))
+        other = replace(likelihood, target=replace(target, deviation=replace(deviation, motions=motions)))
+        if np.max(np.abs(other.log_likelihoods(draws) - wanted)) < BUDGET:
+            return other
+    return likelihood
+
+
+def _deviation(weighing: Weighing, result: Result) -> Deviation:
+    """Return the deviations about those of the mode, with the combinations of hyperparameters that count."""
+    about, weighed = result.about, result.weighed
+    assert about is not None
+    assert weighed is not None
+    parameters, solver, data = result.fit.parameters, result.solver, weighing.data
+    n, d = solver.knots.size, parameters.free.size
+    g, h = about.u[d : d + n], about.u[d + n :]
+    p = parameters.values(about.u[:d])
+    moved = solver.solve(p, result.fit.active, np.expm1(g), h, ALL, tolerance=SEARCHED)
+    if moved is None:
+        raise Refusal(ESCAPED)
+    columns = moved.tangents[:, len(solver.names) :].copy()
+    columns[:, :n] *= np.exp(g)
+    basis, upper = np.linalg.qr(columns)
+    grid = grid_of(n, absorbed=parameters.absorbs)
+    kept = weighed.probable(NEGLIGIBLE)
+    probabilities = np.bincount(weighed.combos, weighed.weights, minlength=grid.log_prior.size)[kept]
+    return Deviation(
+        Deviating(solver, result.fit.active, np.expm1(g), h, parameters.known),
+        weighing.variance,
+        data.y.size / weighing.inflation,
+        basis,
+        columns @ np.concatenate([g, h]),
+        grid.log_prior[kept],
+        grid.factors[kept],
+        upper @ grid.factors[kept] / np.sqrt(weighing.variance),
+        probabilities / probabilities.sum(),
+    )

@@ -1,0 +1,134 @@
+"""Deviations of the laws as a part of the likelihood: they are integrated out of it.
+
+Motions are exact in the parameters. Deviations act on them linearly, by their tangents at the mode, so that under each
+combination of hyperparameters they add a covariance of low rank to the noise's; the likelihood is the mixture over all
+combinations. Without any knots it is that of exact laws under white noise of a known variance.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Self
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.linalg import solve_triangular
+
+from bayesdamp.inference.noise import NoiseModel
+from bayesdamp.physics.trajectories import Trajectories
+from bayesdamp.priors import Prior
+from bayesdamp.records.oscillation.features import Features
+from bayesdamp.types import Refusal
+
+
+@dataclass(frozen=True, eq=False)
+class Deviation(NoiseModel):
+    """Distribution of record minus motion: white noise of a known variance, and the deviations' effect on the record.
+
+    Attributes
+    ----------
+    motions : Trajectories
+        Motions with the deviations held as they are at the mode.
+    variance : float
+        Of the noise, in the record's unit squared.
+    samples : float
+        Number of independent samples that the record stands for.
+    basis : ndarray, shape (m, k)
+        Orthonormal basis of what deviations do to the record's m values.
+    shift : ndarray, shape (m,)
+        What those of the mode do.
+    log_prior : ndarray, shape (c,)
+        Log prior masses of the combinations of hyperparameters.
+    maps : ndarray, shape (c, k, k)
+        From standard normal numbers to log g and h at the knots.
+    effects : ndarray, shape (c, k, k)
+        What these do, in standard deviations of the noise along the basis.
+    probabilities : ndarray, shape (c,)
+        Of the combinations near the mode, for the curvature.
+    """
+
+    motions: Trajectories
+    variance: float
+    samples: float
+    basis: np.ndarray
+    shift: np.ndarray
+    log_prior: np.ndarray
+    maps: np.ndarray
+    effects: np.ndarray
+    probabilities: np.ndarray
+    name = "gaussian"
+    parameters = ()
+
+    def without_knots(self) -> Self:
+        """Return the distribution under exact laws: of the noise alone."""
+        none = np.zeros((1, 0, 0))
+        return type(self)(
+            self.motions, self.variance, self.samples, self.basis[:, :0], np.zeros_like(self.shift), np.zeros(1),
+            none, none, np.ones(1),
+        )  # fmt: skip
+
+    @cached_property
+    def _whitening(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return the inverse factors of the covariances along the basis, one below the other, (c k, k), and the log of
+        each one's prior mass over the root of its determinant, (c,)."""
+        k = self.effects.shape[1]
+        lower = np.linalg.cholesky(np.eye(k) + self.effects @ np.swapaxes(self.effects, 1, 2))
+        log_scale = np.sum(np.log(np.diagonal(lower, axis1=1, axis2=2)), axis=1)
+        return np.linalg.inv(lower).reshape(-1, k), self.log_prior - log_scale
+
+    def _parts(self, r: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """Return residuals (m,) along the basis in sds of the noise, (k,), and across it, (m,); the first whitened
+        under each combination, (c, k), and the log weight of each, (c,)."""
+        left = (r + self.shift) / np.sqrt(self.variance)
+        along = left @ self.basis
+        whitening, log_mass = self._whitening
+        white = (whitening @ along).reshape(len(log_mass), -1)
+        each = log_mass - 0.5 * np.einsum("ci,ci->c", white, white)
+        return along, left - self.basis @ along, white, each
+
+    def log_likelihood(self, r: np.ndarray, gaps: np.ndarray, p: Mapping[str, ArrayLike]) -> np.ndarray:
+        """Return the log density of residuals (m,), deviations integrated out."""
+        _, across, _, each = self._parts(r)
+        constant = 0.5 * self.samples * np.log(2 * np.pi * self.variance)
+        return np.asarray(np.logaddexp.reduce(each) - 0.5 * float(across @ across) - constant)
+
+    def slope(self, r: np.ndarray, gaps: np.ndarray, p: Mapping[str, ArrayLike]) -> np.ndarray:
+        """Return its derivative by each residual, (m,)."""
+        _, across, white, each = self._parts(r)
+        pull = (np.exp(each - np.logaddexp.reduce(each))[:, None] * white).ravel() @ self._whitening[0]
+        return -(self.basis @ pull + across) / np.sqrt(self.variance)
+
+    def information_root(self, v: np.ndarray, gaps: np.ndarray, p: Mapping[str, ArrayLike]) -> np.ndarray:
+        """Return R v for shifts (..., m), with the probabilities of the combinations as they are near the mode."""
+        v = v / np.sqrt(self.variance)
+        along = v @ self.basis
+        white = along @ self._whitening[0].T * np.repeat(np.sqrt(self.probabilities), along.shape[-1])
+        return np.concatenate([v - along @ self.basis.T, white], axis=-1)
+
+    def draw_given(self, r: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+        """Draw log g and h at the knots, (k,), given residuals (m,)."""
+        along, _, _, each = self._parts(r)
+        c = rng.choice(each.size, p=np.exp(each - np.logaddexp.reduce(each)))
+        effect = self.effects[c]
+        factor = np.linalg.cholesky(np.eye(len(effect)) + effect.T @ effect)
+        mean = solve_triangular(factor, effect.T @ along, lower=True)
+        return self.maps[c] @ solve_triangular(factor.T, mean + rng.standard_normal(mean.size))
+
+    def priors(self, features: Features) -> dict[str, Prior]:
+        """Return none: nothing of it is a parameter."""
+        return {}
+
+    def start(self, r: np.ndarray, gaps: np.ndarray) -> dict[str, float]:
+        """Return nothing."""
+        return {}
+
+    def whiten(self, r: np.ndarray, gaps: np.ndarray, p: Mapping[str, ArrayLike]) -> np.ndarray:
+        """Return scores under the likeliest combination, (m,)."""
+        _, across, white, each = self._parts(r)
+        return across + self.basis @ white[int(np.argmax(each))]
+
+    def log_likelihoods(self, r: np.ndarray, gaps: np.ndarray, p: Mapping[str, ArrayLike]) -> np.ndarray:
+        """Raise Refusal: samples are independent only given a draw of the deviations."""
+        raise Refusal("samples are independent only given the deviations")
