@@ -15,7 +15,7 @@ from rich.text import Text
 from bayesdamp.report import words
 from bayesdamp.report.results.alike import common_amplitude, ratio_of, short_names
 from bayesdamp.report.results.answers import Answer, answers, specimens
-from bayesdamp.report.results.confirmation import confirmation, sampled_words
+from bayesdamp.report.results.checks import Checks, sampled_words
 from bayesdamp.report.results.run import Run
 from bayesdamp.report.results.specimens import sentences
 from bayesdamp.types import OK
@@ -100,10 +100,9 @@ def conclude(folder: Path, console: Console) -> None:
             console.print()
             console.print(Text(f"{signal}: {_why(run, signal)}"), soft_wrap=True)
         _beware(run, signal, console)
-        confirmed = confirmation(run, signal)
-        if confirmed:
-            whose = f"{signal}: " if len(run.signals) > 1 else ""
-            console.print(Text(f"{whose}{confirmed}"), soft_wrap=True)
+        whose = f"{signal}: " if len(run.signals) > 1 else ""
+        for check in Checks(run, signal).all():
+            console.print(Text(f"{whose}{check.text}"), soft_wrap=True)
     for text in sentences(run):
         console.print()
         console.print(Text(text), soft_wrap=True)

@@ -79,6 +79,7 @@ def method(name: str) -> str:
         "sindy": "SINDy",
         "weak_sindy": "weak SINDy",
     }
+    special |= {"importance": "importance sampling", "bridge": "bridge sampling"}
     special |= {"combined": "adopted evidence", "smc": "sequential Monte Carlo", "nested": "nested sampling"}
     special |= {"neural_ode": "neural ODE", "koopman": "Koopman", "student_t": "Student t"}
     return special.get(name, name.replace("_", " "))

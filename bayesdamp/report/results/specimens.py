@@ -7,11 +7,10 @@ from collections.abc import Mapping
 from bayesdamp.outcomes import Fitting, fitting_of
 from bayesdamp.report import words
 from bayesdamp.report.results.run import Run, rows_of
-from bayesdamp.report.results.verdict import SURE
 from bayesdamp.store import CellResult
 from bayesdamp.store.contents.many import JointContent, PopulationContent, Weighing
 from bayesdamp.types import OK, candidate_parts, summed
-from bayesdamp.verdict.thresholds import CAP
+from bayesdamp.verdict.thresholds import CAP, DECIDED
 
 WORTH = 0.01
 """Probability from which a form of damping is named that the study does not compare."""
@@ -74,7 +73,7 @@ def _named(joint: JointContent) -> str:
     probabilities = {c: row.probability for c, row in joint.candidates.items()}
     damping, law = candidate_parts(joint.best)
     p = summed(probabilities)[damping]
-    sure = "" if p >= SURE else "most likely "
+    sure = "" if p >= DECIDED else "most likely "
     text = f"{sure}{words.model(damping)}, with probability {capped(p)}"
     laws = summed(probabilities, 1)
     if len(laws) > 1:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from bayesdamp.outcomes import Status, status_of
 from bayesdamp.report import words
 from bayesdamp.report.html import Line, Table, fill, folded
 from bayesdamp.report.results.run import Run
@@ -41,9 +42,27 @@ class Provenance(Section):
         if versions:
             table = Table(["package", "version"], [Line([k, v]) for k, v in versions.items()], text)
             parts.append(folded(f"Versions of {len(versions)} packages", table))
+        parts += _without_result(run)
         parts += _timing(info.get("seconds") or {})
         parts += _budget(info.get("error_budget") or {})
         return fill("stack.html", parts=parts)
+
+
+def _without_result(run: Run) -> list[object]:
+    """The sentences that tasks ended with instead of a result, each with the names of its tasks."""
+    found: dict[str, list[str]] = {}
+    for cell in run.not_ok():
+        if status_of(cell.outcome) is not Status.PRUNED:  # the evidence section has these
+            found.setdefault(cell.outcome, []).append(cell.name)
+    if not found:
+        return []
+    count = sum(map(len, found.values()))
+    lines = [
+        Line([outcome, ", ".join(names[:3]) + (f" and {len(names) - 3} more" if len(names) > 3 else "")])
+        for outcome, names in found.items()
+    ]
+    caption = f"{count} task{'s' if count > 1 else ''} ended with a sentence instead of a result"
+    return [Table(["sentence", "tasks"], lines, frozenset({0, 1}), caption)]
 
 
 def _machine(machine: object) -> list[tuple[str, Any]]:
