@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import floor, isfinite, log10
+from math import isfinite
 from typing import TYPE_CHECKING
 
+from bayesdamp.formatting import digits, probability, with_interval
 from bayesdamp.physics.damping import PAPER_TERMS, TERMS, words_of
 from bayesdamp.verdict import thresholds
 from bayesdamp.verdict.parts import DampingRatio, FrequencyAt, Grade, Interval, Mode, Motion, OverLaw, Share
@@ -27,45 +28,6 @@ UNEVEN = 1.25
 def named(damping: str) -> str:
     """A sum's name in words."""
     return " + ".join(words_of(term) for term in damping.split("+"))
-
-
-FIXED, SMALL, LARGE = 8, 1e-3, 1e6
-"""Places up to which a small number is written without an exponent; what small is, and the size from which a number may
-have an exponent."""
-
-
-def digits(value: float, width: float) -> str:
-    """A value with as many digits as its interval's width allows."""
-    if not width > 0 or value == 0:
-        return f"{value:.3g}"
-    places = 1 - floor(log10(width))
-    if abs(value) >= LARGE or (places > FIXED and abs(value) < SMALL):
-        return f"{value:.{min(max(places + floor(log10(abs(value))) + 1, 1), 15)}g}"
-    places = max(0, places)
-    return f"{value:.{min(places, 15)}f}"
-
-
-def rounded(percent: float) -> str:
-    """A percentage that is hardly known: whole, below ten to one digit."""
-    return f"{percent:.0f}" if percent >= 9.5 else f"{percent:.1g}"
-
-
-def with_interval(value: float, low: float, high: float, unit: str = "", scale: float = 1.0) -> str:
-    """`0.65 % (0.64 to 0.66)`; a dash where there is no value, and no interval where it has no ends."""
-    if not isfinite(value):
-        return "–"
-    if not (isfinite(low) and isfinite(high)):
-        return f"{value * scale:.3g}{unit}, within no bounds"
-    width = (high - low) * scale
-    shown = [digits(x * scale, width / 2) for x in (value, low, high)]
-    return f"{shown[0]}{unit} ({shown[1]} to {shown[2]})"
-
-
-def probability(p: float) -> str:
-    """A probability, never 1."""
-    if p >= 0.9995:
-        return "more than 0.999"
-    return f"{p:.3f}" if p > 0.99 else f"{p:.2f}" if p >= 0.01 else f"{p:.1g}"
 
 
 def _ratio(r: DampingRatio) -> str:

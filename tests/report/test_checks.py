@@ -110,8 +110,8 @@ def test_a_record_on_which_everything_agrees_has_no_failure() -> None:
     assert passed == [
         "NUTS converged: R̂ at most 1.002, effective sample size at least 2,500.",
         "emcee converged: R̂ at most 1.002, effective sample size at least 2,500.",
-        "Probability of viscous among the compared damping models: 0.990 by importance sampling; the answer gives "
-        ">\u00a00.999.",
+        "Probability of viscous among the compared damping models: 0.99 by importance sampling; the answer gives "
+        "> 0.999.",
         "Residuals: viscous fits.",
         "2 trajectory fits of ζ: 0.0500000.",
         "Truth: the record was simulated with viscous damping, as the answer says.",
@@ -119,7 +119,7 @@ def test_a_record_on_which_everything_agrees_has_no_failure() -> None:
     ]
     table = Checks(run_of(verdict(), truth="viscous", **tables), "a").table()
     assert table is not None
-    assert table.lines[0].cells == [
+    assert list(table.lines[0]) == [
         "ζ", "1/s", "0.0500 (0.0480 to 0.0520)", *["0.0500 (0.0480 to 0.0520)"] * 2, "0.0500000", "0.05",
     ]  # fmt: skip
 
@@ -131,7 +131,7 @@ def test_a_record_on_which_everything_agrees_has_no_failure() -> None:
         ({"posteriors": chain(at=0.052)}, "NUTS contradicts the answer: its ζ is 2.0 of the answer's standard"),
         (
             {"evidence": evidence(coulomb=0.7, viscous=0.3)},
-            "Importance sampling puts Coulomb first, with probability 0.700, which contradicts the answer.",
+            "Importance sampling puts Coulomb first, with probability 0.70, which contradicts the answer.",
         ),
         (
             {
@@ -146,7 +146,7 @@ def test_a_record_on_which_everything_agrees_has_no_failure() -> None:
             {"estimates": [fitted(0.06)]},
             "1 trajectory fit of ζ: 0.0600000; 1 of them outside the answer's 95 % interval.",
         ),
-        ({"truth": "coulomb", "posteriors": chain()}, "with Coulomb damping, to which the answer gives 0.020."),
+        ({"truth": "coulomb", "posteriors": chain()}, "with Coulomb damping, to which the answer gives 0.02."),
         (
             {"truth": "viscous", "estimates": [{**fitted(), "truth": 0.06}]},
             "Truth: ζ = 0.06, outside the 95 % interval.",
@@ -239,7 +239,7 @@ def test_an_answer_that_rests_on_the_priors_width_says_so() -> None:
 
     (said,) = widths(40.0)
     assert (
-        "with priors 0.10 times as wide, the probability of viscous is 0.712" in said
+        "with priors 0.10 times as wide, the probability of viscous is 0.71" in said
     )  # 0.99 / (0.99 + 0.01 * 40)
     assert widths(2.0) == []
 

@@ -23,8 +23,8 @@ from bayesdamp.report.figures.records.backbone import backbone
 from bayesdamp.report.figures.records.exponent import exponent
 from bayesdamp.report.figures.records.motions import motions
 from bayesdamp.report.figures.records.record import thinned
-from bayesdamp.report.html import Line, Table
 from bayesdamp.report.style import RC, WIDTH, colour, dash, legend_columns, looks
+from bayesdamp.table import Line, Table
 from bayesdamp.verdict.parts import Mode
 
 

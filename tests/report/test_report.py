@@ -63,8 +63,8 @@ def test_the_verdict_comes_first_and_warns(page):
         "Probability of viscous + Coulomb among the compared damping models: > 0.999 by bridge"
     )
     assert verdict < words.index("What was asked")
-    assert "Probability of viscous among the compared damping models: 0.802 by bridge sampling" in words
-    assert "Most probable by evidence in 2 repeats of this record: viscous in 2 (at least 0.802)." in words
+    assert "Probability of viscous among the compared damping models: 0.80 by bridge sampling" in words
+    assert "Most probable by evidence in 2 repeats of this record: viscous in 2 (at least 0.80)." in words
     assert "move by 4.1 of the standard deviations that chance allows them" in words
     assert "predictive p 0.0030" in words
     assert "Truth: ζ = 0.05, inside the 95 % interval." in words
@@ -209,7 +209,7 @@ def test_other_forms_of_damping_are_in_a_table(maker_of) -> None:
     store.write(replace(cell, meta={**cell.meta, "rivals": rivals}))
     words = Page(render(folder).read_text()).words
     assert (
-        "what there might be beside it ln Bayes factor probability, against none it is b 1.00 0.731" in words
+        "what there might be beside it ln Bayes factor probability, against none it is b 1.00 0.73" in words
     )
 
 

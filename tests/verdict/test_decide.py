@@ -130,7 +130,7 @@ def test_decided(p: float, exact: Mapping[str, float] | None, outright: bool) ->
 def test_probabilities_of_measured_records_are_capped(measured: bool, approximate: bool, cap: float) -> None:
     found = decided(two(0.99999), measured=measured, approximate=approximate)
     assert found.probability == min(0.99999, cap)
-    assert ("more than 0.999" in found.sentence) is (cap == 1)
+    assert ("> 0.999" in found.sentence) is (cap == 1)
     low = decided(two(thresholds.CAP - 0.01), measured=measured)
     assert low.probability == thresholds.CAP - 0.01
 
@@ -297,7 +297,7 @@ def test_only_what_has_no_width_was_given() -> None:
     assert plus_minus(Interval(1.0, 1.0, 1.0, "Hz")) == "1 Hz (specified)"
 
 
-@pytest.mark.parametrize(("p", "text"), [(1.0, "more than 0.999"), (0.42, "0.42"), (0.0034, "0.003")])
+@pytest.mark.parametrize(("p", "text"), [(1.0, "> 0.999"), (0.42, "0.42"), (0.0034, "0.003")])
 def test_probability_in_words(p: float, text: str) -> None:
     assert probability(p) == text
 

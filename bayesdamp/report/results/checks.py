@@ -8,9 +8,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from bayesdamp import formatting as fmt
 from bayesdamp.outcomes import Fitting, Status, fitting_of, status_of
 from bayesdamp.report import words
-from bayesdamp.report.html import Line, Table
 from bayesdamp.report.results.answers import Answer, answer_of
 from bayesdamp.report.results.comparing import true_models
 from bayesdamp.report.results.reading import (
@@ -26,12 +26,12 @@ from bayesdamp.report.results.reading import (
 from bayesdamp.report.results.run import Row, Run, rows_of
 from bayesdamp.store.contents.answers import AnswerContent
 from bayesdamp.store.contents.posteriors import PosteriorContent
+from bayesdamp.table import Line, Table
 from bayesdamp.types import OK, candidate_parts
 from bayesdamp.verdict.agreement import SMALL, Z95, Agreement, agreement, intervals
 from bayesdamp.verdict.parts import Grade
 from bayesdamp.verdict.types import Verdict
 from bayesdamp.verdict.units import in_unit
-from bayesdamp.verdict.words import with_interval
 
 WINDOW_SPREAD = 3.0
 """Standard deviations by which a coefficient seldom moves by chance between parts of a record."""
@@ -154,16 +154,16 @@ class Checks:
             cells = []
             if own:
                 c = own.get(name)
-                cells.append(with_interval(c.value, c.low, c.high) if c else words.NONE)
+                cells.append(fmt.with_interval(c.value, c.low, c.high) if c else fmt.NONE)
             cells += [
-                with_interval(r[0]["median"], r[0]["q2.5"], r[0]["q97.5"]) if r else words.NONE
+                fmt.with_interval(r[0]["median"], r[0]["q2.5"], r[0]["q97.5"]) if r else fmt.NONE
                 for r in by_chain
             ]
             if any(fits.values()):
-                cells.append(_range(values) if values else words.NONE)
+                cells.append(_range(values) if values else fmt.NONE)
             if simulated:
                 true = truth(self.run, self.signal, name)
-                cells.append(words.given(true) if math.isfinite(true) else words.NONE)
+                cells.append(fmt.given(true) if math.isfinite(true) else fmt.NONE)
             lines.append(Line([words.symbol(name).text, words.unit(units.get(name, "")), *cells]))
         headers = ["coefficient", "unit"]
         headers += ["answer (95 %)"] if own else []
@@ -232,12 +232,12 @@ class Checks:
             return [
                 Check(
                     f"{name} sampled {words.model(v.damping)} damping alone, which has probability "
-                    f"{words.probability(v.probability)} in the answer; {words.model(likelier[0].damping)} has "
-                    f"{words.probability(likelier[0].probability)}."
+                    f"{fmt.probability(v.probability)} in the answer; {words.model(likelier[0].damping)} has "
+                    f"{fmt.probability(likelier[0].probability)}."
                 )
             ]
         middle = len(ratios) // 2
-        at, size = v.damping_ratio[middle], with_interval(*ratios[middle], " %", 100)
+        at, size = v.damping_ratio[middle], fmt.with_interval(*ratios[middle], " %", 100)
         given = f"{size} at {at.amplitude:.2g} {at.unit}"
         if self.exact_only:
             return [
@@ -250,7 +250,7 @@ class Checks:
             text = f"{name} agrees with the damping ratio ({given}), with an interval {off.wider:.1f} times as wide."
             return [Check(text, fails=off.wider > 1)]
         i = next(k for k, r in enumerate(v.damping_ratio) if r.amplitude == off.amplitude)
-        at, size = v.damping_ratio[i], with_interval(*ratios[i], " %", 100)
+        at, size = v.damping_ratio[i], fmt.with_interval(*ratios[i], " %", 100)
         return [
             Check(
                 f"{name} contradicts the damping ratio: it gives {size} at {at.amplitude:.2g} {at.unit}, which is "
@@ -277,18 +277,16 @@ class Checks:
         leading = next(iter(chosen.dampings))
         named = _same_sum(chosen.dampings, self.verdict.damping) if self.verdict else leading
         if named is not None:
-            by = words.listing(
-                f"{words.probability(p[named])} by {words.method(m)}" for m, p in shares.items()
-            )
+            by = fmt.listing(f"{fmt.probability(p[named])} by {words.method(m)}" for m, p in shares.items())
             compared = _among(self.verdict, list(chosen.dampings)) if self.verdict else math.nan
-            own = f"; the answer gives {words.probability(compared)}" if math.isfinite(compared) else ""
+            own = f"; the answer gives {fmt.probability(compared)}" if math.isfinite(compared) else ""
             found.append(
                 Check(f"Probability of {words.model(named)} among the compared damping models: {by}{own}.")
             )
         for method, p in shares.items():
             first = max(p, key=lambda damping: p[damping])
             if first != (named if self.verdict else leading):
-                share = words.probability(p[first])
+                share = fmt.probability(p[first])
                 text = f"{_name(method)} puts {words.model(first)} first, with probability {share}"
                 if self.exact_only:
                     found.append(
@@ -300,8 +298,8 @@ class Checks:
         lowest = min(over_widths(run, signal, repeat, chosen), key=lambda w: w.probability, default=None)
         if lowest is not None and lowest.probability < min(HOLDS, chosen.dampings[leading]):
             text = (
-                f"The width of the priors matters: with priors {words.number(lowest.factor, 2)} times as wide, the "
-                f"probability of {words.model(leading)} is {words.probability(lowest.probability)}."
+                f"The width of the priors matters: with priors {fmt.number(lowest.factor, 2)} times as wide, the "
+                f"probability of {words.model(leading)} is {fmt.probability(lowest.probability)}."
             )
             found.append(Check(text, fails=True))
         return [*found, *self._repeats()]
@@ -317,11 +315,11 @@ class Checks:
             first = next(iter(found.dampings))
             wins[first] = wins.get(first, 0) + 1
         lowest = min(next(iter(found.dampings.values())) for found in every)
-        counts = words.listing(
+        counts = fmt.listing(
             f"{words.model(d)} in {n}" for d, n in sorted(wins.items(), key=lambda pair: -pair[1])
         )
         text = f"Most probable by evidence in {len(every)} repeats of this record: {counts} (at least "
-        return [Check(f"{text}{words.probability(lowest)}).")]
+        return [Check(f"{text}{fmt.probability(lowest)}).")]
 
     def _residuals(self) -> list[Check]:
         """Say whether the candidate fits; not of a study whose laws may deviate, for the fits' laws are exact."""
@@ -338,11 +336,11 @@ class Checks:
             if math.isfinite(row["window_spread"]) and row["window_spread"] > WINDOW_SPREAD:
                 text = (
                     "Between parts of the record the coefficients move by "
-                    f"{words.number(row['window_spread'], 2)} of the standard deviations that chance allows them."
+                    f"{fmt.number(row['window_spread'], 2)} of the standard deviations that chance allows them."
                 )
                 found.append(Check(text, fails=True))
             if math.isfinite(row["predictive_p"]) and not PREDICTIVE < row["predictive_p"] < 1 - PREDICTIVE:
-                p = words.number(row["predictive_p"], 2)
+                p = fmt.number(row["predictive_p"], 2)
                 text = f"Records drawn from the model look different from this one (predictive p {p})."
                 found.append(Check(text, fails=not self.exact_only))
         return found
@@ -383,11 +381,11 @@ class Checks:
                 found.append(Check(f"{text}, as the answer says."))
             elif same:
                 found.append(
-                    Check(f"{text}, the most probable in the answer ({words.probability(v.probability)}).")
+                    Check(f"{text}, the most probable in the answer ({fmt.probability(v.probability)}).")
                 )
             else:
                 found.append(
-                    Check(f"{text}, to which the answer gives {words.probability(share)}.", fails=True)
+                    Check(f"{text}, to which the answer gives {fmt.probability(share)}.", fails=True)
                 )
         limits = {c.name: (c.low, c.high) for c in v.coefficients} if v else {}
         if v is None:
@@ -397,7 +395,7 @@ class Checks:
             true = truth(self.run, self.signal, name)
             if not math.isfinite(true):
                 continue
-            text = f"Truth: {words.symbol(name).text} = {words.given(true)}"
+            text = f"Truth: {words.symbol(name).text} = {fmt.given(true)}"
             if name in limits:
                 inside = limits[name][0] <= true <= limits[name][1]
                 where = "inside" if inside else "outside"
@@ -417,7 +415,7 @@ def _range(values: Sequence[float]) -> str:
     """The values from the least to the largest; one value where they agree."""
     low, high = min(values), max(values)
     agree = high - low <= AGREE * abs(high)
-    return words.number(high, 6) if agree else f"{words.number(low, 5)} to {words.number(high, 5)}"
+    return fmt.number(high, 6) if agree else f"{fmt.number(low, 5)} to {fmt.number(high, 5)}"
 
 
 def _same_sum(dampings: Iterable[str], damping: str) -> str | None:

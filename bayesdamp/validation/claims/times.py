@@ -6,6 +6,7 @@ import math
 import re
 from collections.abc import Callable
 
+from bayesdamp import formatting as fmt
 from bayesdamp.report import words
 from bayesdamp.report.results.comparing import STAGES
 from bayesdamp.validation.claims.judge import NO_RUN, Claim, Judgement, Runs, Verdict
@@ -52,7 +53,7 @@ def _time(method: str) -> Callable[[Runs], Judgement]:
             return NO_RUN
         own, refined = (found.seconds.get((method, stage), math.nan) for stage in STAGES)
         measured = (
-            f"{words.duration(own)} and {words.duration(refined)} of refinement for the three records together, "
+            f"{fmt.duration(own)} and {fmt.duration(refined)} of refinement for the three records together, "
             "compilation included where it fell due."
         )
         return Judgement(verdict_of(own, PRINTED[method]), measured)

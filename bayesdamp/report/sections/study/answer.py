@@ -4,22 +4,24 @@ from __future__ import annotations
 
 from markupsafe import Markup
 
+from bayesdamp.formatting import with_interval
 from bayesdamp.outcomes import reason_of
 from bayesdamp.report import words
 from bayesdamp.report.figures.records import answer as figures
 from bayesdamp.report.figures.records.exponent import exponent
 from bayesdamp.report.figures.records.motions import motions
-from bayesdamp.report.html import Line, Table, fill, folded
+from bayesdamp.report.html import fill, folded
 from bayesdamp.report.results.answers import Answer, answer_of
 from bayesdamp.report.results.checks import Check, Checks, sampled
 from bayesdamp.report.results.reading import models_by_rank, ranking
 from bayesdamp.report.results.run import Run
 from bayesdamp.report.sections._layout import ANCHOR, by_signal
 from bayesdamp.report.sections._section import Section
+from bayesdamp.table import Line, Table
 from bayesdamp.types import OK
 from bayesdamp.verdict.parts import Grade, Motion
 from bayesdamp.verdict.types import Verdict
-from bayesdamp.verdict.words import energy_of, extrapolated, given, loses_like, quality_of, with_interval
+from bayesdamp.verdict.words import energy_of, extrapolated, given, loses_like, quality_of
 
 CAPTION = (
     "Equivalent damping ratio: level means viscous, rising to small amplitudes friction, to large ones drag; "

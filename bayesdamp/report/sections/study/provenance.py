@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from bayesdamp import formatting as fmt
 from bayesdamp.outcomes import Status, status_of
-from bayesdamp.report import words
-from bayesdamp.report.html import Line, Table, fill, folded
+from bayesdamp.report.html import fill, folded
 from bayesdamp.report.results.run import Run
 from bayesdamp.report.sections._section import Section
 from bayesdamp.store.places import Place
+from bayesdamp.table import Line, Table
 
 
 class Provenance(Section):
@@ -79,17 +80,22 @@ def _timing(seconds: Mapping[str, float]) -> list[object]:
     for name, s in known.items():
         kinds.setdefault(Place.of(name).kind, []).append(s)
     lines = [
-        Line([kind, str(len(found)), words.duration(sum(found)), words.duration(max(found))])
+        Line([kind, str(len(found)), fmt.duration(sum(found)), fmt.duration(max(found))])
         for kind, found in kinds.items()
     ]
     total = Line(
-        ["all", str(len(known)), words.duration(sum(known.values())), words.duration(max(known.values()))]
+        [
+            "all",
+            str(len(known)),
+            fmt.duration(sum(known.values())),
+            fmt.duration(max(known.values())),
+        ]
     )
     table = Table(
         ["stage", "tasks", "together", "the longest"], [*lines, total], caption="Time, summed over workers"
     )
     longest = sorted(known, key=lambda name: -known[name])[:20]
-    cells = Table(["task", "time"], [Line([name, words.duration(known[name])]) for name in longest])
+    cells = Table(["task", "time"], [Line([name, fmt.duration(known[name])]) for name in longest])
     return [table, folded(f"The {len(longest)} longest tasks", cells)]
 
 
@@ -118,8 +124,8 @@ def _leaves(table: Mapping[str, Any], at: str = "") -> dict[str, dict[str, Any]]
 
 def _show(value: object) -> str:
     if isinstance(value, (int, float)) and not isinstance(value, bool):
-        return words.number(float(value), 2)
-    return words.NONE if value is None else str(value)
+        return fmt.number(float(value), 2)
+    return fmt.NONE if value is None else str(value)
 
 
 PLUGIN = Provenance()
